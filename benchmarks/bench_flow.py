@@ -24,8 +24,8 @@ from scipy.ndimage import gaussian_filter
 
 from megalopta.benchmark.templates import pixels_of
 from megalopta.benchmark.trial import Trial, measure_trial
-from megalopta.flow.benchmark import short_sequences
-from megalopta.flow.detectors.base import FloatArray
+from megalopta.core.arrays import Floats
+from megalopta.flow.benchmark import search
 from megalopta.flow.detectors.registry import method
 from megalopta.flow.stimuli.photons import draw_counts, draw_in_one
 from megalopta.reproduction.chapter4_sweeps import SWEEPS
@@ -37,7 +37,7 @@ FRAMES = 16
 
 def numpy_block_matching(
     reference: NDArray[Any], current: NDArray[Any], block: int, radius: int
-) -> FloatArray:
+) -> Floats:
     """One velocity (x, y) per block by whole-frame differences, one per candidate shift."""
     height, width = current.shape
     blocks = (height // block, block, width // block, block)
@@ -54,7 +54,7 @@ def numpy_block_matching(
     return velocity
 
 
-def moving_texture(size: int, step: int) -> FloatArray:
+def moving_texture(size: int, step: int) -> Floats:
     """Smoothed noise that moves `step` px per frame to the right, (FRAMES, size, size)."""
     noise = np.random.default_rng(1).random((size, size + step * FRAMES))
     texture = gaussian_filter(noise, 2)
@@ -108,13 +108,13 @@ def chapter(every: int = 16) -> None:
     measure_trial(some[0], pixels[some[0].template], "benchmark")  # compiles
     drawn = 0
 
-    def counted(light: FloatArray, *arguments: Any, **more: Any) -> Any:
+    def counted(light: Floats, *arguments: Any, **more: Any) -> Any:
         nonlocal drawn
         drawn += light.size
         return draw_in_one(light, *arguments, **more)
 
     profile = cProfile.Profile(time.process_time)
-    with patch.object(short_sequences, "draw_in_one", counted), profile:
+    with patch.object(search, "draw_in_one", counted), profile:
         for each in some:
             measure_trial(each, pixels[each.template], "benchmark")
     spent: Counter[str] = Counter()

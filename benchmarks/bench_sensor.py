@@ -41,9 +41,7 @@ from megalopta.sensor import (
     preset,
     reading_moments,
 )
-from megalopta.sensor.formats.event_hdf5 import write_events_hdf5
-from megalopta.sensor.formats.event_npz import write_events_npz
-from megalopta.sensor.formats.event_stream import EventOrigin
+from megalopta.sensor.formats.events import EventOrigin, write_events_hdf5, write_events_npz
 from megalopta.sensor.sampling.bits import bit_streams, fill_bits
 from megalopta.sensor.sampling.streams import generator
 from megalopta.verification.brute_force import brute_force_counts

@@ -9,16 +9,14 @@ from .benchmark.settings import (
     BenchmarkSettings as BenchmarkSettings,
     SearchSettings as SearchSettings,
 )
-from .color_wheel import (
-    flow_to_rgb as flow_to_rgb,
-    wheel_legend as wheel_legend,
-)
+from .color_wheel import flow_to_rgb as flow_to_rgb, wheel_legend as wheel_legend
 from .detectors.base import Detector as Detector
 from .detectors.block_matching import BlockMatching as BlockMatching
 from .detectors.blocks import (
     BlockDetector as BlockDetector,
     BlockGrid as BlockGrid,
     block_grid as block_grid,
+    summed_frames as summed_frames,
 )
 from .detectors.burst_alignment import BurstAlignment as BurstAlignment
 from .detectors.correlation import (
@@ -26,41 +24,28 @@ from .detectors.correlation import (
     NonDirectionalMultiplication as NonDirectionalMultiplication,
     NonDirectionalSummation as NonDirectionalSummation,
 )
-from .detectors.from_function import detector_from as detector_from
-from .detectors.gray_detector import DenseDetector as DenseDetector
+from .detectors.gray_detector import DenseDetector as DenseDetector, detector_from as detector_from
 from .detectors.image_interpolation import ImageInterpolation as ImageInterpolation
 from .detectors.intensity import IntensityMeasurement as IntensityMeasurement
-from .detectors.opencv import (
+from .detectors.libraries import (
     DenseInverseSearch as DenseInverseSearch,
     Farneback as Farneback,
     LucasKanade as LucasKanade,
-)
-from .detectors.poisson_flow import (
-    PoissonFlow as PoissonFlow,
-    PooledFlow as PooledFlow,
-)
-from .detectors.poisson_matching import PoissonMatching as PoissonMatching
-from .detectors.pooled_matching import PooledMatching as PooledMatching
-from .detectors.registry import (
-    METHODS as METHODS,
-    Method as Method,
-    method as method,
-)
-from .detectors.scikit_image import (
     PhaseCorrelation as PhaseCorrelation,
     TotalVariation as TotalVariation,
 )
-from .detectors.summed_frames import summed_frames as summed_frames
-from .egomotion.heading import CameraMotion as CameraMotion
-from .egomotion.likely_motion import likely_camera_motion as likely_camera_motion
-from .egomotion.wide_field import (
-    WideField as WideField,
-    fit_wide_field as fit_wide_field,
+from .detectors.poisson_flow import PoissonFlow as PoissonFlow, PooledFlow as PooledFlow
+from .detectors.poisson_matching import (
+    PoissonMatching as PoissonMatching,
+    PooledMatching as PooledMatching,
 )
-from .flo import write_flo as write_flo
-from .formats import read_flow as read_flow
-from .metrics.curve import ErrorCurve as ErrorCurve
-from .metrics.dense_error import DenseErrors as DenseErrors
+from .detectors.registry import METHODS as METHODS, Method as Method, method as method
+from .egomotion.camera_motion import (
+    CameraMotion as CameraMotion,
+    likely_camera_motion as likely_camera_motion,
+)
+from .egomotion.wide_field import WideField as WideField, fit_wide_field as fit_wide_field
+from .formats import read_flow as read_flow, write_flo as write_flo
 from .metrics.detection import (
     d_prime as d_prime,
     motion_evidence as motion_evidence,
@@ -68,11 +53,14 @@ from .metrics.detection import (
     roc as roc,
 )
 from .metrics.endpoint_error import (
+    DenseErrors as DenseErrors,
     TruthError as TruthError,
     block_flow as block_flow,
     truth_error as truth_error,
 )
 from .metrics.photon_threshold import (
+    ErrorCurve as ErrorCurve,
+    MeasuredErrors as MeasuredErrors,
     Threshold as Threshold,
     threshold as threshold,
 )
@@ -84,15 +72,9 @@ from .metrics.translation_bound import (
     unknown_texture_photons as unknown_texture_photons,
 )
 from .one_call import optical_flow as optical_flow
-from .stimuli.known_flow import (
-    Layer as Layer,
-    MovingLayers as MovingLayers,
-)
+from .stimuli.known_flow import Layer as Layer, MovingLayers as MovingLayers
 from .stimuli.moving_template import MovingTemplate as MovingTemplate
-from .stimuli.photons import (
-    Normalization as Normalization,
-    draw_counts as draw_counts,
-)
+from .stimuli.photons import Normalization as Normalization, draw_counts as draw_counts
 from .stimuli.resizing import (
     ResizeKind as ResizeKind,
     resize as resize,

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.flow.detectors.base import FloatArray
+from megalopta.core.arrays import Floats
 
 Rgb = NDArray[np.uint8]
 
@@ -73,6 +73,6 @@ def wheel_legend(side_px: int) -> Rgb:
     return picture
 
 
-def _hue(turn: FloatArray) -> FloatArray:
+def _hue(turn: Floats) -> Floats:
     channels = [np.interp(turn, _TURN, _CORNERS[:, channel]) for channel in range(3)]
     return np.stack(channels, axis=-1)

@@ -1,7 +1,19 @@
 """Flow in the formats that programs write: `.flo`, `.flo5`, KITTI's PNG, `.pfm`, `.npy`.
 
 All give (H, W, 2) float32 in px, +x right, +y down, NaN where undefined. Every length is checked
-before memory is asked for, and nothing is unpickled.
+before memory is asked for, and nothing is unpickled. A file appears whole or not at all.
+
+- `.flo`, Middlebury's: the tag "PIEH", width and height as int32, then (u, v) float32 by rows, all
+  little-endian. An undefined flow is stored as 1e10 in both components, and whatever exceeds 1e9 in
+  either is read back as NaN in both (Baker et al., IJCV 92, 2011, flowIO of the evaluation).
+- `.flo5`, Spring's: HDF5 with one dataset, "flow" (H, W, 2) float32 (Mehl et al., CVPR 2023).
+- KITTI's PNG of 16 bits: u·64 + 2¹⁵, v·64 + 2¹⁵ and whether the flow is known, as red, green and
+  blue. Steps of 1/64 px, from −512 to nearly 512 px; a flow beyond is stored as not known (Menze
+  and Geiger, CVPR 2015, the benchmark's development kit).
+- `.pfm`, a portable float map of three channels, of which the third is not read; rows from the
+  bottom, as in FlyingThings3D and Monkaa (Mayer et al. 2016).
+- `.npy`, (H, W, 2) of floating point, which can tell that a flow is unknown: whole numbers may be
+  KITTI's codes as well as pixels.
 """
 
 import re
@@ -17,20 +29,22 @@ from numpy.typing import NDArray
 from megalopta.core.arrays import plain_array
 from megalopta.core.bounded import ARRAY_BYTES, check_file, read_bytes
 from megalopta.core.files import atomic_write
-from megalopta.flow.flo import LARGEST_KNOWN, check_flow, read_flo
 
 Flow = NDArray[np.float32]
 
-_PFM_HEADER = re.compile(rb"PF\s+(\d{1,6})\s+(\d{1,6})\s+(-?[0-9.eE+-]{1,20})\s")
+_TAG = b"PIEH"
+_HEADER = struct.Struct("<4sii")
+_UNKNOWN, _LARGEST_KNOWN = 1e10, 1e9
+_LARGEST_SIDE = 100_000
 
 _GZIP_LEVEL = 5
 _LARGEST_BYTES = 2**32
 
-_CODES_PER_PX = 64
-_CODE_OF_ZERO = 2**15
-_LARGEST_CODE = 2**16 - 1
+_CODES_PER_PX, _CODE_OF_ZERO, _LARGEST_CODE = 64, 2**15, 2**16 - 1
 _MOST_PX = 10**8
 """A file of a few megabytes can claim any number."""
+
+_PFM_HEADER = re.compile(rb"PF\s+(\d{1,6})\s+(\d{1,6})\s+(-?[0-9.eE+-]{1,20})\s")
 
 
 def read_flow(path: str | Path) -> Flow:
@@ -48,73 +62,60 @@ def read_flow(path: str | Path) -> Flow:
     flow = read(path)
     if flow.ndim != 3 or flow.shape[-1] != 2 or 0 in flow.shape:
         raise ValueError(f"{path} holds an array of shape {flow.shape}: a flow is (H, W, 2)")
-    known = (np.abs(flow) <= LARGEST_KNOWN).all(axis=-1, keepdims=True)  # of NaN, False
-    return np.where(known, flow, np.float32(np.nan)).astype(np.float32)
+    return _known(flow)
 
 
-def _read_pfm(path: Path) -> Flow:
-    """Portable float map of three channels, of which the third is not read; rows from the bottom.
+def write_flo(path: str | Path, flow: NDArray[np.floating]) -> None:
+    """Write a flow (H, W, 2), px, +x right, +y down, NaN where undefined.
 
-    Of the three-channel convention of FlyingThings3D and Monkaa (Mayer et al. 2016).
+    Raises
+    ------
+    ValueError
+        When the array is no flow, or holds a value that would be read as undefined.
     """
+    _check(flow)
+    if max(flow.shape[:2]) > _LARGEST_SIDE:
+        raise ValueError(f"flow of shape {flow.shape}: a side may have {_LARGEST_SIDE} px at most")
+    if np.any(np.abs(flow) > _LARGEST_KNOWN):
+        raise ValueError(
+            f"flow exceeds {_LARGEST_KNOWN:g} px, which .flo keeps for undefined: store NaN instead"
+        )
+    undefined = np.isnan(flow).any(axis=-1, keepdims=True)
+    values = np.where(undefined, _UNKNOWN, flow).astype("<f4")
+    height, width = flow.shape[:2]
+    with atomic_write(Path(path)) as temporary:
+        temporary.write_bytes(_HEADER.pack(_TAG, width, height) + values.tobytes())
+
+
+def read_flo(path: str | Path) -> Flow:
+    """Read a `.flo` file. Raises ValueError when it is not a whole one."""
     content = read_bytes(path, ARRAY_BYTES)
-    header = _PFM_HEADER.match(content)
-    if header is None:
-        raise ValueError(f"{path} is no .pfm file of three channels")
-    width, height, scale = int(header[1]), int(header[2]), float(header[3])
-    expected = 12 * width * height
-    if len(content) - header.end() != expected:
+    if len(content) < _HEADER.size:
+        raise ValueError(f"{path} has {len(content)} bytes: too short for a .flo file")
+    tag, width, height = _HEADER.unpack_from(content)
+    if tag != _TAG:
+        raise ValueError(f"{path} starts with {tag!r}: a .flo file starts with {_TAG!r}")
+    if not (0 < width <= _LARGEST_SIDE and 0 < height <= _LARGEST_SIDE):
+        raise ValueError(f"{path} claims {width} × {height} px: the file is damaged")
+    expected = _HEADER.size + 8 * width * height
+    if len(content) != expected:
         raise ValueError(
-            f"{path} has {len(content) - header.end()} bytes of values, {width} × {height} px need"
-            f" {expected}: the file is damaged"
+            f"{path} has {len(content)} bytes, {width} × {height} px need {expected}: the file is"
+            " damaged"
         )
-    values = np.frombuffer(content, "<f4" if scale < 0 else ">f4", offset=header.end())
-    return values.reshape(height, width, 3)[::-1, :, :2].astype(np.float32)
-
-
-def _read_npy(path: Path) -> Flow:
-    """NumPy array (H, W, 2) of floating point, which can tell that a flow is unknown.
-
-    Whole numbers may be KITTI's codes as well as pixels.
-    """
-    values = plain_array(read_bytes(path, ARRAY_BYTES))
-    if values is None:
-        raise ValueError(f"{path} is no whole .npy file of plain numbers; write it with numpy.save")
-    if values.ndim != 3 or values.shape[-1] != 2 or values.dtype.kind != "f":
-        is_turned = values.ndim == 3 and values.shape[0] == 2
-        remedy = "numpy.moveaxis(flow, 0, -1)" if is_turned else "astype('float32')"
-        raise ValueError(
-            f"{path} holds {values.dtype} {values.shape}: a flow is float32 (H, W, 2), px, x "
-            f"before y; write it so, such as by {remedy}"
-        )
-    return values.astype(np.float32)
+    return _known(np.frombuffer(content, "<f4", offset=_HEADER.size).reshape(height, width, 2))
 
 
 def write_flo5(path: str | Path, flow: NDArray[np.floating]) -> None:
-    """Write a flow (H, W, 2), px, +x right, +y down, NaN where undefined.
-
-    As Spring's: HDF5 with one dataset, "flow" (H, W, 2) float32 (Mehl et al., CVPR 2023).
-
-    Raises
-    ------
-    ValueError
-        When the array is no flow.
-    """
-    check_flow(flow)
+    """Write a flow (H, W, 2), px, as `.flo5`. Raises ValueError when the array is none."""
+    _check(flow)
+    values = flow.astype("<f4")
     with atomic_write(Path(path)) as temporary, h5py.File(temporary, "w") as file:
-        file.create_dataset(
-            "flow", data=flow.astype("<f4"), compression="gzip", compression_opts=_GZIP_LEVEL
-        )
+        file.create_dataset("flow", data=values, compression="gzip", compression_opts=_GZIP_LEVEL)
 
 
-def read_flo5(path: str | Path) -> NDArray[np.float32]:
-    """Read a flow (H, W, 2), px, +x right, +y down, NaN where undefined.
-
-    Raises
-    ------
-    ValueError
-        When the file is none.
-    """
+def read_flo5(path: str | Path) -> Flow:
+    """Read a `.flo5` file. Raises ValueError when it is none."""
     try:
         check_file(path)
         with h5py.File(path, "r") as file:
@@ -136,18 +137,8 @@ def read_flo5(path: str | Path) -> NDArray[np.float32]:
 
 
 def write_kitti_png(path: str | Path, flow: NDArray[np.floating]) -> None:
-    """Write a flow (H, W, 2), px, +x right, +y down, NaN where undefined.
-
-    As KITTI's, of 16 bits: u·64 + 2¹⁵, v·64 + 2¹⁵ and whether the flow is known, as red, green and
-    blue. Steps of 1/64 px, from −512 to nearly 512 px; a flow beyond is stored as not known (Menze
-    and Geiger, CVPR 2015, the benchmark's development kit).
-
-    Raises
-    ------
-    ValueError
-        When the array is no flow.
-    """
-    check_flow(flow)
+    """Write a flow (H, W, 2), px, as KITTI's PNG. Raises ValueError when the array is none."""
+    _check(flow)
     codes = np.rint(flow.astype(np.float64) * _CODES_PER_PX + _CODE_OF_ZERO)
     with np.errstate(invalid="ignore"):
         known = ((codes >= 0) & (codes <= _LARGEST_CODE)).all(axis=-1)
@@ -157,14 +148,8 @@ def write_kitti_png(path: str | Path, flow: NDArray[np.floating]) -> None:
         temporary.write_bytes(cv2.imencode(".png", image[..., ::-1])[1].tobytes())
 
 
-def read_kitti_png(path: str | Path) -> NDArray[np.float32]:
-    """Read a flow (H, W, 2), px, +x right, +y down, NaN where undefined.
-
-    Raises
-    ------
-    ValueError
-        When the file is no 16-bit PNG of three channels.
-    """
+def read_kitti_png(path: str | Path) -> Flow:
+    """Read KITTI's PNG. Raises ValueError when it has not 16 bits and three channels."""
     content = read_bytes(path, ARRAY_BYTES)
     width, height = struct.unpack(">II", content[16:24].ljust(8, b"\0"))  # of PNG's first chunk
     if width * height > _MOST_PX:
@@ -176,6 +161,47 @@ def read_kitti_png(path: str | Path) -> NDArray[np.float32]:
     flow = (image[..., :0:-1].astype(np.float32) - _CODE_OF_ZERO) / _CODES_PER_PX
     flow[image[..., 0] == 0] = np.nan
     return np.asarray(flow, np.float32)
+
+
+def _read_pfm(path: Path) -> Flow:
+    content = read_bytes(path, ARRAY_BYTES)
+    header = _PFM_HEADER.match(content)
+    if header is None:
+        raise ValueError(f"{path} is no .pfm file of three channels")
+    width, height, scale = int(header[1]), int(header[2]), float(header[3])
+    size, expected = len(content) - header.end(), 12 * width * height
+    if size != expected:
+        raise ValueError(
+            f"{path} has {size} bytes of values, {width} × {height} px need {expected}: the file is"
+            " damaged"
+        )
+    values = np.frombuffer(content, "<f4" if scale < 0 else ">f4", offset=header.end())
+    return values.reshape(height, width, 3)[::-1, :, :2].astype(np.float32)
+
+
+def _read_npy(path: Path) -> Flow:
+    values = plain_array(read_bytes(path, ARRAY_BYTES))
+    if values is None:
+        raise ValueError(f"{path} is no whole .npy file of plain numbers; write it with numpy.save")
+    if values.ndim != 3 or values.shape[-1] != 2 or values.dtype.kind != "f":
+        is_turned = values.ndim == 3 and values.shape[0] == 2
+        remedy = "numpy.moveaxis(flow, 0, -1)" if is_turned else "astype('float32')"
+        raise ValueError(
+            f"{path} holds {values.dtype} {values.shape}: a flow is float32 (H, W, 2), px, x "
+            f"before y; write it so, such as by {remedy}"
+        )
+    return values.astype(np.float32)
+
+
+def _check(flow: NDArray[np.floating]) -> None:
+    if flow.ndim != 3 or flow.shape[-1] != 2 or 0 in flow.shape:
+        raise ValueError(f"flow of shape {flow.shape}: give (H, W, 2)")
+
+
+def _known(flow: Flow) -> Flow:
+    """Flow with NaN in both components where either is too large, or NaN."""
+    known = (np.abs(flow) <= _LARGEST_KNOWN).all(axis=-1, keepdims=True)
+    return np.where(known, flow, np.float32(np.nan)).astype(np.float32)
 
 
 _READERS: Mapping[str, Callable[[Path], Flow]] = {

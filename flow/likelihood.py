@@ -1,36 +1,28 @@
 """The likelihood of counts in several frames, as a function of how what they show moved.
 
 **Smoothing.** Where a texture of power spectrum S meets shot noise of variance N (the mean count),
-the most likely shift between two frames is that of greatest correlation after a filter S/(S + N/2);
-over n frames that agree, after S/(S + N/n). Both pass what is stronger than the noise. Natural
-textures have edges, so S falls about as f⁻³ from a height that the excess of the counts' variance
-over their mean measures. With
-
-    q = (variance − mean)/mean          (index of dispersion − 1: texture over shot noise)
-
-S/N goes as q·f⁻³, the cutoff as (n·q)^(1/3), and the width of the filter in pixels as its inverse.
-Its shape hardly matters, so it is a Gaussian. Its constant was fitted on dead leaves and on one
-photographed forest at 10⁴ to 10⁶ photons per frame of 240 × 240 px; the best width is so broad an
-optimum that a step of √2 changes errors by a few percent.
+the most likely shift of n frames that agree is that of greatest correlation after a filter
+S/(S + N/n). Natural textures have edges, so S/N goes as q·f⁻³ with q = (variance − mean)/mean, the
+index of dispersion less 1, and the filter's width in pixels as (n·q)^(−1/3). Its shape hardly
+matters, so it is a Gaussian. Its constant was fitted on dead leaves and on one photographed forest
+at 10⁴ to 10⁶ photons per frame of 240 × 240 px; a step of √2 changes errors by a few percent.
 
 **Evidence.** Frames are binned by 2 × 2 px again and again, which keeps their counts Poisson. Roots
-of the counts have the same noise everywhere (`flow.detectors.poisson_matching`); smoothed and
-aligned by a motion, their squared differences from their mean are the log-likelihood of that
-motion. The gradient is that of the mean of the aligned frames: noise in it is then independent of
-noise in their differences, and draws no velocity toward 0. Where aligned frames differ by more than
-noise, something is hidden, or not modelled; evidence there counts less in proportion.
+of the counts have the same noise everywhere; smoothed and aligned by a motion, their squared
+differences from their mean are the log-likelihood of that motion. The gradient is that of the mean
+of the aligned frames: noise in it is then independent of noise in their differences, and draws no
+velocity toward 0. Where aligned frames differ by more than noise, something is hidden, or not
+modelled; evidence there counts less in proportion.
 
 **Flow.** From the coarsest scale to the finest the flow, known at nodes 4 px apart, is the least of
 
     Σ over pixels of 2·Σₜ (gₜ(x + sₜ·u) − mean)²  +  Σ over links of prior(|change of u| / distance)
 
 gₜ are the smoothed roots; the first sum is their log-likelihood for a steady motion u, with sₜ the
-time from the frame of reference. So the weight of evidence against smoothness follows from the
-photons themselves, but for a small correction where they are few. A place without texture, whose
-Fisher information is 0, takes its velocity from its neighbors. The prior grows as the change of
-velocity, not its square: it allows edges. Newton steps, warping anew each time, go on with the
-roots interpolated by cubic splines. Each solves a sparse symmetric system of two unknowns a node by
-factorization, so that evidence reaches any distance in one step.
+time from the frame of reference. The prior grows as the change of velocity, not its square: it
+allows edges. Newton steps, warping anew each time, interpolate the roots by cubic splines. Each
+solves a sparse symmetric system of two unknowns a node by factorization, so that evidence reaches
+any distance in one step. Sources and limits: `docs/theory/whole-frame-flow.md`.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -110,18 +102,10 @@ class Evidence(NamedTuple):
 def likelihood_flow(counts: NDArray[Any], smoothness: float) -> Floats:
     """Return the flow (H, W, 2), px per frame, of the frame before the middle; NaN in the dark.
 
-    Parameters
-    ----------
-    counts : (n, H, W)
-        Frames of one steady motion, two or more.
-    smoothness : float
-        Log-likelihood that a pixel's worth of flow is charged per unit of its gradient; less
-        where there are few photons.
+    `counts` (n, H, W): frames of one steady motion, two or more; `smoothness`: log-likelihood that
+    a pixel's worth of flow is charged per unit of its gradient; less where there are few photons.
 
-    Raises
-    ------
-    ValueError
-        When there is one frame.
+    Raises ValueError when there is one frame.
     """
     if len(counts) < 2:
         raise ValueError("one frame has no flow: give two or more")
@@ -167,27 +151,16 @@ def _step(level: Level, times: Floats, nodes: Floats, smoothness: float) -> Floa
     target = slope + np.stack((xx * x + xy * y, xy * x + yy * y))
     best = nodes
     for _ in range(_PRIOR_STEPS):
-        best = most_likely(information, target, _springs(best, smoothness))
+        changes = ((np.diff(best, axis=axis) ** 2).sum(axis=0) for axis in (2, 1))
+        right, down = (stiffness(smoothness, change) for change in changes)
+        best = most_likely(information, target, (right, down))
     return np.clip(best - nodes, -_LONGEST_STEP_PX, _LONGEST_STEP_PX)
-
-
-def _springs(nodes: Floats, smoothness: float) -> tuple[Floats, Floats]:
-    """Return the stiffness of links along x and y: that of a prior that grows as the gradient."""
-    right, down = (
-        stiffness(smoothness, (np.diff(nodes, axis=axis) ** 2).sum(axis=0)) for axis in (2, 1)
-    )
-    return right, down
 
 
 def suited_blur_px(excess: Floats, frames: int) -> Floats:
     """Return the standard deviation of the best blur (px), of any shape.
 
-    Parameters
-    ----------
-    excess
-        q, of the unsmoothed counts.
-    frames : int
-        How many frames are to agree.
+    `excess`: q, of the unsmoothed counts; `frames`: how many frames are to agree.
     """
     ratios = np.maximum(excess, _FAINTEST) * frames / 2
     return np.asarray(_BLUR_AT_EQUALITY_PX * ratios ** (-1 / 3))
@@ -198,10 +171,7 @@ def root_noise(smooth: Callable[[Floats], NDArray[Any]]) -> float:
 
     A quarter of what smoothing leaves of a variance equal to the mean.
 
-    Parameters
-    ----------
-    smooth
-        (H, W) to the same; reaches 15 px at most.
+    `smooth`: (H, W) to the same; reaches 15 px at most.
     """
     impulse = np.zeros((31, 31))
     impulse[15, 15] = 1
@@ -231,14 +201,9 @@ def level_of(frames: Floats, bins: int = 1) -> Level:
 def evidence(level: Level, patterns: Floats, places: Iterable[Floats]) -> Evidence:
     """Return what frames tell about a motion by which each is aligned.
 
-    Parameters
-    ----------
-    level
-    patterns : (patterns, n)
-        What a displacement is made of, at each frame; of a steady one the times from the frame of
-        reference.
-    places : (2, H, W), of each frame
-        Row and column at which it shows what the frame of reference shows at a pixel.
+    `patterns` (patterns, n): what a displacement is made of, at each frame; of a steady one the
+    times from the frame of reference; `places` (2, H, W), of each frame: row and column at which it
+    shows what the frame of reference shows at a pixel.
     """
     shape = level.roots.shape[1:]
     inside = np.ones(shape, np.bool_)
@@ -285,14 +250,8 @@ def to_nodes(pixels: Floats) -> Floats:
 def most_likely(information: Floats, slope: Floats, springs: tuple[Floats, Floats]) -> Floats:
     """Return the velocities u, (2, n, m), of least ½Σuᵀ·A·u − bᵀ·u + ½Σw·|u − u'|².
 
-    Parameters
-    ----------
-    information : (3, n, m)
-        A of each node: xx, xy, yy.
-    slope : (2, n, m)
-        b of each node.
-    springs : (n, m − 1) and (n − 1, m)
-        w to the right neighbor, and to the lower.
+    `information` (3, n, m): A of each node: xx, xy, yy; `slope` (2, n, m): b of each node;
+    `springs` (n, m − 1) and (n − 1, m): w to the right neighbor, and to the lower.
     """
     shape = slope.shape[1:]
     nodes = int(np.prod(shape))

@@ -7,15 +7,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import ValidationError
 
+from megalopta.core.arrays import Floats
 from megalopta.core.bounded import quoted
-from megalopta.flow.detectors.base import FloatArray, Frames
+from megalopta.flow.detectors.base import Frames
 from megalopta.flow.detectors.blocks import BlockDetector
 from megalopta.flow.detectors.registry import METHODS, Method, method as detector_of
 
 
 def optical_flow(
     first: ArrayLike, second: ArrayLike, method: Method = "PF", **settings: Any
-) -> FloatArray:
+) -> Floats:
     """Return the flow from one image to the next, (H, W, 2) in px: x, to the right, then y, down.
 
     Parameters
@@ -30,7 +31,7 @@ def optical_flow(
 
     Returns
     -------
-    FloatArray
+    Floats
         At each pixel of the first image, NaN where undefined. Of a method that gives one velocity
         per block it is linear between the middles of blocks, and beyond the outermost as there.
 

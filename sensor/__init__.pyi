@@ -14,14 +14,14 @@ from .ctia.bias import (
     FixedBias as FixedBias,
     FloatingGateBias as FloatingGateBias,
 )
-from .ctia.model import CtiaSensor as CtiaSensor
-from .ctia.noise import CtiaNoise as CtiaNoise
-from .ctia.photodiode import Photodiode as Photodiode
-from .ctia.presets import (
+from .ctia.model import (
     CTIA_PRESETS as CTIA_PRESETS,
     PHOTODIODES as PHOTODIODES,
+    CtiaSensor as CtiaSensor,
     ctia_preset as ctia_preset,
 )
+from .ctia.noise import CtiaNoise as CtiaNoise
+from .ctia.photodiode import Photodiode as Photodiode
 from .effects.afterpulsing import Afterpulsing as Afterpulsing
 from .effects.base import Effect as Effect
 from .effects.bias import Bias as Bias
@@ -32,7 +32,7 @@ from .effects.gating import Gate as Gate
 from .effects.jitter import Jitter as Jitter
 from .effects.telegraph import Telegraph as Telegraph
 from .effects.temperature import Temperature as Temperature
-from .events import (
+from .event_stream import (
     Events as Events,
 )
 from .expectations import (
@@ -51,9 +51,11 @@ from .formats.counts_store import (
     StoredCounts as StoredCounts,
     write_counts as write_counts,
 )
-from .formats.event_hdf5 import write_events_hdf5 as write_events_hdf5
-from .formats.event_npz import write_events_npz as write_events_npz
-from .formats.event_stream import EventOrigin as EventOrigin
+from .formats.events import (
+    EventOrigin as EventOrigin,
+    write_events_hdf5 as write_events_hdf5,
+    write_events_npz as write_events_npz,
+)
 from .formats.opened_counts import (
     OpenedCounts as OpenedCounts,
     StoredFrames as StoredFrames,

@@ -36,7 +36,7 @@ from megalopta.sensor.effects.base import AvalancheMaps, Frame, FrameRates
 from megalopta.sensor.effects.dead_time import check_arrivals
 from megalopta.sensor.effects.gating import open_fraction
 from megalopta.sensor.effects.jitter import stamp
-from megalopta.sensor.events import Events, in_order_of_time, joined
+from megalopta.sensor.event_stream import Events, in_order_of_time, joined
 from megalopta.sensor.expectations import expectation as expectation_of
 from megalopta.sensor.image_sensors import ImageSensor
 from megalopta.sensor.quantities import Exposure

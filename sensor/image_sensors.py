@@ -13,8 +13,7 @@ from pydantic import Field
 
 from megalopta.core.arrays import Floats
 from megalopta.core.plug_ins import plug_ins
-from megalopta.sensor.ctia.model import CtiaSensor, pixels
-from megalopta.sensor.ctia.presets import CTIA_PRESETS
+from megalopta.sensor.ctia.model import CTIA_PRESETS, CtiaSensor, pixels
 from megalopta.sensor.optics.efficiency import band_efficiency
 from megalopta.sensor.optics.pixels import detected_rate
 from megalopta.sensor.spad.device import detection_rate, draw_fixed_pattern

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from megalopta.core.arrays import Floats
 from megalopta.sensor.avalanches.simulation import FreeRunning
 from megalopta.sensor.change import changed
-from megalopta.sensor.events import Events
+from megalopta.sensor.event_stream import Events
 from megalopta.sensor.expectations import expectation, settled
 from megalopta.sensor.exposure import expose, expose_binary, expose_events, expose_rate
 from megalopta.sensor.image_sensors import ImageSensor

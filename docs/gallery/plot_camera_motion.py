@@ -10,7 +10,7 @@ counts of two frames and of eight; in theory their errors differ by √84. Theor
 import matplotlib.pyplot as plt
 import numpy as np
 
-from megalopta.flow.egomotion.likely_motion import likely_camera_motion
+from megalopta.flow.egomotion.camera_motion import likely_camera_motion
 from megalopta.scenes import EquirectangularCamera
 
 camera, turn_deg = EquirectangularCamera(width=72, height=36, fov_deg=360), 1.7

@@ -1,13 +1,18 @@
 """The photons that detectors need on a moving template, found with few draws.
 
-Errors are measured at fluxes of a fixed lattice only, at those that a search asks for: it starts
-where a single pixel is precise enough, strides up or down by half decades as far as the error
-promises, and bisects the half decade in which the error crosses its level until its ends are
+**Short sequences.** The sequence of the thesis, 400 frames, is represented by a few short ones that
+start at places spread around the template. Detectors with a memory see clean frames first: what
+their filters have kept from before is then right, and only the noise has yet to reach its strength;
+frames until then are drawn and not scored. Draws are named by seed, stimulus, flux, place and
+repeat, and a detector that needs few frames sees the first of those that another one sees.
+
+**Search.** Errors are measured at fluxes of a fixed lattice only, at those that a search asks for:
+it starts where a single pixel is precise enough, strides up or down by half decades as far as the
+error promises, and bisects the half decade in which the error crosses its level until its ends are
 neighbors, or the curve between them is straight; while the interval of the crossing is open it
-strides on. An error at a flux is the same number however the search
-came there (`ShortSequences`), so no result depends on the other methods of a search, nor on the
-order of searches. Of one method, metrics and bits share the fluxes that they were measured at, so
-asking for more of them may refine an interval.
+strides on. An error at a flux is the same number however the search came there, so no result
+depends on the other methods of a search, nor on the order of searches. Of one method, metrics and
+bits share the fluxes that they were measured at, so asking for more of them may refine an interval.
 
 The crossing is the first downward one of the thesis if the error does not fall below its level and
 rise again at a smaller flux; where it does, between lattice neighbors that a search has not seen,
@@ -15,18 +20,19 @@ another crossing may be found.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from itertools import product
 
 import numpy as np
 
+from megalopta.core.arrays import Floats
 from megalopta.flow.benchmark.settings import SearchSettings
-from megalopta.flow.benchmark.short_sequences import DetectorErrors, ShortSequences
-from megalopta.flow.detectors.base import Detector
+from megalopta.flow.detectors.base import Detector, Frames, Responder
 from megalopta.flow.detectors.registry import Method, method
-from megalopta.flow.metrics.curve import ErrorCurve, error_curve
-from megalopta.flow.metrics.response_error import ErrorSums, Metric, combine
-from megalopta.flow.stimuli.moving_template import MovingTemplate
+from megalopta.flow.metrics.photon_threshold import ErrorCurve, error_curve, measured_errors
+from megalopta.flow.metrics.response_error import Metric, error_of, error_sums
+from megalopta.flow.stimuli.moving_template import MovingTemplate, summed
+from megalopta.flow.stimuli.photons import draw_in_one, narrowest
 
 _MEAN_AT_TWO_BITS = 10.133
 """Count of a pixel whose relative error is 25 %; the error goes as its inverse root."""
@@ -75,6 +81,58 @@ def photon_search(
     return tuple(curve for each in detectors for curve in curves[each.name])
 
 
+class ShortSequences:
+    """A stimulus at a few places, clean and as counts; counts are kept, for other detectors."""
+
+    def __init__(
+        self,
+        stimulus: MovingTemplate,
+        settings: SearchSettings,
+        seed: int,
+        name: str,
+        methods: Sequence[Detector],
+    ) -> None:
+        self.settings = settings
+        self.key = (seed, name, f"{stimulus.size}x{stimulus.size}")
+        self.shape = (stimulus.size, stimulus.size)
+        self.pixels = stimulus.size**2
+        self.dark_counts = settings.dark_counts * len(stimulus.template) ** 2 / self.pixels
+        self._before = max(map(_warm_up_frames, methods), default=0)
+        after = max((each.noise_memory_frames for each in methods), default=0) + settings.frames
+        frames = self._before + after + settings.summed_frames - 1
+        self._light = [
+            stimulus.light(shift - self._before * stimulus.velocity_px, frames)
+            for shift in phase_shifts(stimulus.template.shape[1], settings.phases)
+        ]
+        self._brightest = max(float(light.max()) for light in self._light)
+        self._counts: dict[tuple[float, int, int], Frames] = {}
+
+    def clean(self, phase: int, before: int, frames: int) -> Floats:
+        """Return frames at a place, after some that lead there, as shares of the flux."""
+        pooled = summed(self._light[phase], self.settings.summed_frames)
+        return np.asarray(pooled[self._before - before : self._before + frames])
+
+    def counts(self, flux: float, phase: int, repeat: int, frames: int) -> Frames:
+        """Return counts of the first frames at a place."""
+        name = (flux, phase, repeat)
+        if len(self._counts.get(name, ())) < frames:
+            drawn = frames + self.settings.summed_frames - 1
+            light = self._light[phase][self._before : self._before + drawn]
+            key = *self.key, f"{flux:.6g}", phase, repeat
+            counts = draw_in_one(light, flux, self.dark_counts, *key, brightest=self._brightest)
+            if self.settings.summed_frames > 1:
+                counts = narrowest(summed(counts, self.settings.summed_frames))
+            self._counts[name] = counts
+        return self._counts[name][:frames]
+
+
+def phase_shifts(columns: int, phases: int) -> list[int]:
+    """Return places around a template (px), spread evenly but in no step with a grating on it."""
+    # by van der Corput's sequence in base 2: 0, 1/2, 1/4, 3/4 and so on
+    shares = [int(f"{n:b}"[::-1], 2) / (1 << n.bit_length()) for n in range(phases)]
+    return [int((phase + share) / phases * columns) for phase, share in enumerate(shares)]
+
+
 def next_index(
     errors: Mapping[int, float],
     level: float,
@@ -84,6 +142,8 @@ def next_index(
     is_smooth: bool = False,
 ) -> int | None:
     """Return where on a lattice of fluxes to measure next to find where an error crosses a level.
+
+    None when the crossing is known closely enough or lies outside of the lattice.
 
     Parameters
     ----------
@@ -98,12 +158,10 @@ def next_index(
         Decades by which the errors around the crossing may miss F^−½ and need no flux between them.
     is_smooth : bool
         Whether to interpolate where else the interval of the crossing is halved.
-
-    Returns
-    -------
-    int, or None when the crossing is known closely enough or lies outside of the lattice.
     """
-    depths = {index: _log_ratio(error, level) for index, error in errors.items()}
+    depths = {
+        index: math.log10(max(error / level, _SMALLEST_ERROR)) for index, error in errors.items()
+    }
     lowest = min((index for index in errors if errors[index] < level), default=None)
     if lowest is None:
         highest = max(errors)
@@ -124,30 +182,122 @@ def next_index(
     return None if width == 1 or is_straight else highest + width // 2
 
 
+def _stride(depth: float, per_decade: int) -> int:
+    """Return how many fluxes away an error of 10^depth levels lets the crossing be expected.
+
+    Errors fall as F^−½ above a detector's threshold and faster below it.
+    """
+    decades = min(1.5 * abs(depth), _LONGEST_STRIDE_DECADES)
+    return max(1, math.ceil(decades * _STRIDES_PER_DECADE)) * _shortest_stride(per_decade)
+
+
+def _shortest_stride(per_decade: int) -> int:
+    return max(1, per_decade // _STRIDES_PER_DECADE)
+
+
+def _warm_up_frames(method: Detector) -> int:
+    """Return the number of clean frames that a detector sees before the counts."""
+    return method.memory_frames if method.memory_frames > 1 else 0
+
+
+class _DetectorErrors:
+    """One detector's responses to counts against those to clean frames."""
+
+    def __init__(self, sequences: ShortSequences, method: Detector) -> None:
+        self._sequences, self._method = sequences, method
+        self._settings, before = sequences.settings, _warm_up_frames(method)
+        self._phases = range(self._settings.phases)
+        self._frames = method.noise_memory_frames + self._settings.frames
+        clean = [sequences.clean(phase, before, self._frames) for phase in self._phases]
+        self._before = [frames[:before] for frames in clean]
+        self._clean = [frames[before:] for frames in clean]
+        self._after: list[Callable[[float], Responder]] = []
+        if method.gives == "response" and not method.takes_counts:
+            # at common brightness, which they ask for, clean frames are the same at any flux
+            gain = sequences.pixels / self._settings.summed_frames
+            self._after = [method.after(frames, gain) for frames in self._before]
+        brightest = self._settings.flux_max
+        self._ideal = [self._to_light(phase, brightest, 0.0) for phase in self._phases]
+
+    @property
+    def is_defined(self) -> bool:
+        """Whether the detector responds to the clean frames at all.
+
+        One that gives velocities and reads rest in most of its blocks does not: what is left are
+        the few in which the subsampling of `nearest` happens to show a whole pixel.
+        """
+        _, _, magnitude, scored = sum(
+            error_sums(self._method, ideal, ideal).sum(axis=1) for ideal in self._ideal
+        )
+        possible = sum(self._method.scored(ideal)[..., 0].size for ideal in self._ideal)
+        return bool(2 * scored >= possible and magnitude > 0)
+
+    @property
+    def is_exact(self) -> bool:
+        """Whether errors come from a closed form, and no counts are drawn."""
+        return self._method.expected_deviation(self._clean[0][:1], 1.0) is not None
+
+    def sums(self, flux: float) -> Floats:
+        """Return what the error at a flux is made of, (4, repeats, places, scored frames)."""
+        dark = self._sequences.dark_counts * self._settings.summed_frames
+        return np.stack([self._at_place(phase, flux, dark) for phase in self._phases], axis=2)
+
+    def _at_place(self, phase: int, flux: float, dark: float) -> Floats:
+        """Return sums of errors, (4, repeats, scored frames)."""
+        method, repeats = self._method, self._settings.repeats
+        has_own = self._settings.compares_with_means(method)
+        ideal = self._to_light(phase, flux, dark) if has_own else self._ideal[phase]
+        # where frames are independent of each other, one stands for those of a place
+        means = self._clean[phase][:1] * flux + dark
+        if (deviation := method.expected_deviation(means, self._scale(flux))) is not None:
+            expected = error_sums(method, ideal[:1], ideal[:1] + deviation)
+            return np.repeat(expected[:, np.newaxis], repeats, axis=1)
+        draws = []
+        for repeat in range(repeats):
+            counts = self._sequences.counts(flux, phase, repeat, self._frames)
+            draws.append(error_sums(method, ideal, self._scored(counts, phase, flux, dark)))
+        return np.stack(draws, axis=1)
+
+    def _to_light(self, phase: int, flux: float, dark: float) -> Floats:
+        """Return the scored responses at a place to the mean counts."""
+        return self._scored(self._clean[phase] * flux + dark, phase, flux, dark)
+
+    def _scored(self, frames: Frames, phase: int, flux: float, dark: float) -> Floats:
+        """Return the scored responses at a place."""
+        scale = self._scale(flux)
+        if self._after:
+            respond = self._after[phase](dark * scale)
+        else:
+            respond = self._method.after(self._before[phase], flux)(dark)
+        return respond(frames, scale)[-self._settings.frames :]
+
+    def _scale(self, flux: float) -> float:
+        return self._sequences.pixels / (flux * self._settings.summed_frames)
+
+
 class _Search:
     """The thresholds of one detector."""
 
     def __init__(self, sequences: ShortSequences, method: Detector) -> None:
         self._sequences, self._method = sequences, method
-        self._comparison = DetectorErrors(sequences, method)
-        self._is_exact = self._comparison.is_exact
-        self._settings = (
-            sequences.settings.model_copy(update={"fluxes_per_decade": _EXACT_PER_DECADE})
-            if self._is_exact
-            else sequences.settings
-        )
+        self._errors = _DetectorErrors(sequences, method)
+        self._settings, self._is_exact = sequences.settings, self._errors.is_exact
+        if self._is_exact:
+            finer = {"fluxes_per_decade": _EXACT_PER_DECADE}
+            self._settings = self._settings.model_copy(update=finer)
+        self._step = _shortest_stride(self._settings.fluxes_per_decade)
         # the curve of a matcher may be flat, then steep, and yet fall as F^−½ on the whole
         bisects_always = self._is_exact or method.gives == "velocity"
         self._straight = 0.0 if bisects_always else _STRAIGHT
         self._fluxes = self._settings.fluxes
         self._last = len(self._fluxes) - 1
-        self._measured: dict[int, ErrorSums] = {}
+        self._measured: dict[int, Floats] = {}
         self._made: dict[tuple[Metric, tuple[int, ...], int], ErrorCurve] = {}
 
     def curves(self) -> list[ErrorCurve]:
         """Return one curve for each metric."""
-        if not self._comparison.is_defined:
-            nothing = ErrorSums(*np.zeros((4, self._settings.repeats, self._settings.phases, 1)))
+        if not self._errors.is_defined:
+            nothing = np.zeros((4, self._settings.repeats, self._settings.phases, 1))
             self._measured = {0: nothing, self._last: nothing}
         else:
             for metric, bits in product(self._settings.metrics, self._settings.bits):
@@ -159,28 +309,23 @@ class _Search:
     def _measure(self, *indices: int) -> None:
         for index in indices:
             if index not in self._measured:
-                self._measured[index] = self._comparison.errors(self._fluxes[index])
+                self._measured[index] = self._errors.sums(self._fluxes[index])
 
     def _start(self, bits: int) -> int:
         """Return the index where the brightness of a pixel is known to so many bits."""
-        pixels = self._sequences.pixels
-        needed = _MEAN_AT_TWO_BITS * 4.0 ** (bits - 2) * pixels
-        dark = self._sequences.dark_counts * pixels
+        needed = _MEAN_AT_TWO_BITS * 4.0 ** (bits - 2) * self._sequences.pixels
+        dark = self._sequences.dark_counts * self._sequences.pixels
         flux = (needed + math.sqrt(needed**2 + 4 * needed * dark)) / 2  # F²/(F + dark) = needed
         decades = math.log10(flux / self._settings.flux_min)
-        stride = _shortest_stride(self._settings.fluxes_per_decade)
-        return min(max(round(decades * _STRIDES_PER_DECADE) * stride, 0), self._last)
+        return min(max(round(decades * _STRIDES_PER_DECADE) * self._step, 0), self._last)
 
     def _bracket(self, metric: Metric, level: float) -> None:
+        per_decade = self._settings.fluxes_per_decade
+        index: int | None
         while True:
-            errors = {index: sums.of_sequence(metric) for index, sums in self._measured.items()}
+            errors = {index: error_of(sums, metric) for index, sums in self._measured.items()}
             index = next_index(
-                errors,
-                level,
-                self._last,
-                self._settings.fluxes_per_decade,
-                self._straight,
-                is_smooth=self._is_exact,
+                errors, level, self._last, per_decade, self._straight, is_smooth=self._is_exact
             )
             if index is None:
                 break
@@ -189,14 +334,13 @@ class _Search:
             self._measure(0, self._last)
 
     def _close_interval(self, metric: Metric, bits: int) -> None:
-        step = _shortest_stride(self._settings.fluxes_per_decade)
         while True:
             threshold = self._curve(metric, (bits,)).thresholds[bits]
             lowest, highest = min(self._measured), max(self._measured)
             if threshold.kind == "crossing" and threshold.low is None and lowest > 0:
-                self._measure(max(lowest - step, 0))
+                self._measure(max(lowest - self._step, 0))
             elif threshold.kind == "crossing" and threshold.high is None and highest < self._last:
-                self._measure(min(highest + step, self._last))
+                self._measure(min(highest + self._step, self._last))
             else:
                 return
 
@@ -209,35 +353,12 @@ class _Search:
 
     def _new_curve(self, metric: Metric, bits: tuple[int, ...]) -> ErrorCurve:
         indices = sorted(self._measured)
-        sums = combine([self._measured[index] for index in indices], np.stack)
-        *rest, places, frames = sums.scored.shape
-        flat = combine([sums], lambda parts: parts[0].reshape(*rest, places * frames))
+        sums = np.stack([self._measured[index] for index in indices], axis=1)
+        *rest, places, frames = sums.shape
+        starts = range(0, places * frames, frames)
+        fluxes = [self._fluxes[index] for index in indices]
+        measured = measured_errors(metric, fluxes, sums.reshape(*rest, -1), starts)
+        asked = self._settings.model_copy(update={"bits": bits})
         return error_curve(
-            self._method,
-            self._sequences.shape,
-            metric,
-            [self._fluxes[index] for index in indices],
-            flat,
-            range(0, places * frames, frames),
-            bits,
-            self._settings.confidence,
-            self._sequences.seed,
-            *self._sequences.key,
+            self._method, self._sequences.shape, metric, measured, asked, self._sequences.key
         )
-
-
-def _log_ratio(error: float, level: float) -> float:
-    return math.log10(max(error / level, _SMALLEST_ERROR))
-
-
-def _stride(depth: float, per_decade: int) -> int:
-    """Return how many fluxes away an error of 10^depth levels lets the crossing be expected.
-
-    Errors fall as F^−½ above a detector's threshold and faster below it.
-    """
-    decades = min(1.5 * abs(depth), _LONGEST_STRIDE_DECADES)
-    return max(1, math.ceil(decades * _STRIDES_PER_DECADE)) * _shortest_stride(per_decade)
-
-
-def _shortest_stride(per_decade: int) -> int:
-    return max(1, per_decade // _STRIDES_PER_DECADE)

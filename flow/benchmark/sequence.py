@@ -23,22 +23,13 @@ from typing import Any, Protocol, Self
 import numpy as np
 from pydantic import PositiveInt, TypeAdapter
 
+from megalopta.core.arrays import Floats
 from megalopta.flow.benchmark.settings import BenchmarkSettings, checked_warm_up
-from megalopta.flow.detectors.base import Detector, FloatArray, Frames
+from megalopta.flow.detectors.base import Detector, Frames
 from megalopta.flow.detectors.registry import METHODS, Method, method
-from megalopta.flow.metrics.curve import ErrorCurve, error_curve
-from megalopta.flow.metrics.response_error import (
-    ErrorSums,
-    Metric,
-    combine,
-    error_sums,
-)
-from megalopta.flow.stimuli.photons import (
-    Counts,
-    divisors,
-    draw_counts,
-    frame_light,
-)
+from megalopta.flow.metrics.photon_threshold import ErrorCurve, error_curve, measured_errors
+from megalopta.flow.metrics.response_error import Metric, error_sums
+from megalopta.flow.stimuli.photons import Counts, divisors, draw_counts, frame_light
 from megalopta.flow.stimuli.resizing import resize, resized_shape
 
 
@@ -48,10 +39,9 @@ class Bookkeeping:
 
     on_progress: Callable[[int], object] = lambda work: None
     """Called with the work done since the last call, in the units of `work_units`."""
-
-    part: Callable[[str, Callable[[], list[ErrorSums]]], list[ErrorSums]] = lambda _, work: work()
+    part: Callable[[str, Callable[[], list[Floats]]], list[Floats]] = lambda _, work: work()
     """Gives a part by its name, one for each size and repeat: what was kept of it, or else what
-    the callable returns, a sum of shape (fluxes, T) for each method."""
+    the callable returns, sums (4, fluxes, T) of each method."""
 
 
 class Clip(Protocol):
@@ -75,19 +65,14 @@ class BenchmarkResult:
     methods: tuple[Detector, ...]
     frames: tuple[PositiveInt, PositiveInt, PositiveInt]
     """Shape (T, H, W) of the clean sequence before resizing"""
-
     warm_up: int
     """Frames that were not scored"""
-
     curves: tuple[ErrorCurve, ...]
 
     def curve(self, method: str, size: int, metric: Metric = "literal") -> ErrorCurve:
         """Return the curve of one detector at one frame size (rows).
 
-        Raises
-        ------
-        ValueError
-            When it was not measured.
+        Raises ValueError when it was not measured.
         """
         for curve in self.curves:
             if (curve.method, curve.shape[0], curve.metric) == (method, size, metric):
@@ -176,65 +161,54 @@ class _AtSize:
     def __init__(
         self, frames: Clip, size: int, settings: BenchmarkSettings, seed: int, sequence: str
     ) -> None:
-        self._frames, self._settings, self._seed = frames, settings, seed
+        self._frames, self._settings = frames, settings
         rows, columns = frames.shape[1], frames.shape[2]
         self._shape = resized_shape((rows, columns), size)
         self._pixels = self._shape[0] * self._shape[1]
         # of a resized pixel, per frame
         self._dark_counts = settings.dark_counts * rows * columns / self._pixels
         # names the sequence at this size in random streams
-        self._key = sequence, f"{self._shape[0]}x{self._shape[1]}"
+        self._key = seed, sequence, f"{self._shape[0]}x{self._shape[1]}"
         light = np.concatenate([frame_light(chunk) for _, chunk in self._resized()])
         self._divisors = divisors(light, settings.normalization)
 
-    def measured(self, methods: Sequence[Detector], books: Bookkeeping) -> list[ErrorSums]:
-        """Return the sums of each method, (fluxes, repeats, T)."""
+    def measured(self, methods: Sequence[Detector], books: Bookkeeping) -> list[Floats]:
+        """Return the sums of each method, (4, fluxes, repeats, T)."""
         repeats = [
-            books.part(f"{self._key[1]}-{each}", partial(self._repeat, each, methods, books))
+            books.part(f"{self._key[-1]}-{each}", partial(self._repeat, each, methods, books))
             for each in range(self._settings.repeats)
         ]
-        return [
-            combine(sums, lambda each: np.stack(each, axis=1))
-            for sums in zip(*repeats, strict=True)
-        ]
+        return [np.stack(sums, axis=2) for sums in zip(*repeats, strict=True)]
 
-    def _repeat(
-        self, repeat: int, methods: Sequence[Detector], books: Bookkeeping
-    ) -> list[ErrorSums]:
-        """Return the sums of each method, (fluxes, T)."""
+    def _repeat(self, repeat: int, methods: Sequence[Detector], books: Bookkeeping) -> list[Floats]:
+        """Return the sums of each method, (4, fluxes, T)."""
         fluxes, shape = self._settings.fluxes, self._shape
-        answers_to_light = [method.start(shape) for method in methods]
-        own = [self._settings.compares_with_means(method) for method in methods]
+        to_light = [method.start(shape) for method in methods]
         comparisons = [
-            [_Comparison(method, shape, has) for method, has in zip(methods, own, strict=True)]
-            for _ in fluxes
+            [_Comparison(each, shape, self._settings) for each in methods] for _ in fluxes
         ]
         for first, frames in self._resized():
             light = frames / self._divisors[first : first + len(frames), None, None]
-            ideals = [answer(light, self._pixels) for answer in answers_to_light]
+            ideals = [respond(light, self._pixels) for respond in to_light]
             for flux, at_flux in zip(fluxes, comparisons, strict=True):
                 means = light * flux + self._dark_counts
                 key = *self._key, f"{flux:.6g}", repeat
-                counts = draw_counts(means, self._seed, *key, first_frame=first)
+                counts = draw_counts(means, *key, first_frame=first)
                 for ideal, comparison in zip(ideals, at_flux, strict=True):
                     comparison.add(ideal, means, counts, self._pixels / flux)
                 books.on_progress(counts.size)
         return [
-            combine([combine(each.sums, np.concatenate) for each in of_method], np.stack)
+            np.stack([np.concatenate(each.sums, axis=1) for each in of_method], axis=1)
             for of_method in zip(*comparisons, strict=True)
         ]
 
-    def curve(self, method: Detector, sums: ErrorSums, metric: Metric, warm_up: int) -> ErrorCurve:
+    def curve(self, method: Detector, sums: Floats, metric: Metric, warm_up: int) -> ErrorCurve:
         """Return the curve of a method, with standard errors of blocks longer than its memory."""
-        scored = combine([sums], lambda parts: parts[0][..., warm_up:])
-        frames = scored.scored.shape[-1]
+        frames = sums.shape[-1] - warm_up
         blocks = max(1, frames // (method.memory_frames + 1))
         starts = [block * frames // blocks for block in range(blocks)]
-        asked = self._settings
-        return error_curve(
-            method, self._shape, metric, asked.fluxes, scored, starts, asked.bits, asked.confidence,
-            self._seed, *self._key,
-        )  # fmt: skip
+        measured = measured_errors(metric, self._settings.fluxes, sums[..., warm_up:], starts)
+        return error_curve(method, self._shape, metric, measured, self._settings, self._key)
 
     def _resized(self) -> Iterator[tuple[int, Frames]]:
         length = self._settings.chunk_frames
@@ -244,15 +218,16 @@ class _AtSize:
 
 
 class _Comparison:
-    """One detector at one flux: its answers to counts against those to the clean sequence."""
+    """One detector at one flux: its responses to counts against those to the clean sequence."""
 
-    def __init__(self, method: Detector, shape: tuple[int, int], has_own_ideal: bool) -> None:
-        self.method = method
-        self.answer_to_counts = method.start(shape)
-        self.answer_to_means = method.start(shape) if has_own_ideal else None
-        self.sums: list[ErrorSums] = []
+    def __init__(
+        self, method: Detector, shape: tuple[int, int], settings: BenchmarkSettings
+    ) -> None:
+        self._method, self._to_counts = method, method.start(shape)
+        self._to_means = method.start(shape) if settings.compares_with_means(method) else None
+        self.sums: list[Floats] = []
 
-    def add(self, ideal: FloatArray, means: FloatArray, counts: Counts, scale: float) -> None:
-        if self.answer_to_means is not None:
-            ideal = self.answer_to_means(means, scale)
-        self.sums.append(error_sums(self.method, ideal, self.answer_to_counts(counts, scale)))
+    def add(self, ideal: Floats, means: Floats, counts: Counts, scale: float) -> None:
+        if self._to_means is not None:
+            ideal = self._to_means(means, scale)
+        self.sums.append(error_sums(self._method, ideal, self._to_counts(counts, scale)))

@@ -13,7 +13,7 @@ from megalopta.flow.metrics.response_error import METRICS, Metric
 from megalopta.flow.stimuli.photons import Normalization
 from megalopta.flow.stimuli.resizing import ResizeKind, resized_shape
 
-THESIS_WARM_UP = 30
+_THESIS_WARM_UP = 30
 
 
 class CurveSettings(
@@ -23,33 +23,24 @@ class CurveSettings(
 
     flux_min: Annotated[float, Field(ge=1e-6, le=1e15)] = 1e3
     """Smallest flux (photons per frame)"""
-
     flux_max: Annotated[float, Field(gt=0, le=1e15)] = 1e12
     """Largest flux (photons per frame)"""
-
     fluxes_per_decade: Annotated[int, Field(ge=1, le=1000)] = 2
     """Number of fluxes per factor of ten"""
-
     repeats: Annotated[int, Field(ge=2, le=100_000)] = 4
     """Independent draws of the whole sequence at each flux; they give the intervals"""
-
     dark_counts: Annotated[float, Field(ge=0, le=1e12)] = 0.1
     """Dark counts per frame and pixel of the frames before resizing"""
-
     normalization: Normalization = "per_frame"
     """What is brought to the flux: every frame, as the thesis does, or (per_sequence) the mean one,
     so that frames differ in brightness as they do in the scene"""
-
     reference: Literal["self", "perfect"] = "self"
     """What responses to counts are compared with: those to the mean counts, the dark ones included,
     or (perfect) to the light alone. It matters to detectors that notice an offset, IM and PM"""
-
     metrics: Annotated[tuple[Metric, ...], Field(min_length=1)] = METRICS
     """Error metrics: "literal" is Eq. 4.5, "ratio" does not divide by near-zero responses"""
-
     bits: Annotated[tuple[Annotated[int, Field(ge=1, le=16)], ...], Field(min_length=1)] = (2, 3, 4)
     """Accuracies whose flux is wanted, n bits being an error of 2⁻ⁿ"""
-
     confidence: Annotated[float, Field(gt=0, lt=1)] = 0.95
     """Probability that an interval holds"""
 
@@ -57,7 +48,7 @@ class CurveSettings(
         """Whether a detector's responses are compared with those to the dark counts' mean too."""
         return self.reference == "self" and not detector.ignores_offset
 
-    @field_validator("metrics", "bits")
+    @field_validator("metrics", "bits", "sizes", check_fields=False)
     @classmethod
     def _each_once(cls, values: tuple[Any, ...]) -> tuple[Any, ...]:
         return each_once(values)
@@ -85,26 +76,15 @@ class BenchmarkSettings(CurveSettings, frozen=True):
     """What is measured on a sequence, and how closely."""
 
     sizes: Annotated[tuple[Annotated[int, Field(ge=3)], ...], Field(min_length=1)] = (
-        60,
-        120,
-        180,
-        240,
-    )
+        60, 120, 180, 240,
+    )  # fmt: skip
     """Rows of the resized frames (px); the columns follow in proportion"""
-
     resize: ResizeKind = "nearest"
     """How frames are resized: "nearest" subsamples as the thesis does, "area" pools the light"""
-
     warm_up: Annotated[int, Field(ge=0)] | None = None
     """Frames not scored at the start; by default 30 of 60 or more, else the longest memory"""
-
     chunk_frames: Annotated[int, Field(ge=1, le=10_000)] = 16
     """Frames processed together; changes memory and speed, never a result"""
-
-    @field_validator("sizes")
-    @classmethod
-    def _sizes_once(cls, values: tuple[Any, ...]) -> tuple[Any, ...]:
-        return each_once(values)
 
 
 class SearchSettings(CurveSettings, frozen=True):
@@ -112,16 +92,12 @@ class SearchSettings(CurveSettings, frozen=True):
 
     repeats: Annotated[int, Field(ge=2, le=100_000)] = 2
     """Independent draws of all frames at each flux; they give the intervals"""
-
     fluxes_per_decade: Annotated[int, Field(ge=1, le=1000)] = 8
     """Number of fluxes per factor of ten; those are measured that the thresholds need"""
-
     phases: Annotated[int, Field(ge=1, le=251)] = 4
     """Places around the template at which short sequences start; errors are means over them"""
-
     frames: Annotated[int, Field(ge=1, le=10_000)] = 6
     """Frames scored of each of these sequences, after those in which noise reaches its strength"""
-
     summed_frames: Annotated[int, Field(ge=1, le=10_000)] = 1
     """Temporal pooling: detectors see the sliding sum of so many frames"""
 
@@ -147,8 +123,8 @@ def default_warm_up(n_frames: int, methods: Sequence[Detector]) -> int:
     The thesis's 30 when the sequence has at least 60; in a shorter one the smallest number after
     which the slowest filter of these methods has decayed to 1 %.
     """
-    if n_frames >= 2 * THESIS_WARM_UP:
-        return THESIS_WARM_UP
+    if n_frames >= 2 * _THESIS_WARM_UP:
+        return _THESIS_WARM_UP
     return max(method.memory_frames for method in methods)
 
 
@@ -157,18 +133,9 @@ def checked_warm_up(
 ) -> int:
     """Return the number of frames not to score, after checking that a benchmark is possible.
 
-    Parameters
-    ----------
-    frames_shape
-        (T, H, W) of the clean sequence.
-    methods
-        Detectors of different names.
-    settings
+    `frames_shape`: (T, H, W) of the clean sequence; `methods`: detectors of different names.
 
-    Raises
-    ------
-    ValueError
-        When frames are too few or too small, or a size exceeds theirs.
+    Raises ValueError when frames are too few or too small, or a size exceeds theirs.
     """
     names = [method.name for method in methods]
     if not names or len(set(names)) < len(names):

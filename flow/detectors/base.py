@@ -9,6 +9,8 @@ each parameter, and write one test; `megalopta.flow.detectors.registry` finds it
 """
 
 import math
+import statistics
+import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from typing import Annotated, Any, ClassVar, Literal
@@ -17,10 +19,12 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, Field
 
-FloatArray = NDArray[np.float64]
+from megalopta.core.arrays import Floats
+
 Frames = NDArray[Any]
-Responder = Callable[[Frames, float], FloatArray]
+Responder = Callable[[Frames, float], Floats]
 """The next chunk of frames (n, H, W) and its scale to the responses of that chunk."""
+_RUNS = 3
 
 
 class Detector(BaseModel, ABC, frozen=True, extra="forbid", allow_inf_nan=False):
@@ -37,18 +41,14 @@ class Detector(BaseModel, ABC, frozen=True, extra="forbid", allow_inf_nan=False)
     takes_counts: ClassVar[bool] = False
     """The frames must be photon counts: their noise says how far to trust them, so the response to
     scaled frames is another. The scale is then ignored."""
-
     tells_direction: ClassVar[bool] = False
     """Motion to the right and to the left give different responses."""
-
     minimum_frames: ClassVar[int] = 1
-
     place: ClassVar[float] = math.inf
     """Where it stands in lists and legends; without one after those that have, by name"""
 
     name: Annotated[str, Field(min_length=1)]
     """Short name, as in the legends of the literature"""
-
     label: Annotated[str, Field(min_length=1)]
     """Name in words"""
 
@@ -66,23 +66,13 @@ class Detector(BaseModel, ABC, frozen=True, extra="forbid", allow_inf_nan=False)
     def start(self, shape: tuple[int, int]) -> Responder:
         """Return the detector at rest, to be fed a sequence of frames (H, W) chunk by chunk.
 
-        Raises
-        ------
-        ValueError
-            When frames of this shape are too small for the detector.
+        Raises ValueError when frames of this shape are too small for the detector.
         """
 
     def after(self, frames: Frames, scale: float) -> Callable[[float], Responder]:
         """Return how to start the detector after it has seen `scale` · `frames` + an offset.
 
-        Parameters
-        ----------
-        frames : (T, H, W), counts or intensities, T may be 0
-        scale : float
-
-        Returns
-        -------
-        The offset to the detector, to be fed what follows as one that `start` returns.
+        That is, the offset to a responder as `start` returns one. There may be no frames.
         """
 
         def start(offset: float) -> Responder:
@@ -94,26 +84,20 @@ class Detector(BaseModel, ABC, frozen=True, extra="forbid", allow_inf_nan=False)
         return start
 
     @abstractmethod
-    def scored(self, responses: FloatArray) -> FloatArray:
+    def scored(self, responses: Floats) -> Floats:
         """Return what errors are computed from, (T, rows, columns, components), no borders."""
 
-    def expected_deviation(self, means: FloatArray, scale: float) -> FloatArray | None:
-        """Return E|response to counts − response to their means|, where it has a closed form.
+    def expected_deviation(self, means: Floats, scale: float) -> Floats | None:
+        """Return E|response to counts − response to their means (T, H, W)|, as `respond`.
 
-        Parameters
-        ----------
-        means : (T, H, W), mean counts
-        scale : float
-            As for `respond`.
-
-        Returns
-        -------
-        As `respond`, or None where counts must be drawn to know it.
+        None where it has no closed form, and counts must be drawn to know it.
         """
         return None
 
-    def respond(self, frames: Frames, scale: float = 1.0) -> FloatArray:
+    def respond(self, frames: Frames, scale: float = 1.0) -> Floats:
         """Return the responses to the sequence `scale` · `frames`.
+
+        Raises ValueError when the frames are not a sequence, too few or too small.
 
         Parameters
         ----------
@@ -125,11 +109,6 @@ class Detector(BaseModel, ABC, frozen=True, extra="forbid", allow_inf_nan=False)
         Returns
         -------
         (T, H, W), or (T − 1, rows, columns, 2) in px per frame, NaN where undefined.
-
-        Raises
-        ------
-        ValueError
-            When the frames are not a sequence, too few or too small.
         """
         if frames.ndim != 3 or len(frames) < self.minimum_frames:
             raise ValueError(
@@ -139,17 +118,14 @@ class Detector(BaseModel, ABC, frozen=True, extra="forbid", allow_inf_nan=False)
         return self.start((frames.shape[1], frames.shape[2]))(frames, scale)
 
 
-def in_pairs(match: Callable[[Frames], FloatArray]) -> Responder:
+def in_pairs(match: Callable[[Frames], Floats]) -> Responder:
     """Return a responder that hands `match` every pair of neighboring frames exactly once.
 
-    Parameters
-    ----------
-    match
-        Frames (n, H, W) to the results of their n − 1 pairs.
+    `match`: frames (n, H, W) to the results of their n − 1 pairs.
     """
     last: Frames | None = None
 
-    def respond(frames: Frames, scale: float) -> FloatArray:
+    def respond(frames: Frames, scale: float) -> Floats:
         nonlocal last
         joined = frames if last is None else np.concatenate((last, frames))
         last = frames[-1:].copy()
@@ -161,10 +137,8 @@ def in_pairs(match: Callable[[Frames], FloatArray]) -> Responder:
 def stacked(frames: Sequence[Frames]) -> Frames:
     """Return frames (H, W) as one array (T, H, W).
 
-    Raises
-    ------
-    ValueError
-        When they are no images, differ in shape, or have pixels that are NaN or infinite.
+    Raises ValueError when they are no images, differ in shape, or have pixels that are NaN or
+    infinite.
     """
     shapes = {each.shape for each in frames}
     if {len(shape) for shape in shapes} != {2} or len(shapes) > 1:
@@ -174,3 +148,20 @@ def stacked(frames: Sequence[Frames]) -> Frames:
         if not np.isfinite(frame).all():
             raise ValueError(f"frame {number} has pixels that are not finite; fill them in")
     return np.stack(frames)
+
+
+def milliseconds_per_frame(detector: Detector, counts: Frames) -> float:
+    """Return the CPU time of a new frame whose predecessors are known, the median of three runs.
+
+    `counts` (T, H, W): shown four times in a row; the first fills the detector's memory and
+    compiles.
+    """
+    height, width = counts.shape[1:]
+    respond = detector.start((height, width))
+    respond(counts, 1.0)
+    spent = []
+    for _ in range(_RUNS):
+        start = time.process_time()
+        respond(counts, 1.0)
+        spent.append(time.process_time() - start)
+    return 1e3 * statistics.median(spent) / len(counts)

@@ -24,7 +24,8 @@ from numba.extending import overload
 from numpy.typing import NDArray
 from pydantic import Field
 
-from megalopta.flow.detectors.base import FloatArray, Frames, Responder, in_pairs
+from megalopta.core.arrays import Floats
+from megalopta.flow.detectors.base import Frames, Responder, in_pairs
 from megalopta.flow.detectors.blocks import BlockDetector, BlockGrid, thesis_radius_px
 
 
@@ -35,7 +36,6 @@ class BlockMatching(BlockDetector, frozen=True):
 
     name: str = "BM"
     label: str = "Block matching"
-
     radius_px: Annotated[int, Field(ge=1)] | None = None
     """Largest shift searched in x and in y (px per frame); by default `thesis_radius_px`"""
 
@@ -45,7 +45,7 @@ class BlockMatching(BlockDetector, frozen=True):
         return in_pairs(partial(_velocities, self.grid(shape), radius))
 
 
-def _velocities(grid: BlockGrid, radius: int, frames: Frames) -> FloatArray:
+def _velocities(grid: BlockGrid, radius: int, frames: Frames) -> Floats:
     velocities = np.full((len(frames) - 1, grid.rows, grid.columns, 2), np.nan)
     exact = frames.astype(_exact_type(frames, grid.block_px**2), copy=False)
     _search(np.ascontiguousarray(exact), grid.top, grid.left, grid.block_px, radius, velocities)
@@ -65,7 +65,7 @@ def _exact_type(frames: Frames, pixels: int) -> type[np.number[Any]]:
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def _search(
-    frames: NDArray[Any], top: int, left: int, size: int, radius: int, velocities: FloatArray
+    frames: NDArray[Any], top: int, left: int, size: int, radius: int, velocities: Floats
 ) -> None:
     """Fill in velocities (T − 1, rows, columns, 2) from frames (T, H, W)."""
     count, rows, columns = velocities.shape[:3]

@@ -12,10 +12,11 @@ from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field
+from pydantic import Field, SerializeAsAny
 from scipy.ndimage import distance_transform_edt, map_coordinates
 
-from megalopta.flow.detectors.base import Detector, FloatArray, Frames, Responder, stacked
+from megalopta.core.arrays import Floats
+from megalopta.flow.detectors.base import Detector, Frames, Responder, stacked
 
 BLOCKS_PER_SIDE = 10
 _SMALLEST_BLOCK_PX = 2
@@ -57,7 +58,7 @@ class BlockGrid:
         return np.asarray(np.array([self.top, self.left]) + self.block_px * places)
 
     @property
-    def centers(self) -> NDArray[np.float64]:
+    def centers(self) -> Floats:
         """Image coordinates (rows, columns, 2), x and y, of the middles of the blocks."""
         first = self.corners.reshape(self.rows, self.columns, 2)[..., ::-1]
         return np.ascontiguousarray(first, np.float64) + self.block_px / 2
@@ -93,13 +94,13 @@ def block_sums(image: NDArray[Any], grid: BlockGrid) -> NDArray[Any]:
     return np.asarray(strips.reshape(rows, columns, size).sum(axis=2))
 
 
-def mean_over_blocks(flow: FloatArray, grid: BlockGrid) -> FloatArray:
+def mean_over_blocks(flow: Floats, grid: BlockGrid) -> Floats:
     """Return the mean of a dense flow (H, W, 2) over each block, (rows, columns, 2)."""
     sums = [block_sums(flow[..., axis], grid) for axis in range(2)]
     return np.stack(sums, axis=-1) / grid.block_px**2
 
 
-def between_blocks(velocities: FloatArray, grid: BlockGrid) -> FloatArray:
+def between_blocks(velocities: Floats, grid: BlockGrid) -> Floats:
     """Return velocities of blocks (rows, columns, 2) at every pixel, (H, W, 2).
 
     Linear between the middles of blocks, beyond the outermost as there. A block without a velocity
@@ -130,7 +131,6 @@ class BlockDetector(Detector, frozen=True):
 
     block_px: Annotated[int, Field(ge=2)] | None = None
     """Side of a block (px); by default a tenth of the shorter side of the frame"""
-
     fewest_blocks: Annotated[int, Field(ge=1)] = FEWEST_BLOCKS
     """Smaller frames are refused; 1 lets a detector see a single block and the margin around it"""
 
@@ -139,17 +139,14 @@ class BlockDetector(Detector, frozen=True):
         """1: a pair of frames."""
         return 1
 
-    def scored(self, responses: FloatArray) -> FloatArray:
+    def scored(self, responses: Floats) -> Floats:
         """Return the velocities of the blocks inside."""
         return responses[:, 1:-1, 1:-1, :]
 
     def grid(self, shape: tuple[int, int]) -> BlockGrid:
         """Return where the blocks of a frame (H, W) lie.
 
-        Raises
-        ------
-        ValueError
-            When the frame is too small.
+        Raises ValueError when the frame is too small.
         """
         return block_grid(shape, self.block_px, self.fewest_blocks)
 
@@ -158,22 +155,20 @@ class BlockDetector(Detector, frozen=True):
         """How many frames `dense` takes together."""
         return self.memory_frames + 1
 
-    def dense(self, *frames: Frames) -> FloatArray:
+    def dense(self, *frames: Frames) -> Floats:
         """Return the flow (H, W, 2) of frames of one steady motion, px per frame, x then y.
 
         Velocities of blocks are linear between the middles of blocks, and beyond the outermost as
         there; NaN at the pixels of blocks that have none.
+
+        Raises ValueError when frames are too many or too small, differ in shape, or hold what is no
+        light.
 
         Parameters
         ----------
         *frames : (H, W)
             Two successive ones, or as many more as the method takes together; counts if it asks
             for them (`takes_counts`).
-
-        Raises
-        ------
-        ValueError
-            When frames are too many or too small, differ in shape, or hold what is no light.
         """
         sequence = self.checked(frames)
         grid = self.grid((sequence.shape[1], sequence.shape[2]))
@@ -194,23 +189,17 @@ class BlockDetector(Detector, frozen=True):
     def over_window(
         self,
         grid: BlockGrid,
-        velocity: Callable[[list[Any], float], FloatArray],
+        velocity: Callable[[list[Any], float], Floats],
         prepared: Callable[[Frames], Any] = lambda frame: frame,
     ) -> Responder:
         """Return a responder that asks for the velocities of the newest frames, one by one.
 
-        Parameters
-        ----------
-        grid
-        velocity
-            Of the blocks, (rows × columns, 2) in any shape, from two to `memory_frames` + 1
-            prepared frames, the newest last, and the scale.
-        prepared
-            What is kept of a frame (H, W).
+        `velocity` gives those of the blocks, (rows × columns, 2) in any shape, from two to
+        `memory_frames` + 1 prepared frames, the newest last, and the scale.
         """
         window: list[Any] = []
 
-        def respond(frames: Frames, scale: float) -> FloatArray:
+        def respond(frames: Frames, scale: float) -> Floats:
             velocities = []
             for frame in frames:
                 window.append(prepared(frame))
@@ -240,3 +229,44 @@ def thesis_radius_px(shape: tuple[int, int]) -> int:
     (75 + N)/45, rounded: the thesis's 3, 4, 6 and 7 px at N = 60, 120, 180 and 240.
     """
     return round((75 + min(shape)) / 45)
+
+
+class SummedFrames(BlockDetector, frozen=True):
+    """The velocity of a method between sums of successive frames."""
+
+    method: SerializeAsAny[BlockDetector]
+    """Of two frames"""
+    frames: Annotated[int, Field(ge=4, le=64, multiple_of=2)] = 8
+    """Frames of both sums; at the start of a sequence there are fewer"""
+
+    @property
+    def memory_frames(self) -> int:
+        """All frames but the newest."""
+        return self.frames - 1
+
+    def start(self, shape: tuple[int, int]) -> Responder:
+        """Return the method for frames (H, W); see `Detector.start`."""
+        changes = {"block_px": self.block_px, "fewest_blocks": self.fewest_blocks}
+        inner = self.method.model_copy(update=changes)
+
+        def velocity(window: list[Floats], scale: float) -> Floats:
+            half = len(window) // 2
+            sums = np.stack([sum(window[-2 * half : -half]), sum(window[-half:])])
+            return np.asarray(inner.respond(sums, scale)[-1] / half)
+
+        return self.over_window(inner.grid(shape), velocity, lambda frame: frame.astype(np.float64))
+
+    def scored(self, responses: Floats) -> Floats:
+        """Return what the method itself is scored by."""
+        return self.method.scored(responses)
+
+
+def summed_frames(method: BlockDetector, frames: int = 8) -> SummedFrames:
+    """Return a method between the sums of the first and of the second half of some frames."""
+    half = frames // 2
+    return SummedFrames(
+        name=f"{method.name} {half}+{half}",
+        label=f"{method.label}, sums of {half} frames",
+        method=method,
+        frames=frames,
+    )

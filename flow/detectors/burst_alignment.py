@@ -17,7 +17,8 @@ from numba import njit
 from numpy.typing import NDArray
 from pydantic import Field
 
-from megalopta.flow.detectors.base import FloatArray, Responder
+from megalopta.core.arrays import Floats
+from megalopta.flow.detectors.base import Responder
 from megalopta.flow.detectors.blocks import BlockGrid, PooledFrames, block_sums
 from megalopta.flow.detectors.poisson_matching import parabola_minimum
 
@@ -32,13 +33,10 @@ class BurstAlignment(PooledFrames, frozen=True):
 
     name: str = "BA"
     label: str = "Burst alignment"
-
     levels: Annotated[int, Field(ge=1, le=6)] = 4
     """Levels of the pyramid, each binned by 2 × 2 px more; fewer where a block would not fit"""
-
     radius_px: Annotated[int, Field(ge=1)] = 4
     """Largest shift searched at the coarsest level (its px)"""
-
     finer_radius_px: Annotated[int, Field(ge=1)] = 2
     """Largest change of the shift at the others"""
 
@@ -51,7 +49,7 @@ class BurstAlignment(PooledFrames, frozen=True):
             lambda frame: frame.astype(np.float64),
         )
 
-    def _velocities(self, window: list[FloatArray], grid: BlockGrid) -> FloatArray:
+    def _velocities(self, window: list[Floats], grid: BlockGrid) -> Floats:
         """Return the velocities of the blocks, (blocks, 2)."""
         each = max(1, len(window) // _SUMS)
         count = len(window) // each
@@ -66,28 +64,25 @@ class BurstAlignment(PooledFrames, frozen=True):
         seen = block_sums(sums[middle], grid).reshape(-1, 1) > 0
         return np.where(seen, slope / (times @ times), np.nan)
 
-    def _shifts(self, reference: FloatArray, other: FloatArray, grid: BlockGrid) -> FloatArray:
+    def _shifts(self, reference: Floats, other: Floats, grid: BlockGrid) -> Floats:
         """Return how far the content of each block is displaced in another frame, (blocks, 2)."""
-        pyramid = list(_levels(reference, other, grid.block_px, self.levels))
+        pyramid = list(_levels(np.stack((reference, other)), grid.block_px, self.levels))
         shifts = np.zeros((grid.rows, grid.columns, 2), np.int64)
         around = np.empty((grid.rows * grid.columns, 3, 3))
-        for level in reversed(range(len(pyramid))):
+        for level, pair in reversed(list(enumerate(pyramid))):
             radius = self.finer_radius_px if level < len(pyramid) - 1 else self.radius_px
-            corners = _corners(grid, level, pyramid[level][0].shape)
+            corners = _corners(grid, level, pair.shape[1:])
             guesses = 2 * np.stack([_moved(shifts, *by) for by in _NEIGHBORS], axis=2)
-            found = shifts.reshape(-1, 2)
-            guesses = guesses.reshape(len(found), -1, 2)
-            _search(*pyramid[level], corners, grid.block_px, guesses, radius, found, around)
+            guesses = guesses.reshape(len(corners), -1, 2)
+            found = _search(pair, corners, grid.block_px, guesses, radius, around)
+            shifts = found.reshape(shifts.shape)
         return np.asarray(found + parabola_minimum(around))
 
 
-def _levels(
-    reference: FloatArray, other: FloatArray, block_px: int, most: int
-) -> Iterator[tuple[FloatArray, FloatArray]]:
-    """Yield both frames, each time binned by 2 × 2 px more, as long as a block fits."""
-    pair = np.stack((reference, other))
+def _levels(pair: Floats, block_px: int, most: int) -> Iterator[Floats]:
+    """Yield both frames (2, H, W), each time binned by 2 × 2 px more, as long as a block fits."""
     for _ in range(most):
-        yield pair[0], pair[1]
+        yield pair
         height, width = (side // 2 for side in pair.shape[1:])
         if min(height, width) < block_px:
             return
@@ -115,17 +110,15 @@ def _moved(field: NDArray[np.int64], down: int, right: int) -> NDArray[np.int64]
 
 
 @njit(cache=True, nogil=True, fastmath={"reassoc"})  # type: ignore[untyped-decorator]
-def _difference(
-    reference: FloatArray, other: FloatArray, row: int, column: int, size: int, dx: int, dy: int
-) -> float:
+def _difference(pair: Floats, row: int, column: int, size: int, dx: int, dy: int) -> float:
     """Sum of absolute differences of a patch and one displaced; infinite outside of the frame."""
     top, left = row + dy, column + dx
-    if top < 0 or left < 0 or top + size > other.shape[0] or left + size > other.shape[1]:
+    if top < 0 or left < 0 or top + size > pair.shape[1] or left + size > pair.shape[2]:
         return np.inf
     total = 0.0
     for y in range(size):
-        here = reference[row + y, column : column + size]
-        there = other[top + y, left : left + size]
+        here = pair[0, row + y, column : column + size]
+        there = pair[1, top + y, left : left + size]
         for x in range(size):
             total += abs(here[x] - there[x])
     return total
@@ -133,31 +126,31 @@ def _difference(
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def _search(
-    reference: FloatArray,
-    other: FloatArray,
+    pair: Floats,
     corners: NDArray[np.int64],
     size: int,
     guesses: NDArray[np.int64],
     radius: int,
-    shifts: NDArray[np.int64],
-    around: FloatArray,
-) -> None:
-    """Fill in the best shifts (x, y) of patches, and the differences around them, (n, 3, 3)."""
+    around: Floats,
+) -> NDArray[np.int64]:
+    """Return the best shifts (x, y) of patches; fill in the differences around them, (n, 3, 3)."""
+    shifts = np.empty((len(corners), 2), np.int64)
     for patch in range(len(corners)):
         row, column = corners[patch, 0], corners[patch, 1]
         least, guess_x, guess_y = np.inf, 0, 0
         for guess in guesses[patch]:
-            difference = _difference(reference, other, row, column, size, guess[0], guess[1])
+            difference = _difference(pair, row, column, size, guess[0], guess[1])
             if difference < least:
                 least, guess_x, guess_y = difference, guess[0], guess[1]
         best_x, best_y = guess_x, guess_y
         for dy in range(guess_y - radius, guess_y + radius + 1):
             for dx in range(guess_x - radius, guess_x + radius + 1):
-                difference = _difference(reference, other, row, column, size, dx, dy)
+                difference = _difference(pair, row, column, size, dx, dy)
                 if difference < least:
                     least, best_x, best_y = difference, dx, dy
         shifts[patch, 0], shifts[patch, 1] = best_x, best_y
         for i in range(3):
             for j in range(3):
                 dx, dy = best_x + j - 1, best_y + i - 1
-                around[patch, i, j] = _difference(reference, other, row, column, size, dx, dy)
+                around[patch, i, j] = _difference(pair, row, column, size, dx, dy)
+    return shifts

@@ -10,31 +10,23 @@ along x are combined, and the result is low-passed, y. With x the pixel's value 
     NDS: R = |h[j] + g[j−1] + g[j+1]|
 
 Per frame, a = 1/(1 + τ) with the time constant τ in frames. The first frame is taken to have been
-there forever. The thesis states the rectification for NDS only; for NDM it is inferred.
-
-The responses encode motion but are no velocities: they depend on contrast, spatial frequency and
-brightness too. On ½(1 + C sin(ωt + jφ)), with Hh = (1 − a)(1 − z)/(1 − (1 − a)z) and Hl = a/(1 −
-(1 − a)z) at z = exp(−iω), h1 = |Hh|, h2 = |Hl|, φ2 = arg Hl, their means are
-
-    EMD: (C²/4)·h1²·h2·sin φ2·sin φ
-    NDM: (C²/4)·h1²·h2·cos φ2·cos φ, before rectification
-    NDS: 2A/π with A = (C/2)·h1·√(1 + 4·h2·cos φ·cos φ2 + 4·h2²·cos² φ)
-
-(`ndm_mean`, `nds_mean`; Eq. 4.3 is misprinted). Motion toward +x has φ < 0 and the delay φ2 < 0:
-EMD is then positive.
+there forever. The thesis states the rectification for NDS only; for NDM it is inferred. Motion
+toward +x has a phase φ < 0 from pixel to pixel and the delay φ2 < 0: EMD is then positive. Mean
+responses to a sinusoid: `docs/theory/correlators.md`.
 """
 
 import math
 from collections.abc import Callable
 from functools import cache
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike
 from pydantic import Field
 
-from megalopta.flow.detectors.base import Detector, FloatArray, Frames, Responder
+from megalopta.core.arrays import Floats
+from megalopta.flow.detectors.base import Detector, Frames, Responder
 
 FilterStep = Annotated[float, Field(gt=0, le=1)]
 _FORGOTTEN = 0.01
@@ -63,11 +55,20 @@ def _combine(kind: int, h: Any, g: Any, combined: Any) -> None:
                 combined[j] = abs(combined[j])
 
 
+class _Filters(NamedTuple):
+    """What `_advance` does: its combination, the factor on frames, and both steps."""
+
+    kind: int
+    scale: float
+    a: float
+    b: float
+
+
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def _advance(
-    kind: int, frames: Any, scale: float, a: float, b: float, low: Any, g: Any, y: Any, outputs: Any
-) -> None:
-    """Pass frames through all filters; their states low, g and y change in place."""
+def _advance(frames: Any, filters: _Filters, state: Any, outputs: Any) -> None:
+    """Pass frames through all filters; their states low, g and y (3, H, W) change in place."""
+    kind, scale, a, b = filters
+    low, g, y = state[0], state[1], state[2]
     h, combined = np.empty(frames.shape[2]), np.empty(frames.shape[2])
     for t in range(frames.shape[0]):
         for i in range(frames.shape[1]):
@@ -91,7 +92,6 @@ class CorrelationDetector(Detector, frozen=True):
 
     filter_step: FilterStep
     """Step a of the high-pass and of the delay, 1/(1 + time constant in frames)"""
-
     output_step: FilterStep = 0.8
     """Step b of the low-pass at the output; 1 is no low-pass"""
 
@@ -112,7 +112,7 @@ class CorrelationDetector(Detector, frozen=True):
             raise ValueError(
                 f"frames of {rows} × {columns} px: {self.name} needs 3 × 3 px, or one row of 3"
             )
-        return self._from(None, *np.zeros((2, *shape)))
+        return self._from(np.zeros((3, *shape)), is_new=True)
 
     def after(self, frames: Frames, scale: float) -> Callable[[float], Responder]:
         """Return how to start with what the filters keep; see `Detector.after`.
@@ -121,31 +121,36 @@ class CorrelationDetector(Detector, frozen=True):
         """
         if not len(frames):
             return super().after(frames, scale)
-        state = frames[0] * np.float64(scale), *np.zeros((2, *frames.shape[1:]))
-        self._pass(frames, scale, *state)
-        return lambda offset: self._from(state[0] + offset, state[1].copy(), state[2].copy())
+        state = np.zeros((3, *frames.shape[1:]))
+        state[0] = frames[0] * np.float64(scale)
+        self._pass(frames, scale, state)
 
-    def _from(self, low: FloatArray | None, delayed: FloatArray, smoothed: FloatArray) -> Responder:
-        """Return filters in a state; without the low-pass's, from before the first frame."""
+        def start(offset: float) -> Responder:
+            own = state.copy()
+            own[0] += offset
+            return self._from(own)
 
-        def respond(frames: Frames, scale: float) -> FloatArray:
-            nonlocal low
-            if not len(frames):
-                return np.empty(frames.shape)
-            if low is None:
-                low = frames[0] * np.float64(scale)
-            return self._pass(frames, scale, low, delayed, smoothed)
+        return start
+
+    def _from(self, state: Floats, is_new: bool = False) -> Responder:
+        """Return filters in a state; of new ones the first frame has been there forever."""
+
+        def respond(frames: Frames, scale: float) -> Floats:
+            nonlocal is_new
+            if is_new and len(frames):
+                state[0], is_new = frames[0] * np.float64(scale), False
+            return self._pass(frames, scale, state)
 
         return respond
 
-    def _pass(self, frames: Frames, scale: float, *state: Any) -> FloatArray:
+    def _pass(self, frames: Frames, scale: float, state: Floats) -> Floats:
         """Return the responses, and change the state in place."""
         responses = np.empty(frames.shape)
-        steps = (self.filter_step, self.output_step)
-        _advance(self._kind, frames, float(scale), *steps, *state, responses)
+        filters = _Filters(self._kind, float(scale), self.filter_step, self.output_step)
+        _advance(frames, filters, state, responses)
         return responses
 
-    def scored(self, responses: FloatArray) -> FloatArray:
+    def scored(self, responses: Floats) -> Floats:
         """Return pixels 2 to N − 1 of each side, as in Eq. 4.5; a single row has no border rows."""
         rows = slice(None) if responses.shape[1] == 1 else slice(1, -1)
         return responses[:, rows, 1:-1, np.newaxis]
@@ -181,7 +186,6 @@ class ElementaryMotionDetector(CorrelationDetector, frozen=True):
 
     name: str = "EMD"
     label: str = "Elementary motion detector"
-
     filter_step: FilterStep = 0.30
     """Step a of the high-pass and of the delay, 1/(1 + time constant in frames)"""
 
@@ -193,10 +197,8 @@ class NonDirectionalMultiplication(CorrelationDetector, frozen=True):
 
     name: str = "NDM"
     label: str = "Non-directional multiplication"
-
     filter_step: FilterStep = 0.625
     """Step a of the high-pass and of the delay, 1/(1 + time constant in frames)"""
-
     rectified: bool = True
     """Whether the output is the absolute value of the product"""
 
@@ -213,30 +215,21 @@ class NonDirectionalSummation(CorrelationDetector, frozen=True):
 
     name: str = "NDS"
     label: str = "Non-directional summation"
-
     filter_step: FilterStep = 0.714
     """Step a of the high-pass and of the delay, 1/(1 + time constant in frames)"""
 
 
-def ndm_mean(filter_step: float, omega: ArrayLike, phase: float, contrast: float) -> FloatArray:
+def ndm_mean(filter_step: float, omega: ArrayLike, phase: float, contrast: float) -> Floats:
     """Return the mean response of NDM before rectification, (C²/4)·h1²·h2·cos φ2·cos φ (Eq. 4.2).
 
-    Parameters
-    ----------
-    filter_step : float
-        Step a of the high-pass and of the delay, 0 < a < 1.
-    omega : array_like of any shape
-        Temporal frequency, rad per frame.
-    phase : float
-        Spatial frequency φ, rad per pixel.
-    contrast : float
-        Michelson contrast C.
+    `filter_step`: step a of the high-pass and of the delay, 0 < a < 1; `omega`: temporal frequency,
+    rad per frame; `phase`: spatial frequency φ, rad per pixel; `contrast`: Michelson contrast C.
     """
     high_pass, delayed = _gains(filter_step, omega)
     return np.asarray(contrast**2 / 4 * high_pass**2 * delayed.real * np.cos(phase))
 
 
-def nds_mean(filter_step: float, omega: ArrayLike, phase: float, contrast: float) -> FloatArray:
+def nds_mean(filter_step: float, omega: ArrayLike, phase: float, contrast: float) -> Floats:
     """Return the mean response of NDS, rectified: 2A/π, A = (C/2)·h1·|1 + 2·Hl·cos φ|.
 
     Parameters and shape as for `ndm_mean`.
@@ -246,7 +239,7 @@ def nds_mean(filter_step: float, omega: ArrayLike, phase: float, contrast: float
     return np.asarray(2 / np.pi * amplitude)
 
 
-def _gains(step: float, omega: ArrayLike) -> tuple[FloatArray, np.ndarray]:
+def _gains(step: float, omega: ArrayLike) -> tuple[Floats, np.ndarray]:
     """Amplitude h1 of the high-pass and complex gain Hl of the delay."""
     z = np.exp(-1j * np.asarray(omega, dtype=float))
     rest = 1 - (1 - step) * z

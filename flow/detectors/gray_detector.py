@@ -15,8 +15,17 @@ counts n are brought to 2·√(n + 3/8) first, whose noise is the same in the da
 
 A pair without any contrast has no velocity (NaN); an estimator says more where it can know more.
 Velocities belong to the blocks of the first frame of a pair.
+
+A plain function that gives the flow between two frames becomes such a detector, too:
+
+    photon_benchmark(frames, ["LK", detector_from(my_flow)], settings, seed=0, sequence="mine")
+
+A method that must see the counts themselves derives from `BlockDetector` instead.
 """
 
+import hashlib
+import inspect
+import traceback
 from abc import abstractmethod
 from collections.abc import Callable
 from functools import partial
@@ -24,18 +33,24 @@ from typing import Annotated, Any, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field
+from pydantic import Field, field_serializer
 from scipy.ndimage import gaussian_filter
 
+from megalopta.core.arrays import Floats
+from megalopta.core.bounded import quoted
 from megalopta.core.errors import UserError
-from megalopta.flow.detectors.base import FloatArray, Frames, Responder, in_pairs
+from megalopta.flow.detectors.base import Frames, Responder, in_pairs
 from megalopta.flow.detectors.blocks import BlockDetector, BlockGrid, mean_over_blocks
 
 _ANSCOMBE = 3 / 8
 _MIDDLE_PERCENT, _SPREADS = (1, 99), 3.0
 
-Estimator = Callable[[FloatArray], FloatArray]
+Estimator = Callable[[Floats], Floats]
 """Two frames (2, H, W), from 0 to 1, to the velocities of the blocks (rows, columns, 2)."""
+PairFlow: TypeAlias = Callable[[Floats], NDArray[Any]]
+"""Two frames (2, H, W), from 0 to 1, to their flow (H, W, 2)."""
+DenseFlow: TypeAlias = Callable[[Floats, Floats], Any]
+"""Two frames (H, W) to the flow (H, W, 2) from the first to the second, px, x before y."""
 
 
 class GrayDetector(BlockDetector, frozen=True):
@@ -43,14 +58,21 @@ class GrayDetector(BlockDetector, frozen=True):
 
     stretch: Literal["none", "anscombe"] = "none"
     """What is done to counts first; anscombe makes the noise of all of them alike"""
-
     blur_px: Annotated[float, Field(ge=0, le=10)] = 0.0
     """Standard deviation of a Gaussian that smooths what was stretched"""
 
     def start(self, shape: tuple[int, int]) -> Responder:
         """Return the estimator for frames (H, W); see `Detector.start`."""
         grid = self.grid(shape)
-        return in_pairs(partial(_velocities, grid, self._estimator(grid), self._prepared))
+        return in_pairs(partial(self._velocities, grid, self._estimator(grid)))
+
+    def _velocities(self, grid: BlockGrid, estimate: Estimator, frames: Frames) -> Floats:
+        velocities = np.full((len(frames) - 1, grid.rows, grid.columns, 2), np.nan)
+        for index in range(len(frames) - 1):
+            pair = gray_levels(self._prepared(frames[index : index + 2]))
+            if pair is not None:
+                velocities[index] = estimate(pair)
+        return velocities
 
     def _prepared(self, pair: Frames) -> Frames:
         """Return a pair of frames as it is to be brought to gray levels."""
@@ -65,12 +87,12 @@ class GrayDetector(BlockDetector, frozen=True):
     def _estimator(self, grid: BlockGrid) -> Estimator: ...
 
 
-def eight_bits(pair: FloatArray) -> NDArray[np.uint8]:
+def eight_bits(pair: Floats) -> NDArray[np.uint8]:
     """Return gray levels from 0 to 1 as 0 to 255, rounded."""
     return np.rint(255 * pair).astype(np.uint8)
 
 
-def gray_levels(pair: Frames) -> FloatArray | None:
+def gray_levels(pair: Frames) -> Floats | None:
     """Return two frames (2, H, W) with gray levels from 0 to 1; None without any contrast."""
     exact = pair.astype(np.float64)
     low, high = np.percentile(exact, _MIDDLE_PERCENT)
@@ -80,21 +102,6 @@ def gray_levels(pair: Frames) -> FloatArray | None:
     if brightest > darkest:
         return np.asarray((np.clip(exact, darkest, brightest) - darkest) / (brightest - darkest))
     return None
-
-
-def _velocities(
-    grid: BlockGrid, estimate: Estimator, prepare: Callable[[Frames], Frames], frames: Frames
-) -> FloatArray:
-    velocities = np.full((len(frames) - 1, grid.rows, grid.columns, 2), np.nan)
-    for index in range(len(frames) - 1):
-        pair = gray_levels(prepare(frames[index : index + 2]))
-        if pair is not None:
-            velocities[index] = estimate(pair)
-    return velocities
-
-
-PairFlow: TypeAlias = Callable[[FloatArray], NDArray[Any]]
-"""Two frames (2, H, W), from 0 to 1, to their flow (H, W, 2)."""
 
 
 class MethodError(UserError, ValueError):
@@ -107,7 +114,7 @@ class DenseDetector(GrayDetector, frozen=True):
     A flow that is undefined at a pixel leaves its block undefined.
     """
 
-    def dense(self, *frames: Frames) -> FloatArray:
+    def dense(self, *frames: Frames) -> Floats:
         """Return the flow (H, W, 2) from one frame to the next, NaN without contrast.
 
         Raises as `BlockDetector.dense`.
@@ -124,7 +131,7 @@ class DenseDetector(GrayDetector, frozen=True):
     def _of_shape(self, grid: BlockGrid) -> Estimator:
         estimate, expected = self._dense(grid), (*grid.shape, 2)
 
-        def checked(pair: FloatArray) -> FloatArray:
+        def checked(pair: Floats) -> Floats:
             flow = np.asarray(estimate(pair), np.float64)
             if flow.shape != expected:
                 raise MethodError(
@@ -136,3 +143,55 @@ class DenseDetector(GrayDetector, frozen=True):
 
     @abstractmethod
     def _dense(self, grid: BlockGrid) -> PairFlow: ...
+
+
+class FunctionDetector(DenseDetector, frozen=True):
+    """The flow of a function, averaged over blocks."""
+
+    function: DenseFlow
+    """Two frames (H, W), gray levels from 0 to 1, to their flow (H, W, 2)"""
+
+    @field_serializer("function")
+    def _identity(self, function: DenseFlow) -> str:
+        """Return what tells this function from others, for records and stored results.
+
+        Its source and the values that it encloses; what it calls is not looked into.
+        """
+        try:
+            enclosed = sorted(inspect.getclosurevars(function).nonlocals.items())
+            body = f"{inspect.getsource(function)}{enclosed}"
+        except (OSError, TypeError):  # built in, or typed into an interpreter
+            body = repr(function)
+        place = f"{function.__module__}.{getattr(function, '__qualname__', repr(function))}"
+        return f"{place} {hashlib.sha256(body.encode()).hexdigest()}"
+
+    def _dense(self, grid: BlockGrid) -> PairFlow:
+        return self._answer
+
+    def _answer(self, pair: Floats) -> Floats:
+        try:
+            return np.asarray(self.function(pair[0], pair[1]), np.float64)
+        except Exception as problem:  # somebody else's code can raise anything
+            last = traceback.extract_tb(problem.__traceback__)[-1]
+            told = f"{type(problem).__name__}: {' '.join(str(problem).split())}"
+            raise MethodError(
+                f"method {self.name}: {quoted(told)} at {last.filename}:{last.lineno}; give a "
+                "function of two frames (H, W) that returns their flow (H, W, 2)"
+            ) from problem
+
+
+def detector_from(
+    function: DenseFlow, name: str | None = None, label: str | None = None
+) -> FunctionDetector:
+    """Return a detector that asks a function for the flow between neighboring frames.
+
+    Parameters
+    ----------
+    function
+        Two frames (H, W) float64, gray levels from 0 to 1, to their flow (H, W, 2) in px, x before
+        y; NaN where undefined.
+    name, label : str, optional
+        Short name, and name in words; by default the function's.
+    """
+    short = name or getattr(function, "__name__", type(function).__name__)
+    return FunctionDetector(name=short, label=label or short, function=function)

@@ -19,7 +19,8 @@ from typing import ClassVar, Literal
 import numpy as np
 from numba import njit
 
-from megalopta.flow.detectors.base import FloatArray, Frames, Responder, in_pairs
+from megalopta.core.arrays import Floats
+from megalopta.flow.detectors.base import Frames, Responder, in_pairs
 from megalopta.flow.detectors.blocks import BlockDetector, BlockGrid
 
 _SINGULAR = 1e-9
@@ -33,7 +34,6 @@ class ImageInterpolation(BlockDetector, frozen=True):
 
     name: str = "IIA"
     label: str = "Image interpolation"
-
     scored_components: Literal["x", "xy"] = "x"
     """What the benchmark compares: the thesis's motion is horizontal, so its x component"""
 
@@ -41,12 +41,12 @@ class ImageInterpolation(BlockDetector, frozen=True):
         """Return the estimator for frames (H, W); see `Detector.start`."""
         return in_pairs(partial(_velocities, self.grid(shape)))
 
-    def scored(self, responses: FloatArray) -> FloatArray:
+    def scored(self, responses: Floats) -> Floats:
         """Return the velocity, by default its x component, of the blocks inside."""
         return responses[:, 1:-1, 1:-1, : len(self.scored_components)]
 
 
-def _velocities(grid: BlockGrid, frames: Frames) -> FloatArray:
+def _velocities(grid: BlockGrid, frames: Frames) -> Floats:
     velocities = np.empty((len(frames) - 1, grid.rows, grid.columns, 2))
     exact = np.ascontiguousarray(frames, np.float64)
     _solve(exact, grid.top, grid.left, grid.block_px, velocities)
@@ -54,7 +54,7 @@ def _velocities(grid: BlockGrid, frames: Frames) -> FloatArray:
 
 
 @njit(cache=True, nogil=True, fastmath={"reassoc"})  # type: ignore[untyped-decorator]
-def _solve(frames: FloatArray, top: int, left: int, size: int, velocities: FloatArray) -> None:
+def _solve(frames: Floats, top: int, left: int, size: int, velocities: Floats) -> None:
     height, width = frames.shape[1:]
     for pair, i, j in np.ndindex(velocities.shape[:3]):
         A = B = C = D = E = 0.0

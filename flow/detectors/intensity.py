@@ -12,7 +12,8 @@ import numpy as np
 from numba import vectorize
 from numpy.typing import ArrayLike
 
-from megalopta.flow.detectors.base import Detector, FloatArray, Frames, Responder
+from megalopta.core.arrays import Floats
+from megalopta.flow.detectors.base import Detector, Frames, Responder
 
 
 class IntensityMeasurement(Detector, frozen=True):
@@ -36,20 +37,20 @@ class IntensityMeasurement(Detector, frozen=True):
             raise ValueError(f"frames of {shape[0]} × {shape[1]} px: {self.name} needs 3 × 3 px")
         return _scaled
 
-    def expected_deviation(self, means: FloatArray, scale: float) -> FloatArray:
+    def expected_deviation(self, means: Floats, scale: float) -> Floats:
         """Return the mean absolute deviation of Poisson counts; see `Detector`."""
         return mean_absolute_deviation(means) * np.float64(scale)
 
-    def scored(self, responses: FloatArray) -> FloatArray:
+    def scored(self, responses: Floats) -> Floats:
         """Return pixels 2 to N − 1 of each side, as in Eq. 4.5."""
         return responses[:, 1:-1, 1:-1, np.newaxis]
 
 
-def _scaled(frames: Frames, scale: float) -> FloatArray:
+def _scaled(frames: Frames, scale: float) -> Floats:
     return np.asarray(frames * np.float64(scale))
 
 
-def mean_absolute_deviation(means: ArrayLike) -> FloatArray:
+def mean_absolute_deviation(means: ArrayLike) -> Floats:
     """Return E|X − λ| of Poisson counts of means λ: 2 exp(−λ) λ^(⌊λ⌋ + 1) / ⌊λ⌋!."""
     return np.asarray(_compiled()(means))
 

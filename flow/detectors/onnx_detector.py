@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from megalopta.core.arrays import Floats
 from megalopta.core.bounded import ARRAY_BYTES, read_bytes
-from megalopta.flow.detectors.base import FloatArray
 from megalopta.flow.detectors.blocks import BlockGrid
 from megalopta.flow.detectors.gray_detector import DenseDetector, PairFlow
 
@@ -34,14 +34,13 @@ class OnnxDetector(DenseDetector, frozen=True):
 
     path: Path
     """ONNX file"""
-
     content: str
     """SHA-256 of the file"""
 
     def _dense(self, grid: BlockGrid) -> PairFlow:
         return self.flow
 
-    def flow(self, pair: FloatArray) -> FloatArray:
+    def flow(self, pair: Floats) -> Floats:
         """Return the flow (H, W, 2) between two frames (2, H, W) with gray levels from 0 to 1."""
         shape = (pair.shape[1], pair.shape[2])
         wanted = self._size(shape)
@@ -61,7 +60,7 @@ class OnnxDetector(DenseDetector, frozen=True):
             return int(own[0]), int(own[1])
         return _padded(shape)
 
-    def _inferred(self, pictures: FloatArray) -> FloatArray:
+    def _inferred(self, pictures: Floats) -> Floats:
         """Flow (H, W, 2) of two pictures (2, H, W) from 0 to 255."""
         session = _session(self.path, self.content)
         inputs = session.get_inputs()
@@ -81,10 +80,8 @@ class OnnxDetector(DenseDetector, frozen=True):
 def onnx_detector(path: Path) -> OnnxDetector:
     """Return the detector of an ONNX file, named as the file is.
 
-    Raises
-    ------
-    ValueError
-        When onnxruntime is not installed, or the file holds no network that gives flow.
+    Raises ValueError when onnxruntime is not installed, or the file holds no network that gives
+    flow.
     """
     try:
         import onnxruntime  # noqa: F401
@@ -132,13 +129,13 @@ def _padded(shape: tuple[int, int]) -> tuple[int, int]:
     return height, width
 
 
-def _continued(picture: FloatArray) -> NDArray[Any]:
+def _continued(picture: Floats) -> NDArray[Any]:
     """A picture (H, W) whose right and lower borders go on."""
     more = np.subtract(_padded((picture.shape[0], picture.shape[1])), picture.shape)
     return np.pad(picture, [(0, int(each)) for each in more], mode="edge")
 
 
-def _resized(picture: FloatArray, shape: tuple[int, int]) -> NDArray[Any]:
+def _resized(picture: Floats, shape: tuple[int, int]) -> NDArray[Any]:
     import cv2
 
     return cv2.resize(picture, shape[::-1], interpolation=cv2.INTER_LINEAR)

@@ -11,7 +11,8 @@ from typing import Annotated, ClassVar
 
 from pydantic import Field
 
-from megalopta.flow.detectors.base import FloatArray, Frames, Responder, stacked
+from megalopta.core.arrays import Floats
+from megalopta.flow.detectors.base import Frames, Responder, stacked
 from megalopta.flow.detectors.blocks import BlockDetector, PooledFrames, mean_over_blocks
 from megalopta.flow.likelihood import likelihood_flow
 
@@ -25,7 +26,6 @@ class PoissonFlow(BlockDetector, frozen=True):
 
     name: str = "PF"
     label: str = "Poisson flow"
-
     smoothness: Annotated[float, Field(gt=0)] = 0.2
     """Log-likelihood that a pixel's worth of flow is charged per unit of its gradient"""
 
@@ -34,18 +34,11 @@ class PoissonFlow(BlockDetector, frozen=True):
         """Any number, of one steady motion."""
         return math.inf
 
-    def dense(self, *frames: Frames) -> FloatArray:
+    def dense(self, *frames: Frames) -> Floats:
         """Return the flow (H, W, 2), px per frame, at the first frame of the pair in the middle.
 
-        Parameters
-        ----------
-        *frames : (H, W)
-            Counts, two or more frames of one steady motion; without photons the flow is NaN.
-
-        Raises
-        ------
-        ValueError
-            When frames differ in shape, or hold what is no count.
+        Of counts (H, W), two or more frames of one steady motion; NaN without photons. Raises
+        ValueError when frames differ in shape, or hold what is no count.
         """
         return likelihood_flow(self.checked(frames), self.smoothness)
 

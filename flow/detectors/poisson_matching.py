@@ -1,30 +1,39 @@
-"""Block matching by Poisson likelihood (PM): two frames, a scale of its own, fractions of a pixel.
+"""Block matching by Poisson likelihood, of two frames (PM) or of up to eight together (PPM).
 
 As in block matching, each block of frame t + 1 is compared with the equally large parts of frame t
-around it. Three things differ, and each takes it closer to the bound of `translation_bound`.
+around it. Costs are squared differences of the roots of counts, the log-likelihood of a shift up to
+a factor for counts that were smoothed. Each block is smoothed as its own counts ask for
+(`likelihood.suited_blur_px`). Edges lie between plain areas, where differences are all noise; so
+each pixel is weighed as well, by the variance of the smoothed roots around it: texture over texture
+plus noise, no less than a fifth.
 
-The difference is that of a likelihood of counts. Two Poisson counts x and y of one mean have the
-log-likelihood ratio x·ln(2x/(x + y)) + y·ln(2y/(x + y)) ≈ (√x − √y)² against two means of their
-own. The root makes the noise the same in the dark and in the light, so a sum of squared differences
-of roots is the likelihood of a shift, up to a factor for counts that were smoothed. A plain sum of
-squared differences prefers dark candidates, whose noise is smaller.
+The best shift is interpolated by the parabola through 3 × 3 costs, which is meant for frames
+smoothed by at least 0.7 px; on sharper ones it draws velocities toward whole pixels. A neighborhood
+in which only one frame's part moves sees another strip of texture on either side, which tilts the
+parabola: the costs around the minimum are those of both frames' parts. A block uses its own pixels,
+those that the search compares them with, and what the smoothing mixes into both, 6 px at most; the
+weights look a little further. One without photons, or whose costs are all equal, has no velocity
+(NaN).
 
-Each block is smoothed as its own counts ask for (`likelihood.suited_blur_px`). Edges lie between
-plain areas, where differences are all noise; so each pixel is weighed as well, by the variance of
-the smoothed roots around it: texture over texture plus noise, no less than a fifth.
+PPM first finds the velocity v that all pairs of frames agree on, the highest of
 
-The best shift is interpolated between pixels, by the parabola through 3 × 3 costs, which is meant
-for frames smoothed by at least 0.7 px; on sharper ones it draws velocities toward whole pixels. A
-neighborhood in which only one frame's part moves sees another strip of texture on either side,
-which tilts the parabola: the costs around the minimum are those of both frames' parts.
+    ½·Σ_ω S/(N·(N + n·S))·|Σ_t y_t(ω)·exp(iω·v·t)|²
 
-A block uses its own pixels, those that the search compares them with, and what the smoothing mixes
-into both, 6 px at most; the weights look a little further. It needs nothing else of the frame
-(`efficiency.confined_velocities` cuts all else away). A block without photons, or whose costs are
-all equal, has no velocity (NaN).
+a sum over pairs of their correlation, filtered, at the displacement v·k of frames k apart. N is the
+mean count, S falls with the frequency from the counts' excess variance. From there it moves to
+where the frames f_t(x + v·t), t from their middle, are most alike, by Gauss–Newton steps with g the
+mean gradient of the frames so laid over one another:
+
+    Δv = −(Σ_x w·g·gᵀ·Σ_t (t − t̄)²)⁻¹ · Σ_x w·g·Σ_t (t − t̄)·f_t(x + v·t) .
+
+Between pixels frames are cubic splines, which leave of frames blurred by 0.7 px an error below a
+hundredth of a pixel, where parabolas through costs leave a tenth.
+
+Derivation, sources and errors: `docs/theory/matching.md`.
 """
 
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Hashable, Sequence
 from functools import partial
 from itertools import pairwise
 from typing import Annotated, Any, ClassVar
@@ -33,10 +42,12 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 from pydantic import Field
+from scipy.fft import irfft2, next_fast_len, rfft2
 from scipy.ndimage import gaussian_filter, spline_filter, uniform_filter
 
-from megalopta.flow.detectors.base import FloatArray, Frames, Responder
-from megalopta.flow.detectors.blocks import BlockDetector, BlockGrid, thesis_radius_px
+from megalopta.core.arrays import Floats
+from megalopta.flow.detectors.base import Frames, Responder
+from megalopta.flow.detectors.blocks import BlockDetector, BlockGrid, PooledFrames, thesis_radius_px
 from megalopta.flow.likelihood import root_noise, suited_blur_px
 
 BLURS_PX = (0.7, 1.0, 1.4, 2.0)
@@ -50,6 +61,15 @@ _LEAST_WEIGHT = 0.2
 
 _DEGENERATE = 0.05
 """Share of fxx·fyy below which the determinant of the parabola says nothing across the edge."""
+_STEPS_PER_PX = 2
+"""Velocities tried, before interpolation"""
+_SLOPE, _LARGEST_PATTERN = 2.6, 0.02
+"""S goes as (ω² + 0.02)^−1.3, ω in rad/px: between dead leaves and photographs"""
+_LEAST_CONTRAST = 0.1
+_STEPS, _NEAR_PX = 6, 5e-3
+"""Most steps, and the length of one that is the last"""
+_FARTHEST_PX = 1.0
+"""Between a velocity and where it is moved to; farther away it stays what it was"""
 
 
 class PoissonMatching(BlockDetector, frozen=True):
@@ -61,7 +81,6 @@ class PoissonMatching(BlockDetector, frozen=True):
 
     name: str = "PM"
     label: str = "Poisson matching"
-
     radius_px: Annotated[int, Field(ge=1)] | None = None
     """Largest shift searched in x and in y (px per frame); by default as block matching"""
 
@@ -69,7 +88,7 @@ class PoissonMatching(BlockDetector, frozen=True):
         """Return the search for frames (H, W); see `Detector.start`."""
         grid, radius = self.grid(shape), self.radius_px or thesis_radius_px(shape)
         return self.over_window(
-            grid, lambda window, scale: neighbor_shifts(window, grid, radius), SmoothedFrame
+            grid, lambda window, scale: _neighbor_shifts(window, grid, radius), SmoothedFrame
         )
 
 
@@ -78,39 +97,40 @@ class SmoothedFrame:
 
     def __init__(self, counts: Frames) -> None:
         self._counts = counts.astype(np.float32)
-        self._roots: dict[int, NDArray[np.float32]] = {}
-        self._splines: dict[int, NDArray[np.float32]] = {}
-        self._weights: dict[int, NDArray[np.float32]] = {}
-        self._moments: dict[tuple[BlockGrid, int], FloatArray] = {}
+        self._kept: dict[Hashable, Any] = {}
 
-    def moments(self, grid: BlockGrid, margin_px: int) -> FloatArray:
+    def _once(self, key: Hashable, make: Callable[[], Any]) -> Any:
+        if key not in self._kept:
+            self._kept[key] = make()
+        return self._kept[key]
+
+    def moments(self, grid: BlockGrid, margin_px: int) -> Floats:
         """Return `block_moments` of the counts."""
-        if (grid, margin_px) not in self._moments:
-            self._moments[grid, margin_px] = block_moments(self._counts, grid, margin_px)
-        return self._moments[grid, margin_px]
+        make = partial(block_moments, self._counts, grid, margin_px)
+        return np.asarray(self._once((grid, margin_px), make))
 
     def roots(self, level: int) -> NDArray[np.float32]:
         """Return the roots of the counts smoothed by `BLURS_PX[level]`, (H, W)."""
-        if level not in self._roots:
-            self._roots[level] = np.sqrt(_smooth(self._counts, level))
-        return self._roots[level]
+        return np.asarray(
+            self._once(("roots", level), lambda: np.sqrt(_smooth(self._counts, level)))
+        )
 
     def splines(self, level: int) -> NDArray[np.float32]:
         """Return the coefficients of cubic splines through `roots`, (H, W)."""
-        if level not in self._splines:
-            self._splines[level] = spline_filter(self.roots(level), 3, output=np.float32)
-        return self._splines[level]
+        make = partial(spline_filter, self.roots(level), 3, output=np.float32)
+        return np.asarray(self._once(("splines", level), make))
 
     def weights(self, level: int) -> NDArray[np.float32]:
         """Return how much texture there is around each pixel of `roots`, from 0.2 to 1, (H, W)."""
-        if level not in self._weights:
-            side = round(_NEIGHBORHOOD_BLURS * BLURS_PX[level]) | 1
-            roots = self.roots(level)
-            variance = uniform_filter((roots - uniform_filter(roots, side)) ** 2, side)
-            texture = np.maximum(variance - _ROOT_NOISE[level], 0)
-            share = texture / (texture + _ROOT_NOISE[level])
-            self._weights[level] = np.float32(_LEAST_WEIGHT) + (1 - _LEAST_WEIGHT) * share
-        return self._weights[level]
+        return np.asarray(self._once(("weights", level), partial(self._weights, level)))
+
+    def _weights(self, level: int) -> NDArray[np.float32]:
+        side = round(_NEIGHBORHOOD_BLURS * BLURS_PX[level]) | 1
+        roots = self.roots(level)
+        variance = uniform_filter((roots - uniform_filter(roots, side)) ** 2, side)
+        texture = np.maximum(variance - _ROOT_NOISE[level], 0)
+        share = texture / (texture + _ROOT_NOISE[level])
+        return np.asarray(np.float32(_LEAST_WEIGHT) + (1 - _LEAST_WEIGHT) * share)
 
 
 def suited_levels(
@@ -121,24 +141,27 @@ def suited_levels(
     return blur_levels(moments, len(window)).ravel()
 
 
-def block_moments(counts: NDArray[np.float32], grid: BlockGrid, margin_px: int) -> FloatArray:
+def block_moments(counts: Frames, grid: BlockGrid, margin_px: int) -> Floats:
     """Return sums of 1, counts and squared counts over blocks and a margin, (3, rows, columns)."""
-    y = _windows(counts.shape[0], grid.top, grid.block_px, grid.rows, margin_px)
-    x = _windows(counts.shape[1], grid.left, grid.block_px, grid.columns, margin_px)
-    pixels = np.multiply.outer(y[1] - y[0], x[1] - x[0])
-    exact = counts.astype(np.float64)
-    return np.stack((pixels, *(_window_sums(each, y, x) for each in (exact, exact**2))))
+    around = np.array([[-margin_px], [grid.block_px + margin_px]])
+    rows, columns = (
+        np.clip(first + grid.block_px * np.arange(number) + around, 0, side)
+        for first, number, side in zip(
+            (grid.top, grid.left), (grid.rows, grid.columns), counts.shape, strict=True
+        )
+    )
+    exact, sums = counts.astype(np.float64), []
+    for image in (exact, exact**2):
+        below = np.pad(image, ((1, 0), (0, 0))).cumsum(axis=0)
+        beside = np.pad(below[rows[1]] - below[rows[0]], ((0, 0), (1, 0))).cumsum(axis=1)
+        sums.append(beside[:, columns[1]] - beside[:, columns[0]])
+    return np.stack((np.multiply.outer(rows[1] - rows[0], columns[1] - columns[0]), *sums))
 
 
-def blur_levels(moments: FloatArray, frames: int) -> NDArray[np.intp]:
-    """Return which of `BLURS_PX` suits each block.
+def blur_levels(moments: Floats, frames: int) -> NDArray[np.intp]:
+    """Return which of `BLURS_PX` suits each block, of so many frames that are to agree.
 
-    Parameters
-    ----------
-    moments : (3, ...)
-        Sums of 1, counts and squared counts.
-    frames : int
-        How many frames are to agree.
+    The moments (3, …) are sums of 1, counts and squared counts.
     """
     pixels, total, squares = moments
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -156,31 +179,15 @@ _ROOT_NOISE = [
 ]
 
 
-def _windows(length: int, start: int, size: int, number: int, margin: int) -> NDArray[np.int64]:
-    """Return the first pixel of each block and its margin, and the one after the last."""
-    first = start + size * np.arange(number)
-    return np.clip(np.stack((first - margin, first + size + margin)), 0, length)
-
-
-def _window_sums(
-    image: FloatArray, rows: NDArray[np.int64], columns: NDArray[np.int64]
-) -> FloatArray:
-    below = np.pad(image, ((1, 0), (0, 0))).cumsum(axis=0)
-    strips = below[rows[1]] - below[rows[0]]
-    beside = np.pad(strips, ((0, 0), (1, 0))).cumsum(axis=1)
-    return np.asarray(beside[:, columns[1]] - beside[:, columns[0]])
-
-
 # A sum of its own for each row, cut out beforehand, lets the compiler vectorize.
 @njit(cache=True, nogil=True, fastmath={"reassoc", "contract"})  # type: ignore[untyped-decorator]
 def add_costs(
     first: NDArray[np.float32],
     second: NDArray[np.float32],
     weights: NDArray[np.float32],
-    origins: NDArray[np.int64],
-    corners: NDArray[np.int64],
+    places: NDArray[np.int64],
     size: int,
-    costs: FloatArray,
+    costs: Floats,
 ) -> None:
     """Add Σ weight·(second − first)² over blocks of `second` and parts of `first` near an origin.
 
@@ -190,10 +197,9 @@ def add_costs(
         Roots of smoothed counts.
     weights : (H, W)
         Of the pixels of `second`.
-    origins : (n, 2)
-        Row and column in `first` of the part that the middle of `costs` compares with.
-    corners : (n, 2)
-        Row and column of each block in `second`; the blocks must lie inside.
+    places : (n, 4)
+        Row and column in `first` of the part that the middle of `costs` compares with, and of each
+        block in `second`, which must lie inside.
     size : int
         Side of a block (px).
     costs : (n, 2·radius + 1, 2·radius + 1)
@@ -203,11 +209,11 @@ def add_costs(
     """
     height, width = first.shape
     radius = costs.shape[1] // 2
-    for block in range(len(corners)):
-        row, column = corners[block, 0], corners[block, 1]
+    for block in range(len(places)):
+        origin_row, origin_column, row, column = places[block]
         for dy in range(-radius, radius + 1):
             for dx in range(-radius, radius + 1):
-                top, left = origins[block, 0] - dy, origins[block, 1] - dx
+                top, left = origin_row - dy, origin_column - dx
                 if top < 0 or left < 0 or top + size > height or left + size > width:
                     costs[block, radius + dy, radius + dx] = np.inf
                     continue
@@ -224,15 +230,11 @@ def add_costs(
                 costs[block, radius + dy, radius + dx] += cost
 
 
-def least_cost(costs: FloatArray) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+def least_cost(costs: Floats) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
     """Return the shift (x, y) of least cost of each block, (n, 2), and whether there is one, (n,).
 
-    There is none where all costs are equal, as without photons, or none is finite.
-
-    Parameters
-    ----------
-    costs : (n, 2·radius + 1, 2·radius + 1)
-        As from `add_costs`.
+    There is none where all costs are equal, as without photons, or none is finite. Costs are those
+    of `add_costs`.
     """
     blocks, side = costs.shape[:2]
     y, x = np.divmod(costs.reshape(blocks, -1).argmin(axis=1), side)
@@ -240,14 +242,10 @@ def least_cost(costs: FloatArray) -> tuple[NDArray[np.int64], NDArray[np.bool_]]
     return np.stack((x, y), axis=-1) - side // 2, highest > costs.min(axis=(1, 2))
 
 
-def parabola_minimum(costs: FloatArray) -> FloatArray:
-    """Return where (x, y) the parabola through 3 × 3 costs has its minimum, (n, 2), at most 1 away.
+def parabola_minimum(costs: Floats) -> Floats:
+    """Return where (x, y) the parabola through costs (n, 3, 3) is least, (n, 2), at most 1 away.
 
     0 along an axis on which a cost is infinite or the middle is no minimum.
-
-    Parameters
-    ----------
-    costs : (n, 3, 3)
     """
     c = {(i, j): costs[:, 1 + i, 1 + j] for i in (-1, 0, 1) for j in (-1, 0, 1)}
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -262,29 +260,20 @@ def parabola_minimum(costs: FloatArray) -> FloatArray:
     return np.where(np.isfinite(steps), np.clip(steps, -1, 1), 0)
 
 
-def neighbor_shifts(window: Sequence[SmoothedFrame], grid: BlockGrid, radius: int) -> FloatArray:
+def _neighbor_shifts(window: Sequence[SmoothedFrame], grid: BlockGrid, radius: int) -> Floats:
     """Return how far the content of each block moves from frame to frame, (blocks, 2), x and y, px.
 
-    NaN where all shifts are as likely.
-
-    Parameters
-    ----------
-    window : sequence of frames
-        Oldest first, two or more.
-    grid
-        Blocks of all frames.
-    radius : int
-        Largest shift searched in x and in y (px); so far around a block its texture and noise are
-        judged, too.
+    NaN where all shifts are as likely. Frames are oldest first, two or more. Shifts are searched so
+    far in x and in y; so far around a block its texture and noise are judged, too.
     """
     levels, seconds = suited_levels(window, grid, radius), grid.corners
     pairs = list(pairwise(window))
-    costs = _costs(pairs, levels, seconds, seconds, grid.block_px, radius)
+    costs = _costs(pairs, levels, np.hstack((seconds, seconds)), grid.block_px, radius)
     best, exists = least_cost(costs)
     firsts = np.where(exists[:, np.newaxis], seconds - best[:, ::-1], seconds)
-    forth = _costs(pairs, levels, firsts, seconds, grid.block_px, 1)
+    forth = _costs(pairs, levels, np.hstack((firsts, seconds)), grid.block_px, 1)
     swapped = [(later, earlier) for earlier, later in pairs]
-    back = _costs(swapped, levels, seconds, firsts, grid.block_px, 1)
+    back = _costs(swapped, levels, np.hstack((seconds, firsts)), grid.block_px, 1)
     shifts = best + parabola_minimum(forth + back[:, ::-1, ::-1])
     return np.where(exists[:, np.newaxis], shifts, np.nan)
 
@@ -292,28 +281,269 @@ def neighbor_shifts(window: Sequence[SmoothedFrame], grid: BlockGrid, radius: in
 def _costs(
     pairs: Sequence[tuple[SmoothedFrame, SmoothedFrame]],
     levels: NDArray[np.intp],
-    origins: NDArray[np.int64],
-    corners: NDArray[np.int64],
+    places: NDArray[np.int64],
     block_px: int,
     radius: int,
-) -> FloatArray:
-    """Return the costs of shifts around those from origins to corners, summed over all pairs.
-
-    Blocks lie at `corners` in the second frame of a pair; the first is searched around `origins`.
-    """
-    costs = np.zeros((len(corners), 2 * radius + 1, 2 * radius + 1))
+) -> Floats:
+    """Return the costs of shifts around those of places, as of `add_costs`, over all pairs."""
+    costs = np.zeros((len(places), 2 * radius + 1, 2 * radius + 1))
     for level in np.unique(levels):
         mine = np.flatnonzero(levels == level)
         part = costs[mine]
         for searched, frame in pairs:
-            add_costs(
-                searched.roots(level),
-                frame.roots(level),
-                frame.weights(level),
-                origins[mine],
-                corners[mine],
-                block_px,
-                part,
-            )
+            roots = searched.roots(level), frame.roots(level)
+            add_costs(*roots, frame.weights(level), places[mine], block_px, part)
         costs[mine] = part
     return costs
+
+
+class PooledMatching(PooledFrames, PoissonMatching, frozen=True):
+    """Velocity of each block by the likelihood of its counts in several frames.
+
+    Blocks ride with the content: each lies at its place in the middle of the frames' time.
+    Velocities are those of the newest pair under the assumption that nothing has accelerated since
+    the oldest frame; at the start of a sequence there are fewer frames to pool.
+    """
+
+    place: ClassVar[float] = 13
+
+    name: str = "PPM"
+    label: str = "Pooled Poisson matching"
+
+    def start(self, shape: tuple[int, int]) -> Responder:
+        """Return the search for frames (H, W); see `Detector.start`."""
+        grid, radius = self.grid(shape), self.radius_px or thesis_radius_px(shape)
+
+        def prepared(frame: Frames) -> tuple[SmoothedFrame, Patches]:
+            return SmoothedFrame(frame), Patches(frame, grid, radius)
+
+        def velocity(window: list[tuple[SmoothedFrame, Patches]], scale: float) -> Floats:
+            smoothed, patches = zip(*window, strict=True)
+            return aligned(smoothed, grid, radius, agreed_velocities(patches, radius))
+
+        return self.over_window(grid, velocity, prepared)
+
+
+class Patches:
+    """Spectra of the counts of one frame (H, W) around each block, as far as a margin reaches."""
+
+    def __init__(self, counts: Frames, grid: BlockGrid, margin_px: int) -> None:
+        self.side = grid.block_px + 2 * margin_px
+        size = next_fast_len(2 * self.side, real=True)
+        cut = np.zeros((grid.rows * grid.columns, size, size), np.float32)
+        self.moments = block_moments(counts, grid, margin_px).reshape(3, -1)
+        for patch, (top, left) in zip(cut, grid.corners, strict=True):
+            rows, columns = (
+                slice(max(first - margin_px, 0), first + grid.block_px + margin_px)
+                for first in (top, left)
+            )
+            seen = counts[rows, columns].astype(np.float64)
+            patch[: seen.shape[0], : seen.shape[1]] = seen - seen.mean()
+        self.spectra: NDArray[np.complex64] = rfft2(cut)
+
+
+def agreed_velocities(frames: Sequence[Patches], radius_px: int) -> Floats:
+    """Return the most likely velocity (x, y) of each patch, (patches, 2), px per frame.
+
+    NaN where all are as likely: fewer than two of its frames show any pattern. Frames are oldest
+    first, two or more; velocities are tried up to a radius in x and in y.
+    """
+    pixels, total, squares = np.sum([each.moments for each in frames], axis=0)
+    size = frames[0].spectra.shape[1]
+    steps = radius_px * _STEPS_PER_PX
+    scores = np.zeros((2 * steps + 1, 2 * steps + 1))
+    velocities = np.full((len(pixels), 2), np.nan)
+    for patch in np.flatnonzero(total):
+        mean = total[patch] / pixels[patch]
+        excess = squares[patch] / pixels[patch] - mean**2 - mean
+        weight = pair_weight(size, max(excess, (_LEAST_CONTRAST * mean) ** 2), mean, len(frames))
+        seen = np.stack([each.spectra[patch] for each in frames])
+        crosses = [
+            np.sum(seen[:-apart].conj() * seen[apart:], axis=0) for apart in range(1, len(frames))
+        ]
+        correlations = irfft2(np.stack(crosses) * weight, (size, size))
+        add_up_pairs(correlations, frames[0].side, scores)
+        if np.ptp(scores) > 0:
+            velocities[patch] = _peak(scores)
+    return velocities
+
+
+def pair_weight(size: int, excess: float, noise: float, frames: int) -> NDArray[np.float32]:
+    """Return S/(N·(N + n·S)) at the frequencies of `rfft2`."""
+    omega = 2 * math.pi * np.hypot(np.fft.fftfreq(size)[:, np.newaxis], np.fft.rfftfreq(size))
+    shape = (omega**2 + _LARGEST_PATTERN) ** (-_SLOPE / 2)
+    spectrum = excess * shape * size**2 / (2 * shape.sum())  # the variance is the mean power
+    return np.asarray(spectrum / (noise * (noise + frames * spectrum)), np.float32)
+
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def add_up_pairs(correlations: NDArray[np.float32], side: int, scores: Floats) -> None:
+    """Add up, for each velocity, the correlations of frames k apart at k times it."""
+    size, middle = correlations.shape[1], len(scores) // 2
+    for i in range(len(scores)):
+        for j in range(len(scores)):
+            total = 0.0
+            for before in range(len(correlations)):
+                x = (j - middle) * (before + 1) / _STEPS_PER_PX
+                y = (i - middle) * (before + 1) / _STEPS_PER_PX
+                if abs(x) >= side or abs(y) >= side:  # nothing overlaps
+                    break
+                left, above = math.floor(x), math.floor(y)
+                a, b = x - left, y - above
+                image = correlations[before]
+                total += (1 - b) * (
+                    (1 - a) * image[above % size, left % size]
+                    + a * image[above % size, (left + 1) % size]
+                ) + b * (
+                    (1 - a) * image[(above + 1) % size, left % size]
+                    + a * image[(above + 1) % size, (left + 1) % size]
+                )
+            scores[i, j] = total
+
+
+def _peak(scores: Floats) -> Floats:
+    """Return the velocity (x, y) of the highest score, between those tried by a parabola."""
+    steps = len(scores) // 2
+    best = np.array(np.unravel_index(scores.argmax(), scores.shape))
+    around = np.full((1, 3, 3), np.inf)
+    if (best > 0).all() and (best < 2 * steps).all():
+        around[0] = -scores[best[0] - 1 : best[0] + 2, best[1] - 1 : best[1] + 2]
+    return np.asarray((best[::-1] - steps + parabola_minimum(around)[0]) / _STEPS_PER_PX)
+
+
+def aligned(
+    window: Sequence[SmoothedFrame], grid: BlockGrid, margin_px: int, velocities: Floats
+) -> Floats:
+    """Return velocities (blocks, 2), x and y in px per frame, moved to where frames are most alike.
+
+    Those that would be moved far, or nowhere, and NaN stay. Frames are oldest first, two or more;
+    blocks lie in the middle of the frames' time, and their texture and noise are judged as far
+    around them as the margin.
+    """
+    levels, found, corners = suited_levels(window, grid, margin_px), velocities.copy(), grid.corners
+    for level in np.unique(levels):
+        mine = np.flatnonzero(levels == level)
+        splines = np.stack([frame.splines(level) for frame in window])
+        weights = window[len(window) // 2].weights(level)
+        found[mine] = _align(splines, weights, corners[mine], grid.block_px, velocities[mine])
+    return found
+
+
+@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+def _align(
+    splines: NDArray[np.float32],
+    weights: NDArray[np.float32],
+    corners: NDArray[np.int64],
+    size: int,
+    velocities: Floats,
+) -> Floats:
+    """Return velocities (n, 2) of blocks at corners, moved."""
+    moved = velocities.copy()
+    for block, start in enumerate(velocities):
+        x, y = start
+        for _ in range(_STEPS):
+            step_x, step_y = _step(splines, weights, corners[block], size, x, y)
+            x, y = x + step_x, y + step_y
+            is_near = max(abs(x - start[0]), abs(y - start[1])) <= _FARTHEST_PX  # nor NaN
+            if not is_near or step_x**2 + step_y**2 < _NEAR_PX**2:
+                break
+        if is_near:
+            moved[block, 0], moved[block, 1] = x, y
+    return moved
+
+
+@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+def _step(
+    splines: NDArray[np.float32],
+    weights: NDArray[np.float32],
+    corner: NDArray[np.int64],
+    size: int,
+    vx: float,
+    vy: float,
+) -> tuple[float, float]:
+    """Return a Gauss–Newton step (x, y) of a block's velocity; NaN from NaN."""
+    if not (math.isfinite(vx) and math.isfinite(vy)):
+        return math.nan, math.nan
+    sums = _sums_over_frames(splines, corner, size, vx, vy)
+    xx = xy = yy = along_x = along_y = 0.0
+    for row in range(size):
+        for column in range(size):
+            count, times, squares, total, moment, gx, gy = sums[:, row, column]
+            if count < 2:
+                continue
+            weight = weights[corner[0] + row, corner[1] + column]
+            gx, gy = gx / count, gy / count
+            spread = weight * (squares - times * times / count)
+            drift = weight * (moment - times * total / count)
+            xx += spread * gx * gx
+            xy += spread * gx * gy
+            yy += spread * gy * gy
+            along_x += drift * gx
+            along_y += drift * gy
+    determinant = xx * yy - xy * xy
+    return (
+        (xy * along_y - yy * along_x) / determinant,
+        (xy * along_x - xx * along_y) / determinant,
+    )
+
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _sums_over_frames(
+    splines: NDArray[np.float32], corner: NDArray[np.int64], size: int, vx: float, vy: float
+) -> NDArray[np.float32]:
+    """Return what each pixel of a block adds up to over the frames laid over one another.
+
+    1, t, t², f, t·f and the gradient, over the frames in which it lies: (7, size, size).
+    """
+    frames, height, width = splines.shape
+    sums = np.zeros((7, size, size), np.float32)
+    lines = np.empty((2, size + 3, size), np.float32)
+    for frame in range(frames):
+        t = np.float32(frame - (frames - 1) / 2)
+        left, across, across_slope = _cubic(vx * t)
+        above, down, down_slope = _cubic(vy * t)
+        top, bottom = _inside(corner[0] + above, size, height)
+        first, last = _inside(corner[1] + left, size, width)
+        if top >= bottom or first >= last:
+            continue
+        for row in range(top, bottom + 3):
+            start = corner[1] + left - 1
+            for column in range(first, last):
+                value = slope = np.float32(0)
+                for tap in range(4):
+                    spline = splines[frame, corner[0] + above - 1 + row, start + column + tap]
+                    value += across[tap] * spline
+                    slope += across_slope[tap] * spline
+                lines[0, row, column], lines[1, row, column] = value, slope
+        for row in range(top, bottom):
+            for column in range(first, last):
+                value = gx = gy = np.float32(0)
+                for tap in range(4):
+                    value += down[tap] * lines[0, row + tap, column]
+                    gx += down[tap] * lines[1, row + tap, column]
+                    gy += down_slope[tap] * lines[0, row + tap, column]
+                sums[0, row, column] += 1
+                sums[1, row, column] += t
+                sums[2, row, column] += t * t
+                sums[3, row, column] += value
+                sums[4, row, column] += t * value
+                sums[5, row, column] += gx
+                sums[6, row, column] += gy
+    return sums
+
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _inside(start: int, size: int, length: int) -> tuple[int, int]:
+    """Return the first of the pixels from a start that has its four taps, and the one after."""
+    return max(0, 1 - start), min(size, length - 2 - start)
+
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _cubic(shift: float) -> tuple[int, NDArray[np.float32], NDArray[np.float32]]:
+    """Return the whole part of a shift, and what four coefficients weigh in value and slope."""
+    whole = math.floor(shift)
+    f = shift - whole
+    g = 1 - f
+    value = (g**3 / 6, 2 / 3 - f * f * (2 - f) / 2, 2 / 3 - g * g * (2 - g) / 2, f**3 / 6)
+    slope = (-g * g / 2, f * (3 * f - 4) / 2, -g * (3 * g - 4) / 2, f * f / 2)
+    return whole, np.array(value, np.float32), np.array(slope, np.float32)

@@ -19,7 +19,7 @@ from typing import Any, TypeAlias
 from megalopta.core.bounded import quoted
 from megalopta.core.plug_ins import plug_ins
 from megalopta.flow.detectors.base import Detector
-from megalopta.flow.detectors.from_function import DenseFlow, detector_from
+from megalopta.flow.detectors.gray_detector import DenseFlow, detector_from
 from megalopta.flow.detectors.onnx_detector import onnx_detector
 
 Method: TypeAlias = str | Detector | DenseFlow
@@ -88,10 +88,7 @@ def detector_at(reference: str) -> Detector | None:
 
     The module may lie in the working folder; what it names may also be a detector.
 
-    Raises
-    ------
-    ValueError
-        When there is no such module, function or file.
+    Raises ValueError when there is no such module, function or file.
     """
     if reference.casefold().endswith(".onnx"):
         return onnx_detector(Path(reference))

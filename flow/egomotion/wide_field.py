@@ -1,13 +1,13 @@
-"""Wide-field integration: the camera's rotation rate as a weighted sum of local answers.
+"""Wide-field integration: the camera's rotation rate as a weighted sum of local responses.
 
 A fly's tangential cells add up local motion detectors over the eye, weighted as the flow of one
 motion would excite them (Krapp and Hengstenberg 1996; Franz and Krapp 2000). Here the weights are
 learned from a sequence whose rotation rate ω(t) is known. Least squares gives the slope of each
-local answer r_i over the rate, and what is left is its noise:
+local response r_i over the rate, and what is left is its noise:
 
     r_i = f_i·ω + noise     f_i = Σ_t r_i·ω / Σ_t ω²     σ_i² = mean of (r_i − f_i·ω)²
 
-The matched filter weighs each answer by its slope over its variance. Slopes are noisy, and the
+The matched filter weighs each response by its slope over its variance. Slopes are noisy, and the
 square of a noisy slope is too large: it is taken as the product of the slopes f_a and f_b of the
 first and the second half of the sequence, so that the sum is not drawn to zero,
 
@@ -15,57 +15,53 @@ first and the second half of the sequence, so that the sum is not drawn to zero,
 
     var(ω̂) = Σ_i w_i²·σ_i² / (Σ_i q_i)²
 
-for noise that is independent between places and times; with many frames to learn from it is the
-least possible, 1/Σ f_i²/σ_i².
+for noise that is independent between places and times. Sums run over the responses that are defined
+at the time. There is no constant term: at a single rate a constant response passes for rotation.
+For velocities f follows from optics and frame rate alone; correlation detectors depend on contrast
+and spatial frequencies too, so what they learned in one scene holds for scenes like it.
 
-Sums run over the answers that are defined at the time. Units: ω̂ has those of the rates that were
-given (deg/s, say), f those of the answers per unit of rate (px per frame per deg/s), and w_i/Σ q
-turns an answer into a rate. For velocities f follows from optics and frame rate alone; correlation
-detectors depend on contrast and spatial frequencies too, so what they learned in one scene holds
-for scenes like it. There is no constant term: standstill should be answered with 0. Where that is
-in doubt learn from rates of both signs; at a single rate a constant answer passes for rotation.
+The yaw rate of a sequence: the weights are learned from the noise-free responses to its first half,
+and tried on the second half. Detectors that are blind to direction take no part.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
-from megalopta.flow.detectors.base import FloatArray
+from megalopta.core.arrays import Floats
+from megalopta.flow.detectors.base import Detector
+from megalopta.scenes.trajectories.base import Path
 
 _SHARED = 0.5
 """How far a variance is drawn to the median of all places: a few frames cannot tell a quiet place
 from a lucky one, and none is free of noise."""
+_STILL_DEG_S = 1e-6
 
 
 @dataclass(frozen=True)
 class WideField:
     """A matched filter for a rotation rate; see `fit_wide_field`."""
 
-    slopes: FloatArray
+    slopes: Floats
     """f: local answers per unit of rate, of the shape of one frame's answers"""
-
-    weights: FloatArray
+    weights: Floats
     """w; 0 where an answer was undefined throughout a half"""
-
-    squared_snr: FloatArray
+    squared_snr: Floats
     """q: squared signal-to-noise ratio of an answer at a rate of 1"""
-
     standard_error: float
     """Standard deviation of a rate (unit of the rates), if the noise stays that of the fit"""
 
-    def rates(self, answers: FloatArray) -> FloatArray:
+    def rates(self, answers: Floats) -> Floats:
         """Return the rotation rate at each time, (T,); NaN when no answer is defined.
+
+        Raises ValueError when they have another shape than those of the fit.
 
         Parameters
         ----------
         answers : (T, ...)
             From the detector that the filter was fitted to, on the same frame size.
-
-        Raises
-        ------
-        ValueError
-            When they have another shape than those of the fit.
         """
         if answers.shape[1:] != self.slopes.shape:
             raise ValueError(
@@ -79,7 +75,7 @@ class WideField:
             return np.asarray(sums / normalizations)
 
 
-def fit_wide_field(answers: FloatArray, rates: FloatArray) -> WideField:
+def fit_wide_field(answers: Floats, rates: Floats) -> WideField:
     """Return the matched filter learned from answers to a known rotation.
 
     Parameters
@@ -98,12 +94,10 @@ def fit_wide_field(answers: FloatArray, rates: FloatArray) -> WideField:
     """
     if rates.shape != answers.shape[:1]:
         raise ValueError(f"rates of shape {rates.shape} for {len(answers)} answers: give one each")
-    sums = [SlopeSums(), SlopeSums()]
-    for each, half in zip(
-        sums, (slice(len(rates) // 2), slice(len(rates) // 2, None)), strict=True
-    ):
-        each.add(answers[half], rates[half])
-    return field_of_halves(*sums)
+    first, second, middle = SlopeSums(), SlopeSums(), len(rates) // 2
+    first.add(answers[:middle], rates[:middle])
+    second.add(answers[middle:], rates[middle:])
+    return field_of_halves(first, second)
 
 
 def field_of_halves(first: "SlopeSums", second: "SlopeSums") -> WideField:
@@ -134,7 +128,7 @@ class SlopeSums:
     def __init__(self) -> None:
         self.products = self.power = self.squares = self.count = np.zeros(())
 
-    def add(self, answers: FloatArray, rates: FloatArray) -> None:
+    def add(self, answers: Floats, rates: Floats) -> None:
         """Take in answers (n, ...), NaN where undefined, at known rates (n,)."""
         omega = rates.reshape(-1, *[1] * (answers.ndim - 1))
         defined = np.isfinite(answers)
@@ -152,18 +146,90 @@ class SlopeSums:
         return both
 
     @property
-    def slopes(self) -> FloatArray:
+    def slopes(self) -> Floats:
         """Slope of each answer over the rate; 0 where it is unknown."""
         return np.divide(
             self.products, self.power, out=np.zeros_like(self.products), where=self.power > 0
         )
 
-    def variances(self) -> FloatArray:
+    def variances(self) -> Floats:
         """Variance of each answer about its slope."""
         left = self.squares - self.slopes * self.products
         return np.asarray(np.maximum(left, 0) / np.maximum(self.count, 1))
 
 
-def _drawn_to_typical(variances: FloatArray, known: NDArray[np.bool_]) -> FloatArray:
+def _drawn_to_typical(variances: Floats, known: NDArray[np.bool_]) -> Floats:
     typical = float(np.median(variances[known]) or variances.mean()) or 1.0
     return np.asarray(_SHARED * typical + (1 - _SHARED) * variances)
+
+
+@dataclass(frozen=True)
+class RotationError:
+    """How well a detector's answers give the yaw rate (deg/s, positive to the right)."""
+
+    true_deg_s: float
+    """Root mean square of the true rate over the frames tried"""
+    ideal_deg_s: float
+    """Root mean square error on noise-free answers"""
+    counts_deg_s: float
+    """Root mean square error on counts"""
+
+
+def yaw_rates_deg_s(path: Path) -> Floats:
+    """Return the rate at which the camera turns to its own right between frames, (T − 1,)."""
+    rotations = Rotation.from_matrix(path.poses()[:, :3, :3])
+    # Camera axes: y points down, so a turn about it leads from forward (z) to the right (x).
+    steps = (rotations[:-1].inv() * rotations[1:]).as_rotvec(degrees=True)
+    return np.asarray(steps[:, 1] * path.frame_rate_hz)
+
+
+class YawRateTest:
+    """Learns the yaw rate from the first half of a sequence, and tries it on the second.
+
+    True rates (T − 1,) are in deg/s; the detector settles in the frames of the warm-up.
+    """
+
+    def __init__(self, detector: Detector, rates: Floats, warm_up: int) -> None:
+        self._rates = rates
+        # the last response belongs to the last rate, whether there is one per frame or per pair
+        self._next = 0 if detector.gives == "velocity" else -1
+        half = max(0, len(rates) - warm_up) // 2
+        self._bounds = warm_up, warm_up + half // 2, warm_up + half, len(rates)
+        turns = half > 0 and np.abs(rates[warm_up : warm_up + half]).max() >= _STILL_DEG_S
+        self._is_on = detector.tells_direction and turns
+        self._halves = SlopeSums(), SlopeSums()
+        self._field: WideField | None = None
+        self._errors: list[Floats] = []
+
+    def add(self, ideal: Floats, noisy: Floats) -> None:
+        """Take in the next responses to the noise-free twin and to the counts, (n, ...) each."""
+        numbers = self._next + np.arange(len(ideal))
+        self._next += len(ideal)
+        if not self._is_on:
+            return
+        parts = np.searchsorted(self._bounds, numbers, side="right")
+        for part, sums in enumerate(self._halves, 1):
+            sums.add(ideal[parts == part], self._rates[numbers[parts == part]])
+        tried = parts == len(self._bounds) - 1
+        if tried.any():
+            self._try(ideal[tried], noisy[tried], self._rates[numbers[tried]])
+
+    def result(self) -> RotationError | None:
+        """Return the error of the yaw rate; None without direction, rotation or frames enough."""
+        if not self._errors:
+            return None
+        truth = self._rates[self._bounds[2] :]
+        ideal, noisy = np.concatenate(self._errors, axis=1)
+        return RotationError(_rms(truth), _rms(ideal), _rms(noisy))
+
+    def _try(self, ideal: Floats, noisy: Floats, truth: Floats) -> None:
+        try:
+            self._field = self._field or field_of_halves(*self._halves)
+        except ValueError:  # nothing is seen to move
+            self._is_on = False
+            return
+        self._errors.append(np.stack([self._field.rates(each) for each in (ideal, noisy)]) - truth)
+
+
+def _rms(values: Floats) -> float:
+    return float(np.sqrt(np.mean(values**2)))

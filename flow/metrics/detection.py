@@ -18,7 +18,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import ndtri
 
-from megalopta.flow.detectors.base import Detector, FloatArray
+from megalopta.core.arrays import Floats
+from megalopta.flow.detectors.base import Detector
 from megalopta.flow.detectors.blocks import BlockDetector, block_grid, block_sums
 
 
@@ -26,14 +27,13 @@ from megalopta.flow.detectors.blocks import BlockDetector, block_grid, block_sum
 class Roc:
     """Receiver operating characteristic: from (0, 0), at the highest threshold, to (1, 1)."""
 
-    false_alarms: FloatArray
+    false_alarms: Floats
     """Share of the noise above each threshold"""
-
-    hits: FloatArray
+    hits: Floats
     """Share of the signals above each threshold"""
 
 
-def motion_evidence(detector: Detector, responses: FloatArray) -> FloatArray:
+def motion_evidence(detector: Detector, responses: Floats) -> Floats:
     """Return how much each block inside the border seems to move, (T, rows, columns).
 
     Parameters
@@ -49,12 +49,12 @@ def motion_evidence(detector: Detector, responses: FloatArray) -> FloatArray:
     return np.asarray(np.hypot(*_components(detector, responses)))
 
 
-def rightward_evidence(detector: Detector, responses: FloatArray) -> FloatArray:
+def rightward_evidence(detector: Detector, responses: Floats) -> Floats:
     """Return `motion_evidence` (T, rows, columns) of motion to the right, signed."""
     return np.asarray(_components(detector, responses)[0])
 
 
-def roc(noise: FloatArray, signal: FloatArray) -> Roc:
+def roc(noise: Floats, signal: Floats) -> Roc:
     """Return hits against false alarms for all thresholds on the evidence.
 
     Parameters
@@ -78,13 +78,10 @@ def roc(noise: FloatArray, signal: FloatArray) -> Roc:
     return Roc(*shares)
 
 
-def roc_auc(noise: FloatArray, signal: FloatArray) -> float:
+def roc_auc(noise: Floats, signal: Floats) -> float:
     """Return the area under the ROC: the chance that a signal exceeds a noise, ties half.
 
-    Raises
-    ------
-    ValueError
-        When either is empty or holds NaN.
+    Raises ValueError when either is empty or holds NaN.
     """
     _check(noise, signal)
     ordered = np.sort(noise, axis=None)
@@ -92,7 +89,7 @@ def roc_auc(noise: FloatArray, signal: FloatArray) -> float:
     return float(np.mean(below + not_above) / (2 * noise.size))
 
 
-def d_prime(noise: FloatArray, signal: FloatArray) -> float:
+def d_prime(noise: Floats, signal: Floats) -> float:
     """Return d′ = √2·Φ⁻¹(A) of samples of any shape; negative when noise is more often larger.
 
     Samples without any overlap only say that d′ is large: the area is kept half a pair away from 0
@@ -109,19 +106,16 @@ def d_prime(noise: FloatArray, signal: FloatArray) -> float:
     return math.sqrt(2) * float(ndtri(kept))
 
 
-def false_alarm_rate(noise: FloatArray, threshold: float) -> float:
+def false_alarm_rate(noise: Floats, threshold: float) -> float:
     """Return the share of the noise, of any shape, above a threshold.
 
-    Raises
-    ------
-    ValueError
-        When there is none, or it holds NaN.
+    Raises ValueError when there is none, or it holds NaN.
     """
     _check(noise)
     return float(np.mean(noise > threshold))
 
 
-def _components(detector: Detector, responses: FloatArray) -> FloatArray:
+def _components(detector: Detector, responses: Floats) -> Floats:
     """Return x and y of the evidence, (2, T, rows, columns)."""
     if isinstance(detector, BlockDetector):
         return np.nan_to_num(np.moveaxis(responses[:, 1:-1, 1:-1], -1, 0), nan=0.0)
@@ -130,7 +124,7 @@ def _components(detector: Detector, responses: FloatArray) -> FloatArray:
     return np.stack((means, np.zeros_like(means)))
 
 
-def _check(*evidence: FloatArray) -> None:
+def _check(*evidence: Floats) -> None:
     for each in evidence:
         if each.size == 0 or np.isnan(each).any():
             raise ValueError(

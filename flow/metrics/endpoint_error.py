@@ -1,37 +1,54 @@
-"""Error of a velocity method against the renderer's true flow.
+"""Errors of velocities of blocks, and of dense flow, against the true flow.
 
 The error rate of the thesis (`error`) compares a method with itself; this compares it with the
-motion that the scene really has. The true flow is averaged over the very blocks of the method,
-without the pixels where it is undefined or that are occluded in the next frame, and brought from
-pixels of the full image to pixels of the resized one. Blocks with too few such pixels are left
-out, and so is the outermost block on every side, as in the error of the thesis: of a dense flow
-field, whose blocks are pixels, that is a border of 1 px.
+motion that the scene really has.
 
-Forward flow lives on the pixels of frame t, block matching on the blocks of frame t + 1: between
-them lies the motion itself, which matters where the flow changes much over a few pixels.
+**Blocks.** The true flow is averaged over the very blocks of the method, without the pixels where
+it is undefined or that are occluded in the next frame, and brought from pixels of the full image to
+pixels of the resized one. Blocks with too few such pixels are skipped, and so is the outermost
+block on every side, as in the error of the thesis: of a dense flow field, whose blocks are pixels,
+that is a border of 1 px. Forward flow lives on the pixels of frame t, block matching on the blocks
+of frame t + 1: between them lies the motion itself, which matters where the flow changes much over
+a few pixels.
+
+**Pixels**, in the measures of the public benchmarks. EPE is the length of the difference. A pixel
+counts for the 1, 3 and 5 px rates when its EPE is larger, and for Fl when its EPE is larger than
+3 px and 5 % of the true motion (KITTI 2015). WAUC (Richter, Hayder and Koltun 2017) weighs the
+share of pixels within i/20 px by 1 − (i − 1)/100, i = 1 … 100: 100 is perfect. The angular error is
+that between (u, v, 1) of flow and truth. Pixels whose truth is undefined are not scored. A pixel
+for which the program gave no flow is beyond every limit, its EPE and angle are those of zero
+motion, and the share of these is given: silence does not pay.
 """
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.flow.detectors.base import FloatArray
+from megalopta.core.arrays import Floats, Mask
 from megalopta.flow.detectors.blocks import BlockGrid
-
-OUTLIER = 0.25
-"""Relative error of a velocity beyond which it is an outlier: the thesis's 2-bit accuracy."""
 
 SLOW_PX, FAST_PX = 0.5, 2.0
 """Per frame of the resized image: whole-pixel methods read 0 below half a pixel, and beyond two the
 pyramids and search radii begin to count."""
-
 OCCLUDED_SHARE = 0.1
 """Of a block's pixels: as many, hidden in the next frame, and it is at an occlusion; its true
 velocity is that of its other pixels."""
+SPEEDS_PX = (10.0, 40.0)
+"""Bounds of the three groups of true motion of pixels, px per frame (MPI-Sintel)"""
+GROUPS = ("all", "visible", "occluded", "slow", "medium", "fast")
+"""All pixels; those that are seen in the next frame or not; those that move by less than 10 px,
+by 10 to 40, by more"""
+
+_OUTLIER = 0.25
+"""Relative error of a velocity beyond which it is an outlier: the thesis's 2-bit accuracy."""
+_THRESHOLDS_PX = (1.0, 3.0, 5.0)
+_RELATIVE = 0.05
+_STEPS = 100
+_MEASURES = 9
 
 
 @dataclass(frozen=True)
@@ -39,33 +56,25 @@ class TruthError:
     """Error of velocities against the truth over all blocks and frames; NaN when there are none.
 
     Undefined velocities (a block without texture) count as missing, and as a relative error of 1,
-    as the answer 0 would; the errors in px and in degrees are those of the defined ones.
+    as zero motion would; the errors in px and in degrees are those of the defined ones.
     """
 
     blocks: int
-    """Number of blocks and frames whose true velocity is known, the outermost blocks left out"""
-
+    """Number of blocks and frames whose true velocity is known, the outermost blocks skipped"""
     missing_fraction: float
     """Fraction of them for which the method gave no velocity"""
-
     endpoint_error_px: float
     """Mean length of the difference (px of the resized image per frame)"""
-
     endpoint_error_median_px: float
     """Median length of the difference (px per frame)"""
-
     angular_error_deg: float
     """Mean angle between (v_x, v_y, 1) of method and truth; Barron, Fleet and Beauchemin 1994"""
-
     bias_px: tuple[float, float]
     """Mean difference in x and y, method minus truth (px per frame)"""
-
     spread_px: tuple[float, float]
     """Standard deviation of the difference in x and y (px per frame)"""
-
     relative_error_median: float
     """Median of |difference| / |truth|, where the truth is not 0"""
-
     outlier_fraction: float
     """Fraction with a relative error above 25 %, where the truth is not 0"""
 
@@ -77,10 +86,10 @@ class TruthError:
 def block_flow(
     true_flow: NDArray[np.floating],
     grid: BlockGrid,
-    occluded: NDArray[np.bool_] | None = None,
+    occluded: Mask | None = None,
     valid_fraction: float = 0.5,
     weights: NDArray[np.floating] | None = None,
-) -> FloatArray:
+) -> Floats:
     """Return the true velocity of each block, px of the resized image per frame.
 
     Parameters
@@ -105,35 +114,30 @@ def block_flow(
     ValueError
         When the shapes do not match.
     """
+    shape = true_flow.shape[:3]
     if true_flow.ndim != 4 or true_flow.shape[-1] != 2:
         raise ValueError(f"true_flow of shape {true_flow.shape}: give (T − 1, H, W, 2)")
     for name, given in (("occluded", occluded), ("weights", weights)):
-        if given is not None and given.shape != true_flow.shape[:3]:
-            shape = true_flow.shape[:3]
+        if given is not None and given.shape != shape:
             raise ValueError(f"{name} of shape {given.shape}: give {shape}, as the flow")
     is_known = np.isfinite(true_flow).all(axis=-1)
     usable = is_known.astype(np.float64) if weights is None else is_known * weights
     if occluded is not None:
         usable = usable * ~occluded
-    height, width = true_flow.shape[1:3]
-    y, x = _memberships((height, width), grid)
+    y, x = _memberships((shape[1], shape[2]), grid)
     known = np.where(is_known[..., np.newaxis], true_flow, 0) * usable[..., np.newaxis]
     sums = np.stack([y @ known[..., axis] @ x.T for axis in range(2)], axis=-1)
     pixels = y @ usable @ x.T
     enough = (pixels > 0) & (pixels >= valid_fraction * np.outer(y.sum(axis=1), x.sum(axis=1)))
-    scale = np.array([grid.shape[1] / width, grid.shape[0] / height])
+    scale = np.array([grid.shape[1] / shape[2], grid.shape[0] / shape[1]])
     return np.asarray(sums * scale / np.where(enough, pixels, np.nan)[..., np.newaxis])
 
 
-def block_share(mask: NDArray[np.bool_], grid: BlockGrid) -> FloatArray:
+def block_share(mask: Mask, grid: BlockGrid) -> Floats:
     """Return the share of each block's pixels that a mask marks, (T, rows, columns).
 
-    Parameters
-    ----------
-    mask : (T, H, W)
-        On the full image, such as the pixels that are hidden in the next frame.
-    grid
-        Blocks of the method, in the resized image.
+    The mask (T, H, W) is of the full image, such as the pixels that are hidden in the next frame;
+    the blocks are in the resized one.
     """
     y, x = _memberships((mask.shape[1], mask.shape[2]), grid)
     pixels = np.outer(y.sum(axis=1), x.sum(axis=1))
@@ -141,9 +145,7 @@ def block_share(mask: NDArray[np.bool_], grid: BlockGrid) -> FloatArray:
 
 
 def truth_error(
-    velocities: FloatArray,
-    true_velocities: FloatArray,
-    among: NDArray[np.bool_] | None = None,
+    velocities: Floats, true_velocities: Floats, among: Mask | None = None
 ) -> TruthError:
     """Return how far velocities are from the truth, without the outermost block on every side.
 
@@ -170,69 +172,46 @@ def truth_error(
     if among is not None:
         known &= among[:, 1:-1, 1:-1]
     truth = true_velocities[:, 1:-1, 1:-1][known]
-    answer = velocities[:, 1:-1, 1:-1][known]
-    given = np.asarray(np.isfinite(answer).all(axis=-1))
-    difference = answer[given] - truth[given]
+    found = velocities[:, 1:-1, 1:-1][known]
+    given = np.asarray(np.isfinite(found).all(axis=-1))
+    difference = found[given] - truth[given]
     endpoint = np.hypot(*difference.T)
-    relative = _relative_errors(answer, truth)
+    relative = _relative_errors(found, truth)
     return TruthError(
         blocks=len(truth),
         missing_fraction=_of(np.mean, ~given),
         endpoint_error_px=_of(np.mean, endpoint),
         endpoint_error_median_px=_of(np.median, endpoint),
-        angular_error_deg=_of(np.mean, angles_deg(answer[given], truth[given])),
+        angular_error_deg=_of(np.mean, _angles_deg(found[given], truth[given])),
         bias_px=(_of(np.mean, difference[:, 0]), _of(np.mean, difference[:, 1])),
         spread_px=(_of(np.std, difference[:, 0]), _of(np.std, difference[:, 1])),
         relative_error_median=_of(np.median, relative),
-        outlier_fraction=_of(np.mean, relative > OUTLIER),
+        outlier_fraction=_of(np.mean, relative > _OUTLIER),
     )
 
 
 def truth_splits(
-    velocities: FloatArray, true_velocities: FloatArray, hidden: FloatArray
+    velocities: Floats, true_velocities: Floats, hidden: Floats
 ) -> Mapping[str, TruthError]:
-    """Return the errors of each group of blocks, by speed and by occlusion, under its name.
+    """Return the errors of groups of blocks, by speed and by occlusion, under their names.
 
     A method may be right on average and wrong where it matters: on what hardly moves, on what moves
-    beyond its reach, beside things that hide each other.
-
-    Parameters
-    ----------
-    velocities : (T − 1, rows, columns, 2)
-        As a detector gives them, px per frame.
-    true_velocities : (T − 1, rows, columns, 2)
-        From `block_flow` on the detector's blocks.
-    hidden : (T − 1, rows, columns)
-        Share of each block that is hidden in the next frame, from `block_share`.
-
-    Returns
-    -------
-    mapping
-        "slow", "medium" and "fast" share the blocks among them, and so do "clear" and "occlusion".
-
-    Raises
-    ------
-    ValueError
-        When the shapes differ.
+    beyond its reach, beside things that hide each other. "slow", "medium" and "fast" share the
+    blocks among them, and so do "clear" and "occlusion". Velocities as for `truth_error`; `hidden`,
+    (T − 1, rows, columns), is the share of each block that is hidden in the next frame.
     """
-    return {
-        name: truth_error(velocities, true_velocities, among)
-        for name, among in _groups(true_velocities, hidden).items()
-    }
-
-
-def _groups(true_velocities: FloatArray, hidden: FloatArray) -> dict[str, NDArray[np.bool_]]:
     speed = np.hypot(true_velocities[..., 0], true_velocities[..., 1])
-    return {
+    groups = {
         "slow": speed < SLOW_PX,
         "medium": (speed >= SLOW_PX) & (speed < FAST_PX),
         "fast": speed >= FAST_PX,
         "clear": hidden < OCCLUDED_SHARE,
         "occlusion": hidden >= OCCLUDED_SHARE,
     }
+    return {name: truth_error(velocities, true_velocities, each) for name, each in groups.items()}
 
 
-def _memberships(shape: tuple[int, int], grid: BlockGrid) -> tuple[FloatArray, FloatArray]:
+def _memberships(shape: tuple[int, int], grid: BlockGrid) -> tuple[Floats, Floats]:
     """Return 1 where rows and columns of a full image (H, W) have their middle in a block.
 
     (rows of blocks, H) and (columns of blocks, W).
@@ -246,14 +225,14 @@ def _memberships(shape: tuple[int, int], grid: BlockGrid) -> tuple[FloatArray, F
     return found[0], found[1]
 
 
-def _relative_errors(answer: FloatArray, truth: FloatArray) -> FloatArray:
+def _relative_errors(found: Floats, truth: Floats) -> Floats:
     speed = np.hypot(*truth.T)
     moving = speed > 0
-    relative = np.hypot(*(answer - truth)[moving].T) / speed[moving]
+    relative = np.hypot(*(found - truth)[moving].T) / speed[moving]
     return np.where(np.isnan(relative), 1.0, relative)
 
 
-def angles_deg(first: FloatArray, second: FloatArray) -> FloatArray:
+def _angles_deg(first: Floats, second: Floats) -> Floats:
     """Return the angles between (v_x, v_y, 1) of two lists of velocities (n, 2)."""
     a, b = (np.column_stack((each, np.ones(len(each)))) for each in (first, second))
     cross = np.linalg.norm(np.cross(a, b), axis=1)
@@ -268,3 +247,110 @@ def _json(value: Any) -> Any:
 
 def _of(statistic: Callable[[NDArray[Any]], Any], values: NDArray[Any]) -> float:
     return float(statistic(values)) if values.size else math.nan
+
+
+@dataclass(frozen=True)
+class DenseError:
+    """Means over the pixels of a group; NaN where it has none. In px per frame, %, or degrees."""
+
+    pixels: int
+    """Number of pixels whose truth is known"""
+    epe_px: float
+    """Mean endpoint error over all pixels"""
+    epe_of_images_px: float
+    """Mean over images of their mean endpoint error"""
+    epe_rms_px: float
+    """Root of the mean squared endpoint error over all pixels"""
+    over_1px_percent: float
+    over_3px_percent: float
+    over_5px_percent: float
+    fl_percent: float
+    """Pixels off by more than 3 px and by more than 5 % of the true motion"""
+    wauc_percent: float
+    angular_deg: float
+    missing_percent: float
+    """Pixels without a flow"""
+
+
+class DenseErrors:
+    """Sums of errors by group of pixels, to which images are added one at a time."""
+
+    def __init__(self) -> None:
+        # pixels, images, sum of the images' mean EPE, sums over pixels of every measure
+        self._sums = {name: np.zeros(3 + _MEASURES) for name in GROUPS}
+
+    def add(
+        self, flow: NDArray[np.floating], truth: NDArray[np.floating], occluded: Mask | None = None
+    ) -> None:
+        """Score one image.
+
+        Raises ValueError when shapes differ, or no pixel has a flow.
+
+        Parameters
+        ----------
+        flow, truth : (H, W, 2)
+            px per frame, NaN where undefined.
+        occluded : (H, W), optional
+            Pixels that are not seen in the next frame; without it none counts as occluded.
+        """
+        if flow.shape != truth.shape:
+            raise ValueError(
+                f"a flow of {flow.shape[1]} × {flow.shape[0]} px, the truth has"
+                f" {truth.shape[1]} × {truth.shape[0]}: give it at full size"
+            )
+        if occluded is not None and occluded.shape != truth.shape[:2]:
+            raise ValueError(f"occluded of shape {occluded.shape}: give {truth.shape[:2]}")
+        known = np.asarray(np.isfinite(truth).all(axis=-1))
+        hidden = np.zeros_like(known) if occluded is None else occluded
+        true, found = truth[known].astype(np.float64), flow[known].astype(np.float64)
+        if len(true) and not np.isfinite(found).all(axis=-1).any():
+            raise ValueError(
+                "no flow where the truth is known: a frame without an answer has no score"
+            )
+        measures = _measures(found, true)
+        for name, among in _groups(true, hidden[known]).items():
+            if among.any():
+                own = measures[:, among]
+                means = [own.shape[1], 1.0, own[0].mean()]
+                self._sums[name] += np.concatenate((means, own.sum(axis=1)))
+
+    @classmethod
+    def joined(cls, parts: Iterable["DenseErrors"]) -> "DenseErrors":
+        """Return the errors over the images of several."""
+        joined = cls()
+        for part in parts:
+            for name, sums in part._sums.items():
+                joined._sums[name] += sums
+        return joined
+
+    def of(self, group: str) -> DenseError:
+        """Return the errors of one of `GROUPS`."""
+        pixels, images, image_epe, *sums = self._sums[group].tolist()
+        if not pixels:
+            return DenseError(0, *(math.nan,) * 10)
+        epe, square, *shares, angle = (each / pixels for each in sums)
+        *percents, missing = (100 * share for share in shares)
+        values = [epe, image_epe / images, math.sqrt(square), *percents, angle, missing]
+        return DenseError(int(pixels), *values)
+
+
+def _measures(found: Floats, true: Floats) -> Floats:
+    """What is averaged over pixels, (measures, pixels)."""
+    missing = np.asarray(~np.isfinite(found).all(axis=-1))
+    found = np.where(missing[:, np.newaxis], 0.0, found)
+    epe = np.hypot(*(found - true).T)
+    off = np.where(missing, np.inf, epe)
+    over = [off > limit for limit in _THRESHOLDS_PX]
+    fl = over[1] & (off > _RELATIVE * np.hypot(*true.T))
+    # WAUC: the share of the weights of all thresholds within which an error lies
+    within = np.clip(_STEPS + 1 - np.maximum(np.ceil(off * _STEPS / 5), 1), 0, _STEPS)
+    wauc = within * (within + 1) / (_STEPS * (_STEPS + 1))
+    return np.array([epe, epe**2, *over, fl, wauc, missing, _angles_deg(found, true)])
+
+
+def _groups(true: Floats, hidden: Mask) -> dict[str, Mask]:
+    speed = np.hypot(*true.T)
+    slow, fast = SPEEDS_PX
+    each = np.ones_like(hidden), ~hidden, hidden
+    by_speed = speed < slow, (speed >= slow) & (speed < fast), speed >= fast
+    return dict(zip(GROUPS, (*each, *by_speed), strict=True))

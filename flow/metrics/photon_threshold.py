@@ -1,36 +1,56 @@
-"""The photon flux at which an error falls below a level: N_2b, N_3b, N_4b of the thesis, §4.3.4.
+"""The error of a detector over the photon flux, and the flux at which it falls below a level.
 
-n-bit accuracy is an error of 2⁻ⁿ. The threshold is the first downward crossing of the measured
-curve, interpolated linearly in log error over log flux.
+N_2b, N_3b, N_4b of the thesis, §4.3.4: n-bit accuracy is an error of 2⁻ⁿ. The threshold is the
+first downward crossing of the measured curve, interpolated linearly in log error over log flux.
 
-The interval holds, in 95 % of draws, what the mean of infinitely many draws of the same frames
-would give (another single draw lies outside more often). The errors at the fluxes of
+The standard error of an error comes from the differences between the repeats, which are
+independent draws of the same frames. It is estimated in blocks of frames that vary independently of
+each other and added up over the blocks: (repeats − 1) · blocks degrees of freedom.
+
+The interval of a threshold holds, in 95 % of draws, what the mean of infinitely many draws of the
+same frames would give (another single draw lies outside more often). The errors at the fluxes of
 the curve are disturbed, each independently of the others as the photons were drawn independently,
 by their relative standard error times Student's t of its degrees of freedom, and the crossing is
 taken again, 2000 times; the interval holds the central part. It contains neither the variation
 between scenes nor the error of interpolating between two fluxes.
 """
 
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
-from typing import Annotated, Any, Literal
+from functools import cache
+from typing import Annotated, Any, Literal, NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
-from pydantic import Field
+from numpy.typing import ArrayLike
+from pydantic import Field, PositiveInt, TypeAdapter
 
-from megalopta.flow.detectors.base import FloatArray
+from megalopta.core.arrays import Floats
+from megalopta.flow.detectors.base import Detector
+from megalopta.flow.metrics.response_error import Metric, error_parts, quotient
+from megalopta.sensor.sampling.streams import generator
 
 _REPLICATES = 2000
 _LOWEST_ERROR = 1e-3
 """Smaller errors, in levels, are raised to this (block matching reaches 0, which has no log)."""
-
 _LARGEST_EXPONENT = 50.0
 """Disturbances beyond a factor exp(50) are one and the same: the error is unknown there."""
+_UNITS = ((1e12, "T"), (1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""))
 
 Flux = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 """Checked where it is read from a file"""
 
-_UNITS = ((1e12, "T"), (1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""))
+
+class MeasuredErrors(NamedTuple):
+    """Errors over the flux, (n,) each."""
+
+    fluxes: ArrayLike
+    """Photons per frame, growing"""
+    errors: ArrayLike
+    """NaN where undefined"""
+    standard_errors: ArrayLike
+    degrees_of_freedom: int
+    """Of the standard errors"""
 
 
 @dataclass(frozen=True)
@@ -39,22 +59,16 @@ class Threshold:
 
     kind: Literal["crossing", "above", "below", "undefined"]
     """Whether the curve crosses the level, stays above or starts below it, or does not exist"""
-
     level: float
     """Error level"""
-
     range_min: Flux
     """Smallest flux of the curve (photons per frame)"""
-
     range_max: Flux
     """Largest flux of the curve (photons per frame)"""
-
     flux: Flux | None = None
     """Where the curve crosses the level (photons per frame)"""
-
     low: Flux | None = None
     """Lower end of the confidence interval; None is below the curve"""
-
     high: Flux | None = None
     """Upper end of the confidence interval; None is above the curve"""
 
@@ -71,32 +85,15 @@ class Threshold:
         high = _bound(">", self.range_max) if self.high is None else format_flux(self.high)
         return f"[{low}, {high}]"
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return the fields, ready for JSON; `Threshold(**fields)` reads them back."""
-        return asdict(self)
-
 
 def threshold(
-    fluxes: ArrayLike,
-    errors: ArrayLike,
-    standard_errors: ArrayLike,
-    degrees_of_freedom: float,
-    level: float,
-    rng: np.random.Generator,
-    confidence: float = 0.95,
+    measured: MeasuredErrors, level: float, rng: np.random.Generator, confidence: float = 0.95
 ) -> Threshold:
     """Return the flux at which a measured error curve first falls below a level.
 
     Parameters
     ----------
-    fluxes : (n,)
-        Photons per frame, growing.
-    errors : (n,)
-        NaN where the error is undefined.
-    standard_errors : (n,)
-        Standard errors of the errors.
-    degrees_of_freedom : float
-        Of the standard errors.
+    measured
     level : float
         0.25 for N_2b.
     rng
@@ -109,7 +106,7 @@ def threshold(
     ValueError
         When there are fewer than two fluxes or they do not grow.
     """
-    flux, error = np.asarray(fluxes, np.float64), np.asarray(errors, np.float64)
+    flux, error, spread = (np.asarray(each, np.float64) for each in measured[:3])
     if flux.size < 2 or np.any(np.diff(flux) <= 0):
         raise ValueError(f"fluxes {flux.tolist()}: give two or more, in growing order")
     bounds = (float(flux[0]), float(flux[-1]))
@@ -118,32 +115,23 @@ def threshold(
     crossing = float(first_crossing(flux, error, level))
     if crossing in (0.0, np.inf):
         return Threshold("above" if crossing else "below", level, *bounds)
-    replicates = _disturbed(error, np.asarray(standard_errors), degrees_of_freedom, rng)
+    relative = np.divide(spread, error, out=np.zeros_like(error), where=error > 0)
+    exponents = relative * rng.standard_t(measured.degrees_of_freedom, (_REPLICATES, error.size))
+    replicates = error * np.exp(np.clip(exponents, -_LARGEST_EXPONENT, _LARGEST_EXPONENT))
     tail = (1 - confidence) / 2
     low, high = np.quantile(
         first_crossing(flux, replicates, level), (tail, 1 - tail), method="inverted_cdf"
     )
     # On a flat, noisy curve the first of many accidental crossings comes early: keep the estimate.
     low, high = float(min(low, crossing)), float(max(high, crossing))
-    return Threshold(
-        "crossing",
-        level,
-        *bounds,
-        flux=crossing,
-        low=low if low > 0 else None,
-        high=high if high < np.inf else None,
-    )
+    interval = low if low > 0 else None, high if high < np.inf else None
+    return Threshold("crossing", level, *bounds, crossing, *interval)
 
 
-def first_crossing(fluxes: FloatArray, errors: FloatArray, level: float) -> NDArray[np.float64]:
-    """Return where curves first fall below a level; 0 if they start below, inf if they never do.
+def first_crossing(fluxes: Floats, errors: Floats, level: float) -> Floats:
+    """Return where curves (..., n) over growing fluxes (n,) first fall below a level.
 
-    Parameters
-    ----------
-    fluxes : (n,)
-        Growing.
-    errors : (..., n)
-    level : float
+    0 if they start below, infinite if they never do.
     """
     below = errors < level
     after = np.maximum(below.argmax(axis=-1), 1)
@@ -166,14 +154,124 @@ def format_flux(flux: float) -> str:
     return f"{value:.{decimals}f}{prefix}"
 
 
-def _disturbed(
-    errors: FloatArray, standard_errors: FloatArray, degrees: float, rng: np.random.Generator
-) -> FloatArray:
-    """Return replicates of a curve, (replicates, n)."""
-    relative = np.divide(standard_errors, errors, out=np.zeros_like(errors), where=errors > 0)
-    exponents = relative * rng.standard_t(degrees, (_REPLICATES, errors.size))
-    return errors * np.exp(np.clip(exponents, -_LARGEST_EXPONENT, _LARGEST_EXPONENT))
-
-
 def _bound(sign: str, flux: float) -> str:
     return f"{sign} {flux:g}".replace("e+0", "e").replace("e+", "e")
+
+
+@dataclass(frozen=True)
+class ErrorCurve:
+    """Error of one detector over the flux, at one frame size and in one metric."""
+
+    method: str
+    label: str
+    shape: tuple[PositiveInt, PositiveInt]
+    """Rows and columns of the resized frames"""
+    metric: Metric
+    fluxes: tuple[Flux, ...]
+    """Photons per frame, growing"""
+    errors: tuple[float, ...]
+    """Of the whole sequence; NaN when the ideal response is zero everywhere"""
+    standard_errors: tuple[float, ...]
+    degrees_of_freedom: int
+    """Of the standard errors"""
+    thresholds: dict[int, Threshold]
+    """Bits n to the flux N_nb at which the error falls below 2⁻ⁿ"""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the curve ready for JSON; undefined errors are None."""
+        fields = asdict(self)
+        for name in ("errors", "standard_errors"):
+            fields[name] = [None if math.isnan(value) else value for value in fields[name]]
+        fields["thresholds"] = {f"N_{bits}b": each for bits, each in fields["thresholds"].items()}
+        return fields
+
+    @staticmethod
+    def from_dict(fields: Mapping[str, Any]) -> "ErrorCurve":
+        """Return the curve that `to_dict` wrote.
+
+        Raises ValueError, LookupError, TypeError or AttributeError when something is missing, or
+        is nothing of the kind.
+        """
+        errors = {
+            name: [math.nan if value is None else value for value in fields[name]]
+            for name in ("errors", "standard_errors")
+        }
+        thresholds = {
+            name.removeprefix("N_").removesuffix("b"): each
+            for name, each in fields["thresholds"].items()
+        }
+        curve = _reader().validate_python({**fields, **errors, "thresholds": thresholds})
+        if not len(curve.fluxes) == len(curve.errors) == len(curve.standard_errors):
+            raise ValueError(f"errors of {curve.method} are not as many as its fluxes")
+        return curve
+
+
+@cache
+def _reader() -> TypeAdapter[ErrorCurve]:
+    """Made once, which takes as long as reading many curves."""
+    return TypeAdapter(ErrorCurve)
+
+
+class Asked(Protocol):
+    """What thresholds are wanted."""
+
+    @property
+    def bits(self) -> tuple[int, ...]:
+        """Accuracies whose flux is wanted, n bits being an error of 2⁻ⁿ."""
+
+    @property
+    def confidence(self) -> float:
+        """Probability that an interval holds."""
+
+
+def measured_errors(
+    metric: Metric, fluxes: Sequence[float], sums: Floats, block_starts: Sequence[int]
+) -> MeasuredErrors:
+    """Return errors and their standard errors from sums (4, n, repeats, T).
+
+    `block_starts` are the frames at which blocks begin that vary independently of each other; the
+    first is 0.
+    """
+    numerator, denominator = error_parts(sums, metric)
+    weight = denominator.sum(axis=(1, 2))
+    repeats = numerator.shape[1]
+    variances = np.add.reduceat(numerator, block_starts, axis=-1).var(axis=1, ddof=1)
+    spread = np.sqrt(repeats * variances.sum(axis=-1))
+    return MeasuredErrors(
+        fluxes,
+        quotient(numerator.sum(axis=(1, 2)), weight),
+        quotient(spread, weight),
+        (repeats - 1) * len(block_starts),
+    )
+
+
+def error_curve(
+    method: Detector,
+    shape: tuple[int, int],
+    metric: Metric,
+    measured: MeasuredErrors,
+    asked: Asked,
+    key: Sequence[str | int],
+) -> ErrorCurve:
+    """Return a curve of frames (rows, columns) and its thresholds.
+
+    A key of a seed and names identifies the random numbers of the intervals, together with method,
+    metric and bits.
+    """
+    seed, *names = key
+    thresholds = {}
+    for bits in asked.bits:
+        rng = generator(int(seed), "threshold", *names, method.name, metric, bits)
+        thresholds[bits] = threshold(measured, 2.0**-bits, rng, asked.confidence)
+    fluxes, errors, spreads = (tuple(np.asarray(each).tolist()) for each in measured[:3])
+    return ErrorCurve(
+        method.name,
+        method.label,
+        shape,
+        metric,
+        fluxes,
+        errors,
+        spreads,
+        measured.degrees_of_freedom,
+        thresholds,
+    )

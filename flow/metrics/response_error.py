@@ -12,85 +12,29 @@ wrong in the same way has error zero (see `truth_error`).
 
 Blocks whose ideal velocity is zero or undefined are not scored (0/0), nor are, in `literal`,
 frames whose ideal response is zero everywhere. An undefined response to noise where the ideal one
-is defined counts as error 1, as the answer 0 would.
+is defined counts as error 1, as zero motion would.
+
+Errors are quotients of sums over the scored pixels or blocks of each frame, (4, …, T):
+Σ|R_stoch − R_ideal|/|R_ideal|, Σ|R_stoch − R_ideal|, Σ|R_ideal|, and the number of them.
 """
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields
 from typing import Literal
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-from megalopta.flow.detectors.base import Detector, FloatArray
+from megalopta.core.arrays import Floats
+from megalopta.flow.detectors.base import Detector
 
 Metric = Literal["literal", "ratio"]
 METRICS: tuple[Metric, ...] = ("literal", "ratio")
-SMALLEST_DENOMINATOR = 1e-20
+_SMALLEST_DENOMINATOR = 1e-20
 
 
-@dataclass(frozen=True)
-class ErrorSums:
-    """Sums over the scored pixels or blocks of each frame, (..., T); errors are their quotients."""
+def error_sums(detector: Detector, ideal: Floats, noisy: Floats) -> Floats:
+    """Return the sums (4, T) of a detector's responses (T, H, W) or (T, rows, columns, 2).
 
-    relative: FloatArray
-    """Σ |R_stoch − R_ideal| / |R_ideal|"""
-
-    deviation: FloatArray
-    """Σ |R_stoch − R_ideal|"""
-
-    magnitude: FloatArray
-    """Σ |R_ideal|"""
-
-    scored: FloatArray
-    """Number of pixels or blocks"""
-
-    def parts(self, metric: Metric) -> tuple[FloatArray, FloatArray]:
-        """Return numerator and denominator of the error, per frame."""
-        if metric == "literal":
-            responds = self.magnitude > 0
-            return self.relative * responds, self.scored * responds
-        return self.deviation, self.magnitude
-
-    def of_sequence(self, metric: Metric) -> float:
-        """Return the error over all frames; NaN when the ideal response is zero everywhere."""
-        numerator, denominator = self.parts(metric)
-        return float(quotient(numerator.sum(), denominator.sum()))
-
-
-_NAMES = [field.name for field in fields(ErrorSums)]
-
-
-def combine(sums: Sequence[ErrorSums], how: Callable[[list[FloatArray]], FloatArray]) -> ErrorSums:
-    """Return sums of one shape as one, by np.concatenate (more frames) or np.stack (a new axis)."""
-    return ErrorSums(*(how([getattr(each, name) for each in sums]) for name in _NAMES))
-
-
-def error_sums(detector: Detector, ideal: FloatArray, noisy: FloatArray) -> ErrorSums:
-    """Return what the errors of `noisy` responses against `ideal` ones are made of.
-
-    Parameters
-    ----------
-    detector
-        The detector that gave the responses.
-    ideal, noisy : (T, H, W) or (T − 1, rows, columns, 2)
-
-    Raises
-    ------
-    ValueError
-        As `sums_of_errors`.
-    """
-    return ErrorSums(*sums_of_errors(detector, ideal, noisy))
-
-
-def sums_of_errors(detector: Detector, ideal: FloatArray, noisy: FloatArray) -> FloatArray:
-    """Return the fields of `error_sums`, (4, T), of responses (T, H, W) or (T, rows, columns, 2).
-
-    Raises
-    ------
-    ValueError
-        When the two have different shapes.
+    Raises ValueError when the two have different shapes.
     """
     if ideal.shape != noisy.shape:
         raise ValueError(f"ideal responses {ideal.shape} and noisy ones {noisy.shape} differ")
@@ -100,16 +44,29 @@ def sums_of_errors(detector: Detector, ideal: FloatArray, noisy: FloatArray) -> 
     return sums
 
 
-def quotient(
-    numerator: NDArray[np.float64] | np.float64, denominator: NDArray[np.float64] | np.float64
-) -> FloatArray:
+def error_parts(sums: Floats, metric: Metric) -> tuple[Floats, Floats]:
+    """Return numerator and denominator of the error of each frame, (…, T), from sums (4, …, T)."""
+    relative, deviation, magnitude, scored = sums
+    if metric == "literal":
+        responds = magnitude > 0
+        return relative * responds, scored * responds
+    return deviation, magnitude
+
+
+def error_of(sums: Floats, metric: Metric) -> float:
+    """Return the error over all frames; NaN when the ideal response is zero everywhere."""
+    numerator, denominator = error_parts(sums, metric)
+    return float(quotient(numerator.sum(), denominator.sum()))
+
+
+def quotient(numerator: Floats | np.float64, denominator: Floats | np.float64) -> Floats:
     """Return a/b, NaN where b is 0: nothing was scored, or nothing moved."""
     undefined = np.full(np.shape(denominator), np.nan)
     return np.divide(numerator, denominator, out=undefined, where=np.asarray(denominator) > 0)
 
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def _add_up(ideal: FloatArray, noisy: FloatArray, skip_zero: bool, sums: FloatArray) -> None:
+def _add_up(ideal: Floats, noisy: Floats, skip_zero: bool, sums: Floats) -> None:
     frames, rows, columns, components = ideal.shape
     size, difference = np.empty(columns), np.empty(columns)
     for t in range(frames):
@@ -125,14 +82,14 @@ def _add_up(ideal: FloatArray, noisy: FloatArray, skip_zero: bool, sums: FloatAr
 
 
 @njit(cache=True, nogil=True, fastmath={"reassoc"})  # type: ignore[untyped-decorator]
-def _add_row(size: FloatArray, difference: FloatArray, skip_zero: bool, sums: FloatArray) -> None:
+def _add_row(size: Floats, difference: Floats, skip_zero: bool, sums: Floats) -> None:
     """Add a row; without branches, so that vector instructions do it."""
     relative = deviation = magnitude = scored = 0.0
     for j in range(size.size):
         counts = (size[j] > 0) | ((size[j] == 0) & (not skip_zero))
         of_ideal = size[j] if counts else 0.0
         off = of_ideal if np.isnan(difference[j]) | (not counts) else difference[j]
-        relative += off / max(of_ideal, SMALLEST_DENOMINATOR)
+        relative += off / max(of_ideal, _SMALLEST_DENOMINATOR)
         deviation += off
         magnitude += of_ideal
         scored += 1.0 if counts else 0.0

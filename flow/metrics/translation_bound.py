@@ -1,57 +1,55 @@
 """The Poisson translation bound: how well any method can tell the velocity of a block.
 
-A texture of mean counts λ(x, y) that moves by v between frames is the harder to follow, the
-fewer photons its gradients hold. The Fisher information of one frame on its displacement is, summed
-over the pixels of a block,
+The Fisher information of one frame of mean counts λ(x, y) on its displacement, over the pixels of a
+block, and what n noisy frames of a steady velocity tell at best (Cramér and Rao, to first order in
+the displacement):
 
-    J = Σ ∇λ·∇λᵀ/λ          (2 × 2; along x alone Σ(∂λ/∂x)²/λ)
+    J = Σ ∇λ·∇λᵀ/λ          cov(v) ≥ J⁻¹/Σ(t − t̄)²          Σ(t − t̄)² = n(n² − 1)/12
 
-and n noisy frames of a steady velocity tell it no better than cov(v) ≥ J⁻¹/Σ(t − t̄)² with
-Σ(t − t̄)² = n(n² − 1)/12: 2·J⁻¹ for two frames, J⁻¹/42 for eight (Cramér and Rao, to first order
-in the displacement).
+Assumed: unbiased estimates from the pixels of the block, and a texture that costs nothing to learn
+(it is known up to its displacement); below some hundred photons a block the bound is optimistic. A
+method that returns x and y must be held against J⁻¹, whose x component exceeds 1/J_xx where the
+gradients of a block favor one direction.
 
-Assumed: unbiased estimates from the pixels of the block, and a texture that costs nothing to
-learn (it is known up to its displacement). At few photons, where the texture must be learned from
-the same counts and whole blocks are mistaken, no method comes near: below some hundred photons a
-block the bound is optimistic. A method that returns x and y must be held against J⁻¹, whose x
-component exceeds 1/J_xx where the gradients of a block favor one direction.
+**Unknown texture.** Of a texture that is a draw of a Gaussian process of known power spectrum S(ω),
+counts² per pixel, under white noise of variance σ², k frames tell n pixels' velocity with
 
-**Unknown texture.** Where the texture has to be learned from the same few counts, let it be a draw
-of a Gaussian process of known power spectrum S(ω), counts² per pixel, to which photons add white
-noise of variance σ², the mean count. In frames at times t, centered, a component
-of the texture turns as u = exp(−i·ω·v·t), and k frames of it have the covariance S·u·uᴴ + σ²·I.
-With the components independent and the texture integrated out, the Fisher information of n pixels
-on the velocity v is
-
-    F = (n/N)·Σ_ω ω·ωᵀ · S/σ² · k·S/(σ² + k·S) · Σ(t − t̄)²,      Σ(t − t̄)² = k(k² − 1)/12,
+    F = (n/N)·Σ_ω ω·ωᵀ · S/σ² · k·S/(σ² + k·S) · Σ(t − t̄)²
 
 the sum running over the N frequencies of the spectrum (Slepian–Bangs formula; Kay, Fundamentals of
-Statistical Signal Processing I, §3.9). The first factor is the information J of known texture; the
-second, below one, is what learning the texture costs. It rises toward one where all frames together
-show a component well above their noise.
+Statistical Signal Processing I, §3.9): the covariance of a component is S·u·uᴴ + σ²·I with
+u = exp(−i·ω·v·t). Assumed besides: motion that brings in no new texture. What a method knows beyond
+the spectrum can take it below; more on both bounds in `docs/explanation/poisson-bound.md`.
 
-Assumed besides: motion that brings in no new texture, Gaussian texture, and unbiased estimates.
-What a method knows beyond the spectrum, such as that leaves have edges, or slow motion, can take it
-below the bound; blocks that are mistaken as a whole, which the bound leaves out, keep it above.
+**Methods against the bound**, block by block alone. A method that smooths its flow over the frame,
+climbs a pyramid or takes one velocity for all blocks gathers more photons than those of its block.
+So that all have the same support, every method is given each block as a frame of its own: the block
+and a margin as wide as the search around it, cut out of the counts. Nothing else is seen.
 """
 
 import math
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.optimize import brentq
 
-from megalopta.flow.detectors.base import FloatArray
-from megalopta.flow.detectors.blocks import BlockGrid, block_sums
+from megalopta.core.arrays import Floats
+from megalopta.flow.detectors.base import Frames
+from megalopta.flow.detectors.blocks import BlockDetector, BlockGrid, block_sums
+from megalopta.flow.metrics.photon_threshold import first_crossing
 
 _ANGLES = (np.arange(64) + 0.5) * (np.pi / 64)
 _SINGULAR = 1e-9
 """Share of J_xx·J_yy below which the determinant is rounding: gradients of one direction only."""
 
 _LOG_FLUXES = math.log(1e-6), math.log(1e15)
+_REPLICATES = 1000
 
 
-def fisher_information(means: FloatArray, grid: BlockGrid) -> FloatArray:
+def fisher_information(means: Floats, grid: BlockGrid) -> Floats:
     """Return the Fisher information J of one frame on the displacement of each block.
 
     Parameters
@@ -84,7 +82,7 @@ def fisher_information(means: FloatArray, grid: BlockGrid) -> FloatArray:
     return np.stack((xx, xy, xy, yy), axis=-1).reshape(*xx.shape, 2, 2)
 
 
-def cramer_rao_covariance(information: FloatArray, frames: int = 2) -> FloatArray:
+def cramer_rao_covariance(information: Floats, frames: int = 2) -> Floats:
     """Return the least covariance of a block's velocity, (..., 2, 2) in (px/frame)².
 
     Parameters
@@ -108,7 +106,7 @@ def cramer_rao_covariance(information: FloatArray, frames: int = 2) -> FloatArra
     return np.where(solvable[..., np.newaxis, np.newaxis], covariance, np.inf)
 
 
-def cramer_rao_covariance_along_x(information: FloatArray, frames: int = 2) -> FloatArray:
+def cramer_rao_covariance_along_x(information: Floats, frames: int = 2) -> Floats:
     """Return the covariance (..., 2, 2) of a method that knows that nothing moves along y.
 
     Parameters as for `cramer_rao_covariance`.
@@ -120,21 +118,14 @@ def cramer_rao_covariance_along_x(information: FloatArray, frames: int = 2) -> F
     return covariance
 
 
-def median_endpoint_error(covariances: FloatArray) -> float:
+def median_endpoint_error(covariances: Floats) -> float:
     """Return the median length of normal errors of these covariances, pooled over the blocks.
 
     The length of A·z has the distribution 1 − exp(−ρ²/2σ²(φ)), averaged over the directions φ of z,
     with σ² = a·cos²φ + b·sin²φ and a, b the eigenvalues of the covariance.
 
-    Parameters
-    ----------
-    covariances : (..., 2, 2)
-        Infinite ones count as errors beyond all measure.
-
-    Returns
-    -------
-    float
-        px/frame; infinite when half of the covariances are.
+    `covariances` (..., 2, 2): infinite ones count as errors beyond all measure. Returns px/frame;
+    infinite when half of the covariances are.
     """
     each = covariances.reshape(-1, 2, 2)
     finite = each[np.isfinite(each).all(axis=(1, 2))]
@@ -152,7 +143,7 @@ def median_endpoint_error(covariances: FloatArray) -> float:
     return scale * float(np.exp(brentq(excess, -30, 30)))
 
 
-def texture_spectrum(images: FloatArray) -> FloatArray:
+def texture_spectrum(images: Floats) -> Floats:
     """Return the mean power spectrum (H, W) of images (n, H, W), in their unit squared.
 
     Frequencies are in the order of `numpy.fft.fft2`; white noise of variance σ² has σ² everywhere.
@@ -166,25 +157,15 @@ def texture_spectrum(images: FloatArray) -> FloatArray:
 
 
 def unknown_texture_information(
-    spectrum: FloatArray, noise: float, pixels: int, frames: int = 2
-) -> FloatArray:
+    spectrum: Floats, noise: float, pixels: int, frames: int = 2
+) -> Floats:
     """Return the Fisher information (2, 2) on the velocity, (frame/px)², components x, y.
 
-    Parameters
-    ----------
-    spectrum : (H, W)
-        Power of the texture, counts² per pixel, in the order of `numpy.fft.fft2`.
-    noise : float
-        Variance of the noise of a pixel, counts²: with photons alone the mean count, above 0.
-    pixels : int
-        Pixels that are used.
-    frames : int
-        Frames of one velocity, all noisy.
+    `spectrum` (H, W): power of the texture, counts² per pixel, in the order of `numpy.fft.fft2`;
+    `noise`: variance of the noise of a pixel, counts²: with photons alone the mean count, above 0;
+    `pixels`: pixels that are used; `frames`: frames of one velocity, all noisy.
 
-    Raises
-    ------
-    ValueError
-        When the noise is not above 0.
+    Raises ValueError when the noise is not above 0.
     """
     if not noise > 0:
         raise ValueError(f"noise {noise:g}: give the variance of a pixel's counts, above 0")
@@ -196,7 +177,7 @@ def unknown_texture_information(
 
 
 def unknown_texture_photons(
-    spectrum: FloatArray, noise: float, pixels: int, frames: int, speed: float, level: float
+    spectrum: Floats, noise: float, pixels: int, frames: int, speed: float, level: float
 ) -> float:
     """Return the flux at which errors at the bound have a median of `level` of the speed.
 
@@ -226,3 +207,130 @@ def unknown_texture_photons(
     if np.linalg.matrix_rank(unknown_texture_information(spectrum, noise, pixels)) < 2:
         return math.inf
     return math.exp(brentq(excess, *_LOG_FLUXES))
+
+
+class MedianPhotons(NamedTuple):
+    """Photons per frame that a method needs, and the interval that holds them in 95 % of cases."""
+
+    photons: float
+    low: float
+    high: float
+
+
+def confined(detector: BlockDetector, block_px: int, margin_px: int) -> BlockDetector:
+    """Return a detector for frames that are one block and its margin, searching all of it."""
+    changes = {"block_px": block_px, "fewest_blocks": 1}
+    if "radius_px" in type(detector).model_fields:
+        changes["radius_px"] = margin_px
+    return detector.model_copy(update=changes)
+
+
+def confined_velocities(
+    detector: BlockDetector, frames: Frames, grid: BlockGrid, margin_px: int
+) -> Floats:
+    """Return the newest velocity of each block inside, seen through its support alone.
+
+    `detector`: any that gives velocities; its parameters for blocks and search are replaced;
+    `frames` (T, H, W): counts; of them, the last `memory_frames` + 1 are used; `grid`: blocks of
+    the frames; those at the border are left out; `margin_px`: from 1 to the side of a block.
+    Returns (rows − 2, columns − 2, 2), px per frame.
+
+    Raises ValueError when the margin is not of that range.
+    """
+    if not 1 <= margin_px <= grid.block_px:
+        raise ValueError(f"margin_px {margin_px}: give 1 to {grid.block_px}, the side of a block")
+    alone = confined(detector, grid.block_px, margin_px)
+    side = grid.block_px + 2 * margin_px
+    newest = frames[-1 - detector.memory_frames :]
+    velocities = np.empty((grid.rows - 2, grid.columns - 2, 2))
+    for row, column in np.ndindex(velocities.shape[:2]):
+        top = grid.top + (row + 1) * grid.block_px - margin_px
+        left = grid.left + (column + 1) * grid.block_px - margin_px
+        cut = newest[:, top : top + side, left : left + side]
+        velocities[row, column] = alone.respond(cut)[-1, 0, 0]
+    return velocities
+
+
+def is_within(velocities: Floats, truth: tuple[float, float], level: float) -> NDArray[np.bool_]:
+    """Return whether |v − truth| < level·|truth| for velocities (..., 2); never where undefined."""
+    error = np.hypot(*np.moveaxis(velocities - np.asarray(truth), -1, 0))
+    return np.asarray(error < level * np.hypot(*truth))
+
+
+def photons_for_half(
+    is_good: Callable[[float], NDArray[np.bool_]], fluxes: Sequence[float], rng: np.random.Generator
+) -> MedianPhotons:
+    """Return the flux at which half of the blocks are good: the median error is at its level.
+
+    The crossing is bracketed by bisection, so few of the fluxes are tried. Between them the share
+    of good blocks, which also grows smoothly where a method answers in whole pixels and its median
+    error falls in steps, is interpolated linearly over log flux: about its half a share is
+    straight. The interval is that of a bootstrap over groups, the same at all fluxes tried.
+
+    Parameters
+    ----------
+    is_good
+        Flux to one truth value per block, (groups, ...); the same blocks at each flux. Groups are
+        independent of each other, the blocks of one need not be.
+    fluxes
+        Growing; two or more.
+    rng
+        For the interval.
+
+    Returns
+    -------
+    MedianPhotons
+        Infinite when no more than half are good at the largest flux; 0 when more than half are at
+        the smallest.
+    """
+    tried: dict[int, Floats] = {}
+
+    def more_than_half(index: int) -> bool:
+        good = is_good(fluxes[index])
+        tried[index] = good.reshape(len(good), -1).mean(axis=1)
+        return bool(tried[index].mean() > 0.5)
+
+    low, high = 0, len(fluxes) - 1
+    if more_than_half(high):
+        while high - low > 1:
+            middle = (low + high) // 2
+            low, high = (low, middle) if more_than_half(middle) else (middle, high)
+    if low not in tried:
+        more_than_half(low)
+    groups = len(tried[low])
+    drawn = rng.multinomial(groups, np.full(groups, 1 / groups), _REPLICATES)
+    while True:
+        at = np.array([fluxes[index] for index in sorted(tried)])
+        good = np.array([tried[index] for index in sorted(tried)])
+        replicates = _half(at, drawn @ good.T / groups)
+        ends = np.quantile(replicates, (0.025, 0.975), method="inverted_cdf")
+        lowest = min(tried)
+        if ends[0] > 0 or lowest == 0:
+            return MedianPhotons(float(_half(at, good.mean(axis=1))), *map(float, ends))
+        more_than_half(lowest - 1)  # the interval reaches below the fluxes tried
+
+
+def _half(fluxes: Floats, shares: Floats) -> Floats:
+    # first_crossing is linear in the log of an error: this one's log is the share of bad blocks.
+    return first_crossing(fluxes, np.exp(1 - shares), np.exp(0.5))
+
+
+def bound_photons(covariances: Floats, speed: float, level: float) -> float:
+    """Return the flux at which errors at the bound have a median of `level` of the speed.
+
+    `covariances` (..., 2, 2): least covariances at one photon per frame; they fall as 1/flux,
+    without dark counts; `speed`: px per frame.
+    """
+    return (median_endpoint_error(covariances) / (level * speed)) ** 2
+
+
+def variance_efficiency(velocities: Floats, covariances: Floats) -> float:
+    """Return the bound over the variance of the velocities, both summed over x and y.
+
+    `velocities` (draws, ..., 2): of the same blocks, from independent draws of photons;
+    `covariances` (..., 2, 2): least covariances of the blocks. Returns median over the blocks whose
+    bound is finite.
+    """
+    variance = velocities.var(axis=0, ddof=1).sum(axis=-1)
+    bound = np.trace(covariances, axis1=-2, axis2=-1)
+    return float(np.median((bound / variance)[np.isfinite(bound)]))

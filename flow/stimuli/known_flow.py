@@ -18,7 +18,7 @@ import numpy as np
 from scipy.ndimage import map_coordinates, spline_filter
 from scipy.spatial.transform import Rotation
 
-from megalopta.flow.detectors.base import FloatArray
+from megalopta.core.arrays import Floats
 
 _SAMPLES = 2
 """Samples along a pixel, which gathers their light"""
@@ -31,15 +31,12 @@ _PADDING = 8
 class Layer:
     """A texture that tiles the plane, the disk of it that is there, and how it moves."""
 
-    texture: FloatArray
+    texture: Floats
     """(rows, columns), `Layers.texels` of them to a pixel; without a seam in both directions"""
-
     velocity_px: tuple[float, float]
     """Of the point at the middle of the frame, x and y, px per frame"""
-
-    gradient: FloatArray
+    gradient: Floats
     """A, (2, 2), 1/frame: how the velocity (x, y) grows along x and y"""
-
     disk: tuple[float, float, float] | None = None
     """Middle (x, y) from the middle of the frame, and radius, px; None is everywhere"""
 
@@ -50,15 +47,14 @@ class MovingLayers:
 
     layers: Sequence[Layer]
     """The lowest is to be everywhere"""
-
     texels: int = 2
     """Texels along a pixel, which gathers their light"""
 
-    def light(self, shape: tuple[int, int], times: Sequence[float]) -> FloatArray:
+    def light(self, shape: tuple[int, int], times: Sequence[float]) -> Floats:
         """Return frames of light at some times, (T, H, W), in the unit of the textures."""
         return np.stack([self._frame(shape, time) for time in times])
 
-    def flow(self, shape: tuple[int, int], time: float) -> FloatArray:
+    def flow(self, shape: tuple[int, int], time: float) -> Floats:
         """Return the motion of what is seen at a time over one frame, (H, W, 2), px."""
         positions = _pixels(shape, 1)
         flow = np.zeros((*shape, 2))
@@ -68,7 +64,7 @@ class MovingLayers:
             flow = np.where(seen[..., np.newaxis], velocity, flow)
         return flow
 
-    def _frame(self, shape: tuple[int, int], time: float) -> FloatArray:
+    def _frame(self, shape: tuple[int, int], time: float) -> Floats:
         n = self.texels
         positions = _pixels(shape, n)
         image = np.zeros(positions.shape[:2])
@@ -85,32 +81,26 @@ class MovingLayers:
 class PanningView:
     """What a turning camera sees of a panorama."""
 
-    panorama: FloatArray
+    panorama: Floats
     """(rows, columns), light of any unit; column m follows column 0"""
-
     focal_px: float
     """Focal length; columns/2π sees the horizon as sharp as it is"""
-
     heading_rad: float
     """Azimuth of the optical axis at time 0"""
-
     turn_rad: tuple[float, float, float]
     """Rotation vector of one frame about the axes right, down and forward of the camera"""
 
-    def light(self, shape: tuple[int, int], times: Sequence[float]) -> FloatArray:
+    def light(self, shape: tuple[int, int], times: Sequence[float]) -> Floats:
         """Return frames of light at some times, (T, H, W); not below 0.
 
-        Raises
-        ------
-        ValueError
-            When the camera looks beyond the upper or lower edge.
+        Raises ValueError when the camera looks beyond the upper or lower edge.
         """
         padded = np.pad(self.panorama, ((_PADDING, _PADDING), (0, 0)), mode="edge")
         padded = np.pad(padded, ((0, 0), (_PADDING, _PADDING)), mode="wrap")
         splines = spline_filter(padded, order=3)
         return np.stack([self._frame(splines, shape, time) for time in times])
 
-    def flow(self, shape: tuple[int, int]) -> FloatArray:
+    def flow(self, shape: tuple[int, int]) -> Floats:
         """Return how far each pixel's content moves in one frame, (H, W, 2), px."""
         pixels = _pixels(shape, 1)
         turned = Rotation.from_rotvec(self.turn_rad).inv()
@@ -118,7 +108,7 @@ class PanningView:
         moved = rays @ turned.as_matrix().T
         return np.asarray(self.focal_px * moved[..., :2] / moved[..., 2:] - pixels)
 
-    def _frame(self, splines: FloatArray, shape: tuple[int, int], time: float) -> FloatArray:
+    def _frame(self, splines: Floats, shape: tuple[int, int], time: float) -> Floats:
         rows, columns = self.panorama.shape
         pixels = _pixels(shape, _SAMPLES)
         rays = np.concatenate((pixels / self.focal_px, np.ones((*pixels.shape[:2], 1))), axis=-1)
@@ -140,15 +130,15 @@ class PanningView:
         return np.asarray(np.maximum(light, 0))  # a spline swings below 0 beside a bright spot
 
 
-def _pixels(shape: tuple[int, int], samples: int) -> FloatArray:
+def _pixels(shape: tuple[int, int], samples: int) -> Floats:
     """Return the places (x, y) of the samples of all pixels from the middle of the frame, px."""
     y, x = ((np.arange(side * samples) + 0.5) / samples - side / 2 for side in shape)
     return np.stack(np.meshgrid(x, y), axis=-1)
 
 
 def _seen(
-    layer: Layer, positions: FloatArray, time: float
-) -> tuple[FloatArray, np.ndarray[tuple[int, ...], np.dtype[np.bool_]]]:
+    layer: Layer, positions: Floats, time: float
+) -> tuple[Floats, np.ndarray[tuple[int, ...], np.dtype[np.bool_]]]:
     """Return which points of a layer are at some places at a time, and whether it has them."""
     back = np.linalg.inv(np.eye(2) + time * layer.gradient)
     points = (positions - time * np.asarray(layer.velocity_px)) @ back.T

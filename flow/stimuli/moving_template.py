@@ -9,8 +9,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from scipy.ndimage import correlate1d
 
-from megalopta.flow.detectors.base import FloatArray, Frames
+from megalopta.core.arrays import Floats
+from megalopta.flow.detectors.base import Frames
 from megalopta.flow.stimuli.photons import Normalization, divisors
 from megalopta.flow.stimuli.resizing import ResizeKind, resize, resized_shape
 
@@ -19,18 +21,14 @@ from megalopta.flow.stimuli.resizing import ResizeKind, resize, resized_shape
 class MovingTemplate:
     """What a turning camera sees, frame by frame."""
 
-    template: FloatArray
+    template: Floats
     """(rows, columns), light of any unit; columns at least as many as rows"""
-
     velocity_px: int
     """Columns per frame, positive to the right"""
-
     size: int
     """Rows and columns of the frames after resizing (px)"""
-
     resize: ResizeKind = "nearest"
     """How frames are resized"""
-
     normalization: Normalization = "per_frame"
     """What is brought to the flux: every frame, or the mean one of a full turn"""
 
@@ -46,7 +44,7 @@ class MovingTemplate:
         resized_shape((rows, rows), self.size)
 
     @cached_property
-    def _lines(self) -> FloatArray:
+    def _lines(self) -> Floats:
         """The template with rows resized, and its first columns once more at its end."""
         rows, columns = self.template.shape
         lines = resize(self.template, (self.size, columns), self.resize)
@@ -59,19 +57,16 @@ class MovingTemplate:
         seen = self.size if self.resize == "nearest" else rows
         return float(self._lines[:, :columns].sum() / columns * seen)
 
-    def light(self, shift_px: int, count: int) -> FloatArray:
+    def light(self, shift_px: int, count: int) -> Floats:
         """Return frames as shares of the flux, (count, size, size): of sum 1, each or on average.
+
+        Raises BlackFrameError when a frame is black.
 
         Parameters
         ----------
         shift_px : int
             Columns by which the template is shifted in the first of them.
         count : int
-
-        Raises
-        ------
-        BlackFrameError
-            When a frame is black.
         """
         rows, columns = self.template.shape
         starts = -(shift_px + self.velocity_px * np.arange(count)) % columns
@@ -84,16 +79,13 @@ class MovingTemplate:
         return frames
 
 
-def blurred(template: FloatArray, length_px: float) -> FloatArray:
+def blurred(template: Floats, length_px: float) -> Floats:
     """Return a template (H, W) smeared along its rows by a motion of columns, around the circle.
 
     Each pixel becomes the mean over a line of this length, MATLAB's fspecial('motion', length, 0):
     taps are the shares of the line that lie in each pixel.
 
-    Raises
-    ------
-    ValueError
-        When the length is negative.
+    Raises ValueError when the length is negative.
     """
     if not length_px >= 0:
         raise ValueError(f"length_px {length_px:g}: give the length of the motion, 0 or more")
@@ -103,10 +95,7 @@ def blurred(template: FloatArray, length_px: float) -> FloatArray:
     offsets = np.arange(-reach, reach + 1)
     half = length_px / 2
     taps = np.minimum(offsets + 0.5, half) - np.maximum(offsets - 0.5, -half)
-    smeared = np.zeros_like(template)
-    for offset, tap in zip(offsets, taps / length_px, strict=True):
-        smeared += tap * np.roll(template, offset, axis=1)
-    return smeared
+    return np.asarray(correlate1d(template, taps / length_px, axis=1, mode="wrap"))
 
 
 def summed(frames: Frames, window: int) -> Frames:

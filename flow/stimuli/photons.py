@@ -16,6 +16,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from megalopta.core.arrays import Floats
 from megalopta.sensor.sampling.poisson import fill_poisson, poisson_streams
 from megalopta.sensor.sampling.streams import generator
 
@@ -30,13 +31,10 @@ class BlackFrameError(ValueError):
     """A frame without light cannot be scaled to a flux."""
 
 
-def frame_light(frames: NDArray[Any]) -> NDArray[np.float64]:
+def frame_light(frames: NDArray[Any]) -> Floats:
     """Return the sum over each frame of (T, H, W), (T,).
 
-    Raises
-    ------
-    ValueError
-        When the frames are not a sequence of finite light, 0 or more.
+    Raises ValueError when the frames are not a sequence of finite light, 0 or more.
     """
     if frames.ndim != 3 or frames.size == 0:
         raise ValueError(f"frames of shape {frames.shape}: give a sequence (T, H, W)")
@@ -47,23 +45,13 @@ def frame_light(frames: NDArray[Any]) -> NDArray[np.float64]:
     return sums
 
 
-def divisors(
-    sums: NDArray[np.float64], normalization: Normalization, mean: float | None = None
-) -> NDArray[np.float64]:
+def divisors(sums: Floats, normalization: Normalization, mean: float | None = None) -> Floats:
     """Return what each frame is divided by to become shares of the flux, (T,).
 
-    Parameters
-    ----------
-    sums : (T,)
-        Over each frame.
-    normalization
-    mean : float, optional
-        Of the sums over the whole sequence; by default over these.
+    `sums` (T,): over each frame; `mean`: of the sums over the whole sequence; by default over
+    these.
 
-    Raises
-    ------
-    BlackFrameError
-        When there is no light to scale to a flux.
+    Raises BlackFrameError when there is no light to scale to a flux.
     """
     if normalization == "per_sequence":
         sums = np.full(sums.shape, sums.mean() if mean is None else mean)
@@ -75,9 +63,7 @@ def divisors(
     return sums
 
 
-def draw_counts(
-    means: NDArray[np.float64], seed: int, *key: str | int, first_frame: int = 0
-) -> Counts:
+def draw_counts(means: Floats, seed: int, *key: str | int, first_frame: int = 0) -> Counts:
     """Return Poisson counts of the given means, as uint16, uint32 or uint64, whichever suffices.
 
     Every frame has a random stream of its own.
@@ -112,7 +98,7 @@ def draw_counts(
 
 
 def draw_in_one(
-    light: NDArray[np.float64],
+    light: Floats,
     flux: float,
     dark_counts: float,
     seed: int,
@@ -123,18 +109,9 @@ def draw_in_one(
 
     Of fewer frames they are the first of those of more.
 
-    Parameters
-    ----------
-    light : (n, H, W)
-        Finite, 0 or more: unchecked.
-    flux : float
-        Photons per unit of light, above 0.
-    dark_counts : float
-        Per pixel.
-    seed, *key
-        As for `draw_counts`.
-    brightest : float, optional
-        What no light exceeds, if it is known.
+    `light` (n, H, W): finite, 0 or more: unchecked; `flux`: photons per unit of light, above 0;
+    `dark_counts`: per pixel; `seed`, `*key`: as for `draw_counts`; `brightest`: what no light
+    exceeds, if it is known.
     """
     most = (float(light.max()) if brightest is None else brightest) * flux + dark_counts
     counts = np.empty(light.shape, _type_for(most))
@@ -158,11 +135,7 @@ def _type_for(largest_mean: float) -> type[np.unsignedinteger[Any]]:
 
 
 def _fill(
-    rng: np.random.Generator,
-    light: NDArray[np.float64],
-    more: float,
-    factor: float,
-    counts: Counts,
+    rng: np.random.Generator, light: Floats, more: float, factor: float, counts: Counts
 ) -> None:
     most = min(int(np.iinfo(counts.dtype).max), int(np.iinfo(np.int64).max))
     rates = light.ravel(), np.array([more]), factor

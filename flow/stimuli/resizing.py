@@ -12,22 +12,18 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from megalopta.core.arrays import Floats
+
 ResizeKind = Literal["nearest", "area"]
 
 
 def resized_shape(shape: tuple[int, int], size: int | tuple[int, int]) -> tuple[int, int]:
     """Return the shape (H, W) that frames of another shape are resized to.
 
-    Parameters
-    ----------
-    shape : (rows, columns) before
-    size : int or (rows, columns)
-        A single number is the rows; the columns follow in proportion.
+    `shape` (rows, columns) before; `size` int or (rows, columns): a single number is the rows; the
+    columns follow in proportion.
 
-    Raises
-    ------
-    ValueError
-        When it has no pixels or more pixels along a side than before.
+    Raises ValueError when it has no pixels or more pixels along a side than before.
     """
     rows, columns = size if isinstance(size, tuple) else (size, round(shape[1] * size / shape[0]))
     if not (1 <= rows <= shape[0] and 1 <= columns <= shape[1]):
@@ -60,7 +56,7 @@ def resize(
     return _RESIZERS[kind](frames, rows, columns)
 
 
-def triangular_pool(frames: NDArray[Any], taps: int = 5) -> NDArray[np.float64]:
+def triangular_pool(frames: NDArray[Any], taps: int = 5) -> Floats:
     """Return frames (..., W − taps + 1), each pixel a weighted mean of `taps` pixels along x.
 
     As before the detectors of the thesis's bench (§2.4.8), where weights 1, 2, 3, 2, 1 turn rows of
@@ -85,30 +81,18 @@ def triangular_pool(frames: NDArray[Any], taps: int = 5) -> NDArray[np.float64]:
         raise ValueError(
             f"taps {taps} for rows of {width} px: use an odd number from 1 to the width"
         )
-    weights = triangular_weights(taps)
-    kept = width - taps + 1
-    pooled = np.zeros((*frames.shape[:-1], kept))
-    for first, weight in enumerate(weights):
-        pooled += weight * frames[..., first : first + kept]
-    return pooled
-
-
-def triangular_weights(taps: int) -> NDArray[np.float64]:
-    """Return the kernel (taps,), which sums to 1."""
     half = (taps + 1) // 2
     weights = half - np.abs(np.arange(taps) - half + 1.0)
-    return np.asarray(weights / weights.sum())
+    windows = np.lib.stride_tricks.sliding_window_view(frames, taps, axis=-1)
+    return np.asarray(windows @ (weights / weights.sum()), np.float64)
 
 
 def _nearest(frames: NDArray[Any], rows: int, columns: int) -> NDArray[Any]:
     for axis, new in ((-2, rows), (-1, columns)):
         if frames.shape[axis] != new:
-            frames = np.take(frames, _centers(frames.shape[axis], new), axis)
+            centers = (2 * np.arange(new) + 1) * frames.shape[axis] // (2 * new)
+            frames = np.take(frames, centers, axis)
     return frames
-
-
-def _centers(old: int, new: int) -> NDArray[np.int64]:
-    return (2 * np.arange(new) + 1) * old // (2 * new)
 
 
 def _area(frames: NDArray[Any], rows: int, columns: int) -> NDArray[Any]:
@@ -116,7 +100,7 @@ def _area(frames: NDArray[Any], rows: int, columns: int) -> NDArray[Any]:
     return np.asarray(y @ frames.astype(np.float64) @ x.T)
 
 
-def _shares(old: int, new: int) -> NDArray[np.float64]:
+def _shares(old: int, new: int) -> Floats:
     """Return the share of each old pixel that falls into each new one, (new, old)."""
     edges = np.arange(new + 1) * (old / new)
     edges[-1] = old

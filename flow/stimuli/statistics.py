@@ -41,28 +41,19 @@ _DARKEST = 1e-4
 
 @dataclass(frozen=True)
 class ImageStatistics:
-    """What a template looks like in numbers.
-
-    Attributes
-    ----------
-    contrast : float
-        Standard deviation over the mean.
-    spectrum_slope : float
-        Exponent of the power spectrum over the radial frequency, 0.02 to 0.3 cycles/px.
-    gradient_kurtosis : float
-        Fourth moment over the squared second of differences along rows; 3 if they are normal.
-    gradient_contrast : float
-        Root mean square of those differences over the mean.
-    flat_share : float
-        Share of those differences below 1 % of the mean: where a detector has next to nothing to
-        answer to, and an error relative to its answer next to nothing to be divided by.
-    """
+    """What a template looks like in numbers."""
 
     contrast: float
+    """Standard deviation over the mean"""
     spectrum_slope: float
+    """Exponent of the power spectrum over the radial frequency, 0.02 to 0.3 cycles/px"""
     gradient_kurtosis: float
+    """Fourth moment over the squared second of differences along rows; 3 if they are normal"""
     gradient_contrast: float
+    """Root mean square of those differences over the mean"""
     flat_share: float
+    """Share of those differences below 1 % of the mean: where a detector has next to nothing to
+    answer to, and an error relative to its answer next to nothing to be divided by"""
 
 
 def image_statistics(template: Floats) -> ImageStatistics:
@@ -113,21 +104,15 @@ class LogStatistics:
 
     contrast: float
     """Standard deviation"""
-
     skewness: float
-
     kurtosis: float
     """Fourth moment over the squared second; 3 where normal"""
-
     gradient_contrast: float
     """Root mean square of differences of neighbors along rows"""
-
     gradient_kurtosis: float
     """Of these differences; 3 where normal"""
-
     neighbor_correlation: float
     """Of neighbors along rows"""
-
     spectrum_slope: float
     """Exponent of the power over the radial frequency, 0.02 to 0.3 cycles/px"""
 
@@ -137,10 +122,7 @@ def log_statistics(passes: Sequence[Floats]) -> LogStatistics:
 
     Of a picture without noise give it eight times.
 
-    Raises
-    ------
-    ValueError
-        When there are not eight, of one shape, of finite light above 0 on the whole.
+    Raises ValueError when there are not eight, of one shape, of finite light above 0 on the whole.
     """
     light = np.asarray(passes, np.float64)
     if light.ndim != 3 or len(light) != PASSES or not np.isfinite(light).all() or light.min() < 0:

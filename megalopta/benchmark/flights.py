@@ -19,13 +19,14 @@ from megalopta.benchmark.moving_forests import MovingView
 from megalopta.benchmark.table import Case, Samples, joined, measure_samples
 from megalopta.core.arrays import Floats
 from megalopta.flow.detectors.base import Detector, Frames
-from megalopta.flow.detectors.blocks import BlockDetector
+from megalopta.flow.detectors.blocks import BlockDetector, summed_frames
 from megalopta.flow.detectors.registry import METHODS
-from megalopta.flow.detectors.summed_frames import summed_frames
-from megalopta.flow.egomotion.heading import CameraMotion, motion_of_flow
-from megalopta.flow.egomotion.likely_motion import likely_camera_motion
-from megalopta.flow.egomotion.wide_field import fit_wide_field
-from megalopta.flow.egomotion.yaw_rate import yaw_rates_deg_s
+from megalopta.flow.egomotion.camera_motion import (
+    CameraMotion,
+    likely_camera_motion,
+    motion_of_flow,
+)
+from megalopta.flow.egomotion.wide_field import fit_wide_field, yaw_rates_deg_s
 from megalopta.scenes import Camera
 
 POOLED = 8

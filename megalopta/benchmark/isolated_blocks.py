@@ -18,24 +18,21 @@ from numpy.typing import NDArray
 from megalopta.assets_gen import generator
 from megalopta.assets_gen.dead_leaves_model import dead_leaves
 from megalopta.core.arrays import Floats
-from megalopta.flow.benchmark.frame_time import milliseconds_per_frame
-from megalopta.flow.detectors.base import Detector
+from megalopta.flow.detectors.base import Detector, milliseconds_per_frame
 from megalopta.flow.detectors.blocks import BlockDetector, BlockGrid, block_grid
 from megalopta.flow.detectors.registry import Method, method
-from megalopta.flow.metrics.efficiency import (
+from megalopta.flow.metrics.translation_bound import (
     MedianPhotons,
     bound_photons,
     confined_velocities,
-    is_within,
-    photons_for_half,
-    variance_efficiency,
-)
-from megalopta.flow.metrics.translation_bound import (
     cramer_rao_covariance,
     cramer_rao_covariance_along_x,
     fisher_information,
+    is_within,
+    photons_for_half,
     texture_spectrum,
     unknown_texture_photons,
+    variance_efficiency,
 )
 from megalopta.flow.stimuli.moving_template import MovingTemplate
 from megalopta.flow.stimuli.photons import draw_counts

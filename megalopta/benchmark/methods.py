@@ -11,10 +11,9 @@ from pathlib import Path
 
 from megalopta.core.freshness import digest
 from megalopta.flow.detectors.base import Detector
-from megalopta.flow.detectors.blocks import BlockDetector
+from megalopta.flow.detectors.blocks import BlockDetector, summed_frames
 from megalopta.flow.detectors.gray_detector import GrayDetector
 from megalopta.flow.detectors.registry import METHODS, Method, method
-from megalopta.flow.detectors.summed_frames import summed_frames
 
 Methods = Mapping[str, BlockDetector]
 

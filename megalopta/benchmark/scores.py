@@ -30,7 +30,7 @@ from megalopta.dataset.store import file_hash
 from megalopta.flow.detectors.gray_detector import DenseDetector
 from megalopta.flow.detectors.registry import Method, method
 from megalopta.flow.formats import read_flow
-from megalopta.flow.metrics.dense_error import GROUPS, DenseError, DenseErrors
+from megalopta.flow.metrics.endpoint_error import GROUPS, DenseError, DenseErrors
 
 Answers = Mapping[Frame, tuple[str, Callable[[], NDArray[Any]]]]
 """Where the answer to a frame comes from, and what gives it, (H, W, 2) in px"""

@@ -24,8 +24,8 @@ from megalopta.core.arrays import Floats
 from megalopta.dataset.store import Dataset
 from megalopta.flow.benchmark.settings import default_warm_up
 from megalopta.flow.detectors.blocks import BlockGrid
-from megalopta.flow.egomotion.heading import CameraMotion, motion_of_flow
-from megalopta.flow.egomotion.yaw_rate import YawRateTest, yaw_rates_deg_s
+from megalopta.flow.egomotion.camera_motion import CameraMotion, motion_of_flow
+from megalopta.flow.egomotion.wide_field import YawRateTest, yaw_rates_deg_s
 
 ERROR = "epe_px"
 ROTATION, HEADING = "rotation_error_deg", "heading_error_deg"

@@ -25,7 +25,7 @@ from megalopta.flow.benchmark.settings import SearchSettings, each_once
 from megalopta.flow.detectors.base import Detector
 from megalopta.flow.detectors.intensity import IntensityMeasurement
 from megalopta.flow.detectors.registry import METHODS, THESIS_METHODS, method
-from megalopta.flow.metrics.curve import ErrorCurve
+from megalopta.flow.metrics.photon_threshold import ErrorCurve
 from megalopta.flow.stimuli.moving_template import MovingTemplate, blurred
 from megalopta.flow.stimuli.resizing import ResizeKind
 

@@ -7,7 +7,7 @@ from megalopta.camera.recording import check_kind
 from megalopta.core.bounded import quoted
 from megalopta.core.errors import UserError
 from megalopta.sensor import AnalogCounter, Sensor, changed, load_sensor, preset
-from megalopta.sensor.formats.messages import (
+from megalopta.sensor.formats.protocol import (
     COLUMNS,
     NOMINAL_STEP_BIAS,
     ROWS,

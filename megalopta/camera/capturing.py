@@ -30,14 +30,12 @@ from megalopta.core.errors import UserError, machine_problem
 from megalopta.core.files import remove
 from megalopta.core.folders import locked
 from megalopta.core.progress import say
-from megalopta.sensor.formats.messages import (
+from megalopta.sensor.formats.protocol import (
+    Kind,
+    Packet,
     Settings,
-    set_exposure,
-    set_frame_rate,
-    set_row_window,
-    set_step_bias,
+    command,
 )
-from megalopta.sensor.formats.packets import Kind, Packet
 
 _WRITE_EVERY_S = 4.0
 _RATE_OVER_S = 1.0
@@ -247,17 +245,17 @@ class _Capture:
         wanted = self._settings.wanted()
         commands = (
             # As short as can be, every frame rate is possible.
-            set_exposure(1),
-            set_frame_rate(wanted.frame_rate_mhz),
-            set_exposure(wanted.exposure_us),
-            set_step_bias(wanted.step_bias),
-            set_row_window(wanted.first_row, wanted.end_row),
+            command(Kind.SET_EXPOSURE, 1),
+            command(Kind.SET_FRAME_RATE, wanted.frame_rate_mhz),
+            command(Kind.SET_EXPOSURE, wanted.exposure_us),
+            command(Kind.SET_STEP_BIAS, wanted.step_bias),
+            command(Kind.SET_ROW_WINDOW, wanted.first_row, wanted.end_row),
         )
-        for command in commands:
-            reply = self._link.request(*command)
+        for kind, payload in commands:
+            reply = self._link.request(kind, payload)
             if Settings.of(reply.payload).refused:
                 raise UserError(
-                    f"{self._link.path}: the camera refuses {command[0].name.lower()}; choose "
+                    f"{self._link.path}: the camera refuses {kind.name.lower()}; choose "
                     "another --exposure, --rate, --step-bias or --rows"
                 )
         self._check(said := Settings.of(reply.payload))

@@ -12,7 +12,7 @@ from megalopta.core.arrays import plain_array
 from megalopta.core.bounded import ARRAY_BYTES, read_bytes
 from megalopta.core.errors import UserError
 from megalopta.sensor import AnalogCounter, Sensor, changed, expose_rate
-from megalopta.sensor.compare.counted import CountedFrames
+from megalopta.sensor.compare.quantities import CountedFrames
 from megalopta.sensor.spad.conversion import counts_of_codes
 from megalopta.sensor.spad.device import draw_fixed_pattern
 from megalopta.sensor.spad.measured import MapFile

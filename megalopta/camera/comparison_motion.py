@@ -21,8 +21,8 @@ from megalopta.camera.passages import cut_passages, cut_rest, fitted_light
 from megalopta.core.arrays import Floats
 from megalopta.core.errors import UserError
 from megalopta.sensor import Sensor, changed
-from megalopta.sensor.compare.counted import CountedFrames
-from megalopta.sensor.compare.equivalence import Difference, difference
+from megalopta.sensor.compare.quantities import CountedFrames
+from megalopta.sensor.compare.two_sample import Difference, Quantity, difference
 
 
 class SpeedResponse(NamedTuple):
@@ -66,7 +66,7 @@ def plate_responses(
                 for each in (counts, simulated)
             )
             title = f"{name} response at {speed:g} mm/s"
-            apart = difference(title, a, b, UNITS[name], margin)
+            apart = difference(Quantity(title, UNITS[name]), a, b, margin)
             found.append(SpeedResponse(name, speed, a, b, apart))
     return found
 

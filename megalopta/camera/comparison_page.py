@@ -22,9 +22,9 @@ from megalopta.camera.device_charts import (
 from megalopta.core.arrays import Floats
 from megalopta.plotting.sections import Section, captioned, write_sections
 from megalopta.plotting.text import number
-from megalopta.sensor.compare.counted import CountedFrames
-from megalopta.sensor.compare.equivalence import Difference
+from megalopta.sensor.compare.quantities import CountedFrames
 from megalopta.sensor.compare.recordings import Comparison
+from megalopta.sensor.compare.two_sample import Difference
 
 Levels = Sequence[CountedFrames]
 

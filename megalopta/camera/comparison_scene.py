@@ -18,9 +18,8 @@ from megalopta.config.model import load
 from megalopta.core.arrays import Floats
 from megalopta.core.errors import UserError
 from megalopta.sensor import Sensor, changed, expose_rate
-from megalopta.sensor.compare.counted import CountedFrames
+from megalopta.sensor.compare.quantities import CountedFrames, scene_differences
 from megalopta.sensor.compare.recordings import Comparison, compare_recordings
-from megalopta.sensor.compare.scene import scene_differences
 from megalopta.sensor.spad.device import draw_fixed_pattern
 from megalopta.stages.pipeline import run_stage
 from megalopta.stages.redo import open_dataset_whole

@@ -9,7 +9,7 @@ from megalopta.camera.device_file import write_device
 from megalopta.camera.recorded import Source, photons_on_pixel, read_recorded
 from megalopta.core.errors import UserError
 from megalopta.sensor import AnalogCounter, Sensor, preset
-from megalopta.sensor.calibrate.chain import calibrate_device
+from megalopta.sensor.calibrate.device import calibrate_device
 from megalopta.sensor.calibrate.level import Adc, Level
 
 

@@ -17,9 +17,8 @@ from megalopta.plotting.style import BLACK, BLUE, GRAY, VERMILION, line_style
 from megalopta.plotting.svg import in_style, new_axes, to_svg
 from megalopta.sensor.calibrate.device import Device
 from megalopta.sensor.calibrate.saturation import DeadTimeKind, dead_time_moments
-from megalopta.sensor.compare.counted import CountedFrames
+from megalopta.sensor.compare.quantities import SEGMENT, CountedFrames, segment_spectra
 from megalopta.sensor.compare.recordings import Comparison
-from megalopta.sensor.compare.spectrum import SEGMENT, mean_spectrum
 
 Levels = Sequence[CountedFrames]
 
@@ -165,9 +164,7 @@ def spectrum_chart(captured: CountedFrames, simulated: CountedFrames) -> Markup:
     """Return the temporal spectrum of the readings, mean over pixels."""
     figure, axes = new_axes(*_SIZE_PT)
     for level, style in _beside(captured, simulated):
-        segments = len(level.counts) // SEGMENT
-        pieces = np.asarray(level.counts[: segments * SEGMENT], np.float64)
-        power = mean_spectrum(pieces.reshape(segments, SEGMENT, -1)).mean(axis=0)[1:]
+        power = segment_spectra(level.counts).mean(axis=0)[1:]
         axes.plot(np.arange(1, power.size + 1) / SEGMENT, power, **_line(style))
     axes.set(xlabel="cycles per frame", ylabel="power (counts²)", ylim=(0, None))
     return _finished(figure, "spectrum", "Temporal spectrum of readings, captured and simulated")

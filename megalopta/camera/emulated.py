@@ -11,15 +11,16 @@ from megalopta.camera.camera_settings import sensor_as_set
 from megalopta.core.bounded import quoted
 from megalopta.core.errors import UserError
 from megalopta.sensor import AnalogCounter, Sensor, expose_adc
-from megalopta.sensor.formats.messages import (
+from megalopta.sensor.formats.protocol import (
     COLUMNS,
     NOT_READ,
     ROWS,
     Identity,
+    Kind,
+    Packet,
     Settings,
     frame_packet,
 )
-from megalopta.sensor.formats.packets import Kind, Packet
 
 if TYPE_CHECKING:
     from megalopta.camera.stimuli import Stimulus

@@ -17,9 +17,9 @@ import serial
 
 from megalopta.camera.port import open_port
 from megalopta.core.errors import UserError
-from megalopta.sensor.formats.messages import Identity, identify
-from megalopta.sensor.formats.packets import (
+from megalopta.sensor.formats.protocol import (
     LONGEST,
+    Identity,
     Kind,
     Packet,
     Parser,
@@ -195,7 +195,7 @@ class Link:
 
     def identity(self) -> Identity:
         """Ask who the camera is; errors as `request`."""
-        return Identity.of(self.request(*identify()).payload)
+        return Identity.of(self.request(Kind.IDENTIFY, b"").payload)
 
     def _is_reply(self, packet: Packet) -> bool:
         is_reply = packet.kind in (Kind.IDENTITY, Kind.SETTINGS)

@@ -20,15 +20,15 @@ from megalopta.core.format_numbers import written
 from megalopta.sensor import AnalogCounter, Sensor
 from megalopta.sensor.formats.counts_store import Origin
 from megalopta.sensor.formats.growing_counts import ExtraArray, GrowingCounts
-from megalopta.sensor.formats.messages import (
+from megalopta.sensor.formats.protocol import (
     COLUMNS,
     NOT_READ,
     ROWS,
     Identity,
+    Packet,
     Settings,
     samples_of,
 )
-from megalopta.sensor.formats.packets import Packet
 from megalopta.sensor.spad.analog import nominal_pixels
 from megalopta.sensor.spad.conversion import counts_of_codes
 

@@ -24,7 +24,7 @@ from megalopta.core.format_numbers import check_format
 from megalopta.core.progress import say
 from megalopta.core.record import Record
 from megalopta.sensor import Sensor, StoredFrames, open_counts
-from megalopta.sensor.formats.messages import COLUMNS, ROWS
+from megalopta.sensor.formats.protocol import COLUMNS, ROWS
 
 COUNTS = "counts.zarr"
 RAW = "raw.bin"

@@ -22,14 +22,15 @@ from megalopta.camera.survey import (
 )
 from megalopta.core.errors import UserError
 from megalopta.sensor import AnalogCounter, Sensor
-from megalopta.sensor.formats.messages import (
+from megalopta.sensor.formats.protocol import (
     COLUMNS,
     NOMINAL_STEP_BIAS,
     ROWS,
     Identity,
+    Kind,
+    Parser,
     Settings,
 )
-from megalopta.sensor.formats.packets import Kind, Parser
 
 _WRITE_EVERY = 16384
 _UNKNOWN = "unknown"

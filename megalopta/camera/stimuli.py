@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from megalopta.core.arrays import Floats
 from megalopta.core.errors import UserError
 from megalopta.sensor import Sensor, changed, detection_rate, photon_rate
-from megalopta.sensor.formats.messages import COLUMNS, ROWS
+from megalopta.sensor.formats.protocol import COLUMNS, ROWS
 
 BAND_NM = (699.99, 700.01)
 """Of the flat light: as narrow as a laser, so that its efficiency is that of one wavelength."""

@@ -12,8 +12,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from megalopta.core.errors import UserError
-from megalopta.sensor.formats.messages import Identity, Settings
-from megalopta.sensor.formats.packets import Kind, Packet, Parser
+from megalopta.sensor.formats.protocol import Identity, Kind, Packet, Parser, Settings
 
 _PIECE_BYTES = 256 * 1024
 _COMMANDS = 5

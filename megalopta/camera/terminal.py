@@ -15,7 +15,7 @@ import numpy as np
 from megalopta.camera.emulated import EmulatedCamera
 from megalopta.core.errors import UserError
 from megalopta.sensor import generator
-from megalopta.sensor.formats.packets import (
+from megalopta.sensor.formats.protocol import (
     Kind,
     Packet,
     Parser,

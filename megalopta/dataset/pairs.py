@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from megalopta.core.errors import UserError
 from megalopta.dataset.lazy import LazyFrames
 from megalopta.dataset.sequence import Sequence
-from megalopta.flow.flo import read_flo
+from megalopta.flow.formats import read_flo
 
 Pair = dict[str, Any]
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from megalopta.core.files import atomic_write
-from megalopta.flow.flo import write_flo
+from megalopta.flow.formats import write_flo
 from megalopta.render.truth.tracer import Truth, out_of_view
 
 TAG = np.float32(202021.25)

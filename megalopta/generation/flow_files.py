@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 
 from megalopta.config.recipe import FlowFile
 from megalopta.dataset.store import Dataset
-from megalopta.flow.flo import read_flo
-from megalopta.flow.formats import write_flo5, write_kitti_png
+from megalopta.flow.formats import read_flo, write_flo5, write_kitti_png
 
 _WRITERS: Mapping[FlowFile, tuple[str, str, Callable[[Path, NDArray[Any]], None]]] = {
     "kitti_png": ("training/flow_kitti", "png", write_kitti_png),

@@ -13,8 +13,7 @@ from matplotlib.ticker import FuncFormatter
 from matplotlib.typing import LineStyleType
 from numpy.typing import NDArray
 
-from megalopta.flow.metrics.curve import ErrorCurve
-from megalopta.flow.metrics.photon_threshold import Threshold
+from megalopta.flow.metrics.photon_threshold import ErrorCurve, Threshold
 from megalopta.plotting.style import (
     BLACK,
     BLUE,

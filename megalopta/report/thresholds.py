@@ -7,8 +7,7 @@ from dataclasses import replace
 from markupsafe import Markup
 
 from megalopta.flow.benchmark.sequence import BenchmarkResult
-from megalopta.flow.metrics.curve import ErrorCurve
-from megalopta.flow.metrics.photon_threshold import Threshold
+from megalopta.flow.metrics.photon_threshold import ErrorCurve, Threshold
 from megalopta.plotting.sections import Section, block, card, heading, paragraph
 from megalopta.plotting.text import UNDEFINED, enumerate_words, level_name, short
 from megalopta.report.budget import Budget

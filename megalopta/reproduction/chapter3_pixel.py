@@ -30,8 +30,8 @@ from megalopta.sensor.ctia.integration import (
     estimate_current,
     gain_from_db,
 )
+from megalopta.sensor.ctia.model import PHOTODIODES
 from megalopta.sensor.ctia.photodiode import Photodiode, reverse_current
-from megalopta.sensor.ctia.presets import PHOTODIODES
 
 SWING_V = 3.3
 BUILT_FARAD, BUILT_GAIN_DB = 10e-12, 130.0

@@ -44,11 +44,10 @@ from megalopta.reproduction.chapter3_pixel import (
     over_bias,
 )
 from megalopta.reproduction.figure_recipe import FigureRecipe, Run
-from megalopta.sensor.ctia.bias import FloatingGateBias
-from megalopta.sensor.ctia.calibration import Measurement, calibrate, leak_floor
+from megalopta.sensor.ctia.bias import FloatingGateBias, Measurement, calibrate, leak_floor
 from megalopta.sensor.ctia.integration import estimate_current
+from megalopta.sensor.ctia.model import PHOTODIODES, TYPICAL_OFFSET_V
 from megalopta.sensor.ctia.photodiode import Photodiode, reverse_current
-from megalopta.sensor.ctia.presets import PHOTODIODES, TYPICAL_OFFSET_V
 
 LED_A: Mapping[str, tuple[float, float]] = {
     "si": (5e-12, 20e-12),

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from matplotlib.figure import Figure as Canvas
 
 from megalopta.benchmark.templates import GratingTemplate
-from megalopta.flow.benchmark.frame_time import milliseconds_per_frame
+from megalopta.flow.detectors.base import milliseconds_per_frame
 from megalopta.flow.detectors.registry import METHODS
 from megalopta.flow.stimuli.moving_template import MovingTemplate
 from megalopta.flow.stimuli.photons import Counts, draw_counts

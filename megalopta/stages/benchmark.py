@@ -17,6 +17,7 @@ import zarr
 from megalopta.config.model import Configuration
 from megalopta.core import files
 from megalopta.core.array_store import ArrayStore
+from megalopta.core.arrays import Floats
 from megalopta.core.freshness import code_digest
 from megalopta.core.progress import progress, say
 from megalopta.dataset.frames import FRAMES_AT_ONCE, read_radiance_frames
@@ -24,7 +25,6 @@ from megalopta.dataset.store import Dataset
 from megalopta.flow.benchmark.sequence import BenchmarkResult, Bookkeeping, Clip, photon_benchmark
 from megalopta.flow.benchmark.settings import checked_warm_up, work_units
 from megalopta.flow.detectors.registry import METHODS
-from megalopta.flow.metrics.response_error import ErrorSums
 from megalopta.sensor import PRESETS, photon_rate
 from megalopta.stages.declaration import Stage
 
@@ -64,13 +64,13 @@ def benchmark(dataset: Dataset) -> None:
     _say_thresholds(results[0])
 
 
-def _part(folder: Path, name: str, work: Callable[[], list[ErrorSums]]) -> list[ErrorSums]:
+def _part(folder: Path, name: str, work: Callable[[], list[Floats]]) -> list[Floats]:
     """Return the sums of every method, kept or now summed."""
     store = ArrayStore(folder, name, _MOST_BYTES)
     if (kept := store.read()) is not None:
-        return [ErrorSums(*kept[str(index)]) for index in range(len(kept))]
+        return [kept[str(index)] for index in range(len(kept))]
     sums = work()
-    store.write({str(index): np.stack([*vars(each).values()]) for index, each in enumerate(sums)})
+    store.write({str(index): each for index, each in enumerate(sums)})
     return sums
 
 

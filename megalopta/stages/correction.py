@@ -18,8 +18,12 @@ from megalopta.core.progress import progress
 from megalopta.dataset.frames import FRAMES_AT_ONCE, write_frames
 from megalopta.dataset.store import Dataset, exposure_name
 from megalopta.sensor import ImageSensor, OpenedCounts, Sensor, StoredFrames
-from megalopta.sensor.calibrate.correction import Corrected, correct
-from megalopta.sensor.calibrate.frame_calibration import Calibration, simulated_calibration
+from megalopta.sensor.calibrate.correction import (
+    Calibration,
+    Corrected,
+    correct,
+    simulated_calibration,
+)
 from megalopta.sensor.expectations import settled
 from megalopta.sensor.formats.counts_store import format_attribute
 

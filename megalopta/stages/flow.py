@@ -28,7 +28,7 @@ from megalopta.dataset.store import Dataset, exposure_name
 from megalopta.flow.benchmark.settings import default_warm_up
 from megalopta.flow.detectors.blocks import BlockDetector, BlockGrid
 from megalopta.flow.detectors.registry import METHODS
-from megalopta.flow.egomotion.yaw_rate import yaw_rates_deg_s
+from megalopta.flow.egomotion.wide_field import yaw_rates_deg_s
 from megalopta.flow.metrics.endpoint_error import block_flow, block_share
 from megalopta.render import Truth
 from megalopta.sensor import ImageSensor, OpenedCounts, StoredFrames

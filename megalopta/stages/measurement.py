@@ -16,12 +16,11 @@ from numpy.typing import NDArray
 from megalopta.core.arrays import Floats
 from megalopta.flow.detectors.base import Detector
 from megalopta.flow.detectors.blocks import BlockDetector
-from megalopta.flow.egomotion.yaw_rate import YawRateTest
+from megalopta.flow.egomotion.wide_field import YawRateTest
 from megalopta.flow.metrics.endpoint_error import block_share, truth_error, truth_splits
 from megalopta.flow.metrics.response_error import (
     METRICS,
-    ErrorSums,
-    combine,
+    error_of,
     error_sums,
 )
 
@@ -88,7 +87,7 @@ class Measurement:
         self._to_counts, self._to_mean, self._to_photons, self._to_corrected = (
             detector.start(shape) for _ in range(4)
         )
-        self._sums: dict[str, list[ErrorSums]] = {}
+        self._sums: dict[str, list[Floats]] = {}
         self._velocities: dict[str, list[Floats]] = {}
         self._left_out: list[NDArray[np.bool_]] = []
         self._last_saturated: NDArray[np.bool_] | None = None
@@ -145,9 +144,9 @@ class Measurement:
             ideal = np.where(mask, np.nan, ideal)
         self._sums.setdefault(reference, []).append(error_sums(self._detector, ideal, noisy))
 
-    def _errors(self, chunks: list[ErrorSums]) -> Record:
-        sums = combine(chunks, lambda parts: np.concatenate(parts)[self._warm_up :])
-        return {metric: _number(sums.of_sequence(metric)) for metric in METRICS}
+    def _errors(self, chunks: list[Floats]) -> Record:
+        sums = np.concatenate(chunks, axis=1)[:, self._warm_up :]
+        return {metric: _number(error_of(sums, metric)) for metric in METRICS}
 
     def _against_truth(self, truth: BlockTruth) -> Record:
         left_out = np.concatenate(self._left_out)[..., None]

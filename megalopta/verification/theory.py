@@ -38,9 +38,8 @@ from megalopta.sensor import (
     reading_moments,
     volt_moments,
 )
-from megalopta.sensor.calibrate.correction import correct
-from megalopta.sensor.calibrate.frame_calibration import simulated_calibration
-from megalopta.sensor.optics.transmission import Transmission
+from megalopta.sensor.calibrate.correction import correct, simulated_calibration
+from megalopta.sensor.optics.lens import Transmission
 from megalopta.verification.brute_force import plain_light_hz, seen_pupil
 from megalopta.verification.comparison import (
     Check,

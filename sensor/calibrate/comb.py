@@ -1,63 +1,135 @@
-"""The comb: readings stand one step apart, so their histogram has a period, which is the step.
+"""The comb: readings lie one step apart, and tell offset, leak, step and read noise of each pixel.
 
-The length of the mean phase |Σ exp(2πi·V/s)|/n over trial steps s is largest at the step, where
-read noise r leaves exp(−2π²·r²/s²) of it. Levels have phases of their own (leak), so squares are
-summed. Between the trials the maximum is that of a parabola.
+**Period.** The length of the mean phase |Σ exp(2πi·V/s)|/n over trial steps s is largest at the
+step, where read noise r leaves exp(−2π²·r²/s²) of it. Levels have phases of their own (leak), so
+squares are summed. Between the trials the maximum is that of a parabola.
 
-Source: the empirical characteristic function at the frequency of the comb, which starts PCH-EM
-(Hendrickson and Haefner, arXiv 2302.00090, use a Fourier transform of the histogram too).
+**Fit**, by maximum likelihood. A reading shows the fall of the output
+
+    y = a + l·T + s·x(N) + r·z       z normal; N events, Poisson at the level's own mean
+
+whose N is not known. Where the step changes over the swing S, of mean step s and slope σ, N events
+make, in steps (`sensor/spad/analog.py`),
+
+    x = (1 + σ/2)·(1 − (1 − b)^N)/b       b = σ·s/S        N = log(1 − b·x/(1 + σ/2))/log(1 − b)
+
+Expectation–maximization: given the four parameters, each reading has a posterior over the three
+nearest N; given these, (a, l, s) are a weighted least-squares line and r² its residual. Intervals
+are from the observed information, that of complete data less the information which is missing
+because N is not known (T. A. Louis, J. R. Stat. Soc. B 44, 226, 1982). Where the comb is clear, all
+of this is an ordinary regression on numbers of events.
+
+The slope of the step is one for the whole array: what residuals of all pixels have in common with
+the bend of the curve (Gauss–Newton). Where they do not determine it, there is none.
+
+The start: steps from `comb_period`, the offset from the dark means at short exposures. Readings
+then join by events and exposure, so that leak and slope known so far say which tooth is which.
+
+Source: PCH-EM, Hendrickson and Haefner, arXiv 2302.00090 and 2403.04498, which has one level and
+no leak, and starts from the empirical characteristic function, too.
 """
+
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
+from scipy.special import gammaln
 
-from megalopta.core.arrays import Floats
+from megalopta.core.arrays import Floats, Mask
 from megalopta.sensor.calibrate.level import Falls
 
 HIDDEN_AT = 0.36
 """Read noise over step above which the comb is too faint to fit."""
+_CLEAR = 0.12
+"""Read noise over step below which no reading is between two teeth."""
 _TRIALS_PER_PEAK = 4
+
+_NUDGE = 1e-4
+_NEIGHBORS = np.arange(-1.0, 2.0)
+_STAGES, _ROUNDS_OF_START = 20, 2
+_FEW_EVENTS = 6.0
+_MOST_ROUNDS, _CONVERGED = 30, 1e-8
+_DETERMINED = 1e-9
+_OF_MEDIAN = 1.2533
+"""Standard error of a median over that of a mean."""
+_LARGEST_SLOPE_ERROR = 0.02
+"""Beyond, the slope is taken for 0."""
+
+
+class Curve(NamedTuple):
+    """Fall of an output over the number of events, where the step changes over the swing."""
+
+    swing_v: float
+    slope: float = 0.0
+    """How much smaller it is at the bottom than at the top, relative."""
+
+    def steps(self, numbers: Floats, step_v: Floats) -> Floats:
+        """Return the fall after so many events, in steps; step_v (V) broadcasts."""
+        if self.slope == 0:
+            return numbers
+        b = self.slope * step_v / self.swing_v
+        return np.asarray(-(1 + self.slope / 2) / b * np.expm1(numbers * np.log1p(-b)))
+
+    def numbers(self, steps: Floats, step_v: Floats) -> Floats:
+        """Return the events after which it has fallen by so many steps, not rounded."""
+        if self.slope == 0:
+            return steps
+        b = self.slope * step_v / self.swing_v
+        left = np.maximum(1 - b * steps / (1 + self.slope / 2), 1e-9)
+        return np.asarray(np.log(left) / np.log1p(-b))
+
+    def bend(self, numbers: Floats, step_v: Floats) -> Floats:
+        """Return the derivative of `steps` by the slope."""
+        low, high = (
+            self._replace(slope=self.slope + way * _NUDGE).steps(numbers, step_v) for way in (-1, 1)
+        )
+        return (high - low) / (2 * _NUDGE)
+
+
+class CombFit(NamedTuple):
+    """Parameters of each pixel (P, 3): fall without counts V, leak V/s, step V; and noise."""
+
+    solution: Floats
+    covariance: Floats
+    """(P, 3, 3)"""
+    noise_v: Floats
+    """(P,) read noise and rounding together."""
+    counts: Floats
+    """(levels, P) sums of events over all frames; 0 where the level was left out."""
+    readings: Floats
+    """(P,) readings behind the noise."""
+    curve: Curve
+    slope_error: float
+    """Standard error of its slope; infinite: it is not determined, and taken for 0."""
+    is_clear: bool
+    """Whether no reading is between two teeth."""
 
 
 def comb_period(falls: Falls, around_v: Floats, within: float) -> tuple[Floats, Floats]:
-    """Find the period of the readings of each pixel.
+    """Return the period of the readings of each pixel, (P,) in V, and read noise over it, (P,).
 
-    Parameters
-    ----------
-    falls : Falls
-    around_v : (P,)
-        Where to look for the period (V).
-    within : float
-        How far around that, relative.
-
-    Returns
-    -------
-    period_v : (P,)
-        The period (V).
-    noise : (P,)
-        Read noise over it, as the height of the peak says.
+    The noise is what the height of the peak says. Periods are looked for around `around_v`, (P,) in
+    V, as far as the relative `within`.
     """
-    period, noise = np.empty(around_v.size), np.empty(around_v.size)
     order = np.argsort(falls.pixel, kind="stable")
     ends = np.searchsorted(falls.pixel[order], np.arange(around_v.size + 1))
-    for pixel, start, end in zip(range(around_v.size), ends[:-1], ends[1:], strict=True):
-        own = order[start:end]
-        period[pixel], noise[pixel] = _of_pixel(
-            falls.fall_v[own],
-            falls.times[own],
-            np.flatnonzero(np.diff(falls.level[own], prepend=-1)),
-            around_v[pixel],
-            within,
-        )
+    found = [
+        _period_of(falls, order[start:end], around, within)
+        for around, start, end in zip(around_v, ends[:-1], ends[1:], strict=True)
+    ]
+    period, noise = np.array(found).T
     return period, noise
 
 
-def _of_pixel(
-    fall_v: Floats, times: Floats, starts: NDArray[np.intp], around_v: float, within: float
+def _period_of(
+    falls: Falls, own: NDArray[np.intp], around_v: float, within: float
 ) -> tuple[float, float]:
-    if not starts.size or not around_v > 0:
+    """Period and noise of one pixel, of some of the entries."""
+    if not own.size or not around_v > 0:
         return np.nan, np.inf
+    fall_v, times = falls.fall_v[own], falls.times[own]
+    starts = np.flatnonzero(np.diff(falls.level[own], prepend=-1))
     teeth = max(np.ptp(fall_v) / around_v, 4.0)
     trials = int(np.ceil(2 * within * teeth * _TRIALS_PER_PEAK)) + 3
     frequency = np.linspace(1 - within, 1 + within, trials) / around_v
@@ -97,3 +169,251 @@ def _powers(
             power[trial] += (real**2 + imaginary**2) / total
     power /= times.sum()
     return power
+
+
+class _Readings(NamedTuple):
+    """How often each pixel showed each fall, (E,).
+
+    Weights and numbers of events below are (k, E): of each reading, k numbers that it may stand
+    for.
+    """
+
+    level: NDArray[np.int64]
+    pixel: NDArray[np.int64]
+    fall: Floats
+    times: Floats
+    exposure: Floats
+    means: Floats
+    """(levels, P) mean falls"""
+    fewest: int
+    """Readings of fewer events are left out of the line."""
+
+    def at(self, chosen: Mask) -> "_Readings":
+        return self._replace(**{name: getattr(self, name)[chosen] for name in self._fields[:5]})
+
+    def sums(self, values: Floats) -> Floats:
+        """Sum of values (k, E) over the readings of each pixel, (P,)."""
+        weights = self.times * values.sum(axis=0)
+        return np.bincount(self.pixel, weights, self.means.shape[1]).astype(np.float64)
+
+    def normal_matrix(self, weights: Floats, columns: list[Floats]) -> Floats:
+        """Matrix of the normal equations of each pixel."""
+        normal = np.empty((self.means.shape[1], len(columns), len(columns)))
+        for row, one in enumerate(columns):
+            for column, other in enumerate(columns[: row + 1]):
+                product = self.sums(weights * one * other)
+                normal[:, row, column] = normal[:, column, row] = product
+        return normal
+
+
+class _State(NamedTuple):
+    """Estimates so far."""
+
+    solution: Floats
+    noise: Floats
+    curve: Curve
+    slope_error: float = np.inf
+    may_slope: bool = True
+
+    def steps(self, readings: _Readings) -> Floats:
+        """Fall of each reading by events, in steps, (E,)."""
+        a, leak, step = self.solution[readings.pixel].T
+        return np.asarray((readings.fall - a - leak * readings.exposure) / step)
+
+    def nearest(self, readings: _Readings) -> Floats:
+        """Number of events whose tooth is nearest to each reading, (1, E)."""
+        step = self.solution[readings.pixel, 2]
+        return np.rint(self.curve.numbers(self.steps(readings), step)).clip(0)[np.newaxis]
+
+    def columns(self, readings: _Readings, numbers: Floats) -> list[Floats]:
+        """Derivatives of readings by offset, leak, step and slope, each (k, E)."""
+        step = self.solution[readings.pixel, 2]
+        one = np.ones_like(numbers)
+        steps, bend = self.curve.steps(numbers, step), self.curve.bend(numbers, step)
+        return [one, one * readings.exposure, steps, step * bend]
+
+    def residuals(self, readings: _Readings, columns: list[Floats]) -> Floats:
+        """Difference of each fall from the line through the first three columns."""
+        parts = zip(columns[:3], self.solution[readings.pixel].T, strict=True)
+        return np.asarray(readings.fall - sum(column * value for column, value in parts))
+
+
+def fit_comb(
+    falls: Falls, exposure_s: Floats, step_v: Floats, offset_v: Floats, swing_v: float
+) -> CombFit:
+    """Fit the comb of each pixel from steps and offsets that are nearly right, each (P,) in V."""
+    readings = _Readings(
+        falls.level,
+        falls.pixel,
+        falls.fall_v,
+        falls.times,
+        exposure_s[falls.level],
+        falls.mean_v,
+        int(falls.is_cut),
+    )
+    solution = np.stack([offset_v, np.zeros_like(step_v), step_v], axis=-1)
+    start = _State(solution, 0.1 * step_v, Curve(swing_v))
+    state = _started(readings, start)
+    is_clear = bool(np.median(state.noise / state.solution[:, 2]) < _CLEAR)
+    if is_clear:
+        numbers = state.nearest(readings)
+        weights = np.ones_like(numbers)
+    else:
+        # readings between two teeth would bend the curve
+        state = _started(readings, start._replace(may_slope=False))
+        state, weights, numbers = _maximized(readings, state)
+    counts = np.zeros_like(falls.mean_v)
+    expected = (weights * numbers).sum(axis=0) * readings.times
+    np.add.at(counts, (readings.level, readings.pixel), expected)
+    used = readings.sums(weights * (numbers >= readings.fewest))
+    covariance = _covariance(readings, weights, numbers, state)
+    return CombFit(
+        state.solution, covariance, state.noise, counts, used, state.curve, state.slope_error,
+        is_clear,
+    )  # fmt: skip
+
+
+def _started(readings: _Readings, state: _State) -> _State:
+    """Let readings join by events and exposure, each read with what the smaller ones say."""
+    deepest = max(float((readings.fall / state.solution[readings.pixel, 2]).max()), _FEW_EVENTS)
+    most = np.geomspace(_FEW_EVENTS, 2 * deepest, _STAGES)
+    longest_s = np.geomspace(readings.exposure.min(), readings.exposure.max(), _STAGES)
+    for events, exposure_s in zip(most, longest_s * (1 + 1e-9), strict=True):
+        some = readings.at(readings.exposure <= exposure_s)
+        for _ in range(_ROUNDS_OF_START):
+            numbers = state.nearest(some)
+            # not by falls: of the last tooth only low readings would be left
+            state = _regressed(some, (numbers <= events).astype(float), numbers, state)
+    return state
+
+
+def _maximized(readings: _Readings, state: _State) -> tuple[_State, Floats, Floats]:
+    """Expectation and maximization in turn, until nothing moves."""
+    for _ in range(_MOST_ROUNDS):
+        before = state.solution
+        state = _regressed(readings, *_posterior(readings, state), state)
+        scale = np.abs(state.solution).max(axis=0)
+        if np.median(np.abs(state.solution - before) / scale) < _CONVERGED:
+            break
+    return state, *_posterior(readings, state)
+
+
+def _posterior(readings: _Readings, state: _State) -> tuple[Floats, Floats]:
+    """Probabilities of the numbers of events near each reading, and these, (3, E)."""
+    step = state.solution[readings.pixel, 2]
+    fallen = state.steps(readings)
+    numbers = np.rint(state.curve.numbers(fallen, step)) + _NEIGHBORS[:, None]
+    mean = _mean_events(readings, state)[readings.level, readings.pixel]
+    width = (state.noise / state.solution[:, 2])[readings.pixel]
+    logs = -0.5 * ((fallen - state.curve.steps(numbers, step)) / width) ** 2
+    logs += numbers * np.log(mean) - gammaln(numbers.clip(0) + 1)
+    logs = np.where(numbers < 0, -np.inf, logs)
+    best = logs.max(axis=0)
+    # a reading far above no count at all stands for none
+    lost = ~np.isfinite(best)
+    weights = np.exp(logs - np.where(lost, 0, best))
+    weights[:, lost], numbers[:, lost] = 1, 0
+    return weights / weights.sum(axis=0), numbers
+
+
+def _mean_events(readings: _Readings, state: _State) -> Floats:
+    """Mean number of events of each level and pixel."""
+    exposure = np.zeros(len(readings.means))
+    exposure[readings.level] = readings.exposure
+    a, leak, step = state.solution.T
+    steps = (readings.means - a - leak * exposure[:, None]) / step
+    return np.asarray(np.maximum(state.curve.numbers(steps, step), 1e-3))
+
+
+def _regressed(readings: _Readings, weights: Floats, numbers: Floats, state: _State) -> _State:
+    """Least squares of each pixel, residual noise, and the slope of all."""
+    weights = weights * (numbers >= readings.fewest)
+    columns = state.columns(readings, numbers)[:3]
+    normal = readings.normal_matrix(weights, columns)
+    right = np.stack([readings.sums(weights * each * readings.fall) for each in columns], axis=-1)
+    regular = np.linalg.cond(_unit_diagonal(normal)[0]) < 1e12
+    found = state._replace(solution=_solved(normal, right))
+    squares = readings.sums(weights * found.residuals(readings, columns) ** 2)
+    frames = np.maximum(readings.sums(weights) - 3, 1)
+    state = state._replace(
+        solution=np.where(regular[:, None], found.solution, state.solution),
+        noise=np.sqrt(np.maximum(squares / frames, 1e-18)),
+    )
+    return _sloped(readings, weights, numbers, state, regular) if state.may_slope else state
+
+
+def _sloped(
+    readings: _Readings, weights: Floats, numbers: Floats, state: _State, regular: Mask
+) -> _State:
+    """Move the slope by what residuals have in common with the bend of the curve."""
+    columns = state.columns(readings, numbers)
+    information = readings.normal_matrix(weights, columns) / state.noise[:, None, None] ** 2
+    score = readings.sums(weights * columns[3] * state.residuals(readings, columns))
+    score = score / state.noise**2
+    influence = _solved(information[:, :3, :3], information[:, :3, 3])
+    left = information[:, 3, 3] - np.einsum("pi,pi->p", information[:, 3, :3], influence)
+    known = regular & (left > _DETERMINED * information[:, 3, 3])
+    error = _OF_MEDIAN / np.sqrt(max(float(left[known].sum()), 1e-30))
+    if error > _LARGEST_SLOPE_ERROR:
+        return state
+    before = state.curve.slope
+    change = _weighted_median(score[known] / left[known], left[known])
+    slope = float(np.clip(before + change, -1, 1))
+    # elsewhere the first step stays what it was
+    first = np.zeros_like(influence)
+    first[:, 2] = state.solution[:, 2] / (2 + slope)
+    moved = np.where(known[:, None], influence, first)
+    return state._replace(
+        solution=state.solution - (slope - before) * moved,
+        curve=state.curve._replace(slope=slope),
+        slope_error=float(error),
+    )
+
+
+def _weighted_median(values: Floats, weights: Floats) -> float:
+    """Median that a pixel whose teeth are miscounted does not move."""
+    order = np.argsort(values)
+    total = np.cumsum(weights[order])
+    return float(values[order[np.searchsorted(total, total[-1] / 2)]])
+
+
+def _covariance(readings: _Readings, weights: Floats, numbers: Floats, state: _State) -> Floats:
+    """Inverse of the observed information, and what the error of the slope adds, (P, 3, 3)."""
+    used = weights * (numbers >= readings.fewest)
+    columns = state.columns(readings, numbers)
+    complete = readings.normal_matrix(used, columns) / state.noise[:, None, None] ** 2
+    information = complete[:, :3, :3]
+    if len(weights) > 1:
+        pull = state.residuals(readings, columns) / state.noise[readings.pixel] ** 2
+        information = information - _missing(readings, weights, columns[:3], pull * (used > 0))
+    unit, scale = _unit_diagonal(information)
+    inverse = np.linalg.pinv(unit, hermitian=True)
+    covariance = inverse / scale[:, :, None] / scale[:, None, :]
+    if np.isfinite(state.slope_error):
+        moved = state.slope_error * _solved(complete[:, :3, :3], complete[:, :3, 3])
+        covariance = covariance + moved[:, :, None] * moved[:, None, :]
+    return np.asarray(covariance)
+
+
+def _missing(readings: _Readings, weights: Floats, columns: list[Floats], pull: Floats) -> Floats:
+    """Information that is missing because numbers of events are not known, (P, 3, 3)."""
+    scores = np.stack(columns) * pull
+    mean = (weights * scores).sum(axis=1)
+    missing = np.empty((readings.means.shape[1], 3, 3))
+    for row, column in np.ndindex(3, 3):
+        product = (weights * scores[row] * scores[column]).sum(0) - mean[row] * mean[column]
+        missing[:, row, column] = readings.sums(product[np.newaxis])
+    return missing
+
+
+def _unit_diagonal(normal: Floats) -> tuple[Floats, Floats]:
+    """Matrices with a diagonal of ones, and what their rows and columns were divided by."""
+    scale = np.sqrt(np.maximum(np.diagonal(normal, axis1=1, axis2=2), 1e-30))
+    return normal / scale[:, :, None] / scale[:, None, :], scale
+
+
+def _solved(normal: Floats, right: Floats) -> Floats:
+    """Solutions (P, 3) of the normal equations of each pixel."""
+    unit, scale = _unit_diagonal(normal)
+    inverse = np.linalg.pinv(unit, hermitian=True)
+    return np.asarray(np.einsum("pij,pj->pi", inverse, right / scale) / scale)

@@ -1,40 +1,346 @@
-"""The chain: linearize, subtract the dark, divide by the flat, fill in what cannot be used."""
+"""Corrected frames: linearize, subtract the dark, divide by the flat, fill in what cannot be used.
 
+Dark frames are taken without light, flat frames under even light, as many of each as patience
+allows; both may be captured or simulated. They are linearized frame by frame before they are
+averaged, as everything is.
+
+**The response curve** is the reading of a pixel against the arrivals that it had, and back. It is
+that of the device model itself: dead time of either kind, afterpulses, crosstalk under even light,
+gate, and the counter with its capacity and steps. Its inverse undoes all of these at once. Under a
+paralyzable dead time, or a counter that wraps, a reading belongs to two brightnesses or more; the
+dimmest is taken, and what may have been another is flagged.
+
+A reading scatters by σ, so the inverse of the curve, or any function of the reading, is on average
+too large by half its curvature times σ²; that is taken off, of arrivals and of their variance.
+"""
+
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
+from scipy.interpolate import PchipInterpolator
+from scipy.ndimage import convolve
 
 from megalopta.core.arrays import Floats, Mask
-from megalopta.sensor.calibrate.defects import filled_in
-from megalopta.sensor.calibrate.frame_calibration import Calibration
+from megalopta.sensor.change import changed
+from megalopta.sensor.effects.dead_time import MOST_ARRIVALS
+from megalopta.sensor.expectations import reading_moments
+from megalopta.sensor.exposure import expose_rate
+from megalopta.sensor.spad.device import draw_fixed_pattern
+from megalopta.sensor.spad.measured import MeasuredMaps
+from megalopta.sensor.spad.model import Sensor, without
+
+_NODES = 400
+_DIMMEST = 1e-3
+"""Arrivals in an exposure; below, the curve is straight."""
+_SMALLEST_SLOPE = 0.05
+"""Readings per arrival, of that in the dark: where the curve is flatter, it tells nothing."""
+_BEYOND = 2.0
+"""Of a curve that falls: arrivals up to so many times those at its peak are thought possible."""
+_WEIGHTS = np.array([[0.5, 1.0, 0.5], [1.0, 0.0, 1.0], [0.5, 1.0, 0.5]])
+_FRAMES_AT_ONCE = 16
+_NEARLY_FULL = 0.95
+_DEADEST = 0.2
+"""Of the median response; a pixel below it is as good as dead."""
+
+
+@dataclass(frozen=True, eq=False)
+class ResponseCurve:
+    """Mean and variance of readings, over arrivals in an exposure, each (n,)."""
+
+    arrivals: Floats
+    """Photons that would be detected and dark counts, as far as readings rise with them"""
+    mean: Floats
+    variance: Floats
+    ambiguous_from: float
+    """Readings from here on may stand for more than the last arrivals; infinite where none can"""
+
+    @property
+    def largest(self) -> float:
+        """The largest reading that tells the arrivals."""
+        return float(self.mean[-1])
+
+    def arrivals_of(self, readings: Floats) -> tuple[Floats, Floats]:
+        """Return arrivals and their variance, from readings of any shape.
+
+        Readings below that in the dark give negative arrivals, so that means are right; those above
+        `largest` give the last arrivals of the curve.
+        """
+        inverse = PchipInterpolator(self.mean, self.arrivals)
+        bent = np.clip(readings, self.mean[0], self.mean[-1])
+        spread = np.gradient(self.arrivals, self.mean) ** 2 * self.variance
+        arrivals = inverse(bent) - self._excess(self.arrivals, bent)
+        arrivals += np.minimum(readings - self.mean[0], 0) * inverse(self.mean[0], 1)
+        variance = np.interp(bent, self.mean, spread) - self._excess(spread, bent)
+        return np.asarray(arrivals), np.maximum(variance, 0)
+
+    def _excess(self, values: Floats, readings: Floats) -> Floats:
+        """By how much the mean over the noise of a function of the reading is too large."""
+        slopes = np.gradient(values, self.mean)
+        excess = 0.5 * np.gradient(slopes, self.mean) * self.variance
+        return np.asarray(np.interp(readings, self.mean, excess))
+
+
+def response_curve(sensor: Sensor) -> ResponseCurve:
+    """Return the curve of a pixel that is like the mean of its array, without dark counts.
+
+    Raises ValueError when no reading tells the arrivals.
+    """
+    plain = _without_pattern(sensor)
+    # neighbors matter under crosstalk only
+    side = 9 if plain.crosstalk.is_on else 1
+    arrivals = np.concatenate(([0.0], np.geomspace(_DIMMEST, _most_arrivals(plain), _NODES)))
+    rates = np.broadcast_to(arrivals[:, None, None] / plain.exposure_s, (arrivals.size, side, side))
+    mean, variance = (each[:, side // 2, side // 2] for each in reading_moments(rates, plain))
+    slopes = np.diff(mean) / np.diff(arrivals)
+    flat = np.flatnonzero(slopes < _SMALLEST_SLOPE * slopes[:10].max())
+    end = int(flat[0]) if flat.size else arrivals.size - 1
+    if end < 2:
+        raise ValueError(
+            f"sensor {sensor.name!r}: its readings do not rise with the light; nothing can be "
+            "corrected"
+        )
+    rising = slice(0, end + 1)
+    return ResponseCurve(
+        arrivals[rising],
+        mean[rising],
+        variance[rising],
+        _ambiguous_from(arrivals, mean, variance, plain),
+    )
+
+
+def _without_pattern(sensor: Sensor) -> Sensor:
+    """The sensor with pixels that do not differ, neither as drawn nor as measured."""
+    alike: dict[str, Any] = {
+        part: {name: 0.0 for name in type(getattr(sensor, part)).model_fields if "sigma" in name}
+        for part in ("counter", "dead_time", "afterpulsing", "crosstalk")
+    }
+    plain = sensor.model_copy(update={"measured": MeasuredMaps()})
+    return changed(without(plain, "dark_counts"), **alike)
+
+
+def _most_arrivals(sensor: Sensor) -> float:
+    """Arrivals beyond which readings rise no more: of the counter, or of the dead time."""
+    most = 4.0 * sensor.counter.capacity
+    if sensor.dead_time.kind != "ideal" and sensor.dead_time.dead_time_s:
+        most = min(most, 20 * sensor.exposure_s / sensor.dead_time.dead_time_s)
+    return min(most, MOST_ARRIVALS / 2)
+
+
+def _ambiguous_from(arrivals: Floats, mean: Floats, variance: Floats, sensor: Sensor) -> float:
+    wraps = getattr(sensor.counter, "overflow", "saturate") == "wrap"
+    if sensor.dead_time.kind != "paralyzable" and not wraps:
+        return np.inf
+    peak = int(np.argmax(mean))
+    possible = arrivals <= _BEYOND * arrivals[peak]
+    after = (np.arange(arrivals.size) > peak) & possible
+    if not after.any():
+        return np.inf
+    return float(np.min(mean[after] - 3 * np.sqrt(variance[after])))
+
+
+def hot_pixels(dark: Floats, times: float) -> Mask:
+    """Return which pixels have more dark counts than so many times the median, (rows, columns).
+
+    Raises ValueError when that would be half of them or more.
+    """
+    hot = dark > times * max(float(np.median(dark)), 0.0)
+    if dark.size and 2 * int(hot.sum()) >= dark.size:
+        raise ValueError(
+            f"hot_times: {times:g} times the median of the dark counts marks {hot.mean():.0%} of "
+            "the pixels; give more"
+        )
+    return np.asarray(hot)
+
+
+def filled_in(values: Floats, variance: Floats, bad: Mask) -> tuple[Floats, Floats]:
+    """Return frames in which bad pixels are the mean of their good neighbors, and their variance.
+
+    Neighbors across an edge weigh twice as much as those across a corner. Where all eight are bad,
+    those filled in before stand in for them. A frame without any good pixel stays as it is.
+
+    `values`, `variance` (T, rows, columns); `bad` (rows, columns) or (T, rows, columns).
+    """
+    values, variance = values.copy(), variance.copy()
+    known = np.broadcast_to(~bad, values.shape).copy()
+    known |= ~known.any(axis=(1, 2), keepdims=True)
+    weights = _WEIGHTS[np.newaxis]
+    while not known.all():
+        total = convolve(known.astype(np.float64), weights, mode="constant")
+        fill = ~known & (total > 0)
+        sums = convolve(np.where(known, values, 0), weights, mode="constant")
+        spread = convolve(np.where(known, variance, 0), weights**2, mode="constant")
+        values[fill] = sums[fill] / total[fill]
+        variance[fill] = spread[fill] / total[fill] ** 2
+        known |= fill
+    return values, variance
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration:
+    """A device, each map (rows, columns)."""
+
+    curve: ResponseCurve
+    """Readings to arrivals"""
+    dark: Floats
+    """Dark counts in an exposure"""
+    dark_variance: Floats
+    """Of this estimate"""
+    gain: Floats
+    """Efficiency relative to the sensor's curve, or to the mean of the good pixels"""
+    gain_variance: Floats
+    bad: Mask
+    """Hot or dead pixels"""
+
+
+def calibrate(
+    dark_frames: Any,
+    flat_frames: Any,
+    sensor: Sensor,
+    *,
+    flat_detections: float | None = None,
+    hot_times: float = 10.0,
+) -> Calibration:
+    """Return what dark and flat frames tell of a device.
+
+    Raises ValueError when there are fewer than two frames, shapes differ, or the flat frames are
+    too dark or too bright to tell a gain.
+
+    Parameters
+    ----------
+    dark_frames, flat_frames : (n, rows, columns)
+        Readings without light and under even light, with the exposure of the sensor; arrays, in
+        memory or on disk.
+    sensor : Sensor
+        Its dead time, afterpulses, counter and so on.
+    flat_detections : float, optional
+        Photons per exposure that a pixel of nominal efficiency detects of the even light. Without
+        it gains are relative to the mean of the good pixels.
+    hot_times : float
+        Pixels with more dark counts than so many times the median are hot.
+    """
+    kinds = {"dark": dark_frames, "flat": flat_frames}
+    shapes = {name: np.shape(frames) for name, frames in kinds.items()}
+    for name, shape in shapes.items():
+        if len(shape) != 3 or shape[0] < 2:
+            raise ValueError(
+                f"{name} frames: shape {shape}; give (frames, rows, columns), two or more"
+            )
+    if shapes["dark"][1:] != shapes["flat"][1:]:
+        raise ValueError(
+            f"dark frames of {shapes['dark'][1:]} and flat frames of {shapes['flat'][1:]} pixels: "
+            "give those of one device"
+        )
+    curve = response_curve(sensor)
+    dark, flat = (_mean(_chunks(frames), curve) for frames in kinds.values())
+    return _of_means(curve, dark, flat, flat_detections, hot_times)
+
+
+def simulated_calibration(
+    sensor: Sensor,
+    shape: tuple[int, int],
+    *,
+    frames: int = 256,
+    seed: int = 0,
+    hot_times: float = 10.0,
+) -> Calibration:
+    """Calibrate a simulated device on frames drawn in the dark and under light for a half reading.
+
+    Parameters
+    ----------
+    sensor : Sensor
+    shape : (rows, columns)
+    frames : int
+        Of each kind.
+    seed : int
+    hot_times : float
+        As for `calibrate`.
+    """
+    curve = response_curve(sensor)
+    detections = float(curve.arrivals_of(np.array([curve.largest / 2]))[0][0])
+    even = np.full(shape, detections / sensor.exposure_s)
+    even *= draw_fixed_pattern(sensor, shape).efficiency_factor
+    dark, flat = (
+        _mean(_drawn(rate, sensor, frames, seed, f"calibration {name}"), curve)
+        for name, rate in (("dark", 0 * even), ("flat", even))
+    )
+    return _of_means(curve, dark, flat, detections, hot_times)
+
+
+def _chunks(frames: Any) -> Iterator[Floats]:
+    for first in range(0, len(frames), _FRAMES_AT_ONCE):
+        yield np.asarray(frames[first : first + _FRAMES_AT_ONCE], np.float64)
+
+
+def _drawn(
+    rate: Floats, sensor: Sensor, frames: int, seed: int, sequence: str
+) -> Iterator[NDArray[Any]]:
+    for first in range(0, frames, _FRAMES_AT_ONCE):
+        several = np.broadcast_to(rate, (min(_FRAMES_AT_ONCE, frames - first), *rate.shape))
+        yield expose_rate(several, sensor, seed=seed, sequence=sequence, first_frame=first).counts
+
+
+class _Mean(NamedTuple):
+    arrivals: Floats
+    """Mean over frames"""
+    variance: Floats
+    """Of that mean"""
+    readings: Floats
+    """Mean over frames"""
+
+
+def _mean(chunks: Iterable[NDArray[Any]], curve: ResponseCurve) -> _Mean:
+    frames, sums, squares, readings = 0, np.zeros(()), np.zeros(()), np.zeros(())
+    for chunk in chunks:
+        arrivals, _ = curve.arrivals_of(chunk)
+        frames += len(chunk)
+        sums = sums + arrivals.sum(axis=0)
+        squares = squares + np.square(arrivals).sum(axis=0)
+        readings = readings + chunk.sum(axis=0, dtype=np.float64)
+    mean = sums / frames
+    spread = np.maximum(squares / frames - mean**2, 0) / (frames - 1)
+    return _Mean(mean, spread, readings / frames)
+
+
+def _of_means(
+    curve: ResponseCurve, dark: _Mean, flat: _Mean, flat_detections: float | None, hot_times: float
+) -> Calibration:
+    light = flat.arrivals - dark.arrivals
+    bad = hot_pixels(dark.arrivals, hot_times)
+    bad |= flat.readings >= _NEARLY_FULL * curve.largest
+    bad |= light < _DEADEST * np.median(light)
+    if bad.all() or not np.median(light) > 0:
+        raise ValueError(
+            "flat frames: too dark or too bright to tell how pixels differ; readings well above "
+            f"the dark and below {curve.largest:.4g} are needed"
+        )
+    even = float(light[~bad].mean()) if flat_detections is None else flat_detections
+    gain = np.where(bad, 1.0, light / even)
+    gain_variance = (flat.variance + dark.variance) / even**2
+    return Calibration(curve, dark.arrivals, dark.variance, gain, gain_variance, bad)
 
 
 @dataclass(frozen=True, eq=False)
 class Corrected:
-    """Frames as a perfect array of the same efficiency would have detected them, on average.
-
-    Attributes
-    ----------
-    detections : (T, H, W) float64
-        Photons detected in an exposure, without dark counts; below 0 where noise was.
-    variance : (T, H, W) float64
-        Of these: noise of the reading, of the dark and of the flat frames.
-    filled : (T, H, W) bool
-        Where the pixel is hot, dead or full, and neighbors stand in for it; all of a frame where
-        there are none.
-    ambiguous : (T, H, W) bool
-        Where the pixel may have seen much more light (`ResponseCurve.ambiguous_from`).
-    """
+    """Frames (T, H, W) as a perfect array of the same efficiency would detect them, on average."""
 
     detections: Floats
+    """Photons detected in an exposure, without dark counts; below 0 where noise was"""
     variance: Floats
+    """Of these: noise of the reading, of the dark and of the flat frames"""
     filled: Mask
+    """Where the pixel is hot, dead or full, and neighbors stand in for it; all of a frame where
+    there are none"""
     ambiguous: Mask
+    """Where the pixel may have seen much more light (`ResponseCurve.ambiguous_from`)"""
 
 
 def correct(counts: ArrayLike, saturated: ArrayLike, calibration: Calibration) -> Corrected:
     """Correct frames of readings.
+
+    Raises ValueError when shapes do not match.
 
     Parameters
     ----------
@@ -42,11 +348,6 @@ def correct(counts: ArrayLike, saturated: ArrayLike, calibration: Calibration) -
         As in `Exposure`.
     calibration : Calibration
         Of the same device.
-
-    Raises
-    ------
-    ValueError
-        When shapes do not match.
     """
     readings, full = np.asarray(counts, np.float64), np.asarray(saturated, np.bool_)
     if readings.ndim != 3 or readings.shape[1:] != calibration.dark.shape:

@@ -1,4 +1,4 @@
-"""Recorded readings at one light and one exposure, and how often a pixel gave which code."""
+"""Recorded readings at one light and one exposure: what they must have, and what they show."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,24 +12,22 @@ from megalopta.core.arrays import Floats, Ints
 _DEVIATIONS_ABOVE_BOTTOM = 6.0
 _DEEPEST = 0.95
 """Of the swing: offsets move the bottom too."""
+_FEWEST_FRAMES = 50
+_FEWEST_DARK_EXPOSURES = 3
+_DRIFT_Z = 6.0
+_SMALLEST_DRIFT = 0.005
+_DARKEST_Z = 6.0
 
 
 @dataclass(frozen=True, eq=False)
 class Level:
-    """Frames that were taken alike.
-
-    Attributes
-    ----------
-    codes : (n, rows, columns) integers
-        Of the ADC; fewer where more was counted.
-    exposure_s : float
-    light_hz : float
-        Photons per second on a pixel, or, where all levels share it, in any unit; 0: in the dark.
-    """
+    """Frames that were taken alike."""
 
     codes: NDArray[Any]
+    """(n, rows, columns) of the ADC; lower where more was counted"""
     exposure_s: float
     light_hz: float = 0.0
+    """Photons per second on a pixel, or, where all levels share it, in any unit; 0: in the dark"""
 
     @property
     def is_dark(self) -> bool:
@@ -107,3 +105,70 @@ def falls_of(levels: Sequence[Level], adc: Adc) -> Falls:
     mean_v, variance_v2 = (adc.top - mean) * adc.lsb_v, variance * adc.lsb_v**2
     is_cut = bool(code.max(initial=0) >= np.rint(adc.top))
     return Falls(level_of, pixel, fall_v, times.astype(float), frames, mean_v, variance_v2, is_cut)
+
+
+def check_levels(levels: Sequence[Level], adc: Adc) -> None:
+    """Refuse recordings that cannot tell a device.
+
+    Raises ValueError when levels are of different arrays, have too few frames, drift or are
+    saturated, when no exposures of the dark differ, or light makes no difference.
+    """
+    shapes = sorted({level.codes.shape[1:] for level in levels if level.codes.ndim == 3})
+    if len(shapes) != 1 or any(level.codes.ndim != 3 for level in levels):
+        raise ValueError(
+            f"recordings of {', '.join(map(str, shapes)) or 'no'} pixels; give frames of one device"
+        )
+    for level in levels:
+        if len(level.codes) < _FEWEST_FRAMES:
+            raise ValueError(
+                f"{level}: {len(level.codes)} frames; capture {_FEWEST_FRAMES} or more"
+            )
+        _check_steadiness(level)
+    dark = sorted({level.exposure_s for level in levels if level.is_dark})
+    if len(dark) < _FEWEST_DARK_EXPOSURES:
+        raise ValueError(
+            f"dark frames of {len(dark)} exposures; capture {_FEWEST_DARK_EXPOSURES} or more, so "
+            "that leak and dark counts can be told apart"
+        )
+    if all(np.median(level.codes) <= adc.bottom for level in levels):
+        raise ValueError("all levels are saturated; expose for less or lower the light")
+    _check_light(levels, adc)
+
+
+def _check_steadiness(level: Level) -> None:
+    totals = level.codes.mean(axis=(1, 2), dtype=np.float64)
+    half = len(totals) // 2
+    first, second = totals[:half], totals[half:]
+    change = float(second.mean() - first.mean())
+    error = float(np.sqrt(first.var(ddof=1) / first.size + second.var(ddof=1) / second.size))
+    pixel = float(np.sqrt(level.codes.var(axis=0, dtype=np.float64).mean()))
+    if abs(change) > _DRIFT_Z * error and abs(change) > max(_SMALLEST_DRIFT * pixel, 0.05):
+        raise ValueError(
+            f"{level}: it drifts, the second half differs from the first by {change:.3g} codes, "
+            f"{abs(change) / max(error, 1e-12):.0f} standard errors; let light and temperature "
+            "settle and capture again"
+        )
+
+
+def _check_light(levels: Sequence[Level], adc: Adc) -> None:
+    lit = [level for level in levels if not level.is_dark]
+    if not lit:
+        return
+    if all(np.median(level.codes) <= adc.bottom for level in lit):
+        raise ValueError("flat frames are saturated; expose for less or lower the light")
+    rates = {
+        is_dark: max(
+            (adc.top - float(level.codes.mean())) / level.exposure_s
+            for level in levels
+            if level.is_dark == is_dark and np.median(level.codes) > adc.bottom
+        )
+        for is_dark in (True, False)
+    }
+    brightest = min(lit, key=lambda level: float(level.codes.mean()))
+    frames = brightest.codes
+    spread = float(frames.mean(axis=(1, 2)).std(ddof=1)) / np.sqrt(len(frames))
+    excess = (rates[False] - rates[True]) * brightest.exposure_s
+    if excess < _DARKEST_Z * spread:
+        raise ValueError(
+            f"{brightest}: no brighter than the dark; uncover the sensor or raise the light"
+        )

@@ -65,22 +65,16 @@ class Kernel(NamedTuple):
 def neighbor_kernel(counts: NDArray[Any], good: NDArray[np.bool_]) -> Kernel:
     """Estimate the kernel from dark counts (n, rows, columns) of the good pixels (rows, columns).
 
-    Raises
-    ------
-    ValueError
-        When too few good pixels have neighbors.
+    Raises ValueError when too few good pixels have neighbors.
     """
     counts = np.asarray(counts, np.float64)
     mean = counts.mean(axis=0)
     n = len(counts)
     apart = np.where(good, counts - mean, 0)
     variance = np.where(good, counts.var(axis=0, ddof=1), 0)
-    ratios = [_pairs(apart, mean, good, offset) for offset in OFFSETS]
-    if any(ratio is None for ratio in ratios):
-        raise ValueError("crosstalk: too few good pixels side by side; none can be told")
+    ratios, errors = np.array([_pairs(apart, mean, good, offset) for offset in OFFSETS]).T
     common = _common(apart, good) / float(mean[good].mean())
-    seen = np.array([ratio[0] for ratio in ratios if ratio]) - common
-    error = np.array([ratio[1] for ratio in ratios if ratio]) / 2
+    seen, error = ratios - common, errors / 2
     fano = float(variance[good].sum() / mean[good].sum()) - common
     # of Poisson counts, not as seen: else those of small variance would weigh more
     m = mean[good]
@@ -95,10 +89,9 @@ def neighbor_kernel(counts: NDArray[Any], good: NDArray[np.bool_]) -> Kernel:
 def mean_kernel(kernels: Sequence[Kernel]) -> Kernel:
     """Average kernels of independent recordings by their precision."""
     share, error = _average([each.share for each in kernels], [each.error for each in kernels])
-    traps = _average(
-        [each.afterpulses for each in kernels], [each.afterpulses_error for each in kernels]
-    )
-    return Kernel(share, error, float(traps[0]), float(traps[1]))
+    left = [each.afterpulses for each in kernels]
+    traps = _average(left, [each.afterpulses_error for each in kernels])
+    return Kernel(share, error, *map(float, traps))
 
 
 def _average(values: Sequence[Any], errors: Sequence[Any]) -> tuple[Floats, Floats]:
@@ -109,36 +102,27 @@ def _average(values: Sequence[Any], errors: Sequence[Any]) -> tuple[Floats, Floa
 
 def _pairs(
     apart: Floats, mean: Floats, good: NDArray[np.bool_], offset: tuple[int, int]
-) -> tuple[float, float] | None:
+) -> tuple[float, float]:
     """Covariance over mean of all pairs of an offset, weighted by their light; standard error."""
     first, second = _shifted(good, offset)
     both = good[first] & good[second]
-    if both.sum() < 2:
-        return None
     covariance = (apart[:, *first] * apart[:, *second]).sum(axis=0) / (len(apart) - 1)
     # a brighter pair says as much per event: weights by inverse variance of the ratio
     total = (mean[first] + mean[second]) / 2
     noise = mean[first] * mean[second] / len(apart)
     weight = np.where(both & (noise > 0), total / np.where(noise > 0, noise, 1), 0)
     norm = float((weight * total).sum())
-    if not norm > 0:
-        return None
+    if both.sum() < 2 or not norm > 0:
+        raise ValueError("crosstalk: too few good pixels side by side; none can be told")
     error = float(np.sqrt((weight**2 * noise).sum())) / norm
     return float((weight * covariance).sum()) / norm, error
 
 
 def _shifted(values: NDArray[Any], offset: tuple[int, int]) -> tuple[Any, Any]:
-    down, right = offset
-    rows, columns = values.shape
-    if right >= 0:
-        return (
-            (slice(0, rows - down), slice(0, columns - right)),
-            (slice(down, rows), slice(right, columns)),
-        )
-    return (
-        (slice(0, rows - down), slice(-right, columns)),
-        (slice(down, rows), slice(0, columns + right)),
-    )
+    (down, right), (rows, columns) = offset, values.shape
+    here = slice(max(-right, 0), columns - max(right, 0))
+    there = slice(max(right, 0), columns + min(right, 0))
+    return (slice(0, rows - down), here), (slice(down, rows), there)
 
 
 def _common(apart: Floats, good: NDArray[np.bool_]) -> float:

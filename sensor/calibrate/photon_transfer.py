@@ -43,15 +43,9 @@ def photon_transfer(
 ) -> PhotonTransfer:
     """Fit variance over mean, and mean over exposure in the dark.
 
-    Parameters
-    ----------
-    falls : Falls
-    exposure_s, light_hz : (levels,)
-    dimmest : float
-        Levels with up to so many times the least light are used, and those in the dark.
-    above_noise : float
-        Levels whose fall is below so many standard deviations are left out: the ADC may cut off
-        part of their readings.
+    `exposure_s`, `light_hz` (levels,); `dimmest`: levels with up to so many times the least light
+    are used, and those in the dark; `above_noise`: levels whose fall is below so many standard
+    deviations are left out: the ADC may cut off part of their readings.
     """
     lit = light_hz[light_hz > 0]
     is_dim = light_hz <= dimmest * lit.min(initial=np.inf)

@@ -1,32 +1,31 @@
 """Dark counts, efficiency and dead time of each pixel from mean counts over light.
 
-Arrivals of rate r = d + η·φ, d dark counts and φ the light, are counted with mean M and variance V
-by the laws of `sensor/effects` for a live start, here for exposures of many dead times,
-
-    paralyzable         M = (x − a)·q + 1 − q,  V = M − 2·a·x·q² + …    q = exp(−a)
-    non-paralyzable     M = g·x/a + g²/2,       V = g·(1 − g)²·x/a + …  g = a/(1 + a)
-
-with x = r·T and a = r·τ. (d, η, τ) maximize the likelihood of normal means of known variance V/n,
-by Fisher scoring, from the best of a row of dead times. Both kinds are fitted: the likelier one is
-named where the likelihoods, over all pixels, differ by more than a factor e⁶ (400 to 1).
+Arrivals of rate r = d + η·φ, d dark counts and φ the light, are counted with the mean M and the
+variance V of a live start (`sensor/effects`). (d, η, τ) maximize the likelihood of normal means of
+known variance V/n, by Fisher scoring, from the best of a row of dead times. Both kinds are fitted:
+the likelier one is named where the likelihoods, over all pixels, differ by more than a factor e⁶
+(400 to 1).
 
 Source: dissertation §2.3.3, Eq. 2.5 and 2.6; Knoll, Radiation Detection and Measurement, ch. 4.
 """
 
+from types import ModuleType
 from typing import Literal, NamedTuple
 
 import numpy as np
 
 from megalopta.core.arrays import Floats
+from megalopta.sensor.effects import nonparalyzable, paralyzable
 
 DeadTimeKind = Literal["paralyzable", "nonparalyzable"]
 
-_KINDS: tuple[DeadTimeKind, ...] = ("paralyzable", "nonparalyzable")
-_CLEAR = 6.0
+_LAWS: dict[DeadTimeKind, ModuleType] = {
+    "paralyzable": paralyzable,
+    "nonparalyzable": nonparalyzable,
+}
 _ROUNDS = 25
 _STARTS = 30
 _STEP = 1e-5
-_LARGEST_EXPONENT = 50.0
 
 
 class SaturationFit(NamedTuple):
@@ -56,51 +55,32 @@ class MeanCounts(NamedTuple):
 def dead_time_moments(
     rate_hz: Floats, exposure_s: Floats | float, dead_time_s: Floats, kind: DeadTimeKind
 ) -> tuple[Floats, Floats]:
-    """Mean and variance of counts; exact where the exposure lasts many dead times.
-
-    Rates (Hz), exposures and dead times (s) of any shapes that go together.
-    """
-    x = rate_hz * exposure_s
-    a = np.minimum(rate_hz * dead_time_s, _LARGEST_EXPONENT)
-    none = np.exp(-np.minimum(x, 700))
-    if kind == "paralyzable":
-        q = np.exp(-a)
-        once, twice = np.maximum(x - a, 0), np.maximum(x - 2 * a, 0)
-        later = q * (once - 1 + np.exp(-np.minimum(once, 700)))
-        mean = later + 1 - none
-        two = twice**2 / 2 - (twice - 1 + np.exp(-np.minimum(twice, 700)))
-        return mean, 2 * (later + q**2 * two) + mean - mean**2
-    g = a / (1 + a)
-    mean = x / (1 + a) + g**2 / 2
-    return mean, x / (1 + a) ** 3 + g**2 * (3 / 2 - 8 * g / 3 + 5 * g**2 / 4)
+    """Return mean and variance of counts; rates (Hz), exposures and dead times (s) broadcast."""
+    rate, exposure, dead = np.broadcast_arrays(rate_hz, exposure_s, dead_time_s)
+    mean, variance = _LAWS[kind].moments((rate * exposure).ravel(), (dead / exposure).ravel())
+    return mean.reshape(rate.shape), variance.reshape(rate.shape)
 
 
 def fit_saturation(counts: MeanCounts) -> tuple[SaturationFit, float]:
     """Return the likelier kind's fit, and by how much: the logarithm of the likelihoods' ratio.
 
-    Raises
-    ------
-    ValueError
-        When there are fewer than two levels of light.
+    Raises ValueError when there are fewer than two levels of light.
     """
     if len(np.unique(counts.light_hz[counts.light_hz > 0])) < 2:
         raise ValueError("flat frames of fewer than two lights; capture a dim and a bright one")
-    fits = sorted((fit_kind(counts, kind) for kind in _KINDS), key=lambda fit: -_total(fit))
+    fits = sorted((_fitted(counts, kind) for kind in _LAWS), key=lambda fit: -_total(fit))
     return fits[0], _total(fits[0]) - _total(fits[1])
 
 
-def is_kind_clear(ratio: float) -> bool:
-    """Whether the logarithm of the likelihoods' ratio names the kind of dead time."""
-    return ratio > _CLEAR
-
-
-def fit_kind(counts: MeanCounts, kind: DeadTimeKind) -> SaturationFit:
+def _fitted(counts: MeanCounts, kind: DeadTimeKind) -> SaturationFit:
     """Fit one kind of dead time."""
     solution = _started(counts, kind)
     for _ in range(_ROUNDS):
         gradient, information = _score(counts, solution, kind)
         step = np.einsum("pij,pj->pi", _inverse(information), gradient)
-        solution = _bounded(solution + np.clip(step, -_reach(solution), _reach(solution)), solution)
+        reach = np.maximum(0.5 * solution, [1.0, 0, 1e-9])
+        found = np.maximum(solution + np.clip(step, -reach, reach), [1e-6, 1e-12, 1e-15])
+        solution = np.where(np.isfinite(found), found, solution)
     covariance = _inverse(_score(counts, solution, kind)[1])
     likelihood = _likelihood(counts, solution, kind)
     untold = ((counts.frames > 0) & (counts.light_hz > 0)[:, None]).sum(axis=0) < 2
@@ -110,16 +90,6 @@ def fit_kind(counts: MeanCounts, kind: DeadTimeKind) -> SaturationFit:
 
 def _total(fit: SaturationFit) -> float:
     return float(fit.log_likelihood[np.isfinite(fit.log_likelihood)].sum())
-
-
-def _bounded(found: Floats, before: Floats) -> Floats:
-    lowest = np.array([1e-6, 1e-12, 1e-15])
-    return np.where(np.isfinite(found), np.maximum(found, lowest), before)
-
-
-def _reach(solution: Floats) -> Floats:
-    """How far one round may go."""
-    return np.maximum(0.5 * solution, [1.0, 0, 1e-9])
 
 
 def _started(counts: MeanCounts, kind: DeadTimeKind) -> Floats:

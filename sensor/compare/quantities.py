@@ -1,4 +1,4 @@
-"""What blocks of frames say of a device: quantities that do not mix.
+"""What blocks of frames say of a device: quantities that do not mix, spectra, and of a scene.
 
     gain          variance over mean of dark and dim counts: 1 where a count is an event
     crosstalk     neighbors that an event fires: covariance over mean and gain
@@ -8,19 +8,58 @@
 
 Dividing by the gain keeps a step that is wrong from passing for light; dividing out crosstalk keeps
 that from passing for efficiency.
+
+A scene has no dark and no even light, so that what it says of a device is mixed: how bright it is
+counted, and how much of its changes arrives in the counts, the slope of counts over the light that
+the model expects, which dark counts do not move. Both are of blocks of frames and compared block by
+block, since the scene is the same in both.
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.core.arrays import Floats, Mask
-from megalopta.sensor.compare.counted import CountedFrames
+from megalopta.sensor.compare.two_sample import Difference, Quantity, difference
 
 BLOCKS = 20
+SEGMENT = 32
+"""Frames of a spectrum."""
+BANDS = 4
 _BRIGHT = 4.0
 """Times the dimmest light from which on a level tells the dead time."""
+_BRIGHTNESS = Quantity("brightness", "counts per second")
+_CONTRAST = Quantity("contrast", "counts per photon detected")
+
+
+@dataclass(frozen=True, eq=False)
+class CountedFrames:
+    """Counts at one light and exposure."""
+
+    counts: NDArray[Any]
+    """(n, rows, columns)"""
+    exposure_s: float
+    light_hz: float = 0.0
+    """In the unit of the other levels; 0: in the dark"""
+    saturated: NDArray[np.bool_] | None = None
+    """(n, rows, columns) counts that are lower bounds"""
+    times_s: Floats | None = None
+    """(n,) when each exposure began; one after the other where it is not known"""
+
+    @property
+    def is_dark(self) -> bool:
+        """Whether there was no light."""
+        return self.light_hz == 0
+
+    @property
+    def usable(self) -> Mask:
+        """Pixels (rows, columns) that are never full."""
+        if self.saturated is None:
+            return np.ones(self.counts.shape[1:], np.bool_)
+        return np.asarray(~self.saturated.any(axis=0))
 
 
 def block_quantities(
@@ -28,13 +67,8 @@ def block_quantities(
 ) -> dict[str, Floats]:
     """Return quantities by name, each (blocks,), as far as the levels tell them.
 
-    Parameters
-    ----------
-    levels : sequence of CountedFrames
-    usable : sequence of (rows, columns) bool
-        Pixels of each level that are used.
-    kind : "paralyzable" or "nonparalyzable"
-        Of the dead time.
+    `usable` are the pixels of each level that are used, (rows, columns); `kind`, "paralyzable" or
+    "nonparalyzable", is that of the dead time.
     """
     blocks = [_of_block(levels, usable, kind, at) for at in range(BLOCKS)]
     return {name: np.array([each[name] for each in blocks]) for name in blocks[0]}
@@ -48,10 +82,8 @@ def unsure_quantities(
     They are of darkness and of the dimmest light; errors of pixels are independent of each other.
     """
     found = {}
-    for name, chosen in (
-        ("dark counts", [at for at, level in enumerate(levels) if level.is_dark]),
-        ("efficiency", [at for at, level in enumerate(levels) if not level.is_dark]),
-    ):
+    for name, is_dark in (("dark counts", True), ("efficiency", False)):
+        chosen = [at for at, level in enumerate(levels) if level.is_dark == is_dark]
         if chosen:
             at = min(chosen, key=lambda place: levels[place].light_hz)
             own = np.broadcast_to(errors[at], usable[at].shape)[usable[at]]
@@ -61,46 +93,40 @@ def unsure_quantities(
 
 
 def _of_block(
-    levels: Sequence[CountedFrames], usable: Sequence[Mask], kind: str, block: int
+    levels: Sequence[CountedFrames], good: Sequence[Mask], kind: str, block: int
 ) -> dict[str, float]:
     own = [_block(level.counts, block) for level in levels]
-    lit = sorted({level.light_hz for level in levels if not level.is_dark})
-    linear = [at for at, level in enumerate(levels) if level.light_hz <= min(lit, default=0)]
     means = [each.mean(axis=0) for each in own]
-    good = usable
-    found: dict[str, float] = {}
+    lights = [level.light_hz for level in levels]
+    lit = sorted({light for light in lights if light})
+    linear = [at for at, light in enumerate(lights) if light <= min(lit, default=0)]
     total = sum(float(means[at][good[at]].sum()) for at in linear)
     if total <= 0:
-        return found
+        return {}
     spread = sum(float(own[at].var(axis=0, ddof=1)[good[at]].sum()) for at in linear)
-    found["step"] = gain = spread / total
-    found["crosstalk"] = crosstalk = _crosstalk(own, means, good, linear) / gain
+    gain = spread / total
+    crosstalk = _crosstalk([(own[at] - means[at], means[at], good[at]) for at in linear]) / gain
+    found = {"step": gain, "crosstalk": crosstalk}
     primary = (1 - crosstalk) / gain
-    dark = [at for at, level in enumerate(levels) if level.is_dark]
-    rate = _rates(levels, means)
-    dark_rate = None
+    rate = [mean / level.exposure_s for mean, level in zip(means, levels, strict=True)]
+    dark = [at for at, light in enumerate(lights) if not light]
+    base = np.zeros_like(rate[0])
     if dark:
         every = np.logical_and.reduce([good[at] for at in dark])
         weights = [levels[at].exposure_s for at in dark]
-        dark_rate = np.average([rate[at] for at in dark], axis=0, weights=weights)
-        found["dark counts"] = float(dark_rate[every].mean()) * primary
+        base = np.average([rate[at] for at in dark], axis=0, weights=weights)
+        found["dark counts"] = float(base[every].mean()) * primary
     if lit:
-        dim = next(at for at, level in enumerate(levels) if level.light_hz == lit[0])
-        base = dark_rate if dark_rate is not None else np.zeros_like(rate[dim])
+        dim = lights.index(lit[0])
         signal = rate[dim] - base
         found["efficiency"] = float(signal[good[dim]].mean()) * primary / lit[0]
-        bright = [at for at, level in enumerate(levels) if level.light_hz >= _BRIGHT * lit[0]]
-        if bright:
-            losses = [
-                _loss(
-                    rate[at], base, signal, levels[at].light_hz / lit[0], good[at] & good[dim], gain
-                )
-                for at in bright
-            ]
-            kept, offered = max(losses, key=lambda each: each[1])
-            share = max(kept / offered, 1e-9) if offered > 0 else 1.0
-            loss = -np.log(share) if kind == "paralyzable" else 1 / share - 1
-            found["dead time"] = float(loss / offered) if offered > 0 else 0.0
+        losses = [
+            _loss(rate[at], base + light / lit[0] * signal, good[at] & good[dim], gain)
+            for at, light in enumerate(lights)
+            if light >= _BRIGHT * lit[0]
+        ]
+        if losses:
+            found["dead time"] = _dead_time_s(*max(losses, key=lambda each: each[1]), kind)
     return found
 
 
@@ -109,37 +135,107 @@ def _block(counts: NDArray[np.floating], block: int) -> Floats:
     return np.asarray(counts[edges[block] : edges[block + 1]], np.float64)
 
 
-def _rates(levels: Sequence[CountedFrames], means: Sequence[Floats]) -> list[Floats]:
-    return [mean / level.exposure_s for mean, level in zip(means, levels, strict=True)]
-
-
-def _loss(
-    rate: Floats, base: Floats, signal: Floats, times: float, good: Mask, gain: float
-) -> tuple[float, float]:
+def _loss(kept: Floats, offered: Floats, good: Mask, gain: float) -> tuple[float, float]:
     """Mean rates in events: what is counted and what would be without loss, Hz."""
     if not good.any():
         return 0.0, 0.0
-    return float(rate[good].mean()) / gain, float((base + times * signal)[good].mean()) / gain
+    return float(kept[good].mean()) / gain, float(offered[good].mean()) / gain
 
 
-def _crosstalk(
-    own: Sequence[Floats], means: Sequence[Floats], good: Sequence[Mask], chosen: Sequence[int]
-) -> float:
-    """Mean number of neighbors that an event fires, times the gain."""
+def _dead_time_s(kept: float, offered: float, kind: str) -> float:
+    if offered <= 0:
+        return 0.0
+    share = max(kept / offered, 1e-9)
+    loss = -np.log(share) if kind == "paralyzable" else 1 / share - 1
+    return float(loss / offered)
+
+
+def _crosstalk(levels: Sequence[tuple[Floats, Floats, Mask]]) -> float:
+    """Mean number of neighbors that an event fires, times the gain.
+
+    Of deviations of counts, their means and good pixels of each level.
+    """
     together = total = 0.0
     pixels = pairs = 0
-    for at in chosen:
-        apart = np.where(good[at], own[at] - means[at], 0)
-        n = len(apart) - 1
+    whole, but_last, but_first = slice(None), slice(None, -1), slice(1, None)
+    for deviations, mean, good in levels:
+        apart = np.where(good, deviations, 0)
         for first, second in (
-            ((slice(None), slice(None, -1)), (slice(None), slice(1, None))),
-            ((slice(None, -1), slice(None)), (slice(1, None), slice(None))),
+            ((whole, but_last), (whole, but_first)),
+            ((but_last, whole), (but_first, whole)),
         ):
-            both = good[at][first] & good[at][second]
-            together += float((apart[:, *first] * apart[:, *second]).sum()) / n
-            total += float((means[at][first] + means[at][second])[both].sum())
+            both = good[first] & good[second]
+            together += float((apart[:, *first] * apart[:, *second]).sum()) / (len(apart) - 1)
+            total += float((mean[first] + mean[second])[both].sum())
             pairs += int(both.sum())
-        pixels += int(good[at].sum())
+        pixels += int(good.sum())
     if not pairs or total <= 0:
         return 0.0
     return together / total * (2 * pairs / pixels)
+
+
+def scene_differences(
+    captured: CountedFrames,
+    expected: CountedFrames,
+    light_hz: Floats,
+    margin: float,
+    errors_hz: Floats | float = 0.0,
+) -> tuple[Difference, ...]:
+    """Compare brightness and contrast, frame by frame of the same sight.
+
+    `light_hz` (n, rows, columns): what pixels detect of the scene in the model, were they always
+    live; `margin`: relative difference that does not matter; `errors_hz` (rows, columns) or float:
+    standard errors of the expected rates, where these are a calibration's.
+    """
+    good = captured.usable & expected.usable
+    blocks = np.array_split(np.arange(len(light_hz)), BLOCKS)
+    light = light_hz[:, good]
+    own = np.broadcast_to(errors_hz, good.shape)[good]
+    unsure = float(np.sqrt(np.square(own).sum())) / max(own.size, 1)
+    measures = [(_BRIGHTNESS, unsure, _mean)]
+    if light.std() > 1e-6 * light.mean():
+        measures.append((_CONTRAST, 0.0, _slope))
+    found = []
+    for quantity, error, measure in measures:
+        a, b = (
+            np.array([measure(each.counts[at][:, good], light[at]) for at in blocks])
+            / each.exposure_s
+            for each in (captured, expected)
+        )
+        typical = np.full(BLOCKS, b.mean())
+        found.append(difference(quantity, a - b + typical, typical, margin, error))
+    return tuple(found)
+
+
+def _mean(counts: Floats, light: Floats) -> float:
+    return float(counts.mean())
+
+
+def _slope(counts: Floats, light: Floats) -> float:
+    """Of counts over light, by least squares."""
+    apart = light - light.mean()
+    return float((apart * counts).sum() / max((apart**2).sum(), 1e-300))
+
+
+def band_powers(counts: NDArray[np.floating]) -> Floats:
+    """Return the share of each band in the power of segments of frames, (segments, BANDS).
+
+    White noise has the same power in each of the `SEGMENT`/2 frequencies.
+    """
+    segments = len(counts) // SEGMENT
+    if segments < 2:
+        return np.empty((0, BANDS))
+    power = segment_spectra(counts)[:, 1:]
+    bands = np.add.reduceat(power, np.linspace(0, SEGMENT // 2, BANDS + 1).astype(int)[:-1], axis=1)
+    return np.asarray(bands / np.maximum(bands.sum(axis=1, keepdims=True), 1e-300))
+
+
+def segment_spectra(counts: NDArray[np.floating]) -> Floats:
+    """Return the power over frequency of segments of frames, (segments, SEGMENT/2 + 1).
+
+    Mean over the pixels.
+    """
+    segments = len(counts) // SEGMENT
+    pieces = np.asarray(counts[: segments * SEGMENT], np.float64).reshape(segments, SEGMENT, -1)
+    transform = np.fft.rfft(pieces - pieces.mean(axis=1, keepdims=True), axis=1)
+    return np.asarray(np.square(np.abs(transform)).mean(axis=-1) / SEGMENT)

@@ -1,21 +1,29 @@
 """A captured recording against a simulated one, in all respects, with one false-alarm rate."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from types import MappingProxyType
 
 import numpy as np
 
 from megalopta.core.arrays import Floats
-from megalopta.sensor.compare.counted import CountedFrames
-from megalopta.sensor.compare.equivalence import Difference, difference
-from megalopta.sensor.compare.histograms import Distances, distances_by_chance, histogram_test
 from megalopta.sensor.compare.order import Arrangement, arrangement
-from megalopta.sensor.compare.quantities import BLOCKS, block_quantities, unsure_quantities
-from megalopta.sensor.compare.spectrum import BANDS, band_powers
+from megalopta.sensor.compare.quantities import (
+    BANDS,
+    BLOCKS,
+    CountedFrames,
+    band_powers,
+    block_quantities,
+    unsure_quantities,
+)
 from megalopta.sensor.compare.two_sample import (
+    Difference,
+    Distances,
     PixelTest,
+    Quantity,
+    difference,
     discoveries,
+    distances_by_chance,
+    histogram_test,
     mean_test,
     variance_test,
 )
@@ -24,48 +32,34 @@ FALSE_ALARMS = 0.01
 """Share of comparisons of a device with itself that raise an alarm, at most."""
 MARGIN = 0.05
 """Relative difference that does not matter."""
-UNITS = MappingProxyType(
-    {
-        "step": "counts per event",
-        "crosstalk": "neighbors per event",
-        "dark counts": "Hz",
-        "efficiency": "events per photon",
-        "dead time": "s",
-    }
+_QUANTITIES = (
+    Quantity("step", "counts per event"),
+    Quantity("crosstalk", "neighbors per event", least=0.02),
+    Quantity("dark counts", "Hz"),
+    Quantity("efficiency", "events per photon"),
+    Quantity("dead time", "s", least=1e-9),
 )
-_LEAST = MappingProxyType({"crosstalk": 0.02, "dead time": 1e-9})
-"""What a difference is relative to, where the expected value is smaller."""
 _FAMILIES = 5
 _FEWEST_FRAMES = 3 * BLOCKS
 
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """How two recordings differ.
-
-    Attributes
-    ----------
-    arrangement : Arrangement
-        In which order the captured pixels are.
-    differences : tuple of Difference
-        Quantities of the device.
-    means, variances, histograms : PixelTest
-        Of all levels, (levels, rows, columns).
-    distances, by_chance : Distances
-        Between histograms, (levels, rows, columns), and those of samples of one law.
-    spectrum : tuple of Difference
-        Shares of bands of frequency.
-    false_alarms, margin : float
-    """
+    """How two recordings differ."""
 
     arrangement: Arrangement
+    """In which order the captured pixels are"""
     differences: tuple[Difference, ...]
+    """Quantities of the device"""
     means: PixelTest
+    """Of all levels, (levels, rows, columns)"""
     variances: PixelTest
     histograms: PixelTest
     distances: Distances
+    """Between histograms, (levels, rows, columns), and those of samples of one law"""
     by_chance: Distances
     spectrum: tuple[Difference, ...]
+    """Shares of bands of frequency"""
     false_alarms: float
     margin: float
 
@@ -123,6 +117,8 @@ def compare_recordings(
 ) -> Comparison:
     """Compare level by level.
 
+    Raises ValueError when levels are not of the same shape, or have too few frames.
+
     Parameters
     ----------
     captured, expected : sequences of CountedFrames
@@ -135,41 +131,39 @@ def compare_recordings(
         Share of comparisons of a device with itself that may raise an alarm.
     errors : sequence of (rows, columns), optional
         Standard errors of the expected mean counts of each level, where these are a calibration's.
-
-    Raises
-    ------
-    ValueError
-        When levels are not of the same shape, or have too few frames.
     """
     _check(captured, expected)
     pairs = list(zip(captured, expected, strict=True))
-    order = _arrangement(pairs)
     usable = [one.usable & other.usable for one, other in pairs]
-    rate = false_alarms / _FAMILIES
-    mean_p, variance_p, histogram_p, distances, chance = [], [], [], [], []
     unsure = errors or [0.0] * len(pairs)
+    p_values, distances, chance = [], [], []
     for (one, other), good, error in zip(pairs, usable, unsure, strict=True):
         a, b = np.asarray(one.counts, np.float64), np.asarray(other.counts, np.float64)
-        histogram = histogram_test(a, b)
-        mean_p.append(np.where(good, mean_test(a, b, error), np.nan))
-        variance_p.append(np.where(good, variance_test(a, b), np.nan))
-        histogram_p.append(np.where(good, histogram.p, np.nan))
-        distances.append(histogram.distances)
+        of_histograms, apart = histogram_test(a, b)
+        tests = mean_test(a, b, error), variance_test(a, b), of_histograms
+        p_values.append([np.where(good, p, np.nan) for p in tests])
+        distances.append(apart)
         chance.append(distances_by_chance(a, b))
-    quantities = [block_quantities(each, usable, kind) for each in (captured, expected)]
+    first, second = (block_quantities(each, usable, kind) for each in (captured, expected))
+    known = unsure_quantities(expected, usable, unsure)
+    means, variances, histograms = (
+        discoveries(np.array(p), false_alarms / _FAMILIES) for p in zip(*p_values, strict=True)
+    )
     return Comparison(
-        order,
-        _differences(
-            quantities[0], quantities[1], margin, unsure_quantities(expected, usable, unsure)
+        arrangement=_arrangement(pairs),
+        differences=tuple(
+            difference(each, first[each.name], second[each.name], margin, known.get(each.name, 0.0))
+            for each in _QUANTITIES
+            if each.name in first and each.name in second
         ),
-        discoveries(np.array(mean_p), rate),
-        discoveries(np.array(variance_p), rate),
-        discoveries(np.array(histogram_p), rate),
-        _stacked(distances),
-        _stacked(chance),
-        _spectrum(pairs, margin),
-        false_alarms,
-        margin,
+        means=means,
+        variances=variances,
+        histograms=histograms,
+        distances=_stacked(distances),
+        by_chance=_stacked(chance),
+        spectrum=_spectrum(pairs, margin),
+        false_alarms=false_alarms,
+        margin=margin,
     )
 
 
@@ -197,27 +191,6 @@ def _arrangement(pairs: Sequence[tuple[CountedFrames, CountedFrames]]) -> Arrang
     return arrangement(one.counts.mean(axis=0), other.counts.mean(axis=0))
 
 
-def _differences(
-    captured: Mapping[str, Floats],
-    expected: Mapping[str, Floats],
-    margin: float,
-    unsure: Mapping[str, float],
-) -> tuple[Difference, ...]:
-    return tuple(
-        difference(
-            name,
-            captured[name],
-            expected[name],
-            unit,
-            margin,
-            _LEAST.get(name, 0.0),
-            unsure.get(name, 0.0),
-        )
-        for name, unit in UNITS.items()
-        if name in captured and name in expected
-    )
-
-
 def _spectrum(
     pairs: Sequence[tuple[CountedFrames, CountedFrames]], margin: float
 ) -> tuple[Difference, ...]:
@@ -226,10 +199,7 @@ def _spectrum(
         a, b = band_powers(one.counts), band_powers(other.counts)
         if min(len(a), len(b)) < 4:
             continue
-        found += [
-            difference(
-                f"power of band {band + 1} at level {at + 1}", a[:, band], b[:, band], "", margin
-            )
-            for band in range(BANDS - 1)
-        ]
+        for band in range(BANDS - 1):
+            power = Quantity(f"power of band {band + 1} at level {at + 1}")
+            found.append(difference(power, a[:, band], b[:, band], margin))
     return tuple(found)

@@ -1,22 +1,40 @@
-"""Two-sample tests, pixel by pixel, and how many false alarms all of them make.
+"""Two-sample tests: of pixels, with their false alarms, and of one quantity, with a margin.
 
-Means: Welch's test on the counts of frames; with few counts in all the conditional binomial test
-of two Poisson means, which is exact. Variances: the logarithm of their ratio, whose variance is
-that of two Poisson-like samples, 2/(n − 1) + 1/(n·m) each. Distributions: `histograms`. False
-discovery rates: Benjamini and Hochberg; what differs in no pixel makes an alarm in a share of cases
-that is at most the rate.
+**Means**: Welch's test on the counts of frames; with few counts in all the conditional binomial
+test of two Poisson means, which is exact. **Variances**: the logarithm of their ratio, whose
+variance is that of two Poisson-like samples, 2/(n − 1) + 1/(n·m) each.
+
+**Histograms**: χ² on bins merged until each expects `_FEWEST` readings, less the part of it that
+says that the means differ (the trend over bins, one degree of freedom): means have a test of their
+own, which knows how sure they are. Distances, with F and G the shares of readings up to a value:
+
+    total variation   ½·Σ |f − g|
+    Wasserstein       Σ |F − G|           counts by which readings would have to move, on average
+    energy            (2·Σ (F − G)²)^½    counts^½; Székely and Rizzo, J. Stat. Plan. Inference 2013
+
+All are above 0 for finite samples of one law: `distances_by_chance` says by how much.
+
+**False discovery rates**: Benjamini and Hochberg; what differs in no pixel makes an alarm in a
+share of cases that is at most the rate.
+
+**One quantity**: values are those of blocks of frames, so that whatever links pixels or frames
+within a block is in their scatter. Welch's t test says whether the means differ; two one-sided
+tests (Schuirmann 1987) whether they surely differ by less than a margin, which is so where the 90 %
+interval lies inside.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import binom, false_discovery_control, norm, t
+from scipy.stats import binom, chi2, false_discovery_control, norm, t
 
-from megalopta.core.arrays import Floats
+from megalopta.core.arrays import Floats, Mask
 
 _FEW_COUNTS = 200.0
 _LEAST_MEAN = 2.0
+_FEWEST = 12.0
+_ENTRIES_AT_ONCE = 4_000_000
 
 
 class PixelTest(NamedTuple):
@@ -24,7 +42,7 @@ class PixelTest(NamedTuple):
 
     p: Floats
     """Of any shape; NaN where nothing is tested."""
-    differs: NDArray[np.bool_]
+    differs: Mask
 
 
 def discoveries(p: Floats, rate: float) -> PixelTest:
@@ -37,7 +55,7 @@ def discoveries(p: Floats, rate: float) -> PixelTest:
 
 
 def mean_test(one: Floats, other: Floats, error: Floats | float = 0.0) -> Floats:
-    """P-values (rows, columns) that counts (n, rows, columns) have the same means.
+    """Return p-values (rows, columns) that counts (n, rows, columns) have the same means.
 
     `error` is the standard error of what the second sample's mean should have been, where that
     comes from a calibration.
@@ -45,26 +63,22 @@ def mean_test(one: Floats, other: Floats, error: Floats | float = 0.0) -> Floats
     n, k = len(one), len(other)
     parts = [each.var(axis=0, ddof=1) / len(each) for each in (one, other)]
     total = parts[0] + parts[1] + np.square(error)
-    difference = one.mean(axis=0) - other.mean(axis=0)
+    apart = one.mean(axis=0) - other.mean(axis=0)
     spread = np.where(total > 0, total, 1)
     freedom = spread**2 / np.maximum(parts[0] ** 2 / (n - 1) + parts[1] ** 2 / (k - 1), 1e-300)
-    p = 2 * t.sf(np.abs(difference) / np.sqrt(spread), np.maximum(freedom, 1))
-    sums = [np.rint(each.sum(axis=0)).clip(0) for each in (one, other)]
-    both = sums[0] + sums[1]
+    p = 2 * t.sf(np.abs(apart) / np.sqrt(spread), np.maximum(freedom, 1))
+    first, second = (np.rint(each.sum(axis=0)).clip(0) for each in (one, other))
+    both, share = first + second, n / (n + k)
     few = (both < _FEW_COUNTS) & (np.asarray(error) == 0)
-    p = np.where(few, _conditional(sums[0], both, n / (n + k)), p)
+    # two-sided, of a binomial number: twice the smaller tail
+    tails = np.minimum(binom.cdf(first, both, share), binom.sf(first - 1, both, share))
+    p = np.where(few, np.minimum(2 * tails, 1), p)
     same = (total == 0) & ~few
-    return np.where(same, np.where(difference == 0, 1.0, 0.0), p)
-
-
-def _conditional(first: Floats, both: Floats, share: float) -> Floats:
-    """Two-sided p-values of a binomial number: twice the smaller tail."""
-    below, above = binom.cdf(first, both, share), binom.sf(first - 1, both, share)
-    return np.asarray(np.minimum(2 * np.minimum(below, above), 1))
+    return np.where(same, np.where(apart == 0, 1.0, 0.0), p)
 
 
 def variance_test(one: Floats, other: Floats) -> Floats:
-    """P-values (rows, columns) that counts (n, rows, columns) have the same variances.
+    """Return p-values (rows, columns) that counts (n, rows, columns) have the same variances.
 
     NaN where counts are too few to tell.
     """
@@ -76,3 +90,153 @@ def variance_test(one: Floats, other: Floats) -> Floats:
         error += 2 / (len(each) - 1) + 1 / (len(each) * np.maximum(mean, _LEAST_MEAN))
         logs.append(np.log(np.where(variance > 0, variance, 1)))
     return np.where(known, 2 * norm.sf(np.abs(logs[0] - logs[1]) / np.sqrt(error)), np.nan)
+
+
+class Distances(NamedTuple):
+    """Between histograms of pixels, each (rows, columns)."""
+
+    total_variation: Floats
+    wasserstein: Floats
+    energy: Floats
+
+
+def histogram_test(one: Floats, other: Floats) -> tuple[Floats, Distances]:
+    """Return p-values that counts (n, rows, columns) are distributed alike, and distances.
+
+    Each (rows, columns); NaN where bins are too few.
+    """
+    shape = one.shape[1:]
+    samples = [np.rint(each).astype(np.int64).reshape(len(each), -1) for each in (one, other)]
+    at_once = max(_ENTRIES_AT_ONCE // _values(samples), 1)
+    pieces = [
+        _of_pixels([each[:, first : first + at_once] for each in samples])
+        for first in range(0, samples[0].shape[1], at_once)
+    ]
+    p, *distances = (np.concatenate(each).reshape(shape) for each in zip(*pieces, strict=True))
+    return p, Distances(*distances)
+
+
+def distances_by_chance(one: Floats, other: Floats) -> Distances:
+    """Return distances of one law: after frames (n, rows, columns) of both were dealt out anew."""
+    both = np.concatenate([one, other])
+    order = np.random.default_rng(0).permutation(len(both))
+    return histogram_test(both[order[: len(one)]], both[order[len(one) :]])[1]
+
+
+def _values(samples: list[NDArray[np.int64]]) -> int:
+    return int(max(each.max() for each in samples) - min(each.min() for each in samples)) + 1
+
+
+def _of_pixels(samples: list[NDArray[np.int64]]) -> tuple[Floats, Floats, Floats, Floats]:
+    """P-values and three distances of pixels, of samples (n, P)."""
+    least, size = min(int(each.min()) for each in samples), _values(samples)
+    pixels = samples[0].shape[1]
+    seen = np.empty((2, pixels, size))
+    for place, each in enumerate(samples):
+        key = each - least + size * np.arange(pixels)
+        seen[place] = np.bincount(key.ravel(), minlength=pixels * size).reshape(pixels, size)
+    totals = np.array([len(each) for each in samples], np.float64)
+    apart = np.subtract(*(seen / totals[:, None, None]))
+    cumulative = np.cumsum(apart, axis=1)
+    return (
+        _chi_square_p(seen, totals),
+        np.abs(apart).sum(axis=1) / 2,
+        np.abs(cumulative).sum(axis=1),
+        np.sqrt(2 * np.square(cumulative).sum(axis=1)),
+    )
+
+
+def _chi_square_p(seen: Floats, totals: Floats) -> Floats:
+    both = seen.sum(axis=0)
+    pixels, size = both.shape
+    expected = both * totals.min() / totals.sum()
+    most = np.maximum(expected.sum(axis=1, keepdims=True) // _FEWEST - 1, 0)
+    group = np.minimum(np.cumsum(expected, axis=1) // _FEWEST, most).astype(np.int64)
+    groups = int(group.max()) + 1
+    key = (group + groups * np.arange(pixels)[:, None]).ravel()
+
+    def merged(values: Floats) -> Floats:
+        sums = np.bincount(key, values.ravel(), pixels * groups).astype(np.float64)
+        return sums.reshape(pixels, groups)
+
+    first, all_ = merged(seen[0]), merged(both)
+    place = merged(both * np.arange(size)) / np.maximum(all_, 1)
+    excess = first - all_ * totals[0] / totals.sum()
+    scale = totals.prod() / totals.sum() ** 2
+    squares = (excess**2 / np.maximum(all_, 1)).sum(axis=1) / scale
+    centered = place - (place * all_).sum(axis=1, keepdims=True) / totals.sum()
+    spread = (all_ * centered**2).sum(axis=1)
+    trend = (excess * centered).sum(axis=1) ** 2 / np.where(spread > 0, spread, 1) / scale
+    freedom = (all_ > 0).sum(axis=1) - 2
+    p = chi2.sf(np.maximum(squares - trend, 0), np.maximum(freedom, 1))
+    return np.where(freedom > 0, p, np.nan)
+
+
+class Quantity(NamedTuple):
+    """What is compared."""
+
+    name: str
+    unit: str = ""
+    least: float = 0.0
+    """Differences are relative to the expected value, or to this where that is smaller."""
+
+
+class Difference(NamedTuple):
+    """Relative difference of captured and expected values of one quantity."""
+
+    name: str
+    captured: float
+    expected: float
+    unit: str
+    relative: float
+    """Captured over expected, less 1."""
+    low: float
+    high: float
+    """Its 95 % interval."""
+    p: float
+    is_equivalent: bool
+    """Whether it is surely less than the margin."""
+    scale: float = 0.0
+    """What the difference is relative to, where that is not the expected value."""
+
+    @property
+    def size(self) -> float:
+        """How large it is, either way: the logarithm of the ratio."""
+        return abs(float(np.log(max(1 + self.relative, 1e-6))))
+
+    @property
+    def base(self) -> str:
+        """What the difference is a share of, where that is not the expected value; else empty."""
+        return f" of {self.scale:.2g}" if self.scale > abs(self.expected) else ""
+
+    def __str__(self) -> str:
+        """Say it in a phrase."""
+        way = "higher" if self.relative > 0 else "lower"
+        return (
+            f"{self.name} {100 * abs(self.relative):.2g} %{self.base} {way} "
+            f"(95 %: {100 * self.low:+.2g} to {100 * self.high:+.2g} %)"
+        )
+
+
+def difference(
+    quantity: Quantity, captured: Floats, expected: Floats, margin: float, unsure: float = 0.0
+) -> Difference:
+    """Compare the values of blocks, (blocks,) each.
+
+    `margin` is the relative difference that does not matter; `unsure` the standard error of what
+    the expected values should have been, as of a calibration, which no further block makes smaller.
+    """
+    samples = captured, expected
+    means = float(captured.mean()), float(expected.mean())
+    parts = [each.var(ddof=1) / each.size for each in samples]
+    error = float(np.sqrt(sum(parts) + unsure**2))
+    squares = (p**2 / (each.size - 1) for p, each in zip(parts, samples, strict=True))
+    freedom = sum(parts) ** 2 / max(sum(squares), 1e-300)
+    scale = max(abs(means[1]), quantity.least, 1e-300)
+    apart = means[0] - means[1]
+    p = float(2 * t.sf(abs(apart) / error, freedom)) if error > 0 else float(apart == 0)
+    wide, narrow = (float(t.ppf(level, max(freedom, 1))) * error / scale for level in (0.975, 0.95))
+    relative = apart / scale
+    interval = relative, relative - wide, relative + wide
+    is_equivalent = abs(relative) + narrow < margin
+    return Difference(quantity.name, *means, quantity.unit, *interval, p, is_equivalent, scale)

@@ -31,18 +31,12 @@ _FAR = 1e3
 
 @dataclass(frozen=True, eq=False)
 class CtiaExposure:
-    """Frames as the array read them.
-
-    Attributes
-    ----------
-    volts : (T, H, W) float64
-        Discharge of each pixel; the swing where saturated. Noise can make it negative.
-    saturated : (T, H, W) bool
-        Where the output was at its lower rail: the reading is a lower bound.
-    """
+    """Frames as the array read them."""
 
     volts: Floats
+    """(T, H, W) discharge of each pixel; the swing where saturated. Noise can make it negative."""
     saturated: NDArray[np.bool_]
+    """(T, H, W) where the output was at its lower rail: the reading is a lower bound"""
 
 
 def photocurrent(radiance: ArrayLike, bands_nm: ArrayLike, sensor: CtiaSensor) -> Floats:

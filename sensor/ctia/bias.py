@@ -1,14 +1,13 @@
 """What sets the diode's bias, and how close to zero it can get.
 
 Non-adaptive (Fig. 3.1a): a digital-to-analog converter holds the anode, the amplifier's reference
-V_P and its offset the cathode, so the reverse bias is V_P + offset − code·LSB. Of the 12 bits on
-3.3 V, one step is 0.81 mV, and the offset falls anywhere between two.
+V_P and its offset the cathode, so the reverse bias is V_P + offset − code·LSB, 0.81 mV a step.
 
 Adaptive (Fig. 3.1b, §3.3.3): a floating gate in the amplifier trims the offset itself, which is
 then the bias. A tunneling pulse of 1 ms at 14.15 V raises the gate by about 500 µV; the gate leaks
-back at 1.5 µV/s, and the offset moves by about 1 mV per °C (simulated, there). Pulses go one way
-only: they lower the reverse bias, the leak raises it again. Before them the chip is erased by
-ultraviolet light, which puts every gate where pulses are needed; how far is not printed.
+back at 1.5 µV/s, and the offset moves by about 1 mV per °C (simulated, there). Pulses lower the
+reverse bias, the leak raises it again. Before them the chip is erased by ultraviolet light, which
+puts every gate where pulses are needed; how far is not printed.
 
 Both are trimmed to the smallest reverse bias that is not below a target, for a diode in forward
 bias cannot discharge the pixel. What remains is spread evenly over one step. A gate that starts
@@ -17,15 +16,28 @@ below the target stays there, as no pulse can help it.
 Assumed: one volt on the gate is one volt of offset (the dissertation compares the two directly but
 could not measure it), a step does not depend on the gate's voltage, it grows in proportion to the
 length of the pulse, and no pulse differs from another.
+
+Tuning the floating gate, §3.3.2 to §3.3.4: the bias cannot be measured, a probe would leak more
+than the diode. So the dark current is, from the time between 90 % and 10 % of the swing, free of
+noise here (10⁸ electrons), and the gate gets a pulse as long as that lowers the current by more
+than 1 %. The first pulse that takes the diode into forward bias stops the discharge, until the leak
+has brought the bias back to zero; the discharge that follows is as slow as this pixel can get,
+whatever the size of a pulse: with a conductance g at zero bias, a leak r and a swing S
+
+    0.8·S·C / (√1.8 − √0.2) / √(S·C/(g·r))
 """
 
+from dataclasses import dataclass, replace
 from typing import Annotated, Literal, TypeAlias
 
 import numpy as np
 from pydantic import BaseModel, Field
 
 from megalopta.core.arrays import Floats
+from megalopta.sensor.ctia.integration import LATE, Pixel, discharge_time, estimate_current
 from megalopta.sensor.ctia.photodiode import Reals
+
+WORTHWHILE = 0.99
 
 
 class FixedBias(
@@ -94,39 +106,6 @@ class FloatingGateBias(
 Bias: TypeAlias = FixedBias | DacBias | FloatingGateBias
 
 
-def dac_bias(dac: DacBias, code: int | np.ndarray, offset_v: Reals = 0.0) -> Floats:
-    """Reverse bias at a code, V.
-
-    Raises
-    ------
-    ValueError
-        When the converter has no such code.
-    """
-    codes = np.asarray(code)
-    if np.any((codes < 0) | (codes >= 2**dac.bits)):
-        raise ValueError(
-            f"code: {codes.tolist()}; a {dac.bits}-bit converter has 0 to {2**dac.bits - 1}"
-        )
-    return np.asarray(dac.reference_v + offset_v - codes * dac.step_v)
-
-
-def best_code(dac: DacBias, offset_v: Reals = 0.0) -> np.ndarray:
-    """Code of the smallest reverse bias that is not below the target.
-
-    Raises
-    ------
-    ValueError
-        When the offset is outside what the rail can compensate.
-    """
-    codes = np.floor((dac.reference_v + np.asarray(offset_v) - dac.target_v) / dac.step_v)
-    if np.any((codes < 0) | (codes >= 2**dac.bits)):
-        raise ValueError(
-            f"offset_v: {np.asarray(offset_v).tolist()} V cannot be compensated between 0 and "
-            f"{dac.rail_v:g} V around reference_v {dac.reference_v:g} V; choose another reference"
-        )
-    return codes.astype(np.int64)
-
-
 def gate_bias(
     gate: FloatingGateBias,
     bias_v: Reals,
@@ -146,12 +125,79 @@ def trimmed_bias(bias: Bias, offset_v: Reals) -> Floats:
     if isinstance(bias, FixedBias):
         return offset + bias.reverse_bias_v
     if isinstance(bias, DacBias):
-        return dac_bias(bias, best_code(bias, offset), offset)
+        return _at_best_code(bias, offset)
     above = offset + bias.erased_v - bias.target_v
     trimmed = bias.target_v + np.where(above < 0, above, np.mod(above, bias.step_v))
     return gate_bias(bias, trimmed, wait_s=bias.age_s, warming_k=bias.warming_k)
 
 
+def _at_best_code(dac: DacBias, offset: Floats) -> Floats:
+    """Smallest reverse bias that is not below the target, V."""
+    codes = np.floor((dac.reference_v + offset - dac.target_v) / dac.step_v)
+    if np.any((codes < 0) | (codes >= 2**dac.bits)):
+        raise ValueError(
+            f"offset_v: {offset.tolist()} V cannot be compensated between 0 and {dac.rail_v:g} V "
+            f"around reference_v {dac.reference_v:g} V; choose another reference"
+        )
+    return np.asarray(dac.reference_v + offset - codes * dac.step_v)
+
+
 def drift_rate(bias: Bias) -> float:
     """Rise of the reverse bias during an exposure, V/s."""
     return bias.leak_v_s if isinstance(bias, FloatingGateBias) else 0.0
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """One turn of the loop."""
+
+    elapsed_s: float
+    """At the end of the measurement, since the start of the calibration"""
+    pulses: int
+    """Given before it"""
+    bias_v: float
+    """Reverse bias at its start, which the loop does not know"""
+    current_a: float
+    """What it sees: the 90–10 % estimate; 0 where the pixel did not discharge in time"""
+
+
+def calibrate(
+    gate: FloatingGateBias, pixel: Pixel, *, patience_s: float = 3600.0, most_pulses: int = 1000
+) -> list[Measurement]:
+    """Pulse the gate of one pixel until a further pulse no longer lowers the dark current.
+
+    The pixel has its reverse bias before the calibration; its drift is set to the gate's leak. A
+    discharge that takes longer than `patience_s` is given up, and with it the calibration. Of what
+    is returned, the last one saw no improvement, the one before it is the result.
+
+    Raises ValueError when the diode is in forward bias from the start, where pulses cannot help.
+    """
+    bias, elapsed = float(pixel.bias_v), 0.0
+    if bias < 0:
+        raise ValueError(f"bias_v: {bias:g} V is forward; pulses only lower it, start from reverse")
+    log: list[Measurement] = []
+    while len(log) <= most_pulses:
+        now = replace(pixel, bias_v=bias, drift_v_s=gate.leak_v_s)
+        taken = float(discharge_time(now, 0.0, LATE * pixel.swing_v))
+        seen = taken <= patience_s
+        duration = min(taken, patience_s)
+        elapsed += duration
+        log.append(
+            Measurement(elapsed, len(log), bias, float(estimate_current(now)) if seen else 0.0)
+        )
+        if len(log) > 1 and not 0 < log[-1].current_a < WORTHWHILE * log[-2].current_a:
+            return log
+        bias = float(gate_bias(gate, bias, pulses=1, wait_s=duration + gate.pulse_s))
+        elapsed += gate.pulse_s
+    return log
+
+
+def leak_floor(pixel: Pixel) -> float:
+    """Smallest dark current that a drifting pixel can show between 90 % and 10 %, A.
+
+    From the conductance at zero bias, for an amplifier of infinite gain.
+    """
+    charge = pixel.capacitance_f * pixel.swing_v
+    conductance = pixel.diode.zero_bias_s * float(pixel.dark_scale)
+    span = np.sqrt(2 * LATE) - np.sqrt(2 * (1 - LATE))
+    return float((2 * LATE - 1) / span * np.sqrt(charge * conductance * pixel.drift_v_s))

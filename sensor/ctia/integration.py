@@ -3,11 +3,9 @@
     C·ds/dt = I_ph + I_dark(v)            s = V_out(0) − V_out, the discharge
     v = v_0 + drift·t + s/A               reverse bias of the diode; A: open-loop gain
 
-The output can only move if the input does: after a swing of 3.3 V the bias has moved by 33 mV at
-40 dB and by 33 µV at 100 dB. A drift is the leak of a floating gate that sets the bias.
-
-Without a shunt the equation has a closed form, also with drift: with w = n·k·T/q, J = I_ph + I_s +
-A·C·drift and κ the share of J that flows at the start,
+A drift is the leak of a floating gate that sets the bias. Without a shunt the equation has a closed
+form, also with drift: with w = n·k·T/q, J = I_ph + I_s + A·C·drift and κ the share of J that flows
+at the start,
 
     s = A·(w·ln(1 + κ·(exp(J·t/(A·w·C)) − 1)) − drift·t)
 
@@ -18,10 +16,8 @@ grows by ten factors of e, it is 6e-5, and from 1 nV 6e-4. Where bias and curren
 than a hundredth, as in an exposure of the built pixel at 130 dB, one step is exact to 1e-10.
 
 A diode that starts in forward bias drives the output against the upper rail, where it stays until a
-drift has brought the current back to zero; the lower rail, s = swing, ends the discharge.
-
-Source: dissertation §3.2.1, §3.3.3. Assumed: an amplifier fast enough to follow and as linear over
-its whole swing as at its start.
+drift has brought the current back to zero; the lower rail, s = swing, ends the discharge. Source
+and assumptions: `docs/theory/ctia.md`.
 """
 
 from dataclasses import dataclass
@@ -49,32 +45,21 @@ _LITTLE = 0.01
 
 @dataclass(frozen=True, eq=False)
 class Pixel:
-    """One pixel, or many: arrays are broadcast against each other.
-
-    Attributes
-    ----------
-    diode : Photodiode
-    capacitance_f : float
-        Of the integration capacitor (F).
-    swing_v : float
-        From reset to the lower rail (V).
-    gain : array
-        Open-loop gain of the amplifier (V/V).
-    bias_v : array
-        Reverse bias of the diode at reset (V); negative: forward.
-    drift_v_s : float
-        Rise of the reverse bias (V/s), not negative.
-    dark_scale : array
-        Factor on the dark current of the diode.
-    """
+    """One pixel, or many: arrays are broadcast against each other."""
 
     diode: Photodiode
     capacitance_f: float
+    """Of the integration capacitor (F)"""
     swing_v: float
+    """From reset to the lower rail (V)"""
     gain: Reals
+    """Open-loop gain of the amplifier (V/V)"""
     bias_v: Reals
+    """Reverse bias of the diode at reset (V); negative: forward"""
     drift_v_s: float = 0.0
+    """Rise of the reverse bias (V/s), not negative"""
     dark_scale: Reals = 1.0
+    """Factor on the dark current of the diode"""
 
     def __post_init__(self) -> None:
         """Refuse a drift for which the discharge could turn back."""
@@ -90,13 +75,7 @@ def gain_from_db(gain_db: Reals) -> Floats:
 def discharge(pixel: Pixel, photocurrent_a: Reals, time_s: Reals) -> Floats:
     """How far the output has come down after a time, V, of any shape, between 0 and the swing.
 
-    Parameters
-    ----------
-    pixel : Pixel
-    photocurrent_a : array
-        A, not negative.
-    time_s : array
-        Since reset.
+    `photocurrent_a`: A, not negative; `time_s`: since reset.
     """
     volts = _free_discharge(pixel, photocurrent_a, time_s)
     return np.minimum(volts, pixel.swing_v)
@@ -108,10 +87,7 @@ def discharge_time(pixel: Pixel, photocurrent_a: Reals, discharged_v: Reals) -> 
     Arrays of any shape, by Newton's method: the current only grows, so the discharge is convex
     in time.
 
-    Raises
-    ------
-    ValueError
-        When the discharge asked for is not within the swing.
+    Raises ValueError when the discharge asked for is not within the swing.
     """
     target = np.asarray(discharged_v, np.float64)
     if not np.all((target > 0) & (target <= pixel.swing_v)):

@@ -3,9 +3,28 @@
 Offset, gain and dark current differ from pixel to pixel and are fixed by the device seed and the
 pixel's row and column: the offset and the gain in decibels are normal (§3.2.4), the factor on the
 dark current is log-normal with mean 1 (ours; the dissertation measured single pixels). What of the
-offset is left as bias depends on how the bias is set (`ctia_bias`).
+offset is left as bias depends on how the bias is set (`bias`).
 
-Source: dissertation, Chapter 3, for the pixel; the array is ours.
+Source: dissertation, Chapter 3, for the pixel; the array is ours. Presets, three photodiodes at
+300 K and with ideality 1:
+
+- `si`, OSRAM SFH229FA. Two measurements fix saturation current and shunt: 50 pA at 10 V reverse
+  (§3.3) and 1.6 pA "10–20 mV" from zero (Table 3.1, adaptive, poor), taken as 15 mV.
+- `ingaas`, the custom sample "with unusually high defect densities" of §3.3.1 and Table 3.1. One
+  measurement at a known bias: 170 nA at 100 mV reverse. The junction has the 100 pA of the
+  dissertation's own simulation (Fig. 3.2), the shunt the rest, 588.6 kΩ. A shunt is the steepest
+  law the model has, and still gives 26 to 34 nA where Table 3.1 has 5.8 nA, 15 to 20 mV from zero.
+- `ingaas_quiet`, the "different (less noisy)" diode of §3.4, of which nothing is printed: the
+  100 pA of Fig. 3.2 and no shunt.
+
+Quantum efficiencies are typical curves, not measurements of these devices: silicon behind the
+daylight filter of the SFH229FA (730 to 1100 nm), InGaAs lattice-matched to InP. The area of a pixel
+is that of the diode: 0.31 mm² for the SFH229FA (data sheet), 0.045 mm² for InGaAs (§3.3.4: 2.25 pA
+are 4.97 nA/cm²). Amplifier: 10 pF, 3.3 V, 130 ± 3.4 dB, mean offset 18.7 mV (§3.2.4; negative
+there, the sign of the amplifier's input). Exposure: 10 ms for the leaky sample, which would
+saturate, 100 ms for the others. Chosen here, because it is not given: the spread of the offset,
+10 mV ("typical offsets are on the order of 10 mV"), of the dark current, 10 %, the read noise,
+100 µV, and the lens.
 """
 
 from typing import Annotated, ClassVar, Literal
@@ -14,13 +33,29 @@ import numpy as np
 from pydantic import Field
 
 from megalopta.core.arrays import Floats
-from megalopta.sensor.ctia.bias import Bias, FixedBias, drift_rate, trimmed_bias
+from megalopta.sensor.ctia.bias import Bias, FixedBias, FloatingGateBias, drift_rate, trimmed_bias
 from megalopta.sensor.ctia.integration import Pixel, gain_from_db
 from megalopta.sensor.ctia.noise import CtiaNoise
 from megalopta.sensor.ctia.photodiode import Photodiode
 from megalopta.sensor.optics.efficiency import Efficiency
+from megalopta.sensor.optics.lens import Lens
 from megalopta.sensor.optics.pixels import PixelOptics
 from megalopta.sensor.sampling.streams import pixel_normals
+
+TYPICAL_OFFSET_V = 18.7e-3
+PHOTODIODES: dict[str, Photodiode] = {
+    "si": Photodiode(saturation_current_a=3.476e-12, shunt_ohm=214.9e9),
+    "ingaas": Photodiode(saturation_current_a=100e-12, shunt_ohm=588.6e3),
+    "ingaas_quiet": Photodiode(saturation_current_a=100e-12),
+}
+_SI_EFFICIENCY = Efficiency(
+    wavelengths_nm=(690, 730, 780, 830, 880, 950, 1000, 1050, 1100, 1150),
+    values=(0.0, 0.08, 0.70, 0.88, 0.90, 0.80, 0.55, 0.25, 0.07, 0.0),
+)
+_INGAAS_EFFICIENCY = Efficiency(
+    wavelengths_nm=(850, 900, 930, 980, 1100, 1300, 1550, 1620, 1660, 1700, 1750),
+    values=(0.05, 0.15, 0.50, 0.70, 0.80, 0.85, 0.85, 0.80, 0.65, 0.25, 0.0),
+)
 
 
 class CtiaSensor(PixelOptics, frozen=True):
@@ -65,6 +100,7 @@ def pixels(sensor: CtiaSensor, shape: tuple[int, int]) -> Pixel:
     """Every pixel of a device at its first frame, with its fixed pattern."""
     offset = sensor.offset_v + sensor.offset_sigma_v * _normal(sensor, shape, "offset")
     gain_db = sensor.gain_db + sensor.gain_sigma_db * _normal(sensor, shape, "gain")
+    dark, log_variance = _normal(sensor, shape, "dark current"), np.log1p(sensor.dark_sigma**2)
     return Pixel(
         diode=sensor.diode,
         capacitance_f=sensor.capacitance_f,
@@ -72,7 +108,7 @@ def pixels(sensor: CtiaSensor, shape: tuple[int, int]) -> Pixel:
         gain=gain_from_db(gain_db),
         bias_v=trimmed_bias(sensor.bias, offset),
         drift_v_s=drift_rate(sensor.bias),
-        dark_scale=_log_normal(sensor.dark_sigma, _normal(sensor, shape, "dark current")),
+        dark_scale=np.exp(np.sqrt(log_variance) * dark - log_variance / 2),
     )
 
 
@@ -80,6 +116,44 @@ def _normal(sensor: CtiaSensor, shape: tuple[int, int], purpose: str) -> Floats:
     return pixel_normals(shape, sensor.device_seed, f"ctia {purpose}")
 
 
-def _log_normal(relative_sigma: float, standard: Floats) -> Floats:
-    log_variance = np.log1p(relative_sigma**2)
-    return np.asarray(np.exp(np.sqrt(log_variance) * standard - log_variance / 2))
+def _sensor(
+    name: str, diode: str, area_m2: float, exposure_s: float, efficiency: Efficiency
+) -> CtiaSensor:
+    return CtiaSensor(
+        name=name,
+        source="Berkovich, dissertation (2017), Chapter 3; efficiency, spreads, read noise assumed",
+        pitch_m=area_m2**0.5,
+        exposure_s=exposure_s,
+        lens=Lens(f_number=1.4, transmission=0.9),
+        efficiency=efficiency,
+        diode=PHOTODIODES[diode],
+        gain_sigma_db=3.4,
+        offset_v=TYPICAL_OFFSET_V,
+        offset_sigma_v=10e-3,
+        dark_sigma=0.1,
+        bias=FloatingGateBias(),
+        noise=CtiaNoise(read_noise_v=100e-6),
+    )
+
+
+CTIA_PRESETS: dict[str, CtiaSensor] = {
+    sensor.name: sensor
+    for sensor in (
+        _sensor("ctia_si", "si", 0.31e-6, 0.1, _SI_EFFICIENCY),
+        _sensor("ctia_ingaas", "ingaas", 4.53e-8, 0.01, _INGAAS_EFFICIENCY),
+        _sensor("ctia_ingaas_quiet", "ingaas_quiet", 4.53e-8, 0.1, _INGAAS_EFFICIENCY),
+    )
+}
+
+
+def ctia_preset(name: str) -> CtiaSensor:
+    """Return a CTIA sensor by name.
+
+    Raises
+    ------
+    ValueError
+        When there is none of this name.
+    """
+    if name not in CTIA_PRESETS:
+        raise ValueError(f"sensor {name!r}: no such preset; choose from {', '.join(CTIA_PRESETS)}")
+    return CTIA_PRESETS[name]

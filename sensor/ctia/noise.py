@@ -7,11 +7,8 @@
 - reset (kTC) noise: k·T/C in V², unless the reset level is read too and subtracted;
 - read noise: normal, of all that follows the pixel.
 
-The bias that counts is that in the middle of the discharge. Left out: charge that comes by chance
-also moves the bias, by 1/A of its voltage, which matters only where the dark current changes during
-the exposure by as much as itself, that is for poor amplifiers; 1/f noise of the amplifier.
-
-Source: dissertation §3.3.4 names the terms without figures; the laws are textbook ones.
+The bias that counts is that in the middle of the discharge. Source and what is neglected:
+`docs/theory/ctia.md`.
 """
 
 from typing import Annotated
@@ -49,15 +46,7 @@ def draw_noise(
 ) -> Floats:
     """Draw the deviation of readings from the noise-free discharge, V.
 
-    Parameters
-    ----------
-    rng : numpy Generator
-    noise : CtiaNoise
-    pixel : Pixel
-    photocurrent_a : array
-        A, one per pixel.
-    time_s : float
-        Since reset.
+    `photocurrent_a`: A, one per pixel; `time_s`: since reset.
     """
     elapsed, bias = _halfway(pixel, photocurrent_a, time_s)
     volts = np.zeros(np.broadcast_shapes(np.shape(photocurrent_a), elapsed.shape))

@@ -8,24 +8,18 @@ current that discharges the pixel: positive in reverse, negative in forward bias
 
 Near zero bias the net current vanishes, its noise does not: two currents of single electrons, one
 way and the other, cancel on average only, and the shunt has its thermal noise. Detailed balance
-makes the ratio of the two exp(q·V_r/(k·T)), without n, whatever the law of their difference, so the
-noise is white, and its equivalent current, 2·q·I_eq in A²/Hz, is
+makes the ratio of the two exp(q·V_r/(k·T)), without n, so the noise is white, and its equivalent
+current, 2·q·I_eq in A²/Hz, is
 
     I_eq = |I_D|·coth(q·|V_r|/(2·k·T)) + 2·k·T/(q·R_shunt),    I_D that of the junction alone
 
-At zero bias this is Nyquist's 4·k·T times the conductance for any n; for n = 1 it is
-I_s·(1 + exp(−V_r/w)).
-
-Source: dissertation §3.2.1 and §3.3; the noise is that of any p-n junction (van der Ziel). Left
-out: generation in the depletion region, tunneling through traps and breakdown, which make the
-reverse current of a real diode rise faster than this law can; capacitance of the junction; 1/f
-noise. The saturation current is that at the temperature given and is not scaled with it.
+The saturation current is that at the temperature given and is not scaled with it. Source and what
+is neglected: `docs/theory/ctia.md`.
 """
 
 from typing import Annotated, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import BaseModel, Field
 
 from megalopta.core.arrays import Floats
@@ -33,7 +27,7 @@ from megalopta.core.arrays import Floats
 BOLTZMANN_J_K = 1.380649e-23
 ELEMENTARY_CHARGE_C = 1.602176634e-19
 
-Reals: TypeAlias = float | NDArray[np.float64]
+Reals: TypeAlias = float | Floats
 
 # from the smaller of the two bounds below, eight reach double precision at any ratio of currents
 _NEWTON_STEPS = 12
@@ -77,13 +71,7 @@ class Photodiode(
 def reverse_current(diode: Photodiode, reverse_bias_v: Reals, scale: Reals = 1.0) -> Floats:
     """Dark current that discharges pixels of any shape, A; negative in forward bias.
 
-    Parameters
-    ----------
-    diode : Photodiode
-    reverse_bias_v : array
-        V; negative: forward.
-    scale : array
-        Factor on all dark current, each pixel's own.
+    `reverse_bias_v`: V; negative: forward; `scale`: factor on all dark current, each pixel's own.
     """
     bias = np.asarray(reverse_bias_v, np.float64)
     # a forward bias of some 0.7 V means more current than any amplifier takes: infinite is right

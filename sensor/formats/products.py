@@ -7,15 +7,17 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
-from megalopta.sensor.events import Events
+from megalopta.sensor.event_stream import Events
 from megalopta.sensor.exposure import check_binary
 from megalopta.sensor.formats.counts_store import Origin, counts_writer
-from megalopta.sensor.formats.event_hdf5 import events_hdf5_writer
-from megalopta.sensor.formats.event_npz import events_npz_writer
-from megalopta.sensor.formats.event_stream import MOST_PIXELS_A_SIDE, EventOrigin
+from megalopta.sensor.formats.events import (
+    MOST_PIXELS_A_SIDE,
+    EventOrigin,
+    events_hdf5_writer,
+    events_npz_writer,
+)
 from megalopta.sensor.formats.names import ProductName
-from megalopta.sensor.formats.packed_npy import binary_npy_writer
-from megalopta.sensor.formats.spad512 import check_spad512_size, spad512_writer
+from megalopta.sensor.formats.packed import binary_npy_writer, check_spad512_size, spad512_writer
 from megalopta.sensor.formats.tiff import tiff_writer
 from megalopta.sensor.image_sensors import ImageSensor
 from megalopta.sensor.spad.model import Sensor

@@ -4,27 +4,28 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Literal, TypeAlias, get_args
 
-from megalopta.sensor.formats.event_hdf5 import HDF5_SIGNATURE, read_events_hdf5
-from megalopta.sensor.formats.event_npz import NPZ_SIGNATURE, read_events_npz
-from megalopta.sensor.formats.event_stream import StoredEvents
-from megalopta.sensor.formats.layout import PackedLayout
-from megalopta.sensor.formats.packed_npy import read_binary_npy
+from megalopta.sensor.formats.events import (
+    HDF5_SIGNATURE,
+    NPZ_SIGNATURE,
+    StoredEvents,
+    read_events_hdf5,
+    read_events_npz,
+)
+from megalopta.sensor.formats.packed import PackedLayout, read_binary_npy, read_raw
 from megalopta.sensor.formats.recorded_frames import RecordedFrames, file_bytes
-from megalopta.sensor.formats.spad512 import read_spad512
 from megalopta.sensor.formats.spc3 import SPC3_SIGNATURE, read_spc3
-from megalopta.sensor.formats.swissspad2 import read_swissspad2
 from megalopta.sensor.formats.tiff import read_tiff
 
 FrameKind: TypeAlias = Literal["npy", "spad512", "swissspad2", "swissspad2_whole", "spc3", "tiff"]
 
-_SIGNATURES: tuple[tuple[bytes, FrameKind], ...] = (
-    (b"\x93NUMPY", "npy"),
-    (SPC3_SIGNATURE, "spc3"),
-    (b"II*\0", "tiff"),
-    (b"MM\0*", "tiff"),
-    (b"II+\0", "tiff"),
-    (b"MM\0+", "tiff"),
-)
+_SIGNATURES: dict[bytes, FrameKind] = {
+    b"\x93NUMPY": "npy",
+    SPC3_SIGNATURE: "spc3",
+    b"II*\0": "tiff",
+    b"MM\0*": "tiff",
+    b"II+\0": "tiff",
+    b"MM\0+": "tiff",
+}
 _EVENTS: dict[bytes, Callable[[Path], StoredEvents]] = {
     HDF5_SIGNATURE: read_events_hdf5,
     NPZ_SIGNATURE: read_events_npz,
@@ -38,8 +39,7 @@ def read_frames(
     layout: PackedLayout | None = None,
     shape: tuple[int, int] | None = None,
     counter: int = 1,
-    first: int = 0,
-    frames: int | None = None,
+    frames: slice = slice(None),
 ) -> RecordedFrames:
     """Read frames of any format that is known.
 
@@ -48,23 +48,23 @@ def read_frames(
     path
         A file, or a folder of `.bin` files.
     kind : str, optional
-        The format; by default as the content says, for `.bin` files `spad512`.
+        The format; by default as the content says, `spad512` for files `RAW….bin`.
     layout : PackedLayout, optional
         Of binary frames, where it is not that of the format.
     shape : (rows, columns), optional
         Of the image that is expected; another one is refused.
     counter : int
         Which one of a `.spc3` file.
-    first, frames : int
-        Which frames to read; by default all.
+    frames : slice
+        Which frames to read, one after the other; by default all.
 
     Raises
     ------
     FileNotFoundError
         When there is nothing.
     ValueError
-        When the file is damaged, cut short, of no format that is known, or its bits or its image
-        are not as expected.
+        When the file is damaged, cut short, of no format that is known, or its image is not as
+        expected.
     """
     path = Path(path)
     kind = kind or _kind(path)
@@ -75,17 +75,13 @@ def read_frames(
             f"{path}: layout is for binary frames, but this is a file of kind {kind!r}"
         )
     if kind == "npy":
-        width = None if shape is None else shape[layout is None or not layout.transposed]
-        found = read_binary_npy(path, layout, width=width, first=first, frames=frames)
-    elif kind == "spad512":
-        found = read_spad512(path, layout, first=first, frames=frames)
+        found = read_binary_npy(path, frames, layout, None if shape is None else shape[1])
     elif kind == "spc3":
-        found = read_spc3(path, counter=counter, first=first, frames=frames)
+        found = read_spc3(path, frames, counter)
     elif kind == "tiff":
-        found = read_tiff(path, first=first, frames=frames)
+        found = read_tiff(path, frames)
     else:
-        is_whole = kind == "swissspad2_whole"
-        found = read_swissspad2(path, layout, is_whole=is_whole, first=first, frames=frames)
+        found = read_raw(path, kind, frames, layout)
     return _expected(path, found, shape)
 
 
@@ -108,15 +104,16 @@ def read_events(path: str | Path) -> StoredEvents:
 
 
 def _kind(path: Path) -> FrameKind:
-    if path.is_dir():
-        return "spad512"
-    beginning = file_bytes(path)[:8].tobytes()
-    for signature, kind in _SIGNATURES:
+    first = min(path.glob("*.bin"), default=path) if path.is_dir() else path
+    if path.is_dir() and first == path:
+        raise FileNotFoundError(f"{path}: no .bin files in this folder; give that of a recording")
+    beginning = file_bytes(first)[:8].tobytes()
+    for signature, kind in _SIGNATURES.items():
         if beginning.startswith(signature):
             return kind
     if beginning.startswith(tuple(_EVENTS)):
         raise ValueError(f"{path}: holds events, no frames; use read_events")
-    if path.suffix.lower() == ".bin":
+    if first.name.startswith("RAW") and first.suffix == ".bin":  # as the SPAD512S names them
         return "spad512"
     raise ValueError(
         f"{path}: of no format that is known, or its beginning is damaged; give one of the kinds "
@@ -129,5 +126,7 @@ def _expected(path: Path, found: RecordedFrames, shape: tuple[int, int] | None) 
     if shape is None or (rows, columns) == tuple(shape):
         return found
     is_turned = (columns, rows) == tuple(shape)
-    hint = "it is transposed: give a layout that says so" if is_turned else "give another file"
+    hint = (
+        "it is transposed: exchange the axes of what is read" if is_turned else "give another file"
+    )
     raise ValueError(f"{path}: images of {rows} × {columns}, not {shape[0]} × {shape[1]}; {hint}")

@@ -1,4 +1,4 @@
-"""What every reader of frames returns."""
+"""What every reader of frames returns, and how a recorded file is opened."""
 
 import sys
 from dataclasses import dataclass
@@ -13,35 +13,23 @@ from megalopta.core.bounded import check_file
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class RecordedFrames:
-    """Frames of a file.
-
-    Attributes
-    ----------
-    counts : (T, H, W) or (T, H, W, C) array
-        Counts, or bits as 0 and 1, uint8.
-    bit_depth : int
-        Of the counts; 1 of binary frames.
-    exposure_s : float or None
-        Exposure time of a frame, where the file says it, s.
-    source : str
-        Name of the format.
-    """
+    """Frames of a file."""
 
     counts: NDArray[Any]
+    """(T, H, W) or (T, H, W, C): counts, or bits as 0 and 1, uint8"""
     bit_depth: int
-    exposure_s: float | None
+    """Of the counts; 1 of binary frames"""
     source: str
+    """Name of the format"""
+    exposure_s: float | None = None
+    """Exposure time of a frame, where the file says it, s"""
 
 
 def file_bytes(path: Path) -> NDArray[np.uint8]:
-    """Bytes of a file, (N,), read from the disk where they are used.
+    """Return the bytes of a file, (N,), read from the disk where they are used.
 
-    Raises
-    ------
-    FileNotFoundError
-        When there is no such file.
-    ValueError
-        When it is empty or cannot be read.
+    Raises FileNotFoundError when there is no such file, ValueError when it is empty or cannot be
+    read.
     """
     if not path.exists():
         raise FileNotFoundError(f"{path}: no such file; give the path of a recording")
@@ -55,15 +43,14 @@ def file_bytes(path: Path) -> NDArray[np.uint8]:
         raise ValueError(f"{path}: cannot be read ({reason}); give a file") from None
 
 
-def wanted(total: int, first: int, frames: int | None, path: Path) -> slice:
-    """Range of so many frames from a number on, of a file with a total.
-
-    Raises
-    ------
-    ValueError
-        When the file has fewer.
-    """
-    end = total if frames is None else first + frames
+def wanted(total: int, frames: slice, path: Path) -> slice:
+    """Return the range of frames that are asked for; ValueError where the file has fewer."""
+    first, end = frames.start or 0, total if frames.stop is None else frames.stop
     if not 0 <= first <= end <= total:
         raise ValueError(f"{path}: frames {first} to {end - 1} are asked for; it has {total}")
     return slice(first, end)
+
+
+def one_line(problem: Exception, at_most: int = 120) -> str:
+    """Return what an exception says, as one short line."""
+    return " ".join(str(problem).split())[:at_most]

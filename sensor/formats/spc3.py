@@ -32,21 +32,12 @@ _HEADER = np.dtype(
 )  # fmt: skip
 
 
-def read_spc3(
-    path: str | Path, *, counter: int = 1, first: int = 0, frames: int | None = None
-) -> RecordedFrames:
+def read_spc3(path: Path, frames: slice, counter: int) -> RecordedFrames:
     """Read the frames of one counter, 1 to 3, as (T, 32, pixels/32) uint8 or uint16.
 
-    Counters 1 and 2 are signed after the camera's background subtraction.
-
-    Raises
-    ------
-    FileNotFoundError
-        When there is nothing.
-    ValueError
-        When the file is another, damaged or cut short, or has no such counter.
+    Counters 1 and 2 are signed after the camera's background subtraction. Raises as `read_frames`,
+    and ValueError where there is no such counter.
     """
-    path = Path(path)
     content = file_bytes(path)
     header = _read_header(path, content)
     counters, pixels = int(header["counters"]), int(header["pixels"])
@@ -62,7 +53,7 @@ def read_spc3(
             "bytes; it is cut short or its header damaged: copy it again"
         )
     lines = content[_DATA:].view(dtype).reshape(total, counters, pixels // _LINE, _LINE)
-    chosen = lines[wanted(total, first, frames, path), counter - 1]
+    chosen = lines[wanted(total, frames, path), counter - 1]
     counts = np.ascontiguousarray(np.swapaxes(chosen, 1, 2)).astype(dtype.newbyteorder("="))
     exposure_s = int(header["integration_10ns"]) * int(header["summed_frames"]) * 1e-8
     return RecordedFrames(

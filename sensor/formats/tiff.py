@@ -16,7 +16,7 @@ import tifffile
 from numpy.typing import NDArray
 
 from megalopta.core.files import atomic_write
-from megalopta.sensor.formats.recorded_frames import RecordedFrames, file_bytes, wanted
+from megalopta.sensor.formats.recorded_frames import RecordedFrames, file_bytes, one_line, wanted
 
 _LARGEST_TIFF = 4 * 10**9
 # The most that a deflate stream grows by: a file does not justify more memory than that.
@@ -35,13 +35,7 @@ def tiff_writer(
 ) -> Iterator[Callable[[NDArray[Any]], None]]:
     """Yield what appends frames (T, H, W); the file appears when the writer is left.
 
-    Parameters
-    ----------
-    path
-    total_bytes : int
-        Of all frames that will be written, about.
-    exposure_s : float, optional
-        Exposure time of a frame, s.
+    `total_bytes` is that of all frames, about; `exposure_s` the exposure time of a frame, s.
     """
     is_big = total_bytes > _LARGEST_TIFF
     metadata = {} if exposure_s is None else {"exposure_s": exposure_s}
@@ -57,17 +51,8 @@ def tiff_writer(
         yield write
 
 
-def read_tiff(path: str | Path, *, first: int = 0, frames: int | None = None) -> RecordedFrames:
-    """Read the first stack of a file, (T, H, W).
-
-    Raises
-    ------
-    FileNotFoundError
-        When there is nothing.
-    ValueError
-        When the file is damaged, compressed in an unknown way, or no stack of gray frames.
-    """
-    path = Path(path)
+def read_tiff(path: Path, frames: slice) -> RecordedFrames:
+    """Read the first stack of a file, (T, H, W); raises as `read_frames`."""
     size = file_bytes(path).size
     logging.getLogger("tifffile").setLevel(logging.CRITICAL)  # it reports what is told here
     try:
@@ -76,19 +61,20 @@ def read_tiff(path: str | Path, *, first: int = 0, frames: int | None = None) ->
             pages = [page for page in stack.pages if page is not None]
             _check(path, stack, pages, size)
             total = len(pages) if len(pages) > 1 or stack.ndim == 2 else stack.shape[0]
-            range_ = wanted(total, first, frames, path)
+            range_ = wanted(total, frames, path)
             if len(pages) == total:
                 images = [file_page.asarray() for file_page in pages[range_]]
                 counts = np.array(images).reshape(-1, *stack.shape[-2:])
             else:
                 counts = stack.asarray()[range_]
             exposure_s = _exposure_s(file)
-    except ValueError as problem:
+    except Exception as problem:  # of a damaged file, anything
         if str(problem).startswith(str(path)):
             raise
-        raise _damaged(path, problem) from None
-    except Exception as problem:  # of a damaged file, anything
-        raise _damaged(path, problem) from None
+        reason = one_line(problem)
+        raise ValueError(
+            f"{path}: damaged, cut short or no TIFF that is known ({reason})"
+        ) from None
     depth = 8 * counts.dtype.itemsize
     return RecordedFrames(counts=counts, bit_depth=depth, exposure_s=exposure_s, source="tiff")
 
@@ -112,8 +98,3 @@ def _exposure_s(file: Any) -> float | None:
     except (ValueError, AttributeError):
         return None
     return float(found) if isinstance(found, int | float) and found > 0 else None
-
-
-def _damaged(path: Path, problem: Exception) -> ValueError:
-    reason = " ".join(str(problem).split())[:120]
-    return ValueError(f"{path}: damaged, cut short or no TIFF that is known ({reason})")

@@ -1,48 +1,54 @@
 """How many of the photons on the active area are detected: photon detection probability (PDP).
 
 The photon detection efficiency (PDE), of the photons on the whole pixel, is PDP times fill factor.
-
-A tabulated curve with straight lines between its points. A band's PDP is the mean over its photons,
+A tabulated curve with straight lines between its points; a band's PDP is the mean over its photons,
 for a spectrum that is flat inside the band,
 
     PDP_b = ∫ PDP(λ)·λ dλ / ∫ λ dλ
 
 The integrand is a parabola between the points of the curve, and a cubic where the transmission T(λ)
 of the lens is under the integral too, for which Simpson's rule is exact: no point is lost however
-narrow or wide the band. The curve holds at one operating point; `bias`
-scales it elsewhere, alike at all wavelengths.
+narrow or wide the band. The curve holds at one operating point; `bias` scales it elsewhere.
+
+A measured curve of efficiency, or of the lens's transmission, comes from a CSV file, which is read
+once, and whose numbers take its place in the sensor's description:
+
+    # comments and one line of column names may stand first
+    wavelength_nm,efficiency
+    400,0.021
+    450,0.034
 """
 
-from collections.abc import Sequence
+import csv
+import math
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import product
-from typing import Annotated, ClassVar, Self, TypeAlias
+from pathlib import Path
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
-from pydantic import Field, model_validator
+from numpy.typing import ArrayLike
+from pydantic import Field
 
+from megalopta.core.arrays import Floats
 from megalopta.sensor.effects.base import Effect, Stage
-from megalopta.sensor.optics.lens import Lens, check_bands
-from megalopta.sensor.optics.transmission import Transmission, check_curve
+from megalopta.sensor.input_files import file_content
+from megalopta.sensor.optics.lens import Lens, WavelengthCurve, check_bands
+
+Point = tuple[float, float]
 
 
-class Efficiency(Effect, frozen=True):
+class Efficiency(WavelengthCurve, Effect, frozen=True):
     """Photon detection probability over wavelength; a constant one is a curve of two points."""
 
+    field: ClassVar[str] = "efficiency"
     stage: ClassVar[Stage] = Stage.LIGHT
     statement: ClassVar[str] = (
         "a fraction of the photons on the active area, by wavelength, starts an avalanche"
     )
 
-    wavelengths_nm: Annotated[tuple[Annotated[float, Field(gt=0)], ...], Field(min_length=2)]
-    """Points of the curve, increasing (nm)."""
     values: tuple[Annotated[float, Field(ge=0, le=1)], ...]
     """Detected fraction of the photons on the active area (PDP: PDE over fill factor)."""
-
-    @model_validator(mode="after")
-    def _check_curve(self) -> Self:
-        check_curve("efficiency", self.wavelengths_nm, self.values)
-        return self
 
     @property
     def is_on(self) -> bool:
@@ -54,62 +60,38 @@ class Efficiency(Effect, frozen=True):
         """Return an efficiency of 1."""
         return cls(wavelengths_nm=(1.0, 1e6), values=(1.0, 1.0))
 
-    def __call__(self, wavelength_nm: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Efficiency at each wavelength (nm) inside the curve."""
-        return np.interp(wavelength_nm, self.wavelengths_nm, self.values)
-
-
-Curve: TypeAlias = Efficiency | Transmission
-
 
 def band_efficiency(
     efficiency: Efficiency, bands_nm: ArrayLike, lens: Lens | None = None
-) -> NDArray[np.float64]:
-    """Mean PDP over the photons of each band; with a lens, of PDP times the lens's curve.
+) -> Floats:
+    """Return the mean PDP over the photons of each band, (B,), from 0 to 1.
 
-    Parameters
-    ----------
-    efficiency : Efficiency
-    bands_nm : (B, 2)
-        Lower and upper edge of each band, nm.
-    lens : Lens, optional
-
-    Returns
-    -------
-    (B,) float64
-        Between 0 and 1.
-
-    Raises
-    ------
-    ValueError
-        When a band reaches outside a curve.
+    With a lens, of PDP times the lens's curve. Bands (B, 2) are lower and upper edges, nm. Raises
+    ValueError when a band reaches outside a curve.
     """
     passing = lens.transmission_curve if lens else None
-    curves: list[Curve] = [efficiency, *([passing] if passing else [])]
-    return _photon_means(curves, ["efficiency", "lens.transmission"], bands_nm)
+    return _photon_means([efficiency, *([passing] if passing else [])], bands_nm)
 
 
-def band_transmission(lens: Lens, bands_nm: ArrayLike) -> NDArray[np.float64]:
-    """Mean of the lens's curve over the photons of each band, (B,); as `band_efficiency`."""
-    curves = [lens.transmission_curve] if lens.transmission_curve else []
-    return _photon_means(curves, ["lens.transmission"], bands_nm)
+def band_transmission(lens: Lens, bands_nm: ArrayLike) -> Floats:
+    """Return the mean of the lens's curve over the photons of each band; as `band_efficiency`."""
+    return _photon_means([lens.transmission_curve] if lens.transmission_curve else [], bands_nm)
 
 
-def _photon_means(
-    curves: Sequence[Curve], names: Sequence[str], bands_nm: ArrayLike
-) -> NDArray[np.float64]:
+def _photon_means(curves: Sequence[WavelengthCurve], bands_nm: ArrayLike) -> Floats:
     bands = check_bands(bands_nm)
-    for (lower, upper), (curve, name) in product(bands, zip(curves, names, strict=False)):
+    for (lower, upper), curve in product(bands, curves):
         first, last = curve.wavelengths_nm[0], curve.wavelengths_nm[-1]
         if lower < first or upper > last:
             raise ValueError(
-                f"bands_nm: {lower:g}–{upper:g} nm reaches outside the {name} curve, "
-                f"{first:g}–{last:g} nm; extend the curve or drop the band"
+                f"bands_nm: {lower:g}–{upper:g} nm reaches outside the "
+                f"{curve.field.removesuffix('_curve')} curve, {first:g}–{last:g} nm; extend the "
+                "curve or drop the band"
             )
     return np.array([_photon_mean(curves, lower, upper) for lower, upper in bands])
 
 
-def _photon_mean(curves: Sequence[Curve], lower: float, upper: float) -> float:
+def _photon_mean(curves: Sequence[WavelengthCurve], lower: float, upper: float) -> float:
     points = np.unique([point for curve in curves for point in curve.wavelengths_nm])
     nodes = np.concatenate(([lower], points[(points > lower) & (points < upper)], [upper]))
     middle = (nodes[:-1] + nodes[1:]) / 2
@@ -118,3 +100,76 @@ def _photon_mean(curves: Sequence[Curve], lower: float, upper: float) -> float:
     )
     integrals = np.diff(nodes) * (at_nodes[:-1] + 4 * at_middle + at_nodes[1:]) / 6
     return float(integrals.sum() / ((upper**2 - lower**2) / 2))
+
+
+def with_curve(curve: Any, folder: Path, field: str = "efficiency") -> Any:
+    """Return the curve in the file for `{path: FILE}`, and anything else as it is.
+
+    Raises ValueError when a path and numbers are both given.
+    """
+    if not isinstance(curve, Mapping) or not isinstance(curve.get("path"), str):
+        return curve
+    if len(curve) > 1:
+        others = ", ".join(str(name) for name in curve if name != "path")
+        raise ValueError(f"{field}: path and {others} given; give a file or numbers, not both")
+    return _read_curve(folder / curve["path"], field)
+
+
+def with_transmission(lens: Any, folder: Path) -> Any:
+    """Return a lens with the curve in its file, as `with_curve`."""
+    if not isinstance(lens, Mapping) or "transmission_curve" not in lens:
+        return lens
+    curve = with_curve(lens["transmission_curve"], folder, "lens.transmission_curve")
+    return {**lens, "transmission_curve": curve}
+
+
+def _read_curve(path: Path, field: str = "efficiency") -> dict[str, tuple[float, ...]]:
+    """Return the fields of `Efficiency` or `Transmission` that a CSV file holds.
+
+    Raises ValueError when the file cannot be read, or a line is no point of a curve; names the
+    line.
+    """
+    content = file_content(path, field)
+    try:
+        points = list(_points(content.decode("utf-8-sig"), path, field))
+    except (UnicodeDecodeError, csv.Error):
+        raise ValueError(f"{field}: {path} is no text in UTF-8; give a CSV file") from None
+    if len(points) < 2:
+        raise ValueError(f"{field}: {path} has {len(points)} points; give 2 or more")
+    wavelengths, values = zip(*points, strict=True)
+    return {"wavelengths_nm": wavelengths, "values": values}
+
+
+def _points(text: str, path: Path, field: str) -> Iterator[Point]:
+    lines = [
+        (number, line)
+        for number, line in enumerate(text.splitlines(), 1)
+        if line.strip() and not line.lstrip().startswith("#")
+    ]
+    if lines and not any(character.isdigit() for character in lines[0][1]):
+        lines = lines[1:]
+    last = 0.0
+    for (number, _), row in zip(lines, csv.reader(line for _, line in lines), strict=True):
+        wavelength, value = _point(row, f"{field}: line {number} of {path}")
+        if not last < wavelength < math.inf:
+            raise ValueError(
+                f"{field}: line {number} of {path}: {wavelength:g} nm follows {last:g}; sort "
+                "the lines by positive wavelengths, each once"
+            )
+        last = wavelength
+        yield wavelength, value
+
+
+def _point(row: list[str], place: str) -> Point:
+    try:
+        wavelength, value = (float(cell) for cell in row)
+    except ValueError:
+        raise ValueError(
+            f"{place}: {','.join(row)!r} is not wavelength_nm,efficiency; give two numbers, with a "
+            "comma between them"
+        ) from None
+    if not 0 <= value <= 1:
+        raise ValueError(
+            f"{place}: efficiency {value:g} is not from 0 to 1; divide percents by 100"
+        )
+    return wavelength, value

@@ -7,28 +7,64 @@ gives on the die the irradiance
 
 and photons arrive at ∫ E(λ)·λ/(h·c) dλ per second and square meter. Radiance is known as its mean
 over each band; inside a band the spectrum is taken as flat, for which the integral is exact. The
-lens transmits all wavelengths alike, or what a curve says, such as that of a filter before it. The
-cosine-fourth falloff is off unless the lens is told the horizontal field of view of the camera: a
-rendered pinhole image has no vignetting of its own, and most users want none. Nor does it blur; a
-lens spreads a point as a Gaussian of the standard deviation that it is given.
-
-Source: dissertation §2.4.5. Check figure: 17.5 nW over 100 mm² at 450 nm is 396.4
-photons·µm⁻²·s⁻¹, printed as 396.
+falloff is off unless the lens is told the horizontal field of view of the camera: a rendered
+pinhole image has no vignetting of its own. Source, check figure and limits: `docs/theory/light.md`.
 """
 
-from typing import Annotated, ClassVar
+from itertools import pairwise
+from typing import Annotated, ClassVar, Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
-from pydantic import Field
+from numpy.typing import ArrayLike
+from pydantic import BaseModel, Field, model_validator
 from scipy.ndimage import gaussian_filter
 
 from megalopta.core.arrays import Floats
 from megalopta.sensor.effects.base import Effect, Stage
-from megalopta.sensor.optics.transmission import Transmission
 
 PLANCK_TIMES_LIGHT_SPEED = 1.98644586e-25
 """h·c in J·m."""
+
+
+class WavelengthCurve(
+    BaseModel, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
+):
+    """A fraction of light over wavelength; straight between the points."""
+
+    field: ClassVar[str]
+    """Where it is in a sensor, for messages"""
+
+    wavelengths_nm: Annotated[tuple[Annotated[float, Field(gt=0)], ...], Field(min_length=2)]
+    """Points of the curve, increasing (nm)."""
+    values: tuple[Annotated[float, Field(ge=0, le=1)], ...]
+    """Fraction at each point."""
+
+    @model_validator(mode="after")
+    def _check_curve(self) -> Self:
+        if len(self.wavelengths_nm) != len(self.values):
+            raise ValueError(
+                f"{self.field}: {len(self.wavelengths_nm)} wavelengths_nm for {len(self.values)} "
+                "values; give one value per wavelength"
+            )
+        for before, after in pairwise(self.wavelengths_nm):
+            if after <= before:
+                raise ValueError(
+                    f"{self.field}.wavelengths_nm: {after:g} follows {before:g}; sort the curve"
+                )
+        return self
+
+    def __call__(self, wavelength_nm: Floats) -> Floats:
+        """Fraction at each wavelength (nm) inside the curve."""
+        return np.interp(wavelength_nm, self.wavelengths_nm, self.values)
+
+
+class Transmission(WavelengthCurve, frozen=True):
+    """A curve of transmission over wavelength."""
+
+    field: ClassVar[str] = "lens.transmission_curve"
+
+    values: tuple[Annotated[float, Field(ge=0, le=1)], ...]
+    """Fraction of the light that passes at each point."""
 
 
 class Lens(Effect, frozen=True):
@@ -55,13 +91,13 @@ class Lens(Effect, frozen=True):
         return True
 
 
-def image_irradiance(radiance: ArrayLike, lens: Lens) -> NDArray[np.float64]:
+def image_irradiance(radiance: ArrayLike, lens: Lens) -> Floats:
     """Irradiance on the lens's axis, W·m⁻²·nm⁻¹, from radiance, W·m⁻²·sr⁻¹·nm⁻¹; of any shape."""
     factor = np.pi * lens.transmission / (4 * lens.f_number**2 + 1)
     return factor * np.asarray(radiance, np.float64)
 
 
-def falloff(lens: Lens, shape: tuple[int, int]) -> NDArray[np.float64]:
+def falloff(lens: Lens, shape: tuple[int, int]) -> Floats:
     """Return cos⁴θ at the center of every pixel of a (rows, columns) image; 1 where it is off.
 
     Square pixels, optical axis through the center of the image.
@@ -82,35 +118,19 @@ def blurred(images: Floats, blur_px: float) -> Floats:
     than pixels, how their light lies within a pixel is not known: images of dead leaves come out
     with errors of 10, 4, 2 and 0.7 % of their contrast (RMS) at 0.5, 0.7, 1 and 1.5 px.
 
-    Parameters
-    ----------
-    images : (n, H, W)
-        In any unit.
-    blur_px : float
-        Standard deviation of the Gaussian along rows and along columns, px; 0 changes nothing.
+    `images` (n, H, W): in any unit; `blur_px`: standard deviation of the Gaussian along rows and
+    along columns, px; 0 changes nothing.
     """
     return gaussian_filter(images, blur_px, axes=(1, 2), mode="nearest") if blur_px else images
 
 
-def photon_flux(irradiance: ArrayLike, bands_nm: ArrayLike) -> NDArray[np.float64]:
+def photon_flux(irradiance: ArrayLike, bands_nm: ArrayLike) -> Floats:
     """Photons per second and square meter in each band, for a spectrum flat inside the band.
 
-    Parameters
-    ----------
-    irradiance : (..., B)
-        Band means, W·m⁻²·nm⁻¹.
-    bands_nm : (B, 2)
-        Lower and upper edge of each band, nm.
+    `irradiance` (..., B): band means, W·m⁻²·nm⁻¹; `bands_nm` (B, 2): lower and upper edge of each
+    band, nm. Returns (..., B) float64 photons·m⁻²·s⁻¹.
 
-    Returns
-    -------
-    (..., B) float64
-        photons·m⁻²·s⁻¹.
-
-    Raises
-    ------
-    ValueError
-        When the bands are not B pairs of edges.
+    Raises ValueError when the bands are not B pairs of edges.
     """
     lower, upper = check_bands(bands_nm).T
     irradiance = np.asarray(irradiance, np.float64)
@@ -122,14 +142,11 @@ def photon_flux(irradiance: ArrayLike, bands_nm: ArrayLike) -> NDArray[np.float6
     return np.asarray(irradiance * (wavelength_integral / PLANCK_TIMES_LIGHT_SPEED))
 
 
-def check_bands(bands_nm: ArrayLike) -> NDArray[np.float64]:
+def check_bands(bands_nm: ArrayLike) -> Floats:
     """Return band edges as (B, 2) float64, nm, or refuse them.
 
-    Raises
-    ------
-    ValueError
-        When the shape is not (B, 2), an edge is not positive and finite, a band has no width, or
-        two bands overlap (their light would be counted twice).
+    Raises ValueError when the shape is not (B, 2), an edge is not positive and finite, a band has
+    no width, or two bands overlap (their light would be counted twice).
     """
     bands = np.asarray(bands_nm, np.float64)
     if bands.ndim != 2 or bands.shape[1] != 2 or not len(bands):

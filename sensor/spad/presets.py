@@ -59,8 +59,7 @@ from megalopta.sensor.effects.bias import Bias
 from megalopta.sensor.effects.crosstalk import Crosstalk
 from megalopta.sensor.effects.dark_counts import DarkCounts
 from megalopta.sensor.effects.dead_time import DeadTime
-from megalopta.sensor.optics.efficiency import Efficiency
-from megalopta.sensor.optics.efficiency_file import with_curve, with_transmission
+from megalopta.sensor.optics.efficiency import Efficiency, with_curve, with_transmission
 from megalopta.sensor.optics.lens import Lens
 from megalopta.sensor.spad.analog import AnalogCounter
 from megalopta.sensor.spad.measured import with_hashes

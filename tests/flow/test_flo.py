@@ -3,7 +3,7 @@ import struct
 import numpy as np
 import pytest
 
-from megalopta.flow.flo import read_flo, write_flo
+from megalopta.flow.formats import read_flo, write_flo
 
 
 def flow(shape=(5, 7)):

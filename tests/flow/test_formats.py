@@ -9,11 +9,11 @@ import h5py
 import numpy as np
 import pytest
 
-from megalopta.flow.flo import write_flo
 from megalopta.flow.formats import (
     read_flo5,
     read_flow,
     read_kitti_png,
+    write_flo,
     write_flo5,
     write_kitti_png,
 )

@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from megalopta.scenes.scene import Asset, Material, Placement, Scene
+from megalopta.scenes.material import Material
+from megalopta.scenes.scene import Asset, Placement, Scene
 from megalopta.scenes.spectra.spectrum import flat
 
 BOX = trimesh.creation.box((1, 1, 1))

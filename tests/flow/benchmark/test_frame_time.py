@@ -5,7 +5,7 @@ import time
 import numpy as np
 import pytest
 
-from megalopta.flow.benchmark.frame_time import milliseconds_per_frame
+from megalopta.flow.detectors.base import milliseconds_per_frame
 from megalopta.flow.detectors.intensity import IntensityMeasurement
 
 BUSY_S, COMPILING_S, IDLE_S = 0.002, 0.1, 0.02

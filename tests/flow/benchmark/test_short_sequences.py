@@ -5,7 +5,7 @@ import pytest
 
 from megalopta.assets_gen.grating import sine_grating
 from megalopta.flow import METHODS, MovingTemplate, SearchSettings
-from megalopta.flow.benchmark.short_sequences import ShortSequences, phase_shifts
+from megalopta.flow.benchmark.search import ShortSequences, phase_shifts
 
 X = np.arange(251) / 251
 STIMULUS = MovingTemplate(sine_grating(X[None], X[:, None], 0.9, 5, (0, 0), "rot"), 5, 60)

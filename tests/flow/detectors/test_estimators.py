@@ -3,7 +3,6 @@
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
-from threading import Barrier, Event
 
 import cv2
 import numpy as np
@@ -11,14 +10,14 @@ import pytest
 
 from megalopta.flow.detectors.block_matching import BlockMatching
 from megalopta.flow.detectors.gray_detector import eight_bits, gray_levels
-from megalopta.flow.detectors.opencv import (
+from megalopta.flow.detectors.libraries import (
     DenseInverseSearch,
     Farneback,
     LucasKanade,
-    one_thread,
+    PhaseCorrelation,
+    TotalVariation,
 )
 from megalopta.flow.detectors.registry import METHODS
-from megalopta.flow.detectors.scikit_image import PhaseCorrelation, TotalVariation
 
 from ..textures import drifting_texture
 
@@ -106,28 +105,6 @@ def three_threads():
 
 
 @pytest.mark.usefixtures("three_threads")
-def test_opencv_keeps_to_one_thread_until_the_last_of_two_callers_leaves():
-    first_left = Event()
-    both_inside = Barrier(2, timeout=10)
-
-    def first():
-        with one_thread():
-            both_inside.wait()
-        first_left.set()
-
-    def second():
-        with one_thread():
-            both_inside.wait()
-            assert first_left.wait(10)
-            return cv2.getNumThreads()
-
-    with ThreadPoolExecutor(2) as pool:
-        leaving, staying = pool.submit(first), pool.submit(second)
-        leaving.result()
-        assert staying.result() == 1
-    assert cv2.getNumThreads() == 3
-
-
 class _Recorded:
     """An estimator of OpenCV that notes how many threads it may use."""
 

@@ -5,7 +5,7 @@ import pytest
 from scipy.stats import poisson
 
 from megalopta.flow.detectors.intensity import IntensityMeasurement, mean_absolute_deviation
-from megalopta.flow.metrics.response_error import error_sums
+from megalopta.flow.metrics.response_error import error_of, error_sums
 from megalopta.flow.stimuli.photons import draw_counts
 
 
@@ -19,7 +19,7 @@ def test_error_on_a_flat_image_is_the_mean_absolute_deviation(mean, metric):
     sums = error_sums(detector, detector.respond(means), detector.respond(counts))
     expected = 2 * poisson.pmf(np.floor(mean), mean)
     spread = np.sqrt((1 / mean - expected**2) / 1e5)
-    assert abs(sums.of_sequence(metric) - expected) < 5 * spread
+    assert abs(error_of(sums, metric) - expected) < 5 * spread
 
 
 @pytest.mark.parametrize("mean", [1e5, 0.999e6, 1.001e6, 1e14])

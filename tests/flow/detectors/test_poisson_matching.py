@@ -8,6 +8,7 @@ from megalopta.flow.detectors.blocks import block_grid
 from megalopta.flow.detectors.poisson_matching import (
     BLURS_PX,
     PoissonMatching,
+    PooledMatching,
     SmoothedFrame,
     add_costs,
     block_moments,
@@ -15,7 +16,6 @@ from megalopta.flow.detectors.poisson_matching import (
     least_cost,
     parabola_minimum,
 )
-from megalopta.flow.detectors.pooled_matching import PooledMatching
 
 BOTH = [PoissonMatching(), PooledMatching()]
 SIZE = 120
@@ -151,7 +151,7 @@ def test_costs_are_the_weighted_sums_of_squares_of_every_shift():
     first, second, weights = rng.random((3, 30, 34), np.float32)
     corners, origins = np.array([[3, 5], [20, 22]]), np.array([[4, 5], [18, 20]])
     costs = np.ones((2, 9, 9))
-    add_costs(first, second, weights, origins, corners, 8, costs)
+    add_costs(first, second, weights, np.hstack((origins, corners)), 8, costs)
     for block, dy, dx in np.ndindex(costs.shape):
         (row, column), (top, left) = corners[block], origins[block] - (dy - 4, dx - 4)
         inside = 0 <= top <= 22 and 0 <= left <= 26

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from megalopta.flow.detectors.blocks import block_grid
-from megalopta.flow.detectors.poisson_matching import SmoothedFrame
-from megalopta.flow.detectors.pooled_matching import (
+from megalopta.flow.detectors.poisson_matching import (
     Patches,
+    SmoothedFrame,
     add_up_pairs,
     agreed_velocities,
     aligned,

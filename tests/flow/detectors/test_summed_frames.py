@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from megalopta.flow.detectors.from_function import detector_from
+from megalopta.flow.detectors.blocks import summed_frames
+from megalopta.flow.detectors.gray_detector import detector_from
 from megalopta.flow.detectors.registry import METHODS
-from megalopta.flow.detectors.summed_frames import summed_frames
 
 from ..textures import drifting_texture
 

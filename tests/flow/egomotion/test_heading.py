@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from megalopta.flow.egomotion.heading import camera_motion
+from megalopta.flow.egomotion.camera_motion import camera_motion
 
 
 def seen(rng, turn_deg, step_m, noise_rad=0.0, wrong=0.0, count=300):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from megalopta.flow.egomotion.likely_motion import likely_camera_motion
+from megalopta.flow.egomotion.camera_motion import likely_camera_motion
 from megalopta.scenes import EquirectangularCamera, PerspectiveCamera
 
 from .corner import flight

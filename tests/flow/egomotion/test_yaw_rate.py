@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from megalopta.flow import METHODS
-from megalopta.flow.egomotion.wide_field import fit_wide_field
-from megalopta.flow.egomotion.yaw_rate import YawRateTest, yaw_rates_deg_s
+from megalopta.flow.egomotion.wide_field import YawRateTest, fit_wide_field, yaw_rates_deg_s
 from megalopta.scenes import Trajectory
 
 

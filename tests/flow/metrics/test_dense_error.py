@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from megalopta.flow.metrics.dense_error import GROUPS, DenseErrors
+from megalopta.flow.metrics.endpoint_error import GROUPS, DenseErrors
 
 RNG = np.random.default_rng(0)
 

@@ -4,7 +4,7 @@ from scipy.special import ndtri
 
 from megalopta.flow.detectors.blocks import block_grid
 from megalopta.flow.detectors.registry import METHODS
-from megalopta.flow.metrics.efficiency import (
+from megalopta.flow.metrics.translation_bound import (
     bound_photons,
     confined_velocities,
     is_within,

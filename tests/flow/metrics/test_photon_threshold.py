@@ -1,11 +1,13 @@
 """Crossings of synthetic curves, their intervals, and how they print."""
 
 import json
+from dataclasses import asdict
 
 import numpy as np
 import pytest
 
 from megalopta.flow.metrics.photon_threshold import (
+    MeasuredErrors,
     Threshold,
     first_crossing,
     format_flux,
@@ -19,7 +21,7 @@ def crossing(errors, level=0.25, standard_errors=None, degrees=10, seed=0):
     if standard_errors is None:
         standard_errors = np.zeros_like(errors)
     rng = np.random.default_rng(seed)
-    return threshold(FLUXES, errors, standard_errors, degrees, level, rng)
+    return threshold(MeasuredErrors(FLUXES, errors, standard_errors, degrees), level, rng)
 
 
 @pytest.mark.parametrize("slope", [0.3, 0.5, 2.0])
@@ -109,10 +111,10 @@ def test_flux_prints_with_three_digits(flux, text):
 
 def test_threshold_survives_json():
     found = crossing(0.25 * (FLUXES / 1e5) ** -0.5, standard_errors=np.full(FLUXES.size, 0.01))
-    assert Threshold(**json.loads(json.dumps(found.to_dict()))) == found
+    assert Threshold(**json.loads(json.dumps(asdict(found)))) == found
 
 
 @pytest.mark.parametrize("fluxes", [[1e3], [1e4, 1e3], [1e3, 1e3]])
 def test_fluxes_that_do_not_grow_are_refused(fluxes):
     with pytest.raises(ValueError, match="growing order"):
-        threshold(fluxes, fluxes, fluxes, 3, 0.25, np.random.default_rng(0))
+        threshold(MeasuredErrors(fluxes, fluxes, fluxes, 3), 0.25, np.random.default_rng(0))

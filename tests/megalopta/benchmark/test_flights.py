@@ -10,7 +10,7 @@ from megalopta.benchmark.clips import FlowClip
 from megalopta.benchmark.flights import HEADING, YAW, FlightErrors, flight_errors, together
 from megalopta.benchmark.moving_forests import forest_flight
 from megalopta.benchmark.table import Case
-from megalopta.flow.egomotion.yaw_rate import yaw_rates_deg_s
+from megalopta.flow.egomotion.wide_field import yaw_rates_deg_s
 from megalopta.reproduction import comparison_camera_motion as camera_motion
 from megalopta.reproduction.figure_recipe import Run
 from megalopta.scenes import PerspectiveCamera

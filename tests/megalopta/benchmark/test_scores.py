@@ -12,8 +12,7 @@ from megalopta.benchmark.leaderboard import read_board
 from megalopta.benchmark.scores import score_submission
 from megalopta.cli import main as cli
 from megalopta.core.errors import UserError
-from megalopta.flow.flo import write_flo
-from megalopta.flow.formats import read_flow
+from megalopta.flow.formats import read_flow, write_flo
 
 SHAPE = (60, 80)
 MOTIONS = ((2, 1), (-3, 0))

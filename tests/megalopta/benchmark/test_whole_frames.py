@@ -17,10 +17,9 @@ from megalopta.benchmark.clips import (
 from megalopta.benchmark.methods import methods_and_baselines, on_the_board
 from megalopta.benchmark.whole_frames import FAR, MEAN, MEDIAN, block_errors, frame_errors
 from megalopta.cli import main as cli
-from megalopta.flow.detectors.from_function import detector_from
+from megalopta.flow.detectors.gray_detector import detector_from
 from megalopta.flow.detectors.registry import METHODS
-from megalopta.flow.flo import write_flo
-from megalopta.flow.formats import write_kitti_png
+from megalopta.flow.formats import write_flo, write_kitti_png
 from megalopta.plotting.style import house_style, new_canvas
 from megalopta.reproduction import comparison_whole_frames as whole_frames
 from megalopta.reproduction.figure_recipe import Run

@@ -20,8 +20,7 @@ from megalopta.camera.emulated import EmulatedCamera
 from megalopta.camera.stimuli import Flat
 from megalopta.camera.terminal import EmulatedPort
 from megalopta.sensor import expose_adc, preset
-from megalopta.sensor.formats.messages import Settings
-from megalopta.sensor.formats.packets import Kind, Parser, encode
+from megalopta.sensor.formats.protocol import Kind, Parser, Settings, encode
 
 SENSOR = preset("spadcam")
 STIMULUS = Flat((5e6,))

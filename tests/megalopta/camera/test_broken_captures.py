@@ -12,8 +12,7 @@ import pytest
 
 from megalopta.camera.recording import open_recording
 from megalopta.camera.recovering import recover
-from megalopta.sensor.formats.messages import samples_of
-from megalopta.sensor.formats.packets import Kind, Parser, encode
+from megalopta.sensor.formats.protocol import Kind, Parser, encode, samples_of
 
 
 def on(port, out):

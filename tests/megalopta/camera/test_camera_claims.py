@@ -8,8 +8,7 @@ from megalopta.camera.capturing import capture
 from megalopta.camera.port import find_port, port_lines
 from megalopta.camera.recording import open_recording
 from megalopta.core.errors import UserError
-from megalopta.sensor.formats.messages import Identity, Settings
-from megalopta.sensor.formats.packets import Kind, encode
+from megalopta.sensor.formats.protocol import Identity, Kind, Settings, encode
 
 from .conftest import wanted
 

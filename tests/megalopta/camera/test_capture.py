@@ -21,13 +21,14 @@ from megalopta.camera.stimuli import Flat
 from megalopta.camera.terminal import Faults
 from megalopta.core.errors import UserError
 from megalopta.sensor import changed, expose_rate, preset
-from megalopta.sensor.formats.messages import (
+from megalopta.sensor.formats.protocol import (
+    Kind,
+    Packet,
+    Parser,
     Settings,
+    command,
     samples_of,
-    set_exposure,
-    set_frame_rate,
 )
-from megalopta.sensor.formats.packets import Kind, Packet, Parser
 
 FAST = Settings(exposure_us=5000, frame_rate_mhz=200_000)
 
@@ -198,7 +199,7 @@ def test_1000_frames_a_second(emulated, tmp_path):
 def test_what_the_sensor_cannot_do_is_refused_and_changes_nothing():
     camera = EmulatedCamera(changed(preset("spadcam"), counter={"leak_v_s": 10.0}), Flat((5e6,)))
     before = camera.settings
-    for kind, payload in (set_frame_rate(1000), set_exposure(900_000)):
+    for kind, payload in (command(Kind.SET_FRAME_RATE, 1000), command(Kind.SET_EXPOSURE, 900_000)):
         reply = camera.answer(Packet(kind, 1, 0, payload), 0)
     assert Settings.of(reply.payload).refused  # by then the leak has emptied the counters
     assert camera.settings.exposure_us == before.exposure_us

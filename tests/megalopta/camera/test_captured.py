@@ -12,8 +12,8 @@ from megalopta.config.model import load
 from megalopta.config.yaml_model import to_yaml
 from megalopta.core.errors import UserError
 from megalopta.sensor import expose_rate, load_sensor
-from megalopta.sensor.compare.counted import CountedFrames
-from megalopta.sensor.formats.packed_npy import write_binary_npy
+from megalopta.sensor.compare.quantities import CountedFrames
+from megalopta.sensor.formats.packed import write_binary_npy
 from megalopta.sensor.formats.tiff import write_tiff
 from megalopta.stages.pipeline import run_stage
 

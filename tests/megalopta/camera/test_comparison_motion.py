@@ -9,7 +9,7 @@ from megalopta.camera.motion_bench import BenchLight, record
 from megalopta.camera.passages import fitted_light
 from megalopta.core.errors import UserError
 from megalopta.sensor import preset
-from megalopta.sensor.compare.counted import CountedFrames
+from megalopta.sensor.compare.quantities import CountedFrames
 
 SENSOR = preset("spadcam")
 

@@ -21,7 +21,7 @@ from megalopta.sensor import (
     preset,
     write_counts,
 )
-from megalopta.sensor.calibrate.chain import calibrate_device
+from megalopta.sensor.calibrate.device import calibrate_device
 from megalopta.sensor.calibrate.level import Level
 from megalopta.sensor.calibrate.neighbors import Kernel
 from megalopta.sensor.spad.device import draw_fixed_pattern

@@ -12,7 +12,7 @@ from megalopta.camera.recorder import Recorder
 from megalopta.camera.recording import open_recording
 from megalopta.cli import main as cli
 from megalopta.sensor import preset
-from megalopta.sensor.formats.messages import Identity, Settings, frame_packet
+from megalopta.sensor.formats.protocol import Identity, Settings, frame_packet
 
 
 @pytest.fixture(scope="module")

@@ -6,7 +6,7 @@ import pytest
 from megalopta.camera.recorder import Recorder
 from megalopta.camera.recording import open_recording
 from megalopta.sensor import open_counts, preset
-from megalopta.sensor.formats.messages import Identity, Settings, frame_packet
+from megalopta.sensor.formats.protocol import Identity, Settings, frame_packet
 
 RNG = np.random.default_rng(0)
 ADC = RNG.integers(500, 4096, (3000, 16, 16)).astype(np.uint16)

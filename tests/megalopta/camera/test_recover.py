@@ -17,12 +17,12 @@ from megalopta.camera.stimuli import Flat
 from megalopta.camera.terminal import Faults
 from megalopta.core.errors import UserError
 from megalopta.sensor import open_counts, preset
-from megalopta.sensor.formats.messages import samples_of
-from megalopta.sensor.formats.packets import (
+from megalopta.sensor.formats.protocol import (
     Kind,
     Packet,
     Parser,
     encode,
+    samples_of,
 )
 
 from .conftest import emulating, wanted

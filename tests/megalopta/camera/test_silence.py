@@ -10,7 +10,7 @@ import pytest
 from megalopta.camera.capturing import capture
 from megalopta.camera.recording import open_recording
 from megalopta.core.errors import UserError
-from megalopta.sensor.formats.packets import LONGEST, encode
+from megalopta.sensor.formats.protocol import LONGEST, encode
 
 from .conftest import wanted
 

@@ -27,8 +27,7 @@ from megalopta.config.model import load
 from megalopta.config.recipe import Plan
 from megalopta.config.settings import settings_of
 from megalopta.config.yaml_model import to_yaml
-from megalopta.flow.flo import write_flo
-from megalopta.flow.formats import read_flow, write_flo5, write_kitti_png
+from megalopta.flow.formats import read_flow, write_flo, write_flo5, write_kitti_png
 from megalopta.sensor import PRESETS
 from megalopta.sensor.formats.reading import read_events, read_frames
 

@@ -13,8 +13,7 @@ import cv2
 import numpy as np
 import pytest
 
-from megalopta.flow.flo import read_flo
-from megalopta.flow.formats import read_flo5, read_kitti_png
+from megalopta.flow.formats import read_flo, read_flo5, read_kitti_png
 
 PAIRS = 2  # of each sequence of three frames
 

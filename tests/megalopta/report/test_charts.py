@@ -5,8 +5,7 @@ import numpy as np
 import pytest
 
 from megalopta.flow.detectors.registry import METHODS
-from megalopta.flow.metrics.curve import ErrorCurve
-from megalopta.flow.metrics.photon_threshold import Threshold
+from megalopta.flow.metrics.photon_threshold import ErrorCurve, Threshold
 from megalopta.plotting.style import BLACK, RULE, method_style
 from megalopta.plotting.svg import themed
 from megalopta.report.budget import Budget

@@ -102,7 +102,7 @@ def test_a_camera_of_half_the_signal_differs_by_half():
 )
 def test_what_cannot_be_drawn_is_told_before_anything_is_written(words, problem, tmp_path, capsys):
     from megalopta.camera.recorder import Recorder
-    from megalopta.sensor.formats.messages import Identity, Settings
+    from megalopta.sensor.formats.protocol import Identity, Settings
 
     identity = Identity(16, 16, 12, 3300, "A", "test 1")
     Recorder(tmp_path, changed(SENSOR, exposure_s=0.05), "plate", identity, Settings(), 0.0)

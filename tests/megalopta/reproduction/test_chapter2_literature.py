@@ -1,6 +1,6 @@
 import pytest
 
-from megalopta.reproduction.drawing import write_figure
+from megalopta.plotting.picture import write_figure
 from megalopta.sensor.spad.presets import TABLE_2_1
 
 

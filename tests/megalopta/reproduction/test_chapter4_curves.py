@@ -17,8 +17,7 @@ from megalopta.benchmark.templates import PanoramaTemplate
 from megalopta.benchmark.trial import Trial, measure_trial
 from megalopta.core.errors import UserError
 from megalopta.flow.detectors.registry import METHODS
-from megalopta.flow.metrics.curve import ErrorCurve
-from megalopta.flow.metrics.photon_threshold import Threshold
+from megalopta.flow.metrics.photon_threshold import ErrorCurve, Threshold
 from megalopta.plotting.style import house_style, new_canvas
 from megalopta.reproduction import drawing as module
 from megalopta.reproduction.chapter4_curves import MOTION, beside_printed

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from megalopta.core.errors import UserError
-from megalopta.plotting.picture import Figure
-from megalopta.reproduction.drawing import reproduce, write_figure
+from megalopta.plotting.picture import Figure, write_figure
+from megalopta.reproduction.drawing import reproduce
 from megalopta.reproduction.figure_recipe import GROUPS, names
 
 

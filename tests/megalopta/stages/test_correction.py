@@ -6,8 +6,7 @@ import pytest
 import megalopta
 from megalopta.config.model import load
 from megalopta.core.errors import UserError
-from megalopta.sensor.calibrate.correction import correct
-from megalopta.sensor.calibrate.frame_calibration import simulated_calibration
+from megalopta.sensor.calibrate.correction import correct, simulated_calibration
 from megalopta.stages.pipeline import run_stage
 
 SETTINGS = {

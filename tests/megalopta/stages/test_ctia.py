@@ -7,8 +7,9 @@ import pytest
 import zarr
 from scipy.ndimage import binary_erosion
 
+from megalopta.config.built_in import built_in_names
 from megalopta.config.light_scale import light_scale
-from megalopta.config.model import built_in_names, load, parse
+from megalopta.config.model import load, parse
 from megalopta.core.errors import UserError
 from megalopta.dataset.frames import read_radiance_frames, read_truth_frames
 from megalopta.report.page import write_report

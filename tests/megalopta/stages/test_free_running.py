@@ -11,7 +11,7 @@ from megalopta.config.model import load
 from megalopta.core.errors import UserError
 from megalopta.dataset.frames import FRAMES_AT_ONCE
 from megalopta.dataset.store import open_sequence
-from megalopta.sensor.events import histogram
+from megalopta.sensor.event_stream import histogram
 from megalopta.sensor.formats.reading import read_events, read_frames
 from megalopta.stages.estimate import estimate
 from megalopta.stages.pipeline import run_stage

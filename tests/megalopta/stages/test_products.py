@@ -8,7 +8,7 @@ from megalopta.core.errors import UserError
 from megalopta.dataset.store import Dataset
 from megalopta.render import write_radiance
 from megalopta.sensor import Crosstalk, ctia_preset, preset
-from megalopta.sensor.events import histogram
+from megalopta.sensor.event_stream import histogram
 from megalopta.sensor.formats.products import check_product
 from megalopta.sensor.formats.reading import read_events, read_frames
 from megalopta.sensor.shot import Shot

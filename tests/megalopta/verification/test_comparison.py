@@ -17,7 +17,7 @@ from megalopta.sensor.ctia import (
 from megalopta.sensor.effects import bias
 from megalopta.sensor.optics import pixels
 from megalopta.sensor.optics.lens import falloff
-from megalopta.sensor.readout import binary
+from megalopta.sensor import exposure
 from megalopta.sensor.sampling.streams import generator
 from megalopta.verification.cases import CHECKS, Case
 from megalopta.verification.comparison import (
@@ -78,7 +78,7 @@ WRONG = [
         lambda law, offset, right=bias.dark_count_factor: right(law, -np.asarray(offset)),
         case("device", "bias and breakdown, drawn"),
     ),
-    (binary, "open_fraction", lambda gate, exposure_s: 3 / 7, case("gate", "binary frames, gate")),
+    (exposure, "open_fraction", lambda gate, exposure_s: 3 / 7, case("gate", "binary frames, gate")),
     (ctia_integration, "STEPS", 4, check_discharge),
     (ctia_noise, "poisson_charge", lambda rng, charge: 0 * charge, check_ctia_noise),
     (ctia_noise, "reset_variance", lambda noise, pixel: 0.0, check_ctia_noise),

@@ -8,10 +8,14 @@ import numpy as np
 import pytest
 
 from megalopta.sensor import DeadTime, DigitalCounter, changed, expose_rate, preset
-from megalopta.sensor.calibrate.correction import correct
-from megalopta.sensor.calibrate.defects import filled_in, hot_pixels
-from megalopta.sensor.calibrate.frame_calibration import calibrate, simulated_calibration
-from megalopta.sensor.calibrate.response_curve import response_curve
+from megalopta.sensor.calibrate.correction import (
+    correct,
+    filled_in,
+    hot_pixels,
+    response_curve,
+    simulated_calibration,
+)
+from megalopta.sensor.calibrate.correction import calibrate
 from megalopta.sensor.spad.device import draw_fixed_pattern
 
 SHAPE = (8, 16)

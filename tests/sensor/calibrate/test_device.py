@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from megalopta.sensor.calibrate.chain import calibrate_device
+from megalopta.sensor.calibrate.device import calibrate_device
 from megalopta.sensor.spad.device import draw_fixed_pattern
 
 from .devices import NANOMETERS, SHAPE, adc_of, device, levels_of

@@ -4,12 +4,10 @@ import numpy as np
 import pytest
 from scipy.stats import poisson
 
-from megalopta.sensor.calibrate.garwood import garwood_interval
+from megalopta.sensor.calibrate.device import garwood_interval
 from megalopta.sensor.calibrate.neighbors import neighbor_kernel
-from megalopta.sensor.calibrate.saturation import dead_time_moments
-from megalopta.sensor.effects import crosstalk, dead_time
+from megalopta.sensor.effects import crosstalk
 from megalopta.sensor.effects.crosstalk import Crosstalk
-from megalopta.sensor.effects.dead_time import DeadTime
 
 
 @pytest.mark.parametrize("counts", [0, 1, 7, 300])
@@ -18,14 +16,6 @@ def test_garwood_ends_have_tails_of_a_fortieth(counts):
     assert poisson.cdf(counts, high) == pytest.approx(0.025, rel=1e-9)
     if counts:
         assert poisson.sf(counts - 1, low) == pytest.approx(0.025, rel=1e-9)
-
-
-@pytest.mark.parametrize("kind", ["paralyzable", "nonparalyzable"])
-def test_moments_are_those_of_the_effect(kind):
-    rate = np.geomspace(1e2, 3e6, 20)
-    exact = dead_time.moments(rate, 2e-4, DeadTime(kind=kind, dead_time_s=1e-6))
-    ours = dead_time_moments(rate, 2e-4, np.full(rate.shape, 1e-6), kind)
-    np.testing.assert_allclose(ours, exact, rtol=1e-6)
 
 
 @pytest.mark.parametrize("probability", [0.0, 0.1])

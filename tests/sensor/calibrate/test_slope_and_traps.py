@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from megalopta.sensor import Afterpulsing, AnalogCounter, changed, expose_adc, preset
-from megalopta.sensor.calibrate.chain import calibrate_device
-from megalopta.sensor.calibrate.curve import Curve
+from megalopta.sensor.calibrate.comb import Curve
+from megalopta.sensor.calibrate.device import calibrate_device
 from megalopta.sensor.calibrate.level import Level
 from megalopta.sensor.calibrate.neighbors import neighbor_kernel
 from megalopta.sensor.spad.device import draw_fixed_pattern

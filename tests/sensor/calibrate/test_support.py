@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from megalopta.sensor.calibrate.chain import calibrate_device
+from megalopta.sensor.calibrate.device import calibrate_device
 
 from .devices import adc_of, device, levels_of
 

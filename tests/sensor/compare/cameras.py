@@ -3,7 +3,7 @@
 import numpy as np
 
 from megalopta.sensor import Crosstalk, DeadTime, DigitalCounter, changed, expose_rate, preset
-from megalopta.sensor.compare.counted import CountedFrames
+from megalopta.sensor.compare.quantities import CountedFrames
 from megalopta.sensor.spad.device import draw_fixed_pattern
 
 SHAPE = (16, 16)

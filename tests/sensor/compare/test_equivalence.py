@@ -4,19 +4,19 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from megalopta.sensor.compare.counted import CountedFrames
-from megalopta.sensor.compare.equivalence import difference
+from megalopta.sensor.compare.quantities import CountedFrames
 from megalopta.sensor.compare.recordings import compare_recordings
+from megalopta.sensor.compare.two_sample import Quantity, difference
 
 
 def test_what_a_calibration_does_not_know_widens_the_interval():
     rng = np.random.default_rng(6)
     one, other = rng.normal(1.1, 1e-6, 20), rng.normal(1.0, 1e-6, 20)
-    found = difference("rate", one, other, "Hz", margin=0.05, unsure=0.05)
+    found = difference(Quantity("rate"), one, other, margin=0.05, unsure=0.05)
     # blocks that hardly scatter: all of the error is the calibration's, and normal but for t
     assert found.p == pytest.approx(2 * norm.sf(2), rel=0.3)
     assert found.high - found.low == pytest.approx(2 * 1.96 * 0.05, rel=0.05)
-    assert difference("rate", one, other, "Hz", margin=0.05).p < 1e-12
+    assert difference(Quantity("rate"), one, other, margin=0.05).p < 1e-12
 
 
 def test_dark_counts_of_a_calibration_that_is_off_by_its_error_raise_no_alarm():

@@ -4,7 +4,7 @@ from scipy.constants import e, k
 
 from megalopta.sensor.ctia.integration import Pixel
 from megalopta.sensor.ctia.noise import CtiaNoise, draw_noise, noise_variance
-from megalopta.sensor.ctia.photodiode import ELEMENTARY_CHARGE_C, Photodiode
+from megalopta.sensor.ctia.photodiode import Photodiode
 from megalopta.sensor.sampling.streams import generator
 
 OFF = CtiaNoise(photon_shot=False, dark_shot=False, reset=False)
@@ -57,25 +57,10 @@ def test_drawn_dark_charge_has_the_variance_of_detailed_balance(ideality, bias):
     assert abs(electrons.mean() - expected) < 5 * electrons.std() / np.sqrt(DRAWS)
 
 
-def test_photon_shot_noise_is_the_root_of_the_photoelectrons():
-    light = np.full(DRAWS, 1e-15)
-    variance = noise_variance(only(photon_shot=True), pixel(), light, SECONDS)[0]
-    electrons = 1e-15 * SECONDS / ELEMENTARY_CHARGE_C
-    assert variance * (1e-12 / ELEMENTARY_CHARGE_C) ** 2 == pytest.approx(electrons)
-
-
 def test_reset_noise_of_10_pf_is_20_microvolts():
     big = Pixel(Photodiode(temperature_k=300), 10e-12, 3.3, 1e6, 0.0)
     deviation = np.sqrt(noise_variance(only(reset=True), big, np.zeros(1), SECONDS))
     assert deviation == pytest.approx(20.35e-6, rel=1e-3)
-
-
-def test_dark_noise_does_not_vanish_with_the_dark_current():
-    at_zero, far = (
-        noise_variance(only(dark_shot=True), pixel(bias), np.zeros(DRAWS), SECONDS)[0]
-        for bias in (0.0, 1.0)
-    )
-    assert at_zero > far
 
 
 def test_everything_off_is_silent():

@@ -5,9 +5,13 @@ import numpy as np
 import pytest
 
 from megalopta.sensor import Jitter, changed, expose_events, preset
-from megalopta.sensor.formats.event_hdf5 import events_hdf5_writer, write_events_hdf5
-from megalopta.sensor.formats.event_npz import events_npz_writer, write_events_npz
-from megalopta.sensor.formats.event_stream import EventOrigin
+from megalopta.sensor.formats.events import (
+    EventOrigin,
+    events_hdf5_writer,
+    events_npz_writer,
+    write_events_hdf5,
+    write_events_npz,
+)
 from megalopta.sensor.formats.reading import read_events, read_frames
 
 SENSOR = changed(preset("ideal"), jitter=Jitter(sigma_s=1e-3))

@@ -7,20 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from megalopta.sensor.formats.messages import (
-    Identity,
-    Settings,
-    identify,
-    set_exposure,
-    set_frame_rate,
-    set_row_window,
-    set_step_bias,
-)
-from megalopta.sensor.formats.packets import (
+from megalopta.sensor.formats.protocol import (
     PAYLOAD_BYTES,
+    Identity,
     Kind,
     Packet,
     Parser,
+    Settings,
+    command,
     encode,
 )
 
@@ -80,19 +74,19 @@ def test_it_refuses_the_same_damage(run):
 
 
 COMMANDS = [
-    identify(),
-    set_exposure(100_000),
-    set_exposure(100_001),
-    set_exposure(0),
-    set_frame_rate(1_000_000),
-    set_exposure(1000),
-    set_frame_rate(1_000_000),
-    set_frame_rate(0),
-    set_step_bias(4095),
-    set_step_bias(4096),
-    set_row_window(3, 4),
-    set_row_window(4, 4),
-    set_row_window(0, 17),
+    command(Kind.IDENTIFY),
+    command(Kind.SET_EXPOSURE, 100_000),
+    command(Kind.SET_EXPOSURE, 100_001),
+    command(Kind.SET_EXPOSURE, 0),
+    command(Kind.SET_FRAME_RATE, 1_000_000),
+    command(Kind.SET_EXPOSURE, 1000),
+    command(Kind.SET_FRAME_RATE, 1_000_000),
+    command(Kind.SET_FRAME_RATE, 0),
+    command(Kind.SET_STEP_BIAS, 4095),
+    command(Kind.SET_STEP_BIAS, 4096),
+    command(Kind.SET_ROW_WINDOW, 3, 4),
+    command(Kind.SET_ROW_WINDOW, 4, 4),
+    command(Kind.SET_ROW_WINDOW, 0, 17),
 ]
 
 
@@ -104,8 +98,8 @@ def test_it_answers_as_settings_of_python_do(run):
     assert Identity.of(replies[0].payload) == identity
     assert replies[0].payload == identity.payload()
     settings = Settings()
-    for command, reply in zip(commands[1:], replies[1:], strict=True):
-        settings = settings.after(command)
+    for sent, reply in zip(commands[1:], replies[1:], strict=True):
+        settings = settings.after(sent)
         assert Settings.of(reply.payload) == settings
     assert settings.refused and settings.exposure_us == 1000
     assert (settings.first_row, settings.end_row) == (3, 4)

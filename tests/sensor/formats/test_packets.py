@@ -9,14 +9,15 @@ import numpy as np
 import pytest
 from cobs import cobs
 
-from megalopta.sensor.formats.messages import frame_packet, samples_of
-from megalopta.sensor.formats.packets import (
+from megalopta.sensor.formats.protocol import (
     LONGEST,
     PAYLOAD_BYTES,
     Kind,
     Packet,
     Parser,
     encode,
+    frame_packet,
+    samples_of,
 )
 
 RNG = np.random.default_rng(0)

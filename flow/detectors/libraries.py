@@ -1,9 +1,12 @@
-"""Estimators of OpenCV: Lucas–Kanade (LK), Farnebäck (FB) and dense inverse search (DIS).
+"""Estimators of OpenCV and scikit-image.
+
+OpenCV: Lucas–Kanade (LK), Farnebäck (FB) and dense inverse search (DIS); scikit-image: total
+variation (TV-L1) and phase correlation (PC).
 
 OpenCV is imported when it is first needed, and kept to one thread while it works: its parallel
 loops cut a frame by the number of threads, and some estimators pass results on within such a part,
 so with one thread the numbers are the same on every machine. Sequences are spread over processes
-anyway. The number of threads is one setting of the whole process.
+anyway.
 """
 
 from collections.abc import Iterator
@@ -15,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from megalopta.flow.detectors.base import FloatArray
+from megalopta.core.arrays import Floats
 from megalopta.flow.detectors.blocks import BlockGrid
 from megalopta.flow.detectors.gray_detector import (
     DenseDetector,
@@ -31,8 +34,13 @@ _SMALLEST_DIS_FRAME_PX = 12
 _FARNEBACK = {"pyr_scale": 0.5, "iterations": 3, "poly_n": 5, "poly_sigma": 1.1, "flags": 0}
 """A neighborhood of 5 px, and the width of its weights that OpenCV recommends for it"""
 
+_ONE_AT_A_TIME = Lock()
+"""The number of threads is one setting of the whole process."""
+
 _GRAY_LEVELS = 255
 """Farnebäck's regularization is an absolute number, made for 8-bit pictures."""
+_FADING = 0.5
+"""Share of a side over which the frames fade, half of it at either edge (Tukey's window)"""
 
 
 class LucasKanade(GrayDetector, frozen=True):
@@ -52,10 +60,8 @@ class LucasKanade(GrayDetector, frozen=True):
     place: ClassVar[float] = 7
     name: str = "LK"
     label: str = "Lucas–Kanade, pyramidal"
-
     window_blocks: Annotated[float, Field(gt=0)] = 1.0
     """Side of the window in sides of a block; 1 sees the very pixels of the block"""
-
     pyramid_levels: Annotated[int, Field(ge=1)] = 3
     """Largest number of levels, the frames themselves included; 1 is no pyramid"""
 
@@ -65,7 +71,7 @@ class LucasKanade(GrayDetector, frozen=True):
         side = max(_SMALLEST_WINDOW_PX, round(self.window_blocks * grid.block_px))
         centers = (grid.centers.reshape(-1, 2) - 0.5).astype(np.float32)
 
-        def estimate(pair: FloatArray) -> FloatArray:
+        def estimate(pair: Floats) -> Floats:
             first, second = eight_bits(pair)
             sides, coarsest = (side, side), self.pyramid_levels - 1
             with one_thread():
@@ -91,10 +97,8 @@ class Farneback(DenseDetector, frozen=True):
     place: ClassVar[float] = 8
     name: str = "FB"
     label: str = "Farnebäck"
-
     window_blocks: Annotated[float, Field(gt=0)] = 1.0
     """Side of the averaging window in sides of a block"""
-
     pyramid_levels: Annotated[int, Field(ge=1)] = 3
     """Largest number of levels, the frames themselves included; 1 is no pyramid"""
 
@@ -104,7 +108,7 @@ class Farneback(DenseDetector, frozen=True):
         window = max(1, round(self.window_blocks * grid.block_px))
         settings: dict[str, Any] = {"levels": self.pyramid_levels, "winsize": window, **_FARNEBACK}
 
-        def flow(pair: FloatArray) -> NDArray[Any]:
+        def flow(pair: Floats) -> NDArray[Any]:
             first, second = (_GRAY_LEVELS * pair).astype(np.float32)
             empty: Any = np.empty((*grid.shape, 2), np.float32)
             with one_thread():
@@ -125,7 +129,6 @@ class DenseInverseSearch(DenseDetector, frozen=True):
     place: ClassVar[float] = 9
     name: str = "DIS"
     label: str = "Dense inverse search"
-
     preset: Literal["ultrafast", "fast", "medium"] = "medium"
     """OpenCV's choice between speed and accuracy"""
 
@@ -141,7 +144,7 @@ class DenseInverseSearch(DenseDetector, frozen=True):
         preset = getattr(cv2, f"DISOPTICAL_FLOW_PRESET_{self.preset.upper()}")
         search = cv2.DISOpticalFlow.create(preset)
 
-        def flow(pair: FloatArray) -> NDArray[Any]:
+        def flow(pair: Floats) -> NDArray[Any]:
             first, second = eight_bits(pair)
             with one_thread():
                 return search.calc(first, second, np.zeros((*grid.shape, 2), np.float32))
@@ -149,28 +152,81 @@ class DenseInverseSearch(DenseDetector, frozen=True):
         return flow
 
 
-class _Users:
-    """Who counts on one thread, and the number to go back to."""
-
-    lock = Lock()
-    count = 0
-    threads_before = 1
-
-
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """OpenCV keeps to the calling thread until the last block of all callers is left."""
+    """Keep OpenCV to one thread, of one caller at a time."""
     import cv2
 
-    with _Users.lock:
-        if _Users.count == 0:
-            _Users.threads_before = cv2.getNumThreads()
-            cv2.setNumThreads(1)
-        _Users.count += 1
-    try:
-        yield
-    finally:
-        with _Users.lock:
-            _Users.count -= 1
-            if _Users.count == 0:
-                cv2.setNumThreads(_Users.threads_before)
+    with _ONE_AT_A_TIME:
+        before = cv2.getNumThreads()
+        cv2.setNumThreads(1)
+        try:
+            yield
+        finally:
+            cv2.setNumThreads(before)
+
+
+class TotalVariation(DenseDetector, frozen=True):
+    """Dense flow smoothed by its total variation (TV-L1), averaged over blocks.
+
+    The flow that minimizes the absolute difference of the frames plus the total variation of the
+    flow itself, coarse to fine (Zach, Pock and Bischof 2007). The second term carries the flow over
+    places without texture, so no block lacks a velocity; it also lets neighboring blocks share
+    their photons.
+    """
+
+    place: ClassVar[float] = 10
+    name: str = "TV-L1"
+    label: str = "Total variation"
+    attachment: Annotated[float, Field(gt=0)] = 15.0
+    """Weight of the frames' difference, gray levels from 0 to 1; smaller makes smoother flow"""
+
+    def _dense(self, grid: BlockGrid) -> PairFlow:
+        from skimage.registration import optical_flow_tvl1
+
+        def flow(pair: Floats) -> Floats:
+            down, right = optical_flow_tvl1(*pair, attachment=self.attachment, dtype=np.float64)
+            return np.stack((right, down), axis=-1)
+
+        return flow
+
+
+class PhaseCorrelation(GrayDetector, frozen=True):
+    """The one shift of the whole frame, given to every block.
+
+    The cross-power spectrum of two frames, whitened so that all spatial frequencies weigh the same,
+    is the phase ramp of their shift; its transform peaks there (Kuglin and Hines 1975). The peak is
+    refined by a transform on a finer grid around it (Guizar-Sicairos et al. 2008). The frames are
+    freed of their mean and fade to zero at the edges, for a transform takes them to be periodic.
+
+    Whitening makes the peak sharp, but gives frequencies that hold nothing but photon noise, or
+    leakage of the fading where the texture is smooth, as much weight as any other; without it this
+    is plain cross-correlation, which needs fewer photons.
+
+    The method sees all photons of a frame, and no parallax.
+    """
+
+    place: ClassVar[float] = 11
+    name: str = "PC"
+    label: str = "Phase correlation, global"
+    whitened: bool = True
+    """Whether all spatial frequencies weigh the same"""
+    steps_per_px: Annotated[int, Field(ge=1)] = 20
+    """Velocities are whole multiples of 1/20 px per frame by default"""
+
+    def _estimator(self, grid: BlockGrid) -> Estimator:
+        from scipy.signal.windows import tukey
+        from skimage.registration import phase_cross_correlation
+
+        window = np.outer(*(tukey(side, _FADING) for side in grid.shape))
+        normalization = "phase" if self.whitened else None
+
+        def estimate(pair: Floats) -> Floats:
+            first, second = (window * (frame - frame.mean()) for frame in pair)
+            # What is returned would bring the second frame back onto the first.
+            shift, *_ = phase_cross_correlation(
+                first, second, upsample_factor=self.steps_per_px, normalization=normalization
+            )
+            return np.broadcast_to(-shift[::-1], (grid.rows, grid.columns, 2))
+
+        return estimate

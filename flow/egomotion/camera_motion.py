@@ -1,38 +1,48 @@
-"""The camera's motion under which the counts of several frames are most likely.
+"""The camera's rotation and its direction of translation, from flow or from counts.
 
+**From the flow** of a whole frame. A point seen in direction d (unit vector) is seen in direction e
+by a camera that went by t and turned by R. Whatever its distance,
+
+    (R e) · (t × d) / |t × d| = 0
+
+which is the motion across the plane of d and t, in radians, so noise of the flow weighs alike
+everywhere. Headings all over the sphere are tried with it linear in the rotation (Bruss and Horn
+1983, on the sphere); the best are refined without that approximation and with Cauchy's loss. The
+sign of t is the one that puts more points in front.
+
+**From counts**, the motion under which those of several frames are most likely (`flow.likelihood`).
 A camera that turns by ω + s·α and goes by t from frame s to the next sees a point in direction d,
 at distance 1/ρ, at time s in the direction
 
     R(s·ω + s(s − 1)/2·α)ᵀ(d − s·ρ·t)
 
-so one likelihood of all counts (`flow.likelihood`) has as its parameters ω, α, the direction of t,
-and ρ|t| at nodes 4 px apart, which is never negative. Without α, a turn that changes from frame to
-frame passes for going forward, past things whose distances are made up for it. Neighbors are
-charged for flow that differs through ρ as those of Poisson flow are, though less, so that a place
-without texture takes its distance from its neighbors. Gauss–Newton steps eliminate ρ by sparse
-factorization and leave eight equations.
+Parameters are ω, α, the direction of t, and ρ|t| ≥ 0 at nodes 4 px apart. Neighbors are charged for
+flow that differs through ρ as those of Poisson flow are, though less, so that a place without
+texture takes its distance from its neighbors. Gauss–Newton steps eliminate ρ by sparse
+factorization and leave eight equations. There are several maxima: going to the left passes for
+turning to the left. So the search starts from the heading that fits Poisson flow best, from its
+opposite, and from both ways along each axis of the camera, each with the rotation and distances
+that fit Poisson flow; the two most likely after three steps go on.
 
-There are several maxima: going to the left passes for turning to the left. So the search starts
-from the heading that fits Poisson flow best (`heading`), from its opposite, and from both ways
-along each axis of the camera, each with the rotation and distances that fit Poisson flow; the two
-most likely after three steps go on.
-
-The heading is taken to be steady, and the scene not to move: what does move misleads the estimate,
-and nothing in it tells so. Frames of a full panorama are not continued across its seam. Without
-translation the rotation is found, and the heading means nothing.
+The scene is taken not to move. Frames of a full panorama are not continued across its seam. Without
+translation the rotation is found, and the heading means nothing. Errors and limits:
+`docs/theory/camera-motion.md`.
 """
 
 from dataclasses import dataclass
+from functools import partial
+from operator import itemgetter
 from typing import NamedTuple
 
 import numpy as np
 from scipy.ndimage import map_coordinates
+from scipy.optimize import least_squares
 from scipy.sparse import coo_array
 from scipy.sparse.linalg import splu
 from scipy.spatial.transform import Rotation
 
-from megalopta.flow.detectors.base import FloatArray, Frames
-from megalopta.flow.egomotion.heading import CameraMotion, motion_of_flow
+from megalopta.core.arrays import Floats
+from megalopta.flow.detectors.base import Frames
 from megalopta.flow.likelihood import (
     NODE_PX,
     Level,
@@ -48,10 +58,17 @@ from megalopta.flow.likelihood import (
 )
 from megalopta.scenes.cameras.base import Camera
 
+_TRIED = 400
+_TRIED_ON = 400
+_REFINED = 3
+_FEWEST = 8
+_ROUNDS = 2
+_NOISELESS = _STABLE = 1e-9
+_CAUCHY = 2.385
+"""Scale of the loss in standard deviations: 95 % efficient on normal noise"""
 _SMOOTHNESS, _NEARNESS_SMOOTHNESS = 0.2, 0.02
 """That of Poisson flow, and what the nearness is charged in its stead. Set on other forests: what
 parallax a smooth nearness cannot show passes for rotation, by a tenth of it where light is low."""
-
 _FIRST_STEPS, _STEPS = 3, 6
 _GOING_ON = 2
 _FITS, _LEAST_LEFT_PX = 8, 0.05
@@ -61,20 +78,135 @@ _DAMPING = 1e-6
 _SMALL = 1e-5
 _PATTERN = np.array([0, 0, 0, 0, 0, 1, 1, 1])
 """In time, of what ω, the direction of t, and α do"""
-
 _SMALLEST_PX = 12
 _NOWHERE = -1e6
 """Place (px) of what a camera does not see"""
 
 
+@dataclass(frozen=True)
+class CameraMotion:
+    """Motion between two frames, in the axes of the first camera."""
+
+    rotation_deg: Floats
+    """Rotation vector (3,), degrees per frame"""
+    heading: Floats
+    """Direction of translation, unit vector (3,)"""
+
+
+def camera_motion(directions: Floats, moved: Floats) -> CameraMotion:
+    """Return the rotation and heading that explain where points were seen, and are seen next.
+
+    `directions`, `moved` (n, 3): unit vectors to the points from the first camera and from the
+    second, each in that camera's own axes; rows with NaN are left out.
+
+    Raises ValueError when fewer than 8 points are known, which cannot tell five parameters from
+    noise.
+    """
+    known = np.isfinite(directions + moved).all(axis=1)
+    if known.sum() < _FEWEST:
+        raise ValueError(
+            f"{known.sum()} velocities are defined: the camera's motion takes {_FEWEST}"
+        )
+    d, e = directions[known], moved[known]
+    found = min((_refined(t, d, e) for t in _promising(d, e)), key=lambda each: each[2])
+    heading, rotation, _ = found
+    return CameraMotion(np.degrees(rotation), heading * _sign(heading, rotation, d, e))
+
+
+def motion_of_flow(camera: Camera, points: Floats, flow: Floats) -> CameraMotion:
+    """Return the rotation and heading of the camera that fit a flow best.
+
+    `points`, `flow` (..., 2): image coordinates, and how far what is seen there moves (px); NaN is
+    left out.
+
+    Raises ValueError as by `camera_motion`.
+    """
+    first, second = camera.toward(points), camera.toward(points + flow)
+    return camera_motion(first.reshape(-1, 3), second.reshape(-1, 3))
+
+
+def _promising(d: Floats, e: Floats) -> Floats:
+    """Headings from which to refine, (n, 3)."""
+    some = slice(None, None, max(1, len(d) // _TRIED_ON))
+    d, e, tried = d[some], e[some], _half_sphere(_TRIED)
+    normals = _normals(tried[:, np.newaxis], d)
+    # least squares of (e + ω × e) · n = 0, for every heading at once
+    rows, left = np.cross(e, normals), np.sum(e * normals, axis=-1)
+    powers = np.swapaxes(rows, 1, 2) @ rows + _STABLE * np.eye(3)
+    turns = -np.linalg.solve(powers, np.swapaxes(rows, 1, 2) @ left[..., np.newaxis])
+    costs = np.median(np.abs(left + (rows @ turns)[..., 0]), axis=1)
+    return tried[np.argsort(costs)[:_REFINED]]
+
+
+def _half_sphere(count: int) -> Floats:
+    """Directions spread evenly over half of the sphere: the other half are their opposites."""
+    z = (np.arange(count) + 0.5) / count
+    turn = np.pi * (1 + 5**0.5) * np.arange(count)
+    radius = np.sqrt(1 - z**2)
+    return np.column_stack((radius * np.cos(turn), radius * np.sin(turn), z))
+
+
+def _normals(t: Floats, d: Floats) -> Floats:
+    """Unit normals of the planes of t and the points, (n, 3)."""
+    normals = np.cross(t, d)
+    return np.asarray(normals / np.maximum(np.linalg.norm(normals, axis=-1, keepdims=True), 1e-6))
+
+
+def _across(t: Floats, turn: Floats, d: Floats, e: Floats) -> Floats:
+    """Motion across the planes that a translation along t allows, (n,) in radians."""
+    return np.asarray(np.sum(Rotation.from_rotvec(turn).apply(e) * _normals(t, d), axis=1))
+
+
+def _turn(t: Floats, d: Floats, e: Floats) -> Floats:
+    """Rotation vector that leaves least across, by least squares: (e + ω × e) · n = 0."""
+    normals = _normals(t, d)
+    return np.asarray(
+        np.linalg.lstsq(np.cross(e, normals), -np.sum(e * normals, axis=1), rcond=None)[0]
+    )
+
+
+def _refined(t: Floats, d: Floats, e: Floats) -> tuple[Floats, Floats, float]:
+    """Return the heading and turn near t that leave least across, and their median distance."""
+    turn = _turn(t, d, e)
+    for _ in range(_ROUNDS):  # each with the noise that the last has left
+        noise = 1.4826 * np.median(np.abs(_across(t, turn, d, e))) or _NOISELESS
+        # two directions across t, in which it may move
+        sideways = np.linalg.svd(t[np.newaxis])[2][1:]
+
+        start = np.concatenate(([0.0, 0.0], turn))
+        residuals = partial(_scaled_residuals, t, sideways, d, e, noise)
+        found = least_squares(residuals, start, loss="cauchy", f_scale=_CAUCHY)
+        t, turn = _near(t, sideways, found.x)
+    return t, turn, float(np.median(np.abs(_across(t, turn, d, e))))
+
+
+def _near(t: Floats, sideways: Floats, parameters: Floats) -> tuple[Floats, Floats]:
+    """Heading moved sideways from t, and rotation vector."""
+    moved = t + parameters[:2] @ sideways
+    return moved / np.linalg.norm(moved), parameters[2:]
+
+
+def _scaled_residuals(
+    t: Floats, sideways: Floats, d: Floats, e: Floats, noise: float, parameters: Floats
+) -> Floats:
+    return _across(*_near(t, sideways, parameters), d, e) / noise
+
+
+def _sign(t: Floats, turn: Floats, d: Floats, e: Floats) -> int:
+    """Which of t and −t puts more points in front: from there they move away from it."""
+    left = Rotation.from_rotvec(turn).apply(e) - d
+    away = (d @ t)[:, np.newaxis] * d - t
+    return 1 if np.sum(np.sign(np.sum(left * away, axis=1))) >= 0 else -1
+
+
 class _Motion(NamedTuple):
-    turn: FloatArray
+    turn: Floats
     """ω (3,), radians per frame, in the axes of the camera"""
-    change: FloatArray
+    change: Floats
     """α (3,), radians per frame and frame"""
-    heading: FloatArray
+    heading: Floats
     """t/|t| (3,)"""
-    nearness: FloatArray
+    nearness: Floats
     """ρ|t| at nodes, (n, m)"""
 
 
@@ -113,13 +245,10 @@ def likely_camera_motion(counts: Frames, camera: Camera) -> CameraMotion:
     if not np.ptp(counts):
         raise ValueError("frames show nothing: all pixels are alike")
     search = _Search.of(counts, camera)
-    starts = sorted((search.steps(each, _FIRST_STEPS) for each in search.starts()), key=_misfit)
-    _, best = min((search.steps(each, _STEPS) for _, each in starts[:_GOING_ON]), key=_misfit)
+    misfit = itemgetter(0)
+    starts = sorted((search.steps(each, _FIRST_STEPS) for each in search.starts()), key=misfit)
+    _, best = min((search.steps(each, _STEPS) for _, each in starts[:_GOING_ON]), key=misfit)
     return CameraMotion(np.degrees(best.turn), best.heading)
-
-
-def _misfit(found: tuple[float, _Motion]) -> float:
-    return found[0]
 
 
 @dataclass(frozen=True)
@@ -128,17 +257,17 @@ class _Search:
 
     camera: Camera
     level: Level
-    times: FloatArray
+    times: Floats
     charge: float
-    flow: FloatArray
+    flow: Floats
     """Poisson flow at nodes, (n, m, 2)"""
-    centers: FloatArray
+    centers: Floats
     """Image coordinates of the nodes, (n, m, 2)"""
-    seen: FloatArray
+    seen: Floats
     """Directions of the pixels, (H, W, 3)"""
-    turning: FloatArray
+    turning: Floats
     """Flow of a turn about each axis, (n, m, 2, 3), px"""
-    going: FloatArray
+    going: Floats
     """Flow of going along each axis past points at distance 1, (n, m, 2, 3), px"""
 
     @classmethod
@@ -176,7 +305,7 @@ class _Search:
             return [self._fitted(each) for each in headings]
         return [self._fitted(each) for each in (found, -found, *headings)]
 
-    def _fitted(self, heading: FloatArray) -> _Motion:
+    def _fitted(self, heading: Floats) -> _Motion:
         """Return the turn and nearness that leave least of the Poisson flow, in the L1 norm."""
         along = self.going @ heading
         power = (along**2).sum(axis=-1)
@@ -203,12 +332,11 @@ class _Search:
         """Return how unlikely a motion is, and a better one."""
         heading, nearness = motion.heading, motion.nearness
         near = finer(nearness[np.newaxis], self.level.roots.shape[1:], NODE_PX)[0]
-        patterns = _patterns(self.times)
+        # by how much ω and α have turned the camera
+        patterns = np.stack((self.times, self.times * (self.times - 1) / 2))
         turns = patterns.T @ np.stack((motion.turn, motion.change))
-        places = (
-            self._places(heading, near, time, turn)
-            for time, turn in zip(self.times, turns, strict=True)
-        )
+        at_times = zip(self.times, turns, strict=True)
+        places = (self._places(heading, near, time, turn) for time, turn in at_times)
         found = evidence(self.level, patterns, places)
         xx, xy, yy = to_nodes(found.information)
         information = np.stack((np.stack((xx, xy), -1), np.stack((xy, yy), -1)), -2)
@@ -242,16 +370,14 @@ class _Search:
             np.maximum(nearer, 0) * length,
         )
 
-    def _places(
-        self, heading: FloatArray, near: FloatArray, time: float, turn: FloatArray
-    ) -> FloatArray:
+    def _places(self, heading: Floats, near: Floats, time: float, turn: Floats) -> Floats:
         """Where at a time is seen what the frame of reference shows at its pixels, (2, H, W)."""
         points = self.seen - time * near[..., np.newaxis] * heading
         turned = Rotation.from_rotvec(-turn).apply(points.reshape(-1, 3))
         image = self.camera.project(turned.reshape(points.shape)) - 0.5
         return np.nan_to_num(np.moveaxis(image[..., ::-1], -1, 0), nan=_NOWHERE)
 
-    def _prior(self, nearness: FloatArray, scale: float) -> tuple[float, coo_array]:
+    def _prior(self, nearness: Floats, scale: float) -> tuple[float, coo_array]:
         """Return what the nearness is charged for its gradient, and the stiffness of its links.
 
         The stiffness (nodes, nodes) makes of a charge that grows as the gradient a quadratic form.
@@ -267,12 +393,8 @@ class _Search:
 
 
 def _solved(
-    eight_eight: FloatArray,
-    eight_near: FloatArray,
-    near_near: coo_array,
-    to_eight: FloatArray,
-    to_near: FloatArray,
-) -> tuple[FloatArray, FloatArray]:
+    eight_eight: Floats, eight_near: Floats, near_near: coo_array, to_eight: Floats, to_near: Floats
+) -> tuple[Floats, Floats]:
     """Return the steps of eight parameters and of the nearness, the latter eliminated."""
     factors = splu(near_near.tocsc(), permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
     solved = factors.solve(np.column_stack((to_near, eight_near)))
@@ -282,14 +404,7 @@ def _solved(
     return change, solved[:, 0] - solved[:, 1:] @ change
 
 
-def _patterns(times: FloatArray) -> FloatArray:
-    """Return by how much ω and α have turned the camera, (2, n)."""
-    return np.stack((times, times * (times - 1) / 2))
-
-
-def _flows(
-    camera: Camera, centers: FloatArray, seen: FloatArray, changes: list[FloatArray]
-) -> FloatArray:
+def _flows(camera: Camera, centers: Floats, seen: Floats, changes: list[Floats]) -> Floats:
     """Return the flow of each change of the directions seen, (n, m, 2, changes), px."""
     flows = [camera.displacement(seen + _SMALL * each, centers) / _SMALL for each in changes]
     return np.nan_to_num(np.stack(flows, axis=-1))

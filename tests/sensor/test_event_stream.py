@@ -3,7 +3,7 @@ import pytest
 
 from megalopta.sensor import Crosstalk, DeadTime, Gate, Jitter, changed, expose_events, preset
 from megalopta.sensor.avalanches.simulation import simulate_events
-from megalopta.sensor.events import histogram
+from megalopta.sensor.event_stream import histogram
 from megalopta.sensor.sampling.streams import generator
 
 IDEAL = preset("ideal")

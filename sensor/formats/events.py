@@ -1,0 +1,330 @@
+"""Event streams in HDF5, in the layout that event cameras' data sets have, and in `.npz`.
+
+An event is 12 bytes: `t`, int64, picoseconds from the beginning of the sequence, where frame n
+begins at n times the frame's period; `x` and `y`, uint16, column and row. Events are sorted by
+frame and time stamp. `starts` is the number of each frame's first event, int64, as a stamp that is
+shaken by jitter may lie outside of its frame. A time stamp is rounded to a picosecond, far below
+the jitter of any SPAD.
+
+HDF5: group `events` with `t`, `x`, `y` and `p`, which is 1 for every event and takes no room, as
+nothing but its fill value is written; `frame_start` for `starts`; what the frames were, in the
+attributes. Checksums of data (Fletcher) and of structure (HDF5 1.10) betray damage.
+
+`.npz`, for `numpy.load`: arrays `t`, `x`, `y`, `starts`, and `origin`, which describes the frames,
+as JSON. Uncompressed, never pickled.
+"""
+
+import json
+import zipfile
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import AbstractContextManager, ExitStack, contextmanager
+from dataclasses import dataclass, field
+from io import BytesIO
+from pathlib import Path
+from tempfile import TemporaryFile
+from typing import IO, Any, Final, TypeAlias
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from megalopta.core.files import atomic_write
+from megalopta.core.format_numbers import check_format, written
+from megalopta.sensor.event_stream import Events
+from megalopta.sensor.formats.recorded_frames import file_bytes, one_line
+
+Column: TypeAlias = NDArray[np.integer[Any]]
+EventWriter: TypeAlias = AbstractContextManager[Callable[[Events], None]]
+
+HDF5_SIGNATURE: Final = b"\x89HDF\r\n\x1a\n"
+NPZ_SIGNATURE: Final = b"PK\x03\x04"
+MOST_PIXELS_A_SIDE = 65536
+
+_PICOSECONDS = 1e12
+_NUMBERS = ("frames", "height", "width", "first_frame", "frame_period_ps")
+_TYPES = {"t": "<i8", "x": "<u2", "y": "<u2"}
+_FORMAT = "megalopta events"
+_CHUNK = 16384
+_UNITS = {"t": "ps", "x": "column", "y": "row", "p": "1: an avalanche"}
+_COPIED_BYTES = 2**22
+
+
+@dataclass(frozen=True, kw_only=True)
+class EventOrigin:
+    """The frames that the events of a file belong to."""
+
+    shape: tuple[int, int, int]
+    """Frames, rows, columns"""
+    frame_period_s: float
+    """From the beginning of a frame to that of the next, s; kept to a picosecond"""
+    exposure_s: float
+    """Exposure time of a frame, s"""
+    first_frame: int = 0
+    """Number in the sequence of the first frame"""
+    extra: Mapping[str, Any] = field(default_factory=dict)
+    """Whatever else the writer notes; JSON values"""
+
+    @property
+    def frame_starts_ps(self) -> NDArray[np.int64]:
+        """When each frame begins, (T,), picoseconds."""
+        return self._period_ps * (self.first_frame + np.arange(self.shape[0], dtype=np.int64))
+
+    @property
+    def _period_ps(self) -> int:
+        return round(self.frame_period_s * _PICOSECONDS)
+
+    def attributes(self) -> dict[str, Any]:
+        """Return what a file says of its frames."""
+        return {
+            "version": written("events"),
+            **dict(zip(_NUMBERS, (*self.shape, self.first_frame, self._period_ps), strict=True)),
+            "exposure_s": self.exposure_s,
+            "extra": json.dumps(dict(self.extra)),
+        }
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class StoredEvents:
+    """Events of a file, and the frames that they belong to."""
+
+    events: Events
+    origin: EventOrigin
+
+
+def write_events_hdf5(path: str | Path, events: Events, origin: EventOrigin) -> None:
+    """Write events as one file."""
+    with events_hdf5_writer(path, origin) as write:
+        write(events)
+
+
+def write_events_npz(path: str | Path, events: Events, origin: EventOrigin) -> None:
+    """Write events as one file."""
+    with events_npz_writer(path, origin) as write:
+        write(events)
+
+
+@contextmanager
+def events_hdf5_writer(path: str | Path, origin: EventOrigin) -> Iterator[Callable[[Events], None]]:
+    """Yield what appends events of the next frames; the file appears when all are there.
+
+    Raises ValueError when the events are of other frames than the origin says.
+    """
+    with (
+        atomic_write(Path(path)) as temporary,
+        h5py.File(temporary, "w", libver=("v110", "latest")) as file,
+    ):
+        file.attrs.update({"format": _FORMAT} | origin.attributes())
+        columns = {name: _dataset(file, name, type_) for name, type_ in _TYPES.items()}
+        ones = _dataset(file, "p", "|u1")
+        with _appending(path, origin) as (starts, columns_of):
+
+            def write(events: Events) -> None:
+                for name, values in columns_of(events).items():
+                    columns[name].resize((starts[-1],))
+                    columns[name][starts[-1] - len(values) :] = values
+
+            yield write
+        ones.resize((starts[-1],))
+        start = file.create_dataset("frame_start", data=np.array(starts, "<i8"), fletcher32=True)
+        start.attrs["unit"] = "number of a frame's first event"
+
+
+@contextmanager
+def events_npz_writer(path: str | Path, origin: EventOrigin) -> Iterator[Callable[[Events], None]]:
+    """Yield what appends events of the next frames; the file appears when all are there.
+
+    An array's length stands before it, so arrays wait in files of their own until it is known.
+    Raises ValueError when the events are of other frames than the origin says.
+    """
+    with atomic_write(Path(path)) as temporary, ExitStack() as waiting:
+        # beside the output, on the same disk
+        folder = temporary.parent
+        waiters = {name: waiting.enter_context(TemporaryFile(dir=folder)) for name in _TYPES}
+        with _appending(path, origin) as (starts, columns_of):
+
+            def write(events: Events) -> None:
+                for name, values in columns_of(events).items():
+                    waiters[name].write(values.data)
+
+            yield write
+        text = json.dumps(origin.attributes()).encode()
+        with zipfile.ZipFile(temporary, "w", zipfile.ZIP_STORED) as file:
+            for name, waiter in waiters.items():
+                _add(file, name, starts[-1], waiter)
+            for name, array in (
+                ("starts", np.array(starts, "<i8")),
+                ("origin", np.frombuffer(text, np.uint8)),
+            ):
+                with file.open(_member(name), "w") as member:
+                    np.lib.format.write_array(member, array, allow_pickle=False)
+
+
+def read_events_hdf5(path: Path) -> StoredEvents:
+    """Read a file that `write_events_hdf5` wrote; raises as `read_events`."""
+    size = file_bytes(path).size
+    with _damage_named(path), h5py.File(path, "r") as file:
+        attributes = dict(file.attrs)
+        if attributes.get("format") != _FORMAT:
+            raise ValueError("no events as megalopta writes them")
+        columns = {n: _dataset_in(file, f"events/{n}", each, size) for n, each in _TYPES.items()}
+        starts = _dataset_in(file, "frame_start", "<i8", size)
+    return _stored(path, attributes, columns, starts)
+
+
+def read_events_npz(path: Path) -> StoredEvents:
+    """Read a file that `write_events_npz` wrote; raises as `read_events`."""
+    size = file_bytes(path).size
+    with _damage_named(path), zipfile.ZipFile(path) as file:
+        columns = {name: _array_in(file, name, each, size) for name, each in _TYPES.items()}
+        starts = _array_in(file, "starts", "<i8", size)
+        attributes = dict(json.loads(_array_in(file, "origin", "|u1", size).tobytes()))
+    return _stored(path, attributes, columns, starts)
+
+
+@contextmanager
+def _appending(
+    path: str | Path, origin: EventOrigin
+) -> Iterator[tuple[list[int], Callable[[Events], dict[str, Column]]]]:
+    """Yield the starts so far, and what adds those of the next events and gives their columns."""
+    starts = [0]
+
+    def columns_of(events: Events) -> dict[str, Column]:
+        columns = _columns_of(events, origin)
+        starts.extend((starts[-1] + events.starts[1:]).tolist())
+        return columns
+
+    yield starts, columns_of
+    if len(starts) - 1 != origin.shape[0]:
+        raise ValueError(f"{path}: {len(starts) - 1} frames were written of {origin.shape[0]}")
+
+
+def _columns_of(events: Events, origin: EventOrigin) -> dict[str, Column]:
+    """Numbers `t`, `x` and `y` that are stored of events."""
+    begin = events.first_frame - origin.first_frame
+    last, end = begin + events.shape[0], origin.shape[0]
+    if events.shape[1:] != origin.shape[1:] or not 0 <= begin <= end:
+        raise ValueError(
+            f"events of frames {events.first_frame} to {origin.first_frame + last - 1}, "
+            f"{events.shape[1:]} pixels; the file is for {origin.first_frame} to "
+            f"{origin.first_frame + end - 1}, {origin.shape[1:]} pixels"
+        )
+    if max(origin.shape[1:]) > MOST_PIXELS_A_SIDE:
+        raise ValueError(f"{origin.shape[1:]} pixels; an event file has up to 65536 a side")
+    t = np.rint(events.time_s * _PICOSECONDS).astype(np.int64)
+    t += np.repeat(origin.frame_starts_ps[begin:last], np.diff(events.starts))
+    columns = np.uint32(max(origin.shape[2], 1))
+    y = events.pixel // columns
+    return {"t": t, "x": (events.pixel - y * columns).astype(np.uint16), "y": y.astype(np.uint16)}
+
+
+def _stored(
+    path: Path, attributes: Mapping[str, Any], columns: Mapping[str, Column], starts: Column
+) -> StoredEvents:
+    """Events of the numbers of a file, or ValueError where they do not fit together."""
+    try:
+        version = int(attributes.get("version", 0))
+        check_format("events", {"version": version}, path, key="version")
+        origin = _origin(attributes)
+        _check_numbers(origin, columns, starts)
+    except (KeyError, TypeError, ValueError, OverflowError) as problem:
+        reason = f"lacks {problem}" if isinstance(problem, KeyError) else str(problem)
+        raise ValueError(f"{path}: damaged ({reason}); write or copy it again") from None
+    local = columns["t"] - np.repeat(origin.frame_starts_ps, np.diff(starts))
+    pixel = columns["y"].astype(np.uint32) * np.uint32(origin.shape[2]) + columns["x"]
+    events = Events(
+        local / _PICOSECONDS,
+        np.asarray(pixel, np.uint32),
+        starts.astype(np.int64),
+        origin.shape,
+        origin.first_frame,
+    )
+    return StoredEvents(events=events, origin=origin)
+
+
+def _origin(attributes: Mapping[str, Any]) -> EventOrigin:
+    frames, height, width, first_frame, period_ps = (int(attributes[name]) for name in _NUMBERS)
+    exposure_s = float(attributes["exposure_s"])
+    if min(frames, height, width, first_frame) < 0 or period_ps < 0 or not exposure_s > 0:
+        raise ValueError(f"{frames} frames of {height} × {width} pixels, exposed {exposure_s} s")
+    return EventOrigin(
+        shape=(frames, height, width),
+        frame_period_s=period_ps / _PICOSECONDS,
+        exposure_s=exposure_s,
+        first_frame=first_frame,
+        extra=dict(json.loads(attributes["extra"])),
+    )
+
+
+def _check_numbers(origin: EventOrigin, columns: Mapping[str, Column], starts: Column) -> None:
+    t, x, y = columns["t"], columns["x"], columns["y"]
+    if not len(t) == len(x) == len(y):
+        raise ValueError(f"{len(t)} times, {len(x)} columns and {len(y)} rows")
+    frames, height, width = origin.shape
+    if len(starts) != frames + 1 or starts[0] != 0 or starts[-1] != len(t):
+        raise ValueError(f"starts do not share {len(t)} events among {frames} frames")
+    if np.any(np.diff(starts) < 0):
+        raise ValueError("starts decrease")
+    if t.size and (x.max() >= width or y.max() >= height):
+        raise ValueError(f"a pixel outside of {height} × {width}")
+    backward = np.flatnonzero(np.diff(t) < 0) + 1
+    if not np.isin(backward, starts).all():
+        raise ValueError("times that decrease within a frame")
+
+
+@contextmanager
+def _damage_named(path: Path) -> Iterator[None]:
+    """Turn whatever reading a damaged file raises into a ValueError of one sentence."""
+    try:
+        yield
+    except Exception as problem:
+        reason = one_line(problem, 160)
+        raise ValueError(f"{path}: damaged, cut short or another file ({reason})") from None
+
+
+def _dataset(file: h5py.File, name: str, dtype: str) -> h5py.Dataset:
+    found = file.create_dataset(
+        f"events/{name}", (0,), dtype, maxshape=(None,), chunks=(_CHUNK,),
+        fletcher32=name != "p", fillvalue=int(name == "p"),
+    )  # fmt: skip
+    found.attrs["unit"] = _UNITS[name]
+    return found
+
+
+def _dataset_in(file: h5py.File, name: str, dtype: str, size: int) -> Column:
+    """Numbers of a file, if they are in it, of their type and no more than it can hold."""
+    if not isinstance(file.get(name, getlink=True), h5py.HardLink):
+        raise ValueError(f"{name} is missing, or in another file")
+    found = file[name]
+    if not isinstance(found, h5py.Dataset) or found.is_virtual or found.external:
+        raise ValueError(f"{name} is no array of this file")
+    if found.dtype != np.dtype(dtype) or found.ndim != 1:
+        raise ValueError(f"{name} is {found.dtype} {found.shape}")
+    if found.nbytes > size:
+        raise ValueError(f"{name} has {found.nbytes} bytes in a file of {size}")
+    return np.asarray(found[...])
+
+
+def _member(name: str) -> zipfile.ZipInfo:
+    """A member of a fixed date, so that the same events are the same bytes."""
+    return zipfile.ZipInfo(f"{name}.npy")
+
+
+def _add(file: zipfile.ZipFile, name: str, length: int, column: IO[bytes]) -> None:
+    column.seek(0)
+    with file.open(_member(name), "w", force_zip64=True) as member:
+        header = {"descr": _TYPES[name], "fortran_order": False, "shape": (length,)}
+        np.lib.format.write_array_header_1_0(member, header)
+        while block := column.read(_COPIED_BYTES):
+            member.write(block)
+
+
+def _array_in(file: zipfile.ZipFile, name: str, dtype: str, size: int) -> Column:
+    """Array of a member, if it is of its type and no larger than the file."""
+    info = file.getinfo(f"{name}.npy")
+    if info.compress_type != zipfile.ZIP_STORED or info.file_size > size:
+        raise ValueError(f"{name} is compressed, or larger than the file")
+    content = file.read(info)  # checks its sum
+    array = np.lib.format.read_array(BytesIO(content), allow_pickle=False)
+    if array.dtype != np.dtype(dtype) or array.ndim != 1:
+        raise ValueError(f"{name} is {array.dtype} {array.shape}")
+    return np.asarray(array)

@@ -1,0 +1,216 @@
+"""Binary frames, eight pixels in a byte: one `.npy` file, or raw `.bin` files of SPAD cameras.
+
+- `.npy` as visionsim and the Single Photon Challenge write it: uint8 (T, H, ceil(W/8)), in color
+  (T, H, ceil(W/8), C); the most significant bit first, the last byte of a row filled with zeros.
+- Pi Imaging's SPAD512S: a folder of `RAW00000.bin`, `RAW00001.bin`, … without header, each
+  (n, 512, 64) with n up to 1000, the most significant bit first.
+- SwissSPAD2: `.bin` files of 512 half frames or 256 whole ones, 8 MiB each, without header, the
+  least significant bit first. A half frame is 256 × 512. A whole one, 512 × 512, is 256 lines of
+  128 bytes: a quarter of a row of the top half, the same quarter of a row of the bottom half,
+  counted from below, the next quarter of the top, and so on.
+"""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, Field
+
+from megalopta.core.files import atomic_write
+from megalopta.sensor.formats.recorded_frames import RecordedFrames, file_bytes, one_line, wanted
+
+Bytes = NDArray[np.uint8]
+
+_SPAD512 = 512, 512
+_FRAMES_PER_FILE = 1000
+_SHAPES = {"spad512": _SPAD512, "swissspad2": (256, 512), "swissspad2_whole": (512, 512)}
+_FOOTER = b"DONE"
+"""Sent by the SPAD512S after its frames, and kept by programs that write all they receive."""
+
+
+class PackedLayout(BaseModel, frozen=True, extra="forbid", use_attribute_docstrings=True):
+    """Layout of files that do not say it themselves."""
+
+    bit_order: Literal["msb", "lsb"] = "msb"
+    """Which bit of a byte is the first pixel: the most or the least significant."""
+    packed_along: Literal["width", "height"] = "width"
+    """Whether a byte holds eight pixels of a row or of a column."""
+    header_bytes: Annotated[int, Field(ge=0)] = 0
+    """Skipped at the beginning of every file."""
+    footer_bytes: Annotated[int, Field(ge=0)] = 0
+    """Skipped at the end of every file."""
+
+
+def write_binary_npy(path: str | Path, packed: Bytes) -> None:
+    """Write packed frames (T, H, ceil(W/8)), as of `expose_binary`, as one file."""
+    with binary_npy_writer(path, packed.shape) as write:
+        write(packed)
+
+
+@contextmanager
+def binary_npy_writer(
+    path: str | Path, shape: tuple[int, ...]
+) -> Iterator[Callable[[Bytes], None]]:
+    """Yield what appends packed frames; the file appears when all (T, H, ceil(W/8)) are there.
+
+    Raises ValueError when other frames are written than the shape says.
+    """
+    with atomic_write(Path(path)) as temporary, temporary.open("wb") as file:
+        header = {"descr": "|u1", "fortran_order": False, "shape": tuple(shape)}
+        np.lib.format.write_array_header_1_0(file, header)
+        written = 0
+
+        def write(packed: Bytes) -> None:
+            nonlocal written
+            if packed.dtype != np.uint8 or packed.shape[1:] != tuple(shape[1:]):
+                raise ValueError(f"packed: {packed.dtype} {packed.shape}; give uint8 (T, {shape})")
+            file.write(np.ascontiguousarray(packed).data)
+            written += len(packed)
+
+        yield write
+        if written != shape[0]:
+            raise ValueError(f"{path}: {written} frames were written of {shape[0]}")
+
+
+def write_spad512(folder: str | Path, packed: Bytes) -> None:
+    """Write packed frames (T, 512, 64) as files of a new folder."""
+    with spad512_writer(folder) as write:
+        write(packed)
+
+
+@contextmanager
+def spad512_writer(folder: str | Path) -> Iterator[Callable[[Bytes], None]]:
+    """Yield what appends packed frames (T, 512, 64); the folder appears when all are there.
+
+    Raises FileExistsError when something of this name exists, ValueError when frames have another
+    size.
+    """
+    folder = Path(folder)
+    if folder.exists():
+        raise FileExistsError(f"{folder}: exists already; remove it or choose another name")
+    with atomic_write(folder) as temporary:
+        temporary.mkdir()
+        written = 0
+
+        def write(packed: Bytes) -> None:
+            nonlocal written
+            check_spad512_size(packed.shape[1], 8 * packed.shape[2])
+            for frame in packed:
+                name = f"RAW{written // _FRAMES_PER_FILE:05d}.bin"
+                with (temporary / name).open("ab") as file:
+                    file.write(np.ascontiguousarray(frame).data)
+                written += 1
+
+        yield write
+
+
+def check_spad512_size(rows: int, columns: int) -> None:
+    """Make sure that frames are of the camera's size. Raises ValueError."""
+    if (rows, columns) != _SPAD512:
+        raise ValueError(
+            f"frames of {columns} × {rows} pixels; files of the SPAD512S have 512 × 512: set the "
+            "camera's width and height to 512, or write binary_npy"
+        )
+
+
+def read_binary_npy(
+    path: Path, frames: slice, layout: PackedLayout | None, width: int | None
+) -> RecordedFrames:
+    """Read packed frames, as bits; frames of bool, or of numbers wider than a byte, as they are.
+
+    `width` is the number of pixels of a row, if not a multiple of eight. Raises as `read_frames`.
+    """
+    layout, array = layout or PackedLayout(), _mapped(path)
+    if array.ndim not in (3, 4) or array.dtype.kind not in "bui" or 0 in array.shape:
+        raise ValueError(
+            f"{path}: {array.dtype} {array.shape}; give uint8 (T, H, W/8) or (T, H, W/8, C) of "
+            "packed bits, or counts (T, H, W)"
+        )
+    part = array[wanted(len(array), frames, path)]
+    if array.dtype != np.uint8:
+        return _counts(part, path)
+    if width is not None and not 0 <= -width + 8 * array.shape[2] < 8:
+        raise ValueError(
+            f"{path}: width {width}, but rows have {array.shape[2]} bytes of 8 pixels: give the "
+            "width of the sensor; if it is the height, the file is transposed"
+        )
+    return RecordedFrames(counts=_unpacked(part, layout, width), bit_depth=1, source="npy")
+
+
+def read_raw(
+    path: Path,
+    camera: Literal["spad512", "swissspad2", "swissspad2_whole"],
+    frames: slice,
+    layout: PackedLayout | None,
+) -> RecordedFrames:
+    """Read a raw file, or all of a folder in the order of their names; raises as `read_frames`."""
+    layout = layout or PackedLayout(bit_order="msb" if camera == "spad512" else "lsb")
+    rows, columns = _SHAPES[camera]
+    raw = _raw_frames(path, rows * columns // 8, layout, frames)
+    if camera == "swissspad2_whole":
+        quarters = raw.reshape(-1, rows // 2, 4, 2, columns // 32)
+        halves = np.moveaxis(quarters, 3, 1).reshape(-1, 2, rows // 2, columns // 8)
+        packed = np.concatenate([halves[:, 0], halves[:, 1, ::-1]], axis=1)
+    elif layout.packed_along == "width":
+        packed = raw.reshape(-1, rows, columns // 8)
+    else:
+        packed = raw.reshape(-1, rows // 8, columns)
+    return RecordedFrames(counts=_unpacked(packed, layout), bit_depth=1, source=camera)
+
+
+def _unpacked(packed: Bytes, layout: PackedLayout, width: int | None = None) -> Bytes:
+    """Bits (T, H, W) or (T, H, W, C) of packed frames."""
+    along = 2 if layout.packed_along == "width" else 1
+    order: Literal["big", "little"] = "little" if layout.bit_order == "lsb" else "big"
+    return np.unpackbits(packed, axis=along, count=width, bitorder=order)
+
+
+def _counts(frames: NDArray[Any], path: Path) -> RecordedFrames:
+    """Frames of bits or of wider numbers, as they are."""
+    if frames.dtype.kind == "i" and frames.min() < 0:
+        raise ValueError(f"{path}: has counts below 0; give counts as they were read")
+    depth = 1 if frames.dtype == np.bool_ else 8 * frames.itemsize
+    counts = frames.astype(np.uint8) if depth == 1 else np.array(frames)
+    return RecordedFrames(counts=counts, bit_depth=depth, source="npy")
+
+
+def _mapped(path: Path) -> NDArray[Any]:
+    """The array of a file, read where it is used; nothing is unpickled."""
+    if file_bytes(path)[:6].tobytes() != b"\x93NUMPY":
+        raise ValueError(f"{path}: no .npy file; give one, or the kind that it is")
+    try:
+        return np.asarray(np.load(path, mmap_mode="r", allow_pickle=False))
+    except (ValueError, OSError, EOFError, SyntaxError, TypeError, KeyError, OverflowError) as why:
+        raise ValueError(
+            f"{path}: damaged, cut short or not of plain numbers ({one_line(why)}); copy it again"
+        ) from None
+
+
+def _raw_frames(path: Path, frame_bytes: int, layout: PackedLayout, frames: slice) -> Bytes:
+    """Frames of a file or of the `.bin` files of a folder, (T, frame_bytes)."""
+    files = sorted(path.glob("*.bin")) if path.is_dir() else [path]
+    if not files:
+        raise FileNotFoundError(f"{path}: no .bin files in this folder; give that of a recording")
+    parts = [_body(file, frame_bytes, layout) for file in files]
+    range_ = wanted(sum(map(len, parts)), frames, path)
+    chosen, start = [np.empty((0, frame_bytes), np.uint8)], 0
+    for part in parts:
+        chosen.append(part[max(range_.start - start, 0) : max(range_.stop - start, 0)])
+        start += len(part)
+    return np.concatenate(chosen)
+
+
+def _body(path: Path, frame_bytes: int, layout: PackedLayout) -> Bytes:
+    content = file_bytes(path)
+    body = content[layout.header_bytes : content.size - layout.footer_bytes]
+    if body.size % frame_bytes == len(_FOOTER) and body[-len(_FOOTER) :].tobytes() == _FOOTER:
+        body = body[: -len(_FOOTER)]
+    if body.size == 0 or body.size % frame_bytes:
+        raise ValueError(
+            f"{path}: {body.size} bytes are no whole number of frames of {frame_bytes}; it is cut "
+            "short or of another format, or give header_bytes and footer_bytes"
+        )
+    return body.reshape(-1, frame_bytes)

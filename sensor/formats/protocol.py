@@ -1,0 +1,254 @@
+"""SPADCAM's serial line: packets, framed and checked, and what is in them.
+
+A packet on the line is COBS of its body, then a zero byte, which occurs nowhere else:
+
+    version u8 | kind u8 | sequence u32 | device time u64, µs | payload | Adler-32 | CRC-16
+
+all little-endian. CRC-16 (polynomial 0x1021, from 0xFFFF) finds every burst of 16 bits, every odd
+number of flipped bits and every two; of other damage it lets one in 2¹⁵ pass, which Adler-32 finds.
+"""
+
+import binascii
+import struct
+import zlib
+from collections.abc import Iterator
+from enum import IntEnum
+from typing import NamedTuple, Self
+
+import numpy as np
+from cobs import cobs
+from numpy.typing import NDArray
+
+from megalopta.core.bounded import printable
+
+VERSION = 1
+ROWS = COLUMNS = 16
+NOT_READ = 0xFFFF
+"""Sample of a pixel outside the row window."""
+NOMINAL_STEP_BIAS = 2048
+"""Code at which the counters have their nominal step."""
+_LARGEST_STEP_BIAS = 4095
+
+_HEADER = struct.Struct("<BBIQ")
+_ADLER = struct.Struct("<I")
+_CRC = struct.Struct("<H")
+_CRC_START = 0xFFFF
+_SETTINGS = struct.Struct("<HIIHBB")
+_IDENTITY = struct.Struct("<BBBBHH16s32s")
+
+
+class Kind(IntEnum):
+    """What a packet is; from 16 on, what the host sends."""
+
+    FRAME = 1
+    IDENTITY = 2
+    SETTINGS = 3
+    IDENTIFY = 16
+    SET_EXPOSURE = 17
+    SET_FRAME_RATE = 18
+    SET_STEP_BIAS = 19
+    SET_ROW_WINDOW = 20
+
+
+_COMMANDS: dict[Kind, tuple[struct.Struct, tuple[str, ...]]] = {
+    Kind.IDENTIFY: (struct.Struct("<"), ()),
+    Kind.SET_EXPOSURE: (struct.Struct("<I"), ("exposure_us",)),
+    Kind.SET_FRAME_RATE: (struct.Struct("<I"), ("frame_rate_mhz",)),
+    Kind.SET_STEP_BIAS: (struct.Struct("<H"), ("step_bias",)),
+    Kind.SET_ROW_WINDOW: (struct.Struct("<BB"), ("first_row", "end_row")),
+}
+"""Payload of each command, and the settings that it holds."""
+
+PAYLOAD_BYTES = {
+    Kind.FRAME: 2 * ROWS * COLUMNS,
+    Kind.IDENTITY: _IDENTITY.size,
+    Kind.SETTINGS: _SETTINGS.size,
+    **{kind: payload.size for kind, (payload, _) in _COMMANDS.items()},
+}
+"""A packet of another length is damaged."""
+
+_CHECKS = _ADLER.size + _CRC.size
+_BODY_BYTES = {int(kind): _HEADER.size + n + _CHECKS for kind, n in PAYLOAD_BYTES.items()}
+_LARGEST_BODY = max(_BODY_BYTES.values())
+LONGEST = _LARGEST_BODY + -(-_LARGEST_BODY // 254)
+"""Bytes of the longest packet on the line, without the zero."""
+
+
+class Packet(NamedTuple):
+    """One packet."""
+
+    kind: Kind
+    sequence: int
+    """Of a frame: the hardware frame counter, modulo 2³². Of a command: a number that the host
+    chooses. Of a reply: that of its command."""
+    device_us: int
+    """The camera's clock, µs: at the end of the exposure, or when it replied. 0 from the host."""
+    payload: bytes
+
+
+def encode(packet: Packet) -> bytes:
+    """Return a packet as it goes over the line, its zero included.
+
+    Raises ValueError when the payload has not the length of its kind.
+    """
+    if len(packet.payload) != PAYLOAD_BYTES[packet.kind]:
+        raise ValueError(
+            f"payload: {len(packet.payload)} bytes; {packet.kind.name} has "
+            f"{PAYLOAD_BYTES[packet.kind]}"
+        )
+    header = _HEADER.pack(VERSION, packet.kind, packet.sequence, packet.device_us)
+    return bytes(cobs.encode(_checked(header + packet.payload))) + b"\0"
+
+
+class Parser:
+    """Packets out of bytes that come in any pieces.
+
+    Attributes
+    ----------
+    damaged : int
+        Packets refused so far.
+    other_version : int or None
+        Version of the last packet that was whole but not of this one.
+    place : int
+        Where the packet begins that was yielded last, in bytes from the first that were fed.
+    """
+
+    def __init__(self) -> None:
+        self.damaged = self.place = 0
+        self.other_version: int | None = None
+        self._rest = b""
+        self._fed = 0
+        self._is_too_long = False
+
+    def feed(self, data: bytes) -> Iterator[Packet]:
+        """Yield the packets that these bytes complete."""
+        end = self._fed - len(self._rest)
+        self._fed += len(data)
+        first, *others = (self._rest + data).split(b"\0")
+        self._rest = others[-1] if others else first
+        for piece in [first, *others][:-1]:
+            self.place, end = end, end + len(piece) + 1
+            if not piece and not self._is_too_long:
+                continue
+            packet = None if self._is_too_long else self._decoded(piece)
+            if packet is not None:
+                yield packet
+            else:
+                self.damaged += 1
+            self._is_too_long = False
+        # What has no end yet and is too long already need not be kept.
+        if len(self._rest) > LONGEST:
+            self._rest, self._is_too_long = b"", True
+
+    def _decoded(self, piece: bytes) -> Packet | None:
+        if len(piece) > LONGEST:
+            return None
+        try:
+            body = bytes(cobs.decode(piece))
+        except cobs.DecodeError:
+            return None
+        content = body[:-_CHECKS]
+        if len(content) < _HEADER.size or _checked(content) != body:
+            return None
+        version, kind, sequence, device_us = _HEADER.unpack_from(content)
+        if version != VERSION:
+            self.other_version = version
+            return None
+        if len(body) != _BODY_BYTES.get(kind):
+            return None
+        return Packet(Kind(kind), sequence, device_us, content[_HEADER.size :])
+
+
+def _checked(content: bytes) -> bytes:
+    """Content with its checks."""
+    summed = content + _ADLER.pack(zlib.adler32(content))
+    return summed + _CRC.pack(binascii.crc_hqx(summed, _CRC_START))
+
+
+class Settings(NamedTuple):
+    """What the camera works with; reply to every command that sets something."""
+
+    exposure_us: int = 50_000
+    frame_rate_mhz: int = 10_000
+    """Frames per 1000 s."""
+    step_bias: int = NOMINAL_STEP_BIAS
+    """Code of the 12-bit DAC that sets the step of the counters."""
+    first_row: int = 0
+    """Of the row window, the rows that are read."""
+    end_row: int = ROWS
+    """The one after its last."""
+    refused: bool = False
+    """The command asked for what the camera cannot do, and changed nothing."""
+
+    @property
+    def period_us(self) -> int:
+        """Time from frame to frame, µs, rounded down as the camera does."""
+        return 1_000_000_000 // self.frame_rate_mhz
+
+    @property
+    def are_possible(self) -> bool:
+        """Whether a frame is exposed before the next begins, and codes and rows exist."""
+        return (
+            self.frame_rate_mhz > 0
+            and 0 < self.exposure_us <= self.period_us
+            and 0 <= self.step_bias <= _LARGEST_STEP_BIAS
+            and 0 <= self.first_row < self.end_row <= ROWS
+        )
+
+    def after(self, command: Packet) -> Self:
+        """Return what a command makes of them; with `refused` where it is impossible."""
+        payload, names = _COMMANDS[command.kind]
+        values = dict(zip(names, payload.unpack(command.payload), strict=True))
+        wanted = self._replace(**values, refused=False)
+        return wanted if wanted.are_possible else self._replace(refused=True)
+
+    def payload(self) -> bytes:
+        """Return them as bytes."""
+        return _SETTINGS.pack(self.refused, *self[:-1])
+
+    @classmethod
+    def of(cls, payload: bytes) -> Self:
+        """Return them from bytes."""
+        refused, *values = _SETTINGS.unpack(payload)
+        return cls._make((*values, bool(refused)))
+
+
+class Identity(NamedTuple):
+    """Who the camera is; of its texts, control codes are escaped."""
+
+    rows: int
+    columns: int
+    adc_bits: int
+    supply_mv: int
+    serial_number: str
+    firmware: str
+
+    def payload(self) -> bytes:
+        """Return it as bytes."""
+        texts = (text.encode("ascii") for text in (self.serial_number, self.firmware))
+        return _IDENTITY.pack(self.rows, self.columns, self.adc_bits, 0, self.supply_mv, 0, *texts)
+
+    @classmethod
+    def of(cls, payload: bytes) -> Self:
+        """Return it from bytes."""
+        rows, columns, bits, _, supply_mv, _, *texts = _IDENTITY.unpack(payload)
+        serial, firmware = (
+            printable(text.rstrip(b"\0").decode("ascii", "backslashreplace")) for text in texts
+        )
+        return cls(rows, columns, bits, supply_mv, serial, firmware)
+
+
+def frame_packet(sequence: int, device_us: int, samples: NDArray[np.uint16]) -> Packet:
+    """Return a frame of (16, 16) ADC samples as a packet."""
+    values = np.ascontiguousarray(samples, "<u2").tobytes()
+    return Packet(Kind.FRAME, sequence & 0xFFFFFFFF, device_us, values)
+
+
+def samples_of(packet: Packet) -> NDArray[np.uint16]:
+    """Return the (16, 16) ADC samples of a frame."""
+    return np.frombuffer(packet.payload, "<u2").reshape(ROWS, COLUMNS)
+
+
+def command(kind: Kind, *values: int) -> tuple[Kind, bytes]:
+    """Return kind and payload of a command that sets these values, in the order of `Settings`."""
+    return kind, _COMMANDS[kind][0].pack(*values)
