@@ -4,48 +4,26 @@ import sys
 from argparse import Namespace
 from pathlib import Path
 
-from megalopta.cli.command import Verbs, add_verb
+from megalopta.cli.command import option, verb
 from megalopta.core.errors import UserError
-
-PHYSICS = (
-    "counting",
-    "light",
-    "device",
-    "dead-time",
-    "afterpulsing",
-    "crosstalk",
-    "combinations",
-    "gate",
-    "changing-light",
-    "counters",
-    "frames",
-    "ctia",
-    "readings",
-    "correction",
-)
-"""Groups of `megalopta.verification.CHECKS`, whose import takes a second."""
+from megalopta.verification import GROUPS
 
 
-def declare(verbs: Verbs) -> None:
-    """Add the verb."""
-    purpose = (
-        "prove every sensor effect against theory, a dataset's truth another way, or that its "
-        "files are as they were written"
-    )
-    command = add_verb(verbs, "check", purpose, _run)
-    subjects = ["physics", "truth", "files", "panoramas"]
-    command.add_argument("what", choices=subjects, help="what to prove")
-    command.add_argument(
+@verb(
+    "check",
+    "prove every sensor effect against theory, a dataset's truth another way, or that its files "
+    "are as they were written",
+    option("what", choices=["physics", "truth", "files", "panoramas"], help="what to prove"),
+    option(
         "subjects",
         nargs="*",
         metavar="FOLDER or GROUP",
         help="dataset folder, for truth and files; folder for new panoramas, for panoramas; for "
-        f"physics any of {', '.join(PHYSICS)}, by default all",
-    )
-    command.add_argument("--plots", type=Path, help="folder for pictures of the counting laws")
-
-
-def _run(options: Namespace) -> None:
+        f"physics any of {', '.join(GROUPS)}, by default all",
+    ),
+    option("--plots", type=Path, help="folder for pictures of the counting laws"),
+)
+def _check(options: Namespace) -> None:
     if not _passes(options.what, options.subjects, options.plots):
         sys.exit(1)
 

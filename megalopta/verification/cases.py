@@ -40,6 +40,7 @@ from megalopta.sensor import (
     reading_moments,
 )
 from megalopta.sensor.readout.binary import unpack
+from megalopta.verification import GROUPS
 from megalopta.verification.brute_force import (
     brute_force_events,
     plain_light_hz,
@@ -519,10 +520,6 @@ CASES: dict[str, tuple[Case, ...]] = {
     ),
 }
 
-GROUPS = (
-    *("counting", "light", "device", "dead-time", "afterpulsing", "crosstalk", "combinations"),
-    *("gate", "changing-light", "counters", "frames", "ctia", "readings", "correction"),
-)
 CHECKS: dict[str, tuple[Check, ...]] = {
     group: (
         *(partial(check_case, case) for case in CASES.get(group, ())),
