@@ -64,13 +64,12 @@ def _make(options: Namespace) -> None:
     "put other sensors, exposures and light levels on the light of a made dataset",
     DATASET,
     *CLUSTER,
-    settings=settings_of("generation.exposing", "Exposing"),
+    settings=settings_of("generation.adding", "Exposing"),
 )
 def _expose(options: Namespace) -> None:
-    from megalopta.generation.exposing import expose, load_exposing
+    from megalopta.generation.adding import expose
 
-    wanted = load_exposing(options.overrides)
-    print(expose(options.dataset, wanted, options.workers, options.scheduler).root)
+    print(expose(options.dataset, options.overrides, options.workers, options.scheduler).root)
 
 
 @verb(

@@ -170,8 +170,7 @@ def _make_what_is_missing(options: Namespace) -> None:
 
 
 def _run_on_many(stage: str, options: Namespace) -> None:
-    from megalopta.generation.exposing import expose, load_exposing
-    from megalopta.generation.measuring import measure
+    from megalopta.generation.adding import expose, measure
 
     root, where = options.dataset, (options.workers, options.scheduler)
     if stage != "sense":
@@ -181,7 +180,7 @@ def _run_on_many(stage: str, options: Namespace) -> None:
             f"{root}: a dataset of many sequences, to which sense adds exposures; leave --redo out"
         )
     else:
-        expose(root, load_exposing(options.overrides), *where)
+        expose(root, options.overrides, *where)
 
 
 def _run_on_one(stage: str, options: Namespace) -> None:

@@ -7,12 +7,7 @@ from itertools import islice
 from typing import TYPE_CHECKING, Any
 
 from megalopta.core.errors import UserError
-from megalopta.generation.attempt import (
-    Job,
-    Outcome,
-    attempt,
-    brief,
-)
+from megalopta.generation.jobs import Job, Outcome, attempt, brief
 from megalopta.generation.versions import versions
 from megalopta.render import choose_variant
 

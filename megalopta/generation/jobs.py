@@ -1,8 +1,61 @@
-"""Jobs done here one after another, by processes of this machine, or by a Dask cluster."""
+"""Jobs done here one after another, by processes of this machine, or by a Dask cluster.
 
-from collections.abc import Generator, Iterable
+A job is a function of its number that can be pickled. What it writes must not depend on where it is
+done.
+"""
 
-from megalopta.generation.attempt import Job, Outcome, attempt
+import threading
+import traceback
+from collections.abc import Callable, Generator, Iterable
+from dataclasses import dataclass
+
+from megalopta.core.errors import UserError, machine_problem
+
+Job = Callable[[int], object]
+
+_one_at_a_time = threading.Lock()
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How a job ended."""
+
+    index: int
+    problem: str | None = None
+    """Why it failed"""
+    ends_all: bool = False
+    """Whether the others would fail alike, such as on a full disk"""
+
+
+def attempt(job: Job, index: int, threads: int | None = None) -> Outcome:
+    """Do a job and return how it ended; what goes wrong is told, not raised."""
+    with _one_at_a_time:  # a process has one renderer
+        try:
+            if threads:
+                _use_threads(threads)
+            job(index)
+        except UserError as problem:
+            return Outcome(index, str(problem))
+        except OSError as problem:
+            told = machine_problem(problem)
+            return Outcome(index, told or brief(problem), ends_all=told is not None)
+        except Exception as problem:
+            return Outcome(index, brief(problem))
+    return Outcome(index)
+
+
+def brief(problem: Exception) -> str:
+    """Return what went wrong and where, in one line."""
+    last = traceback.extract_tb(problem.__traceback__)[-1:]
+    place = f" at {last[0].filename}:{last[0].lineno}" if last else ""
+    return f"{type(problem).__name__}: {' '.join(str(problem).split())[:500]}{place}"
+
+
+def _use_threads(threads: int) -> None:
+    from megalopta.render import dr
+
+    if dr.thread_count() != threads:
+        dr.set_thread_count(threads)
 
 
 def run_jobs(

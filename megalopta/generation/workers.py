@@ -1,11 +1,15 @@
 """Jobs done by processes of this machine, each replaced when it dies.
 
-A worker gets its jobs through a pipe from the process that started it. Nobody else can reach it, as
-it listens at no address; and it ends when the pipe does, however that process ended.
+A worker gets its jobs through a pipe from the process that started it, the number of which is its
+argument. Nobody else can reach it, as it listens at no address; and it ends when the pipe does,
+however that process ended. First comes the job, pickled, then a line for each index. The answers,
+pickled, go to standard output, and nothing else does.
 """
 
+import ctypes
 import os
 import pickle
+import signal
 import subprocess
 import sys
 import threading
@@ -14,10 +18,10 @@ from contextlib import suppress
 from queue import SimpleQueue
 
 from megalopta.core.errors import UserError
-from megalopta.generation.attempt import Job, Outcome
+from megalopta.generation.jobs import Job, Outcome, attempt
 
 # Nothing is imported from the working folder, in which anything may lie.
-_COMMAND = (sys.executable, "-P", "-m", "megalopta.generation.worker")
+_COMMAND = (sys.executable, "-P", "-m", "megalopta.generation.workers")
 DEATHS = 30
 """A job during which so many workers died is given up."""
 _START_FAILURES = 10
@@ -26,6 +30,7 @@ _PAUSE_S = 0.5
 """Before a worker that did not come up is started again: the machine may be short of memory."""
 _LAST_WORDS_S = 5
 """A worker that closed its pipe has so long to end by itself."""
+_PR_SET_PDEATHSIG = 1
 _THREADS_ELSEWHERE = {"OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 
 
@@ -169,3 +174,41 @@ def _end(worker: subprocess.Popen[bytes]) -> None:
         with suppress(OSError):  # of an order that it has not read
             if pipe:
                 pipe.close()
+
+
+def main() -> None:
+    """Do jobs until the process that gives them closes the pipe, or is no more."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # whoever started this one ends it
+    _end_with_parent()
+    answers = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
+    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # libraries print what they like
+    job, threads = pickle.load(sys.stdin.buffer)
+    orders: SimpleQueue[int] = SimpleQueue()
+    threading.Thread(target=_listen, args=(orders,), daemon=True).start()
+    answer = Outcome(-1)  # ready
+    while True:
+        pickle.dump(answer, answers)
+        answers.flush()
+        answer = attempt(job, orders.get(), threads)
+
+
+def _end_with_parent() -> None:
+    """Let Linux end this process at once with the one that started it.
+
+    Elsewhere the end of the pipe does, once the library that computes lets go of the interpreter:
+    compiling a kernel takes seconds.
+    """
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+        if sys.argv[1:] not in ([], [str(os.getppid())]):  # which ended while this one started
+            os._exit(0)
+
+
+def _listen(orders: "SimpleQueue[int]") -> None:
+    for line in sys.stdin.buffer:
+        orders.put(int(line))
+    os._exit(0)  # also in the middle of a job: nobody waits for it
+
+
+if __name__ == "__main__":
+    main()

@@ -27,7 +27,7 @@ from megalopta.dataset.store import LICENSE
 from megalopta.plotting.style import BLUE, house_style
 from megalopta.plotting.text import number
 from megalopta.report.dataset_sheet import clips_of
-from megalopta.stages.estimate import size
+from megalopta.stages.limits import size
 
 Rows = list[dict[str, Any]]
 

@@ -39,9 +39,8 @@ from megalopta.sensor.spad.moments import PARTS_ERROR
 from megalopta.sensor.spad.running import RUNNING_ERROR
 from megalopta.stages.correction import write_corrected
 from megalopta.stages.declaration import Stage
-from megalopta.stages.free_running import check_free_running
 from megalopta.stages.noise_warning import noise_share, noise_warning
-from megalopta.stages.sub_frames import burst_frames, check_sub_frames, next_frames
+from megalopta.stages.timing import burst_frames, check_timing, next_frames
 
 
 def sense(dataset: Dataset) -> None:
@@ -213,23 +212,9 @@ def _write_final_images(dataset: Dataset) -> None:
 
 
 def _check(settings: Configuration) -> None:
-    """Refuse sensors that cannot expose the frames, measured devices whose maps are no good too.
-
-    Raises
-    ------
-    ValueError
-        With one sentence that names the sensor.
-    """
-    check_sub_frames(settings)
-    check_free_running(settings)
-    period_s = 1 / settings.trajectory.frame_rate_hz
+    """Refuse sensors that cannot expose the frames, measured devices whose maps are no good too."""
+    check_timing(settings)
     for sensor in settings.sensors:
-        if sensor.exposure_s > period_s * (1 + 1e-9):
-            raise ValueError(
-                f"sensor {sensor.name!r}: exposure_s {sensor.exposure_s:g} is longer than a "
-                f"frame at trajectory.frame_rate_hz {settings.trajectory.frame_rate_hz:g}; "
-                f"use at most {period_s:g}"
-            )
         try:
             shape = settings.camera.height, settings.camera.width
             check_sensor(sensor, settings.render.bands_nm, shape)

@@ -33,8 +33,7 @@ from megalopta.dataset.tables import TABLES
 from megalopta.generation.staging import staged_sequences
 from megalopta.render import read_size
 from megalopta.stages.ledger import Ledger
-from megalopta.stages.origins import provenance_changes
-from megalopta.stages.registry import STAGES
+from megalopta.stages.registry import STAGES, provenance_changes
 from megalopta.verification.truth import check_truth
 
 _OWN = (
@@ -301,7 +300,7 @@ def _truth_faults(tree: Tree, dataset: Dataset) -> Iterator[Fault]:
 
 
 def _unfinished(tree: Tree) -> Iterator[Fault]:
-    staged = [folder for folder, _ in staged_sequences(tree)]
+    staged = [each.folder for each in staged_sequences(tree)]
     if staged:
         yield Fault(tree.staging, "holds sequences that are not finished", _again(tree))
     for path in sorted(set(tree.staging.glob("*")) - set(staged)):

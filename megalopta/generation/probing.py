@@ -9,7 +9,7 @@ the time told is the most that `auto` takes.
 
 import math
 import shutil
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -30,7 +30,6 @@ from megalopta.core.progress import (
 from megalopta.dataset.store import Dataset, files_in
 from megalopta.render import MEASURED_EVERY
 from megalopta.render.baking.choice import AT_EQUAL_ERROR, may_pay
-from megalopta.stages.estimate import estimate
 from megalopta.stages.render import FrameWriter, build, write_previews
 
 _FRAMES = 2
@@ -138,11 +137,6 @@ def probe(settings: Configuration, things: int, finish: Finish) -> Probe:
         return _probe(short, dataset, growing, first, steps)
 
 
-def memory_bytes(settings: Configuration) -> float:
-    """What rendering takes at most in memory."""
-    return estimate(settings, "render").memory_bytes
-
-
 def _probe(
     settings: Configuration,
     dataset: Dataset,
@@ -170,51 +164,25 @@ def _probe(
     )
 
 
-def foresee(
-    scale: Scale,
-    probes: Sequence[Probe],
-    is_first: bool = True,
-    grows: bool = False,
-) -> Foreseen:
-    """Return what a sequence takes, by probes of its like.
+def foresee(scale: Scale, like: Probe, is_first: bool = True, grows: bool = False) -> Foreseen:
+    """Return what a sequence takes, in proportion to a probe of its like.
 
     If it is the first of its like it compiles what measures the light on the ground, the canopy and
     what paths leave out, which takes as long as what the probe compiled of frames. If it `grows` it
     is the first with plants of its seed.
     """
-    last = max(probes, key=lambda each: each.scale.samples)
-
-    def along(by: str, values: Sequence[Time]) -> Time:
-        return _line(getattr(scale, by), [getattr(each.scale, by) for each in probes], values)
-
-    radiance = along("samples", [each.radiance for each in probes])
-    rest = along("pixels", [each.rest for each in probes])
-    bytes_ = along("pixels", [np.array([each.frame_bytes]) for each in probes])[0]
-    total = last.setup * (scale.triangles / last.scale.triangles)
-    total = total + last.once * scale.pixels / last.scale.pixels
-    total = total + last.radiance * (scale.closing / last.scale.samples)
-    total = total + scale.most * scale.passes * radiance + scale.frames * rest
-    if grows:
-        total = total + last.growing
-    if is_first and scale.closing:
-        total = total + np.max([each.compiling for each in probes], axis=0)
-    return Foreseen(total, last.fixed_bytes + scale.frames * bytes_, scale.most > 1)
-
-
-def _line(x: float, xs: Sequence[float], values: Sequence[Time]) -> Time:
-    """Value at x of the line through the outer two points, or in proportion to the last one.
-
-    The latter where noise or a first run's compiling would make the line fall.
-    """
-    low, high = int(np.argmin(xs)), int(np.argmax(xs))
-    if xs[high] == 0:
-        return values[high]
-    proportional = values[high] * (x / xs[high])
-    if xs[low] == xs[high]:
-        return values[high] if x == xs[high] else proportional
-    slope = (values[high] - values[low]) / (xs[high] - xs[low])
-    line = values[low] + slope * (x - xs[low])
-    return np.where((slope >= 0) & (line >= 0), line, proportional)
+    pixels = scale.pixels / like.scale.pixels
+    samples = scale.most * scale.passes * scale.samples + scale.closing
+    total = (
+        like.setup * (scale.triangles / like.scale.triangles)
+        + like.once * pixels
+        + like.radiance * (samples / like.scale.samples)
+        + like.rest * (scale.frames * pixels)
+        + like.growing * grows
+        + like.compiling * (is_first and scale.closing > 0)
+    )
+    bytes_ = like.fixed_bytes + scale.frames * pixels * like.frame_bytes
+    return Foreseen(total, bytes_, scale.most > 1)
 
 
 def _small(settings: Configuration, things: int) -> Configuration:
