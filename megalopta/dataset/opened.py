@@ -2,14 +2,15 @@
 
 from collections.abc import Iterator
 from functools import lru_cache
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 from megalopta.core.errors import UserError
+from megalopta.dataset.index import read_lists
 from megalopta.dataset.layout import Tree
-from megalopta.dataset.pairs import FlowPairs
+from megalopta.dataset.pairs import FlowPairs, TensorPairs
 from megalopta.dataset.sequence import Sequence, stored_exposures
-from megalopta.dataset.splits import read_lists
 
 _KEPT = 64
 
@@ -83,12 +84,12 @@ class OpenedDataset:
         """
         return FlowPairs(list(self) if split is None else self.of_split(split), exposure, step)
 
-    def torch(self, split: str | None = None, exposure: str | None = None, step: int = 1) -> Any:
-        """`pairs` as a torch.utils.data.Dataset of tensors. Raises UserError without torch."""
-        try:
-            from megalopta.dataset.tensors import TensorPairs
-        except ImportError:
-            raise UserError("PyTorch is not installed; run: pip install torch") from None
+    def torch(
+        self, split: str | None = None, exposure: str | None = None, step: int = 1
+    ) -> TensorPairs:
+        """`pairs` of tensors, which a DataLoader takes. Raises UserError without PyTorch."""
+        if find_spec("torch") is None:
+            raise UserError("PyTorch is not installed; run: pip install torch")
         return TensorPairs(self.pairs(split, exposure, step))
 
     def _opened(self, name: str) -> Sequence:

@@ -79,3 +79,23 @@ def _planes(frame: NDArray[Any]) -> NDArray[np.float32]:
     """A frame (H, W) or (H, W, B) as (C, H, W)."""
     planes = frame[np.newaxis] if frame.ndim == 2 else np.moveaxis(frame, -1, 0)
     return np.ascontiguousarray(planes, np.float32)
+
+
+class TensorPairs:
+    """`FlowPairs` whose arrays are tensors, for a DataLoader and its processes."""
+
+    def __init__(self, pairs: FlowPairs) -> None:
+        self._pairs = pairs
+
+    def __len__(self) -> int:
+        """Return the number of pairs."""
+        return len(self._pairs)
+
+    def __getitem__(self, index: int) -> Pair:
+        """Read a pair."""
+        import torch
+
+        return {
+            name: torch.from_numpy(np.array(value)) if isinstance(value, np.ndarray) else value
+            for name, value in self._pairs[index].items()
+        }

@@ -9,15 +9,14 @@ from numpy.typing import NDArray
 
 from megalopta.config.model import Configuration, LightLevel
 from megalopta.core.errors import UserError
-from megalopta.dataset.finished import FinishedSequence
-from megalopta.dataset.lazy import LazyFrames, frame_by_frame
+from megalopta.dataset.lazy import LazyFrames, frame_by_frame, labeled
 from megalopta.dataset.new_light import drawn_counts
-from megalopta.dataset.store import exposure_name
+from megalopta.dataset.store import Dataset, exposure_name
 
 if TYPE_CHECKING:
     import xarray
 
-    from megalopta.dataset.truth_reader import TruthReader
+    from megalopta.dataset.reprojection import TruthReader
     from megalopta.sensor import OpenedCounts, StoredFrames
 
 Float32 = NDArray[np.float32]
@@ -30,11 +29,11 @@ class Sequence:
     ----------
     name : str
     split : str
-    dataset : FinishedSequence
+    dataset : Dataset
         Paths of its files.
     """
 
-    def __init__(self, dataset: FinishedSequence, split: str, exposures: Mapping[str, str]) -> None:
+    def __init__(self, dataset: Dataset, split: str, exposures: Mapping[str, str]) -> None:
         """`exposures` maps the name of each stored exposure to the unit of its readings."""
         self.dataset, self.split, self._units = dataset, split, exposures
         self.name = dataset.sequence
@@ -194,8 +193,6 @@ class Sequence:
 
         Raises UserError where xarray is not installed.
         """
-        from megalopta.dataset.labeled import labeled
-
         return labeled(self, exposures or self.exposures)
 
     def _of_truth(
@@ -216,7 +213,7 @@ class Sequence:
 
     @cached_property
     def _truth(self) -> "TruthReader":
-        from megalopta.dataset.truth_reader import TruthReader
+        from megalopta.dataset.reprojection import TruthReader
 
         return TruthReader(self.dataset)
 

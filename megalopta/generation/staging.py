@@ -23,9 +23,14 @@ from megalopta.core import files
 from megalopta.core.errors import UserError
 from megalopta.core.folders import LOCK_NAME, locked
 from megalopta.core.progress import say, silent
-from megalopta.dataset.books import write_index
-from megalopta.dataset.layout import Tree, changed_record
-from megalopta.dataset.manifest import is_record_as_written, is_record_known, read_manifest
+from megalopta.dataset.index import write_index
+from megalopta.dataset.layout import (
+    Tree,
+    changed_record,
+    is_record_as_written,
+    is_record_known,
+    read_manifest,
+)
 from megalopta.dataset.publishing import PLAN, REQUEST, Move, read_request
 from megalopta.dataset.record import KINDS, MADE, SequenceRecord, is_output, read_record
 from megalopta.dataset.store import Dataset, file_hash

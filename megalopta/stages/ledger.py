@@ -13,7 +13,7 @@ from megalopta.core.errors import UserError
 from megalopta.core.freshness import digest
 from megalopta.core.progress import step
 from megalopta.dataset.record import StageRecord, read_lone_record
-from megalopta.dataset.store import Dataset, hashes_of, is_as_written
+from megalopta.dataset.store import Dataset, difference, hashes_of
 from megalopta.stages.registry import (
     STAGES,
     provenance,
@@ -72,7 +72,7 @@ class Ledger:
         with step(f"comparing files of {stage}"):
             known = entry.files or {} if entry else {}
             written = {self.root / name: each for name, each in known.items()}
-            return [path for path, each in written.items() if not is_as_written(path, *each)]
+            return [path for path, each in written.items() if difference(path, *each)]
 
     def finished(self) -> list[str]:
         """Return the stages that are finished. Raises UserError where one of them is damaged."""

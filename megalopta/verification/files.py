@@ -23,13 +23,17 @@ from megalopta.core.bounded import printable
 from megalopta.core.errors import UserError
 from megalopta.core.folders import LOCK_NAME
 from megalopta.core.progress import progress, silent
-from megalopta.dataset.croissant import table_path
-from megalopta.dataset.layout import BOOKS, Tree
-from megalopta.dataset.manifest import is_record_as_written, is_record_known, read_manifest
+from megalopta.dataset.index import read_lists
+from megalopta.dataset.layout import (
+    BOOKS,
+    Tree,
+    is_record_as_written,
+    is_record_known,
+    read_manifest,
+)
 from megalopta.dataset.record import MADE, SequenceRecord, StageRecord
-from megalopta.dataset.splits import read_lists
-from megalopta.dataset.store import Dataset, files_in, is_as_written, whole_of
-from megalopta.dataset.tables import TABLES
+from megalopta.dataset.store import Dataset, difference, files_in, whole_of
+from megalopta.dataset.tables import TABLES, table_path
 from megalopta.generation.staging import staged_sequences
 from megalopta.render import read_size
 from megalopta.stages.ledger import Ledger
@@ -141,9 +145,7 @@ def _file_faults(
     faults: dict[Path, Fault] = {}
     for name, (size, hashed) in (entry.files or {}).items():
         path = dataset.root / name
-        what = None if is_as_written(path, size, hashed) else "is not as it was written"
-        what = what if path.is_file() else "is missing"
-        if what := what or wrong_shape(dataset, path):
+        if what := difference(path, size, hashed) or wrong_shape(dataset, path):
             whole = whole_of(path, dataset.root)
             faults[whole] = Fault(path, what, remedy(whole))
         advance()
