@@ -14,6 +14,7 @@ from megalopta.cli.command import (
     option,
     out,
     settings_of,
+    switch,
     verb,
 )
 from megalopta.cli.stages import REDO, run_later_stage, settings_of_stage
@@ -49,37 +50,37 @@ def _numbers(text: str) -> tuple[float, ...]:
     "rank flow methods on photographs with true flow, over the photons drawn from them",
     option(
         "paths",
+        "two pictures and their flow (.flo or another format); or a folder in the layout of"
+        " Middlebury, Sintel, KITTI or a dataset",
         type=Path,
         nargs="+",
         metavar="PATH",
-        help="two pictures and their flow (.flo or another format); or a folder in the layout of"
-        " Middlebury, Sintel, KITTI or a dataset",
     ),
     option(
         "--methods",
-        metavar="A,B",
-        help="names, module:function or ONNX files; DIS √ is DIS on roots of counts (default: all"
+        "names, module:function or ONNX files; DIS √ is DIS on roots of counts (default: all"
         " that do with two frames)",
+        metavar="A,B",
     ),
     option(
         "--photons",
+        f"photons per pixel and frame, on average (default: {_FLUXES})",
         type=_numbers,
         default=_FLUXES,
         metavar="N,N",
-        help=f"photons per pixel and frame, on average (default: {_FLUXES})",
     ),
     option(
         "--pairs",
+        "of a folder, at most so many pairs, evenly spread (default: 20)",
         type=at_least(1),
         default=20,
         metavar="N",
-        help="of a folder, at most so many pairs, evenly spread (default: 20)",
     ),
     option(
         "--draws",
+        f"draws of the photons of each pair (default: 1; of one pair {_DRAWS_OF_ONE})",
         type=at_least(1),
         metavar="N",
-        help=f"draws of the photons of each pair (default: 1; of one pair {_DRAWS_OF_ONE})",
     ),
     out("pairs.csv", "file of the errors"),
 )
@@ -153,17 +154,16 @@ def _photon_settings() -> "Settings":
     "find how much light detectors need to agree with themselves, on a dataset or in a sweep",
     option(
         "dataset",
+        "dataset folder; or a sweep's YAML file: trial, vary, values, sizes, templates",
         type=Path,
         metavar="DATASET or SWEEP",
-        help="dataset folder; or a sweep's YAML file: trial, vary, values, sizes, templates",
     ),
     REDO,
-    option(
+    switch(
         "--allow-code",
-        action="store_true",
-        help="run what a sweep names as module:function or ONNX file; otherwise it is refused",
+        "run what a sweep names as module:function or ONNX file; otherwise it is refused",
     ),
-    option("--out", type=Path, help="folder of a sweep's figure (default: out/sweeps)"),
+    option("--out", "folder of a sweep's figure (default: out/sweeps)", type=Path),
     *THREADS,
     settings=_photon_settings,
 )
@@ -212,20 +212,18 @@ def _sequence(options: Namespace) -> None:
     "score flow that any program wrote, or methods, on pictures as they are: no photons",
     option(
         "flow",
-        help="folder of flow files (.flo, .flo5, .pfm, .npy or KITTI's PNG, px per frame), laid "
+        "folder of flow files (.flo, .flo5, .pfm, .npy or KITTI's PNG, px per frame), laid "
         "out as the truth is; or a method, such as DIS, module:function or an ONNX file, that is "
         "asked for the flow of the truth's pictures",
     ),
     option(
         "--truth",
+        "folder of the true flow: a dataset, or one of Sintel, KITTI or Middlebury",
         type=Path,
         required=True,
-        help="folder of the true flow: a dataset, or one of Sintel, KITTI or Middlebury",
     ),
-    option("--program", help="name of what wrote it (default: that of its folder)"),
-    option(
-        "--leaderboard", type=Path, metavar="FILE", help="add the scores to this file, and show it"
-    ),
+    option("--program", "name of what wrote it (default: that of its folder)"),
+    option("--leaderboard", "add the scores to this file, and show it", type=Path, metavar="FILE"),
     out("scores.json", "file of the scores"),
 )
 def _submit(options: Namespace) -> None:

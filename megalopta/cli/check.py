@@ -13,15 +13,15 @@ from megalopta.verification import GROUPS
     "check",
     "prove every sensor effect against theory, a dataset's truth another way, or that its files "
     "are as they were written",
-    option("what", choices=["physics", "truth", "files", "panoramas"], help="what to prove"),
+    option("what", "what to prove", choices=["physics", "truth", "files", "panoramas"]),
     option(
         "subjects",
+        "dataset folder, for truth and files; folder for new panoramas, for panoramas; for "
+        f"physics any of {', '.join(GROUPS)}, by default all",
         nargs="*",
         metavar="FOLDER or GROUP",
-        help="dataset folder, for truth and files; folder for new panoramas, for panoramas; for "
-        f"physics any of {', '.join(GROUPS)}, by default all",
     ),
-    option("--plots", type=Path, help="folder for pictures of the counting laws"),
+    option("--plots", "folder for pictures of the counting laws", type=Path),
 )
 def _check(options: Namespace) -> None:
     if not _passes(options.what, options.subjects, options.plots):

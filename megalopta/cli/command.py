@@ -31,7 +31,7 @@ Run: TypeAlias = Callable[[argparse.Namespace], None]
 class Option(NamedTuple):
     """What `argparse.ArgumentParser.add_argument` takes."""
 
-    names: tuple[str, ...]
+    name: str
     how: Mapping[str, Any]
 
 
@@ -95,15 +95,19 @@ def verb(
     return declared
 
 
-def option(*names: str, **how: Any) -> Option:
-    """Return an option or an argument, described as argparse takes it."""
-    return Option(names, how)
+def option(name: str, text: str, **how: Any) -> Option:
+    """Return an option or an argument with its help, described as argparse takes it."""
+    return Option(name, {"help": text, **how})
+
+
+def switch(name: str, text: str) -> Option:
+    """Return an option without a value, with its help."""
+    return option(name, text, action="store_true")
 
 
 def out(default: str, what: str = "folder") -> Option:
     """Return the option of what a verb writes to."""
-    text = f"{what} (default: {default})"
-    return option("--out", type=Path, default=Path(default), help=text)
+    return option("--out", f"{what} (default: {default})", type=Path, default=Path(default))
 
 
 def settings_of(module: str, model: str) -> "Callable[[], Settings]":
@@ -151,26 +155,26 @@ def positive(text: str) -> float:
     raise argparse.ArgumentTypeError(f"{quoted(text)!r}; give a number above 0")
 
 
-DATASET = option("dataset", type=Path, help="dataset folder")
+DATASET = option("dataset", "dataset folder", type=Path)
 _SCHEDULER = option(
     "--scheduler",
+    "Dask cluster to work on, such as tcp://host:8786; its workers must see the same files",
     metavar="ADDRESS",
-    help="Dask cluster to work on, such as tcp://host:8786; its workers must see the same files",
 )
 CLUSTER = (
     option(
         "--workers",
+        "processes that work side by side on this machine (default: all in this one)",
         type=at_least(1),
         metavar="N",
-        help="processes that work side by side on this machine (default: all in this one)",
     ),
     _SCHEDULER,
 )
 """Processes that work, here or of a Dask cluster."""
 THREADS = (
-    option("--workers", type=at_least(1), metavar="N", help="threads (default: one for each core)"),
+    option("--workers", "threads (default: one for each core)", type=at_least(1), metavar="N"),
     _SCHEDULER,
-    option("--cache", type=Path, help="folder of rendered panoramas (default: the user's)"),
+    option("--cache", "folder of rendered panoramas (default: the user's)", type=Path),
 )
 """How many threads work, or which cluster, and where they find rendered panoramas."""
 

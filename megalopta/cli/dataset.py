@@ -13,6 +13,7 @@ from megalopta.cli.command import (
     option,
     out,
     settings_of,
+    switch,
     verb,
 )
 from megalopta.core.errors import UserError
@@ -23,15 +24,13 @@ VERBS["dataset"] = Verb("make, check and show a dataset of many sequences")
 @verb(
     "dataset make",
     "make a dataset of any size from a plan; what is there already is kept",
-    option("plan", type=Path, help="YAML file with the plan, or a dataset's folder to go on with"),
+    option("plan", "YAML file with the plan, or a dataset's folder to go on with", type=Path),
     out("out/dataset", "dataset folder"),
-    option("--only", metavar="N", help="sequences, such as 731 or 0-9,20"),
-    option("--retry", action="store_true", help="only those that failed before"),
-    option(
+    option("--only", "sequences, such as 731 or 0-9,20", metavar="N"),
+    switch("--retry", "only those that failed before"),
+    switch(
         "--dry-run",
-        action="store_true",
-        help="tell sequences, frames, gigabytes and time from a short measurement, and make "
-        "nothing",
+        "tell sequences, frames, gigabytes and time from a short measurement, and make nothing",
     ),
     *CLUSTER,
     settings=settings_of("config.recipe", "Plan"),
@@ -78,10 +77,10 @@ def _expose(options: Namespace) -> None:
     DATASET,
     option(
         "--truth",
+        "sequences of which flow is derived again from depth and poses (default: 3)",
         type=at_least(0),
         default=3,
         metavar="N",
-        help="sequences of which flow is derived again from depth and poses (default: 3)",
     ),
 )
 def _check(options: Namespace) -> None:
@@ -106,10 +105,10 @@ def _card(options: Namespace) -> None:
     DATASET,
     option(
         "--sequences",
+        "sequences to show, spread evenly (default: 24)",
         type=at_least(1),
         default=24,
         metavar="N",
-        help="sequences to show, spread evenly (default: 24)",
     ),
 )
 def _view(options: Namespace) -> None:

@@ -46,8 +46,8 @@ def program() -> Command:
         )
         if verb.run is None:
             branches[name] = _branch(command, "sub_verb")
-        for names, how in verb.options:
-            command.add_argument(*names, **how)
+        for option, how in verb.options:
+            command.add_argument(option, **how)
         command.set_defaults(run=verb.run)
         command.settings = verb.settings
     return parser
@@ -67,11 +67,8 @@ def split_overrides(
     A setting that holds one value takes one word, a list takes all words up to the next option, a
     switch only "true" or "false", so that `render --scene.trees 200 my.yaml` renders my.yaml. Any
     "--path" that is none of the options starts a setting; `takes` says how many words it takes.
-
-    Raises
-    ------
-    UserError
-        For an option that is mistyped, a setting without a value, or one that is given twice.
+    Raises UserError for an option that is mistyped, a setting without a value, or one that is given
+    twice.
     """
     own: list[str] = []
     found: dict[str, list[str]] = {}

@@ -3,7 +3,7 @@
 from argparse import Namespace
 from pathlib import Path
 
-from megalopta.cli.command import DATASET, THREADS, option, out, verb
+from megalopta.cli.command import DATASET, THREADS, option, out, switch, verb
 from megalopta.core.errors import UserError
 
 _SHOWN = 24
@@ -41,13 +41,10 @@ def _report(options: Namespace) -> None:
     "reproduce",
     "draw figures and tables of the dissertation again, as PNG, SVG, CSV and JSON",
     option(
-        "figures",
-        nargs="+",
-        metavar="FIGURE",
-        help="such as fig-2.9 or table-3.1, chapter-4, or all",
+        "figures", "such as fig-2.9 or table-3.1, chapter-4, or all", nargs="+", metavar="FIGURE"
     ),
     out("out/figures"),
-    option("--quick", action="store_true", help="draw Chapter 4 coarsely, in seconds"),
+    switch("--quick", "draw Chapter 4 coarsely, in seconds"),
     *THREADS,
 )
 def _reproduce(options: Namespace) -> None:
@@ -61,22 +58,16 @@ def _reproduce(options: Namespace) -> None:
 @verb(
     "gallery",
     "render every scene preset at every light level, beside photon counts of it",
-    option(
-        "--views",
-        action="store_true",
-        help="render larger views of the forests under natural skies instead, views.html",
-    ),
-    option(
-        "--statistics",
-        action="store_true",
-        help="measure statistics of views of the forests instead, image-statistics.png",
+    switch("--views", "render larger views of the forests under natural skies instead, views.html"),
+    switch(
+        "--statistics", "measure statistics of views of the forests instead, image-statistics.png"
     ),
     option(
         "--panorama",
+        "a photographed panorama (HDR, EXR or PNG, 2:1); with --views shown beside a forest "
+        "in its light, with --statistics measured beside them, all at two of its pixels or more",
         type=Path,
         metavar="FILE",
-        help="a photographed panorama (HDR, EXR or PNG, 2:1); with --views shown beside a forest "
-        "in its light, with --statistics measured beside them, all at two of its pixels or more",
     ),
     out("out/gallery"),
 )

@@ -14,6 +14,7 @@ from megalopta.cli.command import (
     out,
     positive,
     stopped_by_signals,
+    switch,
     verb,
     whole,
 )
@@ -45,18 +46,14 @@ _FAULTS = {
 _RECORDINGS = (
     option(
         "recordings",
+        "folders of recordings, or of each some frames, such as steps#0-100@1e7; LIGHT in "
+        "photons per second on a pixel, none: in the dark",
         nargs="+",
         metavar="RECORDING[#FIRST-END][@LIGHT]",
-        help="folders of recordings, or of each some frames, such as steps#0-100@1e7; LIGHT in "
-        "photons per second on a pixel, none: in the dark",
     ),
+    option("--wavelength-nm", "wavelength of the light; without, it is relative", type=positive),
     option(
-        "--wavelength-nm", type=positive, help="wavelength of the light; without, it is relative"
-    ),
-    option(
-        "--beam-area-mm2",
-        type=positive,
-        help="area of an even beam; LIGHT is then its power in watts",
+        "--beam-area-mm2", "area of an even beam; LIGHT is then its power in watts", type=positive
     ),
 )
 """Recordings and what is known of their light."""
@@ -75,33 +72,33 @@ def _list(options: Namespace) -> None:
 @verb(
     "spadcam capture",
     "record the camera until interrupted, or until there is enough",
-    option("--port", help="serial port (default: the only Teensy on USB)"),
-    option("--usb-serial", help="USB serial number of the camera, instead"),
-    option("--wait", type=finite, default=30.0, help="for a port to appear (s, default: 30)"),
-    option("--out", type=Path, help="new folder (default: recordings/KIND-DATE-TIME)"),
-    option("--kind", default="scene", help="what is recorded: dark, flat, … (default: scene)"),
-    option("--frames", type=whole, help="stop after so many"),
-    option("--seconds", type=finite, help="stop after this time (s)"),
-    option("--exposure", type=finite, default=0.05, help="of a frame (s, default: 0.05)"),
-    option("--rate", type=finite, default=10.0, help="frames per second (default: 10)"),
+    option("--port", "serial port (default: the only Teensy on USB)"),
+    option("--usb-serial", "USB serial number of the camera, instead"),
+    option("--wait", "for a port to appear (s, default: 30)", type=finite, default=30.0),
+    option("--out", "new folder (default: recordings/KIND-DATE-TIME)", type=Path),
+    option("--kind", "what is recorded: dark, flat, … (default: scene)", default="scene"),
+    option("--frames", "stop after so many", type=whole),
+    option("--seconds", "stop after this time (s)", type=finite),
+    option("--exposure", "of a frame (s, default: 0.05)", type=finite, default=0.05),
+    option("--rate", "frames per second (default: 10)", type=finite, default=10.0),
     option(
         "--step-bias",
+        "code of the DAC that biases the counters' step, 0 to 4095 (default: 2048)",
         type=whole,
         default=2048,
-        help="code of the DAC that biases the counters' step, 0 to 4095 (default: 2048)",
     ),
     option(
         "--rows",
+        "rows that are read (default: 0 16, all)",
         type=whole,
         nargs=2,
         default=(0, 16),
         metavar=("FIRST", "END"),
-        help="rows that are read (default: 0 16, all)",
     ),
     option(
         "--sensor",
+        "preset or YAML file with the counters' nominal step (default: spadcam)",
         default="spadcam",
-        help="preset or YAML file with the counters' nominal step (default: spadcam)",
     ),
 )
 def _capture(options: Namespace) -> None:
@@ -134,14 +131,12 @@ def _capture(options: Namespace) -> None:
 @verb(
     "spadcam recover",
     "read raw.bin of a broken recording back into a recording",
-    option("raw", type=Path, help="folder of the recording, or its raw.bin"),
-    option(
-        "--out", type=Path, help="new folder (default: the recording's own, whose counts it makes)"
-    ),
-    option("--kind", help="what was recorded, where recording.yaml is lost"),
-    option("--exposure", type=finite, help="of a frame (s), where raw.bin does not say it"),
-    option("--rate", type=finite, help="frames per second, where raw.bin does not say it"),
-    option("--sensor", help="preset or YAML file with the counters' nominal step"),
+    option("raw", "folder of the recording, or its raw.bin", type=Path),
+    option("--out", "new folder (default: the recording's own, whose counts it makes)", type=Path),
+    option("--kind", "what was recorded, where recording.yaml is lost"),
+    option("--exposure", "of a frame (s), where raw.bin does not say it", type=finite),
+    option("--rate", "frames per second, where raw.bin does not say it", type=finite),
+    option("--sensor", "preset or YAML file with the counters' nominal step"),
 )
 def _recover(options: Namespace) -> None:
     from megalopta.camera.recovering import recover
@@ -159,10 +154,8 @@ def _recover(options: Namespace) -> None:
     "spadcam calibrate",
     "a device file from recordings in the dark and under even light",
     *_RECORDINGS,
-    option(
-        "--out", type=Path, default=Path("device.yaml"), help="device file (default: device.yaml)"
-    ),
-    option("--preset", default="spadcam", help="sensor whose other fields hold (default: spadcam)"),
+    option("--out", "device file (default: device.yaml)", type=Path, default=Path("device.yaml")),
+    option("--preset", "sensor whose other fields hold (default: spadcam)", default="spadcam"),
 )
 def _calibrate(options: Namespace) -> None:
     from megalopta.camera.device_calibration import Beam, calibrate_recordings
@@ -179,31 +172,30 @@ def _calibrate(options: Namespace) -> None:
     "spadcam compare",
     "recordings beside what the device's model makes of the same stimulus",
     *_RECORDINGS,
-    option("--device", type=Path, required=True, help="device file of the model"),
+    option("--device", "device file of the model", type=Path, required=True),
     option(
         "--scene",
-        default="levels",
-        help="levels: darkness and even light (default); plate: the moving plate, LIGHT is then "
+        "levels: darkness and even light (default); plate: the moving plate, LIGHT is then "
         "its speed in mm/s; or a dataset's folder, or a configuration, which is rendered "
         "beside the page: LIGHT is then the light level in lux, none: that of the rendering",
+        default="levels",
     ),
     option(
         "--format",
-        choices=["npy", "spad512", "swissspad2", "swissspad2_whole", "spc3", "tiff"],
-        help="of recordings of other cameras (default: as their content says, .bin: spad512); "
+        "of recordings of other cameras (default: as their content says, .bin: spad512); "
         "their exposure follows: FILE@LIGHT:SECONDS",
+        choices=["npy", "spad512", "swissspad2", "swissspad2_whole", "spc3", "tiff"],
     ),
     option(
         "--margin",
+        "relative difference that does not matter (default: 0.05)",
         type=positive,
         default=0.05,
-        help="relative difference that does not matter (default: 0.05)",
     ),
-    option("--seed", type=at_least(0), default=0, help="of the simulation (default: 0)"),
-    option(
+    option("--seed", "of the simulation (default: 0)", type=at_least(0), default=0),
+    switch(
         "--own-light",
-        action="store_true",
-        help="of plate: simulate in the light that the recording's open and hidden pixels show "
+        "of plate: simulate in the light that the recording's open and hidden pixels show "
         "(default: that of the dissertation, 65 photons per frame and pixel)",
     ),
     out("comparison.html", "page"),
@@ -225,20 +217,19 @@ def _compare(options: Namespace) -> None:
     "the dissertation's figures 2.14 to 2.19 from recordings of the moving plate",
     option(
         "recordings",
+        "folders of recordings (--rate 10 --exposure 0.1), and the plate's speed in mm/s; "
+        "without, it rests with its edge in the middle",
         nargs="+",
         metavar="RECORDING@SPEED",
-        help="folders of recordings (--rate 10 --exposure 0.1), and the plate's speed in mm/s; "
-        "without, it rests with its edge in the middle",
     ),
     option(
         "--device",
+        "device file that simulates beside them (default: the recordings' nominal sensor)",
         type=Path,
-        help="device file that simulates beside them (default: the recordings' nominal sensor)",
     ),
-    option(
+    switch(
         "--own-light",
-        action="store_true",
-        help="simulate in the light that open and hidden pixels of the recording of the slowest "
+        "simulate in the light that open and hidden pixels of the recording of the slowest "
         "plate show (default: that of the dissertation, 65 photons per frame and pixel)",
     ),
     out("out/plate"),
@@ -259,32 +250,27 @@ def _figures(options: Namespace) -> None:
     "emulate the camera on a pseudo-terminal, whose path is printed, until interrupted",
     option(
         "--stimulus",
-        default="flat",
-        help="what it looks at: dark, flat, steps, plate, or the folder of a rendered dataset "
+        "what it looks at: dark, flat, steps, plate, or the folder of a rendered dataset "
         "(default: flat)",
+        default="flat",
     ),
     option(
         "--photons",
+        "photons per second on a pixel at 700 nm, of flat (default: 5e6) or one after the "
+        "other of steps (default: 0 to 2e7)",
         type=finite,
         nargs="+",
         metavar="HZ",
-        help="photons per second on a pixel at 700 nm, of flat (default: 5e6) or one after the "
-        "other of steps (default: 0 to 2e7)",
     ),
-    option(
-        "--step-s", type=finite, default=5.0, help="how long each of steps lasts (s, default: 5)"
-    ),
-    option("--speed", type=finite, default=5.0, help="of the plate (mm/s, default: 5)"),
-    option("--lux", type=finite, help="of a dataset: light level (lux)"),
-    option("--sensor", default="spadcam", help="preset or YAML file (default: spadcam)"),
-    option("--device-seed", type=whole, help="which device of this kind"),
-    option("--seed", type=whole, default=0, help="of photons, noise and faults"),
-    option("--serial", default="EMULATED", help="the camera's serial number"),
-    option("--link", type=Path, help="symbolic link to keep to the terminal"),
-    *(
-        option(f"--{name.replace('_', '-')}", type=finite, help=text)
-        for name, text in _FAULTS.items()
-    ),
+    option("--step-s", "how long each of steps lasts (s, default: 5)", type=finite, default=5.0),
+    option("--speed", "of the plate (mm/s, default: 5)", type=finite, default=5.0),
+    option("--lux", "of a dataset: light level (lux)", type=finite),
+    option("--sensor", "preset or YAML file (default: spadcam)", default="spadcam"),
+    option("--device-seed", "which device of this kind", type=whole),
+    option("--seed", "of photons, noise and faults", type=whole, default=0),
+    option("--serial", "the camera's serial number", default="EMULATED"),
+    option("--link", "symbolic link to keep to the terminal", type=Path),
+    *(option(f"--{name.replace('_', '-')}", text, type=finite) for name, text in _FAULTS.items()),
 )
 def _emulate(options: Namespace) -> None:
     from megalopta.camera.emulated import EmulatedCamera

@@ -5,7 +5,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from megalopta.cli.command import CLUSTER, DATASET, option, out, verb
+from megalopta.cli.command import CLUSTER, DATASET, option, out, switch, verb
 from megalopta.config.built_in import built_in_names
 from megalopta.core.errors import UserError
 
@@ -41,13 +41,13 @@ _QUICK = {
 """Settings of --quick: everything once, small and noisy"""
 _QUICKLY_RANKED = {"methods": "[BM, DIS, PF]", "fluxes": "[1e5, 1e7]", "camera_pairs": "0"}
 
-REDO = option("--redo", action="store_true", help="replace output of another configuration")
+REDO = switch("--redo", "replace output of another configuration")
 _FROM_CONFIGURATION = (
     REDO,
     option(
         "configuration",
+        f"YAML file, or one of {', '.join(built_in_names())} (default: demo)",
         nargs="?",
-        help=f"YAML file, or one of {', '.join(built_in_names())} (default: demo)",
     ),
     out("out/demo", "dataset folder"),
 )
@@ -67,10 +67,9 @@ def settings_of_stage(stage: str, *others: "BaseModel") -> "Settings":
     "render",
     "render a scene to spectral-radiance EXRs with exact ground truth",
     *_FROM_CONFIGURATION,
-    option(
+    switch(
         "--dry-run",
-        action="store_true",
-        help="tell size, time, memory and integrator from a short measurement, and render nothing",
+        "tell size, time, memory and integrator from a short measurement, and render nothing",
     ),
     settings=partial(settings_of_stage, "render"),
 )
@@ -96,7 +95,7 @@ def _render(options: Namespace) -> None:
     "demo",
     "do everything: render, sense, flow, benchmark and a report to open in a browser",
     *_FROM_CONFIGURATION,
-    option("--quick", action="store_true", help="a small and noisy form of it, in about a minute"),
+    switch("--quick", "a small and noisy form of it, in about a minute"),
     settings=partial(settings_of_stage, "demo"),
 )
 def _demo(options: Namespace) -> None:

@@ -134,12 +134,8 @@ class Plan(Record, frozen=True):
 def load_plan(path: Path, overrides: Mapping[str, str] | None = None) -> Plan:
     """Read a plan from a YAML file, or from a dataset's folder, and apply settings.
 
-    Paths in a plan are relative to the folder that the program runs in.
-
-    Raises
-    ------
-    UserError
-        When it is none, or a sequence of its entries cannot be made.
+    Paths in a plan are relative to the folder that the program runs in. Raises UserError when it is
+    none, or a sequence of its entries cannot be made.
     """
     path = path / "dataset.yaml" if path.is_dir() else path
     values = mapping(read_text(path, "plan; give a YAML file"), str(path))

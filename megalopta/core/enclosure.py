@@ -19,12 +19,8 @@ _METADATA = "zarr.json"
 def check_enclosed(root: Path) -> None:
     """Refuse a folder in which anything leads out of it, or is neither a file nor a folder.
 
-    It takes about a tenth of a second for 100,000 files; without a folder nothing is done.
-
-    Raises
-    ------
-    UserError
-        With the first such thing, and the way out.
+    It takes about a tenth of a second for 100,000 files; without a folder nothing is done. Raises
+    UserError, with the first such thing, and the way out.
     """
     real = Path(os.path.realpath(root))
     for entry in _entries(root):

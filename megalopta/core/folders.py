@@ -31,10 +31,7 @@ def cache_folder(chosen: Path | None = None) -> Path:
 def ensure_directory(path: Path) -> Path:
     """Make a folder, unless it is there, before anything is computed for it.
 
-    Raises
-    ------
-    UserError
-        When there is a file of this name on the way, or the folder cannot be made.
+    Raises UserError when there is a file of this name on the way, or the folder cannot be made.
     """
     try:
         path.mkdir(parents=True, exist_ok=True)
@@ -51,12 +48,8 @@ def ensure_directory(path: Path) -> Path:
 def locked(folder: Path) -> Iterator[None]:
     """Keep other processes out of a folder, which is made if it is not there.
 
-    Who comes second is told who is inside, and waits.
-
-    Raises
-    ------
-    UserError
-        When the folder cannot be made or written to, or the lock's file is something else.
+    Who comes second is told who is inside, and waits. Raises UserError when the folder cannot be
+    made or written to, or the lock's file is something else.
     """
     path = ensure_directory(folder) / LOCK_NAME
     _check_lock(path)

@@ -103,10 +103,7 @@ class OpenedDataset:
 def open_dataset(root: str | Path) -> OpenedDataset:
     """Open a dataset, of one sequence or of many; nothing is read yet.
 
-    Raises
-    ------
-    UserError
-        When there is none.
+    Raises UserError when there is none.
     """
     return OpenedDataset(Path(root))
 

@@ -49,10 +49,7 @@ class Move(NamedTuple):
     def complete(self, is_output: Callable[[str], bool]) -> None:
         """Move what is announced, remove what goes; what was moved before is left.
 
-        Raises
-        ------
-        UserError
-            When something listed is no output of this dataset.
+        Raises UserError when something listed is no output of this dataset.
         """
         source, target = self.last
         if not source.exists():

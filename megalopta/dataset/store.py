@@ -176,11 +176,8 @@ class Dataset:
 def open_sequence(root: Path) -> Dataset:
     """Open an existing dataset with the configuration it was made from; nothing is changed.
 
-    Raises
-    ------
-    UserError
-        When there is none, when it is damaged or leads out of its folder, and when new output is on
-        its way to its place.
+    Raises UserError when there is none, when it is damaged or leads out of its folder, and when new
+    output is on its way to its place.
     """
     if os.path.lexists(root / "dataset.yaml"):  # elsewhere there may be much to walk
         check_enclosed(root)

@@ -221,10 +221,7 @@ def croissant(root: Path, plan: Plan) -> dict[str, Any]:
 def table_path(root: Path, name: str) -> Path:
     """Return where a table of the index lies, after comparing it with its description.
 
-    Raises
-    ------
-    UserError
-        When the table or the description is missing, damaged or not as it was written.
+    Raises UserError when the table or the description is missing, damaged or not as it was written.
     """
     described, path = root / "croissant.json", root / "index" / f"{name}.parquet"
     again = f"run: megalopta dataset make {root} --out {root}"

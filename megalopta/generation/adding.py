@@ -73,10 +73,8 @@ def add_to_all(
 ) -> Tree:
     """Add to every finished sequence, after checking all, and write the index anew.
 
-    Raises
-    ------
-    UserError
-        When there is no dataset of many sequences, and when a check or a sequence fails.
+    Raises UserError when there is no dataset of many sequences, and when a check or a sequence
+    fails.
     """
     tree = Tree(root.absolute())
     with at_work(tree, tree.plan(), keep_added=True) as problems:
@@ -194,13 +192,8 @@ def measure(
 ) -> Tree:
     """Run a stage on every finished sequence on which it is not finished.
 
-    What another version of the program measured is measured again.
-
-    Raises
-    ------
-    UserError
-        When a setting concerns an earlier stage, or the stage was run with others and is not to be
-        run again.
+    What another version of the program measured is measured again. Raises UserError when a setting
+    concerns an earlier stage, or the stage was run with others and is not to be run again.
     """
     title = f"Measuring sequences ({stage})"
     return add_to_all(root, _Measured(stage, overrides, redo), title, workers, scheduler)
@@ -297,12 +290,8 @@ def expose(
 ) -> Tree:
     """Expose what is not there yet, on every finished sequence.
 
-    What is wanted may be settings of the command line, too.
-
-    Raises
-    ------
-    UserError
-        When there is no dataset, or a sensor cannot expose a sequence.
+    What is wanted may be settings of the command line, too. Raises UserError when there is no
+    dataset, or a sensor cannot expose a sequence.
     """
     if not isinstance(wanted, Exposing):
         wanted = validated(Exposing, {}, "dataset expose", wanted)

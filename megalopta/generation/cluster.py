@@ -25,10 +25,7 @@ _AHEAD = 2
 def by_cluster(scheduler: str, job: Job, indices: Iterable[int]) -> Generator[Outcome, None, None]:
     """Do a job for every index by the workers of a scheduler, and yield how each ended.
 
-    Raises
-    ------
-    UserError
-        As `connected`.
+    Raises UserError, as `connected`.
     """
     from distributed import wait  # slow to load
 
@@ -66,10 +63,8 @@ def environment() -> Mapping[str, str]:
 def connected(scheduler: str) -> Iterator["Client"]:
     """Give a client of a cluster.
 
-    Raises
-    ------
-    UserError
-        When no cluster is to be found there, or one of its workers has another environment.
+    Raises UserError when no cluster is to be found there, or one of its workers has another
+    environment.
     """
     from distributed import Client  # slow to load
 

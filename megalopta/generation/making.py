@@ -146,10 +146,7 @@ def _missing(tree: Tree, indices: Iterable[int]) -> list[int]:
 def whole_plan(tree: Tree, plan: Plan) -> Plan:
     """The plan of a folder: this one, with as many sequences as were ever asked for.
 
-    Raises
-    ------
-    UserError
-        For a folder of something else, and one whose sequences another plan made.
+    Raises UserError for a folder of something else, and one whose sequences another plan made.
     """
     root = tree.root
     if not (root / "dataset.yaml").exists():

@@ -37,10 +37,7 @@ _THREADS_ELSEWHERE = {"OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1", "OPENBLAS_
 def by_workers(job: Job, indices: Iterable[int], count: int) -> Generator[Outcome, None, None]:
     """Do a job for every index by so many processes, and yield how each ended.
 
-    Raises
-    ------
-    UserError
-        When processes end as soon as they start.
+    Raises UserError when processes end as soon as they start.
     """
     crew = _Crew(job, indices, count)
     try:
@@ -119,10 +116,7 @@ class _Crew:
     def _begun(self, place: int) -> subprocess.Popen[bytes]:
         """Start a worker and wait until it is ready.
 
-        Raises
-        ------
-        _WorkerDiedError
-            When no more are wanted, or none ever starts.
+        Raises _WorkerDiedError when no more are wanted, or none ever starts.
         """
         while self._failures < _START_FAILURES:
             worker = self._started(place)

@@ -26,10 +26,8 @@ from megalopta.stages.registry import (
 class Ledger:
     """Bookkeeping of one sequence, whose record is read once.
 
-    Raises
-    ------
-    UserError
-        When the record is damaged, or names a file that no stage of this dataset writes.
+    Raises UserError when the record is damaged, or names a file that no stage of this dataset
+    writes.
     """
 
     def __init__(self, dataset: Dataset) -> None:

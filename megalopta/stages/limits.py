@@ -26,10 +26,7 @@ _REMEDIES = {
 def refuse_absurd(settings: Configuration, stage: str, root: Path) -> None:
     """Refuse a stage that exceeds this machine, before anything is built.
 
-    Raises
-    ------
-    UserError
-        With what it would take, what there is, and the settings to lower.
+    Raises UserError, with what it would take, what there is, and the settings to lower.
     """
     camera, (memory, disk) = settings.camera, needed_bytes(settings, stage)
     for needed, most, clause in (

@@ -60,10 +60,7 @@ def publish(old: Dataset, new: Dataset, stages: Sequence[str], doomed: Sequence[
 def complete_redo(root: Path) -> None:
     """Complete the move of a dataset's new output where it was begun; the caller has locked it.
 
-    Raises
-    ------
-    UserError
-        When what is to move or to go is no output of this dataset.
+    Raises UserError when what is to move or to go is no output of this dataset.
     """
     move = _move(root)
     if move.is_announced:

@@ -38,10 +38,7 @@ def burst_frames(settings: Configuration) -> int:
 def check_timing(settings: Configuration) -> None:
     """Refuse exposures, moving light, bursts and free-running arrays that do not fit into frames.
 
-    Raises
-    ------
-    ValueError
-        With one sentence that names the setting, or the sensor.
+    Raises ValueError, with one sentence that names the setting, or the sensor.
     """
     _check_sub_frames(settings)
     rate_hz = settings.trajectory.frame_rate_hz
