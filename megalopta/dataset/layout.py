@@ -28,8 +28,8 @@ from pathlib import Path
 
 from megalopta.config.recipe import Plan
 from megalopta.core import bounded, files
-from megalopta.core.enclosure import check_enclosed
 from megalopta.core.errors import UserError
+from megalopta.core.folders import check_enclosed
 from megalopta.dataset.record import SequenceRecord, read_lone_record, read_record, settings_of
 from megalopta.dataset.store import Dataset, file_hash, open_sequence, read_header, write_header
 

@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from megalopta.core import bounded, files
-from megalopta.core.enclosure import check_no_links
 from megalopta.core.errors import UserError
+from megalopta.core.folders import check_no_links
 
 PLAN, REQUEST = "publish.json", "request.json"
 

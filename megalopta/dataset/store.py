@@ -27,9 +27,8 @@ from megalopta import __version__
 from megalopta.config.model import Configuration, LightLevel, level_text
 from megalopta.config.validation import one_sentence
 from megalopta.core import bounded, files, strict_yaml
-from megalopta.core.enclosure import check_enclosed
 from megalopta.core.errors import UserError
-from megalopta.core.folders import LOCK_NAME
+from megalopta.core.folders import LOCK_NAME, check_enclosed
 from megalopta.core.format_numbers import check_format, written
 from megalopta.dataset.publishing import PLAN
 from megalopta.sensor import ImageSensor

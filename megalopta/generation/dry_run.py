@@ -94,14 +94,10 @@ def _foreseen(drawn: Sequence[Configuration], finish: Finish) -> list[Foreseen]:
     probes = _measured(groups, finish)
     costs: list[Foreseen] = []
     compiled: set[_Group] = set()
-    grown = {getattr(members[0].scene, "seed", 0) for members in groups.values()}
     for each in drawn:
-        group, seed = _group(each), getattr(each.scene, "seed", 0)
-        costs.append(
-            foresee(Scale.of(each), probes[group], group not in compiled, seed not in grown)
-        )
+        group = _group(each)
+        costs.append(foresee(Scale.of(each), probes[group], group not in compiled))
         compiled.add(group)
-        grown.add(seed)
     return costs
 
 
@@ -133,23 +129,25 @@ def _of_largest(members: Sequence[Configuration], finish: Finish) -> Probe:
     """Measure the largest image of a group, with few things if these differ or are many."""
     things = [Scale.of(each).things for each in members]
     few = max(things) if max(things) == min(things) <= _BUILT else min(*things, _FEW)
-    return _probed(max(members, key=lambda each: Scale.of(each).samples), few, finish)
+    shares_plants = len({getattr(each.scene, "seed", 0) for each in members}) == 1
+    largest = max(members, key=lambda each: Scale.of(each).samples)
+    return _probed(largest, few, finish, shares_plants)
 
 
-def _probed(settings: Configuration, things: int, finish: Finish) -> Probe:
+def _probed(settings: Configuration, things: int, finish: Finish, shares_plants: bool) -> Probe:
     """A probe of a sequence; one that took little is made again, now that all is loaded."""
     start = time.process_time()
     camera, scene = settings.camera, settings.scene
     counts = "".join(f"{min(n, things)} {name}, " for name, n in scene.counts.items())
     with _told_step(f"measuring {scene.kind}, {counts}{camera.width} × {camera.height} px"):
         try:
-            found = probe(settings, things, finish)
+            found = probe(settings, things, finish, shares_plants)
         except UserError:  # few trees do not surround a long path
             if things >= Scale.of(settings).things:
                 raise
-            return _probed(settings, 4 * things, finish)
+            return _probed(settings, 4 * things, finish, shares_plants)
         if time.process_time() - start < _SOON_S:
-            found = probe(settings, things, finish)
+            found = probe(settings, things, finish, shares_plants)
     return found
 
 

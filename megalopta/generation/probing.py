@@ -89,10 +89,8 @@ class Probe:
     """What a short piece of a sequence took."""
 
     scale: Scale
-    growing: Time
-    """Growing plants, which all scenes of a seed share."""
     setup: Time
-    """Building and loading the scene of grown plants."""
+    """Building and loading the scene; its plants are grown before if others share them."""
     compiling: Time
     """What the first frame takes beyond others; what it compiles is kept."""
     once: Time
@@ -115,37 +113,30 @@ class Foreseen:
     """Whether it is the most that they take."""
 
 
-def probe(settings: Configuration, things: int, finish: Finish) -> Probe:
+def probe(settings: Configuration, things: int, finish: Finish, shares_plants: bool) -> Probe:
     """Measure two frames of a strip, of a scene with at most so many things, and what follows."""
     whole = _small(settings, things)
     path = whole.trajectory.model_copy(update={"frames": min(whole.trajectory.frames, _FRAMES)})
     short = whole.model_copy(update={"trajectory": path})
     with probe_folder() as folder, silent():
         dataset = Dataset(folder, short)
-        with times_of_steps() as grown, step("growing"):
+        if shares_plants:
             build(whole)
         with times_of_steps() as first:
             writer = FrameWriter(dataset, whole)
             writer.write(0)
-        growing = np.maximum(_time(grown, "growing") - _time(first, "building the scene"), 0)
         with times_of_steps() as steps:
             with step("frame"):
                 writer.write(path.frames - 1)
             with step("files"):
                 write_previews(dataset)
                 finish(dataset)
-        return _probe(short, dataset, growing, first, steps)
+        return _probe(dataset, first, steps)
 
 
-def _probe(
-    settings: Configuration,
-    dataset: Dataset,
-    growing: Time,
-    first: Mapping[str, Spent],
-    steps: Mapping[str, Spent],
-) -> Probe:
+def _probe(dataset: Dataset, first: Mapping[str, Spent], steps: Mapping[str, Spent]) -> Probe:
     """Put together what the first frame took, with all before it, and another that is warm."""
-    scale, once = Scale.of(settings), _time(first, *_ONCE)
+    scale, once = Scale.of(dataset.configuration), _time(first, *_ONCE)
     passes = 2 if scale.frames == 1 and scale.passes == 2 else 1
     radiance = _time(steps, "rendering radiance") / passes
     beyond = _time(first, "rendering radiance") - 2 * radiance
@@ -153,7 +144,6 @@ def _probe(
     fixed, of_frames = _bytes(dataset.root)
     return Probe(
         scale,
-        growing,
         setup=_time(first, *_SETUP) - once,
         compiling=np.maximum(beyond, 0),
         once=once,
@@ -164,12 +154,11 @@ def _probe(
     )
 
 
-def foresee(scale: Scale, like: Probe, is_first: bool = True, grows: bool = False) -> Foreseen:
+def foresee(scale: Scale, like: Probe, is_first: bool = True) -> Foreseen:
     """Return what a sequence takes, in proportion to a probe of its like.
 
     If it is the first of its like it compiles what measures the light on the ground, the canopy and
-    what paths leave out, which takes as long as what the probe compiled of frames. If it `grows` it
-    is the first with plants of its seed.
+    what paths leave out, which takes as long as what the probe compiled of frames.
     """
     pixels = scale.pixels / like.scale.pixels
     samples = scale.most * scale.passes * scale.samples + scale.closing
@@ -178,7 +167,6 @@ def foresee(scale: Scale, like: Probe, is_first: bool = True, grows: bool = Fals
         + like.once * pixels
         + like.radiance * (samples / like.scale.samples)
         + like.rest * (scale.frames * pixels)
-        + like.growing * grows
         + like.compiling * (is_first and scale.closing > 0)
     )
     bytes_ = like.fixed_bytes + scale.frames * pixels * like.frame_bytes

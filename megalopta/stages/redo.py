@@ -12,8 +12,7 @@ from pathlib import Path
 
 from megalopta.config.model import Configuration
 from megalopta.core import files
-from megalopta.core.enclosure import check_enclosed
-from megalopta.core.folders import locked
+from megalopta.core.folders import check_enclosed, locked
 from megalopta.dataset.publishing import REQUEST, Move, read_request
 from megalopta.dataset.store import (
     REDO_FOLDER,

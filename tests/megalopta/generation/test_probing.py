@@ -1,4 +1,4 @@
-"""What is told of a sequence from two probes, and that nothing is left of a probe."""
+"""What is told of a sequence from a probe, and that nothing is left of a probe."""
 
 import numpy as np
 import pytest
@@ -9,7 +9,6 @@ from megalopta.generation.probing import Probe, Scale, foresee, probe, probe_fol
 
 SMALL = Probe(
     scale=Scale(60, 700.0, 1100, 1100.0, 2, 3, 0, 1.0),
-    growing=np.full(2, 12.0),
     setup=np.full(2, 7.0),
     compiling=np.full(2, 5.0),
     once=np.full(2, 2.0),
@@ -30,12 +29,9 @@ def test_a_sequence_takes_in_proportion_to_a_probe():
     assert not told.most
 
 
-def test_only_the_first_compiles_and_only_the_first_of_a_seed_grows_plants():
-    first, later, growing = (
-        foresee(LARGE, SMALL, *which).time for which in ((), (False,), (False, True))
-    )
+def test_only_the_first_compiles():
+    first, later = (foresee(LARGE, SMALL, is_first).time for is_first in (True, False))
     np.testing.assert_allclose(first - later, 5)
-    np.testing.assert_allclose(growing - later, 12)
 
 
 def test_where_auto_may_bake_the_time_told_is_the_most():
@@ -49,7 +45,7 @@ def test_where_auto_may_bake_the_time_told_is_the_most():
 def test_a_probe_renders_a_strip_of_few_frames_and_leaves_nothing(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     sizes = {"camera.width": "64", "camera.height": "2000", "render.samples_per_pixel": "4"}
-    found = probe(load("grating", sizes), 0, lambda _dataset: None)
+    found = probe(load("grating", sizes), 0, lambda _dataset: None, True)
     assert found.scale.frames == 2
     assert found.scale.pixels < 64 * 300
     assert found.radiance[0] > 0
