@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from megalopta.cli.command import CLUSTER, DATASET, option, out, switch, verb
-from megalopta.config.built_in import built_in_names
+from megalopta.config import built_in_names
 from megalopta.core.errors import UserError
 
 if TYPE_CHECKING:

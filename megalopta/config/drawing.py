@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from itertools import product
 from typing import Any
 
-from megalopta.config.built_in import built_in_text
+from megalopta.config import built_in_text
 from megalopta.config.model import Configuration
 from megalopta.config.ranges import (
     Stream,

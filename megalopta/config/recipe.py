@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, field_validator
 
-from megalopta.config.built_in import built_in_names
+from megalopta.config import built_in_names
 from megalopta.config.ranges import check_ranges
 from megalopta.config.yaml_model import mapping, read_text, validated
 from megalopta.core.bounded import quoted

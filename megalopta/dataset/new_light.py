@@ -12,7 +12,7 @@ from megalopta.config.yaml_model import validated
 from megalopta.core.errors import UserError
 from megalopta.dataset.lazy import LazyFrames
 from megalopta.dataset.store import Dataset, exposure_name
-from megalopta.sensor import ImageSensor, merged
+from megalopta.sensor import merged
 
 
 def drawn_counts(
@@ -23,11 +23,11 @@ def drawn_counts(
     repeat: int,
     changes: Mapping[str, Any],
 ) -> LazyFrames:
-    """Readings (T, H, W) of a sensor, each frame drawn when it is asked for."""
+    """Readings (T, H, W) of a sensor, each frame drawn when it is asked for. Raises UserError."""
     settings = dataset.configuration
     chosen = level if level is not None else settings.light.resolved().illuminance_lux
-    device = repeated_name(sensor_of(settings, sensor, changes), repeat)
-    exposed = with_exposure(settings, device, chosen)
+    exposed = _exposed(settings, sensor, changes, chosen)
+    device = repeated_name(exposed.sensors[0], repeat)
     if not gain > 0:
         raise UserError(f"gain {gain!r}: give a number above 0")
 
@@ -58,19 +58,13 @@ def drawn_counts(
     return LazyFrames(shape, dtype, f"{device.unit} per exposure", ("frame", "row", "column"), read)
 
 
-def sensor_of(settings: Configuration, sensor: Any, changes: Mapping[str, Any]) -> ImageSensor:
-    """Sensor of a preset's name, fields or a sensor, with changes. Raises UserError."""
+def _exposed(
+    settings: Configuration, sensor: Any, changes: Mapping[str, Any], level: LightLevel
+) -> Configuration:
+    """The configuration with one sensor, a preset's name, fields or a sensor, at one level."""
     if hasattr(sensor, "model_dump"):
-        fields: dict[str, Any] = sensor.model_dump(mode="json")
-    else:
-        fields = {"preset": sensor} if isinstance(sensor, str) else dict(sensor)
-    values = settings.model_dump(mode="json", exclude={"sensors"})
-    changed = merged(fields, changes)
-    return validated(Configuration, {**values, "sensors": [changed]}, "expose").sensors[0]
-
-
-def with_exposure(settings: Configuration, sensor: ImageSensor, level: LightLevel) -> Configuration:
-    """The configuration with one sensor at one level. Raises UserError."""
+        sensor = sensor.model_dump(mode="json")
+    fields = {"preset": sensor} if isinstance(sensor, str) else dict(sensor)
     values = settings.model_dump(mode="json", exclude={"sensors", "light_levels"})
-    values |= {"sensors": [sensor.model_dump(mode="json")], "light_levels": [level]}
+    values |= {"sensors": [merged(fields, changes)], "light_levels": [level]}
     return validated(Configuration, values, "expose")

@@ -10,7 +10,8 @@ from megalopta.core.errors import UserError
 from megalopta.dataset.index import read_lists
 from megalopta.dataset.layout import Tree
 from megalopta.dataset.pairs import FlowPairs, TensorPairs
-from megalopta.dataset.sequence import Sequence, stored_exposures
+from megalopta.dataset.sequence import Sequence
+from megalopta.dataset.store import exposure_name
 
 _KEPT = 64
 
@@ -96,7 +97,8 @@ class OpenedDataset:
         record, dataset = self._tree.opened(name)
         units = {each.name: each.unit for each in record.exposures}
         if self._tree.lone:
-            units = stored_exposures(dataset.configuration)
+            pairs = dataset.configuration.exposures
+            units = {exposure_name(*pair): pair[0].unit for pair in pairs}
         return Sequence(dataset, record.split, units)
 
 

@@ -1,7 +1,7 @@
 """One sequence of a dataset: its light, its counts, its motion."""
 
-from collections.abc import Mapping
-from functools import cached_property, lru_cache
+from collections.abc import Callable, Mapping
+from functools import cached_property, lru_cache, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,7 +11,7 @@ from megalopta.config.model import Configuration, LightLevel
 from megalopta.core.errors import UserError
 from megalopta.dataset.lazy import LazyFrames, frame_by_frame, labeled
 from megalopta.dataset.new_light import drawn_counts
-from megalopta.dataset.store import Dataset, exposure_name
+from megalopta.dataset.store import Dataset
 
 if TYPE_CHECKING:
     import xarray
@@ -86,14 +86,8 @@ class Sequence:
         """Spectral radiance (T, H, W, B), W·m⁻²·sr⁻¹·nm⁻¹, as the shutter took it."""
         from megalopta.dataset.frames import read_radiance_frame
 
-        shape = (len(self), *self.shape, len(self.bands_nm))
-        return LazyFrames(
-            shape,
-            np.dtype(np.float32),
-            "W·m⁻²·sr⁻¹·nm⁻¹",
-            ("frame", "row", "column", "band"),
-            frame_by_frame(lambda index: read_radiance_frame(self.dataset, index)),
-        )
+        read = partial(read_radiance_frame, self.dataset)
+        return self._by_frame(read, "W·m⁻²·sr⁻¹·nm⁻¹", band=len(self.bands_nm))
 
     @property
     def exposures(self) -> tuple[str, ...]:
@@ -150,10 +144,7 @@ class Sequence:
         **changes
             Fields of the sensor, such as exposure_s=1e-3.
 
-        Raises
-        ------
-        UserError
-            When there is no such sensor or level.
+        Raises UserError when there is no such sensor or level.
         """
         return drawn_counts(self.dataset, sensor, level, gain, repeat, changes)
 
@@ -176,17 +167,17 @@ class Sequence:
     @property
     def depth(self) -> LazyFrames:
         """Depth (T, H, W), m: along the optical axis, of a panorama along the ray; sky inf."""
-        return self._of_truth("depth", np.float32, "m")
+        return self._by_frame(lambda index: self._truth.frame(index).depth, "m")
 
     @property
     def normals(self) -> LazyFrames:
         """Surface normals (T, H, W, 3), world axes, toward the camera; NaN for the sky."""
-        return self._of_truth("normal", np.float32, "1", (3,), ("axis",))
+        return self._by_frame(lambda index: self._truth.frame(index).normal, "1", axis=3)
 
     @property
     def object_ids(self) -> LazyFrames:
         """Number of the object (T, H, W); 0 is the sky."""
-        return self._of_truth("object_id", np.uint32, "1")
+        return self._by_frame(lambda index: self._truth.frame(index).object_id, "1", np.uint32)
 
     def to_xarray(self, *exposures: str) -> "xarray.Dataset":
         """All of it as a lazy xarray.Dataset, with units; counts of all exposures by default.
@@ -195,21 +186,16 @@ class Sequence:
         """
         return labeled(self, exposures or self.exposures)
 
-    def _of_truth(
+    def _by_frame(
         self,
-        field: str,
-        dtype: type[np.generic],
+        read: Callable[[int], NDArray[Any]],
         unit: str,
-        more: tuple[int, ...] = (),
-        names: tuple[str, ...] = (),
+        dtype: type[np.generic] = np.float32,
+        **more: int,
     ) -> LazyFrames:
-        return LazyFrames(
-            (len(self), *self.shape, *more),
-            np.dtype(dtype),
-            unit,
-            ("frame", "row", "column", *names),
-            frame_by_frame(lambda index: getattr(self._truth.frame(index), field)),
-        )
+        """Frames (H, W, more axes by name), each read by its number."""
+        shape, names = (len(self), *self.shape, *more.values()), ("frame", "row", "column", *more)
+        return LazyFrames(shape, np.dtype(dtype), unit, names, frame_by_frame(read))
 
     @cached_property
     def _truth(self) -> "TruthReader":
@@ -244,19 +230,5 @@ class Sequence:
             self.dataset.compare_chunks(stored.path / quantity, sorted(chunks))
             return stored[numbers]
 
-        return LazyFrames(
-            stored.shape,
-            np.dtype(stored.array.dtype),
-            str(stored.array.attrs["unit"]),
-            ("frame", "row", "column"),
-            read,
-        )
-
-
-def stored_exposures(configuration: Configuration) -> dict[str, str]:
-    """Units of readings by the names of a configuration's exposures."""
-    return {
-        exposure_name(sensor, level): sensor.unit
-        for sensor in configuration.sensors
-        for level in configuration.light_levels
-    }
+        dtype, unit = np.dtype(stored.array.dtype), str(stored.array.attrs["unit"])
+        return LazyFrames(stored.shape, dtype, unit, ("frame", "row", "column"), read)

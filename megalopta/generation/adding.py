@@ -9,7 +9,6 @@ from collections.abc import Collection, Mapping
 from contextlib import closing
 from dataclasses import dataclass
 from functools import partial
-from itertools import product
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -251,7 +250,7 @@ class _Exposed(Addition):
         """Raise UserError for a name that is taken by other settings."""
         there, settings, known = tree.dataset(record), self.settings(tree, record), _known(record)
         missing = []
-        for sensor, level in product(settings.sensors, settings.light_levels):
+        for sensor, level in settings.exposures:
             path = there.counts(sensor, level)
             if path.stem not in known:
                 missing.append(path.stem)

@@ -46,7 +46,9 @@ from megalopta.stages.timing import burst_frames, check_timing, next_frames
 def sense(dataset: Dataset) -> None:
     """Expose what is not there yet: every frame is read once, for all sensors at all levels."""
     missing = [
-        (*pair, products) for pair in exposures(dataset) if (products := _missing(dataset, *pair))
+        (*pair, products)
+        for pair in dataset.configuration.exposures
+        if (products := _missing(dataset, *pair))
     ]
     _warn_of_noise(dataset)
     frames = dataset.configuration.trajectory.frames if missing else 0
@@ -174,18 +176,12 @@ def _warn_of_noise(dataset: Dataset) -> None:
     if "covariance" not in noise:
         return
     shares = {}
-    for sensor, level in exposures(dataset):
+    for sensor, level in settings.exposures:
         with _refusals_told(sensor, level):
             share = noise_share(noise, settings, sensor, light_scale(settings, level))
         shares[f"{sensor.name} at {level_text(level)}"] = share
     if warning := noise_warning(noise, settings, shares):
         say(f"sense: {warning}")
-
-
-def exposures(dataset: Dataset) -> list[tuple[ImageSensor, LightLevel]]:
-    """Every sensor at every light level."""
-    settings = dataset.configuration
-    return [(sensor, level) for sensor in settings.sensors for level in settings.light_levels]
 
 
 def open_exposure(dataset: Dataset, sensor: ImageSensor, level: LightLevel) -> OpenedCounts:
