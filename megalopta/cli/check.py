@@ -21,21 +21,18 @@ from megalopta.verification import GROUPS
         nargs="*",
         metavar="FOLDER or GROUP",
     ),
-    option("--plots", "folder for pictures of the counting laws", type=Path),
 )
 def _check(options: Namespace) -> None:
-    if not _passes(options.what, options.subjects, options.plots):
+    if not _passes(options.what, options.subjects):
         sys.exit(1)
 
 
-def _passes(what: str, subjects: list[str], plots: Path | None) -> bool:
+def _passes(what: str, subjects: list[str]) -> bool:
     from megalopta.dataset.store import open_sequence
     from megalopta.verification import files, panoramas, physics, truth
 
     if what == "physics":
-        return physics.run_check_physics(subjects, plots)
-    if plots is not None:
-        raise UserError(f"check {what}: draws no pictures; leave --plots out")
+        return physics.run_check_physics(subjects)
     if len(subjects) > 1:
         raise UserError(f"check {what}: got {' '.join(subjects)}; give one folder")
     folder = Path(subjects[0]) if subjects else None

@@ -7,11 +7,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from megalopta.config.drawing import repeated_name
 from megalopta.config.model import Configuration, LightLevel
+from megalopta.config.yaml_model import validated
 from megalopta.core.errors import UserError
 from megalopta.dataset.lazy import LazyFrames, frame_by_frame, labeled
-from megalopta.dataset.new_light import drawn_counts
-from megalopta.dataset.store import Dataset
+from megalopta.dataset.store import Dataset, exposure_name
+from megalopta.sensor import merged
 
 if TYPE_CHECKING:
     import xarray
@@ -131,6 +133,8 @@ class Sequence:
     ) -> LazyFrames:
         """What any sensor would read of this light (T, H, W), drawn when it is asked for.
 
+        Raises UserError when there is no such sensor or level.
+
         Parameters
         ----------
         sensor
@@ -143,10 +147,34 @@ class Sequence:
             Another number draws other noise, independent of it; the device is the same.
         **changes
             Fields of the sensor, such as exposure_s=1e-3.
-
-        Raises UserError when there is no such sensor or level.
         """
-        return drawn_counts(self.dataset, sensor, level, gain, repeat, changes)
+        from megalopta.config.light_scale import light_scale
+        from megalopta.dataset.frames import read_radiance_frame
+        from megalopta.sensor.formats.shot import Shot
+
+        settings = self.configuration
+        chosen = level if level is not None else settings.light.resolved().illuminance_lux
+        exposed = _exposed(settings, sensor, changes, chosen)
+        device = repeated_name(exposed.sensors[0], repeat)
+        if not gain > 0:
+            raise UserError(f"gain {gain!r}: give a number above 0")
+        scale = (light_scale(exposed, chosen) * gain).astype(np.float32)
+        name = f"{self.name}/{exposure_name(device, chosen)}"
+
+        def read(number: int) -> NDArray[Any]:
+            shot = Shot(
+                radiance=read_radiance_frame(self.dataset, number)[np.newaxis] * scale,
+                bands_nm=settings.render.bands_nm,
+                sensor=device,
+                seed=settings.seed,
+                sequence=f"{name}/gain {gain!r}" if gain != 1 else name,
+                first_frame=number,
+                frame_period_s=1 / settings.trajectory.frame_rate_hz,
+            )
+            return np.asarray(shot.exposure.counts[0])
+
+        dtype = np.float32 if device.unit == "electrons" else np.uint32
+        return self._by_frame(read, f"{device.unit} per exposure", dtype)
 
     def flow(self, first: int, second: int | None = None) -> Float32:
         """Flow (H, W, 2) from a frame to any other, by default the next.
@@ -232,3 +260,15 @@ class Sequence:
 
         dtype, unit = np.dtype(stored.array.dtype), str(stored.array.attrs["unit"])
         return LazyFrames(stored.shape, dtype, unit, ("frame", "row", "column"), read)
+
+
+def _exposed(
+    settings: Configuration, sensor: Any, changes: Mapping[str, Any], level: LightLevel
+) -> Configuration:
+    """The configuration with one sensor, a preset's name, fields or a sensor, at one level."""
+    if hasattr(sensor, "model_dump"):
+        sensor = sensor.model_dump(mode="json")
+    fields = {"preset": sensor} if isinstance(sensor, str) else dict(sensor)
+    values = settings.model_dump(mode="json", exclude={"sensors", "light_levels"})
+    values |= {"sensors": [merged(fields, changes)], "light_levels": [level]}
+    return validated(Configuration, values, "expose")

@@ -8,19 +8,15 @@ the time told is the most that `auto` takes.
 """
 
 import math
-import shutil
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from uuid import uuid4
+from tempfile import TemporaryDirectory
 
 import numpy as np
-from filelock import FileLock, Timeout
 from numpy.typing import NDArray
 
 from megalopta.config.model import Configuration
-from megalopta.core.folders import cache_folder, ensure_directory
 from megalopta.core.progress import (
     Spent,
     silent,
@@ -118,8 +114,8 @@ def probe(settings: Configuration, things: int, finish: Finish, shares_plants: b
     whole = _small(settings, things)
     path = whole.trajectory.model_copy(update={"frames": min(whole.trajectory.frames, _FRAMES)})
     short = whole.model_copy(update={"trajectory": path})
-    with probe_folder() as folder, silent():
-        dataset = Dataset(folder, short)
+    with TemporaryDirectory(prefix="megalopta-probe-") as folder, silent():
+        dataset = Dataset(Path(folder), short)
         if shares_plants:
             build(whole)
         with times_of_steps() as first:
@@ -219,28 +215,3 @@ def _bytes(root: Path) -> tuple[float, float]:
         else:
             grown += size
     return fixed, grown
-
-
-@contextmanager
-def probe_folder() -> Iterator[Path]:
-    """A folder that goes again; those of processes that were killed go with it."""
-    room = ensure_directory(cache_folder() / "probes")
-    for lock in room.glob("*.lock"):
-        _sweep(lock)
-    name = uuid4().hex
-    with FileLock(room / f"{name}.lock"):
-        try:
-            yield room / name
-        finally:
-            shutil.rmtree(room / name, ignore_errors=True)
-            (room / f"{name}.lock").unlink(missing_ok=True)
-
-
-def _sweep(lock: Path) -> None:
-    """Remove a probe's folder, unless its process lives."""
-    try:
-        with FileLock(lock, timeout=0):
-            shutil.rmtree(lock.with_suffix(""), ignore_errors=True)
-            lock.unlink(missing_ok=True)
-    except Timeout:
-        return

@@ -279,10 +279,9 @@ def _simulate(case: Case) -> tuple[Sample, Sample]:
     rng, sensor = generator(1, "brute force", case.term), case.sensor
     parts, levels = case.light.shape
     rates = case.light * parts / sensor.exposure_s
-    layout = case.layout or (1, 1)
     shape = (case.samples, levels) if case.layout else (case.samples * levels, 1)
     maps = {name: np.tile(values, (case.samples, 1)) for name, values in case.maps.items()}
-    pixels = plain_pixels(rng, sensor, shape, maps)
+    pixels = plain_pixels(rng, sensor, shape, maps)._replace(layout=case.layout or (1, 1))
     light = np.tile(rates, (case.samples, 1, 1))  # (samples, parts, levels)
     if not case.layout:
         light = light.transpose(0, 2, 1).reshape(-1, parts, 1)
@@ -291,7 +290,7 @@ def _simulate(case: Case) -> tuple[Sample, Sample]:
     light = light + pixels.dark_hz[:, None]
     frames = {"times": _BINS, "running": _RUN}.get(case.readout, 1)
     exposure_s = sensor.exposure_s / (_BINS if case.readout == "times" else 1)
-    events = brute_force_events(rng, light, exposure_s, sensor, pixels, layout, frames)
+    events = brute_force_events(rng, light, exposure_s, sensor, pixels, frames)
     if not case.layout:
         events = events.reshape(case.samples, levels, frames).transpose(0, 2, 1)
     readings, flags = plain_readings(rng, events.reshape(case.samples, -1), sensor)
