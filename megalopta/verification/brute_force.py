@@ -44,7 +44,8 @@ class PlainPixels(NamedTuple):
     @classmethod
     def alike(cls, shape: tuple[int, int]) -> "PlainPixels":
         """Pixels as the fields of a sensor say, without dark counts."""
-        return cls(np.ones(shape), np.zeros(shape), *(np.ones(shape) for _ in range(3)))
+        one = np.ones(shape)
+        return cls(one, np.zeros(shape), one, one, one)
 
 
 class _Arrays(NamedTuple):
@@ -118,9 +119,8 @@ def brute_force_events(
     made = tau * pixels.dead_time, traps.mean_carriers * pixels.afterpulsing, pixels.crosstalk
     counts = np.zeros((arrays, frames, size), np.int64)
     light = np.ascontiguousarray(rates_hz, np.float64)
-    _simulate(
-        rng, _Arrays(light, *made, _chances(effects.crosstalk, *pixels.layout)), rules, counts
-    )
+    chances = _chances(effects.crosstalk, *pixels.layout)
+    _simulate(rng, _Arrays(light, *made, chances), rules, counts)
     return counts
 
 
@@ -289,7 +289,7 @@ def plain_pixels(
         factor = maps.get(name, _log_normal(rng, 1.0, getattr(sensor, name).mismatch_sigma, shape))
         charge = np.maximum(1 + slope * (now / bias.reference_v - 1), 0.0)
         factors.append(factor * charge)
-    return PlainPixels(efficiency, dark, *factors)
+    return PlainPixels(efficiency, dark, factors[0], factors[1], factors[2])
 
 
 def _drawn_dark_hz(rng: np.random.Generator, sensor: Sensor, shape: tuple[int, int]) -> Floats:
