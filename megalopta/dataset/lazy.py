@@ -22,25 +22,17 @@ Index = int | slice | list[int] | NDArray[np.integer[Any]]
 class LazyFrames:
     """An array (T, …) of which only the frames that are asked for are in memory.
 
-        light[3], light[3:7], light[[0, 5]], light[3:7, 10:20, 10:20], numpy.asarray(light)
-
-    Attributes
-    ----------
-    shape : tuple of int
-    dtype : numpy.dtype
-    unit : str
-        What its numbers are.
-    dimensions : tuple of str
-        Names of its axes.
-    read : callable
-        From the numbers of frames (n,) to an array (n, …).
+    light[3], light[3:7], light[[0, 5]], light[3:7, 10:20, 10:20], numpy.asarray(light)
     """
 
     shape: tuple[int, ...]
     dtype: np.dtype[Any]
     unit: str
+    """What its numbers are"""
     dimensions: tuple[str, ...]
+    """Names of its axes"""
     read: Callable[[list[int]], NDArray[Any]]
+    """From the numbers of frames (n,) to an array (n, …)"""
 
     @property
     def ndim(self) -> int:

@@ -18,24 +18,16 @@ PLAN, REQUEST = "publish.json", "request.json"
 
 
 class Move(NamedTuple):
-    """A move into a dataset.
-
-    Attributes
-    ----------
-    root : Path
-        The dataset.
-    folder : Path
-        Where the list of what moves lies.
-    made : Path
-        What moves, under the names that it has in the dataset.
-    last : tuple of Path
-        What moves last, and where to: as long as it is there, something is left to do.
-    """
+    """A move into a dataset."""
 
     root: Path
+    """The dataset"""
     folder: Path
+    """Where the list of what moves lies"""
     made: Path
+    """What moves, under the names that it has in the dataset"""
     last: tuple[Path, Path]
+    """What moves last, and where to: as long as it is there, something is left to do"""
 
     def announce(self, moves: Iterable[str], goes: Iterable[str] = ()) -> None:
         """List what moves and what goes: all of it is there."""

@@ -50,20 +50,13 @@ class Dataset:
     of counts, opening compares the sizes of all files and the hashes of its descriptions; the
     hashes of its numbers are compared a chunk at a time, as they are read. What nobody reads is not
     compared.
-
-    Attributes
-    ----------
-    root : Path
-        The folder.
-    configuration : Configuration
-        What its content was, or will be, made from.
-    files : mapping
-        Bytes and hash of the files that are compared, by their paths in the dataset.
     """
 
     root: Path
     configuration: Configuration
+    """What its content was, or will be, made from"""
     files: Mapping[str, tuple[int, str]] = field(default_factory=dict, repr=False, compare=False)
+    """Bytes and hash of the files that are compared, by their paths in the dataset"""
     _compared: set[str] = field(default_factory=set, init=False, repr=False, compare=False)
 
     @property
@@ -224,9 +217,18 @@ def existing(root: Path) -> Dataset | None:
     """The dataset in a folder, None where nothing is. Raises UserError for something else."""
     if (root / "dataset.yaml").exists():
         return open_sequence(root)
-    if root.exists() and (not root.is_dir() or {p.name for p in root.iterdir()} - {LOCK_NAME}):
-        raise UserError(f"{root} exists and is no dataset; choose a new folder")
+    refuse_others_folder(root)
     return None
+
+
+def refuse_others_folder(root: Path) -> None:
+    """Refuse what is neither an empty folder nor one in which a dataset was about to begin."""
+
+    def is_others(path: Path) -> bool:
+        return path.name != LOCK_NAME and not files.is_temporary(Path(path.name))
+
+    if root.exists() and (not root.is_dir() or any(map(is_others, root.iterdir()))):
+        raise UserError(f"{root} exists and is no dataset; choose a new folder")
 
 
 def exposure_name(sensor: ImageSensor, level: LightLevel) -> str:

@@ -6,8 +6,7 @@ all others follow in proportion (`probing.py`).
 
 import time
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TypeAlias
@@ -139,7 +138,9 @@ def _probed(settings: Configuration, things: int, finish: Finish, shares_plants:
     start = time.process_time()
     camera, scene = settings.camera, settings.scene
     counts = "".join(f"{min(n, things)} {name}, " for name, n in scene.counts.items())
-    with _told_step(f"measuring {scene.kind}, {counts}{camera.width} × {camera.height} px"):
+    name = f"measuring {scene.kind}, {counts}{camera.width} × {camera.height} px"
+    say(name)
+    with step(name):
         try:
             found = probe(settings, things, finish, shares_plants)
         except UserError:  # few trees do not surround a long path
@@ -149,13 +150,6 @@ def _probed(settings: Configuration, things: int, finish: Finish, shares_plants:
         if time.process_time() - start < _SOON_S:
             found = probe(settings, things, finish, shares_plants)
     return found
-
-
-@contextmanager
-def _told_step(name: str) -> Iterator[None]:
-    say(name)
-    with step(name):
-        yield
 
 
 def _group(settings: Configuration) -> _Group:

@@ -63,22 +63,11 @@ def run_jobs(
 ) -> Generator[Outcome, None, None]:
     """Do a job for every index, in any order, and yield how each ended.
 
-    A worker that dies is replaced, and its job begun again by another.
-
-    Parameters
-    ----------
-    job
-    indices
-    workers : int or None
-        Processes of this machine; None does all in this process.
-    scheduler : str or None
-        Address of a Dask cluster to use instead, such as tcp://host:8786, whose workers see the
-        same files.
-
-    Raises
-    ------
-    UserError
-        When processes cannot be started, no cluster is to be found, or it has other versions.
+    `workers` are processes of this machine, of which one that dies is replaced, and its job begun
+    again by another; `scheduler` is the address of a Dask cluster to use instead, such as
+    tcp://host:8786, whose workers see the same files; without both all is done in this process.
+    Raises UserError when processes cannot be started, no cluster is to be found, or it has other
+    versions.
     """
     if scheduler is not None:
         from megalopta.generation.cluster import by_cluster

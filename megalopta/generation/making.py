@@ -16,14 +16,12 @@ from numpy.typing import NDArray
 from megalopta.config.drawing import check_plan, configuration_of, sequence_name, split_of
 from megalopta.config.model import Configuration, differences
 from megalopta.config.recipe import FlowFile, Plan
-from megalopta.core import files
 from megalopta.core.errors import UserError
-from megalopta.core.folders import LOCK_NAME
 from megalopta.core.format_numbers import written
 from megalopta.core.progress import progress, say
 from megalopta.dataset.layout import Tree
 from megalopta.dataset.record import MADE, SequenceRecord
-from megalopta.dataset.store import Dataset, hashes_of
+from megalopta.dataset.store import Dataset, hashes_of, refuse_others_folder
 from megalopta.flow.flo import read_flo
 from megalopta.flow.formats import write_flo5, write_kitti_png
 from megalopta.generation.jobs import run_jobs
@@ -50,26 +48,12 @@ def make(
     scheduler: str | None = None,
     retry: bool = False,
 ) -> Tree:
-    """Make the sequences of a plan that are not there yet.
+    """Make the sequences of a plan that are not there yet, or `only` some of these.
 
-    Parameters
-    ----------
-    root : Path
-    plan : Plan
-    only : iterable of int or None
-        Sequences to make; by default all of the plan.
-    workers : int or None
-        Processes of this machine; None makes all in this one.
-    scheduler : str or None
-        Address of a Dask cluster to use instead.
-    retry : bool
-        Make only those that failed before.
-
-    Raises
-    ------
-    UserError
-        When the folder holds something else or sequences of another plan, when the machine refuses,
-        such as a full disk, and after all others are made where sequences failed.
+    `workers` are processes of this machine, `scheduler` is the address of a Dask cluster; without
+    both all are made in this process. With `retry` only those are made that failed before. Raises
+    UserError when the folder holds something else or sequences of another plan, when the machine
+    refuses, such as a full disk, and after all others are made where sequences failed.
     """
     tree = Tree(root.absolute())
     for configuration in check_plan(plan):
@@ -150,8 +134,7 @@ def whole_plan(tree: Tree, plan: Plan) -> Plan:
     """
     root = tree.root
     if not (root / "dataset.yaml").exists():
-        if root.exists() and (not root.is_dir() or any(map(_is_a_strangers, root.iterdir()))):
-            raise UserError(f"{root} exists and is no dataset; choose a new folder")
+        refuse_others_folder(root)
         return plan
     former = tree.plan()
     old, new = (each.model_dump(mode="json") for each in (former, plan))
@@ -168,10 +151,6 @@ def whole_plan(tree: Tree, plan: Plan) -> Plan:
                 f"{record.sequence} otherwise now ({'; '.join(changes[:3])}); choose another folder"
             )
     return plan.model_copy(update={"sequences": max(former.sequences, plan.sequences)})
-
-
-def _is_a_strangers(path: Path) -> bool:
-    return path.name != LOCK_NAME and not files.is_temporary(Path(path.name))
 
 
 def _check_same_machinery(tree: Tree) -> None:

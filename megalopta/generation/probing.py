@@ -207,11 +207,6 @@ def _time(steps: Mapping[str, Spent], *names: str) -> Time:
 
 def _bytes(root: Path) -> tuple[float, float]:
     """Bytes of what a sequence has once, and of what grows with its frames."""
-    fixed = grown = 0.0
-    for path in files_in([root]):
-        size = path.stat().st_size
-        if path.suffix == ".json":
-            fixed += size
-        else:
-            grown += size
-    return fixed, grown
+    sizes = {path: path.stat().st_size for path in files_in([root])}
+    fixed = sum(size for path, size in sizes.items() if path.suffix == ".json")
+    return float(fixed), float(sum(sizes.values()) - fixed)

@@ -70,39 +70,25 @@ _UNEVEN = (8.0, 3.0, 0.5, 10.0, 20.0, 5.0)
 
 @dataclass(frozen=True)
 class Case:
-    """One row of the table.
-
-    Attributes
-    ----------
-    term : str
-        What is compared.
-    sensor : Sensor
-    arrivals : tuple of floats, or of tuples
-        Photons in an exposure that a sensor always live detects, at each light level; or those of
-        each of so many equal parts of the exposure.
-    layout : (rows, columns), optional
-        The levels are the pixels of such an array, and frames are what is independent. Without it
-        pixels are.
-    readout : str
-        How they are drawn, of `_READ`.
-    samples : int
-    is_stated : bool
-        Whether the sensor's own mean and variance are held against the readings.
-    maps : mapping
-        Measured maps (arrays as flat as `arrivals`) of an array.
-    by_radiance : bool
-        Whether the light comes through the lens.
-    """
+    """One row of the table."""
 
     term: str
     sensor: Sensor
     arrivals: Any = _FULL
+    """Photons in an exposure that a sensor always live detects, at each light level; or those of
+    each of so many equal parts of the exposure"""
     layout: tuple[int, int] | None = None
+    """The levels are the pixels of such an array (rows, columns), and frames are what is
+    independent; without it pixels are"""
     readout: Readout = "counts"
+    """How they are drawn, of `_READ`"""
     samples: int = 20_000
     is_stated: bool = True
+    """Whether the sensor's own mean and variance are held against the readings"""
     maps: Mapping[str, Levels] = field(default_factory=dict)
+    """Measured maps (arrays as flat as `arrivals`) of an array"""
     by_radiance: bool = False
+    """Whether the light comes through the lens"""
 
     @property
     def light(self) -> Floats:
