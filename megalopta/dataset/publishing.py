@@ -72,6 +72,14 @@ class Move(NamedTuple):
         return moves, goes
 
 
+def link(root: Path, folder: Path, name: str) -> None:
+    """Link output that is there to where more is made; relative, as either may be moved."""
+    path, place = root / name, folder / name
+    place.parent.mkdir(parents=True, exist_ok=True)
+    target = os.path.relpath(path.resolve(), place.parent.resolve())
+    place.symlink_to(target, target_is_directory=path.is_dir())
+
+
 def read_request(folder: Path) -> dict[str, Any] | None:
     """Read what was asked for when a folder was begun; None where it cannot be read."""
     try:

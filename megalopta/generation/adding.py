@@ -23,6 +23,7 @@ from megalopta.core.format_numbers import written
 from megalopta.core.progress import progress, say
 from megalopta.core.record import Record
 from megalopta.dataset.layout import Tree
+from megalopta.dataset.publishing import link
 from megalopta.dataset.record import KINDS, SequenceRecord
 from megalopta.dataset.store import Dataset, file_hash, hashes_of
 from megalopta.generation.jobs import Job, run_jobs
@@ -127,15 +128,10 @@ def _problems(
 def _link(tree: Tree, record: SequenceRecord, dataset: Dataset, kinds: Collection[str]) -> None:
     """Link what is there to where it is read, after comparing it with the record."""
     whole, name = tree.dataset(record), record.sequence
-    for kind in kinds:
-        folder = f"{kind}/{name}"
+    for folder in (f"{kind}/{name}" for kind in kinds):
         whole.compare_all(f"{folder}/")
-        link = dataset.root / folder
-        if (tree.root / folder).is_dir() and not link.is_symlink():
-            link.parent.mkdir(parents=True, exist_ok=True)
-            above = "../" * len(link.parent.relative_to(tree.root).parts)
-            # relative, so that a dataset may be moved meanwhile
-            link.symlink_to(f"{above}{folder}", target_is_directory=True)
+        if (tree.root / folder).is_dir() and not (dataset.root / folder).is_symlink():
+            link(tree.root, dataset.root, folder)
 
 
 @dataclass(frozen=True)

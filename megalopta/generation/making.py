@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from numpy.typing import NDArray
 
@@ -106,7 +106,7 @@ def _make_all(
     if not todo:
         return
     _check_same_machinery(tree)
-    job = partial(make_sequence, tree.root, plan, Machinery.here(plan, todo[0]))
+    job = partial(make_sequence, tree.root, plan)
     with (
         progress("Making sequences", len(todo), "sequence") as advance,
         closing(run_jobs(job, todo, workers, scheduler)) as outcomes,
@@ -169,22 +169,9 @@ def _some_records(tree: Tree) -> Iterator[SequenceRecord]:
     return map(tree.record, names[:: max(1, len(names) // _COMPARED)])
 
 
-class Machinery(NamedTuple):
-    """With what one sequence of a plan would be made, in the process that asks for all of them."""
-
-    sequence: int
-    made_with: Mapping[str, Mapping[str, str]]
-
-    @classmethod
-    def here(cls, plan: Plan, index: int) -> "Machinery":
-        """Return that of this process."""
-        return cls(index, made_with(configuration_of(plan, index)))
-
-
-def make_sequence(root: Path, plan: Plan, wanted: Machinery, index: int) -> None:
+def make_sequence(root: Path, plan: Plan, index: int) -> None:
     """Make a sequence, or what is missing of it. Raises UserError and OSError."""
     tree, name = Tree(root), sequence_name(index)
-    _check_machinery(plan, wanted)
     Staged(tree, name).bring_in(configuration_of(plan, index), MADE, partial(_made, plan, index))
 
 
@@ -196,17 +183,6 @@ def other_machinery(record: SequenceRecord, configuration: Configuration, *stage
         for stage in stages or MADE
     }
     return "; ".join(f"{stage}: {told}" for stage, told in found.items() if told)
-
-
-def _check_machinery(plan: Plan, wanted: Machinery) -> None:
-    """Refuse to make, in another process, what is not the same bytes."""
-    here = Machinery.here(plan, wanted.sequence)
-    for stage in MADE:
-        if told := provenance_changes(wanted.made_with[stage], here.made_with[stage]):
-            raise UserError(
-                f"this worker would make other bytes ({stage}: {told}); give all workers the same "
-                "libraries and variant"
-            )
 
 
 def _made(plan: Plan, index: int, dataset: Dataset) -> SequenceRecord:

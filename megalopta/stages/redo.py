@@ -5,7 +5,6 @@ new ones. When all of them are there they move (`dataset.publishing`); whoever o
 is refused, so that a kill at any moment leaves either the old output or the new.
 """
 
-import os
 import shutil
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
@@ -13,7 +12,7 @@ from pathlib import Path
 from megalopta.config.model import Configuration
 from megalopta.core import files
 from megalopta.core.folders import check_enclosed, locked
-from megalopta.dataset.publishing import REQUEST, Move, read_request
+from megalopta.dataset.publishing import REQUEST, Move, link, read_request
 from megalopta.dataset.store import (
     REDO_FOLDER,
     Dataset,
@@ -94,10 +93,7 @@ def discard(root: Path) -> None:
 
 def _link(old: Dataset, new: Dataset) -> None:
     for path in filter(Path.exists, _outputs(old)):
-        link = new.root / path.relative_to(old.root)
-        link.parent.mkdir(parents=True, exist_ok=True)
-        target = os.path.relpath(path.resolve(), link.parent.resolve())
-        link.symlink_to(target, target_is_directory=path.is_dir())
+        link(old.root, new.root, _name(path, old))
     new.root.mkdir(exist_ok=True)
     for name in _books(old):
         if (old.root / name).exists():

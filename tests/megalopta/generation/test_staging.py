@@ -16,7 +16,7 @@ from megalopta.dataset.layout import Tree
 from megalopta.dataset.record import read_record
 from megalopta.dataset.store import file_hash
 from megalopta.generation.adding import Exposing, expose
-from megalopta.generation.making import Machinery, make, make_sequence, whole_plan
+from megalopta.generation.making import make, whole_plan
 from megalopta.generation.staging import Staged
 from megalopta.verification.files import check_files
 
@@ -231,14 +231,6 @@ def test_what_another_variant_began_is_begun_again(single_plan, tmp_path, monkey
     monkeypatch.setattr("megalopta.stages.render.RENDER_MODEL", 99)
     staged.begin(configuration)
     assert not staged.data.exists()
-
-
-def test_a_worker_of_another_variant_is_refused(single_plan, tmp_path):
-    wanted = Machinery.here(single_plan, 0)
-    wanted.made_with["render"]["variant"] = "cuda_spectral"
-    with pytest.raises(UserError, match="worker would make other bytes .*variant: cuda_spectral"):
-        make_sequence(tmp_path, single_plan, wanted, 0)
-    assert not list(tmp_path.iterdir())
 
 
 def test_check_names_sequences_of_mixed_models(copy):
