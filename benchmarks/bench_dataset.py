@@ -28,7 +28,7 @@ from pathlib import Path
 from typing import Any
 
 from megalopta.config.recipe import Plan
-from megalopta.dataset.books import write_index
+from megalopta.dataset.index import write_index
 from megalopta.dataset.layout import Tree
 from megalopta.generation.making import make
 

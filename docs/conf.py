@@ -19,7 +19,6 @@ extensions = [
     "mathml",
     "pydantic_fields",
     "rooms",
-    "examples",
     "keyboard",
 ]
 default_role = "py:obj"

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from megalopta.cli.overrides import split_overrides
+from megalopta.cli.parser import split_overrides
 from megalopta.config.model import load
 from megalopta.config.settings import Settings
 

@@ -26,30 +26,10 @@ ROOTS: tuple[tuple[type[BaseModel], str], ...] = (
 )
 # What a field's name ends in, longest first, and its unit.
 UNITS = {
-    "hz_um2": "Hz/µm²",
-    "m_s2": "m/s²",
-    "m_s": "m/s",
-    "deg_s": "°/s",
-    "v_s": "V/s",
-    "v_per_k": "V/K",
-    "per_ha": "1/ha",
-    "per_m2": "1/m²",
-    "celsius": "°C",
-    "lux": "lux",
-    "deg": "°",
-    "nm": "nm",
-    "um": "µm",
-    "mm": "mm",
-    "hz": "Hz",
-    "ohm": "Ω",
-    "db": "dB",
-    "px": "px",
-    "a": "A",
-    "f": "F",
-    "k": "K",
-    "m": "m",
-    "s": "s",
-    "v": "V",
+    **{"hz_um2": "Hz/µm²", "m_s2": "m/s²", "m_s": "m/s", "deg_s": "°/s", "v_s": "V/s"},
+    **{"v_per_k": "V/K", "per_ha": "1/ha", "per_m2": "1/m²", "celsius": "°C", "lux": "lux"},
+    **{"deg": "°", "nm": "nm", "um": "µm", "mm": "mm", "hz": "Hz", "ohm": "Ω", "db": "dB"},
+    **{"px": "px", "a": "A", "f": "F", "k": "K", "m": "m", "s": "s", "v": "V"},
 }
 IN_WORDS = re.compile(
     r"\((?:[^()]* in )?(px|1|Hz|s|m|m/s|lux|degrees|count|V|K|rad|cycles)\b[^()]*\)"
@@ -109,7 +89,7 @@ def table(schema: Schema, linked: set[str] = frozenset()) -> list[str]:
 
 def _reached(schema: Schema) -> Iterator[tuple[str, str]]:
     """Names of the models within a schema, each with the path at which it is first found."""
-    found: dict[str, str] = {}
+    found: set[str] = set()
     waiting = [("", schema)]
     while waiting:
         path, part = waiting.pop(0)
@@ -117,9 +97,9 @@ def _reached(schema: Schema) -> Iterator[tuple[str, str]]:
             place = f"{path}.{name}" if path else name
             for inner in _references(field):
                 if inner not in found:
-                    found[inner] = place
+                    found.add(inner)
                     waiting.append((place, schema["$defs"][inner]))
-    yield from found.items()
+                    yield inner, place
 
 
 def _references(field: Any) -> Iterator[str]:
@@ -189,11 +169,7 @@ def _bounds(field: Schema) -> str:
     high = "≤ " if "maximum" in field else "< "
     least = field.get("minimum", field.get("exclusiveMinimum"))
     most = field.get("maximum", field.get("exclusiveMaximum"))
-    parts = [
-        f"{low}{least:g}" if least is not None else "",
-        f"{high}{most:g}" if most is not None else "",
-    ]
-    return ", ".join(filter(None, parts))
+    return ", ".join(f"{sign}{n:g}" for sign, n in ((low, least), (high, most)) if n is not None)
 
 
 def _unit(name: str, field: Schema) -> str:

@@ -102,8 +102,9 @@ def write(path: Path, lines: list[str]) -> None:
         path.write_text(text, "utf-8")
 
 
-def _shorten(app, what, name, thing, options, signature, returns):
+def _shorten(app, what, name, thing, *rest):
     """Leave out a model's fields, which stand in its table, and say briefly what an array is."""
+    _options, signature, returns = rest
     if isinstance(thing, type) and issubclass(thing, BaseModel):
         return "(...)", returns
     return signature and ARRAY.sub(r"NDArray[\1]", signature), returns and ARRAY.sub(

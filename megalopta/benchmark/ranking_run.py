@@ -14,9 +14,8 @@ from megalopta.benchmark.sequence_errors import METRICS, Example, RankedSequence
 from megalopta.benchmark.velocities import LIKELIHOODS, Velocities, photons_per_lux_s
 from megalopta.config.yaml_model import validated
 from megalopta.core import bounded
-from megalopta.core.enclosure import check_enclosed
 from megalopta.core.errors import UserError
-from megalopta.core.folders import locked
+from megalopta.core.folders import check_enclosed, locked
 from megalopta.core.format_numbers import check_format
 from megalopta.core.progress import progress
 from megalopta.dataset.layout import Tree

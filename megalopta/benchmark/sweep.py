@@ -28,7 +28,6 @@ from megalopta.core.progress import duration, say
 from megalopta.core.record import Record
 from megalopta.core.strict_yaml import booleans_for_others
 from megalopta.flow.benchmark.settings import each_once
-from megalopta.stages.estimate import BENCHED_PER_S, LONGEST_S, WORTH_TELLING_S
 
 Value = int | float | bool | str
 MOST_TRIALS = 10_000
@@ -36,6 +35,9 @@ MOST_TRIALS = 10_000
 
 _FLUXES = 20
 """At which a search measures a detector."""
+_PIXELS_PER_S = 1e7
+"""That a detector sees, roughly"""
+_LONGEST_S, _WORTH_TELLING_S = 30 * 86400.0, 300.0
 
 _SHARED = ("methods", "search.metrics", "search.bits")
 
@@ -176,14 +178,14 @@ def announce_sweep(sweep: Sweep) -> None:
         * trial.search.phases
         * trial.search.repeats
         * _FLUXES
-        / BENCHED_PER_S
+        / _PIXELS_PER_S
         for trial in trials
     )
-    if seconds > LONGEST_S:
+    if seconds > _LONGEST_S:
         raise UserError(
             f"sweep: {len(trials)} trials would take about {duration(seconds)} of work, more than "
-            f"the longest that is begun, {duration(LONGEST_S)}; lower trial.search.repeats or "
+            f"the longest that is begun, {duration(_LONGEST_S)}; lower trial.search.repeats or "
             "frames, or give fewer values"
         )
-    if seconds > WORTH_TELLING_S:
+    if seconds > _WORTH_TELLING_S:
         say(f"sweep: {len(trials)} trials, about {duration(seconds)}")

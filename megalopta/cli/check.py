@@ -4,60 +4,35 @@ import sys
 from argparse import Namespace
 from pathlib import Path
 
-from megalopta.cli.command import Verbs, add_verb
+from megalopta.cli.command import option, verb
 from megalopta.core.errors import UserError
-
-PHYSICS = (
-    "counting",
-    "light",
-    "device",
-    "dead-time",
-    "afterpulsing",
-    "crosstalk",
-    "combinations",
-    "gate",
-    "changing-light",
-    "counters",
-    "frames",
-    "ctia",
-    "readings",
-    "correction",
-)
-"""Groups of `megalopta.verification.CHECKS`, whose import takes a second."""
+from megalopta.verification import GROUPS
 
 
-def declare(verbs: Verbs) -> None:
-    """Add the verb."""
-    purpose = (
-        "prove every sensor effect against theory, a dataset's truth another way, or that its "
-        "files are as they were written"
-    )
-    command = add_verb(verbs, "check", purpose, _run)
-    subjects = ["physics", "truth", "files", "panoramas"]
-    command.add_argument("what", choices=subjects, help="what to prove")
-    command.add_argument(
+@verb(
+    "check",
+    "prove every sensor effect against theory, a dataset's truth another way, or that its files "
+    "are as they were written",
+    option("what", "what to prove", choices=["physics", "truth", "files", "panoramas"]),
+    option(
         "subjects",
+        "dataset folder, for truth and files; folder for new panoramas, for panoramas; for "
+        f"physics any of {', '.join(GROUPS)}, by default all",
         nargs="*",
         metavar="FOLDER or GROUP",
-        help="dataset folder, for truth and files; folder for new panoramas, for panoramas; for "
-        f"physics any of {', '.join(PHYSICS)}, by default all",
-    )
-    command.add_argument("--plots", type=Path, help="folder for pictures of the counting laws")
-
-
-def _run(options: Namespace) -> None:
-    if not _passes(options.what, options.subjects, options.plots):
+    ),
+)
+def _check(options: Namespace) -> None:
+    if not _passes(options.what, options.subjects):
         sys.exit(1)
 
 
-def _passes(what: str, subjects: list[str], plots: Path | None) -> bool:
+def _passes(what: str, subjects: list[str]) -> bool:
     from megalopta.dataset.store import open_sequence
     from megalopta.verification import files, panoramas, physics, truth
 
     if what == "physics":
-        return physics.run_check_physics(subjects, plots)
-    if plots is not None:
-        raise UserError(f"check {what}: draws no pictures; leave --plots out")
+        return physics.run_check_physics(subjects)
     if len(subjects) > 1:
         raise UserError(f"check {what}: got {' '.join(subjects)}; give one folder")
     folder = Path(subjects[0]) if subjects else None

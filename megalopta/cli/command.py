@@ -1,8 +1,7 @@
-"""One verb of the command line: its own options, its settings, and how it tells a mistake.
+"""Verbs of the command line: what each takes and does, and how it tells a mistake.
 
-A verb is a file of this folder with a function `declare`, which adds one to the verbs. The parser
-loads it with every command, `--help` and `--version` included: what is slow to import is imported
-where it runs.
+A verb is a function below `verb` in any file of this folder. The parser loads these with every
+command, `--help` and `--version` included: what is slow to import is imported where it runs.
 """
 
 import argparse
@@ -14,9 +13,8 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
-from pkgutil import iter_modules
 from types import MappingProxyType
-from typing import TYPE_CHECKING, NoReturn, TypeAlias
+from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn, TypeAlias
 
 from megalopta.core.bounded import quoted
 from megalopta.core.errors import UserError
@@ -27,8 +25,28 @@ if TYPE_CHECKING:
 _MOST_DIGITS = 18
 """Of a number that fits into 64 bits"""
 
-Verbs: TypeAlias = "argparse._SubParsersAction[Command]"
 Run: TypeAlias = Callable[[argparse.Namespace], None]
+
+
+class Option(NamedTuple):
+    """What `argparse.ArgumentParser.add_argument` takes."""
+
+    name: str
+    how: Mapping[str, Any]
+
+
+class Verb(NamedTuple):
+    """A verb: a line of help, what it does, its options, and what can be set beside them."""
+
+    purpose: str
+    run: Run | None = None
+    """None of a verb that has verbs of its own"""
+    options: tuple[Option, ...] = ()
+    settings: "Callable[[], Settings] | None" = None
+
+
+VERBS: dict[str, Verb] = {}
+"""By name, such as "dataset make"."""
 
 
 class Command(argparse.ArgumentParser):
@@ -62,63 +80,45 @@ class Command(argparse.ArgumentParser):
         raise UserError(f"{verb}: {message}; see {self.prog} --help".removeprefix(": "))
 
 
-def add_group(verbs: Verbs, name: str, purpose: str) -> None:
-    """Add a verb that has verbs of its own, one in each file `NAME_*.py` of this folder."""
-    command = verbs.add_parser(
-        name, help=purpose, description=purpose[0].upper() + purpose[1:] + ".", allow_abbrev=False
-    )
-    own = command.add_subparsers(dest="sub_verb", required=True, metavar="VERB")
-    command.verbs = own.choices
-    for found in iter_modules([str(Path(__file__).parent)]):
-        if found.name.startswith(f"{name}_"):
-            import_module(f"megalopta.cli.{found.name}").declare(own)
+def verb(
+    name: str,
+    purpose: str,
+    *options: Option,
+    settings: "Callable[[], Settings] | None" = None,
+) -> Callable[[Run], Run]:
+    """Declare that a function does a verb."""
+
+    def declared(run: Run) -> Run:
+        VERBS[name] = Verb(purpose, run, options, settings)
+        return run
+
+    return declared
 
 
-def add_verb(verbs: Verbs, name: str, purpose: str, run: Run) -> Command:
-    """Add a verb: its name, one line of help, and the function that does it."""
-    command = verbs.add_parser(
-        name,
-        help=purpose,
-        description=purpose[0].upper() + purpose[1:] + ".",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-        allow_abbrev=False,
-    )
-    command.set_defaults(run=run)
-    return command
+def option(name: str, text: str, **how: Any) -> Option:
+    """Return an option or an argument with its help, described as argparse takes it."""
+    return Option(name, {"help": text, **how})
 
 
-def add_dataset(command: Command) -> None:
-    """Add the dataset that it reads."""
-    command.add_argument("dataset", type=Path, help="dataset folder")
+def switch(name: str, text: str) -> Option:
+    """Return an option without a value, with its help."""
+    return option(name, text, action="store_true")
 
 
-def add_out(command: Command, default: str, what: str = "folder") -> None:
-    """Add the folder that it writes to."""
-    text = f"{what} (default: {default})"
-    command.add_argument("--out", type=Path, default=Path(default), help=text)
+def out(default: str, what: str = "folder") -> Option:
+    """Return the option of what a verb writes to."""
+    return option("--out", f"{what} (default: {default})", type=Path, default=Path(default))
 
 
-def add_workers(command: Command) -> None:
-    """Add how many threads work, or which cluster, and where they find rendered panoramas."""
-    command.add_argument(
-        "--workers", type=at_least(1), metavar="N", help="threads (default: one for each core)"
-    )
-    _add_scheduler(command)
-    command.add_argument(
-        "--cache", type=Path, help="folder of rendered panoramas (default: the user's)"
-    )
+def settings_of(module: str, model: str) -> "Callable[[], Settings]":
+    """Return what loads the settings that a model of a module has by default."""
 
+    def loaded() -> "Settings":
+        from megalopta.config.settings import Settings
 
-def add_cluster(command: Command) -> None:
-    """Add processes that work, here or of a Dask cluster."""
-    text = "processes that work side by side on this machine (default: all in this one)"
-    command.add_argument("--workers", type=at_least(1), metavar="N", help=text)
-    _add_scheduler(command)
+        return Settings(getattr(import_module(f"megalopta.{module}"), model)())
 
-
-def _add_scheduler(command: Command) -> None:
-    text = "Dask cluster to work on, such as tcp://host:8786; its workers must see the same files"
-    command.add_argument("--scheduler", metavar="ADDRESS", help=text)
+    return loaded
 
 
 def at_least(least: int) -> Callable[[str], int]:
@@ -153,6 +153,30 @@ def positive(text: str) -> float:
     if (number := finite(text)) > 0:
         return number
     raise argparse.ArgumentTypeError(f"{quoted(text)!r}; give a number above 0")
+
+
+DATASET = option("dataset", "dataset folder", type=Path)
+_SCHEDULER = option(
+    "--scheduler",
+    "Dask cluster to work on, such as tcp://host:8786; its workers must see the same files",
+    metavar="ADDRESS",
+)
+CLUSTER = (
+    option(
+        "--workers",
+        "processes that work side by side on this machine (default: all in this one)",
+        type=at_least(1),
+        metavar="N",
+    ),
+    _SCHEDULER,
+)
+"""Processes that work, here or of a Dask cluster."""
+THREADS = (
+    option("--workers", "threads (default: one for each core)", type=at_least(1), metavar="N"),
+    _SCHEDULER,
+    option("--cache", "folder of rendered panoramas (default: the user's)", type=Path),
+)
+"""How many threads work, or which cluster, and where they find rendered panoramas."""
 
 
 def stopped_by_signals() -> threading.Event:

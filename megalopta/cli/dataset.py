@@ -1,8 +1,117 @@
-"""`megalopta dataset`: a verb of verbs, one in each file `dataset_*.py` beside this one."""
+"""`megalopta dataset` and its verbs: make, check and show a dataset of many sequences."""
 
-from megalopta.cli.command import Verbs, add_group
+import sys
+from argparse import Namespace
+from pathlib import Path
+
+from megalopta.cli.command import (
+    CLUSTER,
+    DATASET,
+    VERBS,
+    Verb,
+    at_least,
+    option,
+    out,
+    settings_of,
+    switch,
+    verb,
+)
+from megalopta.core.errors import UserError
+
+VERBS["dataset"] = Verb("make, check and show a dataset of many sequences")
 
 
-def declare(verbs: Verbs) -> None:
-    """Add the verb, and its own."""
-    add_group(verbs, "dataset", "make, check and show a dataset of many sequences")
+@verb(
+    "dataset make",
+    "make a dataset of any size from a plan; what is there already is kept",
+    option("plan", "YAML file with the plan, or a dataset's folder to go on with", type=Path),
+    out("out/dataset", "dataset folder"),
+    option("--only", "sequences, such as 731 or 0-9,20", metavar="N"),
+    switch("--retry", "only those that failed before"),
+    switch(
+        "--dry-run",
+        "tell sequences, frames, gigabytes and time from a short measurement, and make nothing",
+    ),
+    *CLUSTER,
+    settings=settings_of("config.recipe", "Plan"),
+)
+def _make(options: Namespace) -> None:
+    from megalopta.config.recipe import load_plan
+    from megalopta.generation.dry_run import dry_run
+    from megalopta.generation.making import make, parse_indices
+
+    plan = load_plan(options.plan, options.overrides)
+    if options.only and options.retry:
+        raise UserError("dataset make: --only or --retry, not both")
+    only = parse_indices(options.only, plan.sequences) if options.only else None
+    if options.dry_run:
+        dry_run(options.out, plan, options.workers or 1, only)
+        return
+    make(
+        options.out,
+        plan,
+        only=only,
+        workers=options.workers,
+        scheduler=options.scheduler,
+        retry=options.retry,
+    )
+    print(options.out)
+
+
+@verb(
+    "dataset expose",
+    "put other sensors, exposures and light levels on the light of a made dataset",
+    DATASET,
+    *CLUSTER,
+    settings=settings_of("generation.adding", "Exposing"),
+)
+def _expose(options: Namespace) -> None:
+    from megalopta.generation.adding import expose
+
+    print(expose(options.dataset, options.overrides, options.workers, options.scheduler).root)
+
+
+@verb(
+    "dataset check",
+    "verify a dataset: hashes, shapes, wholeness, and the truth derived another way",
+    DATASET,
+    option(
+        "--truth",
+        "sequences of which flow is derived again from depth and poses (default: 3)",
+        type=at_least(0),
+        default=3,
+        metavar="N",
+    ),
+)
+def _check(options: Namespace) -> None:
+    from megalopta.verification.files import run_check_files
+
+    if not run_check_files(options.dataset, options.truth):
+        sys.exit(1)
+
+
+@verb(
+    "dataset card", "write README.md: what a dataset holds, with statistics and pictures", DATASET
+)
+def _card(options: Namespace) -> None:
+    from megalopta.report.dataset_card import write_card
+
+    print(write_card(options.dataset))
+
+
+@verb(
+    "dataset view",
+    "write index.html, a contact sheet with clips of light, counts, flow and depth",
+    DATASET,
+    option(
+        "--sequences",
+        "sequences to show, spread evenly (default: 24)",
+        type=at_least(1),
+        default=24,
+        metavar="N",
+    ),
+)
+def _view(options: Namespace) -> None:
+    from megalopta.report.dataset_sheet import write_view
+
+    print(write_view(options.dataset, options.sequences))

@@ -13,8 +13,7 @@ from collections.abc import Sequence
 from io import TextIOWrapper
 from typing import NoReturn
 
-from megalopta.cli.overrides import split_overrides
-from megalopta.cli.parser import RENAMED, program
+from megalopta.cli.parser import RENAMED, program, split_overrides
 from megalopta.core.bounded import sentence
 from megalopta.core.errors import UserError, machine_problem, missing_extra
 from megalopta.core.progress import say, working

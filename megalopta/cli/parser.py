@@ -1,30 +1,111 @@
-"""The whole command line: every file of this folder that declares a verb."""
+"""The whole command line: every verb that a file of this folder declares, and settings.
 
+Settings, such as `--scene.trees 200`, are told from a verb's own options.
+"""
+
+import argparse
+from collections.abc import Callable, Collection, Sequence
+from difflib import get_close_matches
 from importlib import import_module
 from pathlib import Path
 from pkgutil import iter_modules
+from typing import TYPE_CHECKING
 
 from megalopta import __version__
-from megalopta.cli.command import Command
+from megalopta.cli.command import VERBS, Command
+from megalopta.core.errors import UserError
+
+if TYPE_CHECKING:
+    from megalopta.config.settings import Words
 
 RENAMED = {"sweep": "benchmark photons"}
 """Verbs of former versions, and what they are now"""
+_SIMILAR = 0.7
+"""From here on a word is an option mistyped; no setting is as similar to one."""
 
 
 def program() -> Command:
     """The parser, with all verbs."""
+    for found in iter_modules([str(Path(__file__).parent)]):
+        import_module(f"megalopta.cli.{found.name}")
     parser = Command(
         prog="megalopta",
         description="Scenes with exactly known motion, photon counts, and how well motion can be "
         "read from them.",
     )
     parser.add_argument("--version", action="version", version=f"megalopta {__version__}")
-    verbs = parser.add_subparsers(dest="verb", required=True, metavar="VERB")
-    parser.verbs = verbs.choices
-    for found in iter_modules([str(Path(__file__).parent)]):
-        if "_" in found.name:  # of a verb that has verbs of its own, or no verb
-            continue
-        module = import_module(f"megalopta.cli.{found.name}")
-        if hasattr(module, "declare"):
-            module.declare(verbs)
+    branches = {"": _branch(parser, "verb")}
+    for name, verb in sorted(VERBS.items()):
+        above, _, own = name.rpartition(" ")
+        command = branches[above].add_parser(
+            own,
+            help=verb.purpose,
+            description=verb.purpose[0].upper() + verb.purpose[1:] + ".",
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+            allow_abbrev=False,
+        )
+        if verb.run is None:
+            branches[name] = _branch(command, "sub_verb")
+        for option, how in verb.options:
+            command.add_argument(option, **how)
+        command.set_defaults(run=verb.run)
+        command.settings = verb.settings
     return parser
+
+
+def _branch(command: Command, name: str) -> "argparse._SubParsersAction[Command]":
+    branch = command.add_subparsers(dest=name, required=True, metavar="VERB")
+    command.verbs = branch.choices
+    return branch
+
+
+def split_overrides(
+    arguments: Sequence[str], options: Collection[str], takes: "Callable[[str], Words]"
+) -> tuple[list[str], dict[str, str]]:
+    """Separate the program's own options and words from settings: path to a value in YAML.
+
+    A setting that holds one value takes one word, a list takes all words up to the next option, a
+    switch only "true" or "false", so that `render --scene.trees 200 my.yaml` renders my.yaml. Any
+    "--path" that is none of the options starts a setting; `takes` says how many words it takes.
+    Raises UserError for an option that is mistyped, a setting without a value, or one that is given
+    twice.
+    """
+    own: list[str] = []
+    found: dict[str, list[str]] = {}
+    taker, words = "", "one"  # the setting that takes the words that follow, and how many
+    for argument in arguments:
+        name, equals, value = argument.partition("=")
+        if value == "--":  # which argparse drops in silence
+            raise UserError(f"{name}: '--' is no value; give one")
+        if argument.startswith("--") and name not in options:
+            taker = _path_of(name, options)
+            words = takes(taker)
+            if taker in found:
+                raise UserError(f"{name}: given twice; several values follow one another")
+            found[taker] = [value] if equals else ["true"] if words == "switch" else []
+            taker = "" if equals and words != "all" else taker
+            continue
+        is_no_value = words == "switch" and argument not in ("true", "false")
+        if name in options or not taker or is_no_value:
+            own.append(argument)
+            taker = ""
+        else:
+            found[taker] = [argument] if words == "switch" else [*found[taker], argument]
+            taker = taker if words == "all" else ""
+    return own, {path: _as_yaml(path, values) for path, values in found.items()}
+
+
+def _path_of(name: str, options: Collection[str]) -> str:
+    path = name.removeprefix("--").replace("-", "_")
+    if not path:
+        raise UserError("--: no setting; give its path, such as --camera.width")
+    if near := get_close_matches(path, [each[2:] for each in options], 1, _SIMILAR):
+        raise UserError(f"{name}: no such option; did you mean --{near[0]}?")
+    return path
+
+
+def _as_yaml(path: str, values: Sequence[str]) -> str:
+    """The values of a setting; several make a list."""
+    if not values:
+        raise UserError(f"--{path}: needs a value")
+    return values[0] if len(values) == 1 else f"[{', '.join(values)}]"

@@ -1,8 +1,337 @@
-"""`megalopta spadcam`: a verb of verbs, one in each file `spadcam_*.py` beside this one."""
+"""`megalopta spadcam` and its verbs: record, calibrate, compare and emulate the camera."""
 
-from megalopta.cli.command import Verbs, add_group
+from argparse import Namespace
+from datetime import datetime
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from megalopta.cli.command import (
+    VERBS,
+    Verb,
+    at_least,
+    finite,
+    option,
+    out,
+    positive,
+    stopped_by_signals,
+    switch,
+    verb,
+    whole,
+)
+from megalopta.core.errors import UserError
+from megalopta.core.progress import say
+
+if TYPE_CHECKING:
+    from megalopta.camera.stimuli import Stimulus
+    from megalopta.camera.terminal import Faults
+    from megalopta.sensor import Sensor
+
+_LIMITS = {
+    "photons": (0.0, 1e15),
+    "step_s": (1e-3, 1e9),
+    "speed": (0.0, 100.0),
+    "lux": (0.0, 1e6),
+    "device_seed": (0, 2**32 - 1),
+}
+_FAULTS = {
+    "noise": "probability of a byte to have a bit flipped",
+    "lost": "probability of a byte to be lost",
+    "burst_s": "hold bytes back, and send them together this often (s)",
+    "drift_ppm": "how much too fast the camera's clock goes (1e-6)",
+    "stall_every_s": "stop sending this often (s)",
+    "stall_s": "for how long (s)",
+    "unplug_every_s": "unplug the camera after this time (s), and plug it in again",
+    "unplug_s": "for how long it is unplugged (s, default: 0.5)",
+}
+_RECORDINGS = (
+    option(
+        "recordings",
+        "folders of recordings, or of each some frames, such as steps#0-100@1e7; LIGHT in "
+        "photons per second on a pixel, none: in the dark",
+        nargs="+",
+        metavar="RECORDING[#FIRST-END][@LIGHT]",
+    ),
+    option("--wavelength-nm", "wavelength of the light; without, it is relative", type=positive),
+    option(
+        "--beam-area-mm2", "area of an even beam; LIGHT is then its power in watts", type=positive
+    ),
+)
+"""Recordings and what is known of their light."""
+
+VERBS["spadcam"] = Verb("record, calibrate and emulate the camera SPADCAM")
 
 
-def declare(verbs: Verbs) -> None:
-    """Add the verb, and its own."""
-    add_group(verbs, "spadcam", "record, calibrate and emulate the camera SPADCAM")
+@verb("spadcam list", "list serial ports on USB, and whether they can be opened")
+def _list(options: Namespace) -> None:
+    from megalopta.camera.port import port_lines
+
+    lines = list(port_lines())
+    print("\n".join(lines) or "no serial port on USB; plug the camera in")
+
+
+@verb(
+    "spadcam capture",
+    "record the camera until interrupted, or until there is enough",
+    option("--port", "serial port (default: the only Teensy on USB)"),
+    option("--usb-serial", "USB serial number of the camera, instead"),
+    option("--wait", "for a port to appear (s, default: 30)", type=finite, default=30.0),
+    option("--out", "new folder (default: recordings/KIND-DATE-TIME)", type=Path),
+    option("--kind", "what is recorded: dark, flat, … (default: scene)", default="scene"),
+    option("--frames", "stop after so many", type=whole),
+    option("--seconds", "stop after this time (s)", type=finite),
+    option("--exposure", "of a frame (s, default: 0.05)", type=finite, default=0.05),
+    option("--rate", "frames per second (default: 10)", type=finite, default=10.0),
+    option(
+        "--step-bias",
+        "code of the DAC that biases the counters' step, 0 to 4095 (default: 2048)",
+        type=whole,
+        default=2048,
+    ),
+    option(
+        "--rows",
+        "rows that are read (default: 0 16, all)",
+        type=whole,
+        nargs=2,
+        default=(0, 16),
+        metavar=("FIRST", "END"),
+    ),
+    option(
+        "--sensor",
+        "preset or YAML file with the counters' nominal step (default: spadcam)",
+        default="spadcam",
+    ),
+)
+def _capture(options: Namespace) -> None:
+    from megalopta.camera.camera_settings import CaptureSettings, named_sensor
+    from megalopta.camera.capturing import capture
+    from megalopta.camera.port import find_port
+    from megalopta.camera.view import recorded_line, viewing
+
+    settings = CaptureSettings(
+        sensor=named_sensor(options.sensor),
+        kind=options.kind,
+        exposure_s=options.exposure,
+        frame_rate_hz=options.rate,
+        step_bias=options.step_bias,
+        row_window=tuple(options.rows),
+        frames=options.frames,
+        seconds=options.seconds,
+    )
+    out = options.out or Path("recordings") / f"{options.kind}-{datetime.now():%Y%m%d-%H%M%S}"
+    stop = stopped_by_signals()
+
+    def find() -> str:
+        return options.port or find_port(options.usb_serial)
+
+    with viewing() as show:
+        record = capture(find, out, settings, stop, show, wait_s=options.wait)
+    print(recorded_line(out, record))
+
+
+@verb(
+    "spadcam recover",
+    "read raw.bin of a broken recording back into a recording",
+    option("raw", "folder of the recording, or its raw.bin", type=Path),
+    option("--out", "new folder (default: the recording's own, whose counts it makes)", type=Path),
+    option("--kind", "what was recorded, where recording.yaml is lost"),
+    option("--exposure", "of a frame (s), where raw.bin does not say it", type=finite),
+    option("--rate", "frames per second, where raw.bin does not say it", type=finite),
+    option("--sensor", "preset or YAML file with the counters' nominal step"),
+)
+def _recover(options: Namespace) -> None:
+    from megalopta.camera.recovering import recover
+    from megalopta.camera.replay import Told
+    from megalopta.camera.view import recorded_line
+
+    told = Told(options.kind, options.exposure, options.rate, options.sensor)
+    path, record, unknown = recover(options.raw, options.out, told)
+    print(recorded_line(path, record))
+    if unknown:
+        print(f"not known: {', '.join(unknown)}")
+
+
+@verb(
+    "spadcam calibrate",
+    "a device file from recordings in the dark and under even light",
+    *_RECORDINGS,
+    option("--out", "device file (default: device.yaml)", type=Path, default=Path("device.yaml")),
+    option("--preset", "sensor whose other fields hold (default: spadcam)", default="spadcam"),
+)
+def _calibrate(options: Namespace) -> None:
+    from megalopta.camera.device_calibration import Beam, calibrate_recordings
+    from megalopta.camera.recorded import Source
+
+    sources = [Source.parse(text) for text in options.recordings]
+    beam = Beam(options.wavelength_nm, options.beam_area_mm2)
+    print(calibrate_recordings(sources, options.out, beam=beam, base=options.preset))
+    print(options.out)
+    print(options.out.with_suffix(".html"))
+
+
+@verb(
+    "spadcam compare",
+    "recordings beside what the device's model makes of the same stimulus",
+    *_RECORDINGS,
+    option("--device", "device file of the model", type=Path, required=True),
+    option(
+        "--scene",
+        "levels: darkness and even light (default); plate: the moving plate, LIGHT is then "
+        "its speed in mm/s; or a dataset's folder, or a configuration, which is rendered "
+        "beside the page: LIGHT is then the light level in lux, none: that of the rendering",
+        default="levels",
+    ),
+    option(
+        "--format",
+        "of recordings of other cameras (default: as their content says, .bin: spad512); "
+        "their exposure follows: FILE@LIGHT:SECONDS",
+        choices=["npy", "spad512", "swissspad2", "swissspad2_whole", "spc3", "tiff"],
+    ),
+    option(
+        "--margin",
+        "relative difference that does not matter (default: 0.05)",
+        type=positive,
+        default=0.05,
+    ),
+    option("--seed", "of the simulation (default: 0)", type=at_least(0), default=0),
+    switch(
+        "--own-light",
+        "of plate: simulate in the light that the recording's open and hidden pixels show "
+        "(default: that of the dissertation, 65 photons per frame and pixel)",
+    ),
+    out("comparison.html", "page"),
+)
+def _compare(options: Namespace) -> None:
+    from megalopta.camera.device_calibration import Beam
+    from megalopta.camera.device_comparison import CompareSettings, compare_captured
+    from megalopta.camera.recorded import Source
+
+    sources = [Source.parse(text, options.format) for text in options.recordings]
+    beam = Beam(options.wavelength_nm, options.beam_area_mm2)
+    asked = CompareSettings(options.scene, beam, options.margin, options.seed, options.own_light)
+    print(compare_captured(sources, options.device, options.out, asked))
+    print(options.out)
+
+
+@verb(
+    "spadcam figures",
+    "the dissertation's figures 2.14 to 2.19 from recordings of the moving plate",
+    option(
+        "recordings",
+        "folders of recordings (--rate 10 --exposure 0.1), and the plate's speed in mm/s; "
+        "without, it rests with its edge in the middle",
+        nargs="+",
+        metavar="RECORDING@SPEED",
+    ),
+    option(
+        "--device",
+        "device file that simulates beside them (default: the recordings' nominal sensor)",
+        type=Path,
+    ),
+    switch(
+        "--own-light",
+        "simulate in the light that open and hidden pixels of the recording of the slowest "
+        "plate show (default: that of the dissertation, 65 photons per frame and pixel)",
+    ),
+    out("out/plate"),
+)
+def _figures(options: Namespace) -> None:
+    from megalopta.camera.recorded import Source
+    from megalopta.reproduction.chapter2_recorded import reproduce_captured
+
+    sources = [Source.parse(text) for text in options.recordings]
+    for path in reproduce_captured(
+        sources, options.out, options.device, own_light=options.own_light
+    ):
+        print(path)
+
+
+@verb(
+    "spadcam emulate",
+    "emulate the camera on a pseudo-terminal, whose path is printed, until interrupted",
+    option(
+        "--stimulus",
+        "what it looks at: dark, flat, steps, plate, or the folder of a rendered dataset "
+        "(default: flat)",
+        default="flat",
+    ),
+    option(
+        "--photons",
+        "photons per second on a pixel at 700 nm, of flat (default: 5e6) or one after the "
+        "other of steps (default: 0 to 2e7)",
+        type=finite,
+        nargs="+",
+        metavar="HZ",
+    ),
+    option("--step-s", "how long each of steps lasts (s, default: 5)", type=finite, default=5.0),
+    option("--speed", "of the plate (mm/s, default: 5)", type=finite, default=5.0),
+    option("--lux", "of a dataset: light level (lux)", type=finite),
+    option("--sensor", "preset or YAML file (default: spadcam)", default="spadcam"),
+    option("--device-seed", "which device of this kind", type=whole),
+    option("--seed", "of photons, noise and faults", type=whole, default=0),
+    option("--serial", "the camera's serial number", default="EMULATED"),
+    option("--link", "symbolic link to keep to the terminal", type=Path),
+    *(option(f"--{name.replace('_', '-')}", text, type=finite) for name, text in _FAULTS.items()),
+)
+def _emulate(options: Namespace) -> None:
+    from megalopta.camera.emulated import EmulatedCamera
+    from megalopta.camera.terminal import EmulatedPort
+
+    _check_limits(options)
+    faults = _faults(options)
+    camera = EmulatedCamera(_sensor(options), _stimulus(options), options.seed, options.serial)
+    port = EmulatedPort(
+        camera, faults, options.link, lambda path: print(options.link or path, flush=True)
+    )
+    port.run(stopped_by_signals())
+    say(
+        f"emulate: stopped; {port.dropped} packets were dropped while nothing read the line fast"
+        " enough; a capture counts as missing only those between its first frame and its last"
+    )
+
+
+def _check_limits(options: Namespace) -> None:
+    for name, (least, most) in _LIMITS.items():
+        value = getattr(options, name)
+        for each in value if isinstance(value, list) else [value]:
+            if each is not None and not least <= each <= most:
+                raise UserError(f"--{name.replace('_', '-')}: {each:g}; give {least:g} to {most:g}")
+
+
+def _faults(options: Namespace) -> "Faults":
+    from megalopta.camera.terminal import Faults
+
+    given = {name: getattr(options, name) for name in _FAULTS}
+    faults = Faults(**{name: value for name, value in given.items() if value is not None})
+    faults.check()
+    return faults
+
+
+def _sensor(options: Namespace) -> "Sensor":
+    from megalopta.camera.camera_settings import named_sensor
+    from megalopta.sensor import changed
+
+    sensor = named_sensor(options.sensor)
+    if options.device_seed is None:
+        return sensor
+    return changed(sensor, device_seed=options.device_seed)
+
+
+def _stimulus(options: Namespace) -> "Stimulus":
+    from megalopta.camera.stimuli import Flat, Plate, Rendered
+
+    match options.stimulus:
+        case "dark":
+            return Flat()
+        case "flat":
+            return Flat(tuple(options.photons or (5e6,))[:1])
+        case "steps":
+            levels = options.photons or (0, 1e6, 2e6, 5e6, 1e7, 2e7)
+            return Flat(tuple(map(float, levels)), options.step_s)
+        case "plate":
+            return Plate(options.speed)
+    folder = Path(options.stimulus)
+    if not folder.is_dir():
+        raise UserError(
+            f"--stimulus: {options.stimulus}; give dark, flat, steps, plate or a dataset's folder"
+        )
+    return Rendered(folder, options.lux)

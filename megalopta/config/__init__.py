@@ -1,1 +1,15 @@
 """What is asked for: configurations of a sequence, recipes of datasets, YAML."""
+
+from pathlib import Path
+
+_FOLDER = Path(__file__).parent / "presets"
+
+
+def built_in_names() -> list[str]:
+    """Names of the configurations that come with the program."""
+    return sorted(path.stem for path in _FOLDER.glob("*.yaml"))
+
+
+def built_in_text(name: str) -> str:
+    """One of them, as YAML."""
+    return (_FOLDER / f"{name}.yaml").read_text("utf-8")

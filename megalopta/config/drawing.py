@@ -4,15 +4,9 @@ from collections.abc import Mapping
 from itertools import product
 from typing import Any
 
-from megalopta.config.built_in import built_in_text
+from megalopta.config import built_in_text
 from megalopta.config.model import Configuration
-from megalopta.config.ranges import (
-    Stream,
-    choose,
-    draw,
-    stream,
-)
-from megalopta.config.recipe import Plan
+from megalopta.config.recipe import Plan, Stream, choose, draw, stream
 from megalopta.config.yaml_model import mapping, validated
 from megalopta.sensor import ImageSensor, generator, merged
 

@@ -6,6 +6,7 @@ path, `--scene.trees 200`, and its value is read as YAML.
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import product
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -16,7 +17,7 @@ from pydantic import (
     model_validator,
 )
 
-from megalopta.config.built_in import built_in_names, built_in_text
+from megalopta.config import built_in_names, built_in_text
 from megalopta.config.measuring import CalibrationFrames, FlowSettings, SequenceBenchmark
 from megalopta.config.yaml_model import mapping, read_text, validated
 from megalopta.core.bounded import quoted
@@ -200,6 +201,11 @@ class Configuration(Record, frozen=True):
                 "leave out scene.haze"
             )
         return self
+
+    @property
+    def exposures(self) -> list[tuple[ImageSensor, LightLevel]]:
+        """Every sensor at every light level."""
+        return list(product(self.sensors, self.light_levels))
 
     def _check_shutter(self, period_s: float) -> None:
         shutter = self.shutter

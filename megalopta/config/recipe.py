@@ -1,23 +1,35 @@
-"""A plan: a dataset of any size, in one file."""
+"""A plan: a dataset of any size, in one file, with values that differ from sequence to sequence.
 
-from collections.abc import Mapping
+{uniform: [1, 5]}         a number from 1 to 5, any as likely as another
+{log_uniform: [1, 100]}   a number whose logarithm is
+{integer: [0, 9]}         a whole number from 0 to 9, both included
+{one_of: [a, b, c]}       one of these, which may be mappings with ranges of their own
+"""
+
+import math
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, TypeAlias
 
 from pydantic import Field, field_validator
 
-from megalopta.config.built_in import built_in_names
-from megalopta.config.ranges import check_ranges
+from megalopta.config import built_in_names
 from megalopta.config.yaml_model import mapping, read_text, validated
 from megalopta.core.bounded import quoted
 from megalopta.core.errors import UserError
 from megalopta.core.format_numbers import check_format
 from megalopta.core.record import Record
 from megalopta.flow.benchmark.settings import each_once
+from megalopta.sensor import generator
 from megalopta.sensor.formats.names import ProductName
+
+Stream: TypeAlias = Callable[[str], float]
+"""Number in [0, 1) of the value at a path, such as "scenes.0.scene.trees"."""
 
 FlowFile = Literal["kitti_png", "flo5"]
 _LONGEST_SPLIT = 60
+_KINDS = ("uniform", "log_uniform", "integer", "one_of")
+_DIGITS = 5
 Entry = str | float | dict[str, Any]
 """A name, a number, or fields, any of which may be a range."""
 
@@ -134,12 +146,8 @@ class Plan(Record, frozen=True):
 def load_plan(path: Path, overrides: Mapping[str, str] | None = None) -> Plan:
     """Read a plan from a YAML file, or from a dataset's folder, and apply settings.
 
-    Paths in a plan are relative to the folder that the program runs in.
-
-    Raises
-    ------
-    UserError
-        When it is none, or a sequence of its entries cannot be made.
+    Paths in a plan are relative to the folder that the program runs in. Raises UserError when it is
+    none, or a sequence of its entries cannot be made.
     """
     path = path / "dataset.yaml" if path.is_dir() else path
     values = mapping(read_text(path, "plan; give a YAML file"), str(path))
@@ -149,3 +157,79 @@ def load_plan(path: Path, overrides: Mapping[str, str] | None = None) -> Plan:
             raise UserError(f"{path}: a dataset of one sequence, without a plan; give a YAML file")
         values = values["plan"]
     return validated(Plan, values, str(path), overrides, path.parent)
+
+
+def stream(seed: int, index: int) -> Stream:
+    """Numbers of a sequence: each is a function of seed, index and path alone."""
+    return lambda path: float(generator(seed, "plan", index, path).random())
+
+
+def draw(value: Any, at: Stream, path: str = "") -> Any:
+    """Put one value in the place of every range, also inside mappings and lists."""
+    if kind := _kind(value):
+        return _drawn(kind, value[kind], at, path)
+    if isinstance(value, Mapping):
+        return {key: draw(each, at, f"{path}.{key}") for key, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [draw(each, at, f"{path}.{index}") for index, each in enumerate(value)]
+    return value
+
+
+def choose(values: list[Any], at: Stream, path: str) -> tuple[int, Any]:
+    """Number of one of some values, and the value itself, as it stands."""
+    index = min(int(at(path) * len(values)), len(values) - 1)
+    return index, values[index]
+
+
+def check_ranges(value: Any, path: str) -> None:
+    """Refuse, with ValueError, a range that is none."""
+    if kind := _kind(value):
+        _check(kind, value[kind], path)
+        value = value[kind] if kind == "one_of" else None
+    if isinstance(value, Mapping):
+        for key, each in value.items():
+            if key in _KINDS:
+                raise ValueError(f"{path}: {key} stands alone; take the other keys out")
+            check_ranges(each, f"{path}.{key}".strip("."))
+    elif isinstance(value, list | tuple):
+        for index, each in enumerate(value):
+            check_ranges(each, f"{path}.{index}")
+
+
+def _kind(value: Any) -> str | None:
+    if isinstance(value, Mapping) and len(value) == 1:
+        (name,) = value
+        return name if name in _KINDS else None
+    return None
+
+
+def _drawn(kind: str, limits: Any, at: Stream, path: str) -> Any:
+    if kind == "one_of":
+        index, chosen = choose(list(limits), at, path)
+        return draw(chosen, at, f"{path}.{index}")
+    low, high = limits
+    place = at(path)
+    if kind == "integer":
+        return min(low + int(place * (high - low + 1)), high)
+    is_log = kind == "log_uniform"
+    value = low * (high / low) ** place if is_log else low + place * (high - low)
+    # so many digits as a person reads in a file's name
+    return min(max(float(f"{value:.{_DIGITS}g}"), float(low)), float(high))
+
+
+def _check(kind: str, limits: Any, path: str) -> None:
+    if not isinstance(limits, list | tuple) or not limits:
+        raise ValueError(f"{path}: {kind} {limits!r}: give a list")
+    if kind == "one_of":
+        return
+    wanted = int if kind == "integer" else (int, float)
+    if len(limits) != 2 or not all(
+        isinstance(each, wanted) and not isinstance(each, bool) and math.isfinite(each)
+        for each in limits
+    ):
+        numbers = "whole numbers" if kind == "integer" else "numbers"
+        raise ValueError(f"{path}: {kind} {limits!r}: give two {numbers}, the lower first")
+    if limits[0] > limits[1]:
+        raise ValueError(f"{path}: {kind} {limits!r}: give the lower number first")
+    if kind == "log_uniform" and limits[0] <= 0:
+        raise ValueError(f"{path}: {kind} {limits!r}: give numbers above 0")

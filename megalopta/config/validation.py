@@ -13,6 +13,11 @@ from megalopta.core.bounded import cut, quoted
 Location = tuple[int | str, ...]
 _PLAIN_TYPES = ("bool", "int", "float", "str")
 """What pydantic adds to the place of an error where one of these would do."""
+_TOLD = {
+    "missing": "missing; give a value",
+    "union_tag_not_found": "say which kind it is, with the key 'kind'",
+    "too_short": "empty; give at least one",
+}
 _EXPECTED = {
     "tuple_type": "give a list",
     "model_type": "give a mapping of keys to values",
@@ -44,20 +49,11 @@ def _first_problem(error: ValidationError, model: type[BaseModel]) -> tuple[str,
         near = get_close_matches(str(problem["loc"][-1]), known, n=1, cutoff=0.5)
         hint = f"did you mean {near[0]!r}?" if near else f"the keys are {', '.join(known)}"
         return place, f"unknown key; {hint}"
-    if problem["type"] == "missing":
-        return place, "missing; give a value"
-    if problem["type"] == "union_tag_not_found":
-        return place, "say which kind it is, with the key 'kind'"
     if problem["type"] == "union_tag_invalid":
-        context = problem["ctx"]
-        return (
-            place,
-            f"kind {quoted(repr(context['tag']))} is unknown; use {context['expected_tags']}",
-        )
-    if problem["type"] == "too_short":
-        return place, "empty; give at least one"
-    if problem["type"] == "value_error":
-        return place, message
+        tag, known = problem["ctx"]["tag"], problem["ctx"]["expected_tags"]
+        return place, f"kind {quoted(repr(tag))} is unknown; use {known}"
+    if problem["type"] in (*_TOLD, "value_error"):
+        return place, _TOLD.get(problem["type"], message)
     told = _EXPECTED.get(problem["type"], f"{message[0].lower()}{message[1:]}")
     return place, f"{told}, got {_short.repr(problem['input'])}"
 

@@ -19,10 +19,7 @@ Model = TypeVar("Model", bound=BaseModel)
 def read_text(path: Path, what: str) -> str:
     """Return the text of a file; `what` it should be, and the way out, follow "no such".
 
-    Raises
-    ------
-    UserError
-        When there is none, or it is no text.
+    Raises UserError when there is none, or it is no text.
     """
     try:
         return bounded.read_text(path)
@@ -35,10 +32,8 @@ def read_text(path: Path, what: str) -> str:
 def mapping(text: str, source: str) -> dict[str, Any]:
     """Return the mapping that a YAML text holds.
 
-    Raises
-    ------
-    UserError
-        When it holds anything else, or nothing: a file that was cut short is no choice of defaults.
+    Raises UserError when it holds anything else, or nothing: a file that was cut short is no choice
+    of defaults.
     """
     values = _plain_data(text, source)
     if values is None:
@@ -80,12 +75,8 @@ def put(values: Any, path: str, value: Any) -> None:
     """Set a value inside nested mappings and lists.
 
     A null on the way becomes a mapping, as does what a mapping with a `kind` or `preset` lacks: a
-    new one of these starts it afresh. A single value for a list makes a list of one.
-
-    Raises
-    ------
-    UserError
-        When the path leads into a plain value.
+    new one of these starts it afresh. A single value for a list makes a list of one. Raises
+    UserError when the path leads into a plain value.
     """
     *parents, last = path.split(".")
     for step in parents:

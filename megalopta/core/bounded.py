@@ -25,12 +25,8 @@ SENTENCE = 800
 def read_bytes(path: str | Path, at_most: int = TEXT_BYTES) -> bytes:
     """Return the content of a regular file.
 
-    Raises
-    ------
-    DamagedFileError
-        When it is no regular file or is larger than `at_most` bytes.
-    OSError
-        When it cannot be read.
+    Raises DamagedFileError when it is no regular file or is larger than `at_most` bytes. Raises
+    OSError when it cannot be read.
     """
     check_file(path, at_most)  # before it is opened, which some devices act upon
     # Opening a pipe that nobody writes to would wait for ever.

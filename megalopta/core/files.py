@@ -23,12 +23,8 @@ _NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 def atomic_write(path: Path) -> Iterator[Path]:
     """A temporary path beside `path`, for a file or a folder, that takes its place when whole.
 
-    A file is replaced; a folder of this name must not be there.
-
-    Raises
-    ------
-    OSError
-        When it cannot be written; names `path`.
+    A file is replaced; a folder of this name must not be there. Raises OSError when it cannot be
+    written; names `path`.
     """
     # The suffix stays last: image writers choose their format by it.
     temporary = path.with_name(f".part-{uuid4().hex[:12]}-{path.name}")

@@ -37,10 +37,8 @@ def written(kind: str) -> int:
 def check_format(kind: str, record: Mapping[str, Any], path: object, key: str = "format") -> None:
     """Refuse what this program cannot read.
 
-    Raises
-    ------
-    UserError
-        When the number in a record is newer than the program, too old for it, or no number.
+    Raises UserError when the number in a record is newer than the program, too old for it, or no
+    number.
     """
     newest, oldest = FORMATS[kind]
     found = record.get(key, 0)

@@ -17,10 +17,8 @@ _FORMATS = ("PNG", "JPEG", "TIFF", "BMP", "PPM", "WEBP", "GIF")
 def read_picture(path: Path, mode: Literal["L", "RGB"]) -> NDArray[np.uint8]:
     """Return a picture of 8 bits, gray (H, W) or in color (H, W, 3).
 
-    Raises
-    ------
-    DamagedFileError
-        When it is no picture, has more than 8 bits, or claims more pixels than Pillow trusts.
+    Raises DamagedFileError when it is no picture, has more than 8 bits, or claims more pixels than
+    Pillow trusts.
     """
     try:
         check_file(path)

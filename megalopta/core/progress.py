@@ -67,15 +67,11 @@ def silent() -> Iterator[None]:
 
 @contextmanager
 def step(name: str) -> Iterator[None]:
-    """Name what is done inside, for lines of progress and for who counts the time of steps.
-
-    A terminal shows it where it takes longer than a second and no bar stands there.
-    """
+    """Name what is done inside, for lines of progress and for who counts the time of steps."""
     wall, cpu = time.monotonic(), time.process_time()
     _steps.append(name)
     try:
-        with _status_line(lambda: f"{_steps[-1]}: {duration(time.monotonic() - wall)}"):
-            yield
+        yield
     finally:
         _steps.remove(name)
         for clock in _clocks:
@@ -135,7 +131,7 @@ def progress(description: str, total: int, unit: str) -> Iterator[Advance]:
 
 @contextmanager
 def working(description: str) -> Iterator[None]:
-    """Without a terminal, print a line every ten seconds while nothing inside does."""
+    """Tell that something is going on, and which step it is, while nothing inside does."""
     start = time.monotonic()
     with speaking(
         lambda: f"{description}: at work for {duration(time.monotonic() - start)}{_step()}"
@@ -170,24 +166,6 @@ def _step() -> str:
     return "".join(f"; {name}" for name in _steps[-1:])  # another thread may take the last away
 
 
-@contextmanager
-def _status_line(state: Callable[[], str]) -> Iterator[None]:
-    """Show a state at the lower end of a terminal, once it takes longer, and clear it again."""
-    if not sys.stderr.isatty() or _silences or _speakers:
-        yield
-        return
-
-    def show() -> None:
-        _status_stands.set()
-        print(f"\r{state()}\x1b[K", end="", file=sys.stderr, flush=True)
-
-    try:
-        with _every(STATUS_S, show):
-            yield
-    finally:
-        _clear_status()
-
-
 def _clear_status() -> None:
     if _status_stands.is_set():
         _status_stands.clear()
@@ -196,23 +174,25 @@ def _clear_status() -> None:
 
 @contextmanager
 def speaking(state: Callable[[], str]) -> Iterator[None]:
-    """Print a state at intervals from a thread of its own, unless there is a terminal."""
-    if sys.stderr.isatty() or _silences:
+    """Tell a state at intervals, from a thread of its own, while this is the innermost work.
+
+    A terminal shows it on its last line, while a step is under way; elsewhere it is a line each
+    time.
+    """
+    if _silences:
         yield
         return
-    with _every(INTERVAL_S, lambda: print(state(), file=sys.stderr, flush=True)):
-        yield
-
-
-@contextmanager
-def _every(interval_s: float, tell: Callable[[], None]) -> Iterator[None]:
-    """Tell at intervals, from a thread of its own, while this is the innermost work."""
-    over = threading.Event()
+    is_terminal, over = sys.stderr.isatty(), threading.Event()
 
     def speak() -> None:
-        while not over.wait(interval_s):
-            if _speakers[-1] is over:
-                tell()
+        while not over.wait(STATUS_S if is_terminal else INTERVAL_S):
+            if _speakers[-1] is not over or (is_terminal and not _steps):
+                continue
+            if is_terminal:
+                _status_stands.set()
+                print(f"\r{state()}\x1b[K", end="", file=sys.stderr, flush=True)
+            else:
+                print(state(), file=sys.stderr, flush=True)
 
     _speakers.append(over)
     thread = threading.Thread(target=speak, daemon=True)
@@ -223,3 +203,4 @@ def _every(interval_s: float, tell: Callable[[], None]) -> Iterator[None]:
         over.set()
         thread.join()
         _speakers.remove(over)
+        _clear_status()

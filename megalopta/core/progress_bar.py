@@ -19,25 +19,14 @@ from rich.text import Text
 _STEP_CHARACTERS = 40
 
 
-class _RateColumn(ProgressColumn):
-    def __init__(self, rate_text: Callable[[float, str], str]) -> None:
+class _TextColumn(ProgressColumn):
+    def __init__(self, text: Callable[[Task], str]) -> None:
         super().__init__()
-        self._rate_text = rate_text
+        self._text = text
 
     def render(self, task: Task) -> Text:
-        """How fast it goes lately, or went in all."""
-        speed = task.finished_speed or task.speed
-        return Text(self._rate_text(speed, task.fields["unit"]) if speed else "")
-
-
-class _StepColumn(ProgressColumn):
-    def __init__(self, step: Callable[[], str]) -> None:
-        super().__init__()
-        self._step = step
-
-    def render(self, task: Task) -> Text:
-        """What is being done."""
-        return Text(self._step()[:_STEP_CHARACTERS], no_wrap=True)
+        """Return what there is to tell now."""
+        return Text(self._text(task), no_wrap=True)
 
 
 @contextmanager
@@ -49,20 +38,22 @@ def bar(
     step: Callable[[], str],
 ) -> Iterator[Callable[[int], None]]:
     """Show a bar for `total` steps, which the yielded function counts."""
+
+    def rate(task: Task) -> str:
+        """How fast it goes lately, or went in all."""
+        speed = task.finished_speed or task.speed
+        return rate_text(speed, unit) if speed else ""
+
     columns = (
         TextColumn("{task.description:<34}"),
         BarColumn(bar_width=24),
         MofNCompleteColumn(),
-        _RateColumn(rate_text),
+        _TextColumn(rate),
         TimeElapsedColumn(),
         TextColumn("left"),
         TimeRemainingColumn(),
-        _StepColumn(step),
+        _TextColumn(lambda _: step()[:_STEP_CHARACTERS]),
     )
     with Progress(*columns, console=Console(stderr=True)) as bars:
-        task = bars.add_task(description, total=total, unit=unit)
-
-        def advance(steps: int) -> None:
-            bars.advance(task, steps)
-
-        yield advance
+        task = bars.add_task(description, total=total)
+        yield lambda steps: bars.advance(task, steps)

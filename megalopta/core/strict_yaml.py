@@ -88,13 +88,7 @@ for _kind, (_pattern, _first) in _CORE.items():
 
 
 def load(text: str) -> Any:
-    """Return what YAML holds.
-
-    Raises
-    ------
-    ValueError
-        With the problem and its line.
-    """
+    """Return what YAML holds. Raises ValueError, with the problem and its line."""
     try:
         _check_extent(yaml.parse(text, SafeLoader))
         return yaml.load(text, _Loader)

@@ -13,7 +13,10 @@ splits/SPLIT.txt      their names
 failed.jsonl          sequences that could not be made, with the reason
 .making/SEQ/          a sequence that is not finished; it appears in the tree whole
 
-A sequence belongs to the dataset from the moment its record is there.
+A sequence belongs to the dataset from the moment its record is there. What the manifest says holds:
+a record of another hash was changed by somebody. There are two exceptions, which a run that was
+killed before it wrote the manifest leaves: a record that it does not know yet, and one that says
+itself that it took the place of the record that it knows.
 """
 
 import json
@@ -25,13 +28,12 @@ from pathlib import Path
 
 from megalopta.config.recipe import Plan
 from megalopta.core import bounded, files
-from megalopta.core.enclosure import check_enclosed
 from megalopta.core.errors import UserError
-from megalopta.dataset.finished import FinishedSequence
-from megalopta.dataset.manifest import is_record_as_written, read_manifest
+from megalopta.core.folders import check_enclosed
 from megalopta.dataset.record import SequenceRecord, read_lone_record, read_record, settings_of
-from megalopta.dataset.store import Dataset, open_sequence, read_header, write_header
+from megalopta.dataset.store import Dataset, file_hash, open_sequence, read_header, write_header
 
+MANIFEST = "manifest.jsonl"
 BOOKS = ("index", "splits", "sequences", "card")
 """Folders that hold no sequence's own files."""
 
@@ -86,15 +88,15 @@ class Tree:
         """Read the records one after another, in order."""
         return map(self.record, self.names())
 
-    def dataset(self, record: SequenceRecord) -> FinishedSequence:
+    def dataset(self, record: SequenceRecord) -> Dataset:
         """One sequence, as the stages know it. Raises UserError for settings that are none."""
         if self.lone:
             settings = self.lone.configuration
         else:
             settings = settings_of(record, self.record_path(record.sequence))
-        return FinishedSequence(self.root, settings, record.files)
+        return Dataset(self.root, settings, record.files)
 
-    def opened(self, name: str) -> tuple[SequenceRecord, FinishedSequence]:
+    def opened(self, name: str) -> tuple[SequenceRecord, Dataset]:
         """Record and paths of a sequence, if the manifest knows the record. Raises UserError."""
         record = self.record(name)
         if not self.lone and not is_record_as_written(self.record_path(name), self._manifest):
@@ -156,3 +158,34 @@ def changed_record(tree: Tree, name: str) -> str:
         f"{tree.record_path(name)} is not as it was written; restore it, or remove it and run "
         f"megalopta dataset make {tree.root} --out {tree.root}"
     )
+
+
+def read_manifest(root: Path) -> dict[str, str]:
+    """Return the hash of every record by the name of its sequence. Raises UserError."""
+    path = root / MANIFEST
+    try:
+        lines = map(bounded.from_json, bounded.read_text(path).splitlines())
+        return {str(line["sequence"]): str(line["record"]) for line in lines}
+    except FileNotFoundError:
+        return {}
+    except (ValueError, KeyError, TypeError):
+        raise UserError(
+            f"{path} is damaged; restore it, or remove it to take the records as they are, and run "
+            f"megalopta dataset make {root} --out {root}"
+        ) from None
+
+
+def is_record_known(path: Path, manifest: Mapping[str, str]) -> bool:
+    """Whether the manifest has the record at a path as it is."""
+    return manifest.get(path.stem) == _hash(path)
+
+
+def is_record_as_written(path: Path, manifest: Mapping[str, str]) -> bool:
+    """Whether the record at a path is what the program wrote. Raises UserError."""
+    known = manifest.get(path.stem)
+    return known in (None, _hash(path)) or read_record(path, path.stem).replaced == known
+
+
+def _hash(path: Path) -> str:
+    bounded.check_file(path, bounded.TEXT_BYTES)
+    return file_hash(path)

@@ -1,12 +1,19 @@
-"""Arrays whose frames are read, or drawn, when they are asked for."""
+"""Arrays whose frames are read, or drawn, when they are asked for; and as xarray shows them."""
 
 import operator
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
+
+from megalopta.core.errors import UserError
+
+if TYPE_CHECKING:
+    import xarray
+
+    from megalopta.dataset.sequence import Sequence
 
 Index = int | slice | list[int] | NDArray[np.integer[Any]]
 
@@ -15,25 +22,17 @@ Index = int | slice | list[int] | NDArray[np.integer[Any]]
 class LazyFrames:
     """An array (T, …) of which only the frames that are asked for are in memory.
 
-        light[3], light[3:7], light[[0, 5]], light[3:7, 10:20, 10:20], numpy.asarray(light)
-
-    Attributes
-    ----------
-    shape : tuple of int
-    dtype : numpy.dtype
-    unit : str
-        What its numbers are.
-    dimensions : tuple of str
-        Names of its axes.
-    read : callable
-        From the numbers of frames (n,) to an array (n, …).
+    light[3], light[3:7], light[[0, 5]], light[3:7, 10:20, 10:20], numpy.asarray(light)
     """
 
     shape: tuple[int, ...]
     dtype: np.dtype[Any]
     unit: str
+    """What its numbers are"""
     dimensions: tuple[str, ...]
+    """Names of its axes"""
     read: Callable[[list[int]], NDArray[Any]]
+    """From the numbers of frames (n,) to an array (n, …)"""
 
     @property
     def ndim(self) -> int:
@@ -74,3 +73,49 @@ class LazyFrames:
 def frame_by_frame(read: Callable[[int], ArrayLike]) -> Callable[[list[int]], NDArray[Any]]:
     """What reads frames, of what reads one."""
     return lambda numbers: np.stack([np.asarray(read(number)) for number in numbers])
+
+
+def labeled(sequence: "Sequence", exposures: Iterable[str]) -> "xarray.Dataset":
+    """Return a lazy xarray.Dataset of a sequence. Raises UserError without xarray."""
+    try:
+        import xarray
+    except ImportError:
+        raise UserError("xarray is not installed; run: pip install xarray") from None
+
+    arrays = {"radiance": sequence.radiance, "depth": sequence.depth, "flow": _flows(sequence)}
+    for name in exposures:
+        arrays[f"counts {name}" if len(sequence.exposures) > 1 else "counts"] = sequence.counts(
+            name
+        )
+    variables = {name: _variable(xarray, array) for name, array in arrays.items()}
+    poses = xarray.Variable(("frame", "to", "from"), sequence.poses, {"units": "m"})
+    return xarray.Dataset(
+        {**variables, "camera_to_world": poses},
+        coords={
+            "time": ("frame", sequence.times_s, {"units": "s"}),
+            "band_nm": ("band", np.mean(sequence.bands_nm, axis=1), {"units": "nm"}),
+            "component": ["x", "y"],
+        },
+        attrs={"sequence": sequence.name, "split": sequence.split},
+    )
+
+
+def _flows(sequence: "Sequence") -> LazyFrames:
+    """Forward flow of every frame; that of the last is unknown."""
+
+    def read(index: int) -> Any:
+        if index + 1 < len(sequence):
+            return sequence.flow(index)
+        return np.full((*sequence.shape, 2), np.nan, np.float32)
+
+    shape = (len(sequence), *sequence.shape, 2)
+    dimensions = ("frame", "row", "column", "component")
+    return LazyFrames(shape, np.dtype(np.float32), "px", dimensions, frame_by_frame(read))
+
+
+def _variable(xarray: Any, array: LazyFrames) -> Any:
+    import dask.array
+
+    chunks = (1, *array.shape[1:])
+    lazy = dask.array.from_array(array, chunks=chunks, name=False, asarray=False)
+    return xarray.Variable(array.dimensions, lazy, {"units": array.unit})

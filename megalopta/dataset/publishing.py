@@ -11,31 +11,23 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from megalopta.core import bounded, files
-from megalopta.core.enclosure import check_no_links
 from megalopta.core.errors import UserError
+from megalopta.core.folders import check_no_links
 
 PLAN, REQUEST = "publish.json", "request.json"
 
 
 class Move(NamedTuple):
-    """A move into a dataset.
-
-    Attributes
-    ----------
-    root : Path
-        The dataset.
-    folder : Path
-        Where the list of what moves lies.
-    made : Path
-        What moves, under the names that it has in the dataset.
-    last : tuple of Path
-        What moves last, and where to: as long as it is there, something is left to do.
-    """
+    """A move into a dataset."""
 
     root: Path
+    """The dataset"""
     folder: Path
+    """Where the list of what moves lies"""
     made: Path
+    """What moves, under the names that it has in the dataset"""
     last: tuple[Path, Path]
+    """What moves last, and where to: as long as it is there, something is left to do"""
 
     def announce(self, moves: Iterable[str], goes: Iterable[str] = ()) -> None:
         """List what moves and what goes: all of it is there."""
@@ -49,10 +41,7 @@ class Move(NamedTuple):
     def complete(self, is_output: Callable[[str], bool]) -> None:
         """Move what is announced, remove what goes; what was moved before is left.
 
-        Raises
-        ------
-        UserError
-            When something listed is no output of this dataset.
+        Raises UserError when something listed is no output of this dataset.
         """
         source, target = self.last
         if not source.exists():
@@ -81,6 +70,14 @@ class Move(NamedTuple):
             if not is_output(name) or not all(_is_plain(self.root, b / name) for b in bases):
                 raise UserError(f"{path}: {bounded.quoted(name)} is no output of a stage; {remedy}")
         return moves, goes
+
+
+def link(root: Path, folder: Path, name: str) -> None:
+    """Link output that is there to where more is made; relative, as either may be moved."""
+    path, place = root / name, folder / name
+    place.parent.mkdir(parents=True, exist_ok=True)
+    target = os.path.relpath(path.resolve(), place.parent.resolve())
+    place.symlink_to(target, target_is_directory=path.is_dir())
 
 
 def read_request(folder: Path) -> dict[str, Any] | None:

@@ -142,10 +142,7 @@ class SequenceRecord(BaseModel, frozen=True, use_attribute_docstrings=True):
 def read_record(path: Path, name: str, is_lone: bool = False) -> SequenceRecord:
     """Return the record of the sequence of a name, one of many or a lone one.
 
-    Raises
-    ------
-    UserError
-        With the remedy, when it is missing or damaged.
+    Raises UserError, with the remedy, when it is missing or damaged.
     """
     remedy = _LONE_REMEDY if is_lone else _REMEDY
     try:
@@ -169,10 +166,7 @@ def read_record(path: Path, name: str, is_lone: bool = False) -> SequenceRecord:
 def read_lone_record(dataset: Dataset) -> SequenceRecord:
     """Return the record of a dataset of one; an empty one where nothing was begun.
 
-    Raises
-    ------
-    UserError
-        When it is damaged.
+    Raises UserError when it is damaged.
     """
     path, name = dataset.record_path, dataset.sequence
     if not os.path.lexists(path):

@@ -1,4 +1,4 @@
-"""Flow once more, from depth and poses alone: plain formulas of projection, no renderer.
+"""Flow and occlusion between any two frames, from depth and poses alone: no renderer.
 
 Pixels are taken to points by the depth they store, and points to pixels of another frame by its
 pose. Things that move are taken from the place the truth stores to where their motion brings them.
@@ -10,7 +10,8 @@ import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from functools import cached_property, lru_cache
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,12 +19,17 @@ from pydantic import TypeAdapter
 
 from megalopta.core import bounded
 from megalopta.core.errors import UserError
+from megalopta.dataset.frames import read_truth_frame
 from megalopta.dataset.store import Dataset
-from megalopta.render import Truth
+from megalopta.render import Truth, out_of_view, read_attributes
 from megalopta.scenes.forest.sway import Sway
 from megalopta.scenes.motion import Motion, ObjectMotion, RigidMotion
 
 Float64 = NDArray[np.float64]
+
+_KEPT = 4
+_BEHIND = 1.01
+"""A point is hidden where all that the other frame sees around it is nearer by this factor."""
 
 
 @dataclass(frozen=True)
@@ -150,3 +156,84 @@ def motions_of(dataset: Dataset) -> dict[int, Motion]:
             f"{path} is damaged; remove it and run: megalopta render {dataset.root} "
             f"--out {dataset.root}"
         ) from None
+
+
+class _Seen(NamedTuple):
+    truth: Truth
+    view: View
+
+
+class TruthReader:
+    """Truth of the frames of one sequence; some are kept."""
+
+    def __init__(self, dataset: Dataset) -> None:
+        self._dataset = dataset
+        self._frame = lru_cache(maxsize=_KEPT)(self._read)
+
+    def frame(self, index: int) -> Truth:
+        """Truth of a frame. Raises UserError."""
+        return self._frame(index).truth
+
+    def flow(self, first: int, second: int) -> NDArray[np.float32]:
+        """Flow (H, W, 2), px, from a frame to another."""
+        self._check(first, second)
+        if second == first + 1:
+            return self.frame(first).flow_forward
+        if second == first - 1:
+            return self.frame(first).flow_backward
+        return self._flow_and_depth(first, second)[0].astype(np.float32)
+
+    def occlusion(self, first: int, second: int) -> NDArray[np.bool_]:
+        """Where pixels (H, W) of a frame are hidden in another, or out of its view."""
+        self._check(first, second)
+        wraps = self._dataset.configuration.camera.wraps
+        if abs(second - first) == 1:
+            truth, way = self.frame(first), "forward" if second > first else "backward"
+            hidden = getattr(truth, f"occluded_{way}")
+        else:
+            flow, depth = self._flow_and_depth(first, second)
+            hidden = _is_behind(flow, depth, self.frame(second).depth, wraps)
+        return np.asarray(hidden | out_of_view(self.flow(first, second), wraps))
+
+    @cached_property
+    def _motions(self) -> Mapping[int, Motion]:
+        return motions_of(self._dataset)
+
+    def _flow_and_depth(self, first: int, second: int) -> tuple[Float64, Float64]:
+        """Flow to another frame, and the depth (H, W) that its points have there."""
+        (truth, view), (_, other) = self._frame(first), self._frame(second)
+        points = carried_points(truth, view, other.time_s, self._motions)
+        is_sky = np.isinf(truth.depth)
+        flow = view.way_to(other.image_of(points, is_sky))
+        return flow, np.where(is_sky, np.inf, other.depth_of(points))
+
+    def _read(self, index: int) -> _Seen:
+        truth = read_truth_frame(self._dataset, index)
+        header = read_attributes(self._dataset.exposed_truth(index))
+        return _Seen(truth, View.of(header))
+
+    def _check(self, *frames: int) -> None:
+        count = self._dataset.configuration.trajectory.frames
+        for frame in frames:
+            if not 0 <= frame < count:
+                raise UserError(f"frame {frame}: the sequence has frames 0 to {count - 1}")
+
+
+def _is_behind(
+    flow: Float64,
+    depth: Float64,
+    seen: NDArray[np.float32],
+    wraps: bool,
+) -> NDArray[np.bool_]:
+    """Where points at a depth (H, W) lie behind what is seen in all four pixels around them."""
+    height, width = depth.shape
+    target = np.nan_to_num(flow, nan=-1e9)
+    x = np.floor(np.arange(width) + target[..., 0]).astype(np.int64)
+    y = np.floor(np.arange(height)[:, np.newaxis] + target[..., 1]).astype(np.int64)
+    farthest = np.zeros(depth.shape)
+    for right in (0, 1):
+        for down in (0, 1):
+            columns = (x + right) % width if wraps else np.clip(x + right, 0, width - 1)
+            rows = np.clip(y + down, 0, height - 1)
+            farthest = np.maximum(farthest, seen[rows, columns])
+    return np.asarray(depth > _BEHIND * farthest)

@@ -1,23 +1,24 @@
 """One sequence of a dataset: its light, its counts, its motion."""
 
-from collections.abc import Mapping
-from functools import cached_property, lru_cache
+from collections.abc import Callable, Mapping
+from functools import cached_property, lru_cache, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from megalopta.config.drawing import repeated_name
 from megalopta.config.model import Configuration, LightLevel
+from megalopta.config.yaml_model import validated
 from megalopta.core.errors import UserError
-from megalopta.dataset.finished import FinishedSequence
-from megalopta.dataset.lazy import LazyFrames, frame_by_frame
-from megalopta.dataset.new_light import drawn_counts
-from megalopta.dataset.store import exposure_name
+from megalopta.dataset.lazy import LazyFrames, frame_by_frame, labeled
+from megalopta.dataset.store import Dataset, exposure_name
+from megalopta.sensor import merged
 
 if TYPE_CHECKING:
     import xarray
 
-    from megalopta.dataset.truth_reader import TruthReader
+    from megalopta.dataset.reprojection import TruthReader
     from megalopta.sensor import OpenedCounts, StoredFrames
 
 Float32 = NDArray[np.float32]
@@ -30,11 +31,11 @@ class Sequence:
     ----------
     name : str
     split : str
-    dataset : FinishedSequence
+    dataset : Dataset
         Paths of its files.
     """
 
-    def __init__(self, dataset: FinishedSequence, split: str, exposures: Mapping[str, str]) -> None:
+    def __init__(self, dataset: Dataset, split: str, exposures: Mapping[str, str]) -> None:
         """`exposures` maps the name of each stored exposure to the unit of its readings."""
         self.dataset, self.split, self._units = dataset, split, exposures
         self.name = dataset.sequence
@@ -87,14 +88,8 @@ class Sequence:
         """Spectral radiance (T, H, W, B), W·m⁻²·sr⁻¹·nm⁻¹, as the shutter took it."""
         from megalopta.dataset.frames import read_radiance_frame
 
-        shape = (len(self), *self.shape, len(self.bands_nm))
-        return LazyFrames(
-            shape,
-            np.dtype(np.float32),
-            "W·m⁻²·sr⁻¹·nm⁻¹",
-            ("frame", "row", "column", "band"),
-            frame_by_frame(lambda index: read_radiance_frame(self.dataset, index)),
-        )
+        read = partial(read_radiance_frame, self.dataset)
+        return self._by_frame(read, "W·m⁻²·sr⁻¹·nm⁻¹", band=len(self.bands_nm))
 
     @property
     def exposures(self) -> tuple[str, ...]:
@@ -138,6 +133,8 @@ class Sequence:
     ) -> LazyFrames:
         """What any sensor would read of this light (T, H, W), drawn when it is asked for.
 
+        Raises UserError when there is no such sensor or level.
+
         Parameters
         ----------
         sensor
@@ -150,13 +147,34 @@ class Sequence:
             Another number draws other noise, independent of it; the device is the same.
         **changes
             Fields of the sensor, such as exposure_s=1e-3.
-
-        Raises
-        ------
-        UserError
-            When there is no such sensor or level.
         """
-        return drawn_counts(self.dataset, sensor, level, gain, repeat, changes)
+        from megalopta.config.light_scale import light_scale
+        from megalopta.dataset.frames import read_radiance_frame
+        from megalopta.sensor.shot import Shot
+
+        settings = self.configuration
+        chosen = level if level is not None else settings.light.resolved().illuminance_lux
+        exposed = _exposed(settings, sensor, changes, chosen)
+        device = repeated_name(exposed.sensors[0], repeat)
+        if not gain > 0:
+            raise UserError(f"gain {gain!r}: give a number above 0")
+        scale = (light_scale(exposed, chosen) * gain).astype(np.float32)
+        name = f"{self.name}/{exposure_name(device, chosen)}"
+
+        def read(number: int) -> NDArray[Any]:
+            shot = Shot(
+                radiance=read_radiance_frame(self.dataset, number)[np.newaxis] * scale,
+                bands_nm=settings.render.bands_nm,
+                sensor=device,
+                seed=settings.seed,
+                sequence=f"{name}/gain {gain!r}" if gain != 1 else name,
+                first_frame=number,
+                frame_period_s=1 / settings.trajectory.frame_rate_hz,
+            )
+            return np.asarray(shot.exposure.counts[0])
+
+        dtype = np.float32 if device.unit == "electrons" else np.uint32
+        return self._by_frame(read, f"{device.unit} per exposure", dtype)
 
     def flow(self, first: int, second: int | None = None) -> Float32:
         """Flow (H, W, 2) from a frame to any other, by default the next.
@@ -177,46 +195,39 @@ class Sequence:
     @property
     def depth(self) -> LazyFrames:
         """Depth (T, H, W), m: along the optical axis, of a panorama along the ray; sky inf."""
-        return self._of_truth("depth", np.float32, "m")
+        return self._by_frame(lambda index: self._truth.frame(index).depth, "m")
 
     @property
     def normals(self) -> LazyFrames:
         """Surface normals (T, H, W, 3), world axes, toward the camera; NaN for the sky."""
-        return self._of_truth("normal", np.float32, "1", (3,), ("axis",))
+        return self._by_frame(lambda index: self._truth.frame(index).normal, "1", axis=3)
 
     @property
     def object_ids(self) -> LazyFrames:
         """Number of the object (T, H, W); 0 is the sky."""
-        return self._of_truth("object_id", np.uint32, "1")
+        return self._by_frame(lambda index: self._truth.frame(index).object_id, "1", np.uint32)
 
     def to_xarray(self, *exposures: str) -> "xarray.Dataset":
         """All of it as a lazy xarray.Dataset, with units; counts of all exposures by default.
 
         Raises UserError where xarray is not installed.
         """
-        from megalopta.dataset.labeled import labeled
-
         return labeled(self, exposures or self.exposures)
 
-    def _of_truth(
+    def _by_frame(
         self,
-        field: str,
-        dtype: type[np.generic],
+        read: Callable[[int], NDArray[Any]],
         unit: str,
-        more: tuple[int, ...] = (),
-        names: tuple[str, ...] = (),
+        dtype: type[np.generic] = np.float32,
+        **more: int,
     ) -> LazyFrames:
-        return LazyFrames(
-            (len(self), *self.shape, *more),
-            np.dtype(dtype),
-            unit,
-            ("frame", "row", "column", *names),
-            frame_by_frame(lambda index: getattr(self._truth.frame(index), field)),
-        )
+        """Frames (H, W, more axes by name), each read by its number."""
+        shape, names = (len(self), *self.shape, *more.values()), ("frame", "row", "column", *more)
+        return LazyFrames(shape, np.dtype(dtype), unit, names, frame_by_frame(read))
 
     @cached_property
     def _truth(self) -> "TruthReader":
-        from megalopta.dataset.truth_reader import TruthReader
+        from megalopta.dataset.reprojection import TruthReader
 
         return TruthReader(self.dataset)
 
@@ -247,19 +258,17 @@ class Sequence:
             self.dataset.compare_chunks(stored.path / quantity, sorted(chunks))
             return stored[numbers]
 
-        return LazyFrames(
-            stored.shape,
-            np.dtype(stored.array.dtype),
-            str(stored.array.attrs["unit"]),
-            ("frame", "row", "column"),
-            read,
-        )
+        dtype, unit = np.dtype(stored.array.dtype), str(stored.array.attrs["unit"])
+        return LazyFrames(stored.shape, dtype, unit, ("frame", "row", "column"), read)
 
 
-def stored_exposures(configuration: Configuration) -> dict[str, str]:
-    """Units of readings by the names of a configuration's exposures."""
-    return {
-        exposure_name(sensor, level): sensor.unit
-        for sensor in configuration.sensors
-        for level in configuration.light_levels
-    }
+def _exposed(
+    settings: Configuration, sensor: Any, changes: Mapping[str, Any], level: LightLevel
+) -> Configuration:
+    """The configuration with one sensor, a preset's name, fields or a sensor, at one level."""
+    if hasattr(sensor, "model_dump"):
+        sensor = sensor.model_dump(mode="json")
+    fields = {"preset": sensor} if isinstance(sensor, str) else dict(sensor)
+    values = settings.model_dump(mode="json", exclude={"sensors", "light_levels"})
+    values |= {"sensors": [merged(fields, changes)], "light_levels": [level]}
+    return validated(Configuration, values, "expose")

@@ -7,14 +7,11 @@ from itertools import islice
 from typing import TYPE_CHECKING, Any
 
 from megalopta.core.errors import UserError
-from megalopta.generation.attempt import (
-    Job,
-    Outcome,
-    attempt,
-    brief,
-)
+from megalopta.dataset.record import MADE
+from megalopta.generation.jobs import Job, Outcome, attempt, brief
 from megalopta.generation.versions import versions
-from megalopta.render import choose_variant
+from megalopta.render import choose_variant, llvm_in_use
+from megalopta.stages.registry import STAGES
 
 if TYPE_CHECKING:
     from distributed import Client, Future
@@ -30,10 +27,7 @@ _AHEAD = 2
 def by_cluster(scheduler: str, job: Job, indices: Iterable[int]) -> Generator[Outcome, None, None]:
     """Do a job for every index by the workers of a scheduler, and yield how each ended.
 
-    Raises
-    ------
-    UserError
-        As `connected`.
+    Raises UserError, as `connected`.
     """
     from distributed import wait  # slow to load
 
@@ -63,18 +57,18 @@ def attempt_alike(job: Job, index: int, wanted: Mapping[str, str]) -> Outcome:
 
 @cache
 def environment() -> Mapping[str, str]:
-    """Return all that bytes depend on: versions, and what Mitsuba renders with."""
-    return {**versions(), "variant": choose_variant().name}
+    """Return all that bytes depend on: versions, models, and what Mitsuba renders with."""
+    models = "-".join(STAGES[stage].model() for stage in MADE)
+    variant, llvm = choose_variant().name, llvm_in_use()[1]
+    return {**versions(), "models": models, "variant": variant, "LLVM": llvm}
 
 
 @contextmanager
 def connected(scheduler: str) -> Iterator["Client"]:
     """Give a client of a cluster.
 
-    Raises
-    ------
-    UserError
-        When no cluster is to be found there, or one of its workers has another environment.
+    Raises UserError when no cluster is to be found there, or one of its workers has another
+    environment.
     """
     from distributed import Client  # slow to load
 

@@ -1,13 +1,12 @@
 """How large a plan will be, measured on a few frames of a few of its sequences.
 
-Sequences that take the same code are a group. Of each group one is measured, or two where images
-differ much, with few trees. All others follow between and beyond them (`stages/probing.py`).
+Sequences that take the same code are a group. Of each group one is measured, with few trees, and
+all others follow in proportion (`probing.py`).
 """
 
 import time
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TypeAlias
@@ -20,19 +19,11 @@ from megalopta.config.recipe import Plan
 from megalopta.core.errors import UserError
 from megalopta.core.progress import duration, say, step
 from megalopta.dataset.store import Dataset
-from megalopta.generation.flow_files import write_flow_files
+from megalopta.generation.making import write_flow_files
+from megalopta.generation.probing import Finish, Foreseen, Probe, Scale, foresee, probe
 from megalopta.render.baking.choice import may_pay
-from megalopta.stages.estimate import size
+from megalopta.stages.limits import needed_bytes, size
 from megalopta.stages.pipeline import check_stage
-from megalopta.stages.probing import (
-    Finish,
-    Foreseen,
-    Probe,
-    Scale,
-    foresee,
-    memory_bytes,
-    probe,
-)
 from megalopta.stages.registry import STAGES
 
 _BUDGET_S = 20.0
@@ -73,7 +64,7 @@ def dry_run_of_frames(root: Path, settings: Configuration) -> str:
     costs = _told(_foreseen([settings], lambda _dataset: None))
     return (
         f"{root}: {frames} frames of {camera.width} × {camera.height}, {costs}, "
-        f"up to {size(memory_bytes(settings))} of memory; integrator: {integrator}"
+        f"up to {size(needed_bytes(settings, 'render')[0])} of memory; integrator: {integrator}"
     )
 
 
@@ -102,14 +93,10 @@ def _foreseen(drawn: Sequence[Configuration], finish: Finish) -> list[Foreseen]:
     probes = _measured(groups, finish)
     costs: list[Foreseen] = []
     compiled: set[_Group] = set()
-    grown = {getattr(members[0].scene, "seed", 0) for members in groups.values()}
     for each in drawn:
-        group, seed = _group(each), getattr(each.scene, "seed", 0)
-        costs.append(
-            foresee(Scale.of(each), probes[group], group not in compiled, seed not in grown)
-        )
+        group = _group(each)
+        costs.append(foresee(Scale.of(each), probes[group], group not in compiled))
         compiled.add(group)
-        grown.add(seed)
     return costs
 
 
@@ -121,16 +108,13 @@ def _finish(plan: Plan, dataset: Dataset) -> None:
 
 def _measured(
     groups: Mapping[_Group, Sequence[Configuration]], finish: Finish
-) -> dict[_Group, list[Probe]]:
-    """Probes of every group: of the most frequent first, of the rest by those of their like."""
+) -> dict[_Group, Probe]:
+    """A probe of every group: of the most frequent first, of the rest that of its like."""
     until = time.process_time() + _BUDGET_S
-    found: dict[_Group, list[Probe]] = {}
+    found: dict[_Group, Probe] = {}
     for key in sorted(groups, key=lambda each: -len(groups[each])):
         if time.process_time() < until or not found:
-            found[key] = [_of_largest(groups[key], finish)]
-    for key, probes in found.items():
-        if time.process_time() < until:
-            probes += _of_smallest(groups[key], probes[0].scale.things, finish)
+            found[key] = _of_largest(groups[key], finish)
     unmeasured = [key for key in groups if key not in found]
     for key in unmeasured:
         alike = [other for other in found if other[0] == key[0]] or list(found)
@@ -144,43 +128,28 @@ def _of_largest(members: Sequence[Configuration], finish: Finish) -> Probe:
     """Measure the largest image of a group, with few things if these differ or are many."""
     things = [Scale.of(each).things for each in members]
     few = max(things) if max(things) == min(things) <= _BUILT else min(*things, _FEW)
-    return _probed(max(members, key=_samples), few, finish)
+    shares_plants = len({getattr(each.scene, "seed", 0) for each in members}) == 1
+    largest = max(members, key=lambda each: Scale.of(each).samples)
+    return _probed(largest, few, finish, shares_plants)
 
 
-def _of_smallest(members: Sequence[Configuration], things: int, finish: Finish) -> list[Probe]:
-    """Measure the smallest image too, where it is much smaller than the largest."""
-    smallest = min(members, key=_samples)
-    if 4 * _samples(smallest) >= max(map(_samples, members)):
-        return []
-    return [_probed(smallest, things, finish)]
-
-
-def _probed(settings: Configuration, things: int, finish: Finish) -> Probe:
+def _probed(settings: Configuration, things: int, finish: Finish, shares_plants: bool) -> Probe:
     """A probe of a sequence; one that took little is made again, now that all is loaded."""
     start = time.process_time()
     camera, scene = settings.camera, settings.scene
     counts = "".join(f"{min(n, things)} {name}, " for name, n in scene.counts.items())
-    with _told_step(f"measuring {scene.kind}, {counts}{camera.width} × {camera.height} px"):
+    name = f"measuring {scene.kind}, {counts}{camera.width} × {camera.height} px"
+    say(name)
+    with step(name):
         try:
-            found = probe(settings, things, finish)
+            found = probe(settings, things, finish, shares_plants)
         except UserError:  # few trees do not surround a long path
             if things >= Scale.of(settings).things:
                 raise
-            return _probed(settings, 4 * things, finish)
+            return _probed(settings, 4 * things, finish, shares_plants)
         if time.process_time() - start < _SOON_S:
-            found = probe(settings, things, finish)
+            found = probe(settings, things, finish, shares_plants)
     return found
-
-
-@contextmanager
-def _told_step(name: str) -> Iterator[None]:
-    say(name)
-    with step(name):
-        yield
-
-
-def _samples(settings: Configuration) -> float:
-    return Scale.of(settings).samples
 
 
 def _group(settings: Configuration) -> _Group:

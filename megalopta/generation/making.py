@@ -1,28 +1,41 @@
-"""A plan brought to its end: what is missing is made, what is there is kept."""
+"""A plan brought to its end: what is missing is made, what is there is kept.
+
+A sequence is an ordinary dataset in `.making/SEQ/data` until it is whole, so that a run that was
+killed goes on inside it.
+"""
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing
 from functools import partial
 from pathlib import Path
+from typing import Any
 
-from megalopta.config.drawing import check_plan, configuration_of, sequence_name
-from megalopta.config.model import differences
-from megalopta.config.recipe import Plan
-from megalopta.core import files
+from numpy.typing import NDArray
+
+from megalopta.config.drawing import check_plan, configuration_of, sequence_name, split_of
+from megalopta.config.model import Configuration, differences
+from megalopta.config.recipe import FlowFile, Plan
 from megalopta.core.errors import UserError
-from megalopta.core.folders import LOCK_NAME, locked
+from megalopta.core.format_numbers import written
 from megalopta.core.progress import progress, say
-from megalopta.dataset.books import write_index
 from megalopta.dataset.layout import Tree
 from megalopta.dataset.record import MADE, SequenceRecord
+from megalopta.dataset.store import Dataset, hashes_of, refuse_others_folder
+from megalopta.flow.formats import read_flo, write_flo5, write_kitti_png
 from megalopta.generation.jobs import run_jobs
-from megalopta.generation.sequence import Machinery, make_sequence, other_machinery
-from megalopta.generation.staging import settle, tidy
-from megalopta.stages.pipeline import check_stage
+from megalopta.generation.staging import Staged, at_work, made_with
+from megalopta.generation.statistics import sequence_statistics
+from megalopta.stages.ledger import Ledger
+from megalopta.stages.pipeline import check_stage, run_stage
+from megalopta.stages.registry import provenance_changes
 
 _COMPARED = 50
 """Sequences that are there of which the configuration is compared with the plan's."""
+_WRITERS: Mapping[FlowFile, tuple[str, str, Callable[[Path, NDArray[Any]], None]]] = {
+    "kitti_png": ("training/flow_kitti", "png", write_kitti_png),
+    "flo5": ("training/flow_flo5", "flo5", write_flo5),
+}
 
 
 def make(
@@ -34,36 +47,19 @@ def make(
     scheduler: str | None = None,
     retry: bool = False,
 ) -> Tree:
-    """Make the sequences of a plan that are not there yet.
+    """Make the sequences of a plan that are not there yet, or `only` some of these.
 
-    Parameters
-    ----------
-    root : Path
-    plan : Plan
-    only : iterable of int or None
-        Sequences to make; by default all of the plan.
-    workers : int or None
-        Processes of this machine; None makes all in this one.
-    scheduler : str or None
-        Address of a Dask cluster to use instead.
-    retry : bool
-        Make only those that failed before.
-
-    Raises
-    ------
-    UserError
-        When the folder holds something else or sequences of another plan, when the machine refuses,
-        such as a full disk, and after all others are made where sequences failed.
+    `workers` are processes of this machine, `scheduler` is the address of a Dask cluster; without
+    both all are made in this process. With `retry` only those are made that failed before. Raises
+    UserError when the folder holds something else or sequences of another plan, when the machine
+    refuses, such as a full disk, and after all others are made where sequences failed.
     """
     tree = Tree(root.absolute())
     for configuration in check_plan(plan):
         for stage in MADE:
             check_stage(stage, configuration, tree.staging)
     whole = whole_plan(tree, plan)
-    index = partial(write_index, tree, whole)
-    with locked(tree.root):
-        tidy(tree)
-        settle(tree, index)
+    with at_work(tree, whole):
         tree.write_plan(whole)
         failures = tree.read_failures()
         again = [index for index in sorted(failures) if index in range(whole.sequences)]
@@ -73,8 +69,6 @@ def make(
             _make_all(tree, plan, todo, failures, workers, scheduler)
         finally:
             tree.write_failures(failures)
-        index()
-        tidy(tree)
     if failures:
         first = min(failures)
         raise UserError(
@@ -111,7 +105,7 @@ def _make_all(
     if not todo:
         return
     _check_same_machinery(tree)
-    job = partial(make_sequence, tree.root, plan, Machinery.here(plan, todo[0]))
+    job = partial(make_sequence, tree.root, plan)
     with (
         progress("Making sequences", len(todo), "sequence") as advance,
         closing(run_jobs(job, todo, workers, scheduler)) as outcomes,
@@ -135,15 +129,11 @@ def _missing(tree: Tree, indices: Iterable[int]) -> list[int]:
 def whole_plan(tree: Tree, plan: Plan) -> Plan:
     """The plan of a folder: this one, with as many sequences as were ever asked for.
 
-    Raises
-    ------
-    UserError
-        For a folder of something else, and one whose sequences another plan made.
+    Raises UserError for a folder of something else, and one whose sequences another plan made.
     """
     root = tree.root
     if not (root / "dataset.yaml").exists():
-        if root.exists() and (not root.is_dir() or any(map(_is_a_strangers, root.iterdir()))):
-            raise UserError(f"{root} exists and is no dataset; choose a new folder")
+        refuse_others_folder(root)
         return plan
     former = tree.plan()
     old, new = (each.model_dump(mode="json") for each in (former, plan))
@@ -162,10 +152,6 @@ def whole_plan(tree: Tree, plan: Plan) -> Plan:
     return plan.model_copy(update={"sequences": max(former.sequences, plan.sequences)})
 
 
-def _is_a_strangers(path: Path) -> bool:
-    return path.name != LOCK_NAME and not files.is_temporary(Path(path.name))
-
-
 def _check_same_machinery(tree: Tree) -> None:
     """Refuse to add sequences of other models, libraries or variants to those that are there."""
     for record in _some_records(tree):
@@ -180,3 +166,50 @@ def _check_same_machinery(tree: Tree) -> None:
 def _some_records(tree: Tree) -> Iterator[SequenceRecord]:
     names = tree.names()
     return map(tree.record, names[:: max(1, len(names) // _COMPARED)])
+
+
+def make_sequence(root: Path, plan: Plan, index: int) -> None:
+    """Make a sequence, or what is missing of it. Raises UserError and OSError."""
+    tree, name = Tree(root), sequence_name(index)
+    Staged(tree, name).bring_in(configuration_of(plan, index), MADE, partial(_made, plan, index))
+
+
+def other_machinery(record: SequenceRecord, configuration: Configuration, *stages: str) -> str:
+    """Return how stages of a finished sequence were made otherwise than here, or nothing."""
+    here = made_with(configuration)
+    found = {
+        stage: provenance_changes(record.stages[stage].made_with, here[stage])
+        for stage in stages or MADE
+    }
+    return "; ".join(f"{stage}: {told}" for stage, told in found.items() if told)
+
+
+def _made(plan: Plan, index: int, dataset: Dataset) -> SequenceRecord:
+    data, configuration = dataset.root, dataset.configuration
+    for stage in MADE:
+        run_stage(data, configuration, stage)
+    stages = Ledger(dataset).record.stages
+    extra = hashes_of(data, write_flow_files(dataset, plan.flow_files))
+    rendered = stages["render"]
+    more = rendered.model_copy(update={"files": {**(rendered.files or {}), **extra}})
+    return SequenceRecord(
+        format=written("sequence"),
+        sequence=configuration.name,
+        stages={**stages, "render": more},
+        index=index,
+        split=split_of(plan, index),
+        configuration=configuration.model_dump(mode="json"),
+        statistics=sequence_statistics(dataset),
+        poses=tuple(map(tuple, configuration.trajectory.poses().reshape(-1, 16).tolist())),
+    )
+
+
+def write_flow_files(dataset: Dataset, kinds: Sequence[FlowFile]) -> list[Path]:
+    """Write the forward flow in other layouts too; return the folders that they lie in."""
+    for index in range(dataset.configuration.trajectory.frames - 1) if kinds else ():
+        flow = read_flo(dataset.frame("training/flow", index, "flo"))
+        for folder, suffix, write in map(_WRITERS.__getitem__, kinds):
+            path = dataset.frame(folder, index, suffix)
+            if not path.exists():
+                write(path, flow)
+    return [dataset.root / _WRITERS[kind][0] / dataset.sequence for kind in kinds]

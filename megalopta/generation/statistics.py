@@ -5,13 +5,11 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.config.model import LightLevel
 from megalopta.dataset.frames import read_radiance_frame, read_truth_frame
 from megalopta.dataset.record import ExposureStatistics, SequenceStatistics
 from megalopta.dataset.store import Dataset, exposure_name
 from megalopta.render import out_of_view
-from megalopta.sensor import ImageSensor
-from megalopta.stages.sense import exposures, open_exposure
+from megalopta.stages.sense import open_exposure
 
 _FRAMES_LOOKED_AT = 8
 
@@ -46,22 +44,18 @@ def sequence_statistics(dataset: Dataset) -> SequenceStatistics:
 
 def exposure_statistics(dataset: Dataset) -> Iterator[ExposureStatistics]:
     """Measure what every sensor read at every level."""
-    for sensor, level in exposures(dataset):
-        yield _of_exposure(dataset, sensor, level)
-
-
-def _of_exposure(dataset: Dataset, sensor: ImageSensor, level: LightLevel) -> ExposureStatistics:
-    opened = open_exposure(dataset, sensor, level)
-    return ExposureStatistics(
-        name=exposure_name(sensor, level),
-        sensor=sensor.name,
-        level=level,
-        unit=sensor.unit,
-        exposure_s=sensor.exposure_s,
-        photons_per_pixel=_rounded(opened["photons"].mean()),
-        mean_reading=_rounded(opened["counts"].mean()),
-        saturated_fraction=_rounded(opened["saturated"].mean()),
-    )
+    for sensor, level in dataset.configuration.exposures:
+        opened = open_exposure(dataset, sensor, level)
+        yield ExposureStatistics(
+            name=exposure_name(sensor, level),
+            sensor=sensor.name,
+            level=level,
+            unit=sensor.unit,
+            exposure_s=sensor.exposure_s,
+            photons_per_pixel=_rounded(opened["photons"].mean()),
+            mean_reading=_rounded(opened["counts"].mean()),
+            saturated_fraction=_rounded(opened["saturated"].mean()),
+        )
 
 
 def _texture(light: NDArray[np.float32]) -> float:

@@ -27,7 +27,7 @@ from megalopta.sensor import (
     expectation,
 )
 from megalopta.stages.noise_warning import variances
-from megalopta.stages.sense import exposures, open_exposure
+from megalopta.stages.sense import open_exposure
 
 # Pixels between these percentiles are drawn as the spread of the signal-to-noise ratio.
 _SPREAD_PERCENT = (5, 50, 95)
@@ -79,7 +79,7 @@ class ExposureSummary:
 def exposed(dataset: Dataset, footage: ReportFrames, record: Record) -> list[ExposureSummary]:
     """Return budget and pictures of every sensor at every level; `record` is that of the scene."""
     noise = record.get("monte_carlo") or {}
-    return [_exposed(dataset, footage, each, noise) for each in exposures(dataset)]
+    return [_exposed(dataset, footage, each, noise) for each in dataset.configuration.exposures]
 
 
 def _exposed(

@@ -20,14 +20,14 @@ from megalopta.core import files
 from megalopta.core.bounded import printable
 from megalopta.core.errors import UserError
 from megalopta.core.files import atomic_write
-from megalopta.dataset.croissant import table_path
 from megalopta.dataset.layout import Tree
 from megalopta.dataset.opened import open_dataset
 from megalopta.dataset.store import LICENSE
+from megalopta.dataset.tables import table_path
 from megalopta.plotting.style import BLUE, house_style
 from megalopta.plotting.text import number
 from megalopta.report.dataset_sheet import clips_of
-from megalopta.stages.estimate import size
+from megalopta.stages.limits import size
 
 Rows = list[dict[str, Any]]
 

@@ -44,10 +44,7 @@ def corrected_path(dataset: Dataset, sensor: ImageSensor, level: LightLevel) -> 
 def open_corrected(dataset: Dataset, sensor: ImageSensor, level: LightLevel) -> StoredFrames | None:
     """Detections of the corrected frames of an exposure; None where they were not asked for.
 
-    Raises
-    ------
-    UserError
-        When they cannot be read.
+    Raises UserError when they cannot be read.
     """
     path = corrected_path(dataset, sensor, level)
     if not (dataset.configuration.correct and isinstance(sensor, Sensor)):

@@ -36,7 +36,7 @@ from megalopta.sensor.formats.counts_store import format_attribute
 from megalopta.stages.correction import open_corrected
 from megalopta.stages.declaration import Stage
 from megalopta.stages.measurement import BlockTruth, Measurement, Record, SeenFrames
-from megalopta.stages.sense import exposures, open_exposure
+from megalopta.stages.sense import open_exposure
 
 
 def measure_flow(dataset: Dataset) -> None:
@@ -45,7 +45,7 @@ def measure_flow(dataset: Dataset) -> None:
     What is measured on one sensor at one light level is written at once, responses and errors, and
     is not measured again.
     """
-    pairs = exposures(dataset)
+    pairs = dataset.configuration.exposures
     missing = [pair for pair in pairs if not _is_there(responses_path(dataset, *pair))]
     if missing:
         _measure(dataset, missing)

@@ -2,37 +2,39 @@
 
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from megalopta import __version__
 from megalopta.config.model import Configuration
 from megalopta.core import bounded, files
 from megalopta.core.errors import UserError
 from megalopta.core.freshness import digest
-from megalopta.core.progress import progress
-from megalopta.dataset.record import SequenceRecord, StageRecord, read_lone_record
-from megalopta.dataset.store import Dataset, hashes_of, is_as_written
-from megalopta.stages.origins import provenance, provenance_changes
-from megalopta.stages.registry import STAGES, with_dependents
+from megalopta.core.progress import step
+from megalopta.dataset.record import StageRecord, read_lone_record
+from megalopta.dataset.store import Dataset, difference, hashes_of
+from megalopta.stages.registry import (
+    STAGES,
+    provenance,
+    provenance_changes,
+    stage_configuration,
+    with_dependents,
+)
 
-_WORTH_TELLING_BYTES = 5e9
-"""Comparing so much with its hashes takes seconds."""
 
-
-@dataclass(frozen=True)
 class Ledger:
-    """Bookkeeping of one sequence."""
+    """Bookkeeping of one sequence, whose record is read once.
 
-    dataset: Dataset
+    Raises UserError when the record is damaged, or names a file that no stage of this dataset
+    writes.
+    """
 
-    @property
-    def root(self) -> Path:
-        """Folder of the dataset."""
-        return self.dataset.root
+    def __init__(self, dataset: Dataset) -> None:
+        self.dataset, self.root = dataset, dataset.root
+        self.record = read_lone_record(dataset)
+        for stage, entry in self.record.stages.items():
+            self._check_entry(stage, entry)
 
     def outputs(self, stage: str) -> list[Path]:
         """Files and folders that a stage writes."""
@@ -44,8 +46,7 @@ class Ledger:
 
     def is_finished(self, stage: str) -> bool:
         """Whether a stage was finished with this configuration and its files are there."""
-        entry = self.entry(stage)
-        return entry is not None and not self.damaged(stage, entry)
+        return self.entry(stage) is not None and not self.damaged(stage)
 
     def is_outdated(self, stage: str) -> bool:
         """Whether a stage was finished with this configuration by another model."""
@@ -63,18 +64,13 @@ class Ledger:
         now = provenance(stage, self.dataset.configuration)
         return provenance_changes(entry.made_with, now) if entry else ""
 
-    def damaged(self, stage: str, entry: StageRecord) -> list[Path]:
-        """Files of a stage that are missing or have another size or hash."""
-        known = {self.root / name: each for name, each in (entry.files or {}).items()}
-        if sum(size for size, _ in known.values()) < _WORTH_TELLING_BYTES:
-            return [path for path, each in known.items() if not is_as_written(path, *each)]
-        found = []
-        with progress(f"Comparing files of {stage}", len(known), "file") as advance:
-            for path, each in known.items():
-                if not is_as_written(path, *each):
-                    found.append(path)
-                advance()
-        return found
+    def damaged(self, stage: str) -> list[Path]:
+        """Files of a finished stage that are missing or have another size or hash."""
+        entry = self.entry(stage)
+        with step(f"comparing files of {stage}"):
+            known = entry.files or {} if entry else {}
+            written = {self.root / name: each for name, each in known.items()}
+            return [path for path, each in written.items() if difference(path, *each)]
 
     def finished(self) -> list[str]:
         """Return the stages that are finished. Raises UserError where one of them is damaged."""
@@ -85,9 +81,8 @@ class Ledger:
 
     def require(self, stage: str) -> None:
         """Refuse to go on when a stage is not finished with this configuration, or damaged."""
-        entry, home = self.entry(stage), self.dataset.home
-        damaged = self.damaged(stage, entry) if entry else []
-        if entry and not damaged:
+        home, damaged = self.dataset.home, self.damaged(stage)
+        if self.entry(stage) and not damaged:
             return
         target = f"{home} --out {home}" if stage == "render" else home
         what = (
@@ -96,19 +91,6 @@ class Ledger:
             else f"{home}: stage {stage!r} is not finished with this configuration"
         )
         raise UserError(f"{what}; run first: megalopta {STAGES[stage].command} {target}")
-
-    def record(self) -> SequenceRecord:
-        """Read the record; an empty one where nothing was begun.
-
-        Raises
-        ------
-        UserError
-            When it is damaged, or names a file that no stage of this dataset writes.
-        """
-        record = read_lone_record(self.dataset)
-        for stage, entry in record.stages.items():
-            self._check_entry(stage, entry)
-        return record
 
     def timings(self) -> dict[str, float]:
         """Seconds spent on each stage, interrupted runs included."""
@@ -127,11 +109,11 @@ class Ledger:
     def begin(self, stage: str) -> None:
         """Note what the output of a stage is made with, so that it goes on with the same."""
         if not self._begun(stage) or not self.has(stage):
-            self._enter(stage, None)
+            self._enter(stage, stage_record(self.dataset, stage, None))
 
     def finish(self, stage: str) -> None:
         """Enter a finished stage, with the hashes of its files, into the record."""
-        self._enter(stage, hashes_of(self.root, self.outputs(stage)))
+        self._enter(stage, stage_record(self.dataset, stage, self.outputs(stage)))
 
     def withdraw(self, stage: str) -> None:
         """Forget that a stage was begun of which nothing came."""
@@ -147,33 +129,27 @@ class Ledger:
                 files.remove(path)
 
     def _begun(self, stage: str) -> StageRecord | None:
-        entry = self.record().stages.get(stage)
+        entry = self.record.stages.get(stage)
         is_same = entry and entry.settings == stage_hash(self.dataset.configuration, stage)
         return entry if is_same else None
 
-    def _enter(self, stage: str, hashes: dict[str, tuple[int, str]] | None) -> None:
-        configuration = self.dataset.configuration
-        entry = StageRecord(
-            settings=stage_hash(configuration, stage),
-            made_with=provenance(stage, configuration),
-            version=__version__,
-            files=hashes,
-        )
-        self._write({**self.record().stages, stage: entry})
+    def _enter(self, stage: str, entry: StageRecord) -> None:
+        self._write({**self.record.stages, stage: entry})
 
     def _remove(self, stage: str) -> None:
-        left = {name: each for name, each in self.record().stages.items() if name != stage}
+        left = {name: each for name, each in self.record.stages.items() if name != stage}
         if left:
             self._write(left)
         else:
+            self.record = self.record.model_copy(update={"stages": {}})
             files.remove(self.dataset.record_path)
             with suppress(OSError):  # it holds something else, or was never made
                 self.dataset.record_path.parent.rmdir()
 
     def _write(self, stages: Mapping[str, StageRecord]) -> None:
         ordered = {name: stages[name] for name in STAGES if name in stages}
-        record = self.record().model_copy(update={"stages": ordered})
-        files.write_text(self.dataset.record_path, record.to_json())
+        self.record = self.record.model_copy(update={"stages": ordered})
+        files.write_text(self.dataset.record_path, self.record.to_json())
 
     def _write_timings(self, timings: Mapping[str, float]) -> None:
         files.write_json(self.root / "timings.json", timings)
@@ -190,12 +166,14 @@ class Ledger:
                 )
 
 
-def stage_configuration(configuration: Configuration, stage: str) -> dict[str, Any]:
-    """The parts of a configuration that a stage's output depends on."""
-    names = (*STAGES[stage].needs, stage)
-    fields = {field for name in names for field in STAGES[name].fields}
-    # The backend changes the speed, and rendering noise within its statistics, but not the content.
-    return configuration.model_dump(mode="json", include=fields, exclude={"render": {"backend"}})
+def stage_record(dataset: Dataset, stage: str, outputs: Iterable[Path] | None) -> StageRecord:
+    """What is recorded of a stage: with what it is made, and the hashes of its output if whole."""
+    return StageRecord(
+        settings=stage_hash(dataset.configuration, stage),
+        made_with=provenance(stage, dataset.configuration),
+        version=__version__,
+        files=None if outputs is None else hashes_of(dataset.root, outputs),
+    )
 
 
 def stage_hash(configuration: Configuration, stage: str) -> str:

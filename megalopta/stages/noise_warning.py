@@ -34,10 +34,7 @@ def noise_share(
     sensor: ImageSensor,
     scale: NDArray[np.float64],
 ) -> float:
-    """Variance of the rendering's noise over that of shot noise and detail together.
-
-    The parameters are those of `variances`.
-    """
+    """Return variance of the rendering's noise over that of shot noise and detail, `variances`."""
     rendering, shot, detail = variances(noise, settings, sensor, scale)
     return rendering / max(shot + detail, 1e-300)
 
@@ -50,15 +47,8 @@ def variances(
 ) -> tuple[float, float, float]:
     """Variances of a pixel's reading: the rendering's noise, shot noise, the scene's detail.
 
-    Parameters
-    ----------
-    noise : mapping
-        `monte_carlo` of the scene record.
-    settings : Configuration
-        Of the dataset.
-    sensor : Sensor or CtiaSensor
-    scale : (B,)
-        Factor from the rendered light to the exposed, per band.
+    `noise` is `monte_carlo` of the scene record, `scale` (B,) the factor from the rendered light to
+    the exposed, per band.
     """
     bands, camera = settings.render.bands_nm, settings.camera
     shape = len(bands), camera.height, camera.width, len(bands)
@@ -78,16 +68,8 @@ def noise_warning(
 ) -> str | None:
     """One sentence on the exposures that the rendering is too noisy for; None where there are none.
 
-    The samples named are enough: variance falls at least as fast as their number grows.
-
-    Parameters
-    ----------
-    noise : mapping
-        `monte_carlo` of the scene record.
-    settings : Configuration
-        Of the dataset.
-    shares : mapping
-        Name of each exposure to its `noise_share`.
+    The samples named are enough: variance falls at least as fast as their number grows. `shares`
+    are the `noise_share` of exposures by their names.
     """
     noisy = sorted((share, name) for name, share in shares.items() if share > LIMIT)
     if not noisy:

@@ -1,11 +1,16 @@
-"""How stages are run: checked, resumed, timed and recorded."""
+"""How stages are run: checked, resumed, timed and recorded.
+
+A stage begins by agreeing with the configuration of everything that is already there; where they
+differ it is refused with the differences, unless the user asks to redo it.
+"""
 
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
-from megalopta.config.model import Configuration
+from megalopta.config.model import Configuration, differences
 from megalopta.core import files
 from megalopta.core.errors import UserError
 from megalopta.core.folders import locked
@@ -16,11 +21,10 @@ from megalopta.dataset.store import (
     whole_of,
     write_configuration,
 )
-from megalopta.stages.beginning import begin_stages
-from megalopta.stages.estimate import announce, refuse_absurd
 from megalopta.stages.ledger import Ledger
+from megalopta.stages.limits import refuse_absurd
 from megalopta.stages.redo import begin_redo, complete_redo, discard, finish_move, publish
-from megalopta.stages.registry import STAGES
+from megalopta.stages.registry import STAGES, stage_configuration, with_dependents
 
 
 def run_stage(
@@ -58,7 +62,7 @@ def _opened(
     """Lock a dataset and yield the one to work in: itself, or where its output is made again."""
     with locked(root):
         complete_redo(root)
-        old, doomed = begin_stages(root, configuration, names, redo)
+        old, doomed = _begin(root, configuration, names, redo)
         files.sweep(root)
         if doomed:
             new = begin_redo(old, configuration, doomed)
@@ -99,7 +103,6 @@ def _bring_to_end(dataset: Dataset, name: str) -> None:
         say(f"{name}: {dataset.home} has it already")
         return
     _remove_damaged(ledger, name)
-    announce(dataset.configuration, name)
     ledger.begin(name)
     start = time.perf_counter()
     try:
@@ -114,9 +117,7 @@ def _bring_to_end(dataset: Dataset, name: str) -> None:
 
 def _remove_damaged(ledger: Ledger, name: str) -> None:
     """Remove what a finished stage wrote and somebody changed, so that it is made again."""
-    entry = ledger.entry(name)
-    damaged = ledger.damaged(name, entry) if entry else []
-    for path in sorted({whole_of(path, ledger.root) for path in damaged}):
+    for path in sorted({whole_of(path, ledger.root) for path in ledger.damaged(name)}):
         say(f"{name}: {path} is missing or damaged, and is made again")
         files.remove(path)
 
@@ -128,3 +129,82 @@ def check_stage(name: str, configuration: Configuration, root: Path) -> None:
         STAGES[name].check(configuration)
     except ValueError as problem:
         raise UserError(f"{name}: {problem}") from None
+
+
+def _begin(
+    root: Path, configuration: Configuration, stages: Sequence[str], redo: bool = False
+) -> tuple[Dataset, list[str]]:
+    """The dataset as it is, and the stages to make again, or a refusal. Nothing is changed here.
+
+    Everything already there must come from the same configuration, and the stages that these need
+    must be finished. With `redo`, these stages and whatever disagrees is to be made again, and what
+    depends on them goes. So is, without being asked, what other code has quickly derived.
+    """
+    new = Dataset(root, configuration)
+    old = existing(root) or new
+    there, wanted = Ledger(old), Ledger(new)
+    stale = [
+        stage
+        for stage in STAGES
+        if stage_configuration(old.configuration, stage)
+        != stage_configuration(configuration, stage)
+        and there.has(stage)
+    ]
+    changes = _changes(old.configuration, configuration, stale)
+    if stale and not redo:
+        raise UserError(
+            f"{root} holds {' and '.join(stale)} output of another configuration "
+            f"({changes}); choose another folder, or add --redo to replace it"
+        )
+    again = [stage for stage in stages if _is_to_be_made_again(there, stage, redo)]
+    doomed = with_dependents([*stale, *again])
+    for stage in [stage for stage in stages if stage not in doomed]:
+        _refuse_mixture(wanted, stage)
+    needs = {need for stage in stages for need in STAGES[stage].needs}
+    for needed in [stage for stage in STAGES if stage in needs.difference(stages)]:
+        if needed in doomed:
+            raise UserError(
+                f"{root}: --redo of {stages[0]!r} alone would remove the {needed!r} output, which "
+                f"disagrees ({changes}); run with --redo first: "
+                f"megalopta {STAGES[needed].command}"
+            )
+        wanted.require(needed)
+    return old, doomed
+
+
+def _is_to_be_made_again(ledger: Ledger, stage: str, redo: bool) -> bool:
+    if redo or not ledger.is_outdated(stage):
+        return redo and ledger.has(stage)
+    if not STAGES[stage].is_derived:
+        raise UserError(
+            f"{ledger.root}: its {stage!r} output was made by another version of the program, "
+            "which gives other numbers; add --redo to make it again"
+        )
+    say(f"{stage}: made by another version of the program, and made again")
+    return True
+
+
+def _refuse_mixture(ledger: Ledger, stage: str) -> None:
+    """Refuse to add output to that of another renderer or library; nothing may be missing of it."""
+    if STAGES[stage].is_derived or not (changes := ledger.mixture(stage)):
+        return
+    if ledger.has(stage) and not ledger.is_finished(stage):
+        raise UserError(
+            f"{ledger.root}: its {stage!r} output is not whole and was made with something else "
+            f"({changes}); go on with that (render.backend chooses the variant), or add --redo to "
+            "make all of it again"
+        )
+
+
+def _changes(old: Configuration, new: Configuration, stages: Sequence[str]) -> str:
+    changes = differences(_union(old, stages), _union(new, stages))
+    more = f" and {len(changes) - 3} more" if len(changes) > 3 else ""
+    return "; ".join(changes[:3]) + more
+
+
+def _union(configuration: Configuration, stages: Sequence[str]) -> dict[str, Any]:
+    return {
+        key: value
+        for stage in stages
+        for key, value in stage_configuration(configuration, stage).items()
+    }

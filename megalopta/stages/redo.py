@@ -5,16 +5,14 @@ new ones. When all of them are there they move (`dataset.publishing`); whoever o
 is refused, so that a kill at any moment leaves either the old output or the new.
 """
 
-import os
 import shutil
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 from megalopta.config.model import Configuration
 from megalopta.core import files
-from megalopta.core.enclosure import check_enclosed
-from megalopta.core.folders import locked
-from megalopta.dataset.publishing import REQUEST, Move, read_request
+from megalopta.core.folders import check_enclosed, locked
+from megalopta.dataset.publishing import REQUEST, Move, link, read_request
 from megalopta.dataset.store import (
     REDO_FOLDER,
     Dataset,
@@ -23,8 +21,7 @@ from megalopta.dataset.store import (
     write_configuration,
 )
 from megalopta.stages.ledger import Ledger
-from megalopta.stages.origins import provenance
-from megalopta.stages.registry import STAGES
+from megalopta.stages.registry import STAGES, provenance
 
 _LAST = "dataset.yaml"
 """Moves last: as long as it is there, something is left to do."""
@@ -49,10 +46,10 @@ def begin_redo(old: Dataset, configuration: Configuration, stages: Sequence[str]
 
 def publish(old: Dataset, new: Dataset, stages: Sequence[str], doomed: Sequence[str]) -> None:
     """Put finished output of stages in the place of the old, of which some stages' is doomed."""
-    made = {path for stage in (*stages, *doomed) for path in Ledger(new).outputs(stage)}
+    made = set(_outputs(new, (*stages, *doomed)))
     made |= {new.root / name for name in _books(new) if name != _LAST}
     moves = {_name(path, new) for path in made if path.exists() and not path.is_symlink()}
-    gone = {_name(path, old) for stage in doomed for path in Ledger(old).outputs(stage)}
+    gone = {_name(path, old) for path in _outputs(old, doomed)}
     gone |= {"report.html", _name(old.record_path, old)}
     _move(old.root).announce(moves, gone - moves)
     complete_redo(old.root)
@@ -61,10 +58,7 @@ def publish(old: Dataset, new: Dataset, stages: Sequence[str], doomed: Sequence[
 def complete_redo(root: Path) -> None:
     """Complete the move of a dataset's new output where it was begun; the caller has locked it.
 
-    Raises
-    ------
-    UserError
-        When what is to move or to go is no output of this dataset.
+    Raises UserError when what is to move or to go is no output of this dataset.
     """
     move = _move(root)
     if move.is_announced:
@@ -98,12 +92,8 @@ def discard(root: Path) -> None:
 
 
 def _link(old: Dataset, new: Dataset) -> None:
-    outputs = (path for stage in STAGES for path in Ledger(old).outputs(stage))
-    for path in filter(Path.exists, outputs):
-        link = new.root / path.relative_to(old.root)
-        link.parent.mkdir(parents=True, exist_ok=True)
-        target = os.path.relpath(path.resolve(), link.parent.resolve())
-        link.symlink_to(target, target_is_directory=path.is_dir())
+    for path in filter(Path.exists, _outputs(old)):
+        link(old.root, new.root, _name(path, old))
     new.root.mkdir(exist_ok=True)
     for name in _books(old):
         if (old.root / name).exists():
@@ -126,5 +116,8 @@ def _move(root: Path) -> Move:
 
 
 def _output_names(dataset: Dataset) -> set[str]:
-    outputs = {_name(path, dataset) for stage in STAGES for path in Ledger(dataset).outputs(stage)}
-    return outputs | {*_books(dataset)}
+    return {_name(path, dataset) for path in _outputs(dataset)} | {*_books(dataset)}
+
+
+def _outputs(dataset: Dataset, stages: Iterable[str] = STAGES) -> Iterator[Path]:
+    return (path for stage in stages for path in STAGES[stage].outputs(dataset))

@@ -1,13 +1,15 @@
-"""The stages in their order."""
+"""The stages in their order, and what their output depends on.
+
+Beside settings these are models of the program, libraries and what runs them: frames by LLVM and by
+scalar code, or counts of two sensor models, look alike and are not. A stage that was broken off, or
+a dataset of many sequences, goes on with the same or not at all.
+"""
 
 from collections.abc import Collection, Mapping
+from typing import Any
 
-from megalopta.stages import (
-    benchmark,
-    flow,
-    render,
-    sense,
-)
+from megalopta.config.model import Configuration, differences
+from megalopta.stages import benchmark, flow, render, sense
 from megalopta.stages.declaration import Stage
 
 STAGES: Mapping[str, Stage] = {
@@ -22,3 +24,26 @@ def with_dependents(stages: Collection[str]) -> list[str]:
         if name in stages or found.intersection(stage.needs):
             found.add(name)
     return [name for name in STAGES if name in found]
+
+
+def stage_configuration(configuration: Configuration, stage: str) -> dict[str, Any]:
+    """The parts of a configuration that a stage's output depends on."""
+    names = (*STAGES[stage].needs, stage)
+    fields = {field for name in names for field in STAGES[name].fields}
+    # The backend changes the speed, and rendering noise within its statistics, but not the content.
+    return configuration.model_dump(mode="json", include=fields, exclude={"render": {"backend"}})
+
+
+def provenance(stage: str, configuration: Configuration) -> dict[str, str]:
+    """Return what makes a stage's output here and now: its model, libraries and what runs them."""
+    declared = STAGES[stage]
+    return {"model": declared.model(), **declared.machinery(configuration)}
+
+
+def provenance_changes(before: Mapping[str, str], now: Mapping[str, str]) -> str:
+    """Return what differs, such as "variant: llvm_ad_spectral → scalar_spectral", or nothing.
+
+    What was not recorded, by an older version of the program, is not compared.
+    """
+    recorded = {name: value for name, value in now.items() if name in before}
+    return "; ".join(differences(before, recorded))

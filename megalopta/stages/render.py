@@ -330,7 +330,10 @@ def write_previews(dataset: Dataset) -> None:
 
 
 def _outputs(dataset: Dataset) -> list[Path]:
-    kinds = ("clean", "flow", "occlusions", "invalid", "depth", "camdata_left")
+    kinds = (
+        *("clean", "flow", "occlusions", "invalid", "depth", "camdata_left"),
+        *("flow_kitti", "flow_flo5"),  # where a plan asks for them
+    )
     exr = ("radiance", "truth", "radiance_shutter", "truth_shutter")
     folders = [*(f"training/{kind}" for kind in kinds), *exr]
     return [dataset.root / folder / dataset.sequence for folder in folders]

@@ -38,15 +38,16 @@ from megalopta.sensor.shot import Arrays, Shot
 from megalopta.sensor.sub_frames import NextFrames
 from megalopta.stages.correction import write_corrected
 from megalopta.stages.declaration import Stage
-from megalopta.stages.free_running import check_free_running
 from megalopta.stages.noise_warning import noise_share, noise_warning
-from megalopta.stages.sub_frames import burst_frames, check_sub_frames, next_frames
+from megalopta.stages.timing import burst_frames, check_timing, next_frames
 
 
 def sense(dataset: Dataset) -> None:
     """Expose what is not there yet: every frame is read once, for all sensors at all levels."""
     missing = [
-        (*pair, products) for pair in exposures(dataset) if (products := _missing(dataset, *pair))
+        (*pair, products)
+        for pair in dataset.configuration.exposures
+        if (products := _missing(dataset, *pair))
     ]
     _warn_of_noise(dataset)
     frames = dataset.configuration.trajectory.frames if missing else 0
@@ -182,18 +183,12 @@ def _warn_of_noise(dataset: Dataset) -> None:
     if "covariance" not in noise:
         return
     shares = {}
-    for sensor, level in exposures(dataset):
+    for sensor, level in settings.exposures:
         with _refusals_told(sensor, level):
             share = noise_share(noise, settings, sensor, light_scale(settings, level))
         shares[f"{sensor.name} at {level_text(level)}"] = share
     if warning := noise_warning(noise, settings, shares):
         say(f"sense: {warning}")
-
-
-def exposures(dataset: Dataset) -> list[tuple[ImageSensor, LightLevel]]:
-    """Every sensor at every light level."""
-    settings = dataset.configuration
-    return [(sensor, level) for sensor in settings.sensors for level in settings.light_levels]
 
 
 def open_exposure(dataset: Dataset, sensor: ImageSensor, level: LightLevel) -> OpenedCounts:
@@ -220,23 +215,9 @@ def _write_final_images(dataset: Dataset) -> None:
 
 
 def _check(settings: Configuration) -> None:
-    """Refuse sensors that cannot expose the frames, measured devices whose maps are no good too.
-
-    Raises
-    ------
-    ValueError
-        With one sentence that names the sensor.
-    """
-    check_sub_frames(settings)
-    check_free_running(settings)
-    period_s = 1 / settings.trajectory.frame_rate_hz
+    """Refuse sensors that cannot expose the frames, measured devices whose maps are no good too."""
+    check_timing(settings)
     for sensor in settings.sensors:
-        if sensor.exposure_s > period_s * (1 + 1e-9):
-            raise ValueError(
-                f"sensor {sensor.name!r}: exposure_s {sensor.exposure_s:g} is longer than a "
-                f"frame at trajectory.frame_rate_hz {settings.trajectory.frame_rate_hz:g}; "
-                f"use at most {period_s:g}"
-            )
         try:
             shape = settings.camera.height, settings.camera.width
             check_sensor(sensor, settings.render.bands_nm, shape)

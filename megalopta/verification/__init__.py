@@ -1,1 +1,7 @@
 """Proofs for users: physics, truth, files."""
+
+GROUPS = (
+    *("counting", "light", "device", "dead-time", "afterpulsing", "crosstalk", "combinations"),
+    *("gate", "changing-light", "counters", "frames", "ctia", "readings", "correction"),
+)
+"""Of what `megalopta check physics` compares"""

@@ -38,11 +38,14 @@ class PlainPixels(NamedTuple):
     dead_time: Floats
     afterpulsing: Floats
     crosstalk: Floats
+    layout: tuple[int, int] = (1, 1)
+    """Rows and columns of an array"""
 
     @classmethod
     def alike(cls, shape: tuple[int, int]) -> "PlainPixels":
         """Pixels as the fields of a sensor say, without dark counts."""
-        return cls(np.ones(shape), np.zeros(shape), *(np.ones(shape) for _ in range(3)))
+        one = np.ones(shape)
+        return cls(one, np.zeros(shape), one, one, one)
 
 
 class _Arrays(NamedTuple):
@@ -85,7 +88,6 @@ def brute_force_events(
     exposure_s: float,
     effects: AvalancheEffects | Sensor,
     pixels: PlainPixels | None = None,
-    layout: tuple[int, int] = (1, 1),
     frames: int = 1,
 ) -> Counts:
     """Events of arrays of pixels, (arrays, frames, pixels).
@@ -96,8 +98,6 @@ def brute_force_events(
         Arrivals per second, constant or in S equal parts of an exposure.
     pixels : PlainPixels, optional
         Factors on what the effects say; its efficiency and dark counts are not used.
-    layout : (rows, columns)
-        How the pixels of an array lie beside each other.
     frames : int
         How many exposures follow on each other without a new start.
     """
@@ -119,7 +119,8 @@ def brute_force_events(
     made = tau * pixels.dead_time, traps.mean_carriers * pixels.afterpulsing, pixels.crosstalk
     counts = np.zeros((arrays, frames, size), np.int64)
     light = np.ascontiguousarray(rates_hz, np.float64)
-    _simulate(rng, _Arrays(light, *made, _chances(effects.crosstalk, *layout)), rules, counts)
+    chances = _chances(effects.crosstalk, *pixels.layout)
+    _simulate(rng, _Arrays(light, *made, chances), rules, counts)
     return counts
 
 
@@ -168,12 +169,13 @@ def _simulate(rng, arrays, rules, counts):  # type: ignore[no-untyped-def]
                     continue
             period, width, phase = rules.gate
             if period == 0 or (now - phase) % period < width:
-                _strike(rng, arrays, rules, (array, now, pixel), blind_until, waiting, counts)
+                _strike(rng, (arrays, rules), (array, now, pixel), blind_until, waiting, counts)
 
 
 @njit(cache=True, nogil=True)
-def _strike(rng, arrays, rules, arrival, blind_until, waiting, counts):  # type: ignore[no-untyped-def]
+def _strike(rng, device, arrival, blind_until, waiting, counts):  # type: ignore[no-untyped-def]
     """All that happens at once: the pixel, and those that it fires by its light."""
+    arrays, rules = device
     array, now, first = arrival
     struck = [first]
     while len(struck) > 0:
@@ -287,7 +289,7 @@ def plain_pixels(
         factor = maps.get(name, _log_normal(rng, 1.0, getattr(sensor, name).mismatch_sigma, shape))
         charge = np.maximum(1 + slope * (now / bias.reference_v - 1), 0.0)
         factors.append(factor * charge)
-    return PlainPixels(efficiency, dark, *factors)
+    return PlainPixels(efficiency, dark, factors[0], factors[1], factors[2])
 
 
 def _drawn_dark_hz(rng: np.random.Generator, sensor: Sensor, shape: tuple[int, int]) -> Floats:

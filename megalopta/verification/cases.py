@@ -69,39 +69,25 @@ _UNEVEN = (8.0, 3.0, 0.5, 10.0, 20.0, 5.0)
 
 @dataclass(frozen=True)
 class Case:
-    """One row of the table.
-
-    Attributes
-    ----------
-    term : str
-        What is compared.
-    sensor : Sensor
-    arrivals : tuple of floats, or of tuples
-        Photons in an exposure that a sensor always live detects, at each light level; or those of
-        each of so many equal parts of the exposure.
-    layout : (rows, columns), optional
-        The levels are the pixels of such an array, and frames are what is independent. Without it
-        pixels are.
-    readout : str
-        How they are drawn, of `_READ`.
-    samples : int
-    is_stated : bool
-        Whether the sensor's own mean and variance are held against the readings.
-    maps : mapping
-        Measured maps (arrays as flat as `arrivals`) of an array.
-    by_radiance : bool
-        Whether the light comes through the lens.
-    """
+    """One row of the table."""
 
     term: str
     sensor: Sensor
     arrivals: Any = _FULL
+    """Photons in an exposure that a sensor always live detects, at each light level; or those of
+    each of so many equal parts of the exposure"""
     layout: tuple[int, int] | None = None
+    """The levels are the pixels of such an array (rows, columns), and frames are what is
+    independent; without it pixels are"""
     readout: Readout = "counts"
+    """How they are drawn, of `_READ`"""
     samples: int = 20_000
     is_stated: bool = True
+    """Whether the sensor's own mean and variance are held against the readings"""
     maps: Mapping[str, Levels] = field(default_factory=dict)
+    """Measured maps (arrays as flat as `arrivals`) of an array"""
     by_radiance: bool = False
+    """Whether the light comes through the lens"""
 
     @property
     def light(self) -> Floats:
@@ -278,10 +264,9 @@ def _simulate(case: Case) -> tuple[Sample, Sample]:
     rng, sensor = generator(1, "brute force", case.term), case.sensor
     parts, levels = case.light.shape
     rates = case.light * parts / sensor.exposure_s
-    layout = case.layout or (1, 1)
     shape = (case.samples, levels) if case.layout else (case.samples * levels, 1)
     maps = {name: np.tile(values, (case.samples, 1)) for name, values in case.maps.items()}
-    pixels = plain_pixels(rng, sensor, shape, maps)
+    pixels = plain_pixels(rng, sensor, shape, maps)._replace(layout=case.layout or (1, 1))
     light = np.tile(rates, (case.samples, 1, 1))  # (samples, parts, levels)
     if not case.layout:
         light = light.transpose(0, 2, 1).reshape(-1, parts, 1)
@@ -290,7 +275,7 @@ def _simulate(case: Case) -> tuple[Sample, Sample]:
     light = light + pixels.dark_hz[:, None]
     frames = {"times": _BINS, "running": _RUN}.get(case.readout, 1)
     exposure_s = sensor.exposure_s / (_BINS if case.readout == "times" else 1)
-    events = brute_force_events(rng, light, exposure_s, sensor, pixels, layout, frames)
+    events = brute_force_events(rng, light, exposure_s, sensor, pixels, frames)
     if not case.layout:
         events = events.reshape(case.samples, levels, frames).transpose(0, 2, 1)
     readings, flags = plain_readings(rng, events.reshape(case.samples, -1), sensor)
@@ -519,10 +504,6 @@ CASES: dict[str, tuple[Case, ...]] = {
     ),
 }
 
-GROUPS = (
-    *("counting", "light", "device", "dead-time", "afterpulsing", "crosstalk", "combinations"),
-    *("gate", "changing-light", "counters", "frames", "ctia", "readings", "correction"),
-)
 CHECKS: dict[str, tuple[Check, ...]] = {
     group: (
         *(partial(check_case, case) for case in CASES.get(group, ())),

@@ -21,27 +21,18 @@ Sample = NDArray[Any]
 
 @dataclass(frozen=True)
 class Row:
-    """One comparison, or the worst of several.
-
-    Attributes
-    ----------
-    term : str
-        The effect.
-    quantity : str
-        What is compared, with unit.
-    expected, measured : float
-    z : float
-        Difference in standard errors; where nothing is random, in tolerances times 5.
-    comparisons : int
-        Of how many comparisons this is the worst.
-    """
+    """One comparison, or the worst of several."""
 
     term: str
+    """The effect"""
     quantity: str
+    """What is compared, with unit"""
     expected: float
     measured: float
     z: float
+    """Difference in standard errors; where nothing is random, in tolerances times 5"""
     comparisons: int = 1
+    """Of how many comparisons this is the worst"""
 
     @property
     def passed(self) -> bool:

@@ -8,9 +8,10 @@ few sequences the truth derived another way.
 import json
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
+from typing import NamedTuple
 
 import pyarrow.parquet as pq
 import zarr
@@ -23,34 +24,41 @@ from megalopta.core.bounded import printable
 from megalopta.core.errors import UserError
 from megalopta.core.folders import LOCK_NAME
 from megalopta.core.progress import progress, silent
-from megalopta.dataset.croissant import table_path
-from megalopta.dataset.layout import BOOKS, Tree
-from megalopta.dataset.manifest import is_record_as_written, is_record_known, read_manifest
+from megalopta.dataset.index import read_lists
+from megalopta.dataset.layout import (
+    BOOKS,
+    MANIFEST,
+    Tree,
+    is_record_as_written,
+    is_record_known,
+    read_manifest,
+)
 from megalopta.dataset.record import MADE, SequenceRecord, StageRecord
-from megalopta.dataset.splits import read_lists
-from megalopta.dataset.store import Dataset, files_in, is_as_written, whole_of
-from megalopta.dataset.tables import TABLES
+from megalopta.dataset.store import Dataset, difference, files_in, whole_of
+from megalopta.dataset.tables import TABLES, table_path
 from megalopta.generation.staging import staged_sequences
 from megalopta.render import read_size
 from megalopta.stages.ledger import Ledger
-from megalopta.stages.origins import provenance_changes
-from megalopta.stages.registry import STAGES
+from megalopta.stages.registry import STAGES, provenance_changes
 from megalopta.verification.truth import check_truth
 
 _OWN = (
     *("dataset.yaml", "manifest.jsonl", "timings.json", "report.html", "croissant.json"),
     *("README.md", "index.html", "failed.jsonl", LOCK_NAME),
 )
+_STRANGE = "belongs to no sequence of this dataset"
 
 
-@dataclass(frozen=True)
-class Fault:
+class Fault(NamedTuple):
     """Something that is not as it was written."""
 
     path: Path
     what: str
     remedy: str
     """How to mend it."""
+
+
+Faults = Iterator[Fault]
 
 
 def run_check_files(root: Path, truths: int = 0, console: Console | None = None) -> bool:
@@ -71,9 +79,20 @@ def run_check_files(root: Path, truths: int = 0, console: Console | None = None)
 
 def check_files(tree: Tree, truths: int = 0) -> list[Fault]:
     """Everything that is not as it was written, is missing, or belongs to nothing."""
+    return list(_lone_faults(tree.lone) if tree.lone else _faults_of_many(tree, truths))
+
+
+def _checked(tree: Tree, truths: int) -> str:
+    """What was checked, for a person."""
     if tree.lone:
-        return _lone_faults(tree.lone)
-    return _faults_of_many(tree, truths)
+        ledger = Ledger(tree.lone)
+        entries = {stage: entry for stage in STAGES if (entry := ledger.entry(stage))}
+        total = sum(len(entry.files or {}) for entry in entries.values())
+        return f"{total} files of {', '.join(entries) or 'no finished stage'}"
+    made = len(tree.names())
+    return (
+        f"{made} of {tree.plan().sequences} sequences, truth of {min(truths, made)} derived again"
+    )
 
 
 def wrong_shape(dataset: Dataset, path: Path) -> str | None:
@@ -84,52 +103,33 @@ def wrong_shape(dataset: Dataset, path: Path) -> str | None:
         if path.suffix == ".exr" and (found := read_size(path)) != size:
             return f"has {found[1]} × {found[0]} px instead of {size[1]} × {size[0]}"
         if path.name == "zarr.json" and path.parent.parent.name == dataset.sequence:
-            shape = _shape_of_counts(path.parent)
+            counts = zarr.open_group(path.parent, mode="r").get("counts")
             wanted = (dataset.configuration.trajectory.frames, *size)
-            if shape not in (None, wanted):
-                return f"has counts of shape {shape} instead of {wanted}"
+            if isinstance(counts, zarr.Array) and counts.shape != wanted:
+                return f"has counts of shape {tuple(counts.shape)} instead of {wanted}"
     except Exception as problem:  # of a file that somebody made up, anything
         return f"cannot be read ({problem or type(problem).__name__})"
     return None
 
 
-def _shape_of_counts(store: Path) -> tuple[int, ...] | None:
-    group = zarr.open_group(store, mode="r")
-    counts = group.get("counts")
-    return tuple(counts.shape) if isinstance(counts, zarr.Array) else None
-
-
-def _checked(tree: Tree, truths: int) -> str:
-    """What was checked, for a person."""
-    if tree.lone:
-        ledger = Ledger(tree.lone)
-        entries = {stage: entry for stage in STAGES if (entry := ledger.entry(stage))}
-        total = sum(len(entry.files or {}) for entry in entries.values())
-        return f"{total} files of {', '.join(entries) or 'no finished stage'}"
-    names = tree.names()
-    derived = min(truths, len(names))
-    return f"{len(names)} of {tree.plan().sequences} sequences, truth of {derived} derived again"
-
-
-def _lone_faults(dataset: Dataset) -> list[Fault]:
+def _lone_faults(dataset: Dataset) -> Faults:
     """Those of one sequence. What is not finished has no hashes yet and is not checked."""
-    ledger = Ledger(dataset)
-    known = set(files_in([dataset.record_path, dataset.root / FOLDER]))
-    faults: list[Fault] = []
+    ledger, root = Ledger(dataset), dataset.root
+    known = set(files_in([dataset.record_path, root / FOLDER]))
     for stage in STAGES:
         if entry := ledger.entry(stage):
             with progress(f"Checking files of {stage}", len(entry.files or {}), "file") as advance:
-                faults += _file_faults(dataset, entry, partial(_mend, dataset, stage), advance)
-            known.update(dataset.root / name for name in entry.files or {})
+                yield from _file_faults(dataset, entry, partial(_mend, root, stage), advance)
+            known.update(root / name for name in entry.files or {})
         else:
             known.update(files_in(ledger.outputs(stage)))
-    return [*faults, *_unknown(dataset.root, known)]
+    yield from _unknown(root, known)
 
 
-def _mend(dataset: Dataset, stage: str, whole: Path) -> str:
-    out = f" --out {dataset.root}" if stage == "render" else ""
+def _mend(root: Path, stage: str, whole: Path) -> str:
+    out = f" --out {root}" if stage == "render" else ""
     remove = f"remove {whole} and " if whole.exists() else ""
-    return f"{remove}run: megalopta {STAGES[stage].command} {dataset.root}{out}"
+    return f"{remove}run: megalopta {STAGES[stage].command} {root}{out}"
 
 
 def _file_faults(
@@ -137,36 +137,32 @@ def _file_faults(
     entry: StageRecord,
     remedy: Callable[[Path], str],
     advance: Callable[[], None] = lambda: None,
-) -> list[Fault]:
+) -> Faults:
     """Files of a stage that are not as they were written, whole stores once."""
     faults: dict[Path, Fault] = {}
     for name, (size, hashed) in (entry.files or {}).items():
         path = dataset.root / name
-        what = None if is_as_written(path, size, hashed) else "is not as it was written"
-        what = what if path.is_file() else "is missing"
-        if what := what or wrong_shape(dataset, path):
+        if what := difference(path, size, hashed) or wrong_shape(dataset, path):
             whole = whole_of(path, dataset.root)
             faults[whole] = Fault(path, what, remedy(whole))
         advance()
-    return list(faults.values())
+    yield from faults.values()
 
 
-def _unknown(root: Path, known: set[Path], *folders: str) -> Iterator[Fault]:
+def _unknown(root: Path, known: set[Path], *folders: str) -> Faults:
     """Files that no sequence wrote, but for those in folders of the dataset's own."""
     known = known | {root / name for name in _OWN}
     for top in root.iterdir():
-        if top.name in folders or files.is_temporary(top):
-            continue
-        for path in sorted(set(files_in([top])) - known):
-            yield Fault(path, "belongs to no sequence of this dataset", "move it elsewhere")
+        if top.name not in folders and not files.is_temporary(top):
+            for path in sorted(set(files_in([top])) - known):
+                yield Fault(path, _STRANGE, "move it elsewhere")
 
 
-def _faults_of_many(tree: Tree, truths: int) -> list[Fault]:
-    plan, names = tree.plan(), tree.names()
-    faults = list(_unmade(tree, plan.sequences, names))
-    faults += _manifest_faults(tree, names)
-    faults += _table_faults(tree, len(names))
-    faults += _list_faults(tree, names)
+def _faults_of_many(tree: Tree, truths: int) -> Faults:
+    names, again = tree.names(), f"run: megalopta dataset make {tree.root} --out {tree.root}"
+    yield from _unmade(tree, names, again)
+    yield from _manifest_faults(tree, names, again)
+    yield from _index_faults(tree, names, again)
     known: set[Path] = set()
     machinery: dict[str, str] = {}
     chosen = set(names[:: max(1, len(names) // truths)][:truths]) if truths else set()
@@ -176,115 +172,93 @@ def _faults_of_many(tree: Tree, truths: int) -> list[Fault]:
                 record = tree.record(name)
                 known.update(tree.root / path for path in record.files)
                 machinery[name] = _machinery(record)
-                faults += _sequence_faults(tree, record, name in chosen)
+                yield from _sequence_faults(tree, record, name in chosen, again)
             except UserError as problem:
-                faults.append(Fault(tree.record_path(name), "is damaged", str(problem)))
+                yield Fault(tree.record_path(name), "is damaged", str(problem))
             advance()
-    faults += [*_mixture(tree, machinery), *_unfinished(tree)]
-    return [*faults, *_unknown(tree.root, known, *BOOKS, tree.staging.name)]
+    yield from _mixture(tree, machinery, again)
+    yield from _unfinished(tree, again)
+    yield from _unknown(tree.root, known, *BOOKS, tree.staging.name)
 
 
-def _unmade(tree: Tree, sequences: int, names: list[str]) -> Iterator[Fault]:
-    missing = sequences - len(names)
-    if missing > 0:
+def _unmade(tree: Tree, names: list[str], again: str) -> Faults:
+    wanted = tree.plan().sequences
+    if (missing := wanted - len(names)) > 0:
         there = set(names)
-        first = next(n for n in map(sequence_name, range(sequences)) if n not in there)
-        yield Fault(
-            tree.record_path(first),
-            f"{missing} sequences of the plan are not made, this is the first",
-            _again(tree),
-        )
+        first = next(n for n in map(sequence_name, range(wanted)) if n not in there)
+        what = f"{missing} sequences of the plan are not made, this is the first"
+        yield Fault(tree.record_path(first), what, again)
 
 
-def _again(tree: Tree) -> str:
-    return f"run: megalopta dataset make {tree.root} --out {tree.root}"
-
-
-def _manifest_faults(tree: Tree, names: list[str]) -> Iterator[Fault]:
-    path = tree.root / "manifest.jsonl"
+def _manifest_faults(tree: Tree, names: list[str], again: str) -> Faults:
+    path = tree.root / MANIFEST
     try:
         hashes = read_manifest(tree.root)
     except UserError as problem:
         yield Fault(path, "is damaged", str(problem))
         return
     if sorted(hashes) != names:
-        yield Fault(path, f"lists {len(hashes)} sequences, there are {len(names)}", _again(tree))
+        yield Fault(path, f"lists {len(hashes)} sequences, there are {len(names)}", again)
     for record in map(tree.record_path, set(names) & hashes.keys()):
-        if what := _record_fault(record, hashes):
-            remedy = _again(tree) if "more output" in what else f"remove it and {_again(tree)}"
-            yield Fault(record, what, remedy)
+        with suppress(UserError):  # which is told where the record is read
+            if not is_record_as_written(record, hashes):
+                yield Fault(record, "is not as it was written", f"remove it and {again}")
+            elif not is_record_known(record, hashes):
+                yield Fault(record, "has more output than the index knows", again)
 
 
-def _record_fault(record: Path, hashes: Mapping[str, str]) -> str | None:
-    try:
-        if is_record_known(record, hashes):
-            return None
-        if is_record_as_written(record, hashes):
-            return "has more output than the index knows"
-    except UserError:  # which is told where the record is read
-        return None
-    return "is not as it was written"
-
-
-def _table_faults(tree: Tree, sequences: int) -> Iterator[Fault]:
+def _index_faults(tree: Tree, names: list[str], again: str) -> Faults:
+    """Those of tables, and of the lists of splits."""
     for name in TABLES:
         try:
             table = table_path(tree.root, name)
             rows = pq.read_metadata(table).num_rows
         except (UserError, OSError, ValueError) as problem:
             path = tree.root / "index" / f"{name}.parquet"
-            yield Fault(path, f"cannot be relied on ({problem})", _again(tree))
+            yield Fault(path, f"cannot be relied on ({problem})", again)
             continue
-        if name == "sequences" and rows != sequences:
-            yield Fault(table, f"has {rows} rows for {sequences} sequences", _again(tree))
-
-
-def _list_faults(tree: Tree, names: list[str]) -> Iterator[Fault]:
+        if name == "sequences" and rows != len(names):
+            yield Fault(table, f"has {rows} rows for {len(names)} sequences", again)
     try:
         read_lists(tree.root, names)
     except UserError as problem:
         yield Fault(tree.root / "splits", "cannot be relied on", str(problem))
 
 
-def _sequence_faults(tree: Tree, record: SequenceRecord, with_truth: bool) -> list[Fault]:
+def _sequence_faults(tree: Tree, record: SequenceRecord, with_truth: bool, again: str) -> Faults:
     dataset = tree.dataset(record)
-    remedy = f"remove {tree.record_path(record.sequence)} and {_again(tree)}"
-    faults = [
-        fault
-        for entry in record.stages.values()
-        for fault in _file_faults(dataset, entry, lambda _: remedy)
-    ]
-    return faults if faults or not with_truth else list(_truth_faults(tree, dataset))
+    remedy = f"remove {tree.record_path(record.sequence)} and {again}"
+    stages = record.stages.values()
+    faults = [each for entry in stages for each in _file_faults(dataset, entry, lambda _: remedy)]
+    yield from faults if faults or not with_truth else _truth_faults(dataset)
 
 
 def _machinery(record: SequenceRecord) -> str:
     """With what a sequence was made, and the backend that was asked for: of these it may differ."""
     made = {stage: record.stages[stage].made_with for stage in MADE}
     backend = record.configuration.get("render", {}).get("backend")
-    return json.dumps({"made": made, "backend": backend}, sort_keys=True)
+    return json.dumps({"backend": backend, "made": made}, sort_keys=True)
 
 
-def _mixture(tree: Tree, machinery: Mapping[str, str]) -> Iterator[Fault]:
+def _mixture(tree: Tree, machinery: Mapping[str, str], again: str) -> Faults:
     """Sequences that were made otherwise than most: their bytes are not those of one program."""
-    by_backend: dict[str, Counter[str]] = {}
-    for each in machinery.values():
-        by_backend.setdefault(json.loads(each)["backend"], Counter())[each] += 1
-    most = {name: json.loads(all_.most_common(1)[0][0]) for name, all_ in by_backend.items()}
+    usual: dict[str, dict[str, dict[str, str]]] = {}
+    for each, _ in Counter(machinery.values()).most_common():
+        usual.setdefault(json.loads(each)["backend"], json.loads(each)["made"])
     for name, each in machinery.items():
         own = json.loads(each)
-        usual = most[own["backend"]]["made"]
-        told = {s: provenance_changes(usual[s], own["made"][s]) for s in MADE}
-        if any(told.values()):
-            what = "; ".join(f"{stage}: {change}" for stage, change in told.items() if change)
+        most = usual[own["backend"]]
+        told = {stage: provenance_changes(most[stage], own["made"][stage]) for stage in MADE}
+        if what := "; ".join(f"{stage}: {change}" for stage, change in told.items() if change):
             yield Fault(
                 tree.record_path(name),
                 f"was made otherwise than most sequences ({what})",
-                f"remove it and with the program that made the others {_again(tree)}",
+                f"remove it and with the program that made the others {again}",
             )
 
 
-def _truth_faults(tree: Tree, dataset: Dataset) -> Iterator[Fault]:
-    place = tree.root / "truth" / dataset.sequence
+def _truth_faults(dataset: Dataset) -> Faults:
+    place = dataset.root / "truth" / dataset.sequence
     try:
         with silent():
             residuals = check_truth(dataset)
@@ -300,12 +274,11 @@ def _truth_faults(tree: Tree, dataset: Dataset) -> Iterator[Fault]:
             )
 
 
-def _unfinished(tree: Tree) -> Iterator[Fault]:
-    staged = [folder for folder, _ in staged_sequences(tree)]
+def _unfinished(tree: Tree, again: str) -> Faults:
+    staged = [each.folder for each in staged_sequences(tree)]
     if staged:
-        yield Fault(tree.staging, "holds sequences that are not finished", _again(tree))
+        yield Fault(tree.staging, "holds sequences that are not finished", again)
     for path in sorted(set(tree.staging.glob("*")) - set(staged)):
-        yield Fault(path, "belongs to no sequence of this dataset", "move it elsewhere")
+        yield Fault(path, _STRANGE, "move it elsewhere")
     if tree.failures.exists():
-        remedy = f"{_again(tree)} --retry"
-        yield Fault(tree.failures, "lists sequences that could not be made", remedy)
+        yield Fault(tree.failures, "lists sequences that could not be made", f"{again} --retry")

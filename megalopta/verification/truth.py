@@ -6,6 +6,13 @@ only shows in the largest percent. Then the next image is warped back along the 
 what shift is left between it and this image is estimated by least squares on the gradient (Lucas
 and Kanade, 1981), over the whole image. Aliasing, noise and shadows that move leave a tenth or two
 of a pixel there, a wrong sign or a grid off by half a pixel leave more than the limit.
+
+What the truth says of whole pixels is held against what it says of their centers. A center is a
+place like any other of its pixel. Where one thing fills the pixel, its flow is one of those that
+mean and spread are of, and so is rarely farther from the mean than a few spreads. And over the
+image the shares of sky, and of what is hidden, come to as many pixels as have such a center, within
+what chance leaves: a share of s makes a center with a variance of s·(1 − s). Where the centers of
+neighbors see different things, the outline between them crosses one of the two.
 """
 
 from collections.abc import Iterator
@@ -17,13 +24,13 @@ from rich.console import Console
 from rich.table import Table
 from scipy.ndimage import gaussian_filter, map_coordinates
 
+from megalopta.core.arrays import Floats
 from megalopta.core.errors import UserError
 from megalopta.core.progress import progress
 from megalopta.dataset.reprojection import View, motions_of, rederived_flow
 from megalopta.dataset.store import Dataset
 from megalopta.render import Truth, read_attributes, read_radiance, read_truth
 from megalopta.stages.ledger import Ledger
-from megalopta.verification.footprint import footprint_residuals
 
 LARGEST_MEDIAN_PX = 1e-3
 LARGEST_SHIFT_PX = 0.3
@@ -31,6 +38,7 @@ LARGEST_STANDARD_ERRORS = 5.0
 LARGEST_PART_MISSED = 0.1
 
 _SMOOTHING_PX = 1.0
+_FARTHEST_SPREADS = 4.0
 
 
 @dataclass(frozen=True)
@@ -77,7 +85,7 @@ def run_check_truth(dataset: Dataset, console: Console | None = None) -> bool:
 def check_truth(dataset: Dataset) -> list[Residual]:
     """Compare all frames of a dataset; needs a finished render stage."""
     motions = motions_of(dataset)
-    kept: dict[str, list[NDArray[np.float64]]] = {}
+    kept: dict[str, list[Floats]] = {}
     frames = dataset.configuration.trajectory.frames
     with progress("Deriving flow again", frames - 1, "pair") as advance:
         for (truth, view), (next_truth, next_view), images in _pairs(dataset):
@@ -99,9 +107,7 @@ def check_truth(dataset: Dataset) -> list[Residual]:
     return [_residual(name, np.concatenate(kept[name])) for name in sorted(kept)]
 
 
-def remaining_shift(
-    image: NDArray[np.float64], following: NDArray[np.float64], truth: Truth
-) -> float:
+def remaining_shift(image: Floats, following: Floats, truth: Truth) -> float:
     """Length (px) of the shift left between an image (H, W) and the next one warped along its flow.
 
     NaN where nothing is seen in both.
@@ -127,9 +133,7 @@ def remaining_shift(
 
 def _pairs(
     dataset: Dataset,
-) -> Iterator[
-    tuple[tuple[Truth, View], tuple[Truth, View], tuple[NDArray[np.float64], NDArray[np.float64]]]
-]:
+) -> Iterator[tuple[tuple[Truth, View], tuple[Truth, View], tuple[Floats, Floats]]]:
     before, image = _frame(dataset, 0)
     for index in range(1, dataset.configuration.trajectory.frames):
         after, next_image = _frame(dataset, index)
@@ -137,7 +141,7 @@ def _pairs(
         before, image = after, next_image
 
 
-def _frame(dataset: Dataset, index: int) -> tuple[tuple[Truth, View], NDArray[np.float64]]:
+def _frame(dataset: Dataset, index: int) -> tuple[tuple[Truth, View], Floats]:
     path = dataset.truth(index)
     try:
         truth, view = read_truth(path), View.of(read_attributes(path))
@@ -160,7 +164,7 @@ def _groups(truth: Truth, moving: list[int]) -> dict[str, NDArray[np.bool_]]:
     return {name: where for name, where in groups.items() if where.any()}
 
 
-def _distance(stored: NDArray[np.float32], again: NDArray[np.float64]) -> NDArray[np.float64]:
+def _distance(stored: NDArray[np.float32], again: Floats) -> Floats:
     """Lengths of the difference of flows (n, 2), px; infinite where only one of them is defined."""
     length = np.linalg.norm(stored - again, axis=-1)
     undefined = np.isnan(stored).any(axis=-1), np.isnan(again).any(axis=-1)
@@ -168,7 +172,7 @@ def _distance(stored: NDArray[np.float32], again: NDArray[np.float64]) -> NDArra
     return np.asarray(length[~np.isnan(length)])
 
 
-def _residual(name: str, values: NDArray[np.float64]) -> Residual:
+def _residual(name: str, values: Floats) -> Residual:
     limit = _limit(name)
     if not values.size:
         return Residual(name, 0, 0.0, 0.0, limit)
@@ -182,3 +186,44 @@ def _limit(name: str) -> float:
     if "share" in name:
         return LARGEST_STANDARD_ERRORS
     return LARGEST_SHIFT_PX if name.startswith("image") else LARGEST_MEDIAN_PX
+
+
+def footprint_residuals(truth: Truth) -> Iterator[tuple[str, Floats]]:
+    """Yield names and values of what differs in a frame.
+
+    Means in px, sums of shares in standard errors, of outlines the part that no mixed pixel is on.
+    """
+    footprint = truth.footprint
+    if (missed := _missed_outlines(truth)) is not None:
+        yield "outlines missed, part", np.array([missed])
+    yield "sky share, of error", _standard_errors(footprint.sky, truth.object_id == 0)
+    for way in ("forward", "backward"):
+        flow, found = getattr(truth, f"flow_{way}"), getattr(footprint, way)
+        if np.isnan(flow).all():
+            continue
+        hidden = getattr(truth, f"occluded_{way}")
+        yield f"hidden share {way}, of error", _standard_errors(found.hidden, hidden)
+        pure = ~footprint.is_mixed & np.isfinite(flow).all(axis=-1)
+        away = np.linalg.norm(flow[pure] - found.mean[pure], axis=-1)
+        yield f"pixel mean, {way}", np.maximum(away - _FARTHEST_SPREADS * found.spread[pure], 0)
+
+
+def _missed_outlines(truth: Truth) -> float | None:
+    """Part of the borders between pixels of different objects that neither neighbor is mixed by."""
+    things, mixed = truth.object_id, truth.footprint.is_mixed
+    missed = [
+        ~(mixed[here] | mixed[there])[things[here] != things[there]]
+        for here, there in ((np.s_[:, 1:], np.s_[:, :-1]), (np.s_[1:], np.s_[:-1]))
+    ]
+    borders = np.concatenate(missed)
+    return float(borders.mean()) if borders.size else None
+
+
+def _standard_errors(share: NDArray[np.float32], center: NDArray[np.bool_]) -> Floats:
+    """How far (1,) the sum of shares (H, W) is from the centers' (H, W), in standard errors."""
+    shares = share.astype(np.float64)
+    if (shares < 0).any() or (shares > 1).any() or np.isnan(shares).any():
+        return np.array([np.inf])
+    # A ray more or less in one pixel is no error of the whole.
+    error = np.sqrt((shares * (1 - shares)).sum() + 1)
+    return np.array([abs(shares.sum() - center.sum()) / error])

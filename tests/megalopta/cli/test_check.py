@@ -2,31 +2,23 @@
 
 import pytest
 
-from megalopta.cli import check as cli_check, main as cli
+from megalopta.cli import main as cli
 from megalopta.verification import physics
 from megalopta.verification.cases import CHECKS
 
 
 def test_a_failed_check_is_exit_code_1(monkeypatch):
-    monkeypatch.setattr(physics, "run_check_physics", lambda groups, plots: False)
+    monkeypatch.setattr(physics, "run_check_physics", lambda groups: False)
     with pytest.raises(SystemExit) as stopped:
         cli.main(["check", "physics"])
     assert stopped.value.code == 1
-
-
-def test_a_passed_check_hands_the_folder_for_plots_on(monkeypatch, tmp_path):
-    seen = []
-    monkeypatch.setattr(physics, "run_check_physics", lambda *given: seen.append(given) or True)
-    cli.main(["check", "physics", "--plots", str(tmp_path)])
-    assert seen == [([], tmp_path)]
 
 
 def test_groups_of_the_physics_are_handed_on_and_named_in_the_help(monkeypatch, capsys):
     seen = []
     monkeypatch.setattr(physics, "run_check_physics", lambda *given: seen.append(given) or True)
     cli.main(["check", "physics", "crosstalk", "dead-time"])
-    assert seen == [(["crosstalk", "dead-time"], None)]
-    assert tuple(CHECKS) == cli_check.PHYSICS
+    assert seen == [(["crosstalk", "dead-time"],)]
     with pytest.raises(SystemExit):
         cli.main(["check", "--help"])
     printed = capsys.readouterr().out.replace("-\n", "-")

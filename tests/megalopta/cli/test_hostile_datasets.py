@@ -7,7 +7,6 @@ dataset meets it beside a home folder with files that somebody needs.
 import json
 import os
 import shutil
-import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -15,11 +14,9 @@ from pathlib import Path
 import pytest
 import yaml
 
-from megalopta.cli import main as cli
 from megalopta.dataset.store import file_hash
 
-LONGEST_S = 10
-"""Of processor time, that a refusal may take"""
+from .odd_inputs import run
 
 READING = {
     "benchmark sequence": ("--out", "{out}"),
@@ -237,32 +234,6 @@ def outside(home):
 
 def words(verb, more, root, out):
     return [*verb.split(), str(root), *(each.format(root=root, out=out) for each in more)]
-
-
-class _TooSlowError(BaseException):
-    """Not to be caught by the program."""
-
-
-def run(command):
-    """The exit code of a command; fails where it takes too long."""
-
-    def stop(*_):
-        raise _TooSlowError
-
-    for number, timer, seconds in (
-        (signal.SIGPROF, signal.ITIMER_PROF, LONGEST_S),
-        (signal.SIGALRM, signal.ITIMER_REAL, 10 * LONGEST_S),
-    ):
-        signal.signal(number, stop)
-        signal.setitimer(timer, seconds)
-    try:
-        cli.main(command)
-    except SystemExit as stopped:
-        return stopped.code or 0
-    finally:
-        for timer in (signal.ITIMER_PROF, signal.ITIMER_REAL):
-            signal.setitimer(timer, 0)
-    return 0
 
 
 FAST = (

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import yaml
 
-from megalopta.config.built_in import built_in_names
+from megalopta.config import built_in_names
 from megalopta.config.model import differences, load, parse
 from megalopta.config.yaml_model import to_yaml
 from megalopta.core.errors import UserError

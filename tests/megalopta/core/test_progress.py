@@ -90,11 +90,11 @@ def test_a_step_of_silent_work_is_named_by_who_speaks_for_it(capsys):
 def test_a_terminal_shows_the_step_and_clears_it(capsys, monkeypatch):
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
     monkeypatch.setattr(progress, "STATUS_S", 0.05)
-    with progress.step("building the scene"):
+    with working("render"), progress.step("building the scene"):
         time.sleep(0.2)
         progress.say("done soon")
     told = capsys.readouterr().err
-    assert told.startswith("\rbuilding the scene: 0 s\x1b[K")
+    assert told.startswith("\rrender: at work for 0 s; building the scene\x1b[K")
     assert "\r\x1b[Kdone soon\n" in told
     assert told.endswith(("\r\x1b[K", "done soon\n"))
 

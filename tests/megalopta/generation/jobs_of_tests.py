@@ -47,3 +47,10 @@ class EndsOnce(Slow):
 def die(index):
     """Take the worker along."""
     os._exit(1)
+
+
+class NeverArrives:
+    """Ends the process that unpickles it."""
+
+    def __reduce__(self):
+        return os._exit, (1,)

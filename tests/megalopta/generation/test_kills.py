@@ -52,7 +52,7 @@ def workers():
     found = []
     for child in psutil.Process().children(recursive=True):
         with contextlib.suppress(psutil.Error):  # it has ended meanwhile
-            if "megalopta.generation.worker" in " ".join(child.cmdline()):
+            if "--multiprocessing-fork" in child.cmdline():
                 found.append(child)
     return found
 

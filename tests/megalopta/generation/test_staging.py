@@ -15,10 +15,9 @@ from megalopta.core.freshness import SENSOR_MODEL
 from megalopta.dataset.layout import Tree
 from megalopta.dataset.record import read_record
 from megalopta.dataset.store import file_hash
-from megalopta.generation.exposing import Exposing, expose
+from megalopta.generation.adding import Exposing, expose
 from megalopta.generation.making import make, whole_plan
-from megalopta.generation.sequence import Machinery, make_sequence
-from megalopta.generation.staging import begin, finish
+from megalopta.generation.staging import Staged
 from megalopta.verification.files import check_files
 
 NEW_LIGHT = Exposing(sensors=("ideal",), light_levels=("full_moon",))
@@ -70,13 +69,13 @@ def content(root):
 def staged_again(root, plan):
     """Move a finished sequence back to where it was made."""
     tree = Tree(root)
-    record, staged = tree.record("000000"), tree.staging / "000000"
-    staged.mkdir(parents=True)
-    data = begin(staged, configuration_of(plan, 0))
+    record, staged = tree.record("000000"), Staged(tree, "000000")
+    staged.data.mkdir(parents=True)
+    staged.begin(configuration_of(plan, 0))
     for name in {"/".join(name.split("/000000/")[0].split("/")) for name in record.files}:
-        (data / name).mkdir(parents=True)
-        (root / name / "000000").rename(data / name / "000000")
-    finish(tree, staged, record)
+        (staged.data / name).mkdir(parents=True)
+        (root / name / "000000").rename(staged.data / name / "000000")
+    staged.finish(record)
     tree.record_path("000000").unlink()
     (root / "manifest.jsonl").unlink()
 
@@ -223,19 +222,15 @@ def test_more_sequences_of_another_model_are_refused(copy, single_plan, monkeypa
 
 
 def test_what_another_variant_began_is_begun_again(single_plan, tmp_path, monkeypatch):
-    configuration = configuration_of(single_plan, 0)
-    (begin(tmp_path, configuration) / "radiance").mkdir(parents=True)
-    assert (begin(tmp_path, configuration) / "radiance").exists()
+    configuration, staged = configuration_of(single_plan, 0), Staged(Tree(tmp_path), "000000")
+    staged.folder.mkdir(parents=True)
+    staged.begin(configuration)
+    (staged.data / "radiance").mkdir(parents=True)
+    staged.begin(configuration)
+    assert (staged.data / "radiance").exists()
     monkeypatch.setattr("megalopta.stages.render.RENDER_MODEL", 99)
-    assert not (begin(tmp_path, configuration) / "radiance").exists()
-
-
-def test_a_worker_of_another_variant_is_refused(single_plan, tmp_path):
-    wanted = Machinery.here(single_plan, 0)
-    wanted.made_with["render"]["variant"] = "cuda_spectral"
-    with pytest.raises(UserError, match="worker would make other bytes .*variant: cuda_spectral"):
-        make_sequence(tmp_path, single_plan, wanted, 0)
-    assert not list(tmp_path.iterdir())
+    staged.begin(configuration)
+    assert not staged.data.exists()
 
 
 def test_check_names_sequences_of_mixed_models(copy):

@@ -7,7 +7,7 @@ import pytest
 import zarr
 from scipy.ndimage import binary_erosion
 
-from megalopta.config.built_in import built_in_names
+from megalopta.config import built_in_names
 from megalopta.config.light_scale import light_scale
 from megalopta.config.model import load, parse
 from megalopta.core.errors import UserError

@@ -16,8 +16,7 @@ from megalopta.render import read_attributes, read_radiance, read_truth, write_t
 from megalopta.sensor import expectation, read_counts
 from megalopta.stages.ledger import Ledger
 from megalopta.stages.pipeline import run_stage
-from megalopta.verification.footprint import footprint_residuals
-from megalopta.verification.truth import check_truth
+from megalopta.verification.truth import check_truth, footprint_residuals
 
 OBJECTS = (
     "[{name: crate, position_m: [3, 0.3, 1.5], motion: {velocity_m_s: [0, -2, 0.4], "

@@ -433,7 +433,7 @@ def test_frames_too_small_for_a_method_are_refused_before_any_work(tmp_path, tin
 
 
 def test_every_stage_is_entered_with_the_hash_of_its_files(finished):
-    record = Ledger(finished).record()
+    record = Ledger(finished).record
     assert list(record.stages) == list(ORDER)
     for name, (size, digest) in record.files.items():
         data = (finished.root / name).read_bytes()

@@ -9,6 +9,7 @@ from functools import partial
 import numpy as np
 import pytest
 
+from megalopta.sensor import exposure
 from megalopta.sensor.ctia import (
     integration as ctia_integration,
     model as ctia_model,
@@ -17,7 +18,6 @@ from megalopta.sensor.ctia import (
 from megalopta.sensor.effects import bias
 from megalopta.sensor.optics import pixels
 from megalopta.sensor.optics.lens import falloff
-from megalopta.sensor import exposure
 from megalopta.sensor.sampling.streams import generator
 from megalopta.verification.cases import CHECKS, Case
 from megalopta.verification.comparison import (

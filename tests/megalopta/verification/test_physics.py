@@ -45,21 +45,6 @@ def test_table_prints_the_order_of_effects(console, monkeypatch):
     )
 
 
-def test_file_in_place_of_the_folder_is_refused_before_anything_is_checked(monkeypatch, tmp_path):
-    (tmp_path / "plots").touch()
-    monkeypatch.setattr(check_physics, "run_checks", lambda checks: pytest.fail("checked"))
-    with pytest.raises(UserError, match="plots: a file is in the way; give the path of a folder"):
-        check_physics.run_check_physics(plots=tmp_path / "plots")
-
-
-def test_pictures_are_written_where_asked(console, monkeypatch, tmp_path):
-    monkeypatch.setattr(check_physics, "run_checks", lambda checks: [GOOD])
-    monkeypatch.setattr(check_physics, "EXPOSURES_OF_A_PICTURE", 1000)
-    check_physics.run_check_physics((), tmp_path / "plots", console)
-    names = sorted(path.name for path in (tmp_path / "plots").iterdir())
-    assert names == ["counts_ideal.png", "counts_nonparalyzable.png", "counts_paralyzable.png"]
-
-
 def test_only_the_groups_asked_for_are_checked(console, monkeypatch):
     seen = []
     monkeypatch.setattr(check_physics, "run_checks", lambda checks: seen.extend(checks) or [GOOD])

@@ -9,13 +9,13 @@ import pytest
 
 from megalopta.sensor import DeadTime, DigitalCounter, changed, expose_rate, preset
 from megalopta.sensor.calibrate.correction import (
+    calibrate,
     correct,
     filled_in,
     hot_pixels,
     response_curve,
     simulated_calibration,
 )
-from megalopta.sensor.calibrate.correction import calibrate
 from megalopta.sensor.spad.device import draw_fixed_pattern
 
 SHAPE = (8, 16)

@@ -38,7 +38,7 @@ READS = {
 
 
 def one_pair(sequence):
-    from megalopta.dataset.pairs import FlowPairs
+    from megalopta.dataset.opened import FlowPairs
 
     return FlowPairs([sequence], None, 1)
 

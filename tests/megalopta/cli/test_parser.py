@@ -1,8 +1,7 @@
 import pytest
 
 from megalopta.benchmark.sweep import Sweep
-from megalopta.cli.overrides import split_overrides
-from megalopta.cli.parser import program
+from megalopta.cli.parser import program, split_overrides
 from megalopta.config.model import load
 from megalopta.config.settings import Settings
 from megalopta.core.errors import UserError

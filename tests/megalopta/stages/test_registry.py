@@ -1,7 +1,6 @@
 """What a stage's output depends on beside its settings."""
 
-from megalopta.stages.origins import provenance, provenance_changes
-from megalopta.stages.registry import STAGES
+from megalopta.stages.registry import STAGES, provenance, provenance_changes
 
 
 def test_frames_depend_on_variant_and_libraries(tiny):

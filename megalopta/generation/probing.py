@@ -8,19 +8,15 @@ the time told is the most that `auto` takes.
 """
 
 import math
-import shutil
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from uuid import uuid4
+from tempfile import TemporaryDirectory
 
 import numpy as np
-from filelock import FileLock, Timeout
 from numpy.typing import NDArray
 
 from megalopta.config.model import Configuration
-from megalopta.core.folders import cache_folder, ensure_directory
 from megalopta.core.progress import (
     Spent,
     silent,
@@ -30,7 +26,6 @@ from megalopta.core.progress import (
 from megalopta.dataset.store import Dataset, files_in
 from megalopta.render import MEASURED_EVERY
 from megalopta.render.baking.choice import AT_EQUAL_ERROR, may_pay
-from megalopta.stages.estimate import estimate
 from megalopta.stages.render import FrameWriter, build, write_previews
 
 _FRAMES = 2
@@ -90,10 +85,8 @@ class Probe:
     """What a short piece of a sequence took."""
 
     scale: Scale
-    growing: Time
-    """Growing plants, which all scenes of a seed share."""
     setup: Time
-    """Building and loading the scene of grown plants."""
+    """Building and loading the scene; its plants are grown before if others share them."""
     compiling: Time
     """What the first frame takes beyond others; what it compiles is kept."""
     once: Time
@@ -116,42 +109,30 @@ class Foreseen:
     """Whether it is the most that they take."""
 
 
-def probe(settings: Configuration, things: int, finish: Finish) -> Probe:
+def probe(settings: Configuration, things: int, finish: Finish, shares_plants: bool) -> Probe:
     """Measure two frames of a strip, of a scene with at most so many things, and what follows."""
     whole = _small(settings, things)
     path = whole.trajectory.model_copy(update={"frames": min(whole.trajectory.frames, _FRAMES)})
     short = whole.model_copy(update={"trajectory": path})
-    with probe_folder() as folder, silent():
-        dataset = Dataset(folder, short)
-        with times_of_steps() as grown, step("growing"):
+    with TemporaryDirectory(prefix="megalopta-probe-") as folder, silent():
+        dataset = Dataset(Path(folder), short)
+        if shares_plants:
             build(whole)
         with times_of_steps() as first:
             writer = FrameWriter(dataset, whole)
             writer.write(0)
-        growing = np.maximum(_time(grown, "growing") - _time(first, "building the scene"), 0)
         with times_of_steps() as steps:
             with step("frame"):
                 writer.write(path.frames - 1)
             with step("files"):
                 write_previews(dataset)
                 finish(dataset)
-        return _probe(short, dataset, growing, first, steps)
+        return _probe(dataset, first, steps)
 
 
-def memory_bytes(settings: Configuration) -> float:
-    """What rendering takes at most in memory."""
-    return estimate(settings, "render").memory_bytes
-
-
-def _probe(
-    settings: Configuration,
-    dataset: Dataset,
-    growing: Time,
-    first: Mapping[str, Spent],
-    steps: Mapping[str, Spent],
-) -> Probe:
+def _probe(dataset: Dataset, first: Mapping[str, Spent], steps: Mapping[str, Spent]) -> Probe:
     """Put together what the first frame took, with all before it, and another that is warm."""
-    scale, once = Scale.of(settings), _time(first, *_ONCE)
+    scale, once = Scale.of(dataset.configuration), _time(first, *_ONCE)
     passes = 2 if scale.frames == 1 and scale.passes == 2 else 1
     radiance = _time(steps, "rendering radiance") / passes
     beyond = _time(first, "rendering radiance") - 2 * radiance
@@ -159,7 +140,6 @@ def _probe(
     fixed, of_frames = _bytes(dataset.root)
     return Probe(
         scale,
-        growing,
         setup=_time(first, *_SETUP) - once,
         compiling=np.maximum(beyond, 0),
         once=once,
@@ -170,51 +150,23 @@ def _probe(
     )
 
 
-def foresee(
-    scale: Scale,
-    probes: Sequence[Probe],
-    is_first: bool = True,
-    grows: bool = False,
-) -> Foreseen:
-    """Return what a sequence takes, by probes of its like.
+def foresee(scale: Scale, like: Probe, is_first: bool = True) -> Foreseen:
+    """Return what a sequence takes, in proportion to a probe of its like.
 
     If it is the first of its like it compiles what measures the light on the ground, the canopy and
-    what paths leave out, which takes as long as what the probe compiled of frames. If it `grows` it
-    is the first with plants of its seed.
+    what paths leave out, which takes as long as what the probe compiled of frames.
     """
-    last = max(probes, key=lambda each: each.scale.samples)
-
-    def along(by: str, values: Sequence[Time]) -> Time:
-        return _line(getattr(scale, by), [getattr(each.scale, by) for each in probes], values)
-
-    radiance = along("samples", [each.radiance for each in probes])
-    rest = along("pixels", [each.rest for each in probes])
-    bytes_ = along("pixels", [np.array([each.frame_bytes]) for each in probes])[0]
-    total = last.setup * (scale.triangles / last.scale.triangles)
-    total = total + last.once * scale.pixels / last.scale.pixels
-    total = total + last.radiance * (scale.closing / last.scale.samples)
-    total = total + scale.most * scale.passes * radiance + scale.frames * rest
-    if grows:
-        total = total + last.growing
-    if is_first and scale.closing:
-        total = total + np.max([each.compiling for each in probes], axis=0)
-    return Foreseen(total, last.fixed_bytes + scale.frames * bytes_, scale.most > 1)
-
-
-def _line(x: float, xs: Sequence[float], values: Sequence[Time]) -> Time:
-    """Value at x of the line through the outer two points, or in proportion to the last one.
-
-    The latter where noise or a first run's compiling would make the line fall.
-    """
-    low, high = int(np.argmin(xs)), int(np.argmax(xs))
-    if xs[high] == 0:
-        return values[high]
-    proportional = values[high] * (x / xs[high])
-    if xs[low] == xs[high]:
-        return values[high] if x == xs[high] else proportional
-    slope = (values[high] - values[low]) / (xs[high] - xs[low])
-    line = values[low] + slope * (x - xs[low])
-    return np.where((slope >= 0) & (line >= 0), line, proportional)
+    pixels = scale.pixels / like.scale.pixels
+    samples = scale.most * scale.passes * scale.samples + scale.closing
+    total = (
+        like.setup * (scale.triangles / like.scale.triangles)
+        + like.once * pixels
+        + like.radiance * (samples / like.scale.samples)
+        + like.rest * (scale.frames * pixels)
+        + like.compiling * (is_first and scale.closing > 0)
+    )
+    bytes_ = like.fixed_bytes + scale.frames * pixels * like.frame_bytes
+    return Foreseen(total, bytes_, scale.most > 1)
 
 
 def _small(settings: Configuration, things: int) -> Configuration:
@@ -255,36 +207,6 @@ def _time(steps: Mapping[str, Spent], *names: str) -> Time:
 
 def _bytes(root: Path) -> tuple[float, float]:
     """Bytes of what a sequence has once, and of what grows with its frames."""
-    fixed = grown = 0.0
-    for path in files_in([root]):
-        size = path.stat().st_size
-        if path.suffix == ".json":
-            fixed += size
-        else:
-            grown += size
-    return fixed, grown
-
-
-@contextmanager
-def probe_folder() -> Iterator[Path]:
-    """A folder that goes again; those of processes that were killed go with it."""
-    room = ensure_directory(cache_folder() / "probes")
-    for lock in room.glob("*.lock"):
-        _sweep(lock)
-    name = uuid4().hex
-    with FileLock(room / f"{name}.lock"):
-        try:
-            yield room / name
-        finally:
-            shutil.rmtree(room / name, ignore_errors=True)
-            (room / f"{name}.lock").unlink(missing_ok=True)
-
-
-def _sweep(lock: Path) -> None:
-    """Remove a probe's folder, unless its process lives."""
-    try:
-        with FileLock(lock, timeout=0):
-            shutil.rmtree(lock.with_suffix(""), ignore_errors=True)
-            lock.unlink(missing_ok=True)
-    except Timeout:
-        return
+    sizes = {path: path.stat().st_size for path in files_in([root])}
+    fixed = sum(size for path, size in sizes.items() if path.suffix == ".json")
+    return float(fixed), float(sum(sizes.values()) - fixed)

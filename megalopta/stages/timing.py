@@ -1,4 +1,4 @@
-"""Light that moves within an exposure, and bursts between rendered frames: what `sense` needs."""
+"""How light and sensors go on within frames and from frame to frame: what `sense` needs of it."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,14 +34,34 @@ def burst_frames(settings: Configuration) -> int:
     return max(round(settings.burst_hz / settings.trajectory.frame_rate_hz), 1)
 
 
-def check_sub_frames(settings: Configuration) -> None:
-    """Refuse light that would be blurred twice, and bursts that do not fill the time.
+def check_timing(settings: Configuration) -> None:
+    """Refuse exposures, moving light, bursts and free-running arrays that do not fit into frames.
 
-    Raises
-    ------
-    ValueError
-        With one sentence that names the setting.
+    Raises ValueError, with one sentence that names the setting, or the sensor.
     """
+    _check_sub_frames(settings)
+    rate_hz = settings.trajectory.frame_rate_hz
+    for sensor in settings.sensors:
+        if settings.free_running and not isinstance(sensor, Sensor):
+            raise ValueError(
+                f"free_running: sensor {sensor.name!r} integrates and is reset in every frame; "
+                "take the setting or the sensor out"
+            )
+        if settings.free_running and abs(sensor.exposure_s * rate_hz - 1) > 1e-9:
+            raise ValueError(
+                f"free_running: sensor {sensor.name!r} with exposure_s {sensor.exposure_s:g} does "
+                f"not fill frames at trajectory.frame_rate_hz {rate_hz:g}; use exposure_s "
+                f"{1 / rate_hz:.12g}, or leave the setting out"
+            )
+        if sensor.exposure_s * rate_hz > 1 + 1e-9:
+            raise ValueError(
+                f"sensor {sensor.name!r}: exposure_s {sensor.exposure_s:g} is longer than a frame "
+                f"at trajectory.frame_rate_hz {rate_hz:g}; use at most {1 / rate_hz:g}"
+            )
+
+
+def _check_sub_frames(settings: Configuration) -> None:
+    """Refuse light that would be blurred twice, and bursts that do not fill the time."""
     parts, rate_hz = settings.sub_frames, settings.trajectory.frame_rate_hz
     if parts > 1 and not settings.shutter.is_instant:
         raise ValueError(

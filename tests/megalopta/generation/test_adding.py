@@ -12,8 +12,9 @@ from megalopta.cli.main import main
 from megalopta.core.errors import UserError
 from megalopta.dataset.layout import Tree
 from megalopta.dataset.store import hashes_of
-from megalopta.generation.measuring import measure, measure_sequence
-from megalopta.generation.staging import begin
+from megalopta.generation.adding import measure
+from megalopta.generation.staging import Staged
+from megalopta.stages.registry import STAGES
 from megalopta.verification.files import check_files
 
 METHODS = {"methods": "[BM]"}
@@ -60,9 +61,10 @@ def test_what_another_stage_left_is_not_published(copy):
     settings = tree.dataset(tree.record("000000")).configuration.model_copy(
         update={"methods": ("BM",)}
     )
-    staged = tree.staging / "000000-added"
-    staged.mkdir(parents=True)
-    left = begin(staged, settings, ["benchmark"]) / "results/000000/benchmark.json"
+    staged = Staged(tree, "000000", is_added=True)
+    staged.folder.mkdir(parents=True)
+    staged.begin(settings, ["benchmark"])
+    left = staged.data / "results/000000/benchmark.json"
     left.parent.mkdir(parents=True)
     left.write_text("half")
     measure(copy, "flow", METHODS)
@@ -76,6 +78,23 @@ def test_damaged_results_are_made_again(copy):
     path.write_text(path.read_text("utf-8").replace("BM", "MB"), "utf-8")
     measure(copy, "flow", METHODS)
     assert responses(copy) == expected
+    assert not check_files(Tree(copy))
+
+
+def test_what_another_version_measured_is_measured_again(copy, capsys):
+    measure(copy, "flow", METHODS)
+    for path in (copy / "sequences").glob("*.json"):
+        record = json.loads(path.read_text("utf-8"))
+        record["stages"]["flow"]["made_with"]["model"] = "earlier"
+        path.unlink()
+        path.write_text(json.dumps(record), "utf-8")
+    (copy / "manifest.jsonl").unlink()
+    capsys.readouterr()
+    measure(copy, "flow", METHODS)
+    told = capsys.readouterr().err
+    assert told.count("flow: made by another version of the program, and made again") == 1
+    models = {record.stages["flow"].made_with["model"] for record in Tree(copy).all_records()}
+    assert models == {STAGES["flow"].model()}
     assert not check_files(Tree(copy))
 
 
@@ -100,7 +119,7 @@ def test_a_stop_at_any_step_leaves_all_or_nothing(copy, monkeypatch):
         with monkeypatch.context() as patch:
             patch.setattr(Path, "rename", rename)
             try:
-                measure_sequence(root, "flow", METHODS, False, 0)
+                measure(root, "flow", METHODS)
             except Stop:
                 pass
             else:

@@ -1,0 +1,92 @@
+"""The verbs that write pages and figures of what is there, and `megalopta info`."""
+
+from argparse import Namespace
+from pathlib import Path
+
+from megalopta.cli.command import DATASET, THREADS, option, out, switch, verb
+from megalopta.core.errors import UserError
+
+_SHOWN = 24
+"""Sequences of many."""
+
+
+@verb("info", "show versions, the rendering variant and what would make it faster")
+def _info(options: Namespace) -> None:
+    from megalopta.generation.versions import describe
+
+    print(describe())
+
+
+@verb(
+    "report",
+    "write report.html from what a dataset holds, one file without outside links; of many "
+    "sequences README.md and index.html",
+    DATASET,
+)
+def _report(options: Namespace) -> None:
+    from megalopta.dataset.layout import is_of_many
+    from megalopta.dataset.store import open_sequence
+    from megalopta.report.dataset_card import write_card
+    from megalopta.report.dataset_sheet import write_view
+    from megalopta.report.page import write_report
+
+    if is_of_many(options.dataset):
+        print(write_card(options.dataset))
+        print(write_view(options.dataset, _SHOWN))
+    else:
+        print(write_report(open_sequence(options.dataset)))
+
+
+@verb(
+    "reproduce",
+    "draw figures and tables of the dissertation again, as PNG, SVG, CSV and JSON",
+    option(
+        "figures", "such as fig-2.9 or table-3.1, chapter-4, or all", nargs="+", metavar="FIGURE"
+    ),
+    out("out/figures"),
+    switch("--quick", "draw Chapter 4 coarsely, in seconds"),
+    *THREADS,
+)
+def _reproduce(options: Namespace) -> None:
+    from megalopta.reproduction.drawing import Means, reproduce
+
+    means = Means(options.workers, options.cache, options.scheduler)
+    for path in reproduce(options.figures, options.out, options.quick, means):
+        print(path)
+
+
+@verb(
+    "gallery",
+    "render every scene preset at every light level, beside photon counts of it",
+    switch("--views", "render larger views of the forests under natural skies instead, views.html"),
+    switch(
+        "--statistics", "measure statistics of views of the forests instead, image-statistics.png"
+    ),
+    option(
+        "--panorama",
+        "a photographed panorama (HDR, EXR or PNG, 2:1); with --views shown beside a forest "
+        "in its light, with --statistics measured beside them, all at two of its pixels or more",
+        type=Path,
+        metavar="FILE",
+    ),
+    out("out/gallery"),
+)
+def _gallery(options: Namespace) -> None:
+    from megalopta.report.gallery_statistics import write_statistics
+    from megalopta.report.gallery_views import write_views
+    from megalopta.report.scene_gallery import write_gallery
+
+    if options.views and options.statistics:
+        raise UserError("gallery: --views and --statistics are two things; give one")
+    if options.panorama and not (options.views or options.statistics):
+        raise UserError("gallery: --panorama goes with --views or --statistics; give one")
+    try:
+        if options.views:
+            print(write_views(options.out, options.panorama))
+        elif options.statistics:
+            photographs = [options.panorama] if options.panorama else []
+            print(*write_statistics(options.out, photographs), sep="\n")
+        else:
+            print(write_gallery(options.out))
+    except ValueError as problem:  # a panorama that is none
+        raise UserError(str(problem)) from None

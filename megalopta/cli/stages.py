@@ -1,0 +1,193 @@
+"""The verbs that run stages: on a new dataset from a configuration, or on one that is there."""
+
+from argparse import Namespace
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from megalopta.cli.command import CLUSTER, DATASET, option, out, switch, verb
+from megalopta.config import built_in_names
+from megalopta.core.errors import UserError
+
+if TYPE_CHECKING:
+    from pydantic import BaseModel
+
+    from megalopta.config.model import Configuration
+    from megalopta.config.settings import Settings
+
+_RANKED = {
+    "methods": "[BM, DIS, PM, PF]",
+    "fluxes": "[1e4, 1e5, 1e6, 1e7]",
+    "repeats": "1",
+    "pixels_pooled": "[1]",
+    "frames_pooled": "[1]",
+    "camera_pairs": "1",
+}
+"""Of the ranking: little, for the time that a demo has"""
+_QUICK = {
+    "scene.trees": "30",
+    "scene.undergrowth": "0.2",
+    "camera.width": "48",
+    "camera.height": "48",
+    "trajectory.frames": "6",
+    "render.samples_per_pixel": "16",
+    "light_levels": "[10, starlight]",
+    "correct": "false",
+    "methods": "[BM, DIS, PF]",
+    "benchmark.sizes": "[24]",
+    "benchmark.fluxes_per_decade": "1",
+    "benchmark.repeats": "2",
+}
+"""Settings of --quick: everything once, small and noisy"""
+_QUICKLY_RANKED = {"methods": "[BM, DIS, PF]", "fluxes": "[1e5, 1e7]", "camera_pairs": "0"}
+
+REDO = switch("--redo", "replace output of another configuration")
+_FROM_CONFIGURATION = (
+    REDO,
+    option(
+        "configuration",
+        f"YAML file, or one of {', '.join(built_in_names())} (default: demo)",
+        nargs="?",
+    ),
+    out("out/demo", "dataset folder"),
+)
+
+
+def settings_of_stage(stage: str, *others: "BaseModel") -> "Settings":
+    """Return those that a stage depends on, all for what is no stage, and those of others."""
+    from megalopta.config.model import load
+    from megalopta.config.settings import Settings
+    from megalopta.stages.registry import STAGES
+
+    fields = STAGES[stage].fields if stage in STAGES else None
+    return Settings(load("demo"), fields, others)
+
+
+@verb(
+    "render",
+    "render a scene to spectral-radiance EXRs with exact ground truth",
+    *_FROM_CONFIGURATION,
+    switch(
+        "--dry-run",
+        "tell size, time, memory and integrator from a short measurement, and render nothing",
+    ),
+    settings=partial(settings_of_stage, "render"),
+)
+def _render(options: Namespace) -> None:
+    from megalopta.dataset.layout import is_of_many
+
+    if options.configuration and is_of_many(Path(options.configuration)):
+        _make_what_is_missing(options)
+        return
+    if options.dry_run:
+        from megalopta.generation.dry_run import dry_run_of_frames
+
+        print(dry_run_of_frames(options.out, _configuration(options)))
+        return
+    from megalopta.stages.pipeline import run_stage
+    from megalopta.stages.redo import finish_move
+
+    finish_move(options.out)  # which may be the configuration, too
+    run_stage(options.out, _configuration(options), "render", options.redo)
+
+
+@verb(
+    "demo",
+    "do everything: render, sense, flow, benchmark and a report to open in a browser",
+    *_FROM_CONFIGURATION,
+    switch("--quick", "a small and noisy form of it, in about a minute"),
+    settings=partial(settings_of_stage, "demo"),
+)
+def _demo(options: Namespace) -> None:
+    if options.quick:
+        if options.configuration not in (None, "demo"):
+            raise UserError(f"--quick: {options.configuration} has none; leave one of them out")
+        options.overrides = {**_QUICK, **options.overrides}
+    asked = _configuration(options)  # refused before the rest is loaded
+
+    from megalopta.benchmark.ranking_run import FOLDER, run_ranking
+    from megalopta.flow.detectors.registry import METHODS
+    from megalopta.report.page import write_report
+    from megalopta.stages.pipeline import run_all
+
+    dataset = run_all(options.out, asked, options.redo)
+    if any(METHODS[name].gives == "velocity" for name in dataset.configuration.methods):
+        ranked = _RANKED | (_QUICKLY_RANKED if options.quick else {})
+        run_ranking(dataset.root, dataset.root / FOLDER, ranked)
+    print(write_report(dataset))
+
+
+def run_later_stage(stage: str, options: Namespace) -> None:
+    """Run a stage on the dataset that the options name, of one sequence or of many."""
+    from megalopta.dataset.layout import is_of_many
+
+    if is_of_many(options.dataset):
+        _run_on_many(stage, options)
+        return
+    if options.workers or options.scheduler:
+        given = "--workers" if options.workers else "--scheduler"
+        raise UserError(f"{options.dataset}: a dataset of one sequence; leave {given} out")
+    _run_on_one(stage, options)
+
+
+for _stage, _purpose in {
+    "sense": "expose every sensor at every light level: photon counts to Zarr",
+    "flow": "run the motion detectors on the counts and compare with the truth",
+}.items():
+    verb(_stage, _purpose, REDO, DATASET, *CLUSTER, settings=partial(settings_of_stage, _stage))(
+        partial(run_later_stage, _stage)
+    )
+
+
+def _configuration(options: Namespace) -> "Configuration":
+    """Read the configuration that is named, or the demo's.
+
+    "airglow" is a light level and a configuration: at the end of a list it could be either.
+    """
+    from megalopta.config.model import load
+
+    for path, value in options.overrides.items():
+        last = value.rpartition(", ")[2].strip("]")
+        if options.configuration is None and "," in value and last in built_in_names():
+            raise UserError(
+                f"{last}: a value of --{path}, or the configuration? give the configuration first"
+            )
+    return load(options.configuration or "demo", options.overrides)
+
+
+def _make_what_is_missing(options: Namespace) -> None:
+    """Make the sequences that a dataset of many still lacks."""
+    from megalopta.config.recipe import load_plan
+    from megalopta.generation.making import make
+
+    if options.redo or options.dry_run:
+        raise UserError(
+            f"{options.configuration}: a dataset of many sequences; remove a sequence's record to "
+            "make it again, and see megalopta dataset make --help for --dry-run"
+        )
+    make(options.out, load_plan(Path(options.configuration), options.overrides))
+
+
+def _run_on_many(stage: str, options: Namespace) -> None:
+    from megalopta.generation.adding import expose, measure
+
+    root, where = options.dataset, (options.workers, options.scheduler)
+    if stage != "sense":
+        measure(root, stage, options.overrides, options.redo, *where)
+    elif options.redo:
+        raise UserError(
+            f"{root}: a dataset of many sequences, to which sense adds exposures; leave --redo out"
+        )
+    else:
+        expose(root, options.overrides, *where)
+
+
+def _run_on_one(stage: str, options: Namespace) -> None:
+    from megalopta.config.model import parse
+    from megalopta.config.yaml_model import to_yaml
+    from megalopta.stages.pipeline import run_stage
+    from megalopta.stages.redo import open_dataset_whole
+
+    stored = to_yaml(open_dataset_whole(options.dataset).configuration)
+    changed = parse(stored, str(options.dataset), options.overrides)
+    run_stage(options.dataset, changed, stage, options.redo)

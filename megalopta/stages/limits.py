@@ -1,0 +1,87 @@
+"""What a stage takes of memory and disk: what cannot fit is refused before anything is built.
+
+Bytes are right within a factor of two, measured on the demo and the grating; rendering noise does
+not compress. How long a sequence takes is measured, not foreseen (`generation/probing.py`).
+"""
+
+import os
+import shutil
+from pathlib import Path
+
+from megalopta.config.model import Configuration
+from megalopta.core.errors import UserError
+from megalopta.dataset.frames import FRAMES_AT_ONCE
+from megalopta.stages.timing import burst_frames
+
+_PROGRAM_BYTES = 1e9
+_REMEDIES = {
+    "render": "trajectory.frames, camera.width and height, or render.samples_per_pixel",
+    "sense": "trajectory.frames, the camera's size, sub_frames or burst_hz, or give fewer sensors "
+    "or light_levels",
+    "flow": "trajectory.frames or the camera's size, or give fewer methods or exposures",
+    "benchmark": "trajectory.frames, benchmark.fluxes_per_decade or repeats, or give fewer sizes",
+}
+
+
+def refuse_absurd(settings: Configuration, stage: str, root: Path) -> None:
+    """Refuse a stage that exceeds this machine, before anything is built.
+
+    Raises UserError, with what it would take, what there is, and the settings to lower.
+    """
+    camera, (memory, disk) = settings.camera, needed_bytes(settings, stage)
+    for needed, most, clause in (
+        (memory, _memory_bytes(), "of memory, and this machine has"),
+        (disk, _room_bytes(root), f"on disk, and {root} has room for"),
+    ):
+        if needed > most:
+            raise UserError(
+                f"{stage}: {settings.trajectory.frames} frames of {camera.width} × "
+                f"{camera.height} would take about {size(needed)} {clause} {size(most)}; lower "
+                f"{_REMEDIES[stage]}"
+            )
+
+
+def needed_bytes(settings: Configuration, stage: str) -> tuple[float, float]:
+    """Return what a stage takes at most in memory, and on disk."""
+    frames, pixels = settings.trajectory.frames, settings.camera.width * settings.camera.height
+    held = pixels * min(frames, FRAMES_AT_ONCE)
+    methods, exposures = len(settings.methods), len(settings.sensors) * len(settings.light_levels)
+    if stage == "render":
+        bands, shutter = len(settings.render.bands_nm), settings.shutter
+        memory = pixels * (1000 + 16 * bands) + 1000 * frames
+        light = 3.9 * bands * (1 if shutter.is_instant else 2)
+        disk = light + 72 * (2 if shutter.readout_s else 1) + 14  # and pictures for training
+    elif stage == "sense":
+        memory = held * (120 + 8 * settings.sub_frames)
+        disk = exposures * (22 + 7 * settings.correct)
+        if "burst_npy" in settings.products:
+            disk += exposures * burst_frames(settings) / 8
+    elif stage == "flow":
+        memory = held * 80 + pixels * 240 * methods
+        disk = 5 * exposures * methods
+    else:
+        memory = held * 60 + pixels * 160 * methods * len(settings.benchmark.fluxes)
+        disk = 8
+    return _PROGRAM_BYTES + memory, float(frames * pixels * disk)
+
+
+def size(number: float) -> str:
+    """An amount of memory for a person, such as "40 GB"."""
+    for unit, bytes_ in (("PB", 1e15), ("TB", 1e12), ("GB", 1e9)):
+        if number >= bytes_:
+            return f"{number / bytes_:.3g} {unit}"
+    return f"{number / 1e6:.0f} MB"
+
+
+def _memory_bytes() -> float:
+    """Physical memory of this machine."""
+    return float(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
+
+
+def _room_bytes(root: Path) -> float:
+    """What is free at a folder, made or not, with what is in it: that may be part of the output."""
+    there = next(
+        folder for folder in (root.absolute(), *root.absolute().parents) if folder.exists()
+    )
+    held = sum(path.stat().st_size for path in root.rglob("*") if path.is_file())
+    return float(shutil.disk_usage(there).free + held)

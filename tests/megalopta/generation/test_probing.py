@@ -1,0 +1,52 @@
+"""What is told of a sequence from a probe, and that nothing is left of a probe."""
+
+import numpy as np
+import pytest
+
+from megalopta.config.model import load
+from megalopta.generation.probing import Probe, Scale, foresee, probe
+
+SMALL = Probe(
+    scale=Scale(60, 700.0, 1100, 1100.0, 2, 3, 0, 1.0),
+    setup=np.full(2, 7.0),
+    compiling=np.full(2, 5.0),
+    once=np.full(2, 2.0),
+    radiance=np.full(2, 1.2),
+    rest=np.full(2, 0.1),
+    fixed_bytes=1000.0,
+    frame_bytes=12000.0,
+)
+"""A probe of one sample a pixel, of 10 triangles a thing and 100 more."""
+LARGE = Scale(1000, 10_500.0, 2200, 2200.0, 10, 11, 550, 1.0)
+
+
+def test_a_sequence_takes_in_proportion_to_a_probe():
+    told = foresee(LARGE, SMALL)
+    # 15 times the triangles, twice the pixels, half of 1100 paths, 11 passes, a kernel
+    np.testing.assert_allclose(told.time, 15 * 7 + 2 * 2 + 0.6 + 11 * 2.4 + 10 * 0.2 + 5)
+    assert told.bytes == pytest.approx(1000 + 10 * 24_000)
+    assert not told.most
+
+
+def test_only_the_first_compiles():
+    first, later = (foresee(LARGE, SMALL, is_first).time for is_first in (True, False))
+    np.testing.assert_allclose(first - later, 5)
+
+
+def test_where_auto_may_bake_the_time_told_is_the_most():
+    settings = load("demo", {"render.integrator": "auto", "trajectory.frames": "100"})
+    scale = Scale.of(settings)
+    assert scale.most > 1
+    few = Scale.of(load("demo", {"render.integrator": "auto", "trajectory.frames": "10"}))
+    assert few.most == 1
+
+
+def test_a_probe_renders_a_strip_of_few_frames_and_leaves_nothing(tmp_path, monkeypatch):
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    sizes = {"camera.width": "64", "camera.height": "2000", "render.samples_per_pixel": "4"}
+    found = probe(load("grating", sizes), 0, lambda _dataset: None, True)
+    assert found.scale.frames == 2
+    assert found.scale.pixels < 64 * 300
+    assert found.radiance[0] > 0
+    assert found.frame_bytes > 64 * 8 * 72
+    assert not list(tmp_path.iterdir())
