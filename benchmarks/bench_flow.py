@@ -28,7 +28,7 @@ from megalopta.flow.benchmark import short_sequences
 from megalopta.flow.detectors.base import FloatArray
 from megalopta.flow.detectors.registry import method
 from megalopta.flow.stimuli.photons import draw_counts, draw_in_one
-from megalopta.reproduction.chapter4_sweeps import SWEEPS
+from megalopta.reproduction.chapter4_curves import SWEEPS
 from megalopta.sensor.sampling.normals import EDGES, fill_normals
 from megalopta.sensor.sampling.words import LANES, word_streams
 

@@ -16,10 +16,10 @@ from megalopta.camera.link import (
     Arrived,
     Link,
     LinkLostError,
+    NoPortError,
     Plugged,
     Unplugged,
 )
-from megalopta.camera.port import NoPortError
 from megalopta.camera.recorder import Recorder
 from megalopta.camera.recording import (
     RAW,

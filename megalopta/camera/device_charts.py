@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter, ScalarFormatter
 from numpy.typing import NDArray
 
-from megalopta.camera.comparison_motion import SpeedResponse
+from megalopta.camera.comparison import SpeedResponse
 from megalopta.core.arrays import Floats
 from megalopta.plotting.style import BLACK, BLUE, GRAY, VERMILION, line_style
 from megalopta.plotting.svg import in_style, new_axes, to_svg

@@ -1,22 +1,236 @@
-"""`megalopta spadcam compare`: a recording beside what the device's model makes of its stimulus."""
+"""`megalopta spadcam compare`: pages on even light, a scene or the plate, seen and simulated."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from megalopta.camera.comparison_levels import calibration_errors, captured_frames, simulated_frames
-from megalopta.camera.comparison_motion import plate_responses
-from megalopta.camera.comparison_page import (
-    write_comparison_report,
-    write_motion_report,
-    write_scene_report,
+import numpy as np
+from markupsafe import Markup
+from scipy.stats import norm
+
+from megalopta.camera.comparison import (
+    SceneComparison,
+    SpeedResponse,
+    calibration_errors,
+    captured_frames,
+    compare_scene,
+    dataset_cycle,
+    plate_responses,
+    rendered_dataset,
+    simulated_frames,
 )
-from megalopta.camera.comparison_scene import compare_scene, dataset_cycle, rendered_dataset
-from megalopta.camera.device_calibration import Beam
-from megalopta.camera.recorded import Source, read_recorded
+from megalopta.camera.device_charts import (
+    color_limits,
+    dark_chart,
+    distance_chart,
+    map_chart,
+    response_chart,
+    spectrum_chart,
+    time_chart,
+    transfer_chart,
+)
+from megalopta.camera.recorded import Beam, Source, read_recorded
+from megalopta.core.arrays import Floats
 from megalopta.core.errors import UserError
+from megalopta.plotting.sections import Section, captioned, write_sections
+from megalopta.plotting.text import number
 from megalopta.sensor import Sensor, load_sensor
-from megalopta.sensor.compare.recordings import MARGIN, compare_recordings
+from megalopta.sensor.compare.counted import CountedFrames
+from megalopta.sensor.compare.equivalence import Difference
+from megalopta.sensor.compare.recordings import MARGIN, Comparison, compare_recordings
+
+Levels = Sequence[CountedFrames]
+
+_HEAD = ("", "captured", "simulated", "difference", "95 %", "p", "verdict")
+_LARGEST_Z = 6.0
+_FALSE_ALARMS = 0.01
+_TESTS = (
+    "Tests of every pixel at every level; false discovery rate by Benjamini and Hochberg. Where "
+    "some differ, the maps show which."
+)
+_DISTANCES = (
+    "How far apart the histograms of a pixel are, median over pixels and levels, and how far by "
+    "chance, with the frames of both dealt out anew."
+)
+_MAPS = (
+    "Captured and simulated share a scale. Beside them is how far apart they are, in standard "
+    "errors of counting and calibration, as the tests above take it: pale grain is chance; strong "
+    "colors, rows, columns or patches are a device that differs. Gray pixels are full, or have too "
+    "few counts to tell."
+)
+_TRANSFER = (
+    "The device sees motion as its model does where captured points lie on simulated ones; how "
+    "sure that is, is in the table."
+)
+
+
+def write_comparison_report(
+    path: Path, name: str, captured: Levels, simulated: Levels, found: Comparison
+) -> None:
+    """Write how captured levels differ from simulated ones, with pictures."""
+    order = found.arrangement
+    rows = f" Rows, top to bottom: {', '.join(map(str, order.rows))}." if order.rows else ""
+    sections = [
+        _differences(
+            "The device",
+            f"Alarms are raised in at most {100 * found.false_alarms:g} % of comparisons of a "
+            f"device with itself; less than {100 * found.margin:g} % does not matter: “equivalent” "
+            "is what is surely less (two one-sided tests at 95 %).",
+            found,
+        ),
+        Section(
+            "Order of the pixels",
+            f"The captured image is {order.name}: rank correlation of the two patterns "
+            f"{order.correlation:.3f}.{rows}",
+        ),
+        *_pixels(captured, simulated, found),
+    ]
+    write_sections(path, f"{name}: captured and simulated", found.sentence, sections)
+
+
+def write_scene_report(path: Path, name: str, compared: SceneComparison) -> None:
+    """Write how a captured scene differs from a simulated one, with pictures."""
+    found = compared.found
+    in_time = captioned(
+        time_chart(compared.captured, compared.simulated),
+        "Curves that run together saw the same frames of the scene; one beside the other is "
+        "another moment, one above the other another brightness.",
+    )
+    sections = [
+        _differences(
+            "The scene",
+            f"Frames are aligned in time by their correlation, {compared.aligned.correlation:.2f}, "
+            "and each is simulated as it was seen. Quantities are compared in blocks of frames; "
+            f"less than {100 * found.margin:g} % does not matter.",
+            found,
+        ),
+        Section("In time", charts=(in_time,)),
+        *_pixels([compared.captured], [compared.simulated], found),
+    ]
+    write_sections(path, f"{name}: captured and simulated", found.sentence, sections)
+
+
+def write_motion_report(path: Path, name: str, responses: Sequence[SpeedResponse]) -> str:
+    """Write how responses to a moving plate differ; return the sentence on it."""
+    limit = _FALSE_ALARMS / len(responses)
+    differences = [each.difference for each in responses]
+    real = sorted((each for each in differences if each.p < limit), key=lambda each: -each.size)
+    told = f"Captured: {'; '.join(map(str, real[:3]))}."
+    sentence = told if real else "Nothing differs beyond chance."
+    charts = (captioned(response_chart(responses, method), _TRANSFER) for method in ("NDM", "NDS"))
+    sections = [
+        Section(
+            "Transfer functions",
+            "Mean and standard deviation of crossings. Of captured frames, 32 around each edge "
+            "that passes are taken.",
+            charts=tuple(charts),
+        ),
+        Section(
+            "Responses",
+            "Peak responses to the edge.",
+            _HEAD,
+            tuple(_cells(each, each.p < limit) for each in differences),
+        ),
+    ]
+    write_sections(path, f"{name}: responses to a moving plate", sentence, sections)
+    return sentence
+
+
+def _differences(title: str, text: str, found: Comparison) -> Section:
+    limit = found.false_alarms / 5 / max(len(found.differences), 1)
+    rows = (_cells(each, each.p < limit) for each in found.differences)
+    return Section(title, text, _HEAD, tuple(rows))
+
+
+def _cells(each: Difference, differs: bool) -> tuple[str, ...]:
+    verdicts = {"differs": differs, "equivalent": each.is_equivalent}
+    return (
+        f"{each.name} ({each.unit})",
+        number(each.captured),
+        number(each.expected),
+        f"{100 * each.relative:+.2g} %{each.base}",
+        f"{100 * each.low:+.2g} to {100 * each.high:+.2g} %",
+        f"{each.p:.2g}",
+        " and ".join(word for word, holds in verdicts.items() if holds) or "not told apart",
+    )
+
+
+def _pixels(captured: Levels, simulated: Levels, found: Comparison) -> Iterator[Section]:
+    """Yield what says how pixels differ, level by level."""
+    tests = {"mean": found.means, "variance": found.variances, "histogram": found.histograms}
+    counted = (
+        (name, str(int(np.isfinite(test.p).sum())), str(int(test.differs.sum())))
+        for name, test in tests.items()
+    )
+    yield Section("Pixels", _TESTS, ("of", "tested", "differ"), tuple(counted))
+    distances = zip(found.distances._asdict().items(), ("share", "counts", "counts^½"), strict=True)
+    apart = (
+        (
+            f"{name.replace('_', ' ').capitalize()} ({unit})",
+            number(float(np.median(each))),
+            number(float(np.median(getattr(found.by_chance, name)))),
+        )
+        for (name, each), unit in distances
+    )
+    head = ("distance", "captured and simulated", "by chance")
+    yield Section("Histograms", _DISTANCES, head, tuple(apart))
+    yield Section("Alarms", f"{'; '.join(found.alarms) or 'None'}.")
+    yield Section("Distributions", charts=tuple(_curves(captured, simulated, found)))
+    yield Section("Maps", _MAPS)
+    for at, levels in enumerate(zip(captured, simulated, strict=True)):
+        yield _maps(at, *levels, found)
+
+
+def _curves(captured: Levels, simulated: Levels, found: Comparison) -> Iterator[Markup]:
+    yield captioned(
+        transfer_chart(captured, simulated),
+        "Photon transfer, points are pixels at each level: clouds that lie on each other have the "
+        "same step and noise; one that is higher has a larger step or more crosstalk.",
+    )
+    yield captioned(
+        spectrum_chart(captured[-1], simulated[-1]),
+        "Temporal spectrum of the last recording: level lines are frames that know nothing of each "
+        "other; captured power at low frequencies is drift, a peak is hum or flicker.",
+    )
+    dark = [at for at, level in enumerate(captured) if level.is_dark]
+    if dark:
+        at = max(dark, key=lambda place: captured[place].exposure_s)
+        yield captioned(
+            dark_chart(captured[at], simulated[at]),
+            "Dark counts of the pixels in order: a curve that is moved sideways is another "
+            "temperature or excess bias; only its end differs where hot pixels do.",
+        )
+    yield captioned(
+        distance_chart(found),
+        "Distances of the histograms, above: where the curves part, pixels are further apart than "
+        "chance makes them; bright levels may be so by the errors of the calibration alone.",
+    )
+
+
+def _maps(at: int, one: CountedFrames, other: CountedFrames, found: Comparison) -> Section:
+    """Return maps of mean and variance at one level: captured, simulated, and how far apart."""
+    means = one.counts.mean(axis=0), other.counts.mean(axis=0)
+    variances = one.counts.var(axis=0), other.counts.var(axis=0)
+    differing = [int(test.differs[at].sum()) for test in (found.means, found.variances)]
+    return Section(
+        f"{'Dark' if one.is_dark else f'Light {one.light_hz:g}'}, {one.exposure_s:g} s",
+        f"Of {np.isfinite(found.means.p[at]).sum()} pixels {differing[0]} differ in the mean, "
+        f"{differing[1]} in the variance.",
+        charts=(
+            *_map_row(f"mean-{at}", "counts", means, found.means.p[at]),
+            *_map_row(f"variance-{at}", "counts²", variances, found.variances.p[at]),
+        ),
+    )
+
+
+def _map_row(name: str, unit: str, maps: tuple[Floats, Floats], p: Floats) -> Iterator[Markup]:
+    quantity = name.partition("-")[0]
+    limits = color_limits(*maps)
+    for values, label in zip(maps, ("captured", "simulated"), strict=True):
+        yield map_chart(values, f"{name}-{label}", f"{quantity}, {label} ({unit})", limits)
+    apart = np.sign(maps[0] - maps[1]) * norm.isf(p / 2)
+    title = f"{quantity}, captured less simulated (standard errors)"
+    yield map_chart(apart, f"{name}-apart", title, (-_LARGEST_Z, _LARGEST_Z), "PuOr")
 
 
 @dataclass(frozen=True)

@@ -65,6 +65,22 @@ def _range(text: str, source: str) -> tuple[int, int] | None:
     return int(first), int(end)
 
 
+@dataclass(frozen=True)
+class Beam:
+    """Light of flat frames, where it is known as a beam's power."""
+
+    wavelength_nm: float | None = None
+    area_mm2: float | None = None
+    """None: light is given as photons per second on a pixel."""
+
+    def photons_hz(self, light: float, sensor: Sensor) -> float:
+        """Photons per second on a pixel; relative where the wavelength is not known."""
+        if self.area_mm2 is None or self.wavelength_nm is None:
+            return light
+        photons_hz = light * self.wavelength_nm * 1e-9 / _PLANCK_TIMES_C
+        return photons_hz * sensor.pitch_m**2 / (self.area_mm2 * 1e-6)
+
+
 @dataclass(frozen=True, eq=False)
 class Recorded:
     """Frames of a recording.
@@ -115,13 +131,6 @@ def read_recorded(source: Source) -> Recorded:
         return recorded.at(source.frames)
     except ValueError as problem:
         raise UserError(f"{source.path}: {problem}") from None
-
-
-def photons_on_pixel(
-    power_w: float, wavelength_nm: float, beam_mm2: float, pitch_m: float
-) -> float:
-    """Photons per second on a pixel of an even beam, Hz."""
-    return power_w * wavelength_nm * 1e-9 / _PLANCK_TIMES_C * pitch_m**2 / (beam_mm2 * 1e-6)
 
 
 def _captured(source: Source) -> Recorded:

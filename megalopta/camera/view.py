@@ -43,6 +43,8 @@ def recorded_line(path: Path, record: RecordingSettings) -> str:
 
 
 def _how_sure_times_are(record: RecordingSettings) -> str:
+    if record.recovered and any(each.error_s is None for each in record.connections):
+        return ", times by the camera's clock alone"
     error_s = record.connections[-1].error_s if record.connections else None
     if not error_s:
         return ""

@@ -46,9 +46,8 @@ def declare(verbs: Verbs) -> None:
 
 
 def _run(options: Namespace) -> None:
-    from megalopta.camera.device_calibration import Beam
     from megalopta.camera.device_comparison import CompareSettings, compare_captured
-    from megalopta.camera.recorded import Source
+    from megalopta.camera.recorded import Beam, Source
 
     sources = [Source.parse(text, options.format) for text in options.recordings]
     beam = Beam(options.wavelength_nm, options.beam_area_mm2)

@@ -10,8 +10,7 @@ from megalopta.core.errors import UserError
 from megalopta.core.progress import say
 
 if TYPE_CHECKING:
-    from megalopta.camera.stimuli import Stimulus
-    from megalopta.camera.terminal import Faults
+    from megalopta.camera.emulated import Faults, Stimulus
     from megalopta.sensor import Sensor
 
 _LIMITS = {
@@ -71,8 +70,7 @@ def declare(verbs: Verbs) -> None:
 
 
 def _run(options: Namespace) -> None:
-    from megalopta.camera.emulated import EmulatedCamera
-    from megalopta.camera.terminal import EmulatedPort
+    from megalopta.camera.emulated import EmulatedCamera, EmulatedPort
 
     _check_limits(options)
     faults = _faults(options)
@@ -96,7 +94,7 @@ def _check_limits(options: Namespace) -> None:
 
 
 def _faults(options: Namespace) -> "Faults":
-    from megalopta.camera.terminal import Faults
+    from megalopta.camera.emulated import Faults
 
     given = {name: getattr(options, name) for name in _FAULTS}
     faults = Faults(**{name: value for name, value in given.items() if value is not None})
@@ -115,7 +113,7 @@ def _sensor(options: Namespace) -> "Sensor":
 
 
 def _stimulus(options: Namespace) -> "Stimulus":
-    from megalopta.camera.stimuli import Flat, Plate, Rendered
+    from megalopta.camera.emulated import Flat, Plate, Rendered
 
     match options.stimulus:
         case "dark":

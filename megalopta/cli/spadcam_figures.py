@@ -33,7 +33,7 @@ def declare(verbs: Verbs) -> None:
 
 def _run(options: Namespace) -> None:
     from megalopta.camera.recorded import Source
-    from megalopta.reproduction.chapter2_recorded import reproduce_captured
+    from megalopta.reproduction.chapter2_captured import reproduce_captured
 
     sources = [Source.parse(text) for text in options.recordings]
     for path in reproduce_captured(

@@ -11,7 +11,7 @@ def declare(verbs: Verbs) -> None:
 
 
 def _run(options: Namespace) -> None:
-    from megalopta.camera.port import port_lines
+    from megalopta.camera.link import port_lines
 
     lines = list(port_lines())
     print("\n".join(lines) or "no serial port on USB; plug the camera in")

@@ -1,19 +1,17 @@
-"""Figures 2.14 to 2.19 from what a camera recorded of the plate, beside those simulated directly.
-
-Both go through the same pooling, detectors and statistics. Numbers are means over the passages of
-an edge with their standard errors; differences, captured less simulated, have the root of the sum
-of their squares, and in parentheses how many of them a difference is.
-"""
+"""Numbers with their standard errors."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
-from typing import Any, NamedTuple
+from pathlib import Path
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from matplotlib.figure import Figure as Canvas
 from numpy.typing import NDArray
 
+from megalopta.camera.comparison import captured_frames
 from megalopta.camera.motion_bench import (
+    FRAME_RATE_HZ,
     FRAMES,
     OPEN_PHOTONS,
     TIME_CONSTANTS_S,
@@ -21,25 +19,81 @@ from megalopta.camera.motion_bench import (
     BenchLight,
     Peaks,
     crossing_peaks,
+    cut_passages,
+    cut_rest,
     detector,
+    fitted_light,
     peaks,
     pixels_per_frame,
     pooled,
     record,
 )
+from megalopta.camera.recorded import Source, read_recorded
+from megalopta.camera.recording import Recording, open_recording
 from megalopta.core.arrays import Floats
-from megalopta.plotting.picture import Figure
+from megalopta.core.errors import UserError
+from megalopta.core.folders import ensure_directory
+from megalopta.core.progress import working
+from megalopta.plotting.picture import Figure, write_figure
 from megalopta.plotting.style import BLACK, GRAY
 from megalopta.reproduction.chapter2_edge import (
     SHOWN_DETECTOR,
+    OverSpeeds,
     frame_maps,
     responses,
     transient_panels,
     transients,
 )
-from megalopta.reproduction.chapter2_estimate import WithError, jackknifed
-from megalopta.reproduction.chapter2_transfer import OverSpeeds
-from megalopta.sensor import Sensor
+from megalopta.sensor import Sensor, changed, load_sensor
+
+
+class WithError(NamedTuple):
+    """A number and its standard error."""
+
+    value: float
+    error: float
+
+    @classmethod
+    def of(cls, samples: Floats) -> Self:
+        """The mean of independent samples (n,)."""
+        return cls(float(samples.mean()), float(samples.std(ddof=1) / np.sqrt(len(samples))))
+
+    @classmethod
+    def mean(cls, estimates: Sequence["WithError"]) -> Self:
+        """The mean of independent estimates."""
+        values, errors = np.array(estimates).T
+        return cls(float(values.mean()), float(np.hypot.reduce(errors) / len(errors)))
+
+    @property
+    def errors_off(self) -> float:
+        """Distance from 0 in standard errors."""
+        return self.value / self.error
+
+    def __sub__(self, other: "WithError") -> "WithError":
+        """Return the difference of independent estimates."""
+        return WithError(self.value - other.value, float(np.hypot(self.error, other.error)))
+
+    def __str__(self) -> str:
+        """Return both with the digits that the error leaves, two of its own."""
+        digits = self._digits()
+        return f"{self.value:.{digits}f} ± {self.error:.{digits}f}"
+
+    def as_difference(self) -> str:
+        """Return both with a sign, and how many errors it is from 0."""
+        digits = self._digits()
+        return f"{self.value:+.{digits}f} ± {self.error:.{digits}f} ({self.errors_off:+.1f})"
+
+    def _digits(self) -> int:
+        return max(0, 1 - int(np.floor(np.log10(self.error)))) if self.error > 0 else 2
+
+
+def jackknifed(statistic: Callable[[Floats], float], samples: Floats) -> WithError:
+    """A statistic of independent samples (n, …) with its error by the jackknife (Efron 1982)."""
+    without = [statistic(np.delete(samples, left, axis=0)) for left in range(len(samples))]
+    # Each has lost an n-th of the data, and with it (n − 1)/√n of a standard deviation of means.
+    error = np.std(without) * np.sqrt(len(samples) - 1)
+    return WithError(statistic(samples), float(error))
+
 
 SIMULATED, CAPTURED = "Simulated", "Captured"
 _HEADS = (CAPTURED, "Less simulated")
@@ -287,3 +341,97 @@ def _ratio(own: Sequence[Peaks], places: Sequence[int]) -> WithError:
 
 def _snr_db(noisy: Floats) -> float:
     return Peaks(noisy, noisy).snr_db
+
+
+def reproduce_captured(
+    sources: Sequence[Source], out: Path, device: Path | None = None, *, own_light: bool = False
+) -> Iterator[Path]:
+    """Draw figures 2.14 to 2.19 from recordings beside those simulated; yield their files' paths.
+
+    Parameters
+    ----------
+    sources : sequence of Source
+        Recordings of the plate, with its speed (mm/s) in place of the light; several of one speed
+        are taken together.
+    out : Path
+        Made if it does not exist; files of the same name are replaced, each as a whole.
+    device : Path, optional
+        Device file that simulates, and whose steps turn codes into counts; by default the nominal
+        sensor of the recordings, through the nominal step.
+    own_light : bool
+        Whether to simulate in the light that the recording of the slowest plate shows, instead of
+        the dissertation's.
+
+    Raises
+    ------
+    UserError
+        When device or recordings cannot be read, or show no passages; nothing is written then.
+    """
+    if not any(source.light > 0 for source in sources):
+        raise UserError(
+            "figures: only a plate at rest; give recordings with its speed, such as a@5"
+        )
+    opened = [_opened(source.path) for source in sources]
+    sensor = _sensor(opened, device)
+    cut: dict[float, list[NDArray[Any]]] = {}
+    for source, recording in zip(sources, opened, strict=True):
+        counts = _counts_of(source, recording, sensor if device else None)
+        cut.setdefault(source.light, []).append(_cut(source, recording, counts))
+    captured = {speed: np.concatenate(parts) for speed, parts in cut.items()}
+    light = None
+    if own_light:
+        slowest = min(speed for speed in captured if speed > 0)
+        try:
+            light = fitted_light(captured[slowest], sensor)
+        except ValueError as problem:
+            raise UserError(f"plate at {slowest:g} mm/s: {problem}") from problem
+    ensure_directory(out)
+    with working("figures"):
+        for figure in captured_figures(captured, sensor, light):
+            yield from write_figure(figure, out)
+
+
+def _opened(path: Path) -> Recording:
+    try:
+        recording = open_recording(path)
+    except (OSError, ValueError) as problem:
+        raise UserError(str(problem)) from problem
+    settings = recording.settings
+    timing = settings.frame_rate_hz * np.array([1, settings.exposure_s])
+    if not np.allclose(timing, (FRAME_RATE_HZ, 1), rtol=0.01):
+        raise UserError(
+            f"{path}: {settings.frame_rate_hz:g} frames/s of {settings.exposure_s:g} s; capture "
+            f"with --rate {FRAME_RATE_HZ:g} --exposure {1 / FRAME_RATE_HZ:g}"
+        )
+    return recording
+
+
+def _sensor(opened: Sequence[Recording], device: Path | None) -> Sensor:
+    first, *others = opened
+    for other in others:
+        if other.sensor != first.sensor:
+            raise UserError(
+                f"{other.path}: another sensor or step than in {first.path}; give recordings with "
+                "the same settings"
+            )
+    if device is None:
+        return changed(first.sensor, counter={"calibrated": False})
+    try:
+        return changed(load_sensor(device), exposure_s=first.exposure_s)
+    except (OSError, ValueError) as problem:
+        raise UserError(f"--device: {problem}") from problem
+
+
+def _counts_of(source: Source, recording: Recording, device: Sensor | None) -> NDArray[Any]:
+    if device is None:
+        return np.asarray(recording.counts[:])
+    return captured_frames(read_recorded(source), device, 0.0).counts
+
+
+def _cut(source: Source, recording: Recording, counts: NDArray[Any]) -> NDArray[Any]:
+    try:
+        if source.light:
+            return cut_passages(counts, recording.sequence_number)
+        return cut_rest(counts)
+    except ValueError as problem:
+        raise UserError(f"{source.path}: {problem}") from problem

@@ -24,7 +24,7 @@ from megalopta.plotting.style import (
     line_style,
     write_at,
 )
-from megalopta.reproduction.figure_recipe import FigureRecipe, Run
+from megalopta.reproduction.drawing import FigureRecipe, Run
 from megalopta.sensor import changed, expose_rate, preset
 from megalopta.sensor.effects.bias import best_excess_bias, breakdown_offset
 from megalopta.sensor.spad.fixed_pattern import draw_fixed_pattern

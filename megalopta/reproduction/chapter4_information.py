@@ -25,10 +25,9 @@ from megalopta.flow.metrics.translation_bound import fisher_information
 from megalopta.flow.stimuli.moving_template import MovingTemplate
 from megalopta.plotting.picture import Figure
 from megalopta.plotting.style import BLACK, draw_key, log_decades, method_style
-from megalopta.reproduction.chapter4_curves import span
-from megalopta.reproduction.chapter4_sweeps import PHOTOGRAPHED, SWEEPS, in_form
+from megalopta.reproduction.chapter4_curves import PHOTOGRAPHED, SWEEPS, in_form, span
 from megalopta.reproduction.chapter4_table import PRINTED, SIZE
-from megalopta.reproduction.figure_recipe import FigureRecipe, Run, Templates
+from megalopta.reproduction.drawing import FigureRecipe, Run, Templates
 from megalopta.reproduction.sweep_figure import threshold_of
 
 _SOURCES = (PHOTOGRAPHED, SWEEPS["fig-4.11"])

@@ -19,7 +19,7 @@ from megalopta.flow.stimuli.resizing import resize
 from megalopta.flow.stimuli.statistics import ImageStatistics, image_statistics, power_spectrum
 from megalopta.plotting.picture import Figure, columns_of
 from megalopta.plotting.style import BLACK, DASHES, PALETTE
-from megalopta.reproduction.figure_recipe import FigureRecipe, Run
+from megalopta.reproduction.drawing import FigureRecipe, Run
 from megalopta.scenes import ToneCurve
 from megalopta.scenes.spectra.color import encode_srgb
 

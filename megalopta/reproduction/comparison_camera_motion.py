@@ -23,7 +23,7 @@ from megalopta.core.progress import progress
 from megalopta.plotting.picture import Cell, Figure, columns_of
 from megalopta.plotting.style import BLACK, GRAY, legend_alone, method_style
 from megalopta.plotting.text import UNDEFINED
-from megalopta.reproduction.figure_recipe import FigureRecipe, Run
+from megalopta.reproduction.drawing import FigureRecipe, Run
 
 _YAW, _HEADING_DEG = 0.05, 5.0
 _CAPTION = (

@@ -26,7 +26,7 @@ from megalopta.flow.metrics.detection import d_prime
 from megalopta.flow.metrics.photon_threshold import format_flux
 from megalopta.plotting.picture import Figure, columns_of
 from megalopta.plotting.style import GRAY, legend_alone, method_style
-from megalopta.reproduction.figure_recipe import FigureRecipe
+from megalopta.reproduction.drawing import FigureRecipe
 
 FLUXES = tuple(10 ** (half / 2) for half in range(5, 14))
 ROC_FLUX = 3e4

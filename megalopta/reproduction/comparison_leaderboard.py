@@ -44,7 +44,7 @@ from megalopta.plotting.style import (
     method_style,
     write_at,
 )
-from megalopta.reproduction.figure_recipe import FigureRecipe, Run
+from megalopta.reproduction.drawing import FigureRecipe, Run
 
 OURS = ("PM", "PPM", "PF", "PPF")
 MATCHING = ("PM", "PPM")

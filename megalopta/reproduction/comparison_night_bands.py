@@ -24,7 +24,7 @@ from megalopta.plotting.style import (
     ORANGE,
 )
 from megalopta.render import RenderSettings, SceneRenderer, frame_seed
-from megalopta.reproduction.figure_recipe import FigureRecipe, Run
+from megalopta.reproduction.drawing import FigureRecipe, Run
 from megalopta.scenes import Forest, Light, PerspectiveCamera, Trajectory, build_scene
 from megalopta.sensor import IMAGE_SENSORS, ImageSensor, expectation
 

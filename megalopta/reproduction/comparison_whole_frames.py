@@ -31,7 +31,7 @@ from megalopta.flow.detectors.blocks import BlockDetector
 from megalopta.flow.detectors.registry import Method
 from megalopta.plotting.picture import Cell, Figure, columns_of
 from megalopta.plotting.style import draw_interval, legend_alone, method_style
-from megalopta.reproduction.figure_recipe import FigureRecipe, Run
+from megalopta.reproduction.drawing import FigureRecipe, Run
 
 _LEAVES, _PANORAMAS = "Dead leaves, four motions", "Forests, a turning camera"
 _PARALLAX = "Forests, a flying camera"

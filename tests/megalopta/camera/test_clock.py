@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from megalopta.camera.clock import Clock
+from megalopta.camera.recorder import Clock
 
 
 def fit(device_s, host_s):

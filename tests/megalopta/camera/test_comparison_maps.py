@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from megalopta.camera.comparison_page import write_comparison_report
+from megalopta.camera.device_comparison import write_comparison_report
 from megalopta.sensor.compare.counted import CountedFrames
 from megalopta.sensor.compare.recordings import compare_recordings
 

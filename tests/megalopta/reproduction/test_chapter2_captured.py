@@ -7,15 +7,11 @@ import threading
 import numpy as np
 import pytest
 
-from megalopta.camera.emulated import EmulatedCamera
-from megalopta.camera.motion_bench import BenchLight, record
-from megalopta.camera.passages import cut_passages
+from megalopta.camera.emulated import EmulatedCamera, EmulatedPort, Faults, Plate
+from megalopta.camera.motion_bench import BenchLight, cut_passages, record
 from megalopta.camera.recording import open_recording
-from megalopta.camera.stimuli import Plate
-from megalopta.camera.terminal import EmulatedPort, Faults
 from megalopta.cli import main as cli
-from megalopta.reproduction.chapter2_captured import captured_figures
-from megalopta.reproduction.chapter2_estimate import WithError, jackknifed
+from megalopta.reproduction.chapter2_captured import WithError, captured_figures, jackknifed
 from megalopta.sensor import changed, preset
 
 pytestmark = pytest.mark.slow

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from megalopta.camera.motion_bench import SPEEDS_MM_S
-from megalopta.reproduction.chapter2_transfer import mean_snr_db, measured_peaks, theory
+from megalopta.reproduction.chapter2_edge import mean_snr_db, measured_peaks, theory
 
 # 2.16 is 2.15 of another detector; 2.18 and 2.19 take all speeds
 LONG = [pytest.param(f"fig-2.{number}", marks=pytest.mark.slow) for number in (16, 18, 19)]

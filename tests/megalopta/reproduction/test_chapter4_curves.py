@@ -21,18 +21,22 @@ from megalopta.flow.metrics.curve import ErrorCurve
 from megalopta.flow.metrics.photon_threshold import Threshold
 from megalopta.plotting.style import house_style, new_canvas
 from megalopta.reproduction import drawing as module
-from megalopta.reproduction.chapter4_curves import MOTION, beside_printed
-from megalopta.reproduction.chapter4_denominators import FLOORS, floored_errors
+from megalopta.reproduction.chapter4_conventions import FLOORS, floored_errors
+from megalopta.reproduction.chapter4_curves import (
+    MOTION,
+    PHOTOGRAPHED,
+    SWEEPS,
+    beside_printed,
+    in_form,
+)
 from megalopta.reproduction.chapter4_information import (
     Need,
     implied_information,
     information_per_photon,
     needed_of,
 )
-from megalopta.reproduction.chapter4_sweeps import PHOTOGRAPHED, SWEEPS, in_form
 from megalopta.reproduction.chapter4_table import PRINTED, least, write_page
-from megalopta.reproduction.drawing import reproduce
-from megalopta.reproduction.figure_recipe import Run, find, names
+from megalopta.reproduction.drawing import Run, find, names, reproduce
 from megalopta.reproduction.sweep_figure import mean_threshold, sweep_curve, sweep_figure
 
 

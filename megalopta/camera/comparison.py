@@ -1,0 +1,341 @@
+"""`megalopta spadcam compare`: a recording beside what the device's model makes of its stimulus.
+
+Stimuli are levels of even light, the moving plate of the motion bench, or a scene. The frames of a
+scene's dataset are a cycle, in which a recording begins anywhere: of shifts by a quarter of a
+frame, that one is taken under which counts follow the cycle best, by the correlation over all
+frames and pixels of what remains of both without the means of pixels.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from megalopta.camera.emulated import Rendered
+from megalopta.camera.motion_bench import (
+    FRAME_RATE_HZ,
+    PIXELS,
+    TIME_CONSTANTS_S,
+    UNITS,
+    BenchLight,
+    crossing_peaks,
+    cut_passages,
+    cut_rest,
+    detector,
+    fitted_light,
+    pooled,
+    record,
+)
+from megalopta.camera.recorded import Beam, Recorded
+from megalopta.config.model import load
+from megalopta.core.arrays import Floats, plain_array
+from megalopta.core.bounded import ARRAY_BYTES, read_bytes
+from megalopta.core.errors import UserError
+from megalopta.sensor import AnalogCounter, Sensor, changed, expose_rate
+from megalopta.sensor.compare.counted import CountedFrames
+from megalopta.sensor.compare.equivalence import Difference, difference
+from megalopta.sensor.compare.recordings import Comparison, compare_recordings
+from megalopta.sensor.compare.scene import scene_differences
+from megalopta.sensor.spad.conversion import counts_of_codes
+from megalopta.sensor.spad.fixed_pattern import draw_fixed_pattern
+from megalopta.sensor.spad.measured import MapFile
+from megalopta.stages.pipeline import run_stage
+from megalopta.stages.redo import open_dataset_whole
+
+_FULL = 0.98
+_95 = 1.959964
+
+
+def captured_frames(recorded: Recorded, device: Sensor, light_hz: float) -> CountedFrames:
+    """Return counts of a recording: of its codes, by the device's own steps, where it has codes."""
+    counter, codes = device.counter, recorded.codes
+    own = changed(device, exposure_s=recorded.exposure_s)
+    if codes is None or not isinstance(counter, AnalogCounter):
+        return CountedFrames(
+            recorded.counts, recorded.exposure_s, light_hz, times_s=recorded.times_s
+        )
+    known = draw_fixed_pattern(own, (codes.shape[1], codes.shape[2])).counters
+    assert known is not None
+    counts, _ = counts_of_codes(codes, counter, known)
+    full = _FULL * (counter.swing_v - known.leaked_v) / known.step_v
+    return CountedFrames(
+        counts, recorded.exposure_s, light_hz, counts >= full, times_s=recorded.times_s
+    )
+
+
+def simulated_frames(
+    like: Sequence[CountedFrames], device: Sensor, beam: Beam, seed: int
+) -> list[CountedFrames]:
+    """Return as many frames of each level, from the device's model.
+
+    Raises
+    ------
+    UserError
+        When there is light of no known wavelength.
+    """
+    return [_simulated(level, device, beam, seed) for level in like]
+
+
+def calibration_errors(
+    like: Sequence[CountedFrames], device: Sensor, beam: Beam
+) -> list[NDArray[np.float64]]:
+    """Return standard errors of the mean counts of each level that those of the device's maps make.
+
+    The intervals of a map lie beside it; a map without makes no error.
+    """
+    dark = map_error(device.measured.dark_counts)
+    efficiency = map_error(device.measured.efficiency)
+    nominal = _nominal(device, beam)
+    return [
+        np.hypot(dark, level.light_hz * nominal * efficiency)
+        * np.full(level.counts.shape[1:], level.exposure_s)
+        for level in like
+    ]
+
+
+def map_error(file: MapFile | None) -> NDArray[np.float64] | float:
+    """Return standard errors of a map, from the intervals that lie beside it; 0 where none do."""
+    if file is None:
+        return 0.0
+    path = Path(file.path)
+    ends = [path.with_name(f"{path.stem}_{end}.npy") for end in ("low", "high")]
+    if not all(end.exists() for end in ends):
+        return 0.0
+    low, high = (_interval_end(end) for end in ends)
+    return np.asarray(np.nan_to_num((high - low) / (2 * _95), nan=np.nanmax(high - low)))
+
+
+def _interval_end(path: Path) -> NDArray[np.float64]:
+    values = plain_array(read_bytes(path, ARRAY_BYTES))
+    if values is None or values.ndim != 2:
+        raise UserError(f"{path} is no whole array of numbers; calibrate the device again")
+    return values.astype(np.float64)
+
+
+def _nominal(device: Sensor, beam: Beam) -> float:
+    """Return the detected share of photons on a pixel; 0 for light of unknown wavelength."""
+    if beam.wavelength_nm is None:
+        return 0.0
+    return float(device.photon_detection_efficiency(np.array(beam.wavelength_nm)))
+
+
+def _simulated(level: CountedFrames, device: Sensor, beam: Beam, seed: int) -> CountedFrames:
+    own = changed(device, exposure_s=level.exposure_s)
+    shape = level.counts.shape[1], level.counts.shape[2]
+    rate = np.zeros(shape)
+    if not level.is_dark:
+        if beam.wavelength_nm is None:
+            raise UserError("compare: light of what wavelength? give --wavelength-nm")
+        rate = (
+            level.light_hz * _nominal(own, beam) * draw_fixed_pattern(own, shape).efficiency_factor
+        )
+    name = f"comparison, {level.exposure_s:g} s, light {level.light_hz:g}"
+    rates = np.broadcast_to(rate, level.counts.shape)
+    exposure = expose_rate(rates, own, seed=seed, sequence=name)
+    # where a capture does not tell what is full, full counts are compared as such
+    saturated = None if level.saturated is None else exposure.saturated
+    return CountedFrames(exposure.counts, level.exposure_s, level.light_hz, saturated)
+
+
+class SpeedResponse(NamedTuple):
+    """Peak responses of one detector at one speed, captured and simulated: crossings."""
+
+    name: str
+    speed_mm_s: float
+    captured: Floats
+    """(crossings,), mean over rows and detectors of the array."""
+    simulated: Floats
+    difference: Difference
+
+
+def plate_responses(
+    captured: Mapping[float, CountedFrames],
+    device: Sensor,
+    margin: float,
+    seed: int = 0,
+    *,
+    own_light: bool = False,
+) -> list[SpeedResponse]:
+    """Compare responses to a plate at each speed (mm/s), over whole passages of it.
+
+    Passages are found by their edges, so that the plate may rest at its ends.
+
+    Raises
+    ------
+    UserError
+        When a recording is not of 16 × 16 pixels at 10 frames/s, or has fewer than two whole
+        passages without a gap.
+    """
+    found = []
+    for speed, frames in sorted(captured.items()):
+        counts = _cut(speed, frames)
+        own = changed(device, exposure_s=1 / FRAME_RATE_HZ)
+        light = _light(speed, counts, own) if own_light else None
+        simulated = record(speed, own, light, seed).counts
+        for name in TIME_CONSTANTS_S:
+            a, b = (
+                crossing_peaks(detector(name), pooled(each)).mean(axis=(1, 2))
+                for each in (counts, simulated)
+            )
+            title = f"{name} response at {speed:g} mm/s"
+            apart = difference(title, a, b, UNITS[name], margin)
+            found.append(SpeedResponse(name, speed, a, b, apart))
+    return found
+
+
+def _cut(speed: float, frames: CountedFrames) -> NDArray[Any]:
+    if frames.counts.shape[1:] != (PIXELS, PIXELS):
+        raise UserError(
+            f"plate at {speed:g} mm/s: frames of {frames.counts.shape[1:]} pixels; capture all rows"
+        )
+    times_s = frames.times_s
+    numbers = None if times_s is None else np.rint((times_s - times_s[0]) * FRAME_RATE_HZ)
+    try:
+        return cut_passages(frames.counts, numbers) if speed else cut_rest(frames.counts)
+    except ValueError as problem:
+        raise UserError(f"plate at {speed:g} mm/s: {problem}") from problem
+
+
+def _light(speed: float, counts: NDArray[Any], device: Sensor) -> BenchLight:
+    if speed == 0:
+        raise UserError("a plate at rest does not tell the light; leave it out or --own-light")
+    try:
+        return fitted_light(counts, device)
+    except ValueError as problem:
+        raise UserError(f"plate at {speed:g} mm/s: {problem}") from problem
+
+
+_SHIFTS_PER_FRAME = 4
+_TIE = 1e-9
+
+
+class Cycle(NamedTuple):
+    """Detection rates that follow each other, then start anew."""
+
+    rates_hz: Floats
+    """(k, rows, columns)"""
+    frame_rate_hz: float
+
+
+class Aligned(NamedTuple):
+    """Places of captured frames in a cycle."""
+
+    frame: NDArray[np.int64]
+    """(n,) frame of the cycle that each one saw as it began."""
+    correlation: float
+    """Of captured frames with these; 0 where nothing moves."""
+
+
+def dataset_cycle(dataset: Path, lux: float | None, device: Sensor) -> Cycle:
+    """Return frames of a rendered dataset at a light level, by default its own."""
+    trajectory = open_dataset_whole(dataset).configuration.trajectory
+    rate_hz = trajectory.frame_rate_hz
+    times_s = np.arange(trajectory.frames) / rate_hz
+    return Cycle(Rendered(dataset, lux).rates_hz(times_s, device), rate_hz)
+
+
+def rendered_dataset(scene: str, beside: Path) -> Path:
+    """Return the folder of a rendered dataset; a configuration is rendered into `beside`.
+
+    Raises
+    ------
+    UserError
+        When there is neither a dataset nor a configuration of this name.
+    """
+    root = Path(scene)
+    if not root.is_dir():
+        root, configuration = beside, load(scene)
+    else:
+        configuration = open_dataset_whole(root).configuration
+    run_stage(root, configuration, "render")
+    return root
+
+
+def align(frames: CountedFrames, cycle: Cycle) -> Aligned:
+    """Find where in a cycle captured frames are. Raises UserError when sizes differ."""
+    shape = frames.counts.shape[1:]
+    if shape != cycle.rates_hz.shape[1:]:
+        raise UserError(
+            f"compare: frames of {shape} pixels, the scene has {cycle.rates_hz.shape[1:]}; "
+            "capture all rows"
+        )
+    places = _places(frames, cycle)
+    counts, rates = (
+        (each - each.mean(axis=0)).reshape(len(each), -1)
+        for each in (np.asarray(frames.counts, np.float64), cycle.rates_hz)
+    )
+    size = np.square(rates).sum(axis=1)
+    if not size.max() > 0:
+        return Aligned(places[0], 0.0)
+    fit = (counts @ rates.T)[np.arange(len(counts)), places].sum(axis=1)
+    norm = np.sqrt(np.square(counts).sum() * size[places].sum(axis=1))
+    score = fit / np.maximum(norm, 1e-300)
+    best = np.flatnonzero(score >= score.max() - _TIE)
+    # in the middle of equal shifts, clocks that are not quite alike do least
+    return Aligned(places[best[len(best) // 2]], float(score.max()))
+
+
+def _places(frames: CountedFrames, cycle: Cycle) -> NDArray[np.int64]:
+    """Frame of the cycle at each captured frame, for every shift, (shifts, n)."""
+    times_s = frames.times_s
+    if times_s is None:
+        times_s = frames.exposure_s * np.arange(len(frames.counts), dtype=np.float64)
+    length = len(cycle.rates_hz)
+    shift = np.arange(_SHIFTS_PER_FRAME * length) / _SHIFTS_PER_FRAME
+    at = (times_s - times_s[0]) * cycle.frame_rate_hz + shift[:, None]
+    return np.asarray(np.floor(at + 1e-6).astype(np.int64) % length)
+
+
+@dataclass(frozen=True, eq=False)
+class SceneComparison:
+    """Differences of a captured scene from a simulated one, frame by frame of the same sight."""
+
+    captured: CountedFrames
+    simulated: CountedFrames
+    aligned: Aligned
+    found: Comparison
+
+
+def compare_scene(
+    captured: CountedFrames, cycle: Cycle, device: Sensor, margin: float, seed: int
+) -> SceneComparison:
+    """Align captured frames with a scene, and simulate these of its frames.
+
+    Raises
+    ------
+    ValueError
+        When there are too few frames or pixels do not fit.
+    """
+    aligned = align(captured, cycle)
+    rates = cycle.rates_hz[aligned.frame]
+    simulated = _exposed(captured, rates, device, seed)
+    errors_hz = _errors(device, rates)
+    found = compare_recordings(
+        [captured],
+        [simulated],
+        kind=device.dead_time.kind,
+        margin=margin,
+        errors=[errors_hz * captured.exposure_s],
+    )
+    differences = scene_differences(captured, simulated, rates, margin, errors_hz)
+    return SceneComparison(captured, simulated, aligned, replace(found, differences=differences))
+
+
+def _exposed(like: CountedFrames, rates_hz: Floats, device: Sensor, seed: int) -> CountedFrames:
+    """Frames of a device at these rates, with the exposure of others."""
+    own = changed(device, exposure_s=like.exposure_s)
+    name = f"comparison, scene, {like.exposure_s:g} s, light {like.light_hz:g}"
+    exposure = expose_rate(rates_hz, own, seed=seed, sequence=name)
+    saturated = None if like.saturated is None else exposure.saturated
+    return replace(like, counts=exposure.counts, saturated=saturated)
+
+
+def _errors(device: Sensor, rates: Floats) -> Floats:
+    """Standard errors of mean rates that those of the device's maps make, Hz."""
+    maps = device.measured
+    dark, efficiency = map_error(maps.dark_counts), map_error(maps.efficiency)
+    factor = draw_fixed_pattern(device, (rates.shape[1], rates.shape[2])).efficiency_factor
+    return np.asarray(np.hypot(dark, rates.mean(axis=0) * efficiency / np.maximum(factor, 1e-12)))
