@@ -22,8 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
-from megalopta.benchmark.templates import pixels_of
-from megalopta.benchmark.trial import Trial, measure_trial
+from megalopta.benchmark.trial import Trial, measure_trial, pixels_of
 from megalopta.flow.benchmark import short_sequences
 from megalopta.flow.detectors.base import FloatArray
 from megalopta.flow.detectors.registry import method

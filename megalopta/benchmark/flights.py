@@ -14,9 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.benchmark.clips import FlowClip
-from megalopta.benchmark.intervals import Interval, bootstrap
 from megalopta.benchmark.moving_forests import MovingView
-from megalopta.benchmark.table import Case, Samples, joined, measure_samples
+from megalopta.benchmark.table import Case, Interval, Samples, bootstrap, joined, measure_samples
 from megalopta.core.arrays import Floats
 from megalopta.flow.detectors.base import Detector, Frames
 from megalopta.flow.detectors.blocks import BlockDetector

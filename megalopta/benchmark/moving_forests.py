@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from megalopta.benchmark.clips import FRAMES, SHAPE, FlowClip
-from megalopta.benchmark.panorama_recipes import LUMINANCE_BAND_NM
+from megalopta.benchmark.panoramas import LUMINANCE_BAND_NM
 from megalopta.core.array_store import ArrayStore
 from megalopta.core.arrays import Floats
 from megalopta.core.folders import cache_folder

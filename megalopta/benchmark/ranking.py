@@ -14,11 +14,9 @@ from typing import NamedTuple
 import numpy as np
 from pydantic import FiniteFloat, NonNegativeInt, PositiveFloat, PositiveInt
 
-from megalopta.benchmark.intervals import Sums, interval, lowest, ratio, units
 from megalopta.benchmark.ranking_settings import Pooling, RankingSettings
-from megalopta.benchmark.sequence_errors import ERROR, STILL
-from megalopta.benchmark.sequence_truth import Opposed, opposed
-from megalopta.benchmark.table import Case
+from megalopta.benchmark.sequence_errors import ERROR, STILL, Opposed, opposed
+from megalopta.benchmark.table import Case, Sums, interval, lowest, ratio, units
 from megalopta.core.arrays import Floats
 from megalopta.core.format_numbers import written
 from megalopta.core.record import Record

@@ -12,11 +12,12 @@ from matplotlib.patches import Patch
 
 from megalopta.benchmark.ranking import Ranking, RankingRow
 from megalopta.benchmark.ranking_settings import Pooling
-from megalopta.benchmark.sequence_errors import BOUND, STILL
-from megalopta.benchmark.sequence_truth import (
+from megalopta.benchmark.sequence_errors import (
+    BOUND,
     PARALLAX_PX,
     RANGES,
     SPEEDS_PX,
+    STILL,
     cell_name,
     opposed,
 )

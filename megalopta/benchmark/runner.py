@@ -15,8 +15,7 @@ from pathlib import Path
 
 from megalopta.benchmark import trial
 from megalopta.benchmark.methods import identity
-from megalopta.benchmark.templates import Template, template_names
-from megalopta.benchmark.trial import Trial, measure_trial
+from megalopta.benchmark.trial import Template, Trial, measure_trial, template_names
 from megalopta.core import files
 from megalopta.core.arrays import Floats
 from megalopta.core.errors import UserError

@@ -14,8 +14,7 @@ from pydantic import (
     model_validator,
 )
 
-from megalopta.benchmark.templates import Template, path_from_its_file, template_names
-from megalopta.benchmark.trial import Trial
+from megalopta.benchmark.trial import Template, Trial, path_from_its_file, template_names
 from megalopta.config.validation import one_sentence
 from megalopta.config.yaml_model import (
     mapping,

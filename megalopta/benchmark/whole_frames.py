@@ -21,7 +21,6 @@ from pathlib import Path
 import numpy as np
 
 from megalopta.benchmark.clips import FlowClip, middle
-from megalopta.benchmark.intervals import Interval, bootstrap
 from megalopta.benchmark.methods import (
     BLOCK_PX,
     block_detector,
@@ -29,7 +28,7 @@ from megalopta.benchmark.methods import (
     on_the_board,
 )
 from megalopta.benchmark.pairs_on_disk import Files, read_pair
-from megalopta.benchmark.table import Case, Samples, joined, measure_samples
+from megalopta.benchmark.table import Case, Interval, Samples, bootstrap, joined, measure_samples
 from megalopta.core.arrays import Floats
 from megalopta.core.errors import UserError
 from megalopta.core.files import write_text

@@ -11,7 +11,7 @@ from megalopta.core.errors import UserError
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from megalopta.benchmark.intervals import Interval
+    from megalopta.benchmark.table import Interval
     from megalopta.benchmark.whole_frames import Board
 
 _WIDTH = 150  # of the table, whatever the terminal's

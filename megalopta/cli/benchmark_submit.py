@@ -30,8 +30,13 @@ def declare(verbs: Verbs) -> None:
 def _run(options: Namespace) -> None:
     from rich.console import Console
 
-    from megalopta.benchmark.leaderboard import add_entries, board_table, read_board, score_table
-    from megalopta.benchmark.scores import score_submission
+    from megalopta.benchmark.scores import (
+        add_entries,
+        board_table,
+        read_board,
+        score_submission,
+        score_table,
+    )
     from megalopta.core import files
 
     if options.leaderboard:

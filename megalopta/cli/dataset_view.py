@@ -15,6 +15,6 @@ def declare(verbs: Verbs) -> None:
 
 
 def _run(options: Namespace) -> None:
-    from megalopta.report.dataset_sheet import write_view
+    from megalopta.report.dataset_card import write_view
 
     print(write_view(options.dataset, options.sequences))

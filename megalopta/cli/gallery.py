@@ -32,9 +32,8 @@ def declare(verbs: Verbs) -> None:
 
 
 def _run(options: Namespace) -> None:
+    from megalopta.report.gallery import write_gallery, write_views
     from megalopta.report.gallery_statistics import write_statistics
-    from megalopta.report.gallery_views import write_views
-    from megalopta.report.scene_gallery import write_gallery
 
     if options.views and options.statistics:
         raise UserError("gallery: --views and --statistics are two things; give one")

@@ -20,8 +20,7 @@ def declare(verbs: Verbs) -> None:
 def _run(options: Namespace) -> None:
     from megalopta.dataset.layout import is_of_many
     from megalopta.dataset.store import open_sequence
-    from megalopta.report.dataset_card import write_card
-    from megalopta.report.dataset_sheet import write_view
+    from megalopta.report.dataset_card import write_card, write_view
     from megalopta.report.page import write_report
 
     if is_of_many(options.dataset):

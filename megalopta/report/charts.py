@@ -31,7 +31,7 @@ from megalopta.plotting.svg import (
     to_svg,
 )
 from megalopta.plotting.text import level_name, percent, short
-from megalopta.report.budget import Budget, by_sensor
+from megalopta.report.source import Budget, by_sensor
 
 # On a telephone the page is as wide as this, so that text keeps its size there.
 _WIDTH_PT = 380

@@ -19,11 +19,10 @@ from megalopta.plotting.sections import (
     table,
 )
 from megalopta.plotting.text import UNDEFINED, level_name, level_title, number, percent, short
-from megalopta.report.budget import Budget, ExposureSummary
 from megalopta.report.charts import signal_chart
 from megalopta.report.images import film, gray_scale
 from megalopta.report.remarks import absent
-from megalopta.report.source import Report
+from megalopta.report.source import Budget, ExposureSummary, Report
 from megalopta.sensor import CtiaSensor, ImageSensor
 from megalopta.sensor.spad.digital import LARGEST_CAPACITY
 from megalopta.sensor.spad.order import active_effects

@@ -8,9 +8,8 @@ from megalopta.flow.color_wheel import flow_to_rgb, wheel_legend
 from megalopta.plotting.sections import Section, block, card, image, paragraph
 from megalopta.plotting.text import percent
 from megalopta.report.charts import speed_chart
-from megalopta.report.footage import ReportFrames
 from megalopta.report.images import ORANGE, data_uri, film, id_picture, map_scale, rgb_picture
-from megalopta.report.source import Report
+from megalopta.report.source import Report, ReportFrames
 
 _WHEEL_PX = 96
 _BACKDROP_GRAY = 0.35

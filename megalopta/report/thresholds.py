@@ -11,11 +11,10 @@ from megalopta.flow.metrics.curve import ErrorCurve
 from megalopta.flow.metrics.photon_threshold import Threshold
 from megalopta.plotting.sections import Section, block, card, heading, paragraph
 from megalopta.plotting.text import UNDEFINED, enumerate_words, level_name, short
-from megalopta.report.budget import Budget
 from megalopta.report.charts import MethodThresholds, error_chart, threshold_chart
 from megalopta.report.error_tables import ACCURATE, MEANINGS, Kind, crossed, verdict
 from megalopta.report.remarks import absent, key, mark, rendering
-from megalopta.report.source import Report
+from megalopta.report.source import Budget, Report
 
 Shape = tuple[int, int]
 

@@ -13,11 +13,10 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from megalopta.benchmark.panorama_recipes import NATURAL_PANORAMAS
+from megalopta.benchmark.panoramas import NATURAL_PANORAMAS
 from megalopta.benchmark.runner import Results
 from megalopta.benchmark.sweep import Sweep, Value
-from megalopta.benchmark.templates import PanoramaTemplate
-from megalopta.benchmark.trial import Trial
+from megalopta.benchmark.trial import PanoramaTemplate, Trial
 from megalopta.flow.benchmark.settings import SearchSettings
 from megalopta.flow.detectors.registry import THESIS_METHODS
 from megalopta.flow.metrics.response_error import METRICS

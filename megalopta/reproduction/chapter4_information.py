@@ -15,10 +15,9 @@ from typing import NamedTuple
 import numpy as np
 from matplotlib.figure import Figure as Canvas
 
-from megalopta.benchmark.panorama_recipes import ROWS
+from megalopta.benchmark.panoramas import ROWS
 from megalopta.benchmark.runner import Results
-from megalopta.benchmark.templates import PanoramaTemplate, Template
-from megalopta.benchmark.trial import Trial
+from megalopta.benchmark.trial import PanoramaTemplate, Template, Trial
 from megalopta.core.arrays import Floats
 from megalopta.flow.detectors.blocks import block_grid
 from megalopta.flow.metrics.translation_bound import fisher_information

@@ -12,8 +12,7 @@ from matplotlib.ticker import PercentFormatter
 from megalopta.assets_gen import generator
 from megalopta.assets_gen.dead_leaves_model import dead_leaves
 from megalopta.assets_gen.grating import GratingVariant, moving_cycles, sine_grating
-from megalopta.benchmark.panorama_recipes import NATURAL_PANORAMAS, ROWS
-from megalopta.benchmark.panoramas import natural_templates
+from megalopta.benchmark.panoramas import NATURAL_PANORAMAS, ROWS, natural_templates
 from megalopta.core.arrays import Floats
 from megalopta.flow.stimuli.resizing import resize
 from megalopta.flow.stimuli.statistics import ImageStatistics, image_statistics, power_spectrum

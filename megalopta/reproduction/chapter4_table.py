@@ -10,8 +10,7 @@ from matplotlib.figure import Figure as Canvas
 
 from megalopta.benchmark.runner import Results
 from megalopta.benchmark.sweep import Sweep
-from megalopta.benchmark.templates import GratingTemplate
-from megalopta.benchmark.trial import Trial
+from megalopta.benchmark.trial import GratingTemplate, Trial
 from megalopta.flow.benchmark.frame_time import milliseconds_per_frame
 from megalopta.flow.detectors.registry import METHODS
 from megalopta.flow.metrics.photon_threshold import format_flux

@@ -11,11 +11,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 from matplotlib.ticker import EngFormatter, LogLocator
 
-from megalopta.benchmark.panorama_recipes import ROWS
+from megalopta.benchmark.panoramas import ROWS
 from megalopta.benchmark.runner import Results
 from megalopta.benchmark.sweep import Sweep, Value
-from megalopta.benchmark.templates import GratingTemplate
-from megalopta.benchmark.trial import Trial
+from megalopta.benchmark.trial import GratingTemplate, Trial
 from megalopta.flow.metrics.photon_threshold import Threshold, format_flux
 from megalopta.flow.metrics.response_error import Metric
 from megalopta.plotting.picture import Cell, Figure, columns_of

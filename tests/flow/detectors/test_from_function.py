@@ -5,8 +5,7 @@ from megalopta.benchmark.detection import detections
 from megalopta.benchmark.isolated_blocks import FRAMES, SIZE_PX, ranked
 from megalopta.benchmark.runner import run
 from megalopta.benchmark.sweep import Sweep
-from megalopta.benchmark.templates import GratingTemplate
-from megalopta.benchmark.trial import Trial
+from megalopta.benchmark.trial import GratingTemplate, Trial
 from megalopta.flow import (
     METHODS,
     BenchmarkSettings,

@@ -18,11 +18,9 @@ from megalopta.config.model import Configuration, load
 from megalopta.core.errors import UserError
 from megalopta.dataset.store import Dataset
 from megalopta.report import page as report_page
-from megalopta.report.budget import exposed
 from megalopta.report.error_tables import MEANINGS, verdict
-from megalopta.report.footage import read_footage, select
 from megalopta.report.page import write_report
-from megalopta.report.records import read_benchmark, read_records
+from megalopta.report.source import exposed, read_benchmark, read_footage, read_records, select
 from megalopta.sensor import PRESETS
 from megalopta.sensor.spad.order import active_effects
 from megalopta.stages.flow import responses_path

@@ -9,12 +9,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from megalopta.benchmark import templates
-from megalopta.benchmark.panorama_recipes import NATURAL_PANORAMAS
+from megalopta.benchmark import trial as templates
+from megalopta.benchmark.panoramas import NATURAL_PANORAMAS
 from megalopta.benchmark.runner import run_trials
 from megalopta.benchmark.sweep import Sweep
-from megalopta.benchmark.templates import PanoramaTemplate
-from megalopta.benchmark.trial import Trial, measure_trial
+from megalopta.benchmark.trial import PanoramaTemplate, Trial, measure_trial
 from megalopta.core.errors import UserError
 from megalopta.flow.detectors.registry import METHODS
 from megalopta.flow.metrics.curve import ErrorCurve

@@ -1,0 +1,337 @@
+"""`megalopta gallery`: every scene preset at every light level, or larger views of the forests.
+
+A scene is built once and rendered twice, with and without a disc in the sky, since these cast other
+shadows; the levels of each kind differ by a factor in every band. A view is exposed for its own
+light, which no eye and no camera can do at night; below it stand the counts of a sensor that sees
+nothing but photons. Larger views are those of noon, sunset, starlight, close by and all around;
+with a photographed panorama there are two more: the photograph through the same camera, and a
+forest in its light.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from markupsafe import Markup
+from numpy.typing import NDArray
+from PIL import Image
+
+from megalopta.config.light_scale import light_scale
+from megalopta.config.model import Configuration
+from megalopta.config.yaml_model import validated
+from megalopta.core.progress import Advance, progress
+from megalopta.plotting.sections import Section, captioned, image, write_sections
+from megalopta.plotting.text import level_name, lux, number
+from megalopta.render import SceneRenderer, frame_seed
+from megalopta.report.images import data_uri, gray_counts, write_sheet
+from megalopta.scenes import preview, white_of
+from megalopta.scenes.forest.stand import PRESETS
+from megalopta.scenes.lighting.levels import LEVELS
+from megalopta.scenes.scene import Scene
+from megalopta.sensor import expose_image
+from megalopta.stages.render import build
+
+_SMALL_CAMERA = {"width": 270, "height": 180, "fov_deg": 75}
+_PATH = {"frames": 2, "look_at_m": [10, 0, 1.8], "velocity_m_s": [1.0, 0.3, 0]}
+_EXPOSURE_S = 2e-3
+_TURNING = {
+    "camera": {**_SMALL_CAMERA, "fov_deg": 72},
+    "trajectory": {"frames": 2, "rotation_deg_s": 15},
+}
+
+ALONG_THE_TRAIL = {"frames": 2, "position_m": [0, 0, 1.6], "look_at_m": [10, 0, 0.6]}
+_NAMES = {"rainforest": "rain forest", "trail": "trail"}
+
+SCENES: Mapping[str, Mapping[str, Any]] = MappingProxyType(
+    {
+        **{
+            _NAMES.get(preset, f"{preset} forest"): {
+                "scene": {"kind": "forest", "preset": preset},
+                "trajectory": ALONG_THE_TRAIL if preset == "trail" else _PATH,
+            }
+            for preset in PRESETS
+        },
+        "grating": {"scene": {"kind": "grating"}, **_TURNING},
+        "random dots": {"scene": {"kind": "grating", "pattern": "dots"}, **_TURNING},
+        "board": {"scene": {"kind": "plane", "pattern": "square"}},
+        "motion bench": {
+            "scene": {"kind": "motion_bench", "edge_mm": -5},
+            "trajectory": {"frames": 2, "velocity_m_s": [0, -0.001, 0]},
+        },
+    }
+)
+"""What the gallery shows, as parts of a configuration."""
+_WIDTH = 188
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One scene in one light."""
+
+    scene: str
+    level: str
+    view: NDArray[np.uint8]
+    """The radiance (H, W, 3), exposed and white-balanced for its own light"""
+    counts: NDArray[np.integer | np.floating]
+    """Of a sensor, in one exposure (H, W)"""
+    canopy: str = ""
+    """What a forest holds and lets through, measured; empty where that is not known"""
+
+    @property
+    def light(self) -> str:
+        """Name and strength of the light."""
+        return f"{level_name(self.level)}, {lux(LEVELS[self.level].illuminance_lux)}"
+
+    @property
+    def photons(self) -> str:
+        """Mean count."""
+        return f"{number(float(np.mean(self.counts)))} photons per pixel"
+
+
+def write_gallery(
+    out: Path, scenes: Mapping[str, Mapping[str, Any]] = SCENES, samples_per_pixel: int = 49
+) -> Path:
+    """Render the gallery into a folder; return its page, gallery.html, beside gallery.png."""
+    with progress("Rendering the gallery", len(scenes) * len(LEVELS), "view") as advance:
+        cells = []
+        for name, parts in scenes.items():
+            cells += [list(cells_of(name, parts, samples_per_pixel, advance))]
+    out.mkdir(parents=True, exist_ok=True)
+    write_sheet(out / "gallery.png", [row for each in cells for row in _rows(each)])
+    _write_page(out / "gallery.html", cells)
+    return out / "gallery.html"
+
+
+def cells_of(
+    name: str,
+    parts: Mapping[str, Any],
+    samples_per_pixel: int,
+    advance: Advance = lambda work=1: None,
+) -> Iterator[Cell]:
+    """Render one scene in all lights; its parts are those of a configuration."""
+    values = {
+        "camera": _SMALL_CAMERA,
+        "trajectory": _PATH,
+        "render": {"samples_per_pixel": samples_per_pixel},
+        "sensors": [{"preset": "ideal", "exposure_s": _EXPOSURE_S}],
+        **parts,
+    }
+    settings = Configuration.model_validate(values)
+    scene = build(settings)
+    rendered: dict[str, tuple[Configuration, NDArray[np.float32], str]] = {}
+    for level, light in LEVELS.items():
+        # Under an even sky levels differ by a factor in each band; a disc has a share in each.
+        directions = level if light.disc else "sky"
+        if directions not in rendered:
+            lit = _under(settings, level)
+            rendered[directions] = lit, *_radiance(lit, scene)
+        lit, radiance, canopy = rendered[directions]
+        scaled = radiance * light_scale(lit, level).astype(np.float32)
+        yield replace(_cell(name, level, lit, scaled), canopy=canopy)
+        advance()
+
+
+def _under(settings: Configuration, level: str) -> Configuration:
+    light = settings.light.model_copy(update={"level": level})
+    return settings.model_copy(update={"light": light})
+
+
+def _radiance(lit: Configuration, scene: Scene) -> tuple[NDArray[np.float32], str]:
+    """First frame (H, W, B) of a scene under the light of a configuration, and of its canopy.
+
+    A canopy is measured under an even sky; else, and without one, nothing is told.
+    """
+    # What glows by itself is as bright as the light of its level, so it is built for each.
+    scene = replace(scene, lighting=lit.light.lighting()) if scene.lighting else build(lit)
+    renderer = SceneRenderer(scene, lit.camera, lit.render)
+    poses, ring = lit.trajectory.poses(), lit.scene.canopy_ring_m
+    has_disc = bool(scene.lighting and scene.lighting.sun)
+    canopy = str(renderer.canopy(poses, ring)) if ring and not has_disc else ""
+    return renderer.radiance(poses[0], frame_seed(lit.seed, 0)), canopy
+
+
+def _cell(name: str, level: str, lit: Configuration, radiance: NDArray[np.float32]) -> Cell:
+    bands = lit.render.bands_nm
+    view = preview(radiance, bands, white_of(lit.scene, _under(lit, level).light))
+    return Cell(name, level, view, _counts(lit, radiance, f"{name}/{level}"))
+
+
+def _counts(
+    settings: Configuration, radiance: NDArray[np.float32], sequence: str
+) -> NDArray[np.integer | np.floating]:
+    bands, sensor = settings.render.bands_nm, settings.sensors[0]
+    light = radiance[np.newaxis]
+    return expose_image(light, bands, sensor, seed=settings.seed, sequence=sequence).counts[0]
+
+
+def _write_page(path: Path, scenes: Sequence[Sequence[Cell]]) -> None:
+    """Write all cells as one page, a section for each scene."""
+    sections = []
+    for own in scenes:
+        canopies = " ".join(dict.fromkeys(cell.canopy for cell in own if cell.canopy))
+        figures = tuple(captioned(_both(cell), f"{cell.light}: {cell.photons}") for cell in own)
+        name = own[0].scene
+        sections.append(Section(name[0].upper() + name[1:], canopies, charts=figures))
+    summary = (
+        "Above: the rendered radiance, exposed for its own light, as no eye and no camera sees it "
+        f"at night. Below: what an ideal sensor counts in {1e3 * _EXPOSURE_S:g} ms, from black for "
+        "no photon to white for the brightest hundredth of its pixels."
+    )
+    write_sections(path, "Scenes and lights", summary, sections)
+
+
+def _both(cell: Cell) -> Markup:
+    where = f"{cell.scene} in {cell.light}"
+    view = image(data_uri(Image.fromarray(cell.view)), f"{where}, exposed for it")
+    counts = image(data_uri(gray_counts(cell.counts)), f"photon counts of {where}")
+    return view + Markup('<span class="pixels">{}</span>').format(counts)
+
+
+def _rows(cells: Sequence[Cell]) -> Iterator[list[tuple[str, Image.Image]]]:
+    """Yield two rows of the sheet for a scene: of its views, and of their counts."""
+    height, width = cells[0].view.shape[:2]
+    size = (_WIDTH, round(_WIDTH * height / width))
+    yield [
+        (f"{each.scene}, {each.light}", Image.fromarray(each.view).resize(size)) for each in cells
+    ]
+    yield [
+        (each.photons, gray_counts(each.counts).convert("RGB").resize(size, Image.Resampling.BOX))
+        for each in cells
+    ]
+
+
+SAMPLES = 64
+"""Per pixel."""
+_CAMERA = {"width": 360, "height": 240, "fov_deg": 75}
+_AHEAD = {"frames": 2, "look_at_m": [10, 0, 2.4]}
+_FLOOR = {"frames": 2, "look_at_m": [6, 0, 1.0]}
+_LOW = {"frames": 2, "position_m": [0, 0, 0.7], "look_at_m": [2.5, 0.6, 0.35]}
+_NOON = {"level": "daylight", "sky": "natural", "disc_azimuth_deg": 150}
+_CLOUDY = {"level": "daylight", "sky": "natural", "cloud_cover": 1.0}
+_FOG_M = 60.0
+"""Visibility"""
+_SUMMARY = (
+    "Rendered radiance, exposed for its own light, as no eye and no camera sees it at night; where "
+    "photons are given, what an ideal sensor counts, from black for none to white for the "
+    "brightest hundredth of its pixels."
+)
+
+
+@dataclass(frozen=True)
+class GalleryView:
+    """Content of one picture."""
+
+    title: str
+    parts: Mapping[str, Any]
+    """Of a configuration."""
+    exposure_s: float | None = None
+    """Of an ideal sensor whose counts are shown, too."""
+    work: int = 1
+    """Times the samples of other views: light in fog is noisy."""
+
+
+def _forest(preset: str, light: Mapping[str, Any], path: Mapping[str, Any]) -> dict[str, Any]:
+    return {"scene": {"kind": "forest", "preset": preset}, "light": light, "trajectory": path}
+
+
+def _foggy(parts: Mapping[str, Any]) -> dict[str, Any]:
+    return {**parts, "scene": {**parts["scene"], "haze": {"visibility_m": _FOG_M}}}
+
+
+VIEWS = (
+    GalleryView("A clearing at noon", _forest("clearing", _NOON, _AHEAD)),
+    GalleryView(
+        "An open forest where the sun went down",
+        _forest("open", {"level": "twilight", "sky": "natural", "disc_azimuth_deg": 0}, _AHEAD),
+    ),
+    GalleryView("The floor of a rain forest at noon", _forest("rainforest", _NOON, _FLOOR)),
+    GalleryView(
+        "The same by starlight",
+        _forest("rainforest", {"level": "starlight", "sky": "natural"}, _FLOOR),
+        exposure_s=0.1,
+    ),
+    GalleryView("A trail through a mixed wood at noon", _forest("trail", _NOON, ALONG_THE_TRAIL)),
+    GalleryView(
+        "The same in fog, under a cloud", _foggy(_forest("trail", _CLOUDY, ALONG_THE_TRAIL)), work=4
+    ),
+    GalleryView(
+        "Close to the ground",
+        {
+            **_forest("understorey", _NOON, _LOW),
+            "camera": {**_CAMERA, "fov_deg": 45},
+        },
+    ),
+    GalleryView(
+        "All around, in a dense forest",
+        {
+            **_forest("dense", _NOON, {"frames": 2, "look_at_m": [10, 0, 1.5]}),
+            "camera": {"kind": "equirectangular", "width": 480, "height": 240},
+        },
+    ),
+)
+
+
+def of_photograph(panorama: Path, turn_deg: float = 0.0) -> tuple[GalleryView, GalleryView]:
+    """A photograph, and a clearing in its light, seen by the same camera."""
+    scene = {"kind": "panorama", "file": str(panorama), "turn_deg": turn_deg}
+    light = {"level": "daylight", "panorama": str(panorama), "panorama_turn_deg": turn_deg}
+    day = {"level": "daylight"}
+    return (
+        GalleryView("A photographed forest", {"scene": scene, "light": day, "trajectory": _AHEAD}),
+        GalleryView("A clearing in its light", _forest("clearing", light, _AHEAD)),
+    )
+
+
+def write_views(
+    out: Path,
+    panorama: Path | None = None,
+    views: Sequence[GalleryView] = VIEWS,
+    samples_per_pixel: int = SAMPLES,
+) -> Path:
+    """Render the views into a folder; return their page, views.html, beside views.jpg.
+
+    Raises
+    ------
+    UserError
+        When there is no such panorama.
+    ValueError
+        When the panorama cannot be read as a picture.
+    """
+    views = [*(of_photograph(panorama) if panorama else ()), *views]
+    settings = [_settings(view, samples_per_pixel * view.work) for view in views]
+    pictures: list[tuple[str, Image.Image]] = []
+    with progress("Rendering views", len(views), "view") as advance:
+        for view, each in zip(views, settings, strict=True):
+            pictures += _pictures(view, each)
+            advance()
+    out.mkdir(parents=True, exist_ok=True)
+    write_sheet(out / "views.jpg", [pictures[at : at + 2] for at in range(0, len(pictures), 2)])
+    shown = tuple(captioned(image(data_uri(each), title), title) for title, each in pictures)
+    section = Section("Views", charts=shown)
+    write_sections(out / "views.html", "Forests under natural skies", _SUMMARY, [section])
+    return out / "views.html"
+
+
+def _settings(view: GalleryView, samples_per_pixel: int) -> Configuration:
+    values = {
+        "camera": _CAMERA,
+        "render": {"samples_per_pixel": samples_per_pixel, "integrator": "path"},
+        "sensors": [{"preset": "ideal", "exposure_s": view.exposure_s or 1e-3}],
+        **view.parts,
+    }
+    return validated(Configuration, values, view.title)
+
+
+def _pictures(view: GalleryView, settings: Configuration) -> Iterator[tuple[str, Image.Image]]:
+    """Yield a view with its title, and where it is asked for its counts."""
+    renderer = SceneRenderer(build(settings), settings.camera, settings.render)
+    radiance = renderer.radiance(settings.trajectory.poses()[0], frame_seed(settings.seed, 0))
+    white = white_of(settings.scene, settings.light)
+    yield view.title, Image.fromarray(preview(radiance, settings.render.bands_nm, white))
+    if view.exposure_s:
+        counts = _counts(settings, radiance, "view")
+        told = f"{view.title}: {counts.mean():.2g} photons per pixel in {view.exposure_s:g} s"
+        yield told, gray_counts(counts).convert("RGB")
