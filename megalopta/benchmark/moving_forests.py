@@ -24,20 +24,9 @@ from megalopta.benchmark.panoramas import LUMINANCE_BAND_NM
 from megalopta.core.array_store import ArrayStore
 from megalopta.core.arrays import Floats
 from megalopta.core.folders import cache_folder
-from megalopta.core.freshness import (
-    BAKE_MODEL,
-    RENDER_MODEL,
-    TRUTH_MODEL,
-    digest,
-)
+from megalopta.core.freshness import BAKE_MODEL, RENDER_MODEL, TRUTH_MODEL, digest
 from megalopta.core.record import Record
-from megalopta.render import (
-    MeasuredPass,
-    RenderSettings,
-    SceneRenderer,
-    frame_seed,
-    render_once,
-)
+from megalopta.render import MeasuredPass, RenderSettings, SceneRenderer, frame_seed, render_once
 from megalopta.scenes import (
     CameraPath,
     Forest,

@@ -6,22 +6,11 @@ from itertools import product
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple, Self
 
-from pydantic import (
-    Field,
-    ValidationError,
-    ValidationInfo,
-    field_validator,
-    model_validator,
-)
+from pydantic import Field, ValidationError, ValidationInfo, field_validator, model_validator
 
 from megalopta.benchmark.trial import Template, Trial, path_from_its_file, template_names
 from megalopta.config.validation import one_sentence
-from megalopta.config.yaml_model import (
-    mapping,
-    put,
-    read_text,
-    validated,
-)
+from megalopta.config.yaml_model import mapping, put, read_text, validated
 from megalopta.core.errors import UserError
 from megalopta.core.progress import duration, say
 from megalopta.core.record import Record

@@ -7,13 +7,7 @@ from megalopta.camera.recording import check_kind
 from megalopta.core.bounded import quoted
 from megalopta.core.errors import UserError
 from megalopta.sensor import AnalogCounter, Sensor, changed, load_sensor, preset
-from megalopta.sensor.formats.messages import (
-    COLUMNS,
-    NOMINAL_STEP_BIAS,
-    ROWS,
-    Identity,
-    Settings,
-)
+from megalopta.sensor.formats.messages import COLUMNS, NOMINAL_STEP_BIAS, ROWS, Identity, Settings
 
 _POSSIBLE = {
     "rows": (ROWS, ROWS),

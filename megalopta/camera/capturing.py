@@ -12,20 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.camera.camera_settings import CaptureSettings, sensor_as_identified, sensor_as_set
-from megalopta.camera.link import (
-    Arrived,
-    Link,
-    LinkLostError,
-    NoPortError,
-    Plugged,
-    Unplugged,
-)
+from megalopta.camera.link import Arrived, Link, LinkLostError, NoPortError, Plugged, Unplugged
 from megalopta.camera.recorder import Recorder
-from megalopta.camera.recording import (
-    RAW,
-    RecordingSettings,
-    recover_command,
-)
+from megalopta.camera.recording import RAW, RecordingSettings, recover_command
 from megalopta.core.errors import UserError, machine_problem
 from megalopta.core.files import remove
 from megalopta.core.folders import locked

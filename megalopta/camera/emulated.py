@@ -43,12 +43,7 @@ from megalopta.sensor.formats.messages import (
     Settings,
     frame_packet,
 )
-from megalopta.sensor.formats.packets import (
-    Kind,
-    Packet,
-    Parser,
-    encode,
-)
+from megalopta.sensor.formats.packets import Kind, Packet, Parser, encode
 
 BAND_NM = (699.99, 700.01)
 """Of the flat light: as narrow as a laser, so that its efficiency is that of one wavelength."""

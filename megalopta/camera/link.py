@@ -20,13 +20,7 @@ from serial.tools import list_ports
 from megalopta.core.bounded import printable
 from megalopta.core.errors import UserError
 from megalopta.sensor.formats.messages import Identity, identify
-from megalopta.sensor.formats.packets import (
-    LONGEST,
-    Kind,
-    Packet,
-    Parser,
-    encode,
-)
+from megalopta.sensor.formats.packets import LONGEST, Kind, Packet, Parser, encode
 
 TEENSY_VENDOR = 0x16C0
 UDEV_RULE = (

@@ -17,12 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.camera.recording import (
-    COUNTS,
-    SETTINGS,
-    Connection,
-    RecordingSettings,
-)
+from megalopta.camera.recording import COUNTS, SETTINGS, Connection, RecordingSettings
 from megalopta.core import strict_yaml
 from megalopta.core.files import write_text
 from megalopta.core.format_numbers import written

@@ -15,21 +15,8 @@ from numpy.typing import NDArray
 
 from megalopta.flow.metrics.curve import ErrorCurve
 from megalopta.flow.metrics.photon_threshold import Threshold
-from megalopta.plotting.style import (
-    BLACK,
-    BLUE,
-    DASHES,
-    MARKERS,
-    RULE,
-    method_style,
-    write_at,
-)
-from megalopta.plotting.svg import (
-    in_style,
-    logarithmic,
-    new_axes,
-    to_svg,
-)
+from megalopta.plotting.style import BLACK, BLUE, DASHES, MARKERS, RULE, method_style, write_at
+from megalopta.plotting.svg import in_style, logarithmic, new_axes, to_svg
 from megalopta.plotting.text import level_name, percent, short
 from megalopta.report.source import Budget, by_sensor
 

@@ -23,12 +23,7 @@ from megalopta.config.model import Configuration
 from megalopta.config.yaml_model import validated
 from megalopta.core.arrays import Floats
 from megalopta.core.progress import progress
-from megalopta.flow.stimuli.statistics import (
-    PASSES,
-    LogStatistics,
-    log_statistics,
-    unlit_share,
-)
+from megalopta.flow.stimuli.statistics import PASSES, LogStatistics, log_statistics, unlit_share
 from megalopta.plotting.picture import Cell, Figure, columns_of, write_figure
 from megalopta.plotting.style import BLUE, ORANGE
 from megalopta.render import SceneRenderer, frame_seed, read_picture

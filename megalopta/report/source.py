@@ -39,12 +39,7 @@ from megalopta.report.images import data_uri, film_strip, rgb_picture
 from megalopta.scenes import ToneCurve, preview, white_of
 from megalopta.scenes.lighting.levels import illuminance_of
 from megalopta.scenes.spectra.color import linear_srgb
-from megalopta.sensor import (
-    ImageSensor,
-    OpenedCounts,
-    detected_photons,
-    expectation,
-)
+from megalopta.sensor import ImageSensor, OpenedCounts, detected_photons, expectation
 from megalopta.stages.ledger import Ledger
 from megalopta.stages.noise_warning import variances
 from megalopta.stages.registry import STAGES

@@ -36,14 +36,7 @@ from megalopta.camera.motion_bench import (
 from megalopta.core.arrays import Floats
 from megalopta.flow.detectors.correlation import ndm_mean, nds_mean
 from megalopta.plotting.picture import Figure
-from megalopta.plotting.style import (
-    BLACK,
-    BLUE,
-    GRAY,
-    GREEN,
-    ORANGE,
-    VERMILION,
-)
+from megalopta.plotting.style import BLACK, BLUE, GRAY, GREEN, ORANGE, VERMILION
 from megalopta.reproduction.drawing import FigureRecipe, Run
 from megalopta.scenes.stimuli.motion_bench import MotionBench
 from megalopta.sensor import Sensor

@@ -18,12 +18,7 @@ from numpy.typing import NDArray
 
 from megalopta.core.arrays import Floats
 from megalopta.plotting.picture import Figure
-from megalopta.plotting.style import (
-    BLUE,
-    GRAY,
-    line_style,
-    write_at,
-)
+from megalopta.plotting.style import BLUE, GRAY, line_style, write_at
 from megalopta.reproduction.drawing import FigureRecipe, Run
 from megalopta.sensor import changed, expose_rate, preset
 from megalopta.sensor.effects.bias import best_excess_bias, breakdown_offset

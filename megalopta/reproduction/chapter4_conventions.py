@@ -28,12 +28,7 @@ from megalopta.plotting.style import BLACK, BLUE, ORANGE, draw_key, draw_table, 
 from megalopta.reproduction.chapter4_curves import SWEEPS, span
 from megalopta.reproduction.chapter4_table import PRINTED, SIZE
 from megalopta.reproduction.drawing import FigureRecipe, Run, Templates
-from megalopta.reproduction.sweep_figure import (
-    MeanThreshold,
-    mean_threshold,
-    or_nan,
-    threshold_of,
-)
+from megalopta.reproduction.sweep_figure import MeanThreshold, mean_threshold, or_nan, threshold_of
 
 FLUX = 1e7
 FLOORS = np.logspace(-7, 0, 29)

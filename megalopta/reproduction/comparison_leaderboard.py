@@ -35,15 +35,7 @@ from megalopta.flow.detectors.blocks import BlockDetector
 from megalopta.flow.detectors.registry import METHODS
 from megalopta.flow.metrics.photon_threshold import format_flux
 from megalopta.plotting.picture import Cell, Figure, columns_of
-from megalopta.plotting.style import (
-    BLACK,
-    BLUE,
-    GRAY,
-    GREEN,
-    ORANGE,
-    method_style,
-    write_at,
-)
+from megalopta.plotting.style import BLACK, BLUE, GRAY, GREEN, ORANGE, method_style, write_at
 from megalopta.reproduction.drawing import FigureRecipe, Run
 
 OURS = ("PM", "PPM", "PF", "PPF")
