@@ -47,6 +47,8 @@ from megalopta.stages.redo import open_dataset_whole
 
 _FULL = 0.98
 _95 = 1.959964
+_SHIFTS_PER_FRAME = 4
+_TIE = 1e-9
 
 
 def captured_frames(recorded: Recorded, device: Sensor, light_hz: float) -> CountedFrames:
@@ -66,34 +68,70 @@ def captured_frames(recorded: Recorded, device: Sensor, light_hz: float) -> Coun
     )
 
 
-def simulated_frames(
-    like: Sequence[CountedFrames], device: Sensor, beam: Beam, seed: int
-) -> list[CountedFrames]:
-    """Return as many frames of each level, from the device's model.
+@dataclass(frozen=True, eq=False)
+class Compared:
+    """Captured recordings, simulated ones of the same stimuli, and how they differ."""
 
-    Raises
-    ------
-    UserError
-        When there is light of no known wavelength.
-    """
-    return [_simulated(level, device, beam, seed) for level in like]
+    captured: Sequence[CountedFrames]
+    simulated: Sequence[CountedFrames]
+    found: Comparison
+    correlation: float = 0.0
+    """Of the frames of a scene with those in which they were found"""
 
 
-def calibration_errors(
-    like: Sequence[CountedFrames], device: Sensor, beam: Beam
-) -> list[NDArray[np.float64]]:
-    """Return standard errors of the mean counts of each level that those of the device's maps make.
+def compare_levels(
+    captured: Sequence[CountedFrames], device: Sensor, beam: Beam, margin: float, seed: int
+) -> Compared:
+    """Compare levels of even light. Raises UserError for light of no known wavelength."""
+    rates = [_even_rate(level, device, beam) for level in captured]
+    return _compared(captured, rates, device, margin, seed)
 
-    The intervals of a map lie beside it; a map without makes no error.
-    """
-    dark = map_error(device.measured.dark_counts)
-    efficiency = map_error(device.measured.efficiency)
-    nominal = _nominal(device, beam)
-    return [
-        np.hypot(dark, level.light_hz * nominal * efficiency)
-        * np.full(level.counts.shape[1:], level.exposure_s)
-        for level in like
+
+def _even_rate(level: CountedFrames, device: Sensor, beam: Beam) -> Floats:
+    """Detection rates of a level (1, rows, columns), Hz, without dark counts."""
+    shape = level.counts.shape[1], level.counts.shape[2]
+    if level.is_dark:
+        return np.zeros((1, *shape))
+    if beam.wavelength_nm is None:
+        raise UserError("compare: light of what wavelength? give --wavelength-nm")
+    own = changed(device, exposure_s=level.exposure_s)
+    nominal = float(own.photon_detection_efficiency(np.array(beam.wavelength_nm)))
+    factor = draw_fixed_pattern(own, shape).efficiency_factor
+    return np.asarray(level.light_hz * nominal * factor[np.newaxis])
+
+
+def _compared(
+    captured: Sequence[CountedFrames],
+    rates: Sequence[Floats],
+    device: Sensor,
+    margin: float,
+    seed: int,
+    stimulus: str = "",
+) -> Compared:
+    """Compare recordings with frames of the device's model at these rates (n or 1, …), Hz."""
+    simulated = []
+    for like, rate in zip(captured, rates, strict=True):
+        own = changed(device, exposure_s=like.exposure_s)
+        name = f"comparison, {stimulus}{like.exposure_s:g} s, light {like.light_hz:g}"
+        seen = np.broadcast_to(rate, like.counts.shape)
+        exposure = expose_rate(seen, own, seed=seed, sequence=name)
+        # where a capture does not tell what is full, full counts are compared as such
+        saturated = None if like.saturated is None else exposure.saturated
+        simulated.append(replace(like, counts=exposure.counts, saturated=saturated))
+    errors = [
+        _errors(device, rate) * like.exposure_s for like, rate in zip(captured, rates, strict=True)
     ]
+    kind = device.dead_time.kind
+    found = compare_recordings(captured, simulated, kind=kind, margin=margin, errors=errors)
+    return Compared(captured, simulated, found)
+
+
+def _errors(device: Sensor, rates: Floats) -> Floats:
+    """Standard errors of mean rates (rows, columns) that those of the device's maps make, Hz."""
+    maps = device.measured
+    dark, efficiency = map_error(maps.dark_counts), map_error(maps.efficiency)
+    factor = draw_fixed_pattern(device, (rates.shape[1], rates.shape[2])).efficiency_factor
+    return np.asarray(np.hypot(dark, rates.mean(axis=0) * efficiency / np.maximum(factor, 1e-12)))
 
 
 def map_error(file: MapFile | None) -> NDArray[np.float64] | float:
@@ -113,31 +151,6 @@ def _interval_end(path: Path) -> NDArray[np.float64]:
     if values is None or values.ndim != 2:
         raise UserError(f"{path} is no whole array of numbers; calibrate the device again")
     return values.astype(np.float64)
-
-
-def _nominal(device: Sensor, beam: Beam) -> float:
-    """Return the detected share of photons on a pixel; 0 for light of unknown wavelength."""
-    if beam.wavelength_nm is None:
-        return 0.0
-    return float(device.photon_detection_efficiency(np.array(beam.wavelength_nm)))
-
-
-def _simulated(level: CountedFrames, device: Sensor, beam: Beam, seed: int) -> CountedFrames:
-    own = changed(device, exposure_s=level.exposure_s)
-    shape = level.counts.shape[1], level.counts.shape[2]
-    rate = np.zeros(shape)
-    if not level.is_dark:
-        if beam.wavelength_nm is None:
-            raise UserError("compare: light of what wavelength? give --wavelength-nm")
-        rate = (
-            level.light_hz * _nominal(own, beam) * draw_fixed_pattern(own, shape).efficiency_factor
-        )
-    name = f"comparison, {level.exposure_s:g} s, light {level.light_hz:g}"
-    rates = np.broadcast_to(rate, level.counts.shape)
-    exposure = expose_rate(rates, own, seed=seed, sequence=name)
-    # where a capture does not tell what is full, full counts are compared as such
-    saturated = None if level.saturated is None else exposure.saturated
-    return CountedFrames(exposure.counts, level.exposure_s, level.light_hz, saturated)
 
 
 class SpeedResponse(NamedTuple):
@@ -171,9 +184,9 @@ def plate_responses(
     """
     found = []
     for speed, frames in sorted(captured.items()):
-        counts = _cut(speed, frames)
+        counts = passages_at(speed, frames)
         own = changed(device, exposure_s=1 / FRAME_RATE_HZ)
-        light = _light(speed, counts, own) if own_light else None
+        light = light_at(speed, counts, own) if own_light else None
         simulated = record(speed, own, light, seed).counts
         for name in TIME_CONSTANTS_S:
             a, b = (
@@ -186,30 +199,29 @@ def plate_responses(
     return found
 
 
-def _cut(speed: float, frames: CountedFrames) -> NDArray[Any]:
+def passages_at(speed_mm_s: float, frames: CountedFrames) -> NDArray[Any]:
+    """Cut passages out of a recording of a plate, or frames of one at rest. Raises UserError."""
     if frames.counts.shape[1:] != (PIXELS, PIXELS):
         raise UserError(
-            f"plate at {speed:g} mm/s: frames of {frames.counts.shape[1:]} pixels; capture all rows"
+            f"plate at {speed_mm_s:g} mm/s: frames of {frames.counts.shape[1:]} pixels; capture "
+            "all rows"
         )
     times_s = frames.times_s
-    numbers = None if times_s is None else np.rint((times_s - times_s[0]) * FRAME_RATE_HZ)
+    numbers = None if times_s is None else np.rint((times_s - times_s[:1]) * FRAME_RATE_HZ)
     try:
-        return cut_passages(frames.counts, numbers) if speed else cut_rest(frames.counts)
+        return cut_passages(frames.counts, numbers) if speed_mm_s else cut_rest(frames.counts)
     except ValueError as problem:
-        raise UserError(f"plate at {speed:g} mm/s: {problem}") from problem
+        raise UserError(f"plate at {speed_mm_s:g} mm/s: {problem}") from problem
 
 
-def _light(speed: float, counts: NDArray[Any], device: Sensor) -> BenchLight:
-    if speed == 0:
+def light_at(speed_mm_s: float, counts: NDArray[Any], device: Sensor) -> BenchLight:
+    """Return the light that passages of a plate show. Raises UserError."""
+    if speed_mm_s == 0:
         raise UserError("a plate at rest does not tell the light; leave it out or --own-light")
     try:
         return fitted_light(counts, device)
     except ValueError as problem:
-        raise UserError(f"plate at {speed:g} mm/s: {problem}") from problem
-
-
-_SHIFTS_PER_FRAME = 4
-_TIE = 1e-9
+        raise UserError(f"plate at {speed_mm_s:g} mm/s: {problem}") from problem
 
 
 class Cycle(NamedTuple):
@@ -289,19 +301,9 @@ def _places(frames: CountedFrames, cycle: Cycle) -> NDArray[np.int64]:
     return np.asarray(np.floor(at + 1e-6).astype(np.int64) % length)
 
 
-@dataclass(frozen=True, eq=False)
-class SceneComparison:
-    """Differences of a captured scene from a simulated one, frame by frame of the same sight."""
-
-    captured: CountedFrames
-    simulated: CountedFrames
-    aligned: Aligned
-    found: Comparison
-
-
 def compare_scene(
     captured: CountedFrames, cycle: Cycle, device: Sensor, margin: float, seed: int
-) -> SceneComparison:
+) -> Compared:
     """Align captured frames with a scene, and simulate these of its frames.
 
     Raises
@@ -311,31 +313,8 @@ def compare_scene(
     """
     aligned = align(captured, cycle)
     rates = cycle.rates_hz[aligned.frame]
-    simulated = _exposed(captured, rates, device, seed)
-    errors_hz = _errors(device, rates)
-    found = compare_recordings(
-        [captured],
-        [simulated],
-        kind=device.dead_time.kind,
-        margin=margin,
-        errors=[errors_hz * captured.exposure_s],
-    )
-    differences = scene_differences(captured, simulated, rates, margin, errors_hz)
-    return SceneComparison(captured, simulated, aligned, replace(found, differences=differences))
-
-
-def _exposed(like: CountedFrames, rates_hz: Floats, device: Sensor, seed: int) -> CountedFrames:
-    """Frames of a device at these rates, with the exposure of others."""
-    own = changed(device, exposure_s=like.exposure_s)
-    name = f"comparison, scene, {like.exposure_s:g} s, light {like.light_hz:g}"
-    exposure = expose_rate(rates_hz, own, seed=seed, sequence=name)
-    saturated = None if like.saturated is None else exposure.saturated
-    return replace(like, counts=exposure.counts, saturated=saturated)
-
-
-def _errors(device: Sensor, rates: Floats) -> Floats:
-    """Standard errors of mean rates that those of the device's maps make, Hz."""
-    maps = device.measured
-    dark, efficiency = map_error(maps.dark_counts), map_error(maps.efficiency)
-    factor = draw_fixed_pattern(device, (rates.shape[1], rates.shape[2])).efficiency_factor
-    return np.asarray(np.hypot(dark, rates.mean(axis=0) * efficiency / np.maximum(factor, 1e-12)))
+    compared = _compared([captured], [rates], device, margin, seed, "scene, ")
+    (simulated,) = compared.simulated
+    differences = scene_differences(captured, simulated, rates, margin, _errors(device, rates))
+    found = replace(compared.found, differences=differences)
+    return replace(compared, found=found, correlation=aligned.correlation)

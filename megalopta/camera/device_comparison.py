@@ -9,15 +9,14 @@ from markupsafe import Markup
 from scipy.stats import norm
 
 from megalopta.camera.comparison import (
-    SceneComparison,
+    Compared,
     SpeedResponse,
-    calibration_errors,
     captured_frames,
+    compare_levels,
     compare_scene,
     dataset_cycle,
     plate_responses,
     rendered_dataset,
-    simulated_frames,
 )
 from megalopta.camera.device_charts import (
     color_limits,
@@ -37,7 +36,7 @@ from megalopta.plotting.text import number
 from megalopta.sensor import Sensor, load_sensor
 from megalopta.sensor.compare.counted import CountedFrames
 from megalopta.sensor.compare.equivalence import Difference
-from megalopta.sensor.compare.recordings import MARGIN, Comparison, compare_recordings
+from megalopta.sensor.compare.recordings import MARGIN, Comparison
 
 Levels = Sequence[CountedFrames]
 
@@ -64,10 +63,9 @@ _TRANSFER = (
 )
 
 
-def write_comparison_report(
-    path: Path, name: str, captured: Levels, simulated: Levels, found: Comparison
-) -> None:
+def write_comparison_report(path: Path, name: str, compared: Compared) -> None:
     """Write how captured levels differ from simulated ones, with pictures."""
+    found = compared.found
     order = found.arrangement
     rows = f" Rows, top to bottom: {', '.join(map(str, order.rows))}." if order.rows else ""
     sections = [
@@ -83,29 +81,29 @@ def write_comparison_report(
             f"The captured image is {order.name}: rank correlation of the two patterns "
             f"{order.correlation:.3f}.{rows}",
         ),
-        *_pixels(captured, simulated, found),
+        *_pixels(compared),
     ]
     write_sections(path, f"{name}: captured and simulated", found.sentence, sections)
 
 
-def write_scene_report(path: Path, name: str, compared: SceneComparison) -> None:
+def write_scene_report(path: Path, name: str, compared: Compared) -> None:
     """Write how a captured scene differs from a simulated one, with pictures."""
     found = compared.found
     in_time = captioned(
-        time_chart(compared.captured, compared.simulated),
+        time_chart(compared.captured[0], compared.simulated[0]),
         "Curves that run together saw the same frames of the scene; one beside the other is "
         "another moment, one above the other another brightness.",
     )
     sections = [
         _differences(
             "The scene",
-            f"Frames are aligned in time by their correlation, {compared.aligned.correlation:.2f}, "
+            f"Frames are aligned in time by their correlation, {compared.correlation:.2f}, "
             "and each is simulated as it was seen. Quantities are compared in blocks of frames; "
             f"less than {100 * found.margin:g} % does not matter.",
             found,
         ),
         Section("In time", charts=(in_time,)),
-        *_pixels([compared.captured], [compared.simulated], found),
+        *_pixels(compared),
     ]
     write_sections(path, f"{name}: captured and simulated", found.sentence, sections)
 
@@ -155,8 +153,9 @@ def _cells(each: Difference, differs: bool) -> tuple[str, ...]:
     )
 
 
-def _pixels(captured: Levels, simulated: Levels, found: Comparison) -> Iterator[Section]:
+def _pixels(compared: Compared) -> Iterator[Section]:
     """Yield what says how pixels differ, level by level."""
+    captured, simulated, found = compared.captured, compared.simulated, compared.found
     tests = {"mean": found.means, "variance": found.variances, "histogram": found.histograms}
     counted = (
         (name, str(int(np.isfinite(test.p).sum())), str(int(test.differs.sum())))
@@ -299,12 +298,9 @@ def _with_levels(
         captured_frames(read_recorded(source), sensor, beam.photons_hz(source.light, sensor))
         for source in sources
     ]
-    simulated = simulated_frames(captured, sensor, beam, asked.seed)
-    errors = calibration_errors(captured, sensor, beam)
-    kind = sensor.dead_time.kind
-    found = compare_recordings(captured, simulated, kind=kind, margin=asked.margin, errors=errors)
-    write_comparison_report(out, sensor.name, captured, simulated, found)
-    return found.sentence
+    compared = compare_levels(captured, sensor, beam, asked.margin, asked.seed)
+    write_comparison_report(out, sensor.name, compared)
+    return compared.found.sentence
 
 
 def _with_plate(

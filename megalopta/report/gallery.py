@@ -164,7 +164,8 @@ def _counts(
 ) -> NDArray[np.integer | np.floating]:
     bands, sensor = settings.render.bands_nm, settings.sensors[0]
     light = radiance[np.newaxis]
-    return expose_image(light, bands, sensor, seed=settings.seed, sequence=sequence).counts[0]
+    exposure = expose_image(light, bands, sensor, seed=settings.seed, sequence=sequence)
+    return np.asarray(exposure.counts[0])
 
 
 def _write_page(path: Path, scenes: Sequence[Sequence[Cell]]) -> None:
