@@ -1,6 +1,6 @@
-"""The link to a camera: its serial port, a thread that reads, one that logs, and its user's view.
+"""The link to a camera: its serial port, a thread that reads it, and its user, who logs.
 
-The first does nothing but read and note the time, so that neither a disk that is slow nor a user
+The thread does nothing but read and note the time, so that neither a disk that is slow nor a user
 who is busy makes it miss anything; what it read is in the log before the user sees it. When the
 camera is unplugged it looks for it until it is back.
 """
@@ -11,6 +11,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple, Self
 
@@ -129,10 +130,8 @@ _RETRY_S = 0.1
 _REPLY_S = 0.7
 _ASKED = 3
 """Times; all commands may be repeated."""
-_MOST_WAITING = 20_000
+_MOST_WAITING = 8192
 """Pieces of bytes, a frame or more each. Further ones wait in the camera."""
-MOST_AHEAD = 16 * 1024**2
-"""Bytes that the log is ahead of the user; further ones wait with the reader."""
 MOST_ELSE = 16 * 1024**2
 """Bytes that may be no frames, and nine times the frames' beside: `raw.bin` is bounded by both."""
 _TIMES = 10
@@ -193,22 +192,19 @@ class Link:
         except OSError:
             self._port.close()
             raise
-        self._read_bytes = self._logged_bytes = 0
+        self._read_bytes = 0
         self.decoded_bytes = 0
         """Bytes that the user has seen the packets of."""
         self._allowed_bytes = MOST_ELSE
-        self._unlogged: queue.Queue[_Piece | None] = queue.Queue(_MOST_WAITING)
-        self._pieces: queue.Queue[_Piece] = queue.Queue()
+        self._pieces: queue.Queue[_Piece] = queue.Queue(_MOST_WAITING)
         self._seen: deque[Event] = deque()
         self._parser = Parser()
         self._damaged_before = 0
         self._commands = 0
         self._stop = threading.Event()
-        self._failure: OSError | UserError | None = None
+        self._is_logging = True
         self._reader = threading.Thread(target=self._read, name="spadcam reader", daemon=True)
-        self._logger = threading.Thread(target=self._keep, name="spadcam log", daemon=True)
         self._reader.start()
-        self._logger.start()
 
     def __enter__(self) -> Self:
         return self
@@ -219,12 +215,14 @@ class Link:
     def close(self) -> None:
         """Stop reading; what was read until now can still be had from `next`."""
         self._stop.set()
-        while self._logger.is_alive():
-            self._logger.join(0.05)
-            self._drain()
-        self._reader.join()
-        self._port.close()
-        self._log.close()
+        try:
+            while self._reader.is_alive() or not self._pieces.empty():
+                self._reader.join(0.05)
+                while not self._pieces.empty():
+                    self._decode(self._pieces.get())
+        finally:
+            self._port.close()
+            self._log.close()
 
     @property
     def damaged(self) -> int:
@@ -257,10 +255,10 @@ class Link:
 
     def given_up(self, why: str) -> UserError:
         """Log no more, and return what to raise."""
-        self._failure = UserError(
+        self._is_logging = False
+        return UserError(
             f"{self.path}: {why}; unplug the camera and plug it in again, or choose another --port"
         )
-        return self._failure
 
     def request(self, kind: Kind, payload: bytes) -> Packet:
         """Send a command and return the reply; what comes meanwhile is kept for `next`.
@@ -318,15 +316,8 @@ class Link:
             time.sleep(_RETRY_S)
 
     def _wait(self, timeout_s: float) -> None:
-        try:
+        with suppress(queue.Empty):
             self._decode(self._pieces.get(timeout=timeout_s))
-        except queue.Empty:
-            if self._failure is not None:
-                raise self._failure from None
-
-    def _drain(self) -> None:
-        while not self._pieces.empty():
-            self._decode(self._pieces.get())
 
     def _decode(self, piece: _Piece) -> None:
         if isinstance(piece, Plugged | Unplugged):
@@ -334,50 +325,39 @@ class Link:
             self._damaged_before += self._parser.damaged
             self._parser = Parser()
             self._seen.append(piece)
-            return
-        host_s, data = piece
-        self.decoded_bytes += len(data)
-        self._seen.extend(Arrived(host_s, packet) for packet in self._parser.feed(data))
+        elif self._is_logging:
+            host_s, data = piece
+            self._write_log(data)
+            self.decoded_bytes += len(data)
+            self._seen.extend(Arrived(host_s, packet) for packet in self._parser.feed(data))
+
+    def _write_log(self, data: bytes) -> None:
+        try:
+            while data:
+                data = data[self._log.write(data) :]  # of a disk that is nearly full, less than all
+        except OSError:
+            self._is_logging = False
+            raise
 
     def _read(self) -> None:
         while not self._stop.is_set():
-            self._unlogged.put(Plugged(self._read_bytes))
+            self._pieces.put(Plugged(self._read_bytes))
             try:
                 self._read_until_unplugged()
             except serial.SerialException:
                 self._port.close()
             if not self._stop.is_set():
-                self._unlogged.put(Unplugged())
+                self._pieces.put(Unplugged())
                 self._reopen()
-        self._unlogged.put(None)
 
     def _read_until_unplugged(self) -> None:
         while not self._stop.is_set():
             data = self._received()
             if data:
-                self._unlogged.put((time.monotonic(), data))
+                self._pieces.put((time.monotonic(), data))
                 self._read_bytes += len(data)
             if data.endswith(b"\0") and len(data) < _MUCH:
                 time.sleep(_GATHER_S)
-
-    def _keep(self) -> None:
-        while (piece := self._unlogged.get()) is not None:
-            if self._failure is None and not isinstance(piece, Plugged | Unplugged):
-                try:
-                    self._write_log(piece[1])
-                except OSError as problem:
-                    self._failure = problem
-                    self._stop.set()
-            if self._failure is None:
-                self._pieces.put(piece)
-
-    def _write_log(self, data: bytes) -> None:
-        while self._logged_bytes - self.decoded_bytes > MOST_AHEAD and self._failure is None:
-            time.sleep(_GATHER_S)
-        while data and self._failure is None:
-            written = self._log.write(data)  # of a disk that is nearly full, less than all
-            self._logged_bytes += written
-            data = data[written:]
 
     def _received(self) -> bytes:
         try:

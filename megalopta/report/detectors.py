@@ -42,15 +42,13 @@ _ROOT = 3.0
 _PALE = 0.02
 _GUIDE = (
     "Each detector sees every sequence twice: as counted, and as its noise-free twin, the mean "
-    "that would be counted without the randomness of photons. Frame {} is shown, in pairs: at each "
-    "light level, on the left the answer to the noise-free twin of that level, on the right that "
-    "to its {}, in the same colors. Where the two look alike, photon noise does no harm; whether "
-    "the answer is the true motion is another question."
+    "that would be counted without the randomness of photons. Frame {} is shown in pairs at each "
+    "light level: on the left the answer to the noise-free twin, on the right that to its {}, in "
+    "the same colors. Where the two look alike, photon noise does no harm."
 )
 _FLICKER = (
-    "This noise is part of the “noise-free” light. It is the same in both answers, so it adds no "
-    "error, but it flickers like texture that does not move with the scene, and the noise-free "
-    "errors against the true motion contain it."
+    "This noise is the same in both answers, so it adds no error, but it flickers like texture "
+    "that does not move with the scene, and is in the errors against the true motion."
 )
 _BLOCKS = Markup(
     "<b>The right answer for block methods</b> in this frame: the true motion averaged over their "
@@ -58,32 +56,25 @@ _BLOCKS = Markup(
     "respond to motion without measuring its speed."
 )
 _ERRORS = Markup(
-    "Readings are brought to a mean of 1 before they are answered; the color scales spread the "
-    "cube root of the answer, so that dark ground shows beside bright sky. Both errors compare the "
-    "answer to counts with the answer to the noise-free twin, over all frames after the detectors "
-    "have settled. The <b>ratio</b> error is the sum of all differences over the sum of all "
-    "answers. The <b>literal</b> error (the thesis's Eq. 4.5) is the mean of the quotient of every "
-    "single pixel: wherever the noise-free answer passes through zero, a few pixels carry the "
-    "whole mean. An error from tenfold on reads “fails”. A full counter is full in the noise-free "
-    "twin too; against the perfect sensor it is an error. A dash says that the noise-free answer "
-    "holds no motion in any scored frame."
+    "Readings are brought to a mean of 1 before they are answered; colors spread the cube root of "
+    "the answer. Errors compare the answer to counts with that to the noise-free twin, over all "
+    "frames after the detectors have settled: <b>ratio</b>, all differences over all answers, and "
+    "<b>literal</b> (the thesis's Eq. 4.5), the mean of every single pixel's quotient, which a few "
+    "answers near zero carry. From tenfold on an error reads “fails”; a dash says that the "
+    "noise-free answer holds no motion."
 )
 _COSTS = Markup(
     "The same frame as the sensor reads it, corrected where that was asked for (dark counts, dead "
     "time and counter, flat field, hot pixels), and as a perfect sensor would read it on average. "
     "In the tables the ratio error of each detector: <b>against itself</b>, the same device "
-    "without noise · <b>raw against perfect</b> · <b>corrected against perfect</b>. What the "
-    "second has over the first is the device's: its fixed pattern, its dark readings, its full "
-    "pixels; what the third has less than the second is what calibration gives back."
+    "without noise · <b>raw against perfect</b> · <b>corrected against perfect</b>."
 )
 _TRUTH = (
-    "A detector that is always wrong in the same way has no error above. So block velocities are "
-    "also compared with the true ones: the mean length of the difference, and the share of blocks "
-    "that are off by more than 25 % (outliers), first noise-free, then on {}, then on corrected "
-    "readings where there are any. A pixel on an outline holds several things and has the flow of "
-    "one of them; {} of the pixels shown are filled to less than {:.0%} by what their center sees. "
-    "{} in everything but the two tables that say otherwise; blocks of which less than half is "
-    "left are not scored."
+    "Block velocities beside the true ones: the mean length of the difference, the share of blocks "
+    "that are off by more than 25 % (outliers), and the median; first noise-free, then on {}, then "
+    "on corrected readings where there are any. {} of the pixels shown lie on outlines, filled to "
+    "less than {:.0%} by what their center sees. {} in everything but the two tables that say "
+    "otherwise; blocks of which less than half is left are not scored."
 )
 _MIXED = {
     "score": "They count like all others",
@@ -91,16 +82,14 @@ _MIXED = {
     "leave_out": "They do not count",
 }
 _SPLITS = (
-    "Where the error arises: blocks by their true speed, in pixels per frame, and by the share of "
-    "their pixels that is hidden in the next frame; in brackets the number of blocks, over all "
-    "frames, on the exposure where a method errs least."
+    "Blocks by their true speed, in pixels per frame, and by the share of their pixels that is "
+    "hidden in the next frame; in brackets the number of blocks, over all frames, on the exposure "
+    "where a method errs least."
 )
 _YAW = (
     "A weighted sum of all local answers, as in a fly’s tangential cells, gives the camera’s yaw "
-    "rate. The weights are learned from the noise-free answers to the first half of the sequence; "
-    "the root mean square error is that of the second half, first noise-free, then on {}; an error "
-    "from ten times the rate itself on reads “fails”. Where the camera turns at a steady rate, the "
-    "weights cannot tell its rotation from anything else that is steady."
+    "rate. Weights are learned from the noise-free answers to the first half of the sequence; the "
+    "root mean square error is that of the second half, first noise-free, then on {}."
 )
 
 
@@ -218,7 +207,7 @@ def _shape(settings: Configuration, method: Detector) -> tuple[int, ...]:
 
 def _largest(answer: Floats) -> float:
     """Return the largest response, or speed, that is defined; 0 where there is none."""
-    size = np.abs(answer) if answer.ndim == 2 else np.hypot(answer[..., 0], answer[..., 1])
+    size = np.abs(answer) if answer.ndim == 2 else np.hypot(*np.moveaxis(answer, -1, 0))
     return float(np.max(size[np.isfinite(size)], initial=0.0))
 
 

@@ -7,7 +7,7 @@ is whether they answer counts as they answer the noise-free twin.
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Literal, TypeVar
+from typing import TypeVar
 
 from markupsafe import Markup
 
@@ -33,20 +33,10 @@ from megalopta.plotting.text import (
 
 Value = TypeVar("Value")
 Text = TypeVar("Text", bound=str)
-Kind = Literal["right", "wrong", "unknown", "silent", "repeats", "half", "differs"]
 
 ACCURATE = 0.25
 """The thesis's 2-bit accuracy: an error below 2⁻²."""
 
-MEANINGS: Mapping[Kind, str] = {
-    "right": "true motion: half of the blocks or more within 25 % of the true velocity",
-    "wrong": "wrong: more than half of the blocks off by more than 25 %",
-    "unknown": "nothing known to move",
-    "repeats": "repeats itself: both errors against the noise-free answer below 25 %",
-    "half": "only one of these errors below 25 %",
-    "differs": "neither of them",
-    "silent": "no motion found in any scored frame, even without noise",
-}
 _GROUPS = {
     "slow": f"below {SLOW_PX:g} px",
     "medium": f"{SLOW_PX:g} to {FAST_PX:g} px",
@@ -100,28 +90,15 @@ def _ratio(errors: ResponseErrors | None) -> str:
     return UNDEFINED if errors is None or errors.ratio is None else relative_error(errors.ratio)
 
 
-def verdict(record: FlowRecord) -> Kind:
-    """Return what a record says of its method: one of the `MEANINGS`."""
-    error, ratio, literal = median_truth_error(record), record.error.ratio, record.error.literal
-    if record.truth and error is None:
-        return "unknown"
-    if ratio is None or literal is None:
-        return "silent"
-    if error is not None:
-        return "right" if error < ACCURATE else "wrong"
-    kinds: tuple[Kind, ...] = ("differs", "half", "repeats")
-    return kinds[(ratio < ACCURATE) + (literal < ACCURATE)]
-
-
 def median_truth_error(record: FlowRecord) -> float | None:
     """Return the median error of blocks relative to the true velocity; None where there is none."""
     return record.truth.counts.relative_error_median if record.truth else None
 
 
 def against_truth(records: Sequence[FlowRecord], settings: FlowSettings) -> Markup:
-    """Return mean errors and shares of outliers, a row per exposure and a column per method.
+    """Return errors and shares of outliers, a row per exposure and a column per method.
 
-    The error with mixed pixels, without them, and as the configuration has them counted.
+    The mean error with mixed pixels, without them, and as the configuration has them counted.
     """
     truths = {_key(each): each.truth for each in records if each.truth}
     mixtures = {_key(each): each.truth_by_mixture for each in records if each.truth_by_mixture}
@@ -136,6 +113,10 @@ def against_truth(records: Sequence[FlowRecord], settings: FlowSettings) -> Mark
         rows = {weighed: {key: _error(each) for key, each in truths.items()}} | rows
     outliers = "Outliers" + (", without mixed pixels" if settings.mixed == "leave_out" else "")
     rows[outliers] = {key: _outliers(each) for key, each in truths.items()}
+    rows["Median error, of the true velocity"] = {
+        key: _in_turn([one.relative_error_median for one in _answers(each)], relative_error)
+        for key, each in truths.items()
+    }
     return Markup("\n").join(crossed(label, label, cells) for label, cells in rows.items() if cells)
 
 

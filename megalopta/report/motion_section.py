@@ -20,10 +20,8 @@ _COLORS = Markup(
 )
 _GUIDE = Markup(
     "<b>What to look for.</b> When the camera turns, everything moves alike; when it travels, near "
-    "things move faster than far ones. That difference draws the nearest things into the motion "
-    "picture, and it is most of what a single moving eye knows of depth. Depth is measured {}, its "
-    "colors are logarithmic. Orange pixels vanish behind something nearer: no detector can find "
-    "them again. Every object has a color of its own."
+    "things move faster than far ones. Depth is measured {}, its colors are logarithmic. Orange "
+    "pixels vanish behind something nearer. Every object has a color of its own."
 )
 
 

@@ -87,7 +87,7 @@ def test_a_camera_of_half_the_signal_responds_half_as_much():
     [
         (["{0}@0"], "only a plate at rest; give recordings with its speed"),
         (["{0}@5"], "capture with --rate 10 --exposure 0.1"),
-        (["nothing@5"], "nothing/recording.yaml: no such file"),
+        (["nothing@5"], "nothing: no such file; give the path of a recording"),
     ],
 )
 def test_what_cannot_be_drawn_is_told_before_anything_is_written(words, problem, tmp_path, capsys):
