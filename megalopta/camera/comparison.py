@@ -243,10 +243,9 @@ class Aligned(NamedTuple):
 
 def dataset_cycle(dataset: Path, lux: float | None, device: Sensor) -> Cycle:
     """Return frames of a rendered dataset at a light level, by default its own."""
-    trajectory = open_dataset_whole(dataset).configuration.trajectory
-    rate_hz = trajectory.frame_rate_hz
-    times_s = np.arange(trajectory.frames) / rate_hz
-    return Cycle(Rendered(dataset, lux).rates_hz(times_s, device), rate_hz)
+    open_dataset_whole(dataset)
+    rate_hz, rates = Rendered(dataset, lux).film(device)
+    return Cycle(rates, rate_hz)
 
 
 def rendered_dataset(scene: str, beside: Path) -> Path:

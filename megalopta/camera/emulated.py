@@ -12,12 +12,12 @@ import select
 import threading
 import time
 import tty
+from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,15 +49,22 @@ BAND_NM = (699.99, 700.01)
 """Of the flat light: as narrow as a laser, so that its efficiency is that of one wavelength."""
 
 
-class Stimulus(Protocol):
-    """Anything to look at."""
+class Stimulus(ABC):
+    """Anything to look at: frames that follow one another, over and over."""
+
+    @abstractmethod
+    def film(self, sensor: Sensor) -> tuple[float, Floats]:
+        """Return frames per second, and their detection rates (n, 16, 16), Hz. Raises UserError."""
 
     def rates_hz(self, times_s: Floats, sensor: Sensor) -> Floats:
         """Detection rates (n, 16, 16), Hz, of frames that begin at these times."""
+        rate_hz, frames = self.film(sensor)
+        # A frame that begins a rounding error early is not the one before.
+        return np.asarray(frames[np.floor(times_s * rate_hz + 1e-6).astype(int) % len(frames)])
 
 
 @dataclass(frozen=True)
-class Flat:
+class Flat(Stimulus):
     """The same light on all pixels: none, one level, or levels that follow one another.
 
     Attributes
@@ -71,18 +78,9 @@ class Flat:
     photons_hz: tuple[float, ...] = (0.0,)
     step_s: float = math.inf
 
-    def rates_hz(self, times_s: Floats, sensor: Sensor) -> Floats:
+    def film(self, sensor: Sensor) -> tuple[float, Floats]:
         """As of a stimulus."""
-        levels = np.array(self.photons_hz)[
-            (times_s // self.step_s).astype(int) % len(self.photons_hz)
-        ]
-        return np.asarray(levels[:, None, None] * _efficiency(sensor))
-
-
-def _frames_at(times_s: Floats, frame_rate_hz: float, frames: Floats) -> Floats:
-    """Return frames of a rate, over and over, at these times, (n, 16, 16)."""
-    # A frame that begins a rounding error early is not the one before.
-    return np.asarray(frames[np.floor(times_s * frame_rate_hz + 1e-6).astype(int) % len(frames)])
+        return 1 / self.step_s, np.array(self.photons_hz)[:, None, None] * _efficiency(sensor)
 
 
 @cache
@@ -94,41 +92,39 @@ def _efficiency(sensor: Sensor) -> Floats:
 
 
 @dataclass(frozen=True)
-class Plate:
-    """The plate of the motion bench (§2.4.8), frame by frame at 10 per second, over and over.
+class Plate(Stimulus):
+    """The plate of the motion bench (§2.4.8), frame by frame at 10 per second.
 
     The light is such that an open pixel detects 65 photons in 0.1 s.
     """
 
     speed_mm_s: float
 
-    def rates_hz(self, times_s: Floats, sensor: Sensor) -> Floats:
+    def film(self, sensor: Sensor) -> tuple[float, Floats]:
         """As of a stimulus."""
-        from megalopta.camera.motion_bench import FRAME_RATE_HZ
-
-        as_lit = changed(sensor, exposure_s=1 / FRAME_RATE_HZ)
-        return _frames_at(times_s, FRAME_RATE_HZ, _passing(self.speed_mm_s, as_lit))
+        return _passing(self.speed_mm_s, sensor)
 
 
 @cache
-def _passing(speed_mm_s: float, sensor: Sensor) -> Floats:
-    from megalopta.camera.motion_bench import passing_rates
+def _passing(speed_mm_s: float, sensor: Sensor) -> tuple[float, Floats]:
+    from megalopta.camera.motion_bench import FRAME_RATE_HZ, passing_rates
 
-    return passing_rates(speed_mm_s, sensor)
+    as_lit = changed(sensor, exposure_s=1 / FRAME_RATE_HZ)
+    return FRAME_RATE_HZ, passing_rates(speed_mm_s, as_lit)
 
 
 @dataclass(frozen=True)
-class Rendered:
-    """Frames of a dataset, at their rate, over and over: the middle square, averaged to 16 × 16."""
+class Rendered(Stimulus):
+    """Frames of a dataset, at their rate: the middle square, averaged to 16 × 16."""
 
     path: Path
     lux: float | None = None
     """Light level; by default that of the rendering."""
 
-    def rates_hz(self, times_s: Floats, sensor: Sensor) -> Floats:
-        """As of a stimulus. Raises UserError when the dataset cannot be read or is too small."""
+    def film(self, sensor: Sensor) -> tuple[float, Floats]:
+        """As of a stimulus; for a dataset that can be read and is large enough."""
         frame_rate_hz, frames, bands = _rendered(self)
-        return _frames_at(times_s, frame_rate_hz, detection_rate(frames, bands, sensor))
+        return frame_rate_hz, detection_rate(frames, bands, sensor)
 
 
 @cache
@@ -188,7 +184,7 @@ class EmulatedCamera:
     settings: Settings
 
     def __init__(
-        self, sensor: Sensor, stimulus: "Stimulus", seed: int = 0, serial_number: str = "EMULATED"
+        self, sensor: Sensor, stimulus: Stimulus, seed: int = 0, serial_number: str = "EMULATED"
     ) -> None:
         if not 0 <= seed <= _LARGEST_SEED:
             raise UserError(f"--seed: {quoted(seed)}; give 0 to {_LARGEST_SEED}")

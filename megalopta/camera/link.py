@@ -326,18 +326,20 @@ class Link:
             self._parser = Parser()
             self._seen.append(piece)
         elif self._is_logging:
-            host_s, data = piece
-            self._write_log(data)
-            self.decoded_bytes += len(data)
-            self._seen.extend(Arrived(host_s, packet) for packet in self._parser.feed(data))
+            self._log_and_parse(*piece)
 
-    def _write_log(self, data: bytes) -> None:
+    def _log_and_parse(self, host_s: float, data: bytes) -> None:
+        written = 0
         try:
-            while data:
-                data = data[self._log.write(data) :]  # of a disk that is nearly full, less than all
+            while written < len(data):  # a disk that is nearly full takes less than all
+                written += self._log.write(data[written:])
         except OSError:
             self._is_logging = False
             raise
+        finally:
+            self.decoded_bytes += written
+            packets = self._parser.feed(data[:written])
+            self._seen.extend(Arrived(host_s, packet) for packet in packets)
 
     def _read(self) -> None:
         while not self._stop.is_set():
