@@ -1,9 +1,8 @@
 """Ranking of the sequences in a folder: from their frames to the long table, its page and files."""
 
 import csv
-import io
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from itertools import product
 from pathlib import Path
 
@@ -49,6 +48,7 @@ from megalopta.config.yaml_model import validated
 from megalopta.core import bounded, files
 from megalopta.core.enclosure import check_enclosed
 from megalopta.core.errors import UserError
+from megalopta.core.files import atomic_write
 from megalopta.core.folders import locked
 from megalopta.core.format_numbers import check_format
 from megalopta.core.progress import progress
@@ -75,12 +75,11 @@ _MEASURED = (
     f"distance below {DISTANCES_M[0]:g} and above {DISTANCES_M[1]:g} m."
 )
 _CHANGES = (
-    "The table and the picture give the ratio of two methods' mean errors and what holds it in "
-    "95 % of cases; methods change places where it is above 1 in one group and below 1 in the "
-    "other. The table holds the pairs that the rule of Benjamini and Hochberg leaves of all: a "
-    "twentieth of them is expected to be chance. Blocks under rotation alone and of low or high "
-    "parallax are visible ones; hidden ones are hidden in the next frame or out of its view, of "
-    "sequences in which more than the camera's rotation moves the image."
+    "Ratios of two methods' mean errors, and what holds them in 95 % of cases: methods change "
+    "places where the ratio is above 1 in one group and below 1 in the other. The table holds the "
+    "pairs that the rule of Benjamini and Hochberg leaves of all: a twentieth is expected to be "
+    "chance. Blocks under rotation alone and of low or high parallax are visible ones; hidden ones "
+    "are hidden in the next frame, of sequences in which more than the camera's rotation moves."
 )
 _ERRORS = (
     "The Poisson bound is the least error of an unbiased method that sees one block at a time, "
@@ -105,24 +104,26 @@ _FIELDS = (
     "mid gray is no answer."
 )
 _CAMERA = (
-    "Angle between the estimated and the true rotation, and between the estimated and the true "
-    "direction of translation, from the velocities of all blocks of a pair of frames, or as the "
-    "motion under which the counts of two frames, or of eight around the pair, are most likely: "
-    "medians over a few pairs of each sequence; eight frames take a sequence as long."
+    "Angles between the estimated and the true rotation, and direction of translation, from the "
+    "velocities of all blocks of a pair of frames, or as the motion under which the counts of two "
+    "frames, or of eight around the pair, are most likely: medians over pairs and sequences."
 )
 _YAW_RATE = (
     "Root mean square error (deg/s) of the camera's yaw rate from a weighted sum of all answers, "
     "in parentheses that without noise, of the true rate; weights are learned from clean answers "
-    "to the first half of a sequence and tried on the second. Medians over the sequences in "
-    "which the camera turns, and long enough for the method's memory. Methods that are blind to "
-    "direction (NDM, NDS, IM) can be judged neither by velocity nor by yaw rate, and are not "
-    "ranked."
+    "to the first half of a sequence and tried on the second. Methods that are blind to direction "
+    "(NDM, NDS, IM) are not ranked."
 )
 
 
 def write_ranking(folder: Path, ranking: Ranking, example: Example) -> Path:
     """Write ranking.html, ranking.csv and ranking.json to a folder; return the page."""
-    files.write_text(folder / "ranking.csv", _csv(ranking.rows))
+    with atomic_write(folder / "ranking.csv") as part, part.open("w", encoding="utf-8") as file:
+        lines = csv.writer(file, lineterminator="\n")
+        lines.writerow(RankingRow.model_fields)
+        for row in ranking.rows:
+            values = row.model_dump().values()
+            lines.writerow([f"{each:.6g}" if isinstance(each, float) else each for each in values])
     files.write_text(folder / NAME, ranking.model_dump_json(indent=1) + "\n")
     page = folder / "ranking.html"
     sections = [section(ranking, example) for section in SECTIONS]
@@ -279,19 +280,6 @@ def _by_photons(
 def _named(best: RankingRow) -> str:
     method = "no method beats zero motion" if best.method == STILL else best.method
     return method if best.value else f"{method} (not sure)"
-
-
-def _csv(rows: Iterable[RankingRow]) -> str:
-    text = io.StringIO()
-    lines = csv.writer(text, lineterminator="\n")
-    lines.writerow(RankingRow.model_fields)
-    for row in rows:
-        lines.writerow([_cell(value) for value in row.model_dump().values()])
-    return text.getvalue()
-
-
-def _cell(value: object) -> object:
-    return f"{value:.6g}" if isinstance(value, float) else value
 
 
 FOLDER = "ranking"
