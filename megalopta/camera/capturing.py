@@ -26,7 +26,7 @@ from megalopta.sensor.formats.messages import (
     set_row_window,
     set_step_bias,
 )
-from megalopta.sensor.formats.packets import Kind, Packet
+from megalopta.sensor.formats.packets import Kind
 
 _WRITE_EVERY_S = 4.0
 _RATE_OVER_S = 1.0
@@ -141,10 +141,9 @@ class _Capture:
         self._link, self._out, self._settings, self._show = link, out, settings, show
         self._start_s = time.monotonic()
         self._first_s: float | None = None
-        self._packets = 0
         self._patience_s = PATIENCE_S + 3e-6 * settings.wanted().period_us
         self._waited_s, self._frames_before = 0.0, 0
-        self._came_before = self._came()
+        self._came_before = link.decoded_bytes
         self._valid_us = 0
         self._is_plugged = False
         self._written_s = self._shown_s = 0.0
@@ -204,16 +203,12 @@ class _Capture:
                 self._is_plugged = False
         elif isinstance(event, Unplugged):
             self._is_plugged = False
-        elif event is not None:
-            self._packets += 1
-            if self.recorder is not None and self._is_wanted(event.packet):
+        elif event is not None and self.recorder is not None and self._is_plugged:
+            packet = event.packet
+            if packet.kind == Kind.FRAME and packet.device_us >= self._valid_us:
                 self.recorder.take(*event)
                 self._link.allow(self.recorder.frames)
                 self._first_s = self._first_s or event.host_s
-
-    def _is_wanted(self, packet: Packet) -> bool:
-        is_frame = packet.kind == Kind.FRAME
-        return is_frame and self._is_plugged and packet.device_us >= self._valid_us
 
     def _begin(self, raw_offset: int) -> None:
         identity = self._link.identity()
@@ -228,7 +223,7 @@ class _Capture:
                 f"{self.recorder.record.serial_number}; record it on its own"
             )
         self.recorder.plugged(raw_offset)
-        self._came_before = self._came()
+        self._came_before = self._link.decoded_bytes
         self._is_plugged = True
 
     def _configure(self) -> Settings:
@@ -263,20 +258,15 @@ class _Capture:
                     f"{asked}; flash this release's firmware, or unplug it and plug it in again"
                 )
 
-    def _came(self) -> NDArray[np.int64]:
-        """Return how many bytes, damaged packets and whole packets came so far."""
-        return np.array([self._link.decoded_bytes, self._link.damaged, self._packets])
-
     def _lose_patience(self, waited_s: float) -> None:
         """Give up where no new frame came for too long, and say what came instead."""
         if self._frames() != self._frames_before:
             self._waited_s, self._frames_before = 0.0, self._frames()
-            self._came_before = self._came()
+            self._came_before = self._link.decoded_bytes
         self._waited_s += waited_s
         if self._waited_s > self._patience_s:
-            size, damaged, whole = self._came() - self._came_before
-            came = f"{size} bytes with {damaged} damaged and {whole} whole packets came"
-            told = came if size else "nothing came"
+            size = self._link.decoded_bytes - self._came_before
+            told = f"{size} bytes came" if size else "nothing came"
             raise self._link.given_up(f"no new frame in {self._patience_s:.1f} s, {told} instead")
 
     def _look_around(self, now_s: float) -> None:

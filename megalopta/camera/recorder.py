@@ -10,7 +10,6 @@ delay the fastest frame had cannot be known: times are late by it, all alike.
 """
 
 from datetime import UTC, datetime
-from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -38,7 +37,6 @@ from megalopta.sensor.spad.conversion import counts_of_codes
 
 LARGEST_DRIFT = 1e-3
 """No quartz is worse; steeper lines come of few arrivals."""
-_MOST_CORNERS = 1024
 
 
 class ClockFit(NamedTuple):
@@ -81,31 +79,21 @@ class Clock:
         while len(corners) > 1 and _is_above(corners[-1], corners[-2], (device_s, host_s)):
             corners.pop()
         corners.append((device_s, host_s))
-        if len(corners) > _MOST_CORNERS:
-            self._corners = _thinned(corners)
 
     @property
     def fit(self) -> ClockFit | None:
         """The line; None before the first arrival."""
         if not self._corners:
             return None
-        rate = self._rate()
-        offset_s = min(host - rate * device for device, host in self._corners)
-        return ClockFit(offset_s, rate, self._mean_distance_s(offset_s, rate))
-
-    def _rate(self) -> float:
-        """Slope of the edge over the mean time, as far as a clock's can be."""
-        for (device, host), (next_device, next_host) in pairwise(self._corners):
-            if next_device >= self._mean_s:
-                slope = (next_host - host) / (next_device - device)
-                return min(max(slope, 1 - LARGEST_DRIFT), 1 + LARGEST_DRIFT)
-        return 1.0
-
-    def _mean_distance_s(self, offset_s: float, rate: float) -> float:
-        heights = [(device, host - offset_s - rate * device) for device, host in self._corners]
-        area = sum((b[0] - a[0]) * (a[1] + b[1]) / 2 for a, b in pairwise(heights))
-        span_s = heights[-1][0] - heights[0][0]
-        return area / span_s if span_s else 0.0
+        device_s, host_s = np.array(self._corners).T
+        rate, edge = 1.0, int(np.searchsorted(device_s, self._mean_s))
+        if edge:  # as far as a clock's rate can be
+            slope = np.diff(host_s)[edge - 1] / np.diff(device_s)[edge - 1]
+            rate = float(np.clip(slope, 1 - LARGEST_DRIFT, 1 + LARGEST_DRIFT))
+        heights = host_s - rate * device_s
+        offset_s = float(heights.min())
+        mean = np.average(heights[1:] + heights[:-1], weights=np.diff(device_s)) / 2 if edge else 0
+        return ClockFit(offset_s, rate, float(mean) - offset_s if edge else 0.0)
 
 
 class KnownClock(Clock):
@@ -119,16 +107,6 @@ class KnownClock(Clock):
     def fit(self) -> ClockFit:
         """The line."""
         return self._known
-
-
-def _thinned(corners: list[tuple[float, float]]) -> list[tuple[float, float]]:
-    """At most half as many as allowed, evenly in time, with both ends."""
-    apart_s = 2 * (corners[-1][0] - corners[0][0]) / _MOST_CORNERS
-    kept = corners[:1]
-    for corner in corners[1:-1]:
-        if corner[0] - kept[-1][0] >= apart_s:
-            kept.append(corner)
-    return [*kept, corners[-1]]
 
 
 def _is_above(
