@@ -69,7 +69,6 @@ def speed_chart(speeds: NDArray[np.floating], median: float) -> Markup:
     axes.hist(
         speeds,
         bins=_SPEED_BINS,
-        range=_wide_enough(speeds),
         weights=np.full(speeds.size, 100 / max(speeds.size, 1)),
         histtype="stepfilled",
         color=BLUE,
@@ -82,14 +81,6 @@ def speed_chart(speeds: NDArray[np.floating], median: float) -> Markup:
     axes.set(xlabel="speed in the image (px per frame)", ylabel="share of pixels (%)")
     axes.set_xlim(0, None)
     return to_svg(figure, "speed", "Histogram of the true speed of the image")
-
-
-def _wide_enough(values: NDArray[np.floating]) -> tuple[float, float] | None:
-    """Range for a histogram of values that are all nearly alike; None where theirs will do."""
-    if not values.size or np.ptp(values) > 0.01 * values.max():
-        return None
-    middle = float(values.mean())
-    return 0.95 * middle, 1.05 * middle + 1e-9
 
 
 @in_style

@@ -15,7 +15,6 @@ from megalopta.config.measuring import FlowSettings
 from megalopta.dataset.flow_record import (
     BlockErrors,
     FlowRecord,
-    ResponseErrors,
     RotationErrors,
     TruthErrors,
 )
@@ -59,11 +58,9 @@ def crossed(label: str, corner: str, cells: Mapping[tuple[Text, str], str]) -> M
 def response_table(sensor: str, records: Sequence[FlowRecord]) -> Markup:
     """Return ratio and literal errors on one sensor, a row per method and a column per level."""
     cells = {
-        (each.method, level_name(each.level)): (
-            UNDEFINED
-            if each.error.ratio is None
-            else f"{relative_error(each.error.ratio)} ({relative_error(each.error.literal)})"
-        )
+        (each.method, level_name(each.level)): UNDEFINED
+        if each.error.ratio is None
+        else f"{relative_error(each.error.ratio)} ({relative_error(each.error.literal)})"
         for each in records
         if each.sensor == sensor
     }
@@ -72,27 +69,14 @@ def response_table(sensor: str, records: Sequence[FlowRecord]) -> Markup:
 
 def cost_table(sensor: str, records: Sequence[FlowRecord]) -> Markup:
     """Return ratio errors of a device: against itself, a perfect sensor, and that corrected."""
-    cells = {
-        (each.method, level_name(each.level)): " · ".join(map(_ratio, _costs(each)))
-        for each in records
-        if each.sensor == sensor and each.error_perfect
-    }
+    cells = {}
+    for each in records:
+        if each.sensor == sensor and each.error_perfect:
+            corrected = [each.error_corrected] if each.error_corrected else []
+            ratios = (one.ratio for one in (each.error, each.error_perfect, *corrected))
+            cells[each.method, level_name(each.level)] = " · ".join(map(relative_error, ratios))
     label = f"Noise, device and correction on {sensor}"
     return crossed(label, "Detector", cells) if cells else Markup("")
-
-
-def _costs(record: FlowRecord) -> list[ResponseErrors | None]:
-    corrected = [record.error_corrected] if record.error_corrected else []
-    return [record.error, record.error_perfect, *corrected]
-
-
-def _ratio(errors: ResponseErrors | None) -> str:
-    return UNDEFINED if errors is None or errors.ratio is None else relative_error(errors.ratio)
-
-
-def median_truth_error(record: FlowRecord) -> float | None:
-    """Return the median error of blocks relative to the true velocity; None where there is none."""
-    return record.truth.counts.relative_error_median if record.truth else None
 
 
 def against_truth(records: Sequence[FlowRecord], settings: FlowSettings) -> Markup:
@@ -112,7 +96,10 @@ def against_truth(records: Sequence[FlowRecord], settings: FlowSettings) -> Mark
         weighed = "Mean error (px)" + (", pixels by their purity" if mixtures else "")
         rows = {weighed: {key: _error(each) for key, each in truths.items()}} | rows
     outliers = "Outliers" + (", without mixed pixels" if settings.mixed == "leave_out" else "")
-    rows[outliers] = {key: _outliers(each) for key, each in truths.items()}
+    rows[outliers] = {
+        key: _in_turn([one.outlier_fraction for one in _answers(each)], percent)
+        for key, each in truths.items()
+    }
     rows["Median error, of the true velocity"] = {
         key: _in_turn([one.relative_error_median for one in _answers(each)], relative_error)
         for key, each in truths.items()
@@ -125,7 +112,7 @@ def split_table(records: Sequence[FlowRecord]) -> Markup:
     measured = [each for each in records if each.truth_splits]
     if not measured:
         return Markup("")
-    best, _ = _key(min(measured, key=lambda each: _or_infinite(median_truth_error(each))))
+    best, _ = _key(min(measured, key=_median_error))
     splits = {
         each.method: dict(each.truth_splits)
         for each in measured
@@ -156,7 +143,9 @@ def _key(record: FlowRecord) -> tuple[str, str]:
     return f"{record.sensor}, {level_name(record.level)}", record.method
 
 
-def _or_infinite(error: float | None) -> float:
+def _median_error(record: FlowRecord) -> float:
+    """Return the median error of blocks relative to the true velocity."""
+    error = record.truth.counts.relative_error_median if record.truth else None
     return math.inf if error is None else error
 
 
@@ -167,20 +156,13 @@ def _yaw(rotation: RotationErrors) -> str:
 
 
 def _error(truth: TruthErrors) -> str:
-    return _in_turn(
-        _answers(truth),
-        lambda each: _number_of(each.endpoint_error_px, each.relative_error_median),
-    )
+    def text(each: BlockErrors) -> str:
+        relative, error_px = each.relative_error_median, each.endpoint_error_px
+        if error_px is None:
+            return UNDEFINED
+        return FAILS if relative is not None and relative >= SENSELESS else number(error_px)
 
-
-def _number_of(error_px: float | None, relative: float | None) -> str:
-    if error_px is None:
-        return UNDEFINED
-    return FAILS if relative is not None and relative >= SENSELESS else number(error_px)
-
-
-def _outliers(truth: TruthErrors) -> str:
-    return _in_turn([each.outlier_fraction for each in _answers(truth)], percent)
+    return _in_turn(_answers(truth), text)
 
 
 def _answers(truth: TruthErrors) -> list[BlockErrors]:

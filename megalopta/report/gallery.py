@@ -212,8 +212,6 @@ _FLOOR = {"frames": 2, "look_at_m": [6, 0, 1.0]}
 _LOW = {"frames": 2, "position_m": [0, 0, 0.7], "look_at_m": [2.5, 0.6, 0.35]}
 _NOON = {"level": "daylight", "sky": "natural", "disc_azimuth_deg": 150}
 _CLOUDY = {"level": "daylight", "sky": "natural", "cloud_cover": 1.0}
-_FOG_M = 60.0
-"""Visibility"""
 _SUMMARY = (
     "Rendered radiance, exposed for its own light, as no eye and no camera sees it at night; where "
     "photons are given, what an ideal sensor counts, from black for none to white for the "
@@ -234,12 +232,11 @@ class GalleryView:
     """Times the samples of other views: light in fog is noisy."""
 
 
-def _forest(preset: str, light: Mapping[str, Any], path: Mapping[str, Any]) -> dict[str, Any]:
-    return {"scene": {"kind": "forest", "preset": preset}, "light": light, "trajectory": path}
-
-
-def _foggy(parts: Mapping[str, Any]) -> dict[str, Any]:
-    return {**parts, "scene": {**parts["scene"], "haze": {"visibility_m": _FOG_M}}}
+def _forest(
+    preset: str, light: Mapping[str, Any], path: Mapping[str, Any], **scene: Any
+) -> dict[str, Any]:
+    forest = {"kind": "forest", "preset": preset, **scene}
+    return {"scene": forest, "light": light, "trajectory": path}
 
 
 VIEWS = (
@@ -256,14 +253,13 @@ VIEWS = (
     ),
     GalleryView("A trail through a mixed wood at noon", _forest("trail", _NOON, ALONG_THE_TRAIL)),
     GalleryView(
-        "The same in fog, under a cloud", _foggy(_forest("trail", _CLOUDY, ALONG_THE_TRAIL)), work=4
+        "The same in fog, under a cloud",
+        _forest("trail", _CLOUDY, ALONG_THE_TRAIL, haze={"visibility_m": 60.0}),
+        work=4,
     ),
     GalleryView(
         "Close to the ground",
-        {
-            **_forest("understorey", _NOON, _LOW),
-            "camera": {**_CAMERA, "fov_deg": 45},
-        },
+        {**_forest("understorey", _NOON, _LOW), "camera": {**_CAMERA, "fov_deg": 45}},
     ),
     GalleryView(
         "All around, in a dense forest",

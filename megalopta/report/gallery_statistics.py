@@ -87,20 +87,19 @@ def write_statistics(
     settings = {
         name: _settings(name, scene, samples_per_pixel, side_px) for name, scene in scenes.items()
     }
-    found: dict[str, list[LogStatistics]] = {}
-    blurred: dict[str, list[LogStatistics]] = {}
+    found: dict[str, list[LogStatistics]] = {name: [] for name in scenes}
+    found |= {f"{preset}, blurred": [] for preset in presets}
     unlit = 0.0
     with progress("Rendering views", len(scenes) * DIRECTIONS * PASSES, "picture") as advance:
         for name, each in settings.items():
             for passes in _views(each, advance):
-                found.setdefault(name, []).append(log_statistics(passes))
+                found[name].append(log_statistics(passes))
                 if name in presets:
                     softer = [gaussian_filter(light, BLUR_PX) for light in passes]
-                    name_blurred = f"{name}, blurred"
-                    blurred.setdefault(name_blurred, []).append(log_statistics(softer))
+                    found[f"{name}, blurred"].append(log_statistics(softer))
                     unlit = max(unlit, unlit_share(passes))
     out.mkdir(parents=True, exist_ok=True)
-    return write_figure(_figure(found | blurred, len(panoramas), side_px, unlit), out)
+    return write_figure(_figure(found, len(panoramas), side_px, unlit), out)
 
 
 def degrees_per_px(panoramas: Sequence[Path]) -> float:
@@ -115,9 +114,11 @@ def degrees_per_px(panoramas: Sequence[Path]) -> float:
 def _settings(
     name: str, scene: dict[str, str], samples_per_pixel: int, side_px: int
 ) -> Configuration:
+    is_photograph = scene["kind"] == "panorama"
+    sky = {} if is_photograph else {"sky": "natural", "disc_azimuth_deg": 150}
     values = {
         "scene": scene,
-        "light": {"level": "daylight", "sky": "natural", "disc_azimuth_deg": 150},
+        "light": {"level": "daylight", **sky},
         "camera": {"width": side_px, "height": side_px, "fov_deg": _FOV_DEG},
         "trajectory": {
             "frames": DIRECTIONS,
@@ -132,8 +133,6 @@ def _settings(
             "bands_nm": [[507, 614]],
         },
     }
-    if scene["kind"] == "panorama":
-        values["light"] = {"level": "daylight"}
     return validated(Configuration, values, name)
 
 
@@ -185,17 +184,15 @@ def _draw(canvas: Canvas, rows: Sequence[dict[str, Any]], photographs: int) -> N
     """Draw a panel for each statistic, a line for each scene."""
     panels = canvas.subplots(2, 4, sharey=True).ravel()
     panels[-1].set_axis_off()
-    names = [row["scene"] for row in rows]
     for axes, (name, title) in zip(panels, _TITLES.items(), strict=False):
+        base = 1 if name == "neighbor_correlation" else 0
         for place, row in enumerate(rows):
-            is_photograph = place < photographs
-            value, color = row[name], ORANGE if is_photograph else BLUE
-            axes.errorbar(value, place, xerr=row[f"{name}_error"], fmt="o", color=color)
-            if is_photograph:
-                base = 1 if name == "neighbor_correlation" else 0
-                alike = (base + (value - base) * factor for factor in (1 / _ALIKE, _ALIKE))
+            color = ORANGE if place < photographs else BLUE
+            axes.errorbar(row[name], place, xerr=row[f"{name}_error"], fmt="o", color=color)
+            if place < photographs:
+                alike = (base + (row[name] - base) * factor for factor in (1 / _ALIKE, _ALIKE))
                 axes.axvspan(*alike, color=color, alpha=0.15, linewidth=0)
         axes.set_title(title, fontsize=10)
-        axes.set_yticks(range(len(rows)), names)
+        axes.set_yticks(range(len(rows)), [row["scene"] for row in rows])
         axes.xaxis.set_major_locator(MaxNLocator(3))
     panels[0].set_ylim(len(rows) - 0.5, -0.5)

@@ -2,8 +2,8 @@
 
 import math
 from collections.abc import Callable, Iterator, Sequence
+from itertools import dropwhile, takewhile
 from pathlib import Path
-from typing import NamedTuple
 
 from markupsafe import Markup
 
@@ -117,56 +117,53 @@ def _light(own: Sequence[Budget]) -> tuple[str, str, str]:
     )
 
 
-class _Answer(NamedTuple):
-    """Median error over blocks of one method at one light level, relative to the true velocity."""
-
-    method: str
-    level: LightLevel
-    error: float
-
-    @property
-    def lux(self) -> float:
-        return illuminance_of(self.level)
-
-
 def _reach(records: Sequence[FlowRecord], sensor: str) -> tuple[str, str, str]:
     """Return the method that stays accurate down to the least light, the light, and its error."""
-    answers = list(_answers(records, sensor))
-    if not answers:
+    found = _median_errors(records, sensor)
+    if not found:
         return UNDEFINED, UNDEFINED, UNDEFINED
-    last = [found for name in {each.method for each in answers} if (found := _last(answers, name))]
-    if not last:
-        nearest = min(answers, key=lambda each: (each.error, -each.lux))
-        return nearest.method, "none", f"{percent(nearest.error)} at {level_name(nearest.level)}"
-    best = min(last, key=lambda each: (each.lux, each.error))
-    return best.method, level_name(best.level), percent(best.error)
+    last = {name: each for name, errors in found.items() if (each := _last(errors))}
+    if last:
+        name = min(last, key=lambda name: (illuminance_of(last[name][0]), last[name][1]))
+        level, error = last[name]
+        return name, level_name(level), percent(error)
+    error, _, name, level = min(
+        (error, -illuminance_of(level), name, level)
+        for name, errors in found.items()
+        for level, error in errors
+    )
+    return name, "none", f"{percent(error)} at {level_name(level)}"
 
 
-def _answers(records: Sequence[FlowRecord], sensor: str) -> Iterator[_Answer]:
-    """Yield what is known of a sensor; corrected readings count as a method of their own."""
-    for each in records:
+def _median_errors(
+    records: Sequence[FlowRecord], sensor: str
+) -> dict[str, list[tuple[LightLevel, float]]]:
+    """Return errors relative to the true velocity, by method, at each level, the brightest first.
+
+    Corrected readings count as a method of their own.
+    """
+    found: dict[str, list[tuple[LightLevel, float]]] = {}
+    for each in sorted(records, key=lambda each: -illuminance_of(each.level)):
         if each.sensor == sensor and each.truth:
-            forms = {each.method: each.truth.counts}
-            if each.truth.corrected:
-                forms[f"{each.method}, corrected"] = each.truth.corrected
+            forms = {
+                each.method: each.truth.counts,
+                f"{each.method}, corrected": each.truth.corrected,
+            }
             for name, errors in forms.items():
-                if errors.relative_error_median is not None:
-                    yield _Answer(name, each.level, errors.relative_error_median)
+                if errors and errors.relative_error_median is not None:
+                    own = found.setdefault(name, [])
+                    own.append((each.level, errors.relative_error_median))
+    return found
 
 
-def _last(answers: Sequence[_Answer], method: str) -> _Answer | None:
+def _last(errors: Sequence[tuple[LightLevel, float]]) -> tuple[LightLevel, float] | None:
     """Return the darkest level down to which a method is accurate, from the first one that it is.
 
     Brighter levels at which it is not, as where counters are full, are passed over.
     """
-    own = sorted((each for each in answers if each.method == method), key=lambda each: -each.lux)
-    last = None
-    for each in own:
-        if each.error < ACCURATE:
-            last = each
-        elif last:
-            break
-    return last
+    from_first = dropwhile(lambda each: each[1] >= ACCURATE, errors)
+    accurate = list(takewhile(lambda each: each[1] < ACCURATE, from_first))
+    return accurate[-1] if accurate else None
 
 
 _GLOSSARY = {

@@ -71,13 +71,9 @@ class _MonteCarlo(TypedDict):
     sky: NotRequired[_Region | None]
 
 
-class _Lux(TypedDict):
-    lux: FiniteFloat
-
-
 class _Illuminance(TypedDict):
     unshaded_lux: FiniteFloat
-    ground: list[_Lux]
+    ground: list[dict[str, FiniteFloat]]
 
 
 class _Scene(TypedDict):
