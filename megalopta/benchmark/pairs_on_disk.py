@@ -74,10 +74,7 @@ def true_flows(root: Path) -> Truths:
 def submitted_flows(root: Path, truths: Truths) -> Mapping[str, Mapping[Frame, Path]]:
     """Pair the flow files below a folder with the truth, by pass; "" is that of no folder.
 
-    Raises
-    ------
-    UserError
-        When a frame of the truth has no file, or a file has no frame.
+    Raises UserError when a frame of the truth has no file, or a file has no frame.
     """
     sequences = {frame.sequence for frame in truths}
     passes: dict[str, dict[Frame, Path]] = {}

@@ -308,7 +308,8 @@ def run_ranking(
     """Rank flow methods on a rendered dataset; return the page.
 
     Velocities are kept in OUT/velocities as they are found, so that a broken run, or one with
-    another method more, goes on from there.
+    another method more, goes on from there. Raises UserError when frames are missing, too few or
+    too small, or a setting is wrong.
 
     Parameters
     ----------
@@ -321,11 +322,6 @@ def run_ranking(
     methods
         In the place of those of the settings: names, detectors, or functions of two frames
         (`megalopta.flow.detector_from` says of what kind).
-
-    Raises
-    ------
-    UserError
-        When frames are missing, too few or too small, or a setting is wrong.
     """
     out, chosen = Path(out), validated(RankingSettings, {}, "settings", dict(settings or {}))
     datasets = sequences_of(Path(root))

@@ -84,6 +84,9 @@ def score_submission(
 ) -> Scores:
     """Score flow against the true flow of a dataset.
 
+    Raises UserError when frames have no file or files no frame, when a file is damaged or of
+    another size.
+
     Parameters
     ----------
     flow
@@ -95,11 +98,6 @@ def score_submission(
         Folder of a dataset of megalopta, of Sintel, KITTI or Middlebury.
     program
         Name of what wrote the flow; that of its folder, or of the method, if left out.
-
-    Raises
-    ------
-    UserError
-        When frames have no file or files no frame, when a file is damaged or of another size.
     """
     truth = Path(truth)
     if not truth.is_dir():

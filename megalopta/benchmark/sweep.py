@@ -137,6 +137,8 @@ def load_sweep(
 ) -> Sweep:
     """Return the sweep of a YAML file with settings of the command line.
 
+    Raises UserError when the file cannot be read, or says what is no sweep.
+
     Parameters
     ----------
     path
@@ -144,11 +146,6 @@ def load_sweep(
         Path of a field to a value in YAML; may name code.
     allows_code : bool
         Whether methods of the file may be `module:function` or ONNX files, which are run.
-
-    Raises
-    ------
-    UserError
-        When the file cannot be read, or says what is no sweep.
     """
     values = mapping(read_text(path, "sweep; give a YAML file"), str(path))
     return validated(Sweep, values, str(path), overrides, path.parent, allows_code)

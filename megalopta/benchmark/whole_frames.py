@@ -76,6 +76,9 @@ def frame_errors(
 ) -> Board:
     """Return the errors of methods on the same photons of all clips.
 
+    Raises ValueError when a method gives no velocity of blocks, sees more frames than a clip has,
+    or a clip is too small.
+
     Parameters
     ----------
     clips
@@ -88,12 +91,6 @@ def frame_errors(
         Of the photons of each clip.
     after_scene
         Called after each clip.
-
-    Raises
-    ------
-    ValueError
-        When a method gives no velocity of blocks, sees more frames than a clip has, or a clip is
-        too small.
     """
     detectors = tuple(block_detector(each) for each in methods)
     parts = []

@@ -320,10 +320,7 @@ def calibrate_recordings(
 ) -> str:
     """Write a device file, its maps and its report; return what was found in a sentence.
 
-    Raises
-    ------
-    UserError
-        When a recording cannot be read, or all of them cannot support a calibration.
+    Raises UserError when a recording cannot be read, or all of them cannot support a calibration.
     """
     if out.suffix not in (".yaml", ".yml"):
         raise UserError(f"--out {out}: give the name of a .yaml file")

@@ -29,10 +29,7 @@ def named_sensor(name: str) -> Sensor:
 def sensor_as_set(sensor: Sensor, settings: Settings) -> Sensor:
     """Return a sensor with the camera's exposure, and its step in proportion to the bias (assumed).
 
-    Raises
-    ------
-    UserError
-        When the sensor cannot be so, or its counters are not read by an ADC.
+    Raises UserError when the sensor cannot be so, or its counters are not read by an ADC.
     """
     counter = sensor.counter
     if not isinstance(counter, AnalogCounter) or not 0 < (counter.adc_bits or 0) <= 16:
@@ -50,10 +47,7 @@ def sensor_as_set(sensor: Sensor, settings: Settings) -> Sensor:
 def sensor_as_identified(sensor: Sensor, identity: Identity) -> Sensor:
     """Return a sensor with the ADC and supply that the camera says it has.
 
-    Raises
-    ------
-    UserError
-        When the camera says what no SPADCAM has, or the sensor cannot have it.
+    Raises UserError when the camera says what no SPADCAM has, or the sensor cannot have it.
     """
     for name, (least, most) in _POSSIBLE.items():
         if not least <= (value := getattr(identity, name)) <= most:

@@ -60,14 +60,9 @@ def capture(
 ) -> RecordingSettings:
     """Record into a new folder until there is enough, or `stop` is set.
 
-    For a port that is not there yet it waits up to `wait_s`, and says so.
-
-    Raises
-    ------
-    UserError
-        When a setting is impossible, the folder exists, or the camera is not there, does not
-        answer, refuses, sends no frames, or has not answered when it is stopped. Frames that came
-        before are kept.
+    For a port that is not there yet it waits up to `wait_s`, and says so. Raises UserError when a
+    setting is impossible, the folder exists, or the camera is not there, does not answer, refuses,
+    sends no frames, or has not answered when it is stopped; frames that came before are kept.
     """
     settings.check()
     if not 0 <= wait_s <= _LONGEST_WAIT_S:
@@ -165,10 +160,7 @@ class _Capture:
     def finish(self) -> int:
         """Take what was read already, of a closed link, make the files whole, and count frames.
 
-        Raises
-        ------
-        UserError
-            When they cannot be written.
+        Raises UserError when they cannot be written.
         """
         if self.recorder is None:
             return 0

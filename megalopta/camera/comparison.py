@@ -174,13 +174,9 @@ def plate_responses(
 ) -> list[SpeedResponse]:
     """Compare responses to a plate at each speed (mm/s), over whole passages of it.
 
-    Passages are found by their edges, so that the plate may rest at its ends.
-
-    Raises
-    ------
-    UserError
-        When a recording is not of 16 × 16 pixels at 10 frames/s, or has fewer than two whole
-        passages without a gap.
+    Passages are found by their edges, so that the plate may rest at its ends. Raises UserError when
+    a recording is not of 16 × 16 pixels at 10 frames/s, or has fewer than two whole passages
+    without a gap.
     """
     found = []
     for speed, frames in sorted(captured.items()):
@@ -251,10 +247,7 @@ def dataset_cycle(dataset: Path, lux: float | None, device: Sensor) -> Cycle:
 def rendered_dataset(scene: str, beside: Path) -> Path:
     """Return the folder of a rendered dataset; a configuration is rendered into `beside`.
 
-    Raises
-    ------
-    UserError
-        When there is neither a dataset nor a configuration of this name.
+    Raises UserError when there is neither a dataset nor a configuration of this name.
     """
     root = Path(scene)
     if not root.is_dir():
@@ -305,10 +298,7 @@ def compare_scene(
 ) -> Compared:
     """Align captured frames with a scene, and simulate these of its frames.
 
-    Raises
-    ------
-    ValueError
-        When there are too few frames or pixels do not fit.
+    Raises ValueError when there are too few frames or pixels do not fit.
     """
     aligned = align(captured, cycle)
     rates = cycle.rates_hz[aligned.frame]

@@ -263,6 +263,8 @@ def compare_captured(
 ) -> str:
     """Write the report; return what differs and by how much in a sentence.
 
+    Raises UserError when device or recordings cannot be read, or do not suit each other.
+
     Parameters
     ----------
     sources : sequence of Source
@@ -273,11 +275,6 @@ def compare_captured(
     out : Path
         HTML page.
     asked : CompareSettings
-
-    Raises
-    ------
-    UserError
-        When device or recordings cannot be read, or do not suit each other.
     """
     try:
         sensor = load_sensor(device)

@@ -164,6 +164,9 @@ _MOST_AHEAD = 64
 class EmulatedCamera:
     """Frames and replies as a function of sensor, stimulus, seed and commands.
 
+    Raises UserError when the sensor has no ADC, or cannot see the stimulus, or seed or serial
+    number cannot be.
+
     Parameters
     ----------
     sensor : Sensor
@@ -174,11 +177,6 @@ class EmulatedCamera:
         often the camera was plugged in.
     serial_number : str
         At most 16 letters of ASCII.
-
-    Raises
-    ------
-    UserError
-        When the sensor has no ADC, or cannot see the stimulus, or seed or serial number cannot be.
     """
 
     settings: Settings

@@ -81,10 +81,7 @@ def usb_ports() -> list[UsbPort]:
 def find_port(serial_number: str | None = None) -> str:
     """Path of the camera's port: of a USB serial number, or the only Teensy.
 
-    Raises
-    ------
-    UserError
-        When there is none (NoPortError), or more than one.
+    Raises UserError when there is none (NoPortError), or more than one.
     """
     teensies = [port for port in usb_ports() if port.vendor == TEENSY_VENDOR]
     fitting = [port for port in teensies if serial_number in (None, port.serial_number)]
@@ -100,10 +97,7 @@ def find_port(serial_number: str | None = None) -> str:
 def open_port(path: str) -> serial.Serial:
     """Open a port for nobody else.
 
-    Raises
-    ------
-    UserError
-        When it does not open; NoPortError when there is none.
+    Raises UserError when it does not open; NoPortError when there is none.
     """
     try:
         # USB ignores the baud rate.
@@ -170,17 +164,14 @@ class LinkLostError(Exception):
 class Link:
     """An open link; a context manager that closes it.
 
+    Raises UserError when the port is not found or does not open.
+
     Parameters
     ----------
     find : callable
         Path of the port, at first and after unplugging. Raises UserError where there is none.
     log : Path
         New file for all bytes that come.
-
-    Raises
-    ------
-    UserError
-        When the port is not found or does not open.
     """
 
     def __init__(self, find: Callable[[], str], log: Path) -> None:
@@ -232,12 +223,7 @@ class Link:
     def next(self, timeout_s: float) -> Event | None:
         """Return the next event; None when nothing happened.
 
-        Raises
-        ------
-        OSError
-            When the log cannot be written.
-        UserError
-            When far more came than frames.
+        Raises OSError when the log cannot be written; UserError when far more came than frames.
         """
         if self.decoded_bytes > self._allowed_bytes:
             raise self.given_up(f"{self.decoded_bytes} bytes came instead of frames")
@@ -263,12 +249,8 @@ class Link:
     def request(self, kind: Kind, payload: bytes) -> Packet:
         """Send a command and return the reply; what comes meanwhile is kept for `next`.
 
-        Raises
-        ------
-        UserError
-            When there is no reply: what is there is no SPADCAM.
-        LinkLostError
-            When the camera was unplugged.
+        Raises UserError when there is no reply: what is there is no SPADCAM; LinkLostError when the
+        camera was unplugged.
         """
         kept = list(self._seen)
         self._seen.clear()

@@ -267,16 +267,12 @@ class _Edge(NamedTuple):
 def cut_passages(counts: NDArray[Any], numbers: NDArray[Any] | None = None) -> NDArray[Any]:
     """Cut the passages of an edge out of frames (T, rows, columns), one after the other.
 
-    Where frames have numbers, (T,), passages of which a frame is missing are left out.
+    Where frames have numbers, (T,), passages of which a frame is missing are left out. Raises
+    ValueError when no edge passes, too few do, or they follow each other too closely.
 
     Returns
     -------
     (passages · 2 · FRAMES, rows, columns)
-
-    Raises
-    ------
-    ValueError
-        When no edge passes, too few do, or they follow each other too closely.
     """
     edges = list(_edges(np.asarray(counts.mean(axis=(1, 2)), np.float64)))
     apart = [after.middle - before.middle for before, after in pairwise(edges)]
@@ -305,10 +301,7 @@ def cut_passages(counts: NDArray[Any], numbers: NDArray[Any] | None = None) -> N
 def cut_rest(counts: NDArray[Any]) -> NDArray[Any]:
     """Cut frames (T, rows, columns) of a plate at rest into as many as a passage to and fro has.
 
-    Raises
-    ------
-    ValueError
-        When they are too few, or an edge passes.
+    Raises ValueError when they are too few, or an edge passes.
     """
     whole = len(counts) // (2 * FRAMES)
     if whole < LEAST:
@@ -350,6 +343,8 @@ def _edges(level: Floats) -> Iterator[_Edge]:
 def fitted_light(counts: NDArray[Any], sensor: Sensor) -> BenchLight:
     """Return the light under which the model of a sensor reads, on average, what a recording has.
 
+    Raises ValueError when counters are so full that they do not tell the light.
+
     Parameters
     ----------
     counts : (passages · 2 · FRAMES, rows, columns)
@@ -357,11 +352,6 @@ def fitted_light(counts: NDArray[Any], sensor: Sensor) -> BenchLight:
         last quarter of its first half all are hidden.
     sensor : Sensor
         Of the same exposure. Its dark counts are taken as they are.
-
-    Raises
-    ------
-    ValueError
-        When counters are so full that they do not tell the light.
     """
     hiding = counts.reshape(-1, 2, FRAMES, *counts.shape[1:])[:, 0]
     quarter = FRAMES // 4

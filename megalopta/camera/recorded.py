@@ -39,10 +39,8 @@ class Source:
     def parse(cls, text: str, kind: FrameKind | None = None) -> "Source":
         """Parse RECORDING, RECORDING@LIGHT or RECORDING#FIRST-END@LIGHT:EXPOSURE_S.
 
-        Raises
-        ------
-        UserError
-            When light or exposure is no number, or negative, or a range of frames is none.
+        Raises UserError when light or exposure is no number, or negative, or a range of frames is
+        none.
         """
         name, _, numbers = text.partition("@")
         path, _, range_ = name.partition("#")
@@ -117,10 +115,7 @@ class Recorded:
 def read_recorded(source: Source) -> Recorded:
     """Read a recording.
 
-    Raises
-    ------
-    UserError
-        When there is none, it is damaged, or its exposure is not known.
+    Raises UserError when there is none, it is damaged, or its exposure is not known.
     """
     try:
         is_captured = any((source.path / each).exists() for each in ("counts.zarr", "raw.bin"))

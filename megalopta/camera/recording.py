@@ -133,12 +133,8 @@ class Recording:
 def open_recording(path: str | Path) -> Recording:
     """Open a recording, one of a capture that was killed included.
 
-    Raises
-    ------
-    FileNotFoundError
-        When there is nothing of this name.
-    ValueError
-        When it is no recording, or damaged.
+    Raises FileNotFoundError when there is nothing of this name; ValueError when it is no recording,
+    or damaged.
     """
     path = Path(path)
     check_folder(path)
@@ -181,12 +177,8 @@ def recover_command(path: Path) -> str:
 def read_settings(folder: Path) -> RecordingSettings:
     """Read recording.yaml.
 
-    Raises
-    ------
-    FileNotFoundError
-        When it is not there.
-    ValueError, UserError
-        When it is damaged, or newer than this program.
+    Raises FileNotFoundError when it is not there; ValueError, UserError when it is damaged, or
+    newer than this program.
     """
     path = folder / SETTINGS
     if not path.exists():

@@ -52,6 +52,9 @@ class Recovered(NamedTuple):
 def recover(recording: Path, out: Path | None = None, sensor: str = "spadcam") -> Recovered:
     """Read the `raw.bin` of a recording back.
 
+    Raises UserError when there is nothing to read back, it is being recorded, or it is whole;
+    nothing is changed then.
+
     Parameters
     ----------
     recording : Path
@@ -61,12 +64,6 @@ def recover(recording: Path, out: Path | None = None, sensor: str = "spadcam") -
         are whole.
     sensor : str
         Preset or YAML file of the nominal one, where the recording has lost it.
-
-    Raises
-    ------
-    UserError
-        When there is nothing to read back, it is being recorded, or it is whole; nothing is changed
-        then.
     """
     folder = recording.parent if recording.name == RAW else recording
     check_folder(folder)

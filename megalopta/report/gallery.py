@@ -290,12 +290,8 @@ def write_views(
 ) -> Path:
     """Render the views into a folder; return their page, views.html, beside views.jpg.
 
-    Raises
-    ------
-    UserError
-        When there is no such panorama.
-    ValueError
-        When the panorama cannot be read as a picture.
+    Raises UserError when there is no such panorama; ValueError when the panorama cannot be read as
+    a picture.
     """
     views = [*(of_photograph(panorama) if panorama else ()), *views]
     settings = [_settings(view, samples_per_pixel * view.work) for view in views]

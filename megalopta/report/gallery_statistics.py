@@ -64,6 +64,8 @@ def write_statistics(
 ) -> list[Path]:
     """Render the views and write image-statistics.png, .svg, .csv and .json into a folder.
 
+    Raises UserError, ValueError when there is no such panorama, or it cannot be read.
+
     Parameters
     ----------
     out
@@ -75,11 +77,6 @@ def write_statistics(
         Names of forests.
     side_px : int, optional
         Of a view of 75°; by default 0.3° per pixel, or two pixels of the coarsest photograph.
-
-    Raises
-    ------
-    UserError, ValueError
-        When there is no such panorama, or it cannot be read.
     """
     side_px = side_px or round(_FOV_DEG / degrees_per_px(panoramas))
     scenes = {each.stem: {"kind": "panorama", "file": str(each)} for each in panoramas}

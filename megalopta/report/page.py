@@ -288,10 +288,7 @@ SECTIONS: tuple[Callable[[Report], Section | None], ...] = (
 def write_report(dataset: Dataset) -> Path:
     """Write DATASET/report.html from the stages that are finished; return its path.
 
-    Raises
-    ------
-    UserError
-        When nothing was rendered yet, or a file cannot be read.
+    Raises UserError when nothing was rendered yet, or a file cannot be read.
     """
     path = dataset.root / "report.html"
     write_text(path, page(dataset))

@@ -93,10 +93,7 @@ _SCENE: TypeAdapter[Any] = TypeAdapter(_Scene)
 def read_records(dataset: Dataset) -> list[FlowRecord]:
     """Errors of every method on every sensor at every light level, in the dataset's order.
 
-    Raises
-    ------
-    UserError
-        When flow.json is damaged or lacks something.
+    Raises UserError when flow.json is damaged or lacks something.
     """
     path, remedy = dataset.result("flow.json"), f"run: megalopta flow {dataset.root} --redo"
     records = {

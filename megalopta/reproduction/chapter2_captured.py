@@ -96,6 +96,9 @@ def reproduce_captured(
 ) -> Iterator[Path]:
     """Draw figures 2.14 to 2.19 from recordings beside those simulated; yield their files' paths.
 
+    Raises UserError when device or recordings cannot be read, or show no passages; nothing is
+    written then.
+
     Parameters
     ----------
     sources : sequence of Source
@@ -109,11 +112,6 @@ def reproduce_captured(
     own_light : bool
         Whether to simulate in the light that the recording of the slowest plate shows, instead of
         the dissertation's.
-
-    Raises
-    ------
-    UserError
-        When device or recordings cannot be read, or show no passages; nothing is written then.
     """
     if not any(source.light > 0 for source in sources):
         raise UserError(

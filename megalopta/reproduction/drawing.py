@@ -86,10 +86,7 @@ class FigureRecipe:
 def find(name: str) -> list[FigureRecipe]:
     """Return the recipe of this name, or all of a group; imports no more modules than it needs.
 
-    Raises
-    ------
-    UserError
-        When there is none.
+    Raises UserError when there is none.
     """
     if name in GROUPS:
         return sorted(_recipes(*GROUPS[name]), key=_place)
@@ -155,6 +152,9 @@ def reproduce(
 ) -> list[Path]:
     """Write NAME.png, NAME.svg, NAME.csv and NAME.json of every figure named; return their paths.
 
+    Raises UserError when a name is unknown, none is given or the folder is a file; nothing is
+    written then.
+
     Parameters
     ----------
     figures : sequence of str
@@ -168,11 +168,6 @@ def reproduce(
         `out`: whole ones stay as they are.
     means : Means
         What trials of the flow benchmark are measured with.
-
-    Raises
-    ------
-    UserError
-        When a name is unknown, none is given or the folder is a file; nothing is written then.
     """
     if not figures:
         raise UserError(f"reproduce: name at least one figure of {', '.join(names())}")
