@@ -38,7 +38,7 @@ from megalopta.dataset.store import file_hash
 from megalopta.flow.detectors.gray_detector import DenseDetector
 from megalopta.flow.detectors.registry import Method, method
 from megalopta.flow.formats import read_flow
-from megalopta.flow.metrics.dense_error import GROUPS, DenseError, DenseErrors
+from megalopta.flow.metrics.dense_error import GROUPS, DenseErrors
 
 Answers = Mapping[Frame, tuple[str, Callable[[], NDArray[Any]]]]
 """Where the answer to a frame comes from, and what gives it, (H, W, 2) in px"""
@@ -107,22 +107,19 @@ def score_submission(
     with progress("Scoring flow", len(truths), "frame") as advance:
         found, digest_of_all = _scored(passes, truths, advance)
 
-    def entry(pass_name: str, sequence: str | None, frames: int, errors: DenseErrors) -> Entry:
-        return Entry(
-            program=program or name,
-            pass_name=pass_name,
-            sequence=sequence,
-            truth=truth.resolve().name,
-            truth_hash=digest_of_all,
-            frames=frames,
-            errors=_groups(errors),
-        )
-
+    shared = {
+        "program": program or name,
+        "truth": truth.resolve().name,
+        "truth_hash": digest_of_all,
+    }
     frames, entries = Counter(frame.sequence for frame in truths), []
     for pass_name, by_sequence in found.items():
-        entries += [entry(pass_name, each, frames[each], by_sequence[each]) for each in by_sequence]
-        overall = DenseErrors.joined(by_sequence.values())
-        entries.append(entry(pass_name, None, len(truths), overall))
+        overall = None, DenseErrors.joined(by_sequence.values())
+        every: list[tuple[str | None, DenseErrors]] = [*by_sequence.items(), overall]
+        for sequence, errors in every:
+            count = len(truths) if sequence is None else frames[sequence]
+            own = {"pass_name": pass_name, "sequence": sequence, "frames": count}
+            entries.append(Entry(**shared, **own, errors=_groups(errors)))
     return Scores(entries=tuple(entries))
 
 
@@ -141,14 +138,14 @@ def _answers_of(flow: str | Path | Method, truths: Truths) -> tuple[str, Mapping
         raise UserError(f"{detector.name} gives no flow at every pixel; give a method that does")
     return detector.name, {
         name: {
-            frame: (str(first), partial(_answer, detector, first, second))
+            frame: (str(first), partial(_between, detector, first, second))
             for frame, (first, second) in pictures.items()
         }
         for name, pictures in pictures_of(truths).items()
     }
 
 
-def _answer(detector: DenseDetector, first: Path, second: Path) -> NDArray[Any]:
+def _between(detector: DenseDetector, first: Path, second: Path) -> NDArray[Any]:
     return detector.dense(read_picture(first, "L"), read_picture(second, "L"))
 
 
@@ -194,11 +191,13 @@ def _mask(path: Path, shape: tuple[int, ...]) -> NDArray[np.bool_]:
 
 
 def _groups(errors: DenseErrors) -> Groups:
-    return {name: _fields(errors.of(name)) for name in GROUPS}
-
-
-def _fields(error: DenseError) -> dict[str, int | float | None]:
-    return {name: None if math.isnan(value) else value for name, value in asdict(error).items()}
+    return {
+        group: {
+            name: None if math.isnan(value) else value
+            for name, value in asdict(errors.of(group)).items()
+        }
+        for group in GROUPS
+    }
 
 
 _COLUMNS: Mapping[str, tuple[str, str]] = {
@@ -220,11 +219,17 @@ _COLUMNS: Mapping[str, tuple[str, str]] = {
 
 def read_board(path: Path) -> tuple[Entry, ...]:
     """Read the entries of a leaderboard; none where there is no file. Raises UserError."""
+    entries = []
     try:
-        lines = bounded.read_text(path).splitlines() if path.exists() else []
-        return tuple(_entry(bounded.from_json(line), path) for line in lines)
+        for line in bounded.read_text(path).splitlines() if path.exists() else []:
+            values = bounded.from_json(line)
+            check_format("scores", values, path)
+            if "overall" in values:  # format 1
+                values["errors"] = values.pop("overall")
+            entries.append(Entry.model_validate(values))
     except (OSError, ValueError, AttributeError):
         raise UserError(f"{path} is no leaderboard, or damaged; give another file") from None
+    return tuple(entries)
 
 
 def add_entries(path: Path, entries: Iterable[Entry]) -> tuple[Entry, ...]:
@@ -232,12 +237,16 @@ def add_entries(path: Path, entries: Iterable[Entry]) -> tuple[Entry, ...]:
 
     Raises UserError when the file is something else.
     """
-    new = tuple(entries)
-    replaced = {_key(entry) for entry in new}
+
+    def key(entry: Entry) -> tuple[str, str, str]:
+        return entry.program, entry.pass_name, entry.truth_hash
+
     with locked(path.parent):
-        kept = tuple(each for each in read_board(path) if _key(each) not in replaced)
-        files.write_text(path, "".join(f"{each.model_dump_json()}\n" for each in (*kept, *new)))
-    return (*kept, *new)
+        new = {key(each): each for each in entries}
+        kept = {key(each): each for each in read_board(path) if key(each) not in new}
+        found = (*kept.values(), *new.values())
+        files.write_text(path, "".join(f"{each.model_dump_json()}\n" for each in found))
+    return found
 
 
 def score_table(scores: Scores) -> Table:
@@ -257,20 +266,14 @@ def board_table(entries: Iterable[Entry], truth_hash: str) -> Table:
     """Return the entries for one truth, the lowest EPE first, by pass."""
     table = _table("Leaderboard", ("pass", "program"))
     shown = [entry for entry in entries if entry.truth_hash == truth_hash]
-    for entry in sorted(shown, key=lambda each: (each.pass_name, _epe(each))):
+
+    def order(entry: Entry) -> tuple[str, float]:
+        error_px = entry.errors["all"]["epe_px"]
+        return entry.pass_name, math.inf if error_px is None else error_px
+
+    for entry in sorted(shown, key=order):
         table.add_row(sentence(entry.pass_name), sentence(entry.program), *_cells(entry.errors))
     return table
-
-
-def _entry(values: Any, path: Path) -> Entry:
-    check_format("scores", values, path)
-    if "overall" in values:  # format 1
-        values["errors"] = values.pop("overall")
-    return Entry.model_validate(values)
-
-
-def _key(entry: Entry) -> tuple[str, str, str]:
-    return entry.program, entry.pass_name, entry.truth_hash
 
 
 def _table(title: str, first: Iterable[str]) -> Table:
@@ -285,8 +288,3 @@ def _table(title: str, first: Iterable[str]) -> Table:
 def _cells(groups: Groups) -> list[str]:
     values = (groups[group][name] for group, name in _COLUMNS.values())
     return ["–" if value is None else f"{value:.3g}" for value in values]
-
-
-def _epe(entry: Entry) -> float:
-    found = entry.errors["all"]["epe_px"]
-    return math.inf if found is None else found

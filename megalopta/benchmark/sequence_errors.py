@@ -9,6 +9,7 @@ parallax, the motion that is left when the camera's rotation is taken away.
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache, partial
 from itertools import product
 from typing import NamedTuple, TypeAlias
 
@@ -236,21 +237,14 @@ class RankedSequence:
     ) -> None:
         self.dataset, self.settings, self.methods = dataset, settings, methods
         self.velocities = velocities
-        self._traced: dict[BlockGrid, SequenceTruth] = {}
-        self._truths: dict[tuple[BlockGrid, Pooling], BlockTruths] = {}
+        traced = cache(partial(SequenceTruth, dataset))
+        self.truth = cache(lambda grid, pooling: traced(grid).at(pooling))
+        """The `BlockTruths` of the blocks of a grid between pooled frames"""
 
     def grid(self, name: str, pixels: int) -> BlockGrid:
         """Return the blocks of a method on pooled frames; ValueError where these are too small."""
         camera = self.dataset.configuration.camera
         return self.methods[name].grid(Pooling(pixels, 1).shape((camera.height, camera.width)))
-
-    def truth(self, grid: BlockGrid, pooling: Pooling) -> BlockTruths:
-        """Return the truth of the blocks between pooled frames."""
-        if (grid, pooling) not in self._truths:
-            if grid not in self._traced:
-                self._traced[grid] = SequenceTruth(self.dataset, grid)
-            self._truths[grid, pooling] = self._traced[grid].at(pooling)
-        return self._truths[grid, pooling]
 
     def noisy(self, name: str, pooling: Pooling, flux: float) -> list[Floats]:
         """Return the velocities that a method finds in each draw of the photons."""
@@ -378,12 +372,10 @@ def _errors_of_motion(dataset: Dataset, found: CameraMotion, pair: int) -> Camer
     way = poses[0, :3, :3].T @ (poses[1, :3, 3] - poses[0, :3, 3])
     left = Rotation.from_rotvec(found.rotation_deg, degrees=True).inv() * Rotation.from_matrix(turn)
     length = float(np.linalg.norm(way))
-    heading = np.nan if length < _STILL_M else _angle_deg(found.heading, way / length)
+    heading = math.nan
+    if length >= _STILL_M:
+        heading = float(np.degrees(np.arccos(np.clip(found.heading @ way / length, -1, 1))))
     return float(np.degrees(left.magnitude())), heading
-
-
-def _angle_deg(first: Floats, second: Floats) -> float:
-    return float(np.degrees(np.arccos(np.clip(first @ second, -1, 1))))
 
 
 def _camera_cases(name: str, flux: float, errors: Sequence[CameraErrors]) -> Measured:

@@ -71,9 +71,13 @@ class _MonteCarlo(TypedDict):
     sky: NotRequired[_Region | None]
 
 
+class _Lux(TypedDict):
+    lux: FiniteFloat
+
+
 class _Illuminance(TypedDict):
     unshaded_lux: FiniteFloat
-    ground: list[dict[str, FiniteFloat]]
+    ground: list[_Lux]
 
 
 class _Scene(TypedDict):
