@@ -13,7 +13,6 @@ from functools import partial
 from itertools import chain
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 
 from megalopta.benchmark.trial import Trial
@@ -102,23 +101,9 @@ def _numbers(
         for kind, errors in curves.items()
         for floor, error in zip(FLOORS.tolist(), errors.tolist(), strict=True)
     ]
-    found_at = [
-        (f"n_2b_{metric}", kind, name, np.nan, flux)
-        for (kind, metric, name), flux in fluxes.items()
-    ]
+    found = [(f"n_2b_{each[1]}", each[0], each[2], np.nan, flux) for each, flux in fluxes.items()]
     names = ("quantity", "images", "method", "floor", "value")
-    columns = zip(*floored, *found_at, strict=True)
-    return {name: list(column) for name, column in zip(names, columns, strict=True)}
-
-
-def _draw_denominators(
-    canvas: Canvas,
-    curves: Mapping[str, Floats],
-    fluxes: Mapping[tuple[str, Metric, str], float],
-) -> None:
-    left, right = canvas.subplots(1, 2)
-    _draw_floors(left, curves)
-    _draw_fluxes(right, fluxes)
+    return columns_of(dict(zip(names, row, strict=True)) for row in (*floored, *found))
 
 
 def _errors(trial: Trial, templates: Templates) -> Floats:
@@ -133,16 +118,18 @@ def _errors(trial: Trial, templates: Templates) -> Floats:
     return floored_errors(ideal, noisy)
 
 
-def _draw_floors(axes: Axes, curves: Mapping[str, Floats]) -> None:
+def _draw_denominators(
+    canvas: Canvas,
+    curves: Mapping[str, Floats],
+    fluxes: Mapping[tuple[str, Metric, str], float],
+) -> None:
+    floors, axes = canvas.subplots(1, 2)
     for kind, errors in curves.items():
-        axes.plot(FLOORS, errors, color=_COLORS[kind], label=kind)
-    axes.set_xscale("log")
-    log_decades(axes, "y", "{x:g}")
-    axes.set(xlabel="Floor (mean responses)", ylabel="Error of EMD, Eq. 4.5")
-    axes.legend()
-
-
-def _draw_fluxes(axes: Axes, fluxes: Mapping[tuple[str, Metric, str], float]) -> None:
+        floors.plot(FLOORS, errors, color=_COLORS[kind], label=kind)
+    floors.set_xscale("log")
+    log_decades(floors, "y", "{x:g}")
+    floors.set(xlabel="Floor (mean responses)", ylabel="Error of EMD, Eq. 4.5")
+    floors.legend()
     names = list(PRINTED)
     for (kind, metric, name), flux in fluxes.items():
         color, place = _COLORS[kind], names.index(name) + (-0.12 if kind == "synthetic" else 0.12)

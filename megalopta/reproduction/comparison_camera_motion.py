@@ -7,7 +7,6 @@ from itertools import product
 from typing import Any
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 
 from megalopta.benchmark.flights import (
@@ -18,10 +17,11 @@ from megalopta.benchmark.flights import (
     together,
 )
 from megalopta.benchmark.moving_forests import FLIGHTS, forest_clips, forest_flights
+from megalopta.benchmark.table import Interval
 from megalopta.core.arrays import Floats
 from megalopta.core.progress import progress
 from megalopta.plotting.picture import Cell, Figure, columns_of
-from megalopta.plotting.style import BLACK, GRAY, legend_alone, method_style
+from megalopta.plotting.style import BLACK, GRAY, draw_interval, legend_alone, method_style
 from megalopta.plotting.text import UNDEFINED
 from megalopta.reproduction.drawing import FigureRecipe, Run
 
@@ -103,9 +103,10 @@ def _draw(canvas: Canvas, board: FlightErrors) -> None:
     for way in board.ways:
         yaw = [board.yaw(way, flux) for flux in board.fluxes]
         heading = [found for flux in board.fluxes if (found := board.heading(way, flux))]
-        _draw_line(panels[0], way, board.fluxes, 100 * np.array(yaw, float))
+        middle, ends = _parts(yaw)
+        draw_interval(panels[0], board.fluxes, 100 * middle, 100 * ends, label=way, **_style(way))
         if heading:
-            _draw_line(panels[1], way, board.fluxes, np.array(heading, float))
+            draw_interval(panels[1], board.fluxes, *_parts(heading), label=way, **_style(way))
     levels, titles = (100 * _YAW, _HEADING_DEG), ("Yaw rate (%)", "Heading (°)")
     for axes, level, title in zip(panels, levels, titles, strict=True):
         axes.axhline(level, color=GRAY, linestyle=":")
@@ -114,20 +115,21 @@ def _draw(canvas: Canvas, board: FlightErrors) -> None:
     legend_alone(canvas.add_subplot(grid[1, :]), panels[0], ncols=3, columnspacing=1)
 
 
-def _draw_line(axes: Axes, way: str, fluxes: Sequence[float], found: Floats) -> None:
-    """Draw values and what holds them, (fluxes, 3)."""
-    middle, low, high = found.T
-    bars = (middle - low, high - middle)
-    axes.errorbar(fluxes, middle, yerr=bars, label=way, elinewidth=0.8, **_style(way))
+def _parts(found: Sequence[Interval]) -> tuple[Floats, Floats]:
+    """Return values, and what holds them, (2, fluxes)."""
+    middle, *ends = np.array(found, float).T
+    return middle, np.array(ends)
 
 
 def _style(name: str) -> Mapping[str, Any]:
     """Return the look of a way: that of its method, dashed by what is made of it, or black."""
     method, _, how = name.partition(", ")
-    if not how:
-        return {"color": BLACK, "marker": "o" if name.endswith("8 frames") else "s"}
-    dash = ":" if how == "summed" else "--"
-    return {**method_style(method.partition(" ")[0]), "linestyle": dash}
+    if how:
+        dash = ":" if how == "summed" else "--"
+        look = {**method_style(method.partition(" ")[0]), "linestyle": dash}
+    else:
+        look = {"color": BLACK, "marker": "o" if name.endswith("8 frames") else "s"}
+    return {"elinewidth": 0.8, **look}
 
 
 RECIPES = (FigureRecipe("camera-motion", camera_motion),)

@@ -102,16 +102,15 @@ def _row(entry: BlockPhotons, two_frame_bound: float) -> dict[str, Cell]:
 
 def frames_collected(entries: Sequence[BlockPhotons]) -> str:
     """Say which methods see more than two frames."""
-    many = [each for each in entries if each.frames > 2]
-    if not many:
-        return "All methods see two frames."
-    names = ", ".join(f"{each.detector.label} {each.frames}{_in_total(each)}" for each in many)
-    return f"Methods see two frames, but {names}."
-
-
-def _in_total(entry: BlockPhotons) -> str:
-    flux = entry.frames * entry.needed.photons
-    return f" ({format_flux(flux)} photons in total)" if math.isfinite(flux) else ""
+    many = []
+    for each in entries:
+        if each.frames > 2:
+            flux = each.frames * each.needed.photons
+            total = f" ({format_flux(flux)} photons in total)" if math.isfinite(flux) else ""
+            many.append(f"{each.detector.label} {each.frames}{total}")
+    return (
+        f"Methods see two frames, but {', '.join(many)}." if many else "All methods see two frames."
+    )
 
 
 def efficiency(_: Run) -> Figure:
@@ -123,6 +122,10 @@ def efficiency(_: Run) -> Figure:
         assert isinstance(detector, BlockDetector)
         few = clean if detector.memory_frames == 1 else clean[:_POOLED_SEQUENCES]
         curves[name] = efficiencies(few, detector, EFFICIENCY_FLUXES, DRAWS)
+
+    seen = ", ".join(
+        f"{METHODS[each].label} {METHODS[each].memory_frames + 1}" for each in MATCHING
+    )
 
     def draw(canvas: Canvas) -> None:
         axes = canvas.subplots()
@@ -142,7 +145,7 @@ def efficiency(_: Run) -> Figure:
             f"Dead leaves of 240 × 240 px drift by {SPEED_PX:.2f} px per frame; the efficiency is "
             f"the bound over the variance, both over x and y, of {DRAWS} draws of the photons, in "
             "the median block. Each method is held against the bound of the frames that it "
-            f"sees ({_frames_of(MATCHING)}) and of the {_BLOCK} of a block alone, though it sees "
+            f"sees ({seen}) and of the {_BLOCK} of a block alone, though it sees "
             f"whole frames: the bound of {_CUT} asks for "
             f"{two.with_margin / two.known:.2f} times the photons. The variance leaves out "
             "bias, so a biased method can exceed 1 and still be wrong."
@@ -153,10 +156,6 @@ def efficiency(_: Run) -> Figure:
             **{f"{name}_efficiency": values for name, values in curves.items()},
         },
     )
-
-
-def _frames_of(names: Sequence[str]) -> str:
-    return ", ".join(f"{METHODS[name].label} {METHODS[name].memory_frames + 1}" for name in names)
 
 
 def _draw_board(
@@ -172,11 +171,15 @@ def _draw_board(
         for frames, found, dash in ((2, two, "--"), (8, eight, ":")):
             label = f"bound, texture {texture}, {frames} frames"
             axes.axvline(getattr(found, texture), color=color, linestyle=dash, label=label)
+    names = [
+        each.detector.label + (f",\n{each.frames} frames" if each.frames > 2 else "")
+        for each in entries
+    ]
     lowest = min(two.known, eight.known, FLUXES[0])
     axes.set(xscale="log", xlim=(lowest / 1.6, 40 * FLUXES[-1]))
     axes.set_xticks(10.0 ** np.arange(3, round(math.log10(FLUXES[-1])) + 1))
     axes.minorticks_off()
-    axes.set_yticks(range(len(entries)), [_label(each) for each in entries])
+    axes.set_yticks(range(len(entries)), names)
     axes.set_ylim(len(entries) - 0.4, -2.3)
     axes.grid(visible=False, axis="y")
     axes.set_xlabel("Photons per frame for a median error of 25 %")
@@ -195,11 +198,6 @@ def _draw_entry(axes: Axes, entry: BlockPhotons, place: int) -> None:
         axes.barh(place, end, height=0.62, color="none", edgecolor=color, hatch="///")
     pad = {"color": "white", "pad": 0.5}
     write_at(axes, _beside(entry), (end, place), (5, 0), va="center", fontsize=9.5, bbox=pad)
-
-
-def _label(entry: BlockPhotons) -> str:
-    frames = f",\n{entry.frames} frames" if entry.frames > 2 else ""
-    return f"{entry.detector.label}{frames}"
 
 
 def _beside(entry: BlockPhotons) -> str:

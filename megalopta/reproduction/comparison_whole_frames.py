@@ -10,7 +10,6 @@ from functools import partial
 from itertools import product
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 
 from megalopta.benchmark.clips import FlowClip, leaves_clips, panorama_clips
@@ -48,6 +47,10 @@ _CAPTION = (
     "differs in three disks; forests are panoramas seen by a camera that only turns{}; √ is a "
     "method that sees roots of counts, 4+4 one that sees sums of four frames."
 )
+_FLOWN = (
+    ", or rendered with parallax ({} draws of photons each), where up to {:.1f} % of a pixel "
+    "flickers"
+)
 
 
 def whole_frames(run: Run, methods: Sequence[Method] | None = None) -> Figure:
@@ -64,11 +67,12 @@ def whole_frames(run: Run, methods: Sequence[Method] | None = None) -> Figure:
             for kind, some in clips.items()
         }
     number = ", ".join(str(len(some)) for some in clips.values())
+    flown = _FLOWN.format(_DRAWS[_PARALLAX], 100 * flicker) if flicker else ""
     size = " × ".join(map(str, clips[_LEAVES][0].light.shape[1:]))
     return Figure(
         name="whole-frames",
         title="Median errors of velocity methods on whole frames, over the photons per pixel",
-        caption=_CAPTION.format(size, number, _flown(flicker)),
+        caption=_CAPTION.format(size, number, flown),
         draw=partial(_draw_boards, boards=boards),
         numbers=columns_of(row for kind, board in boards.items() for row in _rows(kind, board)),
         height_in=2 + 3.3 * len(boards),
@@ -90,16 +94,6 @@ def _clips(run: Run) -> tuple[dict[str, list[FlowClip]], float]:
         _PARALLAX: [clip for clip, _ in flown],
     }
     return clips, max(noise for _, noise in flown)
-
-
-def _flown(flicker: float) -> str:
-    """Say what is seen with parallax, if anything is."""
-    if not flicker:
-        return ""
-    return (
-        f", or rendered with parallax ({_DRAWS[_PARALLAX]} draws of photons each), where up to "
-        f"{100 * flicker:.1f} % of a pixel flickers"
-    )
 
 
 def _rows(kind: str, board: Board) -> list[Mapping[str, Cell]]:
@@ -132,17 +126,11 @@ def _best(kind: str, board: Board) -> Iterator[dict[str, Cell]]:
     """Yield which has the least mean of medians at each flux, and whose intervals reach it."""
     for frames, some in _by_frames(board).items():
         for flux in board.fluxes if some else ():
-            best, level = _leaders(board, some, flux)
+            found = {each.name: _median(board, each, flux) for each in some}
+            best, *others = sorted(found, key=lambda name: found[name][0])
+            level = ", ".join(name for name in others if found[name][1] <= found[best][2])
             what: dict[str, Cell] = {"scenes": kind, "frames": frames, "photons_per_px": flux}
-            yield what | {"method": best, "level_with": ", ".join(level)}
-
-
-def _leaders(
-    board: Board, detectors: Sequence[BlockDetector], flux: float
-) -> tuple[str, list[str]]:
-    found = {each.name: _median(board, each, flux) for each in detectors}
-    first, *others = sorted(found, key=lambda name: found[name][0])
-    return first, [name for name in others if found[name][1] <= found[first][2]]
+            yield what | {"method": best, "level_with": level}
 
 
 def _by_frames(board: Board) -> dict[str, list[BlockDetector]]:
@@ -158,19 +146,15 @@ def _draw_boards(canvas: Canvas, boards: Mapping[str, Board]) -> None:
     for row, (kind, board) in zip(panels, boards.items(), strict=False):
         for axes, (frames, some) in zip(row, _by_frames(board).items(), strict=True):
             for each in some:
-                _draw_errors(axes, board, each)
+                found = np.array([_median(board, each, flux) for flux in board.fluxes])
+                look = {"label": each.name, "elinewidth": 0.8, **method_style(each.name)}
+                draw_interval(axes, board.fluxes, found[:, 0], found[:, 1:].T, **look)
             axes.set(title=f"{kind},\n{frames}", xscale="log", yscale="log")
         row[0].set_ylabel("Median endpoint error (px)")
     for axes, above, labeled in zip(panels[-1], panels[0], panels[-2], strict=True):
         labeled.set_xlabel("Photons per pixel and frame")
         labeled.xaxis.set_tick_params(labelbottom=True)
         legend_alone(axes, above, ncols=3, columnspacing=1, markerscale=0.7)
-
-
-def _draw_errors(axes: Axes, board: Board, detector: BlockDetector) -> None:
-    found = np.array([_median(board, detector, flux) for flux in board.fluxes])
-    look = {"label": detector.name, "elinewidth": 0.8, **method_style(detector.name)}
-    draw_interval(axes, board.fluxes, found[:, 0], found[:, 1:].T, **look)
 
 
 RECIPES = (FigureRecipe("whole-frames", whole_frames),)
