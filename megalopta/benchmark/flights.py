@@ -101,16 +101,7 @@ def flight_errors(
 ) -> FlightErrors:
     """Return the errors of all ways to estimate the camera's motion, on the same photons.
 
-    Parameters
-    ----------
-    view, clip
-        A flight and its frames.
-    fluxes
-        Photons per pixel and frame, on average.
-    draws : int
-        Of the photons.
-    after_draw
-        Called after each.
+    Fluxes are photons per pixel and frame, on average over the clip of a flight.
     """
     poses = view.trajectory.poses()
     rates = yaw_rates_deg_s(view.trajectory) / view.trajectory.frame_rate_hz

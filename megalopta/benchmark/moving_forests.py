@@ -130,14 +130,8 @@ def forest_clips(
 ) -> Iterator[tuple[FlowClip, float]]:
     """Yield clips of views by name, and how far a pixel flickers by rendering, σ over the mean.
 
-    Parameters
-    ----------
-    views
-        Of an even number of frames each.
-    cache
-        Folder for what is rendered; by default the user's.
-    after_frame
-        Called after each frame, also of clips that were there.
+    Views have an even number of frames each. What is rendered is kept in the cache folder, by
+    default the user's; `after_frame` is called after each frame, also of clips that were there.
     """
     for name, view in views.items():
         text = f"{RENDER_MODEL} {BAKE_MODEL} {TRUTH_MODEL} {view.model_dump_json()}"

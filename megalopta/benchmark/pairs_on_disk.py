@@ -131,13 +131,9 @@ def evenly_spread(pairs: dict[str, Files], most: int) -> dict[str, Files]:
 
 
 def read_pair(name: str, files: Sequence[Path]) -> FlowClip:
-    """Return a pair as a clip of two frames. Raises UserError when a file is not what it should be.
+    """Return a pair as a clip of two frames, from first picture, second picture and flow.
 
-    Parameters
-    ----------
-    name
-    files
-        First picture, second picture, flow.
+    Raises UserError when a file is not what it should be.
     """
     first, second, truth = files
     try:

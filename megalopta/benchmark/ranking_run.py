@@ -305,23 +305,13 @@ def run_ranking(
     settings: Mapping[str, str] | None = None,
     methods: Sequence[Method] = (),
 ) -> Path:
-    """Rank flow methods on a rendered dataset; return the page.
+    """Rank flow methods on a rendered dataset, of one sequence or many; return the page.
 
-    Velocities are kept in OUT/velocities as they are found, so that a broken run, or one with
-    another method more, goes on from there. Raises UserError when frames are missing, too few or
-    too small, or a setting is wrong.
-
-    Parameters
-    ----------
-    root
-        Folder of a dataset with one sequence or many.
-    out
-        Folder for ranking.html, .csv and .json.
-    settings
-        Values of `RankingSettings` by name, as YAML.
-    methods
-        In the place of those of the settings: names, detectors, or functions of two frames
-        (`megalopta.flow.detector_from` says of what kind).
+    Settings are values of `RankingSettings` by name, as YAML. In place of their methods others may
+    be given: names, detectors, or functions of two frames (`megalopta.flow.detector_from` says of
+    what kind). Velocities are kept in OUT/velocities as they are found, so that a broken run, or
+    one with another method more, goes on from there. Raises UserError when frames are missing, too
+    few or too small, or a setting is wrong.
     """
     out, chosen = Path(out), validated(RankingSettings, {}, "settings", dict(settings or {}))
     datasets = sequences_of(Path(root))

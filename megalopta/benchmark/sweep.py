@@ -137,15 +137,9 @@ def load_sweep(
 ) -> Sweep:
     """Return the sweep of a YAML file with settings of the command line.
 
-    Raises UserError when the file cannot be read, or says what is no sweep.
-
-    Parameters
-    ----------
-    path
-    overrides
-        Path of a field to a value in YAML; may name code.
-    allows_code : bool
-        Whether methods of the file may be `module:function` or ONNX files, which are run.
+    Overrides go from the path of a field to a value in YAML, and may name code; methods of the file
+    may be `module:function` or ONNX files, which are run, only where `allows_code`. Raises
+    UserError when the file cannot be read, or says what is no sweep.
     """
     values = mapping(read_text(path, "sweep; give a YAML file"), str(path))
     return validated(Sweep, values, str(path), overrides, path.parent, allows_code)

@@ -56,17 +56,7 @@ def measure_samples(
 ) -> Samples:
     """Return what methods make of the same photons of one source.
 
-    Parameters
-    ----------
-    draw
-        From photons and the number of a draw to counts (T, H, W).
-    methods
-        By name.
-    fluxes
-        Photons per frame or per pixel, as `draw` takes them.
-    draws : int
-    after_draw
-        Called after each draw at each flux.
+    `draw` goes from photons (per frame or per pixel) and the number of a draw to counts (T, H, W).
     """
     found = defaultdict(list)
     for number, flux in product(range(draws), fluxes):
@@ -191,14 +181,8 @@ def lowest(sums: Mapping[str, Sums]) -> Lowest | None:
 def bootstrap(samples: Floats, statistic: Callable[[Floats], Floats], key: str) -> Interval:
     """Return a statistic of samples, and what holds it in 95 % of bootstraps over the units.
 
-    Parameters
-    ----------
-    samples : (units, draws)
-        Draws of photons of one unit see the same things, and are drawn together.
-    statistic
-        From samples (..., units, draws) to (...,).
-    key : str
-        Names the random numbers.
+    The statistic goes from samples (..., units, draws) to (...,): draws of photons of one unit see
+    the same things, and are drawn together. The key names the random numbers.
     """
     value, count = float(statistic(samples)), len(samples)
     if count == 1:  # which does not tell how much units differ

@@ -52,15 +52,7 @@ class Drawn(NamedTuple):
 class Velocities:
     """Velocities of one sequence, computed once and kept in a folder.
 
-    Parameters
-    ----------
-    dataset
-        One sequence.
-    settings
-    folder
-        Where they are kept.
-    advance
-        Called after each method and draw that was not asked for before.
+    `advance` is called after each method and draw that was not asked for before.
     """
 
     def __init__(

@@ -76,21 +76,8 @@ def frame_errors(
 ) -> Board:
     """Return the errors of methods on the same photons of all clips.
 
-    Raises ValueError when a method gives no velocity of blocks, sees more frames than a clip has,
-    or a clip is too small.
-
-    Parameters
-    ----------
-    clips
-        Of enough frames for all methods.
-    methods
-        By name or themselves.
-    fluxes
-        Photons per pixel and frame, on average over a clip.
-    draws : int
-        Of the photons of each clip.
-    after_scene
-        Called after each clip.
+    Fluxes are photons per pixel and frame, on average over a clip. Raises ValueError when a method
+    gives no velocity of blocks, sees more frames than a clip has, or a clip is too small.
     """
     detectors = tuple(block_detector(each) for each in methods)
     parts = []
@@ -140,13 +127,8 @@ def write_board(path: Path, board: Board) -> None:
 def block_errors(detector: BlockDetector, counts: Frames, clip: FlowClip) -> Floats:
     """Return the endpoint errors of one method in the blocks inside, px per frame, (blocks,).
 
-    Parameters
-    ----------
-    detector
-        Sees the frames in the middle.
-    counts : (T, H, W)
-    clip
-        Where the true flow is known; a block needs it for half of its pixels.
+    It sees the frames in the middle of counts (T, H, W); a block needs true flow for half of its
+    pixels.
     """
     needed = detector.memory_frames + 1
     if len(counts) < needed:

@@ -55,12 +55,12 @@ def write_device(
     preset : str
         Name of that sensor.
     """
-    folder = path.with_suffix("")
+    folder, fall = path.with_suffix(""), device.offset_v
     maps = {
         "dark_counts": _primary(device.dark_counts_hz, device.kernel),
         "step": device.step_v,
         "leak": device.leak_v_s,
-        "offset": _negative(device.offset_v),
+        "offset": Estimate(-fall.value, -fall.high, -fall.low),  # a fall of the output as its rise
     }
     if device.efficiency is not None:
         nominal = nominal_efficiency(device, base, wavelength_nm)
@@ -112,11 +112,6 @@ def _fields(
         fields["afterpulsing"] = _afterpulsing(device.kernel, dead_s, base)
     fields["measured"] = {**maps, "fit": "exact"}
     return fields
-
-
-def _negative(estimate: Estimate) -> Estimate:
-    """Fall of the output as its rise."""
-    return Estimate(-estimate.value, -estimate.high, -estimate.low)
 
 
 def _crosstalk(kernel: Kernel | None) -> Crosstalk | None:

@@ -266,7 +266,9 @@ class _Capture:
             return
         if now_s - self._shown_s >= _SHOW_EVERY_S:
             self._shown_s = now_s
-            self._show(self._state())
+            record, frames = self.recorder.record, self.recorder.frames
+            shown = self.recorder.last() or (None, None)
+            self._show(State(record, frames, self._rate_hz, self._is_plugged, *shown))
         since_s, frames = self._rate_from
         if now_s - since_s >= _RATE_OVER_S:
             self._rate_hz = (self.recorder.frames - frames) / (now_s - since_s)
@@ -274,10 +276,3 @@ class _Capture:
         if now_s - self._written_s >= _WRITE_EVERY_S:
             self._written_s = now_s
             self.recorder.write(self._link.damaged)
-
-    def _state(self) -> State:
-        assert self.recorder is not None
-        recorder = self.recorder
-        counts, saturated = recorder.last() or (None, None)
-        record = recorder.record
-        return State(record, recorder.frames, self._rate_hz, self._is_plugged, counts, saturated)

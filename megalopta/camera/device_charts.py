@@ -177,11 +177,8 @@ def spectrum_chart(captured: CountedFrames, simulated: CountedFrames) -> Markup:
 def distance_chart(found: Comparison) -> Markup:
     """Return energy distances of pixels in order, and those by chance."""
     figure, axes = new_axes(*_SIZE_PT)
-    labels = "captured and simulated", "by chance"
-    for distances, label, color in zip(
-        (found.distances, found.by_chance), labels, (BLUE, VERMILION), strict=True
-    ):
-        _draw_shares(axes, distances.energy, {"label": label, "color": color})
+    _draw_shares(axes, found.distances.energy, {"label": "captured and simulated", "color": BLUE})
+    _draw_shares(axes, found.by_chance.energy, {"label": "by chance", "color": VERMILION})
     axes.set(xlabel="energy distance (counts$^{1/2}$)", ylabel="share of pixels below")
     axes.set_xlim(left=0)
     return _finished(figure, "distance", "Energy distances of histograms, over the pixels")

@@ -261,20 +261,11 @@ class CompareSettings:
 def compare_captured(
     sources: Sequence[Source], device: Path, out: Path, asked: CompareSettings
 ) -> str:
-    """Write the report; return what differs and by how much in a sentence.
+    """Write the report, an HTML page; return what differs and by how much in a sentence.
 
-    Raises UserError when device or recordings cannot be read, or do not suit each other.
-
-    Parameters
-    ----------
-    sources : sequence of Source
-        Of the scene "levels" with their light; of "plate" with its speed (mm/s) in place of it, of
-        a dataset with the light level (lux), 0: that of the rendering.
-    device : Path
-        Device file, as `megalopta spadcam calibrate` writes it.
-    out : Path
-        HTML page.
-    asked : CompareSettings
+    Sources of the scene "levels" come with their light; of "plate" with its speed (mm/s) in place
+    of it; of a dataset with the light level (lux), 0: that of the rendering. Raises UserError when
+    the device file or recordings cannot be read, or do not suit each other.
     """
     try:
         sensor = load_sensor(device)

@@ -164,19 +164,9 @@ _MOST_AHEAD = 64
 class EmulatedCamera:
     """Frames and replies as a function of sensor, stimulus, seed and commands.
 
-    Raises UserError when the sensor has no ADC, or cannot see the stimulus, or seed or serial
-    number cannot be.
-
-    Parameters
-    ----------
-    sensor : Sensor
-        With analog counters and an ADC.
-    stimulus : Stimulus
-    seed : int
-        Of photons and noise; a frame depends on nothing else but its number, the settings, and how
-        often the camera was plugged in.
-    serial_number : str
-        At most 16 letters of ASCII.
+    A frame depends on nothing else but its number, the settings, and how often the camera was
+    plugged in. Raises UserError when the sensor has no analog counters with an ADC, or cannot see
+    the stimulus, or seed or serial number (at most 16 letters of ASCII) cannot be.
     """
 
     settings: Settings
@@ -335,17 +325,9 @@ class Faults:
 class EmulatedPort:
     """A pseudo-terminal with an emulated camera behind it.
 
-    Parameters
-    ----------
-    camera : EmulatedCamera
-    faults : Faults
-    link : Path, optional
-        Where a symbolic link shall lead to the terminal, whose own name may change when the camera
-        is unplugged and plugged in again.
-    plugged_in : callable, optional
-        Told the terminal's path, each time.
-    sent : callable, optional
-        Told the bytes that left the camera.
+    The terminal's name may change when the camera is unplugged and plugged in again; `link` is
+    where a symbolic link shall lead to it. `plugged_in` is told the terminal's path, each time, and
+    `sent` the bytes that left the camera.
     """
 
     def __init__(
@@ -409,23 +391,27 @@ class _Line:
         """Send frames when they are due, and answer, until stopped or unplugged."""
         life_s = self._faults.unplug_every_s or float("inf")
         while not stop.is_set() and self._elapsed_s() < life_s:
-            self._expose()
-            to_write = [self._end] if self._waiting and self._may_send() else []
-            can_read, can_write, _ = select.select([self._end], to_write, [], self._pause_s())
-            if can_read:
-                self._receive()
+            if self._camera.due_us <= self._now_us():
+                self._post(self._camera.next_frame())
+            may_send = bool(self._waiting) and self._may_send()
+            due_s = max((self._camera.due_us - self._now_us()) * 1e-6, 0.0)
+            # until the next frame, or until bytes held back may go
+            pause_s = min(due_s, 2e-3 if self._waiting and not may_send else _LONGEST_WAIT_S)
+            to_write = [self._end] if may_send else []
+            can_read, can_write, _ = select.select([self._end], to_write, [], pause_s)
+            for command in self._parser.feed(os.read(self._end, 4096)) if can_read else ():
+                if command.kind >= Kind.IDENTIFY:
+                    self._post(self._camera.answer(command, self._now_us()))
             if can_write:
-                self._send()
+                count = os.write(self._end, self._waiting)
+                self._sent(bytes(self._waiting[:count]))
+                del self._waiting[:count]
 
     def _elapsed_s(self) -> float:
         return time.monotonic() - self._start_s
 
     def _now_us(self) -> int:
         return int(self._elapsed_s() * (1e6 + self._faults.drift_ppm))
-
-    def _expose(self) -> None:
-        if self._camera.due_us <= self._now_us():
-            self._post(self._camera.next_frame())
 
     def _post(self, packet: Packet) -> None:
         """Put a packet among those to be sent, if there is room."""
@@ -441,22 +427,6 @@ class _Line:
         if faults.stall_every_s and now_s % faults.stall_every_s > sending_s:
             return False
         return not faults.burst_s or now_s % faults.burst_s < 0.2 * faults.burst_s
-
-    def _pause_s(self) -> float:
-        """Until the next frame, or until bytes held back may go."""
-        due_s = (self._camera.due_us - self._now_us()) * 1e-6
-        held = bool(self._waiting) and not self._may_send()
-        return min(max(due_s, 0.0), 2e-3 if held else _LONGEST_WAIT_S)
-
-    def _receive(self) -> None:
-        for command in self._parser.feed(os.read(self._end, 4096)):
-            if command.kind >= Kind.IDENTIFY:
-                self._post(self._camera.answer(command, self._now_us()))
-
-    def _send(self) -> None:
-        count = os.write(self._end, self._waiting)
-        self._sent(bytes(self._waiting[:count]))
-        del self._waiting[:count]
 
 
 def _point(link: Path, path: str) -> None:

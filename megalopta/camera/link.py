@@ -122,6 +122,7 @@ def port_lines() -> Iterator[str]:
 
 _RETRY_S = 0.1
 _REPLY_S = 0.7
+_REPLIES = Kind.IDENTITY, Kind.SETTINGS
 _ASKED = 3
 """Times; all commands may be repeated."""
 _MOST_WAITING = 8192
@@ -164,14 +165,8 @@ class LinkLostError(Exception):
 class Link:
     """An open link; a context manager that closes it.
 
-    Raises UserError when the port is not found or does not open.
-
-    Parameters
-    ----------
-    find : callable
-        Path of the port, at first and after unplugging. Raises UserError where there is none.
-    log : Path
-        New file for all bytes that come.
+    `find` gives the path of the port, at first and after unplugging; the log is a new file for all
+    bytes that come. Raises UserError when the port is not found or does not open.
     """
 
     def __init__(self, find: Callable[[], str], log: Path) -> None:
@@ -228,7 +223,8 @@ class Link:
         if self.decoded_bytes > self._allowed_bytes:
             raise self.given_up(f"{self.decoded_bytes} bytes came instead of frames")
         if not self._seen:
-            self._wait(timeout_s)
+            with suppress(queue.Empty):
+                self._decode(self._pieces.get(timeout=timeout_s))
         return self.read_already()
 
     def read_already(self) -> Event | None:
@@ -263,8 +259,10 @@ class Link:
                     event = self.next(left_s)
                     if event is None:
                         continue
-                    if isinstance(event, Arrived) and self._is_reply(event.packet):
-                        return event.packet
+                    if isinstance(event, Arrived):
+                        packet = event.packet
+                        if packet.kind in _REPLIES and packet.sequence == self._commands:
+                            return packet
                     kept.append(event)
                     if isinstance(event, Unplugged):
                         raise LinkLostError
@@ -275,10 +273,6 @@ class Link:
     def identity(self) -> Identity:
         """Ask who the camera is; errors as `request`."""
         return Identity.of(self.request(*identify()).payload)
-
-    def _is_reply(self, packet: Packet) -> bool:
-        is_reply = packet.kind in (Kind.IDENTITY, Kind.SETTINGS)
-        return is_reply and packet.sequence == self._commands
 
     def _silence(self, seen: list[Event]) -> str:
         remedy = "choose another port (see megalopta spadcam list) or flash the camera's firmware"
@@ -296,10 +290,6 @@ class Link:
             self._port.write(line)
         except (OSError, TypeError):  # of a port that the reader closes, which noticed first
             time.sleep(_RETRY_S)
-
-    def _wait(self, timeout_s: float) -> None:
-        with suppress(queue.Empty):
-            self._decode(self._pieces.get(timeout=timeout_s))
 
     def _decode(self, piece: _Piece) -> None:
         if isinstance(piece, Plugged | Unplugged):

@@ -343,15 +343,10 @@ def _edges(level: Floats) -> Iterator[_Edge]:
 def fitted_light(counts: NDArray[Any], sensor: Sensor) -> BenchLight:
     """Return the light under which the model of a sensor reads, on average, what a recording has.
 
-    Raises ValueError when counters are so full that they do not tell the light.
-
-    Parameters
-    ----------
-    counts : (passages · 2 · FRAMES, rows, columns)
-        As `cut_passages` cuts them: in the first quarter of a passage all pixels are open, in the
-        last quarter of its first half all are hidden.
-    sensor : Sensor
-        Of the same exposure. Its dark counts are taken as they are.
+    Counts (passages · 2 · FRAMES, rows, columns) are as `cut_passages` cuts them: in the first
+    quarter of a passage all pixels are open, in the last quarter of its first half all are hidden.
+    The sensor, of the same exposure, has the dark counts that it has. Raises ValueError when
+    counters are so full that they do not tell the light.
     """
     hiding = counts.reshape(-1, 2, FRAMES, *counts.shape[1:])[:, 0]
     quarter = FRAMES // 4

@@ -128,19 +128,10 @@ _AT_ONCE = _CODES = 65536
 
 
 class Recorder:
-    """Writes a recording; `write` makes what was taken readable.
+    """Writes a recording into its folder; `write` makes what was taken readable.
 
-    Parameters
-    ----------
-    folder : Path
-        Of the recording; exists.
-    sensor : Sensor
-        The nominal one, with the camera's exposure and step.
-    kind : str
-    identity : Identity
-    settings : Settings
-    start_s : float
-        Host's monotonic clock at the start of the recording, s.
+    The sensor is the nominal one, with the camera's exposure and step; `start_s` is the host's
+    monotonic clock at the start of the recording, s.
     """
 
     def __init__(

@@ -50,20 +50,12 @@ class Recovered(NamedTuple):
 
 
 def recover(recording: Path, out: Path | None = None, sensor: str = "spadcam") -> Recovered:
-    """Read the `raw.bin` of a recording back.
+    """Read the `raw.bin` of a recording back, which is given by its folder or by that file.
 
-    Raises UserError when there is nothing to read back, it is being recorded, or it is whole;
-    nothing is changed then.
-
-    Parameters
-    ----------
-    recording : Path
-        Its folder, or the file in it.
-    out : Path, optional
-        New folder; by default the recording's own, whose counts are replaced once the new ones
-        are whole.
-    sensor : str
-        Preset or YAML file of the nominal one, where the recording has lost it.
+    It is read into a new folder, by default into the recording's own, whose counts are replaced
+    once the new ones are whole. The sensor is a preset or YAML file of the nominal one, where the
+    recording has lost it. Raises UserError when there is nothing to read back, it is being
+    recorded, or it is whole; nothing is changed then.
     """
     folder = recording.parent if recording.name == RAW else recording
     check_folder(folder)

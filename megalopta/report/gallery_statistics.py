@@ -64,19 +64,10 @@ def write_statistics(
 ) -> list[Path]:
     """Render the views and write image-statistics.png, .svg, .csv and .json into a folder.
 
-    Raises UserError, ValueError when there is no such panorama, or it cannot be read.
-
-    Parameters
-    ----------
-    out
-    panoramas
-        Photographs all around: HDR, EXR or PNG files, 2:1.
-    samples_per_pixel : int
-        Light paths of each of eight renderings of a view.
-    presets
-        Names of forests.
-    side_px : int, optional
-        Of a view of 75°; by default 0.3° per pixel, or two pixels of the coarsest photograph.
+    Panoramas are photographs all around: HDR, EXR or PNG files, 2:1. Each of eight renderings of a
+    view of 75° takes so many light paths per pixel; its side is by default that of 0.3° per pixel,
+    or of two pixels of the coarsest photograph. Raises UserError, ValueError when there is no such
+    panorama, or it cannot be read.
     """
     side_px = side_px or round(_FOV_DEG / degrees_per_px(panoramas))
     scenes = {each.stem: {"kind": "panorama", "file": str(each)} for each in panoramas}

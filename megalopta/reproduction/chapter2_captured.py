@@ -96,22 +96,12 @@ def reproduce_captured(
 ) -> Iterator[Path]:
     """Draw figures 2.14 to 2.19 from recordings beside those simulated; yield their files' paths.
 
-    Raises UserError when device or recordings cannot be read, or show no passages; nothing is
-    written then.
-
-    Parameters
-    ----------
-    sources : sequence of Source
-        Recordings of the plate, with its speed (mm/s) in place of the light; several of one speed
-        are taken together.
-    out : Path
-        Made if it does not exist; files of the same name are replaced, each as a whole.
-    device : Path, optional
-        Device file that simulates, and whose steps turn codes into counts; by default the nominal
-        sensor of the recordings, through the nominal step.
-    own_light : bool
-        Whether to simulate in the light that the recording of the slowest plate shows, instead of
-        the dissertation's.
+    Sources are recordings of the plate, with its speed (mm/s) in place of the light; several of one
+    speed are taken together. A device file simulates, and its steps turn codes into counts; by
+    default it is the nominal sensor of the recordings. With `own_light` the light is that which the
+    recording of the slowest plate shows, instead of the dissertation's. Files of the same name are
+    replaced. Raises UserError when device or recordings cannot be read, or show no passages;
+    nothing is written then.
     """
     if not any(source.light > 0 for source in sources):
         raise UserError(

@@ -152,22 +152,11 @@ def reproduce(
 ) -> list[Path]:
     """Write NAME.png, NAME.svg, NAME.csv and NAME.json of every figure named; return their paths.
 
-    Raises UserError when a name is unknown, none is given or the folder is a file; nothing is
-    written then.
-
-    Parameters
-    ----------
-    figures : sequence of str
-        Names of figures or `GROUPS`.
-    out : Path
-        Made if it does not exist; files of the same name are replaced. Results of the flow
-        benchmark are kept in its folder `trials`, and are not measured again. With Table 4.1 comes
-        a page, chapter-4.html.
-    is_quick : bool
-        Whether to draw the figures of Chapter 4 in their quick form, into the folder `quick` of
-        `out`: whole ones stay as they are.
-    means : Means
-        What trials of the flow benchmark are measured with.
+    Names may be those of `GROUPS`. Results of the flow benchmark are kept in the folder `trials` of
+    `out`, and are not measured again. Quick forms of the figures of Chapter 4 are drawn into its
+    folder `quick`: whole ones stay as they are. With Table 4.1 comes a page, chapter-4.html. Raises
+    UserError when a name is unknown, none is given or the folder is a file; nothing is written
+    then.
     """
     if not figures:
         raise UserError(f"reproduce: name at least one figure of {', '.join(names())}")
