@@ -101,7 +101,7 @@ class Ranking(Record, frozen=True):
 def ranking_rows(
     parts: Sequence[Mapping[Case, Sums]], settings: RankingSettings, blocks: Mapping[str, int]
 ) -> Iterator[RankingRow]:
-    """Yield the long table, from the sums over pairs of frames, or the numbers, of each sequence."""
+    """Yield the long table, from sums over pairs of frames, or numbers, of each sequence."""
     means: dict[Case, Sums] = {}
     for case in dict.fromkeys(case for part in parts for case in part):
         there = [part[case] for part in parts if case in part]

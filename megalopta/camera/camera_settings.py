@@ -64,32 +64,21 @@ def sensor_as_identified(sensor: Sensor, identity: Identity) -> Sensor:
 
 @dataclass(frozen=True)
 class CaptureSettings:
-    """Settings of a recording.
-
-    Attributes
-    ----------
-    sensor : Sensor
-        The nominal one, through whose step counts are computed.
-    kind : str
-        "dark", "flat", …; kept with the recording.
-    exposure_s, frame_rate_hz : float
-    step_bias : int
-    row_window : (int, int)
-        First row that is read, and the one after the last.
-    frames : int, optional
-        How many to take; by default until stopped.
-    seconds : float, optional
-        For how long, from the first frame on.
-    """
+    """Settings of a recording."""
 
     sensor: Sensor
+    """The nominal one, through whose step counts are computed."""
     kind: str
+    """Such as "dark" or "flat"; kept with the recording."""
     exposure_s: float
     frame_rate_hz: float
     step_bias: int
     row_window: tuple[int, int]
+    """First row that is read, and the one after the last."""
     frames: int | None = None
+    """How many to take; by default until stopped."""
     seconds: float | None = None
+    """For how long, from the first frame on."""
 
     def check(self) -> None:
         """Make sure that the camera can be so. Raises UserError."""

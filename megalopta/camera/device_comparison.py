@@ -234,28 +234,19 @@ def _map_row(name: str, unit: str, maps: tuple[Floats, Floats], p: Floats) -> It
 
 @dataclass(frozen=True)
 class CompareSettings:
-    """Settings of a comparison.
-
-    Attributes
-    ----------
-    scene : str
-        "levels": darkness and even light; "plate": the moving plate of the motion bench; else the
-        folder of a dataset, or a configuration, which is rendered into a folder beside the page.
-    beam : Beam
-    margin : float
-        Relative difference that does not matter.
-    seed : int
-        Of the simulation.
-    own_light : bool
-        Of the scene "plate": whether to simulate in the light that each recording shows, instead
-        of the dissertation's.
-    """
+    """Settings of a comparison."""
 
     scene: str = "levels"
+    """"levels": darkness and even light; "plate": the moving plate of the motion bench; else the
+    folder of a dataset, or a configuration, which is rendered into a folder beside the page."""
     beam: Beam = field(default_factory=Beam)
     margin: float = MARGIN
+    """Relative difference that does not matter."""
     seed: int = 0
+    """Of the simulation."""
     own_light: bool = False
+    """Of the scene "plate": whether to simulate in the light that each recording shows, instead
+    of the dissertation's."""
 
 
 def compare_captured(

@@ -65,18 +65,12 @@ class Stimulus(ABC):
 
 @dataclass(frozen=True)
 class Flat(Stimulus):
-    """The same light on all pixels: none, one level, or levels that follow one another.
-
-    Attributes
-    ----------
-    photons_hz : tuple of float
-        Photons per second on a pixel of pitch × pitch, at 700 nm; after the last the first again.
-    step_s : float
-        How long each lasts, s.
-    """
+    """The same light on all pixels: none, one level, or levels that follow one another."""
 
     photons_hz: tuple[float, ...] = (0.0,)
+    """Photons per second on a pixel of pitch × pitch, at 700 nm; after the last the first again."""
     step_s: float = math.inf
+    """How long each lasts, s."""
 
     def film(self, sensor: Sensor) -> tuple[float, Floats]:
         """As of a stimulus."""
@@ -272,30 +266,21 @@ _TIMES = (1e-3, _A_DAY_S)
 
 @dataclass(frozen=True)
 class Faults:
-    """Faults of the line.
-
-    Attributes
-    ----------
-    noise, lost : float
-        Probability of each byte to have a bit flipped, or not to arrive.
-    burst_s : float
-        Bytes are held back and come at once, this often, s.
-    drift_ppm : float
-        How much too fast the camera's clock goes, 1e-6.
-    stall_every_s, stall_s : float
-        How often the camera stops sending, and for how long, s.
-    unplug_every_s, unplug_s : float
-        How long it is plugged in, and for how long it then is not, s.
-    """
+    """Faults of the line."""
 
     noise: float = 0.0
     lost: float = 0.0
+    """Probability of each byte to have a bit flipped, or not to arrive."""
     burst_s: float = 0.0
+    """Bytes are held back and come at once, this often, s."""
     drift_ppm: float = 0.0
+    """How much too fast the camera's clock goes, 1e-6."""
     stall_every_s: float = 0.0
     stall_s: float = 0.0
+    """How often the camera stops sending, and for how long, s."""
     unplug_every_s: float = 0.0
     unplug_s: float = 0.5
+    """How long it is plugged in, and for how long it then is not, s."""
 
     def check(self) -> None:
         """Make sure that a line can be so. Raises UserError."""

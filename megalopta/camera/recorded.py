@@ -81,25 +81,17 @@ class Beam:
 
 @dataclass(frozen=True, eq=False)
 class Recorded:
-    """Frames of a recording.
-
-    Attributes
-    ----------
-    counts : (n, rows, columns)
-    codes : (n, rows, columns) or None
-        Of the ADC, where they are recorded.
-    exposure_s : float
-    sensor : Sensor or None
-        The nominal one.
-    times_s : (n,)
-        When each exposure began; one after the other where it is not recorded.
-    """
+    """Frames of a recording."""
 
     counts: NDArray[Any]
+    """(n, rows, columns)"""
     codes: NDArray[Any] | None
+    """Of the ADC, where they are recorded."""
     exposure_s: float
     sensor: Sensor | None
+    """The nominal one."""
     times_s: Floats
+    """When each exposure began; one after the other where it is not recorded."""
 
     def at(self, frames: tuple[int, int] | None) -> "Recorded":
         """Keep a range of the frames. Raises ValueError when there are fewer."""

@@ -40,21 +40,14 @@ LARGEST_DRIFT = 1e-3
 
 
 class ClockFit(NamedTuple):
-    """Host time = offset_s + rate · device time.
-
-    Attributes
-    ----------
-    offset_s : float
-        Host time at device time 0, s.
-    rate : float
-        Host seconds per device second.
-    error_s : float or None
-        Mean distance of the hull of arrivals from the line, s; None where it is not known.
-    """
+    """Host time = offset_s + rate · device time."""
 
     offset_s: float
+    """Host time at device time 0, s."""
     rate: float
+    """Host seconds per device second."""
     error_s: float | None
+    """Mean distance of the hull of arrivals from the line, s; None where it is not known."""
 
     def host_s(self, device_us: int) -> float:
         """Host time, s."""

@@ -90,30 +90,20 @@ class RecordingSettings(Record, frozen=True):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Recording:
-    """A recording; frames are read when they are sliced.
-
-    Attributes
-    ----------
-    path : Path
-    settings : RecordingSettings
-    sensor : Sensor
-        The nominal one, through which counts were computed.
-    counts, saturated, adc : StoredFrames
-        (T, 16, 16): slice them, `recording.counts[:]`.
-    times_s : (T,) float64
-        When each exposure ended, by the host's clock, s from the start.
-    sequence_number : (T,) uint32
-        The camera's frame counter.
-    """
+    """A recording; frames are read when they are sliced."""
 
     path: Path
     settings: RecordingSettings
     sensor: Sensor
+    """The nominal one, through which counts were computed."""
     counts: StoredFrames
     saturated: StoredFrames
     adc: StoredFrames
+    """(T, 16, 16): slice them, `recording.counts[:]`."""
     times_s: NDArray[np.float64]
+    """(T,) float64: when each exposure ended, by the host's clock, s from the start."""
     sequence_number: NDArray[np.uint32]
+    """(T,) uint32: the camera's frame counter."""
 
     @property
     def kind(self) -> str:

@@ -21,41 +21,28 @@ Cell: TypeAlias = float | str
 
 @dataclass(frozen=True)
 class Figure:
-    """One reproduced figure or table.
-
-    Attributes
-    ----------
-    title : str
-        What is shown, in one line; of the dissertation's with their number: "Figure 3.2: …".
-    caption : str
-        What is drawn and how it was made, in at most three sentences.
-    draw : function
-        Adds axes to an empty matplotlib figure of the house style and draws on them.
-    numbers : mapping
-        Those behind the picture: equally long columns by name and unit, as in "time_s"; NaN where
-        there is none.
-    height_in : float
-        Height of the drawing, without title, table and caption (inches); it is 7 inches wide.
-    printed : mapping
-        Our number and that which the dissertation prints, with units, by what they are: a small
-        table under the drawing.
-    printed_by : (str, str)
-        Heads of that table's columns, where they are others.
-    details : mapping
-        What else belongs to the numbers, ready for JSON: parameters, intervals, error curves.
-    name : str
-        That of its recipe, as on the command line and in file names: "fig-3.2", "table-3.1".
-    """
+    """One reproduced figure or table."""
 
     title: str
+    """What is shown, in one line; of the dissertation's with their number: "Figure 3.2: …"."""
     caption: str
+    """What is drawn and how it was made, in at most three sentences."""
     draw: Callable[[Canvas], None]
+    """Adds axes to an empty matplotlib figure of the house style and draws on them."""
     numbers: Mapping[str, Sequence[Cell] | NDArray[np.floating | np.integer]]
+    """Those behind the picture: equally long columns by name and unit, as in "time_s"; NaN where
+    there is none."""
     height_in: float = 4.0
+    """Height of the drawing, without title, table and caption (inches); it is 7 inches wide."""
     printed: Mapping[str, tuple[str, str]] = field(default_factory=dict)
+    """Our number and that which the dissertation prints, with units, by what they are: a small
+    table under the drawing."""
     printed_by: tuple[str, str] = ("Ours", "Dissertation")
+    """Heads of that table's columns, where they are others."""
     details: Mapping[str, Any] = field(default_factory=dict)
+    """What else belongs to the numbers, ready for JSON: parameters, intervals, error curves."""
     name: str = ""
+    """That of its recipe, as on the command line and in file names: "fig-3.2", "table-3.1"."""
 
     def __post_init__(self) -> None:
         """Refuse columns of unequal length."""

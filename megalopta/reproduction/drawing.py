@@ -127,21 +127,14 @@ _tasks: Sequence[Callable[[], Any]] = ()
 
 @dataclass(frozen=True)
 class Means:
-    """Means to measure trials of the flow benchmark with; they change no number.
-
-    Attributes
-    ----------
-    workers : int, optional
-        Threads that measure; by default one for each core.
-    cache : Path, optional
-        Folder of rendered panoramas; by default the user's.
-    scheduler : str, optional
-        Address of a Dask cluster that measures instead of threads.
-    """
+    """Means to measure trials of the flow benchmark with; they change no number."""
 
     workers: int | None = None
+    """Threads that measure; by default one for each core."""
     cache: Path | None = None
+    """Folder of rendered panoramas; by default the user's."""
     scheduler: str | None = None
+    """Address of a Dask cluster that measures instead of threads."""
 
 
 _THREADS = Means()
