@@ -32,7 +32,6 @@ from megalopta.flow.metrics.efficiency import (
 )
 from megalopta.flow.metrics.translation_bound import (
     cramer_rao_covariance,
-    cramer_rao_covariance_along_x,
     fisher_information,
     texture_spectrum,
     unknown_texture_photons,
@@ -125,11 +124,6 @@ def bounds(clean: Floats, frames: int) -> Bounds:
         texture_spectrum(newest), float(newest.mean()), GRID.block_px**2, frames, SPEED_PX, LEVEL
     )
     return Bounds(known, with_margin, unknown)
-
-
-def bound_along_x(information: Floats) -> float:
-    """Return the bound of two frames, J (..., 2, 2), were it known that nothing moves in y."""
-    return bound_photons(cramer_rao_covariance_along_x(information), SPEED_PX, LEVEL)
 
 
 def ranked(clean: Floats, methods: Iterable[Method]) -> list[BlockPhotons]:

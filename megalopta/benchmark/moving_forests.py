@@ -11,9 +11,10 @@ that neither rotation nor heading stays near an axis. Trees 2 m away pass at som
 
 import io
 from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +27,7 @@ from megalopta.core.arrays import Floats
 from megalopta.core.folders import cache_folder
 from megalopta.core.freshness import BAKE_MODEL, RENDER_MODEL, TRUTH_MODEL, digest
 from megalopta.core.record import Record
-from megalopta.render import MeasuredPass, RenderSettings, SceneRenderer, frame_seed, render_once
+from megalopta.render import RenderSettings, SceneRenderer, frame_seed, render_once
 from megalopta.scenes import (
     CameraPath,
     Forest,
@@ -36,6 +37,8 @@ from megalopta.scenes import (
     Trajectory,
     build_scene,
 )
+
+Pass = TypeVar("Pass")
 
 _MOST_BYTES = 10**8
 """Of all clips; one takes 5 MB."""
@@ -153,16 +156,11 @@ def _rendered(view: MovingView, after_frame: Callable[[], object]) -> dict[str, 
     renderer = SceneRenderer(scene, view.camera, view.settings, poses)
     light, flicker, middle = [], 0.0, len(poses) // 2 - 1
     for index, pose in enumerate(poses):
-
-        def render_pass(
-            number: int, pose: Floats = pose, index: int = index
-        ) -> NDArray[np.float32]:
-            return renderer.radiance(pose, frame_seed(0, index, number))
-
-        def measure_pass(number: int, pose: Floats = pose, index: int = index) -> MeasuredPass:
-            return renderer.measured(pose, frame_seed(0, index, number))
-
-        image, noise = render_once(render_pass, measure_pass if index == middle else None)
+        seeds = partial(frame_seed, 0, index)
+        image, noise = render_once(
+            partial(_pass, renderer.radiance, pose, seeds),
+            partial(_pass, renderer.measured, pose, seeds) if index == middle else None,
+        )
         if noise and noise.surface:
             flicker = (noise.surface.rms**2 - noise.surface.standing**2) ** 0.5
         light.append(image[..., 0])
@@ -170,6 +168,12 @@ def _rendered(view: MovingView, after_frame: Callable[[], object]) -> dict[str, 
     frames = np.array(light, np.float64)
     flow = renderer.flow(poses, middle, middle + 1).displacement
     return {"light": frames / frames.mean(), "flow": flow, "noise": np.array(flicker)}
+
+
+def _pass(
+    render: Callable[[Floats, int], Pass], pose: Floats, seeds: Callable[[int], int], number: int
+) -> Pass:
+    return render(pose, seeds(number))
 
 
 def _recording() -> str:

@@ -200,7 +200,8 @@ def read_template(path: Path) -> NDArray[np.float64]:
         raise UserError(
             f"{path} is no panorama as it was written; remove it, and it is rendered again"
         ) from None
-    return _with_mean_1(radiance[..., 0].astype(np.float64))
+    light = radiance[..., 0].astype(np.float64)
+    return np.asarray(light / light.mean())
 
 
 def write_template(
@@ -241,7 +242,8 @@ def template_from_file(path: Path) -> NDArray[np.float64]:
         raise UserError(f"{path} has {rows} rows; give a panorama of {ROWS} rows or more")
     if not light.any():
         raise UserError(f"{path} is black; give a picture with light in it")
-    return _with_mean_1(resize(light, (ROWS, round(columns * ROWS / rows)), "area"))
+    resized = resize(light, (ROWS, round(columns * ROWS / rows)), "area")
+    return np.asarray(resized / resized.mean())
 
 
 def _attributes(recipe: NaturalPanorama, noise: "RenderNoise") -> dict[str, str]:
@@ -259,7 +261,3 @@ def _recipe_of(path: Path) -> str | None:
         return read_attributes(path).get(RECIPE)
     except ValueError:
         return None  # what cannot be read is rendered again
-
-
-def _with_mean_1(light: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.asarray(light / light.mean())

@@ -237,7 +237,7 @@ class CompareSettings:
     """Settings of a comparison."""
 
     scene: str = "levels"
-    """"levels": darkness and even light; "plate": the moving plate of the motion bench; else the
+    """Either "levels", darkness and even light; "plate", the plate of the motion bench; or the
     folder of a dataset, or a configuration, which is rendered into a folder beside the page."""
     beam: Beam = field(default_factory=Beam)
     margin: float = MARGIN

@@ -20,11 +20,11 @@ from megalopta.benchmark.isolated_blocks import (
     EFFICIENCY_FLUXES,
     FLUXES,
     GRID,
+    LEVEL,
     MARGIN_PX,
     SPEED_PX,
     BlockPhotons,
     Bounds,
-    bound_along_x,
     bounds,
     efficiencies,
     information,
@@ -33,7 +33,9 @@ from megalopta.benchmark.isolated_blocks import (
 )
 from megalopta.flow.detectors.blocks import BlockDetector
 from megalopta.flow.detectors.registry import METHODS
+from megalopta.flow.metrics.efficiency import bound_photons
 from megalopta.flow.metrics.photon_threshold import format_flux
+from megalopta.flow.metrics.translation_bound import cramer_rao_covariance_along_x
 from megalopta.plotting.picture import Cell, Figure, columns_of
 from megalopta.plotting.style import BLACK, BLUE, GRAY, GREEN, ORANGE, method_style, write_at
 from megalopta.reproduction.drawing import FigureRecipe, Run
@@ -51,6 +53,7 @@ def leaderboard(_: Run) -> Figure:
     clean = sequences()
     entries = ranked(clean, METHODS)
     two, eight = bounds(clean, 2), bounds(clean, 8)
+    along_x = cramer_rao_covariance_along_x(information(clean))
 
     return Figure(
         name="leaderboard",
@@ -74,7 +77,7 @@ def leaderboard(_: Run) -> Figure:
                 "eight_frames": eight.known,
                 "two_frames_unknown_texture": two.unknown,
                 "eight_frames_unknown_texture": eight.unknown,
-                "two_frames_along_x_with_y_known": bound_along_x(information(clean)),
+                "two_frames_along_x_with_y_known": bound_photons(along_x, SPEED_PX, LEVEL),
                 "two_frames_block_and_margin": two.with_margin,
                 "eight_frames_block_and_margin": eight.with_margin,
             }
