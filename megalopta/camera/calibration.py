@@ -18,7 +18,7 @@ from megalopta.camera.device_charts import (
     saturation_chart,
     saturation_residuals,
 )
-from megalopta.camera.recorded import Beam, Source, read_recorded
+from megalopta.camera.recording import Beam, Source, read_recorded
 from megalopta.core import strict_yaml
 from megalopta.core.arrays import Floats
 from megalopta.core.errors import UserError

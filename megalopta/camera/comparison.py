@@ -29,7 +29,7 @@ from megalopta.camera.motion_bench import (
     pooled,
     record,
 )
-from megalopta.camera.recorded import Beam, Recorded
+from megalopta.camera.recording import Beam, Recorded
 from megalopta.config.model import load
 from megalopta.core.arrays import Floats, plain_array
 from megalopta.core.bounded import ARRAY_BYTES, read_bytes

@@ -28,7 +28,7 @@ from megalopta.camera.device_charts import (
     time_chart,
     transfer_chart,
 )
-from megalopta.camera.recorded import Beam, Source, read_recorded
+from megalopta.camera.recording import Beam, Source, read_recorded
 from megalopta.core.arrays import Floats
 from megalopta.core.errors import UserError
 from megalopta.plotting.sections import Section, captioned, write_sections

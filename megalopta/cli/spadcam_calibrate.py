@@ -40,7 +40,7 @@ def add_recordings(command: Command) -> None:
 
 def _run(options: Namespace) -> None:
     from megalopta.camera.calibration import calibrate_recordings
-    from megalopta.camera.recorded import Beam, Source
+    from megalopta.camera.recording import Beam, Source
 
     sources = [Source.parse(text) for text in options.recordings]
     beam = Beam(options.wavelength_nm, options.beam_area_mm2)

@@ -47,9 +47,8 @@ def declare(verbs: Verbs) -> None:
 
 def _run(options: Namespace) -> None:
     from megalopta.camera.camera_settings import CaptureSettings, named_sensor
-    from megalopta.camera.capturing import capture
+    from megalopta.camera.capturing import capture, recorded_line, viewing
     from megalopta.camera.link import find_port
-    from megalopta.camera.view import recorded_line, viewing
 
     settings = CaptureSettings(
         sensor=named_sensor(options.sensor),

@@ -47,7 +47,7 @@ def declare(verbs: Verbs) -> None:
 
 def _run(options: Namespace) -> None:
     from megalopta.camera.device_comparison import CompareSettings, compare_captured
-    from megalopta.camera.recorded import Beam, Source
+    from megalopta.camera.recording import Beam, Source
 
     sources = [Source.parse(text, options.format) for text in options.recordings]
     beam = Beam(options.wavelength_nm, options.beam_area_mm2)

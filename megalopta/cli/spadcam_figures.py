@@ -32,7 +32,7 @@ def declare(verbs: Verbs) -> None:
 
 
 def _run(options: Namespace) -> None:
-    from megalopta.camera.recorded import Source
+    from megalopta.camera.recording import Source
     from megalopta.reproduction.chapter2_captured import reproduce_captured
 
     sources = [Source.parse(text) for text in options.recordings]

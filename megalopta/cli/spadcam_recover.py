@@ -23,7 +23,7 @@ def declare(verbs: Verbs) -> None:
 
 
 def _run(options: Namespace) -> None:
+    from megalopta.camera.capturing import recorded_line
     from megalopta.camera.recovering import recover
-    from megalopta.camera.view import recorded_line
 
     print(recorded_line(*recover(options.raw, options.out, options.sensor)))

@@ -25,7 +25,7 @@ from megalopta.camera.motion_bench import (
     pooled,
     record,
 )
-from megalopta.camera.recorded import Recorded, Source, read_recorded
+from megalopta.camera.recording import Recorded, Source, read_recorded
 from megalopta.core.errors import UserError
 from megalopta.core.folders import ensure_directory
 from megalopta.core.progress import working

@@ -11,7 +11,7 @@ from megalopta.benchmark.flights import HEADING, YAW, FlightErrors, flight_error
 from megalopta.benchmark.moving_forests import forest_flight
 from megalopta.benchmark.table import Case
 from megalopta.flow.egomotion.yaw_rate import yaw_rates_deg_s
-from megalopta.reproduction import comparison_camera_motion as camera_motion
+from megalopta.reproduction import comparison_frames as camera_motion
 from megalopta.reproduction.drawing import Run
 from megalopta.scenes import PerspectiveCamera
 

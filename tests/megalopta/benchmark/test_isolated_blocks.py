@@ -14,7 +14,7 @@ from megalopta.flow.detectors.registry import METHODS
 from megalopta.flow.metrics.photon_threshold import format_flux
 from megalopta.flow.metrics.translation_bound import fisher_information
 from megalopta.plotting.style import house_style, new_canvas
-from megalopta.reproduction import comparison_leaderboard as figures_leaderboard
+from megalopta.reproduction import comparison_blocks as figures_leaderboard
 from megalopta.reproduction.drawing import Run
 
 

@@ -22,7 +22,7 @@ from megalopta.flow.detectors.registry import METHODS
 from megalopta.flow.flo import write_flo
 from megalopta.flow.formats import write_kitti_png
 from megalopta.plotting.style import house_style, new_canvas
-from megalopta.reproduction import comparison_whole_frames as whole_frames
+from megalopta.reproduction import comparison_frames as whole_frames
 from megalopta.reproduction.drawing import Run
 
 METRICS = MEDIAN, MEAN, FAR

@@ -6,7 +6,7 @@ import pytest
 from megalopta.camera.comparison import Cycle, align, rendered_dataset
 from megalopta.camera.device_comparison import CompareSettings, compare_captured
 from megalopta.camera.emulated import Rendered
-from megalopta.camera.recorded import Beam, Source, read_recorded
+from megalopta.camera.recording import Beam, Source, read_recorded
 from megalopta.config.model import load
 from megalopta.config.yaml_model import to_yaml
 from megalopta.core.errors import UserError

@@ -9,7 +9,7 @@ import zarr
 
 from megalopta.camera.calibration import adc_of, calibrate_recordings, write_device
 from megalopta.camera.device_comparison import CompareSettings, compare_captured
-from megalopta.camera.recorded import Beam, Source, read_recorded
+from megalopta.camera.recording import Beam, Source, read_recorded
 from megalopta.core.errors import UserError
 from megalopta.sensor import (
     Exposure,

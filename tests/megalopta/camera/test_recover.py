@@ -7,11 +7,10 @@ import threading
 import numpy as np
 import pytest
 
-from megalopta.camera.capturing import capture
+from megalopta.camera.capturing import capture, recorded_line
 from megalopta.camera.emulated import Faults
 from megalopta.camera.recording import open_recording
 from megalopta.camera.recovering import recover
-from megalopta.camera.view import recorded_line
 from megalopta.core.errors import UserError
 from megalopta.sensor import open_counts
 

@@ -28,7 +28,7 @@ from megalopta.reproduction.chapter4_curves import (
     beside_printed,
     in_form,
 )
-from megalopta.reproduction.chapter4_information import (
+from megalopta.reproduction.chapter4_scenes import (
     Need,
     implied_information,
     information_per_photon,
