@@ -9,27 +9,31 @@ from typing import Any
 
 import numpy as np
 from markupsafe import Markup
+from matplotlib.ticker import NullFormatter
 from numpy.typing import NDArray
 
-from megalopta.camera.device_charts import (
-    falls_chart,
-    map_chart,
-    residual_chart,
-    saturation_chart,
-    saturation_residuals,
-)
 from megalopta.camera.recording import Beam, Source, read_recorded
 from megalopta.core import strict_yaml
 from megalopta.core.arrays import Floats
 from megalopta.core.errors import UserError
 from megalopta.core.files import atomic_write, write_text
 from megalopta.plotting.sections import Section, captioned, write_sections
+from megalopta.plotting.style import BLACK, BLUE, VERMILION, line_style
+from megalopta.plotting.svg import (
+    CHART_PT,
+    in_style,
+    map_chart,
+    new_axes,
+    to_svg,
+    with_legend,
+)
 from megalopta.plotting.text import number
 from megalopta.sensor import AnalogCounter, Sensor, preset
 from megalopta.sensor.calibrate.chain import calibrate_device
 from megalopta.sensor.calibrate.device import Device, Estimate
 from megalopta.sensor.calibrate.level import Adc, Level
 from megalopta.sensor.calibrate.neighbors import OFFSETS, Kernel
+from megalopta.sensor.calibrate.saturation import DeadTimeKind, dead_time_moments
 from megalopta.sensor.effects import crosstalk
 from megalopta.sensor.effects.crosstalk import Crosstalk
 
@@ -350,3 +354,80 @@ def _level(source: Source, beam: Beam, sensor: Sensor) -> Level:
         )
     light = beam.photons_hz(source.light, sensor)
     return Level(recorded.codes, source.exposure_s or recorded.exposure_s, light)
+
+
+_KINDS: tuple[DeadTimeKind, ...] = ("paralyzable", "nonparalyzable")
+
+
+@in_style
+def falls_chart(device: Device) -> Markup:
+    """Return variance over mean fall, of all pixels at all levels, with the line of the step."""
+    figure, axes = new_axes(*CHART_PT)
+    used = device.falls.frames > 0
+    dark = (device.counts.light_hz == 0)[:, None] & used
+    mean, variance = 1e3 * device.falls.mean_v, 1e6 * device.falls.variance_v2
+    for chosen, color, label in ((dark, BLACK, "dark"), (used & ~dark, BLUE, "light")):
+        axes.plot(mean[chosen], variance[chosen], ".", color=color, markersize=2, label=label)
+    ends = np.array([0.0, float(mean[used].max(initial=1.0))])
+    step = 1e3 * float(np.nanmedian(device.step_v.value))
+    axes.plot(ends, step * ends, color=VERMILION, linewidth=1.5, label=f"{step:.3g} mV per event")
+    axes.set(xlabel="mean fall of the output (mV)", ylabel="variance (mV²)")
+    description = "Photon transfer: variance of readings over their mean"
+    return with_legend(figure, "transfer", description, markerscale=3)
+
+
+@in_style
+def saturation_chart(device: Device) -> Markup:
+    """Return counts over light at the median pixel, with the laws and the line without loss."""
+    figure, axes = new_axes(*CHART_PT)
+    assert device.efficiency is not None and device.dead_time_s is not None
+    lit = device.counts.light_hz > 0
+    light, exposure = device.counts.light_hz[lit], device.counts.exposure_s[lit]
+    mean = np.where(device.falls.frames[lit] > 0, device.counts.mean[lit], np.nan)
+    axes.plot(light, np.nanmedian(mean, axis=1) / exposure, "o", color=BLACK, label="measured")
+    eta, tau = (np.nanmedian(each.value) for each in (device.efficiency, device.dead_time_s))
+    grid = np.geomspace(light.min(), 1.5 * light.max(), 100)
+    rate = np.nanmedian(device.dark_counts_hz.value) + eta * grid
+    axes.plot(grid, rate, ":", color=BLACK, linewidth=1, label="without dead time")
+    for place, kind in enumerate(_KINDS):
+        law = dead_time_moments(rate, exposure.max(), np.full(rate.shape, tau), kind)[0]
+        axes.plot(grid, law / exposure.max(), **line_style(place), label=kind)
+    axes.set(xscale="log", yscale="log", xlabel="light (photons/s on a pixel)", ylabel="counts/s")
+    axes.xaxis.set_minor_formatter(NullFormatter())
+    return with_legend(figure, "saturation", "Saturation curve: counts over light")
+
+
+@in_style
+def residual_chart(device: Device) -> Markup:
+    """Return standardized residuals of mean counts at the levels of light."""
+    figure, axes = new_axes(*CHART_PT)
+    axes.hist(
+        saturation_residuals(device).ravel(), bins=60, range=(-6, 6), density=True, color=BLUE
+    )
+    z = np.linspace(-6, 6, 200)
+    axes.plot(z, np.exp(-(z**2) / 2) / np.sqrt(2 * np.pi), color=BLACK, linewidth=1.5)
+    axes.set(xlabel="residual (standard errors)", ylabel="density")
+    return to_svg(figure, "residuals", "Residuals of the saturation curve, beside a normal law")
+
+
+def saturation_residuals(device: Device) -> Floats:
+    """Return mean counts less those of the fit, in standard errors; NaN where nothing is fitted.
+
+    Where the curve does not tell the kind of dead time, of the kind that leaves less.
+    """
+    kinds = [kind for kind in _KINDS if device.dead_time_kind in (None, kind)]
+    left = [_residuals_of(device, kind) for kind in kinds]
+    return min(left, key=lambda each: float(np.nansum(each**2)))
+
+
+def _residuals_of(device: Device, kind: DeadTimeKind) -> Floats:
+    assert device.efficiency is not None and device.dead_time_s is not None
+    lit = (device.counts.light_hz > 0) & (device.counts.exposure_s > 0)
+    eta, tau, dark = (
+        each.value.ravel()
+        for each in (device.efficiency, device.dead_time_s, device.dark_counts_hz)
+    )
+    rate = dark + eta * device.counts.light_hz[lit][:, None]
+    mean, variance = dead_time_moments(rate, device.counts.exposure_s[lit][:, None], tau, kind)
+    frames = np.where(device.counts.frames[lit] > 0, device.counts.frames[lit], np.nan)
+    return np.asarray((device.counts.mean[lit] - mean) / np.sqrt(variance / frames))

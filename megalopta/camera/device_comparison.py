@@ -3,9 +3,12 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from markupsafe import Markup
+from matplotlib.axes import Axes
+from numpy.typing import NDArray
 from scipy.stats import norm
 
 from megalopta.camera.comparison import (
@@ -18,25 +21,25 @@ from megalopta.camera.comparison import (
     plate_responses,
     rendered_dataset,
 )
-from megalopta.camera.device_charts import (
-    color_limits,
-    dark_chart,
-    distance_chart,
-    map_chart,
-    response_chart,
-    spectrum_chart,
-    time_chart,
-    transfer_chart,
-)
 from megalopta.camera.recording import Beam, Source, read_recorded
 from megalopta.core.arrays import Floats
 from megalopta.core.errors import UserError
 from megalopta.plotting.sections import Section, captioned, write_sections
+from megalopta.plotting.style import BLACK, BLUE, VERMILION
+from megalopta.plotting.svg import (
+    CHART_PT,
+    color_limits,
+    in_style,
+    map_chart,
+    new_axes,
+    with_legend,
+)
 from megalopta.plotting.text import number
 from megalopta.sensor import Sensor, load_sensor
 from megalopta.sensor.compare.counted import CountedFrames
 from megalopta.sensor.compare.equivalence import Difference
 from megalopta.sensor.compare.recordings import MARGIN, Comparison
+from megalopta.sensor.compare.spectrum import SEGMENT, mean_spectrum
 
 Levels = Sequence[CountedFrames]
 
@@ -305,3 +308,105 @@ def _with_scene(
     compared = compare_scene(captured, cycle, sensor, asked.margin, asked.seed)
     write_scene_report(out, dataset.name, compared)
     return compared.found.sentence
+
+
+_FRAMES_SHOWN = 200
+_MOST_POINTS = 2000
+"""Pixels in a picture; of a large array, evenly chosen ones."""
+_STYLES = (
+    {"label": "captured", "color": BLUE, "marker": "o"},
+    {"label": "simulated", "color": VERMILION, "marker": "x"},
+)
+
+
+@in_style
+def transfer_chart(captured: Levels, simulated: Levels) -> Markup:
+    """Return variance of pixels over their mean."""
+    figure, axes = new_axes(*CHART_PT)
+    for levels, style in _beside(captured, simulated):
+        for place, level in enumerate(levels):
+            shown = _thinned(level.counts.reshape(len(level.counts), -1).T)
+            own = style | {"label": "" if place else style["label"]}
+            axes.plot(shown.mean(axis=1), shown.var(axis=1), markersize=2.5, linewidth=0, **own)
+    axes.set(xlabel="mean counts", ylabel="variance (counts²)", xscale="symlog", yscale="symlog")
+    return with_legend(figure, "transfer", "Photon transfer: variance over mean", markerscale=2)
+
+
+@in_style
+def dark_chart(captured: CountedFrames, simulated: CountedFrames) -> Markup:
+    """Return dark counts of pixels in order."""
+    figure, axes = new_axes(*CHART_PT)
+    for level, style in _beside(captured, simulated):
+        rates = level.counts.mean(axis=0) / level.exposure_s
+        _draw_shares(axes, np.maximum(rates, 1e-3), style)
+    axes.set(xscale="log", xlabel="dark counts (Hz)", ylabel="share of pixels below")
+    return with_legend(figure, "dark", "Distribution of dark counts over the pixels")
+
+
+@in_style
+def spectrum_chart(captured: CountedFrames, simulated: CountedFrames) -> Markup:
+    """Return the temporal spectrum of the readings, mean over pixels."""
+    figure, axes = new_axes(*CHART_PT)
+    for level, style in _beside(captured, simulated):
+        segments = len(level.counts) // SEGMENT
+        pieces = np.asarray(level.counts[: segments * SEGMENT], np.float64)
+        power = mean_spectrum(pieces.reshape(segments, SEGMENT, -1)).mean(axis=0)[1:]
+        axes.plot(np.arange(1, power.size + 1) / SEGMENT, power, **_line(style))
+    axes.set(xlabel="cycles per frame", ylabel="power (counts²)", ylim=(0, None))
+    return with_legend(figure, "spectrum", "Temporal spectrum of readings, captured and simulated")
+
+
+@in_style
+def distance_chart(found: Comparison) -> Markup:
+    """Return energy distances of pixels in order, and those by chance."""
+    figure, axes = new_axes(*CHART_PT)
+    _draw_shares(axes, found.distances.energy, {"label": "captured and simulated", "color": BLUE})
+    _draw_shares(axes, found.by_chance.energy, {"label": "by chance", "color": VERMILION})
+    axes.set(xlabel="energy distance (counts$^{1/2}$)", ylabel="share of pixels below")
+    axes.set_xlim(left=0)
+    return with_legend(figure, "distance", "Energy distances of histograms, over the pixels")
+
+
+@in_style
+def time_chart(captured: CountedFrames, simulated: CountedFrames) -> Markup:
+    """Return mean counts of frames, one after the other."""
+    figure, axes = new_axes(1.5 * CHART_PT[0], 0.8 * CHART_PT[1])
+    for frames, style in _beside(captured, simulated):
+        axes.plot(frames.counts[:_FRAMES_SHOWN].mean(axis=(1, 2)), **_line(style))
+    axes.set(xlabel="frame", ylabel="mean counts")
+    outside = {"loc": "lower right", "bbox_to_anchor": (1, 1), "ncols": 2}
+    return with_legend(figure, "time", "Mean counts of frames, captured and simulated", **outside)
+
+
+@in_style
+def response_chart(responses: Sequence[SpeedResponse], method: str) -> Markup:
+    """Return a transfer function: peak response over speed, mean and standard deviation."""
+    figure, axes = new_axes(*CHART_PT)
+    own = [each for each in responses if each.name == method]
+    speeds = [each.speed_mm_s for each in own]
+    for values, style in _beside([each.captured for each in own], [each.simulated for each in own]):
+        means, spreads = zip(*((each.mean(), each.std(ddof=1)) for each in values), strict=True)
+        axes.errorbar(speeds, means, spreads, capsize=3, markersize=4, **style)
+    axes.axhline(0, color=BLACK, linewidth=0.5)
+    unit = own[0].difference.unit
+    axes.set(xlabel="speed (mm/s)", ylabel=f"peak response ({unit})", title=method)
+    return with_legend(figure, f"response-{method}", f"Transfer function of {method}")
+
+
+def _beside(captured: Any, simulated: Any) -> Iterator[tuple[Any, dict[str, Any]]]:
+    """Yield both, each with its style."""
+    return zip((captured, simulated), _STYLES, strict=True)
+
+
+def _line(style: dict[str, Any]) -> dict[str, Any]:
+    return style | {"marker": ""}
+
+
+def _draw_shares(axes: Axes, values: Floats, style: dict[str, Any]) -> None:
+    """Draw the share of values up to each of them."""
+    shares = (np.arange(values.size) + 0.5) / values.size
+    axes.plot(_thinned(np.sort(values, axis=None)), _thinned(shares), **_line(style))
+
+
+def _thinned(values: NDArray[Any]) -> NDArray[Any]:
+    return values[:: max(1, len(values) // _MOST_POINTS)]
