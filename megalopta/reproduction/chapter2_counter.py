@@ -187,10 +187,6 @@ _WIDTHS = (2.4, 1.1, 1.2, 1.3, 1, 1, 1.1, 0.9, 1)
 
 def _table(_: Run) -> Figure:
     rows = [_row(name) for name in TABLE_2_1]
-
-    def draw(canvas: Canvas) -> None:
-        draw_table(canvas, _HEAD, [_texts(row) for row in rows], _WIDTHS)
-
     return Figure(
         title="Table 2.1: SPADs of the literature, as presets",
         caption=(
@@ -199,7 +195,7 @@ def _table(_: Run) -> Figure:
             "(<, >) are taken as values, and the efficiency is that of the peak at every "
             "wavelength. Fill factor and dead time are not in the table and stay the user's."
         ),
-        draw=draw,
+        draw=partial(draw_table, head=_HEAD, rows=[_texts(row) for row in rows], widths=_WIDTHS),
         numbers=columns_of(rows),
         height_in=3.0,
     )

@@ -330,20 +330,20 @@ def _table_3_1(_: Run) -> Figure:
         for diode in BUILT
     ]
     poor = float(numbers["ingaas_ours_a"][1]) / float(numbers["ingaas_printed_a"][1])
+    texts = [[_text(cell) for cell in column] for column in numbers.values()]
     offset, hours = 1e3 * TYPICAL_OFFSET_V, _tuned("si").elapsed_s / 3600
     return Figure(
         title="Table 3.1: dark current suppression of the CTIA pixel",
         caption=_TABLE.format(poor, offset, hours, *over, *(each**2 for each in over)),
-        draw=partial(_draw_table, numbers=numbers),
+        draw=partial(
+            draw_table,
+            head=("", "Si, printed", "Si, ours", "InGaAs, printed", "InGaAs, ours"),
+            rows=list(zip(*texts, strict=True)),
+            widths=(1.6, 1, 1, 1.25, 1.1),
+        ),
         numbers=numbers,
         height_in=1.9,
     )
-
-
-def _draw_table(canvas: Canvas, numbers: Mapping[str, Sequence[Cell]]) -> None:
-    head = ("", "Si, printed", "Si, ours", "InGaAs, printed", "InGaAs, ours")
-    texts = [[_text(cell) for cell in column] for column in numbers.values()]
-    draw_table(canvas, head, [*zip(*texts, strict=True)], widths=(1.6, 1, 1, 1.25, 1.1))
 
 
 def bias_error(diode: Photodiode, rise_db: float) -> float:

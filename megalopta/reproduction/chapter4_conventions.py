@@ -143,6 +143,7 @@ def _draw_denominators(
     axes.set_ylabel("$N_{2b}$ (photons per frame)")
 
 
+_HEAD = ("", "Every frame", "Mean frame", "Reference perfect")
 _CONVENTIONS: Mapping[str, Mapping[str, str]] = {
     "every frame": {},
     "mean frame": {"normalization": "per_sequence"},
@@ -164,6 +165,7 @@ def _trials_of_conventions(is_quick: bool) -> list[Trial]:
 
 def _normalizations(run: Run) -> Figure:
     found = {method: _found(method, run) for method in THESIS_METHODS}
+    lines = [_line(*each) for each in found.items()]
     return Figure(
         title="Two conventions of the benchmark, natural scenes",
         caption=(
@@ -173,7 +175,7 @@ def _normalizations(run: Run) -> Figure:
             "The factors, least to most of the forests, are those of bringing the mean frame to "
             "the flux, and of comparing with the light without dark counts."
         ),
-        draw=partial(_draw_normalizations, lines=[_line(*each) for each in found.items()]),
+        draw=partial(draw_table, head=_HEAD, rows=lines, widths=(0.8, 1.2, 1.6, 1.9)),
         numbers=columns_of(row for each in found.items() for row in _rows(*each)),
         height_in=2.6,
     )
@@ -188,11 +190,6 @@ def _found(method: str, run: Run) -> dict[str, list[MeanThreshold]]:
         ]
         for name in _CONVENTIONS
     }
-
-
-def _draw_normalizations(canvas: Canvas, lines: Sequence[Sequence[str]]) -> None:
-    head = ["", "Every frame", "Mean frame", "Reference perfect"]
-    draw_table(canvas, head, lines, [0.8, 1.2, 1.6, 1.9])
 
 
 def _rows(method: str, found: Mapping[str, Sequence[MeanThreshold]]) -> Iterator[dict[str, Cell]]:

@@ -6,8 +6,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from matplotlib.figure import Figure as Canvas
-
 from megalopta.benchmark.runner import Results
 from megalopta.benchmark.sweep import Sweep
 from megalopta.benchmark.trial import GratingTemplate, Trial
@@ -48,6 +46,8 @@ NOTE = (
     "near zero."
 )
 SIZE = 60
+_HEAD = ("", "Thesis", "Ours", "Ratio", "95 % or forests", "Found at", "Σ|Δ|/Σ|R|")
+_WIDTHS = (1.5, 0.9, 0.9, 0.7, 1.6, 1.6, 1.1)
 TABLE = "table-4.1"
 _TITLE = "How many photons motion detectors need"
 _SUMMARY = (
@@ -125,17 +125,11 @@ def _figure(run: Run) -> Figure:
     return Figure(
         title="Table 4.1: fewest photons per frame for two bits, 60 × 60 px",
         caption=NOTE,
-        draw=partial(_draw, rows=rows),
+        draw=partial(draw_table, head=_HEAD, rows=_lines(rows), widths=_WIDTHS),
         numbers=columns_of(rows),
         height_in=5.0,
         printed={name: (text, "—") for name, text in printed.items()},
     )
-
-
-def _draw(canvas: Canvas, rows: Sequence[dict[str, Cell]]) -> None:
-    head = ["", "Thesis", "Ours", "Ratio", "95 % or forests", "Found at", "Σ|Δ|/Σ|R|"]
-    lines = [_line(*pair) for pair in zip(rows[::2], rows[1::2], strict=True)]
-    draw_table(canvas, head, lines, [1.5, 0.9, 0.9, 0.7, 1.6, 1.6, 1.1])
 
 
 def _row(run: Run, kind: str, method: str, metric: Metric) -> dict[str, Cell]:
@@ -153,6 +147,10 @@ def _row(run: Run, kind: str, method: str, metric: Metric) -> dict[str, Cell]:
         "ratio": threshold.flux / thesis,
         "found_at": where,
     }
+
+
+def _lines(rows: Sequence[Mapping[str, Any]]) -> list[list[str]]:
+    return [_line(*pair) for pair in zip(rows[::2], rows[1::2], strict=True)]
 
 
 def _line(literal: Mapping[str, Any], ratio: Mapping[str, Any]) -> list[str]:
@@ -184,7 +182,6 @@ def write_page(out: Path, figures: Sequence[Figure]) -> Path:
     figures = [figure for figure in figures if figure.name in known]
     (table,) = (figure for figure in figures if figure.name == TABLE)
     rows = [dict(zip(table.columns, row, strict=True)) for row in table.rows]
-    lines = (_line(*pair) for pair in zip(rows[::2], rows[1::2], strict=True))
     compared = (
         (f"{each.name}: {what}", *texts) for each in figures for what, texts in each.printed.items()
     )
@@ -193,9 +190,8 @@ def write_page(out: Path, figures: Sequence[Figure]) -> Path:
         for each in figures
         if each.name != TABLE
     )
-    head = ("", "Dissertation", "Ours", "Ratio", "95 % or forests", "Found at", "By Σ|Δ|/Σ|R|")
     sections = [
-        Section("Table 4.1", NOTE, head, tuple(map(tuple, lines))),
+        Section("Table 4.1", NOTE, _HEAD, tuple(map(tuple, _lines(rows)))),
         Section("This run", "", ("", "ours", "printed"), tuple(compared)),
         Section("What cannot be matched, and why", body=listed("words", _DIFFERENT.items())),
         Section("Figures", body=block("", *pictures)),
@@ -231,17 +227,19 @@ def _times(run: Run) -> Figure:
         name: [milliseconds_per_frame(METHODS[name], each) for each in counts]
         for name in PRINTED_MS
     }
-
-    def draw(canvas: Canvas) -> None:
-        head = [text for size in SIZES for text in (f"Thesis, {size}²", "Ours", "Faster")]
-        draw_table(canvas, ["", *head], [_times_line(*each) for each in times.items()], WIDTHS)
+    head = [text for size in SIZES for text in (f"Thesis, {size}²", "Ours", "Faster")]
 
     return Figure(
         title="Computing time per frame (ms), beside that of §4.6.4",
         caption="Ours is the CPU time on this machine of a frame whose predecessors are known, the "
         "median of three runs, from counts of 10 photons per pixel to responses. The dissertation "
         "used MATLAB on an Intel Core i5-5300U at 2.3 GHz.",
-        draw=draw,
+        draw=partial(
+            draw_table,
+            head=["", *head],
+            rows=[_times_line(*each) for each in times.items()],
+            widths=WIDTHS,
+        ),
         numbers={
             "method": list(times),
             **{
