@@ -133,7 +133,7 @@ def _true_blocks(report: Report) -> Markup:
     detector = next((each for each in detectors if isinstance(each, BlockDetector)), None)
     if detector is None:
         return Markup("")
-    truth = report.footage.truths[report.selection.frames.index(report.frame)]
+    truth = report.truths[report.selection.frames.index(report.frame)]
     grid = detector.grid(truth.depth.shape)
     flow = block_flow(truth.flow_forward[np.newaxis], grid, truth.occluded_forward[np.newaxis])[0]
     source = data_uri(Image.fromarray(flow_to_rgb(flow, report.fastest)))

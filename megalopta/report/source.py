@@ -50,11 +50,8 @@ _Read = TypeVar("_Read")
 
 
 class _Region(TypedDict):
-    share: FiniteFloat
     rms: FiniteFloat
-    median: FiniteFloat
     p95: FiniteFloat
-    bands: list[FiniteFloat]
     gradient: FiniteFloat
     standing: FiniteFloat
     standing_gradient: FiniteFloat
@@ -176,19 +173,6 @@ class Selection:
         return images[..., :: self.step, :: self.step]
 
 
-@dataclass(frozen=True, eq=False)
-class ReportFrames:
-    """Radiance (n, H, W, B), preview images and ground truth of the selected frames.
-
-    All are of the frames that sensors see, through the shutter.
-    """
-
-    selection: Selection
-    radiance: NDArray[np.float32]
-    previews: tuple[NDArray[np.uint8], ...]
-    truths: tuple[Truth, ...]
-
-
 def select(configuration: Configuration) -> Selection:
     """Choose what is shown of a sequence."""
     height, width = configuration.camera.height, configuration.camera.width
@@ -202,21 +186,6 @@ def select(configuration: Configuration) -> Selection:
     candidates = configuration.trajectory.frames - 1
     count = min(candidates, max(most, 1))
     return Selection(tuple(index * candidates // count for index in range(count)), step)
-
-
-def read_footage(dataset: Dataset) -> ReportFrames:
-    """Read what is shown. Raises UserError when a file cannot be read."""
-    settings = dataset.configuration
-    selection, bands = select(settings), settings.render.bands_nm
-    radiance = [read_radiance_frame(dataset, index) for index in selection.frames]
-    white = white_of(settings.scene, settings.light)
-    curve = ToneCurve.of(linear_srgb(each, bands, white) for each in radiance)
-    return ReportFrames(
-        selection,
-        np.stack(radiance),
-        tuple(preview(each, bands, white, curve) for each in radiance),
-        tuple(read_truth_frame(dataset, index) for index in selection.frames),
-    )
 
 
 # Pixels between these percentiles are drawn as the spread of the signal-to-noise ratio.
@@ -266,19 +235,12 @@ class ExposureSummary:
     saturated: NDArray[np.bool_]
 
 
-def exposed(dataset: Dataset, footage: ReportFrames, record: Record) -> list[ExposureSummary]:
-    """Return budget and pictures of every sensor at every level; `record` is that of the scene."""
-    noise = record.get("monte_carlo") or {}
-    return [_exposed(dataset, footage, each, noise) for each in exposures(dataset)]
-
-
-def _exposed(
-    dataset: Dataset, footage: ReportFrames, exposure: tuple[ImageSensor, LightLevel], noise: Record
-) -> ExposureSummary:
-    opened, settings, level = open_exposure(dataset, *exposure), dataset.configuration, exposure[1]
-    scale = light_scale(settings, level)
-    light = footage.radiance * scale.astype(np.float32)
-    frames = list(footage.selection.frames)
+def exposed(report: "Report", sensor: ImageSensor, level: LightLevel) -> ExposureSummary:
+    """Return budget and pictures of a sensor at a level."""
+    opened, settings = open_exposure(report.dataset, sensor, level), report.settings
+    scale, noise = light_scale(settings, level), report.scene.get("monte_carlo") or {}
+    light = report.radiance * scale.astype(np.float32)
+    frames = list(report.selection.frames)
     try:
         budget = _budget(settings, light, opened, frames, level)
     except ValueError as problem:  # a measured map is gone
@@ -288,7 +250,7 @@ def _exposed(
         relative = math.sqrt(max(rendering, 0.0) / shot) if shot else math.inf
         budget = replace(budget, rendering_noise=relative)
     counts, saturated = (
-        footage.selection.pixels(opened[name][frames]) for name in ("counts", "saturated")
+        report.selection.pixels(opened[name][frames]) for name in ("counts", "saturated")
     )
     return ExposureSummary(budget, counts, saturated)
 
@@ -334,22 +296,6 @@ _SMALLEST_SPEED = 1e-3
 _RED_END_NM = 700.0
 
 
-@dataclass(frozen=True)
-class PageFilm:
-    """The films of a page, which follow one slider."""
-
-    frames: tuple[int, ...]
-    """Their numbers in the sequence"""
-    start: int
-    """Place of the frame that is shown first"""
-    playback_hz: float
-    frame_rate_hz: float
-    aspect: str
-    radiance: str
-    """Data URI of the tone-mapped radiance, which is on the page once"""
-    note: str
-
-
 class Report:
     """A dataset as the report sees it; everything is read once, when it is first asked for.
 
@@ -379,26 +325,39 @@ class Report:
             self.benchmarks = [read_benchmark(dataset, name) for name in names]
 
     @cached_property
-    def footage(self) -> ReportFrames:
-        """The frames that are shown."""
-        return read_footage(self.dataset)
-
-    @property
     def selection(self) -> Selection:
-        """Their numbers and pixels."""
-        return self.footage.selection
+        """Numbers and pixels of the frames that are shown, as sensors see them."""
+        return select(self.settings)
+
+    @cached_property
+    def radiance(self) -> NDArray[np.float32]:
+        """Their light (n, H, W, B)."""
+        frames = self.selection.frames
+        return np.stack([read_radiance_frame(self.dataset, index) for index in frames])
+
+    @cached_property
+    def previews(self) -> list[NDArray[np.uint8]]:
+        """The same as pictures."""
+        settings, bands = self.settings, self.settings.render.bands_nm
+        white = white_of(settings.scene, settings.light)
+        curve = ToneCurve.of(linear_srgb(each, bands, white) for each in self.radiance)
+        return [preview(each, bands, white, curve) for each in self.radiance]
+
+    @cached_property
+    def truths(self) -> list[Truth]:
+        """What is true of them."""
+        return [read_truth_frame(self.dataset, index) for index in self.selection.frames]
 
     @cached_property
     def exposures(self) -> list[ExposureSummary]:
         """Budget and pictures of every sensor at every level; none where nothing was exposed."""
-        if "sense" not in self.finished:
-            return []
-        return exposed(self.dataset, self.footage, self.scene)
+        found = exposures(self.dataset) if "sense" in self.finished else ()
+        return [exposed(self, *each) for each in found]
 
     @cached_property
     def speed(self) -> NDArray[np.floating]:
         """True speed (px per frame) of all pixels in them where it is defined."""
-        flow = np.stack([truth.flow_forward for truth in self.footage.truths])
+        flow = np.stack([truth.flow_forward for truth in self.truths])
         speed = np.linalg.norm(flow, axis=-1)
         return np.asarray(speed[np.isfinite(speed)])
 
@@ -416,7 +375,7 @@ class Report:
     @property
     def objects_seen(self) -> int:
         """Number of objects in the frames shown."""
-        return len(set(np.unique([truth.object_id for truth in self.footage.truths])) - {0})
+        return len(set(np.unique([truth.object_id for truth in self.truths])) - {0})
 
     @property
     def frame(self) -> int:
@@ -426,22 +385,22 @@ class Report:
         frames = self.selection.frames
         return next((frame for frame in frames if frame >= wanted), frames[-1])
 
-    def film(self) -> PageFilm:
-        """Return how films are shown."""
+    def film(self) -> dict[str, Any]:
+        """Return how the films of the page are shown, which follow one slider."""
         trajectory, camera = self.settings.trajectory, self.settings.camera
         frames, step = self.selection.frames, self.selection.step
         slowest, fastest = _PLAYBACK_HZ
         shown_hz = trajectory.frame_rate_hz * len(frames) / trajectory.frames
-        previews = [rgb_picture(each[::step, ::step]) for each in self.footage.previews]
+        previews = [rgb_picture(each[::step, ::step]) for each in self.previews]
         note = "The rendered light as a well-lit eye would see it."
         if min(self.settings.render.bands_nm)[0] >= _RED_END_NM:
             note = "The rendered light, the mean of its bands in gray: no eye sees it."
-        return PageFilm(
-            frames=frames,
-            start=frames.index(self.frame),
-            playback_hz=min(max(shown_hz, slowest), fastest),
-            frame_rate_hz=trajectory.frame_rate_hz,
-            aspect=f"{camera.width}/{camera.height}",
-            radiance=data_uri(film_strip(previews)),
-            note=note,
-        )
+        return {
+            "frames": frames,
+            "start": frames.index(self.frame),
+            "playback_hz": min(max(shown_hz, slowest), fastest),
+            "frame_rate_hz": trajectory.frame_rate_hz,
+            "aspect": f"{camera.width}/{camera.height}",
+            "radiance": data_uri(film_strip(previews)),
+            "note": note,
+        }

@@ -18,7 +18,7 @@ from megalopta.core.errors import UserError
 from megalopta.dataset.store import Dataset
 from megalopta.report import page as report_page
 from megalopta.report.page import write_report
-from megalopta.report.source import exposed, read_benchmark, read_footage, read_records, select
+from megalopta.report.source import Report, read_benchmark, read_records, select
 from megalopta.sensor import PRESETS
 from megalopta.sensor.spad.order import active_effects
 from megalopta.stages.flow import responses_path
@@ -322,7 +322,7 @@ def test_a_failed_report_leaves_the_old_one(dataset, page, monkeypatch):
 
 def test_an_ideal_sensor_detects_every_photon_with_the_noise_of_counting(dataset):
     """Without dark counts and dead time the signal-to-noise ratio of N counts is √N."""
-    budgets = [each.budget for each in exposed(dataset, read_footage(dataset), {})]
+    budgets = [each.budget for each in Report(dataset).exposures]
     ideal = [budget for budget in budgets if budget.sensor.name == "ideal"]
     for budget in ideal:
         assert budget.dark == 0
