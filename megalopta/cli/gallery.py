@@ -32,8 +32,7 @@ def declare(verbs: Verbs) -> None:
 
 
 def _run(options: Namespace) -> None:
-    from megalopta.report.gallery import write_gallery, write_views
-    from megalopta.report.gallery_statistics import write_statistics
+    from megalopta.report.gallery import write_gallery, write_statistics, write_views
 
     if options.views and options.statistics:
         raise UserError("gallery: --views and --statistics are two things; give one")

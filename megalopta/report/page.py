@@ -35,8 +35,7 @@ from megalopta.plotting.text import (
     percent,
     plural,
 )
-from megalopta.report.detectors import detector_section
-from megalopta.report.error_tables import ACCURATE
+from megalopta.report.detectors import ACCURATE, detector_section
 from megalopta.report.light_section import light_section
 from megalopta.report.motion_section import motion_section
 from megalopta.report.remarks import rendering, rendering_errors

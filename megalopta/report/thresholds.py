@@ -12,7 +12,7 @@ from megalopta.flow.metrics.photon_threshold import Threshold
 from megalopta.plotting.sections import Section, block, card, heading, paragraph
 from megalopta.plotting.text import UNDEFINED, enumerate_words, short
 from megalopta.report.charts import MethodThresholds, error_chart, threshold_chart
-from megalopta.report.error_tables import ACCURATE, crossed
+from megalopta.report.detectors import ACCURATE, crossed
 from megalopta.report.remarks import absent, key, rendering
 from megalopta.report.source import Budget, Report
 
