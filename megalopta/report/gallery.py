@@ -82,7 +82,7 @@ _WIDTH = 188
 
 
 @dataclass(frozen=True)
-class Cell:
+class LitScene:
     """One scene in one light."""
 
     scene: str
@@ -124,7 +124,7 @@ def cells_of(
     parts: Mapping[str, Any],
     samples_per_pixel: int,
     advance: Advance = lambda work=1: None,
-) -> Iterator[Cell]:
+) -> Iterator[LitScene]:
     """Render one scene in all lights; its parts are those of a configuration."""
     values = {
         "camera": _SMALL_CAMERA,
@@ -167,10 +167,10 @@ def _radiance(lit: Configuration, scene: Scene) -> tuple[NDArray[np.float32], st
     return renderer.radiance(poses[0], frame_seed(lit.seed, 0)), canopy
 
 
-def _cell(name: str, level: str, lit: Configuration, radiance: NDArray[np.float32]) -> Cell:
+def _cell(name: str, level: str, lit: Configuration, radiance: NDArray[np.float32]) -> LitScene:
     bands = lit.render.bands_nm
     view = preview(radiance, bands, white_of(lit.scene, _under(lit, level).light))
-    return Cell(name, level, view, _counts(lit, radiance, f"{name}/{level}"))
+    return LitScene(name, level, view, _counts(lit, radiance, f"{name}/{level}"))
 
 
 def _counts(
@@ -182,7 +182,7 @@ def _counts(
     return np.asarray(exposure.counts[0])
 
 
-def _write_page(path: Path, scenes: Sequence[Sequence[Cell]]) -> None:
+def _write_page(path: Path, scenes: Sequence[Sequence[LitScene]]) -> None:
     """Write all cells as one page, a section for each scene."""
     sections = []
     for own in scenes:
@@ -198,14 +198,14 @@ def _write_page(path: Path, scenes: Sequence[Sequence[Cell]]) -> None:
     write_sections(path, "Scenes and lights", summary, sections)
 
 
-def _both(cell: Cell) -> Markup:
+def _both(cell: LitScene) -> Markup:
     where = f"{cell.scene} in {cell.light}"
     view = image(data_uri(Image.fromarray(cell.view)), f"{where}, exposed for it")
     counts = image(data_uri(gray_counts(cell.counts)), f"photon counts of {where}")
     return view + Markup('<span class="pixels">{}</span>').format(counts)
 
 
-def _rows(cells: Sequence[Cell]) -> Iterator[list[tuple[str, Image.Image]]]:
+def _rows(cells: Sequence[LitScene]) -> Iterator[list[tuple[str, Image.Image]]]:
     """Yield two rows of the sheet for a scene: of its views, and of their counts."""
     height, width = cells[0].view.shape[:2]
     size = (_WIDTH, round(_WIDTH * height / width))
@@ -445,8 +445,8 @@ def _views(settings: Configuration, advance: Callable[[int], None]) -> Iterator[
     renderer = SceneRenderer(build(settings), settings.camera, settings.render)
     for index, pose in enumerate(settings.trajectory.poses()):
         passes = []
-        for number in range(PASSES):
-            light = renderer.radiance(pose, frame_seed(settings.seed, index, number))[..., 0]
+        for repeat in range(PASSES):
+            light = renderer.radiance(pose, frame_seed(settings.seed, index, repeat))[..., 0]
             passes.append(light.astype(float))
             advance(1)
         yield passes
