@@ -143,10 +143,8 @@ def _pixels(template: Template, natural: dict[str, Floats]) -> Floats:
                 f" {', '.join(NATURAL_PANORAMAS)}, or give the path of a panorama"
             )
         light = template_from_file(path)
-    return light if template.coding == "linear" else _photographed(light)
-
-
-def _photographed(light: Floats) -> Floats:
+    if template.coding == "linear":
+        return light
     gray = encode_srgb(light / np.percentile(light, 99)).astype(np.float64)
     return np.asarray(gray / gray.mean())
 

@@ -67,7 +67,9 @@ def write_device(
         "offset": Estimate(-fall.value, -fall.high, -fall.low),  # a fall of the output as its rise
     }
     if device.efficiency is not None:
-        nominal = nominal_efficiency(device, base, wavelength_nm)
+        nominal = float(np.nanmean(device.efficiency.value))  # of light of no known wavelength
+        if wavelength_nm is not None:
+            nominal = float(base.photon_detection_efficiency(np.array(wavelength_nm)))
         maps["efficiency"] = _primary(device.efficiency, device.kernel).scaled(1 / nominal)
     named = {}
     for name, estimate in maps.items():
@@ -81,14 +83,6 @@ def write_device(
     _save(folder / "hot.npy", device.hot)
     text = strict_yaml.dump(_fields(path, device, base, preset, named))
     write_text(path, f"# Written by megalopta spadcam calibrate.\n{text}")
-
-
-def nominal_efficiency(device: Device, base: Sensor, wavelength_nm: float | None) -> float:
-    """Efficiency that a map is relative to: the base's on a pixel, or the mean of the pixels."""
-    if wavelength_nm is None:
-        assert device.efficiency is not None
-        return float(np.nanmean(device.efficiency.value))
-    return float(base.photon_detection_efficiency(np.array(wavelength_nm)))
 
 
 def _fields(

@@ -33,7 +33,6 @@ from megalopta.plotting.text import (
     level_title,
     number,
     percent,
-    plural,
 )
 from megalopta.report.detectors import ACCURATE, detector_section
 from megalopta.report.light_section import light_section
@@ -67,13 +66,14 @@ def title(configuration: Configuration) -> str:
 
 def lead(configuration: Configuration, record: Record) -> str:
     """Return what the camera saw and what was done with it; `record` is that of the scene."""
+    levels = configuration.light_levels
     sensors = ", ".join(sensor.name for sensor in configuration.sensors)
     canopy = f"{record['canopy']} " if record.get("canopy") else ""
     return (
         f"{configuration.scene.describe()} {canopy}The {configuration.camera} "
         f"{configuration.trajectory}. Every frame is rendered as spectral radiance, together with "
         f"its exact motion. The light becomes readings of {sensors} at "
-        f"{plural(len(configuration.light_levels), 'light level')}, and motion detectors try to "
+        f"{len(levels)} light level{'s'[: len(levels) != 1]}, and motion detectors try to "
         "read the motion back."
     )
 
@@ -234,11 +234,6 @@ def ranking_section(report: Report) -> Section | None:
     )
 
 
-def glossary_section(report: Report) -> Section:
-    """Return what each word of the report means."""
-    return Section("Glossary", body=listed("words", _GLOSSARY.items()), name="words")
-
-
 def making_section(report: Report) -> Section:
     """Return times, versions, settings and files."""
     samples = f"Light paths per pixel: {report.settings.render.samples_per_pixel}; four times as "
@@ -278,7 +273,7 @@ SECTIONS: tuple[Callable[[Report], Section | None], ...] = (
     detector_section,
     threshold_section,
     ranking_section,
-    glossary_section,
+    lambda _: Section("Glossary", body=listed("words", _GLOSSARY.items()), name="words"),
     making_section,
 )
 """What the page and its navigation show, in this order; None is passed over."""

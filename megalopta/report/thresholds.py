@@ -10,7 +10,7 @@ from megalopta.flow.benchmark.sequence import BenchmarkResult
 from megalopta.flow.metrics.curve import ErrorCurve
 from megalopta.flow.metrics.photon_threshold import Threshold
 from megalopta.plotting.sections import Section, block, card, heading, paragraph
-from megalopta.plotting.text import UNDEFINED, enumerate_words, short
+from megalopta.plotting.text import UNDEFINED, short
 from megalopta.report.charts import MethodThresholds, error_chart, threshold_chart
 from megalopta.report.detectors import ACCURATE, crossed
 from megalopta.report.remarks import absent, key, rendering
@@ -91,7 +91,7 @@ def _dark_counts(
         f"{short(per_original_pixel * pixels / math.prod(shape))} at {_size(shape)} px"
         for shape in shapes
     ]
-    return enumerate_words(words)
+    return ", ".join(words)
 
 
 def _needs(report: Report, benchmark: BenchmarkResult) -> Iterator[Markup]:

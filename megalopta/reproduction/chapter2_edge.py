@@ -104,7 +104,10 @@ def responses_figure(number: str, method: str, rows: Rows, *, one_scale: bool = 
 
 def transients_figure(rows: Rows, caption: str) -> Figure:
     """Figure 2.17: one pooled pixel and its detectors, a panel for each recording."""
-    curves = {name: _transients(each) for name, each in rows.items()}
+    curves = {}
+    for name, frames in rows.items():
+        answers = {each: _responses(each, frames)[:, _SHOWN_DETECTOR] for each in ("NDM", "NDS")}
+        curves[name] = {"pooled pixel": frames[:, _SHOWN_DETECTOR + 1], **answers}
     time_s = np.arange(2 * FRAMES) / FRAME_RATE_HZ
     numbers = {
         f"{_csv_name(name)}_{_csv_name(label)}": line
@@ -282,12 +285,6 @@ def _peaks_figure(number: str, method: str) -> Figure:
 def _responses(method: str, frames: Floats) -> Floats:
     """Responses (T, 10) of the detectors of one row (T, 12)."""
     return detector(method).respond(frames[:, np.newaxis])[:, 0, 1:-1]
-
-
-def _transients(frames: Floats) -> dict[str, Floats]:
-    """One pooled pixel and its detectors, of the frames (2·FRAMES, 12) of a row."""
-    answers = {name: _responses(name, frames)[:, _SHOWN_DETECTOR] for name in ("NDM", "NDS")}
-    return {"pooled pixel": frames[:, _SHOWN_DETECTOR + 1], **answers}
 
 
 def _draw_transients(

@@ -142,9 +142,11 @@ def _figure_3_5(_: Run) -> Figure:
     pixels = {bias: built_pixel("si", bias) for bias in biases}
     times = np.linspace(0, 300, 301)
 
+    labels = {f"{1e3 * bias:.1f} mV".replace("-", "−"): pixels[bias] for bias in biases}
+
     def draw(canvas: Canvas) -> None:
         axes = canvas.subplots()
-        _draw_discharges(axes, {_millivolt(bias): pixels[bias] for bias in biases}, times, 1)
+        _draw_discharges(axes, labels, times, 1)
         axes.set(xlabel="Time (s)", ylabel="Output (V)", xlim=(0, 300), ylim=(0, 3.45))
         axes.legend(title="Reverse bias", loc="upper left", bbox_to_anchor=(1.0, 1.0))
 
@@ -194,10 +196,6 @@ def _draw_3_6(canvas: Canvas, biases: Floats, currents: Mapping[str, Floats]) ->
         write_at(axes, text, (900, lowest), (0, 5), ha="right", color=color, fontsize=10)
     over_bias(axes, "Dark current", is_current=True)
     axes.legend()
-
-
-def _millivolt(volts: float) -> str:
-    return f"{1e3 * volts:.1f} mV".replace("-", "−")
 
 
 def _swing_time(pixel: Pixel) -> float:

@@ -159,10 +159,6 @@ def _of_convention(name: str, is_quick: bool) -> list[Trial]:
     ]
 
 
-def _trials_of_conventions(is_quick: bool) -> list[Trial]:
-    return [trial for name in _CONVENTIONS for trial in _of_convention(name, is_quick)]
-
-
 def _normalizations(run: Run) -> Figure:
     found = {method: _found(method, run) for method in THESIS_METHODS}
     lines = [_line(*each) for each in found.items()]
@@ -227,5 +223,9 @@ def _factors(ratios: Floats) -> str:
 
 RECIPES = (
     FigureRecipe("denominators", _denominators, _trials),
-    FigureRecipe("normalizations", _normalizations, _trials_of_conventions),
+    FigureRecipe(
+        "normalizations",
+        _normalizations,
+        lambda is_quick: [each for name in _CONVENTIONS for each in _of_convention(name, is_quick)],
+    ),
 )

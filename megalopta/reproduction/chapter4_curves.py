@@ -135,16 +135,11 @@ def decades_moved(*methods: str) -> Callable[[Sweep, Results], list[float]]:
     return moved
 
 
-def exponents(sweep: Sweep, results: Results, *places: int) -> list[float]:
+def exponents(sweep: Sweep, results: Results, places: tuple[int, int] = (0, -1)) -> list[float]:
     """Return the power of photons between two values, by default the ends, for all detectors."""
-    low, high = (float(sweep.values[place]) for place in places or (0, -1))
+    low, high = (float(sweep.values[place]) for place in places)
     curves = (curve(sweep, results, name, size) for name in MOTION for size in sweep.sizes)
     return [math.log(_at(each, high) / _at(each, low)) / math.log(high / low) for each in curves]
-
-
-def last_exponents(sweep: Sweep, results: Results) -> list[float]:
-    """Return the same between the last two values."""
-    return exponents(sweep, results, -2, -1)
 
 
 def spike_of_block_matching(sweep: Sweep, results: Results) -> list[float]:
@@ -184,7 +179,9 @@ def division_by_small_responses(sweep: Sweep, results: Results) -> list[float]:
 
 
 _DIVISION = Quantity("EMD by Eq. 4.5 over quotient of means", division_by_small_responses)
-_LAST_EXPONENT = Quantity("Last exponent of dark counts, motion detectors", last_exponents)
+_LAST_EXPONENT = Quantity(
+    "Last exponent of dark counts, motion detectors", partial(exponents, places=(-2, -1))
+)
 _LARGEST_FRAMES = Quantity(
     "BM: largest over smallest frames", pooling_of_block_matching, "1 or less"
 )

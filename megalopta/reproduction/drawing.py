@@ -194,7 +194,8 @@ def side_by_side(tasks: Sequence[Callable[[], Result]]) -> Iterator[Result]:
     """
     global _tasks
     workers = min(os.cpu_count() or 1, len(tasks))
-    if workers < 2 or sys.platform != "linux" or _mitsuba_runs():
+    mitsuba = sys.modules.get("mitsuba")
+    if workers < 2 or sys.platform != "linux" or (mitsuba and mitsuba.variant()):
         yield from (task() for task in tasks)
         return
     _tasks = tasks
@@ -208,11 +209,6 @@ def side_by_side(tasks: Sequence[Callable[[], Result]]) -> Iterator[Result]:
         # who interrupts does not wait for what is half done
         pool.shutdown(wait=False, cancel_futures=True)
         _tasks = ()
-
-
-def _mitsuba_runs() -> bool:
-    mitsuba = sys.modules.get("mitsuba")
-    return mitsuba is not None and mitsuba.variant() is not None
 
 
 def _watch() -> None:
