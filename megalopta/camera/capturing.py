@@ -86,8 +86,11 @@ def capture(
             frames = begun.finish() if begun else 0
             if not frames and (problem or begun is None or begun.recorder is None):
                 remove(out)
+    if problem is not None and frames:
+        told = str(problem) if isinstance(problem, UserError) else _reason(problem)
+        raise UserError(f"{told}; the {frames} frames before are kept in {out}") from problem
     if problem is not None:
-        raise _kept(problem, out, frames) from problem
+        raise problem
     if begun is None or begun.recorder is None:
         raise UserError(f"{out}: not recorded, stopped before the camera answered; try again")
     return begun.recorder.record
@@ -103,14 +106,6 @@ def _switching_fast() -> Iterator[None]:
         yield
     finally:
         sys.setswitchinterval(switching_s)
-
-
-def _kept(problem: OSError | UserError, out: Path, frames: int) -> OSError | UserError:
-    """Return an error that also names the frames that are kept."""
-    if not frames:
-        return problem
-    told = str(problem) if isinstance(problem, UserError) else _reason(problem)
-    return UserError(f"{told}; the {frames} frames before are kept in {out}")
 
 
 def _reason(problem: OSError) -> str:
@@ -140,8 +135,7 @@ class _Capture:
         self._start_s = time.monotonic()
         self._first_s: float | None = None
         self._patience_s = PATIENCE_S + 3e-6 * settings.wanted().period_us
-        self._waited_s, self._frames_before = 0.0, 0
-        self._came_before = link.decoded_bytes
+        self._frame_s, self._came_before = self._start_s, 0
         self._valid_us = 0
         self._is_plugged = False
         self._written_s = self._shown_s = 0.0
@@ -152,13 +146,15 @@ class _Capture:
     def run(self, stop: threading.Event) -> None:
         """Take what comes."""
         while not stop.is_set() and not self._is_enough():
-            before_s = time.monotonic()
-            event = self._link.next(_SHOW_EVERY_S)
-            waited_s = time.monotonic() - before_s
-            self._take(event)
-            if self._is_plugged:
-                self._lose_patience(waited_s)
-            self._look_around(time.monotonic())
+            self._take(self._link.next(_SHOW_EVERY_S))
+            now_s = time.monotonic()
+            if self._is_plugged and now_s - self._frame_s > self._patience_s:
+                size = self._link.decoded_bytes - self._came_before
+                told = f"{size} bytes came" if size else "nothing came"
+                raise self._link.given_up(
+                    f"no new frame in {self._patience_s:.1f} s, {told} instead"
+                )
+            self._look_around(now_s)
 
     def finish(self) -> int:
         """Take what was read already, of a closed link, make the files whole, and count frames.
@@ -201,7 +197,10 @@ class _Capture:
         elif event is not None and self.recorder is not None and self._is_plugged:
             packet = event.packet
             if packet.kind == Kind.FRAME and packet.device_us >= self._valid_us:
+                before = self.recorder.frames
                 self.recorder.take(*event)
+                if self.recorder.frames > before:
+                    self._be_patient()
                 self._link.allow(self.recorder.frames)
                 self._first_s = self._first_s or event.host_s
 
@@ -218,8 +217,11 @@ class _Capture:
                 f"{self.recorder.record.serial_number}; record it on its own"
             )
         self.recorder.plugged(raw_offset)
-        self._came_before = self._link.decoded_bytes
         self._is_plugged = True
+        self._be_patient()
+
+    def _be_patient(self) -> None:
+        self._frame_s, self._came_before = time.monotonic(), self._link.decoded_bytes
 
     def _configure(self) -> Settings:
         """Set the camera; frames whose exposure began before are not taken."""
@@ -252,17 +254,6 @@ class _Capture:
                     f"{self._link.path}: the camera says {name} {claimed} where it was set to "
                     f"{asked}; flash this release's firmware, or unplug it and plug it in again"
                 )
-
-    def _lose_patience(self, waited_s: float) -> None:
-        """Give up where no new frame came for too long, and say what came instead."""
-        if self._frames() != self._frames_before:
-            self._waited_s, self._frames_before = 0.0, self._frames()
-            self._came_before = self._link.decoded_bytes
-        self._waited_s += waited_s
-        if self._waited_s > self._patience_s:
-            size = self._link.decoded_bytes - self._came_before
-            told = f"{size} bytes came" if size else "nothing came"
-            raise self._link.given_up(f"no new frame in {self._patience_s:.1f} s, {told} instead")
 
     def _look_around(self, now_s: float) -> None:
         if self.recorder is None:

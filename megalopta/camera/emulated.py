@@ -325,56 +325,40 @@ class EmulatedPort:
     ) -> None:
         if link is not None and link.exists() and not link.is_symlink():
             raise UserError(f"{link}: exists and is no symbolic link; choose another name")
-        if faults is not None:
-            faults.check()
         self._camera, self._faults, self._link = camera, faults or Faults(), link
+        self._faults.check()
         self._plugged_in, self._sent = plugged_in, sent
+        self._waiting, self._start_s = bytearray(), 0.0
         self.dropped = 0
-        """Packets that found no room, until it was last unplugged."""
+        """Packets that found no room."""
 
     def run(self, stop: threading.Event) -> None:
         """Serve until told to stop, plugged in and out as the faults say."""
         while not stop.is_set():
-            self._serve(stop)
+            # As long as somebody has the other end open, writing to this one does not fail.
+            end, other_end = pty.openpty()
+            try:
+                tty.setraw(other_end)
+                os.set_blocking(end, False)
+                path = os.ttyname(other_end)
+                if self._link is not None:
+                    self._link.parent.mkdir(parents=True, exist_ok=True)
+                    self._link.unlink(missing_ok=True)
+                    self._link.symlink_to(path)
+                self._plugged_in(path)
+                self._serve(end, stop)
+            finally:
+                if self._link is not None:
+                    self._link.unlink(missing_ok=True)
+                os.close(end)
+                os.close(other_end)
             if not stop.wait(self._faults.unplug_s):
                 self._camera.restart()
 
-    def _serve(self, stop: threading.Event) -> None:
-        """Be plugged in once."""
-        # As long as somebody has the other end open, writing to this one does not fail.
-        end, other_end = pty.openpty()
-        try:
-            tty.setraw(other_end)
-            os.set_blocking(end, False)
-            path = os.ttyname(other_end)
-            if self._link is not None:
-                _point(self._link, path)
-            self._plugged_in(path)
-            line = _Line(self._camera, self._faults, end, self._sent)
-            line.serve(stop)
-            self.dropped += line.dropped
-        finally:
-            if self._link is not None:
-                self._link.unlink(missing_ok=True)
-            os.close(end)
-            os.close(other_end)
-
-
-class _Line:
-    """The line while the camera is plugged in."""
-
-    def __init__(
-        self, camera: EmulatedCamera, faults: Faults, end: int, sent: Callable[[bytes], None]
-    ) -> None:
-        self._camera, self._faults, self._end, self._sent = camera, faults, end, sent
-        self._parser = Parser()
-        self._waiting = bytearray()
-        self._start_s = time.monotonic()
-        self.dropped = 0
-
-    def serve(self, stop: threading.Event) -> None:
+    def _serve(self, end: int, stop: threading.Event) -> None:
         """Send frames when they are due, and answer, until stopped or unplugged."""
-        life_s = self._faults.unplug_every_s or float("inf")
+        parser, life_s = Parser(), self._faults.unplug_every_s or float("inf")
+        self._waiting, self._start_s = bytearray(), time.monotonic()
         while not stop.is_set() and self._elapsed_s() < life_s:
             if self._camera.due_us <= self._now_us():
                 self._post(self._camera.next_frame())
@@ -382,13 +366,12 @@ class _Line:
             due_s = max((self._camera.due_us - self._now_us()) * 1e-6, 0.0)
             # until the next frame, or until bytes held back may go
             pause_s = min(due_s, 2e-3 if self._waiting and not may_send else _LONGEST_WAIT_S)
-            to_write = [self._end] if may_send else []
-            can_read, can_write, _ = select.select([self._end], to_write, [], pause_s)
-            for command in self._parser.feed(os.read(self._end, 4096)) if can_read else ():
+            can_read, can_write, _ = select.select([end], [end] if may_send else [], [], pause_s)
+            for command in parser.feed(os.read(end, 4096)) if can_read else ():
                 if command.kind >= Kind.IDENTIFY:
                     self._post(self._camera.answer(command, self._now_us()))
             if can_write:
-                count = os.write(self._end, self._waiting)
+                count = os.write(end, self._waiting)
                 self._sent(bytes(self._waiting[:count]))
                 del self._waiting[:count]
 
@@ -412,9 +395,3 @@ class _Line:
         if faults.stall_every_s and now_s % faults.stall_every_s > sending_s:
             return False
         return not faults.burst_s or now_s % faults.burst_s < 0.2 * faults.burst_s
-
-
-def _point(link: Path, path: str) -> None:
-    link.parent.mkdir(parents=True, exist_ok=True)
-    link.unlink(missing_ok=True)
-    link.symlink_to(path)

@@ -316,35 +316,24 @@ class Link:
     def _read(self) -> None:
         while not self._stop.is_set():
             self._pieces.put(Plugged(self._read_bytes))
-            try:
+            with suppress(OSError, TypeError):  # of a port that goes away while it is read
                 self._read_until_unplugged()
-            except serial.SerialException:
-                self._port.close()
-            if not self._stop.is_set():
-                self._pieces.put(Unplugged())
-                self._reopen()
+            if self._stop.is_set():
+                return
+            self._port.close()
+            self._pieces.put(Unplugged())
+            while not self._stop.wait(_RETRY_S):
+                with suppress(UserError):
+                    self.path = self._find()
+                    self._port = open_port(self.path)
+                    break
 
     def _read_until_unplugged(self) -> None:
         while not self._stop.is_set():
-            data = self._received()
+            first = b"" if self._port.in_waiting else bytes(self._port.read(1))
+            data = first + bytes(self._port.read(self._port.in_waiting))
             if data:
                 self._pieces.put((time.monotonic(), data))
                 self._read_bytes += len(data)
             if data.endswith(b"\0") and len(data) < _MUCH:
                 time.sleep(_GATHER_S)
-
-    def _received(self) -> bytes:
-        try:
-            first = b"" if self._port.in_waiting else bytes(self._port.read(1))
-            return first + bytes(self._port.read(self._port.in_waiting))
-        except (OSError, TypeError) as problem:  # of a port that goes away while it is read
-            raise serial.SerialException(str(problem)) from problem
-
-    def _reopen(self) -> None:
-        while not self._stop.wait(_RETRY_S):
-            try:
-                self.path = self._find()
-                self._port = open_port(self.path)
-            except UserError:
-                continue
-            return
