@@ -4,7 +4,7 @@ All methods see the same counts of the same textures, at the size, speed and dar
 dissertation's Table 4.1, and give one response per block.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
@@ -70,27 +70,17 @@ def detections(methods: Sequence[Method], flux: float) -> list[Detection]:
         name: [noisy_frames(name, view, settling + SCORED_FRAMES, flux) for view in range(VIEWS)]
         for name in DIRECTIONS
     }
-    return [
-        _detection(
-            detector,
-            flux,
-            {name: settled_responses(detector, each, flux) for name, each in sequences.items()},
-        )
-        for detector in detectors
-    ]
-
-
-def _detection(detector: Detector, flux: float, responses: Mapping[str, Floats]) -> Detection:
-    still, moving = (motion_evidence(detector, responses[name]) for name in ("still", "right"))
-    left, right = (rightward_evidence(detector, responses[name]) for name in ("left", "right"))
-    return Detection(
-        method=detector.name,
-        flux=flux,
-        motion=d_prime(still, moving),
-        direction=d_prime(left, right),
-        false_alarms=false_alarm_rate(still, motion_threshold(detector)),
-        curve=roc(still, moving),
-    )
+    found = []
+    for detector in detectors:
+        responses = {
+            name: settled_responses(detector, each, flux) for name, each in sequences.items()
+        }
+        still, moving = (motion_evidence(detector, responses[name]) for name in ("still", "right"))
+        sides = (rightward_evidence(detector, responses[name]) for name in ("left", "right"))
+        false_alarms = false_alarm_rate(still, motion_threshold(detector))
+        distances = d_prime(still, moving), d_prime(*sides)
+        found.append(Detection(detector.name, flux, *distances, false_alarms, roc(still, moving)))
+    return found
 
 
 @cache

@@ -60,13 +60,12 @@ def run_trials(
     try:
         for future in as_completed(running):
             each, path = running[future]
-            try:
-                results[each] = future.result()
-            except BlackFrameError as problem:
-                raise UserError(f"{template_names([each.template])[0]}: {problem}") from None
+            results[each] = future.result()
             curves = [curve.to_dict() for curve in results[each]]
             files.write_json(path, {"trial": each.model_dump(mode="json"), "curves": curves})
             on_progress(trial_work([each]))
+    except BlackFrameError as problem:
+        raise UserError(f"{template_names([each.template])[0]}: {problem}") from None
     finally:
         for future in running:
             future.cancel()

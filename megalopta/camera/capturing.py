@@ -68,8 +68,6 @@ def capture(
     sends no frames, or has not answered when it is stopped; frames that came before are kept.
     """
     settings.check()
-    if not 0 <= wait_s <= _LONGEST_WAIT_S:
-        raise UserError(f"--wait: {wait_s:g}; give 0 to {_LONGEST_WAIT_S:g} s")
     if out.exists() or out.is_symlink():
         raise UserError(f"{out}: exists already; choose another --out, or remove it")
     begun: _Capture | None = None
@@ -113,8 +111,9 @@ def _reason(problem: OSError) -> str:
 
 
 def _linked(find: Callable[[], str], log: Path, wait_s: float, stop: threading.Event) -> Link:
-    end_s = time.monotonic() + wait_s
-    has_told = False
+    if not 0 <= wait_s <= _LONGEST_WAIT_S:
+        raise UserError(f"--wait: {wait_s:g}; give 0 to {_LONGEST_WAIT_S:g} s")
+    end_s, has_told = time.monotonic() + wait_s, False
     while True:
         try:
             return Link(find, log)

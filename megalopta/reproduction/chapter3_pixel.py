@@ -243,6 +243,7 @@ _TABLE = (
     "{:.1f} times what was measured: the conductance of the real diodes at zero bias must be "
     "{:.0f} and {:.0f} times smaller than that of the presets."
 )
+_HEAD = ("", "Si, printed", "Si, ours", "InGaAs, printed", "InGaAs, ours")
 _STATES = ("Non-adaptive (best)", "Adaptive (poor)", "Adaptive (fine)", "Limit set by the leak")
 
 
@@ -328,17 +329,12 @@ def _table_3_1(_: Run) -> Figure:
         for diode in BUILT
     ]
     poor = float(numbers["ingaas_ours_a"][1]) / float(numbers["ingaas_printed_a"][1])
-    texts = [[_text(cell) for cell in column] for column in numbers.values()]
+    rows = [*zip(*([_text(cell) for cell in column] for column in numbers.values()), strict=True)]
     offset, hours = 1e3 * TYPICAL_OFFSET_V, _tuned("si").elapsed_s / 3600
     return Figure(
         title="Table 3.1: dark current suppression of the CTIA pixel",
         caption=_TABLE.format(poor, offset, hours, *over, *(each**2 for each in over)),
-        draw=partial(
-            draw_table,
-            head=("", "Si, printed", "Si, ours", "InGaAs, printed", "InGaAs, ours"),
-            rows=list(zip(*texts, strict=True)),
-            widths=(1.6, 1, 1, 1.25, 1.1),
-        ),
+        draw=partial(draw_table, head=_HEAD, rows=rows, widths=(1.6, 1, 1, 1.25, 1.1)),
         numbers=numbers,
         height_in=1.9,
     )

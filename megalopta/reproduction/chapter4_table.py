@@ -228,24 +228,17 @@ def _times(run: Run) -> Figure:
         for name in PRINTED_MS
     }
     head = [text for size in SIZES for text in (f"Thesis, {size}²", "Ours", "Faster")]
-
+    lines = [_times_line(*each) for each in times.items()]
+    columns = zip(*times.values(), strict=True)
     return Figure(
         title="Computing time per frame (ms), beside that of §4.6.4",
         caption="Ours is the CPU time on this machine of a frame whose predecessors are known, the "
         "median of three runs, from counts of 10 photons per pixel to responses. The dissertation "
         "used MATLAB on an Intel Core i5-5300U at 2.3 GHz.",
-        draw=partial(
-            draw_table,
-            head=["", *head],
-            rows=[_times_line(*each) for each in times.items()],
-            widths=WIDTHS,
-        ),
+        draw=partial(draw_table, head=["", *head], rows=lines, widths=WIDTHS),
         numbers={
             "method": list(times),
-            **{
-                f"time_{size}_ms": [spent[place] for spent in times.values()]
-                for place, size in enumerate(SIZES)
-            },
+            **{f"time_{size}_ms": each for size, each in zip(SIZES, columns, strict=True)},
         },
         height_in=2.0,
     )

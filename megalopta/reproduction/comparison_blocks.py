@@ -72,6 +72,17 @@ _POOLED_SEQUENCES = 2
 """Eight frames a draw: fewer sequences do."""
 
 
+_EFFICIENCY = (
+    f"Dead leaves of 240 × 240 px drift by {SPEED_PX:.2f} px per frame; the efficiency is "
+    f"the bound over the variance, both over x and y, of {DRAWS} draws of the photons, in "
+    "the median block. Each method is held against the bound of the frames that it "
+    f"sees ({{}}) and of the {_BLOCK} of a block alone, though it sees "
+    f"whole frames: the bound of {_CUT} asks for "
+    "{:.2f} times the photons. The variance leaves out "
+    "bias, so a biased method can exceed 1 and still be wrong."
+)
+
+
 def leaderboard(_: Run) -> Figure:
     """Photons, efficiency and time of every method that gives the velocity of blocks."""
     clean = sequences()
@@ -150,39 +161,30 @@ def efficiency(_: Run) -> Figure:
         few = clean if detector.memory_frames == 1 else clean[:_POOLED_SEQUENCES]
         curves[name] = efficiencies(few, detector, EFFICIENCY_FLUXES, DRAWS)
 
-    seen = ", ".join(
-        f"{METHODS[each].label} {METHODS[each].memory_frames + 1}" for each in MATCHING
-    )
-
-    def draw(canvas: Canvas) -> None:
-        axes = canvas.subplots()
-        for name, values in curves.items():
-            label = METHODS[name].label
-            axes.semilogx(EFFICIENCY_FLUXES, values, label=label, **method_style(name))
-        axes.axhline(0.5, color=GRAY, linestyle=":")
-        left = EFFICIENCY_FLUXES[0], 0.5
-        write_at(axes, "variance twice the bound", left, (2, 4), color=BLACK, fontsize=9.5)
-        axes.set(xlabel="Photons per frame", ylabel="Efficiency (bound / variance)", ylim=(0, 1.05))
-        axes.legend(loc="lower right")
-
+    methods = (METHODS[name] for name in MATCHING)
+    seen = ", ".join(f"{each.label} {each.memory_frames + 1}" for each in methods)
     return Figure(
         name="efficiency",
         title="Variance of Poisson matching against the Poisson bound",
-        caption=(
-            f"Dead leaves of 240 × 240 px drift by {SPEED_PX:.2f} px per frame; the efficiency is "
-            f"the bound over the variance, both over x and y, of {DRAWS} draws of the photons, in "
-            "the median block. Each method is held against the bound of the frames that it "
-            f"sees ({seen}) and of the {_BLOCK} of a block alone, though it sees "
-            f"whole frames: the bound of {_CUT} asks for "
-            f"{two.with_margin / two.known:.2f} times the photons. The variance leaves out "
-            "bias, so a biased method can exceed 1 and still be wrong."
-        ),
-        draw=draw,
+        caption=_EFFICIENCY.format(seen, two.with_margin / two.known),
+        draw=partial(_draw_efficiency, curves=curves),
         numbers={
             "photons_per_frame": EFFICIENCY_FLUXES,
             **{f"{name}_efficiency": values for name, values in curves.items()},
         },
     )
+
+
+def _draw_efficiency(canvas: Canvas, curves: Mapping[str, Sequence[float]]) -> None:
+    axes = canvas.subplots()
+    for name, values in curves.items():
+        label = METHODS[name].label
+        axes.semilogx(EFFICIENCY_FLUXES, values, label=label, **method_style(name))
+    axes.axhline(0.5, color=GRAY, linestyle=":")
+    left = EFFICIENCY_FLUXES[0], 0.5
+    write_at(axes, "variance twice the bound", left, (2, 4), color=BLACK, fontsize=9.5)
+    axes.set(xlabel="Photons per frame", ylabel="Efficiency (bound / variance)", ylim=(0, 1.05))
+    axes.legend(loc="lower right")
 
 
 def _draw_board(
