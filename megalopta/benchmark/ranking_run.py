@@ -1,6 +1,5 @@
 """Ranking of the sequences in a folder: from their frames to the long table, its page and files."""
 
-import csv
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from itertools import product
@@ -48,13 +47,13 @@ from megalopta.config.yaml_model import validated
 from megalopta.core import bounded, files
 from megalopta.core.enclosure import check_enclosed
 from megalopta.core.errors import UserError
-from megalopta.core.files import atomic_write
 from megalopta.core.folders import locked
 from megalopta.core.format_numbers import check_format
 from megalopta.core.progress import progress
 from megalopta.dataset.layout import Tree
 from megalopta.dataset.store import Dataset, open_sequence
 from megalopta.flow.detectors.registry import Method
+from megalopta.plotting.picture import write_csv
 from megalopta.plotting.sections import Section, write_sections
 from megalopta.plotting.text import UNDEFINED, number
 from megalopta.scenes.lighting.levels import LEVELS, illuminance_of
@@ -118,12 +117,8 @@ _YAW_RATE = (
 
 def write_ranking(folder: Path, ranking: Ranking, example: Example) -> Path:
     """Write ranking.html, ranking.csv and ranking.json to a folder; return the page."""
-    with atomic_write(folder / "ranking.csv") as part, part.open("w", encoding="utf-8") as file:
-        lines = csv.writer(file, lineterminator="\n")
-        lines.writerow(RankingRow.model_fields)
-        for row in ranking.rows:
-            values = row.model_dump().values()
-            lines.writerow([f"{each:.6g}" if isinstance(each, float) else each for each in values])
+    rows = (row.model_dump().values() for row in ranking.rows)
+    write_csv(folder / "ranking.csv", RankingRow.model_fields, rows)
     files.write_text(folder / NAME, ranking.model_dump_json(indent=1) + "\n")
     page = folder / "ranking.html"
     sections = [section(ranking, example) for section in SECTIONS]

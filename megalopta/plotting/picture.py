@@ -91,9 +91,8 @@ def write_figure(figure: Figure, out: Path) -> list[Path]:
         lines: Any = FigureCanvasSVG(canvas)
         with atomic_write(svg) as temporary:
             lines.print_svg(temporary, metadata={**title, "Date": None})
-    with atomic_write(numbers) as part, part.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerows([figure.columns, *([_cell(each) for each in row] for row in figure.rows)])
+    # nine digits: more would show the rounding of one machine's arithmetic
+    write_csv(numbers, figure.columns, figure.rows, digits=9)
     write_json(record, _record(figure))
     return paths
 
@@ -118,6 +117,14 @@ def _json(value: Cell) -> Cell | None:
     return value if isinstance(value, str) or math.isfinite(value) else None
 
 
-def _cell(value: Cell) -> str:
-    # nine digits: more would show the rounding of one machine's arithmetic
-    return value if isinstance(value, str) else f"{value:.9g}"
+def write_csv(
+    path: Path, head: Iterable[str], rows: Iterable[Iterable[Any]], digits: int = 6
+) -> None:
+    """Write a table; numbers have so many digits."""
+    with atomic_write(path) as part, part.open("w", newline="", encoding="utf-8") as file:
+        lines = csv.writer(file, lineterminator="\n")
+        lines.writerow(head)
+        for row in rows:
+            lines.writerow(
+                f"{each:.{digits}g}" if isinstance(each, int | float) else each for each in row
+            )
