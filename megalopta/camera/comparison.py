@@ -54,18 +54,15 @@ _TIE = 1e-9
 def captured_frames(recorded: Recorded, device: Sensor, light_hz: float) -> CountedFrames:
     """Return counts of a recording: of its codes, by the device's own steps, where it has codes."""
     counter, codes = device.counter, recorded.codes
-    own = changed(device, exposure_s=recorded.exposure_s)
+    exposure_s, times_s = recorded.exposure_s, recorded.times_s
     if codes is None or not isinstance(counter, AnalogCounter):
-        return CountedFrames(
-            recorded.counts, recorded.exposure_s, light_hz, times_s=recorded.times_s
-        )
+        return CountedFrames(recorded.counts, exposure_s, light_hz, times_s=times_s)
+    own = changed(device, exposure_s=exposure_s)
     known = draw_fixed_pattern(own, (codes.shape[1], codes.shape[2])).counters
     assert known is not None
     counts, _ = counts_of_codes(codes, counter, known)
     full = _FULL * (counter.swing_v - known.leaked_v) / known.step_v
-    return CountedFrames(
-        counts, recorded.exposure_s, light_hz, counts >= full, times_s=recorded.times_s
-    )
+    return CountedFrames(counts, exposure_s, light_hz, counts >= full, times_s=times_s)
 
 
 @dataclass(frozen=True, eq=False)

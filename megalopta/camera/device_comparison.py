@@ -42,6 +42,7 @@ from megalopta.sensor.compare.recordings import MARGIN, Comparison
 from megalopta.sensor.compare.spectrum import SEGMENT, mean_spectrum
 
 Levels = Sequence[CountedFrames]
+Sources = Sequence[Source]
 
 _HEAD = ("", "captured", "simulated", "difference", "95 %", "p", "verdict")
 _LARGEST_Z = 6.0
@@ -252,9 +253,7 @@ class CompareSettings:
     of the dissertation's."""
 
 
-def compare_captured(
-    sources: Sequence[Source], device: Path, out: Path, asked: CompareSettings
-) -> str:
+def compare_captured(sources: Sources, device: Path, out: Path, asked: CompareSettings) -> str:
     """Write the report, an HTML page; return what differs and by how much in a sentence.
 
     Sources of the scene "levels" come with their light; of "plate" with its speed (mm/s) in place
@@ -272,9 +271,7 @@ def compare_captured(
         raise UserError(f"compare: {problem}") from problem
 
 
-def _with_levels(
-    sources: Sequence[Source], sensor: Sensor, out: Path, asked: CompareSettings
-) -> str:
+def _with_levels(sources: Sources, sensor: Sensor, out: Path, asked: CompareSettings) -> str:
     beam = asked.beam
     captured = [
         captured_frames(read_recorded(source), sensor, beam.photons_hz(source.light, sensor))
@@ -285,9 +282,7 @@ def _with_levels(
     return compared.found.sentence
 
 
-def _with_plate(
-    sources: Sequence[Source], sensor: Sensor, out: Path, asked: CompareSettings
-) -> str:
+def _with_plate(sources: Sources, sensor: Sensor, out: Path, asked: CompareSettings) -> str:
     plates = {
         source.light: captured_frames(read_recorded(source), sensor, source.light)
         for source in sources
@@ -296,9 +291,7 @@ def _with_plate(
     return write_motion_report(out, sensor.name, responses)
 
 
-def _with_scene(
-    sources: Sequence[Source], sensor: Sensor, out: Path, asked: CompareSettings
-) -> str:
+def _with_scene(sources: Sources, sensor: Sensor, out: Path, asked: CompareSettings) -> str:
     dataset = rendered_dataset(asked.scene, out.with_suffix(""))
     if len(sources) != 1:
         raise UserError(f"compare: {len(sources)} recordings of {dataset}; give one at a time")
