@@ -20,26 +20,24 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 from matplotlib.ticker import EngFormatter, PercentFormatter
 
-from megalopta.benchmark.detection import (
+from megalopta.benchmark.textures import (
     COLUMNS,
     CONTRAST,
     DARK_COUNTS,
-    RESPONSES,
-    SIZE,
-    SPEED_COLUMNS,
-    Detection,
-    detections,
-)
-from megalopta.benchmark.isolated_blocks import (
     EFFICIENCY_FLUXES,
     FLUXES,
     GRID,
     LEVEL,
     MARGIN_PX,
+    RESPONSES,
+    SIZE,
+    SPEED_COLUMNS,
     SPEED_PX,
     BlockPhotons,
     Bounds,
+    Detection,
     bounds,
+    detections,
     efficiencies,
     information,
     ranked,

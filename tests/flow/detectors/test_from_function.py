@@ -1,10 +1,9 @@
 import numpy as np
 import pytest
 
-from megalopta.benchmark.detection import detections
-from megalopta.benchmark.isolated_blocks import FRAMES, SIZE_PX, ranked
 from megalopta.benchmark.runner import run
 from megalopta.benchmark.sweep import Sweep
+from megalopta.benchmark.textures import FRAMES, SIZE_PX, detections, ranked
 from megalopta.benchmark.trial import GratingTemplate, Trial
 from megalopta.flow import (
     METHODS,

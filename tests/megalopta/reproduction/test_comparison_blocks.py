@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from megalopta.benchmark import detection as detection_sweep
-from megalopta.benchmark.detection import RESPONSES, SCORED_FRAMES, VIEWS, detections
+from megalopta.benchmark import textures as detection_sweep
+from megalopta.benchmark.textures import RESPONSES, SCORED_FRAMES, VIEWS, detections
 from megalopta.flow.detectors.registry import METHODS
 from megalopta.flow.metrics.detection import d_prime, motion_evidence
 from megalopta.reproduction.comparison_blocks import detection_figure
