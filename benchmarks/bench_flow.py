@@ -22,13 +22,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
-from megalopta.benchmark.templates import pixels_of
-from megalopta.benchmark.trial import Trial, measure_trial
+from megalopta.benchmark.trial import Trial, measure_trial, pixels_of
 from megalopta.core.arrays import Floats
 from megalopta.flow.benchmark import search
 from megalopta.flow.detectors.registry import method
 from megalopta.flow.stimuli.photons import draw_counts, draw_in_one
-from megalopta.reproduction.chapter4_sweeps import SWEEPS
+from megalopta.reproduction.chapter4_curves import SWEEPS
 from megalopta.sensor.sampling.normals import EDGES, fill_normals
 from megalopta.sensor.sampling.words import LANES, word_streams
 

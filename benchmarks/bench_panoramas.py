@@ -14,8 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.assets_gen.dead_leaves_model import dead_leaves
-from megalopta.benchmark.panorama_recipes import NATURAL_PANORAMAS
-from megalopta.benchmark.panoramas import natural_templates, panorama_file, template_from_file
+from megalopta.benchmark.panoramas import (
+    NATURAL_PANORAMAS,
+    natural_templates,
+    panorama_file,
+    template_from_file,
+)
 from megalopta.dataset.rendering_noise import ATTRIBUTE
 from megalopta.flow import METHODS, BenchmarkSettings, photon_benchmark
 from megalopta.flow.stimuli.statistics import image_statistics

@@ -51,7 +51,7 @@ def test_a_detector_of_another_package_stands_after_ours_and_is_measured_by_name
 import json
 from pathlib import Path
 from megalopta.config.model import Configuration
-from megalopta.benchmark.trial import Trial; from megalopta.benchmark.detection import detections; from megalopta.benchmark.runner import run
+from megalopta.benchmark.trial import Trial; from megalopta.benchmark.textures import detections; from megalopta.benchmark.runner import run
 from megalopta.flow import METHODS
 trial = Trial(methods=["cl", "LK"], search={"flux_max": 1e6, "metrics": ["ratio"], "bits": [2]})
 print(json.dumps([list(METHODS), trial.methods, Configuration(methods=["CL"]).methods,

@@ -14,9 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.benchmark.clips import FlowClip
-from megalopta.benchmark.intervals import Interval, bootstrap
 from megalopta.benchmark.moving_forests import MovingView
-from megalopta.benchmark.table import Case, Samples, joined, measure_samples
+from megalopta.benchmark.table import Case, Interval, Samples, bootstrap, joined, measure_samples
 from megalopta.core.arrays import Floats
 from megalopta.flow.detectors.base import Detector, Frames
 from megalopta.flow.detectors.blocks import BlockDetector, summed_frames
@@ -103,16 +102,7 @@ def flight_errors(
 ) -> FlightErrors:
     """Return the errors of all ways to estimate the camera's motion, on the same photons.
 
-    Parameters
-    ----------
-    view, clip
-        A flight and its frames.
-    fluxes
-        Photons per pixel and frame, on average.
-    draws : int
-        Of the photons.
-    after_draw
-        Called after each.
+    Fluxes are photons per pixel and frame, on average over the clip of a flight.
     """
     poses = view.trajectory.poses()
     rates = yaw_rates_deg_s(view.trajectory) / view.trajectory.frame_rate_hz

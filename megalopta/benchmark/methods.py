@@ -28,10 +28,7 @@ _MANY = 8
 def velocity_methods(chosen: Iterable[Method]) -> Methods:
     """Return methods by name.
 
-    Raises
-    ------
-    ValueError
-        When one is unknown, gives no velocities, or has the name of another.
+    Raises ValueError when one is unknown, gives no velocities, or has the name of another.
     """
     found: dict[str, BlockDetector] = {}
     for detector in map(method, chosen):
@@ -54,10 +51,7 @@ def velocity_names() -> tuple[str, ...]:
 def directional_methods(ranked: Methods, more: Iterable[Method]) -> Mapping[str, Detector]:
     """Return the ranked methods, and others that respond to the direction of motion.
 
-    Raises
-    ------
-    ValueError
-        When one is unknown, or blind to direction.
+    Raises ValueError when one is unknown, or blind to direction.
     """
     found: dict[str, Detector] = dict(ranked)
     for detector in map(method, more):

@@ -11,33 +11,23 @@ that neither rotation nor heading stays near an axis. Trees 2 m away pass at som
 
 import io
 from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from megalopta.benchmark.clips import FRAMES, SHAPE, FlowClip
-from megalopta.benchmark.panorama_recipes import LUMINANCE_BAND_NM
+from megalopta.benchmark.panoramas import LUMINANCE_BAND_NM
 from megalopta.core.array_store import ArrayStore
 from megalopta.core.arrays import Floats
 from megalopta.core.folders import cache_folder
-from megalopta.core.freshness import (
-    BAKE_MODEL,
-    RENDER_MODEL,
-    TRUTH_MODEL,
-    digest,
-)
+from megalopta.core.freshness import BAKE_MODEL, RENDER_MODEL, TRUTH_MODEL, digest
 from megalopta.core.record import Record
-from megalopta.render import (
-    MeasuredPass,
-    RenderSettings,
-    SceneRenderer,
-    frame_seed,
-    render_once,
-)
+from megalopta.render import RenderSettings, SceneRenderer, frame_seed, render_once
 from megalopta.scenes import (
     CameraPath,
     Forest,
@@ -47,6 +37,8 @@ from megalopta.scenes import (
     Trajectory,
     build_scene,
 )
+
+Pass = TypeVar("Pass")
 
 _MOST_BYTES = 10**8
 """Of all clips; one takes 5 MB."""
@@ -141,14 +133,8 @@ def forest_clips(
 ) -> Iterator[tuple[FlowClip, float]]:
     """Yield clips of views by name, and how far a pixel flickers by rendering, σ over the mean.
 
-    Parameters
-    ----------
-    views
-        Of an even number of frames each.
-    cache
-        Folder for what is rendered; by default the user's.
-    after_frame
-        Called after each frame, also of clips that were there.
+    Views have an even number of frames each. What is rendered is kept in the cache folder, by
+    default the user's; `after_frame` is called after each frame, also of clips that were there.
     """
     for name, view in views.items():
         text = f"{RENDER_MODEL} {BAKE_MODEL} {TRUTH_MODEL} {view.model_dump_json()}"
@@ -170,16 +156,11 @@ def _rendered(view: MovingView, after_frame: Callable[[], object]) -> dict[str, 
     renderer = SceneRenderer(scene, view.camera, view.settings, poses)
     light, flicker, middle = [], 0.0, len(poses) // 2 - 1
     for index, pose in enumerate(poses):
-
-        def render_pass(
-            number: int, pose: Floats = pose, index: int = index
-        ) -> NDArray[np.float32]:
-            return renderer.radiance(pose, frame_seed(0, index, number))
-
-        def measure_pass(number: int, pose: Floats = pose, index: int = index) -> MeasuredPass:
-            return renderer.measured(pose, frame_seed(0, index, number))
-
-        image, noise = render_once(render_pass, measure_pass if index == middle else None)
+        seeds = partial(frame_seed, 0, index)
+        image, noise = render_once(
+            partial(_pass, renderer.radiance, pose, seeds),
+            partial(_pass, renderer.measured, pose, seeds) if index == middle else None,
+        )
         if noise and noise.surface:
             flicker = (noise.surface.rms**2 - noise.surface.standing**2) ** 0.5
         light.append(image[..., 0])
@@ -187,6 +168,12 @@ def _rendered(view: MovingView, after_frame: Callable[[], object]) -> dict[str, 
     frames = np.array(light, np.float64)
     flow = renderer.flow(poses, middle, middle + 1).displacement
     return {"light": frames / frames.mean(), "flow": flow, "noise": np.array(flicker)}
+
+
+def _pass(
+    render: Callable[[Floats, int], Pass], pose: Floats, seeds: Callable[[int], int], number: int
+) -> Pass:
+    return render(pose, seeds(number))
 
 
 def _recording() -> str:

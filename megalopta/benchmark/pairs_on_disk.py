@@ -74,10 +74,7 @@ def true_flows(root: Path) -> Truths:
 def submitted_flows(root: Path, truths: Truths) -> Mapping[str, Mapping[Frame, Path]]:
     """Pair the flow files below a folder with the truth, by pass; "" is that of no folder.
 
-    Raises
-    ------
-    UserError
-        When a frame of the truth has no file, or a file has no frame.
+    Raises UserError when a frame of the truth has no file, or a file has no frame.
     """
     sequences = {frame.sequence for frame in truths}
     passes: dict[str, dict[Frame, Path]] = {}
@@ -134,13 +131,9 @@ def evenly_spread(pairs: dict[str, Files], most: int) -> dict[str, Files]:
 
 
 def read_pair(name: str, files: Sequence[Path]) -> FlowClip:
-    """Return a pair as a clip of two frames. Raises UserError when a file is not what it should be.
+    """Return a pair as a clip of two frames, from first picture, second picture and flow.
 
-    Parameters
-    ----------
-    name
-    files
-        First picture, second picture, flow.
+    Raises UserError when a file is not what it should be.
     """
     first, second, truth = files
     try:

@@ -1,35 +1,150 @@
-"""Templates of the natural stimuli: panoramas rendered by this project, or a file of the user's.
+"""Four forests seen all around: what the natural stimuli of Chapter 4 are made from.
 
-A template is a float64 array (251, m), a full turn, with mean 1: column m follows column 0. Linear
-in light, as a photon count is. The four forests come with this package, in half floats, each file
-with the hash of its recipe. A recipe that fits no such file is rendered, once, into the user's
-cache folder; one that changed makes a new file. `megalopta check panoramas` renders them again.
+They stand in for the photographs of Fig. 4.3, which came from the web: forests of four densities in
+four lights, with the same fields of view.
+
+The cylindrical camera turns about its axis, so that a turn is a shift of columns at every height.
+Its film is as high as makes pixels square at the horizon.
 """
 
-from collections.abc import Mapping
+import hashlib
+import math
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
 
-from megalopta.benchmark.panorama_recipes import (
-    LUMINANCE_BAND_NM,
-    NATURAL_PANORAMAS,
-    ROWS,
-    NaturalPanorama,
-    render_panorama,
-)
 from megalopta.core import files
 from megalopta.core.errors import UserError
 from megalopta.core.folders import cache_folder, locked
+from megalopta.core.freshness import RENDER_MODEL
 from megalopta.core.progress import progress
+from megalopta.core.record import Record
 from megalopta.flow.stimuli.resizing import resize
 from megalopta.render import read_attributes, read_radiance, write_radiance
+from megalopta.scenes.cameras.panoramic import CylindricalCamera
+from megalopta.scenes.forest.description import Forest
+from megalopta.scenes.lighting.cloudy_sky import under_clouds
+from megalopta.scenes.lighting.light import Light
 from megalopta.scenes.spectra.primaries import LUMINANCE_SHARES
+from megalopta.scenes.trajectories.steady import Trajectory
 
 if TYPE_CHECKING:
     from megalopta.render import RenderNoise
+
+
+ROWS = 251
+"""Rows of every template, and columns of a frame before resizing (thesis, §4.2); a prime."""
+
+LUMINANCE_BAND_NM = (507.0, 614.0)
+"""As wide as the photopic V(λ) is when squared off (107 nm), about its centroid of 560 nm."""
+
+
+class NaturalPanorama(Record, frozen=True):
+    """A forest, its light, and how it is rendered all around."""
+
+    forest: Forest
+    """What grows."""
+
+    light: Light
+    """What lights it; only the directions of light matter, since templates have mean 1."""
+
+    frame_fov_deg: Annotated[float, Field(ge=90, le=180)]
+    """Field of view of a frame of 251 columns (degrees); the panorama is 2:1 to 4:1."""
+
+    eye_m: Annotated[float, Field(gt=0)] = 1.6
+    """Height of the camera (m)."""
+
+    samples_per_pass: Annotated[int, Field(ge=1)] = 36
+    """Light paths per pixel and pass."""
+
+    passes: Annotated[int, Field(ge=2)] = 4
+    """Passes that are averaged; from their scatter the noise is known."""
+
+    max_depth: Annotated[int, Field(ge=2)] = 3
+    """As of `RenderSettings`; 3 misses 0.2 % of the light of a typical pixel."""
+
+    seed: Annotated[int, Field(ge=0)] = 0
+    """Of the rendering noise."""
+
+    @property
+    def camera(self) -> CylindricalCamera:
+        """Camera of 251 rows."""
+        columns = round(ROWS * 360 / self.frame_fov_deg)
+        edge_deg = math.degrees(math.atan(math.pi * ROWS / columns))
+        return CylindricalCamera(
+            width=columns, height=ROWS, lower_deg=-edge_deg, upper_deg=edge_deg
+        )
+
+    @property
+    def sha256(self) -> str:
+        """Hash of this configuration and of the version of what it describes."""
+        text = f"{RENDER_MODEL} {self.model_dump_json()}"
+        return hashlib.sha256(text.encode()).hexdigest()
+
+
+NATURAL_PANORAMAS: Mapping[str, NaturalPanorama] = MappingProxyType(
+    {
+        "open": NaturalPanorama(
+            forest=Forest(preset="open", seed=1),
+            light=Light(level="daylight", disc_elevation_deg=46, disc_azimuth_deg=140),
+            frame_fov_deg=100.4,
+        ),
+        "dense": NaturalPanorama(
+            forest=Forest(preset="dense", seed=2, density_per_ha=800),
+            light=Light(level="daylight", disc_elevation_deg=60, disc_azimuth_deg=250),
+            frame_fov_deg=120.5,
+            passes=8,
+        ),
+        "understorey": NaturalPanorama(
+            forest=Forest(preset="understorey", seed=3),
+            light=Light(level="full_moon", disc_elevation_deg=62, disc_azimuth_deg=60),
+            frame_fov_deg=160.6,
+            passes=6,
+        ),
+        "clearing": NaturalPanorama(
+            forest=Forest(preset="clearing", seed=4, clearance_m=4.5),
+            light=Light(
+                level="daylight", disc_fraction=0.5, disc_elevation_deg=52, disc_azimuth_deg=300
+            ),
+            frame_fov_deg=120.5,
+        ),
+    }
+)
+"""By name, in the order of Fig. 4.3 a to d."""
+
+
+def render_panorama(
+    recipe: NaturalPanorama, after_pass: Callable[[], object]
+) -> "tuple[NDArray[np.float32], RenderNoise]":
+    """Radiance (251, m, 1) in the luminance band, W·m⁻²·sr⁻¹·nm⁻¹, and its noise."""
+    # Mitsuba, for which who takes what is shipped does not wait
+    from megalopta.render import RenderSettings, RunningMean, SceneRenderer, frame_seed
+    from megalopta.scenes import build_scene
+
+    height = recipe.eye_m
+    stand = Trajectory(frames=1, position_m=(0, 0, height), look_at_m=(10, 0, height))
+    forest = build_scene(recipe.forest, recipe.light, recipe.camera, stand)
+    wavelength_nm = sum(LUMINANCE_BAND_NM) / 2
+    scene = under_clouds(forest, recipe.light.lighting(), wavelength_nm, recipe.forest.seed)
+    # Baked light would be looked up once only: it costs more than the paths it replaces.
+    settings = RenderSettings(
+        samples_per_pixel=recipe.samples_per_pass,
+        max_depth=recipe.max_depth,
+        bands_nm=(LUMINANCE_BAND_NM,),
+        integrator="path",
+    )
+    renderer = SceneRenderer(scene, recipe.camera, settings)
+    passes = RunningMean()
+    for number in range(recipe.passes):
+        passes.add(renderer.radiance(stand.poses()[0], frame_seed(recipe.seed, 0, number)))
+        after_pass()
+    return passes.mean, passes.noise(averaged=recipe.passes)
+
 
 SHIPPED = Path(__file__).with_name("data") / "panoramas"
 RECIPE = "configurationSha256"
@@ -85,7 +200,8 @@ def read_template(path: Path) -> NDArray[np.float64]:
         raise UserError(
             f"{path} is no panorama as it was written; remove it, and it is rendered again"
         ) from None
-    return _with_mean_1(radiance[..., 0].astype(np.float64))
+    light = radiance[..., 0].astype(np.float64)
+    return np.asarray(light / light.mean())
 
 
 def write_template(
@@ -126,7 +242,8 @@ def template_from_file(path: Path) -> NDArray[np.float64]:
         raise UserError(f"{path} has {rows} rows; give a panorama of {ROWS} rows or more")
     if not light.any():
         raise UserError(f"{path} is black; give a picture with light in it")
-    return _with_mean_1(resize(light, (ROWS, round(columns * ROWS / rows)), "area"))
+    resized = resize(light, (ROWS, round(columns * ROWS / rows)), "area")
+    return np.asarray(resized / resized.mean())
 
 
 def _attributes(recipe: NaturalPanorama, noise: "RenderNoise") -> dict[str, str]:
@@ -144,7 +261,3 @@ def _recipe_of(path: Path) -> str | None:
         return read_attributes(path).get(RECIPE)
     except ValueError:
         return None  # what cannot be read is rendered again
-
-
-def _with_mean_1(light: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.asarray(light / light.mean())

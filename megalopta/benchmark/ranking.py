@@ -14,11 +14,9 @@ from typing import NamedTuple
 import numpy as np
 from pydantic import FiniteFloat, NonNegativeInt, PositiveFloat, PositiveInt
 
-from megalopta.benchmark.intervals import Sums, interval, lowest, ratio, units
 from megalopta.benchmark.ranking_settings import Pooling, RankingSettings
-from megalopta.benchmark.sequence_errors import ERROR, STILL
-from megalopta.benchmark.sequence_truth import Opposed, opposed
-from megalopta.benchmark.table import Case
+from megalopta.benchmark.sequence_errors import ERROR, STILL, Opposed, opposed
+from megalopta.benchmark.table import Case, Sums, interval, lowest, ratio, units
 from megalopta.core.arrays import Floats
 from megalopta.core.format_numbers import written
 from megalopta.core.record import Record
@@ -103,16 +101,7 @@ class Ranking(Record, frozen=True):
 def ranking_rows(
     parts: Sequence[Mapping[Case, Sums]], settings: RankingSettings, blocks: Mapping[str, int]
 ) -> Iterator[RankingRow]:
-    """Yield the long table.
-
-    Parameters
-    ----------
-    parts
-        Of each sequence, the sums over pairs of frames or the numbers of a case.
-    settings
-    blocks
-        Blocks of each group.
-    """
+    """Yield the long table, from sums over pairs of frames, or numbers, of each sequence."""
     means: dict[Case, Sums] = {}
     for case in dict.fromkeys(case for part in parts for case in part):
         there = [part[case] for part in parts if case in part]

@@ -12,11 +12,12 @@ from matplotlib.patches import Patch
 
 from megalopta.benchmark.ranking import Ranking, RankingRow
 from megalopta.benchmark.ranking_settings import Pooling
-from megalopta.benchmark.sequence_errors import BOUND, STILL
-from megalopta.benchmark.sequence_truth import (
+from megalopta.benchmark.sequence_errors import (
+    BOUND,
     PARALLAX_PX,
     RANGES,
     SPEEDS_PX,
+    STILL,
     cell_name,
     opposed,
 )
@@ -83,12 +84,7 @@ def error_ratios(ranking: Ranking) -> Markup:
 @in_style
 def pooling_grid(ranking: Ranking) -> Markup:
     """The best method, and its error, at every pooling and number of photons."""
-    settings = ranking.settings
-    poolings = list(
-        itertools.starmap(
-            Pooling, itertools.product(settings.pixels_pooled, settings.frames_pooled)
-        )
-    )
+    settings, poolings = ranking.settings, ranking.settings.poolings
     fluxes = sorted(settings.fluxes)
     size = (max(4.5, 1.2 + 1.5 * len(poolings)), 1 + 0.55 * len(fluxes))
     figure = Figure(figsize=size, layout="constrained")

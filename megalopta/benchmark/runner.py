@@ -15,8 +15,7 @@ from pathlib import Path
 
 from megalopta.benchmark import trial
 from megalopta.benchmark.methods import identity
-from megalopta.benchmark.templates import Template, template_names
-from megalopta.benchmark.trial import Trial, measure_trial
+from megalopta.benchmark.trial import Template, Trial, measure_trial, template_names
 from megalopta.core import files
 from megalopta.core.arrays import Floats
 from megalopta.core.errors import UserError
@@ -57,13 +56,16 @@ def run_trials(
             running[executor.submit(measure_trial, each, pixels, stimulus)] = each, path
         else:
             results[each] = stored
-            on_progress(_work(each))
+            on_progress(trial_work([each]))
     try:
         for future in as_completed(running):
             each, path = running[future]
-            results[each] = _result(future, each)
-            _write(path, each, results[each])
-            on_progress(_work(each))
+            results[each] = future.result()
+            curves = [curve.to_dict() for curve in results[each]]
+            files.write_json(path, {"trial": each.model_dump(mode="json"), "curves": curves})
+            on_progress(trial_work([each]))
+    except BlackFrameError as problem:
+        raise UserError(f"{template_names([each.template])[0]}: {problem}") from None
     finally:
         for future in running:
             future.cancel()
@@ -105,24 +107,13 @@ def _executor(workers: int | None, scheduler: str | None) -> Iterator[Executor]:
 
 def trial_work(trials: Iterable[Trial]) -> int:
     """Return the work of trials: the thousands of pixels in one frame of each."""
-    return sum(map(_work, set(trials)))
-
-
-def _work(trial: Trial) -> int:
-    return max(1, trial.size**2 // 1000)
+    return sum(max(1, each.size**2 // 1000) for each in set(trials))
 
 
 def _key(asked: Trial, template: str) -> str:
     """Return the hash of all that a result depends on: also code, libraries, and detectors."""
     code = code_digest("megalopta.flow", "megalopta.sensor.sampling", trial.__name__)
     return digest(asked.model_dump_json(), template, code, *map(identity, asked.detectors))
-
-
-def _result(future: Future[Curves], measured: Trial) -> Curves:
-    try:
-        return future.result()
-    except BlackFrameError as problem:
-        raise UserError(f"{template_names([measured.template])[0]}: {problem}") from None
 
 
 def _read(path: Path) -> Curves | None:
@@ -132,11 +123,3 @@ def _read(path: Path) -> Curves | None:
         return tuple(ErrorCurve.from_dict(fields) for fields in record["curves"])
     except (FileNotFoundError, ValueError, LookupError, TypeError, AttributeError):
         return None
-
-
-def _write(path: Path, trial: Trial, curves: Curves) -> None:
-    record = {
-        "trial": trial.model_dump(mode="json"),
-        "curves": [curve.to_dict() for curve in curves],
-    }
-    files.write_json(path, record)

@@ -1,8 +1,11 @@
-"""Scores of files of flow, or of a method's answers: by sequence and overall, for every pass."""
+"""Scores of files of flow, or of a method's answers: by sequence and overall, for every pass.
+
+A leaderboard is a file of JSON lines, one for each program and pass, and its print.
+"""
 
 import math
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
@@ -11,6 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import FiniteFloat, NonNegativeInt, PositiveInt
+from rich.box import SIMPLE
+from rich.table import Table
 
 from megalopta.benchmark.pairs_on_disk import (
     Frame,
@@ -20,8 +25,11 @@ from megalopta.benchmark.pairs_on_disk import (
     submitted_flows,
     true_flows,
 )
+from megalopta.core import bounded, files
+from megalopta.core.bounded import sentence
 from megalopta.core.errors import UserError
-from megalopta.core.format_numbers import written
+from megalopta.core.folders import locked
+from megalopta.core.format_numbers import check_format, written
 from megalopta.core.freshness import digest
 from megalopta.core.pictures import read_picture
 from megalopta.core.progress import progress
@@ -30,7 +38,7 @@ from megalopta.dataset.store import file_hash
 from megalopta.flow.detectors.gray_detector import DenseDetector
 from megalopta.flow.detectors.registry import Method, method
 from megalopta.flow.formats import read_flow
-from megalopta.flow.metrics.endpoint_error import GROUPS, DenseError, DenseErrors
+from megalopta.flow.metrics.endpoint_error import GROUPS, DenseErrors
 
 Answers = Mapping[Frame, tuple[str, Callable[[], NDArray[Any]]]]
 """Where the answer to a frame comes from, and what gives it, (H, W, 2) in px"""
@@ -76,6 +84,9 @@ def score_submission(
 ) -> Scores:
     """Score flow against the true flow of a dataset.
 
+    Raises UserError when frames have no file or files no frame, when a file is damaged or of
+    another size.
+
     Parameters
     ----------
     flow
@@ -87,11 +98,6 @@ def score_submission(
         Folder of a dataset of megalopta, of Sintel, KITTI or Middlebury.
     program
         Name of what wrote the flow; that of its folder, or of the method, if left out.
-
-    Raises
-    ------
-    UserError
-        When frames have no file or files no frame, when a file is damaged or of another size.
     """
     truth = Path(truth)
     if not truth.is_dir():
@@ -101,22 +107,19 @@ def score_submission(
     with progress("Scoring flow", len(truths), "frame") as advance:
         found, digest_of_all = _scored(passes, truths, advance)
 
-    def entry(pass_name: str, sequence: str | None, frames: int, errors: DenseErrors) -> Entry:
-        return Entry(
-            program=program or name,
-            pass_name=pass_name,
-            sequence=sequence,
-            truth=truth.resolve().name,
-            truth_hash=digest_of_all,
-            frames=frames,
-            errors=_groups(errors),
-        )
-
+    shared = {
+        "program": program or name,
+        "truth": truth.resolve().name,
+        "truth_hash": digest_of_all,
+    }
     frames, entries = Counter(frame.sequence for frame in truths), []
     for pass_name, by_sequence in found.items():
-        entries += [entry(pass_name, each, frames[each], by_sequence[each]) for each in by_sequence]
-        overall = DenseErrors.joined(by_sequence.values())
-        entries.append(entry(pass_name, None, len(truths), overall))
+        overall = None, DenseErrors.joined(by_sequence.values())
+        every: list[tuple[str | None, DenseErrors]] = [*by_sequence.items(), overall]
+        for sequence, errors in every:
+            count = len(truths) if sequence is None else frames[sequence]
+            own = {"pass_name": pass_name, "sequence": sequence, "frames": count}
+            entries.append(Entry(**shared, **own, errors=_groups(errors)))
     return Scores(entries=tuple(entries))
 
 
@@ -135,14 +138,14 @@ def _answers_of(flow: str | Path | Method, truths: Truths) -> tuple[str, Mapping
         raise UserError(f"{detector.name} gives no flow at every pixel; give a method that does")
     return detector.name, {
         name: {
-            frame: (str(first), partial(_answer, detector, first, second))
+            frame: (str(first), partial(_between, detector, first, second))
             for frame, (first, second) in pictures.items()
         }
         for name, pictures in pictures_of(truths).items()
     }
 
 
-def _answer(detector: DenseDetector, first: Path, second: Path) -> NDArray[Any]:
+def _between(detector: DenseDetector, first: Path, second: Path) -> NDArray[Any]:
     return detector.dense(read_picture(first, "L"), read_picture(second, "L"))
 
 
@@ -152,9 +155,9 @@ def _scored(
     """Errors by pass and sequence, and a hash of the truth, each frame of which is read once."""
     found: dict[str, dict[str, DenseErrors]] = {name: {} for name in sorted(passes)}
     hashes = []
-    for frame, files in sorted(truths.items()):
-        true, occluded = _truth(files)
-        hashes += ["/".join(frame), *(file_hash(path) for path in files if path)]
+    for frame, paths in sorted(truths.items()):
+        true, occluded = _truth(paths)
+        hashes += ["/".join(frame), *(file_hash(path) for path in paths if path)]
         for name, errors in found.items():
             where, answer = passes[name][frame]
             try:
@@ -188,8 +191,100 @@ def _mask(path: Path, shape: tuple[int, ...]) -> NDArray[np.bool_]:
 
 
 def _groups(errors: DenseErrors) -> Groups:
-    return {name: _fields(errors.of(name)) for name in GROUPS}
+    return {
+        group: {
+            name: None if math.isnan(value) else value
+            for name, value in asdict(errors.of(group)).items()
+        }
+        for group in GROUPS
+    }
 
 
-def _fields(error: DenseError) -> dict[str, int | float | None]:
-    return {name: None if math.isnan(value) else value for name, value in asdict(error).items()}
+_COLUMNS: Mapping[str, tuple[str, str]] = {
+    "EPE": ("all", "epe_px"),
+    "visible": ("visible", "epe_px"),
+    "occluded": ("occluded", "epe_px"),
+    "0–10": ("slow", "epe_px"),
+    "10–40": ("medium", "epe_px"),
+    "40+": ("fast", "epe_px"),
+    "> 1 px %": ("all", "over_1px_percent"),
+    "> 3 px %": ("all", "over_3px_percent"),
+    "> 5 px %": ("all", "over_5px_percent"),
+    "Fl %": ("all", "fl_percent"),
+    "WAUC": ("all", "wauc_percent"),
+    "angle °": ("all", "angular_deg"),
+    "none %": ("all", "missing_percent"),
+}
+
+
+def read_board(path: Path) -> tuple[Entry, ...]:
+    """Read the entries of a leaderboard; none where there is no file. Raises UserError."""
+    entries = []
+    try:
+        for line in bounded.read_text(path).splitlines() if path.exists() else []:
+            values = bounded.from_json(line)
+            check_format("scores", values, path)
+            if "overall" in values:  # format 1
+                values["errors"] = values.pop("overall")
+            entries.append(Entry.model_validate(values))
+    except (OSError, ValueError, AttributeError):
+        raise UserError(f"{path} is no leaderboard, or damaged; give another file") from None
+    return tuple(entries)
+
+
+def add_entries(path: Path, entries: Iterable[Entry]) -> tuple[Entry, ...]:
+    """Add entries, in the place of those of the same program, pass and truth; return all.
+
+    Raises UserError when the file is something else.
+    """
+
+    def key(entry: Entry) -> tuple[str, str, str]:
+        return entry.program, entry.pass_name, entry.truth_hash
+
+    with locked(path.parent):
+        new = {key(each): each for each in entries}
+        kept = {key(each): each for each in read_board(path) if key(each) not in new}
+        found = (*kept.values(), *new.values())
+        files.write_text(path, "".join(f"{each.model_dump_json()}\n" for each in found))
+    return found
+
+
+def score_table(scores: Scores) -> Table:
+    """Return the errors of every sequence and overall, a block for each pass."""
+    title = "Endpoint error over pixels, of those that move 0–10, 10–40, 40+ px per frame"
+    table = _table(title, ("pass", "sequence"))
+    for each in scores.entries:
+        names = each.pass_name, "overall" if each.sequence is None else each.sequence
+        style = "bold" if each.sequence is None else None
+        table.add_row(*map(sentence, names), *_cells(each.errors), style=style)
+        if each.sequence is None:
+            table.add_section()
+    return table
+
+
+def board_table(entries: Iterable[Entry], truth_hash: str) -> Table:
+    """Return the entries for one truth, the lowest EPE first, by pass."""
+    table = _table("Leaderboard", ("pass", "program"))
+    shown = [entry for entry in entries if entry.truth_hash == truth_hash]
+
+    def order(entry: Entry) -> tuple[str, float]:
+        error_px = entry.errors["all"]["epe_px"]
+        return entry.pass_name, math.inf if error_px is None else error_px
+
+    for entry in sorted(shown, key=order):
+        table.add_row(sentence(entry.pass_name), sentence(entry.program), *_cells(entry.errors))
+    return table
+
+
+def _table(title: str, first: Iterable[str]) -> Table:
+    table = Table(title=title, box=SIMPLE, padding=(0, 1))
+    for name in first:
+        table.add_column(name, no_wrap=True)
+    for name in _COLUMNS:
+        table.add_column(name, justify="right", no_wrap=True)
+    return table
+
+
+def _cells(groups: Groups) -> list[str]:
+    values = (groups[group][name] for group, name in _COLUMNS.values())
+    return ["–" if value is None else f"{value:.3g}" for value in values]

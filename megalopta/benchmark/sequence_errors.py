@@ -1,31 +1,200 @@
 """What is measured on one rendered sequence: each metric is a function that adds its cases.
 
 A block's error is the endpoint error in px of the full image per frame; a block without velocity
-counts as one that reports zero motion. Means are over all blocks of a group.
+counts as one that reports zero motion. Means are over all blocks of a group. Groups tell where a
+ranking changes: what is hidden in the next frame, edges of depth, speed in the image, distance, and
+parallax, the motion that is left when the camera's rotation is taken away.
 """
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache, partial
 from itertools import product
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from megalopta.benchmark.intervals import Sums
 from megalopta.benchmark.methods import Methods, directional_methods
 from megalopta.benchmark.ranking_settings import NO_POOLING, Pooling, RankingSettings
-from megalopta.benchmark.sequence_truth import BlockTruths, SequenceTruth
-from megalopta.benchmark.table import Case
+from megalopta.benchmark.table import Case, Sums
 from megalopta.benchmark.velocities import LIKELIHOODS, Drawn, Velocities
 from megalopta.core.arrays import Floats
+from megalopta.dataset.frames import read_truth_frames
 from megalopta.dataset.store import Dataset
 from megalopta.flow.benchmark.settings import default_warm_up
 from megalopta.flow.detectors.blocks import BlockGrid
 from megalopta.flow.egomotion.camera_motion import CameraMotion, motion_of_flow
 from megalopta.flow.egomotion.wide_field import YawRateTest, yaw_rates_deg_s
+from megalopta.flow.metrics.endpoint_error import OCCLUDED_SHARE, block_flow, block_share
+from megalopta.render.truth.tracer import Truth
+
+SPEEDS_PX = (1.0, 3.0)
+PARALLAX_PX = (0.3, 1.0)
+DISTANCES_M = (5.0, 20.0)
+_EDGE_RATIO = 1.25
+_EDGE_SHARE = 0.05
+
+_TURNING_PX = 0.01
+"""Parallax below it everywhere: the camera only turns, and nothing moves"""
+
+Groups: TypeAlias = Mapping[str, NDArray[np.bool_]]
+"""Which blocks are in which group"""
+
+RANGES = ("low", "medium", "high")
+ALONE, LITTLE, MUCH, HIDDEN = "rotation alone", "low parallax", "high parallax", "hidden"
+"""Visible blocks of sequences of rotation alone, and of others where parallax is low or high; and
+hidden blocks of others"""
+
+
+class Opposed(NamedTuple):
+    """Two groups between which the order of methods may change, and with what."""
+
+    one: str
+    other: str
+    what: str
+
+
+def opposed(blocks: Mapping[str, int]) -> list[Opposed]:
+    """Return the groups to compare, of equal speed as far as they can be.
+
+    Parallax and occlusion are compared with rotation alone where sequences of it are there,
+    otherwise with low parallax.
+    """
+    before = ALONE if any(blocks.get(at_speed(each, ALONE)) for each in RANGES) else LITTLE
+    found = [
+        Opposed(at_speed(speed, before), at_speed(speed, after), what)
+        for after, what in ((MUCH, "parallax"), (HIDDEN, "occlusion"))
+        for speed in RANGES
+    ]
+    return [
+        *found,
+        Opposed("smooth", "depth edge", "edges of depth"),
+        Opposed("speed low", "speed high", "speed"),
+    ]
+
+
+@dataclass(frozen=True, eq=False)
+class BlockTruths:
+    """Truth of the blocks inside (pairs, rows, columns) of a sequence at one pooling."""
+
+    velocities: Floats
+    """(..., 2) in px of the full image per frame; NaN where unknown"""
+
+    groups: Groups
+
+
+class SequenceTruth:
+    """The truth of a sequence on the finest blocks, read once; `at` pools it over frames."""
+
+    def __init__(self, dataset: Dataset, grid: BlockGrid) -> None:
+        self._frames = dataset.configuration.trajectory.frames
+        facts = [_facts(truth, turned, grid) for truth, turned in _pairs(dataset)]
+        self._facts = {name: np.stack([each[name] for each in facts]) for name in facts[0]}
+        parallax = self._facts["parallax"]
+        self._only_turns = bool((parallax[np.isfinite(parallax)] < _TURNING_PX).all())
+
+    def at(self, pooling: Pooling) -> BlockTruths:
+        """Return the truth between frames that are pooled so."""
+        steps = list(pooling.steps(self._frames))
+        mean = {
+            name: np.stack([values[each].mean(axis=0) for each in steps])[:, 1:-1, 1:-1]
+            for name, values in self._facts.items()
+        }
+        return BlockTruths(mean["velocity"], _groups(mean, self._only_turns))
+
+
+def _pairs(dataset: Dataset) -> Iterator[tuple[Truth, Floats]]:
+    """Yield the truth of each frame but the last, and the flow that rotation alone would make."""
+    camera, poses = dataset.configuration.camera, dataset.configuration.trajectory.poses()
+    directions = camera.directions()
+    for index, truth in enumerate(read_truth_frames(dataset)):
+        if index + 1 < len(poses):
+            turn = poses[index + 1, :3, :3].T @ poses[index, :3, :3]
+            yield truth, camera.displacement(directions @ turn.T)
+
+
+def _facts(truth: Truth, turned: Floats, grid: BlockGrid) -> dict[str, Floats]:
+    """Means over the blocks (rows, columns) of one pair of frames."""
+    flow, hidden = truth.flow_forward[np.newaxis], truth.occluded_forward[np.newaxis]
+    to_full = np.array(truth.depth.shape[::-1]) / np.array(grid.shape[::-1])
+    velocity = block_flow(flow, grid, hidden)[0] * to_full
+    rotation = block_flow(turned[np.newaxis], grid, hidden)[0] * to_full
+    return {
+        "velocity": velocity,
+        "parallax": np.linalg.norm(velocity - rotation, axis=-1),
+        "hidden": block_share(hidden, grid)[0],
+        "edges": block_share(_edges(truth.depth)[np.newaxis], grid)[0],
+        "distance": _typical(truth.depth, grid),
+    }
+
+
+def _edges(depth: NDArray[np.float32]) -> NDArray[np.bool_]:
+    """Pixels whose neighbor to the right or below is a quarter farther or nearer."""
+    log = np.log(np.where(np.isfinite(depth), depth, 1e6))
+    edges = np.zeros(depth.shape, np.bool_)
+    edges[:, :-1] |= np.abs(np.diff(log, axis=1)) > np.log(_EDGE_RATIO)
+    edges[:-1] |= np.abs(np.diff(log, axis=0)) > np.log(_EDGE_RATIO)
+    return edges
+
+
+def _typical(depth: NDArray[np.float32], grid: BlockGrid) -> Floats:
+    """Harmonic mean distance of each block, m: that of its mean inverse depth."""
+    inverse = np.where(depth > 0, 1 / depth.astype(np.float64), 0)
+    mean = block_flow(np.dstack([inverse, inverse])[np.newaxis], grid)[0, ..., 0]
+    mean *= depth.shape[1] / grid.shape[1]  # which a flow would not be
+    with np.errstate(divide="ignore"):
+        return np.asarray(1 / mean)
+
+
+def _groups(facts: Mapping[str, Floats], only_turns: bool) -> dict[str, NDArray[np.bool_]]:
+    speed = np.linalg.norm(facts["velocity"], axis=-1)
+    known = np.isfinite(speed)
+    groups = {
+        "all": known,
+        "visible": facts["hidden"] < OCCLUDED_SHARE,
+        "occluded": facts["hidden"] >= OCCLUDED_SHARE,
+        "smooth": facts["edges"] < _EDGE_SHARE,
+        "depth edge": facts["edges"] >= _EDGE_SHARE,
+    }
+    kinds = (
+        ("speed", speed, SPEEDS_PX),
+        ("parallax", facts["parallax"], PARALLAX_PX),
+        ("distance", facts["distance"], DISTANCES_M),
+    )
+    for kind, values, bounds in kinds:
+        place = np.digitize(values, bounds)
+        for at, name in enumerate(RANGES):
+            groups[f"{kind} {name}"] = place == at
+    for speed in RANGES:
+        groups |= _at_speed(groups, speed, only_turns)
+    return {name: among & known for name, among in groups.items()}
+
+
+def _at_speed(groups: Groups, speed: str, only_turns: bool) -> dict[str, NDArray[np.bool_]]:
+    """Return the cells of the atlas and the groups that are compared, at one speed."""
+    here = groups[f"speed {speed}"]
+    seen, moves = here & groups["visible"], not only_turns
+    cells = {cell_name(speed, each): here & groups[f"parallax {each}"] for each in RANGES}
+    return cells | {
+        at_speed(speed, ALONE): seen & only_turns,
+        at_speed(speed, LITTLE): seen & groups["parallax low"] & moves,
+        at_speed(speed, MUCH): seen & groups["parallax high"],
+        at_speed(speed, HIDDEN): here & groups["occluded"] & moves,
+    }
+
+
+def cell_name(speed: str, parallax: str) -> str:
+    """Name of the group of one cell of the atlas."""
+    return f"speed {speed}, parallax {parallax}"
+
+
+def at_speed(speed: str, kind: str) -> str:
+    """Name of the group of blocks of one kind at low, medium or high speed."""
+    return f"{kind}, speed {speed}"
+
 
 ERROR = "epe_px"
 ROTATION, HEADING = "rotation_error_deg", "heading_error_deg"
@@ -68,21 +237,14 @@ class RankedSequence:
     ) -> None:
         self.dataset, self.settings, self.methods = dataset, settings, methods
         self.velocities = velocities
-        self._traced: dict[BlockGrid, SequenceTruth] = {}
-        self._truths: dict[tuple[BlockGrid, Pooling], BlockTruths] = {}
+        traced = cache(partial(SequenceTruth, dataset))
+        self.truth = cache(lambda grid, pooling: traced(grid).at(pooling))
+        """The `BlockTruths` of the blocks of a grid between pooled frames"""
 
     def grid(self, name: str, pixels: int) -> BlockGrid:
         """Return the blocks of a method on pooled frames; ValueError where these are too small."""
         camera = self.dataset.configuration.camera
         return self.methods[name].grid(Pooling(pixels, 1).shape((camera.height, camera.width)))
-
-    def truth(self, grid: BlockGrid, pooling: Pooling) -> BlockTruths:
-        """Return the truth of the blocks between pooled frames."""
-        if (grid, pooling) not in self._truths:
-            if grid not in self._traced:
-                self._traced[grid] = SequenceTruth(self.dataset, grid)
-            self._truths[grid, pooling] = self._traced[grid].at(pooling)
-        return self._truths[grid, pooling]
 
     def noisy(self, name: str, pooling: Pooling, flux: float) -> list[Floats]:
         """Return the velocities that a method finds in each draw of the photons."""
@@ -210,12 +372,10 @@ def _errors_of_motion(dataset: Dataset, found: CameraMotion, pair: int) -> Camer
     way = poses[0, :3, :3].T @ (poses[1, :3, 3] - poses[0, :3, 3])
     left = Rotation.from_rotvec(found.rotation_deg, degrees=True).inv() * Rotation.from_matrix(turn)
     length = float(np.linalg.norm(way))
-    heading = np.nan if length < _STILL_M else _angle_deg(found.heading, way / length)
+    heading = math.nan
+    if length >= _STILL_M:
+        heading = float(np.degrees(np.arccos(np.clip(found.heading @ way / length, -1, 1))))
     return float(np.degrees(left.magnitude())), heading
-
-
-def _angle_deg(first: Floats, second: Floats) -> float:
-    return float(np.degrees(np.arccos(np.clip(first @ second, -1, 1))))
 
 
 def _camera_cases(name: str, flux: float, errors: Sequence[CameraErrors]) -> Measured:

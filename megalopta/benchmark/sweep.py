@@ -6,23 +6,11 @@ from itertools import product
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple, Self
 
-from pydantic import (
-    Field,
-    ValidationError,
-    ValidationInfo,
-    field_validator,
-    model_validator,
-)
+from pydantic import Field, ValidationError, ValidationInfo, field_validator, model_validator
 
-from megalopta.benchmark.templates import Template, path_from_its_file, template_names
-from megalopta.benchmark.trial import Trial
+from megalopta.benchmark.trial import Template, Trial, path_from_its_file, template_names
 from megalopta.config.validation import one_sentence
-from megalopta.config.yaml_model import (
-    mapping,
-    put,
-    read_text,
-    validated,
-)
+from megalopta.config.yaml_model import mapping, put, read_text, validated
 from megalopta.core.errors import UserError
 from megalopta.core.progress import duration, say
 from megalopta.core.record import Record
@@ -151,18 +139,9 @@ def load_sweep(
 ) -> Sweep:
     """Return the sweep of a YAML file with settings of the command line.
 
-    Parameters
-    ----------
-    path
-    overrides
-        Path of a field to a value in YAML; may name code.
-    allows_code : bool
-        Whether methods of the file may be `module:function` or ONNX files, which are run.
-
-    Raises
-    ------
-    UserError
-        When the file cannot be read, or says what is no sweep.
+    Overrides go from the path of a field to a value in YAML, and may name code; methods of the file
+    may be `module:function` or ONNX files, which are run, only where `allows_code`. Raises
+    UserError when the file cannot be read, or says what is no sweep.
     """
     values = mapping(read_text(path, "sweep; give a YAML file"), str(path))
     return validated(Sweep, values, str(path), overrides, path.parent, allows_code)

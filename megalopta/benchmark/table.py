@@ -1,7 +1,16 @@
 """The long table of a benchmark: sources × methods × photons, one value for each and its interval.
 
-What is measured of a case stands on units that were sampled independently of each other, such as
-sequences, scenes or windows of frames; `megalopta.benchmark.intervals` says what the units bear.
+Intervals are of what was measured on units that were sampled independently of each other, such as
+sequences, scenes or windows of frames.
+
+The logarithm of a mean, or of the ratio of two means over the same blocks, has the standard error
+of the jackknife that leaves out one unit at a time (Efron and Tibshirani 1993, chapter 11), and
+Student's quantiles. Units hold different numbers of blocks: their effective number (Kish 1965),
+less one, are the degrees of freedom. A ratio of two methods does not inherit how hard the
+units were. Other statistics, such as medians, have the percentiles of a bootstrap over units.
+
+Pixels and frames of one sequence show the same things, so that its unit is a sequence; where there
+are too few of them, it is a stretch of one, and what is found holds for these sequences alone.
 """
 
 from collections import defaultdict
@@ -11,8 +20,10 @@ from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import t as student
 
 from megalopta.core.arrays import Floats
+from megalopta.sensor.sampling.streams import generator
 
 
 class Case(NamedTuple):
@@ -45,17 +56,7 @@ def measure_samples(
 ) -> Samples:
     """Return what methods make of the same photons of one source.
 
-    Parameters
-    ----------
-    draw
-        From photons and the number of a draw to counts (T, H, W).
-    methods
-        By name.
-    fluxes
-        Photons per frame or per pixel, as `draw` takes them.
-    draws : int
-    after_draw
-        Called after each draw at each flux.
+    `draw` goes from photons (per frame or per pixel) and the number of a draw to counts (T, H, W).
     """
     found = defaultdict(list)
     for number, flux in product(range(draws), fluxes):
@@ -74,3 +75,144 @@ def joined(sources: Iterable[Samples]) -> Samples:
         case: np.concatenate([values, *(each[case] for each in others)])
         for case, values in first.items()
     }
+
+
+FEWEST_SEQUENCES = 5
+"""From so many on, sequences are the units"""
+
+STRETCHES = 10
+"""Of successive pairs of frames, into which each of fewer sequences is divided"""
+
+_CONFIDENCE = 0.95
+_REPLICATES = 2000
+
+
+class Sums(NamedTuple):
+    """Sum of what was measured and number of blocks, of each pair of frames or each unit, (n,)."""
+
+    totals: Floats
+    blocks: Floats
+
+
+class Interval(NamedTuple):
+    """A value and the bounds that hold it in 95 % of cases; None where units are too few."""
+
+    value: float
+    low: float | None
+    high: float | None
+
+
+class Ratio(NamedTuple):
+    """A method's mean over another's, what holds it in 95 % of cases, and its p-value."""
+
+    value: float
+    low: float
+    high: float
+    p: float
+    """Two-sided, of the ratio being 1"""
+
+
+class Lowest(NamedTuple):
+    """The method with the lowest mean error."""
+
+    method: str
+    is_sure: bool
+    """Whether the interval of every other method's ratio to it lies above 1"""
+
+
+class _Spread(NamedTuple):
+    standard_error: float
+    freedom: float
+
+    def factor(self) -> float:
+        quantile = student.ppf((1 + _CONFIDENCE) / 2, self.freedom)
+        return float(np.exp(quantile * self.standard_error))
+
+
+def units(sequences: Sequence[Sums]) -> Sums:
+    """Sum over the pairs of each unit: each sequence, or each stretch of few sequences."""
+    stretches = 1 if len(sequences) >= FEWEST_SEQUENCES else STRETCHES
+    return Sums(
+        *(
+            np.array(
+                [part.sum() for each in pairs for part in np.array_split(each, stretches)],
+                np.float64,
+            )
+            for pairs in zip(*sequences, strict=True)
+        )
+    )
+
+
+def interval(sums: Sums) -> Interval | None:
+    """Return the mean over all blocks and its interval; None where there are no blocks."""
+    if not sums.blocks.any():
+        return None
+    mean, there = _mean(sums), _present(sums)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        spread = _spread(_log_means(there), there.blocks)
+    if spread is None:
+        return Interval(mean, None, None)
+    return Interval(mean, mean / spread.factor(), mean * spread.factor())
+
+
+def ratio(one: Sums, other: Sums) -> Ratio | None:
+    """Return the ratio of two means over the same blocks; None where units are too few."""
+    upper, lower = (_present(each) for each in (one, other))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        spread = _spread(_log_means(upper) - _log_means(lower), upper.blocks)
+    if spread is None:
+        return None
+    found = float(_mean(upper) / _mean(lower))
+    steps = abs(np.log(found)) / max(spread.standard_error, np.finfo(float).eps)
+    p = float(2 * student.sf(steps, spread.freedom))
+    return Ratio(found, found / spread.factor(), found * spread.factor(), p)
+
+
+def lowest(sums: Mapping[str, Sums]) -> Lowest | None:
+    """Return the method of the lowest mean; None where there are no blocks."""
+    means = {name: _mean(each) for name, each in sums.items() if each.blocks.any()}
+    if not means:
+        return None
+    first = min(means, key=lambda name: means[name])
+    ratios = [ratio(sums[name], sums[first]) for name in means if name != first]
+    return Lowest(first, all(each is not None and each.low > 1 for each in ratios))
+
+
+def bootstrap(samples: Floats, statistic: Callable[[Floats], Floats], key: str) -> Interval:
+    """Return a statistic of samples, and what holds it in 95 % of bootstraps over the units.
+
+    The statistic goes from samples (..., units, draws) to (...,): draws of photons of one unit see
+    the same things, and are drawn together. The key names the random numbers.
+    """
+    value, count = float(statistic(samples)), len(samples)
+    if count == 1:  # which does not tell how much units differ
+        return Interval(value, None, None)
+    chosen = generator(0, key).integers(count, size=(_REPLICATES, count))
+    low, high = np.percentile(statistic(samples[chosen]), (2.5, 97.5))
+    return Interval(value, float(low), float(high))
+
+
+def _present(sums: Sums) -> Sums:
+    there = sums.blocks > 0
+    return Sums(sums.totals[there], sums.blocks[there])
+
+
+def _mean(sums: Sums) -> float:
+    return float(sums.totals.sum() / sums.blocks.sum())
+
+
+def _log_means(sums: Sums) -> Floats:
+    """Logarithm of the mean without each unit."""
+    totals, blocks = (each.sum() - each for each in sums)
+    return np.asarray(np.log(totals / blocks))
+
+
+def _spread(left_out: Floats, blocks: Floats) -> _Spread | None:
+    """Error of a logarithm, from its values without each unit; None where units are too few."""
+    count = len(left_out)
+    if count < 2 or not np.isfinite(left_out).all():
+        return None
+    freedom = float(blocks.sum() ** 2 / (blocks**2).sum() - 1)
+    if freedom < 1:  # nearly all blocks are in one unit
+        return None
+    return _Spread(float(np.sqrt((count - 1) * left_out.var())), freedom)

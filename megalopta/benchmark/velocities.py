@@ -52,15 +52,7 @@ class Drawn(NamedTuple):
 class Velocities:
     """Velocities of one sequence, computed once and kept in a folder.
 
-    Parameters
-    ----------
-    dataset
-        One sequence.
-    settings
-    folder
-        Where they are kept.
-    advance
-        Called after each method and draw that was not asked for before.
+    `advance` is called after each method and draw that was not asked for before.
     """
 
     def __init__(
@@ -96,7 +88,7 @@ class Velocities:
     @property
     def photons_per_lux_s(self) -> float:
         """Photons of a mean frame on perfect pixels for each lux and second."""
-        return _per_lux_s(self._dataset, self._light)
+        return photons_per_lux_s(self._dataset, self._light)
 
     def bound(self, grid: BlockGrid, pooling: Pooling, flux: float) -> Floats:
         """Least mean endpoint error that the photons of a pair allow in each block inside.
@@ -153,21 +145,17 @@ class Velocities:
         return digest(*(file_hash(self._dataset.exposed_radiance(index)) for index in range(count)))
 
 
-def photons_per_lux_s(dataset: Dataset) -> float:
+def photons_per_lux_s(dataset: Dataset, light: Floats | None = None) -> float:
     """Photons of a mean frame on perfect pixels for each lux and second; reads all frames."""
-    return _per_lux_s(dataset, _light(dataset))
-
-
-def _per_lux_s(dataset: Dataset, light: Floats) -> float:
+    light = _light(dataset) if light is None else light
     photons_hz = float(light.sum(axis=(1, 2)).mean())
     return photons_hz / dataset.configuration.light.resolved().illuminance_lux
 
 
 def _light(dataset: Dataset) -> Floats:
     bands = dataset.configuration.render.bands_nm
-    parts = [
-        photon_rate(each, bands, PRESETS["ideal"]) for _, each in read_radiance_frames(dataset)
-    ]
+    frames = (each for _, each in read_radiance_frames(dataset))
+    parts = [photon_rate(each, bands, PRESETS["ideal"]) for each in frames]
     return np.concatenate(parts).astype(np.float64)
 
 

@@ -10,8 +10,6 @@ median and the largest mean, so none of the three stands for the others. That of
 mean over draws and scenes; its interval is a bootstrap over scenes, where there is more than one.
 """
 
-import csv
-import io
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -21,7 +19,6 @@ from pathlib import Path
 import numpy as np
 
 from megalopta.benchmark.clips import FlowClip, middle
-from megalopta.benchmark.intervals import Interval, bootstrap
 from megalopta.benchmark.methods import (
     BLOCK_PX,
     block_detector,
@@ -29,15 +26,15 @@ from megalopta.benchmark.methods import (
     on_the_board,
 )
 from megalopta.benchmark.pairs_on_disk import Files, read_pair
-from megalopta.benchmark.table import Case, Samples, joined, measure_samples
+from megalopta.benchmark.table import Case, Interval, Samples, bootstrap, joined, measure_samples
 from megalopta.core.arrays import Floats
 from megalopta.core.errors import UserError
-from megalopta.core.files import write_text
 from megalopta.core.progress import progress
 from megalopta.flow.detectors.base import Frames
 from megalopta.flow.detectors.blocks import BlockDetector, block_grid
 from megalopta.flow.detectors.registry import Method
 from megalopta.flow.metrics.endpoint_error import block_flow
+from megalopta.plotting.picture import write_csv
 
 PHOTONS_PER_PX: tuple[float, ...] = (1.0, 3.0, 10.0, 30.0, 100.0, 1000.0)
 FAR_PX = 3.0
@@ -77,24 +74,8 @@ def frame_errors(
 ) -> Board:
     """Return the errors of methods on the same photons of all clips.
 
-    Parameters
-    ----------
-    clips
-        Of enough frames for all methods.
-    methods
-        By name or themselves.
-    fluxes
-        Photons per pixel and frame, on average over a clip.
-    draws : int
-        Of the photons of each clip.
-    after_scene
-        Called after each clip.
-
-    Raises
-    ------
-    ValueError
-        When a method gives no velocity of blocks, sees more frames than a clip has, or a clip is
-        too small.
+    Fluxes are photons per pixel and frame, on average over a clip. Raises ValueError when a method
+    gives no velocity of blocks, sees more frames than a clip has, or a clip is too small.
     """
     detectors = tuple(block_detector(each) for each in methods)
     parts = []
@@ -130,27 +111,23 @@ def errors_of_pairs(
 
 def write_board(path: Path, board: Board) -> None:
     """Write a line for each pair, method and flux, as CSV: means over the draws of the pair."""
-    text, metrics = io.StringIO(), (MEDIAN, MEAN, FAR)
-    lines = csv.writer(text, lineterminator="\n")
-    lines.writerow(("pair", "method", "frames", "photons_per_px", *metrics))
-    for place, pair in enumerate(board.scenes):
-        for each, flux in product(board.detectors, board.fluxes):
-            numbers = flux, *(board.of_scenes(metric, each, flux)[place] for metric in metrics)
-            words = (f"{value:.6g}" for value in numbers)
-            lines.writerow((pair, each.name, each.memory_frames + 1, *words))
-    write_text(path, text.getvalue())
+    metrics = MEDIAN, MEAN, FAR
+    rows = (
+        (
+            *(pair, each.name, each.memory_frames + 1, flux),
+            *(float(board.of_scenes(metric, each, flux)[place]) for metric in metrics),
+        )
+        for place, pair in enumerate(board.scenes)
+        for each, flux in product(board.detectors, board.fluxes)
+    )
+    write_csv(path, ("pair", "method", "frames", "photons_per_px", *metrics), rows)
 
 
 def block_errors(detector: BlockDetector, counts: Frames, clip: FlowClip) -> Floats:
     """Return the endpoint errors of one method in the blocks inside, px per frame, (blocks,).
 
-    Parameters
-    ----------
-    detector
-        Sees the frames in the middle.
-    counts : (T, H, W)
-    clip
-        Where the true flow is known; a block needs it for half of its pixels.
+    It sees the frames in the middle of counts (T, H, W); a block needs true flow for half of its
+    pixels.
     """
     needed = detector.memory_frames + 1
     if len(counts) < needed:

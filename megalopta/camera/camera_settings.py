@@ -7,13 +7,7 @@ from megalopta.camera.recording import check_kind
 from megalopta.core.bounded import quoted
 from megalopta.core.errors import UserError
 from megalopta.sensor import AnalogCounter, Sensor, changed, load_sensor, preset
-from megalopta.sensor.formats.protocol import (
-    COLUMNS,
-    NOMINAL_STEP_BIAS,
-    ROWS,
-    Identity,
-    Settings,
-)
+from megalopta.sensor.formats.protocol import COLUMNS, NOMINAL_STEP_BIAS, ROWS, Identity, Settings
 
 _POSSIBLE = {
     "rows": (ROWS, ROWS),
@@ -35,10 +29,7 @@ def named_sensor(name: str) -> Sensor:
 def sensor_as_set(sensor: Sensor, settings: Settings) -> Sensor:
     """Return a sensor with the camera's exposure, and its step in proportion to the bias (assumed).
 
-    Raises
-    ------
-    UserError
-        When the sensor cannot be so, or its counters are not read by an ADC.
+    Raises UserError when the sensor cannot be so, or its counters are not read by an ADC.
     """
     counter = sensor.counter
     if not isinstance(counter, AnalogCounter) or not 0 < (counter.adc_bits or 0) <= 16:
@@ -56,10 +47,7 @@ def sensor_as_set(sensor: Sensor, settings: Settings) -> Sensor:
 def sensor_as_identified(sensor: Sensor, identity: Identity) -> Sensor:
     """Return a sensor with the ADC and supply that the camera says it has.
 
-    Raises
-    ------
-    UserError
-        When the camera says what no SPADCAM has, or the sensor cannot have it.
+    Raises UserError when the camera says what no SPADCAM has, or the sensor cannot have it.
     """
     for name, (least, most) in _POSSIBLE.items():
         if not least <= (value := getattr(identity, name)) <= most:
@@ -76,32 +64,21 @@ def sensor_as_identified(sensor: Sensor, identity: Identity) -> Sensor:
 
 @dataclass(frozen=True)
 class CaptureSettings:
-    """Settings of a recording.
-
-    Attributes
-    ----------
-    sensor : Sensor
-        The nominal one, through whose step counts are computed.
-    kind : str
-        "dark", "flat", …; kept with the recording.
-    exposure_s, frame_rate_hz : float
-    step_bias : int
-    row_window : (int, int)
-        First row that is read, and the one after the last.
-    frames : int, optional
-        How many to take; by default until stopped.
-    seconds : float, optional
-        For how long, from the first frame on.
-    """
+    """Settings of a recording."""
 
     sensor: Sensor
+    """The nominal one, through whose step counts are computed."""
     kind: str
+    """Such as "dark" or "flat"; kept with the recording."""
     exposure_s: float
     frame_rate_hz: float
     step_bias: int
     row_window: tuple[int, int]
+    """First row that is read, and the one after the last."""
     frames: int | None = None
+    """How many to take; by default until stopped."""
     seconds: float | None = None
+    """For how long, from the first frame on."""
 
     def check(self) -> None:
         """Make sure that the camera can be so. Raises UserError."""

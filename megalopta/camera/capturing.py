@@ -1,4 +1,7 @@
-"""Recording a camera until told to stop."""
+"""Recording a camera until told to stop, and what it shows meanwhile.
+
+The newest frame is shown on a terminal, elsewhere a line now and then.
+"""
 
 import sys
 import threading
@@ -12,27 +15,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.camera.camera_settings import CaptureSettings, sensor_as_identified, sensor_as_set
-from megalopta.camera.link import (
-    Arrived,
-    Link,
-    LinkLostError,
-    Plugged,
-    Unplugged,
-)
-from megalopta.camera.port import NoPortError
+from megalopta.camera.link import Arrived, Link, LinkLostError, NoPortError, Plugged, Unplugged
 from megalopta.camera.recorder import Recorder
-from megalopta.camera.recording import (
-    RAW,
-    RecordingSettings,
-    recover_command,
-)
+from megalopta.camera.recording import RAW, RecordingSettings, recover_command
 from megalopta.core.errors import UserError, machine_problem
 from megalopta.core.files import remove
 from megalopta.core.folders import locked
-from megalopta.core.progress import say
+from megalopta.core.progress import say, speaking
 from megalopta.sensor.formats.protocol import (
     Kind,
-    Packet,
     Settings,
     command,
 )
@@ -69,18 +60,11 @@ def capture(
 ) -> RecordingSettings:
     """Record into a new folder until there is enough, or `stop` is set.
 
-    For a port that is not there yet it waits up to `wait_s`, and says so.
-
-    Raises
-    ------
-    UserError
-        When a setting is impossible, the folder exists, or the camera is not there, does not
-        answer, refuses, sends no frames, or has not answered when it is stopped. Frames that came
-        before are kept.
+    For a port that is not there yet it waits up to `wait_s`, and says so. Raises UserError when a
+    setting is impossible, the folder exists, or the camera is not there, does not answer, refuses,
+    sends no frames, or has not answered when it is stopped; frames that came before are kept.
     """
     settings.check()
-    if not 0 <= wait_s <= _LONGEST_WAIT_S:
-        raise UserError(f"--wait: {wait_s:g}; give 0 to {_LONGEST_WAIT_S:g} s")
     if out.exists() or out.is_symlink():
         raise UserError(f"{out}: exists already; choose another --out, or remove it")
     begun: _Capture | None = None
@@ -97,8 +81,11 @@ def capture(
             frames = begun.finish() if begun else 0
             if not frames and (problem or begun is None or begun.recorder is None):
                 remove(out)
+    if problem is not None and frames:
+        told = str(problem) if isinstance(problem, UserError) else _reason(problem)
+        raise UserError(f"{told}; the {frames} frames before are kept in {out}") from problem
     if problem is not None:
-        raise _kept(problem, out, frames) from problem
+        raise problem
     if begun is None or begun.recorder is None:
         raise UserError(f"{out}: not recorded, stopped before the camera answered; try again")
     return begun.recorder.record
@@ -116,21 +103,14 @@ def _switching_fast() -> Iterator[None]:
         sys.setswitchinterval(switching_s)
 
 
-def _kept(problem: OSError | UserError, out: Path, frames: int) -> OSError | UserError:
-    """Return an error that also names the frames that are kept."""
-    if not frames:
-        return problem
-    told = str(problem) if isinstance(problem, UserError) else _reason(problem)
-    return UserError(f"{told}; the {frames} frames before are kept in {out}")
-
-
 def _reason(problem: OSError) -> str:
     return (machine_problem(problem) or str(problem)).partition(";")[0]
 
 
 def _linked(find: Callable[[], str], log: Path, wait_s: float, stop: threading.Event) -> Link:
-    end_s = time.monotonic() + wait_s
-    has_told = False
+    if not 0 <= wait_s <= _LONGEST_WAIT_S:
+        raise UserError(f"--wait: {wait_s:g}; give 0 to {_LONGEST_WAIT_S:g} s")
+    end_s, has_told = time.monotonic() + wait_s, False
     while True:
         try:
             return Link(find, log)
@@ -150,10 +130,8 @@ class _Capture:
         self._link, self._out, self._settings, self._show = link, out, settings, show
         self._start_s = time.monotonic()
         self._first_s: float | None = None
-        self._packets = 0
         self._patience_s = PATIENCE_S + 3e-6 * settings.wanted().period_us
-        self._waited_s, self._frames_before = 0.0, 0
-        self._came_before = self._came()
+        self._frame_s, self._came_before = self._start_s, 0
         self._valid_us = 0
         self._is_plugged = False
         self._written_s = self._shown_s = 0.0
@@ -164,21 +142,20 @@ class _Capture:
     def run(self, stop: threading.Event) -> None:
         """Take what comes."""
         while not stop.is_set() and not self._is_enough():
-            before_s = time.monotonic()
-            event = self._link.next(_SHOW_EVERY_S)
-            waited_s = time.monotonic() - before_s
-            self._take(event)
-            if self._is_plugged:
-                self._lose_patience(waited_s)
-            self._look_around(time.monotonic())
+            self._take(self._link.next(_SHOW_EVERY_S))
+            now_s = time.monotonic()
+            if self._is_plugged and now_s - self._frame_s > self._patience_s:
+                size = self._link.decoded_bytes - self._came_before
+                told = f"{size} bytes came" if size else "nothing came"
+                raise self._link.given_up(
+                    f"no new frame in {self._patience_s:.1f} s, {told} instead"
+                )
+            self._look_around(now_s)
 
     def finish(self) -> int:
         """Take what was read already, of a closed link, make the files whole, and count frames.
 
-        Raises
-        ------
-        UserError
-            When they cannot be written.
+        Raises UserError when they cannot be written.
         """
         if self.recorder is None:
             return 0
@@ -213,16 +190,15 @@ class _Capture:
                 self._is_plugged = False
         elif isinstance(event, Unplugged):
             self._is_plugged = False
-        elif event is not None:
-            self._packets += 1
-            if self.recorder is not None and self._is_wanted(event.packet):
+        elif event is not None and self.recorder is not None and self._is_plugged:
+            packet = event.packet
+            if packet.kind == Kind.FRAME and packet.device_us >= self._valid_us:
+                before = self.recorder.frames
                 self.recorder.take(*event)
+                if self.recorder.frames > before:
+                    self._be_patient()
                 self._link.allow(self.recorder.frames)
                 self._first_s = self._first_s or event.host_s
-
-    def _is_wanted(self, packet: Packet) -> bool:
-        is_frame = packet.kind == Kind.FRAME
-        return is_frame and self._is_plugged and packet.device_us >= self._valid_us
 
     def _begin(self, raw_offset: int) -> None:
         identity = self._link.identity()
@@ -237,8 +213,11 @@ class _Capture:
                 f"{self.recorder.record.serial_number}; record it on its own"
             )
         self.recorder.plugged(raw_offset)
-        self._came_before = self._came()
         self._is_plugged = True
+        self._be_patient()
+
+    def _be_patient(self) -> None:
+        self._frame_s, self._came_before = time.monotonic(), self._link.decoded_bytes
 
     def _configure(self) -> Settings:
         """Set the camera; frames whose exposure began before are not taken."""
@@ -272,28 +251,14 @@ class _Capture:
                     f"{asked}; flash this release's firmware, or unplug it and plug it in again"
                 )
 
-    def _came(self) -> NDArray[np.int64]:
-        """Return how many bytes, damaged packets and whole packets came so far."""
-        return np.array([self._link.decoded_bytes, self._link.damaged, self._packets])
-
-    def _lose_patience(self, waited_s: float) -> None:
-        """Give up where no new frame came for too long, and say what came instead."""
-        if self._frames() != self._frames_before:
-            self._waited_s, self._frames_before = 0.0, self._frames()
-            self._came_before = self._came()
-        self._waited_s += waited_s
-        if self._waited_s > self._patience_s:
-            size, damaged, whole = self._came() - self._came_before
-            came = f"{size} bytes with {damaged} damaged and {whole} whole packets came"
-            told = came if size else "nothing came"
-            raise self._link.given_up(f"no new frame in {self._patience_s:.1f} s, {told} instead")
-
     def _look_around(self, now_s: float) -> None:
         if self.recorder is None:
             return
         if now_s - self._shown_s >= _SHOW_EVERY_S:
             self._shown_s = now_s
-            self._show(self._state())
+            record, frames = self.recorder.record, self.recorder.frames
+            shown = self.recorder.last() or (None, None)
+            self._show(State(record, frames, self._rate_hz, self._is_plugged, *shown))
         since_s, frames = self._rate_from
         if now_s - since_s >= _RATE_OVER_S:
             self._rate_hz = (self.recorder.frames - frames) / (now_s - since_s)
@@ -302,9 +267,85 @@ class _Capture:
             self._written_s = now_s
             self.recorder.write(self._link.damaged)
 
-    def _state(self) -> State:
-        assert self.recorder is not None
-        recorder = self.recorder
-        counts, saturated = recorder.last() or (None, None)
-        record = recorder.record
-        return State(record, recorder.frames, self._rate_hz, self._is_plugged, counts, saturated)
+
+_NO_CLOCK_S = 1.0
+"""Mean error of times that no line holds back: only of a clock beyond what a quartz may be off."""
+_SATURATED = "on rgb(220,60,40)"
+
+
+def status_line(state: State) -> str:
+    """Return the state of a capture in one line."""
+    record = state.record
+    parts = [
+        f"{state.frames} frames",
+        f"{state.rate_hz:.1f} frames/s",
+        f"{record.gaps} gaps ({record.missing_frames} frames missing)",
+        f"{record.damaged_packets} packets damaged",
+    ]
+    if state.saturated is not None:
+        parts.append(f"{int(state.saturated.sum())} pixels saturated")
+    if not state.is_plugged:
+        parts.append("unplugged, waiting for it")
+    return ", ".join(parts)
+
+
+def recorded_line(path: Path, record: RecordingSettings) -> str:
+    """Return a summary of a recording in one line."""
+    return (
+        f"{path}: {record.frames} frames of {record.serial_number}, {record.gaps} gaps between "
+        f"the first and the last ({record.missing_frames} frames missing), "
+        f"{record.damaged_packets} packets damaged{_how_sure_times_are(record)}"
+    )
+
+
+def _how_sure_times_are(record: RecordingSettings) -> str:
+    if record.recovered and any(each.error_s is None for each in record.connections):
+        return ", times by the camera's clock alone"
+    error_s = record.connections[-1].error_s if record.connections else None
+    if not error_s:
+        return ""
+    if error_s > _NO_CLOCK_S:
+        return ", times by the camera's clock alone: it goes otherwise than this machine's"
+    return f", times to {error_s * 1e3:.2g} ms"
+
+
+@contextmanager
+def viewing() -> Iterator[Callable[[State], None]]:
+    """Yield what shows a state: a picture on a terminal, elsewhere a line every ten seconds."""
+    if sys.stderr.isatty():
+        with _picture() as show:
+            yield show
+        return
+    last: list[State] = []
+    with speaking(lambda: f"capture: {status_line(last[0]) if last else 'no frames yet'}"):
+        yield lambda state: last.__setitem__(slice(None), [state])
+
+
+@contextmanager
+def _picture() -> Iterator[Callable[[State], None]]:
+    from rich.console import Console, Group
+    from rich.live import Live
+    from rich.text import Text
+
+    blocks = Text("")
+    with Live(console=Console(stderr=True), refresh_per_second=10, transient=True) as live:
+
+        def show(state: State) -> None:
+            nonlocal blocks
+            if state.counts is not None and state.saturated is not None:
+                blocks = Text()
+                for style in _styles(state.counts, state.saturated):
+                    blocks.append("  " if style else "\n", style or None)
+            live.update(Group(blocks, Text(status_line(state) + "; Ctrl-C stops")))
+
+        yield show
+
+
+def _styles(counts: NDArray[np.uint16], saturated: NDArray[np.bool_]) -> Iterator[str]:
+    """Background of each pixel, gray by its share of the brightest; "" at the end of a row."""
+    brightest = max(int(counts[~saturated].max(initial=1)), 1)
+    for row, full in zip(counts, saturated, strict=True):
+        for count, is_full in zip(row, full, strict=True):
+            gray = min(int(255 * (int(count) / brightest) ** 0.5), 255)
+            yield _SATURATED if is_full else f"on rgb({gray},{gray},{gray})"
+        yield ""

@@ -1,70 +1,263 @@
-"""`megalopta spadcam compare`: a recording beside what the device's model makes of its stimulus."""
+"""`megalopta spadcam compare`: pages on even light, a scene or the plate, seen and simulated."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
-from megalopta.camera.comparison_levels import calibration_errors, captured_frames, simulated_frames
-from megalopta.camera.comparison_motion import plate_responses
-from megalopta.camera.comparison_page import (
-    write_comparison_report,
-    write_motion_report,
-    write_scene_report,
+import numpy as np
+from markupsafe import Markup
+from matplotlib.axes import Axes
+from numpy.typing import NDArray
+from scipy.stats import norm
+
+from megalopta.camera.comparison import (
+    Compared,
+    SpeedResponse,
+    captured_frames,
+    compare_levels,
+    compare_scene,
+    dataset_cycle,
+    plate_responses,
+    rendered_dataset,
 )
-from megalopta.camera.comparison_scene import compare_scene, dataset_cycle, rendered_dataset
-from megalopta.camera.device_calibration import Beam
-from megalopta.camera.recorded import Source, read_recorded
+from megalopta.camera.recording import Beam, Source, read_recorded
+from megalopta.core.arrays import Floats
 from megalopta.core.errors import UserError
+from megalopta.plotting.sections import Section, captioned, write_sections
+from megalopta.plotting.style import BLACK, BLUE, VERMILION
+from megalopta.plotting.svg import (
+    CHART_PT,
+    color_limits,
+    in_style,
+    map_chart,
+    new_axes,
+    with_legend,
+)
+from megalopta.plotting.text import number
 from megalopta.sensor import Sensor, load_sensor
-from megalopta.sensor.compare.recordings import MARGIN, compare_recordings
+from megalopta.sensor.compare.quantities import SEGMENT, CountedFrames, segment_spectra
+from megalopta.sensor.compare.recordings import MARGIN, Comparison
+from megalopta.sensor.compare.two_sample import Difference
+
+Levels = Sequence[CountedFrames]
+Sources = Sequence[Source]
+
+_HEAD = ("", "captured", "simulated", "difference", "95 %", "p", "verdict")
+_LARGEST_Z = 6.0
+_FALSE_ALARMS = 0.01
+_TESTS = (
+    "Tests of every pixel at every level; false discovery rate by Benjamini and Hochberg. Where "
+    "some differ, the maps show which."
+)
+_DISTANCES = (
+    "How far apart the histograms of a pixel are, median over pixels and levels, and how far by "
+    "chance, with the frames of both dealt out anew."
+)
+_MAPS = (
+    "Captured and simulated share a scale. Beside them is how far apart they are, in standard "
+    "errors of counting and calibration, as the tests above take it: pale grain is chance; strong "
+    "colors, rows, columns or patches are a device that differs. Gray pixels are full, or have too "
+    "few counts to tell."
+)
+_TRANSFER = (
+    "The device sees motion as its model does where captured points lie on simulated ones; how "
+    "sure that is, is in the table."
+)
+
+
+def write_comparison_report(path: Path, name: str, compared: Compared) -> None:
+    """Write how captured levels differ from simulated ones, with pictures."""
+    found = compared.found
+    order = found.arrangement
+    rows = f" Rows, top to bottom: {', '.join(map(str, order.rows))}." if order.rows else ""
+    sections = [
+        _differences(
+            "The device",
+            f"Alarms are raised in at most {100 * found.false_alarms:g} % of comparisons of a "
+            f"device with itself; less than {100 * found.margin:g} % does not matter: “equivalent” "
+            "is what is surely less (two one-sided tests at 95 %).",
+            found,
+        ),
+        Section(
+            "Order of the pixels",
+            f"The captured image is {order.name}: rank correlation of the two patterns "
+            f"{order.correlation:.3f}.{rows}",
+        ),
+        *_pixels(compared),
+    ]
+    write_sections(path, f"{name}: captured and simulated", found.sentence, sections)
+
+
+def write_scene_report(path: Path, name: str, compared: Compared) -> None:
+    """Write how a captured scene differs from a simulated one, with pictures."""
+    found = compared.found
+    in_time = captioned(
+        time_chart(compared.captured[0], compared.simulated[0]),
+        "Curves that run together saw the same frames of the scene; one beside the other is "
+        "another moment, one above the other another brightness.",
+    )
+    sections = [
+        _differences(
+            "The scene",
+            f"Frames are aligned in time by their correlation, {compared.correlation:.2f}, "
+            "and each is simulated as it was seen. Quantities are compared in blocks of frames; "
+            f"less than {100 * found.margin:g} % does not matter.",
+            found,
+        ),
+        Section("In time", charts=(in_time,)),
+        *_pixels(compared),
+    ]
+    write_sections(path, f"{name}: captured and simulated", found.sentence, sections)
+
+
+def write_motion_report(path: Path, name: str, responses: Sequence[SpeedResponse]) -> str:
+    """Write how responses to a moving plate differ; return the sentence on it."""
+    limit = _FALSE_ALARMS / len(responses)
+    differences = [each.difference for each in responses]
+    real = sorted((each for each in differences if each.p < limit), key=lambda each: -each.size)
+    told = f"Captured: {'; '.join(map(str, real[:3]))}."
+    sentence = told if real else "Nothing differs beyond chance."
+    charts = (captioned(response_chart(responses, method), _TRANSFER) for method in ("NDM", "NDS"))
+    sections = [
+        Section(
+            "Transfer functions",
+            "Mean and standard deviation of crossings. Of captured frames, 32 around each edge "
+            "that passes are taken.",
+            charts=tuple(charts),
+        ),
+        Section(
+            "Responses",
+            "Peak responses to the edge.",
+            _HEAD,
+            tuple(_cells(each, each.p < limit) for each in differences),
+        ),
+    ]
+    write_sections(path, f"{name}: responses to a moving plate", sentence, sections)
+    return sentence
+
+
+def _differences(title: str, text: str, found: Comparison) -> Section:
+    limit = found.false_alarms / 5 / max(len(found.differences), 1)
+    rows = (_cells(each, each.p < limit) for each in found.differences)
+    return Section(title, text, _HEAD, tuple(rows))
+
+
+def _cells(each: Difference, differs: bool) -> tuple[str, ...]:
+    verdicts = {"differs": differs, "equivalent": each.is_equivalent}
+    return (
+        f"{each.name} ({each.unit})",
+        number(each.captured),
+        number(each.expected),
+        f"{100 * each.relative:+.2g} %{each.base}",
+        f"{100 * each.low:+.2g} to {100 * each.high:+.2g} %",
+        f"{each.p:.2g}",
+        " and ".join(word for word, holds in verdicts.items() if holds) or "not told apart",
+    )
+
+
+def _pixels(compared: Compared) -> Iterator[Section]:
+    """Yield what says how pixels differ, level by level."""
+    captured, simulated, found = compared.captured, compared.simulated, compared.found
+    tests = {"mean": found.means, "variance": found.variances, "histogram": found.histograms}
+    counted = (
+        (name, str(int(np.isfinite(test.p).sum())), str(int(test.differs.sum())))
+        for name, test in tests.items()
+    )
+    yield Section("Pixels", _TESTS, ("of", "tested", "differ"), tuple(counted))
+    distances = zip(found.distances._asdict().items(), ("share", "counts", "counts^½"), strict=True)
+    apart = (
+        (
+            f"{name.replace('_', ' ').capitalize()} ({unit})",
+            number(float(np.median(each))),
+            number(float(np.median(getattr(found.by_chance, name)))),
+        )
+        for (name, each), unit in distances
+    )
+    head = ("distance", "captured and simulated", "by chance")
+    yield Section("Histograms", _DISTANCES, head, tuple(apart))
+    yield Section("Alarms", f"{'; '.join(found.alarms) or 'None'}.")
+    yield Section("Distributions", charts=tuple(_curves(captured, simulated, found)))
+    yield Section("Maps", _MAPS)
+    for at, levels in enumerate(zip(captured, simulated, strict=True)):
+        yield _maps(at, *levels, found)
+
+
+def _curves(captured: Levels, simulated: Levels, found: Comparison) -> Iterator[Markup]:
+    yield captioned(
+        transfer_chart(captured, simulated),
+        "Photon transfer, points are pixels at each level: clouds that lie on each other have the "
+        "same step and noise; one that is higher has a larger step or more crosstalk.",
+    )
+    yield captioned(
+        spectrum_chart(captured[-1], simulated[-1]),
+        "Temporal spectrum of the last recording: level lines are frames that know nothing of each "
+        "other; captured power at low frequencies is drift, a peak is hum or flicker.",
+    )
+    dark = [at for at, level in enumerate(captured) if level.is_dark]
+    if dark:
+        at = max(dark, key=lambda place: captured[place].exposure_s)
+        yield captioned(
+            dark_chart(captured[at], simulated[at]),
+            "Dark counts of the pixels in order: a curve that is moved sideways is another "
+            "temperature or excess bias; only its end differs where hot pixels do.",
+        )
+    yield captioned(
+        distance_chart(found),
+        "Distances of the histograms, above: where the curves part, pixels are further apart than "
+        "chance makes them; bright levels may be so by the errors of the calibration alone.",
+    )
+
+
+def _maps(at: int, one: CountedFrames, other: CountedFrames, found: Comparison) -> Section:
+    """Return maps of mean and variance at one level: captured, simulated, and how far apart."""
+    means = one.counts.mean(axis=0), other.counts.mean(axis=0)
+    variances = one.counts.var(axis=0), other.counts.var(axis=0)
+    differing = [int(test.differs[at].sum()) for test in (found.means, found.variances)]
+    return Section(
+        f"{'Dark' if one.is_dark else f'Light {one.light_hz:g}'}, {one.exposure_s:g} s",
+        f"Of {np.isfinite(found.means.p[at]).sum()} pixels {differing[0]} differ in the mean, "
+        f"{differing[1]} in the variance.",
+        charts=(
+            *_map_row(f"mean-{at}", "counts", means, found.means.p[at]),
+            *_map_row(f"variance-{at}", "counts²", variances, found.variances.p[at]),
+        ),
+    )
+
+
+def _map_row(name: str, unit: str, maps: tuple[Floats, Floats], p: Floats) -> Iterator[Markup]:
+    quantity = name.partition("-")[0]
+    limits = color_limits(*maps)
+    for values, label in zip(maps, ("captured", "simulated"), strict=True):
+        yield map_chart(values, f"{name}-{label}", f"{quantity}, {label} ({unit})", limits)
+    apart = np.sign(maps[0] - maps[1]) * norm.isf(p / 2)
+    title = f"{quantity}, captured less simulated (standard errors)"
+    yield map_chart(apart, f"{name}-apart", title, (-_LARGEST_Z, _LARGEST_Z), "PuOr")
 
 
 @dataclass(frozen=True)
 class CompareSettings:
-    """Settings of a comparison.
-
-    Attributes
-    ----------
-    scene : str
-        "levels": darkness and even light; "plate": the moving plate of the motion bench; else the
-        folder of a dataset, or a configuration, which is rendered into a folder beside the page.
-    beam : Beam
-    margin : float
-        Relative difference that does not matter.
-    seed : int
-        Of the simulation.
-    own_light : bool
-        Of the scene "plate": whether to simulate in the light that each recording shows, instead
-        of the dissertation's.
-    """
+    """Settings of a comparison."""
 
     scene: str = "levels"
+    """Either "levels", darkness and even light; "plate", the plate of the motion bench; or the
+    folder of a dataset, or a configuration, which is rendered into a folder beside the page."""
     beam: Beam = field(default_factory=Beam)
     margin: float = MARGIN
+    """Relative difference that does not matter."""
     seed: int = 0
+    """Of the simulation."""
     own_light: bool = False
+    """Of the scene "plate": whether to simulate in the light that each recording shows, instead
+    of the dissertation's."""
 
 
-def compare_captured(
-    sources: Sequence[Source], device: Path, out: Path, asked: CompareSettings
-) -> str:
-    """Write the report; return what differs and by how much in a sentence.
+def compare_captured(sources: Sources, device: Path, out: Path, asked: CompareSettings) -> str:
+    """Write the report, an HTML page; return what differs and by how much in a sentence.
 
-    Parameters
-    ----------
-    sources : sequence of Source
-        Of the scene "levels" with their light; of "plate" with its speed (mm/s) in place of it, of
-        a dataset with the light level (lux), 0: that of the rendering.
-    device : Path
-        Device file, as `megalopta spadcam calibrate` writes it.
-    out : Path
-        HTML page.
-    asked : CompareSettings
-
-    Raises
-    ------
-    UserError
-        When device or recordings cannot be read, or do not suit each other.
+    Sources of the scene "levels" come with their light; of "plate" with its speed (mm/s) in place
+    of it; of a dataset with the light level (lux), 0: that of the rendering. Raises UserError when
+    the device file or recordings cannot be read, or do not suit each other.
     """
     try:
         sensor = load_sensor(device)
@@ -77,25 +270,18 @@ def compare_captured(
         raise UserError(f"compare: {problem}") from problem
 
 
-def _with_levels(
-    sources: Sequence[Source], sensor: Sensor, out: Path, asked: CompareSettings
-) -> str:
+def _with_levels(sources: Sources, sensor: Sensor, out: Path, asked: CompareSettings) -> str:
     beam = asked.beam
     captured = [
         captured_frames(read_recorded(source), sensor, beam.photons_hz(source.light, sensor))
         for source in sources
     ]
-    simulated = simulated_frames(captured, sensor, beam, asked.seed)
-    errors = calibration_errors(captured, sensor, beam)
-    kind = sensor.dead_time.kind
-    found = compare_recordings(captured, simulated, kind=kind, margin=asked.margin, errors=errors)
-    write_comparison_report(out, sensor.name, captured, simulated, found)
-    return found.sentence
+    compared = compare_levels(captured, sensor, beam, asked.margin, asked.seed)
+    write_comparison_report(out, sensor.name, compared)
+    return compared.found.sentence
 
 
-def _with_plate(
-    sources: Sequence[Source], sensor: Sensor, out: Path, asked: CompareSettings
-) -> str:
+def _with_plate(sources: Sources, sensor: Sensor, out: Path, asked: CompareSettings) -> str:
     plates = {
         source.light: captured_frames(read_recorded(source), sensor, source.light)
         for source in sources
@@ -104,9 +290,7 @@ def _with_plate(
     return write_motion_report(out, sensor.name, responses)
 
 
-def _with_scene(
-    sources: Sequence[Source], sensor: Sensor, out: Path, asked: CompareSettings
-) -> str:
+def _with_scene(sources: Sources, sensor: Sensor, out: Path, asked: CompareSettings) -> str:
     dataset = rendered_dataset(asked.scene, out.with_suffix(""))
     if len(sources) != 1:
         raise UserError(f"compare: {len(sources)} recordings of {dataset}; give one at a time")
@@ -116,3 +300,103 @@ def _with_scene(
     compared = compare_scene(captured, cycle, sensor, asked.margin, asked.seed)
     write_scene_report(out, dataset.name, compared)
     return compared.found.sentence
+
+
+_FRAMES_SHOWN = 200
+_MOST_POINTS = 2000
+"""Pixels in a picture; of a large array, evenly chosen ones."""
+_STYLES = (
+    {"label": "captured", "color": BLUE, "marker": "o"},
+    {"label": "simulated", "color": VERMILION, "marker": "x"},
+)
+
+
+@in_style
+def transfer_chart(captured: Levels, simulated: Levels) -> Markup:
+    """Return variance of pixels over their mean."""
+    figure, axes = new_axes(*CHART_PT)
+    for levels, style in _beside(captured, simulated):
+        for place, level in enumerate(levels):
+            shown = _thinned(level.counts.reshape(len(level.counts), -1).T)
+            own = style | {"label": "" if place else style["label"]}
+            axes.plot(shown.mean(axis=1), shown.var(axis=1), markersize=2.5, linewidth=0, **own)
+    axes.set(xlabel="mean counts", ylabel="variance (counts²)", xscale="symlog", yscale="symlog")
+    return with_legend(figure, "transfer", "Photon transfer: variance over mean", markerscale=2)
+
+
+@in_style
+def dark_chart(captured: CountedFrames, simulated: CountedFrames) -> Markup:
+    """Return dark counts of pixels in order."""
+    figure, axes = new_axes(*CHART_PT)
+    for level, style in _beside(captured, simulated):
+        rates = level.counts.mean(axis=0) / level.exposure_s
+        _draw_shares(axes, np.maximum(rates, 1e-3), style)
+    axes.set(xscale="log", xlabel="dark counts (Hz)", ylabel="share of pixels below")
+    return with_legend(figure, "dark", "Distribution of dark counts over the pixels")
+
+
+@in_style
+def spectrum_chart(captured: CountedFrames, simulated: CountedFrames) -> Markup:
+    """Return the temporal spectrum of the readings, mean over pixels."""
+    figure, axes = new_axes(*CHART_PT)
+    for level, style in _beside(captured, simulated):
+        power = segment_spectra(level.counts).mean(axis=0)[1:]
+        axes.plot(np.arange(1, power.size + 1) / SEGMENT, power, **_line(style))
+    axes.set(xlabel="cycles per frame", ylabel="power (counts²)", ylim=(0, None))
+    return with_legend(figure, "spectrum", "Temporal spectrum of readings, captured and simulated")
+
+
+@in_style
+def distance_chart(found: Comparison) -> Markup:
+    """Return energy distances of pixels in order, and those by chance."""
+    figure, axes = new_axes(*CHART_PT)
+    _draw_shares(axes, found.distances.energy, {"label": "captured and simulated", "color": BLUE})
+    _draw_shares(axes, found.by_chance.energy, {"label": "by chance", "color": VERMILION})
+    axes.set(xlabel="energy distance (counts$^{1/2}$)", ylabel="share of pixels below")
+    axes.set_xlim(left=0)
+    return with_legend(figure, "distance", "Energy distances of histograms, over the pixels")
+
+
+@in_style
+def time_chart(captured: CountedFrames, simulated: CountedFrames) -> Markup:
+    """Return mean counts of frames, one after the other."""
+    figure, axes = new_axes(1.5 * CHART_PT[0], 0.8 * CHART_PT[1])
+    for frames, style in _beside(captured, simulated):
+        axes.plot(frames.counts[:_FRAMES_SHOWN].mean(axis=(1, 2)), **_line(style))
+    axes.set(xlabel="frame", ylabel="mean counts")
+    outside = {"loc": "lower right", "bbox_to_anchor": (1, 1), "ncols": 2}
+    return with_legend(figure, "time", "Mean counts of frames, captured and simulated", **outside)
+
+
+@in_style
+def response_chart(responses: Sequence[SpeedResponse], method: str) -> Markup:
+    """Return a transfer function: peak response over speed, mean and standard deviation."""
+    figure, axes = new_axes(*CHART_PT)
+    own = [each for each in responses if each.name == method]
+    speeds = [each.speed_mm_s for each in own]
+    for values, style in _beside([each.captured for each in own], [each.simulated for each in own]):
+        means, spreads = zip(*((each.mean(), each.std(ddof=1)) for each in values), strict=True)
+        axes.errorbar(speeds, means, spreads, capsize=3, markersize=4, **style)
+    axes.axhline(0, color=BLACK, linewidth=0.5)
+    unit = own[0].difference.unit
+    axes.set(xlabel="speed (mm/s)", ylabel=f"peak response ({unit})", title=method)
+    return with_legend(figure, f"response-{method}", f"Transfer function of {method}")
+
+
+def _beside(captured: Any, simulated: Any) -> Iterator[tuple[Any, dict[str, Any]]]:
+    """Yield both, each with its style."""
+    return zip((captured, simulated), _STYLES, strict=True)
+
+
+def _line(style: dict[str, Any]) -> dict[str, Any]:
+    return style | {"marker": ""}
+
+
+def _draw_shares(axes: Axes, values: Floats, style: dict[str, Any]) -> None:
+    """Draw the share of values up to each of them."""
+    shares = (np.arange(values.size) + 0.5) / values.size
+    axes.plot(_thinned(np.sort(values, axis=None)), _thinned(shares), **_line(style))
+
+
+def _thinned(values: NDArray[Any]) -> NDArray[Any]:
+    return values[:: max(1, len(values) // _MOST_POINTS)]

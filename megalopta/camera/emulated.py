@@ -1,16 +1,40 @@
-"""A camera that is not there: the full sensor model behind SPADCAM's protocol, without a line."""
+"""A camera that is not there: the sensor model behind SPADCAM's protocol, on a pseudo-terminal.
 
+It looks at even light, at the plate of the motion bench or at a rendered dataset; the last two load
+scenes and the renderer when they are first asked. Its line may have faults.
+"""
+
+import math
+import os
+import pty
 import re
+import select
+import threading
+import time
+import tty
+from abc import ABC, abstractmethod
 from collections import deque
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.camera.camera_settings import sensor_as_set
+from megalopta.core.arrays import Floats
 from megalopta.core.bounded import quoted
 from megalopta.core.errors import UserError
-from megalopta.sensor import AnalogCounter, Sensor, expose_adc
+from megalopta.sensor import (
+    AnalogCounter,
+    Sensor,
+    changed,
+    detection_rate,
+    expose_adc,
+    generator,
+    photon_rate,
+)
 from megalopta.sensor.formats.protocol import (
     COLUMNS,
     NOT_READ,
@@ -18,12 +42,116 @@ from megalopta.sensor.formats.protocol import (
     Identity,
     Kind,
     Packet,
+    Parser,
     Settings,
+    encode,
     frame_packet,
 )
 
-if TYPE_CHECKING:
-    from megalopta.camera.stimuli import Stimulus
+BAND_NM = (699.99, 700.01)
+"""Of the flat light: as narrow as a laser, so that its efficiency is that of one wavelength."""
+
+
+class Stimulus(ABC):
+    """Anything to look at: frames that follow one another, over and over."""
+
+    @abstractmethod
+    def film(self, sensor: Sensor) -> tuple[float, Floats]:
+        """Return frames per second, and their detection rates (n, 16, 16), Hz. Raises UserError."""
+
+    def rates_hz(self, times_s: Floats, sensor: Sensor) -> Floats:
+        """Detection rates (n, 16, 16), Hz, of frames that begin at these times."""
+        rate_hz, frames = self.film(sensor)
+        # A frame that begins a rounding error early is not the one before.
+        return np.asarray(frames[np.floor(times_s * rate_hz + 1e-6).astype(int) % len(frames)])
+
+
+@dataclass(frozen=True)
+class Flat(Stimulus):
+    """The same light on all pixels: none, one level, or levels that follow one another."""
+
+    photons_hz: tuple[float, ...] = (0.0,)
+    """Photons per second on a pixel of pitch × pitch, at 700 nm; after the last the first again."""
+    step_s: float = math.inf
+    """How long each lasts, s."""
+
+    def film(self, sensor: Sensor) -> tuple[float, Floats]:
+        """As of a stimulus."""
+        return 1 / self.step_s, np.array(self.photons_hz)[:, None, None] * _efficiency(sensor)
+
+
+@cache
+def _efficiency(sensor: Sensor) -> Floats:
+    """Return the share of the photons on each pixel that it detects, (16, 16)."""
+    light = np.ones((1, ROWS, COLUMNS, 1))
+    photons = photon_rate(light, (BAND_NM,), sensor)
+    return np.asarray((detection_rate(light, (BAND_NM,), sensor) / photons)[0])
+
+
+@dataclass(frozen=True)
+class Plate(Stimulus):
+    """The plate of the motion bench (§2.4.8), frame by frame at 10 per second.
+
+    The light is such that an open pixel detects 65 photons in 0.1 s.
+    """
+
+    speed_mm_s: float
+
+    def film(self, sensor: Sensor) -> tuple[float, Floats]:
+        """As of a stimulus."""
+        return _passing(self.speed_mm_s, sensor)
+
+
+@cache
+def _passing(speed_mm_s: float, sensor: Sensor) -> tuple[float, Floats]:
+    from megalopta.camera.motion_bench import FRAME_RATE_HZ, passing_rates
+
+    as_lit = changed(sensor, exposure_s=1 / FRAME_RATE_HZ)
+    return FRAME_RATE_HZ, passing_rates(speed_mm_s, as_lit)
+
+
+@dataclass(frozen=True)
+class Rendered(Stimulus):
+    """Frames of a dataset, at their rate: the middle square, averaged to 16 × 16."""
+
+    path: Path
+    lux: float | None = None
+    """Light level; by default that of the rendering."""
+
+    def film(self, sensor: Sensor) -> tuple[float, Floats]:
+        """As of a stimulus; for a dataset that can be read and is large enough."""
+        frame_rate_hz, frames, bands = _rendered(self)
+        return frame_rate_hz, detection_rate(frames, bands, sensor)
+
+
+@cache
+def _rendered(scene: Rendered) -> tuple[float, Floats, tuple[tuple[float, float], ...]]:
+    from megalopta.config.light_scale import light_scale
+    from megalopta.dataset.frames import read_radiance_frame
+    from megalopta.dataset.store import open_sequence
+
+    dataset = open_sequence(scene.path)
+    configuration = dataset.configuration
+    side = min(configuration.camera.height, configuration.camera.width) // ROWS * ROWS
+    if side == 0:
+        raise UserError(f"{scene.path}: smaller than 16 × 16 pixels; render it larger")
+    scale = 1.0 if scene.lux is None else light_scale(configuration, scene.lux)
+    frames = [
+        _shrunk(read_radiance_frame(dataset, index), side) * scale
+        for index in range(configuration.trajectory.frames)
+    ]
+    bands = configuration.render.bands_nm
+    return configuration.trajectory.frame_rate_hz, np.array(frames, np.float64), bands
+
+
+def _shrunk(image: NDArray[np.float32], side: int) -> Floats:
+    """Return the mean over the blocks of the middle square, (16, 16, B)."""
+    top, left = ((length - side) // 2 for length in image.shape[:2])
+    block = side // ROWS
+    square = image[top : top + side, left : left + side]
+    blocks = square.reshape(ROWS, block, COLUMNS, block, -1)
+    return np.asarray(blocks.mean(axis=(1, 3), dtype=np.float64))
+
 
 _LARGEST_SEED = 2**63 - 1
 _AHEAD_S = 0.064
@@ -33,27 +161,15 @@ _MOST_AHEAD = 64
 class EmulatedCamera:
     """Frames and replies as a function of sensor, stimulus, seed and commands.
 
-    Parameters
-    ----------
-    sensor : Sensor
-        With analog counters and an ADC.
-    stimulus : Stimulus
-    seed : int
-        Of photons and noise; a frame depends on nothing else but its number, the settings, and how
-        often the camera was plugged in.
-    serial_number : str
-        At most 16 letters of ASCII.
-
-    Raises
-    ------
-    UserError
-        When the sensor has no ADC, or cannot see the stimulus, or seed or serial number cannot be.
+    A frame depends on nothing else but its number, the settings, and how often the camera was
+    plugged in. Raises UserError when the sensor has no analog counters with an ADC, or cannot see
+    the stimulus, or seed or serial number (at most 16 letters of ASCII) cannot be.
     """
 
     settings: Settings
 
     def __init__(
-        self, sensor: Sensor, stimulus: "Stimulus", seed: int = 0, serial_number: str = "EMULATED"
+        self, sensor: Sensor, stimulus: Stimulus, seed: int = 0, serial_number: str = "EMULATED"
     ) -> None:
         if not 0 <= seed <= _LARGEST_SEED:
             raise UserError(f"--seed: {quoted(seed)}; give 0 to {_LARGEST_SEED}")
@@ -137,3 +253,147 @@ class EmulatedCamera:
         supply_mv = round(counter.supply_v * 1000)
         name = f"emulated {self.sensor.name}".encode("ascii", "replace").decode("ascii")[:32]
         return Identity(ROWS, COLUMNS, counter.adc_bits, supply_mv, self.serial_number, name)
+
+
+BUFFER_BYTES = 24576 + 65536
+"""Room for what waits to be read, in the firmware and in the host's driver, which for a USB port
+has 64 KiB and for a pseudo-terminal a sixth of it; a frame that finds none is dropped."""
+
+_LONGEST_WAIT_S = 0.05
+_A_DAY_S = 86400.0
+_LIMITS = {"noise": (0.0, 1.0), "lost": (0.0, 1.0), "drift_ppm": (-9e5, 1e8)}
+_TIMES = (1e-3, _A_DAY_S)
+"""Of all other faults, s, where they are not 0."""
+
+
+@dataclass(frozen=True)
+class Faults:
+    """Faults of the line."""
+
+    noise: float = 0.0
+    lost: float = 0.0
+    """Probability of each byte to have a bit flipped, or not to arrive."""
+    burst_s: float = 0.0
+    """Bytes are held back and come at once, this often, s."""
+    drift_ppm: float = 0.0
+    """How much too fast the camera's clock goes, 1e-6."""
+    stall_every_s: float = 0.0
+    stall_s: float = 0.0
+    """How often the camera stops sending, and for how long, s."""
+    unplug_every_s: float = 0.0
+    unplug_s: float = 0.5
+    """How long it is plugged in, and for how long it then is not, s."""
+
+    def check(self) -> None:
+        """Make sure that a line can be so. Raises UserError."""
+        for name, value in vars(self).items():
+            least, most = _LIMITS.get(name, _TIMES)
+            if value != 0 and not least <= value <= most:
+                raise UserError(
+                    f"--{name.replace('_', '-')}: {value:g}; give 0, or {least:g} to {most:g}"
+                )
+        if self.stall_every_s and self.stall_s >= self.stall_every_s:
+            raise UserError(
+                f"--stall-s: {self.stall_s:g}; give less than --stall-every-s, "
+                f"{self.stall_every_s:g}"
+            )
+
+    def on(self, line: bytes, seed: int, packet: Packet) -> bytes:
+        """Return the bytes of a packet that arrive."""
+        if not self.noise and not self.lost:
+            return line
+        rng = generator(seed, "line", packet.kind, packet.sequence)
+        data = np.frombuffer(line, np.uint8)
+        flips = np.uint8(1) << rng.integers(0, 8, data.size, np.uint8)
+        noisy = np.where(rng.random(data.size) < self.noise, data ^ flips, data)
+        return noisy[rng.random(data.size) >= self.lost].tobytes()
+
+
+class EmulatedPort:
+    """A pseudo-terminal with an emulated camera behind it.
+
+    The terminal's name may change when the camera is unplugged and plugged in again; `link` is
+    where a symbolic link shall lead to it. `plugged_in` is told the terminal's path, each time, and
+    `sent` the bytes that left the camera.
+    """
+
+    def __init__(
+        self,
+        camera: EmulatedCamera,
+        faults: Faults | None = None,
+        link: Path | None = None,
+        plugged_in: Callable[[str], None] = lambda path: None,
+        sent: Callable[[bytes], None] = lambda data: None,
+    ) -> None:
+        if link is not None and link.exists() and not link.is_symlink():
+            raise UserError(f"{link}: exists and is no symbolic link; choose another name")
+        self._camera, self._faults, self._link = camera, faults or Faults(), link
+        self._faults.check()
+        self._plugged_in, self._sent = plugged_in, sent
+        self._waiting, self._start_s = bytearray(), 0.0
+        self.dropped = 0
+        """Packets that found no room."""
+
+    def run(self, stop: threading.Event) -> None:
+        """Serve until told to stop, plugged in and out as the faults say."""
+        while not stop.is_set():
+            # As long as somebody has the other end open, writing to this one does not fail.
+            end, other_end = pty.openpty()
+            try:
+                tty.setraw(other_end)
+                os.set_blocking(end, False)
+                path = os.ttyname(other_end)
+                if self._link is not None:
+                    self._link.parent.mkdir(parents=True, exist_ok=True)
+                    self._link.unlink(missing_ok=True)
+                    self._link.symlink_to(path)
+                self._plugged_in(path)
+                self._serve(end, stop)
+            finally:
+                if self._link is not None:
+                    self._link.unlink(missing_ok=True)
+                os.close(end)
+                os.close(other_end)
+            if not stop.wait(self._faults.unplug_s):
+                self._camera.restart()
+
+    def _serve(self, end: int, stop: threading.Event) -> None:
+        """Send frames when they are due, and answer, until stopped or unplugged."""
+        parser, life_s = Parser(), self._faults.unplug_every_s or float("inf")
+        self._waiting, self._start_s = bytearray(), time.monotonic()
+        while not stop.is_set() and self._elapsed_s() < life_s:
+            if self._camera.due_us <= self._now_us():
+                self._post(self._camera.next_frame())
+            may_send = bool(self._waiting) and self._may_send()
+            due_s = max((self._camera.due_us - self._now_us()) * 1e-6, 0.0)
+            # until the next frame, or until bytes held back may go
+            pause_s = min(due_s, 2e-3 if self._waiting and not may_send else _LONGEST_WAIT_S)
+            can_read, can_write, _ = select.select([end], [end] if may_send else [], [], pause_s)
+            for command in parser.feed(os.read(end, 4096)) if can_read else ():
+                if command.kind >= Kind.IDENTIFY:
+                    self._post(self._camera.answer(command, self._now_us()))
+            if can_write:
+                count = os.write(end, self._waiting)
+                self._sent(bytes(self._waiting[:count]))
+                del self._waiting[:count]
+
+    def _elapsed_s(self) -> float:
+        return time.monotonic() - self._start_s
+
+    def _now_us(self) -> int:
+        return int(self._elapsed_s() * (1e6 + self._faults.drift_ppm))
+
+    def _post(self, packet: Packet) -> None:
+        """Put a packet among those to be sent, if there is room."""
+        line = encode(packet)
+        if len(self._waiting) + len(line) <= BUFFER_BYTES:
+            self._waiting += self._faults.on(line, self._camera.seed, packet)
+        else:
+            self.dropped += 1
+
+    def _may_send(self) -> bool:
+        faults, now_s = self._faults, self._elapsed_s()
+        sending_s = faults.stall_every_s - faults.stall_s
+        if faults.stall_every_s and now_s % faults.stall_every_s > sending_s:
+            return False
+        return not faults.burst_s or now_s % faults.burst_s < 0.2 * faults.burst_s

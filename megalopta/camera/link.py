@@ -1,39 +1,131 @@
-"""The link to a camera: a thread that reads, one that logs, and what their user sees of the bytes.
+"""The link to a camera: its serial port, a thread that reads it, and its user, who logs.
 
-The first does nothing but read and note the time, so that neither a disk that is slow nor a user
+The thread does nothing but read and note the time, so that neither a disk that is slow nor a user
 who is busy makes it miss anything; what it read is in the log before the user sees it. When the
 camera is unplugged it looks for it until it is back.
 """
 
+import errno
 import queue
 import threading
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple, Self
 
 import serial
+from serial.tools import list_ports
 
-from megalopta.camera.port import open_port
+from megalopta.core.bounded import printable
 from megalopta.core.errors import UserError
-from megalopta.sensor.formats.protocol import (
-    LONGEST,
-    Identity,
-    Kind,
-    Packet,
-    Parser,
-    encode,
+from megalopta.sensor.formats.protocol import LONGEST, Identity, Kind, Packet, Parser, encode
+
+TEENSY_VENDOR = 0x16C0
+UDEV_RULE = (
+    'SUBSYSTEM=="tty", ATTRS{idVendor}=="16c0", MODE="0660", GROUP="dialout", '
+    'ENV{ID_MM_DEVICE_IGNORE}="1"'
 )
+"""For /etc/udev/rules.d/: who may open the port, and that ModemManager must not."""
+
+_LIST = "see megalopta spadcam list"
+_EMULATE = "start an emulated one (megalopta spadcam emulate)"
+_REMEDIES = {
+    errno.ENOENT: f"no such port; plug the camera in, {_EMULATE}, or choose another ({_LIST})",
+    **dict.fromkeys(
+        (errno.ENODEV, errno.ENXIO),
+        f"no device behind this port; plug the camera in again, or choose another ({_LIST})",
+    ),
+    errno.EACCES: (
+        "not permitted; join its group (sudo usermod -aG dialout $USER, then log in again), or put "
+        "this rule into /etc/udev/rules.d/49-spadcam.rules and plug the camera in again: "
+        f"{UDEV_RULE}"
+    ),
+    **dict.fromkeys(
+        (errno.EBUSY, errno.EAGAIN),
+        "another program has it open; close that one. If it is ModemManager, keep it away: "
+        f"sudo systemctl stop ModemManager, or the udev rule {UDEV_RULE}",
+    ),
+}
+
+
+class NoPortError(UserError):
+    """There is no such port, yet."""
+
+
+class UsbPort(NamedTuple):
+    """A serial port of this machine; of a device's texts, control codes are escaped."""
+
+    path: str
+    vendor: int | None
+    serial_number: str
+    description: str
+
+
+def usb_ports() -> list[UsbPort]:
+    """Serial ports on USB."""
+    found = [each for each in list_ports.comports() if each.vid is not None]
+    return [
+        UsbPort(
+            each.device,
+            each.vid,
+            printable(each.serial_number or ""),
+            printable(each.description or ""),
+        )
+        for each in found
+    ]
+
+
+def find_port(serial_number: str | None = None) -> str:
+    """Path of the camera's port: of a USB serial number, or the only Teensy.
+
+    Raises UserError when there is none (NoPortError), or more than one.
+    """
+    teensies = [port for port in usb_ports() if port.vendor == TEENSY_VENDOR]
+    fitting = [port for port in teensies if serial_number in (None, port.serial_number)]
+    if len(fitting) == 1:
+        return fitting[0].path
+    if fitting:
+        choice = ", ".join(f"{port.path} ({port.serial_number})" for port in fitting)
+        raise UserError(f"several cameras: {choice}; choose one with --port or --usb-serial")
+    who = f"no camera of USB serial number {serial_number}" if serial_number else "no camera"
+    raise NoPortError(f"{who} is plugged in; plug it in, give its --port ({_LIST}), or {_EMULATE}")
+
+
+def open_port(path: str) -> serial.Serial:
+    """Open a port for nobody else.
+
+    Raises UserError when it does not open; NoPortError when there is none.
+    """
+    try:
+        # USB ignores the baud rate.
+        return serial.Serial(path, 115200, timeout=0.1, write_timeout=1, exclusive=True)
+    except serial.SerialException as problem:
+        remedy = _REMEDIES.get(problem.errno or 0, f"no serial port; choose another ({_LIST})")
+        kind = NoPortError if problem.errno == errno.ENOENT else UserError
+        raise kind(f"{path}: {remedy}") from None
+
+
+def port_lines() -> Iterator[str]:
+    """A line for every serial port on USB: path, serial number, what it is, whether it opens."""
+    for port in usb_ports():
+        is_teensy = "Teensy" if port.vendor == TEENSY_VENDOR else "other"
+        try:
+            open_port(port.path).close()
+            state = "free"
+        except UserError as problem:
+            state = str(problem).partition(": ")[2].partition(";")[0]
+        yield f"{port.path}  {port.serial_number or '-'}  {is_teensy}  {port.description}  {state}"
+
 
 _RETRY_S = 0.1
 _REPLY_S = 0.7
+_REPLIES = Kind.IDENTITY, Kind.SETTINGS
 _ASKED = 3
 """Times; all commands may be repeated."""
-_MOST_WAITING = 20_000
+_MOST_WAITING = 8192
 """Pieces of bytes, a frame or more each. Further ones wait in the camera."""
-MOST_AHEAD = 16 * 1024**2
-"""Bytes that the log is ahead of the user; further ones wait with the reader."""
 MOST_ELSE = 16 * 1024**2
 """Bytes that may be no frames, and nine times the frames' beside: `raw.bin` is bounded by both."""
 _TIMES = 10
@@ -72,17 +164,8 @@ class LinkLostError(Exception):
 class Link:
     """An open link; a context manager that closes it.
 
-    Parameters
-    ----------
-    find : callable
-        Path of the port, at first and after unplugging. Raises UserError where there is none.
-    log : Path
-        New file for all bytes that come.
-
-    Raises
-    ------
-    UserError
-        When the port is not found or does not open.
+    `find` gives the path of the port, at first and after unplugging; the log is a new file for all
+    bytes that come. Raises UserError when the port is not found or does not open.
     """
 
     def __init__(self, find: Callable[[], str], log: Path) -> None:
@@ -94,22 +177,19 @@ class Link:
         except OSError:
             self._port.close()
             raise
-        self._read_bytes = self._logged_bytes = 0
+        self._read_bytes = 0
         self.decoded_bytes = 0
         """Bytes that the user has seen the packets of."""
         self._allowed_bytes = MOST_ELSE
-        self._unlogged: queue.Queue[_Piece | None] = queue.Queue(_MOST_WAITING)
-        self._pieces: queue.Queue[_Piece] = queue.Queue()
+        self._pieces: queue.Queue[_Piece] = queue.Queue(_MOST_WAITING)
         self._seen: deque[Event] = deque()
         self._parser = Parser()
         self._damaged_before = 0
         self._commands = 0
         self._stop = threading.Event()
-        self._failure: OSError | UserError | None = None
+        self._is_logging = True
         self._reader = threading.Thread(target=self._read, name="spadcam reader", daemon=True)
-        self._logger = threading.Thread(target=self._keep, name="spadcam log", daemon=True)
         self._reader.start()
-        self._logger.start()
 
     def __enter__(self) -> Self:
         return self
@@ -120,12 +200,14 @@ class Link:
     def close(self) -> None:
         """Stop reading; what was read until now can still be had from `next`."""
         self._stop.set()
-        while self._logger.is_alive():
-            self._logger.join(0.05)
-            self._drain()
-        self._reader.join()
-        self._port.close()
-        self._log.close()
+        try:
+            while self._reader.is_alive() or not self._pieces.empty():
+                self._reader.join(0.05)
+                while not self._pieces.empty():
+                    self._decode(self._pieces.get())
+        finally:
+            self._port.close()
+            self._log.close()
 
     @property
     def damaged(self) -> int:
@@ -135,17 +217,13 @@ class Link:
     def next(self, timeout_s: float) -> Event | None:
         """Return the next event; None when nothing happened.
 
-        Raises
-        ------
-        OSError
-            When the log cannot be written.
-        UserError
-            When far more came than frames.
+        Raises OSError when the log cannot be written; UserError when far more came than frames.
         """
         if self.decoded_bytes > self._allowed_bytes:
             raise self.given_up(f"{self.decoded_bytes} bytes came instead of frames")
         if not self._seen:
-            self._wait(timeout_s)
+            with suppress(queue.Empty):
+                self._decode(self._pieces.get(timeout=timeout_s))
         return self.read_already()
 
     def read_already(self) -> Event | None:
@@ -158,20 +236,16 @@ class Link:
 
     def given_up(self, why: str) -> UserError:
         """Log no more, and return what to raise."""
-        self._failure = UserError(
+        self._is_logging = False
+        return UserError(
             f"{self.path}: {why}; unplug the camera and plug it in again, or choose another --port"
         )
-        return self._failure
 
     def request(self, kind: Kind, payload: bytes) -> Packet:
         """Send a command and return the reply; what comes meanwhile is kept for `next`.
 
-        Raises
-        ------
-        UserError
-            When there is no reply: what is there is no SPADCAM.
-        LinkLostError
-            When the camera was unplugged.
+        Raises UserError when there is no reply: what is there is no SPADCAM; LinkLostError when the
+        camera was unplugged.
         """
         kept = list(self._seen)
         self._seen.clear()
@@ -184,8 +258,10 @@ class Link:
                     event = self.next(left_s)
                     if event is None:
                         continue
-                    if isinstance(event, Arrived) and self._is_reply(event.packet):
-                        return event.packet
+                    if isinstance(event, Arrived):
+                        packet = event.packet
+                        if packet.kind in _REPLIES and packet.sequence == self._commands:
+                            return packet
                     kept.append(event)
                     if isinstance(event, Unplugged):
                         raise LinkLostError
@@ -196,10 +272,6 @@ class Link:
     def identity(self) -> Identity:
         """Ask who the camera is; errors as `request`."""
         return Identity.of(self.request(Kind.IDENTIFY, b"").payload)
-
-    def _is_reply(self, packet: Packet) -> bool:
-        is_reply = packet.kind in (Kind.IDENTITY, Kind.SETTINGS)
-        return is_reply and packet.sequence == self._commands
 
     def _silence(self, seen: list[Event]) -> str:
         remedy = "choose another port (see megalopta spadcam list) or flash the camera's firmware"
@@ -218,80 +290,49 @@ class Link:
         except (OSError, TypeError):  # of a port that the reader closes, which noticed first
             time.sleep(_RETRY_S)
 
-    def _wait(self, timeout_s: float) -> None:
-        try:
-            self._decode(self._pieces.get(timeout=timeout_s))
-        except queue.Empty:
-            if self._failure is not None:
-                raise self._failure from None
-
-    def _drain(self) -> None:
-        while not self._pieces.empty():
-            self._decode(self._pieces.get())
-
     def _decode(self, piece: _Piece) -> None:
         if isinstance(piece, Plugged | Unplugged):
             # Half a packet before does not belong to what comes.
             self._damaged_before += self._parser.damaged
             self._parser = Parser()
             self._seen.append(piece)
-            return
-        host_s, data = piece
-        self.decoded_bytes += len(data)
-        self._seen.extend(Arrived(host_s, packet) for packet in self._parser.feed(data))
+        elif self._is_logging:
+            self._log_and_parse(*piece)
+
+    def _log_and_parse(self, host_s: float, data: bytes) -> None:
+        written = 0
+        try:
+            while written < len(data):  # a disk that is nearly full takes less than all
+                written += self._log.write(data[written:])
+        except OSError:
+            self._is_logging = False
+            raise
+        finally:
+            self.decoded_bytes += written
+            packets = self._parser.feed(data[:written])
+            self._seen.extend(Arrived(host_s, packet) for packet in packets)
 
     def _read(self) -> None:
         while not self._stop.is_set():
-            self._unlogged.put(Plugged(self._read_bytes))
-            try:
+            self._pieces.put(Plugged(self._read_bytes))
+            with suppress(OSError, TypeError):  # of a port that goes away while it is read
                 self._read_until_unplugged()
-            except serial.SerialException:
-                self._port.close()
-            if not self._stop.is_set():
-                self._unlogged.put(Unplugged())
-                self._reopen()
-        self._unlogged.put(None)
+            if self._stop.is_set():
+                return
+            self._port.close()
+            self._pieces.put(Unplugged())
+            while not self._stop.wait(_RETRY_S):
+                with suppress(UserError):
+                    self.path = self._find()
+                    self._port = open_port(self.path)
+                    break
 
     def _read_until_unplugged(self) -> None:
         while not self._stop.is_set():
-            data = self._received()
+            first = b"" if self._port.in_waiting else bytes(self._port.read(1))
+            data = first + bytes(self._port.read(self._port.in_waiting))
             if data:
-                self._unlogged.put((time.monotonic(), data))
+                self._pieces.put((time.monotonic(), data))
                 self._read_bytes += len(data)
             if data.endswith(b"\0") and len(data) < _MUCH:
                 time.sleep(_GATHER_S)
-
-    def _keep(self) -> None:
-        while (piece := self._unlogged.get()) is not None:
-            if self._failure is None and not isinstance(piece, Plugged | Unplugged):
-                try:
-                    self._write_log(piece[1])
-                except OSError as problem:
-                    self._failure = problem
-                    self._stop.set()
-            if self._failure is None:
-                self._pieces.put(piece)
-
-    def _write_log(self, data: bytes) -> None:
-        while self._logged_bytes - self.decoded_bytes > MOST_AHEAD and self._failure is None:
-            time.sleep(_GATHER_S)
-        while data and self._failure is None:
-            written = self._log.write(data)  # of a disk that is nearly full, less than all
-            self._logged_bytes += written
-            data = data[written:]
-
-    def _received(self) -> bytes:
-        try:
-            first = b"" if self._port.in_waiting else bytes(self._port.read(1))
-            return first + bytes(self._port.read(self._port.in_waiting))
-        except (OSError, TypeError) as problem:  # of a port that goes away while it is read
-            raise serial.SerialException(str(problem)) from problem
-
-    def _reopen(self) -> None:
-        while not self._stop.wait(_RETRY_S):
-            try:
-                self.path = self._find()
-                self._port = open_port(self.path)
-            except UserError:
-                continue
-            return

@@ -1,19 +1,22 @@
-"""Frames of a link, as they come, into a recording that can be opened at any moment."""
+"""Frames of a link, as they come, into a recording that can be opened at any moment.
+
+Times are the camera's by the host's clock, from when frames arrived. A frame arrives after its
+time by a delay that is never negative, often small and sometimes long: a USB hub, or the host, was
+busy. So host time against device time lies above a straight line and touches it again and again.
+That line is the one below all arrivals with the smallest mean distance to them, the edge of their
+lower convex hull over their mean time: no regression, which every burst would draw upwards. The
+hull has O(log n) corners for n arrivals with random delays, so hours of frames take no memory. What
+delay the fastest frame had cannot be known: times are late by it, all alike.
+"""
 
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.camera.clock import Clock
-from megalopta.camera.recording import (
-    COUNTS,
-    SETTINGS,
-    Connection,
-    RecordingSettings,
-)
+from megalopta.camera.recording import COUNTS, SETTINGS, Connection, RecordingSettings
 from megalopta.core import strict_yaml
 from megalopta.core.files import write_text
 from megalopta.core.format_numbers import written
@@ -32,6 +35,81 @@ from megalopta.sensor.formats.protocol import (
 from megalopta.sensor.spad.analog import nominal_pixels
 from megalopta.sensor.spad.conversion import counts_of_codes
 
+LARGEST_DRIFT = 1e-3
+"""No quartz is worse; steeper lines come of few arrivals."""
+
+
+class ClockFit(NamedTuple):
+    """Host time = offset_s + rate · device time."""
+
+    offset_s: float
+    """Host time at device time 0, s."""
+    rate: float
+    """Host seconds per device second."""
+    error_s: float | None
+    """Mean distance of the hull of arrivals from the line, s; None where it is not known."""
+
+    def host_s(self, device_us: int) -> float:
+        """Host time, s."""
+        return self.offset_s + self.rate * (device_us * 1e-6)
+
+
+class Clock:
+    """Fits one clock to another, arrival by arrival."""
+
+    def __init__(self) -> None:
+        self._corners: list[tuple[float, float]] = []
+        self._arrivals = 0
+        self._mean_s = 0.0
+
+    def arrived(self, device_s: float, host_s: float) -> None:
+        """Note an arrival, in the order of device times."""
+        corners = self._corners
+        if corners and device_s <= corners[-1][0]:
+            return
+        self._arrivals += 1
+        self._mean_s += (device_s - self._mean_s) / self._arrivals
+        while len(corners) > 1 and _is_above(corners[-1], corners[-2], (device_s, host_s)):
+            corners.pop()
+        corners.append((device_s, host_s))
+
+    @property
+    def fit(self) -> ClockFit | None:
+        """The line; None before the first arrival."""
+        if not self._corners:
+            return None
+        device_s, host_s = np.array(self._corners).T
+        rate, edge = 1.0, int(np.searchsorted(device_s, self._mean_s))
+        if edge:  # as far as a clock's rate can be
+            slope = np.diff(host_s)[edge - 1] / np.diff(device_s)[edge - 1]
+            rate = float(np.clip(slope, 1 - LARGEST_DRIFT, 1 + LARGEST_DRIFT))
+        heights = host_s - rate * device_s
+        offset_s = float(heights.min())
+        mean = np.average(heights[1:] + heights[:-1], weights=np.diff(device_s)) / 2 if edge else 0
+        return ClockFit(offset_s, rate, float(mean) - offset_s if edge else 0.0)
+
+
+class KnownClock(Clock):
+    """A clock that arrivals need not tell any more."""
+
+    def __init__(self, known: ClockFit) -> None:
+        super().__init__()
+        self._known = known
+
+    @property
+    def fit(self) -> ClockFit:
+        """The line."""
+        return self._known
+
+
+def _is_above(
+    middle: tuple[float, float], left: tuple[float, float], right: tuple[float, float]
+) -> bool:
+    """Return whether a point lies on or above the line between two others."""
+    rise = (middle[1] - left[1]) * (right[0] - left[0])
+    return rise >= (right[1] - left[1]) * (middle[0] - left[0])
+
+
 EXTRAS = {
     "adc": ExtraArray(np.uint16, "codes of the ADC; 65535: not read", of_pixels=True),
     "times_s": ExtraArray(np.float64, "s from the start, by the host's clock"),
@@ -43,19 +121,10 @@ _AT_ONCE = _CODES = 65536
 
 
 class Recorder:
-    """Writes a recording; `write` makes what was taken readable.
+    """Writes a recording into its folder; `write` makes what was taken readable.
 
-    Parameters
-    ----------
-    folder : Path
-        Of the recording; exists.
-    sensor : Sensor
-        The nominal one, with the camera's exposure and step.
-    kind : str
-    identity : Identity
-    settings : Settings
-    start_s : float
-        Host's monotonic clock at the start of the recording, s.
+    The sensor is the nominal one, with the camera's exposure and step; `start_s` is the host's
+    monotonic clock at the start of the recording, s.
     """
 
     def __init__(

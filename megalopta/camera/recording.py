@@ -1,23 +1,27 @@
-"""A recording of the camera: what it holds, and how it is opened.
+"""A recording of the camera, or of another one: what it holds, and how it is named and opened.
 
     RECORDING/counts.zarr      counts, saturated, adc, times_s, device_us, sequence_number
     RECORDING/raw.bin          every byte that the camera sent
     RECORDING/recording.yaml   the fields of `RecordingSettings`
 
-`counts.zarr` is a counts store: `megalopta.sensor.open_counts` opens it, too.
+`counts.zarr` is a counts store: `megalopta.sensor.open_counts` opens it, too. On the command line
+it is named as RECORDING or RECORDING@LIGHT; another camera's file of counts
+(`megalopta.sensor.formats`) as FILE@LIGHT:EXPOSURE_S. Where one holds several lights, each is a
+range of its frames: RECORDING#0-100@LIGHT.
 """
 
 import shlex
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import AfterValidator, Field, ValidationError
 
 from megalopta.core import strict_yaml
+from megalopta.core.arrays import Floats
 from megalopta.core.bounded import printable, quoted, read_text
 from megalopta.core.errors import UserError
 from megalopta.core.format_numbers import check_format
@@ -25,6 +29,7 @@ from megalopta.core.progress import say
 from megalopta.core.record import Record
 from megalopta.sensor import Sensor, StoredFrames, open_counts
 from megalopta.sensor.formats.protocol import COLUMNS, ROWS
+from megalopta.sensor.formats.reading import FrameKind, read_frames
 
 COUNTS = "counts.zarr"
 RAW = "raw.bin"
@@ -90,30 +95,20 @@ class RecordingSettings(Record, frozen=True):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Recording:
-    """A recording; frames are read when they are sliced.
-
-    Attributes
-    ----------
-    path : Path
-    settings : RecordingSettings
-    sensor : Sensor
-        The nominal one, through which counts were computed.
-    counts, saturated, adc : StoredFrames
-        (T, 16, 16): slice them, `recording.counts[:]`.
-    times_s : (T,) float64
-        When each exposure ended, by the host's clock, s from the start.
-    sequence_number : (T,) uint32
-        The camera's frame counter.
-    """
+    """A recording; frames are read when they are sliced."""
 
     path: Path
     settings: RecordingSettings
     sensor: Sensor
+    """The nominal one, through which counts were computed."""
     counts: StoredFrames
     saturated: StoredFrames
     adc: StoredFrames
+    """(T, 16, 16): slice them, `recording.counts[:]`."""
     times_s: NDArray[np.float64]
+    """(T,) float64: when each exposure ended, by the host's clock, s from the start."""
     sequence_number: NDArray[np.uint32]
+    """(T,) uint32: the camera's frame counter."""
 
     @property
     def kind(self) -> str:
@@ -133,12 +128,8 @@ class Recording:
 def open_recording(path: str | Path) -> Recording:
     """Open a recording, one of a capture that was killed included.
 
-    Raises
-    ------
-    FileNotFoundError
-        When there is nothing of this name.
-    ValueError
-        When it is no recording, or damaged.
+    Raises FileNotFoundError when there is nothing of this name; ValueError when it is no recording,
+    or damaged.
     """
     path = Path(path)
     check_folder(path)
@@ -181,12 +172,8 @@ def recover_command(path: Path) -> str:
 def read_settings(folder: Path) -> RecordingSettings:
     """Read recording.yaml.
 
-    Raises
-    ------
-    FileNotFoundError
-        When it is not there.
-    ValueError, UserError
-        When it is damaged, or newer than this program.
+    Raises FileNotFoundError when it is not there; ValueError, UserError when it is damaged, or
+    newer than this program.
     """
     path = folder / SETTINGS
     if not path.exists():
@@ -238,3 +225,123 @@ def _check_array(path: Path, frames: StoredFrames, shape: tuple[int, ...]) -> No
     chunks = sum(each.is_file() for each in (path / "c").rglob("*"))
     if chunks < -(-shape[0] // at_once):
         raise ValueError(f"{path}: chunks are gone; restore them")
+
+
+_PLANCK_TIMES_C = 1.98644586e-25
+
+
+@dataclass(frozen=True)
+class Source:
+    """A recording and the light in it."""
+
+    path: Path
+    light: float = 0.0
+    """As given: photons per second on a pixel, or watts of the beam; 0: in the dark."""
+    exposure_s: float | None = None
+    frames: tuple[int, int] | None = None
+    """First frame, and the one after the last; none: all."""
+    kind: FrameKind | None = None
+    """Format of another camera's file; none: as its content says, counts or bits of .npy by their
+    type."""
+
+    @classmethod
+    def parse(cls, text: str, kind: FrameKind | None = None) -> "Source":
+        """Parse RECORDING, RECORDING@LIGHT or RECORDING#FIRST-END@LIGHT:EXPOSURE_S.
+
+        Raises UserError when light or exposure is no number, or negative, or a range of frames is
+        none.
+        """
+        name, _, numbers = text.partition("@")
+        path, _, range_ = name.partition("#")
+        light, _, exposure = numbers.partition(":")
+        try:
+            values = float(light or 0), float(exposure) if exposure else None
+        except ValueError:
+            raise UserError(f"{text!r}: give RECORDING@LIGHT, a number after the @") from None
+        if not 0 <= values[0] < np.inf or (values[1] is not None and not 0 < values[1] < np.inf):
+            raise UserError(f"{text!r}: light or exposure is impossible; give positive numbers")
+        return cls(Path(path), *values, _range(range_, text), kind)
+
+
+def _range(text: str, source: str) -> tuple[int, int] | None:
+    if not text:
+        return None
+    first, _, end = text.partition("-")
+    if not (first.isdecimal() and end.isdecimal() and int(first) < int(end)):
+        raise UserError(f"{source!r}: give RECORDING#FIRST-END, such as #0-100 for 100 frames")
+    return int(first), int(end)
+
+
+@dataclass(frozen=True)
+class Beam:
+    """Light of flat frames, where it is known as a beam's power."""
+
+    wavelength_nm: float | None = None
+    area_mm2: float | None = None
+    """None: light is given as photons per second on a pixel."""
+
+    def photons_hz(self, light: float, sensor: Sensor) -> float:
+        """Photons per second on a pixel; relative where the wavelength is not known."""
+        if self.area_mm2 is None or self.wavelength_nm is None:
+            return light
+        photons_hz = light * self.wavelength_nm * 1e-9 / _PLANCK_TIMES_C
+        return photons_hz * sensor.pitch_m**2 / (self.area_mm2 * 1e-6)
+
+
+@dataclass(frozen=True, eq=False)
+class Recorded:
+    """Frames of a recording."""
+
+    counts: NDArray[Any]
+    """(n, rows, columns)"""
+    codes: NDArray[Any] | None
+    """Of the ADC, where they are recorded."""
+    exposure_s: float
+    sensor: Sensor | None
+    """The nominal one."""
+    times_s: Floats
+    """When each exposure began; one after the other where it is not recorded."""
+
+    def at(self, frames: tuple[int, int] | None) -> "Recorded":
+        """Keep a range of the frames. Raises ValueError when there are fewer."""
+        if frames is None:
+            return self
+        if frames[1] > len(self.counts):
+            raise ValueError(f"frames {frames[0]} to {frames[1] - 1}; it has {len(self.counts)}")
+        part = slice(*frames)
+        codes = None if self.codes is None else self.codes[part]
+        return replace(self, counts=self.counts[part], codes=codes, times_s=self.times_s[part])
+
+
+def read_recorded(source: Source) -> Recorded:
+    """Read a recording.
+
+    Raises UserError when there is none, it is damaged, or its exposure is not known.
+    """
+    try:
+        is_captured = any((source.path / each).exists() for each in ("counts.zarr", "raw.bin"))
+        recorded = _captured(source) if is_captured else _of_others(source)
+    except (ValueError, OSError) as problem:
+        raise UserError(str(problem)) from problem
+    try:
+        return recorded.at(source.frames)
+    except ValueError as problem:
+        raise UserError(f"{source.path}: {problem}") from None
+
+
+def _captured(source: Source) -> Recorded:
+    recording = open_recording(source.path)
+    codes = np.asarray(recording.adc[:])
+    times_s = recording.times_s - recording.exposure_s
+    return Recorded(recording.counts[:], codes, recording.exposure_s, recording.sensor, times_s)
+
+
+def _of_others(source: Source) -> Recorded:
+    frames = read_frames(source.path, source.kind)
+    exposure = source.exposure_s or frames.exposure_s
+    if exposure is None:
+        raise ValueError(f"{source.path}: it says no exposure; give {source.path}@LIGHT:SECONDS")
+    if frames.counts.ndim != 3:
+        raise ValueError(f"{source.path}: {frames.counts.ndim} dimensions; give gray frames")
+    times_s = exposure * np.arange(len(frames.counts), dtype=np.float64)
+    return Recorded(frames.counts, None, exposure, None, times_s)

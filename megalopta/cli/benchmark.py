@@ -23,7 +23,7 @@ from megalopta.core.errors import UserError
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from megalopta.benchmark.intervals import Interval
+    from megalopta.benchmark.table import Interval
     from megalopta.benchmark.whole_frames import Board
     from megalopta.config.settings import Settings
 
@@ -229,8 +229,13 @@ def _sequence(options: Namespace) -> None:
 def _submit(options: Namespace) -> None:
     from rich.console import Console
 
-    from megalopta.benchmark.leaderboard import add_entries, board_table, read_board, score_table
-    from megalopta.benchmark.scores import score_submission
+    from megalopta.benchmark.scores import (
+        add_entries,
+        board_table,
+        read_board,
+        score_submission,
+        score_table,
+    )
     from megalopta.core import files
 
     if options.leaderboard:

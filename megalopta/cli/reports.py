@@ -26,8 +26,7 @@ def _info(options: Namespace) -> None:
 def _report(options: Namespace) -> None:
     from megalopta.dataset.layout import is_of_many
     from megalopta.dataset.store import open_sequence
-    from megalopta.report.dataset_card import write_card
-    from megalopta.report.dataset_sheet import write_view
+    from megalopta.report.dataset_card import write_card, write_view
     from megalopta.report.page import write_report
 
     if is_of_many(options.dataset):
@@ -72,9 +71,7 @@ def _reproduce(options: Namespace) -> None:
     out("out/gallery"),
 )
 def _gallery(options: Namespace) -> None:
-    from megalopta.report.gallery_statistics import write_statistics
-    from megalopta.report.gallery_views import write_views
-    from megalopta.report.scene_gallery import write_gallery
+    from megalopta.report.gallery import write_gallery, write_statistics, write_views
 
     if options.views and options.statistics:
         raise UserError("gallery: --views and --statistics are two things; give one")

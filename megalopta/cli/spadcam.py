@@ -22,8 +22,7 @@ from megalopta.core.errors import UserError
 from megalopta.core.progress import say
 
 if TYPE_CHECKING:
-    from megalopta.camera.stimuli import Stimulus
-    from megalopta.camera.terminal import Faults
+    from megalopta.camera.emulated import Faults, Stimulus
     from megalopta.sensor import Sensor
 
 _LIMITS = {
@@ -63,7 +62,7 @@ VERBS["spadcam"] = Verb("record, calibrate and emulate the camera SPADCAM")
 
 @verb("spadcam list", "list serial ports on USB, and whether they can be opened")
 def _list(options: Namespace) -> None:
-    from megalopta.camera.port import port_lines
+    from megalopta.camera.link import port_lines
 
     lines = list(port_lines())
     print("\n".join(lines) or "no serial port on USB; plug the camera in")
@@ -103,9 +102,8 @@ def _list(options: Namespace) -> None:
 )
 def _capture(options: Namespace) -> None:
     from megalopta.camera.camera_settings import CaptureSettings, named_sensor
-    from megalopta.camera.capturing import capture
-    from megalopta.camera.port import find_port
-    from megalopta.camera.view import recorded_line, viewing
+    from megalopta.camera.capturing import capture, recorded_line, viewing
+    from megalopta.camera.link import find_port
 
     settings = CaptureSettings(
         sensor=named_sensor(options.sensor),
@@ -133,21 +131,18 @@ def _capture(options: Namespace) -> None:
     "read raw.bin of a broken recording back into a recording",
     option("raw", "folder of the recording, or its raw.bin", type=Path),
     option("--out", "new folder (default: the recording's own, whose counts it makes)", type=Path),
-    option("--kind", "what was recorded, where recording.yaml is lost"),
-    option("--exposure", "of a frame (s), where raw.bin does not say it", type=finite),
-    option("--rate", "frames per second, where raw.bin does not say it", type=finite),
-    option("--sensor", "preset or YAML file with the counters' nominal step"),
+    option(
+        "--sensor",
+        "preset or YAML file with the counters' nominal step, where counts.zarr is lost "
+        "(default: spadcam)",
+        default="spadcam",
+    ),
 )
 def _recover(options: Namespace) -> None:
+    from megalopta.camera.capturing import recorded_line
     from megalopta.camera.recovering import recover
-    from megalopta.camera.replay import Told
-    from megalopta.camera.view import recorded_line
 
-    told = Told(options.kind, options.exposure, options.rate, options.sensor)
-    path, record, unknown = recover(options.raw, options.out, told)
-    print(recorded_line(path, record))
-    if unknown:
-        print(f"not known: {', '.join(unknown)}")
+    print(recorded_line(*recover(options.raw, options.out, options.sensor)))
 
 
 @verb(
@@ -158,8 +153,8 @@ def _recover(options: Namespace) -> None:
     option("--preset", "sensor whose other fields hold (default: spadcam)", default="spadcam"),
 )
 def _calibrate(options: Namespace) -> None:
-    from megalopta.camera.device_calibration import Beam, calibrate_recordings
-    from megalopta.camera.recorded import Source
+    from megalopta.camera.calibration import calibrate_recordings
+    from megalopta.camera.recording import Beam, Source
 
     sources = [Source.parse(text) for text in options.recordings]
     beam = Beam(options.wavelength_nm, options.beam_area_mm2)
@@ -201,9 +196,8 @@ def _calibrate(options: Namespace) -> None:
     out("comparison.html", "page"),
 )
 def _compare(options: Namespace) -> None:
-    from megalopta.camera.device_calibration import Beam
     from megalopta.camera.device_comparison import CompareSettings, compare_captured
-    from megalopta.camera.recorded import Source
+    from megalopta.camera.recording import Beam, Source
 
     sources = [Source.parse(text, options.format) for text in options.recordings]
     beam = Beam(options.wavelength_nm, options.beam_area_mm2)
@@ -235,8 +229,8 @@ def _compare(options: Namespace) -> None:
     out("out/plate"),
 )
 def _figures(options: Namespace) -> None:
-    from megalopta.camera.recorded import Source
-    from megalopta.reproduction.chapter2_recorded import reproduce_captured
+    from megalopta.camera.recording import Source
+    from megalopta.reproduction.chapter2_captured import reproduce_captured
 
     sources = [Source.parse(text) for text in options.recordings]
     for path in reproduce_captured(
@@ -273,8 +267,7 @@ def _figures(options: Namespace) -> None:
     *(option(f"--{name.replace('_', '-')}", text, type=finite) for name, text in _FAULTS.items()),
 )
 def _emulate(options: Namespace) -> None:
-    from megalopta.camera.emulated import EmulatedCamera
-    from megalopta.camera.terminal import EmulatedPort
+    from megalopta.camera.emulated import EmulatedCamera, EmulatedPort
 
     _check_limits(options)
     faults = _faults(options)
@@ -298,7 +291,7 @@ def _check_limits(options: Namespace) -> None:
 
 
 def _faults(options: Namespace) -> "Faults":
-    from megalopta.camera.terminal import Faults
+    from megalopta.camera.emulated import Faults
 
     given = {name: getattr(options, name) for name in _FAULTS}
     faults = Faults(**{name: value for name, value in given.items() if value is not None})
@@ -317,7 +310,7 @@ def _sensor(options: Namespace) -> "Sensor":
 
 
 def _stimulus(options: Namespace) -> "Stimulus":
-    from megalopta.camera.stimuli import Flat, Plate, Rendered
+    from megalopta.camera.emulated import Flat, Plate, Rendered
 
     match options.stimulus:
         case "dark":

@@ -150,7 +150,7 @@ class Sequence:
         """
         from megalopta.config.light_scale import light_scale
         from megalopta.dataset.frames import read_radiance_frame
-        from megalopta.sensor.shot import Shot
+        from megalopta.sensor import expose
 
         settings = self.configuration
         chosen = level if level is not None else settings.light.resolved().illuminance_lux
@@ -162,16 +162,16 @@ class Sequence:
         name = f"{self.name}/{exposure_name(device, chosen)}"
 
         def read(number: int) -> NDArray[Any]:
-            shot = Shot(
-                radiance=read_radiance_frame(self.dataset, number)[np.newaxis] * scale,
-                bands_nm=settings.render.bands_nm,
-                sensor=device,
+            reading = expose(
+                read_radiance_frame(self.dataset, number)[np.newaxis] * scale,
+                settings.render.bands_nm,
+                device,
                 seed=settings.seed,
                 sequence=f"{name}/gain {gain!r}" if gain != 1 else name,
                 first_frame=number,
                 frame_period_s=1 / settings.trajectory.frame_rate_hz,
             )
-            return np.asarray(shot.exposure.counts[0])
+            return np.asarray(reading.counts[0])
 
         dtype = np.float32 if device.unit == "electrons" else np.uint32
         return self._by_frame(read, f"{device.unit} per exposure", dtype)

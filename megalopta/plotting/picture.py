@@ -21,41 +21,28 @@ Cell: TypeAlias = float | str
 
 @dataclass(frozen=True)
 class Figure:
-    """One reproduced figure or table.
-
-    Attributes
-    ----------
-    title : str
-        What is shown, in one line; of the dissertation's with their number: "Figure 3.2: …".
-    caption : str
-        What is drawn and how it was made, in at most three sentences.
-    draw : function
-        Adds axes to an empty matplotlib figure of the house style and draws on them.
-    numbers : mapping
-        Those behind the picture: equally long columns by name and unit, as in "time_s"; NaN where
-        there is none.
-    height_in : float
-        Height of the drawing, without title, table and caption (inches); it is 7 inches wide.
-    printed : mapping
-        Our number and that which the dissertation prints, with units, by what they are: a small
-        table under the drawing.
-    printed_by : (str, str)
-        Heads of that table's columns, where they are others.
-    details : mapping
-        What else belongs to the numbers, ready for JSON: parameters, intervals, error curves.
-    name : str
-        That of its recipe, as on the command line and in file names: "fig-3.2", "table-3.1".
-    """
+    """One reproduced figure or table."""
 
     title: str
+    """What is shown, in one line; of the dissertation's with their number: "Figure 3.2: …"."""
     caption: str
+    """What is drawn and how it was made, in at most three sentences."""
     draw: Callable[[Canvas], None]
+    """Adds axes to an empty matplotlib figure of the house style and draws on them."""
     numbers: Mapping[str, Sequence[Cell] | NDArray[np.floating | np.integer]]
+    """Those behind the picture: equally long columns by name and unit, as in "time_s"; NaN where
+    there is none."""
     height_in: float = 4.0
+    """Height of the drawing, without title, table and caption (inches); it is 7 inches wide."""
     printed: Mapping[str, tuple[str, str]] = field(default_factory=dict)
+    """Our number and that which the dissertation prints, with units, by what they are: a small
+    table under the drawing."""
     printed_by: tuple[str, str] = ("Ours", "Dissertation")
+    """Heads of that table's columns, where they are others."""
     details: Mapping[str, Any] = field(default_factory=dict)
+    """What else belongs to the numbers, ready for JSON: parameters, intervals, error curves."""
     name: str = ""
+    """That of its recipe, as on the command line and in file names: "fig-3.2", "table-3.1"."""
 
     def __post_init__(self) -> None:
         """Refuse columns of unequal length."""
@@ -104,9 +91,8 @@ def write_figure(figure: Figure, out: Path) -> list[Path]:
         lines: Any = FigureCanvasSVG(canvas)
         with atomic_write(svg) as temporary:
             lines.print_svg(temporary, metadata={**title, "Date": None})
-    with atomic_write(numbers) as part, part.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerows([figure.columns, *([_cell(each) for each in row] for row in figure.rows)])
+    # nine digits: more would show the rounding of one machine's arithmetic
+    write_csv(numbers, figure.columns, figure.rows, digits=9)
     write_json(record, _record(figure))
     return paths
 
@@ -131,6 +117,14 @@ def _json(value: Cell) -> Cell | None:
     return value if isinstance(value, str) or math.isfinite(value) else None
 
 
-def _cell(value: Cell) -> str:
-    # nine digits: more would show the rounding of one machine's arithmetic
-    return value if isinstance(value, str) else f"{value:.9g}"
+def write_csv(
+    path: Path, head: Iterable[str], rows: Iterable[Iterable[Any]], digits: int = 6
+) -> None:
+    """Write a table; numbers have so many digits."""
+    with atomic_write(path) as part, part.open("w", newline="", encoding="utf-8") as file:
+        lines = csv.writer(file, lineterminator="\n")
+        lines.writerow(head)
+        for row in rows:
+            lines.writerow(
+                f"{each:.{digits}g}" if isinstance(each, int | float) else each for each in row
+            )

@@ -102,7 +102,7 @@ def write_sections(
     """Write a page, whole or not at all.
 
     Further parts are `header`, HTML below the summary, `footer`, and the `film` that a slider
-    moves (`megalopta.report.source.PageFilm`).
+    moves (`megalopta.report.source.Report.film`).
     """
     write_text(path, page_of(title, summary, sections, **parts))
 

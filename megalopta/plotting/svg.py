@@ -5,18 +5,24 @@ Figures are drawn in the house style, whose black and grid become colors of the 
 
 import io
 import re
-from typing import Literal
+from typing import Any, Literal
 
+import numpy as np
 from markupsafe import Markup, escape
-from matplotlib import rc_context
+from matplotlib import colormaps, rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, NullLocator
+from matplotlib.ticker import FuncFormatter, NullLocator, ScalarFormatter
 
-from megalopta.plotting.style import BLACK, RULE, house_style
+from megalopta.core.arrays import Floats
+from megalopta.plotting.style import BLACK, GRAY, RULE, house_style
 
 _THEMED = {BLACK: "currentColor", RULE: "var(--rule)"}
 _POINTS_PER_INCH = 72
+CHART_PT = 380, 270
+"""Width and height; on a telephone the page is as wide, so that text keeps its size there"""
+_MAP, _BAR = (0.1, 0.13, 0.68, 0.78), (0.8, 0.17, 0.025, 0.7)
+"""Left, bottom, width and height in the picture: to find them out takes as long as to draw it."""
 
 in_style = house_style({"svg.fonttype": "none", "axes.grid": False})
 """Lets a function draw in the page's style, lines and markers included."""
@@ -64,3 +70,35 @@ def to_svg(figure: Figure, name: str, description: str) -> Markup:
     for color in _THEMED:
         svg = svg.replace(color.lower(), themed(color))
     return Markup(svg)
+
+
+def with_legend(figure: Figure, name: str, description: str, **legend: Any) -> Markup:
+    """Return a figure with the legend of its axes as SVG; for functions that are `in_style`."""
+    figure.axes[0].legend(frameon=False, **legend)
+    return to_svg(figure, name, description)
+
+
+@in_style
+def map_chart(
+    values: Floats,
+    name: str,
+    title: str,
+    limits: tuple[float, float] | None = None,
+    colors: str = "viridis",
+) -> Markup:
+    """Return a map of pixels (rows, columns) with its scale; gray where nothing is known."""
+    figure = Figure(figsize=(CHART_PT[0] / _POINTS_PER_INCH, CHART_PT[1] / _POINTS_PER_INCH))
+    axes, bar = figure.add_axes(_MAP), figure.add_axes(_BAR)
+    low, high = limits or color_limits(values)
+    shades = colormaps[colors].with_extremes(bad=GRAY)
+    picture = axes.imshow(values, cmap=shades, vmin=low, vmax=high, interpolation="nearest")
+    figure.colorbar(picture, cax=bar, format=ScalarFormatter(useOffset=False))
+    axes.set(title=title, xlabel="column", ylabel="row")
+    return to_svg(figure, name, f"Map of the {title}")
+
+
+def color_limits(*maps: Floats) -> tuple[float, float]:
+    """Return the ends of a scale that 98 % of the known pixels of maps are within."""
+    known = np.concatenate([each[np.isfinite(each)] for each in maps])
+    low, high = np.percentile(known, (1, 99)) if known.size else (0.0, 1.0)
+    return float(low), float(high)

@@ -1,7 +1,6 @@
 """Numbers and names in the report as a person writes them."""
 
 import math
-from collections.abc import Sequence
 
 from megalopta.config.model import LightLevel
 from megalopta.flow.metrics.photon_threshold import format_flux
@@ -76,17 +75,6 @@ def level_title(level: LightLevel) -> str:
 def lux(illuminance_lux: float) -> str:
     """An illuminance, to three digits: "10 lux", "0.000314 lux"."""
     return f"{float(f'{illuminance_lux:.3g}'):g}\u00a0lux"
-
-
-def enumerate_words(words: Sequence[str]) -> str:
-    """Words as part of a sentence: "a, b and c"."""
-    *first, last = words
-    return f"{', '.join(first)} and {last}" if first else last
-
-
-def plural(count: int, noun: str) -> str:
-    """A count and its noun: "1 frame", "2,534 objects"."""
-    return f"{count:,} {noun}" if count == 1 else f"{count:,} {noun}s"
 
 
 def _power_of_ten(value: float) -> str:

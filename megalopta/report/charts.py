@@ -14,26 +14,11 @@ from matplotlib.typing import LineStyleType
 from numpy.typing import NDArray
 
 from megalopta.flow.metrics.photon_threshold import ErrorCurve, Threshold
-from megalopta.plotting.style import (
-    BLACK,
-    BLUE,
-    DASHES,
-    MARKERS,
-    RULE,
-    method_style,
-    write_at,
-)
-from megalopta.plotting.svg import (
-    in_style,
-    logarithmic,
-    new_axes,
-    to_svg,
-)
+from megalopta.plotting.style import BLACK, BLUE, DASHES, MARKERS, RULE, method_style, write_at
+from megalopta.plotting.svg import CHART_PT, in_style, logarithmic, new_axes, to_svg
 from megalopta.plotting.text import level_name, percent, short
-from megalopta.report.budget import Budget, by_sensor
+from megalopta.report.source import Budget, by_sensor
 
-# On a telephone the page is as wide as this, so that text keeps its size there.
-_WIDTH_PT = 380
 Style = dict[str, Any]
 
 _SPEED_BINS = 48
@@ -57,7 +42,7 @@ class MethodThresholds:
 @in_style
 def signal_chart(budgets: Sequence[Budget], sensors: Sequence[str]) -> Markup:
     """Signal-to-noise ratio of a pixel over illuminance, a line per sensor."""
-    figure, axes = new_axes(_WIDTH_PT, 270)
+    figure, axes = new_axes(*CHART_PT)
     # Before anything is drawn: with nothing above zero to show, the axes keep their first limits.
     logarithmic(axes, "x", _NUMBERS)
     logarithmic(axes, "y", _NUMBERS)
@@ -77,11 +62,10 @@ def signal_chart(budgets: Sequence[Budget], sensors: Sequence[str]) -> Markup:
 @in_style
 def speed_chart(speeds: NDArray[np.floating], median: float) -> Markup:
     """Histogram of the true image speed (px per frame)."""
-    figure, axes = new_axes(_WIDTH_PT, 270)
+    figure, axes = new_axes(*CHART_PT)
     axes.hist(
         speeds,
         bins=_SPEED_BINS,
-        range=_wide_enough(speeds),
         weights=np.full(speeds.size, 100 / max(speeds.size, 1)),
         histtype="stepfilled",
         color=BLUE,
@@ -96,18 +80,10 @@ def speed_chart(speeds: NDArray[np.floating], median: float) -> Markup:
     return to_svg(figure, "speed", "Histogram of the true speed of the image")
 
 
-def _wide_enough(values: NDArray[np.floating]) -> tuple[float, float] | None:
-    """Range for a histogram of values that are all nearly alike; None where theirs will do."""
-    if not values.size or np.ptp(values) > 0.01 * values.max():
-        return None
-    middle = float(values.mean())
-    return 0.95 * middle, 1.05 * middle + 1e-9
-
-
 @in_style
 def error_chart(curves: Sequence[ErrorCurve], name: str, level: float, description: str) -> Markup:
     """Error over photons per frame, a curve per method with its interval; NaN or 0 is a gap."""
-    figure, axes = new_axes(_WIDTH_PT, 300)
+    figure, axes = new_axes(CHART_PT[0], 300)
     for curve in curves:
         style = method_style(curve.method)
         spread = _BAND_STANDARD_ERRORS * np.array(curve.standard_errors)
@@ -144,7 +120,7 @@ def threshold_chart(
         *(first + n for n in range(len(methods))),
     ]
     bottom = places[-1] + 0.7
-    figure, axes = new_axes(_WIDTH_PT, 50 + 42 * len(supplies) + 28 * len(methods))
+    figure, axes = new_axes(CHART_PT[0], 50 + 42 * len(supplies) + 28 * len(methods))
     axes.set(xscale="log", xlim=_flux_range(methods, budgets), ylim=(bottom, -0.9))
     for own, place, dash in zip(supplies.values(), places, cycle(DASHES), strict=False):
         _draw_supply(axes, own, place, bottom, dash)

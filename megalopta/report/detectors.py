@@ -1,30 +1,44 @@
-"""Section "What the detectors answer": responses as pictures, errors as tables."""
+"""Section "What the detectors answer": responses as pictures, errors as tables.
 
-from collections.abc import Iterator
+A method that gives velocities is compared with the true motion: one that is always wrong in the
+same way repeats itself perfectly. The others give a number without a unit, so all that can be asked
+is whether they answer counts as they answer the noise-free twin.
+"""
+
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from markupsafe import Markup
 from PIL import Image
 
+from megalopta.config.measuring import FlowSettings
 from megalopta.config.model import Configuration, LightLevel
 from megalopta.core.arrays import Floats
 from megalopta.core.errors import UserError
+from megalopta.dataset.flow_record import (
+    BlockErrors,
+    FlowRecord,
+    RotationErrors,
+    TruthErrors,
+)
 from megalopta.flow.color_wheel import flow_to_rgb
 from megalopta.flow.detectors.base import Detector
 from megalopta.flow.detectors.blocks import BlockDetector
 from megalopta.flow.detectors.registry import METHODS
-from megalopta.flow.metrics.endpoint_error import block_flow
-from megalopta.plotting.sections import Section, block, card, heading, image, paragraph
-from megalopta.plotting.text import level_name, number
-from megalopta.report.error_tables import (
-    against_truth,
-    cost_table,
-    response_table,
-    rotation_table,
-    split_table,
+from megalopta.flow.metrics.endpoint_error import FAST_PX, OCCLUDED_SHARE, SLOW_PX, block_flow
+from megalopta.plotting.sections import Section, block, card, heading, image, paragraph, table
+from megalopta.plotting.text import (
+    FAILS,
+    SENSELESS,
+    UNDEFINED,
+    level_name,
+    number,
+    percent,
+    relative_error,
 )
 from megalopta.report.images import ColorScale, data_uri, gray_scale, map_scale, still
 from megalopta.report.motion_section import mixed_share, wheel
@@ -35,6 +49,151 @@ from megalopta.stages.correction import open_corrected
 from megalopta.stages.flow import responses_path
 from megalopta.stages.sense import open_exposure
 
+Value = TypeVar("Value")
+Text = TypeVar("Text", bound=str)
+
+ACCURATE = 0.25
+"""The thesis's 2-bit accuracy: an error below 2⁻²."""
+
+_GROUPS = {
+    "slow": f"below {SLOW_PX:g} px",
+    "medium": f"{SLOW_PX:g} to {FAST_PX:g} px",
+    "fast": f"{FAST_PX:g} px and more",
+    "clear": f"hidden: below {OCCLUDED_SHARE:.0%}",
+    "occlusion": f"hidden: {OCCLUDED_SHARE:.0%} or more",
+}
+
+
+def crossed(label: str, corner: str, cells: Mapping[tuple[Text, str], str]) -> Markup:
+    """Return a table of texts by row and column, with a dash where there is none."""
+    rows = dict.fromkeys(row for row, _ in cells)
+    columns = dict.fromkeys(column for _, column in cells)
+    lines: list[list[str]] = [
+        [row, *(cells.get((row, each), UNDEFINED) for each in columns)] for row in rows
+    ]
+    return table(label, [corner, *columns], lines)
+
+
+def response_table(sensor: str, records: Sequence[FlowRecord]) -> Markup:
+    """Return ratio and literal errors on one sensor, a row per method and a column per level."""
+    cells = {
+        (each.method, level_name(each.level)): UNDEFINED
+        if each.error.ratio is None
+        else f"{relative_error(each.error.ratio)} ({relative_error(each.error.literal)})"
+        for each in records
+        if each.sensor == sensor
+    }
+    return crossed(f"Errors of the responses on {sensor}", "Detector", cells)
+
+
+def cost_table(sensor: str, records: Sequence[FlowRecord]) -> Markup:
+    """Return ratio errors of a device: against itself, a perfect sensor, and that corrected."""
+    cells = {}
+    for each in records:
+        if each.sensor == sensor and each.error_perfect:
+            corrected = [each.error_corrected] if each.error_corrected else []
+            ratios = (one.ratio for one in (each.error, each.error_perfect, *corrected))
+            cells[each.method, level_name(each.level)] = " · ".join(map(relative_error, ratios))
+    label = f"Noise, device and correction on {sensor}"
+    return crossed(label, "Detector", cells) if cells else Markup("")
+
+
+def against_truth(records: Sequence[FlowRecord], settings: FlowSettings) -> Markup:
+    """Return errors and shares of outliers, a row per exposure and a column per method.
+
+    The mean error with mixed pixels, without them, and as the configuration has them counted.
+    """
+    truths = {_key(each): each.truth for each in records if each.truth}
+    mixtures = {_key(each): each.truth_by_mixture for each in records if each.truth_by_mixture}
+    rows = {
+        "Mean error (px), all pixels": {key: _error(each.all) for key, each in mixtures.items()},
+        f"Mean error (px), without mixed pixels (purity below {settings.least_purity:.0%})": {
+            key: _error(each.without_mixed) for key, each in mixtures.items()
+        },
+    }
+    if settings.mixed == "weigh" or not mixtures:
+        weighed = "Mean error (px)" + (", pixels by their purity" if mixtures else "")
+        rows = {weighed: {key: _error(each) for key, each in truths.items()}} | rows
+    outliers = "Outliers" + (", without mixed pixels" if settings.mixed == "leave_out" else "")
+    rows[outliers] = {
+        key: _in_turn([one.outlier_fraction for one in _answers(each)], percent)
+        for key, each in truths.items()
+    }
+    rows["Median error, of the true velocity"] = {
+        key: _in_turn([one.relative_error_median for one in _answers(each)], relative_error)
+        for key, each in truths.items()
+    }
+    return Markup("\n").join(crossed(label, label, cells) for label, cells in rows.items() if cells)
+
+
+def split_table(records: Sequence[FlowRecord]) -> Markup:
+    """Return mean errors by speed and by occlusion, on the exposure where a method errs least."""
+    measured = [each for each in records if each.truth_splits]
+    if not measured:
+        return Markup("")
+    best, _ = _key(min(measured, key=_median_error))
+    splits = {
+        each.method: dict(each.truth_splits)
+        for each in measured
+        if each.truth_splits and _key(each)[0] == best
+    }
+    blocks = {name: split.ideal.blocks for name, split in next(iter(splits.values())).items()}
+    cells = {
+        (method, f"{_GROUPS[name]} ({blocks[name]:,})"): _error(split[name])
+        for method, split in splits.items()
+        for name in _GROUPS
+        if blocks[name]
+    }
+    label = f"Mean error (px) by speed and occlusion where it is smallest: {best}"
+    return crossed(label, "Detector", cells)
+
+
+def rotation_table(records: Sequence[FlowRecord]) -> Markup:
+    """Return errors of the yaw rate, a row per exposure and a column per method."""
+    rotations = {_key(each): each.rotation for each in records if each.rotation}
+    if not rotations:
+        return Markup("")
+    true = number(next(iter(rotations.values())).true_deg_s)
+    label = f"Error of the yaw rate (deg/s) of {true} deg/s"
+    return crossed(label, label, {key: _yaw(each) for key, each in rotations.items()})
+
+
+def _key(record: FlowRecord) -> tuple[str, str]:
+    return f"{record.sensor}, {level_name(record.level)}", record.method
+
+
+def _median_error(record: FlowRecord) -> float:
+    """Return the median error of blocks relative to the true velocity."""
+    error = record.truth.counts.relative_error_median if record.truth else None
+    return math.inf if error is None else error
+
+
+def _yaw(rotation: RotationErrors) -> str:
+    largest = SENSELESS * rotation.true_deg_s or math.inf
+    errors = (rotation.ideal_deg_s, rotation.counts_deg_s)
+    return _in_turn(errors, lambda error: number(error) if error < largest else FAILS)
+
+
+def _error(truth: TruthErrors) -> str:
+    def text(each: BlockErrors) -> str:
+        relative, error_px = each.relative_error_median, each.endpoint_error_px
+        if error_px is None:
+            return UNDEFINED
+        return FAILS if relative is not None and relative >= SENSELESS else number(error_px)
+
+    return _in_turn(_answers(truth), text)
+
+
+def _answers(truth: TruthErrors) -> list[BlockErrors]:
+    corrected = [truth.corrected] if truth.corrected else []
+    return [truth.ideal, truth.counts, *corrected]
+
+
+def _in_turn(values: Iterable[Value | None], text: Callable[[Value], str]) -> str:
+    """Noise-free → counts → corrected counts."""
+    return " → ".join(UNDEFINED if value is None else text(value) for value in values)
+
+
 _BRIGHT_PERCENTILE = 99.0
 # Bright sky and dark ground answer a thousandfold differently: a root shows both.
 _ROOT = 3.0
@@ -42,15 +201,13 @@ _ROOT = 3.0
 _PALE = 0.02
 _GUIDE = (
     "Each detector sees every sequence twice: as counted, and as its noise-free twin, the mean "
-    "that would be counted without the randomness of photons. Frame {} is shown, in pairs: at each "
-    "light level, on the left the answer to the noise-free twin of that level, on the right that "
-    "to its {}, in the same colors. Where the two look alike, photon noise does no harm; whether "
-    "the answer is the true motion is another question."
+    "that would be counted without the randomness of photons. Frame {} is shown in pairs at each "
+    "light level: on the left the answer to the noise-free twin, on the right that to its {}, in "
+    "the same colors. Where the two look alike, photon noise does no harm."
 )
 _FLICKER = (
-    "This noise is part of the “noise-free” light. It is the same in both answers, so it adds no "
-    "error, but it flickers like texture that does not move with the scene, and the noise-free "
-    "errors against the true motion contain it."
+    "This noise is the same in both answers, so it adds no error, but it flickers like texture "
+    "that does not move with the scene, and is in the errors against the true motion."
 )
 _BLOCKS = Markup(
     "<b>The right answer for block methods</b> in this frame: the true motion averaged over their "
@@ -58,32 +215,25 @@ _BLOCKS = Markup(
     "respond to motion without measuring its speed."
 )
 _ERRORS = Markup(
-    "Readings are brought to a mean of 1 before they are answered; the color scales spread the "
-    "cube root of the answer, so that dark ground shows beside bright sky. Both errors compare the "
-    "answer to counts with the answer to the noise-free twin, over all frames after the detectors "
-    "have settled. The <b>ratio</b> error is the sum of all differences over the sum of all "
-    "answers. The <b>literal</b> error (the thesis's Eq. 4.5) is the mean of the quotient of every "
-    "single pixel: wherever the noise-free answer passes through zero, a few pixels carry the "
-    "whole mean. An error from tenfold on reads “fails”. A full counter is full in the noise-free "
-    "twin too; against the perfect sensor it is an error. A dash says that the noise-free answer "
-    "holds no motion in any scored frame."
+    "Readings are brought to a mean of 1 before they are answered; colors spread the cube root of "
+    "the answer. Errors compare the answer to counts with that to the noise-free twin, over all "
+    "frames after the detectors have settled: <b>ratio</b>, all differences over all answers, and "
+    "<b>literal</b> (the thesis's Eq. 4.5), the mean of every single pixel's quotient, which a few "
+    "answers near zero carry. From tenfold on an error reads “fails”; a dash says that the "
+    "noise-free answer holds no motion."
 )
 _COSTS = Markup(
     "The same frame as the sensor reads it, corrected where that was asked for (dark counts, dead "
     "time and counter, flat field, hot pixels), and as a perfect sensor would read it on average. "
     "In the tables the ratio error of each detector: <b>against itself</b>, the same device "
-    "without noise · <b>raw against perfect</b> · <b>corrected against perfect</b>. What the "
-    "second has over the first is the device's: its fixed pattern, its dark readings, its full "
-    "pixels; what the third has less than the second is what calibration gives back."
+    "without noise · <b>raw against perfect</b> · <b>corrected against perfect</b>."
 )
 _TRUTH = (
-    "A detector that is always wrong in the same way has no error above. So block velocities are "
-    "also compared with the true ones: the mean length of the difference, and the share of blocks "
-    "that are off by more than 25 % (outliers), first noise-free, then on {}, then on corrected "
-    "readings where there are any. A pixel on an outline holds several things and has the flow of "
-    "one of them; {} of the pixels shown are filled to less than {:.0%} by what their center sees. "
-    "{} in everything but the two tables that say otherwise; blocks of which less than half is "
-    "left are not scored."
+    "Block velocities beside the true ones: the mean length of the difference, the share of blocks "
+    "that are off by more than 25 % (outliers), and the median; first noise-free, then on {}, then "
+    "on corrected readings where there are any. {} of the pixels shown lie on outlines, filled to "
+    "less than {:.0%} by what their center sees. {} in everything but the two tables that say "
+    "otherwise; blocks of which less than half is left are not scored."
 )
 _MIXED = {
     "score": "They count like all others",
@@ -91,16 +241,14 @@ _MIXED = {
     "leave_out": "They do not count",
 }
 _SPLITS = (
-    "Where the error arises: blocks by their true speed, in pixels per frame, and by the share of "
-    "their pixels that is hidden in the next frame; in brackets the number of blocks, over all "
-    "frames, on the exposure where a method errs least."
+    "Blocks by their true speed, in pixels per frame, and by the share of their pixels that is "
+    "hidden in the next frame; in brackets the number of blocks, over all frames, on the exposure "
+    "where a method errs least."
 )
 _YAW = (
     "A weighted sum of all local answers, as in a fly’s tangential cells, gives the camera’s yaw "
-    "rate. The weights are learned from the noise-free answers to the first half of the sequence; "
-    "the root mean square error is that of the second half, first noise-free, then on {}; an error "
-    "from ten times the rate itself on reads “fails”. Where the camera turns at a steady rate, the "
-    "weights cannot tell its rotation from anything else that is steady."
+    "rate. Weights are learned from the noise-free answers to the first half of the sequence; the "
+    "root mean square error is that of the second half, first noise-free, then on {}."
 )
 
 
@@ -144,7 +292,7 @@ def _true_blocks(report: Report) -> Markup:
     detector = next((each for each in detectors if isinstance(each, BlockDetector)), None)
     if detector is None:
         return Markup("")
-    truth = report.footage.truths[report.selection.frames.index(report.frame)]
+    truth = report.truths[report.selection.frames.index(report.frame)]
     grid = detector.grid(truth.depth.shape)
     flow = block_flow(truth.flow_forward[np.newaxis], grid, truth.occluded_forward[np.newaxis])[0]
     source = data_uri(Image.fromarray(flow_to_rgb(flow, report.fastest)))
@@ -218,7 +366,7 @@ def _shape(settings: Configuration, method: Detector) -> tuple[int, ...]:
 
 def _largest(answer: Floats) -> float:
     """Return the largest response, or speed, that is defined; 0 where there is none."""
-    size = np.abs(answer) if answer.ndim == 2 else np.hypot(answer[..., 0], answer[..., 1])
+    size = np.abs(answer) if answer.ndim == 2 else np.hypot(*np.moveaxis(answer, -1, 0))
     return float(np.max(size[np.isfinite(size)], initial=0.0))
 
 

@@ -5,13 +5,15 @@ import colorsys
 import io
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from markupsafe import Markup
 from matplotlib import colormaps
 from numpy.typing import NDArray
-from PIL import Image, ImageOps
+from PIL import Image, ImageDraw, ImageFont, ImageOps
 
+from megalopta.core.files import atomic_write
 from megalopta.plotting.sections import captioned, image
 
 Rgb = NDArray[np.uint8]
@@ -22,6 +24,8 @@ _COLORS = 96
 _ID_COLORS = 89
 _RGB_BITS = 6
 _LEGEND_STEPS = 128
+_GAP, _LINE = 6, 18
+"""Of a sheet (px)"""
 
 ORANGE = (230, 97, 0)
 GRAY = (128, 128, 128)
@@ -137,6 +141,28 @@ def still(picture: Image.Image, title: str, alt: str, note: str = "") -> Markup:
         data_uri(picture), told, across if note else ""
     )
     return captioned(shown, title)
+
+
+def write_sheet(path: Path, rows: Sequence[Sequence[tuple[str, Image.Image]]]) -> None:
+    """Write pictures in rows, each with its title below it, as one PNG of few colors or JPEG."""
+    lines = [_LINE if any(title for title, _ in row) else 0 for row in rows]
+    heights = [max(each.height for _, each in row) + _GAP for row in rows]
+    width = max(sum(each.width + _GAP for _, each in row) for row in rows) + _GAP
+    sheet = Image.new("RGB", (width, sum(lines) + sum(heights) + _GAP), "white")
+    draw, font, top = ImageDraw.Draw(sheet), ImageFont.load_default(12), _GAP
+    for row, line, height in zip(rows, lines, heights, strict=True):
+        left = _GAP
+        for title, picture in row:
+            sheet.paste(picture, (left, top))
+            # the font knows no other spaces
+            draw.text((left, top + picture.height + 1), " ".join(title.split()), "black", font)
+            left += picture.width + _GAP
+        top += line + height
+    with atomic_write(path) as temporary:
+        if path.suffix == ".png":
+            sheet.quantize(256).save(temporary, "PNG", optimize=True)
+        else:
+            sheet.save(temporary, "JPEG", quality=88)
 
 
 def data_uri(picture: Image.Image) -> str:

@@ -19,11 +19,10 @@ from megalopta.plotting.sections import (
     table,
 )
 from megalopta.plotting.text import UNDEFINED, level_name, level_title, number, percent, short
-from megalopta.report.budget import Budget, ExposureSummary
 from megalopta.report.charts import signal_chart
 from megalopta.report.images import film, gray_scale
 from megalopta.report.remarks import absent
-from megalopta.report.source import Report
+from megalopta.report.source import Budget, ExposureSummary, Report
 from megalopta.sensor import CtiaSensor, ImageSensor
 from megalopta.sensor.spad.digital import LARGEST_CAPACITY
 from megalopta.sensor.spad.model import active_effects
@@ -32,11 +31,10 @@ _WHITE_PERCENTILE = 90.0
 """As of the preview of the radiance: the brightest tenth may be shown as pure white."""
 _GUIDE = (
     "For one exposure per frame, a pixel counts single photons, or gathers the electrons that they "
-    "release. They arrive at random: where N are expected, a reading scatters by about √N, and an "
-    "integrating pixel by its dark current, reset and read noise besides. The same rendered light, "
-    "brought to each level, is exposed on each sensor; a named level has its own color, and the "
-    "directions of the rendered light. The pictures show the readings of single frames, brightened "
-    "for the eye to the scale below each; full pixels are orange, lower bounds. "
+    "release. Where N are expected, a reading scatters by about √N, and an integrating pixel by "
+    "its dark current, reset and read noise besides. The same rendered light, brought to each "
+    "level, is exposed on each sensor; a named level has its own color. The pictures show the "
+    "readings of single frames, to the scale below each; full pixels are orange, lower bounds. "
 )
 _INSTANT = (
     "Every frame is rendered at one instant: a camera that moves during the exposure does not blur "
@@ -47,16 +45,14 @@ _COLUMNS = Markup(
     "whole area; <b>detected</b> are those that reach the sensitive part and release a pulse or an "
     "electron; <b>dark</b> readings come without any light; <b>expected</b> is the noise-free mean "
     "of the two, after dead time. <b>Signal-to-noise</b> (median over pixels) is what the light "
-    "adds to a reading, divided by the reading's standard deviation: below 1, one pixel of one "
-    "frame says little. A pattern that stands still is not in it. <b>Saturated</b> readings stand "
+    "adds to a reading over the reading's standard deviation. <b>Saturated</b> readings stand "
     "at the counter's capacity or the pixel's full swing. <b>Rendering : shot noise</b> compares "
-    "standard deviations: above 1, the rendering itself is noisier than the arrival of photons."
+    "standard deviations: above 1, the rendering is noisier than the arrival of photons."
 )
 _CHART = (
     "Median over pixels; the shaded band holds the middle 90 % of them. Each tenfold of light "
     "gains a factor of √10 where photon noise alone is in the way, and a factor of 10 where dark "
-    "counts, dark current or read noise drown the light. Below 1, motion can only be read by "
-    "gathering many pixels or many frames."
+    "readings drown the light. Below 1, motion is read from many pixels or frames only."
 )
 _BIASES = {"fixed": "fixed", "dac": "converter (non-adaptive)", "floating_gate": "floating gate"}
 

@@ -1,22 +1,271 @@
-"""The report: its sections in their order, below an opening."""
+"""The report: its opening, with what was seen and what came out, and its sections in order."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
+from itertools import dropwhile, takewhile
 from pathlib import Path
 
 from markupsafe import Markup
 
+from megalopta.benchmark.ranking_charts import atlas
+from megalopta.benchmark.ranking_run import FOLDER, best_methods, order_changes, read_ranking
+from megalopta.config.model import Configuration, LightLevel
+from megalopta.config.yaml_model import to_yaml
 from megalopta.core.files import write_text
+from megalopta.dataset.flow_record import FlowRecord
 from megalopta.dataset.store import Dataset
 from megalopta.generation import versions
-from megalopta.plotting.sections import Section, block, heading, listed, page_of, table
-from megalopta.report.closing import glossary_section, making_section, ranking_section
-from megalopta.report.detectors import detector_section
+from megalopta.plotting.sections import (
+    Section,
+    block,
+    card,
+    folded,
+    heading,
+    listed,
+    page_of,
+    paragraph,
+    table,
+)
+from megalopta.plotting.text import (
+    UNDEFINED,
+    duration,
+    level_name,
+    level_title,
+    number,
+    percent,
+)
+from megalopta.report.detectors import ACCURATE, detector_section
 from megalopta.report.light_section import light_section
 from megalopta.report.motion_section import motion_section
-from megalopta.report.source import Report
-from megalopta.report.summary import OUTCOME, facts, lead, outcome, title
+from megalopta.report.remarks import rendering, rendering_errors
+from megalopta.report.source import Budget, Record, Report, by_sensor
 from megalopta.report.thresholds import threshold_section
+from megalopta.scenes.lighting.levels import illuminance_of
+
+OUTCOME = (
+    "sensor",
+    "best method",
+    "within 25 % down to",
+    "median error there",
+    "photons on a pixel",
+    "signal-to-noise",
+    "more dark readings than light at",
+)
+"""Heads of the table of what came out; spans go from the brightest light to the darkest."""
+
+
+def title(configuration: Configuration) -> str:
+    """Return the name of the sequence and the light it was seen in."""
+    name = configuration.name.replace("_", " ").replace("-", " ")
+    levels = sorted(configuration.light_levels, key=illuminance_of, reverse=True)
+    light = f"at {level_title(levels[0])}"
+    if len(levels) > 1:
+        light = f"from {level_name(levels[0])} to {level_name(levels[-1])}"
+    return f"{name[0].upper()}{name[1:]}, {light}"
+
+
+def lead(configuration: Configuration, record: Record) -> str:
+    """Return what the camera saw and what was done with it; `record` is that of the scene."""
+    levels = configuration.light_levels
+    sensors = ", ".join(sensor.name for sensor in configuration.sensors)
+    canopy = f"{record['canopy']} " if record.get("canopy") else ""
+    return (
+        f"{configuration.scene.describe()} {canopy}The {configuration.camera} "
+        f"{configuration.trajectory}. Every frame is rendered as spectral radiance, together with "
+        f"its exact motion. The light becomes readings of {sensors} at "
+        f"{len(levels)} light level{'s'[: len(levels) != 1]}, and motion detectors try to "
+        "read the motion back."
+    )
+
+
+def facts(report: Report) -> Iterator[tuple[str, str]]:
+    """Yield what is counted, and how many there are."""
+    camera, trajectory = report.settings.camera, report.settings.trajectory
+    yield f"frames of {camera.width} × {camera.height} px", f"{trajectory.frames}"
+    for what, count in report.settings.scene.counts.items():
+        yield what, f"{count:,}"
+    for what in ("objects", "triangles"):
+        if noted := report.scene.get(what):
+            yield what, f"{noted:,}"
+    if light := report.scene.get("illuminance"):
+        yield "measured in the open, as rendered", f"{light['unshaded_lux']:.3g} lux"
+        if ground := [point["lux"] for point in light["ground"]]:
+            mean = sum(ground) / len(ground)
+            yield "measured on the ground below the camera", f"{mean:.2g} lux"
+    yield "objects in view, one time or another", f"{report.objects_seen:,}"
+    yield "px per frame, median speed", f"{report.median_speed:.2g}"
+    yield "frames per second", f"{trajectory.frame_rate_hz:g}"
+
+
+def outcome(records: Sequence[FlowRecord], budgets: Sequence[Budget]) -> list[tuple[str, ...]]:
+    """Return rows below `OUTCOME`, one for each sensor."""
+    ranked = by_sensor(sorted(budgets, key=lambda each: -each.illuminance_lux))
+    names = dict.fromkeys([*ranked, *(each.sensor for each in records)])
+    return [(name, *_reach(records, name), *_light(ranked.get(name, []))) for name in names]
+
+
+def _light(own: Sequence[Budget]) -> tuple[str, str, str]:
+    if not own:
+        return UNDEFINED, UNDEFINED, UNDEFINED
+    ends = own[:1] if len(own) == 1 else (own[0], own[-1])
+    drowned = [level_name(each.level) for each in own if each.dark > each.detected]
+    return (
+        " → ".join(number(each.photons) for each in ends),
+        " → ".join(number(each.signal_to_noise[1]) for each in ends),
+        ", ".join(drowned) or UNDEFINED,
+    )
+
+
+def _reach(records: Sequence[FlowRecord], sensor: str) -> tuple[str, str, str]:
+    """Return the method that stays accurate down to the least light, the light, and its error."""
+    found = _median_errors(records, sensor)
+    if not found:
+        return UNDEFINED, UNDEFINED, UNDEFINED
+    last = {name: each for name, errors in found.items() if (each := _last(errors))}
+    if last:
+        name = min(last, key=lambda name: (illuminance_of(last[name][0]), last[name][1]))
+        level, error = last[name]
+        return name, level_name(level), percent(error)
+    error, _, name, level = min(
+        (error, -illuminance_of(level), name, level)
+        for name, errors in found.items()
+        for level, error in errors
+    )
+    return name, "none", f"{percent(error)} at {level_name(level)}"
+
+
+def _median_errors(
+    records: Sequence[FlowRecord], sensor: str
+) -> dict[str, list[tuple[LightLevel, float]]]:
+    """Return errors relative to the true velocity, by method, at each level, the brightest first.
+
+    Corrected readings count as a method of their own.
+    """
+    found: dict[str, list[tuple[LightLevel, float]]] = {}
+    for each in sorted(records, key=lambda each: -illuminance_of(each.level)):
+        if each.sensor == sensor and each.truth:
+            forms = {
+                each.method: each.truth.counts,
+                f"{each.method}, corrected": each.truth.corrected,
+            }
+            for name, errors in forms.items():
+                if errors and errors.relative_error_median is not None:
+                    own = found.setdefault(name, [])
+                    own.append((each.level, errors.relative_error_median))
+    return found
+
+
+def _last(errors: Sequence[tuple[LightLevel, float]]) -> tuple[LightLevel, float] | None:
+    """Return the darkest level down to which a method is accurate, from the first one that it is.
+
+    Brighter levels at which it is not, as where counters are full, are passed over.
+    """
+    from_first = dropwhile(lambda each: each[1] >= ACCURATE, errors)
+    accurate = list(takewhile(lambda each: each[1] < ACCURATE, from_first))
+    return accurate[-1] if accurate else None
+
+
+_GLOSSARY = {
+    "Radiance": "light that comes from a place in a direction, per area, solid angle and "
+    "wavelength (W·m⁻²·sr⁻¹·nm⁻¹); no sensor has a part in it.",
+    "Illuminance": "light on a level surface under the open sky as an eye weighs it (lux).",
+    "Photons": "mean number on a pixel in one exposure, of which its efficiency detects a share.",
+    "Events": "detections that reach a pixel's counter, dark counts, afterpulses and crosstalk "
+    "included, without what dead time loses.",
+    "Reading": "what a counter shows, which may be full, wrap around or have an offset.",
+    "Shot noise": "scatter of photon counts about their mean, the root of which it is.",
+    "Dark counts": "detections without a photon, at a rate of its own in every pixel.",
+    "Dead time": "time after a detection in which a pixel detects nothing.",
+    "Saturated": "a full pixel, whose reading is a lower bound.",
+    "Corrected": "readings after dark counts, dead time, counter, flat field and hot pixels were "
+    "taken out.",
+    "True motion": "where the point that a pixel's center sees goes from one frame to the next "
+    "(px of the image, to the right and down).",
+    "Occluded": "hidden, or out of view, in the other frame.",
+    "Parallax": "what is left of the motion without the camera's rotation: near things move more.",
+    "Endpoint error (EPE)": "distance between a velocity and the true one (px).",
+    "N_2b": "photons per frame, on all pixels together, at which a detector's error is 25 %: "
+    "2 bits.",
+    "Standing error": "part of the rendered light's error that is the same in all frames and "
+    "moves with the surfaces.",
+}
+
+_RANKING = (
+    "Endpoint error against the true motion, on perfect pixels that get as many photons as "
+    "illuminance and exposure bring. {} {} This holds for this scene, this path and these "
+    "settings; all curves, poolings and the camera’s motion are in {}/ranking.html beside this "
+    "page."
+)
+_ATLAS = (
+    "Gray: no method beats zero motion. Pale: within the noise of the measurement another may be "
+    "the best. White: not measured."
+)
+_MADE = (
+    "Everything on this page follows from the settings below and the seeds in them. Rendering is "
+    "the only stage whose noise may differ between machines, within its statistics."
+)
+_FILES = """
+dataset.yaml                 all settings and the version that made it
+sequences/SEQ.json           of each stage what it was made with, and every file's hash
+timings.json                 seconds each stage took
+training/clean, final        tone-mapped radiance; counts of the first sensor and level (PNG)
+training/flow                true motion to the next frame (.flo, px)
+training/occlusions, invalid pixels without a match, without defined motion (PNG)
+training/depth, camdata_left depth (.dpt, m) and camera (.cam)
+radiance                     spectral radiance, W·m⁻²·sr⁻¹·nm⁻¹ per band (EXR)
+truth                        motion both ways, depth, normals, objects, occlusion (EXR)
+radiance_shutter             radiance through the shutter, which sensors see, if it has one (EXR)
+truth_shutter                truth of every row at its own time, if rows have theirs (EXR)
+counts                       counts, noise-free twin and saturation per sensor and level (Zarr)
+results                      responses (Zarr), errors and photon benchmark (JSON, CSV)"""
+
+
+def ranking_section(report: Report) -> Section | None:
+    """Return the ranking against the true motion; None where it was not made."""
+    ranking = read_ranking(report.dataset.root / FOLDER)
+    if ranking is None:
+        return None
+    return Section(
+        "Which method is best",
+        _RANKING.format(best_methods(ranking), " ".join(order_changes(ranking)), FOLDER),
+        body=block("card", atlas(ranking)) + paragraph(_ATLAS, "note"),
+        name="ranking",
+        link="Which is best",
+    )
+
+
+def making_section(report: Report) -> Section:
+    """Return times, versions, settings and files."""
+    samples = f"Light paths per pixel: {report.settings.render.samples_per_pixel}; four times as "
+    remark = rendering(report.scene, f"{samples}many halve what is new in every frame.")
+    variant = f"Rendered with Mitsuba’s variant {report.scene.get('variant', 'not noted')}."
+    total = duration(sum(report.timings.values()))
+    body = [
+        remark,
+        listed("versions", rendering_errors(report.scene)),
+        block(
+            "pair",
+            card(f"Time spent: {total}", _bars(report), paragraph(variant, "note")),
+            card(
+                "Versions where this report was written",
+                listed("versions", versions.versions().items()),
+            ),
+        ),
+        folded("All settings", Markup("<pre>{}</pre>").format(to_yaml(report.settings))),
+        folded("Files", Markup("<pre>{}</pre>").format(_FILES)),
+    ]
+    return Section("How it was made", _MADE, body=Markup("\n").join(body), name="made")
+
+
+def _bars(report: Report) -> Markup:
+    longest = max(report.timings.values(), default=0.0) or 1.0
+    bar = Markup('<span>{}</span><i style="width:{:.1f}%"></i><span>{}</span>')
+    bars = (
+        bar.format(stage, 100 * spent / longest, duration(spent))
+        for stage, spent in report.timings.items()
+    )
+    return block("bars", *bars)
+
 
 SECTIONS: tuple[Callable[[Report], Section | None], ...] = (
     light_section,
@@ -24,7 +273,7 @@ SECTIONS: tuple[Callable[[Report], Section | None], ...] = (
     detector_section,
     threshold_section,
     ranking_section,
-    glossary_section,
+    lambda _: Section("Glossary", body=listed("words", _GLOSSARY.items()), name="words"),
     making_section,
 )
 """What the page and its navigation show, in this order; None is passed over."""
@@ -33,10 +282,7 @@ SECTIONS: tuple[Callable[[Report], Section | None], ...] = (
 def write_report(dataset: Dataset) -> Path:
     """Write DATASET/report.html from the stages that are finished; return its path.
 
-    Raises
-    ------
-    UserError
-        When nothing was rendered yet, or a file cannot be read.
+    Raises UserError when nothing was rendered yet, or a file cannot be read.
     """
     path = dataset.root / "report.html"
     write_text(path, page(dataset))

@@ -14,8 +14,7 @@ from megalopta.plotting.sections import paragraph
 from megalopta.plotting.style import GLYPHS, method_style
 from megalopta.plotting.svg import themed
 from megalopta.plotting.text import number, percent
-from megalopta.report.records import Record
-from megalopta.report.source import Report
+from megalopta.report.source import Record, Report
 
 _CAUTION = 0.1
 

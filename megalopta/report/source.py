@@ -1,43 +1,299 @@
-"""Data of the report: every finished stage, read once, when it is first asked for."""
+"""Data of the report: every finished stage, read once, when it is first asked for.
 
-from dataclasses import dataclass
+JSON files are checked whole before anything is made of them. Of a sequence few enough frames and
+pixels are shown for a small file: frames are spread evenly, pixels are taken, not averaged, so that
+noise looks as strong as it is. The last frame is left out: it has no successor and so no true flow.
+
+The photon budget is what reaches a pixel in one exposure and what the sensor makes of it. Readings
+are counts, or electrons of a sensor that integrates. Photons, detections and the signal-to-noise
+ratio are of the frames that the report shows, mean readings and saturation of everything that was
+stored.
+"""
+
+import math
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import product
+from pathlib import Path
+from typing import Any, NotRequired, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import FiniteFloat, NonNegativeInt, TypeAdapter, ValidationError
+from pydantic_core import from_json
+from typing_extensions import TypedDict
 
+from megalopta.config.light_scale import light_scale
+from megalopta.config.model import Configuration, LightLevel, level_text
+from megalopta.core import bounded
+from megalopta.core.errors import UserError
 from megalopta.core.progress import say
 from megalopta.dataset.flow_record import FlowRecord
+from megalopta.dataset.frames import read_radiance_frame, read_truth_frame
 from megalopta.dataset.store import Dataset
 from megalopta.flow.benchmark.sequence import BenchmarkResult
-from megalopta.report.budget import ExposureSummary, exposed
-from megalopta.report.footage import ReportFrames, Selection, read_footage
+from megalopta.flow.detectors.registry import METHODS
+from megalopta.render.truth.tracer import Truth
 from megalopta.report.images import data_uri, film_strip, rgb_picture
-from megalopta.report.records import Record, read_benchmark, read_records, read_scene_record
+from megalopta.scenes import ToneCurve, preview, white_of
+from megalopta.scenes.lighting.levels import illuminance_of
+from megalopta.scenes.spectra.color import linear_srgb
+from megalopta.sensor import ImageSensor, OpenedCounts, detected_photons, expectation
 from megalopta.stages.ledger import Ledger
+from megalopta.stages.noise_warning import variances
 from megalopta.stages.registry import STAGES
+from megalopta.stages.sense import open_exposure
+
+Record = Mapping[str, Any]
+_Read = TypeVar("_Read")
+
+
+class _Region(TypedDict):
+    rms: FiniteFloat
+    p95: FiniteFloat
+    gradient: FiniteFloat
+    standing: FiniteFloat
+    standing_gradient: FiniteFloat
+
+
+class _MonteCarlo(TypedDict):
+    median_relative: FiniteFloat | None
+    rms_over_mean: FiniteFloat
+    equivalent_photons_per_pixel: FiniteFloat | None
+    mean: NotRequired[list[FiniteFloat]]
+    covariance: NotRequired[list[list[FiniteFloat]]]
+    detail: NotRequired[list[list[FiniteFloat]]]
+    surface: NotRequired[_Region | None]
+    sky: NotRequired[_Region | None]
+
+
+class _Lux(TypedDict):
+    lux: FiniteFloat
+
+
+class _Illuminance(TypedDict):
+    unshaded_lux: FiniteFloat
+    ground: list[_Lux]
+
+
+class _Scene(TypedDict):
+    objects: NotRequired[NonNegativeInt]
+    triangles: NotRequired[NonNegativeInt]
+    variant: NotRequired[str]
+    integrator: NotRequired[str]
+    illuminance: NotRequired[_Illuminance | None]
+    monte_carlo: NotRequired[_MonteCarlo | None]
+    light_left_out: NotRequired[list[FiniteFloat] | None]
+
+
+_FLOW = TypeAdapter(list[FlowRecord])
+_SCENE: TypeAdapter[Any] = TypeAdapter(_Scene)
+
+
+def read_records(dataset: Dataset) -> list[FlowRecord]:
+    """Errors of every method on every sensor at every light level, in the dataset's order.
+
+    Raises UserError when flow.json is damaged or lacks something.
+    """
+    path, remedy = dataset.result("flow.json"), f"run: megalopta flow {dataset.root} --redo"
+    records = {
+        (each.sensor, each.level, each.method): each
+        for each in _read(path, _FLOW.validate_python, remedy)
+    }
+    settings = dataset.configuration
+    expected = [
+        (sensor.name, level, method)
+        for sensor in settings.sensors
+        for level in settings.light_levels
+        for method in settings.methods
+    ]
+    for key in expected:
+        found = records.get(key)
+        if not found or (METHODS[key[2]].gives == "velocity" and not found.truth):
+            sensor, level, method = key
+            raise UserError(
+                f"{path} lacks the errors of {method} on {sensor} at {level_text(level)}; {remedy}"
+            )
+    return [records[key] for key in expected]
+
+
+def read_benchmark(dataset: Dataset, name: str = "benchmark.json") -> BenchmarkResult:
+    """The photon benchmark. Raises UserError when its file is damaged or lacks something."""
+    path, remedy = dataset.result(name), f"run: megalopta benchmark photons {dataset.root} --redo"
+    benchmark = _read(path, BenchmarkResult.from_dict, remedy)
+    found = {(curve.method, curve.shape, curve.metric) for curve in benchmark.curves}
+    shapes: set[tuple[int, ...]] = {curve.shape for curve in benchmark.curves} or {()}
+    for method, shape, metric in product(
+        dataset.configuration.methods, shapes, benchmark.settings.metrics
+    ):
+        if (method, shape, metric) not in found:
+            raise UserError(f"{path} lacks a {metric} error curve of {method}; {remedy}")
+    if unknown := {method for method, *_ in found} - METHODS.keys():
+        raise UserError(f"{path} is damaged at the curve of {min(unknown)}; {remedy}")
+    return benchmark
+
+
+def read_scene_record(dataset: Dataset) -> Record:
+    """Return the notes of the render stage. Raises UserError when they are damaged or missing."""
+    remedy = f"run: megalopta render {dataset.root} --out {dataset.root} --redo"
+    record: Record = _read(dataset.scene_record, _SCENE.validate_python, remedy)
+    return record
+
+
+def _read(path: Path, check: Callable[[Any], _Read], remedy: str) -> _Read:
+    try:
+        return check(from_json(bounded.read_bytes(path)))
+    except OSError as problem:
+        raise UserError(f"{path} cannot be read ({problem.strerror}); {remedy}") from None
+    except ValidationError as error:
+        first = error.errors(include_url=False, include_input=False)[0]
+        where = f" at {'.'.join(map(str, first['loc']))}" if first["loc"] else ""
+        raise UserError(f"{path} is damaged{where} ({first['msg']}); {remedy}") from None
+    except (ValueError, LookupError, TypeError, AttributeError) as problem:
+        raise UserError(f"{path} is damaged ({problem}); {remedy}") from None
+
+
+_LONGEST_SIDE_PX = 160
+_MOST_FRAMES = 40
+_MOST_PIXELS_READ = 4_000_000
+_MOST_PIXELS_SHOWN = 8_000_000
+_OTHER_FILMS = 6
+
+
+@dataclass(frozen=True)
+class Selection:
+    """Frames, by their numbers from 0, and pixels that are shown: every so many-th of a line."""
+
+    frames: tuple[int, ...]
+    step: int
+
+    def pixels(self, images: NDArray[Any]) -> NDArray[Any]:
+        """Return the shown pixels of images (..., H, W)."""
+        return images[..., :: self.step, :: self.step]
+
+
+def select(configuration: Configuration) -> Selection:
+    """Choose what is shown of a sequence."""
+    height, width = configuration.camera.height, configuration.camera.width
+    step = math.ceil(max(height, width) / _LONGEST_SIDE_PX)
+    films = len(configuration.sensors) * len(configuration.light_levels) + _OTHER_FILMS
+    most = min(
+        _MOST_FRAMES,
+        _MOST_PIXELS_READ // (height * width),
+        _MOST_PIXELS_SHOWN * step**2 // (height * width * films),
+    )
+    candidates = configuration.trajectory.frames - 1
+    count = min(candidates, max(most, 1))
+    return Selection(tuple(index * candidates // count for index in range(count)), step)
+
+
+# Pixels between these percentiles are drawn as the spread of the signal-to-noise ratio.
+_SPREAD_PERCENT = (5, 50, 95)
+_BRIGHTER = 0.01
+
+
+@dataclass(frozen=True)
+class Budget:
+    """One sensor at one light level; means over pixels and frames unless said otherwise."""
+
+    sensor: ImageSensor
+    level: LightLevel
+    illuminance_lux: float
+    photons: float
+    """That fall on a pixel, per exposure"""
+    detected: float
+    """Of these, without dead time"""
+    dark: float
+    """Reading of a pixel in the dark"""
+    expected: float
+    """Mean reading, what is read in the dark included"""
+    signal_to_noise: tuple[float, float, float]
+    """Of single pixels of the middle frame: 5th, 50th and 95th percentile"""
+    saturated_fraction: float
+    """Readings of full pixels"""
+    photons_per_frame: float
+    """Detected photons summed over the frame"""
+    rendering_noise: float | None = None
+    """Of a pixel, over its shot noise (standard deviations); None where it was not measured"""
+
+
+def by_sensor(budgets: Iterable[Budget]) -> dict[str, list[Budget]]:
+    """Budgets by the name of their sensor, in their order."""
+    found: dict[str, list[Budget]] = {}
+    for each in budgets:
+        found.setdefault(each.sensor.name, []).append(each)
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class ExposureSummary:
+    """A budget and the counts (n, h, w) that are shown of it."""
+
+    budget: Budget
+    counts: NDArray[np.generic]
+    saturated: NDArray[np.bool_]
+
+
+def exposed(report: "Report", sensor: ImageSensor, level: LightLevel) -> ExposureSummary:
+    """Return budget and pictures of a sensor at a level."""
+    opened, settings = open_exposure(report.dataset, sensor, level), report.settings
+    scale, noise = light_scale(settings, level), report.scene.get("monte_carlo") or {}
+    light = report.radiance * scale.astype(np.float32)
+    frames = list(report.selection.frames)
+    try:
+        budget = _budget(settings, light, opened, frames, level)
+    except ValueError as problem:  # a measured map is gone
+        raise UserError(f"sensor {opened.sensor.name!r}: {problem}") from None
+    if "covariance" in noise:
+        rendering, shot, _ = variances(noise, settings, opened.sensor, scale)
+        relative = math.sqrt(max(rendering, 0.0) / shot) if shot else math.inf
+        budget = replace(budget, rendering_noise=relative)
+    counts, saturated = (
+        report.selection.pixels(opened[name][frames]) for name in ("counts", "saturated")
+    )
+    return ExposureSummary(budget, counts, saturated)
+
+
+def _budget(
+    settings: Configuration,
+    light: NDArray[np.float32],
+    opened: OpenedCounts,
+    frames: list[int],
+    level: LightLevel,
+) -> Budget:
+    sensor, bands = opened.sensor, settings.render.bands_nm
+    detected = detected_photons(light, bands, sensor)
+    middle = len(frames) // 2
+    at: dict[str, Any] = {
+        "first_frame": frames[middle],
+        "frame_period_s": 1 / settings.trajectory.frame_rate_hz,
+    }
+    dark, seen, brighter = (
+        expectation(np.float32(factor) * light[[middle]], bands, sensor, **at)
+        for factor in (0.0, 1.0, 1 + _BRIGHTER)
+    )
+    ratio = seen.signal_to_noise(brighter, _BRIGHTER)
+    low, median, high = np.percentile(ratio, _SPREAD_PERCENT)
+    return Budget(
+        sensor=sensor,
+        level=level,
+        illuminance_lux=illuminance_of(level),
+        photons=float(opened["photons"][frames].mean()),
+        detected=float(detected.mean()),
+        dark=float(dark.mean_reading.mean()),
+        expected=opened["mean_reading"].mean(),
+        signal_to_noise=(float(low), float(median), float(high)),
+        saturated_fraction=opened["saturated"].mean(),
+        photons_per_frame=float(detected.sum(axis=(1, 2)).mean()),
+    )
+
 
 _PLAYBACK_HZ = (2.0, 25.0)
 """Faster than this, or slower, a film cannot be followed."""
 _FASTEST_PERCENT = 99.0
 _SMALLEST_SPEED = 1e-3
 _RED_END_NM = 700.0
-
-
-@dataclass(frozen=True)
-class PageFilm:
-    """The films of a page, which follow one slider."""
-
-    frames: tuple[int, ...]
-    """Their numbers in the sequence"""
-    start: int
-    """Place of the frame that is shown first"""
-    playback_hz: float
-    frame_rate_hz: float
-    aspect: str
-    radiance: str
-    """Data URI of the tone-mapped radiance, which is on the page once"""
-    note: str
 
 
 class Report:
@@ -69,26 +325,39 @@ class Report:
             self.benchmarks = [read_benchmark(dataset, name) for name in names]
 
     @cached_property
-    def footage(self) -> ReportFrames:
-        """The frames that are shown."""
-        return read_footage(self.dataset)
-
-    @property
     def selection(self) -> Selection:
-        """Their numbers and pixels."""
-        return self.footage.selection
+        """Numbers and pixels of the frames that are shown, as sensors see them."""
+        return select(self.settings)
+
+    @cached_property
+    def radiance(self) -> NDArray[np.float32]:
+        """Their light (n, H, W, B)."""
+        frames = self.selection.frames
+        return np.stack([read_radiance_frame(self.dataset, index) for index in frames])
+
+    @cached_property
+    def previews(self) -> list[NDArray[np.uint8]]:
+        """The same as pictures."""
+        settings, bands = self.settings, self.settings.render.bands_nm
+        white = white_of(settings.scene, settings.light)
+        curve = ToneCurve.of(linear_srgb(each, bands, white) for each in self.radiance)
+        return [preview(each, bands, white, curve) for each in self.radiance]
+
+    @cached_property
+    def truths(self) -> list[Truth]:
+        """What is true of them."""
+        return [read_truth_frame(self.dataset, index) for index in self.selection.frames]
 
     @cached_property
     def exposures(self) -> list[ExposureSummary]:
         """Budget and pictures of every sensor at every level; none where nothing was exposed."""
-        if "sense" not in self.finished:
-            return []
-        return exposed(self.dataset, self.footage, self.scene)
+        found = self.dataset.configuration.exposures if "sense" in self.finished else ()
+        return [exposed(self, *each) for each in found]
 
     @cached_property
     def speed(self) -> NDArray[np.floating]:
         """True speed (px per frame) of all pixels in them where it is defined."""
-        flow = np.stack([truth.flow_forward for truth in self.footage.truths])
+        flow = np.stack([truth.flow_forward for truth in self.truths])
         speed = np.linalg.norm(flow, axis=-1)
         return np.asarray(speed[np.isfinite(speed)])
 
@@ -106,7 +375,7 @@ class Report:
     @property
     def objects_seen(self) -> int:
         """Number of objects in the frames shown."""
-        return len(set(np.unique([truth.object_id for truth in self.footage.truths])) - {0})
+        return len(set(np.unique([truth.object_id for truth in self.truths])) - {0})
 
     @property
     def frame(self) -> int:
@@ -116,22 +385,22 @@ class Report:
         frames = self.selection.frames
         return next((frame for frame in frames if frame >= wanted), frames[-1])
 
-    def film(self) -> PageFilm:
-        """Return how films are shown."""
+    def film(self) -> dict[str, Any]:
+        """Return how the films of the page are shown, which follow one slider."""
         trajectory, camera = self.settings.trajectory, self.settings.camera
         frames, step = self.selection.frames, self.selection.step
         slowest, fastest = _PLAYBACK_HZ
         shown_hz = trajectory.frame_rate_hz * len(frames) / trajectory.frames
-        previews = [rgb_picture(each[::step, ::step]) for each in self.footage.previews]
+        previews = [rgb_picture(each[::step, ::step]) for each in self.previews]
         note = "The rendered light as a well-lit eye would see it."
         if min(self.settings.render.bands_nm)[0] >= _RED_END_NM:
             note = "The rendered light, the mean of its bands in gray: no eye sees it."
-        return PageFilm(
-            frames=frames,
-            start=frames.index(self.frame),
-            playback_hz=min(max(shown_hz, slowest), fastest),
-            frame_rate_hz=trajectory.frame_rate_hz,
-            aspect=f"{camera.width}/{camera.height}",
-            radiance=data_uri(film_strip(previews)),
-            note=note,
-        )
+        return {
+            "frames": frames,
+            "start": frames.index(self.frame),
+            "playback_hz": min(max(shown_hz, slowest), fastest),
+            "frame_rate_hz": trajectory.frame_rate_hz,
+            "aspect": f"{camera.width}/{camera.height}",
+            "radiance": data_uri(film_strip(previews)),
+            "note": note,
+        }

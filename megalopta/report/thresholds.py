@@ -9,40 +9,30 @@ from markupsafe import Markup
 from megalopta.flow.benchmark.sequence import BenchmarkResult
 from megalopta.flow.metrics.photon_threshold import ErrorCurve, Threshold
 from megalopta.plotting.sections import Section, block, card, heading, paragraph
-from megalopta.plotting.text import UNDEFINED, enumerate_words, level_name, short
-from megalopta.report.budget import Budget
+from megalopta.plotting.text import UNDEFINED, short
 from megalopta.report.charts import MethodThresholds, error_chart, threshold_chart
-from megalopta.report.error_tables import ACCURATE, MEANINGS, Kind, crossed, verdict
-from megalopta.report.remarks import absent, key, mark, rendering
-from megalopta.report.source import Report
+from megalopta.report.detectors import ACCURATE, crossed
+from megalopta.report.remarks import absent, key, rendering
+from megalopta.report.source import Budget, Report
 
 Shape = tuple[int, int]
 
 _NORMALIZED = {"per_frame": "every frame", "per_sequence": "the mean frame"}
-_SIGNS = {"wrong": "✕", "unknown": "?", "silent": "–"}
 _GUIDE = Markup(
     "How many photons must a frame hold for a detector to repeat its noise-free answer to 2 bits, "
     "within 25 %? Whether that answer is the true motion is not asked here. The sequence is scaled "
     "to each number of photons, drawn {} times and measured; N<sub>2b</sub> is where the error "
     "curve falls below 25 %. These pixels detect every photon and have dark counts in proportion "
-    "to their area ({}, per frame); a real sensor with more needs more."
+    "to their area ({}, per frame)."
 )
 _FLICKER = Markup(
-    "This noise is part of the noise-free answer, the same in both answers: N<sub>2b</sub> says "
-    "how well a detector repeats its answer to this light, flicker of the rendering included."
+    "This noise is the same in both answers: N<sub>2b</sub> says how well a detector repeats its "
+    "answer to this light, flicker of the rendering included."
 )
 _SUPPLY = (
     "Markers: filled for the literal error, open for the ratio; bars are {:g} % intervals. The "
-    "diamonds are what each sensor detects per frame at each light level. Where a marker lies to "
-    "the left of a light’s line, there are photons enough for that detector – if the sensor’s own "
-    "dark readings let it: the table below says what came of it."
-)
-_VERDICTS = (
-    "Detectors that give velocities are held against the true motion; the others, whose response "
-    "has no unit, can only be asked whether they repeat themselves. Measured on the sensors' own "
-    "readings, all their effects included, on full frames, in a single draw: close to 25 %, "
-    "another draw may fall on the other side. IM measures brightness, not motion: it is the "
-    "yardstick."
+    "diamonds are what each sensor detects per frame at each light level: a marker to the left of "
+    "a light’s line has photons enough, if the sensor’s own dark readings let it."
 )
 _CURVES = (
     "Bands are two standard errors to either side; errors of exactly zero and errors beyond the "
@@ -73,7 +63,6 @@ def threshold_section(report: Report) -> Section:
     body = [
         rendering(report.scene, _FLICKER),
         *_needs(report, benchmark),
-        *_verdicts(report),
         *_curves(report, benchmark),
         *_thresholds(report.benchmarks),
     ]
@@ -101,7 +90,7 @@ def _dark_counts(
         f"{short(per_original_pixel * pixels / math.prod(shape))} at {_size(shape)} px"
         for shape in shapes
     ]
-    return enumerate_words(words)
+    return ", ".join(words)
 
 
 def _needs(report: Report, benchmark: BenchmarkResult) -> Iterator[Markup]:
@@ -172,30 +161,3 @@ def _cells(curves: Sequence[ErrorCurve], what: str = "") -> dict[tuple[str, str]
         )
         for curve in curves
     }
-
-
-def _verdicts(report: Report) -> Iterator[Markup]:
-    """Yield a mark for every method on every sensor at every level, and what marks mean."""
-    if not report.flow:
-        return
-    kinds = {(each.method, each.sensor, each.level): verdict(each) for each in report.flow}
-    cells = {
-        (method, f"{sensor}, {level_name(level)}"): _dot(kind, is_alone=True)
-        for (method, sensor, level), kind in kinds.items()
-    }
-    yield heading("Who finds the true motion, at which light, on which sensor")
-    yield paragraph(_VERDICTS)
-    named = {(mark(row) + " " + row, column): cell for (row, column), cell in cells.items()}
-    yield crossed("Who finds the true motion", "Detector", named)
-    line = Markup("<li>{}<span>{}</span></li>")
-    seen = [line.format(_dot(kind), MEANINGS[kind]) for kind in MEANINGS if kind in kinds.values()]
-    yield Markup('<ul class="note marks">{}</ul>').format(Markup("").join(seen))
-
-
-def _dot(kind: Kind, *, is_alone: bool = False) -> Markup:
-    """Return the mark of a verdict; alone, it says what it means."""
-    told = Markup('role="img" aria-label="{0}" title="{0}"').format(MEANINGS[kind])
-    text = Markup('<span class="dot {}" {}>{}</span>')
-    return text.format(
-        kind, told if is_alone else Markup('aria-hidden="true"'), _SIGNS.get(kind, "")
-    )

@@ -1,7 +1,8 @@
-"""Figures 2.2, 2.7 and 2.8: what dead time leaves of the photons, and an analog counter's output.
+"""Figures 2.2, 2.7 and 2.8 on dead time and the analog counter, and Table 2.1 of the literature.
 
 The model of the counter is linear but for its leak. How a real one bends toward the bottom of its
-swing is not printed and not modeled.
+swing is not printed and not modeled. Table 2.1 has what is printed of devices, and what their
+presets measure.
 """
 
 from collections.abc import Mapping
@@ -15,12 +16,13 @@ from numpy.typing import NDArray
 from scipy.stats import linregress
 
 from megalopta.core.arrays import Floats
-from megalopta.plotting.picture import Figure
-from megalopta.plotting.style import BLACK, GRAY, PALETTE
-from megalopta.reproduction.figure_recipe import FigureRecipe, Run
-from megalopta.sensor import DeadTime, Sensor, changed, expose_events, preset
+from megalopta.plotting.picture import Cell, Figure, columns_of
+from megalopta.plotting.style import BLACK, GRAY, PALETTE, draw_table
+from megalopta.reproduction.drawing import FigureRecipe, Run
+from megalopta.sensor import DeadTime, Sensor, changed, expose_events, expose_rate, preset
 from megalopta.sensor.effects.dead_time import expected_counts
 from megalopta.sensor.spad.analog import AnalogCounter, analog_pixels
+from megalopta.sensor.spad.presets import TABLE_2_1
 
 ROW = (1, 16)
 LIGHT_HZ = 300.0
@@ -178,8 +180,64 @@ def _draw_2_2(canvas: Canvas, photons: Floats, curves: Mapping[tuple[str, float]
     axes.legend(loc="upper left", ncols=2)
 
 
+_PHOTONS_HZ, _EXPOSURE_S = 1e5, 4.0
+_HEAD = ("Device", "V_ex, V", "Hz", "µm²", "Hz/µm²", "ours", "peak, %", "ours", "at, nm")
+_WIDTHS = (2.4, 1.1, 1.2, 1.3, 1, 1, 1.1, 0.9, 1)
+
+
+def _table(_: Run) -> Figure:
+    rows = [_row(name) for name in TABLE_2_1]
+    return Figure(
+        title="Table 2.1: SPADs of the literature, as presets",
+        caption=(
+            'Columns named "ours" are what the preset of each device measures in 4 s in the dark '
+            "and under 10⁵ photons per second on the active area; the others are printed. Limits "
+            "(<, >) are taken as values, and the efficiency is that of the peak at every "
+            "wavelength. Fill factor and dead time are not in the table and stay the user's."
+        ),
+        draw=partial(draw_table, head=_HEAD, rows=[_texts(row) for row in rows], widths=_WIDTHS),
+        numbers=columns_of(rows),
+        height_in=3.0,
+    )
+
+
+def _row(name: str) -> dict[str, Cell]:
+    device, sensor = TABLE_2_1[name], changed(preset(name), exposure_s=_EXPOSURE_S)
+    rates = np.zeros((2, 40, 40))
+    rates[1] = _PHOTONS_HZ * sensor.efficiency.values[0]
+    counts = expose_rate(rates, sensor, seed=0, sequence=f"table {name}").counts
+    dark_hz, bright_hz = (counts.mean((1, 2), dtype=np.float64) / _EXPOSURE_S).tolist()
+    return {
+        "preset": name,
+        "reference": device.reference,
+        "excess_v": device.excess_bias_v,
+        "area_um2": device.active_area_um2,
+        "dcr_hz": device.dark_counts_hz,
+        "printed_hz_um2": device.density_hz_um2,
+        "simulated_hz_um2": dark_hz / device.active_area_um2,
+        "printed_peak_efficiency": device.peak_efficiency,
+        "simulated_efficiency": (bright_hz - dark_hz) / _PHOTONS_HZ,
+        "peak_nm": device.peak_nm,
+    }
+
+
+def _texts(row: Mapping[str, Cell]) -> list[str]:
+    return [
+        str(row["reference"]),
+        f"{row['excess_v']:g}",
+        f"{TABLE_2_1[str(row['preset'])].limit}{row['dcr_hz']:g}",
+        f"{row['area_um2']:g}",
+        f"{row['printed_hz_um2']:g}",
+        f"{row['simulated_hz_um2']:.3g}",
+        f"{100 * float(row['printed_peak_efficiency']):.0f}",
+        f"{100 * float(row['simulated_efficiency']):.1f}",
+        f"{row['peak_nm']:g}",
+    ]
+
+
 RECIPES = (
     FigureRecipe("fig-2.2", _figure_2_2),
     FigureRecipe("fig-2.7", lambda _: _figure("2.7", 10e-3)),
     FigureRecipe("fig-2.8", lambda _: _figure("2.8", 30e-3)),
+    FigureRecipe("table-2.1", _table),
 )

@@ -12,19 +12,13 @@ from functools import cache, partial
 from typing import NamedTuple
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 from numpy.typing import NDArray
 
 from megalopta.core.arrays import Floats
 from megalopta.plotting.picture import Figure
-from megalopta.plotting.style import (
-    BLUE,
-    GRAY,
-    line_style,
-    write_at,
-)
-from megalopta.reproduction.figure_recipe import FigureRecipe, Run
+from megalopta.plotting.style import BLUE, GRAY, line_style, write_at
+from megalopta.reproduction.drawing import FigureRecipe, Run
 from megalopta.sensor import changed, expose_rate, preset
 from megalopta.sensor.effects.bias import best_excess_bias, breakdown_offset
 from megalopta.sensor.spad.device import draw_fixed_pattern
@@ -41,6 +35,7 @@ PHOTONS_HZ_UM2 = 396.0
 ACTIVE_UM2 = 360.0
 WAVELENGTH_NM = 450.0
 SNR_PHOTONS_HZ = 1e6
+_DARK = "Dark count rate (Hz/µm²)"
 FULL_HZ_UM2 = SPADCAM.counter_capacity / (SPADCAM.exposure_s * ACTIVE_UM2)
 
 
@@ -101,17 +96,23 @@ def _figure_2_9(_: Run) -> Figure:
             "Pixels below 1.5 Hz/µm²": (f"{quiet.size} of {PIXELS}", "11 of 16"),
             "These: mean, median, σ": (_statistics(quiet), "0.71, 0.63, 0.32 Hz/µm²"),
         },
-        draw=partial(_draw_2_9, density=density),
+        draw=partial(_draw_row, values=density, label=_DARK, full=FULL_HZ_UM2),
         numbers=_over_bias(density, "hz_um2"),
     )
 
 
-def _draw_2_9(canvas: Canvas, density: Floats) -> None:
+def _draw_row(canvas: Canvas, values: Floats, label: str, full: float | None = None) -> None:
+    """Draw curves over the bias; in decades, where counters can be full."""
     axes = canvas.subplots()
-    axes.set_yscale("log")
-    _draw_row(axes, density, "Dark count rate (Hz/µm²)")
-    axes.axhline(FULL_HZ_UM2, color=GRAY, linestyle="--")
-    write_at(axes, "counter full", (13.405, FULL_HZ_UM2), (0, 4), color=GRAY)
+    if full:
+        axes.set_yscale("log")
+    axes.plot(ANODE_V, values, "o-", color=BLUE, alpha=0.55, ms=3, lw=1.2)
+    axes.set(xlabel="Anode voltage (V)", ylabel=label)
+    if full:
+        axes.axhline(full, color=GRAY, linestyle="--")
+        write_at(axes, "counter full", (13.405, full), (0, 4), color=GRAY)
+    else:
+        axes.set_ylim(0, None)
 
 
 def _figure_2_10(_: Run) -> Figure:
@@ -125,7 +126,7 @@ def _figure_2_10(_: Run) -> Figure:
         for place, (v, rates) in enumerate(ranked.items()):
             from_left = [0.0, *rates, 2 * FULL_HZ_UM2], [0.0, *share, 1.0]
             axes.step(*from_left, where="post", label=f"{v:.2f} V", **line_style(place))
-        axes.set(xlabel="Dark count rate (Hz/µm²)", ylabel="Share of the pixels")
+        axes.set(xlabel=_DARK, ylabel="Share of the pixels")
         axes.set(xlim=(0, 9.5), ylim=(0, 1.03))
         axes.legend(title="Anode voltage", loc="lower right")
 
@@ -164,15 +165,9 @@ def _figure_2_11(_: Run) -> Figure:
                 "below 1 % at about 1 V",
             ),
         },
-        draw=partial(_draw_2_11, efficiency=efficiency),
+        draw=partial(_draw_row, values=100 * efficiency, label="Detection efficiency (%)"),
         numbers=_over_bias(efficiency),
     )
-
-
-def _draw_2_11(canvas: Canvas, efficiency: Floats) -> None:
-    axes = canvas.subplots()
-    _draw_row(axes, 100 * efficiency, "Detection efficiency (%)")
-    axes.set_ylim(0, None)
 
 
 def _figure_2_12(_: Run) -> Figure:
@@ -214,11 +209,6 @@ def _draw_2_12(canvas: Canvas, curves: Mapping[int, Floats], model: float) -> No
     axes.legend(loc="upper right")
 
 
-def _draw_row(axes: Axes, values: Floats, label: str) -> None:
-    axes.plot(ANODE_V, values, "o-", color=BLUE, alpha=0.55, ms=3, lw=1.2)
-    axes.set(xlabel="Anode voltage (V)", ylabel=label)
-
-
 def _over_bias(values: Floats, unit: str = "") -> dict[str, Floats]:
     ending = f"_{unit}" if unit else ""
     pixels = {f"pixel_{pixel}{ending}": column for pixel, column in enumerate(values.T)}
@@ -235,8 +225,8 @@ def _index_of(anode_v: float) -> int:
 
 def _biases_of_largest(values: Floats) -> str:
     biases = ANODE_V[np.nanargmax(values, axis=0)]
-    low, high = f"{biases.min():.2f}", f"{biases.max():.2f}"
-    return f"{low} V" if biases.min() == biases.max() else f"{low} to {high} V"
+    ends = dict.fromkeys(f"{each:.2f}" for each in (biases.min(), biases.max()))
+    return f"{' to '.join(ends)} V"
 
 
 RECIPES = (

@@ -1,25 +1,111 @@
 """Chapter 4: the photons that motion detectors need, over the parameters of §4.4 and §4.5.
 
-Below each figure stand numbers of its curves beside what the dissertation reads off its own.
+`SWEEPS` has every fixed parameter: unless a sweep varies it, contrast 90 %, spatial frequency 5
+cycles per frame, 5 px per frame and 0.1 dark counts per pixel and frame. Pooling levels are those
+that text or captions name. Below each figure stand numbers of its curves beside what the
+dissertation reads off its own.
 """
 
 import math
 from collections.abc import Callable, Iterable, Mapping
-from functools import partial
-from typing import NamedTuple
+from functools import cache, partial
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
+from megalopta.benchmark.panoramas import NATURAL_PANORAMAS
 from megalopta.benchmark.runner import Results
-from megalopta.benchmark.sweep import Sweep
-from megalopta.benchmark.trial import Trial
+from megalopta.benchmark.sweep import Sweep, Value
+from megalopta.benchmark.trial import PanoramaTemplate, Trial
+from megalopta.flow.benchmark.settings import SearchSettings
 from megalopta.flow.detectors.registry import THESIS_METHODS
 from megalopta.flow.metrics.response_error import METRICS
 from megalopta.plotting.picture import Figure
 from megalopta.plotting.text import UNDEFINED
-from megalopta.reproduction.chapter4_sweeps import SWEEPS, in_form
-from megalopta.reproduction.figure_recipe import FigureRecipe, Run
+from megalopta.reproduction.drawing import FigureRecipe, Run
 from megalopta.reproduction.sweep_figure import or_nan, sweep_curve, sweep_figure, threshold_of
+
+POOLING = (60, 120, 180, 240)
+VELOCITIES = tuple(range(1, 11))
+DARK_COUNTS = (0.1, 1.0, 10.0, 100.0, 1000.0)
+"""Per pixel of the template"""
+
+_FIXED = Trial(search=SearchSettings(bits=(2,), phases=3, frames=4))
+_NATURAL = _FIXED.model_copy(
+    update={"template": PanoramaTemplate(kind="panorama", name=next(iter(NATURAL_PANORAMAS)))}
+)
+
+
+class _Axis(NamedTuple):
+    """What a sweep varies: its name, its path in a trial, its values, and the sizes."""
+
+    name: str
+    vary: str
+    values: tuple[Value, ...]
+    sizes: tuple[int, ...] = ()
+
+
+_FREQUENCY = _Axis("spatial frequency", "template.cycles_per_frame", tuple(range(1, 10)), POOLING)
+_CONTRAST = _Axis("contrast", "template.contrast", tuple(n / 10 for n in range(1, 10)), POOLING)
+_DARK = _Axis("dark counts", "search.dark_counts", DARK_COUNTS, (240,))
+_VELOCITY = _Axis("velocity", "velocity_px", VELOCITIES, (60, 240))
+_POOLING = _Axis("spatial pooling", "size", POOLING)
+
+
+def _gratings(heading: str, axis: _Axis, seen: str = "gratings") -> Sweep:
+    """A sweep that is not checked: that makes all its trials, and few sweeps are asked for."""
+    title = f"{heading} needed over {axis.name}, {seen}"
+    return Sweep.model_construct(
+        title=title, trial=_FIXED, vary=axis.vary, values=axis.values, sizes=axis.sizes
+    )
+
+
+def _forests(
+    heading: str,
+    axis: _Axis,
+    seen: str = "natural scenes",
+    blurred: bool = False,
+    coding: Literal["linear", "srgb"] = "linear",
+) -> Sweep:
+    forests = tuple(
+        PanoramaTemplate(kind="panorama", name=name, coding=coding) for name in NATURAL_PANORAMAS
+    )
+    changes = {"templates": forests, "trial": _NATURAL.model_copy(update={"blurred": blurred})}
+    return _gratings(heading, axis, seen).model_copy(update=changes)
+
+
+SWEEPS: Mapping[str, Sweep] = {
+    "fig-4.5": _gratings("Figure 4.5: photons", _FREQUENCY),
+    "fig-4.6": _gratings("Figure 4.6: photons", _CONTRAST),
+    "fig-4.7": _gratings("Figure 4.7: photons", _DARK),
+    "fig-4.8": _gratings("Figure 4.8: photons", _VELOCITY),
+    "fig-4.9": _gratings("Figure 4.9: photons", _POOLING),
+    "fig-4.10": _forests("Figure 4.10: photons", _DARK),
+    "fig-4.11": _forests("Figure 4.11: photons", _VELOCITY),
+    "fig-4.12": _forests(
+        "Figure 4.12: photons", _VELOCITY, "natural scenes with motion blur", blurred=True
+    ),
+    "fig-4.13": _forests("Figure 4.13: photons", _POOLING),
+}
+
+PHOTOGRAPHED = _forests(
+    "Photons", _VELOCITY._replace(sizes=(60,)), "photographs of natural scenes", coding="srgb"
+)
+"""The dissertation's panoramas are pictures from the web, whose gray values are no light."""
+
+
+@cache
+def in_form(sweep: Sweep, is_quick: bool) -> Sweep:
+    """Return a sweep, in quick form with the smallest frames, every third value and two forests."""
+    if not is_quick:
+        return sweep
+    changes: dict[str, Any] = {"templates": sweep.templates[:2]}
+    if sweep.vary == "size":
+        changes |= {"values": sweep.values[:2]}
+    else:
+        changes |= {"values": sweep.values[::3], "sizes": POOLING[:1]}
+    return sweep.model_copy(update=changes)
+
 
 MOTION = tuple(name for name in THESIS_METHODS if name != "IM")
 
@@ -49,16 +135,11 @@ def decades_moved(*methods: str) -> Callable[[Sweep, Results], list[float]]:
     return moved
 
 
-def exponents(sweep: Sweep, results: Results, *places: int) -> list[float]:
+def exponents(sweep: Sweep, results: Results, places: tuple[int, int] = (0, -1)) -> list[float]:
     """Return the power of photons between two values, by default the ends, for all detectors."""
-    low, high = (float(sweep.values[place]) for place in places or (0, -1))
+    low, high = (float(sweep.values[place]) for place in places)
     curves = (curve(sweep, results, name, size) for name in MOTION for size in sweep.sizes)
     return [math.log(_at(each, high) / _at(each, low)) / math.log(high / low) for each in curves]
-
-
-def last_exponents(sweep: Sweep, results: Results) -> list[float]:
-    """Return the same between the last two values."""
-    return exponents(sweep, results, -2, -1)
 
 
 def spike_of_block_matching(sweep: Sweep, results: Results) -> list[float]:
@@ -98,8 +179,12 @@ def division_by_small_responses(sweep: Sweep, results: Results) -> list[float]:
 
 
 _DIVISION = Quantity("EMD by Eq. 4.5 over quotient of means", division_by_small_responses)
-_DARK = Quantity("Last exponent of dark counts, motion detectors", last_exponents)
-_POOLING = Quantity("BM: largest over smallest frames", pooling_of_block_matching, "1 or less")
+_LAST_EXPONENT = Quantity(
+    "Last exponent of dark counts, motion detectors", partial(exponents, places=(-2, -1))
+)
+_LARGEST_FRAMES = Quantity(
+    "BM: largest over smallest frames", pooling_of_block_matching, "1 or less"
+)
 
 QUANTITIES: Mapping[str, tuple[Quantity, ...]] = {
     "fig-4.5": (
@@ -108,19 +193,19 @@ QUANTITIES: Mapping[str, tuple[Quantity, ...]] = {
         Quantity("Decades that NDM and NDS move", decades_moved("NDM", "NDS"), "one"),
     ),
     "fig-4.6": (Quantity("Exponent of contrast, motion detectors", exponents, "−1.7, 10 to 20 %"),),
-    "fig-4.7": (_DARK,),
+    "fig-4.7": (_LAST_EXPONENT,),
     "fig-4.8": (
         Quantity("BM at 1.43 px per resized frame over beside", spike_of_block_matching, "a spike"),
         Quantity("IIA at N = 240, most over least", spread_of_interpolation, "flat"),
     ),
-    "fig-4.9": (_POOLING,),
-    "fig-4.10": (_DIVISION, _DARK),
+    "fig-4.9": (_LARGEST_FRAMES,),
+    "fig-4.10": (_DIVISION, _LAST_EXPONENT),
     "fig-4.11": (
         _DIVISION,
         Quantity("IIA, median velocity over v = 4", interpolation_beside_one_pixel),
     ),
     "fig-4.12": (_DIVISION,),
-    "fig-4.13": (_POOLING, _DIVISION),
+    "fig-4.13": (_LARGEST_FRAMES, _DIVISION),
 }
 
 

@@ -17,14 +17,9 @@ from numpy.typing import NDArray
 from megalopta.core.arrays import Floats
 from megalopta.core.progress import progress
 from megalopta.plotting.picture import Figure
-from megalopta.plotting.style import (
-    BLACK,
-    BLUE,
-    GRAY,
-    ORANGE,
-)
+from megalopta.plotting.style import BLACK, BLUE, GRAY, ORANGE
 from megalopta.render import RenderSettings, SceneRenderer, frame_seed
-from megalopta.reproduction.figure_recipe import FigureRecipe, Run
+from megalopta.reproduction.drawing import FigureRecipe, Run
 from megalopta.scenes import Forest, Light, PerspectiveCamera, Trajectory, build_scene
 from megalopta.sensor import IMAGE_SENSORS, ImageSensor, expectation
 

@@ -7,26 +7,117 @@ matplotlib only; those of table-4.times and leaderboard on the machine as well.
 
 import multiprocessing
 import os
+import re
 import sys
 import threading
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
+from difflib import get_close_matches
 from functools import partial
+from importlib import import_module
 from pathlib import Path
-from typing import Any, TypeVar
+from pkgutil import iter_modules
+from typing import Any, TypeAlias, TypeVar
 
-from megalopta.benchmark.runner import run
+from megalopta.benchmark.runner import Results, run
 from megalopta.benchmark.sweep import Sweep
-from megalopta.benchmark.templates import pixels_of
-from megalopta.benchmark.trial import Trial
+from megalopta.benchmark.trial import Template, Trial, pixels_of
+from megalopta.core.arrays import Floats
 from megalopta.core.errors import UserError
 from megalopta.core.folders import ensure_directory
 from megalopta.core.progress import progress
 from megalopta.plotting.picture import Figure, write_figure
-from megalopta.reproduction.figure_recipe import Run, find, names
 from megalopta.reproduction.sweep_figure import sweep_figure
+
+_MODULES = [module.name for module in iter_modules([str(Path(__file__).parent)])]
+_PREFIXES = "chapter2", "chapter3", "chapter4", "comparison"
+GROUPS: dict[str, tuple[str, ...]] = {
+    prefix.replace("chapter", "chapter-"): (prefix,) for prefix in _PREFIXES
+}
+"""Names that stand for all figures of some modules"""
+GROUPS["all"] = _PREFIXES
+
+Templates: TypeAlias = Mapping[Template, Floats]
+
+
+@dataclass(frozen=True)
+class Run:
+    """Data that figures are made from, the same for all that are asked for at once."""
+
+    is_quick: bool = False
+    results: Results = field(default_factory=dict)
+    """Of the trials of all of them"""
+
+    templates: Templates = field(default_factory=dict)
+    """The pixels of the trials' templates"""
+
+    cache: Path | None = None
+    """Folder of rendered panoramas; by default the user's"""
+
+
+@dataclass(frozen=True)
+class FigureRecipe:
+    """A figure under its name, with the trials of the flow benchmark that it rests on.
+
+    These are known before they are run, so that figures share them.
+    """
+
+    name: str
+    """As on the command line and in file names"""
+
+    figure: Callable[[Run], Figure]
+    trials: Callable[[bool], Sequence[Trial]] = lambda is_quick: ()
+    """Whether in quick form, to the trials"""
+
+    page: Callable[[Path, Sequence[Figure]], Path] | None = None
+    """Writes a page into a folder, about all figures drawn there"""
+
+    def make(self, run: Run) -> Figure:
+        """Return the figure; one that rests on fewer trials says so, in title and numbers."""
+        made = replace(self.figure(run), name=self.name)
+        if not (run.is_quick and self.trials(True)):
+            return made
+        title = f"{made.title} (quick form)"
+        return replace(made, title=title, details={**made.details, "quick": True})
+
+
+def find(name: str) -> list[FigureRecipe]:
+    """Return the recipe of this name, or all of a group; imports no more modules than it needs.
+
+    Raises UserError when there is none.
+    """
+    if name in GROUPS:
+        return sorted(_recipes(*GROUPS[name]), key=_place)
+    # fig-2.9 is in chapter2, most likely
+    likely = sorted(_PREFIXES, key=lambda prefix: f"-{prefix[-1]}." not in name)
+    for recipe in _recipes(*likely):
+        if recipe.name == name:
+            return [recipe]
+    known = (*GROUPS, *names())
+    near = get_close_matches(name, known, n=3, cutoff=0.4)
+    hint = f"did you mean {' or '.join(near)}?" if near else f"there are {', '.join(known)}"
+    raise UserError(f"reproduce: no figure {name!r}; {hint}")
+
+
+def names(group: str = "all") -> list[str]:
+    """Return the names of all figures of a group."""
+    return [recipe.name for recipe in find(group)]
+
+
+def _recipes(*prefixes: str) -> Iterator[FigureRecipe]:
+    for prefix in prefixes:
+        for module in _MODULES:
+            if module.startswith(f"{prefix}_"):
+                found = import_module(f"megalopta.reproduction.{module}")
+                yield from getattr(found, "RECIPES", ())
+
+
+def _place(recipe: FigureRecipe) -> list[str | int]:
+    """Sort fig-4.9 before fig-4.10."""
+    return [int(part) if part.isdigit() else part for part in re.split(r"(\d+)", recipe.name)]
+
 
 Result = TypeVar("Result")
 
@@ -36,21 +127,14 @@ _tasks: Sequence[Callable[[], Any]] = ()
 
 @dataclass(frozen=True)
 class Means:
-    """Means to measure trials of the flow benchmark with; they change no number.
-
-    Attributes
-    ----------
-    workers : int, optional
-        Threads that measure; by default one for each core.
-    cache : Path, optional
-        Folder of rendered panoramas; by default the user's.
-    scheduler : str, optional
-        Address of a Dask cluster that measures instead of threads.
-    """
+    """Means to measure trials of the flow benchmark with; they change no number."""
 
     workers: int | None = None
+    """Threads that measure; by default one for each core."""
     cache: Path | None = None
+    """Folder of rendered panoramas; by default the user's."""
     scheduler: str | None = None
+    """Address of a Dask cluster that measures instead of threads."""
 
 
 _THREADS = Means()
@@ -61,24 +145,11 @@ def reproduce(
 ) -> list[Path]:
     """Write NAME.png, NAME.svg, NAME.csv and NAME.json of every figure named; return their paths.
 
-    Parameters
-    ----------
-    figures : sequence of str
-        Names of figures or `GROUPS`.
-    out : Path
-        Made if it does not exist; files of the same name are replaced. Results of the flow
-        benchmark are kept in its folder `trials`, and are not measured again. With Table 4.1 comes
-        a page, chapter-4.html.
-    is_quick : bool
-        Whether to draw the figures of Chapter 4 in their quick form, into the folder `quick` of
-        `out`: whole ones stay as they are.
-    means : Means
-        What trials of the flow benchmark are measured with.
-
-    Raises
-    ------
-    UserError
-        When a name is unknown, none is given or the folder is a file; nothing is written then.
+    Names may be those of `GROUPS`. Results of the flow benchmark are kept in the folder `trials` of
+    `out`, and are not measured again. Quick forms of the figures of Chapter 4 are drawn into its
+    folder `quick`: whole ones stay as they are. With Table 4.1 comes a page, chapter-4.html. Raises
+    UserError when a name is unknown, none is given or the folder is a file; nothing is written
+    then.
     """
     if not figures:
         raise UserError(f"reproduce: name at least one figure of {', '.join(names())}")
@@ -123,7 +194,8 @@ def side_by_side(tasks: Sequence[Callable[[], Result]]) -> Iterator[Result]:
     """
     global _tasks
     workers = min(os.cpu_count() or 1, len(tasks))
-    if workers < 2 or sys.platform != "linux" or _mitsuba_runs():
+    mitsuba = sys.modules.get("mitsuba")
+    if workers < 2 or sys.platform != "linux" or (mitsuba and mitsuba.variant()):
         yield from (task() for task in tasks)
         return
     _tasks = tasks
@@ -137,11 +209,6 @@ def side_by_side(tasks: Sequence[Callable[[], Result]]) -> Iterator[Result]:
         # who interrupts does not wait for what is half done
         pool.shutdown(wait=False, cancel_futures=True)
         _tasks = ()
-
-
-def _mitsuba_runs() -> bool:
-    mitsuba = sys.modules.get("mitsuba")
-    return mitsuba is not None and mitsuba.variant() is not None
 
 
 def _watch() -> None:

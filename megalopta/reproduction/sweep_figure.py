@@ -11,11 +11,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 from matplotlib.ticker import EngFormatter, LogLocator
 
-from megalopta.benchmark.panorama_recipes import ROWS
+from megalopta.benchmark.panoramas import ROWS
 from megalopta.benchmark.runner import Results
 from megalopta.benchmark.sweep import Sweep, Value
-from megalopta.benchmark.templates import GratingTemplate
-from megalopta.benchmark.trial import Trial
+from megalopta.benchmark.trial import GratingTemplate, Trial
 from megalopta.flow.metrics.photon_threshold import Threshold, format_flux
 from megalopta.flow.metrics.response_error import Metric
 from megalopta.plotting.picture import Cell, Figure, columns_of
@@ -142,25 +141,20 @@ def _caption(sweep: Sweep, results: Results) -> str:
 
 
 def _fixed(sweep: Sweep) -> Iterator[str]:
-    """Yield the parameters of all trials that are not varied."""
-    trial, sizes = sweep.trial, _sizes(sweep)
-    pictures = sweep.templates or (trial.template,)
-    told = {"velocity_px": f"{trial.velocity_px} px per frame"}
+    """Yield the settings of all trials that are not varied, by their names in a sweep's file."""
+    trial, pictures = sweep.trial, sweep.templates or (sweep.trial.template,)
+    told: dict[str, object] = {"velocity_px": trial.velocity_px}
     if isinstance(template := pictures[0], GratingTemplate):
-        told["template.cycles_per_frame"] = f"{template.cycles_per_frame:g} cycles per frame"
-        told["template.contrast"] = f"{100 * template.contrast:g} % contrast"
-        told["template.variant"] = f"variant {template.variant}"
+        for name in ("cycles_per_frame", "contrast", "variant"):
+            told[f"template.{name}"] = getattr(template, name)
     else:
-        coding = "gray values" if template.coding == "srgb" else "light"
         names = dict.fromkeys(point.template.split(",")[0] for point in sweep.points)
-        told["template.name"] = f"{coding} of {' and '.join(names)}"
-    told["search.dark_counts"] = f"{trial.search.dark_counts:g} dark counts per pixel"
-    if trial.search.summed_frames > 1:
-        told["search.summed_frames"] = f"{trial.search.summed_frames} frames summed"
-    if trial.blurred:
-        told["blurred"] = "motion blur"
-    told["size"] = "N × N px" if len(sizes) > 1 else f"{sizes[0]} × {sizes[0]} px"
-    yield from (text for path, text in told.items() if path != sweep.vary)
+        told |= {"template.coding": template.coding, "template.name": " and ".join(names)}
+    told["search.dark_counts"] = trial.search.dark_counts
+    told |= {"search.summed_frames": trial.search.summed_frames, "blurred": trial.blurred}
+    if len(sizes := _sizes(sweep)) == 1:
+        told["size"] = sizes[0]
+    yield from (f"{path} {value}" for path, value in told.items() if path != sweep.vary)
 
 
 def _missing(sweep: Sweep, results: Results) -> Counter[str]:

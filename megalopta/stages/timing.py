@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 from megalopta.config.model import Configuration
 from megalopta.dataset.frames import read_radiance_frame, read_truth_frame
 from megalopta.dataset.store import Dataset
+from megalopta.sensor.spad.model import Sensor
 from megalopta.sensor.sub_frames import NextFrames
 
 

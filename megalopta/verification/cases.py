@@ -40,6 +40,7 @@ from megalopta.sensor import (
     reading_moments,
 )
 from megalopta.sensor.sampling.bits import unpack
+from megalopta.verification import GROUPS
 from megalopta.verification.brute_force import (
     brute_force_events,
     plain_light_hz,

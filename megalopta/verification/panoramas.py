@@ -14,11 +14,12 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
-from megalopta.benchmark.panorama_recipes import NATURAL_PANORAMAS, render_panorama
 from megalopta.benchmark.panoramas import (
+    NATURAL_PANORAMAS,
     RECIPE,
     SHIPPED,
     read_template,
+    render_panorama,
     write_template,
 )
 from megalopta.core.folders import ensure_directory

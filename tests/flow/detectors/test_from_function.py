@@ -1,12 +1,10 @@
 import numpy as np
 import pytest
 
-from megalopta.benchmark.detection import detections
-from megalopta.benchmark.isolated_blocks import FRAMES, SIZE_PX, ranked
 from megalopta.benchmark.runner import run
 from megalopta.benchmark.sweep import Sweep
-from megalopta.benchmark.templates import GratingTemplate
-from megalopta.benchmark.trial import Trial
+from megalopta.benchmark.textures import FRAMES, SIZE_PX, detections, ranked
+from megalopta.benchmark.trial import GratingTemplate, Trial
 from megalopta.flow import (
     METHODS,
     BenchmarkSettings,

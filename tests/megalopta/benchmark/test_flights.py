@@ -12,7 +12,7 @@ from megalopta.benchmark.moving_forests import forest_flight
 from megalopta.benchmark.table import Case
 from megalopta.flow.egomotion.wide_field import yaw_rates_deg_s
 from megalopta.reproduction import comparison_camera_motion as camera_motion
-from megalopta.reproduction.figure_recipe import Run
+from megalopta.reproduction.drawing import Run
 from megalopta.scenes import PerspectiveCamera
 
 from ...flow.egomotion.corner import ROOM, view as room

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from megalopta.benchmark.intervals import STRETCHES, Sums, bootstrap, interval, lowest, ratio, units
+from megalopta.benchmark.table import STRETCHES, Sums, bootstrap, interval, lowest, ratio, units
 
 RUNS = 400
 

@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 
 from megalopta.benchmark import panoramas
-from megalopta.benchmark.panorama_recipes import NATURAL_PANORAMAS, render_panorama
 from megalopta.benchmark.panoramas import (
+    NATURAL_PANORAMAS,
     SHIPPED,
     natural_templates,
     panorama_file,
+    render_panorama,
     template_from_file,
     write_template,
 )

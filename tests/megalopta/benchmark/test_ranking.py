@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from megalopta.benchmark.ranking import RATIO, Ranking
-from megalopta.benchmark.ranking_page import order_changes
-from megalopta.benchmark.ranking_run import read_ranking, run_ranking
+from megalopta.benchmark.ranking_run import order_changes, read_ranking, run_ranking
 from megalopta.benchmark.ranking_settings import NO_POOLING
 from megalopta.benchmark.sequence_errors import (
     BOUND,
@@ -17,8 +16,8 @@ from megalopta.benchmark.sequence_errors import (
     TRUE_YAW,
     YAW,
     YAW_OF_LIGHT,
+    SequenceTruth,
 )
-from megalopta.benchmark.sequence_truth import SequenceTruth
 from megalopta.cli import main as cli
 from megalopta.config.model import load
 from megalopta.core.array_store import ArrayStore

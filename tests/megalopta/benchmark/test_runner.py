@@ -13,8 +13,7 @@ import pytest
 from megalopta.benchmark import runner as engine
 from megalopta.benchmark.runner import run_trials, trial_work
 from megalopta.benchmark.sweep import Sweep
-from megalopta.benchmark.templates import GratingTemplate, PanoramaTemplate
-from megalopta.benchmark.trial import Trial
+from megalopta.benchmark.trial import GratingTemplate, PanoramaTemplate, Trial
 from megalopta.core.errors import UserError
 from megalopta.flow.benchmark.settings import SearchSettings
 from megalopta.flow.detectors.registry import METHODS

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from megalopta.benchmark.leaderboard import read_board
-from megalopta.benchmark.scores import score_submission
+from megalopta.benchmark.scores import read_board, score_submission
 from megalopta.cli import main as cli
 from megalopta.core.errors import UserError
 from megalopta.flow.formats import read_flow, write_flo

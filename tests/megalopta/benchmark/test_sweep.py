@@ -4,8 +4,7 @@ import pytest
 from pydantic import ValidationError
 
 from megalopta.benchmark.sweep import Sweep, announce_sweep, load_sweep
-from megalopta.benchmark.templates import GratingTemplate, PanoramaTemplate, template_names
-from megalopta.benchmark.trial import Trial
+from megalopta.benchmark.trial import GratingTemplate, PanoramaTemplate, Trial, template_names
 from megalopta.config.yaml_model import to_yaml
 from megalopta.core.errors import UserError
 

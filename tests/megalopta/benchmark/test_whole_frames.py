@@ -21,8 +21,8 @@ from megalopta.flow.detectors.gray_detector import detector_from
 from megalopta.flow.detectors.registry import METHODS
 from megalopta.flow.formats import write_flo, write_kitti_png
 from megalopta.plotting.style import house_style, new_canvas
-from megalopta.reproduction import comparison_whole_frames as whole_frames
-from megalopta.reproduction.figure_recipe import Run
+from megalopta.reproduction import comparison_frames as whole_frames
+from megalopta.reproduction.drawing import Run
 
 METRICS = MEDIAN, MEAN, FAR
 

@@ -5,7 +5,7 @@ import threading
 import pytest
 
 from megalopta.camera.capturing import capture
-from megalopta.camera.port import find_port, port_lines
+from megalopta.camera.link import find_port, port_lines
 from megalopta.camera.recording import open_recording
 from megalopta.core.errors import UserError
 from megalopta.sensor.formats.protocol import Identity, Kind, Settings, encode

@@ -13,12 +13,9 @@ import serial
 
 from megalopta.camera.camera_settings import CaptureSettings
 from megalopta.camera.capturing import capture
-from megalopta.camera.emulated import EmulatedCamera
-from megalopta.camera.link import Arrived, Link, Plugged
-from megalopta.camera.port import open_port
+from megalopta.camera.emulated import EmulatedCamera, Faults, Flat
+from megalopta.camera.link import Arrived, Link, Plugged, open_port
 from megalopta.camera.recording import open_recording
-from megalopta.camera.stimuli import Flat
-from megalopta.camera.terminal import Faults
 from megalopta.core.errors import UserError
 from megalopta.sensor import changed, expose_rate, preset
 from megalopta.sensor.formats.protocol import (

@@ -3,11 +3,10 @@
 import numpy as np
 import pytest
 
-from megalopta.camera.comparison_scene import Cycle, align, rendered_dataset
-from megalopta.camera.device_calibration import Beam
+from megalopta.camera.comparison import Cycle, align, rendered_dataset
 from megalopta.camera.device_comparison import CompareSettings, compare_captured
-from megalopta.camera.recorded import Source, read_recorded
-from megalopta.camera.stimuli import Rendered
+from megalopta.camera.emulated import Rendered
+from megalopta.camera.recording import Beam, Source, read_recorded
 from megalopta.config.model import load
 from megalopta.config.yaml_model import to_yaml
 from megalopta.core.errors import UserError

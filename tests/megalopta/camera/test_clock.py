@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from megalopta.camera.clock import Clock
+from megalopta.camera.recorder import Clock
 
 
 def fit(device_s, host_s):
@@ -49,9 +49,9 @@ def test_few_arrivals_give_no_wild_rate():
     assert Clock().fit is None
 
 
-def test_a_bent_clock_takes_no_memory_and_its_error_is_told():
-    # Host time grows as t + 1e-7·t²: the hull has every point, 2^14 of them.
-    device_s = np.linspace(0, 100, 2**14)
+def test_the_error_of_a_bent_clock_is_told():
+    # Host time grows as t + 1e-7·t²: the hull has every point.
+    device_s = np.linspace(0, 100, 2**10)
     found = fit(device_s, device_s + 1e-7 * device_s**2)
     # The tangent in the middle lies below by 1e-7·(t − 50)², 1e-7·50²/3 on average.
     assert found.error_s == pytest.approx(1e-7 * 2500 / 3, rel=0.05)

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from megalopta.camera.comparison_page import write_comparison_report
+from megalopta.camera.comparison import Compared
+from megalopta.camera.device_comparison import write_comparison_report
 from megalopta.sensor.compare.quantities import CountedFrames
 from megalopta.sensor.compare.recordings import compare_recordings
 
@@ -16,7 +17,7 @@ def test_a_row_that_differs_is_counted_and_both_maps_share_a_scale(tmp_path):
     levels = [CountedFrames(one, 0.01)], [CountedFrames(other, 0.01)]
     found = compare_recordings(*levels)
     page = tmp_path / "page.html"
-    write_comparison_report(page, "camera", *levels, found)
+    write_comparison_report(page, "camera", Compared(*levels, found))
     html = page.read_text("utf-8")
     # 10 counts are 22 standard errors of a mean
     assert found.means.differs[0, 2].all()

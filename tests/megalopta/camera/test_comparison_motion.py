@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
-from megalopta.camera.comparison_motion import plate_responses
-from megalopta.camera.comparison_page import write_motion_report
-from megalopta.camera.motion_bench import BenchLight, record
-from megalopta.camera.passages import fitted_light
+from megalopta.camera.comparison import plate_responses
+from megalopta.camera.device_comparison import write_motion_report
+from megalopta.camera.motion_bench import BenchLight, fitted_light, record
 from megalopta.core.errors import UserError
 from megalopta.sensor import preset
 from megalopta.sensor.compare.quantities import CountedFrames

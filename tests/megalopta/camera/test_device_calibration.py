@@ -7,10 +7,9 @@ import pytest
 import yaml
 import zarr
 
-from megalopta.camera.device_calibration import Beam, adc_of, calibrate_recordings
+from megalopta.camera.calibration import adc_of, calibrate_recordings, write_device
 from megalopta.camera.device_comparison import CompareSettings, compare_captured
-from megalopta.camera.device_file import write_device
-from megalopta.camera.recorded import Source, photons_on_pixel, read_recorded
+from megalopta.camera.recording import Beam, Source, read_recorded
 from megalopta.core.errors import UserError
 from megalopta.sensor import (
     Exposure,
@@ -127,7 +126,8 @@ def test_crosstalk_and_afterpulses_of_the_device_file_make_what_was_counted(cali
 
 def test_light_of_a_beam():
     # dissertation §2.4.5: 17.5 nW over 100 mm² at 450 nm are 396 photons per µm² and second
-    assert photons_on_pixel(17.5e-9, 450, 100, 1e-6) == pytest.approx(396, rel=2e-3)
+    pixel = changed(preset("spadcam"), pitch_m=1e-6)
+    assert Beam(450, 100).photons_hz(17.5e-9, pixel) == pytest.approx(396, rel=2e-3)
 
 
 @pytest.mark.parametrize("text", ["flat@bright", "flat@-1", "flat@1:0"])

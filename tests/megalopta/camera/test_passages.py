@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from megalopta.camera.motion_bench import FRAMES
-from megalopta.camera.passages import cut_passages, cut_rest
+from megalopta.camera.motion_bench import FRAMES, cut_passages, cut_rest
 
 RNG = np.random.default_rng(0)
 OPEN, HIDDEN, DARK = 65.0, 27.0, 60.0

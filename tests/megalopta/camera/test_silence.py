@@ -64,9 +64,9 @@ def impatient(monkeypatch):
     [
         (nothing, {"seconds": 8}, "nothing came"),
         (nothing, {}, "nothing came"),
-        (zeros, {"seconds": 8}, r"\d+ bytes with 0 damaged and 0 whole packets came"),
-        (garbage, {"frames": 9}, r"\d+ bytes with [1-9]\d* damaged and 0 whole packets came"),
-        (half_packets, {}, r"\d+ bytes with 0 damaged and 0 whole packets came"),
+        (zeros, {"seconds": 8}, r"\d+ bytes came"),
+        (garbage, {"frames": 9}, r"\d+ bytes came"),
+        (half_packets, {}, r"\d+ bytes came"),
     ],
 )
 def test_a_capture_without_a_frame_ends_and_leaves_nothing(
@@ -94,7 +94,6 @@ def test_a_capture_that_frames_leave_ends_and_keeps_them(acted, impatient, tmp_p
 
 def test_raw_bytes_are_bounded(acted, tmp_path, monkeypatch):
     monkeypatch.setattr("megalopta.camera.link.MOST_ELSE", 200_000)
-    monkeypatch.setattr("megalopta.camera.link.MOST_AHEAD", 100_000)
     out = tmp_path / "a"
     with (
         acted(frames_then(garbage)) as port,
@@ -102,7 +101,7 @@ def test_raw_bytes_are_bounded(acted, tmp_path, monkeypatch):
     ):
         capture(lambda: port, out, wanted(), threading.Event())
     frames_taken = len(open_recording(out))
-    bound = 200_000 + 100_000 + 10 * frames_taken * (LONGEST + 1) + 65_536
+    bound = 200_000 + 10 * frames_taken * (LONGEST + 1) + 65_536
     assert 200_000 < (out / "raw.bin").stat().st_size <= bound
 
 

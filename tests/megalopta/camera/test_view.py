@@ -5,9 +5,8 @@ import sys
 
 import numpy as np
 
-from megalopta.camera.capturing import State
+from megalopta.camera.capturing import State, status_line, viewing
 from megalopta.camera.recording import RecordingSettings
-from megalopta.camera.view import status_line, viewing
 
 RECORD = RecordingSettings(
     kind="dark",

@@ -9,8 +9,7 @@ import pytest
 import megalopta
 from megalopta.benchmark.ranking_run import run_ranking
 from megalopta.core.errors import UserError
-from megalopta.report.dataset_card import write_card
-from megalopta.report.dataset_sheet import write_view
+from megalopta.report.dataset_card import write_card, write_view
 
 
 @pytest.fixture

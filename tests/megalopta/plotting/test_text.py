@@ -4,11 +4,9 @@ import pytest
 
 from megalopta.plotting.text import (
     duration,
-    enumerate_words,
     level_title,
     number,
     percent,
-    plural,
     relative_error,
     short,
 )
@@ -66,11 +64,7 @@ def test_light_levels_have_their_illuminance():
     assert level_title(10.0) == "10\u00a0lux"
 
 
-def test_words_make_a_sentence():
-    assert enumerate_words(["a"]) == "a"
-    assert enumerate_words(["a", "b", "c"]) == "a, b and c"
-    assert plural(1, "frame") == "1 frame"
-    assert plural(2534, "object") == "2,534 objects"
+def test_long_times_are_in_minutes():
     assert duration(4.23) == "4.2 s"
     assert duration(102.3) == "1 min 42 s"
 

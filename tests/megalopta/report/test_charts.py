@@ -8,7 +8,6 @@ from megalopta.flow.detectors.registry import METHODS
 from megalopta.flow.metrics.photon_threshold import ErrorCurve, Threshold
 from megalopta.plotting.style import BLACK, RULE, method_style
 from megalopta.plotting.svg import themed
-from megalopta.report.budget import Budget
 from megalopta.report.charts import (
     MethodThresholds,
     error_chart,
@@ -16,6 +15,7 @@ from megalopta.report.charts import (
     speed_chart,
     threshold_chart,
 )
+from megalopta.report.source import Budget
 from megalopta.sensor import PRESETS
 
 FLUXES = np.geomspace(1e3, 1e9, 7)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from megalopta.cli import main
-from megalopta.report.gallery_statistics import degrees_per_px, write_statistics
+from megalopta.report.gallery import degrees_per_px, write_statistics
 
 
 @pytest.mark.slow

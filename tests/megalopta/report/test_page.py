@@ -7,7 +7,6 @@ from html import escape
 from html.parser import HTMLParser
 from itertools import product
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -18,11 +17,8 @@ from megalopta.config.model import Configuration, load
 from megalopta.core.errors import UserError
 from megalopta.dataset.store import Dataset
 from megalopta.report import page as report_page
-from megalopta.report.budget import exposed
-from megalopta.report.error_tables import MEANINGS, verdict
-from megalopta.report.footage import read_footage, select
 from megalopta.report.page import write_report
-from megalopta.report.records import read_benchmark, read_records
+from megalopta.report.source import Report, read_benchmark, read_records, select
 from megalopta.sensor import PRESETS
 from megalopta.sensor.spad.model import active_effects
 from megalopta.stages.flow import responses_path
@@ -268,34 +264,6 @@ def test_a_response_of_another_shape_is_refused(copied):
         write_report(copied)
 
 
-def record(**fields):
-    """A record of what a verdict needs."""
-    return SimpleNamespace(**fields)
-
-
-@pytest.mark.parametrize(
-    ("truth", "errors", "kind"),
-    [
-        (0.1, (3.0, 3.0), "right"),  # though it does not repeat itself
-        (1.0, (0.0, 0.0), "wrong"),  # though it repeats its own failure
-        (0.1, (None, None), "silent"),
-        (None, (0.0, 0.0), "repeats"),  # without velocities
-        (None, (0.0, 3.0), "half"),
-        (None, (3.0, 3.0), "differs"),
-    ],
-)
-def test_a_method_is_judged_by_the_truth_where_it_gives_velocities(truth, errors, kind):
-    of_truth = record(counts=record(relative_error_median=truth)) if truth else None
-    ratio, literal = errors
-    assert verdict(record(truth=of_truth, error=record(ratio=ratio, literal=literal))) == kind
-
-
-def test_marks_of_all_methods_are_on_the_page(dataset, page):
-    marks = re.findall(r'class="dot (\w+)" role="img"', (dataset.root / "report.html").read_text())
-    assert len(marks) == 2 * 2 * len(CONFIGURATION.methods)
-    assert set(marks) <= set(MEANINGS)
-
-
 def test_a_picture_without_motion_says_so_at_its_own_light_level(copied):
     path = responses_path(copied, CONFIGURATION.sensors[1], "full_moon")
     zarr.open_group(path, mode="a")["BM-ideal"][:] = 0
@@ -354,7 +322,7 @@ def test_a_failed_report_leaves_the_old_one(dataset, page, monkeypatch):
 
 def test_an_ideal_sensor_detects_every_photon_with_the_noise_of_counting(dataset):
     """Without dark counts and dead time the signal-to-noise ratio of N counts is √N."""
-    budgets = [each.budget for each in exposed(dataset, read_footage(dataset), {})]
+    budgets = [each.budget for each in Report(dataset).exposures]
     ideal = [budget for budget in budgets if budget.sensor.name == "ideal"]
     for budget in ideal:
         assert budget.dark == 0

@@ -6,8 +6,8 @@ import pytest
 
 from megalopta.config.model import Configuration
 from megalopta.dataset.flow_record import FlowRecord
-from megalopta.report.budget import Budget
-from megalopta.report.summary import OUTCOME, lead, outcome, title
+from megalopta.report.page import OUTCOME, lead, outcome, title
+from megalopta.report.source import Budget
 from megalopta.sensor import PRESETS
 
 BUDGET = Budget(

@@ -3,7 +3,7 @@ from functools import cache
 import pytest
 
 from megalopta.plotting.style import house_style, new_canvas
-from megalopta.reproduction.figure_recipe import Run, find
+from megalopta.reproduction.drawing import Run, find
 
 
 @pytest.fixture(scope="session")

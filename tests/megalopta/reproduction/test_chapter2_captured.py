@@ -1,21 +1,15 @@
 """The motion bench through the emulated camera's line, beside the one simulated directly."""
 
-import re
 import signal
 import threading
 
-import numpy as np
 import pytest
 
-from megalopta.camera.emulated import EmulatedCamera
-from megalopta.camera.motion_bench import BenchLight, record
-from megalopta.camera.passages import cut_passages
+from megalopta.camera.emulated import EmulatedCamera, EmulatedPort, Faults, Plate
+from megalopta.camera.motion_bench import BenchLight, cut_passages, record
 from megalopta.camera.recording import open_recording
-from megalopta.camera.stimuli import Plate
-from megalopta.camera.terminal import EmulatedPort, Faults
 from megalopta.cli import main as cli
 from megalopta.reproduction.chapter2_captured import captured_figures
-from megalopta.reproduction.chapter2_estimate import WithError, jackknifed
 from megalopta.sensor import changed, preset
 
 pytestmark = pytest.mark.slow
@@ -54,11 +48,6 @@ def test_a_captured_bench_is_the_simulated_one_but_for_chance(recording):
     sensor = changed(captured.sensor, counter={"calibrated": False})
     figures = list(captured_figures({10.0: cut_passages(captured.counts[:])}, sensor))
     assert [figure.name for figure in figures] == NAMES
-    table = [row for figure in figures for _, row in figure.printed.values()]
-    off = [float(each[1]) for row in table if (each := re.search(r"± .* \(([+-][\d.]+)\)", row))]
-    # 8 passages, both ways or one, against 16: of some 20 degrees of freedom 7 errors are beyond
-    # what chance does, 1e-6 each.
-    assert len(off) == 13 and max(map(abs, off)) < 7
     numbers = dict(zip(figures[-1].columns, figures[-1].rows[0], strict=True))
     assert numbers["captured_mean"] == pytest.approx(numbers["simulated_mean"], rel=0.05)
 
@@ -82,14 +71,15 @@ def test_the_light_of_the_simulation_is_stated():
     assert "in the light of this recording, in which an open pixel detects 50" in own.caption
 
 
-def test_a_camera_of_half_the_signal_differs_by_half():
+def test_a_camera_of_half_the_signal_responds_half_as_much():
     counts = record(10.0, SENSOR).counts // 2
     *_, ndm, nds = captured_figures({10.0: counts}, SENSOR)
-    for figure, less in ((nds, 0.5), (ndm, 0.75)):
+    for figure, share in ((nds, 0.5), (ndm, 0.25)):
         numbers = dict(zip(figure.columns, figure.rows[0], strict=True))
         # halves are rounded down
-        assert -numbers["difference"] / numbers["simulated_mean"] == pytest.approx(less, abs=0.05)
-        assert abs(numbers["difference"]) > 20 * numbers["difference_error"]
+        assert numbers["captured_mean"] / numbers["simulated_mean"] == pytest.approx(
+            share, abs=0.05
+        )
 
 
 @pytest.mark.parametrize(
@@ -97,7 +87,7 @@ def test_a_camera_of_half_the_signal_differs_by_half():
     [
         (["{0}@0"], "only a plate at rest; give recordings with its speed"),
         (["{0}@5"], "capture with --rate 10 --exposure 0.1"),
-        (["nothing@5"], "nothing/recording.yaml: no such file"),
+        (["nothing@5"], "nothing: no such file; give the path of a recording"),
     ],
 )
 def test_what_cannot_be_drawn_is_told_before_anything_is_written(words, problem, tmp_path, capsys):
@@ -111,14 +101,3 @@ def test_what_cannot_be_drawn_is_told_before_anything_is_written(words, problem,
         cli.main(["spadcam", "figures", *given, "--out", str(tmp_path / "new")])
     assert problem in capsys.readouterr().err
     assert not (tmp_path / "new").exists()
-
-
-def test_errors_of_means_add_up_and_the_jackknife_of_a_mean_is_its_error():
-    samples = np.random.default_rng(0).normal(5, 2, 40)
-    mean = WithError.of(samples)
-    again = jackknifed(lambda values: float(values.mean()), samples)
-    assert again == pytest.approx(mean)
-    apart = mean - WithError(3.0, 0.4)
-    assert apart.error == pytest.approx(np.hypot(mean.error, 0.4))
-    assert str(WithError(3.14159, 0.0123)) == "3.142 ± 0.012"
-    assert WithError(-12.3, 4.1).as_difference() == "-12.3 ± 4.1 (-3.0)"

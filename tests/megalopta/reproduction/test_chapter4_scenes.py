@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from megalopta.benchmark.panorama_recipes import NATURAL_PANORAMAS
+from megalopta.benchmark.panoramas import NATURAL_PANORAMAS
 from megalopta.flow.stimuli.statistics import image_statistics
 from megalopta.reproduction import chapter4_scenes as module
 

@@ -8,8 +8,7 @@ import pytest
 
 from megalopta.core.errors import UserError
 from megalopta.plotting.picture import Figure, write_figure
-from megalopta.reproduction.drawing import reproduce
-from megalopta.reproduction.figure_recipe import GROUPS, names
+from megalopta.reproduction.drawing import GROUPS, names, reproduce
 
 
 def draw(canvas):
@@ -104,7 +103,7 @@ def test_a_figure_is_found_by_its_name_and_under_no_other():
 @pytest.mark.slow
 def test_a_figure_loads_no_other_chapter():
     code = (
-        "import sys; from megalopta.reproduction.figure_recipe import find; find('fig-3.2'); "
+        "import sys; from megalopta.reproduction.drawing import find; find('fig-3.2'); "
         "print(any('figures.chapter4.' in name for name in sys.modules))"
     )
     found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

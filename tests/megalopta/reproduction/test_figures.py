@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from megalopta.plotting.style import house_style, new_canvas
-from megalopta.reproduction.chapter3_suppression import bias_error
-from megalopta.reproduction.figure_recipe import Run, find, names
+from megalopta.reproduction.chapter3_pixel import bias_error
+from megalopta.reproduction.drawing import Run, find, names
 from megalopta.sensor.ctia.model import PHOTODIODES
 from megalopta.sensor.ctia.photodiode import Photodiode, reverse_current
 

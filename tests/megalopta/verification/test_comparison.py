@@ -78,7 +78,12 @@ WRONG = [
         lambda law, offset, right=bias.dark_count_factor: right(law, -np.asarray(offset)),
         case("device", "bias and breakdown, drawn"),
     ),
-    (exposure, "open_fraction", lambda gate, exposure_s: 3 / 7, case("gate", "binary frames, gate")),
+    (
+        exposure,
+        "open_fraction",
+        lambda gate, exposure_s: 3 / 7,
+        case("gate", "binary frames, gate"),
+    ),
     (ctia_integration, "STEPS", 4, check_discharge),
     (ctia_noise, "poisson_charge", lambda rng, charge: 0 * charge, check_ctia_noise),
     (ctia_noise, "reset_variance", lambda noise, pixel: 0.0, check_ctia_noise),

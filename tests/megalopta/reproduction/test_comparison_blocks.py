@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from megalopta.benchmark import detection as detection_sweep
-from megalopta.benchmark.detection import RESPONSES, SCORED_FRAMES, VIEWS, detections
+from megalopta.benchmark import textures as detection_sweep
+from megalopta.benchmark.textures import RESPONSES, SCORED_FRAMES, VIEWS, detections
 from megalopta.flow.detectors.registry import METHODS
 from megalopta.flow.metrics.detection import d_prime, motion_evidence
 from megalopta.plotting.picture import write_figure
-from megalopta.reproduction.comparison_detection import detection_figure
+from megalopta.reproduction.comparison_blocks import detection_figure
 
 # Two samples of 1024 responses of equal distribution: the standard error of d′ is 0.044, up to twice
 # that with responses of the same texture alike; five of them.

@@ -9,24 +9,24 @@ import numpy as np
 import pytest
 from numpy.lib.stride_tricks import sliding_window_view
 
-from megalopta.benchmark import isolated_blocks
+from megalopta.benchmark import textures
 from megalopta.flow.detectors.registry import METHODS
 from megalopta.flow.metrics.photon_threshold import format_flux
 from megalopta.flow.metrics.translation_bound import fisher_information
 from megalopta.plotting.style import house_style, new_canvas
-from megalopta.reproduction import comparison_leaderboard as figures_leaderboard
-from megalopta.reproduction.figure_recipe import Run
+from megalopta.reproduction import comparison_blocks as figures_leaderboard
+from megalopta.reproduction.drawing import Run
 
 
 @pytest.fixture(scope="module")
 def clean():
-    return isolated_blocks.sequences(count=3)
+    return textures.sequences(count=3)
 
 
 @pytest.fixture(scope="module")
 def entries(clean):
     chosen = {name: METHODS[name] for name in ("BM", "NDS", "PPM", "PM")}
-    return {each.detector.name: each for each in isolated_blocks.ranked(clean[:1], chosen)}
+    return {each.detector.name: each for each in textures.ranked(clean[:1], chosen)}
 
 
 @pytest.mark.slow
@@ -42,7 +42,7 @@ def test_methods_with_velocities_are_ranked_by_photons_as_the_bound_promises(ent
 
 @pytest.mark.slow
 def test_variance_is_within_a_factor_of_two_of_the_bound(clean):
-    found = isolated_blocks.efficiencies(clean, METHODS["PM"], (3e5, 1e6, 1e7), draws=12)
+    found = textures.efficiencies(clean, METHODS["PM"], (3e5, 1e6, 1e7), draws=12)
     # The variance from 12 draws in two components makes the ratio appear 5 % larger than it is.
     assert min(found) > 0.5
     assert max(found) < 1.1
@@ -50,8 +50,8 @@ def test_variance_is_within_a_factor_of_two_of_the_bound(clean):
 
 def test_frames_hold_one_photon_share_each_and_drift_to_the_right(clean):
     np.testing.assert_allclose(clean.sum(axis=(2, 3)), 1)
-    velocities = METHODS["PM"].respond(isolated_blocks.leaf_counts(clean[0], 1e8, 0))
-    assert np.median(velocities[..., 0]) == pytest.approx(isolated_blocks.SPEED_PX, abs=0.03)
+    velocities = METHODS["PM"].respond(textures.leaf_counts(clean[0], 1e8, 0))
+    assert np.median(velocities[..., 0]) == pytest.approx(textures.SPEED_PX, abs=0.03)
     assert np.median(velocities[..., 1]) == pytest.approx(0, abs=0.01)
 
 
@@ -96,11 +96,11 @@ def test_caption_tells_which_methods_collect_more_than_two_frames(entries):
 
 def test_information_of_a_block_is_that_of_its_sum_and_a_margin_adds_that_of_its_pixels(clean):
     light = clean[:1]
-    expected = fisher_information(light[0, -1], isolated_blocks.GRID)[1:-1, 1:-1]
-    np.testing.assert_allclose(isolated_blocks.information(light)[0], expected, rtol=1e-9)
+    expected = fisher_information(light[0, -1], textures.GRID)[1:-1, 1:-1]
+    np.testing.assert_allclose(textures.information(light)[0], expected, rtol=1e-9)
     # a margin of a whole block makes 3 × 3 blocks of each
     around = sliding_window_view(
-        fisher_information(light[0, -1], isolated_blocks.GRID), (3, 3), axis=(0, 1)
+        fisher_information(light[0, -1], textures.GRID), (3, 3), axis=(0, 1)
     ).sum(axis=(-2, -1))
-    wide = isolated_blocks.information(light, isolated_blocks.GRID.block_px)[0]
+    wide = textures.information(light, textures.GRID.block_px)[0]
     np.testing.assert_allclose(wide, around, rtol=1e-9, atol=1e-9 * around.max())

@@ -1,0 +1,426 @@
+"""`megalopta spadcam calibrate`: recordings to a device file, its maps and its page.
+
+`sensors: [DEVICE.yaml]` loads the device file.
+"""
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from markupsafe import Markup
+from matplotlib.ticker import NullFormatter
+from numpy.typing import NDArray
+
+from megalopta.camera.recording import Beam, Source, read_recorded
+from megalopta.core import strict_yaml
+from megalopta.core.arrays import Floats
+from megalopta.core.errors import UserError
+from megalopta.core.files import atomic_write, write_text
+from megalopta.plotting.sections import Section, captioned, write_sections
+from megalopta.plotting.style import BLACK, BLUE, VERMILION, line_style
+from megalopta.plotting.svg import (
+    CHART_PT,
+    in_style,
+    map_chart,
+    new_axes,
+    to_svg,
+    with_legend,
+)
+from megalopta.plotting.text import number
+from megalopta.sensor import AnalogCounter, Sensor, preset
+from megalopta.sensor.calibrate.device import Device, Estimate, calibrate_device
+from megalopta.sensor.calibrate.level import Adc, Level
+from megalopta.sensor.calibrate.neighbors import OFFSETS, Kernel
+from megalopta.sensor.calibrate.saturation import DeadTimeKind, dead_time_moments
+from megalopta.sensor.effects import crosstalk
+from megalopta.sensor.effects.crosstalk import Crosstalk
+
+_INTERVALS = ("low", "high")
+_SLOWEST_DEAD_TIMES = 5.0
+"""Delay of afterpulses in dead times, which frames do not tell; a shorter one would hide them."""
+
+
+def write_device(
+    path: Path, device: Device, base: Sensor, wavelength_nm: float | None, preset: str
+) -> None:
+    """Write a device file, and its maps with their intervals into a folder beside it.
+
+    Parameters
+    ----------
+    path : Path
+        Of the YAML file; maps lie in a folder of its name without the suffix.
+    device : Device
+    base : Sensor
+        What is not measured is its.
+    wavelength_nm : float, optional
+        Of the light of flat frames; None: it is relative, and so is the efficiency.
+    preset : str
+        Name of that sensor.
+    """
+    folder, fall = path.with_suffix(""), device.offset_v
+    maps = {
+        "dark_counts": _primary(device.dark_counts_hz, device.kernel),
+        "step": device.step_v,
+        "leak": device.leak_v_s,
+        "offset": Estimate(-fall.value, -fall.high, -fall.low),  # a fall of the output as its rise
+    }
+    if device.efficiency is not None:
+        nominal = float(np.nanmean(device.efficiency.value))  # of light of no known wavelength
+        if wavelength_nm is not None:
+            nominal = float(base.photon_detection_efficiency(np.array(wavelength_nm)))
+        maps["efficiency"] = _primary(device.efficiency, device.kernel).scaled(1 / nominal)
+    named = {}
+    for name, estimate in maps.items():
+        if not np.isfinite(estimate.value).any():
+            continue
+        lowest = 0.0 if name in ("dark_counts", "efficiency") else -np.inf
+        _save(folder / f"{name}.npy", np.maximum(_filled(estimate.value), lowest))
+        for end in _INTERVALS:
+            _save(folder / f"{name}_{end}.npy", getattr(estimate, end))
+        named[name] = f"{folder.name}/{name}.npy"
+    _save(folder / "hot.npy", device.hot)
+    text = strict_yaml.dump(_fields(path, device, base, preset, named))
+    write_text(path, f"# Written by megalopta spadcam calibrate.\n{text}")
+
+
+def _fields(
+    path: Path, device: Device, base: Sensor, preset: str, maps: dict[str, str]
+) -> dict[str, Any]:
+    counter: dict[str, Any] = {"step_v": _median(device.step_v), "step_sigma_v": 0.0}
+    if "leak" in maps:
+        counter |= {"leak_v_s": max(_median(device.leak_v_s), 0.0), "leak_sigma_v_s": 0.0}
+    counter["read_noise_v"] = _median(device.read_noise_v)
+    if device.is_slope_seen:
+        counter["step_slope"] = device.curve.slope
+    fields: dict[str, Any] = {
+        "preset": preset,
+        "name": path.stem,
+        "source": f"calibrated by {device.method} from {len(device.levels)} recordings",
+        "counter": counter,
+    }
+    if device.dead_time_s is not None and device.dead_time_kind is not None:
+        seconds = float(np.nanmedian(device.dead_time_s.value))
+        fields["dead_time"] = {"kind": device.dead_time_kind, "dead_time_s": seconds}
+    if (light := _crosstalk(device.kernel)) is not None:
+        fields["crosstalk"] = light.model_dump(exclude_defaults=True)
+    if device.kernel is not None and device.kernel.are_afterpulses_seen:
+        dead_s = fields.get("dead_time", {}).get("dead_time_s", base.dead_time.dead_time_s)
+        fields["afterpulsing"] = _afterpulsing(device.kernel, dead_s, base)
+    fields["measured"] = {**maps, "fit": "exact"}
+    return fields
+
+
+def _crosstalk(kernel: Kernel | None) -> Crosstalk | None:
+    """As the sensor stage takes it, where it is seen."""
+    if kernel is None or not kernel.is_seen:
+        return None
+    shares = np.maximum(kernel.share, 0.0)
+    orthogonal, diagonal, two = (float(shares[at : at + 2].mean()) for at in (0, 2, 4))
+    return Crosstalk(
+        mean_fired_neighbors=min(float(2 * shares.sum()), 0.8),  # each offset to either side
+        diagonal=min(diagonal / orthogonal, 1.0),
+        distance_two=min(two / orthogonal, 1.0),
+    )
+
+
+def _afterpulsing(kernel: Kernel, dead_time_s: float, base: Sensor) -> dict[str, float]:
+    """Carriers of which as many find the pixel live as were seen."""
+    delay_s = max(base.afterpulsing.delay_s, _SLOWEST_DEAD_TIMES * dead_time_s)
+    carriers = kernel.afterpulses * float(np.exp(dead_time_s / delay_s))
+    return {"mean_carriers": min(carriers, 0.95), "delay_s": delay_s}
+
+
+def _primary(estimate: Estimate, kernel: Kernel | None) -> Estimate:
+    """Less what neighbors and traps fire, which the simulation adds again."""
+    fired = np.zeros_like(estimate.value)
+    if kernel is not None and kernel.are_afterpulses_seen:
+        fired += kernel.afterpulses * estimate.value
+    if (light := _crosstalk(kernel)) is not None:
+        fired += crosstalk.fired_mean(_filled(estimate.value), light)
+    return Estimate(*(each - fired for each in (estimate.value, estimate.low, estimate.high)))
+
+
+def _filled(values: Floats) -> Floats:
+    """Maps without holes: the median where nothing is known."""
+    return np.where(np.isfinite(values), values, np.nanmedian(values))
+
+
+def _save(path: Path, values: NDArray[Any]) -> None:
+    with atomic_write(path) as temporary:
+        np.save(temporary, values)
+
+
+_FITTED = 2
+"""Efficiency and dead time; dark counts are told by dark frames."""
+_UNKNOWN = "not known"
+_PIXELS = (
+    "Median over the pixels, the range of nine in ten, and the median half width of a pixel's 95 % "
+    "interval. Where read noise hides single events, leak counts as dark counts."
+)
+_CURVES = (
+    "A step may change over the swing. Where the saturation curve does not tell the kind of dead "
+    "time, brighter light would."
+)
+_NEIGHBORS = (
+    "Probability that an event fires a pixel, from coincidences in the dark; afterpulses within "
+    "the exposure, from the variance of dark counts, which read noise may hide. What is seen is in "
+    "the device file. How long after, frames do not tell: five dead times are assumed."
+)
+_MAPS = (
+    "Grain is the scatter of pixels and of their estimates; gradients are uneven light (in the "
+    "efficiency) or warmth (in the dark counts), rows and columns the readout. What is not known "
+    "is gray."
+)
+_NAMES = "right and left", "below and above", "diagonal", "other diagonal", "two aside", "two above"
+
+
+def write_calibration_report(path: Path, device: Device, name: str, is_relative: bool) -> None:
+    """Write what was found of a device, with pictures; relative is light of no known wavelength."""
+    found = _quantities(device, is_relative)
+    maps = (
+        map_chart(scale * estimate.value, f"map-{at}", f"{title} ({unit})")
+        for at, (title, unit, estimate, scale) in enumerate(found)
+        if np.isfinite(estimate.value).any()
+    )
+    head = ("", "median", "from", "to", "± (95 %)")
+    sections = [
+        Section("The pixels", _PIXELS, head, tuple(_row(*each) for each in found)),
+        Section(
+            "Photon transfer and saturation",
+            _CURVES,
+            ("", "found", "how sure"),
+            _laws(device),
+            tuple(_curves(device)),
+        ),
+        *_neighbors(device),
+        Section("Maps", _MAPS, charts=tuple(maps)),
+    ]
+    write_sections(path, f"Calibration of {name}", calibration_summary(device), sections)
+
+
+def calibration_summary(device: Device) -> str:
+    """Return what was found, medians over the pixels, on one line."""
+    known = int(np.isfinite(device.step_v.value).sum())
+    medians = (
+        f"{title} {number(scale * _median(estimate))} {unit}"
+        for title, unit, estimate, scale in _quantities(device, is_relative=True)
+    )
+    return (
+        f"{known} of {device.hot.size} pixels, {int(device.hot.sum())} hot; medians: "
+        f"{', '.join(medians)}; dead time: {device.dead_time_kind or f'kind {_UNKNOWN}'}."
+    )
+
+
+def _median(estimate: Estimate) -> float:
+    return float(np.nanmedian(estimate.value)) if np.isfinite(estimate.value).any() else np.nan
+
+
+def _quantities(device: Device, is_relative: bool) -> list[tuple[str, str, Estimate, float]]:
+    """Return name, unit, estimate and factor to that unit of all that was estimated of pixels."""
+    found = [
+        ("dark counts", "Hz", device.dark_counts_hz, 1.0),
+        ("step", "mV", device.step_v, 1e3),
+        ("offset", "mV", device.offset_v, 1e3),
+        ("leak", "mV/s", device.leak_v_s, 1e3),
+        ("read noise", "mV", device.read_noise_v, 1e3),
+    ]
+    if device.efficiency is not None and device.dead_time_s is not None:
+        scale, unit = (
+            (1 / _median(device.efficiency), "of the median") if is_relative else (100, "%")
+        )
+        found.append(("efficiency", unit, device.efficiency, scale))
+        found.append(("dead time", "µs", device.dead_time_s, 1e6))
+    return found
+
+
+def _row(title: str, unit: str, estimate: Estimate, scale: float) -> tuple[str, ...]:
+    if not np.isfinite(estimate.value).any():
+        return (f"{title} ({unit})", _UNKNOWN, "", "", "")
+    low, median, high = scale * np.nanpercentile(estimate.value, (5, 50, 95))
+    widths = scale * (estimate.high - estimate.low) / 2
+    half = float(np.nanmedian(widths)) if np.isfinite(widths).any() else np.nan
+    return (f"{title} ({unit})", *(number(float(each)) for each in (median, low, high, half)))
+
+
+def _laws(device: Device) -> tuple[tuple[str, str, str], ...]:
+    """Return rows on the step over the swing, and on the kind of dead time."""
+    slope, error = 100 * device.curve.slope, 196 * device.slope_error
+    is_known = bool(np.isfinite(device.slope_error))
+    seen = "changes" if device.is_slope_seen else "no change seen"
+    likely = f"e^{device.kind_ratio:.0f} times as likely as the other"
+    kind = device.dead_time_kind
+    return (
+        ("steps are from", device.method, ""),
+        (
+            "step at the bottom of the swing, less than at its top by",
+            f"{slope:+.3g} ± {error:.2g} % (95 %)" if is_known else _UNKNOWN,
+            seen if is_known else "",
+        ),
+        ("kind of dead time", kind or _UNKNOWN, likely if kind else ""),
+    )
+
+
+def _curves(device: Device) -> Iterator[Markup]:
+    yield captioned(
+        falls_chart(device),
+        "A point for each pixel and level: where they lie on the line, the noise is that of single "
+        "events; light falls below it where dead time evens events out.",
+    )
+    if device.efficiency is None:
+        return
+    yield captioned(
+        saturation_chart(device),
+        "Counts of the median pixel: how far they stay below the line without dead time is the "
+        "dead time; its kind shows where the two laws part.",
+    )
+    z = saturation_residuals(device)
+    expected = np.sqrt(max(1 - _FITTED / len(z), 0.0))
+    yield captioned(
+        residual_chart(device),
+        f"What the fits of the saturation curve leave: {np.sqrt(np.nanmean(z**2)):.2f} standard "
+        f"errors, about {expected:.2f} where the law holds ({len(z)} lights, {_FITTED} numbers of "
+        "each pixel fitted to them); more is light that was not even or not steady.",
+    )
+
+
+def _neighbors(device: Device) -> Iterator[Section]:
+    kernel = device.kernel
+    if kernel is None:
+        return
+    shares = [*kernel.share, kernel.afterpulses]
+    errors = [*kernel.error, kernel.afterpulses_error]
+    seen = [*[kernel.is_seen] * len(_NAMES), kernel.are_afterpulses_seen]
+    names = [f"{name} {offset}" for name, offset in zip(_NAMES, OFFSETS, strict=True)]
+    rows = [
+        (
+            name,
+            _UNKNOWN if np.isnan(share) else f"{100 * share:.3f} %",
+            f"± {196 * error:.3f} %",
+            "yes" if is_seen else "no",
+        )
+        for name, share, error, is_seen in zip(
+            [*names, "afterpulses"], shares, errors, seen, strict=True
+        )
+    ]
+    head = ("neighbor", "probability", "95 %", "seen")
+    yield Section("Crosstalk and afterpulses", _NEIGHBORS, head, tuple(rows))
+
+
+def calibrate_recordings(
+    sources: Sequence[Source], out: Path, *, beam: Beam, base: str = "spadcam"
+) -> str:
+    """Write a device file, its maps and its report; return what was found in a sentence.
+
+    Raises UserError when a recording cannot be read, or all of them cannot support a calibration.
+    """
+    if out.suffix not in (".yaml", ".yml"):
+        raise UserError(f"--out {out}: give the name of a .yaml file")
+    if beam.area_mm2 is not None and beam.wavelength_nm is None:
+        raise UserError("--beam-area-mm2: give --wavelength-nm too, to make photons of watts")
+    try:
+        sensor = preset(base)
+        levels = [_level(source, beam, sensor) for source in sources]
+        device = calibrate_device(levels, adc_of(sensor))
+    except ValueError as problem:
+        raise UserError(f"calibrate: {problem}") from problem
+    write_device(out, device, sensor, beam.wavelength_nm, base)
+    is_relative = beam.wavelength_nm is None
+    write_calibration_report(out.with_suffix(".html"), device, out.stem, is_relative)
+    return calibration_summary(device)
+
+
+def adc_of(sensor: Sensor) -> Adc:
+    """The converter behind the counters of a sensor. Raises ValueError where it has none."""
+    counter = sensor.counter
+    if not isinstance(counter, AnalogCounter) or counter.adc_bits is None:
+        raise ValueError(f"{sensor.name}: no analog counter with an ADC; choose spadcam")
+    top = counter.supply_v / counter.lsb_v
+    return Adc(counter.lsb_v, top, top - counter.swing_v / counter.lsb_v)
+
+
+def _level(source: Source, beam: Beam, sensor: Sensor) -> Level:
+    recorded = read_recorded(source)
+    if recorded.codes is None:
+        raise ValueError(
+            f"{source.path}: holds counts, no codes of an ADC; capture it with SPADCAM"
+        )
+    light = beam.photons_hz(source.light, sensor)
+    return Level(recorded.codes, source.exposure_s or recorded.exposure_s, light)
+
+
+_KINDS: tuple[DeadTimeKind, ...] = ("paralyzable", "nonparalyzable")
+
+
+@in_style
+def falls_chart(device: Device) -> Markup:
+    """Return variance over mean fall, of all pixels at all levels, with the line of the step."""
+    figure, axes = new_axes(*CHART_PT)
+    used = device.falls.frames > 0
+    dark = (device.counts.light_hz == 0)[:, None] & used
+    mean, variance = 1e3 * device.falls.mean_v, 1e6 * device.falls.variance_v2
+    for chosen, color, label in ((dark, BLACK, "dark"), (used & ~dark, BLUE, "light")):
+        axes.plot(mean[chosen], variance[chosen], ".", color=color, markersize=2, label=label)
+    ends = np.array([0.0, float(mean[used].max(initial=1.0))])
+    step = 1e3 * float(np.nanmedian(device.step_v.value))
+    axes.plot(ends, step * ends, color=VERMILION, linewidth=1.5, label=f"{step:.3g} mV per event")
+    axes.set(xlabel="mean fall of the output (mV)", ylabel="variance (mV²)")
+    description = "Photon transfer: variance of readings over their mean"
+    return with_legend(figure, "transfer", description, markerscale=3)
+
+
+@in_style
+def saturation_chart(device: Device) -> Markup:
+    """Return counts over light at the median pixel, with the laws and the line without loss."""
+    figure, axes = new_axes(*CHART_PT)
+    assert device.efficiency is not None and device.dead_time_s is not None
+    lit = device.counts.light_hz > 0
+    light, exposure = device.counts.light_hz[lit], device.counts.exposure_s[lit]
+    mean = np.where(device.falls.frames[lit] > 0, device.counts.mean[lit], np.nan)
+    axes.plot(light, np.nanmedian(mean, axis=1) / exposure, "o", color=BLACK, label="measured")
+    eta, tau = (np.nanmedian(each.value) for each in (device.efficiency, device.dead_time_s))
+    grid = np.geomspace(light.min(), 1.5 * light.max(), 100)
+    rate = np.nanmedian(device.dark_counts_hz.value) + eta * grid
+    axes.plot(grid, rate, ":", color=BLACK, linewidth=1, label="without dead time")
+    for place, kind in enumerate(_KINDS):
+        law = dead_time_moments(rate, exposure.max(), np.full(rate.shape, tau), kind)[0]
+        axes.plot(grid, law / exposure.max(), **line_style(place), label=kind)
+    axes.set(xscale="log", yscale="log", xlabel="light (photons/s on a pixel)", ylabel="counts/s")
+    axes.xaxis.set_minor_formatter(NullFormatter())
+    return with_legend(figure, "saturation", "Saturation curve: counts over light")
+
+
+@in_style
+def residual_chart(device: Device) -> Markup:
+    """Return standardized residuals of mean counts at the levels of light."""
+    figure, axes = new_axes(*CHART_PT)
+    axes.hist(
+        saturation_residuals(device).ravel(), bins=60, range=(-6, 6), density=True, color=BLUE
+    )
+    z = np.linspace(-6, 6, 200)
+    axes.plot(z, np.exp(-(z**2) / 2) / np.sqrt(2 * np.pi), color=BLACK, linewidth=1.5)
+    axes.set(xlabel="residual (standard errors)", ylabel="density")
+    return to_svg(figure, "residuals", "Residuals of the saturation curve, beside a normal law")
+
+
+def saturation_residuals(device: Device) -> Floats:
+    """Return mean counts less those of the fit, in standard errors; NaN where nothing is fitted.
+
+    Where the curve does not tell the kind of dead time, of the kind that leaves less.
+    """
+    kinds = [kind for kind in _KINDS if device.dead_time_kind in (None, kind)]
+    left = [_residuals_of(device, kind) for kind in kinds]
+    return min(left, key=lambda each: float(np.nansum(each**2)))
+
+
+def _residuals_of(device: Device, kind: DeadTimeKind) -> Floats:
+    assert device.efficiency is not None and device.dead_time_s is not None
+    lit = (device.counts.light_hz > 0) & (device.counts.exposure_s > 0)
+    eta, tau, dark = (
+        each.value.ravel()
+        for each in (device.efficiency, device.dead_time_s, device.dark_counts_hz)
+    )
+    rate = dark + eta * device.counts.light_hz[lit][:, None]
+    mean, variance = dead_time_moments(rate, device.counts.exposure_s[lit][:, None], tau, kind)
+    frames = np.where(device.counts.frames[lit] > 0, device.counts.frames[lit], np.nan)
+    return np.asarray((device.counts.mean[lit] - mean) / np.sqrt(variance / frames))

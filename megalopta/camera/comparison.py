@@ -1,0 +1,305 @@
+"""`megalopta spadcam compare`: a recording beside what the device's model makes of its stimulus.
+
+Stimuli are levels of even light, the moving plate of the motion bench, or a scene. The frames of a
+scene's dataset are a cycle, in which a recording begins anywhere: of shifts by a quarter of a
+frame, that one is taken under which counts follow the cycle best, by the correlation over all
+frames and pixels of what remains of both without the means of pixels.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from megalopta.camera.emulated import Rendered
+from megalopta.camera.motion_bench import (
+    FRAME_RATE_HZ,
+    PIXELS,
+    TIME_CONSTANTS_S,
+    UNITS,
+    BenchLight,
+    crossing_peaks,
+    cut_passages,
+    cut_rest,
+    detector,
+    fitted_light,
+    pooled,
+    record,
+)
+from megalopta.camera.recording import Beam, Recorded
+from megalopta.config.model import load
+from megalopta.core.arrays import Floats, plain_array
+from megalopta.core.bounded import ARRAY_BYTES, read_bytes
+from megalopta.core.errors import UserError
+from megalopta.sensor import AnalogCounter, Sensor, changed, expose_rate
+from megalopta.sensor.compare.quantities import CountedFrames, scene_differences
+from megalopta.sensor.compare.recordings import Comparison, compare_recordings
+from megalopta.sensor.compare.two_sample import Difference, Quantity, difference
+from megalopta.sensor.spad.conversion import counts_of_codes
+from megalopta.sensor.spad.device import draw_fixed_pattern
+from megalopta.sensor.spad.measured import MapFile
+from megalopta.stages.pipeline import run_stage
+from megalopta.stages.redo import open_dataset_whole
+
+_FULL = 0.98
+_95 = 1.959964
+_SHIFTS_PER_FRAME = 4
+_TIE = 1e-9
+
+
+def captured_frames(recorded: Recorded, device: Sensor, light_hz: float) -> CountedFrames:
+    """Return counts of a recording: of its codes, by the device's own steps, where it has codes."""
+    counter, codes = device.counter, recorded.codes
+    exposure_s, times_s = recorded.exposure_s, recorded.times_s
+    if codes is None or not isinstance(counter, AnalogCounter):
+        return CountedFrames(recorded.counts, exposure_s, light_hz, times_s=times_s)
+    own = changed(device, exposure_s=exposure_s)
+    known = draw_fixed_pattern(own, (codes.shape[1], codes.shape[2])).counters
+    assert known is not None
+    counts, _ = counts_of_codes(codes, counter, known)
+    full = _FULL * (counter.swing_v - known.leaked_v) / known.step_v
+    return CountedFrames(counts, exposure_s, light_hz, counts >= full, times_s=times_s)
+
+
+@dataclass(frozen=True, eq=False)
+class Compared:
+    """Captured recordings, simulated ones of the same stimuli, and how they differ."""
+
+    captured: Sequence[CountedFrames]
+    simulated: Sequence[CountedFrames]
+    found: Comparison
+    correlation: float = 0.0
+    """Of the frames of a scene with those in which they were found"""
+
+
+def compare_levels(
+    captured: Sequence[CountedFrames], device: Sensor, beam: Beam, margin: float, seed: int
+) -> Compared:
+    """Compare levels of even light. Raises UserError for light of no known wavelength."""
+    rates = [_even_rate(level, device, beam) for level in captured]
+    return _compared(captured, rates, device, margin, seed)
+
+
+def _even_rate(level: CountedFrames, device: Sensor, beam: Beam) -> Floats:
+    """Detection rates of a level (1, rows, columns), Hz, without dark counts."""
+    shape = level.counts.shape[1], level.counts.shape[2]
+    if level.is_dark:
+        return np.zeros((1, *shape))
+    if beam.wavelength_nm is None:
+        raise UserError("compare: light of what wavelength? give --wavelength-nm")
+    own = changed(device, exposure_s=level.exposure_s)
+    nominal = float(own.photon_detection_efficiency(np.array(beam.wavelength_nm)))
+    factor = draw_fixed_pattern(own, shape).efficiency_factor
+    return np.asarray(level.light_hz * nominal * factor[np.newaxis])
+
+
+def _compared(
+    captured: Sequence[CountedFrames],
+    rates: Sequence[Floats],
+    device: Sensor,
+    margin: float,
+    seed: int,
+    stimulus: str = "",
+) -> Compared:
+    """Compare recordings with frames of the device's model at these rates (n or 1, …), Hz."""
+    simulated = []
+    for like, rate in zip(captured, rates, strict=True):
+        own = changed(device, exposure_s=like.exposure_s)
+        name = f"comparison, {stimulus}{like.exposure_s:g} s, light {like.light_hz:g}"
+        seen = np.broadcast_to(rate, like.counts.shape)
+        exposure = expose_rate(seen, own, seed=seed, sequence=name)
+        # where a capture does not tell what is full, full counts are compared as such
+        saturated = None if like.saturated is None else exposure.saturated
+        simulated.append(replace(like, counts=exposure.counts, saturated=saturated))
+    errors = [
+        _errors(device, rate) * like.exposure_s for like, rate in zip(captured, rates, strict=True)
+    ]
+    kind = device.dead_time.kind
+    found = compare_recordings(captured, simulated, kind=kind, margin=margin, errors=errors)
+    return Compared(captured, simulated, found)
+
+
+def _errors(device: Sensor, rates: Floats) -> Floats:
+    """Standard errors of mean rates (rows, columns) that those of the device's maps make, Hz."""
+    maps = device.measured
+    dark, efficiency = map_error(maps.dark_counts), map_error(maps.efficiency)
+    factor = draw_fixed_pattern(device, (rates.shape[1], rates.shape[2])).efficiency_factor
+    return np.asarray(np.hypot(dark, rates.mean(axis=0) * efficiency / np.maximum(factor, 1e-12)))
+
+
+def map_error(file: MapFile | None) -> NDArray[np.float64] | float:
+    """Return standard errors of a map, from the intervals that lie beside it; 0 where none do."""
+    if file is None:
+        return 0.0
+    path = Path(file.path)
+    ends = [path.with_name(f"{path.stem}_{end}.npy") for end in ("low", "high")]
+    if not all(end.exists() for end in ends):
+        return 0.0
+    low, high = (_interval_end(end) for end in ends)
+    return np.asarray(np.nan_to_num((high - low) / (2 * _95), nan=np.nanmax(high - low)))
+
+
+def _interval_end(path: Path) -> NDArray[np.float64]:
+    values = plain_array(read_bytes(path, ARRAY_BYTES))
+    if values is None or values.ndim != 2:
+        raise UserError(f"{path} is no whole array of numbers; calibrate the device again")
+    return values.astype(np.float64)
+
+
+class SpeedResponse(NamedTuple):
+    """Peak responses of one detector at one speed, captured and simulated: crossings."""
+
+    name: str
+    speed_mm_s: float
+    captured: Floats
+    """(crossings,), mean over rows and detectors of the array."""
+    simulated: Floats
+    difference: Difference
+
+
+def plate_responses(
+    captured: Mapping[float, CountedFrames],
+    device: Sensor,
+    margin: float,
+    seed: int = 0,
+    *,
+    own_light: bool = False,
+) -> list[SpeedResponse]:
+    """Compare responses to a plate at each speed (mm/s), over whole passages of it.
+
+    Passages are found by their edges, so that the plate may rest at its ends. Raises UserError when
+    a recording is not of 16 × 16 pixels at 10 frames/s, or has fewer than two whole passages
+    without a gap.
+    """
+    found = []
+    for speed, frames in sorted(captured.items()):
+        counts = passages_at(speed, frames)
+        own = changed(device, exposure_s=1 / FRAME_RATE_HZ)
+        light = light_at(speed, counts, own) if own_light else None
+        simulated = record(speed, own, light, seed).counts
+        for name in TIME_CONSTANTS_S:
+            a, b = (
+                crossing_peaks(detector(name), pooled(each)).mean(axis=(1, 2))
+                for each in (counts, simulated)
+            )
+            title = f"{name} response at {speed:g} mm/s"
+            apart = difference(Quantity(title, UNITS[name]), a, b, margin)
+            found.append(SpeedResponse(name, speed, a, b, apart))
+    return found
+
+
+def passages_at(speed_mm_s: float, frames: CountedFrames) -> NDArray[Any]:
+    """Cut passages out of a recording of a plate, or frames of one at rest. Raises UserError."""
+    if frames.counts.shape[1:] != (PIXELS, PIXELS):
+        raise UserError(
+            f"plate at {speed_mm_s:g} mm/s: frames of {frames.counts.shape[1:]} pixels; capture "
+            "all rows"
+        )
+    times_s = frames.times_s
+    numbers = None if times_s is None else np.rint((times_s - times_s[:1]) * FRAME_RATE_HZ)
+    try:
+        return cut_passages(frames.counts, numbers) if speed_mm_s else cut_rest(frames.counts)
+    except ValueError as problem:
+        raise UserError(f"plate at {speed_mm_s:g} mm/s: {problem}") from problem
+
+
+def light_at(speed_mm_s: float, counts: NDArray[Any], device: Sensor) -> BenchLight:
+    """Return the light that passages of a plate show. Raises UserError."""
+    if speed_mm_s == 0:
+        raise UserError("a plate at rest does not tell the light; leave it out or --own-light")
+    try:
+        return fitted_light(counts, device)
+    except ValueError as problem:
+        raise UserError(f"plate at {speed_mm_s:g} mm/s: {problem}") from problem
+
+
+class Cycle(NamedTuple):
+    """Detection rates that follow each other, then start anew."""
+
+    rates_hz: Floats
+    """(k, rows, columns)"""
+    frame_rate_hz: float
+
+
+class Aligned(NamedTuple):
+    """Places of captured frames in a cycle."""
+
+    frame: NDArray[np.int64]
+    """(n,) frame of the cycle that each one saw as it began."""
+    correlation: float
+    """Of captured frames with these; 0 where nothing moves."""
+
+
+def dataset_cycle(dataset: Path, lux: float | None, device: Sensor) -> Cycle:
+    """Return frames of a rendered dataset at a light level, by default its own."""
+    open_dataset_whole(dataset)
+    rate_hz, rates = Rendered(dataset, lux).film(device)
+    return Cycle(rates, rate_hz)
+
+
+def rendered_dataset(scene: str, beside: Path) -> Path:
+    """Return the folder of a rendered dataset; a configuration is rendered into `beside`.
+
+    Raises UserError when there is neither a dataset nor a configuration of this name.
+    """
+    root = Path(scene)
+    if not root.is_dir():
+        root, configuration = beside, load(scene)
+    else:
+        configuration = open_dataset_whole(root).configuration
+    run_stage(root, configuration, "render")
+    return root
+
+
+def align(frames: CountedFrames, cycle: Cycle) -> Aligned:
+    """Find where in a cycle captured frames are. Raises UserError when sizes differ."""
+    shape = frames.counts.shape[1:]
+    if shape != cycle.rates_hz.shape[1:]:
+        raise UserError(
+            f"compare: frames of {shape} pixels, the scene has {cycle.rates_hz.shape[1:]}; "
+            "capture all rows"
+        )
+    places = _places(frames, cycle)
+    counts, rates = (
+        (each - each.mean(axis=0)).reshape(len(each), -1)
+        for each in (np.asarray(frames.counts, np.float64), cycle.rates_hz)
+    )
+    size = np.square(rates).sum(axis=1)
+    if not size.max() > 0:
+        return Aligned(places[0], 0.0)
+    fit = (counts @ rates.T)[np.arange(len(counts)), places].sum(axis=1)
+    norm = np.sqrt(np.square(counts).sum() * size[places].sum(axis=1))
+    score = fit / np.maximum(norm, 1e-300)
+    best = np.flatnonzero(score >= score.max() - _TIE)
+    # in the middle of equal shifts, clocks that are not quite alike do least
+    return Aligned(places[best[len(best) // 2]], float(score.max()))
+
+
+def _places(frames: CountedFrames, cycle: Cycle) -> NDArray[np.int64]:
+    """Frame of the cycle at each captured frame, for every shift, (shifts, n)."""
+    times_s = frames.times_s
+    if times_s is None:
+        times_s = frames.exposure_s * np.arange(len(frames.counts), dtype=np.float64)
+    length = len(cycle.rates_hz)
+    shift = np.arange(_SHIFTS_PER_FRAME * length) / _SHIFTS_PER_FRAME
+    at = (times_s - times_s[0]) * cycle.frame_rate_hz + shift[:, None]
+    return np.asarray(np.floor(at + 1e-6).astype(np.int64) % length)
+
+
+def compare_scene(
+    captured: CountedFrames, cycle: Cycle, device: Sensor, margin: float, seed: int
+) -> Compared:
+    """Align captured frames with a scene, and simulate these of its frames.
+
+    Raises ValueError when there are too few frames or pixels do not fit.
+    """
+    aligned = align(captured, cycle)
+    rates = cycle.rates_hz[aligned.frame]
+    compared = _compared([captured], [rates], device, margin, seed, "scene, ")
+    (simulated,) = compared.simulated
+    differences = scene_differences(captured, simulated, rates, margin, _errors(device, rates))
+    found = replace(compared.found, differences=differences)
+    return replace(compared, found=found, correlation=aligned.correlation)

@@ -1,0 +1,502 @@
+"""`megalopta gallery`: scene presets at every light level, larger views of forests, and statistics.
+
+A scene is built once and rendered twice, with and without a disc in the sky, since these cast other
+shadows; the levels of each kind differ by a factor in every band. A view is exposed for its own
+light, which no eye and no camera can do at night; below it stand the counts of a sensor that sees
+nothing but photons. With a photographed panorama there are two more of the larger views: the
+photograph through the same camera, and a forest in its light.
+
+For statistics every preset is seen in four directions by a camera of 75° and 0.3° per pixel. Beside
+photographed panoramas all are seen at one coarser angle, so that a pixel is the mean of at least
+two by two of a photograph's: statistics depend on the angle of a pixel, and what a photograph shows
+from pixel to pixel is its lens and its stitching. What a lens would do to the forests is shown by a
+Gaussian blur of their light.
+"""
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from functools import partial
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from markupsafe import Markup
+from matplotlib.figure import Figure as Canvas
+from matplotlib.ticker import MaxNLocator
+from numpy.typing import NDArray
+from PIL import Image
+from scipy.ndimage import gaussian_filter
+
+from megalopta.config.light_scale import light_scale
+from megalopta.config.model import Configuration
+from megalopta.config.yaml_model import validated
+from megalopta.core.arrays import Floats
+from megalopta.core.progress import Advance, progress
+from megalopta.flow.stimuli.statistics import PASSES, LogStatistics, log_statistics, unlit_share
+from megalopta.plotting.picture import Cell, Figure, columns_of, write_figure
+from megalopta.plotting.sections import Section, captioned, image, write_sections
+from megalopta.plotting.style import BLUE, ORANGE
+from megalopta.plotting.text import level_name, lux, number
+from megalopta.render import SceneRenderer, frame_seed, read_picture
+from megalopta.report.images import data_uri, gray_counts, write_sheet
+from megalopta.scenes import preview, white_of
+from megalopta.scenes.forest.stand import PRESETS
+from megalopta.scenes.lighting.levels import LEVELS
+from megalopta.scenes.scene import Scene
+from megalopta.sensor import expose
+from megalopta.stages.render import build
+
+_SMALL_CAMERA = {"width": 270, "height": 180, "fov_deg": 75}
+_PATH = {"frames": 2, "look_at_m": [10, 0, 1.8], "velocity_m_s": [1.0, 0.3, 0]}
+_EXPOSURE_S = 2e-3
+_TURNING = {
+    "camera": {**_SMALL_CAMERA, "fov_deg": 72},
+    "trajectory": {"frames": 2, "rotation_deg_s": 15},
+}
+
+ALONG_THE_TRAIL = {"frames": 2, "position_m": [0, 0, 1.6], "look_at_m": [10, 0, 0.6]}
+_NAMES = {"rainforest": "rain forest", "trail": "trail"}
+
+SCENES: Mapping[str, Mapping[str, Any]] = MappingProxyType(
+    {
+        **{
+            _NAMES.get(preset, f"{preset} forest"): {
+                "scene": {"kind": "forest", "preset": preset},
+                "trajectory": ALONG_THE_TRAIL if preset == "trail" else _PATH,
+            }
+            for preset in PRESETS
+        },
+        "grating": {"scene": {"kind": "grating"}, **_TURNING},
+        "random dots": {"scene": {"kind": "grating", "pattern": "dots"}, **_TURNING},
+        "board": {"scene": {"kind": "plane", "pattern": "square"}},
+        "motion bench": {
+            "scene": {"kind": "motion_bench", "edge_mm": -5},
+            "trajectory": {"frames": 2, "velocity_m_s": [0, -0.001, 0]},
+        },
+    }
+)
+"""What the gallery shows, as parts of a configuration."""
+_WIDTH = 188
+
+
+@dataclass(frozen=True)
+class LitScene:
+    """One scene in one light."""
+
+    scene: str
+    level: str
+    view: NDArray[np.uint8]
+    """The radiance (H, W, 3), exposed and white-balanced for its own light"""
+    counts: NDArray[np.integer | np.floating]
+    """Of a sensor, in one exposure (H, W)"""
+    canopy: str = ""
+    """What a forest holds and lets through, measured; empty where that is not known"""
+
+    @property
+    def light(self) -> str:
+        """Name and strength of the light."""
+        return f"{level_name(self.level)}, {lux(LEVELS[self.level].illuminance_lux)}"
+
+    @property
+    def photons(self) -> str:
+        """Mean count."""
+        return f"{number(float(np.mean(self.counts)))} photons per pixel"
+
+
+def write_gallery(
+    out: Path, scenes: Mapping[str, Mapping[str, Any]] = SCENES, samples_per_pixel: int = 49
+) -> Path:
+    """Render the gallery into a folder; return its page, gallery.html, beside gallery.png."""
+    with progress("Rendering the gallery", len(scenes) * len(LEVELS), "view") as advance:
+        cells = []
+        for name, parts in scenes.items():
+            cells += [list(cells_of(name, parts, samples_per_pixel, advance))]
+    out.mkdir(parents=True, exist_ok=True)
+    write_sheet(out / "gallery.png", [row for each in cells for row in _rows(each)])
+    _write_page(out / "gallery.html", cells)
+    return out / "gallery.html"
+
+
+def cells_of(
+    name: str,
+    parts: Mapping[str, Any],
+    samples_per_pixel: int,
+    advance: Advance = lambda work=1: None,
+) -> Iterator[LitScene]:
+    """Render one scene in all lights; its parts are those of a configuration."""
+    values = {
+        "camera": _SMALL_CAMERA,
+        "trajectory": _PATH,
+        "render": {"samples_per_pixel": samples_per_pixel},
+        "sensors": [{"preset": "ideal", "exposure_s": _EXPOSURE_S}],
+        **parts,
+    }
+    settings = Configuration.model_validate(values)
+    scene = build(settings)
+    rendered: dict[str, tuple[Configuration, NDArray[np.float32], str]] = {}
+    for level, light in LEVELS.items():
+        # Under an even sky levels differ by a factor in each band; a disc has a share in each.
+        directions = level if light.disc else "sky"
+        if directions not in rendered:
+            lit = _under(settings, level)
+            rendered[directions] = lit, *_radiance(lit, scene)
+        lit, radiance, canopy = rendered[directions]
+        scaled = radiance * light_scale(lit, level).astype(np.float32)
+        yield replace(_cell(name, level, lit, scaled), canopy=canopy)
+        advance()
+
+
+def _under(settings: Configuration, level: str) -> Configuration:
+    light = settings.light.model_copy(update={"level": level})
+    return settings.model_copy(update={"light": light})
+
+
+def _radiance(lit: Configuration, scene: Scene) -> tuple[NDArray[np.float32], str]:
+    """First frame (H, W, B) of a scene under the light of a configuration, and of its canopy.
+
+    A canopy is measured under an even sky; else, and without one, nothing is told.
+    """
+    # What glows by itself is as bright as the light of its level, so it is built for each.
+    scene = replace(scene, lighting=lit.light.lighting()) if scene.lighting else build(lit)
+    renderer = SceneRenderer(scene, lit.camera, lit.render)
+    poses, ring = lit.trajectory.poses(), lit.scene.canopy_ring_m
+    has_disc = bool(scene.lighting and scene.lighting.sun)
+    canopy = str(renderer.canopy(poses, ring)) if ring and not has_disc else ""
+    return renderer.radiance(poses[0], frame_seed(lit.seed, 0)), canopy
+
+
+def _cell(name: str, level: str, lit: Configuration, radiance: NDArray[np.float32]) -> LitScene:
+    bands = lit.render.bands_nm
+    view = preview(radiance, bands, white_of(lit.scene, _under(lit, level).light))
+    return LitScene(name, level, view, _counts(lit, radiance, f"{name}/{level}"))
+
+
+def _counts(
+    settings: Configuration, radiance: NDArray[np.float32], sequence: str
+) -> NDArray[np.integer | np.floating]:
+    bands, sensor = settings.render.bands_nm, settings.sensors[0]
+    light = radiance[np.newaxis]
+    exposure = expose(light, bands, sensor, seed=settings.seed, sequence=sequence)
+    return np.asarray(exposure.counts[0])
+
+
+def _write_page(path: Path, scenes: Sequence[Sequence[LitScene]]) -> None:
+    """Write all cells as one page, a section for each scene."""
+    sections = []
+    for own in scenes:
+        canopies = " ".join(dict.fromkeys(cell.canopy for cell in own if cell.canopy))
+        figures = tuple(captioned(_both(cell), f"{cell.light}: {cell.photons}") for cell in own)
+        name = own[0].scene
+        sections.append(Section(name[0].upper() + name[1:], canopies, charts=figures))
+    summary = (
+        "Above: the rendered radiance, exposed for its own light, as no eye and no camera sees it "
+        f"at night. Below: what an ideal sensor counts in {1e3 * _EXPOSURE_S:g} ms, from black for "
+        "no photon to white for the brightest hundredth of its pixels."
+    )
+    write_sections(path, "Scenes and lights", summary, sections)
+
+
+def _both(cell: LitScene) -> Markup:
+    where = f"{cell.scene} in {cell.light}"
+    view = image(data_uri(Image.fromarray(cell.view)), f"{where}, exposed for it")
+    counts = image(data_uri(gray_counts(cell.counts)), f"photon counts of {where}")
+    return view + Markup('<span class="pixels">{}</span>').format(counts)
+
+
+def _rows(cells: Sequence[LitScene]) -> Iterator[list[tuple[str, Image.Image]]]:
+    """Yield two rows of the sheet for a scene: of its views, and of their counts."""
+    height, width = cells[0].view.shape[:2]
+    size = (_WIDTH, round(_WIDTH * height / width))
+    yield [
+        (f"{each.scene}, {each.light}", Image.fromarray(each.view).resize(size)) for each in cells
+    ]
+    yield [
+        (each.photons, gray_counts(each.counts).convert("RGB").resize(size, Image.Resampling.BOX))
+        for each in cells
+    ]
+
+
+SAMPLES = 64
+"""Per pixel."""
+_CAMERA = {"width": 360, "height": 240, "fov_deg": 75}
+_AHEAD = {"frames": 2, "look_at_m": [10, 0, 2.4]}
+_FLOOR = {"frames": 2, "look_at_m": [6, 0, 1.0]}
+_LOW = {"frames": 2, "position_m": [0, 0, 0.7], "look_at_m": [2.5, 0.6, 0.35]}
+_NOON = {"level": "daylight", "sky": "natural", "disc_azimuth_deg": 150}
+_CLOUDY = {"level": "daylight", "sky": "natural", "cloud_cover": 1.0}
+_SUMMARY = (
+    "Rendered radiance, exposed for its own light, as no eye and no camera sees it at night; where "
+    "photons are given, what an ideal sensor counts, from black for none to white for the "
+    "brightest hundredth of its pixels."
+)
+
+
+@dataclass(frozen=True)
+class GalleryView:
+    """Content of one picture."""
+
+    title: str
+    parts: Mapping[str, Any]
+    """Of a configuration."""
+    exposure_s: float | None = None
+    """Of an ideal sensor whose counts are shown, too."""
+    work: int = 1
+    """Times the samples of other views: light in fog is noisy."""
+
+
+def _forest(
+    preset: str, light: Mapping[str, Any], path: Mapping[str, Any], **scene: Any
+) -> dict[str, Any]:
+    forest = {"kind": "forest", "preset": preset, **scene}
+    return {"scene": forest, "light": light, "trajectory": path}
+
+
+VIEWS = (
+    GalleryView("A clearing at noon", _forest("clearing", _NOON, _AHEAD)),
+    GalleryView(
+        "An open forest where the sun went down",
+        _forest("open", {"level": "twilight", "sky": "natural", "disc_azimuth_deg": 0}, _AHEAD),
+    ),
+    GalleryView("The floor of a rain forest at noon", _forest("rainforest", _NOON, _FLOOR)),
+    GalleryView(
+        "The same by starlight",
+        _forest("rainforest", {"level": "starlight", "sky": "natural"}, _FLOOR),
+        exposure_s=0.1,
+    ),
+    GalleryView("A trail through a mixed wood at noon", _forest("trail", _NOON, ALONG_THE_TRAIL)),
+    GalleryView(
+        "The same in fog, under a cloud",
+        _forest("trail", _CLOUDY, ALONG_THE_TRAIL, haze={"visibility_m": 60.0}),
+        work=4,
+    ),
+    GalleryView(
+        "Close to the ground",
+        {**_forest("understorey", _NOON, _LOW), "camera": {**_CAMERA, "fov_deg": 45}},
+    ),
+    GalleryView(
+        "All around, in a dense forest",
+        {
+            **_forest("dense", _NOON, {"frames": 2, "look_at_m": [10, 0, 1.5]}),
+            "camera": {"kind": "equirectangular", "width": 480, "height": 240},
+        },
+    ),
+)
+
+
+def of_photograph(panorama: Path, turn_deg: float = 0.0) -> tuple[GalleryView, GalleryView]:
+    """A photograph, and a clearing in its light, seen by the same camera."""
+    scene = {"kind": "panorama", "file": str(panorama), "turn_deg": turn_deg}
+    light = {"level": "daylight", "panorama": str(panorama), "panorama_turn_deg": turn_deg}
+    day = {"level": "daylight"}
+    return (
+        GalleryView("A photographed forest", {"scene": scene, "light": day, "trajectory": _AHEAD}),
+        GalleryView("A clearing in its light", _forest("clearing", light, _AHEAD)),
+    )
+
+
+def write_views(
+    out: Path,
+    panorama: Path | None = None,
+    views: Sequence[GalleryView] = VIEWS,
+    samples_per_pixel: int = SAMPLES,
+) -> Path:
+    """Render the views into a folder; return their page, views.html, beside views.jpg.
+
+    Raises UserError when there is no such panorama; ValueError when the panorama cannot be read as
+    a picture.
+    """
+    views = [*(of_photograph(panorama) if panorama else ()), *views]
+    settings = [_settings(view, samples_per_pixel * view.work) for view in views]
+    pictures: list[tuple[str, Image.Image]] = []
+    with progress("Rendering views", len(views), "view") as advance:
+        for view, each in zip(views, settings, strict=True):
+            pictures += _pictures(view, each)
+            advance()
+    out.mkdir(parents=True, exist_ok=True)
+    write_sheet(out / "views.jpg", [pictures[at : at + 2] for at in range(0, len(pictures), 2)])
+    shown = tuple(captioned(image(data_uri(each), title), title) for title, each in pictures)
+    section = Section("Views", charts=shown)
+    write_sections(out / "views.html", "Forests under natural skies", _SUMMARY, [section])
+    return out / "views.html"
+
+
+def _settings(view: GalleryView, samples_per_pixel: int) -> Configuration:
+    values = {
+        "camera": _CAMERA,
+        "render": {"samples_per_pixel": samples_per_pixel, "integrator": "path"},
+        "sensors": [{"preset": "ideal", "exposure_s": view.exposure_s or 1e-3}],
+        **view.parts,
+    }
+    return validated(Configuration, values, view.title)
+
+
+def _pictures(view: GalleryView, settings: Configuration) -> Iterator[tuple[str, Image.Image]]:
+    """Yield a view with its title, and where it is asked for its counts."""
+    renderer = SceneRenderer(build(settings), settings.camera, settings.render)
+    radiance = renderer.radiance(settings.trajectory.poses()[0], frame_seed(settings.seed, 0))
+    white = white_of(settings.scene, settings.light)
+    yield view.title, Image.fromarray(preview(radiance, settings.render.bands_nm, white))
+    if view.exposure_s:
+        counts = _counts(settings, radiance, "view")
+        told = f"{view.title}: {counts.mean():.2g} photons per pixel in {view.exposure_s:g} s"
+        yield told, gray_counts(counts).convert("RGB")
+
+
+STATISTICS_PRESETS = "open", "clearing", "dense", "understorey", "rainforest", "trail"
+STATISTICS_SAMPLES = 36
+"""Per pixel and pass"""
+
+DIRECTIONS = 4
+FINEST_DEG = 0.3
+"""Angle of a pixel without photographs"""
+
+BLUR_PX = 0.7
+"""Standard deviation of a lens's blur"""
+
+_FOV_DEG, _EYE_M = 75.0, 1.6
+_STEP_DEG = 0.05
+_TITLES = {
+    "contrast": "standard deviation",
+    "skewness": "skewness",
+    "kurtosis": "kurtosis",
+    "neighbor_correlation": "correlation",
+    "gradient_contrast": "σ of differences",
+    "gradient_kurtosis": "their kurtosis",
+    "spectrum_slope": "exponent of power",
+}
+_ALIKE = 1.3
+"""Factor within which a statistic is near that of a photograph"""
+
+
+def write_statistics(
+    out: Path,
+    panoramas: Sequence[Path] = (),
+    samples_per_pixel: int = STATISTICS_SAMPLES,
+    presets: Sequence[str] = STATISTICS_PRESETS,
+    side_px: int | None = None,
+) -> list[Path]:
+    """Render the views and write image-statistics.png, .svg, .csv and .json into a folder.
+
+    Panoramas are photographs all around: HDR, EXR or PNG files, 2:1. Each of eight renderings of a
+    view of 75° takes so many light paths per pixel; its side is by default that of 0.3° per pixel,
+    or of two pixels of the coarsest photograph. Raises UserError, ValueError when there is no such
+    panorama, or it cannot be read.
+    """
+    side_px = side_px or round(_FOV_DEG / degrees_per_px(panoramas))
+    scenes = {each.stem: {"kind": "panorama", "file": str(each)} for each in panoramas}
+    scenes |= {preset: {"kind": "forest", "preset": preset} for preset in presets}
+    settings = {
+        name: _statistics_settings(name, scene, samples_per_pixel, side_px)
+        for name, scene in scenes.items()
+    }
+    found: dict[str, list[LogStatistics]] = {name: [] for name in scenes}
+    found |= {f"{preset}, blurred": [] for preset in presets}
+    unlit = 0.0
+    with progress("Rendering views", len(scenes) * DIRECTIONS * PASSES, "picture") as advance:
+        for name, each in settings.items():
+            for passes in _views(each, advance):
+                found[name].append(log_statistics(passes))
+                if name in presets:
+                    softer = [gaussian_filter(light, BLUR_PX) for light in passes]
+                    found[f"{name}, blurred"].append(log_statistics(softer))
+                    unlit = max(unlit, unlit_share(passes))
+    out.mkdir(parents=True, exist_ok=True)
+    return write_figure(_figure(found, len(panoramas), side_px, unlit), out)
+
+
+def degrees_per_px(panoramas: Sequence[Path]) -> float:
+    """Return the angle of a pixel at which forests and photographs are compared.
+
+    Raises ValueError when a photograph cannot be read.
+    """
+    coarsest = max((360 / read_picture(str(each)).shape[1] for each in panoramas), default=0.0)
+    return max(FINEST_DEG, _STEP_DEG * math.ceil(2 * coarsest / _STEP_DEG))
+
+
+def _statistics_settings(
+    name: str, scene: dict[str, str], samples_per_pixel: int, side_px: int
+) -> Configuration:
+    is_photograph = scene["kind"] == "panorama"
+    sky = {} if is_photograph else {"sky": "natural", "disc_azimuth_deg": 150}
+    values = {
+        "scene": scene,
+        "light": {"level": "daylight", **sky},
+        "camera": {"width": side_px, "height": side_px, "fov_deg": _FOV_DEG},
+        "trajectory": {
+            "frames": DIRECTIONS,
+            "position_m": [0, 0, _EYE_M],
+            "look_at_m": [10, 0, _EYE_M],
+            "frame_rate_hz": 1,
+            "rotation_deg_s": 360 / DIRECTIONS,
+        },
+        "render": {
+            "samples_per_pixel": samples_per_pixel,
+            "integrator": "path",
+            "bands_nm": [[507, 614]],
+        },
+    }
+    return validated(Configuration, values, name)
+
+
+def _views(settings: Configuration, advance: Callable[[int], None]) -> Iterator[list[Floats]]:
+    """Yield the independent renderings of each view, (H, W) each."""
+    renderer = SceneRenderer(build(settings), settings.camera, settings.render)
+    for index, pose in enumerate(settings.trajectory.poses()):
+        passes = []
+        for repeat in range(PASSES):
+            light = renderer.radiance(pose, frame_seed(settings.seed, index, repeat))[..., 0]
+            passes.append(light.astype(float))
+            advance(1)
+        yield passes
+
+
+def _figure(
+    found: dict[str, list[LogStatistics]], photographs: int, side_px: int, unlit: float
+) -> Figure:
+    rows = [_row(name, each) for name, each in found.items()]
+    shaded = f"; shaded, within a factor of {_ALIKE:g} of a photograph" if photographs else ""
+    return Figure(
+        name="image-statistics",
+        title="Statistics of the logarithm of light in views of forests",
+        caption=(
+            f"Mean and standard error over {DIRECTIONS} views of {_FOV_DEG:g}° at "
+            f"{_FOV_DEG / side_px:.3g}° per pixel from {_EYE_M:g} m, in daylight{shaded} (of the "
+            "correlation, its distance from 1); blurred, by "
+            f"{BLUR_PX:g} px as a lens does. Differences and correlation are those of neighbors "
+            "along rows, the exponent that of the power over the radial frequency. Noise is taken "
+            f"out by products of {PASSES} renderings, of whose pixels at most "
+            f"{100 * unlit:.2g} % met no light."
+        ),
+        draw=partial(_draw, rows=rows, photographs=photographs),
+        numbers=columns_of(rows),
+        height_in=1.6 + 0.44 * len(rows),
+    )
+
+
+def _row(name: str, views: Sequence[LogStatistics]) -> dict[str, Cell]:
+    row: dict[str, Cell] = {"scene": name}
+    for field in fields(LogStatistics):
+        values = np.array([getattr(each, field.name) for each in views])
+        row[field.name] = float(values.mean())
+        row[f"{field.name}_error"] = float(values.std(ddof=1) / len(values) ** 0.5)
+    return row
+
+
+def _draw(canvas: Canvas, rows: Sequence[dict[str, Any]], photographs: int) -> None:
+    """Draw a panel for each statistic, a line for each scene."""
+    panels = canvas.subplots(2, 4, sharey=True).ravel()
+    panels[-1].set_axis_off()
+    for axes, (name, title) in zip(panels, _TITLES.items(), strict=False):
+        base = 1 if name == "neighbor_correlation" else 0
+        for place, row in enumerate(rows):
+            color = ORANGE if place < photographs else BLUE
+            axes.errorbar(row[name], place, xerr=row[f"{name}_error"], fmt="o", color=color)
+            if place < photographs:
+                alike = (base + (row[name] - base) * factor for factor in (1 / _ALIKE, _ALIKE))
+                axes.axvspan(*alike, color=color, alpha=0.15, linewidth=0)
+        axes.set_title(title, fontsize=10)
+        axes.set_yticks(range(len(rows)), [row["scene"] for row in rows])
+        axes.xaxis.set_major_locator(MaxNLocator(3))
+    panels[0].set_ylim(len(rows) - 0.5, -0.5)
