@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 import pytest
-import trimesh
 
 from megalopta.render import (
     RenderSettings,
@@ -15,6 +14,8 @@ from megalopta.render import (
 )
 from megalopta.render.loading.scene import bare_mesh, gather
 from megalopta.scenes import Forest, Light, PerspectiveCamera, Trajectory, build_scene
+
+from .conftest import quad
 
 CAMERA = PerspectiveCamera(width=8, height=8, fov_deg=75)
 LEAF_AREA_INDEX = 0.5
@@ -86,9 +87,7 @@ def test_a_forest_tells_what_it_lets_through():
 
 def test_the_share_of_blocked_rays_under_half_a_roof_is_exact():
     activate(choose_variant())
-    roof = trimesh.Trimesh(
-        [[0, -99, 1], [99, -99, 1], [99, 99, 1], [0, 99, 1]], [[0, 1, 2], [0, 2, 3]], process=False
-    )
+    roof = quad(np.array([[0, -99, 1], [99, -99, 1], [99, 99, 1], [0, 99, 1]]))
     loaded = gather([bare_mesh(roof.vertices.astype(np.float32), roof.faces.astype(np.uint32))])
     points = np.array([[0.001, 0, 0], [-50.0, 0, 0]])
     found = gap_fraction(loaded, points, 45.0, np.random.default_rng(0))

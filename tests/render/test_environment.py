@@ -109,6 +109,7 @@ def test_points_per_pixel_are_rounded_up_to_a_square(picture):
         (np.ones((8, 8, 3)), "8 × 8 pixels; a panorama is twice as wide"),
         (np.full((8, 16, 3), np.nan), "not finite"),
         (np.full((8, 16, 3), -1.0), "384 values below 0, the lowest -1, more than 0.1% of its"),
+        (np.random.default_rng(0).random((16, 32, 3)) - 0.1, "more than 0.1% of its light"),
         (np.zeros((8, 16, 3)), "black above the horizon"),
     ],
 )
@@ -117,25 +118,19 @@ def test_pictures_that_are_no_panorama_of_light_are_refused(picture, values, rea
         renderer(picture(values))
 
 
-def test_a_file_that_is_no_picture_is_refused(tmp_path):
-    path = tmp_path / "text.hdr"
-    path.write_text("no picture")
-    with pytest.raises(ValueError, match=r"text\.hdr cannot be read as a picture"):
-        renderer(str(path))
-
-
 @pytest.mark.parametrize(
-    ("name", "content", "reason"),
+    ("content", "reason"),
     [
-        ("short.hdr", b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 4 +X 8\n\0", "ends too early"),
-        ("none.hdr", b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 0 +X 0\n", "holds no pixel"),
-        ("huge.hdr", b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1000000 +X 2000000\n", "too large"),
+        (b"no picture", "cannot be read as a picture"),
+        (b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 4 +X 8\n\0", "ends too early"),
+        (b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 0 +X 0\n", "holds no pixel"),
+        (b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1000000 +X 2000000\n", "too large"),
     ],
-)  # fmt: skip
-def test_a_damaged_picture_is_told_why(tmp_path, name, content, reason):
-    (tmp_path / name).write_bytes(content)
-    with pytest.raises(ValueError, match=rf"{name} .*{reason}"):
-        read_picture(str(tmp_path / name))
+)
+def test_a_damaged_picture_is_told_why(tmp_path, content, reason):
+    (tmp_path / "sky.hdr").write_bytes(content)
+    with pytest.raises(ValueError, match=rf"sky\.hdr .*{reason}"):
+        read_picture(str(tmp_path / "sky.hdr"))
 
 
 def test_slightly_negative_values_become_black_and_are_told(picture, capsys):
@@ -146,9 +141,3 @@ def test_slightly_negative_values_become_black_and_are_told(picture, capsys):
     assert (
         "has 4 values below 0, the lowest -0.0016; they are taken as 0" in capsys.readouterr().err
     )
-
-
-def test_a_picture_of_differences_is_refused(picture):
-    values = np.random.default_rng(0).random((16, 32, 3)) - 0.1
-    with pytest.raises(ValueError, match="more than 0.1% of its light"):
-        read_picture(str(picture(values)))

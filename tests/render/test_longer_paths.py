@@ -8,12 +8,12 @@ from megalopta.render import RenderSettings, SceneRenderer
 from megalopta.scenes import PerspectiveCamera, Trajectory
 from megalopta.scenes.material import Material
 from megalopta.scenes.scene import (
-    Asset,
     Lighting,
-    Placement,
     Scene,
 )
 from megalopta.scenes.spectra.spectrum import Spectrum, flat
+
+from .conftest import scene_of
 
 BANDS = (500.0, 600.0), (800.0, 900.0)
 REFLECTANCES = 0.2, 0.8
@@ -26,12 +26,7 @@ def renderer(max_depth, scene_part=0.625):
     highest = np.sort(sphere.triangles_center[:, 2])[round(scene_part * len(sphere.faces)) - 1]
     sphere.update_faces(sphere.triangles_center[:, 2] <= highest)
     wall = Spectrum((400.0, 650.0, 750.0, 1000.0), np.repeat(REFLECTANCES, 2).tolist())
-    scene = Scene(
-        {"wall": Material(wall)},
-        {"sphere": Asset({"wall": sphere})},
-        (Placement("sphere", "wall", np.eye(4)),),
-        Lighting(flat(1.0)),
-    )
+    scene = scene_of(Lighting(flat(1.0)), (sphere, Material(wall)))
     camera = PerspectiveCamera(width=48, height=48, fov_deg=60)
     settings = RenderSettings(bands_nm=BANDS, samples_per_pixel=64, max_depth=max_depth)
     return SceneRenderer(scene, camera, settings)

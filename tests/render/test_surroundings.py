@@ -16,16 +16,11 @@ from megalopta.render.surroundings import (
 )
 from megalopta.scenes import Panorama, PerspectiveCamera, Trajectory
 from megalopta.scenes.lighting.light import Light
-from megalopta.scenes.material import Material
 from megalopta.scenes.scene import (
-    Asset,
-    Placement,
-    Scene,
     pattern_directions,
 )
-from megalopta.scenes.spectra.spectrum import flat
 
-from .conftest import quad
+from .conftest import scene_of, square
 
 ROWS = 64
 BANDS = ((450.0, 550.0), (600.0, 700.0))
@@ -52,13 +47,7 @@ def with_sun(azimuth_deg, elevation_deg, irradiance):
 
 
 def scene_under(path, **light):
-    corners = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0.0]])
-    return Scene(
-        {"card": Material(flat(0.5))},
-        {"card": Asset({"card": quad(corners)})},
-        (Placement("card", "card", np.eye(4)),),
-        Light(panorama=str(path), **light).lighting(),
-    )
+    return scene_of(Light(panorama=str(path), **light).lighting(), square(half_width=1))
 
 
 def test_a_sun_is_taken_out_with_its_direction_and_all_of_its_light():

@@ -14,9 +14,8 @@ from megalopta.scenes.scene import Scene
 from megalopta.scenes.spectra.spectrum import flat
 from megalopta.scenes.trajectories.steady import Trajectory
 
-vectorized = pytest.mark.skipif(
-    choose_variant().name.startswith("scalar"), reason="cells are found by vectorized rays"
-)
+from ..conftest import vectorized
+
 CAMERA = PerspectiveCamera(width=64, height=64, fov_deg=60)
 THING = Scene({"thing": Material(flat(0.5))}, {}, ())
 PATH = np.array([[0.0, 0.0, 1.0], [3.0, 0.0, 1.0]])

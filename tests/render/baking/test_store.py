@@ -11,29 +11,20 @@ from megalopta.render.loading.meshes import merge
 from megalopta.scenes.cameras.perspective import PerspectiveCamera
 from megalopta.scenes.material import Material, Texture
 from megalopta.scenes.scene import (
-    Asset,
     Lighting,
-    Placement,
-    Scene,
 )
 from megalopta.scenes.spectra.spectrum import flat
 from megalopta.scenes.trajectories.steady import Trajectory
 
-from ..conftest import quad
+from ..conftest import scene_of, square
 
 TEXTURE = Texture(np.zeros((2, 2), np.float32), flat(0.3), flat(0.2))
 LEAF = Material(flat(0.4), TEXTURE, None, flat(0.1))
 
 
 def key(material):
-    leaf = quad(np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0.0]]))
-    scene = Scene(
-        {"leaf": material},
-        {"leaf": Asset({"leaf": leaf})},
-        (Placement("leaf", "leaf", np.eye(4)),),
-        Lighting(flat(1e-9)),
-    )
-    bare = Scene({"leaf": Material(flat(0.4))}, scene.assets, scene.placements, scene.lighting)
+    scene = scene_of(Lighting(flat(1e-9)), (square(), material))
+    bare = scene_of(Lighting(flat(1e-9)), (square(), Material(flat(0.4))))
     camera = PerspectiveCamera(width=4, height=4)
     poses = Trajectory(frames=2, position_m=(0, 0, 2), look_at_m=(0, 0, 0), up=(1, 0, 0)).poses()
     return key_of(scene, merge(bare), RenderSettings(), camera, poses, 0)

@@ -8,11 +8,10 @@ from megalopta.render.scene_renderer import SceneRenderer
 from megalopta.render.settings import RenderSettings
 from megalopta.scenes.cameras.perspective import PerspectiveCamera
 from megalopta.scenes.material import Emission, Material
-from megalopta.scenes.scene import Asset, Placement, Scene
 from megalopta.scenes.spectra.spectrum import flat
 from megalopta.scenes.trajectories.steady import Trajectory
 
-from ..conftest import quad
+from ..conftest import quad, scene_of
 
 BANDS = ((400.0, 450.0), (450.0, 600.0), (600.0, 700.0), (900.0, 1000.0))
 CAMERA = PerspectiveCamera(width=48, height=36, fov_deg=60)
@@ -22,11 +21,7 @@ OUTSIDE = Trajectory(frames=1, position_m=(-1.5, 0, 0), look_at_m=(1, 0, 0))
 
 def glowing(mesh, pattern=None, radiance=3e-6):
     mesh.visual = trimesh.visual.TextureVisuals(uv=mesh.metadata.get("uv", mesh.vertices[:, :2]))
-    return Scene(
-        {"glow": Material(flat(0.0), None, Emission(radiance, pattern))},
-        {"wall": Asset({"glow": mesh})},
-        (Placement("wall", "wall", np.eye(4)),),
-    )
+    return scene_of(None, (mesh, Material(flat(0.0), None, Emission(radiance, pattern))))
 
 
 def rendered(scene, trajectory, samples, backend="auto"):

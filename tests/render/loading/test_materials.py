@@ -10,10 +10,9 @@ from megalopta.render.loading.scene import load_scene
 from megalopta.render.mitsuba_loader import activate
 from megalopta.render.variant import Variant, choose_variant
 from megalopta.scenes.material import Material, Texture
-from megalopta.scenes.scene import Asset, Placement, Scene
 from megalopta.scenes.spectra.spectrum import Spectrum, flat
 
-from ..conftest import quad
+from ..conftest import scene_of, square
 
 RNG = np.random.default_rng(3)
 COUNT = 256
@@ -49,11 +48,9 @@ def shares(material):
 
 
 def loaded(material):
-    sheet = quad(np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0.0]]))
+    sheet = square(half_width=1)
     sheet.visual = trimesh.visual.TextureVisuals(uv=np.full((4, 2), 0.5))
-    scene = Scene(
-        {"leaf": material}, {"leaf": Asset({"leaf": sheet})}, (Placement("leaf", "l", np.eye(4)),)
-    )
+    scene = scene_of(None, (sheet, material))
     return load_scene(scene, merge(scene))
 
 

@@ -10,24 +10,17 @@ import numpy as np
 import pytest
 
 from megalopta.render import RenderSettings, SceneRenderer
-from megalopta.render.variant import choose_variant
 from megalopta.scenes import PerspectiveCamera, Trajectory
 from megalopta.scenes.material import Material
 from megalopta.scenes.scene import (
-    Asset,
     Lighting,
-    Placement,
-    Scene,
     SkyPattern,
     pattern_directions,
 )
 from megalopta.scenes.spectra.spectrum import Spectrum, flat
 
-from ..conftest import quad
+from ..conftest import quad, scene_of, vectorized
 
-vectorized = pytest.mark.skipif(
-    choose_variant().name.startswith("scalar"), reason="baking needs a vectorized variant"
-)
 INTEGRATORS = ["path", pytest.param("baked", marks=[vectorized, pytest.mark.slow])]
 BANDS = ((500.0, 600.0), (1400.0, 1500.0))
 ROWS = 90
@@ -52,12 +45,7 @@ def wall(lighting, tilt_deg):
     side = np.array([0, 1.0, 0])
     corners = [a * side + b * up for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
     leaf = Material(flat(ALBEDO), transmittance=flat(THROUGH))
-    scene = Scene(
-        {"leaf": leaf},
-        {"leaf": Asset({"leaf": quad(np.array(corners))})},
-        (Placement("leaf", "leaf", np.eye(4)),),
-        lighting,
-    )
+    scene = scene_of(lighting, (quad(np.array(corners)), leaf))
     look = Trajectory(
         frames=2, position_m=tuple(4 * normal), look_at_m=(0, 0, 0), up=tuple(up)
     ).poses()

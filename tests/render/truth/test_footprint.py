@@ -9,18 +9,14 @@ from megalopta.scenes import Light, build_scene
 from megalopta.scenes.cameras.panoramic import CylindricalCamera
 from megalopta.scenes.cameras.perspective import PerspectiveCamera
 from megalopta.scenes.forest.description import Forest
-from megalopta.scenes.material import Material
 from megalopta.scenes.motion import Drift, RigidMotion
 from megalopta.scenes.scene import (
-    Asset,
     Lighting,
-    Placement,
-    Scene,
 )
 from megalopta.scenes.spectra.spectrum import flat
 from megalopta.scenes.trajectories.steady import Trajectory
 
-from ..conftest import quad
+from ..conftest import GRAY, quad, scene_of
 
 CAMERA = PerspectiveCamera(width=40, height=30, fov_deg=60)
 SLIDE = Trajectory(
@@ -35,16 +31,8 @@ WALL = quad(np.array([[10, -99, -99], [10, 99, -99], [10, 99, 99], [10, -99, 99.
 
 def renderer_of(*things, camera=CAMERA, rays=16):
     """Things are (mesh, motion)."""
-    names = [f"thing{index}" for index in range(len(things))]
-    scene = Scene(
-        {name: Material(flat(0.5)) for name in names},
-        {name: Asset({name: mesh}) for name, (mesh, _) in zip(names, things, strict=True)},
-        tuple(
-            Placement(name, name, np.eye(4), motion)
-            for name, (_, motion) in zip(names, things, strict=True)
-        ),
-        Lighting(flat(1e-9)),
-    )
+    scene = scene_of(Lighting(flat(1e-9)), *((mesh, GRAY, motion) for mesh, motion in things))
+
     settings = RenderSettings(samples_per_pixel=1, bands_nm=((500, 600),), truth_rays=rays)
     return SceneRenderer(scene, camera, settings)
 

@@ -10,12 +10,11 @@ from megalopta.render.settings import RenderSettings
 from megalopta.scenes.cameras.perspective import PerspectiveCamera
 from megalopta.scenes.lighting.light import Light
 from megalopta.scenes.material import Emission, Material
-from megalopta.scenes.scene import Asset, Placement, Scene
 from megalopta.scenes.spectra.spectrum import flat
 from megalopta.scenes.stimuli.grating import Grating
 from megalopta.scenes.trajectories.steady import Trajectory
 
-from ..conftest import quad
+from ..conftest import quad, scene_of
 
 CAMERA = PerspectiveCamera(width=96, height=72, fov_deg=60)
 SETTINGS = RenderSettings(samples_per_pixel=256, bands_nm=((500, 600),), max_depth=2)
@@ -32,11 +31,7 @@ def textured_wall():
     wall.visual = trimesh.visual.TextureVisuals(uv=[[0, 0], [1, 0], [1, 1], [0, 1]])
     noise = gaussian_filter(np.random.default_rng(2).normal(size=(512, 512)), 7, mode="wrap")
     pattern = np.maximum(1 + noise / (4 * noise.std()), 0).astype(np.float32)
-    return Scene(
-        {"glow": Material(flat(0.0), None, Emission(1e-6, pattern))},
-        {"wall": Asset({"glow": wall})},
-        (Placement("wall", "wall", np.eye(4)),),
-    )
+    return scene_of(None, (wall, Material(flat(0.0), None, Emission(1e-6, pattern))))
 
 
 def residual(first, second, flow):
