@@ -50,13 +50,6 @@ def test_flo5_is_hdf5_with_one_dataset(flow, tmp_path):
     np.testing.assert_array_equal(read_flo5(tmp_path / "f.flo5"), flow)
 
 
-@pytest.mark.parametrize("read", [read_flo5, read_kitti_png])
-def test_something_else_is_refused_by_name(read, tmp_path):
-    (tmp_path / "a.dat").write_bytes(b"something else")
-    with pytest.raises(ValueError, match="a.dat"):
-        read(tmp_path / "a.dat")
-
-
 FLOW = np.random.default_rng(0).uniform(-50, 50, (6, 9, 2)).astype(np.float32)
 # what KITTI's steps of 1/64 px hold exactly
 FLOW = np.round(FLOW * 64).astype(np.float32) / 64
@@ -98,18 +91,6 @@ def test_opencv_reads_the_same_flo(tmp_path):
     np.testing.assert_array_equal(cv2.readOpticalFlow(str(tmp_path / "a.flo")), FLOW)
 
 
-def test_an_array_as_pytorch_orders_it_is_refused_with_the_way_out(tmp_path):
-    np.save(tmp_path / "a.npy", np.moveaxis(FLOW, -1, 0))
-    with pytest.raises(ValueError, match=r"float32 \(2, 6, 9\).*numpy.moveaxis\(flow, 0, -1\)"):
-        read_flow(tmp_path / "a.npy")
-
-
-def test_whole_numbers_are_no_flow(tmp_path):
-    np.save(tmp_path / "a.npy", FLOW.astype(np.int16))
-    with pytest.raises(ValueError, match=r"int16 \(6, 9, 2\).*astype\('float32'\)"):
-        read_flow(tmp_path / "a.npy")
-
-
 def test_a_png_that_claims_3_600_million_pixels_is_refused_in_a_moment(tmp_path):
     write(tmp_path / "a.png", FLOW)
     content = bytearray((tmp_path / "a.png").read_bytes())
@@ -147,21 +128,19 @@ def test_damaged_files_are_refused_by_name(tmp_path, suffix):
 
 
 @pytest.mark.parametrize(
-    "values",
-    [np.zeros((3, 4)), np.zeros((3, 4, 3)), np.zeros((3, 4, 2), complex), np.array(["a"])],
+    ("values", "told"),
+    [
+        (np.zeros((3, 4)), "a.npy"),
+        (np.zeros((3, 4, 2), complex), "a.npy"),
+        (np.array(["a"]), "a.npy"),
+        (np.array([{}], dtype=object), "a.npy"),  # a pickle is not opened
+        (np.moveaxis(FLOW, -1, 0), r"float32 \(2, 6, 9\).*numpy.moveaxis\(flow, 0, -1\)"),
+        (FLOW.astype(np.int16), r"int16 \(6, 9, 2\).*astype\('float32'\)"),
+    ],
 )
-def test_arrays_that_are_no_flow_are_refused(tmp_path, values):
+def test_arrays_that_are_no_flow_are_refused(tmp_path, values, told):
     np.save(tmp_path / "a.npy", values)
-    with pytest.raises(ValueError, match="a.npy"):
+    with pytest.raises(ValueError, match=told):
         read_flow(tmp_path / "a.npy")
-
-
-def test_pickles_are_not_opened(tmp_path):
-    np.save(tmp_path / "a.npy", np.array([{}], dtype=object))
-    with pytest.raises(ValueError, match="a.npy"):
-        read_flow(tmp_path / "a.npy")
-
-
-def test_other_suffixes_are_refused(tmp_path):
     with pytest.raises(ValueError, match=r"a.mat: flow is read from .flo"):
         read_flow(tmp_path / "a.mat")

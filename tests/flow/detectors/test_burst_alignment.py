@@ -28,14 +28,6 @@ def test_velocities_do_not_depend_on_brightness():
     np.testing.assert_array_equal(detector.respond(counts), detector.respond(4 * counts))
 
 
-def test_blocks_without_photons_have_no_velocity():
-    counts = np.random.default_rng(0).poisson(9.0, (8, 60, 60)).astype(np.uint16)
-    counts[:, :30] = 0
-    velocities = BurstAlignment().respond(counts)
-    assert np.isnan(velocities[:, :5]).all()
-    assert np.isfinite(velocities[:, 5:]).all()
-
-
 @pytest.mark.parametrize("levels", [1, 6])
 def test_levels_end_where_a_block_no_longer_fits(levels):
     frames = drifting_texture((1.0, 0.0), 8, (40, 52), blur_px=1.5)

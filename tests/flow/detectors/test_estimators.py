@@ -41,15 +41,6 @@ def test_texture_has_the_velocity_that_it_drifts_with(name, velocity):
     assert np.hypot(*(found - velocity).std(axis=(0, 1, 2))) < 0.1
 
 
-@pytest.mark.parametrize("name", ESTIMATORS)
-def test_photon_counts_have_the_velocity_of_their_texture(name):
-    # 4000 photons per pixel, shot noise 16 times below the texture.
-    texture = drifting_texture((1.3, -0.7), frames=3)
-    counts = np.random.default_rng(1).poisson(4000 * (1 + 0.25 * texture / texture.std()).clip(0))
-    found = METHODS[name].respond(counts)[:, 1:-1, 1:-1]
-    np.testing.assert_allclose(np.median(found, axis=(0, 1, 2)), (1.3, -0.7), atol=0.1)
-
-
 @pytest.mark.parametrize("name", ["LK", "FB", "DIS", "TV-L1"])
 def test_a_hot_pixel_spoils_its_surroundings_only(name):
     texture = 1 + 0.25 * drifting_texture((1.3, -0.7), frames=2)
@@ -183,23 +174,14 @@ def test_one_block_wide_window_sees_the_pixels_of_its_block_only():
     np.testing.assert_array_equal(method.respond(other)[0, 5, 6], expected)
 
 
-def test_larger_windows_need_fewer_photons():
-    texture = drifting_texture((1.3, 0), frames=5)
-    counts = np.random.default_rng(2).poisson(2 * (1 + 0.25 * texture / texture.std()).clip(0))
-    for method in (LucasKanade, Farneback):
-        spread = [
-            np.nanstd(method(window_blocks=blocks).respond(counts)[:, 1:-1, 1:-1, 0])
-            for blocks in (1.0, 3.0)
-        ]
-        assert spread[1] < 0.7 * spread[0]
-
-
 def test_presets_and_weights_reach_the_libraries():
     texture = drifting_texture((1.3, 0))
     counts = np.random.default_rng(3).poisson(4 * (1 + 0.25 * texture / texture.std()).clip(0))
     for method, changed in (
         (DenseInverseSearch(), DenseInverseSearch(preset="ultrafast")),
         (TotalVariation(), TotalVariation(attachment=5)),
+        (LucasKanade(), LucasKanade(window_blocks=3)),
+        (Farneback(), Farneback(window_blocks=3)),
         (PhaseCorrelation(), PhaseCorrelation(whitened=False)),
         (PhaseCorrelation(), PhaseCorrelation(steps_per_px=3)),
     ):

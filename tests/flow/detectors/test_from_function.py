@@ -32,7 +32,7 @@ def frames():
     return np.random.default_rng(0).poisson(20, (4, 60, 60))
 
 
-@pytest.mark.parametrize("name", ["DIS", "FB", "TV-L1"])
+@pytest.mark.parametrize("name", ["DIS", "FB", "TV-L1", "PF"])
 def test_blocks_are_means_of_the_dense_flow(frames, name):
     detector = METHODS[name]
     flow = detector.dense(*frames[:2])

@@ -74,11 +74,6 @@ def test_weight_is_that_of_wiener_where_texture_is_strong_and_of_correlation_whe
     assert weak[0, 13] / weak[0, 6] == pytest.approx(expected, rel=1e-5)  # of single precision
 
 
-def test_blocks_without_photons_have_no_velocity():
-    frames = np.zeros((3, 76, 76), np.uint16)
-    assert np.isnan(agreed_velocities(patches(frames), 7)).all()
-
-
 @pytest.mark.parametrize("seen_in", [0, 1])
 def test_what_fewer_than_two_frames_show_has_no_velocity(seen_in):
     frames = np.zeros((8, 76, 76))

@@ -102,14 +102,6 @@ def test_many_weak_places_do_not_draw_the_rate_to_zero(places, frames, seeds):
     assert np.mean(ratios) == pytest.approx(1, abs=0.23)
 
 
-def test_noisy_places_weigh_less():
-    rng = np.random.default_rng(6)
-    slopes, noise = np.ones(40), np.where(np.arange(40) < 20, 0.5, 5.0)
-    learned = rng.normal(size=500)
-    field = fit_wide_field(known_answers(3, learned, slopes, noise), learned)
-    assert field.weights[:20].min() > 1.5 * field.weights[20:].max()
-
-
 def test_a_place_that_answered_wildly_once_spoils_nothing():
     rates = np.full(10, 6.0)
     once = known_answers(9, rates, np.ones(20), np.full(20, 0.1))

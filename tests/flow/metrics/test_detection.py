@@ -56,11 +56,6 @@ def test_area_is_the_integral_of_the_curve_ties_included():
     assert integral == pytest.approx(np.mean(pairs < 0) + 0.5 * np.mean(pairs == 0), abs=1e-12)
 
 
-def test_area_and_d_prime_do_not_change_with_the_scale_of_the_evidence():
-    noise, signal = gaussians(1.0, seed=3)
-    assert d_prime(np.exp(noise), np.exp(signal)) == d_prime(noise, signal)
-
-
 def test_separate_samples_give_the_limit_that_their_number_allows():
     noise, signal = np.zeros(256), np.ones(256)
     limit = math.sqrt(2) * norm.isf(0.5 / 256**2)
@@ -89,17 +84,7 @@ def settled(detector, velocity):
     return detector.respond(frames)[detector.memory_frames :]
 
 
-def methods_but(*names):
-    """Names of the others; the dear ones, whose velocities have a test of their own, are slow."""
-    dear = ("TV-L1", "PC")
-    return [
-        pytest.param(name, marks=[pytest.mark.slow] if name in dear else [])
-        for name in METHODS
-        if name not in names
-    ]
-
-
-@pytest.mark.parametrize("name", methods_but("IM"))
+@pytest.mark.parametrize("name", ["BM", "EMD", "NDM", "NDS", "DIS", "PM"])
 def test_noise_free_motion_exceeds_standstill_in_nearly_all_blocks(name):
     detector = METHODS[name]
     moving, still = (
@@ -108,17 +93,6 @@ def test_noise_free_motion_exceeds_standstill_in_nearly_all_blocks(name):
     )
     assert moving.shape[1:] == (8, 11) == still.shape[1:]
     assert roc_auc(still, moving) > 0.95
-
-
-@pytest.mark.parametrize("name", methods_but("NDM", "NDS", "IM"))
-def test_direction_is_told_by_the_sign(name):
-    detector = METHODS[name]
-    right, left = (
-        rightward_evidence(detector, settled(detector, velocity))
-        for velocity in ((1.2, 0.0), (-1.2, 0.0))
-    )
-    assert np.median(right) > 0 > np.median(left)
-    assert d_prime(left, right) > 2
 
 
 @pytest.mark.parametrize("name", ["NDM", "NDS"])

@@ -71,20 +71,6 @@ def test_flux_at_which_half_are_good_is_found_with_few_fluxes(exact):
     assert len(set(tried)) == len(tried) <= 6
 
 
-@pytest.mark.slow
-def test_interval_is_as_wide_as_the_scatter_between_sets_of_blocks():
-    rng = np.random.default_rng(0)
-
-    def needed():
-        needs = 5e4 * np.exp(1.5 * rng.standard_normal(400))
-        return photons_for_half(lambda flux: needs < flux, FLUXES, rng)
-
-    found = np.log([needed() for _ in range(50)])
-    # Of normal deviates 95 % lie within ±1.96 σ. 50 of them tell σ to 10 %: five of those.
-    expected = 2 * 1.96 * found[:, 0].std()
-    assert np.mean(found[:, 2] - found[:, 1]) == pytest.approx(expected, rel=0.5)
-
-
 def test_interval_is_that_of_groups_whose_blocks_are_alike():
     # twenty blocks with one need, in each of forty groups: as if there were forty blocks
     rng = np.random.default_rng(0)

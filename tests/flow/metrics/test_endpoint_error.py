@@ -8,7 +8,6 @@ import pytest
 
 from megalopta.flow.detectors.block_matching import BlockMatching
 from megalopta.flow.detectors.blocks import block_grid
-from megalopta.flow.detectors.image_interpolation import ImageInterpolation
 from megalopta.flow.metrics.endpoint_error import block_flow, block_share, truth_error, truth_splits
 from megalopta.flow.stimuli.resizing import resize
 
@@ -30,19 +29,6 @@ def test_image_moving_right_agrees_with_its_truth_through_resizing():
     assert error.blocks == 2 * 64
 
 
-def test_image_interpolation_shows_its_bias_sin_kd_over_sin_k():
-    k, d = 2 * np.pi / 6, 1.5
-    y, x = np.mgrid[:60, :60]
-    frames = np.stack([np.sin(k * (x - d * t)) + np.sin(k * y) for t in range(3)])
-    detector = ImageInterpolation()
-    truth = block_flow(uniform((d, 0), (60, 60)), detector.grid((60, 60)))
-    error = truth_error(detector.respond(frames), truth)
-    bias = np.sin(k * d) / np.sin(k) - d
-    assert error.bias_px == pytest.approx((bias, 0), abs=1e-6)
-    assert error.spread_px == pytest.approx((0, 0), abs=1e-6)
-    assert error.relative_error_median == pytest.approx(-bias / d, rel=1e-5)
-
-
 def test_blocks_of_weighed_pixels_have_the_weighted_mean_and_lightweight_ones_none():
     rng = np.random.default_rng(6)
     flow, weights = rng.normal(size=(1, 40, 40, 2)), rng.random((1, 40, 40))
@@ -58,12 +44,6 @@ def test_blocks_of_weighed_pixels_have_the_weighted_mean_and_lightweight_ones_no
     assert heavy.sum() >= 4
     np.testing.assert_allclose(averaged[0][heavy], expected[heavy], rtol=1e-12)
     assert np.isnan(averaged[0][~heavy]).all()
-
-
-def test_components_scale_with_their_own_axis():
-    truth = block_flow(uniform((4, 4), (90, 120)), block_grid((30, 60)))
-    np.testing.assert_allclose(truth[..., 0], 4 * 60 / 120, rtol=1e-6)
-    np.testing.assert_allclose(truth[..., 1], 4 * 30 / 90, rtol=1e-6)
 
 
 def test_blocks_average_exactly_the_pixels_whose_centers_they_hold():

@@ -48,10 +48,9 @@ def test_exactly_zero_error_is_interpolated_like_a_very_small_one():
 def test_curve_that_stays_above_or_starts_below_says_so():
     assert str(crossing(np.full(FLUXES.size, 0.3))) == "> 1e9"
     assert str(crossing(np.full(FLUXES.size, 0.2))) == "< 1000"
-
-
-def test_undefined_curve_has_an_undefined_threshold():
     assert str(crossing(np.full(FLUXES.size, np.nan))) == "undefined"
+    interval = Threshold("crossing", 0.25, 1e3, 1e12, 41234, 38950, 43480)
+    assert str(interval) == "41.2k [39.0k, 43.5k]"
 
 
 def test_many_curves_at_once_cross_as_each_alone():
@@ -91,12 +90,6 @@ def test_interval_holds_the_estimate_even_on_a_flat_noisy_curve():
     errors[-1] = 0.24
     found = crossing(errors, standard_errors=0.3 * errors)
     assert (found.low or 0) <= found.flux <= (found.high or np.inf)
-
-
-def test_threshold_prints_with_its_interval():
-    assert str(Threshold("crossing", 0.25, 1e3, 1e12, 41234, 38950, 43480)) == (
-        "41.2k [39.0k, 43.5k]"
-    )
 
 
 @pytest.mark.parametrize(
