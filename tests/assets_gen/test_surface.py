@@ -1,6 +1,6 @@
 import numpy as np
 
-from megalopta.assets_gen.surface import Surface, join, unit
+from megalopta.assets_gen.surface import Surface, join
 
 
 def triangle(normals=None):
@@ -15,15 +15,7 @@ def test_meshes_carry_uv_and_given_normals():
     np.testing.assert_array_equal(mesh.visual.uv, np.eye(3)[:, :2])
 
 
-def test_surfaces_without_normals_are_flat():
-    assert triangle().to_mesh().metadata["smooth"] is False
-
-
 def test_joined_surfaces_keep_their_triangles():
     joined = join([triangle(), triangle()])
     corners = joined.vertices[joined.faces]
     np.testing.assert_array_equal(corners, np.stack([np.eye(3)] * 2))
-
-
-def test_unit_leaves_zero_vectors_alone():
-    np.testing.assert_allclose(unit(np.array([[3.0, 0, 4], [0, 0, 0]])), [[0.6, 0, 0.8], [0, 0, 0]])

@@ -43,16 +43,3 @@ def test_the_ground_faces_up_and_its_normals_with_it(ground):
     agreement = (ground.normals[ground.faces] @ faces[:, :, None]).min(axis=(1, 2))
     near = np.abs(ground.vertices[ground.faces, :2]).max(axis=(1, 2)) < 40
     assert agreement[near].min() > 0.8 and agreement.min() > 0
-
-
-def test_normals_of_a_tilted_plane_are_its_own(terrain):
-    flat = make_terrain(cKDTree(PATH), 0.0, (25, 45), 0, np.random.default_rng(0))
-    normals = ground_surface(flat, LOW, HIGH, 0.5, 30).normals
-    # only bumps of at most a few degrees are left
-    assert np.degrees(np.arccos(normals[:, 2])).max() < 25
-
-
-def test_cells_never_shrink_away_from_the_path(ground):
-    x = np.unique(ground.vertices[:, 0])
-    steps = np.diff(x[x >= HIGH[0]])
-    assert np.all(np.diff(steps) > 0)

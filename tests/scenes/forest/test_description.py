@@ -71,17 +71,16 @@ def digest(scene):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["TINY", "SMALL"])
-def test_same_seed_gives_the_same_bytes_in_another_process(name):
+def test_same_seed_gives_the_same_bytes_in_another_process():
     code = (
         "import sys; sys.path.insert(0, 'tests/scenes/forest'); import test_description as t;"
-        f"print(t.digest(t.build_forest(t.{name}, t.PATH)))"
+        "print(t.digest(t.build_forest(t.TINY, t.PATH)))"
     )
     environment = os.environ | {"PYTHONHASHSEED": "4711", "OMP_NUM_THREADS": "1"}
     other = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=True, env=environment
     )
-    assert other.stdout.strip() == digest(build_forest(globals()[name], PATH))
+    assert other.stdout.strip() == digest(build_forest(TINY, PATH))
 
 
 def test_another_seed_gives_other_places_trees_and_bark():
@@ -95,37 +94,12 @@ def test_another_seed_gives_other_places_trees_and_bark():
     assert not np.array_equal(*barks)
 
 
-def test_triangles_stay_within_budget(scene):
-    assert scene.triangle_count < 4e6
-
-
 def test_kinds_are_names_people_read_and_the_ground_comes_first(scene):
     kinds = Counter(placement.kind for placement in scene.placements)
     assert kinds.keys() == {"ground", *FOREST.mix, *LAYERS}
+    assert scene.triangle_count < 4e6
     assert kinds["ground"] == 1 and scene.placements[0].kind == "ground"
     assert scene.lighting is None
-
-
-def test_every_material_is_used_and_textured(scene):
-    parts = {part for asset in scene.assets.values() for part in asset.parts}
-    assert scene.materials.keys() == parts
-    assert all(material.texture is not None for material in scene.materials.values())
-
-
-def test_bark_and_ground_are_smooth_and_leaves_flat(scene):
-    for asset in scene.assets.values():
-        for part, mesh in asset.parts.items():
-            assert mesh.metadata["smooth"] == part.endswith(("bark", "ground", "rock"))
-
-
-@pytest.mark.slow
-def test_placements_turn_and_scale_without_distortion(scene):
-    for placement in scene.placements:
-        linear = placement.to_world[:3, :3]
-        scale = np.cbrt(np.linalg.det(linear))
-        assert scale > 0
-        np.testing.assert_allclose(linear @ linear.T, scale**2 * np.eye(3), atol=1e-12)
-        assert placement.to_world[3].tolist() == [0, 0, 0, 1]
 
 
 def test_trees_keep_their_distance_from_each_other_and_from_the_path(trunks):
@@ -164,14 +138,6 @@ def test_heights_spread_as_asked_for(scene):
     assert np.abs(scales - 1).max() <= 2 * FOREST.height_spread + 1e-12
 
 
-def test_trees_stand_on_all_sides_of_both_ends_of_the_path(trunks):
-    points, _ = trunks
-    for end in (PATH[0], PATH[-1]):
-        away = points - end
-        sectors = np.floor(np.arctan2(away[:, 1], away[:, 0]) / (np.pi / 6))
-        assert len(np.unique(sectors)) == 12
-
-
 def test_the_ground_closes_the_horizon_all_around(scene):
     vertices = scene.assets["ground"].parts["litter ground"].vertices
     for end in (PATH[0], PATH[-1]):
@@ -190,17 +156,6 @@ def test_nothing_grows_into_the_camera(scene):
             for mesh in scene.assets[placement.asset].parts.values():
                 vertices = mesh.vertices @ matrix[:3, :3].T + matrix[:3, 3]
                 assert eye.query(vertices, distance_upper_bound=0.4)[0].min() == np.inf
-
-
-def test_plants_stand_on_the_ground(scene):
-    ground = scene.assets["ground"].parts["litter ground"].vertices
-    near = ground[np.abs(ground[:, :2]).max(axis=1) < 8]
-    tree = cKDTree(near[:, :2])
-    for placement in scene.placements[1:]:
-        x, y, z = placement.to_world[:3, 3]
-        if max(abs(x), abs(y)) < 7:
-            # the nearest vertex is less than 0.3 m away on slopes of less than one in two
-            assert z == pytest.approx(near[tree.query((x, y))[1], 2], abs=0.15)
 
 
 def test_what_lies_on_the_ground_follows_its_slope(scene):
@@ -254,10 +209,8 @@ def test_presets_set_what_is_not_given(name):
     assert Forest.model_validate_json(changed.model_dump_json()) == changed
 
 
-@pytest.mark.parametrize(
-    "name",
-    ["open", *(pytest.param(name, marks=pytest.mark.slow) for name in PRESETS if name != "open")],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("name", PRESETS)
 def test_presets_grow_what_they_name(name):
     # As many trees as will have every kind of the mix among them.
     forest = Forest(preset=name, trees=150, undergrowth=0.02, detail=0.05)
@@ -273,7 +226,6 @@ def test_presets_grow_what_they_name(name):
     "forest",
     [
         FOREST,
-        pytest.param(Forest(trees=600, detail=3.0, undergrowth=0), marks=pytest.mark.slow),
         pytest.param(Forest(preset="open"), marks=pytest.mark.slow),
     ],
 )

@@ -59,12 +59,6 @@ def test_leaves_let_light_through_and_nothing_else_does():
     assert not any(coat.transmittances for coat in COVERS.values())
 
 
-@pytest.mark.parametrize("coat", LEAVES)
-def test_the_light_end_of_a_leaf_is_brighter_on_both_sides_in_green(coat):
-    for dark, light in (coat.spectra, coat.transmittances):
-        assert light(550) > 1.15 * dark(550)
-
-
 @pytest.mark.parametrize("pair", [*GREEN, *THROUGH])
 def test_green_leaves_have_a_green_peak_and_a_red_edge_at_700_nm(pair):
     red_edge = np.arange(680, 801)

@@ -36,13 +36,6 @@ def test_the_top_reaches_its_amplitude_along_the_wind_and_less_across():
     np.testing.assert_allclose(np.abs(tops).max(axis=0), [0.12, 0.3, 0], rtol=1e-3, atol=1e-12)
 
 
-def test_swaying_repeats_with_the_tree_s_frequency_along_the_wind():
-    points = np.array([[3.0, 4, 21]])
-    np.testing.assert_allclose(
-        way(points, 0.7)[0, 1], way(points, 0.7 + 5 / 0.31)[0, 1], atol=1e-12
-    )
-
-
 def test_trees_and_bushes_sway_each_in_its_own_way_and_nothing_else_does(windy):
     moving = [placement for placement in windy.placements if placement.motion]
     assert {placement.kind for placement in moving} <= {*TREES, *BUSHES}

@@ -1,5 +1,4 @@
 import numpy as np
-import pytest
 
 from megalopta.scenes.spectra.moonlight import FULL_MOON, QUARTER_MOON, moonlit
 from megalopta.scenes.spectra.photometry import luminous
@@ -28,8 +27,3 @@ def test_infrared_beside_200_mlux_is_close_to_what_was_measured():
     )
     # at most, on the ground: Krieg 2021; without air it is 1.75 times as much
     assert 1.0 < infrared / (600e-6 / 0.2) < 1.55
-
-
-def test_moonlit_keeps_the_bands_of_water():
-    moon = moonlit(SUN, FULL_MOON)
-    assert moon(940) / moon(1000) == pytest.approx(SUN(940) / SUN(1000), rel=0.1)

@@ -25,8 +25,3 @@ def test_stars_and_airglow_make_a_moonless_night_of_a_millilux():
     # 1 mlux is the usual value for a starry sky; parts from five papers, each good to some 20 %
     lux = math.pi * (luminous(STARLIGHT) + luminous(AIRGLOW))
     assert lux == pytest.approx(1e-3, rel=0.15)
-
-
-def test_airglow_is_far_stronger_in_the_short_wave_infrared():
-    grid = np.arange(1450, 1700)
-    assert AIRGLOW(grid).mean() > 20 * STARLIGHT(grid).mean()

@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from megalopta.assets_gen.grating import open_cylinder, sine_grating
+from megalopta.assets_gen.grating import sine_grating
 from megalopta.scenes.cameras.panoramic import CylindricalCamera, EquirectangularCamera
 from megalopta.scenes.cameras.perspective import PerspectiveCamera
 from megalopta.scenes.lighting.light import Light
@@ -21,13 +21,6 @@ def test_grating_is_one_moving_and_one_static_grating(variant, factor):
     moving = np.cos(2 * np.pi * factor * 3 * x + 0.3 - 1.1)
     static = np.cos(2 * np.pi * factor * 3 * y + 0.3 + 1.1)
     np.testing.assert_allclose(value, 1 + 0.4 * (moving - static), atol=1e-12)
-
-
-def test_cylinder_faces_its_axis():
-    wall = open_cylinder(10.0, 4.0)
-    inward = -wall.triangles_center[:, :2]
-    assert ((wall.face_normals[:, :2] * inward).sum(axis=1) > 0).all()
-    assert wall.area == pytest.approx(2 * math.pi * 10 * 4, rel=1e-4)
 
 
 def test_pattern_has_the_asked_contrast_and_closes_around_the_cylinder():
@@ -69,12 +62,6 @@ def test_a_trajectory_that_looks_past_the_wall_is_refused(change, remedy):
 def test_a_camera_that_looks_past_the_ends_of_the_cylinder_is_refused(camera):
     with pytest.raises(ValueError, match=rf"ends 75° above .* {camera.kind} camera looks past it"):
         Grating().build(Light(), camera, TURNING)
-
-
-def test_the_elevations_offered_instead_of_the_zenith_are_taken():
-    camera = EquirectangularCamera(lower_deg=-75, upper_deg=75)
-    wall = Grating().build(Light(), camera, TURNING).assets["grating"].parts["grating"]
-    assert wall.bounds[1, 2] / 10 >= math.tan(math.radians(75))
 
 
 def test_the_wall_is_as_high_as_an_asymmetric_panorama_sees():

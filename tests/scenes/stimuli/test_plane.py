@@ -77,8 +77,5 @@ def test_the_board_fills_every_view():
 def test_a_camera_that_looks_past_the_board_or_flies_through_it_is_refused(trajectory):
     with pytest.raises(ValueError, match=r"frame \d looks past the board at scene.distance_m 2"):
         Plane().build(LIGHT, CAMERA, trajectory)
-
-
-def test_a_pattern_finer_than_two_pixels_is_refused():
     with pytest.raises(ValueError, match=r"period_m 0\.01 is less than two pixels.*at least 0\.04"):
         Plane(period_m=0.01).build(LIGHT, CAMERA, SLIDING)

@@ -100,14 +100,6 @@ def test_a_spline_s_acceleration_has_no_jumps():
     assert np.abs(np.diff(acceleration, axis=0)).max() < 0.02 * np.ptp(acceleration)
 
 
-def test_a_spline_can_keep_a_point_in_view():
-    path = Spline(points_m=((0, 0, 1), (2, 0, 1), (2, 3, 1)), look_at_m=(9, 9, 0), frames=5)
-    poses = path.poses()
-    view = [9, 9, 0] - poses[:, :3, 3]
-    unit = view / np.linalg.norm(view, axis=1, keepdims=True)
-    np.testing.assert_allclose(poses[:, :3, 2], unit, atol=1e-6)
-
-
 def test_a_recording_is_slerp_between_its_orientations_and_passes_its_positions():
     path = Recorded(csv=recording(), frames=2)
     times = np.linspace(0, 3.5, 41)
