@@ -126,20 +126,6 @@ def test_the_newest_library_is_asked_first():
     assert [path.name for path in ordered] == [names[1], names[2], names[0], names[3]]
 
 
-def test_cuda_is_taken_only_where_it_is_asked_for(monkeypatch):
-    monkeypatch.setattr(variant, "has_cuda_device", lambda: True)
-    assert not choose_variant("auto").name.startswith("cuda")
-    assert choose_variant("cuda").name == "cuda_ad_spectral"
-
-
-@pytest.mark.parametrize("answers", [True, False])
-def test_info_says_in_one_line_why_cuda_is_not_used_and_how_to_ask_for_it(monkeypatch, answers):
-    monkeypatch.setattr(versions, "has_cuda_device", lambda: answers)
-    lines = [line for line in versions.describe().splitlines() if line.startswith("cuda")]
-    assert len(lines) == answers
-    assert all("not been compared" in line and "--render.backend cuda" in line for line in lines)
-
-
 def test_info_names_the_library_in_use_and_its_version(monkeypatch, unbound):
     monkeypatch.setenv("DRJIT_LIBLLVM_PATH", "/somewhere/libLLVM.so")
     monkeypatch.setattr(variant, "llvm_version", lambda _: (21, 1, 8))

@@ -14,13 +14,6 @@ def test_a_failed_check_is_exit_code_1(monkeypatch):
     assert stopped.value.code == 1
 
 
-def test_a_passed_check_hands_the_folder_for_plots_on(monkeypatch, tmp_path):
-    seen = []
-    monkeypatch.setattr(physics, "run_check_physics", lambda *given: seen.append(given) or True)
-    cli.main(["check", "physics", "--plots", str(tmp_path)])
-    assert seen == [([], tmp_path)]
-
-
 def test_groups_of_the_physics_are_handed_on_and_named_in_the_help(monkeypatch, capsys):
     seen = []
     monkeypatch.setattr(physics, "run_check_physics", lambda *given: seen.append(given) or True)

@@ -56,11 +56,6 @@ def test_a_kind_given_last_keeps_what_is_given_with_it():
     assert (camera.kind, camera.width, camera.height) == ("equirectangular", 90, 360)
 
 
-def test_another_kind_of_scene_starts_afresh():
-    changed = load("demo", {"scene.kind": "grating", "scene.cycles_per_frame": "5"})
-    assert changed.scene.kind == "grating"
-
-
 def test_another_preset_starts_the_scene_afresh_in_whatever_order_it_is_given():
     changed = load("demo", {"scene.trees": "320", "scene.preset": "clearing"})
     assert changed.scene == Forest(preset="clearing", trees=320)
@@ -68,11 +63,6 @@ def test_another_preset_starts_the_scene_afresh_in_whatever_order_it_is_given():
     assert load("grating", {"scene.preset": "open", "scene.kind": "forest"}).scene == Forest(
         preset="open"
     )
-
-
-def test_presets_of_forests_are_read_from_yaml_with_changes():
-    text = "scene: {kind: forest, preset: dense, mix: {oak: 1}}"
-    assert parse(text, "x").scene == Forest(preset="dense", mix={"oak": 1})
 
 
 def test_sensors_are_given_by_preset_with_changes():
@@ -176,11 +166,6 @@ def test_mistakes_get_one_sentence_with_field_and_remedy(text, message):
     with pytest.raises(UserError, match=message) as caught:
         parse(text, "file.yaml")
     assert "\n" not in str(caught.value)
-
-
-def test_a_missing_file_is_named_with_the_built_in_ones():
-    with pytest.raises(UserError, match=r"none\.yaml: no such configuration.*demo"):
-        load("none.yaml")
 
 
 def test_an_override_of_nothing_says_what_there_is():

@@ -1,6 +1,5 @@
 """Only regular files are read, and only so far."""
 
-import os
 from pathlib import Path
 
 import pytest
@@ -33,18 +32,6 @@ def test_a_larger_file_is_refused(tmp_path: Path) -> None:
 def test_devices_are_refused(device: str) -> None:
     with pytest.raises(UserError, match="not a regular file"):
         read_bytes(device)
-
-
-def test_a_pipe_is_refused_at_once(tmp_path: Path) -> None:
-    os.mkfifo(tmp_path / "pipe")
-    for read in (read_bytes, check_file):
-        with pytest.raises(UserError, match="not a regular file"):
-            read(tmp_path / "pipe")
-
-
-def test_a_folder_is_an_os_error(tmp_path: Path) -> None:
-    with pytest.raises(IsADirectoryError):
-        check_file(tmp_path)
 
 
 def test_messages_quote_no_more_than_their_limit() -> None:

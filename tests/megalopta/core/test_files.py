@@ -21,13 +21,6 @@ def test_a_failed_write_leaves_the_old_file_and_no_partial_one(tmp_path):
     assert [entry.name for entry in path.parent.iterdir()] == ["a.txt"]
 
 
-def test_an_interrupted_write_leaves_no_file(tmp_path):
-    with pytest.raises(KeyboardInterrupt), atomic_write(tmp_path / "a.txt") as temporary:
-        temporary.write_text("half")
-        raise KeyboardInterrupt
-    assert list(tmp_path.iterdir()) == []
-
-
 def test_json_refuses_what_json_cannot_hold(tmp_path):
     with pytest.raises(ValueError, match="JSON"):
         write_json(tmp_path / "a.json", {"a": float("nan")})

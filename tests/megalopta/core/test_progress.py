@@ -49,14 +49,6 @@ def test_it_is_silent_again_after_a_failure_and_leaves_no_thread(capsys):
     assert threading.active_count() == threads
 
 
-def test_a_terminal_has_a_bar_instead(capsys, monkeypatch):
-    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
-    with progress.progress("Rendering", 1, "frame") as advance:
-        time.sleep(0.15)
-        advance()
-    assert "Rendering: " not in capsys.readouterr().err
-
-
 def test_a_line_tells_share_rate_and_what_is_left():
     assert progress_line(12, 300, "frame", 24) == "12 of 300 frames, 2.0 s/frame, 10 min to go"
     assert progress_line(30, 60, "pair", 10) == "30 of 60 pairs, 3.0 pairs/s, 10 s to go"
@@ -78,13 +70,6 @@ def test_a_line_names_the_innermost_step(capsys):
         time.sleep(0.2)
     assert "dataset: at work for 0 s; building the scene" in inner
     assert "dataset: at work for 0 s; sequence 7" in capsys.readouterr().err
-
-
-def test_a_step_of_silent_work_is_named_by_who_speaks_for_it(capsys):
-    with progress.progress("Making", 1, "sequence"), progress.silent(), progress.step("baking"):
-        progress.say("not heard")
-        time.sleep(0.2)
-    assert "Making: 0 of 1 sequences in 0 s; baking" in capsys.readouterr().err
 
 
 def test_a_terminal_shows_the_step_and_clears_it(capsys, monkeypatch):

@@ -1,7 +1,6 @@
 """A dataset made by the command line: extended, alone, refused, mended, and in new light."""
 
 import json
-import os
 import shutil
 
 import numpy as np
@@ -116,13 +115,6 @@ def test_a_full_disk_stops_all_and_the_same_command_goes_on(small_plan, small_da
     assert Tree(tmp_path / "data").names() == []
     make(tmp_path / "data", small_plan)
     assert without_books(tmp_path / "data") == without_books(small_dataset)
-
-
-@pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
-def test_an_unwritable_folder_is_told(small_plan, tmp_path):
-    tmp_path.chmod(0o500)
-    with pytest.raises(UserError, match="no folder can be made|cannot be written"):
-        make(tmp_path / "data", small_plan)
 
 
 @pytest.mark.slow

@@ -3,7 +3,6 @@
 import json
 import os
 import shutil
-from pathlib import Path
 
 import pytest
 
@@ -12,7 +11,7 @@ from megalopta.cli.main import main
 from megalopta.core.errors import UserError
 from megalopta.dataset.layout import Tree
 from megalopta.dataset.store import hashes_of
-from megalopta.generation.measuring import measure, measure_sequence
+from megalopta.generation.measuring import measure
 from megalopta.generation.staging import begin
 from megalopta.verification.files import check_files
 
@@ -77,38 +76,6 @@ def test_damaged_results_are_made_again(copy):
     measure(copy, "flow", METHODS)
     assert responses(copy) == expected
     assert not check_files(Tree(copy))
-
-
-@pytest.mark.slow
-def test_a_stop_at_any_step_leaves_all_or_nothing(copy, monkeypatch):
-    whole = shutil.copytree(copy, copy.with_name("whole"), symlinks=True)
-    expected = responses(measure(whole, "flow", METHODS).root)
-
-    class Stop(BaseException):
-        pass
-
-    for step in range(20):
-        root = shutil.copytree(copy, copy.with_name(f"at{step}"), symlinks=True)
-        left = [step]
-
-        def rename(path, target, done=Path.rename, left=left):
-            if not left[0]:
-                raise Stop
-            left[0] -= 1
-            return done(path, target)
-
-        with monkeypatch.context() as patch:
-            patch.setattr(Path, "rename", rename)
-            try:
-                measure_sequence(root, "flow", METHODS, False, 0)
-            except Stop:
-                pass
-            else:
-                break
-        measure(root, "flow", METHODS)
-        assert not check_files(Tree(root)), step
-        assert responses(root) == expected
-    assert step > 0
 
 
 def test_sense_report_and_render_take_many_too(copy, capsys):

@@ -13,7 +13,6 @@ from megalopta.dataset.frames import FRAMES_AT_ONCE
 from megalopta.dataset.store import open_sequence
 from megalopta.sensor.formats.reading import read_events, read_frames
 from megalopta.sensor.readout.events import histogram
-from megalopta.stages.estimate import estimate
 from megalopta.stages.pipeline import run_stage
 from megalopta.stages.sense import open_exposure, sense
 
@@ -143,12 +142,3 @@ def test_what_cannot_run_freely_is_refused_before_the_work(tmp_path, changes, me
     settings = load("grating", SMALL | {"free_running": "true"} | changes)
     with pytest.raises(UserError, match=message):
         run_stage(tmp_path / "data", settings, "sense")
-
-
-def test_the_estimate_counts_single_avalanches():
-    burst = {"products": "[counts, burst_npy]", "sub_frames": "8", "burst_hz": "1e5"}
-    plain, running = (
-        estimate(load("grating", SMALL | burst | {"free_running": each}), "sense").seconds
-        for each in ("false", "true")
-    )
-    assert running > 2 * plain

@@ -4,7 +4,6 @@ Processes of their own, whose start takes seconds, are only those that are kille
 `MEGALOPTA_LONG=1` kills every stage at twenty moments, with and without --redo.
 """
 
-import hashlib
 import os
 import shutil
 import signal
@@ -23,6 +22,7 @@ from megalopta.stages.ledger import Ledger
 from megalopta.stages.pipeline import run_all
 
 from ..conftest import TINY
+from .test_pipeline import content
 
 pytestmark = pytest.mark.slow
 
@@ -78,15 +78,6 @@ def wait_until_loaded(process):
 
 def run(*arguments):
     main.main([*map(str, arguments)])
-
-
-def content(root):
-    """Every file but for the clock's, links and hidden ones included."""
-    return {
-        str(path.relative_to(root)): hashlib.sha256(path.read_bytes()).hexdigest()
-        for path in sorted(root.rglob("*"))
-        if path.is_file() and path.name != "timings.json"
-    }
 
 
 def command(stage, root, *, redo=False):

@@ -9,9 +9,8 @@ from megalopta.dataset.store import Dataset
 from megalopta.render import write_radiance
 from megalopta.sensor import Crosstalk, ctia_preset, preset
 from megalopta.sensor.formats.products import check_product
-from megalopta.sensor.formats.reading import read_events, read_frames
+from megalopta.sensor.formats.reading import read_frames
 from megalopta.sensor.formats.shot import Shot
-from megalopta.sensor.readout.events import histogram
 from megalopta.stages.ledger import Ledger
 from megalopta.stages.pipeline import run_stage
 from megalopta.stages.sense import open_exposure, sense
@@ -61,34 +60,6 @@ def test_stack_holds_the_counts(sensed, folder):
 def stored(dataset):
     opened = open_exposure(dataset, dataset.configuration.sensors[0], LEVEL)
     return opened.exposure()
-
-
-def test_events_of_both_files_are_the_same_and_as_many_as_expected(sensed, folder):
-    one, other = (read_events(folder / f"ideal-1e-05lux.events.{end}") for end in ("h5", "npz"))
-    np.testing.assert_array_equal(one.events.time_s, other.events.time_s)
-    np.testing.assert_array_equal(one.events.pixel, other.events.pixel)
-    assert one.origin == other.origin
-    assert one.origin.extra["level"] == LEVEL
-    expected = stored(sensed).expectation.mean_events.astype(float)
-    counts = histogram(one.events)
-    # every pixel is Poisson: chi-square of all, and of the sum; false alarm 6e-7 each
-    assert abs(counts.sum() - expected.sum()) < 5 * np.sqrt(expected.sum())
-    chi2 = np.sum((counts - expected) ** 2 / expected)
-    assert abs(chi2 - counts.size) < 5 * np.sqrt(2 * counts.size + np.sum(1 / expected))
-
-
-def test_bits_are_ones_as_often_as_the_light_says(sensed, folder):
-    bits = read_frames(folder / "ideal-1e-05lux.binary.npy", shape=(40, 48)).counts
-    p = -np.expm1(-stored(sensed).expectation.mean_events.astype(float))
-    assert abs(bits.sum() - p.sum()) < 5 * np.sqrt(np.sum(p * (1 - p))) + 1e-9
-
-
-def test_what_a_kill_left_out_is_made_again_alike(sensed, folder):
-    before = {path: path.read_bytes() for path in folder.glob("*.*") if path.is_file()}
-    for path in before:
-        path.unlink()
-    sense(sensed)
-    assert {path: path.read_bytes() for path in before} == before
 
 
 @pytest.mark.parametrize(

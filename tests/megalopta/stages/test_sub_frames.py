@@ -9,10 +9,10 @@ from megalopta.cli import main
 from megalopta.config.model import load
 from megalopta.core.errors import UserError
 from megalopta.dataset.store import open_sequence
-from megalopta.sensor.formats.reading import read_events, read_frames
+from megalopta.sensor.formats.reading import read_frames
 from megalopta.stages.estimate import estimate
 from megalopta.stages.pipeline import run_stage
-from megalopta.stages.sense import open_exposure, sense
+from megalopta.stages.sense import open_exposure
 
 FRAMES, BITS, LEVEL = 4, 200, 1e-4
 SMALL = {
@@ -99,35 +99,6 @@ def test_a_burst_sees_the_light_between_frames(moving, fast):
     expected = (BITS / 2 * (p[:, 1] - p[:, 0]) * change).sum()
     scatter = np.sqrt((BITS / 2 * (p * (1 - p)).sum(axis=1) * change**2).sum())
     assert abs(seen - expected) < 5 * scatter < expected
-
-
-def test_events_carry_the_motion(moving, fast):
-    stream = read_events(beside(moving, ".events.npz")).events
-    light = 4 * mean_events(fast).reshape(FRAMES, 4, 40, 48)[:, 1::2]
-    late = stream.time_s >= 0.05
-    for half, chosen in enumerate((~late, late)):
-        counts = np.bincount(
-            stream.frame[chosen] * 1920 + stream.pixel[chosen], minlength=FRAMES * 1920
-        ).reshape(FRAMES, 40, 48)
-        expected = light[:, half] / 2
-        z = ((counts - expected) / np.sqrt(expected))[..., 3:-3]
-        assert abs((z**2).mean() - 1) < 5 * np.sqrt(2.5 / z.size) + 0.01
-
-
-def test_what_a_kill_left_out_is_made_again_alike(moving):
-    dataset = open_sequence(moving)
-    products = [beside(moving, end) for end in (".burst.npy", ".events.npz")]
-    before = [path.read_bytes() for path in products]
-    for path in products:
-        path.unlink()
-    sense(dataset)
-    assert [path.read_bytes() for path in products] == before
-
-
-def test_old_output_is_refused_until_it_is_to_be_made_again(still, capsys):
-    with pytest.raises(SystemExit):
-        main.main(["sense", str(still), "--sub-frames", "3"])
-    assert "sub_frames: 1 → 3" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
