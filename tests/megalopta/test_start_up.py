@@ -67,11 +67,6 @@ def test_a_room_loads_what_it_uses(code, absent):
     assert not loaded(code) & absent
 
 
-def test_work_without_a_terminal_draws_no_bar():
-    code = "from megalopta.core.progress import progress\nwith progress('x', 1, 'step') as on: on()"
-    assert not loaded(code) & FILES
-
-
 @pytest.mark.parametrize("folder", ["assets_gen", "scenes", "render", "sensor", "flow"])
 def test_the_libraries_are_importable_inside_a_clone(folder):
     # Without the editable install's finder, as where a wheel is installed.

@@ -100,12 +100,3 @@ def test_figure_says_from_which_light_on_the_motion_is_known(monkeypatch, tmp_pa
     monkeypatch.setattr(camera_motion, "flight_errors", errors)
     figure = camera_motion.camera_motion(Run(True, {}, {}, tmp_path))
     assert figure.printed == {"BM, summed": (said, "–")}
-
-
-@pytest.mark.slow
-def test_figure_has_a_row_for_each_way_and_flux(monkeypatch, tmp_path):
-    monkeypatch.setattr(camera_motion, "forest_clips", lambda *_: iter([(clip(), 0.01)]))
-    figure = camera_motion.camera_motion(Run(True, {}, {}, tmp_path))
-    assert len(figure.printed) == 8
-    assert any(heading.startswith("from") for _, heading in figure.printed.values())
-    assert len(figure.numbers["way"]) == 8 * 3

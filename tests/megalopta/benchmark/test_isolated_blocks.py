@@ -11,7 +11,6 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from megalopta.benchmark import isolated_blocks
 from megalopta.flow.detectors.registry import METHODS
-from megalopta.flow.metrics.photon_threshold import format_flux
 from megalopta.flow.metrics.translation_bound import fisher_information
 from megalopta.plotting.style import house_style, new_canvas
 from megalopta.reproduction import comparison_leaderboard as figures_leaderboard
@@ -81,17 +80,6 @@ def test_figures_are_drawn_with_their_numbers(name, clean, monkeypatch, check_wo
         photons, in_all, low, high = figure.rows[0][3:7]
         assert low < photons < high
         assert in_all == 2 * photons
-
-
-@pytest.mark.slow
-def test_caption_tells_which_methods_collect_more_than_two_frames(entries):
-    found = figures_leaderboard.frames_collected(list(entries.values()))
-    total = format_flux(8 * entries["PPM"].needed.photons)
-    sentence = f"Methods see two frames, but Pooled Poisson matching 8 ({total} photons in total)"
-    assert found.startswith(sentence)
-    assert "Poisson matching 2" not in found
-    without = [entries["PM"], entries["BM"]]
-    assert figures_leaderboard.frames_collected(without) == "All methods see two frames."
 
 
 def test_information_of_a_block_is_that_of_its_sum_and_a_margin_adds_that_of_its_pixels(clean):

@@ -156,17 +156,6 @@ def test_kittis_layout_gives_the_same_errors_within_its_steps(tree, tmp_path):
         assert found["epe_px"] == pytest.approx(expected["epe_px"], abs=1 / 64)
 
 
-def test_plain_folders_of_flow_are_paired_by_their_names(tree, tmp_path):
-    """As Middlebury: NAME/flow10.flo."""
-    for kind, root in (("a", tree[0] / "training" / "flow"), ("b", tree[1] / "clean")):
-        for path in root.glob("*/*.flo"):
-            target = tmp_path / kind / path.parent.name / "flow10.flo"
-            target.parent.mkdir(parents=True)
-            shutil.copy(path, target)
-    (entry,) = score_submission(tmp_path / "b", tmp_path / "a").overall
-    assert (entry.pass_name, entry.frames) == ("", 2)
-
-
 def test_a_leaderboard_keeps_the_last_entry_of_each_program(tree, tmp_path, capsys):
     truth, submitted = tree
     board, words = tmp_path / "board.jsonl", ("--out", tmp_path / "scores.json", "--leaderboard")

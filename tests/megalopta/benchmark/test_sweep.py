@@ -4,7 +4,7 @@ import pytest
 from pydantic import ValidationError
 
 from megalopta.benchmark.sweep import Sweep, announce_sweep, load_sweep
-from megalopta.benchmark.templates import GratingTemplate, PanoramaTemplate, template_names
+from megalopta.benchmark.templates import GratingTemplate
 from megalopta.benchmark.trial import Trial
 from megalopta.config.yaml_model import to_yaml
 from megalopta.core.errors import UserError
@@ -29,12 +29,6 @@ def test_sweep_is_every_size_value_and_template():
 def test_sweep_survives_yaml(tmp_path):
     sweep = Sweep(vary="template.contrast", values=(0.1, 0.9), sizes=(60, 240))
     assert load_sweep(written(tmp_path, to_yaml(sweep))) == sweep
-
-
-def test_settings_of_the_command_line_win(tmp_path):
-    path = written(tmp_path, "vary: template.contrast\nvalues: [0.5, 0.9]\n")
-    sweep = load_sweep(path, {"trial.velocity_px": "3", "values": "[0.2]"})
-    assert [(trial.velocity_px, trial.template.contrast) for trial in sweep.trials] == [(3, 0.2)]
 
 
 @pytest.mark.parametrize(
@@ -65,18 +59,6 @@ def test_impossible_parameters_are_refused_in_one_sentence(tmp_path, text, sente
     assert "\n" not in str(error.value)
 
 
-def test_gratings_are_named_by_what_they_differ_in():
-    gratings = [GratingTemplate(contrast=0.5), GratingTemplate(contrast=0.9, variant="periodic")]
-    panoramas = [PanoramaTemplate(name="open", coding=coding) for coding in ("linear", "srgb")]
-    assert template_names([*gratings, *panoramas]) == [
-        "grating contrast=0.5 variant=rot",
-        "grating contrast=0.9 variant=periodic",
-        "open",
-        "open srgb",
-    ]
-    assert template_names(gratings[:1]) == ["grating"]
-
-
 @pytest.mark.parametrize(
     ("text", "values"),
     [
@@ -91,20 +73,11 @@ def test_values_are_what_they_mean(tmp_path, text, values):
     ]
 
 
-def test_a_file_that_is_not_there_is_refused(tmp_path):
-    with pytest.raises(UserError, match="no such sweep; give a YAML file"):
-        load_sweep(tmp_path / "absent.yaml")
-
-
 def test_frequency_beyond_nyquist_depends_on_variant_and_size():
     Trial(template=GratingTemplate(cycles_per_frame=30, variant="periodic"), size=60)
     with pytest.raises(ValidationError, match="beyond half a cycle per pixel"):
         Trial(template=GratingTemplate(cycles_per_frame=30, variant="rot"), size=60)
     Trial(template=GratingTemplate(cycles_per_frame=30, variant="rot"), size=120)
-
-
-def test_intensity_alone_may_stand_still():
-    assert Trial(velocity_px=0, methods=("im",)).methods == ("IM",)
 
 
 def test_code_that_a_file_names_is_run_only_where_that_is_allowed(tmp_path, monkeypatch):

@@ -1,8 +1,6 @@
 """raw.bin read back: the same as what a capture makes of the same bytes."""
 
 import shutil
-import subprocess
-import sys
 import threading
 
 import numpy as np
@@ -151,36 +149,3 @@ def test_two_recordings_in_one_file_are_told(captured, tmp_path):
     raw.write_bytes((captured / "raw.bin").read_bytes() + b"\0" + other + packets(40))
     with pytest.raises(UserError, match=r"two recordings: from byte \d+ on"):
         recover(raw)
-
-
-def test_fewer_frames_than_there_are_replace_nothing(captured, tmp_path):
-    shutil.copytree(captured, tmp_path / "a")
-    settings = (tmp_path / "a" / "recording.yaml").read_text("utf-8")
-    (tmp_path / "a" / "recording.yaml").write_text(
-        settings.replace("finished: true", "finished: false")
-    )
-    with (tmp_path / "a" / "raw.bin").open("r+b") as file:
-        file.truncate(60_000)
-    with pytest.raises(UserError, match=r"holds \d+ frames, raw.bin only \d+; give --out"):
-        recover(tmp_path / "a")
-    assert_same_frames(captured, tmp_path / "a")
-
-
-@pytest.mark.slow
-def test_memory_does_not_grow_with_the_file(tmp_path):
-    script = (
-        "import resource, sys; from pathlib import Path; from megalopta.camera.recovering import recover; from megalopta.camera.replay import Told;"
-        "recover(Path(sys.argv[1]), told=Told('a', .05, 10));"
-        "print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)"
-    )
-    camera = EmulatedCamera(preset("spadcam"), Flat((5e6,)))
-    frame = camera.next_frame()
-    peaks = []
-    for number in (30_000, 90_000):
-        raw = tmp_path / f"{number}.bin"
-        with raw.open("wb") as file:
-            for each in range(number):
-                file.write(encode(frame._replace(sequence=each, device_us=each * 100_000)))
-        line = [sys.executable, "-c", script, str(raw)]
-        peaks.append(int(subprocess.run(line, capture_output=True, check=True, text=True).stdout))
-    assert peaks[1] < 1.1 * peaks[0]

@@ -12,7 +12,7 @@ from megalopta.cli import main
 from megalopta.config.recipe import Plan
 from megalopta.core.errors import UserError
 from megalopta.dataset.layout import Tree
-from megalopta.generation.making import make, parse_indices
+from megalopta.generation.making import make
 from megalopta.sensor import open_counts
 from megalopta.verification.files import check_files
 
@@ -76,13 +76,6 @@ def test_another_plan_is_refused_with_the_difference(copy, small_plan):
             make(copy, small_plan.model_copy(update=changes))
 
 
-def test_a_folder_of_something_else_is_refused(small_plan, tmp_path):
-    (tmp_path / "letter.txt").write_text("dear reader")
-    with pytest.raises(UserError, match="no dataset"):
-        make(tmp_path, small_plan)
-    assert [path.name for path in tmp_path.iterdir()] == ["letter.txt"]
-
-
 @pytest.mark.slow
 def test_a_sequence_that_fails_is_listed_and_retried_alone(copy, small_plan):
     # a plan that was checked hardly fails: something is put into the way of one sequence
@@ -115,22 +108,6 @@ def test_a_full_disk_stops_all_and_the_same_command_goes_on(small_plan, small_da
     assert Tree(tmp_path / "data").names() == []
     make(tmp_path / "data", small_plan)
     assert without_books(tmp_path / "data") == without_books(small_dataset)
-
-
-@pytest.mark.slow
-def test_what_is_damaged_is_found_and_made_again(copy, small_plan):
-    (copy / "radiance/000001/frame_0002.exr").write_bytes(b"broken")
-    (copy / "training/flow/000002/frame_0001.flo").unlink()
-    (copy / "counts/stray.txt").write_text("")
-    faults = {fault.path.name: fault for fault in check_files(Tree(copy))}
-    assert set(faults) == {"frame_0002.exr", "frame_0001.flo", "stray.txt"}
-    assert "not as it was written" in faults["frame_0002.exr"].what
-    assert "is missing" in faults["frame_0001.flo"].what
-    (copy / "counts/stray.txt").unlink()
-    for name in ("000001", "000002"):
-        (copy / "sequences" / f"{name}.json").unlink()
-    make(copy, small_plan)
-    assert not check_files(Tree(copy))
 
 
 @pytest.mark.slow
@@ -181,13 +158,6 @@ def test_dry_run_tells_and_makes_nothing(small_plan, tmp_path, capsys):
     assert "50 sequences, 150 frames, about" in told
     assert "MB" in told
     assert not (tmp_path / "data").exists()
-
-
-def test_numbers_of_sequences():
-    assert parse_indices("7, 0-2", 10) == [0, 1, 2, 7]
-    for text, told in (("3-x", "'3-x'"), ("12", "0 to 9"), ("5-3", "0 to 9")):
-        with pytest.raises(UserError, match=told):
-            parse_indices(text, 10)
 
 
 def test_mistakes_are_told_before_anything_is_made(small_plan, tmp_path, capsys):

@@ -12,7 +12,6 @@ from megalopta.core.errors import UserError
 from megalopta.dataset.layout import Tree
 from megalopta.dataset.store import hashes_of
 from megalopta.generation.measuring import measure
-from megalopta.generation.staging import begin
 from megalopta.verification.files import check_files
 
 METHODS = {"methods": "[BM]"}
@@ -52,21 +51,6 @@ def test_what_is_finished_is_kept_and_other_settings_are_refused(copy):
         measure(copy, "flow", {"camera.width": "16"})
     measure(copy, "flow", {"methods": "[LK]"}, redo=True)
     assert not check_files(Tree(copy))
-
-
-def test_what_another_stage_left_is_not_published(copy):
-    tree = Tree(copy)
-    settings = tree.dataset(tree.record("000000")).configuration.model_copy(
-        update={"methods": ("BM",)}
-    )
-    staged = tree.staging / "000000-added"
-    staged.mkdir(parents=True)
-    left = begin(staged, settings, ["benchmark"]) / "results/000000/benchmark.json"
-    left.parent.mkdir(parents=True)
-    left.write_text("half")
-    measure(copy, "flow", METHODS)
-    assert not check_files(Tree(copy))
-    assert not (copy / "results/000000/benchmark.json").exists()
 
 
 def test_damaged_results_are_made_again(copy):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from megalopta.camera.emulated import EmulatedCamera
-from megalopta.camera.motion_bench import BenchLight, record
+from megalopta.camera.motion_bench import record
 from megalopta.camera.passages import cut_passages
 from megalopta.camera.recording import open_recording
 from megalopta.camera.stimuli import Plate
@@ -61,25 +61,6 @@ def test_a_captured_bench_is_the_simulated_one_but_for_chance(recording):
     assert len(off) == 13 and max(map(abs, off)) < 7
     numbers = dict(zip(figures[-1].columns, figures[-1].rows[0], strict=True))
     assert numbers["captured_mean"] == pytest.approx(numbers["simulated_mean"], rel=0.05)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("recording", [10.0], indirect=True)
-def test_a_recording_becomes_pictures_and_numbers(recording, tmp_path, capsys):
-    out = tmp_path / "figures"
-    capsys.readouterr()
-    cli.main(["spadcam", "figures", f"{recording}@10", "--own-light", "--out", str(out)])
-    kinds = ("png", "svg", "csv", "json")
-    paths = [str(out / f"{name}.{kind}") for name in NAMES for kind in kinds]
-    assert capsys.readouterr().out.splitlines() == paths
-
-
-def test_the_light_of_the_simulation_is_stated():
-    counts = record(10.0, SENSOR).counts
-    usual = next(captured_figures({10.0: counts}, SENSOR))
-    assert "an open pixel detects 65 photons per frame" in usual.caption
-    own = next(captured_figures({10.0: counts}, SENSOR, BenchLight(50.0, 20.0)))
-    assert "in the light of this recording, in which an open pixel detects 50" in own.caption
 
 
 def test_a_camera_of_half_the_signal_differs_by_half():

@@ -125,21 +125,3 @@ def test_a_killed_stage_ends_like_an_undisturbed_one(finished, tmp_path, stage, 
     run(*command(stage, killed, redo=redo))
     assert content(killed) == content(undisturbed)
     print(f"{stage}, redo {redo}: killed {deaths} of {KILLS} times within {lasts:.1f} s")
-
-
-@pytest.mark.slow  # tests/megalopta/test_folders.py has two processes before one lock
-def test_two_processes_on_one_dataset_do_not_meet(finished, tmp_path, capsys):
-    root, configuration = tmp_path / "data", open_sequence(finished).configuration
-    (tmp_path / "start.yaml").write_text(to_yaml(configuration))
-    command = ("render", tmp_path / "start.yaml", "--out", root)
-    process = start(*command)
-    wait_until_loaded(process)
-    run(*command)
-    _, complaints = process.communicate()
-    assert process.returncode == 0, complaints
-    said = (complaints, capsys.readouterr().err)
-    assert sum("has it already" in text for text in said) == 1
-    found, expected = content(root), content(finished)
-    assert found.keys() < expected.keys()
-    for name in found.keys() - {"sequences/grating.json"}:
-        assert found[name] == expected[name], name

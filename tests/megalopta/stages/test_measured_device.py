@@ -76,14 +76,6 @@ def test_the_example_device_is_sensed_with_the_middle_of_its_maps(folder):
     np.testing.assert_allclose(expected[0], 0.1 * dark_hz * np.exp(-1e-6 * dark_hz), rtol=1e-4)
 
 
-def test_the_readme_shows_the_example_device_as_it_is():
-    readme = (EXAMPLE.parents[1] / "README.md").read_text("utf-8")
-    shown = "".join(
-        f"    {line}\n" for line in (EXAMPLE / "device.yaml").read_text().splitlines()[1:]
-    )
-    assert shown in readme
-
-
 def test_the_dataset_describes_the_device_without_its_yaml_and_curve(folder, monkeypatch):
     (folder / "pde.csv").write_text("400,0.1\n700,0.2\n")
     maps = {"dark_counts": "dark.npy", "fit": "top_left"}

@@ -1,6 +1,5 @@
 """Datasets with moving objects and a shutter: what is stored, sensed, checked and refused."""
 
-import json
 import shutil
 from dataclasses import replace
 
@@ -145,18 +144,6 @@ def test_a_check_that_cannot_be_made_is_refused(arguments, words, capsys):
         cli.main(["check", *arguments])
     assert stopped.value.code == 2
     assert words in capsys.readouterr().err
-
-
-def test_truth_files_name_camera_pose_time_and_kinds(moving):
-    header = read_attributes(moving.truth(1))
-    pose = np.array(header["cameraToWorld"].split(), dtype=float).reshape(4, 4)
-    np.testing.assert_array_equal(pose, moving.configuration.trajectory.poses()[1])
-    assert json.loads(header["camera"])["width"] == 64
-    assert float(header["timeSeconds"]) == 0.1
-    names = json.loads(header["kindNames"])
-    truth = read_truth(moving.truth(1))
-    assert {names[kind - 1] for kind in np.unique(truth.kind_id)} == {"bird", "crate", "grating"}
-    assert json.loads(moving.scene_record.read_text())["motions"].keys() == {"2", "3"}
 
 
 def test_sensors_see_the_frames_of_the_shutter(moving):

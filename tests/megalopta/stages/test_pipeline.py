@@ -200,16 +200,6 @@ def test_a_refused_first_stage_leaves_no_folder(tiny, tmp_path):
 
 
 @pytest.mark.slow
-def test_what_a_killed_writer_left_is_swept_and_not_entered(copy):
-    before = content(copy.root)
-    Ledger(copy).forget("sense")
-    (copy.root / "counts/grating/.part-0123456789ab-x.zarr").mkdir(parents=True)
-    (copy.root / "counts/grating/.part-0123456789ab-x.zarr/zarr.json").write_text("{")
-    run_all(copy.root, copy.configuration)
-    assert content(copy.root) == before
-
-
-@pytest.mark.slow
 def test_flow_goes_on_after_an_interruption(copy, monkeypatch):
     before = content(copy.root)
     Ledger(copy).forget("flow")
@@ -254,18 +244,6 @@ def _counting(function, calls, interrupted_at=None):
     return counted
 
 
-@pytest.mark.slow
-def test_flow_of_other_code_is_made_again_without_being_asked(copy, monkeypatch, capsys):
-    other = dataclasses.replace(stage_flow.STAGE, model=lambda: "other code")
-    monkeypatch.setitem(registry.STAGES, "flow", other)
-    monkeypatch.setattr(stage_flow, "Measurement", _counting(Measurement, calls := []))
-    run_stage(copy.root, copy.configuration, "flow")
-    assert "flow: made by another version of the program, and made again" in capsys.readouterr().err
-    assert len(calls) == len(copy.configuration.methods) * 4
-    assert Ledger(copy).is_finished("flow")
-    assert not Ledger(copy).is_outdated("flow")
-
-
 def test_frames_of_another_renderer_are_refused_until_they_are_to_be_made_again(copy, monkeypatch):
     other = dataclasses.replace(registry.STAGES["render"], model=lambda: "another")
     monkeypatch.setitem(registry.STAGES, "render", other)
@@ -288,12 +266,6 @@ def test_damage_is_named_with_its_remedy(copy, capsys):
     assert f"{path}: is not as it was written; remove {path.parents[4]} and run" in text
     assert "litter.txt: belongs to no sequence" in text
     assert "3 faults" in text
-
-
-def test_damaged_bookkeeping_is_named(copy):
-    copy.record_path.write_text("{half")
-    with pytest.raises(UserError, match=r"grating\.json is damaged"):
-        run_stage(copy.root, copy.configuration, "benchmark")
 
 
 def test_noise_of_the_rendering_is_measured(finished):

@@ -7,7 +7,7 @@ from megalopta.config.model import load
 from megalopta.core.errors import UserError
 from megalopta.dataset.store import Dataset
 from megalopta.render import write_radiance
-from megalopta.sensor import Crosstalk, ctia_preset, preset
+from megalopta.sensor import Crosstalk, ctia_preset
 from megalopta.sensor.formats.products import check_product
 from megalopta.sensor.formats.reading import read_frames
 from megalopta.sensor.formats.shot import Shot
@@ -82,15 +82,6 @@ def test_what_a_sensor_cannot_give_is_refused(tiny, product, changes, message):
         check_product(product, sensor, (40, 48))
 
 
-def test_more_events_than_memory_holds_are_refused_in_one_sentence():
-    shot = Shot(
-        radiance=np.ones((1, 2, 2, 1)), bands_nm=[(450.0, 550.0)], sensor=preset("ideal"), seed=0,
-        sequence="s", first_frame=0, frame_period_s=1.0,
-    )  # fmt: skip
-    with pytest.raises(ValueError, match="events in a frame, more than"):
-        next(shot.events())
-
-
 def test_too_many_events_of_the_last_frame_are_refused_before_any_is_drawn(
     tiny, tmp_path, monkeypatch
 ):
@@ -105,12 +96,6 @@ def test_too_many_events_of_the_last_frame_are_refused_before_any_is_drawn(
         sense(dataset)
     assert not drawn
     assert not list(tmp_path.rglob("*.h5"))
-
-
-def test_refusal_comes_before_the_work_and_names_the_sensor(tiny, sensed):
-    with pytest.raises(UserError, match="sensor 'ideal': binary_spad512: frames of 48 × 40"):
-        wanted = settings(tiny, products=["counts", "binary_spad512"])
-        run_stage(sensed.root, wanted, "sense", redo=True)
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,6 @@ from megalopta.config.model import load
 from megalopta.core.errors import UserError
 from megalopta.dataset.store import open_sequence
 from megalopta.sensor.formats.reading import read_frames
-from megalopta.stages.estimate import estimate
 from megalopta.stages.pipeline import run_stage
 from megalopta.stages.sense import open_exposure
 
@@ -121,11 +120,3 @@ def test_what_cannot_be_is_refused_before_the_work(tmp_path, changes, message):
     settings = load("grating", SMALL | changes)
     with pytest.raises(UserError, match=message):
         run_stage(tmp_path / "data", settings, "sense")
-
-
-def test_the_estimate_counts_the_steps_and_the_bits():
-    burst = {"products": "[counts, burst_npy]", "sub_frames": "8", "burst_hz": "1e5"}
-    plain, large = (estimate(load("grating", SMALL | each), "sense") for each in ({}, burst))
-    bits = 40 * 48 * 40 * 10_000
-    assert large.disk_bytes - plain.disk_bytes == pytest.approx(bits / 8)
-    assert large.seconds > plain.seconds + bits / 1e8

@@ -36,22 +36,6 @@ def test_printed_false_alarm_counts_every_comparison_behind_a_row(console, monke
     assert "at most 1e-05" in " ".join(text.split())
 
 
-def test_table_prints_the_order_of_effects(console, monkeypatch):
-    monkeypatch.setattr(check_physics, "run_checks", lambda checks: [GOOD])
-    check_physics.run_check_physics(console=console)
-    assert (
-        "lens → efficiency → dark_counts → measured → temperature → bias → gate"
-        in console.file.getvalue()
-    )
-
-
-def test_file_in_place_of_the_folder_is_refused_before_anything_is_checked(monkeypatch, tmp_path):
-    (tmp_path / "plots").touch()
-    monkeypatch.setattr(check_physics, "run_checks", lambda checks: pytest.fail("checked"))
-    with pytest.raises(UserError, match="plots: a file is in the way; give the path of a folder"):
-        check_physics.run_check_physics(plots=tmp_path / "plots")
-
-
 def test_pictures_are_written_where_asked(console, monkeypatch, tmp_path):
     monkeypatch.setattr(check_physics, "run_checks", lambda checks: [GOOD])
     monkeypatch.setattr(check_physics, "EXPOSURES_OF_A_PICTURE", 1000)
