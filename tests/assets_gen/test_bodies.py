@@ -16,14 +16,6 @@ def test_bodies_are_closed_face_outward_and_have_their_volume(body, volume):
     assert (np.einsum("ij,ij->i", mesh.face_normals, mesh.triangles_center) > 0).all()
 
 
-def test_a_box_s_texture_has_one_scale_on_all_sides():
-    body = box((2.0, 1.0, 0.5), 0.25)
-    edges = body.vertices[body.faces] - body.vertices[body.faces][:, [1, 2, 0]]
-    steps = body.uv[body.faces] - body.uv[body.faces][:, [1, 2, 0]]
-    lengths, ways = np.linalg.norm(edges, axis=-1), np.linalg.norm(steps, axis=-1)
-    np.testing.assert_allclose(ways, lengths / 0.25, rtol=1e-9)
-
-
 def test_a_ball_s_normals_are_those_of_the_ellipsoid():
     body = ball((2.0, 1.0, 0.5), 0.25)
     gradient = body.vertices / np.array([1.0, 0.5, 0.25]) ** 2

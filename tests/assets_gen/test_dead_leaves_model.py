@@ -40,14 +40,6 @@ def test_leaf_over_the_corner_is_the_same_leaf_on_the_other_sides():
     np.testing.assert_array_equal(np.roll(corner, (20, 30), axis=(0, 1)), middle)
 
 
-def test_leaves_in_front_are_not_painted_over():
-    image = np.zeros((30, 30))
-    paint_leaf(image, (15.0, 15.0), 5.0, 0.4)
-    front = image > 0
-    paint_leaf(image, (17.0, 17.0), 8.0, 0.9)
-    assert np.all(image[front] == 0.4)
-
-
 @pytest.mark.parametrize(
     ("choice", "message"),
     [

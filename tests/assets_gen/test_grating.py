@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from megalopta.assets_gen.grating import bars, board, random_dots
+from megalopta.assets_gen.grating import bars, random_dots
 
 
 def test_a_sine_has_its_contrast_and_frequency_alone():
@@ -45,16 +45,3 @@ def test_random_dots_have_the_covariance_of_a_boolean_model(dots):
     # same scatter as of the mean, twice; a texel is 1/24 period
     np.testing.assert_allclose(uncovered[:24], expected, atol=0.07)
     assert abs((uncovered[:24] - uncovered[20:24].mean() - expected + 0.25)[:12]).max() < 0.02
-
-
-def test_random_dots_tile_without_a_seam(dots):
-    inside = np.abs(np.diff(dots, axis=0)).mean(axis=1)
-    seam = np.abs(dots[0] - dots[-1]).mean()
-    assert seam < inside.max()
-
-
-def test_a_board_faces_the_camera_and_repeats_its_tile():
-    mesh = board(np.array([-1.0, 0.0]), np.array([2.0, 1.0]), 0.5)
-    assert mesh.area == pytest.approx(3)
-    np.testing.assert_allclose(mesh.face_normals, [[0, 0, -1]] * 2)
-    np.testing.assert_allclose(mesh.visual.uv, mesh.vertices[:, :2] / 0.5)

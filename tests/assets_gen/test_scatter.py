@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from megalopta.assets_gen.scatter import distance_to, poisson_disk
+from megalopta.assets_gen.scatter import poisson_disk
 
 LOW, HIGH = np.array([-10.0, 5.0]), np.array([30.0, 25.0])
 
@@ -27,9 +27,3 @@ def test_points_depend_on_the_seed_alone():
 def test_a_pattern_that_cannot_fit_is_refused():
     with pytest.raises(ValueError, match="spacing_m: 300 points 2 m apart do not fit"):
         strew(spacing_m=2.0)
-
-
-def test_distance_to_is_the_least_of_all():
-    points, places = strew(40), strew(50, seed=1)
-    brute = np.linalg.norm(places[:, None] - points, axis=-1).min(axis=1)
-    np.testing.assert_allclose(distance_to(cKDTree(points), places), brute, rtol=1e-12)

@@ -1,6 +1,6 @@
 import numpy as np
 
-from megalopta.assets_gen.surface import Surface, join
+from megalopta.assets_gen.surface import Surface
 
 
 def triangle(normals=None):
@@ -13,9 +13,3 @@ def test_meshes_carry_uv_and_given_normals():
     assert mesh.metadata["smooth"] is True
     np.testing.assert_array_equal(mesh.vertex_normals, normals)
     np.testing.assert_array_equal(mesh.visual.uv, np.eye(3)[:, :2])
-
-
-def test_joined_surfaces_keep_their_triangles():
-    joined = join([triangle(), triangle()])
-    corners = joined.vertices[joined.faces]
-    np.testing.assert_array_equal(corners, np.stack([np.eye(3)] * 2))

@@ -18,10 +18,6 @@ def ground(terrain):
     return ground_surface(terrain, LOW, HIGH, 0.5, 100)
 
 
-def test_the_origin_is_at_height_zero(terrain):
-    assert terrain.height(np.zeros((1, 2)))[0] == 0
-
-
 def test_the_path_is_level_and_the_land_beside_it_rolls(terrain):
     # bumps: 3.5 cm root mean square, less than four times that
     assert np.abs(terrain.height(PATH)).max() < 0.15

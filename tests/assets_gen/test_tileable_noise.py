@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from megalopta.assets_gen.tileable_noise import plane_waves, tileable_noise, to_weight
+from megalopta.assets_gen.tileable_noise import plane_waves, tileable_noise
 
 SHAPE, SIZE_M, BAND_M = (128, 192), (2.0, 3.0), (0.1, 0.5)
 
@@ -31,13 +31,3 @@ def test_plane_waves_have_the_rms_asked_for():
     points = np.random.default_rng(2).uniform(-3000, 3000, (100_000, 2))
     # 1e5 independent places: the standard error of the rms is below 0.3 %
     assert field(points).std() == pytest.approx(0.4, rel=0.02)
-
-
-def test_plane_waves_stay_within_their_wavelengths():
-    waves = plane_waves((2.0, 6.0), 0.4, 30, np.random.default_rng(1)).wave_vectors
-    wavelength = 2 * np.pi / np.linalg.norm(waves, axis=1)
-    assert wavelength.min() >= 2 - 1e-9 and wavelength.max() <= 6 + 1e-9
-
-
-def test_weights_run_from_zero_to_one_through_one_half():
-    assert to_weight(np.array([-40.0, 0.0, 40.0])).tolist() == [0, 0.5, 1]

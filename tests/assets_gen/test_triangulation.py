@@ -38,15 +38,6 @@ def test_every_inner_edge_has_two_triangles(mesh):
     assert corners - edge + len(mesh.faces) == 1  # Euler: a disc without holes
 
 
-def test_triangles_grow_with_the_distance_from_the_path(mesh):
-    away = distance_to(PATH, mesh.centers)
-    for low, high in ((0, 1.4), (3, 5), (10, 15)):
-        ring = (away >= low) & (away < high)
-        step = np.sqrt(2 * mesh.areas[ring].mean())
-        # Steps are even within a ring whose ends differ by √2.
-        assert step == pytest.approx(FINE.step((low + high) / 2), rel=0.25)
-
-
 def test_the_number_of_triangles_is_foreseen(mesh):
     assert len(mesh.faces) == pytest.approx(FINE.triangles(np.hypot(3, 1), REACH_M), rel=0.15)
 
@@ -60,11 +51,3 @@ def test_a_plane_is_interpolated_exactly_and_places_outside_are_refused(mesh):
     np.testing.assert_allclose(found, height(places), atol=1e-9)
     with pytest.raises(ValueError, match="places: 1 lie outside"):
         mesh.interpolated(height(mesh.points), np.array([[500.0, 0.0]]))
-
-
-def test_far_from_the_origin_the_mesh_is_as_good():
-    path = cKDTree(PATH.data + 1e6)
-    mesh = triangulated(path, Fineness(0.05, 0.5), 3.0, np.random.default_rng(1))
-    assert mesh.areas.min() > 0
-    # The outline is ragged by about half of a step of 0.3 m along 25 m.
-    assert mesh.areas.sum() == pytest.approx(np.pi * 9 + 6 * np.hypot(3, 1), rel=0.1)

@@ -13,7 +13,6 @@ from megalopta.flow.likelihood import (
     most_likely,
     root_noise,
     suited_blur_px,
-    to_nodes,
 )
 
 from .textures import drifting_texture
@@ -87,14 +86,6 @@ def test_levels_keep_all_photons_of_whole_bins():
     counts = frames(5)[:, :48, :64]
     sizes = [(level.roots.shape[1:], level.bins) for level in levels(counts)]
     assert sizes == [((12, 16), 4), ((24, 32), 2), ((48, 64), 1)]
-
-
-def test_nodes_hold_the_sums_of_their_squares():
-    pixels = np.random.default_rng(0).random((3, 10, 14))
-    nodes = to_nodes(pixels)
-    assert nodes.shape == (3, 3, 4)
-    np.testing.assert_allclose(nodes.sum(axis=(1, 2)), pixels.sum(axis=(1, 2)))
-    np.testing.assert_allclose(nodes[:, 0, 0], pixels[:, :4, :4].sum(axis=(1, 2)))
 
 
 def test_a_slope_known_at_nodes_is_that_slope_between_them():

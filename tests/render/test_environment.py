@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from megalopta.render import RenderSettings, SceneRenderer
-from megalopta.render.environment import EnvironmentView, read_picture
+from megalopta.render.environment import read_picture
 from megalopta.scenes import Panorama, PerspectiveCamera, Trajectory
 from megalopta.scenes.lighting.light import Light
 
@@ -58,14 +58,6 @@ def test_a_bright_spot_is_seen_where_it_is_in_the_picture(picture, azimuth, elev
     assert np.unravel_index(image.argmax(), image.shape) == (12, 16)  # the center pixel
 
 
-def test_turning_the_camera_is_turning_the_picture_back(picture):
-    path = picture(noise())
-    turned = renderer(path).radiance(pose(50, 10), 0)
-    other = renderer(path, turn_deg=-50).radiance(pose(0, 10), 0)
-    # Float32 directions are good to 1e-7 rad, and neighbors differ by many times their value.
-    np.testing.assert_allclose(turned, other, rtol=1e-3)
-
-
 def test_a_moving_camera_sees_and_says_rotation_alone(picture):
     trajectory = Trajectory(
         frames=2, frame_rate_hz=1, rotation_deg_s=5, velocity_m_s=(3, 1, 2), position_m=(0, 0, 1.5)
@@ -92,15 +84,6 @@ def test_pixels_are_means_over_their_area_whatever_the_strips(picture, monkeypat
     points = renderer(path, samples=1, camera=fine).radiance(pose(10, 5), 0)
     blocks = points.reshape(CAMERA.height, 4, CAMERA.width, 4, len(BANDS)).mean(axis=(1, 3))
     np.testing.assert_allclose(whole, blocks, rtol=1e-5)
-
-
-def test_points_per_pixel_are_rounded_up_to_a_square(picture):
-    scene = Panorama(file=picture(noise(4))).build(LIGHT, CAMERA, STAND)
-    counts = [
-        EnvironmentView(scene.environment, CAMERA, BANDS, samples).samples_per_pixel
-        for samples in (1, 2, 4, 24, 25)
-    ]
-    assert counts == [1, 4, 4, 25, 25]
 
 
 @pytest.mark.parametrize(

@@ -149,16 +149,6 @@ def assert_equal(ours, theirs):
             np.testing.assert_array_equal(*pair)
 
 
-def test_what_moves_is_seen_through_haze_where_it_is():
-    haze, glow = Haze(visibility_m=40, albedo=0), Material(flat(0), None, Emission(LEVEL))
-    leaving = RigidMotion((10, 0, 0), Drift(velocity_m_s=(10, 0, 0)))
-    rendering = renderer(hazy(wall(10, 5), glow, haze, sky=0, motion=leaving))
-    found = [rendering.radiance(POSES[0], 1, time_s).mean() for time_s in (0.0, 1.0)]
-    # The board leaves the box, which ends 1 m behind where it was: from there it does not fade.
-    expected = [LEVEL * 0.02 ** (way / 40) for way in (10, 11)]
-    assert found == pytest.approx(expected, rel=0.01)
-
-
 def test_meter_reads_the_requested_light_above_the_haze_and_what_is_left_of_it_below():
     """Of a beam exp(−τ), of an even sky 2·E₃(τ), where droplets only absorb."""
     haze = Haze(visibility_m=20, albedo=0)

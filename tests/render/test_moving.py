@@ -99,13 +99,6 @@ def test_rows_share_a_pose_where_nothing_moves_by_more_than_they_may(speed):
     assert rows == CAMERA.height or rows * of_a_row > SHARED_PX / 4
 
 
-def test_what_nobody_sees_costs_no_pose():
-    behind = MovingObject(position_m=(-3, 0, 1.5), motion=Drift(velocity_m_s=(0, 50, 0)))
-    meshes = [m for m in merge(with_objects(scene(), [behind])) if isinstance(m, MovingMesh)]
-    times = np.linspace(0.0, 0.03, CAMERA.height).tolist()
-    assert rows_of_a_pose(meshes, CAMERA, WATCH.poses()[1], times) == CAMERA.height
-
-
 def test_rays_of_many_times_meet_what_those_of_one_time_meet(renderer):
     geometry = renderer._tracer._geometry
     rng = np.random.default_rng(4)

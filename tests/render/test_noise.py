@@ -90,13 +90,6 @@ def test_passes_stop_at_the_cap_and_never_before_the_second():
     assert render_until(gaussian_pass, measured_pass, 0.9, 3)[1].passes == 2
 
 
-def test_black_frames_have_no_noise():
-    black = np.zeros((4, 4, 2), np.float32)
-    pass_ = MeasuredPass(black, black, black[..., 0])
-    noise = render_until(lambda _: black, lambda _: pass_, 0.1, 5)[1]
-    assert (noise.passes, noise.median_relative, noise.rms_over_mean) == (2, 0.0, 0.0)
-
-
 def test_noise_survives_its_text():
     sky = np.zeros((200, 200), np.float32)
     sky[:90] = 1
@@ -172,21 +165,6 @@ def test_what_stands_is_the_distance_from_paths_without_their_scatter():
     assert still.surface.median == pytest.approx(sigma, rel=0.4)
 
 
-def test_no_less_stands_than_the_scatter_of_the_bake():
-    # 30 compared pixels of paths that scatter by fifty times as much say anything: in half of the
-    # cases no distance at all
-    sky, sigma = np.zeros((200, 200), np.float32), SIGMA / MEAN.sum()
-    draw = 0.1 * (gaussian_pass(11) - MEAN).astype(np.float32)
-    found = []
-    for seed in range(12):
-        differences = np.full((200, 200, 8, 2), np.nan, np.float32)
-        rng = np.random.default_rng(seed)
-        differences[100, 100:130] = 5 * rng.multivariate_normal(np.zeros(2), COVARIANCE, (30, 8))
-        measured = under(sky, standing=draw, differences=differences)
-        found.append(passes(2).noise(1_000_000, measured).surface.standing)
-    assert min(found) == pytest.approx(0.1 * sigma, rel=0.03)  # the scatter, known to 0.5 %
-
-
 def test_the_gradient_of_what_stands_is_known_from_pairs_of_neighbors():
     sky = np.zeros((200, 200), np.float32)
     ramp = RunningMean()
@@ -202,18 +180,6 @@ def test_the_gradient_of_what_stands_is_known_from_pairs_of_neighbors():
     assert found.gradient == pytest.approx(0.24**2 / 0.6**2, rel=0.02)
     assert found.standing_gradient == found.gradient  # passes do not scatter
     assert found.standing == pytest.approx(0.12 / rows.sum(axis=-1).mean(), rel=0.02)
-
-
-def test_the_share_of_the_gradient_is_what_noise_adds_to_a_ramp():
-    ramp = np.broadcast_to(np.arange(200.0)[:, None, None] * 0.3, (200, 200, 2))
-    mean = RunningMean()
-    for number in range(2):
-        mean.add((ramp + gaussian_pass(number)).astype(np.float32))
-    noise = mean.noise(1, under(np.zeros((200, 200), np.float32)))
-    # Between neighbors noise differs by 2σ² in the mean square, and the ramp by 0.6² in one of two
-    # directions.
-    share = 2 * SIGMA**2 / (2 * SIGMA**2 + 0.6**2 / 2)
-    assert noise.surface.gradient == pytest.approx(share, rel=0.03)
 
 
 @pytest.mark.parametrize("sampler", ["independent", "multijitter"])

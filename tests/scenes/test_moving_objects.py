@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from megalopta.scenes.motion import Drift, Tour
+from megalopta.scenes.motion import Tour
 from megalopta.scenes.moving_objects import MovingObject, with_objects
 from megalopta.scenes.scene import Scene
 
@@ -18,14 +18,6 @@ def test_objects_stand_where_they_are_put_and_turn_as_told():
     np.testing.assert_allclose(corners.min(axis=0), [9, 18, 29.5], atol=1e-12)
     np.testing.assert_allclose(corners.max(axis=0), [11, 22, 30.5], atol=1e-12)
     assert placement.motion is None
-
-
-def test_objects_follow_those_of_the_scene_each_with_its_own_material():
-    first = with_objects(EMPTY, (MovingObject(name="crate"), MovingObject(name="crate")))
-    both = with_objects(first, (MovingObject(name="bird", shape="ball"),))
-    assert [placement.kind for placement in both.placements] == ["crate", "crate", "bird"]
-    assert both.kinds == ("bird", "crate")
-    assert len(both.materials) == 3
 
 
 def test_an_object_spins_about_its_own_center_while_it_drifts():
@@ -60,7 +52,3 @@ def test_a_tour_passes_its_ways_and_rests_at_its_ends():
 def test_a_motion_that_makes_no_sense_is_refused(motion, words):
     with pytest.raises(ValidationError, match=words):
         MovingObject.model_validate({"motion": motion})
-
-
-def test_a_steady_motion_needs_no_kind():
-    assert MovingObject.model_validate({"motion": {"spin_deg_s": 3}}).motion == Drift(spin_deg_s=3)

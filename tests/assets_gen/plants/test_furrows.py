@@ -6,8 +6,6 @@ from megalopta.assets_gen.plants.furrows import CARVED_M, Furrows
 from megalopta.assets_gen.plants.tube import sweep
 from megalopta.assets_gen.surface_textures import TEXTURES
 
-from ..conftest import welded
-
 RADIUS_M, DEPTH_M = 0.2, 0.02
 AXIS = np.array([[0, 0, -0.35], [0, 0, 0], [0, 0, 0.5], [0.1, 0, 3], [0.1, 0, 6], [0.1, 0, 7]])
 PROFILE = np.full((5, 12), RADIUS_M)
@@ -33,27 +31,6 @@ def test_a_carved_stem_keeps_its_mean_radius(carved):
     assert np.ptp(profile) <= DEPTH_M
 
 
-def test_above_and_below_the_furrows_it_is_round(carved):
-    axis, profile = carved
-    z = axis[:-1, 2]
-    smooth = (z < -0.1) | (z > CARVED_M[1])
-    np.testing.assert_allclose(profile[smooth], RADIUS_M, rtol=1e-12)
-
-
-def test_it_stays_closed_with_its_outside_out(carved):
-    axis, profile = carved
-    surface = sweep(axis, profile, TILE_M, ORIGIN, whole_tiles=True)
-    mesh = welded(surface)
-    assert mesh.is_watertight and mesh.is_winding_consistent
-    assert mesh.volume > 0
-    np.testing.assert_allclose(np.linalg.norm(surface.normals, axis=1), 1, rtol=1e-12)
-    walls = slice(0, 2 * (len(profile) - 1) * profile.shape[1])
-    agreement = (
-        surface.normals[surface.faces[walls]] @ (surface.to_mesh().face_normals[walls, :, None])
-    )
-    assert agreement.min() > 0
-
-
 def test_what_is_painted_dark_lies_deep(furrows, carved):
     axis, profile = carved
     surface = sweep(axis, profile, TILE_M, ORIGIN, whole_tiles=True)
@@ -68,18 +45,3 @@ def test_what_is_painted_dark_lies_deep(furrows, carved):
     paint = furrows.pattern[row, column][rough].ravel()
     # Grain finer than the mesh is painted only.
     assert np.corrcoef(paint, -profile[rough].ravel())[0, 1] > 0.7
-
-
-def test_a_thin_stem_is_not_cut_through(furrows):
-    deep = Furrows(furrows.pattern, 0.1)
-    _, profile = deep.carved(AXIS, 0.1 * PROFILE, TILE_M, ORIGIN)
-    assert profile.min() > 0.7 * 0.1 * RADIUS_M
-
-
-def test_lobes_of_the_foot_are_kept(furrows):
-    angle = 2 * np.pi * np.arange(12) / 12
-    lobed = PROFILE * (1 + 0.2 * np.cos(3 * angle))
-    smooth = Furrows(np.zeros_like(furrows.pattern), DEPTH_M)
-    _, profile = smooth.carved(AXIS, lobed, TILE_M, ORIGIN)
-    around = 2 * np.pi * np.arange(profile.shape[1]) / profile.shape[1]
-    np.testing.assert_allclose(profile[3], RADIUS_M * (1 + 0.2 * np.cos(3 * around)), rtol=1e-9)

@@ -1,9 +1,7 @@
 import numpy as np
 import pytest
-from scipy.spatial import cKDTree
 
-from megalopta.assets_gen.plants.ages import aged
-from megalopta.assets_gen.plants.growth import grow_plant, simplified
+from megalopta.assets_gen.plants.growth import grow_plant
 from megalopta.assets_gen.plants.skeleton import axes
 from megalopta.scenes.forest.flora import BUSHES, TREES
 
@@ -43,16 +41,6 @@ def test_every_axis_is_a_closed_tube_with_its_outside_out(plant):
         assert mesh.volume > 0
 
 
-def test_every_leaf_is_attached_to_a_bearing_twig(plant):
-    axes = plant.twigs
-    share = np.linspace(0, 1, 60)[:, None]
-    along = (axes[:, :-1, None] + share * np.diff(axes, axis=1)[:, :, None]).reshape(-1, 3)
-    base = plant.leaves.vertices[::4][::7]
-    gap, _ = cKDTree(along).query(base)
-    # internodes are at most 0.7 m: samples are 12 mm apart
-    assert gap.max() < 0.007
-
-
 def test_the_plant_has_its_height_and_stands_in_the_ground(kind, plant):
     z = plant.branching.skeleton.positions[:, 2]
     assert z.max() == pytest.approx(WOODY[kind].height_m, rel=0.12)
@@ -71,24 +59,6 @@ def test_a_fuller_plant_has_more_leaves_on_the_same_wood(kind, plant):
     assert full.leaves.area == pytest.approx(2 * plant.leaves.area, rel=0.3)
 
 
-def test_the_young_are_lower_and_thinner():
-    young = aged(WOODY["oak"], 0.5)
-    assert grow(young).wood.vertices[:, 2].max() < 0.6 * WOODY["oak"].height_m
-    assert young.radius_m < 0.5 * WOODY["oak"].radius_m
-    assert aged(WOODY["oak"], 1.0) == WOODY["oak"]
-
-
-def test_buttresses_widen_the_foot_alone():
-    bare = grow(WOODY["kapok"].model_copy(update={"buttresses": None}))
-    walled = grow(WOODY["kapok"])
-    tops = [plant.tubes[0].vertices for plant in (bare, walled)]
-    feet = [np.hypot(*v[v[:, 2] < 0.6].T[:2]).max() for v in tops]
-    assert feet[1] > 2 * feet[0]
-    # e^-6 of a reach of five radii is left eight meters up
-    high = [v[v[:, 2] > 8] for v in tops]
-    assert np.ptp(high[1], axis=0)[0] == pytest.approx(np.ptp(high[0], axis=0)[0], rel=0.1)
-
-
 def test_thin_tubes_of_three_sides_are_as_wide_on_average_as_the_branch_they_stand_for(plant):
     nodes = axes(plant.branching.skeleton, plant.radii_m)
     for axis, tube in zip(nodes, plant.tubes, strict=True):
@@ -99,14 +69,3 @@ def test_thin_tubes_of_three_sides_are_as_wide_on_average_as_the_branch_they_sta
             around = np.linalg.norm(np.diff(ring, axis=0, append=ring[:1]), axis=1).sum()
             # Cauchy: the mean width of a convex outline is its circumference over pi
             assert around / np.pi == pytest.approx(2 * radii[1], rel=1e-9)
-
-
-def test_simplified_polyline_stays_within_tolerance():
-    t = np.linspace(0, 3, 80)
-    points = np.stack([t, np.sin(2 * t)], axis=-1)
-    kept = simplified(points, 0.05)
-    assert 4 < len(kept) < 20
-    between = np.interp(t, t[kept], points[kept, 1])
-    # the vertical gap bounds the distance to the chord from above
-    slope = np.sqrt(1 + 2**2)
-    assert np.abs(between - points[:, 1]).max() <= 0.05 * slope

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from megalopta.assets_gen.plants.forms import grow_axes
-from megalopta.assets_gen.plants.skeleton import Skeleton, axes, pipe_areas, pipe_radii, smoothed
+from megalopta.assets_gen.plants.skeleton import axes, pipe_areas, pipe_radii
 from megalopta.scenes.forest.flora import TREES
 
 DISUSED = 0.3
@@ -25,10 +25,6 @@ def descendants(skeleton, node):
     return found
 
 
-def test_parents_come_before_their_children(skeleton):
-    assert np.all(skeleton.parents < np.arange(len(skeleton.parents)))
-
-
 def test_pipe_area_is_the_tips_above_plus_shed_pipes_along_the_length_above(skeleton):
     areas = pipe_areas(skeleton, DISUSED)
     counts = skeleton.child_counts()
@@ -49,31 +45,8 @@ def test_areas_above_a_fork_add_up_to_the_area_below_it_without_shed_pipes(skele
     np.testing.assert_allclose(above[forks], squares[forks], rtol=1e-12)
 
 
-def test_no_branch_is_thicker_than_what_bears_it(skeleton):
-    radii = pipe_radii(skeleton, DISUSED, 0.1, 1.3)
-    assert np.all(radii[1:] <= radii[skeleton.parents[1:]])
-    assert radii.min() > 0
-
-
 def test_the_stem_has_the_radius_asked_for_at_breast_height(skeleton):
     radii = pipe_radii(skeleton, DISUSED, 0.1, 1.3)
     stem = axes(skeleton, radii)[0]
     squared = np.interp(1.3, skeleton.positions[stem, 2], radii[stem] ** 2)
     assert np.sqrt(squared) == pytest.approx(0.1, rel=1e-12)
-
-
-def test_every_internode_belongs_to_exactly_one_axis(skeleton):
-    ends = [node for nodes in axes(skeleton, pipe_areas(skeleton, 0.1)) for node in nodes[1:]]
-    children = np.flatnonzero(skeleton.parents >= 0)
-    assert sorted(ends) == children.tolist()
-
-
-def test_an_axis_goes_on_into_the_thicker_branch():
-    skeleton = Skeleton(np.zeros((4, 3)), np.array([-1, 0, 1, 1]))
-    found = axes(skeleton, np.array([4.0, 3.0, 1.0, 2.0]))
-    assert [nodes.tolist() for nodes in found] == [[0, 1, 3], [1, 2]]
-
-
-def test_smoothing_leaves_a_straight_evenly_spaced_axis_alone():
-    line = np.outer(np.arange(6), [1.0, 2.0, 3.0])
-    np.testing.assert_allclose(smoothed(Skeleton(line, np.arange(-1, 5)), 3).positions, line)

@@ -18,19 +18,6 @@ def tube(axis, radius, sides=12, whole_tiles=False):
     return sweep(axis, profile, TILE_M, np.zeros(2), whole_tiles)
 
 
-def test_frames_are_orthonormal():
-    frames = np.stack(rotation_minimizing_frames(helix()), axis=1)
-    gram = frames @ frames.swapaxes(1, 2)
-    np.testing.assert_allclose(gram, np.broadcast_to(np.eye(3), gram.shape), atol=1e-12)
-
-
-def test_frames_keep_their_angle_to_the_plane_of_a_plane_curve():
-    t = np.linspace(0, np.pi, 50)
-    _, normals, binormals = rotation_minimizing_frames(np.stack([np.cos(t), t, 0 * t], axis=-1))
-    np.testing.assert_allclose(normals[:, 2], normals[0, 2], atol=1e-12)
-    np.testing.assert_allclose(binormals[:, 2], binormals[0, 2], atol=1e-12)
-
-
 def test_frames_on_a_helix_turn_back_by_its_torsion():
     # A helix of radius 1 and pitch 2πb has torsion b / (1 + b²); relative to the curve's principal normal a
     # rotation-minimizing frame turns by minus the integral of the torsion over arc length.
@@ -59,23 +46,9 @@ def test_volume_is_that_of_a_prism_and_a_pyramid():
     assert volume == pytest.approx(section * (2 + 1.5 / 3), rel=1e-12)
 
 
-def test_normals_are_unit_vectors_on_the_side_of_the_faces():
-    surface = tube(helix(0.5, 30), 0.1)
-    mesh = welded(surface)
-    np.testing.assert_allclose(np.linalg.norm(surface.normals, axis=1), 1, rtol=1e-12)
-    walls = slice(0, -10)  # the base's cap shares the normals of the wall
-    agreement = surface.normals[surface.faces] @ mesh.face_normals[:, :, None]
-    assert agreement[walls].min() > 0
-
-
 def test_texture_runs_along_the_tube_at_constant_scale():
     axis = helix(0.5, 30)
     surface = tube(axis, 0.1, whole_tiles=False)
     length = np.linalg.norm(np.diff(axis, axis=0), axis=1).sum()
     assert np.ptp(surface.uv[:, 1]) * TILE_M[1] == pytest.approx(length, rel=1e-12)
     assert np.ptp(surface.uv[:, 0]) * TILE_M[0] == pytest.approx(2 * np.pi * 0.1, rel=1e-12)
-
-
-def test_stems_carry_a_whole_number_of_tiles():
-    surface = tube(np.outer([0, 1, 2.0], [0, 0, 1.0]), 0.14, whole_tiles=True)
-    assert np.ptp(surface.uv[:, 0]) == 1

@@ -116,18 +116,6 @@ def test_seed_and_name_each_give_other_draws():
     assert results[0] == results[3]
 
 
-def test_temporal_pooling_of_a_still_intensity_divides_the_flux():
-    # the mean of k counts is that of k times the light, at lattice fluxes and between them
-    flat = MovingTemplate(np.ones((251, 251)), 0, 60)
-    one, four = (
-        found(flat, "IM", dark_counts=0, summed_frames=k, fluxes_per_decade=20)[0]
-        .thresholds[2]
-        .flux
-        for k in (1, 4)
-    )
-    assert one / four == pytest.approx(4, rel=0.01)
-
-
 @pytest.mark.parametrize("is_smooth", [False, True])
 @pytest.mark.parametrize("per_decade", [1, 2, 3, 8])
 def test_search_ends_on_any_falling_curve(per_decade, is_smooth):

@@ -8,7 +8,7 @@ import zarr
 from pydantic import ValidationError
 
 from megalopta.flow.benchmark.sequence import Bookkeeping, photon_benchmark
-from megalopta.flow.benchmark.settings import BenchmarkSettings, default_warm_up, work_units
+from megalopta.flow.benchmark.settings import BenchmarkSettings, work_units
 from megalopta.flow.detectors.registry import THESIS_METHODS, method
 
 ALL = tuple(method(name) for name in THESIS_METHODS)
@@ -113,18 +113,6 @@ def test_result_is_ready_for_json():
     assert fields["settings"]["sizes"] == [60]
     assert fields["curves"][0]["thresholds"]["N_2b"]["kind"] == "undefined"
     assert BenchmarkSettings(**fields["settings"]) == result.settings
-
-
-def test_curve_that_was_not_measured_is_refused_with_those_that_were():
-    result = measured(grating(frames=20), [method("IM")], settings(warm_up=0))
-    with pytest.raises(ValueError, match=r"no literal curve of 'BM' at 60 px: choose from IM"):
-        result.curve("BM", 60)
-
-
-def test_warm_up_is_the_thesis_or_the_longest_memory():
-    assert default_warm_up(60, ALL) == 30
-    assert default_warm_up(24, ALL) == method("EMD").memory_frames
-    assert default_warm_up(24, [method("BM"), method("IM")]) == 1
 
 
 @pytest.mark.parametrize(

@@ -3,20 +3,14 @@ import pytest
 
 from megalopta.benchmark.detection import detections
 from megalopta.benchmark.isolated_blocks import FRAMES, SIZE_PX, ranked
-from megalopta.benchmark.runner import run
-from megalopta.benchmark.sweep import Sweep
-from megalopta.benchmark.templates import GratingTemplate
 from megalopta.benchmark.trial import Trial
 from megalopta.flow import (
     METHODS,
     BenchmarkSettings,
-    SearchSettings,
     detector_from,
     method,
     photon_benchmark,
 )
-
-SEARCH = SearchSettings(flux_min=1e5, flux_max=1e7, metrics=("ratio",), bits=(2,), frames=2)
 
 
 def dense_inverse_search(first, second):
@@ -41,10 +35,6 @@ def test_blocks_are_means_of_the_dense_flow(frames, name):
     np.testing.assert_allclose(detector.respond(frames[:2])[0], means, rtol=1e-12, atol=1e-12)
 
 
-def test_dense_flow_without_contrast_is_undefined():
-    assert np.isnan(METHODS["DIS"].dense(np.ones((40, 40)), np.ones((40, 40)))).all()
-
-
 def test_a_function_answers_as_the_detector_that_it_wraps(frames):
     wrapped = method(dense_inverse_search)
     assert (wrapped.name, wrapped.gives) == ("dense_inverse_search", "velocity")
@@ -59,18 +49,6 @@ def test_a_function_is_measured_beside_names(frames):
     known, ours = (result.curve(name, 60) for name in ("DIS", "dense_inverse_search"))
     assert known.errors == ours.errors
     assert result.to_dict()["methods"]["dense_inverse_search"]["function"].startswith(__name__)
-
-
-def test_a_function_is_swept_and_its_results_are_found_again(tmp_path):
-    trial = Trial(methods=(to_the_right, "IM"), template=GratingTemplate(), search=SEARCH)
-    sweep = Sweep(trial=trial, values=(2, 5))
-    pixels = {trial.template: trial.template.pixels()}
-    first = run(sweep.trials, pixels, tmp_path, workers=1)
-    stored = {each.name: each.stat().st_mtime_ns for each in tmp_path.glob("*.json")}
-    assert len(stored) == 2
-    assert run(sweep.trials, pixels, tmp_path, workers=1) == first
-    assert stored == {each.name: each.stat().st_mtime_ns for each in tmp_path.glob("*.json")}
-    assert {curve.method for curves in first.values() for curve in curves} == {"to_the_right", "IM"}
 
 
 def test_functions_of_another_source_or_enclosed_value_are_other_detectors():

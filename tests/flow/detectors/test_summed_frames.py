@@ -34,11 +34,6 @@ def test_both_sums_hold_half_of_the_frames_each():
         np.testing.assert_allclose(found[index], method.respond(sums)[0] / half)
 
 
-def test_blocks_of_the_sums_are_those_asked_for():
-    detector = summed_frames(METHODS["LK"]).model_copy(update={"block_px": 12})
-    assert detector.respond(np.ones((2, 60, 48))).shape == (1, 5, 4, 2)
-
-
 def test_stretch_is_anscombes_root():
     counts = np.random.default_rng(0).poisson(4.0, (2, 30, 30)).astype(np.uint16)
     stretched = detector_from(seen).model_copy(update={"stretch": "anscombe"})

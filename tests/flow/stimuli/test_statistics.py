@@ -8,7 +8,6 @@ from megalopta.flow.stimuli.statistics import (
     image_statistics,
     log_statistics,
     power_spectrum,
-    unlit_share,
 )
 
 from ..textures import drifting_texture
@@ -56,13 +55,6 @@ def test_flat_share_is_the_part_without_texture():
     template[:, :151] += np.resize([0.5, -0.5], 151)
     # Of 753 differences 152 are not: 150 within the textured part and one at either end of it.
     assert image_statistics(template).flat_share == pytest.approx(1 - 152 / 753, abs=1e-12)
-
-
-def test_statistics_do_not_depend_on_the_unit_of_light():
-    one, other = (image_statistics(scale * fractal(-2)) for scale in (1, 1e-7))
-    assert one.contrast == pytest.approx(other.contrast)
-    assert one.spectrum_slope == pytest.approx(other.spectrum_slope)
-    assert one.flat_share == other.flat_share
 
 
 def view(seed=0):
@@ -117,12 +109,6 @@ def test_noise_that_is_most_in_the_shade_adds_no_contrast():
     # Of two renderings in one value an eighth of that is left, (σ²/2)²: .01 of contrast .5.
     assert log_statistics(passes).contrast == pytest.approx(0.5, abs=0.015)
     assert min(single) > 0.6
-
-
-def test_pixels_without_light_are_counted():
-    light = np.ones((PASSES, 10, 10))
-    light[0, :2] = 0
-    assert unlit_share(light) == pytest.approx(0.2 / PASSES)
 
 
 def test_white_noise_has_no_slope_and_no_correlation():

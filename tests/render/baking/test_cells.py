@@ -80,41 +80,6 @@ def test_too_many_cells_are_refused_with_a_remedy(monkeypatch):
 
 
 @vectorized
-def test_points_drawn_in_a_cell_lie_in_it_and_cover_its_face_evenly():
-    activate(choose_variant())
-    import drjit as dr
-    import mitsuba as mi
-
-    meshes = [triangle_mesh(random_triangles(100)), triangle_mesh(random_triangles(30))]
-    cells = Cells.of(meshes, CAMERA, PATH)
-    rng = np.random.default_rng(2)
-    wanted = rng.integers(0, cells.count, 20_000).astype(np.uint32)
-    patches = cells.patches(wanted)
-    a, b = (mi.Float(values) for values in rng.random((2, len(wanted))))
-    hit = dr.zeros(mi.PreliminaryIntersection3f, len(wanted))
-    hit.prim_uv = patches.barycentric(mi.UInt, a, b)
-    hit.prim_index, mesh = mi.UInt(patches.triangle), mi.UInt(patches.mesh)
-    finder = CellFinder(cells, load_scene(THING, meshes))
-    cell, places = finder.find(hit, mesh, mi.UInt(patches.side) == 0, True)
-    found = np.array(cell)
-    # Points on a cell's rim may fall to its neighbor, and grid cells that lie outside the triangle
-    # (just under half of them) hold no points.
-    pieces, (i, j) = patches.pieces, patches.indices
-    holds = i / pieces[0] + j / pieces[1] < 1 - 1e-6
-    is_found = holds & (found == wanted)
-    assert is_found.sum() > 0.97 * holds.sum()
-    # of what lies on the longest edge, half was turned about the middle of its cell
-    i, j = patches.indices[:, is_found] + 1
-    whole = np.flatnonzero(is_found)[i / pieces[0][is_found] + j / pieces[1][is_found] < 1]
-    for place, wanted_at in zip(places, (a, b), strict=True):
-        np.testing.assert_allclose(np.array(place)[whole], np.array(wanted_at)[whole], atol=2e-3)
-    for name in ("mesh", "triangle", "side"):
-        np.testing.assert_array_equal(
-            getattr(cells.patches(found), name), getattr(patches, name), name
-        )
-
-
-@vectorized
 def test_rays_find_the_cell_that_holds_the_point_they_hit():
     activate(choose_variant())
     import mitsuba as mi

@@ -14,7 +14,6 @@ from megalopta.render.baking.gathering import Gatherer
 from megalopta.render.baking.visibility import survey
 from megalopta.render.scatter import RunningMean
 from megalopta.render.scene_renderer import SceneRenderer
-from megalopta.render.sensors import primary
 from megalopta.render.settings import RenderSettings
 from megalopta.scenes.cameras.perspective import PerspectiveCamera
 from megalopta.scenes.material import Emission, Material, Texture
@@ -192,18 +191,6 @@ def test_frames_do_not_depend_on_which_were_rendered_before_nor_on_batches(monke
     assert frames[0].tobytes() == frames[1].tobytes() == frames[2].tobytes()
     other = renderer_of(scene, ORBIT, seed=1, bake_error=0.3).radiance(ORBIT[3], 7)
     assert frames[0].tobytes() != other.tobytes()
-
-
-@vectorized
-@pytest.mark.slow
-def test_samples_beyond_one_pass_are_taken_in_several(monkeypatch):
-    scene = thicket(Lighting(SKY))
-    whole = renderer_of(scene, ORBIT, samples_per_pixel=256, bake_error=0.3).radiance(ORBIT[0], 1)
-    monkeypatch.setattr(primary, "SAMPLES_AT_ONCE", 100 * 24 * 24)
-    parts = renderer_of(scene, ORBIT, samples_per_pixel=256, bake_error=0.3).radiance(ORBIT[0], 1)
-    # Other jitter in the same strata: four passes of 64. A pass left out, or one too bright, would
-    # move the mean by a quarter.
-    assert parts.mean() == pytest.approx(whole.mean(), rel=0.01)
 
 
 def test_paths_are_traced_where_baking_is_not_asked_for_or_cannot_pay(ground):

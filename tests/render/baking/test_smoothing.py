@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from megalopta.render.baking.clusters import Clusters
 from megalopta.render.baking.smoothing import smoothed
 
 RNG = np.random.default_rng(5)
@@ -37,28 +36,3 @@ def test_half_differences_tell_the_error_that_is_left_with_what_is_taken_of_cont
     left = np.mean((better[:, 0] - truth) ** 2)
     # The shares that are kept are known from 20 values: what is left is more than it could be.
     assert 0.65 * left < np.mean(better[:, 1] ** 2) < 1.05 * left
-
-
-def test_a_cluster_without_neighbors_is_left_alone():
-    rows = measured(np.arange(5.0), 1.0)
-    np.testing.assert_array_equal(
-        smoothed(rows, np.arange(5, dtype=np.uint64), EVEN[:5], SEEN[:5]), rows
-    )
-
-
-def test_clusters_draw_their_cells_as_often_as_they_were_seen():
-    cell = np.array([3, 5, 8, 9, 12], np.uint32)
-    keys = np.array([7, 2, 7, 2, 1], np.uint64)
-    seen, places = np.array([3, 1, 1, 7, 2], np.uint32), cell + 100
-    clusters = Clusters.of(cell, keys, seen, places)
-    assert len(clusters) == 3
-    np.testing.assert_array_equal(clusters.leaders, [12, 5, 3])
-    np.testing.assert_array_equal(clusters.seen, [2, 8, 4])
-    drawn, where = clusters.draws(np.array([2, 1]))
-    assert drawn.shape == (2, 32)
-    np.testing.assert_array_equal(where, drawn + 100)
-    assert [np.sum(drawn[0] == each) for each in (3, 8)] == [24, 8]
-    assert [np.sum(drawn[1] == each) for each in (5, 9)] == [4, 28]
-    members, owner = clusters.of_members(np.array([1, 0]))
-    np.testing.assert_array_equal(members, [5, 9, 12])
-    np.testing.assert_array_equal(owner, [0, 0, 1])

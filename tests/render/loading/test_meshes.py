@@ -33,12 +33,6 @@ def scene(texture=None):
     )
 
 
-def test_one_mesh_per_material_holds_all_triangles():
-    meshes = merge(scene())
-    assert [mesh.material for mesh in meshes] == ["leaf", "wood"]
-    assert sum(len(mesh.faces) for mesh in meshes) == scene().triangle_count
-
-
 def test_merging_conserves_the_volume_of_every_object():
     wood = next(mesh for mesh in merge(scene()) if mesh.material == "wood")
     for object_id, scale in ((1, 2.0), (2, 0.5), (3, 1.0)):

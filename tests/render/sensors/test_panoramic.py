@@ -176,12 +176,3 @@ def test_flow_of_a_panorama_is_analytic_within_1e_4_px(camera, surface, ground):
         error = np.abs(flow - expected)
         error[..., 0] *= np.cos(elevation)  # columns crowd at the poles
         assert error[seen].max() < 1e-4
-
-
-def test_panoramic_depth_is_the_distance_along_the_ray(ground):
-    truth = renderer_of(SPHERE, scene_of(Lighting(flat(1e-9)), ground), 1).truth(MOVING.poses(), 0)
-    position, axes = eye(MOVING, 0)
-    expected = plane_hit(position, rays(SPHERE, axes))
-    seen = truth.object_id == 1
-    np.testing.assert_allclose(truth.depth[seen], expected[seen], rtol=1e-5)
-    assert np.isinf(truth.depth[~seen]).all()

@@ -12,10 +12,10 @@ from scipy.stats import binomtest
 
 from megalopta.scenes.forest.description import Forest, build_forest
 from megalopta.scenes.forest.flora import TREES
-from megalopta.scenes.forest.planting import BELT_M, REGULARITY, THICKET, tree_positions
+from megalopta.scenes.forest.planting import REGULARITY, THICKET, tree_positions
 from megalopta.scenes.forest.size import foreseen
 from megalopta.scenes.forest.specimens import grow_specimens, materials, plant_assets
-from megalopta.scenes.forest.stand import LODS, PRESETS
+from megalopta.scenes.forest.stand import PRESETS
 from megalopta.scenes.forest.undergrowth import LAYERS
 
 FOREST = Forest(seed=11)
@@ -138,16 +138,6 @@ def test_heights_spread_as_asked_for(scene):
     assert np.abs(scales - 1).max() <= 2 * FOREST.height_spread + 1e-12
 
 
-def test_the_ground_closes_the_horizon_all_around(scene):
-    vertices = scene.assets["ground"].parts["litter ground"].vertices
-    for end in (PATH[0], PATH[-1]):
-        away = vertices[:, :2] - end
-        elevation = np.degrees(np.arctan2(vertices[:, 2] - EYE_M, np.hypot(*away.T)))
-        sector = np.floor(np.degrees(np.arctan2(away[:, 1], away[:, 0])) / 5)
-        skyline = [elevation[sector == s].max() for s in np.unique(sector)]
-        assert len(skyline) == 72 and min(skyline) > 1
-
-
 def test_nothing_grows_into_the_camera(scene):
     eye = cKDTree(np.column_stack([dense(PATH), np.full(2000, EYE_M)]))
     for placement in scene.placements[1:]:
@@ -156,47 +146,6 @@ def test_nothing_grows_into_the_camera(scene):
             for mesh in scene.assets[placement.asset].parts.values():
                 vertices = mesh.vertices @ matrix[:3, :3].T + matrix[:3, 3]
                 assert eye.query(vertices, distance_upper_bound=0.4)[0].min() == np.inf
-
-
-def test_what_lies_on_the_ground_follows_its_slope(scene):
-    ground = scene.assets["ground"].parts["litter ground"].vertices
-    tree = cKDTree(ground[:, :2])
-    logs = [p.to_world for p in scene.placements if p.kind == "log"]
-    gaps = []
-    for matrix in logs:
-        for end in ([-1.5, 0, 0], [1.5, 0, 0]):
-            x, y, z = matrix[:3, :3] @ end + matrix[:3, 3]
-            # mean of the four vertices around, on a grid that coarsens to some meters
-            gaps.append(z - ground[tree.query((x, y), k=4)[1], 2].mean())
-    # bumps of 3.5 cm root mean square, a lean of 1.2 degrees, and hills that curve over 3 m
-    assert len(logs) > 5 and np.abs(gaps).max() < 0.4 and abs(np.mean(gaps)) < 0.05
-
-
-def test_detail_falls_with_distance_from_the_whole_path_and_nowhere_else(scene):
-    path = cKDTree(dense(PATH))
-    for placement in scene.placements[1:]:
-        if placement.kind in TREES:
-            scale = np.cbrt(np.linalg.det(placement.to_world[:3, :3]))
-            leaves = TREES[placement.kind].leaves_from_m * scale - EYE_M
-            distance = np.hypot(path.query(placement.to_world[:2, 3])[0], max(leaves, 0))
-            name = placement.asset.rsplit(" ", 1)[1]
-            expected = [level.name for level in LODS if level.beyond_m < distance]
-            assert (
-                name == (expected or ["near"])[-1]
-                or min(abs(distance - level.beyond_m) for level in LODS) < 0.05
-            )
-
-
-@pytest.mark.slow
-def test_full_detail_draws_every_plant_in_full_where_it_stood():
-    forest = SMALL.model_copy(update={"undergrowth": 0.1})
-    coarse = build_forest(forest.model_copy(update={"detail": 0.1}), PATH)
-    full = build_forest(forest.model_copy(update={"detail": 1000.0}), PATH)
-    assert {p.asset.rsplit(" ", 1)[1] for p in full.placements[1:]} == {"near"}
-    assert full.triangle_count > 4 * coarse.triangle_count
-    for a, b in zip(full.placements, coarse.placements, strict=True):
-        assert np.array_equal(a.to_world, b.to_world)
-        assert a.asset.rsplit(" ", 1)[0] == b.asset.rsplit(" ", 1)[0]
 
 
 @pytest.mark.parametrize("name", PRESETS)
@@ -290,10 +239,3 @@ def test_a_path_that_is_none_is_refused(path):
 def test_too_few_trees_for_a_long_path_are_refused():
     with pytest.raises(ValueError, match="trees: 40 trees at 900 per hectare reach only"):
         build_forest(SMALL, [[0.0, 0.0], [200.0, 0.0]])
-
-
-def test_the_belt_goes_on_behind_the_stand(trunks):
-    _, distance = trunks
-    edge = distance[FOREST.trees - 1]
-    assert len(distance) > FOREST.trees
-    assert edge + BELT_M - 3 < distance.max() <= edge + BELT_M

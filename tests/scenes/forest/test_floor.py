@@ -8,7 +8,6 @@ from scipy.spatial import cKDTree
 from megalopta.assets_gen.scatter import distance_to
 from megalopta.scenes.forest.description import Forest, build_forest
 from megalopta.scenes.forest.floor import (
-    FINEST_M,
     MOSS_RING_M,
     make_floor,
     trail_of,
@@ -17,13 +16,10 @@ from megalopta.scenes.forest.flora import TREES
 from megalopta.scenes.forest.ground import make_land
 from megalopta.scenes.forest.kept_floor import kept_floor
 from megalopta.scenes.forest.planting import dense_path
-from megalopta.scenes.forest.size import foreseen
-from megalopta.scenes.forest.specimens import grow_specimens
 from megalopta.scenes.forest.undergrowth import LAYERS
 
 PATH = np.stack([np.linspace(-1, 2, 7), np.linspace(0, 1, 7)], axis=-1)
 WAY = cKDTree(dense_path(PATH))
-NEAR = ["oak 4 near", "beech 4 near"]
 ROUGH = Forest(
     seed=5,
     trees=60,
@@ -76,16 +72,6 @@ def mesh_height(ground, places):
         assert inside.any()
         found.append(nearest[chosen, 0, 2] + edges[chosen, 2] @ weight[chosen])
     return np.array(found)
-
-
-def test_relief_of_bark_moves_nothing_else():
-    smooth = grow_specimens(5, NEAR)
-    rough = grow_specimens(5, NEAR, bark_relief=1.0)
-    for name, organs in smooth.items():
-        np.testing.assert_array_equal(organs["leaf"].vertices, rough[name]["leaf"].vertices)
-        bark, carved = organs["bark"], rough[name]["bark"]
-        assert (len(carved.faces) > len(bark.faces) + 10_000) == (name == "oak 4 near")
-        assert carved.area == pytest.approx(bark.area, rel=0.12)
 
 
 def test_moss_covers_the_share_asked_for(ground):
@@ -173,14 +159,6 @@ def test_the_ground_is_one_object_whose_parts_meet(scene, ground):
     same = np.diff(welded.reshape(-1)[order]) == 0
     np.testing.assert_allclose(normals[order][1:][same], normals[order][:-1][same], atol=1e-12)
     assert normals[:, 2].min() > 0
-
-
-def test_the_size_of_a_forest_with_a_floor_is_foreseen(scene):
-    plants, triangles = foreseen(ROUGH, np.linalg.norm(PATH[-1] - PATH[0]))
-    assert 0.5 < scene.triangle_count / triangles < 2
-    assert 0.5 < len(scene.placements) / plants < 2
-    _, long_path = foreseen(ROUGH, 1000.0)
-    assert long_path > 2 * 1000 * 2 * 0.5 / FINEST_M**2
 
 
 @pytest.mark.parametrize(

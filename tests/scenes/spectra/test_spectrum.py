@@ -6,7 +6,7 @@ from scipy.constants import sigma
 
 from megalopta.scenes.spectra.blackbody import planckian
 from megalopta.scenes.spectra.photometry import luminous_efficiency
-from megalopta.scenes.spectra.spectrum import Spectrum, flat, total
+from megalopta.scenes.spectra.spectrum import Spectrum, flat
 
 
 def test_integral_of_luminous_efficiency_is_the_cie_value():
@@ -37,10 +37,3 @@ def test_spectrum_is_constant_beyond_its_ends_and_refuses_nonsense():
         Spectrum((400.0, 500.0), (1.0, -1.0))
     with pytest.raises(ValueError, match="one value per wavelength"):
         Spectrum((400.0, 500.0), (1.0,))
-
-
-def test_sum_of_spectra_is_exact_between_their_wavelengths():
-    first, second = Spectrum((400.0, 500.0), (1.0, 3.0)), Spectrum((450.0, 480.0), (2.0, 0.0))
-    grid = np.linspace(380, 520, 71)
-    np.testing.assert_allclose(total([first, second])(grid), first(grid) + second(grid))
-    assert total([])(500.0) == 0
