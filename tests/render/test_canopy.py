@@ -5,13 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from megalopta.render import (
-    RenderSettings,
-    SceneRenderer,
-    activate,
-    choose_variant,
-    gap_fraction,
-)
+from megalopta.render import RenderSettings, SceneRenderer, activate, choose_variant, gap_fraction
 from megalopta.render.loading.scene import bare_mesh, gather
 from megalopta.scenes import Forest, Light, PerspectiveCamera, Trajectory, build_scene
 

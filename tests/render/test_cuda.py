@@ -10,9 +10,7 @@ from megalopta.scenes import Light, PerspectiveCamera, Trajectory, build_scene
 from megalopta.scenes.forest.description import Forest
 from megalopta.scenes.material import Material
 from megalopta.scenes.motion import Drift, RigidMotion
-from megalopta.scenes.scene import (
-    Lighting,
-)
+from megalopta.scenes.scene import Lighting
 from megalopta.scenes.spectra.spectrum import flat
 
 from .conftest import quad, scene_of

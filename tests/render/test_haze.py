@@ -17,10 +17,7 @@ from megalopta.scenes import EquirectangularCamera, PerspectiveCamera, Shutter, 
 from megalopta.scenes.haze import Haze
 from megalopta.scenes.material import Emission, Material
 from megalopta.scenes.motion import Drift, RigidMotion
-from megalopta.scenes.scene import (
-    Lighting,
-    Sun,
-)
+from megalopta.scenes.scene import Lighting, Sun
 from megalopta.scenes.spectra.photometry import luminous
 from megalopta.scenes.spectra.spectrum import flat
 

@@ -9,10 +9,7 @@ import trimesh
 from megalopta.render import RenderSettings, RunningMean, SceneRenderer
 from megalopta.scenes.cameras.perspective import PerspectiveCamera
 from megalopta.scenes.material import Material, Texture
-from megalopta.scenes.scene import (
-    Lighting,
-    Sun,
-)
+from megalopta.scenes.scene import Lighting, Sun
 from megalopta.scenes.spectra.spectrum import Spectrum, flat
 from megalopta.scenes.trajectories.steady import Trajectory
 

@@ -13,13 +13,7 @@ from megalopta.scenes import MovingObject, PerspectiveCamera, Shutter, Trajector
 from megalopta.scenes.material import Material
 from megalopta.scenes.motion import Drift
 from megalopta.scenes.moving_objects import with_objects
-from megalopta.scenes.scene import (
-    Asset,
-    Lighting,
-    Placement,
-    Scene,
-    Sun,
-)
+from megalopta.scenes.scene import Asset, Lighting, Placement, Scene, Sun
 from megalopta.scenes.spectra.spectrum import flat
 
 CAMERA = PerspectiveCamera(width=40, height=30, fov_deg=70)

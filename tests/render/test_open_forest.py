@@ -24,10 +24,7 @@ from megalopta.render.truth import rays
 from megalopta.render.variant import choose_variant
 from megalopta.scenes.cameras.perspective import PerspectiveCamera
 from megalopta.scenes.material import Material
-from megalopta.scenes.scene import (
-    Lighting,
-    Sun,
-)
+from megalopta.scenes.scene import Lighting, Sun
 from megalopta.scenes.spectra.spectrum import flat
 
 from .conftest import scene_of, vectorized

@@ -1,7 +1,10 @@
+"""Radiance against closed forms: emitters, planes, furnaces, and light left out for want of hits."""
+
 import math
 
 import numpy as np
 import pytest
+import trimesh
 
 from megalopta.render.scene_renderer import SceneRenderer
 from megalopta.render.sensors.passes import pass_seed
@@ -129,3 +132,73 @@ def test_no_two_random_seeds_of_sequences_are_equal():
         assert len(set(seeds)) == len(seeds)
     assert pass_seed(12, 0) == 12
     assert len({pass_seed(*each) for each in np.ndindex(20, 50)}) == 1000
+
+
+LEVEL = 2e-9
+LOOKING = Trajectory(frames=2, position_m=(-4, 0.5, 1.0), look_at_m=(0, 0, 0)).poses()[0]
+
+
+def furnace(mesh, reflectance, max_depth, bands=((500.0, 600.0),), samples=256, seed=1):
+    scene = scene_of(Lighting(flat(LEVEL)), (mesh, Material(reflectance)))
+    settings = RenderSettings(bands_nm=bands, samples_per_pixel=samples, max_depth=max_depth)
+    camera = PerspectiveCamera(width=64, height=64, fov_deg=30)
+    return SceneRenderer(scene, camera, settings).radiance(LOOKING, seed)
+
+
+def test_white_sphere_vanishes_in_its_environment():
+    image = furnace(trimesh.creation.icosphere(subdivisions=4), flat(1.0), 2)
+    assert image.mean(dtype=np.float64) == pytest.approx(LEVEL, rel=1e-3)  # required: 0.1 %
+    np.testing.assert_allclose(image[..., 0], LEVEL, rtol=0.1)  # nor is its outline seen
+
+
+@pytest.mark.parametrize("albedo", [0.2, 0.7])
+def test_gray_sphere_has_its_albedo_times_the_environment(albedo):
+    image = furnace(trimesh.creation.icosphere(subdivisions=4), flat(albedo), 2)
+    center = image[24:40, 24:40].mean(dtype=np.float64)
+    assert center == pytest.approx(albedo * LEVEL, rel=2e-3)  # 65 000 paths: σ below 0.05 %
+
+
+@pytest.mark.slow
+def test_white_open_box_vanishes_in_its_environment():
+    box = trimesh.creation.box((2, 2, 2))
+    box.update_faces(box.face_normals[:, 0] > -0.5)  # open toward the camera
+    # A path stays inside with a chance below 0.8 a bounce: 64 bounces leave less than 1e-6.
+    image = furnace(box, flat(1.0), 65)
+    assert image.mean(dtype=np.float64) == pytest.approx(LEVEL, rel=1e-3)
+
+
+LONGER_PATHS_BANDS = (500.0, 600.0), (800.0, 900.0)
+REFLECTANCES = 0.2, 0.8
+DOWN = Trajectory(frames=2, look_at_m=(0.01, 0, -50), up=(1, 0, 0)).poses()[0]
+
+
+def renderer(max_depth, scene_part=0.625):
+    """Of walls that are a part of a sphere, dim in one band and bright in the other."""
+    sphere = trimesh.creation.icosphere(subdivisions=4, radius=200.0)
+    highest = np.sort(sphere.triangles_center[:, 2])[round(scene_part * len(sphere.faces)) - 1]
+    sphere.update_faces(sphere.triangles_center[:, 2] <= highest)
+    wall = Spectrum((400.0, 650.0, 750.0, 1000.0), np.repeat(REFLECTANCES, 2).tolist())
+    scene = scene_of(Lighting(flat(1.0)), (sphere, Material(wall)))
+    camera = PerspectiveCamera(width=48, height=48, fov_deg=60)
+    settings = RenderSettings(
+        bands_nm=LONGER_PATHS_BANDS, samples_per_pixel=64, max_depth=max_depth
+    )
+    return SceneRenderer(scene, camera, settings)
+
+
+@pytest.mark.parametrize("max_depth", [2, 3, 5])
+def test_share_is_the_rest_of_a_geometric_series(max_depth):
+    # Every place in a sphere gets equally much of every other: of the light that leaves the walls,
+    # their share of the sphere comes back, and each hit keeps the reflectance of it.
+    kept = 0.625 * np.array(REFLECTANCES)
+    # Of 35 000 paths one in 2 to 16 goes on in the bright band: up to 3 % (σ), four of them.
+    expected = kept ** (max_depth - 1)
+    found = renderer(max_depth).light_left_out(DOWN)
+    np.testing.assert_allclose(found, expected, rtol=0.12, atol=1e-3)
+
+
+def test_nothing_is_left_out_where_there_is_nothing_to_hit():
+    scene = Scene({}, {}, (), Lighting(flat(1.0)))
+    camera = PerspectiveCamera(width=16, height=16)
+    empty = SceneRenderer(scene, camera, RenderSettings(bands_nm=LONGER_PATHS_BANDS, max_depth=2))
+    np.testing.assert_array_equal(empty.light_left_out(DOWN), 0.0)

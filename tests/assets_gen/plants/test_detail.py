@@ -2,12 +2,7 @@ import numpy as np
 import pytest
 from skimage.draw import polygon
 
-from megalopta.assets_gen.plants.detail import (
-    Detail,
-    coarsened,
-    merged_leaves,
-    some_leaves,
-)
+from megalopta.assets_gen.plants.detail import Detail, coarsened, merged_leaves, some_leaves
 from megalopta.assets_gen.plants.growth import grow_plant
 from megalopta.scenes.forest.flora import BUSHES, TREES
 

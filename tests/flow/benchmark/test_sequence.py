@@ -1,14 +1,17 @@
 """The photon benchmark: known thresholds, calibrated standard errors, and independence of the way."""
 
 import json
+import time
 
 import numpy as np
 import pytest
 import zarr
 from pydantic import ValidationError
 
+from megalopta.flow.benchmark.frame_time import milliseconds_per_frame
 from megalopta.flow.benchmark.sequence import Bookkeeping, photon_benchmark
 from megalopta.flow.benchmark.settings import BenchmarkSettings, work_units
+from megalopta.flow.detectors.intensity import IntensityMeasurement
 from megalopta.flow.detectors.registry import THESIS_METHODS, method
 
 ALL = tuple(method(name) for name in THESIS_METHODS)
@@ -192,3 +195,33 @@ def test_neither_chunks_nor_the_place_of_frames_change_a_number(chunk_frames, tm
     expected = measured(frames, ALL, settings(**base))
     found = measured(clip, ALL, settings(**base, chunk_frames=chunk_frames))
     assert found.curves == expected.curves
+
+
+BUSY_S, COMPILING_S, IDLE_S = 0.002, 0.1, 0.02
+
+
+def _work(seconds):
+    start = time.process_time()
+    while time.process_time() - start < seconds:
+        pass
+
+
+class _Busy(IntensityMeasurement, frozen=True):
+    def start(self, shape):
+        compiled = []
+
+        def respond(frames, scale):
+            if not compiled:
+                _work(COMPILING_S)
+                compiled.append(True)
+            _work(BUSY_S * len(frames))
+            time.sleep(IDLE_S)
+            return np.zeros(frames.shape)
+
+        return respond
+
+
+def test_time_per_frame_is_what_a_frame_keeps_the_processor_busy():
+    # sleeping would add 5 ms, the first run 25 ms
+    found = milliseconds_per_frame(_Busy(), np.ones((4, 2, 2), np.uint16))
+    assert found == pytest.approx(1e3 * BUSY_S, rel=0.5)

@@ -9,12 +9,7 @@ import pytest
 
 from megalopta.flow.detectors.block_matching import BlockMatching
 from megalopta.flow.detectors.gray_detector import gray_levels
-from megalopta.flow.detectors.opencv import (
-    DenseInverseSearch,
-    Farneback,
-    LucasKanade,
-    one_thread,
-)
+from megalopta.flow.detectors.opencv import DenseInverseSearch, Farneback, LucasKanade, one_thread
 from megalopta.flow.detectors.registry import METHODS
 from megalopta.flow.detectors.scikit_image import PhaseCorrelation, TotalVariation
 

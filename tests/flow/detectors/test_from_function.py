@@ -4,13 +4,7 @@ import pytest
 from megalopta.benchmark.detection import detections
 from megalopta.benchmark.isolated_blocks import FRAMES, SIZE_PX, ranked
 from megalopta.benchmark.trial import Trial
-from megalopta.flow import (
-    METHODS,
-    BenchmarkSettings,
-    detector_from,
-    method,
-    photon_benchmark,
-)
+from megalopta.flow import METHODS, BenchmarkSettings, detector_from, method, photon_benchmark
 
 
 def dense_inverse_search(first, second):

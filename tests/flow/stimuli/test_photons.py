@@ -3,12 +3,7 @@
 import numpy as np
 import pytest
 
-from megalopta.flow.stimuli.photons import (
-    BlackFrameError,
-    divisors,
-    draw_counts,
-    frame_light,
-)
+from megalopta.flow.stimuli.photons import BlackFrameError, divisors, draw_counts, frame_light
 
 
 def frames(shape=(6, 40, 50)):

@@ -9,12 +9,7 @@ from megalopta.benchmark.ranking import RATIO, Ranking
 from megalopta.benchmark.ranking_page import order_changes
 from megalopta.benchmark.ranking_run import read_ranking, run_ranking
 from megalopta.benchmark.ranking_settings import NO_POOLING
-from megalopta.benchmark.sequence_errors import (
-    BOUND,
-    ERROR,
-    ROTATION,
-    STILL,
-)
+from megalopta.benchmark.sequence_errors import BOUND, ERROR, ROTATION, STILL
 from megalopta.benchmark.sequence_truth import SequenceTruth
 from megalopta.cli import main as cli
 from megalopta.config.model import load

@@ -7,13 +7,7 @@ import pytest
 from PIL import Image
 from scipy.ndimage import gaussian_filter, map_coordinates
 
-from megalopta.benchmark.clips import (
-    FRAMES,
-    FlowClip,
-    leaves_clip,
-    middle,
-    panorama_clips,
-)
+from megalopta.benchmark.clips import FRAMES, FlowClip, leaves_clip, middle, panorama_clips
 from megalopta.benchmark.methods import methods_and_baselines, on_the_board
 from megalopta.benchmark.whole_frames import FAR, MEAN, MEDIAN, frame_errors
 from megalopta.cli import main as cli

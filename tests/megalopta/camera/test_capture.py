@@ -20,12 +20,7 @@ from megalopta.camera.stimuli import Flat
 from megalopta.camera.terminal import Faults
 from megalopta.core.errors import UserError
 from megalopta.sensor import changed, expose_rate, preset
-from megalopta.sensor.formats.messages import (
-    Settings,
-    samples_of,
-    set_exposure,
-    set_frame_rate,
-)
+from megalopta.sensor.formats.messages import Settings, samples_of, set_exposure, set_frame_rate
 from megalopta.sensor.formats.packets import Kind, Packet, Parser
 
 FAST = Settings(exposure_us=5000, frame_rate_mhz=200_000)

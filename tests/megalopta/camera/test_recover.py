@@ -16,12 +16,7 @@ from megalopta.camera.terminal import Faults
 from megalopta.core.errors import UserError
 from megalopta.sensor import open_counts, preset
 from megalopta.sensor.formats.messages import samples_of
-from megalopta.sensor.formats.packets import (
-    Kind,
-    Packet,
-    Parser,
-    encode,
-)
+from megalopta.sensor.formats.packets import Kind, Packet, Parser, encode
 
 from .conftest import emulating, wanted
 

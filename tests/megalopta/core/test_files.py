@@ -3,12 +3,7 @@ from pathlib import Path
 
 import pytest
 
-from megalopta.core.files import (
-    atomic_write,
-    sweep,
-    write_json,
-    write_text,
-)
+from megalopta.core.files import atomic_write, sweep, write_json, write_text
 
 
 def test_a_failed_write_leaves_the_old_file_and_no_partial_one(tmp_path):

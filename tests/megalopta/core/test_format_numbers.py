@@ -6,12 +6,7 @@ from pathlib import Path
 import pytest
 
 from megalopta.core.errors import UserError
-from megalopta.core.format_numbers import (
-    FORMATS,
-    Format,
-    check_format,
-    written,
-)
+from megalopta.core.format_numbers import FORMATS, Format, check_format, written
 
 
 @pytest.mark.parametrize("kind", FORMATS)

@@ -3,10 +3,7 @@
 import pytest
 
 from megalopta.flow.detectors.registry import METHODS
-from megalopta.plotting.style import (
-    method_style,
-    wrapped,
-)
+from megalopta.plotting.style import method_style, wrapped
 
 
 def test_no_two_methods_look_alike():

@@ -7,10 +7,7 @@ import zarr
 from megalopta.config.model import load, parse
 from megalopta.core.errors import UserError
 from megalopta.report.page import write_report
-from megalopta.sensor import (
-    DacBias,
-    FloatingGateBias,
-)
+from megalopta.sensor import DacBias, FloatingGateBias
 from megalopta.stages.pipeline import run_all
 from megalopta.stages.sense import STAGE, open_exposure
 

@@ -20,12 +20,7 @@ from megalopta.sensor.optics.lens import falloff
 from megalopta.sensor.readout import binary
 from megalopta.sensor.sampling.streams import generator
 from megalopta.verification.cases import CHECKS, Case
-from megalopta.verification.comparison import (
-    Row,
-    false_alarm,
-    law_z,
-    two_sample_z,
-)
+from megalopta.verification.comparison import Row, false_alarm, law_z, two_sample_z
 from megalopta.verification.theory import (
     check_ctia_noise,
     check_discharge,

@@ -18,10 +18,7 @@ from megalopta.render.settings import RenderSettings
 from megalopta.scenes.cameras.perspective import PerspectiveCamera
 from megalopta.scenes.material import Emission, Material, Texture
 from megalopta.scenes.motion import Drift, RigidMotion
-from megalopta.scenes.scene import (
-    Lighting,
-    Sun,
-)
+from megalopta.scenes.scene import Lighting, Sun
 from megalopta.scenes.spectra.spectrum import Spectrum, flat
 from megalopta.scenes.trajectories.steady import Trajectory
 

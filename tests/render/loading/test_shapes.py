@@ -7,9 +7,7 @@ from megalopta.render import activate, choose_variant, mi
 from megalopta.render.loading.meshes import merge
 from megalopta.render.loading.scene import load_scene
 from megalopta.render.loading.shapes import MeshIndex
-from megalopta.scenes.scene import (
-    Lighting,
-)
+from megalopta.scenes.scene import Lighting
 from megalopta.scenes.spectra.spectrum import flat
 
 from ..conftest import scene_of, vectorized

@@ -12,11 +12,7 @@ import pytest
 from megalopta.render import RenderSettings, SceneRenderer
 from megalopta.scenes import PerspectiveCamera, Trajectory
 from megalopta.scenes.material import Material
-from megalopta.scenes.scene import (
-    Lighting,
-    SkyPattern,
-    pattern_directions,
-)
+from megalopta.scenes.scene import Lighting, SkyPattern, pattern_directions
 from megalopta.scenes.spectra.spectrum import Spectrum, flat
 
 from ..conftest import quad, scene_of, vectorized

@@ -10,10 +10,7 @@ from megalopta.render.settings import RenderSettings
 from megalopta.render.truth.tracer import out_of_view
 from megalopta.scenes.cameras.panoramic import CylindricalCamera, EquirectangularCamera
 from megalopta.scenes.cameras.perspective import PerspectiveCamera
-from megalopta.scenes.scene import (
-    Lighting,
-    Scene,
-)
+from megalopta.scenes.scene import Lighting, Scene
 from megalopta.scenes.spectra.spectrum import flat
 from megalopta.scenes.trajectories.steady import Trajectory
 

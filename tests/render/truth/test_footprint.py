@@ -8,9 +8,7 @@ from megalopta.render import RenderSettings, SceneRenderer
 from megalopta.scenes.cameras.panoramic import CylindricalCamera
 from megalopta.scenes.cameras.perspective import PerspectiveCamera
 from megalopta.scenes.motion import Drift, RigidMotion
-from megalopta.scenes.scene import (
-    Lighting,
-)
+from megalopta.scenes.scene import Lighting
 from megalopta.scenes.spectra.spectrum import flat
 from megalopta.scenes.trajectories.steady import Trajectory
 

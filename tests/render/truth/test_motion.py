@@ -15,9 +15,7 @@ from megalopta.render.settings import RenderSettings
 from megalopta.scenes.cameras.perspective import PerspectiveCamera
 from megalopta.scenes.forest.sway import Sway
 from megalopta.scenes.motion import Drift, RigidMotion, Tour
-from megalopta.scenes.scene import (
-    Lighting,
-)
+from megalopta.scenes.scene import Lighting
 from megalopta.scenes.spectra.spectrum import flat
 from megalopta.scenes.trajectories.steady import Trajectory
 

@@ -15,9 +15,7 @@ from megalopta.scenes import Shutter
 from megalopta.scenes.cameras.perspective import PerspectiveCamera
 from megalopta.scenes.material import Material
 from megalopta.scenes.motion import Drift, RigidMotion
-from megalopta.scenes.scene import (
-    Lighting,
-)
+from megalopta.scenes.scene import Lighting
 from megalopta.scenes.spectra.spectrum import flat
 from megalopta.scenes.trajectories.steady import Trajectory
 

@@ -8,9 +8,7 @@ from megalopta.render.scene_renderer import SceneRenderer
 from megalopta.render.settings import RenderSettings
 from megalopta.render.truth.tracer import out_of_view
 from megalopta.scenes.cameras.perspective import PerspectiveCamera
-from megalopta.scenes.scene import (
-    Lighting,
-)
+from megalopta.scenes.scene import Lighting
 from megalopta.scenes.spectra.spectrum import flat
 from megalopta.scenes.trajectories.steady import Trajectory
 

@@ -7,11 +7,7 @@ from scipy.spatial import cKDTree
 
 from megalopta.assets_gen.scatter import distance_to
 from megalopta.scenes.forest.description import Forest, build_forest
-from megalopta.scenes.forest.floor import (
-    MOSS_RING_M,
-    make_floor,
-    trail_of,
-)
+from megalopta.scenes.forest.floor import MOSS_RING_M, make_floor, trail_of
 from megalopta.scenes.forest.flora import TREES
 from megalopta.scenes.forest.ground import make_land
 from megalopta.scenes.forest.kept_floor import kept_floor

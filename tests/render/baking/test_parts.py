@@ -1,0 +1,237 @@
+"""Cells, clusters, scattering and kept light that baking is made of."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from megalopta.render import RenderSettings
+from megalopta.render.baking import cells as cells_module
+from megalopta.render.baking.cells import CellFinder, Cells
+from megalopta.render.baking.scattering import Scattering
+from megalopta.render.baking.smoothing import smoothed
+from megalopta.render.baking.store import key_of
+from megalopta.render.baking.visibility import survey
+from megalopta.render.loading.meshes import MergedMesh, merge
+from megalopta.render.loading.scene import load_scene
+from megalopta.render.mitsuba_loader import activate
+from megalopta.render.variant import choose_variant
+from megalopta.scenes.cameras.perspective import PerspectiveCamera
+from megalopta.scenes.material import Emission, Material, Texture
+from megalopta.scenes.scene import Lighting, Scene
+from megalopta.scenes.spectra.spectrum import Spectrum, flat
+from megalopta.scenes.trajectories.steady import Trajectory
+
+from ..conftest import scene_of, square, vectorized
+
+CAMERA = PerspectiveCamera(width=64, height=64, fov_deg=60)
+THING = Scene({"thing": Material(flat(0.5))}, {}, ())
+PATH = np.array([[0.0, 0.0, 1.0], [3.0, 0.0, 1.0]])
+
+
+@pytest.fixture(autouse=True)
+def coarse_pieces(monkeypatch):
+    """Few cells, so that some faces here are one."""
+    monkeypatch.setattr(cells_module, "PIECE_PX", 4.0)
+
+
+def triangle_mesh(corners, normals=None):
+    count = len(corners)
+    return MergedMesh(
+        "thing",
+        np.reshape(corners, (-1, 3)).astype(np.float32),
+        np.arange(3 * count, dtype=np.uint32).reshape(count, 3),
+        normals,
+        None,
+        np.ones(count, np.uint32),
+    )
+
+
+def random_triangles(count=200):
+    rng = np.random.default_rng(1)
+    center = rng.uniform(-3, 3, (count, 1, 3))
+    return center + rng.normal(size=(count, 3, 3)) * rng.uniform(0.01, 1, (count, 1, 3))
+
+
+def test_no_piece_is_longer_than_its_pixels_at_the_nearest_camera():
+    corners = random_triangles()
+    cells = Cells.of([triangle_mesh(corners)], CAMERA, PATH)
+    faces = np.arange(len(corners))
+    start, middle, end = (corners[faces, (cells.origin + k) % 3] for k in range(3))
+    edges = [np.linalg.norm(middle - start, axis=1), np.linalg.norm(end - start, axis=1)]
+    # A bound from geometry alone: no point of a triangle is nearer than its nearest corner less
+    # the longest edge.
+    reach = np.max(edges, axis=0) + np.linalg.norm(end - middle, axis=1)
+    nearest = np.linalg.norm(corners[:, :, None] - PATH, axis=-1).min(axis=(1, 2)) + reach
+    pixel = np.radians(60) / 64
+    assert (np.array(edges) / cells.pieces <= 1.3 * cells_module.PIECE_PX * pixel * nearest).all()
+    assert cells.pieces.max() > 5 > cells.pieces.min() == 1
+
+
+def test_normals_that_turn_cut_a_face_further():
+    corners = [[[2, 0, 0], [2, 0.3, 0], [2, 0, 0.3]]]
+    even = np.tile([1, 0, 0], (3, 1)).astype(np.float32)
+    bent = even.copy()
+    bent[1] = [0, 1, 0]
+    flat_cells, bent_cells = (
+        Cells.of([triangle_mesh(corners, normals)], CAMERA, PATH) for normals in (even, bent)
+    )
+    # A right angle at 0.25 rad a piece; the other edge does not turn.
+    assert flat_cells.pieces.max() < 7
+    assert sorted(bent_cells.pieces[:, 0]) == [flat_cells.pieces.min(), 7]
+
+
+def test_too_many_cells_are_refused_with_a_remedy(monkeypatch):
+    monkeypatch.setattr(cells_module, "MOST_CELLS", 10)
+    with pytest.raises(ValueError, match="and 10 fit; use 'path'"):
+        Cells.of([triangle_mesh(random_triangles())], CAMERA, PATH)
+
+
+@vectorized
+def test_rays_find_the_cell_that_holds_the_point_they_hit():
+    activate(choose_variant())
+    import mitsuba as mi
+
+    meshes = [triangle_mesh(random_triangles())]
+    cells = Cells.of(meshes, CAMERA, PATH)
+    loaded = load_scene(THING, meshes)
+    target = random_triangles().mean(axis=1)
+    origin = np.array([0.0, 0.0, 10.0])
+    rays = mi.Ray3f(mi.Point3f(origin.tolist()), mi.Vector3f((target - origin).T))
+    hit = loaded.ray_intersect_preliminary(rays)
+    point = hit.compute_surface_interaction(rays, mi.RayFlags.All)
+    finder = CellFinder(cells, loaded)
+    found = np.array(finder.find(hit, mi.UInt(0), point.wi.z > 0, True)[0])
+    patches = cells.patches(found)
+    triangle, where = np.array(hit.prim_index), np.array(point.p).T
+    np.testing.assert_array_equal(patches.triangle, triangle)
+    corners = meshes[0].vertices[meshes[0].faces].astype(np.float64)[triangle]
+    rows = np.arange(len(triangle))
+    start, *ends = (corners[rows, (patches.origin + k) % 3] for k in range(3))
+    edges = np.stack([end - start for end in ends], axis=-1)
+    uv = np.stack(
+        [np.linalg.lstsq(e, p, rcond=None)[0] for e, p in zip(edges, where - start, strict=True)]
+    )
+    inside = uv * patches.pieces.T - patches.indices.T
+    assert inside.min() > -1e-3
+    assert inside.max() < 1 + 1e-3
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    behind = np.einsum("ij,ij->i", normal, origin - corners[:, 0]) < 0
+    np.testing.assert_array_equal(patches.side == 1, behind)
+
+
+@vectorized
+@pytest.mark.parametrize("frames", [1, 7, 1000])
+def test_a_survey_counts_512_rays_per_pixel_however_long_the_sequence(frames):
+    activate(choose_variant())
+    floor = triangle_mesh([[[-900, -900, 0], [900, -900, 0], [0, 900, 0]]])
+    loaded = load_scene(THING, [floor])
+    down = Trajectory(frames=frames, position_m=(0, 0, 2), look_at_m=(0, 0, 0), up=(1, 0, 0))
+    cells = Cells.of([floor], CAMERA, down.poses()[:, :3, 3])
+    seen, _ = survey(loaded, CellFinder(cells, loaded), cells.count, CAMERA, down.poses(), 0)
+    assert seen.sum() == 512 * CAMERA.width * CAMERA.height
+    assert not seen[cells.count // 2 :].any()  # the back
+
+
+BANDS = ((400.0, 500.0), (700.0, 900.0))
+RISING = Spectrum((400.0, 900.0), (0.0, 0.5))
+WEIGHT = np.zeros((2, 2), np.float32)
+MATERIALS = {
+    "opaque": Material(RISING),
+    "leaf": Material(RISING, Texture(WEIGHT, flat(0.4), flat(0.3)), transmittance=RISING),
+    "little comes through": Material(flat(0.9), transmittance=flat(0.01)),
+    "glows": Material(flat(0.5), None, Emission(1.0), flat(0.5)),
+    "black": Material(flat(0.0)),
+}
+SCATTERING = Scattering(list(MATERIALS.values()), BANDS)
+INDEX = {name: index for index, name in enumerate(MATERIALS)}
+
+
+def test_rays_go_through_where_light_does_and_neither_side_is_starved():
+    through = dict(zip(MATERIALS, SCATTERING.through, strict=True))
+    assert through["opaque"] == through["glows"] == through["black"] == 0
+    assert through["little comes through"] == 0.25
+    # Means over both spectra and both bands.
+    means = [RISING(np.linspace(*band, 1001)).mean() for band in BANDS]
+    back, on = (np.mean([*means, other, other]) for other in (0.4, 0.3))
+    assert through["leaf"] == pytest.approx(on / (back + on), rel=1e-3)
+
+
+@pytest.mark.parametrize("name", MATERIALS)
+def test_what_rays_count_makes_up_for_how_many_there_are(name):
+    material, share = MATERIALS[name], SCATTERING.through[INDEX[name]]
+    counted = SCATTERING.of_rays()[INDEX[name]]
+    expected = [material.reflectance, material.transmittance or flat(0.0)]
+    if material.emission:
+        expected = [flat(0.0), flat(0.0)]
+    for side, spectrum in enumerate(expected):
+        mean = (share if side else 1 - share) * counted[side, 0].mean(axis=-1)
+        found = [spectrum(np.linspace(*band, 1001)).mean() for band in BANDS]
+        np.testing.assert_allclose(mean, found, 1e-6, 1e-12)
+
+
+def test_brightness_counts_the_light_of_both_sides():
+    bright = dict(zip(MATERIALS, SCATTERING.brightness(flat(2.0)), strict=True))
+    assert bright["glows"] == bright["black"] == 0 and bright["little comes through"] == 1
+    assert bright["leaf"] > bright["opaque"] > 0
+    assert (SCATTERING.brightness(flat(0.0)) == 1).all()
+
+
+RNG = np.random.default_rng(5)
+GROUPS, SIZE, RAYS = 400, 20, 16
+NEIGHBORS = np.repeat(np.arange(GROUPS, dtype=np.uint64), SIZE)
+EVEN = np.full(GROUPS * SIZE, RAYS)
+SEEN = np.full(GROUPS * SIZE, 3)
+
+
+def measured(truth, sigma):
+    """Rows of one value whose halves have the error σ·√2 each."""
+    halves = truth[:, None] + RNG.normal(0, sigma * np.sqrt(2), (len(truth), 2))
+    return np.stack([halves.mean(axis=1), (halves[:, 0] - halves[:, 1]) / 2], axis=1)
+
+
+@pytest.mark.parametrize("contrast", [0.0, 0.3, 1.0, 10.0])
+def test_what_is_left_is_the_least_error_of_a_known_contrast(contrast):
+    truth = 5 + RNG.normal(0, contrast, GROUPS * SIZE)
+    better = smoothed(measured(truth, 1.0), NEIGHBORS, EVEN, SEEN)
+    # Of the noise 1 and the contrast τ² the part τ²/(τ² + 1) is left, and 1/20 of the rest, the
+    # noise of the mean; contrasts known from 20 values add up to a tenth of the noise.
+    kept = contrast**2 / (contrast**2 + 1)
+    least = kept + (1 - kept) / SIZE
+    assert least - 0.05 < np.mean((better[:, 0] - truth) ** 2) < least + 0.12
+
+
+@pytest.mark.parametrize("contrast", [0.5, 1.0, 3.0])
+def test_half_differences_tell_the_error_that_is_left_with_what_is_taken_of_contrast(contrast):
+    truth = 5 + RNG.normal(0, contrast, GROUPS * SIZE)
+    better = smoothed(measured(truth, 1.0), NEIGHBORS, EVEN, SEEN)
+    left = np.mean((better[:, 0] - truth) ** 2)
+    # The shares that are kept are known from 20 values: what is left is more than it could be.
+    assert 0.65 * left < np.mean(better[:, 1] ** 2) < 1.05 * left
+
+
+TEXTURE = Texture(np.zeros((2, 2), np.float32), flat(0.3), flat(0.2))
+LEAF = Material(flat(0.4), TEXTURE, None, flat(0.1))
+
+
+def key(material):
+    scene = scene_of(Lighting(flat(1e-9)), (square(), material))
+    bare = scene_of(Lighting(flat(1e-9)), (square(), Material(flat(0.4))))
+    camera = PerspectiveCamera(width=4, height=4)
+    poses = Trajectory(frames=2, position_m=(0, 0, 2), look_at_m=(0, 0, 0), up=(1, 0, 0)).poses()
+    return key_of(scene, merge(bare), RenderSettings(), camera, poses, 0)
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        replace(LEAF, reflectance=flat(0.41)),
+        replace(LEAF, transmittance=flat(0.11)),
+        replace(LEAF, transmittance=None),
+        replace(LEAF, texture=replace(TEXTURE, transmittance=flat(0.21))),
+        replace(LEAF, texture=replace(TEXTURE, reflectance=flat(0.31))),
+        replace(LEAF, texture=None),
+    ],
+)
+def test_light_of_another_surface_is_not_taken_for_its(other):
+    assert key(LEAF) == key(replace(LEAF)) != key(other)
