@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from megalopta.assets_gen.bodies import ball, box, checkerboard
+from megalopta.assets_gen.bodies import ball, box
 from megalopta.assets_gen.plants.logs import grow_log
 from megalopta.assets_gen.rocks import grow_rock
 from megalopta.assets_gen.scatter import distance_to
@@ -32,13 +32,6 @@ def test_a_ball_s_normals_are_those_of_the_ellipsoid():
     gradient = body.vertices / np.array([1.0, 0.5, 0.25]) ** 2
     gradient /= np.linalg.norm(gradient, axis=1, keepdims=True)
     np.testing.assert_allclose(body.normals, gradient, atol=1e-12)
-
-
-def test_a_checkerboard_has_equal_shares_and_changes_at_its_middle():
-    board = checkerboard(8)
-    assert board.mean() == 0.5
-    assert (board[:4, :4] == 0).all()
-    assert (board[4:, :4] == 1).all()
 
 
 SEEDS = range(6)

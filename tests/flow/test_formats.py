@@ -13,12 +13,12 @@ from megalopta.flow.flo import read_flo, write_flo
 from megalopta.flow.formats import read_flo5, read_flow, read_kitti_png, write_flo5, write_kitti_png
 
 
-def flow(shape=(5, 7)):
+def some_flow(shape=(5, 7)):
     return np.random.default_rng(0).normal(size=(*shape, 2)).astype(np.float32)
 
 
 def test_undefined_flow_is_stored_as_1e10_and_read_as_nan(tmp_path):
-    holed = flow()
+    holed = some_flow()
     holed[1, 2] = np.nan
     holed[3, 4, 0] = np.nan
     write_flo(tmp_path / "a.flo", holed)
@@ -42,7 +42,7 @@ def test_undefined_flow_is_stored_as_1e10_and_read_as_nan(tmp_path):
 )
 def test_damaged_file_is_refused_with_what_is_wrong(tmp_path, damage, sentence):
     path = tmp_path / "a.flo"
-    write_flo(path, flow())
+    write_flo(path, some_flow())
     path.write_bytes(damage(path.read_bytes()))
     with pytest.raises(ValueError, match=sentence):
         read_flo(path)
@@ -50,7 +50,7 @@ def test_damaged_file_is_refused_with_what_is_wrong(tmp_path, damage, sentence):
 
 @pytest.mark.parametrize("value", [np.inf, -np.inf, 2e9])
 def test_value_that_would_be_read_as_undefined_is_refused(tmp_path, value):
-    wrong = flow()
+    wrong = some_flow()
     wrong[0, 0, 1] = value
     with pytest.raises(ValueError, match="keeps for undefined"):
         write_flo(tmp_path / "a.flo", wrong)
@@ -65,47 +65,47 @@ def test_array_that_is_no_flow_is_refused(tmp_path, shape):
 
 def test_failed_write_leaves_the_old_file_and_nothing_else(tmp_path, monkeypatch):
     path = tmp_path / "a.flo"
-    write_flo(path, flow())
+    write_flo(path, some_flow())
 
     def broken(self, target):
         raise OSError("disk full")
 
     monkeypatch.setattr("pathlib.Path.replace", broken)
     with pytest.raises(OSError, match="disk full"):
-        write_flo(path, 2 * flow())
+        write_flo(path, 2 * some_flow())
     assert list(tmp_path.iterdir()) == [path]
-    np.testing.assert_array_equal(read_flo(path), flow())
+    np.testing.assert_array_equal(read_flo(path), some_flow())
 
 
 @pytest.fixture
-def formats_flow():
+def flow():
     values = np.random.default_rng(0).uniform(-40, 40, (5, 7, 2)).astype(np.float32)
     values[2, 3] = np.nan
     return values
 
 
-def test_kitti_png_is_what_opencv_reads_by_kittis_formula(formats_flow, tmp_path):
-    write_kitti_png(tmp_path / "f.png", formats_flow)
+def test_kitti_png_is_what_opencv_reads_by_kittis_formula(flow, tmp_path):
+    write_kitti_png(tmp_path / "f.png", flow)
     blue, green, red = cv2.split(cv2.imread(str(tmp_path / "f.png"), cv2.IMREAD_UNCHANGED))
     read = np.stack([(red - 2.0**15) / 64, (green - 2.0**15) / 64], axis=-1)
     known = blue == 1
     assert (~known).sum() == 1 and not known[2, 3]
-    assert np.abs(read - formats_flow)[known].max() <= 1 / 128
+    assert np.abs(read - flow)[known].max() <= 1 / 128
     np.testing.assert_array_equal(read_kitti_png(tmp_path / "f.png")[known], read[known])
     assert np.isnan(read_kitti_png(tmp_path / "f.png")[2, 3]).all()
 
 
-def test_kitti_png_calls_unknown_what_it_cannot_hold(formats_flow, tmp_path):
-    formats_flow[0, 0] = 512.5, 0
-    write_kitti_png(tmp_path / "f.png", formats_flow)
+def test_kitti_png_calls_unknown_what_it_cannot_hold(flow, tmp_path):
+    flow[0, 0] = 512.5, 0
+    write_kitti_png(tmp_path / "f.png", flow)
     assert np.isnan(read_kitti_png(tmp_path / "f.png")).all(axis=-1).sum() == 2
 
 
-def test_flo5_is_hdf5_with_one_dataset(formats_flow, tmp_path):
-    write_flo5(tmp_path / "f.flo5", formats_flow)
+def test_flo5_is_hdf5_with_one_dataset(flow, tmp_path):
+    write_flo5(tmp_path / "f.flo5", flow)
     with h5py.File(tmp_path / "f.flo5") as file:
-        np.testing.assert_array_equal(file["formats_flow"][()], formats_flow)
-    np.testing.assert_array_equal(read_flo5(tmp_path / "f.flo5"), formats_flow)
+        np.testing.assert_array_equal(file["flow"][()], flow)
+    np.testing.assert_array_equal(read_flo5(tmp_path / "f.flo5"), flow)
 
 
 FLOW = np.random.default_rng(0).uniform(-50, 50, (6, 9, 2)).astype(np.float32)
@@ -114,23 +114,23 @@ FLOW = np.round(FLOW * 64).astype(np.float32) / 64
 HOLE = (2, 3)
 
 
-def write(path, formats_flow):
-    """Write a formats_flow in the format of its suffix."""
+def write(path, flow):
+    """Write a flow in the format of its suffix."""
     if path.suffix == ".flo":
-        write_flo(path, formats_flow)
+        write_flo(path, flow)
     elif path.suffix == ".flo5":
         with h5py.File(path, "w") as file:
-            file.create_dataset("formats_flow", data=formats_flow, compression="gzip")
+            file.create_dataset("flow", data=flow, compression="gzip")
     elif path.suffix == ".npy":
-        np.save(path, formats_flow)
+        np.save(path, flow)
     elif path.suffix == ".png":
-        known = np.isfinite(formats_flow).all(axis=-1)
-        values = np.where(known[..., None], formats_flow * 64 + 2**15, 0)
+        known = np.isfinite(flow).all(axis=-1)
+        values = np.where(known[..., None], flow * 64 + 2**15, 0)
         image = np.dstack([known, values[..., 1], values[..., 0]]).astype(np.uint16)
         assert cv2.imwrite(str(path), image)
     else:
-        three = np.dstack([formats_flow, np.zeros(formats_flow.shape[:2])]).astype("<f4")
-        header = f"PF\n{formats_flow.shape[1]} {formats_flow.shape[0]}\n-1.0\n".encode()
+        three = np.dstack([flow, np.zeros(flow.shape[:2])]).astype("<f4")
+        header = f"PF\n{flow.shape[1]} {flow.shape[0]}\n-1.0\n".encode()
         path.write_bytes(header + three[::-1].tobytes())
 
 
@@ -162,8 +162,8 @@ def test_a_png_that_claims_3_600_million_pixels_is_refused_in_a_moment(tmp_path)
 def test_flow_in_another_file_is_not_looked_for(tmp_path):
     os.mkfifo(tmp_path / "pipe")  # whose opening would wait for ever
     with h5py.File(tmp_path / "a.flo5", "w") as file:
-        file["formats_flow"] = h5py.ExternalLink(str(tmp_path / "pipe"), "/formats_flow")
-    with pytest.raises(ValueError, match="no formats_flow, or it lies in another file"):
+        file["flow"] = h5py.ExternalLink(str(tmp_path / "pipe"), "/flow")
+    with pytest.raises(ValueError, match="no flow, or it lies in another file"):
         read_flow(tmp_path / "a.flo5")
 
 
@@ -192,7 +192,7 @@ def test_damaged_files_are_refused_by_name(tmp_path, suffix):
         (np.zeros((3, 4, 2), complex), "a.npy"),
         (np.array(["a"]), "a.npy"),
         (np.array([{}], dtype=object), "a.npy"),  # a pickle is not opened
-        (np.moveaxis(FLOW, -1, 0), r"float32 \(2, 6, 9\).*numpy.moveaxis\(formats_flow, 0, -1\)"),
+        (np.moveaxis(FLOW, -1, 0), r"float32 \(2, 6, 9\).*numpy.moveaxis\(flow, 0, -1\)"),
         (FLOW.astype(np.int16), r"int16 \(6, 9, 2\).*astype\('float32'\)"),
     ],
 )
@@ -200,5 +200,5 @@ def test_arrays_that_are_no_flow_are_refused(tmp_path, values, told):
     np.save(tmp_path / "a.npy", values)
     with pytest.raises(ValueError, match=told):
         read_flow(tmp_path / "a.npy")
-    with pytest.raises(ValueError, match=r"a.mat: formats_flow is read from .flo"):
+    with pytest.raises(ValueError, match=r"a.mat: flow is read from .flo"):
         read_flow(tmp_path / "a.mat")

@@ -74,14 +74,6 @@ def test_aligned_frames_differ_by_their_noise():
     assert wrong.misfit > 2
 
 
-def test_what_leaves_the_frame_is_no_evidence():
-    found = evidence(level_of(frames(30)), STEADY, places((5.0, 0.0)))
-    columns = np.abs(found.information).sum(axis=(0, 1))
-    assert (columns[:5] == 0).all() and (columns[-10:] == 0).all() and columns[20] > 0
-    nothing = evidence(level_of(frames(30)), STEADY, places((100.0, 0.0)))
-    assert nothing.misfit == np.inf and not nothing.slope.any()
-
-
 def test_levels_keep_all_photons_of_whole_bins():
     counts = frames(5)[:, :48, :64]
     sizes = [(level.roots.shape[1:], level.bins) for level in levels(counts)]

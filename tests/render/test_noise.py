@@ -56,19 +56,6 @@ def test_scatter_of_passes_gives_the_known_noise(count, averaged):
     np.testing.assert_allclose(passes(count).mean, exact, rtol=1e-6)
 
 
-@pytest.mark.parametrize("count", [2, 3])
-def test_median_is_that_of_unlike_pixels(count):
-    # σ/mean from 0.01 to 0.5, alike between neighbors, as in a forest: the median is 0.0707
-    relative = np.geomspace(0.01, 0.5, 400)[:, np.newaxis, np.newaxis]
-    passes = RunningMean()
-    for number in range(count):
-        normal = np.random.default_rng([9, number]).standard_normal((400, 403, 1))
-        passes.add((3 * (1 + relative * normal)).astype(np.float32))
-    # 101 blocks in each row of blocks, which steps by 4 %: the middle one is known to 2 % (σ), the
-    # median of all, where many rows meet, to 0.6 %; five σ
-    assert passes.noise(1).median_relative == pytest.approx(0.0707, rel=0.03)
-
-
 def test_a_single_pass_is_unchanged_by_being_measured():
     plain, nothing = render_once(gaussian_pass, None)
     image, noise = render_once(gaussian_pass, measured_pass)

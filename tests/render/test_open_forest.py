@@ -16,23 +16,22 @@ import numpy as np
 import pytest
 import trimesh
 
-from megalopta.render import RenderSettings, SceneRenderer, mi
+from megalopta.render import mi
 from megalopta.render.loading.meshes import merge
 from megalopta.render.loading.scene import load_scene
 from megalopta.render.mitsuba_loader import activate
 from megalopta.render.truth import rays
 from megalopta.render.variant import choose_variant
-from megalopta.scenes.cameras.perspective import PerspectiveCamera
 from megalopta.scenes.material import Material
 from megalopta.scenes.scene import Lighting, Sun
 from megalopta.scenes.spectra.spectrum import flat
 
-from .conftest import scene_of, vectorized
+from .conftest import scene_of
 
 RADIUS, CENTER_M, BOTTOM_M, TOP_M = 5.0, (7.0, 11.0), 1.9, 16.1
 CROWN_AREA_INDEX, LEAF_M2 = 5.0, math.pi * 0.1**2
 SPHERES, PLACINGS = 12, 3
-RED, NEAR_INFRARED = (0.0735, 0.0566), (0.3912, 0.4146)  # reflectance, transmittance of a leaf
+RED = 0.0735, 0.0566  # reflectance, transmittance of a leaf
 MARGIN_M = 12.0
 PLACES, FILM_PX = 400, 192
 
@@ -62,7 +61,7 @@ def crown(center, rng):
     return ((center + toward)[:, :, None] + rim).transpose(0, 2, 1)
 
 
-def forest(side, centers, rng, zenith_deg, leaf=RED):
+def forest(side, centers, rng, zenith_deg):
     """The scene of a plot, with what of its neighbors shades it or is seen from it."""
     angle = math.radians(zenith_deg)
     found = []
@@ -76,7 +75,7 @@ def forest(side, centers, rng, zenith_deg, leaf=RED):
     faces = 4 * np.arange(len(corners))[:, None, None] + [[0, 1, 2], [0, 2, 3]]
     mesh = trimesh.Trimesh(corners.reshape(-1, 3), faces.reshape(-1, 3), process=False)
     sun = Sun((math.sin(angle), 0.0, math.cos(angle)), flat(1.0 / math.cos(angle)))
-    material = Material(flat(leaf[0]), transmittance=flat(leaf[1]))
+    material = Material(flat(RED[0]), transmittance=flat(RED[1]))
     return scene_of(Lighting(flat(0.0), sun), (mesh, material))
 
 
@@ -163,29 +162,3 @@ def test_an_open_forest_absorbs_reflects_and_transmits_its_published_shares(
     # Required: 2 %. From one placing of spheres to the next, shares at 27° differ by 0.5, 1 and
     # 0.4 % (σ).
     assert_within_two_percent(rendered(area_index, zenith_deg), published)
-
-
-@pytest.mark.slow
-@vectorized
-def test_a_sparse_forest_sends_up_and_down_as_much_in_baked_light_as_in_traced():
-    rng = np.random.default_rng(1)
-    side, centers = standing(0.5 / CROWN_AREA_INDEX, rng)
-    # In the near infrared half of what leaves send out comes from others, which is what is baked.
-    scene = forest(side, centers, rng, 27, NEAR_INFRARED)
-    poses = np.tile(np.eye(4), (2, 1, 1))
-    poses[:, :3, :3] = np.diag([1, -1, -1]), np.eye(3)
-    poses[:, :3, 3] = [(side / 2, side / 2, sum(CENTER_M) / 2 + away) for away in (60, -60)]
-    camera = PerspectiveCamera(width=96, height=96, fov_deg=50)
-    common = {"samples_per_pixel": 64, "max_depth": 12, "bands_nm": ((600, 700),)}
-    baked, traced = (
-        SceneRenderer(scene, camera, RenderSettings(integrator=each, **common), poses)
-        for each in ("baked", "path")
-    )
-    assert baked.integrator == "baked"
-    for pose in poses:
-        quick, slow = (
-            np.mean([each.radiance(pose, seed) for seed in range(4)], dtype=np.float64)
-            for each in (baked, traced)
-        )
-        # Pixels of baked light are right to 2 %; that of paths leaves 0.3 % (σ) of their mean.
-        assert quick == pytest.approx(slow, rel=0.02)

@@ -55,12 +55,6 @@ def test_a_sun_is_taken_out_with_its_direction_and_all_of_its_light():
     assert left.max() < picture.max() / 50
 
 
-def test_a_picture_without_a_sun_stays_as_it_is():
-    left, _, found = without_disc(landscape(), WEIGHTS)
-    np.testing.assert_array_equal(left, landscape())
-    assert not found.any()
-
-
 def test_turning_moves_columns_to_the_left():
     picture = landscape()
     np.testing.assert_array_equal(turned(picture, 90.0), np.roll(picture, -ROWS // 2, axis=1))

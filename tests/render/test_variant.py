@@ -1,4 +1,3 @@
-import _ctypes
 import os
 import platform
 import subprocess
@@ -114,12 +113,6 @@ def test_a_refused_library_is_named_with_what_is_wrong(monkeypatch, unbound, ver
         choose_variant("llvm")
 
 
-def test_a_file_that_is_no_library_has_no_version_and_another_library_tells_none(tmp_path):
-    (tmp_path / "libLLVM.so").write_text("no library")
-    assert llvm_version(tmp_path / "libLLVM.so") is None
-    assert llvm_version(Path(_ctypes.__file__)) == (0, 0, 0)
-
-
 def test_info_names_the_library_in_use_and_its_version(monkeypatch, unbound):
     monkeypatch.setenv("DRJIT_LIBLLVM_PATH", "/somewhere/libLLVM.so")
     monkeypatch.setattr(variant, "llvm_version", lambda _: (21, 1, 8))
@@ -195,9 +188,3 @@ def test_a_named_backend_is_taken_or_refused(monkeypatch, unbound):
         choose_variant("cuda")
     with pytest.raises(ValueError, match=f"'llvm'.*install LLVM {TRIED_LLVM[0]}"):
         choose_variant("llvm")
-
-
-def test_scalar_says_what_would_be_faster(monkeypatch, unbound):
-    monkeypatch.setattr(variant, "has_cuda_device", lambda: False)
-    monkeypatch.setenv("DRJIT_LIBLLVM_PATH", "/nonexistent")
-    assert "karellen-llvm-core" in choose_variant().advice

@@ -271,7 +271,7 @@ def test_what_is_painted_dark_lies_deep(furrows, carved):
     assert np.corrcoef(paint, -profile[rough].ravel())[0, 1] > 0.7
 
 
-# undergrowth_plant, tallest (m), widest half (m), most triangles
+# plant, tallest (m), widest half (m), most triangles
 PLANTS = {
     "fern": (grow_fern, 1.0, 1.1, 300),
     "bilberry": (grow_bilberry, 0.45, 0.95, 320),

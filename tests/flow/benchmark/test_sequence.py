@@ -10,7 +10,7 @@ from pydantic import ValidationError
 
 from megalopta.flow.benchmark.frame_time import milliseconds_per_frame
 from megalopta.flow.benchmark.sequence import Bookkeeping, photon_benchmark
-from megalopta.flow.benchmark.settings import BenchmarkSettings, work_units
+from megalopta.flow.benchmark.settings import BenchmarkSettings
 from megalopta.flow.detectors.intensity import IntensityMeasurement
 from megalopta.flow.detectors.registry import THESIS_METHODS, method
 
@@ -90,15 +90,6 @@ def test_standard_error_is_the_scatter_between_seeds(name):
     promised = np.sqrt(np.mean(np.square([curve.standard_errors for curve in curves]), axis=0))
     seen = scatter > 0
     assert 0.5 < np.mean(promised[seen] / scatter[seen]) < 1.5
-
-
-def test_progress_adds_up_to_the_work():
-    done = []
-    chosen = settings(sizes=(30, 60), warm_up=5)
-    frames = grating(frames=20)
-    measured(frames, [method("IM")], chosen, books=Bookkeeping(done.append))
-    assert sum(done) == work_units(frames.shape, chosen)
-    assert len(done) > 10
 
 
 def test_dark_counts_are_given_per_pixel_of_the_original():

@@ -1,8 +1,6 @@
 import numpy as np
 import pytest
 
-from megalopta.benchmark.detection import detections
-from megalopta.benchmark.isolated_blocks import FRAMES, SIZE_PX, ranked
 from megalopta.benchmark.trial import Trial
 from megalopta.flow import METHODS, BenchmarkSettings, detector_from, method, photon_benchmark
 
@@ -54,14 +52,6 @@ def test_functions_of_another_source_or_enclosed_value_are_other_detectors():
         for each in (to_the_right, dense_inverse_search, moved(1), moved(2), moved(2))
     }
     assert len(dumped) == 4
-
-
-def test_functions_enter_detection_and_leaderboard():
-    told = detections([to_the_right], 1e5)[0]
-    assert told.motion == told.direction == 0
-    light = np.random.default_rng(0).random((1, FRAMES, SIZE_PX, SIZE_PX)) / SIZE_PX**2
-    (entry,) = ranked(light, [to_the_right])
-    assert entry.needed.photons == np.inf
 
 
 def test_a_flow_of_another_shape_is_refused(frames):

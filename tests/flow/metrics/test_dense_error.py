@@ -46,17 +46,6 @@ def test_missing_answers_count_as_rest_and_are_told():
     assert (found.pixels, found.missing_percent, found.epe_px) == (4, 25, 0.5)
 
 
-def test_silence_does_not_pay():
-    truth = np.full((4, 4, 2), (2.0, 0.0))
-    wrong = np.full((4, 4, 2), 50.0)
-    silent = wrong.copy()
-    silent[1:] = np.nan
-    told, kept = errors(wrong, truth).of("all"), errors(silent, truth).of("all")
-    for name in ("over_1px_percent", "over_5px_percent", "fl_percent"):
-        assert getattr(kept, name) == getattr(told, name) == 100
-    assert kept.wauc_percent == told.wauc_percent == 0
-
-
 def test_groups_share_the_pixels_by_sight_and_by_speed():
     truth = RNG.uniform(-60, 60, (30, 20, 2))
     hidden = RNG.random((30, 20)) < 0.3
@@ -73,17 +62,6 @@ def test_images_weigh_alike_or_by_their_pixels():
     found.add(np.full((9, 11, 2), (1.0, 0)), np.zeros((9, 11, 2)))
     assert found.of("all").epe_px == pytest.approx(1.02)
     assert found.of("all").epe_of_images_px == pytest.approx(2)
-
-
-def test_joined_parts_are_the_whole():
-    truth = RNG.normal(size=(6, 5, 4, 2))
-    flow = truth + RNG.normal(size=truth.shape)
-    whole, parts = DenseErrors(), []
-    for each, true in zip(flow, truth, strict=True):
-        whole.add(each, true)
-        parts.append(errors(each, true))
-    joined = DenseErrors.joined(parts).of("all")
-    assert joined.epe_px == pytest.approx(whole.of("all").epe_px, rel=1e-12)
 
 
 @pytest.mark.parametrize(

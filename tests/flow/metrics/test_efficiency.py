@@ -7,7 +7,6 @@ from megalopta.flow.detectors.registry import METHODS
 from megalopta.flow.metrics.efficiency import (
     bound_photons,
     confined_velocities,
-    is_within,
     photons_for_half,
     variance_efficiency,
 )
@@ -43,12 +42,6 @@ def test_search_reaches_to_the_end_of_the_margin_and_no_further():
 def test_margin_that_leaves_no_room_is_refused(margin):
     with pytest.raises(ValueError, match=f"margin_px {margin}: give 1 to 24"):
         confined_velocities(METHODS["BM"], np.ones((2, 72, 72)), GRID, margin)
-
-
-def test_undefined_velocities_are_never_within():
-    velocities = np.array([[3.0, 4.0], [np.nan, np.nan], [0.0, 0.0], [4.3, 4.0]])
-    assert is_within(velocities, (3.0, 4.0), 0.25).tolist() == [True, False, False, False]
-    assert is_within(velocities, (3.0, 4.0), 0.27).tolist() == [True, False, False, True]
 
 
 FLUXES = tuple(10 ** np.linspace(3, 7, 13))

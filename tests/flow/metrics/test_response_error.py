@@ -40,15 +40,6 @@ def test_ratio_error_is_the_quotient_of_the_sums():
     )
 
 
-def test_a_zero_ideal_response_is_floored_in_literal_and_harmless_in_ratio():
-    ideal = np.ones((1, 4, 3))
-    noisy = ideal + 0.5
-    ideal[0, 1, 1] = 0
-    sums = error_sums(PIXELS, ideal, noisy)
-    assert sums.of_sequence("literal") == pytest.approx(1.5e20 / 2)
-    assert sums.of_sequence("ratio") == pytest.approx(2)
-
-
 def test_a_frame_without_any_ideal_response_has_no_error():
     ideal = np.stack([np.zeros((4, 4)), np.ones((4, 4))])
     sums = error_sums(PIXELS, ideal, ideal + 0.5)

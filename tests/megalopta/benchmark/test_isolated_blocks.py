@@ -12,9 +12,6 @@ from numpy.lib.stride_tricks import sliding_window_view
 from megalopta.benchmark import isolated_blocks
 from megalopta.flow.detectors.registry import METHODS
 from megalopta.flow.metrics.translation_bound import fisher_information
-from megalopta.plotting.style import house_style, new_canvas
-from megalopta.reproduction import comparison_leaderboard as figures_leaderboard
-from megalopta.reproduction.figure_recipe import Run
 
 
 @pytest.fixture(scope="module")
@@ -52,34 +49,6 @@ def test_frames_hold_one_photon_share_each_and_drift_to_the_right(clean):
     velocities = METHODS["PM"].respond(isolated_blocks.leaf_counts(clean[0], 1e8, 0))
     assert np.median(velocities[..., 0]) == pytest.approx(isolated_blocks.SPEED_PX, abs=0.03)
     assert np.median(velocities[..., 1]) == pytest.approx(0, abs=0.01)
-
-
-_SHOWN = ("IIA", "PM")
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["leaderboard", "efficiency"])
-def test_figures_are_drawn_with_their_numbers(name, clean, monkeypatch, check_words):
-    monkeypatch.setattr(figures_leaderboard, "sequences", lambda: clean[:2])
-    monkeypatch.setattr(figures_leaderboard, "MATCHING", ("PM",))
-    monkeypatch.setattr(figures_leaderboard, "EFFICIENCY_FLUXES", (1e6, 1e7))
-    monkeypatch.setattr(figures_leaderboard, "DRAWS", 3)
-    monkeypatch.setattr(figures_leaderboard, "METHODS", {each: METHODS[each] for each in _SHOWN})
-    figure = getattr(figures_leaderboard, name)(Run())
-    with house_style():
-        canvas = new_canvas(figure.title, figure.caption, figure.height_in)
-        figure.draw(canvas)
-        canvas.draw_without_rendering()
-    assert figure.name == name
-    check_words(figure)
-    assert canvas.axes[0].get_xlabel().startswith("Photons per frame")
-    assert len(figure.rows) == 2
-    if name == "leaderboard":
-        assert figure.rows[-1][0] == "IIA"
-        assert np.isinf(figure.rows[-1][3])
-        photons, in_all, low, high = figure.rows[0][3:7]
-        assert low < photons < high
-        assert in_all == 2 * photons
 
 
 def test_information_of_a_block_is_that_of_its_sum_and_a_margin_adds_that_of_its_pixels(clean):

@@ -9,7 +9,7 @@ from megalopta.benchmark.ranking import RATIO, Ranking
 from megalopta.benchmark.ranking_page import order_changes
 from megalopta.benchmark.ranking_run import read_ranking, run_ranking
 from megalopta.benchmark.ranking_settings import NO_POOLING
-from megalopta.benchmark.sequence_errors import BOUND, ERROR, ROTATION, STILL
+from megalopta.benchmark.sequence_errors import BOUND, ROTATION, STILL
 from megalopta.benchmark.sequence_truth import SequenceTruth
 from megalopta.cli import main as cli
 from megalopta.config.model import load
@@ -93,23 +93,6 @@ def test_a_broken_run_goes_on_and_gives_the_same(grating, tmp_path, monkeypatch)
     run_ranking(grating, tmp_path, few)
     assert {each: each.read_bytes() for each in tmp_path.glob("ranking.*")} == before
     assert len(written) == 2
-
-
-def test_functions_and_references_are_methods_too(grating, tmp_path, monkeypatch):
-    """A module's function and the same function from Python answer alike; other code anew."""
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "mine_flow.py").write_text(
-        "import numpy as np\ndef flow(a, b):\n    return np.full((*a.shape, 2), [1.0, 0.0])\n"
-    )
-    run_ranking(grating, "out", FEW, methods=["BM", "mine_flow:flow", still])
-    ranking = read_ranking(tmp_path / "out")
-    assert ranking.settings.methods == ("BM", "mine_flow:flow", "still")
-    names = {row.method for row in ranking.rows if row.metric == ERROR}
-    assert names == {*ranking.settings.methods, STILL, BOUND}
-    for row in ranking.rows:
-        if (row.metric, row.method) == (ERROR, "still"):
-            same = ranking.error_of(NO_POOLING, 1e8, row.group, STILL)
-            assert row.value == pytest.approx(same.value, abs=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -198,10 +181,6 @@ def test_a_camera_that_only_turns_is_told_from_one_that_moves(grating, tmp_path)
     assert sum(turns[name].sum() for name in alone) == (turns["all"] & turns["visible"]).sum() > 0
     assert not any(flies[name].any() for name in alone)
     assert any(flies[f"high parallax, speed {speed}"].any() for speed in ("medium", "high"))
-
-
-def still(first, second):
-    return np.zeros((*first.shape, 2))
 
 
 @pytest.mark.parametrize(

@@ -9,9 +9,8 @@ import pytest
 from megalopta.benchmark import runner as engine
 from megalopta.benchmark.runner import run_trials, trial_work
 from megalopta.benchmark.sweep import Sweep
-from megalopta.benchmark.templates import GratingTemplate, PanoramaTemplate
+from megalopta.benchmark.templates import GratingTemplate
 from megalopta.benchmark.trial import Trial
-from megalopta.core.errors import UserError
 from megalopta.flow.benchmark.settings import SearchSettings
 
 FAST = SearchSettings(flux_min=1e4, flux_max=1e7, bits=(2,), metrics=("literal",), phases=2)
@@ -100,20 +99,6 @@ def test_progress_adds_up_to_the_work_stored_or_not(tmp_path):
             run_trials([*TRIALS, *TRIALS], TEMPLATES, tmp_path, pool, done.append)
         assert sum(done) == trial_work(TRIALS)
         assert len(done) == len(TRIALS)
-
-
-def test_a_template_that_cannot_be_measured_is_named_in_one_sentence(tmp_path):
-    template = PanoramaTemplate(kind="panorama", name="night.png")
-    pixels = np.ones((251, 700))
-    pixels[:, :300] = 0
-    with ThreadPoolExecutor(1) as pool, pytest.raises(UserError, match=r"^night.png: .* is black"):
-        run_trials(
-            [TRIALS[0].model_copy(update={"template": template})],
-            {template: pixels},
-            tmp_path,
-            pool,
-        )
-    assert not tmp_path.is_dir() or not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize("name", ["BM", "NDS", "IM", "PM", "LK"])

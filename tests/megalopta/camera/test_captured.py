@@ -3,12 +3,10 @@
 import numpy as np
 import pytest
 
-from megalopta.camera.comparison_scene import rendered_dataset
 from megalopta.camera.device_comparison import CompareSettings, compare_captured
 from megalopta.camera.recorded import Source, read_recorded
 from megalopta.camera.stimuli import Rendered
 from megalopta.config.model import load
-from megalopta.config.yaml_model import to_yaml
 from megalopta.core.errors import UserError
 from megalopta.sensor import expose_rate, load_sensor
 from megalopta.sensor.formats.tiff import write_tiff
@@ -58,17 +56,6 @@ def test_a_rendered_scene_is_compared_frame_by_frame(forest, tmp_path, brighter,
     sentence = compare_captured([source], path, page, CompareSettings(scene=str(forest)))
     assert words in sentence
     assert "aligned in time" in page.read_text("utf-8")
-
-
-def test_a_configuration_is_rendered_beside_the_page(tmp_path):
-    words = {"camera.width": "16", "camera.height": "16", "trajectory.frames": "2"}
-    small = load("grating", words | {"render.samples_per_pixel": "1"})
-    (tmp_path / "small.yaml").write_text(to_yaml(small), "utf-8")
-    root = rendered_dataset(str(tmp_path / "small.yaml"), tmp_path / "page")
-    assert root == tmp_path / "page"
-    assert len(list(root.rglob("*.exr"))) >= 2
-    with pytest.raises(UserError, match="nowhere"):
-        rendered_dataset("nowhere", tmp_path / "page")
 
 
 def test_a_range_of_frames_is_one_light(tmp_path):

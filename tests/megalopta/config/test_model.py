@@ -45,12 +45,6 @@ def test_a_single_value_for_a_list_makes_a_list_of_one():
     assert changed.methods == ("BM",)
 
 
-def test_levels_in_lux_are_read_however_they_are_written():
-    assert parse("light_levels: [1e-3, 0.05, starlight]", "x").light_levels == (
-        0.001, 0.05, "starlight",
-    )  # fmt: skip
-
-
 def test_a_kind_given_last_keeps_what_is_given_with_it():
     camera = load("demo", {"camera.width": "90", "camera.kind": "equirectangular"}).camera
     assert (camera.kind, camera.width, camera.height) == ("equirectangular", 90, 360)
@@ -103,12 +97,6 @@ def test_measured_device_on_the_command_line_is_found_from_the_working_folder(
     monkeypatch.chdir(measured)
     (sensor,) = load("demo", {"sensors": "mine.yaml"}).sensors
     assert sensor.measured.dark_counts.path == str(measured / "dark.npy")
-
-
-def test_record_of_a_measured_device_can_be_read_without_its_map(measured):
-    configuration = load(str(measured / "night.yaml"))
-    (measured / "dark.npy").unlink()
-    assert parse(to_yaml(configuration), "again") == configuration
 
 
 def test_missing_map_and_missing_device_are_named(measured):

@@ -18,7 +18,6 @@ pytestmark = pytest.mark.slow
 KILLS = 10
 """Of each command."""
 PATIENCE_S = 5.0
-EXPOSE = ("dataset", "expose", "--sensors", "ideal", "--light-levels", "full_moon", "0.5")
 
 
 def started(*words):
@@ -85,12 +84,4 @@ def plan(single_plan, tmp_path_factory):
 def test_make_killed_at_random_moments(plan, tmp_path, workers):
     broken_off_and_gone_on_with(
         lambda root: ("dataset", "make", plan, "--out", root, *workers), None, tmp_path
-    )
-
-
-def test_expose_killed_at_random_moments(plan, tmp_path):
-    run("dataset", "make", plan, "--out", tmp_path / "made")
-    group, verb, *settings = EXPOSE
-    broken_off_and_gone_on_with(
-        lambda root: (group, verb, root, *settings), tmp_path / "made", tmp_path
     )

@@ -95,22 +95,6 @@ def test_a_sequence_that_fails_is_listed_and_retried_alone(copy, small_plan):
 
 
 @pytest.mark.slow
-def test_a_full_disk_stops_all_and_the_same_command_goes_on(small_plan, small_dataset, tmp_path):
-    import resource
-
-    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (3000, hard))  # the first image does not fit
-    try:
-        with pytest.raises(UserError, match="sequence 000000: .*larger than allowed"):
-            make(tmp_path / "data", small_plan)
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
-    assert Tree(tmp_path / "data").names() == []
-    make(tmp_path / "data", small_plan)
-    assert without_books(tmp_path / "data") == without_books(small_dataset)
-
-
-@pytest.mark.slow
 def test_new_light_on_old_frames(copy, small_dataset):
     words = ("dataset", "expose", copy, "--sensors", "ideal", "--light-levels", "0.5", "starlight")
     run(*words, "--repeats", "2")

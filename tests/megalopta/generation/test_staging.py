@@ -11,7 +11,6 @@ import pytest
 
 from megalopta.config.drawing import configuration_of
 from megalopta.core.errors import UserError
-from megalopta.core.freshness import SENSOR_MODEL
 from megalopta.dataset.layout import Tree
 from megalopta.generation.exposing import Exposing, expose
 from megalopta.generation.making import make
@@ -198,16 +197,3 @@ def test_a_worker_of_another_variant_is_refused(single_plan, tmp_path):
     with pytest.raises(UserError, match="worker would make other bytes .*variant: cuda_spectral"):
         make_sequence(tmp_path, single_plan, wanted, 0)
     assert not list(tmp_path.iterdir())
-
-
-def test_check_names_sequences_of_mixed_models(copy):
-    root = Tree(copy)
-    for name in ("000001", "000002"):
-        text = root.record_path("000000").read_text().replace("000000", name)
-        values = {**json.loads(text), "index": int(name)}
-        if name == "000002":
-            values["stages"]["sense"]["made_with"]["model"] = "earlier"
-        root.record_path(name).write_text(json.dumps(values))
-    mixed = [fault for fault in check_files(root) if "otherwise than most" in fault.what]
-    assert [fault.path.stem for fault in mixed] == ["000002"]
-    assert f"sense: model: {SENSOR_MODEL} → earlier" in mixed[0].what

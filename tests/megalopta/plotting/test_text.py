@@ -3,12 +3,8 @@ import math
 import pytest
 
 from megalopta.plotting.text import (
-    duration,
-    enumerate_words,
-    level_title,
     number,
     percent,
-    plural,
     relative_error,
     short,
 )
@@ -59,20 +55,6 @@ def test_errors_from_tenfold_on_fail():
     assert relative_error(10.0) == "fails"
     assert relative_error(4080.5) == "fails"
     assert relative_error(None) == "–"
-
-
-def test_light_levels_have_their_illuminance():
-    assert level_title("full_moon") == "full\u00a0moon, 0.25\u00a0lux"
-    assert level_title(10.0) == "10\u00a0lux"
-
-
-def test_words_make_a_sentence():
-    assert enumerate_words(["a"]) == "a"
-    assert enumerate_words(["a", "b", "c"]) == "a, b and c"
-    assert plural(1, "frame") == "1 frame"
-    assert plural(2534, "object") == "2,534 objects"
-    assert duration(4.23) == "4.2 s"
-    assert duration(102.3) == "1 min 42 s"
 
 
 @pytest.mark.parametrize(

@@ -72,13 +72,6 @@ def test_identifiers_carry_the_name_of_the_chart():
     assert all(identifier.startswith("chart-7-") for identifier in identifiers)
 
 
-def test_undefined_and_zero_errors_leave_gaps():
-    errors = np.array([np.nan, 3.0, 1.0, 0.3, 0.1, 0.0, 0.0])
-    svg = str(error_chart([curve("BM", errors)], "gaps", 0.25, "gaps"))
-    assert "nan" not in svg
-    assert svg.count("<use") >= 4  # one marker per drawn error, beside those of the ticks
-
-
 def test_needs_name_every_method_sensor_and_light():
     methods = [MethodThresholds("BM", {"literal": crossing(1e6), "ratio": crossing(1e5)})]
     words = texts(threshold_chart(methods, BUDGETS, "need", "needs"))

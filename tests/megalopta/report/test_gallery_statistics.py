@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from megalopta.cli import main
-from megalopta.report.gallery_statistics import degrees_per_px, write_statistics
+from megalopta.report.gallery_statistics import write_statistics
 
 
 @pytest.mark.slow
@@ -19,15 +19,6 @@ def test_a_photograph_is_measured_beside_forests(picture, tmp_path):
     assert blurred["scene"] == "open, blurred"
     assert float(blurred["gradient_contrast"]) < float(forest["gradient_contrast"])
     assert all(np.isfinite(float(value)) for value in list(photograph.values())[1:])
-
-
-def test_forests_are_compared_at_an_angle_that_the_coarsest_photograph_resolves(picture):
-    """Two pixels of 360°/512, rounded up to 0.05°; without photographs 0.3°."""
-    rng = np.random.default_rng(0)
-    coarse, fine = (picture(rng.random((rows, 2 * rows, 3)), f"{rows}.exr") for rows in (256, 1024))
-    assert degrees_per_px([coarse, fine]) == pytest.approx(1.45)
-    assert degrees_per_px([fine]) == pytest.approx(0.4)
-    assert degrees_per_px([]) == 0.3
 
 
 @pytest.mark.parametrize(

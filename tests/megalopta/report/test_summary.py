@@ -48,11 +48,6 @@ def test_the_lead_tells_how_the_camera_moves(trajectory, words):
     assert words in lead(configured(trajectory=trajectory), {})
 
 
-def test_the_lead_tells_what_stands_there():
-    assert "150 trees (beech, birch and spruce)" in lead(configured(), {})
-    assert "sine grating of contrast 0.9" in lead(configured(scene={"kind": "grating"}), {})
-
-
 def record(method, level, error, sensor="ideal", corrected=None):
     def blocks(median):
         return {
@@ -110,16 +105,6 @@ def test_the_method_that_reaches_the_darkest_light_is_named_with_its_error_there
 )
 def test_reach_ends_where_accuracy_does(levels, darkest):
     assert best(*(record("PF", level, error) for level, error in levels))[1] == darkest
-
-
-def test_corrected_readings_are_a_method_of_their_own():
-    assert best(record("PF", 10, 0.6, corrected=0.2))[0] == "PF, corrected"
-
-
-def test_where_no_method_is_accurate_the_nearest_is_named():
-    found = best(record("PF", 10, 0.4), record("BM", 10, 0.9), record("PF", 1, 0.7))
-    assert found == ("PF", "none", "40 % at 10 lux")
-    assert best(record("BM", 10, None)) == ("–", "–", "–")
 
 
 def test_dark_counts_are_named_at_every_light_that_they_drown_and_at_no_other():

@@ -7,7 +7,6 @@ from megalopta.reproduction.chapter2_counter import (
     spadcam_with_step,
     straightness,
     transient,
-    volts_per_event,
 )
 from megalopta.sensor.spad.fixed_pattern import draw_fixed_pattern
 
@@ -27,14 +26,6 @@ def test_counter_is_as_straight_as_the_dissertation_says_over_the_whole_swing(st
     assert over_events.min() > 0.99
     # all pixels go through the whole swing
     assert np.all(row.output_v[:, -1] == pytest.approx(BOTTOM_V))
-
-
-@STEPS
-def test_output_falls_by_the_step_and_hardly_by_the_leak(step_v):
-    # 7.2 mV/s for as long as it takes: some 20 µV per event at 300 events per second
-    assert volts_per_event(transient(spadcam_with_step(step_v)), BOTTOM_V) == pytest.approx(
-        step_v, abs=25e-6
-    )
 
 
 def test_row_sees_light_and_dark_counts_until_the_end_of_the_exposure():

@@ -11,7 +11,6 @@ import pytest
 from megalopta.benchmark import templates
 from megalopta.benchmark.panorama_recipes import NATURAL_PANORAMAS
 from megalopta.benchmark.runner import run_trials
-from megalopta.benchmark.templates import PanoramaTemplate
 from megalopta.benchmark.trial import measure_trial
 from megalopta.flow.detectors.registry import METHODS
 from megalopta.flow.metrics.curve import ErrorCurve
@@ -21,7 +20,6 @@ from megalopta.reproduction import drawing as module
 from megalopta.reproduction.chapter4_curves import MOTION, beside_printed
 from megalopta.reproduction.chapter4_denominators import FLOORS, floored_errors
 from megalopta.reproduction.chapter4_information import (
-    Need,
     implied_information,
     information_per_photon,
     needed_of,
@@ -102,16 +100,6 @@ def drawn(name, is_quick=False, pixels=pictures):
 def textured(of_templates):
     rng = np.random.default_rng(0)
     return {each: rng.uniform(1, 2, (251, 502)) for each in set(of_templates)}
-
-
-def test_photograph_of_a_forest_is_its_gray_values(monkeypatch):
-    light = np.array([[0.0, 0.25, 1.0] + [1.0] * 97])
-    monkeypatch.setattr(templates, "natural_templates", lambda cache, recipes: {"open": light})
-    photo = PanoramaTemplate(kind="panorama", name="open", coding="srgb")
-    gray = templates.pixels_of([photo])[photo]
-    assert gray.mean() == pytest.approx(1)
-    # sRGB: 0.25 is 0.537 of white, 137 of 255
-    np.testing.assert_allclose(gray[0, :3] / gray[0, 2], [0, 137 / 255, 1], rtol=1e-12)
 
 
 def test_mean_over_templates_spans_the_least_to_the_most_and_one_keeps_its_interval():
@@ -265,8 +253,3 @@ def test_information_of_a_grating_meets_the_closed_form():
     template = np.tile(1 + contrast * np.sin(k * columns), (240, 1))
     expected = k**2 * (1 - np.sqrt(1 - contrast**2))
     assert information_per_photon(template) == pytest.approx(expected, rel=0.025)
-
-
-def test_printed_threshold_implies_the_information_at_which_ours_would_be_it():
-    seen = [Need("BM", "", "srgb", 0.1, 200.0), Need("BM", "", "srgb", 0.2, 100.0)]
-    assert implied_information(seen, printed=40) == pytest.approx(0.5)

@@ -4,9 +4,8 @@ import json
 import numpy as np
 import pytest
 
-from megalopta.core.errors import UserError
 from megalopta.plotting.picture import Figure
-from megalopta.reproduction.drawing import reproduce, write_figure
+from megalopta.reproduction.drawing import write_figure
 from megalopta.reproduction.figure_recipe import GROUPS, names
 
 
@@ -52,13 +51,6 @@ def test_same_figure_gives_the_same_bytes(tmp_path):
     first, second = (write_figure(EXAMPLE, tmp_path / name) for name in "ab")
     for one, other in zip(first, second, strict=True):
         assert one.read_bytes() == other.read_bytes()
-
-
-def test_unknown_name_is_refused_with_the_closest_before_anything_is_written(tmp_path):
-    out = tmp_path / "out"
-    with pytest.raises(UserError, match=r"fig-3\.22.*did you mean fig-3\.2"):
-        reproduce(["fig-3.5", "fig-3.22"], out)
-    assert not out.exists()
 
 
 def test_a_figure_is_found_by_its_name_and_under_no_other():

@@ -4,11 +4,10 @@ import shutil
 
 import pytest
 
-from megalopta.benchmark.sweep import Sweep
 from megalopta.config.model import load
 from megalopta.core.errors import UserError
 from megalopta.stages import estimate
-from megalopta.stages.estimate import announce, refuse_absurd
+from megalopta.stages.estimate import refuse_absurd
 from megalopta.stages.pipeline import run_all, run_stage
 
 
@@ -67,16 +66,6 @@ def test_the_built_in_configurations_are_no_long_work(tmp_path, capsys, name, st
     assert estimate.estimate(load(name), stage).seconds < 3600
 
 
-def test_long_work_is_announced(capsys):
-    settings = load(
-        "demo", {"trajectory.frames": "3000", "camera.width": "640", "camera.height": "480"}
-    )
-    announce(settings, "render")
-    told = capsys.readouterr().err
-    assert told.startswith("render: 3000 frames of 640 × 480, about 93.")
-    assert told.endswith(" GB, about 7 days\n")
-
-
 def test_work_grows_with_the_frames_and_memory_does_not():
     few, many = (load("demo", {"trajectory.frames": frames}) for frames in ("40", "80"))
     for stage in ("render", "sense", "flow", "benchmark"):
@@ -91,8 +80,3 @@ def test_haze_takes_three_times_the_work():
     hazy = {**clear, "scene.haze.visibility_m": "100"}
     first, second = (estimate.estimate(load("demo", each), "render") for each in (clear, hazy))
     assert second.seconds == pytest.approx(3 * first.seconds, rel=1e-2)
-
-
-def test_a_sweep_of_too_many_trials_is_refused():
-    with pytest.raises(ValueError, match="10001 trials; give at most 10000 in all"):
-        Sweep.model_validate({"vary": "seed", "values": list(range(10_001))})

@@ -136,14 +136,6 @@ def test_a_map_that_changed_since_is_refused(folder, capsys):
     assert content(folder / "data") == before
 
 
-def test_rendering_does_not_ask_whether_sensors_could_expose(tmp_path):
-    over = {**TINY, "trajectory.frames": "2", "trajectory.frame_rate_hz": "30"}
-    fast = load("grating", over)
-    run_stage(tmp_path / "data", fast, "render")
-    with pytest.raises(UserError, match=r"sense: sensor 'spadcam': exposure_s 0\.1 .*0\.0333"):
-        run_stage(tmp_path / "data", fast, "sense")
-
-
 @pytest.mark.parametrize(
     ("change", "message"),
     [

@@ -50,13 +50,6 @@ def test_share_is_that_of_noisy_light_run_through_the_sensor(sensors, name):
     assert share == pytest.approx(expected, rel=0.02)
 
 
-def test_brighter_light_needs_a_cleaner_rendering():
-    # Shot noise has a variance like the light, the rendering's noise one like its square.
-    sensor, one = IMAGE_SENSORS["ideal"], np.ones(4)
-    dim, bright = (noise_share(RECORD, SETTINGS, sensor, factor * one) for factor in (1, 100))
-    assert bright == pytest.approx(100 * dim, rel=1e-9)
-
-
 def test_noise_that_is_faint_beside_the_scenes_detail_does_no_harm_however_bright_the_light():
     detail = (20 * np.array(RECORD["covariance"])).tolist()
     sensor = IMAGE_SENSORS["ideal"]

@@ -35,18 +35,6 @@ def test_a_sequence_between_and_beyond_two_probes_lies_on_the_line_through_them(
     assert not told.most
 
 
-def test_a_line_that_falls_gives_way_to_proportion():
-    compiled = probe_of(20, 100, setup=3.0, radiance=9.0, rest=0.1, frame_bytes=2000.0)
-    told = foresee(Scale(60, 700.0, 2200, 2200.0, 1, 1, 0, 1.0), [compiled, LARGE], False)
-    np.testing.assert_allclose(told.time, 7 + 2 * 1.2 + 0.1)
-
-
-def test_only_the_first_scene_of_a_seed_grows_plants():
-    scale = Scale(60, 700.0, 1100, 1100.0, 1, 1, 0, 1.0)
-    grown, growing = (foresee(scale, [LARGE], False, grows) for grows in (False, True))
-    np.testing.assert_allclose(growing.time - grown.time, 12)
-
-
 def test_where_auto_may_bake_the_time_told_is_the_most():
     settings = load("demo", {"render.integrator": "auto", "trajectory.frames": "100"})
     scale = Scale.of(settings)

@@ -5,15 +5,12 @@ import pytest
 
 from megalopta.config.model import load
 from megalopta.core.errors import UserError
-from megalopta.dataset.store import Dataset
-from megalopta.render import write_radiance
 from megalopta.sensor import Crosstalk, ctia_preset
 from megalopta.sensor.formats.products import check_product
 from megalopta.sensor.formats.reading import read_frames
-from megalopta.sensor.formats.shot import Shot
 from megalopta.stages.ledger import Ledger
 from megalopta.stages.pipeline import run_stage
-from megalopta.stages.sense import open_exposure, sense
+from megalopta.stages.sense import open_exposure
 
 pytestmark = pytest.mark.slow
 
@@ -80,22 +77,6 @@ def test_what_a_sensor_cannot_give_is_refused(tiny, product, changes, message):
         sensor = sensor.model_copy(update=changes) if changes else ctia_preset("ctia_si")
     with pytest.raises(ValueError, match=f"{product}: .*{message}"):
         check_product(product, sensor, (40, 48))
-
-
-def test_too_many_events_of_the_last_frame_are_refused_before_any_is_drawn(
-    tiny, tmp_path, monkeypatch
-):
-    dataset, drawn = Dataset(tmp_path, settings(tiny)), []
-    bands, shape = tiny.render.bands_nm, (tiny.camera.height, tiny.camera.width, 2)
-    for index in range(24):
-        light = np.full(shape, 1e-9 if index < 23 else 1e3, np.float32)
-        write_radiance(dataset.radiance(index), light, bands, {})
-    original = Shot.events
-    monkeypatch.setattr(Shot, "events", lambda shot: drawn.append(shot) or original(shot))
-    with pytest.raises(UserError, match="sense: ideal at 1e-05lux: about .* events in a frame"):
-        sense(dataset)
-    assert not drawn
-    assert not list(tmp_path.rglob("*.h5"))
 
 
 @pytest.mark.parametrize(

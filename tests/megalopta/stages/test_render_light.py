@@ -8,7 +8,6 @@ import trimesh
 
 from megalopta.config.model import load, parse
 from megalopta.core.errors import UserError
-from megalopta.render import read_attributes, read_radiance
 from megalopta.scenes.material import Material
 from megalopta.scenes.scene import Asset, Placement, Scene
 from megalopta.scenes.spectra.spectrum import flat
@@ -81,27 +80,6 @@ def test_a_panorama_whose_file_changed_is_another_configuration(sky, tmp_path):
         run_stage(tmp_path / "data", second, "render")
     with pytest.raises(UserError, match=r"sky\.exr has changed since it was first used"):
         run_stage(tmp_path / "other", first, "render")
-
-
-@pytest.mark.slow
-def test_frames_are_rendered_to_the_stated_error_and_say_so(yard, tmp_path):
-    settings = load(
-        "demo", {**SMALL, **FEW, "render.target_error": "0.02", "render.max_passes": "99"}
-    )
-    dataset = run_stage(tmp_path / "data", settings, "render")
-    record = json.loads(dataset.scene_record.read_text())["monte_carlo"]
-    assert record["measured_frames"] == [0, 1, 2]
-    for frame, samples in enumerate(record["samples_per_pixel"]):
-        noise = json.loads(read_attributes(dataset.radiance(frame))["monteCarlo"])
-        assert noise["rms_over_mean"] <= 0.02
-        assert samples == 4 * noise["passes"]
-    # A frame alone comes out the same.
-    image = read_radiance(dataset.radiance(2))[0]
-    for path in (dataset.radiance(2), dataset.scene_record):
-        path.unlink()
-    dataset.record_path.unlink()
-    run_stage(tmp_path / "data", settings, "render")
-    np.testing.assert_array_equal(read_radiance(dataset.radiance(2))[0], image)
 
 
 def test_a_target_out_of_reach_is_told(yard, tmp_path, capsys):

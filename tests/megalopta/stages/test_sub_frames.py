@@ -9,7 +9,6 @@ from megalopta.cli import main
 from megalopta.config.model import load
 from megalopta.core.errors import UserError
 from megalopta.dataset.store import open_sequence
-from megalopta.sensor.formats.reading import read_frames
 from megalopta.stages.pipeline import run_stage
 from megalopta.stages.sense import open_exposure
 
@@ -80,24 +79,6 @@ def test_light_in_an_exposure_is_that_of_more_frames(still, moving, fast):
     # bilinear interpolation of a sine of 24 px: (π/24)²/2 = 0.9 %; half a pixel of lag: 13 %
     assert errors[moving] < 0.02
     assert errors[still] > 0.08
-
-
-def test_a_burst_sees_the_light_between_frames(moving, fast):
-    bits = read_frames(beside(moving, ".burst.npy"), shape=(40, 48)).counts
-    assert bits.shape == (FRAMES * BITS, 40, 48)
-    halves = bits.reshape(FRAMES, 2, BITS // 2, 40, 48).sum(axis=2, dtype=int)[..., 3:-3]
-    light = 4 * mean_events(fast).reshape(FRAMES, 4, 40, 48)[:, 1::2, :, 3:-3]
-    p = -np.expm1(-light / BITS)
-    z = (halves - BITS / 2 * p) / np.sqrt(BITS / 2 * p * (1 - p))
-    # |z| < 5 of the sum, and of the sum of squares about binomial laws: false alarm 1e-6
-    assert abs(z.mean()) * np.sqrt(z.size) < 5
-    assert abs((z**2).mean() - 1) < 5 * np.sqrt(2.5 / z.size) + 0.01
-    # the halves of a period differ as the light does, not by chance alone
-    change = light[:, 1] - light[:, 0]
-    seen = ((halves[:, 1] - halves[:, 0]) * change).sum()
-    expected = (BITS / 2 * (p[:, 1] - p[:, 0]) * change).sum()
-    scatter = np.sqrt((BITS / 2 * (p * (1 - p)).sum(axis=1) * change**2).sum())
-    assert abs(seen - expected) < 5 * scatter < expected
 
 
 @pytest.mark.parametrize(

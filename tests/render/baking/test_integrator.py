@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from megalopta.render.baking import choice, integrator, light as bake, table
+from megalopta.render.baking import light as bake, table
 from megalopta.render.baking.choice import cost_reason, path_tracing_reason, samples_of_pixel
 from megalopta.render.baking.gathering import Gatherer
 from megalopta.render.baking.visibility import survey
@@ -265,29 +265,6 @@ def test_stored_light_gives_the_same_frames_without_another_bake(tmp_path, monke
     assert found < 0.1 * sum(rays)
     frame(tmp_path, bake_error=0.22)
     assert len(list(tmp_path.glob("*.npz"))) == 2  # another error, another light
-
-
-@pytest.mark.slow
-@vectorized
-def test_light_that_is_kept_does_not_change_what_auto_decides(tmp_path, monkeypatch):
-    """Frames hang on the configuration alone, and not on who baked its light before."""
-    scene, asked = thicket(Lighting(SKY)), []
-    monkeypatch.setattr(choice, "FEWEST_IN_ALL", 0)
-
-    def integrator_of(name):
-        settings = RenderSettings(samples_per_pixel=256, integrator=name, bake_error=0.2)
-        return SceneRenderer(scene, CAMERA, settings, ORBIT, 3, tmp_path).integrator
-
-    def noted(*work):
-        asked.append(work[:2])
-        return "for once"
-
-    monkeypatch.setattr(integrator, "cost_reason", noted)
-    assert integrator_of("auto") == "path (for once)"
-    assert integrator_of("baked") == "baked"
-    assert len(list(tmp_path.glob("*.npz"))) == 1
-    assert integrator_of("auto") == "path (for once)"
-    assert asked[0] == asked[1]  # rays and samples
 
 
 def least_standing(tracer, light, part, time=0.0):

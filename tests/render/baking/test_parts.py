@@ -170,13 +170,6 @@ def test_what_rays_count_makes_up_for_how_many_there_are(name):
         np.testing.assert_allclose(mean, found, 1e-6, 1e-12)
 
 
-def test_brightness_counts_the_light_of_both_sides():
-    bright = dict(zip(MATERIALS, SCATTERING.brightness(flat(2.0)), strict=True))
-    assert bright["glows"] == bright["black"] == 0 and bright["little comes through"] == 1
-    assert bright["leaf"] > bright["opaque"] > 0
-    assert (SCATTERING.brightness(flat(0.0)) == 1).all()
-
-
 RNG = np.random.default_rng(5)
 GROUPS, SIZE, RAYS = 400, 20, 16
 NEIGHBORS = np.repeat(np.arange(GROUPS, dtype=np.uint64), SIZE)

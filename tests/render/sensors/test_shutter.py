@@ -81,20 +81,6 @@ def test_an_exposure_is_stratified_in_time():
     assert np.abs(image[..., 0] / 1e-6 - (0.5 + x / reach)).max() <= 3 / 64
 
 
-def test_passes_of_an_exposure_are_independent():
-    renderer = SceneRenderer(half_wall(), CAMERA, SETTINGS)
-    shutter = Shutter(exposure_s=0.08)
-    first, second = (renderer.exposed(ALONG, shutter, 1, 3, number) for number in (0, 1))
-    assert (first != second).any()
-    measured = renderer.exposed_measured(ALONG, shutter, 1, 3, 1)
-    assert measured.radiance.tobytes() == second.tobytes()
-    assert not measured.standing.any()
-    # Left of the edge at the end of the exposure there is nothing, and right of its start a wall.
-    columns = measured.sky.mean(axis=0)
-    assert columns[: int(edge_at(0.06)) - 1].min() == 1
-    assert columns[int(edge_at(0.14)) + 2 :].max() == 0
-
-
 @BOTH
 @pytest.mark.parametrize("per_pass", [None, 80 * 64 * 7], ids=["one pass", "strips of 7 rows"])
 def test_every_row_of_a_rolling_shutter_shows_its_own_time(path, motion, per_pass):
@@ -105,12 +91,3 @@ def test_every_row_of_a_rolling_shutter_shows_its_own_time(path, motion, per_pas
     rows = np.arange(CAMERA.height)
     expected = edge_at(0.1 + 0.08 * (rows / (CAMERA.height - 1) - 0.5))
     np.testing.assert_allclose(edges(image), expected, atol=0.1)
-
-
-def test_truth_of_a_rolling_shutter_without_readout_is_that_of_an_instant(ground):
-    path = Trajectory(frames=3, rotation_deg_s=30, velocity_m_s=(1, 2, 0.3))
-    renderer = SceneRenderer(scene_of(None, ground), CAMERA, SETTINGS)
-    rolling = renderer.shutter_truth(path, Shutter(), 1)
-    instant = renderer.truth(path.poses(), 1)
-    np.testing.assert_allclose(rolling.flow_forward, instant.flow_forward, atol=1e-5)
-    np.testing.assert_array_equal(rolling.occluded_forward, instant.occluded_forward)

@@ -128,16 +128,6 @@ def test_the_mix_of_species_is_the_one_asked_for(scene):
         assert binomtest(kinds.count(name), len(kinds), share).pvalue > 1e-7
 
 
-def test_heights_spread_as_asked_for(scene):
-    scales = np.array(
-        [np.cbrt(np.linalg.det(p.to_world[:3, :3])) for p in scene.placements if p.kind in TREES]
-    )
-    # a normal cut at two deviations has 0.959 of the standard deviation; 5 standard errors
-    tolerance = 5 / np.sqrt(2 * len(scales))
-    assert scales.std() == pytest.approx(np.sqrt(0.92) * FOREST.height_spread, rel=tolerance)
-    assert np.abs(scales - 1).max() <= 2 * FOREST.height_spread + 1e-12
-
-
 def test_nothing_grows_into_the_camera(scene):
     eye = cKDTree(np.column_stack([dense(PATH), np.full(2000, EYE_M)]))
     for placement in scene.placements[1:]:

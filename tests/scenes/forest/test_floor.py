@@ -102,19 +102,6 @@ def test_nothing_but_litter_is_on_the_path(scene):
     assert {p.kind for p in growing} >= {"oak", "spruce", "fern", "herb", "young beech"}
 
 
-def test_litter_lies_on_the_mesh(scene, ground):
-    leaves = [
-        scene.assets[each.asset].parts["litter leaf"].vertices @ each.to_world[:3, :3].T
-        + each.to_world[:3, 3]
-        for each in scene.placements
-        if each.kind == "litter"
-    ]
-    places = np.concatenate(leaves)
-    above = places[:, 2] - mesh_height(ground, places[:, :2])
-    # Drawn coarsely a few merged leaves are a quarter of a meter long.
-    assert above.min() > 0.001 - 1e-9 and above.max() < 0.2
-
-
 def test_plants_stand_on_the_mesh(scene, ground):
     standing = [
         p.to_world[:3, 3] for p in scene.placements[1:] if p.kind in {*TREES, *LAYERS} - {"litter"}
