@@ -5,11 +5,14 @@ import pytest
 from scipy.spatial import cKDTree
 
 from megalopta.assets_gen.bodies import ball, box
+from megalopta.assets_gen.moss import cut_at, make_moss
+from megalopta.assets_gen.octaves import make_octaves
 from megalopta.assets_gen.plants.logs import grow_log
 from megalopta.assets_gen.rocks import grow_rock
 from megalopta.assets_gen.scatter import distance_to
 from megalopta.assets_gen.surface import Surface
 from megalopta.assets_gen.terrain import ground_surface, make_terrain
+from megalopta.assets_gen.trail import make_trail
 from megalopta.assets_gen.triangulation import Fineness, triangulated
 
 from .conftest import welded
@@ -157,3 +160,52 @@ def test_a_plane_is_interpolated_exactly_and_places_outside_are_refused(mesh):
     np.testing.assert_allclose(found, height(places), atol=1e-9)
     with pytest.raises(ValueError, match="places: 1 lie outside"):
         mesh.interpolated(height(mesh.points), np.array([[500.0, 0.0]]))
+
+
+WAY = np.stack([np.linspace(0, 4, 9), np.zeros(9)], axis=-1)
+WIDTH_M = 1.2
+
+
+@pytest.fixture(scope="module")
+def trail():
+    return make_trail(WAY, np.array([0.0, 1.0]), WIDTH_M, 60.0, np.random.default_rng(2))
+
+
+def grid(low, high, step):
+    axes = [np.arange(a, b, step) for a, b in zip(low, high, strict=True)]
+    return np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
+
+
+def test_the_mean_width_is_the_one_asked_for():
+    widths = []
+    for seed in range(12):
+        trail = make_trail(WAY, np.array([1.0, 0.0]), WIDTH_M, 30.0, np.random.default_rng(seed))
+        points = grid((0, -2), (4, 2), 0.05)
+        widths.append((trail.inside(points) > 0).sum() * 0.05**2 / 4)
+    # Margins of 0.14 m rms in waves of up to 4 m: a trail's mean varies by about 0.1 m.
+    assert np.mean(widths) == pytest.approx(WIDTH_M, abs=0.15)
+
+
+def test_the_middle_is_worn_and_the_land_beside_is_not(trail):
+    assert trail.sunk(np.array([-2.0, 0.6]))[0] == 0
+    assert 0.05 < trail.sunk(trail.inside(WAY)).min() <= 0.06
+
+
+def test_a_rough_field_has_its_root_mean_square_where_a_mesh_shows_it():
+    rough = make_octaves((((0.5, 1.0), 2.0), ((0.2, 0.5), 1.0)), 0.03, np.random.default_rng(1))
+    points = np.random.default_rng(0).uniform(-50, 50, (4000, 2))
+    fine, coarse = (rough(points, np.full(4000, step)) for step in (0.05, 0.5))
+    # 4000 places that are about independent: 1.1 % standard error, five of these
+    assert fine.std() == pytest.approx(0.03, rel=0.056)
+    assert not coarse.any()
+
+
+@pytest.mark.parametrize("share", [0.1, 0.5, 0.9])
+def test_moss_is_cut_where_it_covers_its_share(share):
+    rng = np.random.default_rng(3)
+    points, areas = rng.uniform(-10, 10, (5000, 2)), rng.uniform(0.5, 1.5, 5000)
+    favor = make_moss(np.array([[2.0, 2.0]]), rng).favor(points, np.full(5000, 0.02))
+    where = points[:, 0] > 0
+    covered = (favor > cut_at(favor, areas, where, share)) & where
+    # to one of some 2500 triangles
+    assert areas[covered].sum() / areas[where].sum() == pytest.approx(share, abs=1e-3)

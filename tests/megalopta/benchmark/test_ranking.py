@@ -9,7 +9,7 @@ from megalopta.benchmark.ranking import RATIO, Ranking
 from megalopta.benchmark.ranking_page import order_changes
 from megalopta.benchmark.ranking_run import read_ranking, run_ranking
 from megalopta.benchmark.ranking_settings import NO_POOLING
-from megalopta.benchmark.sequence_errors import BOUND, ROTATION, STILL
+from megalopta.benchmark.sequence_errors import BOUND, STILL
 from megalopta.benchmark.sequence_truth import SequenceTruth
 from megalopta.cli import main as cli
 from megalopta.config.model import load
@@ -147,20 +147,6 @@ def test_methods_change_places_where_both_groups_say_so_of_all_comparisons(ranke
     said, scope = order_changes(with_orders(ranked, *orders))
     assert f"parallax {count}, occlusion 0, edges of depth (no such blocks)" in said
     assert "stretches of frames of these alone" in scope
-
-
-def test_the_likelihood_tells_the_rotation_better_than_blocks(ranked):
-    ranking = read_ranking(ranked)
-    found = {
-        (flux, name): ranking.found(ROTATION, name, flux).value
-        for flux in (1e3, 1e8)
-        for name in ("likelihood, 8 frames", "likelihood, 2 frames", "DIS", "BM")
-    }
-    # It turns by 1.5° per frame, a pixel sees 1°. Counts of eight frames know it to .01° at 1e8.
-    assert found[1e8, "likelihood, 8 frames"] < 0.05
-    assert found[1e8, "likelihood, 2 frames"] < found[1e8, "DIS"] < found[1e8, "BM"]
-    assert found[1e3, "likelihood, 8 frames"] < found[1e3, "BM"]
-    assert "likelihood, 8 frames" in (ranked / "ranking.html").read_text()
 
 
 def test_a_camera_that_only_turns_is_told_from_one_that_moves(grating, tmp_path):

@@ -10,8 +10,10 @@ from types import SimpleNamespace
 
 import pytest
 
-from megalopta.cli import main as cli
+from megalopta.cli import check as cli_check, main, main as cli
 from megalopta.render import read_radiance, read_truth
+from megalopta.verification import physics
+from megalopta.verification.cases import CHECKS
 
 COMMAND = [sys.executable, "-m", "megalopta"]
 SMALL = [
@@ -143,3 +145,55 @@ def test_ctrl_c_leaves_whole_files_and_the_next_run_goes_on(run, tmp_path):
     changed = run("render", "grating", *SMALL, "--seed", "1", "--out", out)
     assert changed.returncode == 2
     assert "seed: 0 → 1" in changed.stderr
+
+
+def test_a_failed_check_is_exit_code_1(monkeypatch):
+    monkeypatch.setattr(physics, "run_check_physics", lambda groups, plots: False)
+    with pytest.raises(SystemExit) as stopped:
+        cli.main(["check", "physics"])
+    assert stopped.value.code == 1
+
+
+def test_groups_of_the_physics_are_handed_on_and_named_in_the_help(monkeypatch, capsys):
+    seen = []
+    monkeypatch.setattr(physics, "run_check_physics", lambda *given: seen.append(given) or True)
+    cli.main(["check", "physics", "crosstalk", "dead-time"])
+    assert seen == [(["crosstalk", "dead-time"], None)]
+    assert tuple(CHECKS) == cli_check.PHYSICS
+    with pytest.raises(SystemExit):
+        cli.main(["check", "--help"])
+    printed = capsys.readouterr().out.replace("-\n", "-")
+    assert all(group in printed for group in CHECKS)
+
+
+def test_a_second_folder_is_refused(capsys):
+    with pytest.raises(SystemExit):
+        cli.main(["check", "truth", "a", "b"])
+    assert "check truth: got a b; give one folder" in capsys.readouterr().err
+
+
+def test_the_quick_form_is_that_of_the_demo_alone(capsys, tmp_path):
+    with pytest.raises(SystemExit) as ended:
+        main.main(["demo", "airglow", "--quick", "--out", str(tmp_path / "out")])
+    assert ended.value.code == 2
+    assert "--quick: airglow has none" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+
+
+def test_reproduce_writes_picture_print_and_numbers(tmp_path, capsys):
+    cli.main(["reproduce", "fig-3.2", "--out", str(tmp_path)])
+    assert sorted(path.name for path in tmp_path.iterdir()) == [
+        "fig-3.2.csv",
+        "fig-3.2.json",
+        "fig-3.2.png",
+        "fig-3.2.svg",
+    ]
+    assert len(capsys.readouterr().out.splitlines()) == 4
+
+
+def test_an_unknown_figure_is_a_mistake_with_close_names(tmp_path, capsys):
+    with pytest.raises(SystemExit) as stopped:
+        cli.main(["reproduce", "fig-3.99", "--out", str(tmp_path / "new")])
+    assert stopped.value.code == 2
+    assert "did you mean" in capsys.readouterr().err
+    assert not (tmp_path / "new").exists()

@@ -43,6 +43,7 @@ def test_where_auto_may_bake_the_time_told_is_the_most():
     assert few.most == 1
 
 
+@pytest.mark.slow
 def test_a_probe_renders_a_strip_of_few_frames_and_leaves_nothing(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     sizes = {"camera.width": "64", "camera.height": "2000", "render.samples_per_pixel": "4"}

@@ -56,6 +56,7 @@ def test_plane_shows_the_band_mean_of_reflectance_times_irradiance_over_pi(light
     np.testing.assert_allclose(image, np.broadcast_to(expected, image.shape), 1e-4)
 
 
+@pytest.mark.slow
 @vectorized
 def test_what_lies_below_the_ground_sends_no_light_up():
     # Of a wall 3 cm look out of the ground, and cells are 8 cm high. Below, half of the sky is

@@ -42,6 +42,7 @@ def test_ground_around_a_straight_path_is_a_strip_with_round_ends():
     assert ground_area(path, (2.0, 9.0)) == pytest.approx(expected, rel=0.01)
 
 
+@pytest.mark.slow
 def test_more_leaves_than_trees_can_carry_are_refused():
     thin = Forest(trees=8, density_per_ha=80, leaf_area_index=12, undergrowth=0, detail=0.05)
     with pytest.raises(ValueError, match="leaf_area_index: 12 is more than .* density_per_ha"):

@@ -1,4 +1,4 @@
-"""Chapter 4: the figures' trials, the table, the page, and the claim about denominators."""
+"""Chapter 4: the figures' trials, the table, the scenes, and the claim about denominators."""
 
 import csv
 import json
@@ -15,8 +15,9 @@ from megalopta.benchmark.trial import measure_trial
 from megalopta.flow.detectors.registry import METHODS
 from megalopta.flow.metrics.curve import ErrorCurve
 from megalopta.flow.metrics.photon_threshold import Threshold
+from megalopta.flow.stimuli.statistics import image_statistics
 from megalopta.plotting.style import house_style, new_canvas
-from megalopta.reproduction import drawing as module
+from megalopta.reproduction import chapter4_scenes, drawing as module
 from megalopta.reproduction.chapter4_curves import MOTION, beside_printed
 from megalopta.reproduction.chapter4_denominators import FLOORS, floored_errors
 from megalopta.reproduction.chapter4_information import (
@@ -253,3 +254,38 @@ def test_information_of_a_grating_meets_the_closed_form():
     template = np.tile(1 + contrast * np.sin(k * columns), (240, 1))
     expected = k**2 * (1 - np.sqrt(1 - contrast**2))
     assert information_per_photon(template) == pytest.approx(expected, rel=0.025)
+
+
+def test_grating_is_the_product_of_two_turned_sines_at_the_pixels_that_pooling_keeps(made):
+    figure = made("fig-4.2")
+    row, column, brightness = np.array(figure.rows)[:, :3].T
+    # floor((i + 1/2)·251/60) + 1/2, in frames of 251 pixels.
+    y, x = (((2 * index + 1) * 251 // 120 + 0.5) / 251 for index in (row, column))
+    along, across = ((x + y) / 2**0.5, (y - x) / 2**0.5)
+    expected = 1 + np.sin(8 * np.pi * along) * np.sin(8 * np.pi * across)
+    np.testing.assert_allclose(brightness, expected, atol=1e-12)
+
+
+@pytest.fixture
+def forests(monkeypatch):
+    made = {
+        name: np.random.default_rng(recipe.forest.seed).gamma(2, 0.5, (120, 400))
+        for name, recipe in NATURAL_PANORAMAS.items()
+    }
+    monkeypatch.setattr(chapter4_scenes, "natural_templates", lambda cache=None: made)
+    return made
+
+
+@pytest.mark.slow
+def test_forests_are_drawn_with_their_statistics(drawn, forests):
+    figure = drawn("fig-4.3")
+    rows = {
+        name: dict(zip(figure.columns[1:], values, strict=True)) for name, *values in figure.rows
+    }
+    assert set(rows) == {*forests, "dead leaves"}
+    for name, template in forests.items():
+        # Gamma noise of shape 2 has contrast 1/√2, known from 48 000 pixels to 0.6 % (σ); five σ
+        assert rows[name]["contrast"] == pytest.approx(2**-0.5, rel=0.03)
+        assert rows[name] == vars(image_statistics(template))
+    # Dead leaves have the scale-free spectrum that noise has not.
+    assert rows["dead leaves"]["spectrum_slope"] < -1.5 < rows["open"]["spectrum_slope"]
