@@ -216,3 +216,9 @@ def test_time_per_frame_is_what_a_frame_keeps_the_processor_busy():
     # sleeping would add 5 ms, the first run 25 ms
     found = milliseconds_per_frame(_Busy(), np.ones((4, 2, 2), np.uint16))
     assert found == pytest.approx(1e3 * BUSY_S, rel=0.5)
+
+
+def test_curve_that_was_not_measured_is_refused_with_those_that_were():
+    result = measured(grating(frames=20), [method("IM")], settings(warm_up=0))
+    with pytest.raises(ValueError, match=r"no literal curve of 'BM' at 60 px: choose from IM"):
+        result.curve("BM", 60)

@@ -17,7 +17,7 @@ from megalopta.core.errors import UserError
 from megalopta.render import RenderNoise
 from megalopta.scenes.spectra.primaries import LUMINANCE_SHARES
 from megalopta.verification import panoramas as check_panoramas
-from megalopta.verification.panoramas import compare
+from megalopta.verification.panoramas import LIMIT, compare
 
 NOISE = RenderNoise(2, 0.1, 0.1, (1.0,), ((0.01,),))
 
@@ -192,3 +192,18 @@ def test_what_grows_today_is_what_was_shipped(name):
     coarse = NATURAL_PANORAMAS[name].model_copy(update={"samples_per_pass": 1, "passes": 2})
     found = compare(SHIPPED / f"{name}.exr", *render_panorama(coarse, lambda: None))
     assert found.agrees, found
+
+
+def test_a_broken_file_in_the_cache_is_named(rendered, tmp_path):
+    natural_templates(tmp_path)
+    panorama_file("open", NATURAL_PANORAMAS["open"], tmp_path).write_bytes(b"half a fi")
+    with pytest.raises(UserError, match=r"open-\w+\.exr is no panorama .*remove it"):
+        natural_templates(tmp_path)
+
+
+def test_a_change_that_hides_in_the_noise_of_pixels_is_seen_in_blocks(shipped):
+    changed = light(1)
+    changed[:, :450] *= 1.01
+    found = compare(shipped / "open.exr", changed, noise_of(RMS))
+    assert found.pixels < LIMIT * found.noise
+    assert not found.agrees

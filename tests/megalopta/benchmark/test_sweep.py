@@ -54,6 +54,8 @@ def test_sweep_survives_yaml(tmp_path):
     ],
 )
 def test_impossible_parameters_are_refused_in_one_sentence(tmp_path, text, sentence):
+    with pytest.raises(UserError, match="no such sweep; give a YAML file"):
+        load_sweep(tmp_path / "absent.yaml")
     with pytest.raises(UserError, match=sentence) as error:
         load_sweep(written(tmp_path, text))
     assert "\n" not in str(error.value)

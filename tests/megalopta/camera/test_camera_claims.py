@@ -117,3 +117,11 @@ def test_settings_that_cannot_be_are_refused(fields, told, tmp_path):
         capture(lambda: "/none", tmp_path / "a", wanted(**fields), threading.Event())
     with pytest.raises(UserError, match="--wait: .*; give"):
         capture(lambda: "/none", tmp_path / "a", wanted(), threading.Event(), wait_s=float("inf"))
+
+
+def test_control_codes_of_a_recording_are_escaped(acted, tmp_path):
+    with acted(frames) as port:
+        capture(lambda: port, tmp_path / "a", wanted(frames=5), threading.Event())
+    path = tmp_path / "a" / "recording.yaml"
+    path.write_text(path.read_text().replace("kind: flat", 'kind: "\\e[2J\\x07"'))
+    assert open_recording(tmp_path / "a").kind == r"\x1b[2J\x07"

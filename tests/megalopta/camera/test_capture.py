@@ -98,11 +98,11 @@ def test_damage_on_the_line_costs_frames_but_none_is_wrong(emulated, expected, t
 
 def test_bursts_do_not_shift_times(emulated, tmp_path):
     with emulated(Faults(burst_s=0.2, drift_ppm=300)) as camera:
-        recording = recorded(camera, tmp_path / "a", wanted(200))
+        recording = recorded(camera, tmp_path / "a", wanted(400))
     (connection,) = recording.settings.connections
-    # Frames that are sent at once come within 20 ms of their time, in 1 s: 2 %, but for a clock at
+    # Frames that are sent at once come within 20 ms of their time, in 2 s: 1 %, but for a clock at
     # most LARGEST_DRIFT.
-    assert abs(connection.rate - 1) <= 1e-3
+    assert abs(connection.rate - 1) <= 1e-3 + 1e-9
     frames = np.diff(recording.sequence_number.astype(int))  # a busy machine may lose some
     np.testing.assert_allclose(np.diff(recording.times_s) / frames, 0.005, rtol=1.1e-3)
 
@@ -264,3 +264,16 @@ def test_stopped_before_it_began(emulated, tmp_path):
     with emulated() as camera, pytest.raises(UserError, match="before the camera answered"):
         capture(camera.find, tmp_path / "a", wanted(1), stop)
     assert not (tmp_path / "a").exists()
+
+
+def test_a_command_to_a_port_that_is_being_closed_is_sent_again(emulated, tmp_path, monkeypatch):
+    write, closing = serial.Serial.write, [TypeError("'NoneType' object")]
+
+    def failing_once(port, data):
+        if closing:
+            raise closing.pop()
+        return write(port, data)
+
+    monkeypatch.setattr(serial.Serial, "write", failing_once)
+    with emulated() as camera, Link(camera.find, tmp_path / "raw.bin") as link:
+        assert link.identity().serial_number == "EMULATED"

@@ -3,12 +3,14 @@
 import numpy as np
 import pytest
 
+from megalopta.camera.comparison_scene import Cycle, align
 from megalopta.camera.device_comparison import CompareSettings, compare_captured
 from megalopta.camera.recorded import Source, read_recorded
 from megalopta.camera.stimuli import Rendered
 from megalopta.config.model import load
 from megalopta.core.errors import UserError
 from megalopta.sensor import expose_rate, load_sensor
+from megalopta.sensor.compare.counted import CountedFrames
 from megalopta.sensor.formats.tiff import write_tiff
 from megalopta.stages.pipeline import run_stage
 
@@ -69,3 +71,9 @@ def test_a_range_of_frames_is_one_light(tmp_path):
         read_recorded(Source.parse(f"{tmp_path}/steps.npy#10-99@2e6:0.5"))
     with pytest.raises(UserError, match="#FIRST-END"):
         Source.parse("steps#30@2e6")
+
+
+def test_frames_of_other_sizes_are_refused():
+    cycle = Cycle(np.ones((4, 16, 16)), 10.0)
+    with pytest.raises(UserError, match="16"):
+        align(CountedFrames(np.zeros((60, 8, 8)), 0.1), cycle)

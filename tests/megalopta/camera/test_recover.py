@@ -16,7 +16,7 @@ from megalopta.camera.terminal import Faults
 from megalopta.core.errors import UserError
 from megalopta.sensor import open_counts, preset
 from megalopta.sensor.formats.messages import samples_of
-from megalopta.sensor.formats.packets import Parser, encode
+from megalopta.sensor.formats.packets import Kind, Packet, Parser, encode
 
 from .conftest import emulating, wanted
 
@@ -132,3 +132,28 @@ def test_what_holds_no_frames_is_told_and_makes_nothing(tmp_path, content):
     with pytest.raises(UserError, match="no frame of SPADCAM in its"):
         recover(tmp_path / "a.bin")
     assert [each.name for each in tmp_path.iterdir()] == ["a.bin"]
+
+
+def test_two_recordings_in_one_file_are_told(captured, tmp_path):
+    other = bytearray()
+    camera = EmulatedCamera(preset("spadcam"), Flat(), serial_number="B")
+    for kind in (Kind.IDENTIFY, *[Kind.SET_STEP_BIAS] * 5):
+        payload = b"" if kind == Kind.IDENTIFY else (2048).to_bytes(2, "little")
+        other += encode(camera.answer(Packet(kind, 1, 0, payload), 0))
+    raw = tmp_path / "both.bin"
+    raw.write_bytes((captured / "raw.bin").read_bytes() + b"\0" + other + packets(40))
+    with pytest.raises(UserError, match=r"two recordings: from byte \d+ on"):
+        recover(raw)
+
+
+def test_fewer_frames_than_there_are_replace_nothing(captured, tmp_path):
+    shutil.copytree(captured, tmp_path / "a")
+    settings = (tmp_path / "a" / "recording.yaml").read_text("utf-8")
+    (tmp_path / "a" / "recording.yaml").write_text(
+        settings.replace("finished: true", "finished: false")
+    )
+    with (tmp_path / "a" / "raw.bin").open("r+b") as file:
+        file.truncate(60_000)
+    with pytest.raises(UserError, match=r"holds \d+ frames, raw.bin only \d+; give --out"):
+        recover(tmp_path / "a")
+    assert_same_frames(captured, tmp_path / "a")

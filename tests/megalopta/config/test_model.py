@@ -130,6 +130,7 @@ def test_missing_map_and_missing_device_are_named(measured):
         ("light_levels: [dusk]", "'dusk' is unknown: use one of daylight"),
         ("light_levels: [starlight, starlight]", "each level once"),
         ("methods: [XX]", "'XX' is unknown: use some of BM"),
+        ("methods: [BM, BM]", "methods: BM is named twice"),
         ("trajectory: {frames: 1}", "at least 2 frames"),
         ("sensors: [ideal, ideal]", "name of its own"),
         ("scene: {trees: 5}", "scene: say which kind it is, with the key 'kind'"),

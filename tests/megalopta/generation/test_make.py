@@ -12,7 +12,7 @@ from megalopta.cli import main
 from megalopta.config.recipe import Plan
 from megalopta.core.errors import UserError
 from megalopta.dataset.layout import Tree
-from megalopta.generation.making import make
+from megalopta.generation.making import make, parse_indices
 from megalopta.sensor import open_counts
 from megalopta.verification.files import check_files
 
@@ -178,3 +178,17 @@ def test_every_kind_of_range_is_drawn_within_its_limits():
     assert abs(levels.mean() + 1) < 0.9
     assert len({each.seed for each in drawn}) == 60
     assert {split_of(plan, index) for index in range(200)} == set(plan.splits)
+
+
+def test_a_folder_of_something_else_is_refused(small_plan, tmp_path):
+    (tmp_path / "letter.txt").write_text("dear reader")
+    with pytest.raises(UserError, match="no dataset"):
+        make(tmp_path, small_plan)
+    assert [path.name for path in tmp_path.iterdir()] == ["letter.txt"]
+
+
+def test_numbers_of_sequences():
+    assert parse_indices("7, 0-2", 10) == [0, 1, 2, 7]
+    for text, told in (("3-x", "'3-x'"), ("12", "0 to 9"), ("5-3", "0 to 9")):
+        with pytest.raises(UserError, match=told):
+            parse_indices(text, 10)

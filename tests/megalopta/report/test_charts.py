@@ -7,7 +7,12 @@ from megalopta.flow.metrics.curve import ErrorCurve
 from megalopta.flow.metrics.photon_threshold import Threshold
 from megalopta.plotting.style import BLACK, RULE
 from megalopta.report.budget import Budget
-from megalopta.report.charts import MethodThresholds, error_chart, signal_chart, threshold_chart
+from megalopta.report.charts import (
+    MethodThresholds,
+    error_chart,
+    signal_chart,
+    threshold_chart,
+)
 from megalopta.sensor import PRESETS
 
 FLUXES = np.geomspace(1e3, 1e9, 7)
@@ -76,3 +81,8 @@ def test_needs_name_every_method_sensor_and_light():
     methods = [MethodThresholds("BM", {"literal": crossing(1e6), "ratio": crossing(1e5)})]
     words = texts(threshold_chart(methods, BUDGETS, "need", "needs"))
     assert {"BM", "spadcam", "ideal", "twilight", "starlight", "photons per frame"} <= {*words}
+
+
+def test_descriptions_are_escaped():
+    svg = str(error_chart([], "chart", 0.25, 'a "chart" <of> errors'))
+    assert 'aria-label="a &#34;chart&#34; &lt;of&gt; errors"' in svg

@@ -1,3 +1,4 @@
+import json
 import re
 import shutil
 from dataclasses import dataclass, field
@@ -11,6 +12,7 @@ import pytest
 
 from megalopta.cli import main as cli
 from megalopta.config.model import Configuration
+from megalopta.core.errors import UserError
 from megalopta.dataset.store import Dataset
 from megalopta.report.budget import exposed
 from megalopta.report.error_tables import verdict
@@ -109,11 +111,6 @@ def copy_of(dataset, folder):
     root = folder / 'copy<cam> & "co"'
     shutil.copytree(dataset.root, root)
     return Dataset(root, dataset.configuration)
-
-
-@pytest.fixture
-def copied(dataset, tmp_path):
-    return copy_of(dataset, tmp_path)
 
 
 @pytest.fixture
@@ -243,3 +240,26 @@ def test_what_is_shown_has_a_next_frame_and_stays_small(frames, width, height):
 @pytest.mark.parametrize("theme", ["light", "dark"])
 def test_keyboards_and_screen_readers_find_their_way(theme, dataset, tmp_path):
     assert violations(write_report(dataset), tmp_path, theme) == []
+
+
+def test_the_path_of_a_dataset_is_escaped(copied_lean):
+    Ledger(copied_lean).forget("benchmark")
+    path = write_report(copied_lean)
+    assert "copy&lt;cam&gt; &amp;" in path.read_text("utf-8")
+    page = read(path)
+    assert str(copied_lean.root) in page.text
+    assert all(tag != "cam" for tag, _ in page.tags)
+
+
+def test_a_dataset_without_frames_is_refused(copied_lean):
+    Ledger(copied_lean).forget("render")
+    with pytest.raises(UserError, match="'render' is not finished .*run first: megalopta render"):
+        write_report(copied_lean)
+
+
+def test_a_missing_record_is_told_with_its_detector_sensor_and_light(copied_lean):
+    records = json.loads(copied_lean.result("flow.json").read_text())
+    kept = [each for each in records if each["method"] != "EMD"]
+    rewrite(copied_lean, "flow", copied_lean.result("flow.json"), json.dumps(kept))
+    with pytest.raises(UserError, match=rf"lacks the errors of EMD on {SENSOR} at 0\.5lux"):
+        write_report(copied_lean)

@@ -4,8 +4,9 @@ import json
 import numpy as np
 import pytest
 
+from megalopta.core.errors import UserError
 from megalopta.plotting.picture import Figure
-from megalopta.reproduction.drawing import write_figure
+from megalopta.reproduction.drawing import reproduce, write_figure
 from megalopta.reproduction.figure_recipe import GROUPS, names
 
 
@@ -62,3 +63,21 @@ def test_a_figure_is_found_by_its_name_and_under_no_other():
     assert sorted(everything) == sorted(
         name for group in GROUPS if group != "all" for name in names(group)
     )
+
+
+@pytest.mark.parametrize(
+    ("asked", "told"),
+    [
+        (["fig-3.5", "fig-3.22"], r"fig-3\.22.*did you mean fig-3\.2"),
+        (["fig-4.55"], r"did you mean fig-4\.5"),
+        (["chapter-5"], "did you mean chapter-4"),
+        ([], r"fig-3\.2, fig-3\.5"),
+        (["fig-2.9"], "a file is in the way; give the path of a folder"),
+    ],
+)
+def test_what_cannot_be_drawn_is_refused_before_anything_is_written(tmp_path, asked, told):
+    (tmp_path / "out").touch()
+    with pytest.raises(UserError, match=told):
+        reproduce(asked, tmp_path / "out")
+    with pytest.raises(ValueError, match="differ in length"):
+        Figure("x", "", draw, {"a": (1.0,), "b": (1.0, 2.0)})

@@ -4,6 +4,7 @@ import shutil
 
 import pytest
 
+from megalopta.benchmark.sweep import Sweep
 from megalopta.config.model import load
 from megalopta.core.errors import UserError
 from megalopta.stages import estimate
@@ -80,3 +81,8 @@ def test_haze_takes_three_times_the_work():
     hazy = {**clear, "scene.haze.visibility_m": "100"}
     first, second = (estimate.estimate(load("demo", each), "render") for each in (clear, hazy))
     assert second.seconds == pytest.approx(3 * first.seconds, rel=1e-2)
+
+
+def test_a_sweep_of_too_many_trials_is_refused():
+    with pytest.raises(ValueError, match="10001 trials; give at most 10000 in all"):
+        Sweep.model_validate({"vary": "seed", "values": list(range(10_001))})

@@ -5,9 +5,10 @@ import pytest
 
 from megalopta.config.model import load
 from megalopta.core.errors import UserError
-from megalopta.sensor import Crosstalk, ctia_preset
+from megalopta.sensor import Crosstalk, ctia_preset, preset
 from megalopta.sensor.formats.products import check_product
 from megalopta.sensor.formats.reading import read_frames
+from megalopta.sensor.formats.shot import Shot
 from megalopta.stages.ledger import Ledger
 from megalopta.stages.pipeline import run_stage
 from megalopta.stages.sense import open_exposure
@@ -39,7 +40,7 @@ def folder(sensed):
 
 def test_every_product_is_in_the_manifest(sensed, folder):
     line = Ledger(sensed).entry("sense")
-    names = {name.split("/")[-1] for name in line["files"] if "/counts" in f"/{name}"}
+    names = {name.split("/")[-1] for name in line.files if "/counts" in f"/{name}"}
     assert {
         "ideal-1e-05lux.events.h5", "ideal-1e-05lux.events.npz", "ideal-1e-05lux.binary.npy",
         "ideal-1e-05lux.tiff",
@@ -86,3 +87,12 @@ def test_what_a_sensor_cannot_give_is_refused(tiny, product, changes, message):
 def test_products_are_checked_with_the_settings(products, message):
     with pytest.raises(UserError, match=message):
         load("grating", {"products": products})
+
+
+def test_more_events_than_memory_holds_are_refused_in_one_sentence():
+    shot = Shot(
+        radiance=np.ones((1, 2, 2, 1)), bands_nm=[(450.0, 550.0)], sensor=preset("ideal"), seed=0,
+        sequence="s", first_frame=0, frame_period_s=1.0,
+    )  # fmt: skip
+    with pytest.raises(ValueError, match="events in a frame, more than"):
+        next(shot.events())

@@ -147,7 +147,10 @@ def test_only_the_groups_asked_for_are_checked(console, monkeypatch):
     assert seen == [check for group in CHECKS.values() for check in group]
 
 
-def test_a_name_that_is_no_group_is_refused_with_those_that_are(console, monkeypatch):
+def test_what_cannot_be_checked_is_refused_before_anything_is(console, monkeypatch, tmp_path):
+    (tmp_path / "plots").touch()
     monkeypatch.setattr(check_physics, "run_checks", lambda checks: pytest.fail("checked"))
     with pytest.raises(UserError, match="check physics: no group 'gates'; one of counting, light"):
         check_physics.run_check_physics(["gate", "gates"], console=console)
+    with pytest.raises(UserError, match="plots: a file is in the way; give the path of a folder"):
+        check_physics.run_check_physics(plots=tmp_path / "plots")
