@@ -23,6 +23,7 @@ def test_weights_are_float32_in_the_unit_interval(texture):
     assert texture.min() >= 0 and texture.max() <= 1
 
 
+@pytest.mark.parametrize("name", ["leaf", "ridged"], scope="module")
 def test_same_random_stream_paints_the_same_bytes(name, texture):
     assert TEXTURES[name](np.random.default_rng(7)).tobytes() == texture.tobytes()
 

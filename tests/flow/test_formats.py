@@ -1,4 +1,4 @@
-"""Flow in the files of KITTI and Spring, which OpenCV and h5py read without us."""
+"""Flow in files of .flo, KITTI and Spring, which OpenCV and h5py read without us."""
 
 import os
 import struct
@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from megalopta.flow.formats import (
+    read_flo,
     read_flo5,
     read_flow,
     read_kitti_png,
@@ -17,6 +18,70 @@ from megalopta.flow.formats import (
     write_flo5,
     write_kitti_png,
 )
+
+
+def some_flow(shape=(5, 7)):
+    return np.random.default_rng(0).normal(size=(*shape, 2)).astype(np.float32)
+
+
+def test_undefined_flow_is_stored_as_1e10_and_read_as_nan(tmp_path):
+    holed = some_flow()
+    holed[1, 2] = np.nan
+    holed[3, 4, 0] = np.nan
+    write_flo(tmp_path / "a.flo", holed)
+    stored = np.frombuffer((tmp_path / "a.flo").read_bytes(), "<f4", offset=12).reshape(5, 7, 2)
+    assert (stored[[1, 3], [2, 4]] == np.float32(1e10)).all()
+    read = read_flo(tmp_path / "a.flo")
+    np.testing.assert_array_equal(np.isnan(read).all(axis=-1), np.isnan(holed).any(axis=-1))
+
+
+@pytest.mark.parametrize(
+    ("damage", "sentence"),
+    [
+        (lambda content: content[:8], "8 bytes: too short"),
+        (lambda content: b"PIEX" + content[4:], "starts with b'PIEX'"),
+        (lambda content: content[:4] + struct.pack("<ii", -7, 5) + content[12:], "claims -7 × 5"),
+        (lambda content: content[:4] + struct.pack("<ii", 7, 0) + content[12:], "claims 7 × 0"),
+        (lambda content: content[:4] + struct.pack("<ii", 2**31 - 1, 2**31 - 1), "claims"),
+        (lambda content: content[:-1], "291 bytes, 7 × 5 px need 292"),
+        (lambda content: content + b"\0", "293 bytes, 7 × 5 px need 292"),
+    ],
+)
+def test_damaged_file_is_refused_with_what_is_wrong(tmp_path, damage, sentence):
+    path = tmp_path / "a.flo"
+    write_flo(path, some_flow())
+    path.write_bytes(damage(path.read_bytes()))
+    with pytest.raises(ValueError, match=sentence):
+        read_flo(path)
+
+
+@pytest.mark.parametrize("value", [np.inf, -np.inf, 2e9])
+def test_value_that_would_be_read_as_undefined_is_refused(tmp_path, value):
+    wrong = some_flow()
+    wrong[0, 0, 1] = value
+    with pytest.raises(ValueError, match="keeps for undefined"):
+        write_flo(tmp_path / "a.flo", wrong)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("shape", [(5, 7), (5, 7, 3), (0, 7, 2)])
+def test_array_that_is_no_flow_is_refused(tmp_path, shape):
+    with pytest.raises(ValueError, match=r"give \(H, W, 2\)"):
+        write_flo(tmp_path / "a.flo", np.zeros(shape))
+
+
+def test_failed_write_leaves_the_old_file_and_nothing_else(tmp_path, monkeypatch):
+    path = tmp_path / "a.flo"
+    write_flo(path, some_flow())
+
+    def broken(self, target):
+        raise OSError("disk full")
+
+    monkeypatch.setattr("pathlib.Path.replace", broken)
+    with pytest.raises(OSError, match="disk full"):
+        write_flo(path, 2 * some_flow())
+    assert list(tmp_path.iterdir()) == [path]
+    np.testing.assert_array_equal(read_flo(path), some_flow())
 
 
 @pytest.fixture
@@ -48,13 +113,6 @@ def test_flo5_is_hdf5_with_one_dataset(flow, tmp_path):
     with h5py.File(tmp_path / "f.flo5") as file:
         np.testing.assert_array_equal(file["flow"][()], flow)
     np.testing.assert_array_equal(read_flo5(tmp_path / "f.flo5"), flow)
-
-
-@pytest.mark.parametrize("read", [read_flo5, read_kitti_png])
-def test_something_else_is_refused_by_name(read, tmp_path):
-    (tmp_path / "a.dat").write_bytes(b"something else")
-    with pytest.raises(ValueError, match="a.dat"):
-        read(tmp_path / "a.dat")
 
 
 FLOW = np.random.default_rng(0).uniform(-50, 50, (6, 9, 2)).astype(np.float32)
@@ -98,18 +156,6 @@ def test_opencv_reads_the_same_flo(tmp_path):
     np.testing.assert_array_equal(cv2.readOpticalFlow(str(tmp_path / "a.flo")), FLOW)
 
 
-def test_an_array_as_pytorch_orders_it_is_refused_with_the_way_out(tmp_path):
-    np.save(tmp_path / "a.npy", np.moveaxis(FLOW, -1, 0))
-    with pytest.raises(ValueError, match=r"float32 \(2, 6, 9\).*numpy.moveaxis\(flow, 0, -1\)"):
-        read_flow(tmp_path / "a.npy")
-
-
-def test_whole_numbers_are_no_flow(tmp_path):
-    np.save(tmp_path / "a.npy", FLOW.astype(np.int16))
-    with pytest.raises(ValueError, match=r"int16 \(6, 9, 2\).*astype\('float32'\)"):
-        read_flow(tmp_path / "a.npy")
-
-
 def test_a_png_that_claims_3_600_million_pixels_is_refused_in_a_moment(tmp_path):
     write(tmp_path / "a.png", FLOW)
     content = bytearray((tmp_path / "a.png").read_bytes())
@@ -147,21 +193,19 @@ def test_damaged_files_are_refused_by_name(tmp_path, suffix):
 
 
 @pytest.mark.parametrize(
-    "values",
-    [np.zeros((3, 4)), np.zeros((3, 4, 3)), np.zeros((3, 4, 2), complex), np.array(["a"])],
+    ("values", "told"),
+    [
+        (np.zeros((3, 4)), "a.npy"),
+        (np.zeros((3, 4, 2), complex), "a.npy"),
+        (np.array(["a"]), "a.npy"),
+        (np.array([{}], dtype=object), "a.npy"),  # a pickle is not opened
+        (np.moveaxis(FLOW, -1, 0), r"float32 \(2, 6, 9\).*numpy.moveaxis\(flow, 0, -1\)"),
+        (FLOW.astype(np.int16), r"int16 \(6, 9, 2\).*astype\('float32'\)"),
+    ],
 )
-def test_arrays_that_are_no_flow_are_refused(tmp_path, values):
+def test_arrays_that_are_no_flow_are_refused(tmp_path, values, told):
     np.save(tmp_path / "a.npy", values)
-    with pytest.raises(ValueError, match="a.npy"):
+    with pytest.raises(ValueError, match=told):
         read_flow(tmp_path / "a.npy")
-
-
-def test_pickles_are_not_opened(tmp_path):
-    np.save(tmp_path / "a.npy", np.array([{}], dtype=object))
-    with pytest.raises(ValueError, match="a.npy"):
-        read_flow(tmp_path / "a.npy")
-
-
-def test_other_suffixes_are_refused(tmp_path):
     with pytest.raises(ValueError, match=r"a.mat: flow is read from .flo"):
         read_flow(tmp_path / "a.mat")

@@ -13,7 +13,6 @@ from megalopta.flow.likelihood import (
     most_likely,
     root_noise,
     suited_blur_px,
-    to_nodes,
 )
 
 from .textures import drifting_texture
@@ -75,26 +74,10 @@ def test_aligned_frames_differ_by_their_noise():
     assert wrong.misfit > 2
 
 
-def test_what_leaves_the_frame_is_no_evidence():
-    found = evidence(level_of(frames(30)), STEADY, places((5.0, 0.0)))
-    columns = np.abs(found.information).sum(axis=(0, 1))
-    assert (columns[:5] == 0).all() and (columns[-10:] == 0).all() and columns[20] > 0
-    nothing = evidence(level_of(frames(30)), STEADY, places((100.0, 0.0)))
-    assert nothing.misfit == np.inf and not nothing.slope.any()
-
-
 def test_levels_keep_all_photons_of_whole_bins():
     counts = frames(5)[:, :48, :64]
     sizes = [(level.roots.shape[1:], level.bins) for level in levels(counts)]
     assert sizes == [((12, 16), 4), ((24, 32), 2), ((48, 64), 1)]
-
-
-def test_nodes_hold_the_sums_of_their_squares():
-    pixels = np.random.default_rng(0).random((3, 10, 14))
-    nodes = to_nodes(pixels)
-    assert nodes.shape == (3, 3, 4)
-    np.testing.assert_allclose(nodes.sum(axis=(1, 2)), pixels.sum(axis=(1, 2)))
-    np.testing.assert_allclose(nodes[:, 0, 0], pixels[:, :4, :4].sum(axis=(1, 2)))
 
 
 def test_a_slope_known_at_nodes_is_that_slope_between_them():

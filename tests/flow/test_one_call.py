@@ -31,7 +31,7 @@ def test_every_method_tells_how_a_texture_is_shifted(name, pair):
     assert np.median(error) <= TOLERANCE_PX.get(name, 0.06)
 
 
-@pytest.mark.parametrize("name", ABLE)
+@pytest.mark.parametrize("name", ["BM", "PPM"])
 def test_settings_are_those_of_the_method(name, pair):
     changed = type(METHODS[name])(block_px=20)
     np.testing.assert_array_equal(optical_flow(*pair, name, block_px=20), changed.dense(*pair))

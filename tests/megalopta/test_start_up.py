@@ -1,6 +1,5 @@
 """What is loaded, and how long it takes, before anything is computed."""
 
-import resource
 import subprocess
 import sys
 from pathlib import Path
@@ -43,14 +42,6 @@ except SystemExit:
     assert not loaded(run) & (RENDERER | FILES | MODELS)
 
 
-@pytest.mark.parametrize("words", ["--help", "--version", "render --ouut x"])
-def test_help_version_and_mistyped_words_take_less_than_a_second_of_cpu(words):
-    before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    subprocess.run([sys.executable, "-m", "megalopta", *words.split()], capture_output=True)
-    after = resource.getrusage(resource.RUSAGE_CHILDREN)
-    assert after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime < 1
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("code", "absent"),
@@ -65,11 +56,6 @@ def test_help_version_and_mistyped_words_take_less_than_a_second_of_cpu(words):
 )
 def test_a_room_loads_what_it_uses(code, absent):
     assert not loaded(code) & absent
-
-
-def test_work_without_a_terminal_draws_no_bar():
-    code = "from megalopta.core.progress import progress\nwith progress('x', 1, 'step') as on: on()"
-    assert not loaded(code) & FILES
 
 
 @pytest.mark.parametrize("folder", ["assets_gen", "scenes", "render", "sensor", "flow"])

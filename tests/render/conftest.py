@@ -4,9 +4,15 @@ import trimesh
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
+from megalopta.render.variant import choose_variant
 from megalopta.scenes.material import Emission, Material
 from megalopta.scenes.scene import Asset, Placement, Scene
 from megalopta.scenes.spectra.spectrum import flat
+
+vectorized = pytest.mark.skipif(
+    choose_variant().name.startswith("scalar"), reason="needs a vectorized variant"
+)
+GRAY = Material(flat(0.5))
 
 
 def quad(corners: NDArray[np.float64]) -> trimesh.Trimesh:
@@ -36,19 +42,36 @@ def sphere_cap(center, radius, toward):
     return trimesh.Trimesh(vertices, faces, process=False)
 
 
-def placed(mesh: trimesh.Trimesh, name: str = "thing") -> tuple[dict, dict, tuple]:
-    """Materials, assets and placements of a scene of one gray mesh."""
-    return (
-        {name: Material(flat(0.5))},
-        {name: Asset({name: mesh})},
-        (Placement(name, name, np.eye(4)),),
+def scene_of(lighting, *things, **more) -> Scene:
+    """A scene of meshes, or (mesh, material), or (mesh, material, motion); object k is named k."""
+    given = [thing if isinstance(thing, tuple) else (thing,) for thing in things]
+    full = {str(k + 1): (*each, *(GRAY, None)[len(each) - 1 :]) for k, each in enumerate(given)}
+    return Scene(
+        {name: material for name, (_, material, _) in full.items()},
+        {name: Asset({name: mesh}) for name, (mesh, _, _) in full.items()},
+        tuple(Placement(name, name, np.eye(4), motion) for name, (_, _, motion) in full.items()),
+        lighting,
+        **more,
     )
+
+
+def square(height=0.0, half_width=1000.0) -> trimesh.Trimesh:
+    """A level square that faces up, 2 km wide unless told."""
+    corners = half_width * np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0.0]])
+    corners[:, 2] = height
+    return quad(corners)
 
 
 @pytest.fixture
 def ground() -> trimesh.Trimesh:
-    """The plane z = 0, 2 km wide."""
-    return quad(1000.0 * np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]))
+    return square()
+
+
+def band_means(bands, *spectra):
+    """Means of a product of spectra; independent of the renderer: fine midpoint sums."""
+    grids = [np.linspace(a, b, 20001) for a, b in bands]
+    middles = [0.5 * (grid[1:] + grid[:-1]) for grid in grids]
+    return np.array([np.prod([s(m) for s in spectra], axis=0).mean() for m in middles])
 
 
 def glowing_room() -> Scene:
@@ -63,8 +86,4 @@ def glowing_room() -> Scene:
     walls.visual = trimesh.visual.TextureVisuals(uv=uv / 9 + np.sign(corners)[:, :1] / 7)
     noise = gaussian_filter(np.random.default_rng(2).normal(size=(512, 512)), 14, mode="wrap")
     pattern = np.maximum(1 + noise / (4 * noise.std()), 0).astype(np.float32)
-    return Scene(
-        {"glow": Material(flat(0.0), None, Emission(1e-6, pattern))},
-        {"walls": Asset({"glow": walls})},
-        (Placement("walls", "walls", np.eye(4)),),
-    )
+    return scene_of(None, (walls, Material(flat(0.0), None, Emission(1e-6, pattern))))

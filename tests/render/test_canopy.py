@@ -4,17 +4,12 @@ import math
 
 import numpy as np
 import pytest
-import trimesh
 
-from megalopta.render import (
-    RenderSettings,
-    SceneRenderer,
-    activate,
-    choose_variant,
-    gap_fraction,
-)
+from megalopta.render import activate, choose_variant, gap_fraction
 from megalopta.render.loading.scene import bare_mesh, gather
-from megalopta.scenes import Forest, Light, PerspectiveCamera, Trajectory, build_scene
+from megalopta.scenes import PerspectiveCamera
+
+from .conftest import quad
 
 CAMERA = PerspectiveCamera(width=8, height=8, fov_deg=75)
 LEAF_AREA_INDEX = 0.5
@@ -62,33 +57,9 @@ def test_gaps_of_a_random_canopy_are_those_of_beer_and_lambert(loaded, zenith_de
     assert found.standard_error < 0.005 * expected
 
 
-@pytest.mark.slow
-def test_a_forest_tells_what_it_lets_through():
-    path = Trajectory(frames=2, velocity_m_s=(1, 0, 0))
-    light, bands = Light(level="overcast_night"), ((500, 600),)
-    settings = RenderSettings(samples_per_pixel=4, bands_nm=bands, integrator="path")
-    found = []
-    for leaf_area_index in (1.0, 3.0):
-        forest = Forest(
-            trees=60, density_per_ha=700, leaf_area_index=leaf_area_index, undergrowth=0, detail=0.2
-        )
-        scene = build_scene(forest, light, CAMERA, path)
-        renderer = SceneRenderer(scene, CAMERA, settings)
-        found.append(renderer.canopy(path.poses(), forest.canopy_ring_m))
-    thin, thick = found
-    assert thick.leaf_area_index == pytest.approx(3.0, rel=0.04)
-    assert all(thick.gaps[angle].value < thin.gaps[angle].value for angle in thin.gaps)
-    # leaves absorb: no more light comes down than there are gaps, weighted with the cosine, and
-    # what is scattered once, less than a fifth
-    assert thick.floor_light.value < thin.floor_light.value < 1
-    assert str(thick).startswith("Leaf-area index ")
-
-
 def test_the_share_of_blocked_rays_under_half_a_roof_is_exact():
     activate(choose_variant())
-    roof = trimesh.Trimesh(
-        [[0, -99, 1], [99, -99, 1], [99, 99, 1], [0, 99, 1]], [[0, 1, 2], [0, 2, 3]], process=False
-    )
+    roof = quad(np.array([[0, -99, 1], [99, -99, 1], [99, 99, 1], [0, 99, 1]]))
     loaded = gather([bare_mesh(roof.vertices.astype(np.float32), roof.faces.astype(np.uint32))])
     points = np.array([[0.001, 0, 0], [-50.0, 0, 0]])
     found = gap_fraction(loaded, points, 45.0, np.random.default_rng(0))

@@ -10,15 +10,10 @@ from megalopta.scenes import Light, PerspectiveCamera, Trajectory, build_scene
 from megalopta.scenes.forest.description import Forest
 from megalopta.scenes.material import Material
 from megalopta.scenes.motion import Drift, RigidMotion
-from megalopta.scenes.scene import (
-    Asset,
-    Lighting,
-    Placement,
-    Scene,
-)
+from megalopta.scenes.scene import Lighting
 from megalopta.scenes.spectra.spectrum import flat
 
-from .conftest import quad
+from .conftest import quad, scene_of
 
 pytestmark = [
     pytest.mark.cuda,
@@ -42,15 +37,11 @@ def box_before_wall():
     box, ball = trimesh.creation.box((1, 1, 1)), trimesh.creation.icosphere()
     box.apply_translation([5, 1, 1.5])
     ball.apply_translation([6, -1, 1.5])
-    meshes = {"wall": wall, "box": box, "ball": ball}
     motion = RigidMotion((5.0, 1.0, 1.5), Drift(velocity_m_s=(0, -2, 0), spin_deg_s=60))
-    return Scene(
-        {name: Material(flat(0.2 + 0.3 * i)) for i, name in enumerate(meshes)},
-        {name: Asset({name: mesh}) for name, mesh in meshes.items()},
-        tuple(
-            Placement(name, name, np.eye(4), motion if name == "box" else None) for name in meshes
-        ),
+    things = [(wall, None), (box, motion), (ball, None)]
+    return scene_of(
         Lighting(flat(1e-9)),
+        *((mesh, Material(flat(0.2 + 0.3 * i)), way) for i, (mesh, way) in enumerate(things)),
     )
 
 

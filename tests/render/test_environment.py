@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from megalopta.render import RenderSettings, SceneRenderer
-from megalopta.render.environment import EnvironmentView, read_picture
+from megalopta.render.environment import read_picture
 from megalopta.scenes import Panorama, PerspectiveCamera, Trajectory
 from megalopta.scenes.lighting.light import Light
 
@@ -58,14 +58,6 @@ def test_a_bright_spot_is_seen_where_it_is_in_the_picture(picture, azimuth, elev
     assert np.unravel_index(image.argmax(), image.shape) == (12, 16)  # the center pixel
 
 
-def test_turning_the_camera_is_turning_the_picture_back(picture):
-    path = picture(noise())
-    turned = renderer(path).radiance(pose(50, 10), 0)
-    other = renderer(path, turn_deg=-50).radiance(pose(0, 10), 0)
-    # Float32 directions are good to 1e-7 rad, and neighbors differ by many times their value.
-    np.testing.assert_allclose(turned, other, rtol=1e-3)
-
-
 def test_a_moving_camera_sees_and_says_rotation_alone(picture):
     trajectory = Trajectory(
         frames=2, frame_rate_hz=1, rotation_deg_s=5, velocity_m_s=(3, 1, 2), position_m=(0, 0, 1.5)
@@ -94,21 +86,13 @@ def test_pixels_are_means_over_their_area_whatever_the_strips(picture, monkeypat
     np.testing.assert_allclose(whole, blocks, rtol=1e-5)
 
 
-def test_points_per_pixel_are_rounded_up_to_a_square(picture):
-    scene = Panorama(file=picture(noise(4))).build(LIGHT, CAMERA, STAND)
-    counts = [
-        EnvironmentView(scene.environment, CAMERA, BANDS, samples).samples_per_pixel
-        for samples in (1, 2, 4, 24, 25)
-    ]
-    assert counts == [1, 4, 4, 25, 25]
-
-
 @pytest.mark.parametrize(
     ("values", "reason"),
     [
         (np.ones((8, 8, 3)), "8 × 8 pixels; a panorama is twice as wide"),
         (np.full((8, 16, 3), np.nan), "not finite"),
         (np.full((8, 16, 3), -1.0), "384 values below 0, the lowest -1, more than 0.1% of its"),
+        (np.random.default_rng(0).random((16, 32, 3)) - 0.1, "more than 0.1% of its light"),
         (np.zeros((8, 16, 3)), "black above the horizon"),
     ],
 )
@@ -117,25 +101,19 @@ def test_pictures_that_are_no_panorama_of_light_are_refused(picture, values, rea
         renderer(picture(values))
 
 
-def test_a_file_that_is_no_picture_is_refused(tmp_path):
-    path = tmp_path / "text.hdr"
-    path.write_text("no picture")
-    with pytest.raises(ValueError, match=r"text\.hdr cannot be read as a picture"):
-        renderer(str(path))
-
-
 @pytest.mark.parametrize(
-    ("name", "content", "reason"),
+    ("content", "reason"),
     [
-        ("short.hdr", b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 4 +X 8\n\0", "ends too early"),
-        ("none.hdr", b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 0 +X 0\n", "holds no pixel"),
-        ("huge.hdr", b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1000000 +X 2000000\n", "too large"),
+        (b"no picture", "cannot be read as a picture"),
+        (b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 4 +X 8\n\0", "ends too early"),
+        (b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 0 +X 0\n", "holds no pixel"),
+        (b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1000000 +X 2000000\n", "too large"),
     ],
-)  # fmt: skip
-def test_a_damaged_picture_is_told_why(tmp_path, name, content, reason):
-    (tmp_path / name).write_bytes(content)
-    with pytest.raises(ValueError, match=rf"{name} .*{reason}"):
-        read_picture(str(tmp_path / name))
+)
+def test_a_damaged_picture_is_told_why(tmp_path, content, reason):
+    (tmp_path / "sky.hdr").write_bytes(content)
+    with pytest.raises(ValueError, match=rf"sky\.hdr .*{reason}"):
+        read_picture(str(tmp_path / "sky.hdr"))
 
 
 def test_slightly_negative_values_become_black_and_are_told(picture, capsys):
@@ -146,9 +124,3 @@ def test_slightly_negative_values_become_black_and_are_told(picture, capsys):
     assert (
         "has 4 values below 0, the lowest -0.0016; they are taken as 0" in capsys.readouterr().err
     )
-
-
-def test_a_picture_of_differences_is_refused(picture):
-    values = np.random.default_rng(0).random((16, 32, 3)) - 0.1
-    with pytest.raises(ValueError, match="more than 0.1% of its light"):
-        read_picture(str(picture(values)))

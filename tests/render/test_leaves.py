@@ -7,24 +7,14 @@ import pytest
 import trimesh
 
 from megalopta.render import RenderSettings, RunningMean, SceneRenderer
-from megalopta.render.variant import choose_variant
 from megalopta.scenes.cameras.perspective import PerspectiveCamera
 from megalopta.scenes.material import Material, Texture
-from megalopta.scenes.scene import (
-    Asset,
-    Lighting,
-    Placement,
-    Scene,
-    Sun,
-)
+from megalopta.scenes.scene import Lighting, Sun
 from megalopta.scenes.spectra.spectrum import Spectrum, flat
 from megalopta.scenes.trajectories.steady import Trajectory
 
-from .conftest import quad
+from .conftest import band_means, scene_of, square, vectorized
 
-vectorized = pytest.mark.skipif(
-    choose_variant().name.startswith("scalar"), reason="baking needs a vectorized variant"
-)
 INTEGRATORS = ["path", pytest.param("baked", marks=[vectorized, pytest.mark.slow])]
 BANDS = ((400.0, 500.0), (500.0, 600.0), (600.0, 700.0))
 GREEN = Spectrum((400.0, 550.0, 700.0), (0.05, 0.3, 0.1)), Spectrum((400.0, 700.0), (0.0, 0.5))
@@ -35,22 +25,9 @@ DOWN = Trajectory(frames=2, position_m=(0, 0, 9), look_at_m=(0, 0, 0), up=(1, 0,
 UP = Trajectory(frames=2, position_m=(0, 0, -9), look_at_m=(0, 0, 0), up=(1, 0, 0)).poses()
 
 
-def scene_of(lighting, *parts):
-    """One object for each mesh and its material."""
-    names = [f"{number}" for number in range(len(parts))]
-    return Scene(
-        {name: material for name, (_, material) in zip(names, parts, strict=True)},
-        {name: Asset({name: mesh}) for name, (mesh, _) in zip(names, parts, strict=True)},
-        tuple(Placement(name, name, np.eye(4)) for name in names),
-        lighting,
-    )
-
-
 def sheet(height, half_width=1e4):
     """A level square, 20 km wide unless told."""
-    corners = half_width * np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0.0]])
-    corners[:, 2] = height
-    mesh = quad(corners)
+    mesh = square(height, half_width)
     mesh.visual = trimesh.visual.TextureVisuals(uv=np.zeros((4, 2)))
     return mesh
 
@@ -69,19 +46,12 @@ def mean_radiance(scene, poses, integrator, **more):
     return image.mean(axis=(0, 1), dtype=np.float64)
 
 
-def band_means(*spectra):
-    """Means of a product of spectra; independent of the renderer: fine midpoint sums."""
-    grids = [np.linspace(a, b, 20001) for a, b in BANDS]
-    middles = [0.5 * (grid[1:] + grid[:-1]) for grid in grids]
-    return np.array([np.prod([s(m) for s in spectra], axis=0).mean() for m in middles])
-
-
 @pytest.mark.parametrize("integrator", INTEGRATORS)
 def test_a_leaf_in_the_sun_reflects_on_its_bright_side_and_glows_on_the_other(integrator):
     leaf = sheet(0.0), Material(GREEN[0], transmittance=GREEN[1])
     scene = scene_of(Lighting(flat(0.0), Sun(TOWARD_SUN, LIGHT)), leaf)
     for poses, spectrum in zip((DOWN, UP), GREEN, strict=True):
-        expected = band_means(spectrum, LIGHT) * math.cos(1.0) / math.pi
+        expected = band_means(BANDS, spectrum, LIGHT) * math.cos(1.0) / math.pi
         # 16 000 wavelengths in each band: σ of 0.1 %.
         assert mean_radiance(scene, poses, integrator) == pytest.approx(expected, rel=6e-3)
 
@@ -184,29 +154,3 @@ def test_the_light_meter_finds_what_comes_through_a_leaf(lit_by):
     renderer = renderer_of(scene, None, "path", max_depth=3)
     measured = renderer.light_survey(np.array([[0, 0, 1.5]]))
     assert measured.ground[0].lux == pytest.approx(0.35 * measured.unshaded.lux, rel=0.02)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("zenith_deg", [0.0, 57.0])
-def test_gaps_between_leaves_at_random_follow_beer_and_lambert(zenith_deg):
-    """Leaves that are turned at random hide exp(−LAI/2 / cos θ) of what is behind them."""
-    area_index, half_width, depth, side = 1.5, 6.0, 0.5, 0.025
-    rng = np.random.default_rng(7)
-    count = rng.poisson(area_index * (2 * half_width / side) ** 2)
-    edges = np.linalg.qr(rng.normal(size=(count, 3, 3)))[0][:, :, :2]
-    rim = edges @ (side / 2 * np.array([[-1, 1, 1, -1], [-1, -1, 1, 1]]))
-    centers = rng.uniform([-1, -1, 0], [1, 1, 1], (count, 3)) * (half_width, half_width, depth)
-    vertices = (centers[:, :, None] + rim).transpose(0, 2, 1).reshape(-1, 3)
-    faces = (4 * np.arange(count)[:, None, None] + [[0, 1, 2], [0, 2, 3]]).reshape(-1, 3)
-    black = trimesh.Trimesh(vertices, faces, process=False), Material(flat(0.0))
-    angle = math.radians(zenith_deg)
-    # From 40 m, over a field of view in which every ray passes the whole layer.
-    at = (-40 * math.sin(angle), 0, depth / 2 - 40 * math.cos(angle))
-    look = Trajectory(frames=2, position_m=at, look_at_m=(0, 0, depth / 2), up=(0, 1, 0))
-    camera = {"width": 64, "samples": 64, "fov_deg": 8, "bands_nm": BANDS[:1]}
-    scene = scene_of(Lighting(flat(LEVEL)), black)
-    gaps = mean_radiance(scene, look.poses(), "path", max_depth=1, **camera)[0] / LEVEL
-    # Where K leaves lie behind each other in the mean, gaps in a view of 31 m² scatter by the root of
-    # about (exp(K) − 1 − K)/K times a leaf's projected area over that of the view: σ is 0.25 % at 0°
-    # and 0.3 % at 57°.
-    assert gaps == pytest.approx(math.exp(-area_index / 2 / math.cos(angle)), rel=0.02)

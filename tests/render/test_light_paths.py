@@ -43,6 +43,7 @@ def test_frames_are_those_of_mitsubas_path_tracer_to_the_last_bit(forest):
     np.testing.assert_array_equal(rendering.radiance(pose, seed=7), expected)
 
 
+@pytest.mark.slow
 def test_another_image_size_and_depth_trace_paths_by_the_same_kernel(forest):
     pose = PATH.poses()[0]
     renderer(forest, 8, 8).radiance(pose, seed=1)

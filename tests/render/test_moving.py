@@ -13,13 +13,7 @@ from megalopta.scenes import MovingObject, PerspectiveCamera, Shutter, Trajector
 from megalopta.scenes.material import Material
 from megalopta.scenes.motion import Drift
 from megalopta.scenes.moving_objects import with_objects
-from megalopta.scenes.scene import (
-    Asset,
-    Lighting,
-    Placement,
-    Scene,
-    Sun,
-)
+from megalopta.scenes.scene import Asset, Lighting, Placement, Scene, Sun
 from megalopta.scenes.spectra.spectrum import flat
 
 CAMERA = PerspectiveCamera(width=40, height=30, fov_deg=70)
@@ -97,13 +91,6 @@ def test_rows_share_a_pose_where_nothing_moves_by_more_than_they_may(speed):
     assert (rows - 1) * of_a_row <= SHARED_PX
     # Never more poses than a few times what that asks for.
     assert rows == CAMERA.height or rows * of_a_row > SHARED_PX / 4
-
-
-def test_what_nobody_sees_costs_no_pose():
-    behind = MovingObject(position_m=(-3, 0, 1.5), motion=Drift(velocity_m_s=(0, 50, 0)))
-    meshes = [m for m in merge(with_objects(scene(), [behind])) if isinstance(m, MovingMesh)]
-    times = np.linspace(0.0, 0.03, CAMERA.height).tolist()
-    assert rows_of_a_pose(meshes, CAMERA, WATCH.poses()[1], times) == CAMERA.height
 
 
 def test_rays_of_many_times_meet_what_those_of_one_time_meet(renderer):

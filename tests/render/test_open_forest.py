@@ -1,14 +1,9 @@
-"""Light in open forests of leafy spheres, against published shares (RAMI4PILPS) and photons.
+"""Light in open forests of leafy spheres, against published shares (RAMI4PILPS).
 
 Spheres 10 m wide hang 2 to 6 m above black soil, without overlap, and hold leaves at random that
 are turned at random; their leaf area is five times their cross-section. The lower the sun, the more
 they shade each other, and the more shares depend on where they stand. Of the published suns at 27,
 60 and 83° from the zenith the lowest is left out: its shadows are longer than the plots.
-
-A leaf-area index of 0.5 is not published. There the reference is a walk of photons through spheres
-of haze, in which a photon meets a leaf as often as among leaves that face anywhere: G = 1/2 of their
-area per volume and meter (Ross 1981, The radiation regime and architecture of plant stands). It
-knows nothing of the renderer, and gives the published shares.
 
 References
 ----------
@@ -21,33 +16,24 @@ import numpy as np
 import pytest
 import trimesh
 
-from megalopta.render import RenderSettings, SceneRenderer, mi
+from megalopta.render import mi
 from megalopta.render.loading.meshes import merge
 from megalopta.render.loading.scene import load_scene
 from megalopta.render.mitsuba_loader import activate
 from megalopta.render.truth import rays
 from megalopta.render.variant import choose_variant
-from megalopta.scenes.cameras.perspective import PerspectiveCamera
 from megalopta.scenes.material import Material
-from megalopta.scenes.scene import (
-    Asset,
-    Lighting,
-    Placement,
-    Scene,
-    Sun,
-)
+from megalopta.scenes.scene import Lighting, Sun
 from megalopta.scenes.spectra.spectrum import flat
 
-vectorized = pytest.mark.skipif(
-    choose_variant().name.startswith("scalar"), reason="baking needs a vectorized variant"
-)
+from .conftest import scene_of
+
 RADIUS, CENTER_M, BOTTOM_M, TOP_M = 5.0, (7.0, 11.0), 1.9, 16.1
 CROWN_AREA_INDEX, LEAF_M2 = 5.0, math.pi * 0.1**2
 SPHERES, PLACINGS = 12, 3
-RED, NEAR_INFRARED = (0.0735, 0.0566), (0.3912, 0.4146)  # reflectance, transmittance of a leaf
+RED = 0.0735, 0.0566  # reflectance, transmittance of a leaf
 MARGIN_M = 12.0
 PLACES, FILM_PX = 400, 192
-PHOTONS = 1_000_000
 
 
 def standing(cover, rng):
@@ -75,7 +61,7 @@ def crown(center, rng):
     return ((center + toward)[:, :, None] + rim).transpose(0, 2, 1)
 
 
-def forest(side, centers, rng, zenith_deg, leaf=RED):
+def forest(side, centers, rng, zenith_deg):
     """The scene of a plot, with what of its neighbors shades it or is seen from it."""
     angle = math.radians(zenith_deg)
     found = []
@@ -89,12 +75,8 @@ def forest(side, centers, rng, zenith_deg, leaf=RED):
     faces = 4 * np.arange(len(corners))[:, None, None] + [[0, 1, 2], [0, 2, 3]]
     mesh = trimesh.Trimesh(corners.reshape(-1, 3), faces.reshape(-1, 3), process=False)
     sun = Sun((math.sin(angle), 0.0, math.cos(angle)), flat(1.0 / math.cos(angle)))
-    return Scene(
-        {"leaf": Material(flat(leaf[0]), transmittance=flat(leaf[1]))},
-        {"crowns": Asset({"leaf": mesh})},
-        (Placement("crowns", "crown", np.eye(4)),),
-        Lighting(flat(0.0), sun),
-    )
+    material = Material(flat(RED[0]), transmittance=flat(RED[1]))
+    return scene_of(Lighting(flat(0.0), sun), (mesh, material))
 
 
 def shares(side, scene):
@@ -138,46 +120,6 @@ def _irradiance(loaded, side, height, upward):
     return float(np.array(path.render(loaded, plate.sensor(), seed=1), np.float64).mean())
 
 
-def photon_shares(side, centers, rng, zenith_deg):
-    """The same of photons, each of which goes on with the share of it that is not absorbed."""
-    per_meter = CROWN_AREA_INDEX * math.pi * RADIUS**2 / (4 / 3 * math.pi * RADIUS**3) / 2
-    angle = math.radians(zenith_deg)
-    place = rng.uniform((0, 0, TOP_M), (side, side, TOP_M), (PHOTONS, 3))
-    toward = np.tile((-math.sin(angle), 0, -math.cos(angle)), (PHOTONS, 1))
-    weight, through, back = np.ones(PHOTONS), 0.0, 0.0
-    while len(weight):
-        # Steps as within a sphere: those that end outside of all meet nothing (Woodcock 1965).
-        place += rng.exponential(1 / per_meter, (len(weight), 1)) * toward
-        below, above = place[:, 2] < BOTTOM_M, place[:, 2] > TOP_M
-        through, back = through + weight[below].sum(), back + weight[above].sum()
-        rest = ~(below | above) & (weight > 1e-5)
-        place, toward, weight = place[rest], toward[rest], weight[rest]
-        met = _within(place, side, centers)
-        # A leaf is met in proportion to its area as seen, that is, to the cosine to its normal.
-        normal = _lambertian(-toward[met], rng)
-        passes = rng.random((len(normal), 1)) < RED[1] / sum(RED)
-        toward[met] = _lambertian(np.where(passes, -normal, normal), rng)
-        weight[met] *= sum(RED)
-    return 1 - (back + through) / PHOTONS, back / PHOTONS, through / PHOTONS
-
-
-def _within(places, side, centers):
-    """Which places (n, 3) are in a sphere of the plot, which goes on forever."""
-    met = np.zeros(len(places), bool)
-    for center in centers:
-        apart = places - center
-        apart[:, :2] -= side * np.round(apart[:, :2] / side)
-        met |= np.einsum("ni,ni->n", apart, apart) < RADIUS**2
-    return met
-
-
-def _lambertian(normals, rng):
-    """Directions (n, 3) distributed as the cosine to normals."""
-    anywhere = rng.normal(size=normals.shape)
-    found = normals + anywhere / np.linalg.norm(anywhere, axis=1, keepdims=True)
-    return found / np.linalg.norm(found, axis=1, keepdims=True)
-
-
 def plots(area_index):
     """Side and centers of some plots, with the generator that is to draw their leaves."""
     for seed in range(1, PLACINGS + 1):
@@ -192,11 +134,6 @@ def rendered(area_index, zenith_deg):
         for side, centers, rng in plots(area_index)
     ]
     return np.mean(found, axis=0)
-
-
-def walked(area_index, zenith_deg):
-    """Mean shares of the same plots, of photons."""
-    return np.mean([photon_shares(*each, zenith_deg) for each in plots(area_index)], axis=0)
 
 
 # Of what is reflected at an index of 1.5 the figure for 27° alone is at hand.
@@ -225,45 +162,3 @@ def test_an_open_forest_absorbs_reflects_and_transmits_its_published_shares(
     # Required: 2 %. From one placing of spheres to the next, shares at 27° differ by 0.5, 1 and
     # 0.4 % (σ).
     assert_within_two_percent(rendered(area_index, zenith_deg), published)
-
-
-@pytest.mark.slow
-@PUBLISHED
-def test_photons_are_absorbed_reflected_and_transmitted_in_their_published_shares(
-    area_index, zenith_deg, published
-):
-    assert_within_two_percent(walked(area_index, zenith_deg), published)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("zenith_deg", [27, 60])
-def test_a_sparse_forest_absorbs_reflects_and_transmits_what_photons_say(zenith_deg):
-    # Required: 2 %. Plots are the same: from one to the next the reflected shares differ by a ratio
-    # that scatters by 0.9 % (σ), by that of leaves, photons and light paths.
-    assert rendered(0.5, zenith_deg) == pytest.approx(walked(0.5, zenith_deg), rel=0.02)
-
-
-@pytest.mark.slow
-@vectorized
-def test_a_sparse_forest_sends_up_and_down_as_much_in_baked_light_as_in_traced():
-    rng = np.random.default_rng(1)
-    side, centers = standing(0.5 / CROWN_AREA_INDEX, rng)
-    # In the near infrared half of what leaves send out comes from others, which is what is baked.
-    scene = forest(side, centers, rng, 27, NEAR_INFRARED)
-    poses = np.tile(np.eye(4), (2, 1, 1))
-    poses[:, :3, :3] = np.diag([1, -1, -1]), np.eye(3)
-    poses[:, :3, 3] = [(side / 2, side / 2, sum(CENTER_M) / 2 + away) for away in (60, -60)]
-    camera = PerspectiveCamera(width=96, height=96, fov_deg=50)
-    common = {"samples_per_pixel": 64, "max_depth": 12, "bands_nm": ((600, 700),)}
-    baked, traced = (
-        SceneRenderer(scene, camera, RenderSettings(integrator=each, **common), poses)
-        for each in ("baked", "path")
-    )
-    assert baked.integrator == "baked"
-    for pose in poses:
-        quick, slow = (
-            np.mean([each.radiance(pose, seed) for seed in range(4)], dtype=np.float64)
-            for each in (baked, traced)
-        )
-        # Pixels of baked light are right to 2 %; that of paths leaves 0.3 % (σ) of their mean.
-        assert quick == pytest.approx(slow, rel=0.02)

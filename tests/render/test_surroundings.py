@@ -8,24 +8,12 @@ from scipy.ndimage import gaussian_filter
 
 from megalopta.render import RenderSettings, SceneRenderer
 from megalopta.render.environment import horizontal
-from megalopta.render.surroundings import (
-    solid_angles,
-    turned,
-    under_panorama,
-    without_disc,
-)
+from megalopta.render.surroundings import solid_angles, turned, under_panorama, without_disc
 from megalopta.scenes import Panorama, PerspectiveCamera, Trajectory
 from megalopta.scenes.lighting.light import Light
-from megalopta.scenes.material import Material
-from megalopta.scenes.scene import (
-    Asset,
-    Placement,
-    Scene,
-    pattern_directions,
-)
-from megalopta.scenes.spectra.spectrum import flat
+from megalopta.scenes.scene import pattern_directions
 
-from .conftest import quad
+from .conftest import scene_of, square
 
 ROWS = 64
 BANDS = ((450.0, 550.0), (600.0, 700.0))
@@ -52,13 +40,7 @@ def with_sun(azimuth_deg, elevation_deg, irradiance):
 
 
 def scene_under(path, **light):
-    corners = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0.0]])
-    return Scene(
-        {"card": Material(flat(0.5))},
-        {"card": Asset({"card": quad(corners)})},
-        (Placement("card", "card", np.eye(4)),),
-        Light(panorama=str(path), **light).lighting(),
-    )
+    return scene_of(Light(panorama=str(path), **light).lighting(), square(half_width=1))
 
 
 def test_a_sun_is_taken_out_with_its_direction_and_all_of_its_light():
@@ -71,12 +53,6 @@ def test_a_sun_is_taken_out_with_its_direction_and_all_of_its_light():
     given = horizontal(left) + found * direction[2]
     np.testing.assert_allclose(given, horizontal(picture), rtol=1e-3)
     assert left.max() < picture.max() / 50
-
-
-def test_a_picture_without_a_sun_stays_as_it_is():
-    left, _, found = without_disc(landscape(), WEIGHTS)
-    np.testing.assert_array_equal(left, landscape())
-    assert not found.any()
 
 
 def test_turning_moves_columns_to_the_left():

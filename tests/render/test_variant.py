@@ -1,4 +1,3 @@
-import _ctypes
 import os
 import platform
 import subprocess
@@ -114,32 +113,6 @@ def test_a_refused_library_is_named_with_what_is_wrong(monkeypatch, unbound, ver
         choose_variant("llvm")
 
 
-def test_a_file_that_is_no_library_has_no_version_and_another_library_tells_none(tmp_path):
-    (tmp_path / "libLLVM.so").write_text("no library")
-    assert llvm_version(tmp_path / "libLLVM.so") is None
-    assert llvm_version(Path(_ctypes.__file__)) == (0, 0, 0)
-
-
-def test_the_newest_library_is_asked_first():
-    names = ["libLLVM-14.so.1", "libLLVM.so.22.1", "libLLVM-19.so", "libLLVM-9.so"]
-    ordered = sorted((Path("/usr/lib") / name for name in names), key=variant.newest_first)
-    assert [path.name for path in ordered] == [names[1], names[2], names[0], names[3]]
-
-
-def test_cuda_is_taken_only_where_it_is_asked_for(monkeypatch):
-    monkeypatch.setattr(variant, "has_cuda_device", lambda: True)
-    assert not choose_variant("auto").name.startswith("cuda")
-    assert choose_variant("cuda").name == "cuda_ad_spectral"
-
-
-@pytest.mark.parametrize("answers", [True, False])
-def test_info_says_in_one_line_why_cuda_is_not_used_and_how_to_ask_for_it(monkeypatch, answers):
-    monkeypatch.setattr(versions, "has_cuda_device", lambda: answers)
-    lines = [line for line in versions.describe().splitlines() if line.startswith("cuda")]
-    assert len(lines) == answers
-    assert all("not been compared" in line and "--render.backend cuda" in line for line in lines)
-
-
 def test_info_names_the_library_in_use_and_its_version(monkeypatch, unbound):
     monkeypatch.setenv("DRJIT_LIBLLVM_PATH", "/somewhere/libLLVM.so")
     monkeypatch.setattr(variant, "llvm_version", lambda _: (21, 1, 8))
@@ -197,13 +170,6 @@ def test_the_installed_package_comes_before_the_system_where_it_works(
     assert Path(find_llvm()[0]).name == chosen
 
 
-def test_a_library_of_the_users_own_comes_before_the_package(monkeypatch, installed):
-    installed({"libLLVM.so.19.1": 19}, {})
-    monkeypatch.setenv("DRJIT_LIBLLVM_PATH", "/usr/lib/own.so")
-    monkeypatch.setattr(variant, "llvm_version", lambda _: (20, 1, 0))
-    assert find_llvm() == ("/usr/lib/own.so", "20.1.0")
-
-
 @pytest.mark.skipif(
     (sys.platform, platform.machine()) != ("linux", "x86_64"), reason="the package is for Linux"
 )
@@ -222,9 +188,3 @@ def test_a_named_backend_is_taken_or_refused(monkeypatch, unbound):
         choose_variant("cuda")
     with pytest.raises(ValueError, match=f"'llvm'.*install LLVM {TRIED_LLVM[0]}"):
         choose_variant("llvm")
-
-
-def test_scalar_says_what_would_be_faster(monkeypatch, unbound):
-    monkeypatch.setattr(variant, "has_cuda_device", lambda: False)
-    monkeypatch.setenv("DRJIT_LIBLLVM_PATH", "/nonexistent")
-    assert "karellen-llvm-core" in choose_variant().advice

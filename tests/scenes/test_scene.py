@@ -1,10 +1,19 @@
+"""What scenes are made of, and what is refused."""
+
+import math
+
 import numpy as np
 import pytest
 import trimesh
+from pydantic import ValidationError
 
-from megalopta.scenes.material import Material
-from megalopta.scenes.scene import Asset, Placement, Scene
-from megalopta.scenes.spectra.spectrum import flat
+from megalopta.scenes.hashed_file import HashedFile
+from megalopta.scenes.haze import Haze
+from megalopta.scenes.material import Emission, Material, Texture
+from megalopta.scenes.motion import Tour
+from megalopta.scenes.moving_objects import MovingObject, with_objects
+from megalopta.scenes.scene import Asset, Environment, Placement, Scene
+from megalopta.scenes.spectra.spectrum import Spectrum, flat
 
 BOX = trimesh.creation.box((1, 1, 1))
 
@@ -20,3 +29,101 @@ def test_dangling_names_are_refused():
         Scene({}, {}, (Placement("box", "box", np.eye(4)),))
     with pytest.raises(ValueError, match=r"no material \['m'\]"):
         Scene({}, {"box": Asset({"m": BOX})}, ())
+
+
+WEIGHT = np.zeros((2, 2), np.float32)
+
+
+def test_surfaces_that_would_send_out_more_light_than_they_get_are_refused():
+    rising, falling = (Spectrum((400.0, 700.0), ends) for ends in ((0.2, 0.8), (0.7, 0.1)))
+    Material(rising, transmittance=falling)
+    peak = Spectrum((400.0, 550.0, 700.0), (0.0, 0.6, 0.0))
+    with pytest.raises(ValueError, match=r"material: .* add up to 1.1 at 550 nm; scale"):
+        Material(rising, transmittance=peak)
+    with pytest.raises(ValueError, match=r"texture: .* add up to 1.2 at 400 nm"):
+        Texture(WEIGHT, flat(0.5), falling)
+    with pytest.raises(ValueError, match=r"add up to 1.5 at 550 nm"):
+        Material(flat(1.5))
+
+
+def test_light_comes_through_where_either_spectrum_lets_it():
+    half = flat(0.5)
+    assert not Material(half).transmits
+    assert not Material(half, Texture(WEIGHT, half), transmittance=flat(0.0)).transmits
+    assert Material(half, transmittance=half).transmits
+    assert Material(half, Texture(WEIGHT, half, half)).transmits
+    assert not Material(half, None, Emission(1.0), half).transmits
+
+
+@pytest.mark.parametrize("visibility_m", [30.0, 4000.0])
+def test_two_percent_of_a_beam_are_left_at_the_visibility(visibility_m):
+    haze = Haze(visibility_m=visibility_m)
+    left = math.exp(-haze.extinction_per_m * visibility_m)
+    assert left == pytest.approx(0.02)
+    assert haze.extinction_per_m == pytest.approx(3.912 / visibility_m, rel=1e-5)  # Koschmieder
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [("visibility_m", 0), ("visibility_m", np.nan), ("albedo", 1.1), ("asymmetry", 1)],
+)
+def test_impossible_haze_is_refused(field, value):
+    with pytest.raises(ValidationError, match=field):
+        Haze.model_validate({"visibility_m": 100, field: value})
+
+
+def test_haze_around_nothing_or_before_a_panorama_is_refused():
+    haze = Haze(visibility_m=100)
+    with pytest.raises(ValueError, match="haze fills the space around objects, and there is none"):
+        Scene({}, {}, (), haze=haze)
+    picture = Environment(HashedFile(path="x", sha256="0" * 64), 0, (flat(1.0),) * 3, 1.0)
+    with pytest.raises(ValueError, match="haze fills the space around objects"):
+        Scene({}, {}, (), environment=picture, haze=haze)
+
+
+EMPTY = Scene({}, {}, ())
+
+
+def test_objects_stand_where_they_are_put_and_turn_as_told():
+    thing = MovingObject(size_m=(4, 2, 1), position_m=(10, 20, 30), turn_deg=(0, 0, 90))
+    scene = with_objects(EMPTY, (thing,))
+    (placement,) = scene.placements
+    (mesh,) = scene.assets[placement.asset].parts.values()
+    corners = mesh.vertices @ placement.to_world[:3, :3].T + placement.to_world[:3, 3]
+    np.testing.assert_allclose(corners.min(axis=0), [9, 18, 29.5], atol=1e-12)
+    np.testing.assert_allclose(corners.max(axis=0), [11, 22, 30.5], atol=1e-12)
+    assert placement.motion is None
+
+
+def test_an_object_spins_about_its_own_center_while_it_drifts():
+    thing = MovingObject.model_validate(
+        {"position_m": (1, 2, 3), "motion": {"velocity_m_s": (1, 0, -1), "spin_deg_s": 90}}
+    )
+    motion = with_objects(EMPTY, (thing,)).placements[0].motion
+    center, corner = motion.carry(np.array([[1.0, 2, 3], [2, 2, 3]]), 1.0)
+    np.testing.assert_allclose(center, [2, 2, 2], atol=1e-12)
+    np.testing.assert_allclose(corner, [2, 3, 2], atol=1e-12)  # +x has become +y
+
+
+def test_a_tour_passes_its_ways_and_rests_at_its_ends():
+    ways = ((0.0, 0.0, 0.0), (1.0, 2.0, 0.0), (3.0, 1.0, 1.0))
+    tour = Tour(times_s=(1, 2, 4), ways_m=ways)
+    for time, way in zip((0, 1, 2, 4, 9), (ways[0], *ways, ways[2]), strict=True):
+        np.testing.assert_allclose(tour.shift(time), way, atol=1e-12)
+    np.testing.assert_allclose(tour.shift(1 + 1e-6), 0, atol=1e-10)  # sets off from rest
+
+
+@pytest.mark.parametrize(
+    ("motion", "words"),
+    [
+        (
+            {"kind": "spline", "times_s": (0, 1), "ways_m": ((0, 0, 0),) * 3},
+            "2 entries and ways_m 3",
+        ),
+        ({"kind": "spline", "times_s": (1, 1), "ways_m": ((0, 0, 0),) * 2}, "does not grow"),
+        ({"spin_axis": (0, 0, 0)}, "spin_axis .* has no direction"),
+    ],
+)
+def test_a_motion_that_makes_no_sense_is_refused(motion, words):
+    with pytest.raises(ValidationError, match=words):
+        MovingObject.model_validate({"motion": motion})

@@ -1,15 +1,8 @@
 import numpy as np
 import pytest
-from scipy.spatial import cKDTree
 from skimage.draw import polygon
 
-from megalopta.assets_gen.plants.detail import (
-    Detail,
-    coarsened,
-    leaf_areas,
-    merged_leaves,
-    some_leaves,
-)
+from megalopta.assets_gen.plants.detail import Detail, coarsened, merged_leaves, some_leaves
 from megalopta.assets_gen.plants.growth import grow_plant
 from megalopta.scenes.forest.flora import BUSHES, TREES
 
@@ -17,7 +10,7 @@ WOODY = {name: plant.shape for name, plant in {**TREES, **BUSHES}.items()}
 COARSE = Detail(leaf_m2=0.026, merged=8, thinnest_m=0.012, chord_m=0.14)
 
 
-@pytest.fixture(params=WOODY, scope="module")
+@pytest.fixture(params=["beech", "spruce", "hazel"], scope="module")
 def plant(request):
     return grow_plant(WOODY[request.param], np.random.default_rng(4))
 
@@ -45,19 +38,6 @@ def test_merging_leaves_keeps_their_total_area_exactly(plant):
     assert len(merged.faces) == -(-len(plant.leaves.faces) // 2 // 7)
 
 
-def test_merged_leaves_lie_where_leaves_lay_and_face_as_they_did(plant):
-    merged = merged_leaves(plant.leaves, 5, np.random.default_rng(0))
-    centers = plant.leaves.vertices.reshape(-1, 4, 3).mean(axis=1)
-    middle = merged.vertices.reshape(-1, 3, 3).mean(axis=1)
-    gap, leaf = cKDTree(centers).query(middle)
-    assert gap.max() < 1e-9
-    flat = merged.to_mesh().face_normals
-    left, right = plant.leaves.to_mesh().face_normals.reshape(-1, 2, 3).swapaxes(0, 1)
-    # both halves are folded up by the same angle, so the flat leaf faces between them
-    between = (left + right)[leaf] / np.linalg.norm((left + right)[leaf], axis=1, keepdims=True)
-    assert np.sum(flat * between, axis=1).min() > 1 - 1e-6
-
-
 def test_a_crown_covers_as_much_of_the_sky_when_coarse(plant):
     views = np.pi / 2 * np.arange(2)
     height = plant.species.height_m
@@ -68,22 +48,10 @@ def test_a_crown_covers_as_much_of_the_sky_when_coarse(plant):
     assert sum(rough) == pytest.approx(sum(fine), rel=0.18)
 
 
-def test_coarse_plants_have_far_fewer_triangles(plant):
-    wood, leaves = coarse(plant)
-    assert (
-        len(wood.faces) + len(leaves.faces) < (len(plant.wood.faces) + len(plant.leaves.faces)) / 4
-    )
-
-
 def test_merged_twigs_have_the_surface_of_all_twigs(plant):
     wood, _ = coarse(plant, Detail(leaf_m2=0.02, merged=4, thinnest_m=1e9, chord_m=0.0))
     # a wider twig may get more sides: 3 have 0.5 % more area at its pointed end than 4 of one width
     assert wood.area == pytest.approx(plant.wood.area, rel=0.04)
-
-
-def test_leaf_area_is_that_of_the_mesh(plant):
-    corners = plant.leaves.vertices.reshape(-1, 4, 3)
-    assert leaf_areas(corners).sum() == pytest.approx(plant.leaves.to_mesh().area, rel=1e-12)
 
 
 @pytest.mark.parametrize("leaf_m2", [0.0, 0.009, 0.026, 0.07, 0.16])

@@ -1,6 +1,7 @@
 """The photon benchmark: known thresholds, calibrated standard errors, and independence of the way."""
 
 import json
+import time
 
 import numpy as np
 import pytest
@@ -8,7 +9,9 @@ import zarr
 from pydantic import ValidationError
 
 from megalopta.flow.benchmark.sequence import Bookkeeping, photon_benchmark
-from megalopta.flow.benchmark.settings import BenchmarkSettings, default_warm_up, work_units
+from megalopta.flow.benchmark.settings import BenchmarkSettings
+from megalopta.flow.detectors.base import milliseconds_per_frame
+from megalopta.flow.detectors.intensity import IntensityMeasurement
 from megalopta.flow.detectors.registry import THESIS_METHODS, method
 
 ALL = tuple(method(name) for name in THESIS_METHODS)
@@ -89,15 +92,6 @@ def test_standard_error_is_the_scatter_between_seeds(name):
     assert 0.5 < np.mean(promised[seen] / scatter[seen]) < 1.5
 
 
-def test_progress_adds_up_to_the_work():
-    done = []
-    chosen = settings(sizes=(30, 60), warm_up=5)
-    frames = grating(frames=20)
-    measured(frames, [method("IM")], chosen, books=Bookkeeping(done.append))
-    assert sum(done) == work_units(frames.shape, chosen)
-    assert len(done) > 10
-
-
 def test_dark_counts_are_given_per_pixel_of_the_original():
     # 10 dark counts on 120 × 120 are 40 on 60 × 60; with next to no light all error is theirs.
     chosen = settings(dark_counts=10, flux_min=1, flux_max=10, fluxes_per_decade=1, warm_up=0)
@@ -113,18 +107,6 @@ def test_result_is_ready_for_json():
     assert fields["settings"]["sizes"] == [60]
     assert fields["curves"][0]["thresholds"]["N_2b"]["kind"] == "undefined"
     assert BenchmarkSettings(**fields["settings"]) == result.settings
-
-
-def test_curve_that_was_not_measured_is_refused_with_those_that_were():
-    result = measured(grating(frames=20), [method("IM")], settings(warm_up=0))
-    with pytest.raises(ValueError, match=r"no literal curve of 'BM' at 60 px: choose from IM"):
-        result.curve("BM", 60)
-
-
-def test_warm_up_is_the_thesis_or_the_longest_memory():
-    assert default_warm_up(60, ALL) == 30
-    assert default_warm_up(24, ALL) == method("EMD").memory_frames
-    assert default_warm_up(24, [method("BM"), method("IM")]) == 1
 
 
 @pytest.mark.parametrize(
@@ -204,3 +186,39 @@ def test_neither_chunks_nor_the_place_of_frames_change_a_number(chunk_frames, tm
     expected = measured(frames, ALL, settings(**base))
     found = measured(clip, ALL, settings(**base, chunk_frames=chunk_frames))
     assert found.curves == expected.curves
+
+
+BUSY_S, COMPILING_S, IDLE_S = 0.002, 0.1, 0.02
+
+
+def _work(seconds):
+    start = time.process_time()
+    while time.process_time() - start < seconds:
+        pass
+
+
+class _Busy(IntensityMeasurement, frozen=True):
+    def start(self, shape):
+        compiled = []
+
+        def respond(frames, scale):
+            if not compiled:
+                _work(COMPILING_S)
+                compiled.append(True)
+            _work(BUSY_S * len(frames))
+            time.sleep(IDLE_S)
+            return np.zeros(frames.shape)
+
+        return respond
+
+
+def test_time_per_frame_is_what_a_frame_keeps_the_processor_busy():
+    # sleeping would add 5 ms, the first run 25 ms
+    found = milliseconds_per_frame(_Busy(), np.ones((4, 2, 2), np.uint16))
+    assert found == pytest.approx(1e3 * BUSY_S, rel=0.5)
+
+
+def test_curve_that_was_not_measured_is_refused_with_those_that_were():
+    result = measured(grating(frames=20), [method("IM")], settings(warm_up=0))
+    with pytest.raises(ValueError, match=r"no literal curve of 'BM' at 60 px: choose from IM"):
+        result.curve("BM", 60)

@@ -1,7 +1,6 @@
 """Burst alignment on motion that is known."""
 
 import numpy as np
-import pytest
 
 from megalopta.flow.detectors.burst_alignment import BurstAlignment
 
@@ -26,20 +25,3 @@ def test_velocities_do_not_depend_on_brightness():
     counts = np.random.default_rng(0).poisson(9.0, (8, 60, 60)).astype(np.uint16)
     detector = BurstAlignment()
     np.testing.assert_array_equal(detector.respond(counts), detector.respond(4 * counts))
-
-
-def test_blocks_without_photons_have_no_velocity():
-    counts = np.random.default_rng(0).poisson(9.0, (8, 60, 60)).astype(np.uint16)
-    counts[:, :30] = 0
-    velocities = BurstAlignment().respond(counts)
-    assert np.isnan(velocities[:, :5]).all()
-    assert np.isfinite(velocities[:, 5:]).all()
-
-
-@pytest.mark.parametrize("levels", [1, 6])
-def test_levels_end_where_a_block_no_longer_fits(levels):
-    frames = drifting_texture((1.0, 0.0), 8, (40, 52), blur_px=1.5)
-    found = BurstAlignment(levels=levels, block_px=12).respond(1e3 * (3 + frames))
-    assert found.shape == (7, 3, 4, 2)
-    # of the blocks inside, in which nothing leaves the frame
-    np.testing.assert_allclose(found[-1, 1, 1:3].mean(axis=0), (1, 0), atol=0.05)

@@ -49,11 +49,6 @@ def test_emd_mean_is_equation_4_1(omega, phase):
     assert mean_response(emd, sinusoid(omega, phase)) == pytest.approx(expected, rel=0.01)
 
 
-def test_emd_has_no_ripple_on_a_pure_sinusoid():
-    settled = ElementaryMotionDetector().respond(sinusoid(0.7, -0.4))[200:, 1, 1:-1]
-    assert np.ptp(settled) < 1e-9 * settled.mean()
-
-
 @pytest.mark.parametrize(("omega", "phase"), [*WAVES, (-0.63, 0.9), (0.92, 0.4), (-2.36, 0.196)])
 @pytest.mark.parametrize(
     ("detector", "closed_form"),
@@ -76,11 +71,6 @@ def test_ndm_mean_is_that_of_a_rectified_sinusoid_with_offset(omega, phase):
     r = CONTRAST**2 / 4 * h1**2 * h2 * abs(np.cos(phase))
     expected = 2 / np.pi * r * (np.cos(delay) * (np.pi / 2 - abs(delay)) + abs(np.sin(delay)))
     assert mean_response(ndm, sinusoid(omega, phase)) == pytest.approx(expected, rel=0.01)
-
-
-def test_emd_is_positive_for_motion_to_the_right():
-    # ωt + jφ stays constant while j grows: φ < 0 moves right.
-    assert mean_response(ElementaryMotionDetector(), sinusoid(0.5, -0.5)) > 0
 
 
 def test_mirrored_scene_turns_the_sign_of_emd_and_leaves_the_others():
@@ -122,16 +112,6 @@ def test_a_detector_that_starts_after_frames_goes_on_as_one_that_saw_them(detect
 
 
 @pytest.mark.parametrize("detector", DETECTORS)
-def test_a_single_row_answers_as_the_same_row_inside_an_image(detector):
-    image = np.random.default_rng(2).random((20, 4, 9))
-    row = detector.respond(image[:, 2:3])
-    np.testing.assert_array_equal(row, detector.respond(image)[:, 2:3])
-    # of three rows only the middle one is scored
-    three = detector.respond(np.repeat(image[:, 2:3], 3, axis=1))
-    np.testing.assert_array_equal(detector.scored(row), detector.scored(three))
-
-
-@pytest.mark.parametrize("detector", DETECTORS)
 def test_of_one_bright_frame_1_percent_is_left_after_the_memory(detector):
     low = delayed = smoothed = 0.0
     responses = []
@@ -148,17 +128,3 @@ def test_of_one_bright_frame_1_percent_is_left_after_the_memory(detector):
 
 def test_filters_that_take_each_frame_alone_remember_one():
     assert ElementaryMotionDetector(filter_step=1, output_step=1).memory_frames == 1
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("detector", DETECTORS)
-def test_noise_reaches_its_strength_within_the_memory_of_its_power(detector):
-    # mean |response| to noise on a still scene, after clean frames: the mean of 1.6e5 pixels, whose
-    # neighbors share noise, is known to 0.5 %; four of that and the 1 % that may be missing
-    rng = np.random.default_rng(4)
-    respond = detector.start((400, 400))
-    respond(np.full((2, 400, 400), 100.0), 1.0)
-    frames = rng.poisson(100.0, (3 * detector.memory_frames, 400, 400))
-    strength = np.nanmean(np.abs(respond(frames, 1.0)), axis=(1, 2))
-    early, late = strength[detector.noise_memory_frames], strength[-4:].mean()
-    assert early == pytest.approx(late, rel=0.03)

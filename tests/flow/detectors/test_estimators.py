@@ -1,7 +1,5 @@
 """Today's estimators of OpenCV and scikit-image, on textures that drift by known fractions."""
 
-import subprocess
-import sys
 from concurrent.futures import ThreadPoolExecutor
 
 import cv2
@@ -9,7 +7,7 @@ import numpy as np
 import pytest
 
 from megalopta.flow.detectors.block_matching import BlockMatching
-from megalopta.flow.detectors.gray_detector import eight_bits, gray_levels
+from megalopta.flow.detectors.gray_detector import gray_levels
 from megalopta.flow.detectors.libraries import (
     DenseInverseSearch,
     Farneback,
@@ -38,15 +36,6 @@ def test_texture_has_the_velocity_that_it_drifts_with(name, velocity):
     np.testing.assert_allclose(found.mean(axis=(0, 1, 2)), velocity, atol=TOLERANCE_PX[name])
     # Single blocks of 12 px scatter, with what enters and leaves them.
     assert np.hypot(*(found - velocity).std(axis=(0, 1, 2))) < 0.1
-
-
-@pytest.mark.parametrize("name", ESTIMATORS)
-def test_photon_counts_have_the_velocity_of_their_texture(name):
-    # 4000 photons per pixel, shot noise 16 times below the texture.
-    texture = drifting_texture((1.3, -0.7), frames=3)
-    counts = np.random.default_rng(1).poisson(4000 * (1 + 0.25 * texture / texture.std()).clip(0))
-    found = METHODS[name].respond(counts)[:, 1:-1, 1:-1]
-    np.testing.assert_allclose(np.median(found, axis=(0, 1, 2)), (1.3, -0.7), atol=0.1)
 
 
 @pytest.mark.parametrize("name", ["LK", "FB", "DIS", "TV-L1"])
@@ -177,28 +166,14 @@ def test_presets_and_weights_reach_the_libraries():
     for method, changed in (
         (DenseInverseSearch(), DenseInverseSearch(preset="ultrafast")),
         (TotalVariation(), TotalVariation(attachment=5)),
+        (LucasKanade(), LucasKanade(window_blocks=3)),
+        (Farneback(), Farneback(window_blocks=3)),
         (PhaseCorrelation(), PhaseCorrelation(whitened=False)),
         (PhaseCorrelation(), PhaseCorrelation(steps_per_px=3)),
     ):
         assert not np.array_equal(method.respond(counts), changed.respond(counts))
 
 
-def test_phase_correlation_counts_in_its_steps():
-    found = PhaseCorrelation(steps_per_px=4).respond(drifting_texture((1.3, -0.7)))
-    np.testing.assert_allclose(found, np.broadcast_to((1.25, -0.75), found.shape), atol=1e-12)
-
-
-def test_eight_bits_are_exact_for_counts_that_span_255():
-    counts = np.arange(256).reshape(2, 8, 16) / 255
-    np.testing.assert_array_equal(eight_bits(counts).ravel(), np.arange(256))
-
-
 def test_dense_inverse_search_names_the_size_it_needs():
     with pytest.raises(ValueError, match=r"9 × 10 px: DIS needs at least 12 px"):
         DenseInverseSearch(block_px=3).respond(np.ones((2, 9, 10)))
-
-
-def test_opencv_is_not_imported_before_an_estimator_needs_it():
-    code = "import sys, megalopta.flow; print('cv2' in sys.modules)"
-    ran = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
-    assert ran.stdout.split() == ["False"]

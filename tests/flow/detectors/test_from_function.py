@@ -1,20 +1,19 @@
+"""Detectors from functions, sums of frames before them, and the blocks of all."""
+
 import numpy as np
 import pytest
 
-from megalopta.benchmark.runner import run
-from megalopta.benchmark.sweep import Sweep
-from megalopta.benchmark.textures import FRAMES, SIZE_PX, detections, ranked
-from megalopta.benchmark.trial import GratingTemplate, Trial
-from megalopta.flow import (
-    METHODS,
-    BenchmarkSettings,
-    SearchSettings,
-    detector_from,
-    method,
-    photon_benchmark,
+from megalopta.benchmark.trial import Trial
+from megalopta.flow import METHODS, BenchmarkSettings, detector_from, method, photon_benchmark
+from megalopta.flow.detectors.blocks import (
+    BlockGrid,
+    between_blocks,
+    block_grid,
+    block_sums,
+    summed_frames,
 )
 
-SEARCH = SearchSettings(flux_min=1e5, flux_max=1e7, metrics=("ratio",), bits=(2,), frames=2)
+from ..textures import drifting_texture
 
 
 def dense_inverse_search(first, second):
@@ -30,17 +29,13 @@ def frames():
     return np.random.default_rng(0).poisson(20, (4, 60, 60))
 
 
-@pytest.mark.parametrize("name", ["DIS", "FB", "TV-L1"])
+@pytest.mark.parametrize("name", ["DIS", "FB", "TV-L1", "PF"])
 def test_blocks_are_means_of_the_dense_flow(frames, name):
     detector = METHODS[name]
     flow = detector.dense(*frames[:2])
     assert flow.shape == (60, 60, 2)
     means = flow.reshape(10, 6, 10, 6, 2).mean(axis=(1, 3))
     np.testing.assert_allclose(detector.respond(frames[:2])[0], means, rtol=1e-12, atol=1e-12)
-
-
-def test_dense_flow_without_contrast_is_undefined():
-    assert np.isnan(METHODS["DIS"].dense(np.ones((40, 40)), np.ones((40, 40)))).all()
 
 
 def test_a_function_answers_as_the_detector_that_it_wraps(frames):
@@ -59,18 +54,6 @@ def test_a_function_is_measured_beside_names(frames):
     assert result.to_dict()["methods"]["dense_inverse_search"]["function"].startswith(__name__)
 
 
-def test_a_function_is_swept_and_its_results_are_found_again(tmp_path):
-    trial = Trial(methods=(to_the_right, "IM"), template=GratingTemplate(), search=SEARCH)
-    sweep = Sweep(trial=trial, values=(2, 5))
-    pixels = {trial.template: trial.template.pixels()}
-    first = run(sweep.trials, pixels, tmp_path, workers=1)
-    stored = {each.name: each.stat().st_mtime_ns for each in tmp_path.glob("*.json")}
-    assert len(stored) == 2
-    assert run(sweep.trials, pixels, tmp_path, workers=1) == first
-    assert stored == {each.name: each.stat().st_mtime_ns for each in tmp_path.glob("*.json")}
-    assert {curve.method for curves in first.values() for curve in curves} == {"to_the_right", "IM"}
-
-
 def test_functions_of_another_source_or_enclosed_value_are_other_detectors():
     def moved(way):
         return lambda first, second: np.full((*first.shape, 2), way)
@@ -80,14 +63,6 @@ def test_functions_of_another_source_or_enclosed_value_are_other_detectors():
         for each in (to_the_right, dense_inverse_search, moved(1), moved(2), moved(2))
     }
     assert len(dumped) == 4
-
-
-def test_functions_enter_detection_and_leaderboard():
-    told = detections([to_the_right], 1e5)[0]
-    assert told.motion == told.direction == 0
-    light = np.random.default_rng(0).random((1, FRAMES, SIZE_PX, SIZE_PX)) / SIZE_PX**2
-    (entry,) = ranked(light, [to_the_right])
-    assert entry.needed.photons == np.inf
 
 
 def test_a_flow_of_another_shape_is_refused(frames):
@@ -105,3 +80,92 @@ def test_a_function_that_fails_is_told_with_its_name(wrong):
     frames = np.random.default_rng(0).poisson(5, (2, 48, 48))
     with pytest.raises(ValueError, match="method mine: .*Error: .*two frames"):
         detector_from(wrong, "mine").dense(*frames)
+
+
+def seen(first, second):
+    """Tells the mean gray levels of both frames in the place of a velocity."""
+    return np.broadcast_to((first.mean(), second.mean()), (*first.shape, 2))
+
+
+def test_velocity_is_that_over_half_of_the_frames():
+    frames = 1e4 * (3 + drifting_texture((0.6, -0.3), 8, (96, 96), blur_px=2.0))
+    detector = summed_frames(METHODS["DIS"])
+    assert detector.memory_frames == 7
+    newest = detector.respond(frames)[-1, 2:-2, 2:-2]
+    # DIS is right to about 0.1 px over the four frames
+    np.testing.assert_allclose(newest.mean(axis=(0, 1)), (0.6, -0.3), atol=0.03)
+
+
+def test_both_sums_hold_half_of_the_frames_each():
+    counts = np.random.default_rng(0).poisson(4.0, (8, 30, 30)).astype(np.uint16)
+    method = detector_from(seen)
+    found = summed_frames(method).respond(counts)
+    for index in range(7):
+        half = min(index + 2, 8) // 2
+        window = counts[: index + 2].astype(float)
+        sums = np.stack((window[-2 * half : -half].sum(axis=0), window[-half:].sum(axis=0)))
+        np.testing.assert_allclose(found[index], method.respond(sums)[0] / half)
+
+
+def test_stretch_is_anscombes_root():
+    counts = np.random.default_rng(0).poisson(4.0, (2, 30, 30)).astype(np.uint16)
+    stretched = detector_from(seen).model_copy(update={"stretch": "anscombe"})
+    roots = 2 * np.sqrt(counts + 3 / 8)
+    expected = (roots - roots.min()) / np.ptp(roots)
+    found = stretched.respond(counts)[0, 1, 1]
+    np.testing.assert_allclose(found, expected.mean(axis=(1, 2)))
+
+
+@pytest.mark.parametrize("size", [60, 120, 180, 240])
+def test_thesis_frames_have_a_hundred_blocks(size):
+    grid = block_grid((size, size))
+    assert (grid.rows, grid.columns, grid.block_px) == (10, 10, size // 10)
+    assert (grid.top, grid.left) == (0, 0)
+
+
+def test_block_sums_add_up_the_covered_part():
+    image = np.random.default_rng(0).random((31, 47))
+    grid = block_grid((31, 47), 4)
+    covered = image[grid.top : grid.top + 28, grid.left : grid.left + 44]
+    sums = block_sums(image, grid)
+    assert sums.shape == (7, 11)
+    np.testing.assert_allclose(sums.sum(), covered.sum())
+    np.testing.assert_allclose(sums[2, 3], covered[8:12, 12:16].sum())
+
+
+@pytest.mark.parametrize(
+    ("shape", "block", "sentence"),
+    [
+        ((9, 60), None, "blocks of 2 px: give frames of 20 px or more"),
+        ((60, 60), 1, "3 × 3 blocks"),
+        ((60, 60), 21, "3 × 3 blocks"),
+    ],
+)
+def test_too_few_or_too_small_blocks_are_refused(shape, block, sentence):
+    with pytest.raises(ValueError, match=sentence):
+        block_grid(shape, block)
+
+
+@pytest.mark.parametrize(("name", "most"), [("BM", 2), ("DIS", 2), ("PPM", 8), ("BA", 8)])
+def test_a_method_refuses_more_frames_than_it_takes_together(name, most):
+    frames = np.random.default_rng(0).poisson(9, (9, 40, 50))
+    assert METHODS[name].dense(*frames[:most]).shape == (40, 50, 2)
+    with pytest.raises(ValueError, match=f"9 frames: {name} takes 2"):
+        METHODS[name].dense(*frames)
+    with pytest.raises(ValueError, match="1 frames"):
+        METHODS[name].dense(frames[0])
+
+
+def test_between_blocks_velocities_are_linear_and_where_there_is_none_undefined():
+    grid = BlockGrid((22, 30), 5)  # 4 × 6 blocks, one row of pixels above them
+    x, y = np.moveaxis(grid.centers, -1, 0)
+    flow = between_blocks(np.stack((2 * x - y, y), axis=-1), grid)
+    rows, columns = (np.mgrid[:22, :30] + 0.5)[:, 4:18, 3:27]
+    np.testing.assert_allclose(flow[4:18, 3:27, 0], 2 * columns - rows, atol=1e-12)
+    np.testing.assert_allclose(flow[4:18, 3:27, 1], rows, atol=1e-12)
+    np.testing.assert_allclose(flow[0], flow[3], atol=1e-12)
+    holed = np.ones((4, 6, 2))
+    holed[1, 2] = np.nan
+    undefined = np.isnan(between_blocks(holed, grid)).any(axis=-1)
+    assert undefined.sum() == 25 and undefined[6:11, 10:15].all()
+    assert np.isnan(between_blocks(np.full((4, 6, 2), np.nan), grid)).all()

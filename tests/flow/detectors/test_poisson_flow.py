@@ -60,18 +60,6 @@ def test_eight_frames_need_fewer_photons_than_two():
     assert np.median(np.hypot(*eight.T)) < np.median(np.hypot(*two.T)) / 2
 
 
-def test_without_photons_there_is_no_velocity():
-    assert np.isnan(PoissonFlow().respond(np.zeros((2, 60, 60), np.uint16))).all()
-
-
-def test_blocks_have_the_mean_of_the_flow():
-    counts = draw(light(), 30)
-    detector = PoissonFlow(block_px=16)
-    blocks = detector.respond(counts)[0]
-    flow = detector.dense(*counts)
-    np.testing.assert_allclose(blocks[1, 2], flow[16:32, 32:48].mean(axis=(0, 1)))
-
-
 @pytest.mark.parametrize("name", ["PF", "DIS"])
 def test_a_frame_that_is_not_finite_is_refused_by_its_number(name):
     frames = np.random.default_rng(0).poisson(5, (2, 48, 48)).astype(float)

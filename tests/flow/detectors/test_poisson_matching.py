@@ -38,38 +38,13 @@ def drifting(image, velocity, photons_per_px, frames=8, seed=0):
 
 
 @pytest.mark.parametrize("detector", BOTH, ids=lambda each: each.name)
-@pytest.mark.parametrize("velocity", [(2, 0), (-3, 1), (0, -2), (0, 0)])
-def test_content_that_moves_right_and_down_has_positive_velocity(leaves, detector, velocity):
-    velocities = detector.respond(drifting(leaves, velocity, 1e5))[-1]
-    error = np.hypot(*(velocities[2:-2, 2:-2] - velocity).reshape(-1, 2).T)
-    # at 1e5 photons per pixel a block of 12 × 12 px errs by less than 0.01 px
-    assert np.median(error) < 0.02
-
-
-@pytest.mark.parametrize("detector", BOTH, ids=lambda each: each.name)
-@pytest.mark.parametrize("fraction", [0.25, 0.5, 0.75])
-def test_fractions_of_a_pixel_are_unbiased(leaves, detector, fraction):
-    velocity = (1 + fraction, -fraction)
+@pytest.mark.parametrize("velocity", [(-3, 1), (0, 0), (1.25, -0.25), (1.5, -0.5)])
+def test_velocity_to_the_right_and_down_is_positive_and_unbiased(leaves, detector, velocity):
     counts = drifting(leaves, velocity, 1000)
     bias = np.median(detector.respond(counts)[-1] - velocity, axis=(0, 1))
     # A parabola through costs of a texture smoothed by 0.7 px bends by up to 0.03 px between
     # pixels; photons add 0.01 px per block, less in the median of a hundred.
     assert np.abs(bias).max() < 0.05
-
-
-@pytest.mark.parametrize("detector", BOTH, ids=lambda each: each.name)
-def test_darkness_has_no_velocity(detector):
-    counts = np.zeros((8, 60, 60), np.uint16)
-    assert np.isnan(detector.respond(counts)).all()
-
-
-def test_one_dark_block_does_not_disturb_the_others(leaves):
-    counts = drifting(leaves, (2, 0), 100)
-    whole = PoissonMatching().respond(counts)[-1]
-    counts[:, 24:72, 24:72] = 0
-    holed = PoissonMatching().respond(counts)[-1]
-    assert np.isnan(holed[3, 3]).all()
-    np.testing.assert_array_equal(holed[8:], whole[8:])
 
 
 def test_pooling_starts_with_the_frames_there_are(leaves):
@@ -78,12 +53,6 @@ def test_pooling_starts_with_the_frames_there_are(leaves):
         PooledMatching(frames=5).respond(counts)[1], PooledMatching().respond(counts[:3])[-1]
     )
     assert PooledMatching().respond(counts).shape == PoissonMatching().respond(counts).shape
-
-
-def test_pooling_forgets_what_is_older_than_its_frames(leaves):
-    counts = drifting(leaves, (2, 1), 100)
-    newest = PooledMatching(frames=4).respond(counts[4:])[-1]
-    np.testing.assert_array_equal(PooledMatching(frames=4).respond(counts)[-1], newest)
 
 
 def moments(dispersion, pixels=1000.0, mean=2.0):
@@ -108,11 +77,6 @@ def test_moments_are_sums_over_blocks_and_margins_inside_the_frame():
 def test_blur_falls_as_texture_rises_over_shot_noise():
     levels = [level(1 + q, 2) for q in (0.0, 0.03, 0.08, 0.25, 1.0, 100.0)]
     assert [BLURS_PX[level] for level in levels] == [2.0, 2.0, 1.4, 1.0, 0.7, 0.7]
-
-
-def test_four_times_the_frames_count_as_four_times_the_texture():
-    for q in np.geomspace(0.01, 1, 20):
-        assert level(1 + q, 8) == level(1 + 4 * q, 2)
 
 
 @pytest.mark.parametrize("sums", [[100.0, 0.0, 0.0], [100.0, 200.0, 600.0]])
@@ -164,24 +128,25 @@ def test_costs_are_the_weighted_sums_of_squares_of_every_shift():
         assert costs[block, dy, dx] == pytest.approx(expected, rel=1e-5)
 
 
-@pytest.mark.parametrize("place", [(0.3, -0.2), (-0.4, 0.0), (0.49, 0.51)])
-def test_minimum_of_a_tilted_parabola_is_exact(place):
-    y, x = np.mgrid[-1:2, -1:2] - np.array(place)[::-1, np.newaxis, np.newaxis]
-    costs = (2 * x**2 + 1.2 * x * y + y**2)[np.newaxis]
-    np.testing.assert_allclose(parabola_minimum(costs)[0], place, atol=1e-12)
+Y, X = np.mgrid[-1:2, -1:2].astype(float)
 
 
-def test_stripes_have_a_minimum_across_them_and_none_along():
-    y, x = np.mgrid[-1:2, -1:2].astype(float)
-    np.testing.assert_allclose(parabola_minimum((x - 0.3)[np.newaxis] ** 2)[0], (0.3, 0))
-    np.testing.assert_array_equal(parabola_minimum(-(y[np.newaxis] ** 2))[0], (0, 0))
+def tilted(x, y):
+    return 2 * (X - x) ** 2 + 1.2 * (X - x) * (Y - y) + (Y - y) ** 2
 
 
-def test_edge_of_the_frame_leaves_whole_pixels_across_it():
-    y, x = np.mgrid[-1:2, -1:2].astype(float)
-    costs = ((x - 0.3) ** 2 + (y - 0.4) ** 2)[np.newaxis]
-    costs[:, :, 2] = np.inf
-    np.testing.assert_allclose(parabola_minimum(costs)[0], (0, 0.4), atol=1e-12)
+@pytest.mark.parametrize(
+    ("costs", "place"),
+    [
+        (tilted(0.3, -0.2), (0.3, -0.2)),
+        (tilted(0.49, 0.51), (0.49, 0.51)),
+        ((X - 0.3) ** 2, (0.3, 0)),  # stripes
+        (-(Y**2), (0, 0)),
+        (np.where(X == 1, np.inf, (X - 0.3) ** 2 + (Y - 0.4) ** 2), (0, 0.4)),  # frame's edge
+    ],
+)
+def test_minimum_of_a_parabola_is_exact_where_there_is_one(costs, place):
+    np.testing.assert_allclose(parabola_minimum(costs[np.newaxis])[0], place, atol=1e-12)
 
 
 def test_least_of_all_costs_is_found_in_whole_pixels():
@@ -191,8 +156,5 @@ def test_least_of_all_costs_is_found_in_whole_pixels():
     shifts, exist = least_cost(costs)
     np.testing.assert_array_equal(shifts[2], (-2, 3))
     assert exist.all()
-
-
-@pytest.mark.parametrize("value", [0.0, 5.0, np.inf])
-def test_equal_costs_have_no_least(value):
-    assert not least_cost(np.full((1, 5, 5), value))[1].any()
+    for value in (0.0, np.inf):
+        assert not least_cost(np.full((1, 5, 5), value))[1].any()

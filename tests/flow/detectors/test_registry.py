@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from megalopta.core.errors import UserError
 from megalopta.flow.detectors.registry import METHODS, THESIS_METHODS, method
 from megalopta.flow.metrics.detection import rightward_evidence
 
@@ -28,16 +27,15 @@ def test_registry_holds_the_methods_under_their_names():
 
 def test_method_is_found_in_any_case():
     assert method("nds") is METHODS["NDS"]
-
-
-def test_unknown_method_names_those_that_exist():
     with pytest.raises(ValueError, match=r"'lucas' is unknown: choose from BM, IIA, EMD"):
         method("lucas")
 
 
 @pytest.mark.parametrize("detector", DETECTORS)
 def test_response_has_the_documented_shape(detector):
-    responses = detector.respond(counts())
+    frames = counts()
+    responses = detector.respond(frames)
+    np.testing.assert_array_equal(frames, counts())  # they are left as they are
     if detector.gives == "response":
         assert responses.shape == (7, 30, 40)
     else:
@@ -47,7 +45,7 @@ def test_response_has_the_documented_shape(detector):
 
 
 @pytest.mark.parametrize("detector", DETECTORS)
-@pytest.mark.parametrize("length", [1, 3, 7])
+@pytest.mark.parametrize("length", [1, 3])
 def test_response_does_not_depend_on_the_cutting_into_chunks(detector, length):
     frames = counts()
     whole = detector.respond(frames, 0.25)
@@ -73,29 +71,20 @@ def test_offset_changes_the_response_exactly_when_the_detector_says_so(detector)
 
 
 @pytest.mark.parametrize("detector", DETECTORS)
-def test_frames_are_left_as_they_are(detector):
-    frames = counts()
-    detector.respond(frames)
-    np.testing.assert_array_equal(frames, counts())
+def test_frames_too_small_too_few_or_none_are_refused(detector):
+    for shape, sentence in (
+        ((3, 2, 50), "2 × 50 px"),
+        ((3, 50, 2), "50 × 2 px"),
+        ((30, 30), r"needs a sequence \(T, H, W\)"),
+        *([((1, 30, 30), "at least 2 frames")] if detector.gives == "velocity" else []),
+    ):
+        with pytest.raises(ValueError, match=sentence):
+            detector.respond(np.ones(shape))
 
 
-@pytest.mark.parametrize("detector", DETECTORS)
-@pytest.mark.parametrize("shape", [(2, 2), (2, 50), (50, 2)])
-def test_frames_too_small_are_refused_with_their_size(detector, shape):
-    with pytest.raises(ValueError, match=f"{shape[0]} × {shape[1]} px"):
-        detector.respond(np.ones((3, *shape)))
-
-
-@pytest.mark.parametrize("detector", DETECTORS)
-def test_a_single_image_is_refused(detector):
-    with pytest.raises(ValueError, match=r"needs a sequence \(T, H, W\)"):
-        detector.respond(np.ones((30, 30)))
-
-
-@pytest.mark.parametrize("name", VELOCITY)
-def test_velocity_needs_two_frames(name):
-    with pytest.raises(ValueError, match="at least 2 frames"):
-        METHODS[name].respond(np.ones((1, 30, 30)))
+@pytest.mark.parametrize("name", [name for name in VELOCITY if name != "BM"])
+def test_darkness_has_no_velocity(name):
+    assert np.isnan(METHODS[name].respond(np.zeros((3, 60, 60), np.uint16))[:, 1:]).all()
 
 
 @pytest.mark.parametrize("detector", DETECTORS)
@@ -169,11 +158,6 @@ def test_code_that_is_no_method_is_told_in_one_sentence(in_folder, reference, to
     with pytest.raises(ValueError, match=told) as problem:
         method(reference)
     assert "\n" not in str(problem.value)
-
-
-def test_a_function_that_fails_is_told_with_its_line(in_folder):
-    with pytest.raises(UserError, match=r"fails_to_run:flow: IndexError.*fails_to_run\.py:2; give"):
-        method("fails_to_run:flow").dense(*counts()[:2])
 
 
 @pytest.mark.parametrize("reference", ["fails_to_load:flow", "net.onnx"])

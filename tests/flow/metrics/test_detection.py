@@ -56,11 +56,6 @@ def test_area_is_the_integral_of_the_curve_ties_included():
     assert integral == pytest.approx(np.mean(pairs < 0) + 0.5 * np.mean(pairs == 0), abs=1e-12)
 
 
-def test_area_and_d_prime_do_not_change_with_the_scale_of_the_evidence():
-    noise, signal = gaussians(1.0, seed=3)
-    assert d_prime(np.exp(noise), np.exp(signal)) == d_prime(noise, signal)
-
-
 def test_separate_samples_give_the_limit_that_their_number_allows():
     noise, signal = np.zeros(256), np.ones(256)
     limit = math.sqrt(2) * norm.isf(0.5 / 256**2)
@@ -89,17 +84,7 @@ def settled(detector, velocity):
     return detector.respond(frames)[detector.memory_frames :]
 
 
-def methods_but(*names):
-    """Names of the others; the dear ones, whose velocities have a test of their own, are slow."""
-    dear = ("TV-L1", "PC")
-    return [
-        pytest.param(name, marks=[pytest.mark.slow] if name in dear else [])
-        for name in METHODS
-        if name not in names
-    ]
-
-
-@pytest.mark.parametrize("name", methods_but("IM"))
+@pytest.mark.parametrize("name", ["BM", "EMD", "NDM", "NDS", "DIS", "PM"])
 def test_noise_free_motion_exceeds_standstill_in_nearly_all_blocks(name):
     detector = METHODS[name]
     moving, still = (
@@ -110,37 +95,9 @@ def test_noise_free_motion_exceeds_standstill_in_nearly_all_blocks(name):
     assert roc_auc(still, moving) > 0.95
 
 
-@pytest.mark.parametrize("name", methods_but("NDM", "NDS", "IM"))
-def test_direction_is_told_by_the_sign(name):
-    detector = METHODS[name]
-    right, left = (
-        rightward_evidence(detector, settled(detector, velocity))
-        for velocity in ((1.2, 0.0), (-1.2, 0.0))
-    )
-    assert np.median(right) > 0 > np.median(left)
-    assert d_prime(left, right) > 2
-
-
-@pytest.mark.parametrize("name", ["NDM", "NDS"])
-def test_mirrored_motion_is_the_same_to_detectors_without_direction(name):
-    detector = METHODS[name]
-    frames = drifting_texture((1.2, 0.0), 20)
-    right, left = (detector.respond(each)[14:] for each in (frames, frames[..., ::-1]))
-    assert d_prime(
-        rightward_evidence(detector, left), rightward_evidence(detector, right)
-    ) == pytest.approx(0, abs=1e-3)  # rounding decides between equal ones
-
-
 def test_evidence_of_a_block_is_the_mean_of_the_responses_in_it():
     responses = np.arange(2 * 30 * 40, dtype=float).reshape(2, 30, 40) - 700
     evidence = rightward_evidence(METHODS["EMD"], responses)
     assert evidence.shape == (2, 8, 11)
     assert evidence[1, 2, 3] == pytest.approx(responses[1, 9:12, 12:15].mean())
     np.testing.assert_array_equal(motion_evidence(METHODS["EMD"], responses), np.abs(evidence))
-
-
-def test_block_without_velocity_is_no_evidence():
-    velocities = np.full((1, 5, 5, 2), np.nan)
-    velocities[0, 2, 2] = 3, -4
-    evidence = motion_evidence(METHODS["LK"], velocities)
-    assert evidence.tolist() == [[[0, 0, 0], [0, 5, 0], [0, 0, 0]]]

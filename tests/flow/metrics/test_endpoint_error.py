@@ -6,41 +6,12 @@ import math
 import numpy as np
 import pytest
 
-from megalopta.flow.detectors.block_matching import BlockMatching
 from megalopta.flow.detectors.blocks import block_grid
-from megalopta.flow.detectors.image_interpolation import ImageInterpolation
 from megalopta.flow.metrics.endpoint_error import block_flow, block_share, truth_error, truth_splits
-from megalopta.flow.stimuli.resizing import resize
 
 
 def uniform(velocity, shape=(120, 120), pairs=2):
     return np.tile(np.asarray(velocity, np.float32), (pairs, *shape, 1))
-
-
-def test_image_moving_right_agrees_with_its_truth_through_resizing():
-    # 6 px per frame in 240 px are 3 px per frame in 120 px, of which pooled pixels hold exactly two.
-    image = np.random.default_rng(0).random((240, 240))
-    frames = np.stack([np.roll(image, 6 * t, axis=1) for t in range(3)])
-    detector = BlockMatching()
-    velocities = detector.respond(resize(frames, 120, "area"))
-    truth = block_flow(uniform((6, 0), (240, 240)), detector.grid((120, 120)))
-    np.testing.assert_allclose(truth, np.tile((3, 0), (2, 10, 10, 1)))
-    error = truth_error(velocities, truth)
-    assert error.endpoint_error_px == error.angular_error_deg == error.outlier_fraction == 0
-    assert error.blocks == 2 * 64
-
-
-def test_image_interpolation_shows_its_bias_sin_kd_over_sin_k():
-    k, d = 2 * np.pi / 6, 1.5
-    y, x = np.mgrid[:60, :60]
-    frames = np.stack([np.sin(k * (x - d * t)) + np.sin(k * y) for t in range(3)])
-    detector = ImageInterpolation()
-    truth = block_flow(uniform((d, 0), (60, 60)), detector.grid((60, 60)))
-    error = truth_error(detector.respond(frames), truth)
-    bias = np.sin(k * d) / np.sin(k) - d
-    assert error.bias_px == pytest.approx((bias, 0), abs=1e-6)
-    assert error.spread_px == pytest.approx((0, 0), abs=1e-6)
-    assert error.relative_error_median == pytest.approx(-bias / d, rel=1e-5)
 
 
 def test_blocks_of_weighed_pixels_have_the_weighted_mean_and_lightweight_ones_none():
@@ -58,12 +29,6 @@ def test_blocks_of_weighed_pixels_have_the_weighted_mean_and_lightweight_ones_no
     assert heavy.sum() >= 4
     np.testing.assert_allclose(averaged[0][heavy], expected[heavy], rtol=1e-12)
     assert np.isnan(averaged[0][~heavy]).all()
-
-
-def test_components_scale_with_their_own_axis():
-    truth = block_flow(uniform((4, 4), (90, 120)), block_grid((30, 60)))
-    np.testing.assert_allclose(truth[..., 0], 4 * 60 / 120, rtol=1e-6)
-    np.testing.assert_allclose(truth[..., 1], 4 * 30 / 90, rtol=1e-6)
 
 
 def test_blocks_average_exactly_the_pixels_whose_centers_they_hold():
@@ -130,12 +95,6 @@ def test_without_any_known_block_the_error_is_undefined_and_still_json():
     fields = json.loads(json.dumps(error.to_dict(), allow_nan=False))
     assert fields["endpoint_error_px"] is None
     assert fields["bias_px"] == [None, None]
-
-
-def test_still_blocks_do_not_enter_relative_errors():
-    error = truth_error(np.ones((1, 4, 4, 2)), np.zeros((1, 4, 4, 2)))
-    assert math.isnan(error.outlier_fraction)
-    assert error.endpoint_error_px == pytest.approx(math.sqrt(2))
 
 
 def test_shapes_that_do_not_match_are_refused():

@@ -8,7 +8,6 @@ from megalopta.flow.stimuli.statistics import (
     image_statistics,
     log_statistics,
     power_spectrum,
-    unlit_share,
 )
 
 from ..textures import drifting_texture
@@ -46,23 +45,11 @@ def test_sinusoid_has_its_contrast_and_its_gradient():
     assert found.gradient_kurtosis == pytest.approx(1.5, rel=1e-9)
 
 
-def test_kurtosis_is_3_where_gradients_are_normal():
-    # Neighbors share pixels, so 189 000 differences count as about half: σ = √(24/94 000) = 0.016.
-    assert image_statistics(fractal(0)).gradient_kurtosis == pytest.approx(3, abs=0.1)
-
-
 def test_flat_share_is_the_part_without_texture():
     template = np.ones(SHAPE)
     template[:, :151] += np.resize([0.5, -0.5], 151)
     # Of 753 differences 152 are not: 150 within the textured part and one at either end of it.
     assert image_statistics(template).flat_share == pytest.approx(1 - 152 / 753, abs=1e-12)
-
-
-def test_statistics_do_not_depend_on_the_unit_of_light():
-    one, other = (image_statistics(scale * fractal(-2)) for scale in (1, 1e-7))
-    assert one.contrast == pytest.approx(other.contrast)
-    assert one.spectrum_slope == pytest.approx(other.spectrum_slope)
-    assert one.flat_share == other.flat_share
 
 
 def view(seed=0):
@@ -105,24 +92,6 @@ def test_noise_of_renderings_takes_no_part():
     assert single.neighbor_correlation < clean.neighbor_correlation - 0.04
     assert single.spectrum_slope > clean.spectrum_slope + 0.15
     assert abs(found.neighbor_correlation - clean.neighbor_correlation) < 0.003
-
-
-def test_noise_that_is_most_in_the_shade_adds_no_contrast():
-    # a tenth of the light in the sun, half of it in the shade, whose logarithm is .14 too small
-    rng = np.random.default_rng(2)
-    logs = np.where(view(seed=3) > 0, 0.5, -0.5)
-    shapes = np.where(logs > 0, 100, 4)
-    passes = [np.exp(logs) * rng.gamma(shapes, 1 / shapes) for _ in range(PASSES)]
-    single = [np.log(each).std() for each in passes]
-    # Of two renderings in one value an eighth of that is left, (σ²/2)²: .01 of contrast .5.
-    assert log_statistics(passes).contrast == pytest.approx(0.5, abs=0.015)
-    assert min(single) > 0.6
-
-
-def test_pixels_without_light_are_counted():
-    light = np.ones((PASSES, 10, 10))
-    light[0, :2] = 0
-    assert unlit_share(light) == pytest.approx(0.2 / PASSES)
 
 
 def test_white_noise_has_no_slope_and_no_correlation():

@@ -11,8 +11,6 @@ from megalopta.benchmark.flights import HEADING, YAW, FlightErrors, flight_error
 from megalopta.benchmark.moving_forests import forest_flight
 from megalopta.benchmark.table import Case
 from megalopta.flow.egomotion.wide_field import yaw_rates_deg_s
-from megalopta.reproduction import comparison_camera_motion as camera_motion
-from megalopta.reproduction.drawing import Run
 from megalopta.scenes import PerspectiveCamera
 
 from ...flow.egomotion.corner import ROOM, view as room
@@ -78,34 +76,3 @@ def test_every_way_is_measured_and_the_likelihood_finds_the_motion():
     assert found.yaw(likely, 300.0).value < 0.2 < found.yaw("BM, summed", 300.0).value
     assert found.heading(likely, 300.0).value < 2
     assert found.heading("BM, summed", 300.0) is None
-
-
-@pytest.mark.parametrize(
-    ("yaw", "said"),
-    [
-        ((0.2, 0.1, 0.06), "none up to 30 photons"),
-        ((0.2, 0.04, 0.03), "from 3 photons/px on"),
-        ((0.04, 0.2, 0.03), "from 30 photons/px on"),
-        ((0.04, 0.04, 0.03), "from 0.3 photons/px on"),
-    ],
-)
-def test_figure_says_from_which_light_on_the_motion_is_known(monkeypatch, tmp_path, yaw, said):
-    def errors(view, clip, fluxes, *_):
-        cases = (Case(YAW, "BM, summed", flux) for flux in fluxes)
-        samples = {case: np.full((4, 1), each) for case, each in zip(cases, yaw, strict=True)}
-        return FlightErrors(samples, np.ones(4))
-
-    light = FlowClip("flight", np.ones((80, 12, 12)), np.zeros((12, 12, 2)))
-    monkeypatch.setattr(camera_motion, "forest_clips", lambda *_: iter([(light, 0.01)]))
-    monkeypatch.setattr(camera_motion, "flight_errors", errors)
-    figure = camera_motion.camera_motion(Run(True, {}, {}, tmp_path))
-    assert figure.printed == {"BM, summed": (said, "–")}
-
-
-@pytest.mark.slow
-def test_figure_has_a_row_for_each_way_and_flux(monkeypatch, tmp_path):
-    monkeypatch.setattr(camera_motion, "forest_clips", lambda *_: iter([(clip(), 0.01)]))
-    figure = camera_motion.camera_motion(Run(True, {}, {}, tmp_path))
-    assert len(figure.printed) == 8
-    assert any(heading.startswith("from") for _, heading in figure.printed.values())
-    assert len(figure.numbers["way"]) == 8 * 3

@@ -72,12 +72,6 @@ def test_one_unit_alone_has_no_interval(blocks):
     assert not lowest({"a": one, "b": one}).is_sure
 
 
-def test_empty_groups_have_neither_mean_nor_best():
-    empty = sums(np.zeros(5), np.zeros(5))
-    assert interval(empty) is None
-    assert lowest({"a": empty}) is None
-
-
 def test_a_unit_is_a_sequence_and_of_few_sequences_a_stretch():
     of_many = units([sums([1, 2]), sums([3]), sums([4]), sums([5, 5, 5]), sums([6])])
     assert of_many.totals.tolist() == [3, 3, 4, 15, 6]

@@ -1,9 +1,5 @@
 """Trials side by side: the same numbers at any number of workers, and nothing measured twice."""
 
-import signal
-import subprocess
-import sys
-import time
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from multiprocessing import get_context
 
@@ -13,10 +9,8 @@ import pytest
 from megalopta.benchmark import runner as engine
 from megalopta.benchmark.runner import run_trials, trial_work
 from megalopta.benchmark.sweep import Sweep
-from megalopta.benchmark.trial import GratingTemplate, PanoramaTemplate, Trial
-from megalopta.core.errors import UserError
+from megalopta.benchmark.trial import GratingTemplate, Trial
 from megalopta.flow.benchmark.settings import SearchSettings
-from megalopta.flow.detectors.registry import METHODS
 
 FAST = SearchSettings(flux_min=1e4, flux_max=1e7, bits=(2,), metrics=("literal",), phases=2)
 TRIALS = Sweep(trial=Trial(search=FAST, methods=("BM", "NDS", "IM")), values=(3, 4, 5)).trials
@@ -97,17 +91,6 @@ def test_a_damaged_record_is_measured_again(tmp_path, content):
     assert path.read_bytes() == whole
 
 
-def test_results_of_one_name_of_panorama_depend_on_its_pixels_alone(tmp_path):
-    pixels = GratingTemplate().pixels()
-    trials = [
-        TRIALS[0].model_copy(update={"template": PanoramaTemplate(kind="panorama", name=name)})
-        for name in ("a", "b")
-    ]
-    with ThreadPoolExecutor(1) as pool:
-        results = run_trials(trials, {each.template: pixels for each in trials}, tmp_path, pool)
-    assert results[trials[0]] == results[trials[1]]
-
-
 def test_progress_adds_up_to_the_work_stored_or_not(tmp_path):
     for _ in range(2):
         done = []
@@ -117,58 +100,11 @@ def test_progress_adds_up_to_the_work_stored_or_not(tmp_path):
         assert len(done) == len(TRIALS)
 
 
-def test_a_template_that_cannot_be_measured_is_named_in_one_sentence(tmp_path):
-    template = PanoramaTemplate(kind="panorama", name="night.png")
-    pixels = np.ones((251, 700))
-    pixels[:, :300] = 0
-    with ThreadPoolExecutor(1) as pool, pytest.raises(UserError, match=r"^night.png: .* is black"):
-        run_trials(
-            [TRIALS[0].model_copy(update={"template": template})],
-            {template: pixels},
-            tmp_path,
-            pool,
-        )
-    assert not tmp_path.is_dir() or not list(tmp_path.iterdir())
-
-
-@pytest.mark.parametrize("name", METHODS)
-def test_every_method_can_be_swept(tmp_path, name):
+@pytest.mark.parametrize("name", ["BM", "NDS", "IM", "PM", "LK"])
+def test_every_kind_of_method_can_be_swept(tmp_path, name):
     few = SearchSettings(flux_min=1e5, flux_max=1e6, fluxes_per_decade=1, bits=(2,), phases=1)
     trial = Trial(search=few.model_copy(update={"frames": 1}), methods=(name,))
     with ThreadPoolExecutor(1) as pool:
         (curves,) = run_trials([trial], TEMPLATES, tmp_path, pool).values()
     assert {curve.method for curve in curves} == {name}
     assert all(len(curve.errors) >= 2 for curve in curves)
-
-
-@pytest.mark.slow  # Ctrl-C in a process is tested by cli/test_main.py
-def test_who_interrupts_does_not_wait_for_trials_that_are_half_done(tmp_path):
-    sweep = tmp_path / "long.yaml"
-    search = "{phases: 250, repeats: 50, metrics: [literal], bits: [2]}"  # minutes
-    sweep.write_text(f"trial: {{methods: [BM], size: 240, search: {search}}}\nvalues: [5]\n")
-    process = subprocess.Popen(
-        [
-            sys.executable,
-            "-m",
-            "megalopta",
-            "benchmark",
-            "photons",
-            str(sweep),
-            "--out",
-            str(tmp_path / "out"),
-        ],
-        stderr=subprocess.PIPE,
-        text=True,
-        # a shell that runs tests in the background has its children ignore Ctrl-C
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
-    )
-    deadline = time.monotonic() + 60
-    started = tmp_path / "out" / "trials"  # made before the first trial
-    while not started.exists() and time.monotonic() < deadline:
-        time.sleep(0.05)
-    time.sleep(1)
-    process.send_signal(signal.SIGINT)
-    _, stderr = process.communicate(timeout=20)
-    assert process.returncode == 130, stderr
-    assert "interrupted; every file is whole, and the same command goes on" in stderr
-    assert not list(started.iterdir())

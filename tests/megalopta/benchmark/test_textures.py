@@ -11,11 +11,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from megalopta.benchmark import textures
 from megalopta.flow.detectors.registry import METHODS
-from megalopta.flow.metrics.photon_threshold import format_flux
 from megalopta.flow.metrics.translation_bound import fisher_information
-from megalopta.plotting.style import house_style, new_canvas
-from megalopta.reproduction import comparison_blocks as figures_leaderboard
-from megalopta.reproduction.drawing import Run
 
 
 @pytest.fixture(scope="module")
@@ -53,45 +49,6 @@ def test_frames_hold_one_photon_share_each_and_drift_to_the_right(clean):
     velocities = METHODS["PM"].respond(textures.leaf_counts(clean[0], 1e8, 0))
     assert np.median(velocities[..., 0]) == pytest.approx(textures.SPEED_PX, abs=0.03)
     assert np.median(velocities[..., 1]) == pytest.approx(0, abs=0.01)
-
-
-_SHOWN = ("IIA", "PM")
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["leaderboard", "efficiency"])
-def test_figures_are_drawn_with_their_numbers(name, clean, monkeypatch, check_words):
-    monkeypatch.setattr(figures_leaderboard, "sequences", lambda: clean[:2])
-    monkeypatch.setattr(figures_leaderboard, "MATCHING", ("PM",))
-    monkeypatch.setattr(figures_leaderboard, "EFFICIENCY_FLUXES", (1e6, 1e7))
-    monkeypatch.setattr(figures_leaderboard, "DRAWS", 3)
-    monkeypatch.setattr(figures_leaderboard, "METHODS", {each: METHODS[each] for each in _SHOWN})
-    figure = getattr(figures_leaderboard, name)(Run())
-    with house_style():
-        canvas = new_canvas(figure.title, figure.caption, figure.height_in)
-        figure.draw(canvas)
-        canvas.draw_without_rendering()
-    assert figure.name == name
-    check_words(figure)
-    assert canvas.axes[0].get_xlabel().startswith("Photons per frame")
-    assert len(figure.rows) == 2
-    if name == "leaderboard":
-        assert figure.rows[-1][0] == "IIA"
-        assert np.isinf(figure.rows[-1][3])
-        photons, in_all, low, high = figure.rows[0][3:7]
-        assert low < photons < high
-        assert in_all == 2 * photons
-
-
-@pytest.mark.slow
-def test_caption_tells_which_methods_collect_more_than_two_frames(entries):
-    found = figures_leaderboard.frames_collected(list(entries.values()))
-    total = format_flux(8 * entries["PPM"].needed.photons)
-    sentence = f"Methods see two frames, but Pooled Poisson matching 8 ({total} photons in total)"
-    assert found.startswith(sentence)
-    assert "Poisson matching 2" not in found
-    without = [entries["PM"], entries["BM"]]
-    assert figures_leaderboard.frames_collected(without) == "All methods see two frames."
 
 
 def test_information_of_a_block_is_that_of_its_sum_and_a_margin_adds_that_of_its_pixels(clean):

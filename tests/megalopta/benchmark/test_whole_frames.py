@@ -7,18 +7,11 @@ import pytest
 from PIL import Image
 from scipy.ndimage import gaussian_filter, map_coordinates
 
-from megalopta.benchmark.clips import (
-    FRAMES,
-    FlowClip,
-    leaves_clip,
-    middle,
-    panorama_clips,
-)
+from megalopta.benchmark.clips import FRAMES, FlowClip, leaves_clip, middle, panorama_clips
 from megalopta.benchmark.methods import methods_and_baselines, on_the_board
-from megalopta.benchmark.whole_frames import FAR, MEAN, MEDIAN, block_errors, frame_errors
+from megalopta.benchmark.whole_frames import FAR, MEAN, MEDIAN, frame_errors
 from megalopta.cli import main as cli
 from megalopta.flow.detectors.gray_detector import detector_from
-from megalopta.flow.detectors.registry import METHODS
 from megalopta.flow.formats import write_flo, write_kitti_png
 from megalopta.plotting.style import house_style, new_canvas
 from megalopta.reproduction import comparison_frames as whole_frames
@@ -72,13 +65,6 @@ def test_methods_and_baselines_of_a_board_do_with_its_frames():
     assert {"PM", "PPM", "DIS √"} <= set(eight) and "EMD" not in eight
     assert on_the_board("DIS √") == two["DIS √"]
     assert on_the_board("DIS") == "DIS"
-
-
-def test_methods_see_the_frames_in_the_middle(clip):
-    assert middle(clip.light, 2) is not None
-    np.testing.assert_array_equal(middle(clip.light, 2), clip.light[3:5])
-    errors = block_errors(METHODS["BM"].model_copy(update={"block_px": 24}), clip.light, clip)
-    np.testing.assert_array_equal(errors, np.zeros(6))
 
 
 def test_shipped_scenes_move_as_their_flow_says():
@@ -176,25 +162,6 @@ def test_folders_of_others_become_a_table_of_error_against_flux(layout, clip, tm
     assert [float(rows[1][name]) for name in METRICS] == [0, 0, 0]
     assert float(rows[0]["mean_epe_px"]) > 0
     assert "BM" in capsys.readouterr().out
-
-
-def test_every_pair_has_its_row_and_only_several_pairs_have_an_interval(clip, tmp_path, capsys):
-    for name in ("Venus", "Urban2"):
-        middlebury(tmp_path / "data", clip, name)
-    words = "--methods", "BM,DIS √", "--photons", "2"
-    rows = measured(tmp_path, tmp_path / "data", *words)
-    assert [(row["pair"], row["method"]) for row in rows] == [
-        ("Urban2", "BM"),
-        ("Urban2", "DIS √"),
-        ("Venus", "BM"),
-        ("Venus", "DIS √"),
-    ]
-    several = capsys.readouterr().out
-    assert "mean over 2 pairs with 95 % over pairs" in several
-    assert several.count(" … ") == 2 * 3  # methods, measures
-    for draws in (1, 2):
-        measured(tmp_path, *one_pair(tmp_path / "data"), *words, "--draws", draws)
-        assert "…" not in capsys.readouterr().out
 
 
 def test_mistakes_are_told_in_a_sentence(clip, tmp_path, capsys):

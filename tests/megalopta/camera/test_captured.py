@@ -3,16 +3,14 @@
 import numpy as np
 import pytest
 
-from megalopta.camera.comparison import Cycle, align, rendered_dataset
+from megalopta.camera.comparison import Cycle, align
 from megalopta.camera.device_comparison import CompareSettings, compare_captured
 from megalopta.camera.emulated import Rendered
-from megalopta.camera.recording import Beam, Source, read_recorded
+from megalopta.camera.recording import Source, read_recorded
 from megalopta.config.model import load
-from megalopta.config.yaml_model import to_yaml
 from megalopta.core.errors import UserError
 from megalopta.sensor import expose_rate, load_sensor
 from megalopta.sensor.compare.quantities import CountedFrames
-from megalopta.sensor.formats.packed import write_binary_npy
 from megalopta.sensor.formats.tiff import write_tiff
 from megalopta.stages.pipeline import run_stage
 
@@ -62,71 +60,6 @@ def test_a_rendered_scene_is_compared_frame_by_frame(forest, tmp_path, brighter,
     assert "aligned in time" in page.read_text("utf-8")
 
 
-FEW = "{kind: digital, capacity: 1}"
-
-
-def counts_file(folder, sensor, light_hz):
-    path = folder / f"counts{light_hz:g}.npy"
-    np.save(path, drawn(sensor, light_hz, (120, 16, 16)).astype(np.uint32))
-    return path
-
-
-def bits_file(folder, sensor, light_hz):
-    path = folder / f"bits{light_hz:g}.npy"
-    write_binary_npy(path, np.packbits(drawn(sensor, light_hz, (120, 16, 16)) > 0, axis=-1))
-    return path
-
-
-def swissspad2_file(folder, sensor, light_hz):
-    path = folder / f"swiss{light_hz:g}.bin"
-    bits = drawn(sensor, light_hz, (60, 256, 512)) > 0
-    path.write_bytes(np.packbits(bits, axis=-1, bitorder="little").tobytes())
-    return path
-
-
-def drawn(sensor, light_hz, shape):
-    rates = np.full(shape, light_hz)
-    return expose_rate(rates, sensor, seed=7, sequence=f"{light_hz}").counts
-
-
-@pytest.mark.parametrize(
-    ("write", "kind", "counter"),
-    [
-        (counts_file, None, None),
-        (bits_file, None, FEW),
-        (swissspad2_file, "swissspad2", FEW),
-    ],
-)
-@pytest.mark.slow  # sensor/formats tests the files, sensor/compare what is found in counts
-def test_recordings_of_other_cameras(write, kind, counter, tmp_path):
-    path = device(tmp_path, exposure_s=0.01, **({"counter": counter} if counter else {}))
-    sensor = load_sensor(path)
-    lights = (40.0, 90.0)
-    sources = [Source(write(tmp_path, sensor, each), each, 0.01, None, kind) for each in lights]
-    page = tmp_path / "page.html"
-    sentence = compare_captured(sources, path, page, CompareSettings(beam=Beam(700.0)))
-    assert sentence == "Nothing differs beyond chance."
-    twice = [Source(each.path, 2 * each.light, 0.01, None, kind) for each in sources]
-    assert "efficiency" in compare_captured(twice, path, page, CompareSettings(beam=Beam(700.0)))
-
-
-def test_a_configuration_is_rendered_beside_the_page(tmp_path):
-    words = {"camera.width": "16", "camera.height": "16", "trajectory.frames": "2"}
-    small = load("grating", words | {"render.samples_per_pixel": "1"})
-    (tmp_path / "small.yaml").write_text(to_yaml(small), "utf-8")
-    root = rendered_dataset(str(tmp_path / "small.yaml"), tmp_path / "page")
-    assert root == tmp_path / "page"
-    assert len(list(root.rglob("*.exr"))) >= 2
-    with pytest.raises(UserError, match="nowhere"):
-        rendered_dataset("nowhere", tmp_path / "page")
-
-
-def test_frames_of_other_sizes_are_refused():
-    cycle = Cycle(np.ones((4, 16, 16)), 10.0)
-    with pytest.raises(UserError, match="16"):
-        align(CountedFrames(np.zeros((60, 8, 8)), 0.1), cycle)
-
-
 def test_a_range_of_frames_is_one_light(tmp_path):
     counts = np.arange(60)[:, None, None] * np.ones((1, 4, 4), np.uint16)
     np.save(tmp_path / "steps.npy", counts.astype(np.uint16))
@@ -138,3 +71,9 @@ def test_a_range_of_frames_is_one_light(tmp_path):
         read_recorded(Source.parse(f"{tmp_path}/steps.npy#10-99@2e6:0.5"))
     with pytest.raises(UserError, match="#FIRST-END"):
         Source.parse("steps#30@2e6")
+
+
+def test_frames_of_other_sizes_are_refused():
+    cycle = Cycle(np.ones((4, 16, 16)), 10.0)
+    with pytest.raises(UserError, match="16"):
+        align(CountedFrames(np.zeros((60, 8, 8)), 0.1), cycle)

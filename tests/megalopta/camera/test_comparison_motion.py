@@ -6,7 +6,6 @@ import pytest
 from megalopta.camera.comparison import plate_responses
 from megalopta.camera.device_comparison import write_motion_report
 from megalopta.camera.motion_bench import BenchLight, fitted_light, record
-from megalopta.core.errors import UserError
 from megalopta.sensor import preset
 from megalopta.sensor.compare.quantities import CountedFrames
 
@@ -33,20 +32,6 @@ def test_a_recording_may_begin_anywhere():
     assert [each.captured.size for each in responses] == [8, 8]
     # Welch's test at 1e-6, of the same device
     assert min(each.difference.p for each in responses) > 1e-6
-
-
-@pytest.mark.slow
-def test_passages_with_gaps_are_left_out():
-    counts = record(5.0, SENSOR, seed=1).counts[:256]
-    kept = np.delete(np.arange(256), 70)
-    frames = CountedFrames(counts[kept], 0.1, times_s=0.1 * kept)
-    (first, _) = plate_responses({5.0: frames}, SENSOR, margin=0.05)
-    assert first.captured.size == 6  # crossings of three passages of four
-
-
-def test_short_recordings_are_refused():
-    with pytest.raises(UserError, match="no edge passes"):
-        plate_responses({5.0: CountedFrames(np.zeros((64, 16, 16)), 0.1)}, SENSOR, margin=0.05)
 
 
 @pytest.mark.slow

@@ -8,7 +8,6 @@ import yaml
 import zarr
 
 from megalopta.camera.calibration import adc_of, calibrate_recordings, write_device
-from megalopta.camera.device_comparison import CompareSettings, compare_captured
 from megalopta.camera.recording import Beam, Source, read_recorded
 from megalopta.core.errors import UserError
 from megalopta.sensor import (
@@ -89,21 +88,6 @@ def test_the_device_file_loads_with_its_maps(calibrated):
     assert device.dead_time.kind == "paralyzable"
     assert "256 of 256 pixels" in sentence
     assert "Saturation" in (folder / "device.html").read_text("utf-8")
-
-
-@pytest.mark.slow  # comparison/test_captured.py and test_motion.py enter by the same door
-def test_a_captured_device_is_like_its_model(calibrated):
-    folder, *_ = calibrated
-    new = [
-        write_recording(folder / f"new {at}", *each, frames=200, seed=5)
-        for at, each in enumerate(((0.03, 0.0), (2e-4, 2e8), (2e-4, 4e9)))
-    ]
-    page = folder / "comparison.html"
-    sentence = compare_captured(
-        new, folder / "device.yaml", page, CompareSettings(beam=Beam(700.0))
-    )
-    assert sentence == "Nothing differs beyond chance."
-    assert "rank correlation" in page.read_text("utf-8")
 
 
 def test_crosstalk_and_afterpulses_of_the_device_file_make_what_was_counted(calibrated, tmp_path):

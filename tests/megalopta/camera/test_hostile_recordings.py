@@ -121,14 +121,3 @@ def test_what_was_not_finished_is_said(made, capsys):
     open_recording(made)
     told = capsys.readouterr().err
     assert f"{made}: not finished" in told and f"megalopta spadcam recover {made}" in told
-
-
-def test_what_was_killed_before_its_counts_were_there_names_recover(
-    made, tmp_path, monkeypatch, capsys
-):
-    monkeypatch.chdir(tmp_path)
-    shutil.copytree(made, "a b")
-    shutil.rmtree(tmp_path / "a b" / "counts.zarr")
-    with pytest.raises(SystemExit):
-        cli.main(["spadcam", "calibrate", "a b"])
-    assert "read raw.bin back: megalopta spadcam recover 'a b'" in capsys.readouterr().err

@@ -78,11 +78,6 @@ def test_gaps_are_counted_through_the_wrap(recorder, tmp_path, numbers, gaps, mi
     np.testing.assert_array_equal(open_recording(tmp_path).sequence_number, numbers)
 
 
-def test_a_frame_that_comes_twice_is_taken_once(recorder):
-    take(recorder, [4, 4, 5, 5, 5])
-    assert recorder.frames == 2
-
-
 def test_each_connection_has_its_clock(recorder, tmp_path):
     take(recorder, range(50))
     recorder.plugged(777)

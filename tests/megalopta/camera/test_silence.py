@@ -1,7 +1,6 @@
 """Captures of a camera that answers, and then sends no frames."""
 
 import itertools
-import re
 import threading
 
 import numpy as np
@@ -63,10 +62,9 @@ def impatient(monkeypatch):
     ("then", "limit", "told"),
     [
         (nothing, {"seconds": 8}, "nothing came"),
-        (nothing, {}, "nothing came"),
-        (zeros, {"seconds": 8}, r"\d+ bytes came"),
-        (garbage, {"frames": 9}, r"\d+ bytes came"),
-        (half_packets, {}, r"\d+ bytes came"),
+        (zeros, {"seconds": 8}, r"\d+ bytes with 0 damaged and 0 whole packets came"),
+        (garbage, {"frames": 9}, r"\d+ bytes with [1-9]\d* damaged and 0 whole packets came"),
+        (half_packets, {}, r"\d+ bytes with 0 damaged and 0 whole packets came"),
     ],
 )
 def test_a_capture_without_a_frame_ends_and_leaves_nothing(
@@ -78,7 +76,7 @@ def test_a_capture_without_a_frame_ends_and_leaves_nothing(
     assert not (tmp_path / "a").exists()
 
 
-@pytest.mark.parametrize("what", [nothing, zeros, garbage, half_packets, the_same_frame])
+@pytest.mark.parametrize("what", [nothing, garbage, the_same_frame])
 def test_a_capture_that_frames_leave_ends_and_keeps_them(acted, impatient, tmp_path, what):
     out = tmp_path / "a"
     with (
@@ -103,15 +101,3 @@ def test_raw_bytes_are_bounded(acted, tmp_path, monkeypatch):
     frames_taken = len(open_recording(out))
     bound = 200_000 + 10 * frames_taken * (LONGEST + 1) + 65_536
     assert 200_000 < (out / "raw.bin").stat().st_size <= bound
-
-
-@pytest.mark.slow
-def test_the_command_ends_within_ten_seconds(acted, command, tmp_path):
-    with acted(zeros) as port:
-        words = ["--port", port, "--out", tmp_path / "a", "--seconds", "8"]
-        with command("capture", *words) as running:
-            printed, told = running.communicate(timeout=60)
-    assert running.returncode == 2 and printed == ""
-    # whichever comes first, which the machine's speed decides: so long, or so many bytes
-    ends = rf"megalopta: {port}: (no new frame in 8\.3 s|\d+ bytes came instead of frames)"
-    assert re.match(ends, told.splitlines()[-1])

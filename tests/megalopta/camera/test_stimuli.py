@@ -6,7 +6,6 @@ import pytest
 from megalopta.camera.emulated import Flat, Plate, Rendered
 from megalopta.camera.motion_bench import OPEN_PHOTONS, passing_rates
 from megalopta.config.model import load
-from megalopta.core.errors import UserError
 from megalopta.render import read_radiance
 from megalopta.sensor import detection_rate, preset
 from megalopta.stages.pipeline import run_stage
@@ -61,8 +60,3 @@ def test_a_dataset_is_seen_through_its_middle(dataset):
 def test_light_levels_scale_a_dataset(dataset):
     one, ten = (Rendered(dataset, lux).rates_hz(np.zeros(1), SENSOR) for lux in (1.0, 10.0))
     np.testing.assert_allclose(ten, 10 * one)
-
-
-def test_what_is_no_dataset_is_told(tmp_path):
-    with pytest.raises(UserError):
-        Rendered(tmp_path).rates_hz(np.zeros(1), SENSOR)

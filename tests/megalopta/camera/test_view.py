@@ -1,11 +1,8 @@
 """What a capture shows."""
 
-import io
-import sys
-
 import numpy as np
 
-from megalopta.camera.capturing import State, status_line, viewing
+from megalopta.camera.capturing import State, status_line
 from megalopta.camera.recording import RecordingSettings
 
 RECORD = RecordingSettings(
@@ -35,21 +32,3 @@ def test_a_line_tells_frames_rate_gaps_damage_and_saturated_pixels():
         "5 pixels saturated"
     )
     assert status_line(state(plugged=False)).endswith("unplugged, waiting for it")
-
-
-class Terminal(io.StringIO):
-    def isatty(self):
-        return True
-
-
-def test_a_terminal_gets_a_picture_of_16_rows(monkeypatch):
-    terminal = Terminal()
-    monkeypatch.setattr(sys, "stderr", terminal)
-    monkeypatch.setenv("TERM", "xterm-256color")
-    monkeypatch.setenv("COLORTERM", "truecolor")
-    with viewing() as show:
-        show(state())
-    shown = terminal.getvalue()
-    assert "120 frames" in shown
-    # Red where a pixel is saturated, white where it is the brightest of the others.
-    assert "48;2;220;60;40" in shown and "48;2;255;255;255" in shown

@@ -39,16 +39,8 @@ def test_no_module_of_the_working_folder_is_run(hostile, command):
 
 @pytest.mark.slow
 def test_allowed_code_is_run_and_takes_no_other_module_s_place(hostile):
-    words = [
-        sys.executable,
-        "-m",
-        "megalopta",
-        "benchmark",
-        "photons",
-        "sweep.yaml",
-        "--allow-code",
-    ]
-    done = subprocess.run(words, cwd=hostile, capture_output=True, text=True)
+    words = [sys.executable, "-m", "megalopta", "benchmark", "photons", "sweep.yaml"]
+    done = subprocess.run([*words, "--allow-code"], cwd=hostile, capture_output=True, text=True)
     assert (hostile / "canary").read_text() == "evil"
     told = done.stderr.splitlines()[-1]
     assert told.startswith("megalopta: method evil:flow: AttributeError: ")

@@ -107,6 +107,7 @@ def test_too_small_an_address_space_is_refused_before_libraries_wait_for_ever():
     assert b"address space is limited to 0.51 GB" in done.stderr and b"ulimit -v" in done.stderr
 
 
+@pytest.mark.slow
 def test_help_is_printed_where_the_locale_has_ascii_only():
     environment = {**os.environ, "LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONIOENCODING": "ascii"}
     done = run(["render", "--help"], env=environment)

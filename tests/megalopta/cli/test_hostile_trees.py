@@ -53,6 +53,15 @@ def pipe(name):
     return spoil
 
 
+def link(name):
+    def spoil(root):
+        if (root / name).is_dir():
+            shutil.rmtree(root / name)
+        (root / name).symlink_to(root.parents[1] / "outside")
+
+    return spoil
+
+
 def table_elsewhere(root):
     path = root / "croissant.json"
     described = json.loads(path.read_text())
@@ -90,6 +99,10 @@ SPOILED = {
     "frame is a pipe": pipe("radiance/000000/frame_0001.exr"),
     "picture is a pipe": pipe("training/clean/000000/frame_0001.png"),
     "store is a pipe": pipe(STORE),
+    "records elsewhere": link("sequences"),
+    "card elsewhere": link("card"),
+    "page elsewhere": link("index.html"),
+    "split elsewhere": link("splits/x"),
 }
 
 

@@ -10,8 +10,10 @@ from types import SimpleNamespace
 
 import pytest
 
-from megalopta.cli import main as cli
+from megalopta.cli import check as cli_check, main, main as cli
 from megalopta.render import read_radiance, read_truth
+from megalopta.verification import physics
+from megalopta.verification.cases import CHECKS
 
 COMMAND = [sys.executable, "-m", "megalopta"]
 SMALL = [
@@ -54,12 +56,8 @@ def test_the_command_is_a_process_whose_exit_code_and_one_sentence_tell_a_mistak
     ("arguments", "message"),
     [
         (["--scene.treees", "5"], "unknown key; did you mean 'trees'?"),
-        (["--sensors.0.exposure-s", "-1"], "sensors.0.exposure_s: input should be greater than 0"),
-        (["--trajectory.up", "1", "0", "0.03"], "is parallel to the view"),
-        (["--camera.kind", "fisheye"], "camera: kind 'fisheye' is unknown; use 'perspective'"),
         (["nowhere.yaml"], "nowhere.yaml: no such configuration"),
         (["--scene.trees"], "--scene.trees: needs a value"),
-        (["--light-levels", "dusk"], "'dusk' is unknown"),
         (
             ["--camera.height", "30"],
             "benchmark: size 40 × 107 px of frames of 30 × 80 px: choose sizes",
@@ -107,19 +105,6 @@ def test_help_of_a_stage_shows_its_own_settings_in_their_order(run, verb, own):
     assert list(dict.fromkeys(path.partition(".")[0] for path in paths)) == own.split()
 
 
-def test_help_of_the_demo_shows_all_settings(run):
-    text = run("demo", "--help").stdout
-    assert "--camera.fov-deg 75" in text
-    assert "--sensors.0.dead-time.dead-time-s 1.0e-06" in text
-    assert "--benchmark.sizes" in text
-
-
-def test_help_of_photons_shows_the_settings_of_a_sweep_too(run):
-    text = run("benchmark", "photons", "--help").stdout
-    assert "--trial.search.dark-counts 0.1" in text
-    assert "--vary velocity_px" in text
-
-
 def test_info_names_versions_and_the_variant(run):
     done = run("info")
     assert done.returncode == 0
@@ -160,3 +145,55 @@ def test_ctrl_c_leaves_whole_files_and_the_next_run_goes_on(run, tmp_path):
     changed = run("render", "grating", *SMALL, "--seed", "1", "--out", out)
     assert changed.returncode == 2
     assert "seed: 0 → 1" in changed.stderr
+
+
+def test_a_failed_check_is_exit_code_1(monkeypatch):
+    monkeypatch.setattr(physics, "run_check_physics", lambda groups, plots: False)
+    with pytest.raises(SystemExit) as stopped:
+        cli.main(["check", "physics"])
+    assert stopped.value.code == 1
+
+
+def test_groups_of_the_physics_are_handed_on_and_named_in_the_help(monkeypatch, capsys):
+    seen = []
+    monkeypatch.setattr(physics, "run_check_physics", lambda *given: seen.append(given) or True)
+    cli.main(["check", "physics", "crosstalk", "dead-time"])
+    assert seen == [(["crosstalk", "dead-time"], None)]
+    assert tuple(CHECKS) == cli_check.PHYSICS
+    with pytest.raises(SystemExit):
+        cli.main(["check", "--help"])
+    printed = capsys.readouterr().out.replace("-\n", "-")
+    assert all(group in printed for group in CHECKS)
+
+
+def test_a_second_folder_is_refused(capsys):
+    with pytest.raises(SystemExit):
+        cli.main(["check", "truth", "a", "b"])
+    assert "check truth: got a b; give one folder" in capsys.readouterr().err
+
+
+def test_the_quick_form_is_that_of_the_demo_alone(capsys, tmp_path):
+    with pytest.raises(SystemExit) as ended:
+        main.main(["demo", "airglow", "--quick", "--out", str(tmp_path / "out")])
+    assert ended.value.code == 2
+    assert "--quick: airglow has none" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+
+
+def test_reproduce_writes_picture_print_and_numbers(tmp_path, capsys):
+    cli.main(["reproduce", "fig-3.2", "--out", str(tmp_path)])
+    assert sorted(path.name for path in tmp_path.iterdir()) == [
+        "fig-3.2.csv",
+        "fig-3.2.json",
+        "fig-3.2.png",
+        "fig-3.2.svg",
+    ]
+    assert len(capsys.readouterr().out.splitlines()) == 4
+
+
+def test_an_unknown_figure_is_a_mistake_with_close_names(tmp_path, capsys):
+    with pytest.raises(SystemExit) as stopped:
+        cli.main(["reproduce", "fig-3.99", "--out", str(tmp_path / "new")])
+    assert stopped.value.code == 2
+    assert "did you mean" in capsys.readouterr().err
+    assert not (tmp_path / "new").exists()

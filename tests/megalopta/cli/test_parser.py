@@ -1,6 +1,5 @@
 import pytest
 
-from megalopta.benchmark.sweep import Sweep
 from megalopta.cli.parser import program, split_overrides
 from megalopta.config.model import load
 from megalopta.config.settings import Settings
@@ -64,27 +63,19 @@ def test_a_switch_takes_true_or_false_and_nothing_else(words, value):
     assert overrides == {"correct": value}
 
 
-def test_values_of_a_sweep_are_a_list_and_its_file_is_not_swallowed():
-    words = ["sweep", "--trial.size", "30", "my.yaml", "--values", "1", "2"]
-    own, overrides = split_overrides(words, OWN, Settings(Sweep()).takes)
-    assert own == ["sweep", "my.yaml"]
-    assert overrides == {"trial.size": "30", "values": "[1, 2]"}
-
-
 def test_an_own_option_ends_a_setting_also_with_an_equals_sign():
     own, overrides = split_overrides(["demo", "--seed", "3", "--out=/x"], OWN, DEMO)
     assert own == ["demo", "--out=/x"]
     assert overrides == {"seed": "3"}
 
 
-def test_a_setting_given_twice_is_refused():
-    with pytest.raises(UserError, match="--seed: given twice"):
-        split_overrides(["--seed", "1", "--seed", "2"], OWN, DEMO)
-
-
-def test_a_setting_without_value_is_refused():
-    with pytest.raises(UserError, match="--scene.trees: needs a value"):
-        split_overrides(["--scene.trees"], OWN, DEMO)
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [("--seed 1 --seed 2", "--seed: given twice"), ("--scene.trees", "--scene.trees: needs a val")],
+)
+def test_a_setting_has_one_value(words, told):
+    with pytest.raises(UserError, match=told):
+        split_overrides(words.split(), OWN, DEMO)
 
 
 @pytest.mark.parametrize("typed", ["--ouut", "--ot=x", "--reddo", "--rdo"])

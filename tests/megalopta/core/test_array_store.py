@@ -19,12 +19,6 @@ def test_what_is_kept_comes_back(tmp_path):
     assert ArrayStore(tmp_path / "new", "other", 10**6).read() is None
 
 
-def test_without_a_folder_nothing_is_kept():
-    store = ArrayStore(None, "key", 10**6)
-    store.write({"a": np.zeros(1)})
-    assert store.read() is None
-
-
 def test_readers_beside_many_writers_see_whole_files_only(tmp_path):
     arrays = {"a": np.arange(50_000)}
     stores = [ArrayStore(tmp_path, "key", 10**9) for _ in range(4)]
@@ -55,10 +49,3 @@ def test_what_was_used_the_longest_ago_goes_first(tmp_path):
     ArrayStore(tmp_path, "old", 10**9).read()  # now it is the last that was used
     ArrayStore(tmp_path, "newest", 3 * 9000).write(values)
     assert sorted(path.stem for path in tmp_path.iterdir()) == ["new", "newest", "old"]
-
-
-def test_a_folder_that_cannot_be_written_to_is_no_error(tmp_path):
-    (tmp_path / "file").touch()
-    store = ArrayStore(tmp_path / "file" / "below", "key", 10**6)
-    store.write({"a": np.zeros(1)})
-    assert store.read() is None

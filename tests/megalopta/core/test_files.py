@@ -1,14 +1,32 @@
+"""Files and folders: written whole, read so far, kept apart, in formats of today."""
+
 import errno
+import re
+import struct
+import subprocess
+import sys
+import zlib
 from pathlib import Path
 
+import numpy as np
 import pytest
+from PIL import Image
 
-from megalopta.core.files import (
-    atomic_write,
-    sweep,
-    write_json,
-    write_text,
+from megalopta.core import freshness
+from megalopta.core.bounded import (
+    check_file,
+    cut,
+    printable,
+    quoted,
+    read_bytes,
+    read_text,
+    sentence,
 )
+from megalopta.core.errors import DamagedFileError, UserError
+from megalopta.core.files import atomic_write, sweep, write_json, write_text
+from megalopta.core.folders import ensure_directory, locked
+from megalopta.core.format_numbers import FORMATS, Format, check_format, written
+from megalopta.core.pictures import read_picture
 
 
 def test_a_failed_write_leaves_the_old_file_and_no_partial_one(tmp_path):
@@ -19,13 +37,6 @@ def test_a_failed_write_leaves_the_old_file_and_no_partial_one(tmp_path):
         raise RuntimeError
     assert path.read_text() == "old"
     assert [entry.name for entry in path.parent.iterdir()] == ["a.txt"]
-
-
-def test_an_interrupted_write_leaves_no_file(tmp_path):
-    with pytest.raises(KeyboardInterrupt), atomic_write(tmp_path / "a.txt") as temporary:
-        temporary.write_text("half")
-        raise KeyboardInterrupt
-    assert list(tmp_path.iterdir()) == []
 
 
 def test_json_refuses_what_json_cannot_hold(tmp_path):
@@ -60,3 +71,159 @@ def test_only_what_writers_left_is_swept(tmp_path):
     (tmp_path / "deep" / ".part-0123456789ab-b.zarr").mkdir(parents=True)
     sweep(tmp_path)
     assert sorted(path.name for path in tmp_path.rglob("*")) == [".part-mine", "a.exr", "deep"]
+
+
+SECOND = """
+import sys
+from pathlib import Path
+from megalopta.core.folders import locked
+with locked(Path(sys.argv[1])):
+    print("inside")
+"""
+
+
+def test_the_second_process_is_told_who_is_inside_and_waits(tmp_path):
+    with locked(tmp_path):
+        second = subprocess.Popen(
+            [sys.executable, "-c", SECOND, str(tmp_path)],
+            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        )  # fmt: skip
+        told = second.stderr.readline()
+        assert "waiting for process" in told
+        assert second.poll() is None
+    out, _ = second.communicate(timeout=20)
+    assert out == "inside\n"
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_file_in_the_way_is_named(tmp_path):
+    (tmp_path / "a").write_text("")
+    with pytest.raises(UserError, match="a file is in the way"):
+        ensure_directory(tmp_path / "a" / "b")
+
+
+@pytest.mark.parametrize("kind", FORMATS)
+def test_what_is_written_today_is_read(kind: str) -> None:
+    check_format(kind, {"format": written(kind)}, "file")
+
+
+def test_a_newer_format_is_refused() -> None:
+    with pytest.raises(UserError, match="dataset format 99 is newer than .*; update megalopta"):
+        check_format("dataset", {"format": 99}, "file")
+
+
+def test_an_older_format_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(FORMATS, "dataset", Format(3, 2))  # type: ignore[arg-type]
+    with pytest.raises(UserError, match="dataset format 0 is older than 2"):
+        check_format("dataset", {}, "file")
+
+
+@pytest.mark.parametrize("found", ["1", -1, True, 1.0, None, [1]])
+def test_what_is_no_number_is_refused(found: object) -> None:
+    with pytest.raises(UserError, match="not a format number"):
+        check_format("dataset", {"format": found}, "file")
+
+
+def test_the_table_of_the_documentation_is_that_of_the_program() -> None:
+    text = (Path(__file__).parents[3] / "docs/file-formats.md").read_text("utf-8")
+    rows = re.findall(r"^\| `(\w+)` \| .* \| (\d+) \| (\d+)(?:–(\d+))? \|$", text, re.MULTILINE)
+    told = {name: (int(written), int(oldest)) for name, written, oldest, _ in rows}
+    assert told == {name: tuple(each) for name, each in FORMATS.items()}
+    assert all(newest in ("", now) for _, now, _, newest in rows)
+
+
+@pytest.fixture
+def package(tmp_path, monkeypatch):
+    """A package with a module in a sub-package; its hash is remembered in a process."""
+    folder = tmp_path / "some_package" / "room"
+    folder.mkdir(parents=True)
+    (folder / "module.py").write_text("x = 1\n")
+    for init in (folder, folder.parent):
+        (init / "__init__.py").write_text("")
+    monkeypatch.syspath_prepend(tmp_path)
+    freshness.code_digest.cache_clear()
+    yield folder
+    freshness.code_digest.cache_clear()
+    sys.modules.pop("some_package", None)
+
+
+def test_code_in_the_rooms_of_a_package_counts(package):
+    before = freshness.code_digest("some_package")
+    (package / "module.py").write_text("x = 2\n")
+    freshness.code_digest.cache_clear()
+    assert freshness.code_digest("some_package") != before
+
+
+def test_libraries_count(package, monkeypatch):
+    before = freshness.code_digest("some_package")
+    monkeypatch.setattr(freshness, "version", lambda library: f"{library} of tomorrow")
+    freshness.code_digest.cache_clear()
+    assert freshness.code_digest("some_package") != before
+
+
+def test_borders_of_parts_count():
+    assert freshness.digest("ab", "c") != freshness.digest("a", "bc")
+
+
+def test_a_picture_that_claims_too_many_pixels_is_refused(tmp_path):
+    Image.new("L", (2, 2)).save(tmp_path / "a.png")
+    content = bytearray((tmp_path / "a.png").read_bytes())
+    content[16:24] = struct.pack(">II", 60_000, 60_000)
+    content[29:33] = struct.pack(">I", zlib.crc32(content[12:29]))
+    (tmp_path / "a.png").write_bytes(content)
+    with pytest.raises(DamagedFileError, match="too many pixels"):
+        read_picture(tmp_path / "a.png", "L")
+
+
+def test_sixteen_bits_are_refused_rather_than_clipped(tmp_path):
+    Image.fromarray(np.full((2, 2), 40_000, np.uint16)).save(tmp_path / "a.png")
+    with pytest.raises(DamagedFileError, match="more than 8 bits"):
+        read_picture(tmp_path / "a.png", "L")
+
+
+@pytest.mark.parametrize("content", [b"", b"x" * 100, b"%!PS-Adobe-3.0 EPSF-3.0\n"])
+def test_what_is_no_picture_is_refused(tmp_path, content):
+    (tmp_path / "a.png").write_bytes(content)
+    with pytest.raises(DamagedFileError, match="cannot be read as a picture"):
+        read_picture(tmp_path / "a.png", "RGB")
+
+
+def test_a_file_within_its_bound_is_read(tmp_path: Path) -> None:
+    (tmp_path / "a").write_text("ä", encoding="utf-8")
+    assert read_text(tmp_path / "a", 2) == "ä"
+
+
+def test_a_larger_file_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "a").write_bytes(b"123")
+    for read in (read_bytes, check_file):
+        with pytest.raises(UserError, match="larger than"):
+            read(tmp_path / "a", 2)
+
+
+@pytest.mark.parametrize("device", ["/dev/zero", "/dev/urandom"])
+def test_devices_are_refused(device: str) -> None:
+    with pytest.raises(UserError, match="not a regular file"):
+        read_bytes(device)
+
+
+def test_messages_quote_no_more_than_their_limit() -> None:
+    assert quoted("a" * 300) == "a" * 200 + "…"
+    assert quoted([1, 2]) == "[1, 2]"
+
+
+def test_control_codes_do_not_reach_a_terminal() -> None:
+    assert printable("a\x1b[31m\nb\udcff\u202eä") == "a\\x1b[31m\\nb\\udcff\\u202eä"
+
+
+def test_of_what_was_given_a_message_quotes_no_more_than_that() -> None:
+    told = cut(f"name: {'a' * 300!r} is taken; give another", {"x": [{"name": "a" * 300}]})
+    assert told == f"name: '{'a' * 200}…' is taken; give another"
+
+
+def test_a_sentence_is_one_line_that_a_terminal_only_shows() -> None:
+    assert sentence("a\n b\x1b[31m \u202ec\udcff ☃") == r"a b\x1b[31m \u202ec\udcff ☃"
+
+
+def test_a_long_sentence_keeps_its_beginning_and_its_end() -> None:
+    told = sentence(f"name: {'a' * 10_000}; give another")
+    assert told.startswith("name: a") and told.endswith("; give another") and len(told) < 810

@@ -1,14 +1,13 @@
 """Long work is not silent where there is no terminal."""
 
 import re
-import sys
 import threading
 import time
 
 import pytest
 
 from megalopta.core import progress
-from megalopta.core.progress import duration, progress_line, working
+from megalopta.core.progress import progress_line, working
 
 
 @pytest.fixture(autouse=True)
@@ -49,25 +48,10 @@ def test_it_is_silent_again_after_a_failure_and_leaves_no_thread(capsys):
     assert threading.active_count() == threads
 
 
-def test_a_terminal_has_a_bar_instead(capsys, monkeypatch):
-    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
-    with progress.progress("Rendering", 1, "frame") as advance:
-        time.sleep(0.15)
-        advance()
-    assert "Rendering: " not in capsys.readouterr().err
-
-
 def test_a_line_tells_share_rate_and_what_is_left():
     assert progress_line(12, 300, "frame", 24) == "12 of 300 frames, 2.0 s/frame, 10 min to go"
     assert progress_line(30, 60, "pair", 10) == "30 of 60 pairs, 3.0 pairs/s, 10 s to go"
     assert progress_line(0, 60, "pair", 130) == "0 of 60 pairs in 2 min"
-
-
-@pytest.mark.parametrize(
-    ("seconds", "text"), [(0.2, "0 s"), (90, "90 s"), (600, "10 min"), (9e3, "2 hours"), (1e6, "12 days")]
-)  # fmt: skip
-def test_durations_are_told_in_the_unit_that_fits(seconds, text):
-    assert duration(seconds) == text
 
 
 def test_a_line_names_the_innermost_step(capsys):
@@ -78,37 +62,3 @@ def test_a_line_names_the_innermost_step(capsys):
         time.sleep(0.2)
     assert "dataset: at work for 0 s; building the scene" in inner
     assert "dataset: at work for 0 s; sequence 7" in capsys.readouterr().err
-
-
-def test_a_step_of_silent_work_is_named_by_who_speaks_for_it(capsys):
-    with progress.progress("Making", 1, "sequence"), progress.silent(), progress.step("baking"):
-        progress.say("not heard")
-        time.sleep(0.2)
-    assert "Making: 0 of 1 sequences in 0 s; baking" in capsys.readouterr().err
-
-
-def test_a_terminal_shows_the_step_and_clears_it(capsys, monkeypatch):
-    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
-    monkeypatch.setattr(progress, "STATUS_S", 0.05)
-    with working("render"), progress.step("building the scene"):
-        time.sleep(0.2)
-        progress.say("done soon")
-    told = capsys.readouterr().err
-    assert told.startswith("\rrender: at work for 0 s; building the scene\x1b[K")
-    assert "\r\x1b[Kdone soon\n" in told
-    assert told.endswith(("\r\x1b[K", "done soon\n"))
-
-
-def test_the_time_of_a_step_is_that_of_all_its_runs(monkeypatch):
-    with progress.times_of_steps() as times, progress.silent():
-        for _ in range(2):
-            with progress.step("frame"):
-                time.sleep(0.05)
-        with progress.step("idle"):
-            pass
-    assert times["frame"].runs == 2
-    assert times["frame"].seconds == pytest.approx(0.1, abs=0.08)
-    assert times["idle"].cpu_seconds < 0.05
-    with progress.step("later"):
-        pass
-    assert "later" not in times

@@ -73,16 +73,6 @@ def test_flow_between_distant_frames_is_the_sum_of_its_steps(opened):
         assert np.isfinite(apart).mean() > 0.5
 
 
-def test_occlusion_between_distant_frames_agrees_with_the_traced_one(opened):
-    # by the rule for distant frames, of neighbors, whose answer is known; nothing hides here, so
-    # it is the border alone
-    sequence = opened[0]
-    traced = sequence.occlusion(0, 1)
-    distant = sequence.occlusion(0, 2)
-    assert not (traced & ~distant).any()
-    np.testing.assert_array_equal(sequence.occlusion(1, 1), np.zeros((24, 32), bool))
-
-
 def test_new_light_has_independent_noise_and_the_same_mean(opened):
     sequence = opened[0]
     first, again, other = (
@@ -120,14 +110,6 @@ def test_pairs_of_all_sequences(opened):
     assert light[0]["first"].shape == (2, 24, 32)
     with pytest.raises(IndexError):
         pairs[6]
-
-
-def test_xarray_shows_it_with_units(opened):
-    pytest.importorskip("xarray")
-    shown = opened[0].to_xarray()
-    assert shown["radiance"].units == "W·m⁻²·sr⁻¹·nm⁻¹"
-    assert shown["flow"].dims == ("frame", "row", "column", "component")
-    np.testing.assert_array_equal(shown["depth"][1].values, opened[0].depth[1])
 
 
 def test_a_torch_loader_gives_batches(opened):

@@ -27,16 +27,11 @@ def told(tmp_path, text):
     "name",
     [
         "../000000/x",
-        "/etc/000000/x",
         "radiance/000000/../../../x",
         "radiance/000000//x",
-        "radiance/000000/./x",
         "radiance/../000000/x",
         "radiance/000001/x",
-        "training/../../000000/x",
-        "sequences/000000/x",
         "radiance/000000/",
-        "radiance",
         "radiance/000000/a\0b",
     ],
 )

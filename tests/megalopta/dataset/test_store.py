@@ -74,17 +74,3 @@ def test_a_changed_record_is_named_by_all_who_read_it(copy, tmp_path):
     ):
         with pytest.raises(UserError, match=r"000000\.json is not as it was written"):
             read()
-
-
-def test_a_damaged_table_is_named(copy):
-    damaged(copy / "index/sequences.parquet")
-    with pytest.raises(UserError, match=r"sequences\.parquet is not as it was written; run"):
-        write_card(copy)
-
-
-def test_a_list_of_a_split_with_a_strangers_name_is_refused(copy):
-    path = copy / "splits/train.txt"
-    path.unlink()
-    path.write_text("../../x\n")
-    with pytest.raises(UserError, match=r"train\.txt: no sequence '../../x'"):
-        megalopta.open_dataset(copy).of_split("train")

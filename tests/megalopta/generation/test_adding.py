@@ -3,7 +3,6 @@
 import json
 import os
 import shutil
-from pathlib import Path
 
 import pytest
 
@@ -13,8 +12,6 @@ from megalopta.core.errors import UserError
 from megalopta.dataset.layout import Tree
 from megalopta.dataset.store import hashes_of
 from megalopta.generation.adding import measure
-from megalopta.generation.staging import Staged
-from megalopta.stages.registry import STAGES
 from megalopta.verification.files import check_files
 
 METHODS = {"methods": "[BM]"}
@@ -56,22 +53,6 @@ def test_what_is_finished_is_kept_and_other_settings_are_refused(copy):
     assert not check_files(Tree(copy))
 
 
-def test_what_another_stage_left_is_not_published(copy):
-    tree = Tree(copy)
-    settings = tree.dataset(tree.record("000000")).configuration.model_copy(
-        update={"methods": ("BM",)}
-    )
-    staged = Staged(tree, "000000", is_added=True)
-    staged.folder.mkdir(parents=True)
-    staged.begin(settings, ["benchmark"])
-    left = staged.data / "results/000000/benchmark.json"
-    left.parent.mkdir(parents=True)
-    left.write_text("half")
-    measure(copy, "flow", METHODS)
-    assert not check_files(Tree(copy))
-    assert not (copy / "results/000000/benchmark.json").exists()
-
-
 def test_damaged_results_are_made_again(copy):
     expected = responses(measure(copy, "flow", METHODS).root)
     path = copy / "results/000000/flow.json"
@@ -79,55 +60,6 @@ def test_damaged_results_are_made_again(copy):
     measure(copy, "flow", METHODS)
     assert responses(copy) == expected
     assert not check_files(Tree(copy))
-
-
-def test_what_another_version_measured_is_measured_again(copy, capsys):
-    measure(copy, "flow", METHODS)
-    for path in (copy / "sequences").glob("*.json"):
-        record = json.loads(path.read_text("utf-8"))
-        record["stages"]["flow"]["made_with"]["model"] = "earlier"
-        path.unlink()
-        path.write_text(json.dumps(record), "utf-8")
-    (copy / "manifest.jsonl").unlink()
-    capsys.readouterr()
-    measure(copy, "flow", METHODS)
-    told = capsys.readouterr().err
-    assert told.count("flow: made by another version of the program, and made again") == 1
-    models = {record.stages["flow"].made_with["model"] for record in Tree(copy).all_records()}
-    assert models == {STAGES["flow"].model()}
-    assert not check_files(Tree(copy))
-
-
-@pytest.mark.slow
-def test_a_stop_at_any_step_leaves_all_or_nothing(copy, monkeypatch):
-    whole = shutil.copytree(copy, copy.with_name("whole"), symlinks=True)
-    expected = responses(measure(whole, "flow", METHODS).root)
-
-    class Stop(BaseException):
-        pass
-
-    for step in range(20):
-        root = shutil.copytree(copy, copy.with_name(f"at{step}"), symlinks=True)
-        left = [step]
-
-        def rename(path, target, done=Path.rename, left=left):
-            if not left[0]:
-                raise Stop
-            left[0] -= 1
-            return done(path, target)
-
-        with monkeypatch.context() as patch:
-            patch.setattr(Path, "rename", rename)
-            try:
-                measure(root, "flow", METHODS)
-            except Stop:
-                pass
-            else:
-                break
-        measure(root, "flow", METHODS)
-        assert not check_files(Tree(root)), step
-        assert responses(root) == expected
-    assert step > 0
 
 
 def test_sense_report_and_render_take_many_too(copy, capsys):

@@ -1,11 +1,7 @@
 """Jobs by a cluster that runs already, whose workers must be as this program is."""
 
-import os
-import subprocess
-import sys
-
 import pytest
-from distributed import Client, LocalCluster
+from distributed import LocalCluster
 
 from megalopta.core.errors import UserError
 from megalopta.generation import cluster
@@ -48,37 +44,6 @@ def test_a_worker_that_comes_later_and_is_otherwise_does_nothing(jobs, tmp_path)
     assert outcome.problem.startswith("a worker has numba ")
     assert "this program numba 9.9; what they make would differ" in outcome.problem
     assert not list(tmp_path.iterdir())
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("lacking", "told"),
-    [
-        ({"DRJIT_LIBLLVM_PATH": "/none"}, "has variant scalar_spectral, this program variant llvm"),
-        ({"PYTHONPATH": "WITHOUT"}, "has no megalopta 0"),
-    ],
-)
-def test_a_cluster_with_a_worker_that_lacks_something_is_refused(lacking, told, tmp_path):
-    (tmp_path / "sitecustomize.py").write_text("import sys; sys.modules['megalopta'] = None")
-    lacking = {name: value.replace("WITHOUT", str(tmp_path)) for name, value in lacking.items()}
-    options = ["--no-nanny", "--no-dashboard", "--host", "127.0.0.1", "--nthreads", "1"]
-    with LocalCluster(n_workers=0, host="127.0.0.1", dashboard_address=None) as alone:
-        address = alone.scheduler_address
-        with (
-            Client(address) as client,
-            subprocess.Popen(
-                [sys.executable, "-P", "-m", "distributed.cli.dask_worker", address, *options],
-                env={**os.environ, **lacking},
-                stderr=subprocess.DEVNULL,
-                cwd=tmp_path,
-            ) as worker,
-        ):
-            try:
-                client.wait_for_workers(1, timeout=120)
-                with pytest.raises(UserError, match=rf"worker tcp://127\.0\.0\.1:\d+ {told}"):
-                    list(run_jobs(print, range(3), scheduler=address))
-            finally:
-                worker.kill()
 
 
 @pytest.mark.slow

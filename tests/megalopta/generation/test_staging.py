@@ -11,12 +11,9 @@ import pytest
 
 from megalopta.config.drawing import configuration_of
 from megalopta.core.errors import UserError
-from megalopta.core.freshness import SENSOR_MODEL
 from megalopta.dataset.layout import Tree
-from megalopta.dataset.record import read_record
-from megalopta.dataset.store import file_hash
 from megalopta.generation.adding import Exposing, expose
-from megalopta.generation.making import make, whole_plan
+from megalopta.generation.making import make
 from megalopta.generation.staging import Staged
 from megalopta.verification.files import check_files
 
@@ -143,28 +140,6 @@ def test_what_a_kill_after_the_last_move_leaves_is_cleared(copy, single_plan, ve
     assert not check_files(Tree(copy))
 
 
-def test_half_written_books_are_swept(copy, single_plan):
-    left = [copy / name for name in (".part-0123456789ab-x", "index/.part-0123456789ab-y")]
-    for path in left:
-        path.touch()
-    make(copy, single_plan)
-    assert not any(path.exists() for path in left)
-
-
-def test_a_kill_while_the_plan_is_written_leaves_a_folder_to_go_on_in(single_plan, tmp_path):
-    (tmp_path / ".lock").touch()
-    (tmp_path / ".part-0123456789ab-dataset.yaml").touch()
-    assert whole_plan(Tree(tmp_path), single_plan) == single_plan
-
-
-def test_failures_of_no_sequence_of_the_plan_are_not_made(copy, single_plan):
-    lines = [json.dumps({"index": index, "reason": "none"}) for index in (-1, 5)]
-    (copy / "failed.jsonl").write_text("\n".join(lines))
-    with pytest.raises(UserError, match="2 sequences failed"):
-        make(copy, single_plan, retry=True)
-    assert Tree(copy).names() == ["000000"]
-
-
 def changed(root, name="000000", **changes):
     path = root / "sequences" / f"{name}.json"
     record = json.loads(path.read_text())
@@ -186,12 +161,6 @@ def test_a_changed_record_is_refused_and_not_blessed(copy, single_plan, change):
             work()
     assert (copy / "manifest.jsonl").read_bytes() == before
     assert any("not as it was written" in fault.what for fault in check_files(Tree(copy)))
-
-
-def test_a_record_that_the_manifest_does_not_know_yet_is_taken(copy, single_plan, single_dataset):
-    (copy / "manifest.jsonl").unlink()
-    make(copy, single_plan)
-    assert content(copy) == content(single_dataset)
 
 
 def test_exposures_that_the_manifest_does_not_know_yet_are_taken(copy, single_plan):
@@ -219,35 +188,3 @@ def test_more_sequences_of_another_model_are_refused(copy, single_plan, monkeypa
     make(copy, single_plan)  # nothing is missing, and nothing is mixed
     with pytest.raises(UserError, match=r"000000 was made otherwise .*render: model: .*99"):
         make(copy, single_plan.model_copy(update={"sequences": 2}))
-
-
-def test_what_another_variant_began_is_begun_again(single_plan, tmp_path, monkeypatch):
-    configuration, staged = configuration_of(single_plan, 0), Staged(Tree(tmp_path), "000000")
-    staged.folder.mkdir(parents=True)
-    staged.begin(configuration)
-    (staged.data / "radiance").mkdir(parents=True)
-    staged.begin(configuration)
-    assert (staged.data / "radiance").exists()
-    monkeypatch.setattr("megalopta.stages.render.RENDER_MODEL", 99)
-    staged.begin(configuration)
-    assert not staged.data.exists()
-
-
-def test_check_names_sequences_of_mixed_models(copy):
-    root = Tree(copy)
-    for name in ("000001", "000002"):
-        text = root.record_path("000000").read_text().replace("000000", name)
-        values = {**json.loads(text), "index": int(name)}
-        if name == "000002":
-            values["stages"]["sense"]["made_with"]["model"] = "earlier"
-        root.record_path(name).write_text(json.dumps(values))
-    mixed = [fault for fault in check_files(root) if "otherwise than most" in fault.what]
-    assert [fault.path.stem for fault in mixed] == ["000002"]
-    assert f"sense: model: {SENSOR_MODEL} → earlier" in mixed[0].what
-
-
-def test_records_chain(copy):
-    path = Tree(copy).record_path("000000")
-    before = file_hash(path)
-    expose(copy, NEW_LIGHT)
-    assert read_record(path, "000000").replaced == before

@@ -1,5 +1,6 @@
-"""The gallery: each scene and view is a configuration, and is rendered with its photons."""
+"""Galleries of scenes, of larger views, and of their statistics."""
 
+import csv
 import re
 
 import numpy as np
@@ -9,6 +10,7 @@ from skimage.io import imread
 from megalopta.cli import main
 from megalopta.config.model import Configuration
 from megalopta.report import gallery
+from megalopta.report.gallery import write_statistics, write_views
 from megalopta.scenes.build import OWN_SCENES
 from megalopta.scenes.forest.stand import PRESETS
 from megalopta.scenes.lighting.levels import LEVELS
@@ -27,8 +29,16 @@ def test_every_kind_of_scene_that_is_ours_is_shown():
     assert shown == kinds - {"panorama"}  # a panorama is the user's own picture
 
 
-def test_every_light_gives_as_many_photons_as_it_is_bright():
-    drawn = list(gallery.cells_of("board", gallery.SCENES["board"], 4))
+def test_every_light_gives_a_view_and_as_many_photons_as_it_is_bright(tmp_path, monkeypatch):
+    drawn = []
+    draw = gallery.write_sheet
+
+    def write_sheet(path, cells):
+        drawn.extend(cells)
+        draw(path, cells)
+
+    monkeypatch.setattr(gallery, "write_sheet", write_sheet)
+    page = gallery.write_gallery(tmp_path / "out", {"board": gallery.SCENES["board"]}, 4)
     assert [cell.level for cell in drawn] == list(LEVELS)
     # A board glows as brightly as its light, with one spectrum: photons per lux are the same, but
     # for shot noise (6 σ: a false alarm in 1e8 runs) and 1e-3 of the rendering.
@@ -36,10 +46,6 @@ def test_every_light_gives_as_many_photons_as_it_is_bright():
     lux = np.array([each.illuminance_lux for each in LEVELS.values()])
     per_lux = photons / lux / (photons[0] / lux[0])
     assert (np.abs(per_lux - 1) < 6 / np.sqrt(photons) + 1e-3).all()
-
-
-def test_a_scene_is_shown_with_its_counts_in_every_light(tmp_path):
-    page = gallery.write_gallery(tmp_path / "out", {"board": gallery.SCENES["board"]}, 1)
     assert len(re.findall('src="data:image/png', page.read_text())) == 2 * len(LEVELS)
     assert imread(tmp_path / "out/gallery.png").std() > 30
 
@@ -61,12 +67,12 @@ def test_a_photograph_stands_beside_a_forest_in_its_light_and_counts_after_their
     path = picture(np.random.default_rng(0).random((32, 64, 3)))
     small = {"camera": {"width": 36, "height": 24}, "scene": {"kind": "grating"}}
     counted = gallery.GalleryView("A grating", small, exposure_s=0.1)
-    page = gallery.write_views(tmp_path / "out", path, (counted,), 1).read_text()
+    page = write_views(tmp_path / "out", path, (counted,), 1).read_text()
     titles = re.findall("<figcaption>(.*)</figcaption>", page)
     assert titles[:3] == ["A photographed forest", "A clearing in its light", "A grating"]
     assert re.fullmatch(r"A grating: .* photons per pixel in 0\.1 s", titles[3])
     assert len(re.findall('src="data:image/png', page)) == 4
-    assert imread(tmp_path / "out/views.jpg").std() > 30
+    assert imread(tmp_path / "out/gallery.jpg").std() > 30
 
 
 def test_what_is_no_panorama_is_refused_before_anything_is_rendered(tmp_path, capsys):
@@ -80,3 +86,25 @@ def test_what_is_no_panorama_is_refused_before_anything_is_rendered(tmp_path, ca
             main.main(["gallery", *options, "--out", str(tmp_path / "out")])
         assert message in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.slow
+def test_a_photograph_is_measured_beside_forests(picture, tmp_path):
+    path = picture(np.random.default_rng(0).random((32, 64, 3)))
+    paths = write_statistics(tmp_path / "out", [path], 1, ["open"], 24)
+    assert [each.suffix for each in paths] == [".png", ".svg", ".csv", ".json"]
+    photograph, forest, blurred = csv.DictReader(paths[2].read_text().splitlines())
+    assert (photograph["scene"], forest["scene"]) == (path.stem, "open")
+    assert blurred["scene"] == "open, blurred"
+    assert float(blurred["gradient_contrast"]) < float(forest["gradient_contrast"])
+    assert all(np.isfinite(float(value)) for value in list(photograph.values())[1:])
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [(["--views", "--statistics"], "give one"), (["--panorama", "x.hdr"], "or --statistics")],
+)
+def test_what_does_not_go_together_is_refused(options, message, tmp_path, capsys):
+    with pytest.raises(SystemExit, match="2"):
+        main.main(["gallery", *options, "--out", str(tmp_path / "out")])
+    assert message in capsys.readouterr().err

@@ -22,12 +22,6 @@ def test_more_than_a_tenth_is_a_caution(relative, caution):
     assert ("Caution" in text) == caution
 
 
-@pytest.mark.parametrize("record", [{}, {"monte_carlo": None}, measured(0.0)])
-def test_without_a_measurement_or_without_noise_there_is_nothing_to_say(record):
-    assert not rendering(record, "So.")
-    assert not list(rendering_errors(record))
-
-
 def test_errors_on_surfaces_and_in_the_sky_are_told_apart():
     surface = {"rms": 0.06, "p95": 0.2, "gradient": 0.04, "standing": 0.02}
     surface["standing_gradient"] = 0.01

@@ -33,11 +33,6 @@ def test_the_title_goes_from_the_brightest_light_to_the_darkest():
     assert title(settings).replace("\u00a0", " ") == "My forest, from 10 lux to starlight"
 
 
-def test_one_light_is_no_span():
-    settings = configured(light_levels=["full_moon"])
-    assert title(settings).replace("\u00a0", " ") == "Forest, at full moon, 0.25 lux"
-
-
 @pytest.mark.parametrize(
     ("trajectory", "words"),
     [
@@ -51,21 +46,6 @@ def test_one_light_is_no_span():
 )
 def test_the_lead_tells_how_the_camera_moves(trajectory, words):
     assert words in lead(configured(trajectory=trajectory), {})
-
-
-def test_the_lead_names_a_camera_that_is_no_pinhole():
-    panorama = configured(camera={"kind": "cylindrical"})
-    assert "The cylindrical camera stands still." in lead(panorama, {})
-
-
-def test_the_lead_tells_what_stands_there():
-    assert "150 trees (beech, birch and spruce)" in lead(configured(), {})
-    assert "sine grating of contrast 0.9" in lead(configured(scene={"kind": "grating"}), {})
-
-
-def test_the_lead_tells_what_was_measured_of_a_canopy():
-    record = {"canopy": "Leaf-area index 4.99."}
-    assert "per hectare. Leaf-area index 4.99. The" in lead(configured(), record)
 
 
 def record(method, level, error, sensor="ideal", corrected=None):
@@ -125,24 +105,6 @@ def test_the_method_that_reaches_the_darkest_light_is_named_with_its_error_there
 )
 def test_reach_ends_where_accuracy_does(levels, darkest):
     assert best(*(record("PF", level, error) for level, error in levels))[1] == darkest
-
-
-def test_corrected_readings_are_a_method_of_their_own():
-    assert best(record("PF", 10, 0.6, corrected=0.2))[0] == "PF, corrected"
-
-
-def test_where_no_method_is_accurate_the_nearest_is_named():
-    found = best(record("PF", 10, 0.4), record("BM", 10, 0.9), record("PF", 1, 0.7))
-    assert found == ("PF", "none", "40 % at 10 lux")
-    assert best(record("BM", 10, None)) == ("–", "–", "–")
-
-
-def test_light_goes_from_bright_to_dark_whatever_the_order():
-    dark = replace(BUDGET, illuminance_lux=1e-3, level="starlight", photons=30.0)
-    dark = replace(dark, signal_to_noise=(0, 0.0005, 0.1))
-    (row,) = told(budgets=[dark, BUDGET])
-    assert row["photons on a pixel"] == "30.0k → 30.0"
-    assert row["signal-to-noise"] == "0.48 → 0.0005"
 
 
 def test_dark_counts_are_named_at_every_light_that_they_drown_and_at_no_other():

@@ -6,7 +6,7 @@ import threading
 import pytest
 
 from megalopta.camera.emulated import EmulatedCamera, EmulatedPort, Faults, Plate
-from megalopta.camera.motion_bench import BenchLight, cut_passages, record
+from megalopta.camera.motion_bench import cut_passages, record
 from megalopta.camera.recording import open_recording
 from megalopta.cli import main as cli
 from megalopta.reproduction.chapter2_captured import captured_figures
@@ -52,26 +52,7 @@ def test_a_captured_bench_is_the_simulated_one_but_for_chance(recording):
     assert numbers["captured_mean"] == pytest.approx(numbers["simulated_mean"], rel=0.05)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("recording", [10.0], indirect=True)
-def test_a_recording_becomes_pictures_and_numbers(recording, tmp_path, capsys):
-    out = tmp_path / "figures"
-    capsys.readouterr()
-    cli.main(["spadcam", "figures", f"{recording}@10", "--own-light", "--out", str(out)])
-    kinds = ("png", "svg", "csv", "json")
-    paths = [str(out / f"{name}.{kind}") for name in NAMES for kind in kinds]
-    assert capsys.readouterr().out.splitlines() == paths
-
-
-def test_the_light_of_the_simulation_is_stated():
-    counts = record(10.0, SENSOR).counts
-    usual = next(captured_figures({10.0: counts}, SENSOR))
-    assert "an open pixel detects 65 photons per frame" in usual.caption
-    own = next(captured_figures({10.0: counts}, SENSOR, BenchLight(50.0, 20.0)))
-    assert "in the light of this recording, in which an open pixel detects 50" in own.caption
-
-
-def test_a_camera_of_half_the_signal_responds_half_as_much():
+def test_a_camera_of_half_the_signal_differs_by_half():
     counts = record(10.0, SENSOR).counts // 2
     *_, ndm, nds = captured_figures({10.0: counts}, SENSOR)
     for figure, share in ((nds, 0.5), (ndm, 0.25)):

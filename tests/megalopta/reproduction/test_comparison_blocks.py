@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 
 from megalopta.benchmark import textures as detection_sweep
-from megalopta.benchmark.textures import RESPONSES, SCORED_FRAMES, VIEWS, detections
+from megalopta.benchmark.textures import RESPONSES, SCORED_FRAMES, VIEWS
 from megalopta.flow.detectors.registry import METHODS
 from megalopta.flow.metrics.detection import d_prime, motion_evidence
-from megalopta.plotting.picture import write_figure
 from megalopta.reproduction.comparison_blocks import detection_figure
 
 # Two samples of 1024 responses of equal distribution: the standard error of d′ is 0.044, up to twice
@@ -50,14 +49,6 @@ def test_non_directional_multiplication_is_blind_to_direction(values):
     assert abs(values["NDM", 1e6]["d_prime_direction"]) < NOTHING
 
 
-def test_no_method_changes_the_numbers_of_another():
-    company = [METHODS[name] for name in ("BM", "EMD", "NDS")]
-    alone, together = detections(company[:1], 3e4)[0], detections(company, 3e4)[0]
-    assert alone.method == together.method == "BM"
-    for field in ("motion", "direction", "false_alarms"):
-        assert getattr(alone, field) == getattr(together, field)
-
-
 def test_threshold_of_a_method_that_takes_counts_is_half_of_its_response_to_bright_ones():
     flux, method = 1e9, METHODS["PM"]
     counts = [
@@ -69,10 +60,3 @@ def test_threshold_of_a_method_that_takes_counts_is_half_of_its_response_to_brig
     assert detection_sweep.motion_threshold(method) == pytest.approx(
         np.median(responses) / 2, rel=0.01
     )
-
-
-@pytest.mark.slow
-def test_figure_is_drawn(figure, tmp_path, check_words):
-    check_words(figure)
-    for path in write_figure(figure, tmp_path):
-        assert path.stat().st_size > 0

@@ -7,7 +7,6 @@ from types import SimpleNamespace
 
 import pytest
 
-from megalopta.core.errors import UserError
 from megalopta.reproduction.drawing import side_by_side
 
 from ..process_group import in_a_group, members, wait_for
@@ -23,14 +22,6 @@ def test_results_come_in_the_order_of_the_tasks():
     assert list(side_by_side(tasks)) == ["first", "second", "third"]
 
 
-def test_a_user_s_mistake_comes_through():
-    def refuse():
-        raise UserError("no ink")
-
-    with pytest.raises(UserError, match="no ink"):
-        list(side_by_side([refuse, refuse]))
-
-
 def test_one_task_and_one_after_mitsuba_run_in_this_process(monkeypatch):
     assert list(side_by_side([os.getpid])) == [os.getpid()]
     running = SimpleNamespace(variant=lambda: "llvm_ad_spectral")
@@ -38,6 +29,7 @@ def test_one_task_and_one_after_mitsuba_run_in_this_process(monkeypatch):
     assert list(side_by_side([os.getpid, os.getpid])) == [os.getpid()] * 2
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux" or (os.cpu_count() or 1) < 2, reason="nothing to fork")
 def test_figures_are_the_same_bytes_from_one_process_and_from_several(tmp_path):
     # in an interpreter without Mitsuba, which other tests may have started here

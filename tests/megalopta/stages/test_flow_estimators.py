@@ -1,13 +1,11 @@
 """Every method on a rendered sequence: its records, its place in the report, the camera's turn."""
 
 import json
-import re
 
 import pytest
 
-from megalopta.config.model import Configuration, load
-from megalopta.flow.detectors.registry import METHODS, THESIS_METHODS
-from megalopta.report.page import write_report
+from megalopta.config.model import load
+from megalopta.flow.detectors.registry import METHODS
 from megalopta.stages.pipeline import run_stage
 
 from ..conftest import TINY
@@ -46,10 +44,6 @@ def records(finished):
     return {record["method"]: record for record in found}
 
 
-def test_a_configuration_runs_the_methods_of_the_dissertation_unless_told():
-    assert Configuration().methods == THESIS_METHODS
-
-
 def test_every_method_has_its_record(records):
     assert list(records) == QUICK
     for name, record in records.items():
@@ -62,16 +56,6 @@ def test_estimators_find_the_motion_of_rendered_dots(name, records):
     truth = records[name]["truth"]
     assert truth["ideal"]["relative_error_median"] < 0.25
     assert truth["counts"]["relative_error_median"] < 0.25
-
-
-def test_splits_hold_all_blocks(records):
-    for record in records.values():
-        if "truth" not in record:
-            continue
-        blocks = {name: split["ideal"]["blocks"] for name, split in record["truth_splits"].items()}
-        whole = record["truth"]["ideal"]["blocks"]
-        assert blocks["slow"] + blocks["medium"] + blocks["fast"] == whole
-        assert blocks["clear"] + blocks["occlusion"] == whole
 
 
 def test_errors_are_told_with_mixed_pixels_and_without(records):
@@ -93,16 +77,3 @@ def test_yaw_rate_is_found_by_all_that_tell_directions(records):
         # Light enough that photons do not matter. LK now and then takes one dot for another, in
         # blocks that did not while the weights were learned.
         assert rotation["counts_deg_s"] < (0.3 if name == "LK" else 0.1) * 6
-
-
-@pytest.mark.slow  # drawing takes longest; tests/megalopta/report/test_page.py has seven of them
-def test_report_shows_every_method(finished):
-    page = write_report(finished).read_text("utf-8")
-    for heading in (
-        "Against the true motion",
-        "by speed and occlusion",
-        "How fast the camera turns",
-    ):
-        assert heading in page
-    for name in QUICK:
-        assert len(re.findall(rf"\b{name}\b", page)) >= 3

@@ -4,11 +4,9 @@ import json
 
 import pytest
 import yaml
-import zarr
 
 from megalopta.cli import main as cli
 from megalopta.core.errors import UserError
-from megalopta.core.format_numbers import written
 from megalopta.sensor import StoredFrames, open_counts
 
 COUNTS = "counts/grating/spadcam-starlight.zarr"
@@ -19,15 +17,6 @@ def change(root, **values):
     path = root / "dataset.yaml"
     record = yaml.safe_load(path.read_text("utf-8"))
     path.write_text(yaml.safe_dump({**record, **values}), "utf-8")
-
-
-def test_every_folder_and_store_has_its_number(whole):
-    assert yaml.safe_load((whole / "dataset.yaml").read_text("utf-8"))["format"] == written(
-        "dataset"
-    )
-    for name in STORES:
-        attributes = zarr.open_group(whole / name, mode="r").attrs
-        assert attributes["format_number"] == written("counts")
 
 
 def test_a_newer_dataset_is_refused(whole_copy, capsys):

@@ -4,7 +4,6 @@ Processes of their own, whose start takes seconds, are only those that are kille
 `MEGALOPTA_LONG=1` kills every stage at twenty moments, with and without --redo.
 """
 
-import hashlib
 import os
 import shutil
 import signal
@@ -23,6 +22,7 @@ from megalopta.stages.ledger import Ledger
 from megalopta.stages.pipeline import run_all
 
 from ..conftest import TINY
+from .test_pipeline import content
 
 pytestmark = pytest.mark.slow
 
@@ -80,15 +80,6 @@ def run(*arguments):
     main.main([*map(str, arguments)])
 
 
-def content(root):
-    """Every file but for the clock's, links and hidden ones included."""
-    return {
-        str(path.relative_to(root)): hashlib.sha256(path.read_bytes()).hexdigest()
-        for path in sorted(root.rglob("*"))
-        if path.is_file() and path.name != "timings.json"
-    }
-
-
 def command(stage, root, *, redo=False):
     if stage == "render":
         # a dataset's folder is a configuration, too
@@ -134,21 +125,3 @@ def test_a_killed_stage_ends_like_an_undisturbed_one(finished, tmp_path, stage, 
     run(*command(stage, killed, redo=redo))
     assert content(killed) == content(undisturbed)
     print(f"{stage}, redo {redo}: killed {deaths} of {KILLS} times within {lasts:.1f} s")
-
-
-@pytest.mark.slow  # tests/megalopta/test_folders.py has two processes before one lock
-def test_two_processes_on_one_dataset_do_not_meet(finished, tmp_path, capsys):
-    root, configuration = tmp_path / "data", open_sequence(finished).configuration
-    (tmp_path / "start.yaml").write_text(to_yaml(configuration))
-    command = ("render", tmp_path / "start.yaml", "--out", root)
-    process = start(*command)
-    wait_until_loaded(process)
-    run(*command)
-    _, complaints = process.communicate()
-    assert process.returncode == 0, complaints
-    said = (complaints, capsys.readouterr().err)
-    assert sum("has it already" in text for text in said) == 1
-    found, expected = content(root), content(finished)
-    assert found.keys() < expected.keys()
-    for name in found.keys() - {"sequences/grating.json"}:
-        assert found[name] == expected[name], name

@@ -1,6 +1,5 @@
 """Measured devices through the command line."""
 
-import hashlib
 import os
 import pickle
 import re
@@ -19,6 +18,7 @@ from megalopta.sensor import read_counts
 from megalopta.stages.pipeline import run_all, run_stage
 
 from ..conftest import TINY
+from .test_pipeline import content
 
 EXAMPLE = Path(__file__).parents[3] / "docs/example_device"
 SHAPE = (40, 48)
@@ -44,14 +44,6 @@ def folder(rendered, tmp_path, monkeypatch):
 def write(folder, measured, **changes):
     device = {"preset": "spadcam", "name": "mine", "measured": measured, **changes}
     (folder / "device.yaml").write_text(yaml.safe_dump(device))
-
-
-def content(root):
-    return {
-        str(path.relative_to(root)): hashlib.sha256(path.read_bytes()).hexdigest()
-        for path in sorted(root.rglob("*"))
-        if path.is_file() and path.name != "timings.json"
-    }
 
 
 def sense(*arguments):
@@ -84,14 +76,6 @@ def test_the_example_device_is_sensed_with_the_middle_of_its_maps(folder):
     np.testing.assert_allclose(expected[0], 0.1 * dark_hz * np.exp(-1e-6 * dark_hz), rtol=1e-4)
 
 
-def test_the_readme_shows_the_example_device_as_it_is():
-    readme = (EXAMPLE.parents[1] / "README.md").read_text("utf-8")
-    shown = "".join(
-        f"    {line}\n" for line in (EXAMPLE / "device.yaml").read_text().splitlines()[1:]
-    )
-    assert shown in readme
-
-
 def test_the_dataset_describes_the_device_without_its_yaml_and_curve(folder, monkeypatch):
     (folder / "pde.csv").write_text("400,0.1\n700,0.2\n")
     maps = {"dark_counts": "dark.npy", "fit": "top_left"}
@@ -108,13 +92,6 @@ def test_the_dataset_describes_the_device_without_its_yaml_and_curve(folder, mon
     assert content(folder / "data") == before
     cli.main(["sense", str(folder / "data"), "--redo"])
     assert content(folder / "data") == before
-
-
-def test_a_curve_may_be_given_on_the_command_line(folder):
-    (folder / "pde.csv").write_text("400,0.1\n700,0.2\n")
-    sense()
-    cli.main(["sense", "data", "--sensors.0.efficiency", "{path: pde.csv}", "--redo"])
-    assert counts(folder / "data").sensor.efficiency.wavelengths_nm == (400, 700)
 
 
 def bytes_of(values, **options):
@@ -149,11 +126,6 @@ def test_a_bad_map_is_refused_before_anything_is_removed(folder, capsys, make, m
     assert content(folder / "data") == before
 
 
-def test_a_missing_map_is_refused(folder, capsys):
-    (folder / "dark.npy").unlink()
-    assert "dark.npy cannot be read (no such file or directory)" in refusal(capsys)
-
-
 def test_a_map_that_changed_since_is_refused(folder, capsys):
     sense()
     before = content(folder / "data")
@@ -162,23 +134,6 @@ def test_a_map_that_changed_since_is_refused(folder, capsys):
         cli.main(["sense", "data", "--redo"])
     assert "dark.npy has changed since it was first read" in capsys.readouterr().err
     assert content(folder / "data") == before
-
-
-def test_a_report_names_a_map_that_is_gone(folder, capsys):
-    sense()
-    (folder / "dark.npy").unlink()
-    with pytest.raises(SystemExit) as end:
-        cli.main(["report", "data"])
-    assert end.value.code == 2
-    assert "dark.npy cannot be read (no such file" in capsys.readouterr().err
-
-
-def test_rendering_does_not_ask_whether_sensors_could_expose(tmp_path):
-    over = {**TINY, "trajectory.frames": "2", "trajectory.frame_rate_hz": "30"}
-    fast = load("grating", over)
-    run_stage(tmp_path / "data", fast, "render")
-    with pytest.raises(UserError, match=r"sense: sensor 'spadcam': exposure_s 0\.1 .*0\.0333"):
-        run_stage(tmp_path / "data", fast, "sense")
 
 
 @pytest.mark.parametrize(

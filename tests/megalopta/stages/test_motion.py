@@ -1,6 +1,5 @@
 """Datasets with moving objects and a shutter: what is stored, sensed, checked and refused."""
 
-import json
 import shutil
 from dataclasses import replace
 
@@ -131,11 +130,6 @@ def test_wrong_truth_of_whole_pixels_fails_the_check(moving, wrong, failing, lim
     assert np.median(found[name]) > limit
 
 
-def test_a_right_dataset_passes_on_the_command_line(moving, capsys):
-    cli.main(["check", "truth", str(moving.root)])
-    assert "moving, forward" in capsys.readouterr().out
-
-
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
@@ -149,18 +143,6 @@ def test_a_check_that_cannot_be_made_is_refused(arguments, words, capsys):
         cli.main(["check", *arguments])
     assert stopped.value.code == 2
     assert words in capsys.readouterr().err
-
-
-def test_truth_files_name_camera_pose_time_and_kinds(moving):
-    header = read_attributes(moving.truth(1))
-    pose = np.array(header["cameraToWorld"].split(), dtype=float).reshape(4, 4)
-    np.testing.assert_array_equal(pose, moving.configuration.trajectory.poses()[1])
-    assert json.loads(header["camera"])["width"] == 64
-    assert float(header["timeSeconds"]) == 0.1
-    names = json.loads(header["kindNames"])
-    truth = read_truth(moving.truth(1))
-    assert {names[kind - 1] for kind in np.unique(truth.kind_id)} == {"bird", "crate", "grating"}
-    assert json.loads(moving.scene_record.read_text())["motions"].keys() == {"2", "3"}
 
 
 def test_sensors_see_the_frames_of_the_shutter(moving):
@@ -189,31 +171,6 @@ def test_blur_has_the_truth_of_its_middle_and_rows_have_their_own(moving, rollin
     ]
     delay = 0.08 * (np.arange(48) / 47 - 0.5)
     np.testing.assert_allclose(azimuth[0] - azimuth[1], np.radians(15) * delay, atol=1e-6)
-
-
-@pytest.mark.slow
-def test_a_rolling_shutter_over_moving_objects_has_its_truth(tmp_path):
-    changes = {"objects": OBJECTS, "shutter.readout_s": "0.08", "trajectory.frames": "2"}
-    few = {"render.samples_per_pixel": "1", "camera.width": "36", "camera.height": "24"}
-    settings = load("grating", {**SMALL, **changes, **few})
-    dataset = run_stage(tmp_path / "data", settings, "render")
-    truth, sharp = read_truth(dataset.exposed_truth(0)), read_truth(dataset.truth(0))
-    crate = truth.object_id == 2
-    assert crate.sum() > 5
-    assert np.isfinite(truth.flow_forward[crate]).all()
-    both = crate & (sharp.object_id == 2)
-    # its rows are seen at other times than the middle of the frame
-    assert np.abs((truth.position - sharp.position)[both]).max() > 1e-3
-
-
-def test_a_render_with_a_shutter_is_resumed_to_the_same_bytes(moving, tmp_path):
-    shutil.copytree(moving.root, tmp_path / "data")
-    dataset = open_sequence(tmp_path / "data")
-    lost = dataset.exposed_radiance(1)
-    before = lost.read_bytes()
-    lost.unlink()
-    run_stage(dataset.root, dataset.configuration, "render")
-    assert lost.read_bytes() == before
 
 
 @pytest.mark.parametrize(

@@ -50,13 +50,6 @@ def test_share_is_that_of_noisy_light_run_through_the_sensor(sensors, name):
     assert share == pytest.approx(expected, rel=0.02)
 
 
-def test_brighter_light_needs_a_cleaner_rendering():
-    # Shot noise has a variance like the light, the rendering's noise one like its square.
-    sensor, one = IMAGE_SENSORS["ideal"], np.ones(4)
-    dim, bright = (noise_share(RECORD, SETTINGS, sensor, factor * one) for factor in (1, 100))
-    assert bright == pytest.approx(100 * dim, rel=1e-9)
-
-
 def test_noise_that_is_faint_beside_the_scenes_detail_does_no_harm_however_bright_the_light():
     detail = (20 * np.array(RECORD["covariance"])).tolist()
     sensor = IMAGE_SENSORS["ideal"]
@@ -88,15 +81,11 @@ def test_warning_names_samples_that_are_enough_and_harmless_noise_goes_unmention
     assert "render.samples_per_pixel 200 would do, now 49" in text  # 4 × 49 in two digits
 
 
-def test_warning_names_the_cheapest_to_mend_first_and_counts_the_rest():
-    shares = {str(lux): lux for lux in (9.0, 1.0, 4.0, 16.0, 25.0)}
-    text = noise_warning(RECORD, SETTINGS, shares)
-    assert text.index("1.0 1 (") < text.index("4.0 2 (") < text.index("9.0 3 (")
-    assert text.endswith("and 2 worse")
-
-
-def test_warning_of_an_adaptive_rendering_names_the_error_to_aim_at():
+def test_warning_of_an_adaptive_rendering_names_the_error_to_aim_at_and_the_cheapest_first():
     render = SETTINGS.render.model_copy(update={"target_error": 0.05})
     adaptive = SETTINGS.model_copy(update={"render": render})
     text = noise_warning(RECORD, adaptive, {"ideal at twilight": 4 * LIMIT})
     assert "render.target_error 0.025 would do" in text
+    text = noise_warning(RECORD, SETTINGS, {str(lux): lux for lux in (9.0, 1.0, 4.0, 16.0, 25.0)})
+    assert text.index("1.0 1 (") < text.index("4.0 2 (") < text.index("9.0 3 (")
+    assert text.endswith("and 2 worse")

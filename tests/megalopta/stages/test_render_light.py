@@ -3,13 +3,11 @@
 import json
 
 import numpy as np
-import OpenEXR
 import pytest
 import trimesh
 
 from megalopta.config.model import load, parse
 from megalopta.core.errors import UserError
-from megalopta.render import read_attributes, read_radiance
 from megalopta.scenes.material import Material
 from megalopta.scenes.scene import Asset, Placement, Scene
 from megalopta.scenes.spectra.spectrum import flat
@@ -54,20 +52,19 @@ def yard(instead):
 
 
 @pytest.fixture
-def picture(tmp_path):
-    path = tmp_path / "sky.exr"
+def sky(picture):
+    """Settings of a panorama of rough light."""
 
     def write(seed):
-        values = np.random.default_rng(seed).gamma(0.5, size=(16, 32, 3)).astype(np.float32)
-        header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
-        OpenEXR.File(header, {"RGB": values}).write(str(path))
+        values = np.random.default_rng(seed).gamma(0.5, size=(16, 32, 3))
+        path = picture(values, "sky.exr")
         return parse(f"scene: {{kind: panorama, file: {path}}}", "test", SMALL)
 
     return write
 
 
-def test_a_panorama_renders_with_the_requested_light(picture, tmp_path):
-    dataset = run_stage(tmp_path / "data", picture(1), "render")
+def test_a_panorama_renders_with_the_requested_light(sky, tmp_path):
+    dataset = run_stage(tmp_path / "data", sky(1), "render")
     record = json.loads(dataset.scene_record.read_text())
     # The measuring rays cross texels of a very rough picture.
     assert record["illuminance"]["unshaded_lux"] == pytest.approx(1.0, rel=0.01)
@@ -75,46 +72,14 @@ def test_a_panorama_renders_with_the_requested_light(picture, tmp_path):
     run_stage(tmp_path / "data", dataset.configuration, "sense")
 
 
-def test_a_panorama_whose_file_changed_is_another_configuration(picture, tmp_path):
-    first = picture(1)
+def test_a_panorama_whose_file_changed_is_another_configuration(sky, tmp_path):
+    first = sky(1)
     run_stage(tmp_path / "data", first, "render")
-    second = picture(2)
+    second = sky(2)
     with pytest.raises(UserError, match=r"another configuration \(scene\.file\.sha256: "):
         run_stage(tmp_path / "data", second, "render")
     with pytest.raises(UserError, match=r"sky\.exr has changed since it was first used"):
         run_stage(tmp_path / "other", first, "render")
-
-
-def test_a_panorama_can_be_chosen_on_the_command_line(picture):
-    chosen = picture(1).scene
-    path = chosen.file.path
-    assert load("demo", {"scene.kind": "panorama", "scene.file": path}).scene == chosen
-
-
-def test_a_missing_panorama_is_a_users_mistake():
-    with pytest.raises(UserError, match=r"scene\.file: gone\.hdr cannot be read \(no such file"):
-        parse("scene: {kind: panorama, file: gone.hdr}", "test")
-
-
-@pytest.mark.slow
-def test_frames_are_rendered_to_the_stated_error_and_say_so(yard, tmp_path):
-    settings = load(
-        "demo", {**SMALL, **FEW, "render.target_error": "0.02", "render.max_passes": "99"}
-    )
-    dataset = run_stage(tmp_path / "data", settings, "render")
-    record = json.loads(dataset.scene_record.read_text())["monte_carlo"]
-    assert record["measured_frames"] == [0, 1, 2]
-    for frame, samples in enumerate(record["samples_per_pixel"]):
-        noise = json.loads(read_attributes(dataset.radiance(frame))["monteCarlo"])
-        assert noise["rms_over_mean"] <= 0.02
-        assert samples == 4 * noise["passes"]
-    # A frame alone comes out the same.
-    image = read_radiance(dataset.radiance(2))[0]
-    for path in (dataset.radiance(2), dataset.scene_record):
-        path.unlink()
-    dataset.record_path.unlink()
-    run_stage(tmp_path / "data", settings, "render")
-    np.testing.assert_array_equal(read_radiance(dataset.radiance(2))[0], image)
 
 
 def test_a_target_out_of_reach_is_told(yard, tmp_path, capsys):

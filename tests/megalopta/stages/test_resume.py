@@ -84,20 +84,3 @@ def test_counts_of_two_sensor_models_or_libraries_are_not_mixed(whole_copy, monk
     ):
         run_stage(whole_copy, dataset.configuration, "sense")
     assert dataset.record_path.read_text("utf-8") == before
-
-
-def test_a_damaged_frame_is_not_replaced_by_another_renderers(whole_copy):
-    dataset = open_sequence(whole_copy)
-    if "llvm" not in STAGES["render"].machinery(dataset.configuration):
-        pytest.skip("no LLVM here")
-    dataset.radiance(1).write_bytes(bytes(dataset.radiance(1).stat().st_size))
-    with pytest.raises(UserError, match=r"not whole .*variant: llvm_ad_\w+ → scalar_spectral"):
-        run_stage(whole_copy, with_backend(dataset.configuration, "scalar"), "render")
-
-
-def test_a_stage_of_which_nothing_came_is_not_remembered(whole_copy):
-    dataset = open_sequence(whole_copy)
-    Ledger(dataset).forget("render")
-    Ledger(dataset).begin("render")
-    Ledger(dataset).withdraw("render")
-    assert not dataset.record_path.parent.exists()

@@ -9,9 +9,8 @@ from megalopta.cli import main
 from megalopta.config.model import load
 from megalopta.core.errors import UserError
 from megalopta.dataset.store import open_sequence
-from megalopta.sensor.formats.reading import read_events, read_frames
 from megalopta.stages.pipeline import run_stage
-from megalopta.stages.sense import open_exposure, sense
+from megalopta.stages.sense import open_exposure
 
 FRAMES, BITS, LEVEL = 4, 200, 1e-4
 SMALL = {
@@ -80,53 +79,6 @@ def test_light_in_an_exposure_is_that_of_more_frames(still, moving, fast):
     # bilinear interpolation of a sine of 24 px: (π/24)²/2 = 0.9 %; half a pixel of lag: 13 %
     assert errors[moving] < 0.02
     assert errors[still] > 0.08
-
-
-def test_a_burst_sees_the_light_between_frames(moving, fast):
-    bits = read_frames(beside(moving, ".burst.npy"), shape=(40, 48)).counts
-    assert bits.shape == (FRAMES * BITS, 40, 48)
-    halves = bits.reshape(FRAMES, 2, BITS // 2, 40, 48).sum(axis=2, dtype=int)[..., 3:-3]
-    light = 4 * mean_events(fast).reshape(FRAMES, 4, 40, 48)[:, 1::2, :, 3:-3]
-    p = -np.expm1(-light / BITS)
-    z = (halves - BITS / 2 * p) / np.sqrt(BITS / 2 * p * (1 - p))
-    # |z| < 5 of the sum, and of the sum of squares about binomial laws: false alarm 1e-6
-    assert abs(z.mean()) * np.sqrt(z.size) < 5
-    assert abs((z**2).mean() - 1) < 5 * np.sqrt(2.5 / z.size) + 0.01
-    # the halves of a period differ as the light does, not by chance alone
-    change = light[:, 1] - light[:, 0]
-    seen = ((halves[:, 1] - halves[:, 0]) * change).sum()
-    expected = (BITS / 2 * (p[:, 1] - p[:, 0]) * change).sum()
-    scatter = np.sqrt((BITS / 2 * (p * (1 - p)).sum(axis=1) * change**2).sum())
-    assert abs(seen - expected) < 5 * scatter < expected
-
-
-def test_events_carry_the_motion(moving, fast):
-    stream = read_events(beside(moving, ".events.npz")).events
-    light = 4 * mean_events(fast).reshape(FRAMES, 4, 40, 48)[:, 1::2]
-    late = stream.time_s >= 0.05
-    for half, chosen in enumerate((~late, late)):
-        counts = np.bincount(
-            stream.frame[chosen] * 1920 + stream.pixel[chosen], minlength=FRAMES * 1920
-        ).reshape(FRAMES, 40, 48)
-        expected = light[:, half] / 2
-        z = ((counts - expected) / np.sqrt(expected))[..., 3:-3]
-        assert abs((z**2).mean() - 1) < 5 * np.sqrt(2.5 / z.size) + 0.01
-
-
-def test_what_a_kill_left_out_is_made_again_alike(moving):
-    dataset = open_sequence(moving)
-    products = [beside(moving, end) for end in (".burst.npy", ".events.npz")]
-    before = [path.read_bytes() for path in products]
-    for path in products:
-        path.unlink()
-    sense(dataset)
-    assert [path.read_bytes() for path in products] == before
-
-
-def test_old_output_is_refused_until_it_is_to_be_made_again(still, capsys):
-    with pytest.raises(SystemExit):
-        main.main(["sense", str(still), "--sub-frames", "3"])
-    assert "sub_frames: 1 → 3" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -8,33 +8,22 @@ import numpy as np
 import pytest
 import trimesh
 
-from megalopta.render.baking import choice, integrator, light as bake, table
+from megalopta.render.baking import light as bake, table
 from megalopta.render.baking.choice import cost_reason, path_tracing_reason, samples_of_pixel
 from megalopta.render.baking.gathering import Gatherer
 from megalopta.render.baking.visibility import survey
 from megalopta.render.scatter import RunningMean
 from megalopta.render.scene_renderer import SceneRenderer
-from megalopta.render.sensors import primary
-from megalopta.render.settings import RenderSettings, bake_seed, frame_seed
-from megalopta.render.variant import choose_variant
+from megalopta.render.settings import RenderSettings
 from megalopta.scenes.cameras.perspective import PerspectiveCamera
 from megalopta.scenes.material import Emission, Material, Texture
 from megalopta.scenes.motion import Drift, RigidMotion
-from megalopta.scenes.scene import (
-    Asset,
-    Lighting,
-    Placement,
-    Scene,
-    Sun,
-)
+from megalopta.scenes.scene import Lighting, Sun
 from megalopta.scenes.spectra.spectrum import Spectrum, flat
 from megalopta.scenes.trajectories.steady import Trajectory
 
-from ..conftest import quad
+from ..conftest import band_means, quad, scene_of, square, vectorized
 
-vectorized = pytest.mark.skipif(
-    choose_variant().name.startswith("scalar"), reason="baking needs a vectorized variant"
-)
 CAMERA = PerspectiveCamera(width=24, height=24, fov_deg=40)
 # Five bands need two groups of Mitsuba's four wavelengths.
 BANDS = ((400.0, 450.0), (450.0, 500.0), (500.0, 600.0), (600.0, 700.0), (900.0, 1000.0))
@@ -45,52 +34,29 @@ DOWN = Trajectory(frames=2, position_m=(0, 0, 2), look_at_m=(0, 0, 0), up=(1, 0,
 UP = Trajectory(frames=2, position_m=(0, 0, 0.5), look_at_m=(0, 0, 1), up=(1, 0, 0)).poses()
 
 
-def scene_of(lighting, **parts):
-    """One object per material."""
-    return Scene(
-        {name: material for name, (material, _) in parts.items()},
-        {name: Asset({name: mesh}) for name, (_, mesh) in parts.items()},
-        tuple(Placement(name, name, np.eye(4)) for name in parts),
-        lighting,
-    )
-
-
 def renderer_of(scene, poses, seed=0, camera=CAMERA, **settings):
     settings = RenderSettings(**{"samples_per_pixel": 4, "integrator": "baked", **settings})
     return SceneRenderer(scene, camera, settings, poses, seed)
 
 
-def band_means(*spectra):
-    """Means of a product of spectra; independent of the renderer: fine midpoint sums."""
-    grids = [np.linspace(a, b, 20001) for a, b in BANDS]
-    middles = [0.5 * (grid[1:] + grid[:-1]) for grid in grids]
-    return np.array([np.prod([s(m) for s in spectra], axis=0).mean() for m in middles])
-
-
-def square(height, half_width):
-    corners = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]) * float(half_width)
-    corners[:, 2] = height
-    return quad(corners)
-
-
 @vectorized
-def test_plane_under_uniform_sky_shows_the_band_mean_of_reflectance_times_light(ground):
-    scene = scene_of(Lighting(SKY), ground=(Material(LEAF), ground))
+@pytest.mark.parametrize(
+    ("light", "share"),
+    [
+        (Lighting(SKY), 1.0),
+        (Lighting(flat(0.0), Sun(SUN_DIRECTION, SKY)), math.cos(1.0) / math.pi),
+    ],
+    ids=["sky", "sun"],
+)
+def test_plane_shows_the_band_mean_of_reflectance_times_irradiance_over_pi(light, share, ground):
+    scene = scene_of(light, (ground, Material(LEAF)))
     image = renderer_of(scene, DOWN, bands_nm=BANDS).radiance(DOWN[0], 1)
-    expected = band_means(LEAF, SKY)
+    expected = band_means(BANDS, LEAF, SKY) * share
     # Every ray meets the same sky.
-    np.testing.assert_allclose(image, np.broadcast_to(expected, image.shape), 1e-5)
-
-
-@vectorized
-def test_plane_under_the_sun_follows_the_cosine_law(ground):
-    light = Lighting(flat(0.0), Sun(SUN_DIRECTION, SKY))
-    scene = scene_of(light, ground=(Material(LEAF), ground))
-    image = renderer_of(scene, DOWN, bands_nm=BANDS).radiance(DOWN[0], 1)
-    expected = band_means(LEAF, SKY) * math.cos(1.0) / math.pi
     np.testing.assert_allclose(image, np.broadcast_to(expected, image.shape), 1e-4)
 
 
+@pytest.mark.slow
 @vectorized
 def test_what_lies_below_the_ground_sends_no_light_up():
     # Of a wall 3 cm look out of the ground, and cells are 8 cm high. Below, half of the sky is
@@ -99,9 +65,9 @@ def test_what_lies_below_the_ground_sends_no_light_up():
     black, white = Material(flat(0)), Material(flat(0.5))
     scene = scene_of(
         Lighting(flat(1e-9)),
-        ground=(black, square(0, 20)),
-        roof=(black, square(0.8, 20)),
-        wall=(white, wall),
+        (square(0, 20), black),
+        (square(0.8, 20), black),
+        (wall, white),
     )
     poses = Trajectory(frames=2, position_m=(-6, 0.2, 0.6), look_at_m=(0, 0, 0)).poses()
     common = {"samples_per_pixel": 1024, "bands_nm": BANDS[:1], "max_depth": 2}
@@ -116,30 +82,9 @@ def test_what_lies_below_the_ground_sends_no_light_up():
 
 
 @vectorized
-@pytest.mark.slow
-def test_frames_that_are_too_large_to_be_looked_at_whole_are_baked_under_the_sun_too(ground):
-    light = Lighting(flat(0.0), Sun(SUN_DIRECTION, flat(1e-9)))
-    scene = scene_of(light, ground=(Material(flat(0.5)), ground))
-    camera = PerspectiveCamera(width=65, height=64, fov_deg=40)
-    image = renderer_of(scene, DOWN, camera=camera, bake_error=0.3).radiance(DOWN[0], 1)
-    np.testing.assert_allclose(image, 0.5e-9 * math.cos(1.0) / math.pi, 1e-4)
-
-
-@vectorized
-@pytest.mark.slow
-def test_texture_mixes_the_two_reflectances_by_its_weight_in_sky_and_sunlight(ground):
-    ground.visual = trimesh.visual.TextureVisuals(uv=np.zeros((4, 2)))
-    weight = np.full((4, 4), 0.25, np.float32)
-    light = Lighting(flat(1e-9), Sun(SUN_DIRECTION, flat(3e-9)))
-    material = Material(flat(0.2), Texture(weight, flat(0.6)))
-    image = renderer_of(scene_of(light, ground=(material, ground)), DOWN).radiance(DOWN[0], 1)
-    np.testing.assert_allclose(image, 0.3e-9 * (1 + 3 * math.cos(1.0) / math.pi), 1e-4)
-
-
-@vectorized
 def test_a_leaf_over_black_ground_is_lit_above_and_dark_below(ground):
-    leaf = Material(flat(0.4)), square(1.0, 0.3)
-    scene = scene_of(Lighting(flat(1e-9)), ground=(Material(flat(0.0)), ground), leaf=leaf)
+    leaf = square(1.0, 0.3), Material(flat(0.4))
+    scene = scene_of(Lighting(flat(1e-9)), (ground, Material(flat(0.0))), leaf)
     above, below = (
         renderer_of(scene, poses).radiance(poses[0], 1).mean(axis=-1)[10:14, 10:14]
         for poses in (DOWN, UP)
@@ -151,34 +96,18 @@ def test_a_leaf_over_black_ground_is_lit_above_and_dark_below(ground):
 
 @pytest.mark.slow
 @vectorized
-def test_white_walls_under_an_even_sky_cannot_be_told_from_it():
-    # The furnace: what a surface that absorbs nothing sends out is what comes in, after any number
-    # of bounces. A box that is open above.
-    box = trimesh.creation.box((2, 2, 2))
-    box.update_faces(box.face_normals[:, 2] < 0.5)
-    box.unmerge_vertices()
-    scene = scene_of(Lighting(flat(1e-9)), box=(Material(flat(1.0)), box))
-    image = renderer_of(scene, DOWN, max_depth=200, bake_error=0.02).radiance(DOWN[0], 1)
-    # Mitsuba ends long paths with a chance of 5 % per bounce, so a path's value has a standard
-    # deviation of about 0.3. Pixels are known to 2 %, and hardly share a cell: the mean of 576 of
-    # them is ten standard deviations from 1 %.
-    assert image.mean() == pytest.approx(1e-9, rel=0.01)
-
-
-@pytest.mark.slow
-@vectorized
 @pytest.mark.parametrize("pattern", [None, np.full((8, 8), 0.5, np.float32)], ids=["even", "half"])
 def test_glowing_walls_show_their_own_radiance_on_their_front_alone(pattern):
     wall = square(1.0, 50.0)
     wall.visual = trimesh.visual.TextureVisuals(uv=wall.vertices[:, :2])
     material = Material(flat(0.5), None, Emission(3e-6, pattern))
-    scene = scene_of(None, wall=(material, wall))
+    scene = scene_of(None, (wall, material))
     above, below = (renderer_of(scene, poses).radiance(poses[0], 1) for poses in (DOWN, UP))
     np.testing.assert_allclose(above, 3e-6 * (1 if pattern is None else 0.5), 1e-5)
     assert below.max() == 0
 
 
-def thicket(lighting):
+def thicket(lighting, *more):
     """Leaves in front of a textured trunk with smooth normals on sloping ground."""
     rng = np.random.default_rng(5)
     corners = rng.uniform([-1.5, -1.5, 0.2], [1.5, 1.5, 2.5], (150, 1, 3))
@@ -194,9 +123,10 @@ def thicket(lighting):
     ground = trimesh.Trimesh(ground.vertices, [[0, 1, 2], [0, 2, 3]], process=False)
     return scene_of(
         lighting,
-        leaf=(Material(LEAF, transmittance=LEAF), leaves),
-        trunk=(bark, trunk),
-        ground=(Material(flat(0.3)), ground),
+        (leaves, Material(LEAF, transmittance=LEAF)),
+        (trunk, bark),
+        (ground, Material(flat(0.3))),
+        *more,
     )
 
 
@@ -261,24 +191,12 @@ def test_frames_do_not_depend_on_which_were_rendered_before_nor_on_batches(monke
     assert frames[0].tobytes() != other.tobytes()
 
 
-@vectorized
-@pytest.mark.slow
-def test_samples_beyond_one_pass_are_taken_in_several(monkeypatch):
-    scene = thicket(Lighting(SKY))
-    whole = renderer_of(scene, ORBIT, samples_per_pixel=256, bake_error=0.3).radiance(ORBIT[0], 1)
-    monkeypatch.setattr(primary, "SAMPLES_AT_ONCE", 100 * 24 * 24)
-    parts = renderer_of(scene, ORBIT, samples_per_pixel=256, bake_error=0.3).radiance(ORBIT[0], 1)
-    # Other jitter in the same strata: four passes of 64. A pass left out, or one too bright, would
-    # move the mean by a quarter.
-    assert parts.mean() == pytest.approx(whole.mean(), rel=0.01)
-
-
 def test_paths_are_traced_where_baking_is_not_asked_for_or_cannot_pay(ground):
     def reason(scene, variant="llvm_ad_spectral", frames=400, integrator="auto", pixels=80**2):
         settings = RenderSettings(integrator=integrator)
         return path_tracing_reason(scene, variant, np.zeros((frames, 4, 4)), settings, pixels)
 
-    still = scene_of(Lighting(SKY), ground=(Material(LEAF), ground))
+    still = scene_of(Lighting(SKY), ground)
     assert reason(still) == ""
     assert reason(still, frames=4, integrator="baked") == ""
     assert reason(still, integrator="path") == "as asked"
@@ -297,7 +215,7 @@ def test_paths_are_traced_where_baking_is_not_asked_for_or_cannot_pay(ground):
 
 
 def test_samples_that_a_target_error_takes_decide_whether_light_is_baked(ground):
-    still = scene_of(Lighting(SKY), ground=(Material(LEAF), ground))
+    still = scene_of(Lighting(SKY), ground)
     few = RenderSettings(target_error=0.1)
     assert path_tracing_reason(still, "llvm_ad_spectral", np.zeros((4, 4, 4)), few, 80**2) == ""
     # Samples have 0.1² - 0.022² of the squared error, so 0.5² takes 26.3 of them: two passes of 25.
@@ -314,43 +232,6 @@ def test_samples_that_a_target_error_takes_decide_whether_light_is_baked(ground)
     assert "too few" in path_tracing_reason(
         still, "llvm_ad_spectral", np.zeros((4, 4, 4)), hurried, 640**2
     )
-
-
-@vectorized
-def test_a_look_tells_how_far_one_sample_of_a_pixel_is_off(monkeypatch):
-    """Stripes much narrower than pixels, of which half send out three times as much."""
-    edges = np.linspace(-0.9, 0.9, 401)
-
-    def stripes(first):
-        return trimesh.util.concatenate(
-            [
-                quad([[-1, low, 0], [1, low, 0], [1, high, 0], [-1, high, 0]])
-                for low, high in zip(edges[first:-1:2], edges[first + 1 :: 2], strict=True)
-            ]
-        )
-
-    scene = scene_of(
-        Lighting(SKY),
-        dark=(Material(flat(0.2)), stripes(0)),
-        light=(Material(flat(0.6)), stripes(1)),
-    )
-    scatter = []
-    monkeypatch.setattr(choice, "FEWEST_IN_ALL", 0)
-
-    def noted(settings, found):
-        scatter.append(found)
-        return samples_of_pixel(settings, found)
-
-    monkeypatch.setattr(integrator, "samples_of_pixel", noted)
-    renderer_of(scene, DOWN, integrator="auto", target_error=0.6, max_passes=125)
-    # A ray meets either with equal chance, and is off by half the mean. Of 3 · 576 pixels with 32
-    # rays each the variance is known to 0.6 % at one standard deviation.
-    assert scatter == [pytest.approx(0.5, rel=0.03)]
-
-
-def test_seeds_of_baked_light_are_those_of_no_frame():
-    frames = {frame_seed(seed, frame) for seed in range(20) for frame in range(50)}
-    assert not frames & {bake_seed(seed) for seed in range(20)}
 
 
 @pytest.mark.slow
@@ -387,29 +268,6 @@ def test_stored_light_gives_the_same_frames_without_another_bake(tmp_path, monke
     assert len(list(tmp_path.glob("*.npz"))) == 2  # another error, another light
 
 
-@pytest.mark.slow
-@vectorized
-def test_light_that_is_kept_does_not_change_what_auto_decides(tmp_path, monkeypatch):
-    """Frames hang on the configuration alone, and not on who baked its light before."""
-    scene, asked = thicket(Lighting(SKY)), []
-    monkeypatch.setattr(choice, "FEWEST_IN_ALL", 0)
-
-    def integrator_of(name):
-        settings = RenderSettings(samples_per_pixel=256, integrator=name, bake_error=0.2)
-        return SceneRenderer(scene, CAMERA, settings, ORBIT, 3, tmp_path).integrator
-
-    def noted(*work):
-        asked.append(work[:2])
-        return "for once"
-
-    monkeypatch.setattr(integrator, "cost_reason", noted)
-    assert integrator_of("auto") == "path (for once)"
-    assert integrator_of("baked") == "baked"
-    assert len(list(tmp_path.glob("*.npz"))) == 1
-    assert integrator_of("auto") == "path (for once)"
-    assert asked[0] == asked[1]  # rays and samples
-
-
 def least_standing(tracer, light, part, time=0.0):
     """Standing error of a part of the image, relative to its light, less five standard errors."""
     paths, quick = (
@@ -442,17 +300,11 @@ def test_paths_are_traced_of_what_the_survey_did_not_meet(monkeypatch):
 @pytest.mark.slow
 @vectorized
 def test_a_moving_box_leaves_the_rest_baked():
-    still = thicket(Lighting(SKY))
     box = trimesh.creation.box((0.2, 0.2, 0.2))
+    box.apply_translation([1.5, 0.0, 1.5])
     motion = RigidMotion((1.5, 0.0, 1.5), Drift(velocity_m_s=(0.0, 1.0, 0.0)))
-    pose = np.eye(4)
-    pose[:3, 3] = 1.5, 0.0, 1.5
-    scene = dataclasses.replace(
-        still,
-        materials={**still.materials, "box": Material(flat(0.4))},
-        assets={**still.assets, "box": Asset({"box": box})},
-        placements=(*still.placements, Placement("box", "box", pose, motion)),
-    )
+    scene = thicket(Lighting(SKY), (box, Material(flat(0.4)), motion))
+
     common = {"samples_per_pixel": 64, "max_depth": 3, "bands_nm": BANDS[:1]}
     tracer, light = (
         renderer_of(scene, ORBIT, integrator=name, bake_error=0.05, **common)

@@ -10,10 +10,9 @@ from megalopta.render.loading.scene import load_scene
 from megalopta.render.mitsuba_loader import activate
 from megalopta.render.variant import Variant, choose_variant
 from megalopta.scenes.material import Material, Texture
-from megalopta.scenes.scene import Asset, Placement, Scene
 from megalopta.scenes.spectra.spectrum import Spectrum, flat
 
-from ..conftest import quad
+from ..conftest import scene_of, square
 
 RNG = np.random.default_rng(3)
 COUNT = 256
@@ -49,11 +48,9 @@ def shares(material):
 
 
 def loaded(material):
-    sheet = quad(np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0.0]]))
+    sheet = square(half_width=1)
     sheet.visual = trimesh.visual.TextureVisuals(uv=np.full((4, 2), 0.5))
-    scene = Scene(
-        {"leaf": material}, {"leaf": Asset({"leaf": sheet})}, (Placement("leaf", "l", np.eye(4)),)
-    )
+    scene = scene_of(None, (sheet, material))
     return load_scene(scene, merge(scene))
 
 
@@ -96,35 +93,3 @@ def test_light_leaves_both_sides_of_a_surface_by_lamberts_law(name, variant):
     law = np.where(same[:, None], *expected[:, None]) * np.abs(leaving[2] / np.pi)[:, None]
     np.testing.assert_allclose(values, law, rtol=1e-5, atol=1e-8)
     assert (density[(law > 0).any(axis=1)] > 0).all()
-
-
-@pytest.mark.parametrize("name", [name for name in LEAVES if name != "opaque"])
-def test_directions_are_drawn_with_the_density_that_is_told_and_the_weight_that_it_asks(
-    name, variant
-):
-    scene, expected = loaded(LEAVES[name]), shares(LEAVES[name])
-    surface, context = scene.shapes()[0].bsdf(), mi.BSDFContext()
-    arriving = directions(COUNT)
-    # One stratum of the choice between the sides for each.
-    choice = (np.arange(COUNT) + 0.5) / COUNT
-    points = interactions(scene, arriving, variant)
-
-    def drawn(si, first, second):
-        sample, weight = surface.sample(context, si, first, second)
-        value, density = surface.eval_pdf(context, si, sample.wo)
-        return weight, value, sample.pdf, density, si.wi, sample.wo
-
-    weight, value, told, density, came, gone = each(
-        variant, drawn, points, choice, RNG.random((2, COUNT))
-    )
-    np.testing.assert_allclose(told, density, rtol=1e-4)
-    np.testing.assert_allclose(weight * told[:, None], value, rtol=1e-4, atol=1e-7)
-    # The density is that of the cosine on each side, times the chance of the side.
-    chance = np.pi * density / np.abs(gone[:, 2])
-    same = came[:, 2] * gone[:, 2] > 0
-    sides = [chance[part].mean() for part in (same, ~same) if part.any()]
-    assert sum(sides) == pytest.approx(1, abs=1e-4)
-    # Each stratum goes to one side: the mean is off by at most one stratum in each.
-    assert weight.mean(axis=0) == pytest.approx(
-        expected.sum(axis=0), abs=2 * float(weight.max()) / COUNT
-    )

@@ -10,24 +10,13 @@ import numpy as np
 import pytest
 
 from megalopta.render import RenderSettings, SceneRenderer
-from megalopta.render.variant import choose_variant
 from megalopta.scenes import PerspectiveCamera, Trajectory
 from megalopta.scenes.material import Material
-from megalopta.scenes.scene import (
-    Asset,
-    Lighting,
-    Placement,
-    Scene,
-    SkyPattern,
-    pattern_directions,
-)
+from megalopta.scenes.scene import Lighting, SkyPattern, pattern_directions
 from megalopta.scenes.spectra.spectrum import Spectrum, flat
 
-from ..conftest import quad
+from ..conftest import quad, scene_of, vectorized
 
-vectorized = pytest.mark.skipif(
-    choose_variant().name.startswith("scalar"), reason="baking needs a vectorized variant"
-)
 INTEGRATORS = ["path", pytest.param("baked", marks=[vectorized, pytest.mark.slow])]
 BANDS = ((500.0, 600.0), (1400.0, 1500.0))
 ROWS = 90
@@ -52,12 +41,7 @@ def wall(lighting, tilt_deg):
     side = np.array([0, 1.0, 0])
     corners = [a * side + b * up for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
     leaf = Material(flat(ALBEDO), transmittance=flat(THROUGH))
-    scene = Scene(
-        {"leaf": leaf},
-        {"leaf": Asset({"leaf": quad(np.array(corners))})},
-        (Placement("leaf", "leaf", np.eye(4)),),
-        lighting,
-    )
+    scene = scene_of(lighting, (quad(np.array(corners)), leaf))
     look = Trajectory(
         frames=2, position_m=tuple(4 * normal), look_at_m=(0, 0, 0), up=tuple(up)
     ).poses()
@@ -96,22 +80,3 @@ def test_the_sky_itself_is_the_sum_of_its_patterns():
         expected += np.array(spectrum) * (1 + toward[axis])
     # 16 000 paths, whose four wavelengths fall into either band by chance: σ of 0.4 %.
     np.testing.assert_allclose(found, expected, rtol=0.02)
-
-
-def test_a_small_bright_patch_lights_a_plane_as_its_direction_says():
-    pattern = np.zeros((ROWS, 2 * ROWS), np.float32)
-    pattern[14:17, 40:43] = 100.0
-    scene, poses, _ = wall(Lighting(flat(0.0), patterns=(SkyPattern(flat(1e-9), pattern),)), 90)
-    found = rendered(scene, poses).mean(dtype=np.float64)
-    # The picture read bilinearly, by fine sums.
-    fine = 16
-    toward = pattern_directions(fine * ROWS)
-    place = np.arange(fine * ROWS) / fine
-    rows = np.maximum(0, 1 - np.abs(place[:, None] + 0.5 / fine - 0.5 - np.arange(14, 17)))
-    columns = np.arange(2 * fine * ROWS) / fine
-    across = np.maximum(0, 1 - np.abs(columns[:, None] + 0.5 / fine - 0.5 - np.arange(40, 43)))
-    light = 100e-9 * np.outer(rows.sum(axis=1), across.sum(axis=1))
-    solid = np.sin(np.pi * (place + 0.5 / fine) / ROWS)[:, None] * (np.pi / ROWS / fine) ** 2
-    expected = ALBEDO / np.pi * (light * solid * np.maximum(toward[..., 2], 0)).sum()
-    # Paths that look for the patch find it every time: values scatter by a third of their mean.
-    assert found == pytest.approx(expected, rel=0.02)

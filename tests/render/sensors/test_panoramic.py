@@ -1,6 +1,5 @@
 """Panoramas against the pinhole, against geometry worked out here, and against themselves turned."""
 
-import drjit as dr
 import numpy as np
 import pytest
 from scipy.ndimage import map_coordinates
@@ -11,18 +10,12 @@ from megalopta.render.settings import RenderSettings
 from megalopta.render.truth.tracer import out_of_view
 from megalopta.scenes.cameras.panoramic import CylindricalCamera, EquirectangularCamera
 from megalopta.scenes.cameras.perspective import PerspectiveCamera
-from megalopta.scenes.material import Material
-from megalopta.scenes.scene import (
-    Asset,
-    Lighting,
-    Placement,
-    Scene,
-)
+from megalopta.scenes.scene import Lighting, Scene
 from megalopta.scenes.spectra.spectrum import flat
 from megalopta.scenes.trajectories.steady import Trajectory
 
-from ..conftest import glowing_room, placed
-from ..truth.test_tracer import plane_distance, sphere_cap, sphere_distance
+from ..conftest import glowing_room, scene_of, sphere_cap
+from ..truth.oracle import eye, plane_hit, sphere_hit
 
 SPHERE = EquirectangularCamera(width=144, height=72)
 CYLINDER = CylindricalCamera(width=144, height=60, lower_deg=-50, upper_deg=45)
@@ -45,16 +38,6 @@ def renderer_of(camera, scene, samples=16, **settings):
     return SceneRenderer(scene, camera, settings)
 
 
-def gray(*meshes):
-    names = [f"thing{index}" for index in range(len(meshes))]
-    return Scene(
-        {name: Material(flat(0.5)) for name in names},
-        {name: Asset({name: mesh}) for name, mesh in zip(names, meshes, strict=True)},
-        tuple(Placement(name, name, np.eye(4)) for name in names),
-        Lighting(flat(1e-9)),
-    )
-
-
 @pytest.mark.parametrize("backend", ["auto", "scalar"])
 @pytest.mark.parametrize("camera", [SPHERE, CYLINDER, SECTOR, PINHOLE], ids=lambda c: c.kind)
 def test_uniform_radiance_is_uniform_in_every_camera(camera, backend):
@@ -62,18 +45,6 @@ def test_uniform_radiance_is_uniform_in_every_camera(camera, backend):
     image = renderer_of(camera, sky, 4, backend=backend).radiance(ROOM.poses()[0], 1)
     # Flat light in one band has no noise at all: float32 rounding remains.
     np.testing.assert_allclose(image, 2e-9, rtol=1e-5)
-
-
-@pytest.mark.parametrize("backend", ["auto", "scalar"])
-def test_a_panorama_sees_sky_and_lambertian_ground_at_their_radiance(ground, backend):
-    materials, assets, placements = placed(ground)
-    scene = Scene(materials, assets, placements, Lighting(flat(2e-9)))
-    level = Trajectory(position_m=(0, 0, 2), look_at_m=(1, 0, 2)).poses()[0]
-    camera = EquirectangularCamera(width=36, height=36)
-    image = renderer_of(camera, scene, 25, backend=backend).radiance(level, 1)[..., 0]
-    np.testing.assert_allclose(image[:18], 2e-9, rtol=1e-5)
-    # Reflectance 0.5 under a uniform sky, from the horizon's row on; paths have noise.
-    np.testing.assert_allclose(image[18:].mean(), 1e-9, rtol=5e-3)
 
 
 @pytest.mark.parametrize(
@@ -142,18 +113,6 @@ def test_turning_by_whole_columns_is_an_integer_flow_everywhere(camera):
     assert out_of_view(truth.flow_forward)[:, -5:].all()
 
 
-def geometry(camera, trajectory, frame):
-    """Camera position and its axes right, down, forward, from the angles, not from the poses."""
-    view = np.subtract(trajectory.look_at_m, trajectory.position_m)
-    time = frame / trajectory.frame_rate_hz
-    turn = Rotation.from_euler("z", trajectory.rotation_deg_s * time, degrees=True)
-    forward = turn.apply(view / np.linalg.norm(view))
-    right = np.cross(forward, [0, 0, 1])
-    right /= np.linalg.norm(right)
-    position = np.asarray(trajectory.position_m) + time * np.asarray(trajectory.velocity_m_s)
-    return position, np.array([right, np.cross(forward, right), forward])
-
-
 def rays(camera, axes):
     """Directions through the pixel centers by spherical coordinates; not of unit length."""
     azimuth = np.radians(camera.fov_deg) * ((np.arange(camera.width) + 0.5) / camera.width - 0.5)
@@ -173,10 +132,10 @@ def rays(camera, axes):
 
 def analytic_flow(camera, trajectory, frame, other, distance_along):
     """Flow (H, W, 2) and the elevation (H, W) at which the other camera sees the point."""
-    position, axes = geometry(camera, trajectory, frame)
+    position, axes = eye(trajectory, frame)
     directions = rays(camera, axes)
     points = position + distance_along(position, directions)[..., None] * directions
-    position, axes = geometry(camera, trajectory, other)
+    position, axes = eye(trajectory, other)
     x, y, z = np.moveaxis((points - position) @ axes.T, -1, 0)
     column = (np.arctan2(x, z) / np.radians(camera.fov_deg) + 0.5) * camera.width
     tangents = -y / np.hypot(x, z)
@@ -202,11 +161,11 @@ def analytic_flow(camera, trajectory, frame, other, distance_along):
 def test_flow_of_a_panorama_is_analytic_within_1e_4_px(camera, surface, ground):
     center = np.array([4.0, 1.2, 0.8])
     if surface == "plane":
-        mesh, distance = ground, plane_distance
+        mesh, distance = ground, plane_hit
     else:
         mesh = sphere_cap(center, 2.0, np.asarray(MOVING.position_m))
-        distance = sphere_distance(center, 2.0)
-    truth = renderer_of(camera, gray(mesh), 1).truth(MOVING.poses(), 1)
+        distance = sphere_hit(center, 2.0)
+    truth = renderer_of(camera, scene_of(Lighting(flat(1e-9)), mesh), 1).truth(MOVING.poses(), 1)
     seen = truth.object_id == 1
     assert seen.sum() > 100
     for flow, other in ((truth.flow_forward, 2), (truth.flow_backward, 0)):
@@ -214,34 +173,3 @@ def test_flow_of_a_panorama_is_analytic_within_1e_4_px(camera, surface, ground):
         error = np.abs(flow - expected)
         error[..., 0] *= np.cos(elevation)  # columns crowd at the poles
         assert error[seen].max() < 1e-4
-
-
-def test_panoramic_depth_is_the_distance_along_the_ray(ground):
-    truth = renderer_of(SPHERE, gray(ground), 1).truth(MOVING.poses(), 0)
-    position, axes = geometry(SPHERE, MOVING, 0)
-    expected = plane_distance(position, rays(SPHERE, axes))
-    seen = truth.object_id == 1
-    np.testing.assert_allclose(truth.depth[seen], expected[seen], rtol=1e-5)
-    assert np.isinf(truth.depth[~seen]).all()
-
-
-def test_nothing_is_compiled_for_further_poses_and_strips():
-    room = renderer_of(SPHERE, glowing_room(), 4, samples_per_pass=4 * 144 * 20)
-    if not room.variant.name.startswith("llvm"):
-        pytest.skip("kernels are looked at in LLVM mode")
-    first, *others = MOVING.poses()
-    room.radiance(first, 0)
-    with dr.scoped_set_flag(dr.JitFlag.KernelHistory, True):
-        dr.kernel_history_clear()
-        for seed, pose in enumerate(others):
-            room.radiance(pose, seed)
-        kernels = dr.kernel_history([dr.KernelType.JIT])
-    assert len(kernels) >= 8  # two frames of four strips
-    assert all(kernel["cache_hit"] for kernel in kernels)
-
-
-def test_the_same_seed_gives_the_same_panorama():
-    room = renderer_of(SPHERE, glowing_room(), 4)
-    pose = ROOM.poses()[0]
-    first, again, other = (room.radiance(pose, seed).tobytes() for seed in (5, 5, 6))
-    assert first == again != other

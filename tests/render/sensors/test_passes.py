@@ -69,11 +69,6 @@ def test_two_repeats_are_the_mean_of_two_passes():
     np.testing.assert_array_equal(both, ((first + second) / 2).astype(np.float32))
 
 
-def test_the_passes_of_a_frame_have_seeds_of_their_own():
-    assert pass_seed(12, 0) == 12
-    assert len({pass_seed(seed, number) for seed in range(20) for number in range(50)}) == 1000
-
-
 def test_an_interrupt_is_answered_after_one_pass(monkeypatch):
     calls = []
 

@@ -4,16 +4,15 @@ import numpy as np
 import pytest
 
 from megalopta.render.scene_renderer import SceneRenderer
-from megalopta.render.settings import RenderSettings, frame_seed, instant_seed
+from megalopta.render.settings import RenderSettings
 from megalopta.scenes import Shutter
 from megalopta.scenes.cameras.perspective import PerspectiveCamera
 from megalopta.scenes.material import Emission, Material
 from megalopta.scenes.motion import Drift, RigidMotion
-from megalopta.scenes.scene import Asset, Placement, Scene
 from megalopta.scenes.spectra.spectrum import flat
 from megalopta.scenes.trajectories.steady import Trajectory
 
-from ..conftest import quad
+from ..conftest import quad, scene_of
 
 CAMERA = PerspectiveCamera(width=80, height=60, fov_deg=60)
 SETTINGS = RenderSettings(samples_per_pixel=64, bands_nm=((500, 600),), max_depth=1)
@@ -26,11 +25,7 @@ PX_PER_S = FOCAL * SPEED / DISTANCE
 def half_wall(motion=None):
     """A glowing half plane x = 5, y < 0: in the image its edge is vertical, light to its right."""
     wall = quad(np.array([[5, 0, -50], [5, -50, -50], [5, -50, 50], [5, 0, 50.0]]))
-    return Scene(
-        {"glow": Material(flat(0.0), None, Emission(1e-6))},
-        {"wall": Asset({"glow": wall})},
-        (Placement("wall", "wall", np.eye(4), motion),),
-    )
+    return scene_of(None, (wall, Material(flat(0.0), None, Emission(1e-6)), motion))
 
 
 def sliding(velocity, frames=3):
@@ -46,42 +41,33 @@ def edges(image):
 
 
 ALONG = sliding((0.0, SPEED, 0.0))  # the image moves to the right
-DOWN = sliding((0.0, 0.0, -SPEED))  # the image moves up
 
 
 def edge_at(times):
     return CAMERA.width / 2 + PX_PER_S * np.asarray(times)
 
 
-def test_a_blurred_edge_is_a_ramp_around_the_sharp_edge_of_mid_exposure():
-    renderer = SceneRenderer(half_wall(), CAMERA, SETTINGS)
-    shutter = Shutter(exposure_s=0.08, poses=64)
-    image = renderer.exposed(ALONG, shutter, 1, seed=3)
-    sharp = renderer.radiance(ALONG.poses()[1], seed=4)
+# The camera goes to the left, or the wall to the right.
+MOTION = RigidMotion((5.0, 0.0, 0.0), Drift(velocity_m_s=(0.0, -SPEED, 0.0)))
+BOTH = pytest.mark.parametrize(
+    ("path", "motion"),
+    [(ALONG, None), (sliding((0.0, 0.0, 0.0)), MOTION)],
+    ids=["camera moves", "object moves"],
+)
+
+
+@BOTH
+def test_a_blurred_edge_is_a_ramp_around_its_place_at_mid_exposure(path, motion):
+    renderer = SceneRenderer(half_wall(motion), CAMERA, SETTINGS)
+    image = renderer.exposed(path, Shutter(exposure_s=0.08, poses=64), 1, seed=3)
     # Each of 64 samples of a pixel, at its own part of the exposure and uniform in the pixel, tells
     # where the edge is: that scatters by √(1/6/64) = 0.05 px a row.
-    np.testing.assert_allclose(edges(image), edges(sharp), atol=0.3)
+    np.testing.assert_allclose(edges(image), edge_at(0.1), atol=0.3)
     np.testing.assert_allclose(edges(image).mean(), edge_at(0.1), atol=0.04)
     profile = image[..., 0].mean(axis=0) / 1e-6
     x = np.arange(CAMERA.width) + 0.5
     ramp = np.clip((x - edge_at(0.06)) / (edge_at(0.14) - edge_at(0.06)), 0, 1)
     np.testing.assert_allclose(profile, ramp, atol=0.07)  # pixels are a quarter of the ramp wide
-
-
-@pytest.mark.slow
-def test_a_blurred_frame_is_the_mean_of_256_sharp_ones():
-    few = SETTINGS.model_copy(update={"samples_per_pixel": 4})
-    strobes = SceneRenderer(half_wall(), CAMERA, few)
-    shutter = Shutter(exposure_s=0.05)
-    times = 0.1 + 0.05 * ((np.arange(256) + 0.5) / 256 - 0.5)
-    mean = np.mean(
-        [strobes.radiance(pose, seed) for seed, pose in enumerate(ALONG.pose_at(times))], axis=0
-    )
-    image = SceneRenderer(half_wall(), CAMERA, SETTINGS).exposed(ALONG, shutter, 1, seed=3)
-    # 64 samples of a pixel, stratified in time: one that the edge crosses scatters by less than
-    # 0.5/√64, far less where time alone decides.
-    assert np.abs(image - mean).max() < 5 * 0.0625e-6
-    np.testing.assert_allclose(edges(image).mean(), edges(mean).mean(), atol=0.02)
 
 
 def test_an_exposure_is_stratified_in_time():
@@ -95,90 +81,13 @@ def test_an_exposure_is_stratified_in_time():
     assert np.abs(image[..., 0] / 1e-6 - (0.5 + x / reach)).max() <= 3 / 64
 
 
-def test_passes_of_an_exposure_are_independent():
-    renderer = SceneRenderer(half_wall(), CAMERA, SETTINGS)
-    shutter = Shutter(exposure_s=0.08)
-    first, second = (renderer.exposed(ALONG, shutter, 1, 3, number) for number in (0, 1))
-    assert (first != second).any()
-    measured = renderer.exposed_measured(ALONG, shutter, 1, 3, 1)
-    assert measured.radiance.tobytes() == second.tobytes()
-    assert not measured.standing.any()
-    # Left of the edge at the end of the exposure there is nothing, and right of its start a wall.
-    columns = measured.sky.mean(axis=0)
-    assert columns[: int(edge_at(0.06)) - 1].min() == 1
-    assert columns[int(edge_at(0.14)) + 2 :].max() == 0
-
-
-def test_moving_objects_are_blurred_as_well():
-    still = sliding((0.0, 0.0, 0.0))
-    motion = RigidMotion((5.0, 0.0, 0.0), Drift(velocity_m_s=(0.0, -SPEED, 0.0)))
-    renderer = SceneRenderer(half_wall(motion), CAMERA, SETTINGS)
-    image = renderer.exposed(still, Shutter(exposure_s=0.08, poses=64), 1, seed=3)
-    profile = image[..., 0].mean(axis=0) / 1e-6
-    x = np.arange(CAMERA.width) + 0.5
-    ramp = np.clip((x - edge_at(0.06)) / (edge_at(0.14) - edge_at(0.06)), 0, 1)
-    np.testing.assert_allclose(profile, ramp, atol=0.07)
-
-
+@BOTH
 @pytest.mark.parametrize("per_pass", [None, 80 * 64 * 7], ids=["one pass", "strips of 7 rows"])
-def test_every_row_of_a_rolling_shutter_shows_its_own_time(per_pass):
+def test_every_row_of_a_rolling_shutter_shows_its_own_time(path, motion, per_pass):
     settings = SETTINGS.model_copy(update={"samples_per_pass": per_pass})
-    renderer = SceneRenderer(half_wall(), CAMERA, settings)
-    image = renderer.exposed(ALONG, Shutter(readout_s=0.08), 1, seed=3)
+    image = SceneRenderer(half_wall(motion), CAMERA, settings).exposed(
+        path, Shutter(readout_s=0.08), 1, seed=3
+    )
     rows = np.arange(CAMERA.height)
     expected = edge_at(0.1 + 0.08 * (rows / (CAMERA.height - 1) - 0.5))
     np.testing.assert_allclose(edges(image), expected, atol=0.1)
-
-
-def test_truth_of_a_rolling_shutter_solves_for_the_row_of_the_other_frame():
-    wall = quad(np.array([[5, 50, -50], [5, 50, 50], [5, -50, 50], [5, -50, -50.0]]))
-    scene = Scene(
-        {"m": Material(flat(0.5))}, {"w": Asset({"m": wall})}, (Placement("w", "w", np.eye(4)),)
-    )
-    renderer = SceneRenderer(scene, CAMERA, SETTINGS)
-    readout, period = 0.08, 0.1
-    truth = renderer.shutter_truth(DOWN, Shutter(readout_s=readout), 1)
-    # A point in row y is in the next frame in row y + Δ with Δ = s·(T + r·Δ/(H − 1)).
-    s = -PX_PER_S
-    expected = s * period / (1 - s * readout / (CAMERA.height - 1))
-    for flow, sign in ((truth.flow_forward, 1), (truth.flow_backward, -1)):
-        np.testing.assert_allclose(flow[..., 1], sign * expected, atol=2e-5)
-        np.testing.assert_allclose(flow[..., 0], 0, atol=2e-5)
-    np.testing.assert_allclose(truth.depth, DISTANCE, rtol=1e-6)
-    # Each row looks from where the camera is at its time.
-    rows = np.arange(CAMERA.height)
-    height = -SPEED * (0.1 + readout * (rows / (CAMERA.height - 1) - 0.5))
-    down = (rows + 0.5 - CAMERA.height / 2) / FOCAL * DISTANCE
-    np.testing.assert_allclose(truth.position[:, 7, 2], height - down, atol=1e-5)
-
-
-def test_truth_of_a_rolling_shutter_without_readout_is_that_of_an_instant(ground):
-    path = Trajectory(frames=3, rotation_deg_s=30, velocity_m_s=(1, 2, 0.3))
-    scene = Scene(
-        {"m": Material(flat(0.5))}, {"w": Asset({"m": ground})}, (Placement("w", "w", np.eye(4)),)
-    )
-    renderer = SceneRenderer(scene, CAMERA, SETTINGS)
-    rolling = renderer.shutter_truth(path, Shutter(), 1)
-    instant = renderer.truth(path.poses(), 1)
-    np.testing.assert_allclose(rolling.flow_forward, instant.flow_forward, atol=1e-5)
-    np.testing.assert_array_equal(rolling.occluded_forward, instant.occluded_forward)
-
-
-def test_rows_of_a_rolling_shutter_see_moving_objects_at_their_own_times():
-    motion = RigidMotion((5.0, 0.0, 0.0), Drift(velocity_m_s=(0.0, -SPEED, 0.0)))
-    renderer = SceneRenderer(half_wall(motion), CAMERA, SETTINGS)
-    image = renderer.exposed(sliding((0.0, 0.0, 0.0)), Shutter(readout_s=0.08), 1, seed=3)
-    rows = np.arange(CAMERA.height)
-    expected = edge_at(0.1 + 0.08 * (rows / (CAMERA.height - 1) - 0.5))
-    np.testing.assert_allclose(edges(image), expected, atol=0.1)
-
-
-def test_no_two_instants_of_a_sequence_share_a_seed():
-    instants = [
-        instant_seed(7, frame, k, number)
-        for frame in range(60)
-        for k in range(32)
-        for number in range(3)
-    ]
-    frames = [frame_seed(7, frame) for frame in range(120)]
-    assert len({*instants, *frames}) == len(instants) + len(frames)

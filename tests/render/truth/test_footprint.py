@@ -5,22 +5,13 @@ import pytest
 import trimesh
 
 from megalopta.render import RenderSettings, SceneRenderer
-from megalopta.scenes import Light, build_scene
-from megalopta.scenes.cameras.panoramic import CylindricalCamera
 from megalopta.scenes.cameras.perspective import PerspectiveCamera
-from megalopta.scenes.forest.description import Forest
-from megalopta.scenes.material import Material
 from megalopta.scenes.motion import Drift, RigidMotion
-from megalopta.scenes.scene import (
-    Asset,
-    Lighting,
-    Placement,
-    Scene,
-)
+from megalopta.scenes.scene import Lighting
 from megalopta.scenes.spectra.spectrum import flat
 from megalopta.scenes.trajectories.steady import Trajectory
 
-from ..conftest import quad
+from ..conftest import GRAY, quad, scene_of
 
 CAMERA = PerspectiveCamera(width=40, height=30, fov_deg=60)
 SLIDE = Trajectory(
@@ -35,16 +26,8 @@ WALL = quad(np.array([[10, -99, -99], [10, 99, -99], [10, 99, 99], [10, -99, 99.
 
 def renderer_of(*things, camera=CAMERA, rays=16):
     """Things are (mesh, motion)."""
-    names = [f"thing{index}" for index in range(len(things))]
-    scene = Scene(
-        {name: Material(flat(0.5)) for name in names},
-        {name: Asset({name: mesh}) for name, (mesh, _) in zip(names, things, strict=True)},
-        tuple(
-            Placement(name, name, np.eye(4), motion)
-            for name, (_, motion) in zip(names, things, strict=True)
-        ),
-        Lighting(flat(1e-9)),
-    )
+    scene = scene_of(Lighting(flat(1e-9)), *((mesh, GRAY, motion) for mesh, motion in things))
+
     settings = RenderSettings(samples_per_pixel=1, bands_nm=((500, 600),), truth_rays=rays)
     return SceneRenderer(scene, camera, settings)
 
@@ -145,48 +128,6 @@ def test_part_of_a_pixel_is_hidden_behind_an_edge():
     partly = truth.footprint.forward.is_partly_hidden
     assert partly.any(axis=0).sum() <= 2
     assert partly.any()
-
-
-@pytest.mark.slow
-def test_in_a_forest_16_rays_agree_with_64_within_their_error():
-    forest, path = Forest(trees=20, seed=3), Trajectory(frames=2, velocity_m_s=(1.0, 0.5, 0))
-    camera = PerspectiveCamera(width=64, height=48, fov_deg=70)
-    scene = build_scene(forest, Light(), camera, path)
-    settings = RenderSettings(samples_per_pixel=1, bands_nm=((500, 600),), integrator="path")
-    few, many = (
-        SceneRenderer(scene, camera, settings.model_copy(update={"truth_rays": rays}))
-        .truth(path.poses(), 0)
-        .footprint
-        for rays in (16, 64)
-    )
-    mixed = many.is_mixed
-    assert mixed.mean() > 0.3
-    # Of rays at random; evenly spread ones do better.
-    per_ray = 1 / 16 + 1 / 64
-    for name in ("purity", "sky"):
-        share = getattr(many, name).astype(np.float64)
-        away = (getattr(few, name) - share)[mixed]
-        chance = share * (1 - share) * per_ray
-        assert np.mean(away**2) < chance[mixed].mean()
-        # At most 7 standard errors: by chance once in 4e11 times.
-        assert abs(away.sum()) < 7 * np.sqrt(chance.sum())
-    away = np.linalg.norm(few.forward.mean - many.forward.mean, axis=-1)[mixed]
-    assert np.mean(away**2) < np.mean(many.forward.spread[mixed] ** 2) * per_ray
-    ratio = np.sqrt(np.mean(few.forward.spread**2) / np.mean(many.forward.spread**2))
-    assert ratio == pytest.approx(1, abs=0.05)
-
-
-def test_a_vertical_edge_in_a_panorama_is_exact_but_for_its_pixels_bend():
-    # A sheet from 10.37 px left of the middle on; azimuth is even in the image's columns.
-    # Of pixels of 4 degrees, a tangent differs from its angle by half a percent at most.
-    camera = CylindricalCamera(width=90, height=20, lower_deg=-20, upper_deg=20)
-    angle = 10.37 * np.radians(4)
-    sheet = quad(
-        np.array([[1, np.tan(angle), -5], [1, np.tan(angle), 5], [1, 40, 5], [1, 40, -5.0]])
-    )
-    found = renderer_of((sheet, None), camera=camera).truth(SLIDE.poses(), 0).footprint
-    column = int(45 - 10.37)
-    np.testing.assert_allclose(found.sky[:, column], 0.37, atol=5e-3)
 
 
 @pytest.mark.parametrize("is_moving", [False, True], ids=["camera", "leaf"])

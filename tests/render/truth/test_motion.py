@@ -14,18 +14,13 @@ from megalopta.render.scene_renderer import SceneRenderer
 from megalopta.render.settings import RenderSettings
 from megalopta.scenes.cameras.perspective import PerspectiveCamera
 from megalopta.scenes.forest.sway import Sway
-from megalopta.scenes.material import Material
 from megalopta.scenes.motion import Drift, RigidMotion, Tour
-from megalopta.scenes.scene import (
-    Asset,
-    Lighting,
-    Placement,
-    Scene,
-)
+from megalopta.scenes.scene import Lighting
 from megalopta.scenes.spectra.spectrum import flat
 from megalopta.scenes.trajectories.steady import Trajectory
 
-from ..conftest import quad, sphere_cap
+from ..conftest import GRAY, quad, scene_of, sphere_cap, square
+from .oracle import Pinhole, box_hit, eye, plane_hit, sphere_hit
 
 CAMERA = PerspectiveCamera(width=120, height=90, fov_deg=70)
 SETTINGS = RenderSettings(samples_per_pixel=1, bands_nm=((500, 600),))
@@ -43,19 +38,10 @@ def path_at(offset):
     )
 
 
-def scene_of(path, *things):
+def scene(path, *things):
     """Things are (mesh, motion)."""
-    names = [f"thing{index}" for index in range(len(things))]
-    return Scene(
-        {name: Material(flat(0.5)) for name in names},
-        {name: Asset({name: mesh}) for name, (mesh, _) in zip(names, things, strict=True)},
-        tuple(
-            Placement(name, name, np.eye(4), motion)
-            for name, (_, motion) in zip(names, things, strict=True)
-        ),
-        Lighting(flat(1e-9)),
-        path.origin_m,
-    )
+    gray = ((mesh, GRAY, motion) for mesh, motion in things)
+    return scene_of(Lighting(flat(1e-9)), *gray, origin_m=path.origin_m)
 
 
 def at(position, distance, directions):
@@ -63,72 +49,10 @@ def at(position, distance, directions):
     return position + np.where(np.isfinite(distance), distance, 1.0)[..., None] * directions
 
 
-class Oracle:
-    """Rays and projection, built from a path's numbers, with positions rounded as documented."""
-
-    def __init__(self, path):
-        self.path = path
-
-    def frame(self, index):
-        view = np.subtract(self.path.look_at_m, self.path.position_m)
-        turn = Rotation.from_euler("z", self.path.rotation_deg_s * TIMES[index], degrees=True)
-        forward = turn.apply(view / np.linalg.norm(view))
-        right = np.cross(forward, [0, 0, 1])
-        right /= np.linalg.norm(right)
-        exact = np.array(self.path.position_m) + TIMES[index] * np.array(self.path.velocity_m_s)
-        origin = np.array(self.path.origin_m)
-        position = (exact - origin).astype(np.float32) + origin
-        return position, np.stack([right, np.cross(forward, right), forward])
-
-    def rays(self, index):
-        position, axes = self.frame(index)
-        focal = CAMERA.width / 2 / np.tan(np.radians(CAMERA.fov_deg) / 2)
-        x = (np.arange(CAMERA.width) + 0.5 - CAMERA.width / 2) / focal
-        y = (np.arange(CAMERA.height) + 0.5 - CAMERA.height / 2) / focal
-        grid = np.dstack([*np.meshgrid(x, y), np.ones((CAMERA.height, CAMERA.width))])
-        return position, grid @ axes
-
-    def displacement(self, index, points):
-        position, axes = self.frame(index)
-        seen = (points - position) @ axes.T
-        focal = CAMERA.width / 2 / np.tan(np.radians(CAMERA.fov_deg) / 2)
-        image = seen[..., :2] / seen[..., 2:] * focal + [CAMERA.width / 2, CAMERA.height / 2]
-        columns, rows = np.meshgrid(np.arange(CAMERA.width) + 0.5, np.arange(CAMERA.height) + 0.5)
-        return image - np.dstack([columns, rows])
-
-
-def plane_hit(height):
-    def distance(position, directions):
-        with np.errstate(divide="ignore"):
-            distance = (height - position[2]) / directions[..., 2]
-        # The quad ends 500 m away; no other surface comes near.
-        return np.where((distance > 0) & (distance < 480), distance, np.inf)
-
-    return distance
-
-
-def sphere_hit(center, radius):
-    def distance(position, directions):
-        a = (directions**2).sum(-1)
-        b = directions @ (position - center)
-        c = ((position - center) ** 2).sum() - radius**2
-        with np.errstate(invalid="ignore"):
-            return np.nan_to_num((-b - np.sqrt(b**2 - a * c)) / a, nan=np.inf)
-
-    return distance
-
-
-def box_hit(half, center, turn):
-    """First hit on a box by the slab method, in the box's axes."""
-
-    def distance(position, directions):
-        start, along = turn.inv().apply(position - center), directions @ turn.as_matrix()
-        with np.errstate(divide="ignore", invalid="ignore"):
-            sides = (np.array([-half, half])[:, None, None] - start) / along
-        near, far = sides.min(axis=0).max(axis=-1), sides.max(axis=0).min(axis=-1)
-        return np.where((near <= far) & (near > 0), near, np.inf)
-
-    return distance
+def ground_hit(position, directions, height=0.0):
+    distance = plane_hit(position, directions, height)
+    # The square ends 500 m away; no other surface comes near.
+    return np.where(distance < 480, distance, np.inf)
 
 
 SPIN = {"spin_deg_s": 90.0, "spin_axis": (1.0, 2.0, -0.5)}
@@ -143,25 +67,25 @@ def spin_at(time):
 @pytest.mark.slow
 @pytest.mark.parametrize("offset", [np.zeros(3), FAR], ids=["near", "1 km away"])
 def test_plane_sphere_and_moving_box_are_analytic_within_1e_4_px(offset):
-    path, oracle = path_at(offset), Oracle(path_at(offset))
-    ground = quad(500.0 * np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]) + offset)
+    path, oracle = path_at(offset), Pinhole(CAMERA, path_at(offset))
+    ground = square(half_width=500).apply_translation(offset)
     ball, box_center = np.array([7.0, 3.6, 1.0]) + offset, np.array([5.5, 0.6, 1.2]) + offset
-    cap = sphere_cap(ball, 1.0, oracle.frame(1)[0])
+    cap = sphere_cap(ball, 1.0, oracle.rays(1)[0])
     half = np.array([0.6, 0.4, 0.8])
     box = trimesh.creation.box(2 * half)
     box.apply_translation(box_center)
     motion = RigidMotion(tuple(box_center), Drift(velocity_m_s=tuple(VELOCITY), **SPIN))
-    scene = scene_of(path, (ground, None), (cap, None), (box, motion))
-    renderer = SceneRenderer(scene, CAMERA, SETTINGS)
+    things = scene(path, (ground, None), (cap, None), (box, motion))
+    renderer = SceneRenderer(things, CAMERA, SETTINGS)
     truth = renderer.truth(path.poses(), 1, TIMES)
 
     position, directions = oracle.rays(1)
     center = box_center + VELOCITY * TIMES[1]
     distances = np.stack(
         [
-            plane_hit(offset[2])(position, directions),
-            sphere_hit(ball, 1.0)(position, directions),
-            box_hit(half, center, spin_at(TIMES[1]))(position, directions),
+            ground_hit(position, directions, offset[2]),
+            np.nan_to_num(sphere_hit(ball, 1.0)(position, directions), nan=np.inf),
+            box_hit(half, center, spin_at(TIMES[1]), position, directions),
         ]
     )
     seen = np.where(np.isfinite(distances).any(axis=0), distances.argmin(axis=0) + 1, 0)
@@ -185,33 +109,32 @@ def test_plane_sphere_and_moving_box_are_analytic_within_1e_4_px(offset):
 
 @pytest.mark.parametrize("offset", [np.zeros(3), FAR], ids=["near", "1 km away"])
 def test_no_flag_of_occlusion_by_a_moving_box_is_wrong(offset):
-    path, oracle = path_at(offset), Oracle(path_at(offset))
-    ground = quad(500.0 * np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]) + offset)
+    path, oracle = path_at(offset), Pinhole(CAMERA, path_at(offset))
+    ground = square(half_width=500).apply_translation(offset)
     center, half = np.array([5.5, 0.6, 1.2]) + offset, np.array([0.6, 0.4, 0.8])
     box = trimesh.creation.box(2 * half)
     box.apply_translation(center)
     motion = RigidMotion(tuple(center), Drift(velocity_m_s=tuple(3 * VELOCITY), **SPIN))
-    renderer = SceneRenderer(scene_of(path, (ground, None), (box, motion)), CAMERA, SETTINGS)
+    renderer = SceneRenderer(scene(path, (ground, None), (box, motion)), CAMERA, SETTINGS)
     truth = renderer.truth(path.poses(), 1, TIMES)
     position, directions = oracle.rays(1)
-    points = at(position, plane_hit(offset[2])(position, directions), directions)
+    points = at(position, ground_hit(position, directions, offset[2]), directions)
     for flags, other in ((truth.occluded_forward, 2), (truth.occluded_backward, 0)):
-        eye, _ = oracle.frame(other)
+        seat, _ = eye(path, other)
         then = center + 3 * VELOCITY * TIMES[other]
-        hit = box_hit(half, then, spin_at(TIMES[other]))(eye, points - eye)
+        hit = box_hit(half, then, spin_at(TIMES[other]), seat, points - seat)
         on_ground = truth.object_id == 1
         assert (hit < 1)[on_ground].sum() > 100
         assert ((hit < 1) == flags)[on_ground].all()
 
 
 def test_flow_between_frames_far_apart_is_analytic_and_agrees_with_neighbors():
-    path, oracle = path_at(np.zeros(3)), Oracle(path_at(np.zeros(3)))
-    ground = quad(500.0 * np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]))
-    renderer = SceneRenderer(scene_of(path, (ground, None)), CAMERA, SETTINGS)
+    path, oracle = path_at(np.zeros(3)), Pinhole(CAMERA, path_at(np.zeros(3)))
+    renderer = SceneRenderer(scene(path, (square(), None)), CAMERA, SETTINGS)
     poses = path.poses()
     flow = renderer.flow(poses, 0, 2)
     position, directions = oracle.rays(0)
-    distance = plane_hit(0.0)(position, directions)
+    distance = ground_hit(position, directions)
     points = at(position, distance, directions)
     truth = renderer.truth(poses, 0)
     on_ground = np.isfinite(distance) & (truth.object_id == 1)
@@ -227,7 +150,7 @@ def test_an_object_on_a_spline_is_where_its_ways_say():
     path = Trajectory(frames=3, position_m=(0, 0, 0), look_at_m=(5, 0, 0))
     wall = quad(np.array([[5, -9, -9], [5, 9, -9], [5, 9, 9], [5, -9, 9.0]]))
     motion = RigidMotion((5.0, 0.0, 0.0), tour)
-    renderer = SceneRenderer(scene_of(path, (wall, motion)), CAMERA, SETTINGS)
+    renderer = SceneRenderer(scene(path, (wall, motion)), CAMERA, SETTINGS)
     truth = renderer.truth(path.poses(), 1, TIMES)
     focal = CAMERA.width / 2 / np.tan(np.radians(CAMERA.fov_deg) / 2)
     np.testing.assert_allclose(truth.depth, 5.3, rtol=1e-6)
@@ -250,7 +173,7 @@ def swaying_pole():
 def test_flow_of_a_swaying_tree_is_that_of_its_bending():
     path = path_at(np.zeros(3))
     pole, sway = swaying_pole()
-    renderer = SceneRenderer(scene_of(path, (pole, sway)), CAMERA, SETTINGS)
+    renderer = SceneRenderer(scene(path, (pole, sway)), CAMERA, SETTINGS)
     truth = renderer.truth(path.poses(), 1, TIMES)
     seen = truth.object_id == 1
     assert seen.sum() > 200
@@ -262,7 +185,7 @@ def test_flow_of_a_swaying_tree_is_that_of_its_bending():
 
     points = truth.position[seen]
     bend = (points[:, 2:] / 6) ** 2
-    oracle = Oracle(path)
+    oracle = Pinhole(CAMERA, path)
     for flow, other in ((truth.flow_forward, 2), (truth.flow_backward, 0)):
         then = truth.position.copy()
         then[seen, :2] += bend * (top(TIMES[other]) - top(TIMES[1]))
@@ -280,7 +203,7 @@ def test_forward_and_backward_flow_of_a_swaying_wall_compose_to_zero():
                       velocity_m_s=(0.4, 0.2, 0))  # fmt: skip
     wall = quad(np.array([[4, -4, -1], [4, 4, -1], [4, 4, 5], [4, -4, 5.0]])).subdivide_to_size(0.1)
     sway = Sway((4.0, 0.0, -1.0), 6.0, (0.6, 0.8), 0.5, 0.8, (0.3, 2.0))
-    renderer = SceneRenderer(scene_of(path, (wall, sway)), CAMERA, SETTINGS)
+    renderer = SceneRenderer(scene(path, (wall, sway)), CAMERA, SETTINGS)
     first, second = (renderer.truth(path.poses(), i, path.times_s) for i in (0, 1))
     x = np.arange(CAMERA.width) + first.flow_forward[..., 0]
     y = np.arange(CAMERA.height)[:, None] + first.flow_forward[..., 1]
@@ -300,19 +223,6 @@ def test_forward_and_backward_flow_of_a_swaying_wall_compose_to_zero():
     assert np.percentile(residual, 99) < 1e-3
 
 
-def test_shading_normals_of_a_bending_surface_stay_perpendicular_to_it():
-    rng = np.random.default_rng(4)
-    sway = Sway((1.0, 2.0, 0.0), 8.0, (0.6, 0.8), 0.7, 0.3, (1.0, 2.0))
-    points = rng.uniform([0, 0, 0], [3, 3, 8], (50, 3))
-    normals = rng.normal(size=(50, 3))
-    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    for _ in range(2):
-        tangent = np.cross(normals, rng.normal(size=(50, 3)))
-        step = sway.carry(points + 1e-6 * tangent, 0.7) - sway.carry(points - 1e-6 * tangent, 0.7)
-        cosine = (sway.turn(normals, points, 0.7) * step).sum(axis=1) / 2e-6
-        np.testing.assert_allclose(cosine, 0, atol=1e-7)
-
-
 @pytest.mark.parametrize(
     "motion",
     [
@@ -330,23 +240,8 @@ def test_a_motion_can_be_undone_and_points_can_have_times_of_their_own(motion):
     np.testing.assert_allclose(motion.carry(points, times), alone, atol=1e-12)
 
 
-def test_moving_objects_move_in_the_image_as_well():
-    # A dark box crosses a bright sky; the image is dark where the truth sees the box.
-    path = Trajectory(frames=3, position_m=(0, 0, 0), look_at_m=(5, 0, 0))
-    box = trimesh.creation.box((1, 1, 1))
-    box.apply_translation([5, -1, 0])
-    motion = RigidMotion((5.0, -1.0, 0.0), Drift(velocity_m_s=(0, 9.0, 0)))
-    renderer = SceneRenderer(scene_of(path, (box, motion)), CAMERA, SETTINGS)
-    for frame in (0, 2, 1):
-        image = renderer.radiance(path.poses()[frame], 1, TIMES[frame])[..., 0]
-        boxed = renderer.truth(path.poses(), frame, TIMES).object_id == 1
-        assert boxed.sum() > 100
-        # One sample a pixel, anywhere in it: they may differ along the outline, one pixel wide.
-        assert ((image < 0.9e-9) != boxed).sum() < 60
-
-
 def test_times_are_asked_for_where_things_move():
     path = path_at(np.zeros(3))
-    renderer = SceneRenderer(scene_of(path, swaying_pole()), CAMERA, SETTINGS)
+    renderer = SceneRenderer(scene(path, swaying_pole()), CAMERA, SETTINGS)
     with pytest.raises(ValueError, match="times_s is missing: objects move"):
         renderer.truth(path.poses(), 1)

@@ -15,16 +15,12 @@ from megalopta.scenes import Shutter
 from megalopta.scenes.cameras.perspective import PerspectiveCamera
 from megalopta.scenes.material import Material
 from megalopta.scenes.motion import Drift, RigidMotion
-from megalopta.scenes.scene import (
-    Asset,
-    Lighting,
-    Placement,
-    Scene,
-)
+from megalopta.scenes.scene import Lighting
 from megalopta.scenes.spectra.spectrum import flat
 from megalopta.scenes.trajectories.steady import Trajectory
 
-from ..conftest import quad
+from ..conftest import scene_of, square
+from .oracle import eyes
 
 CAMERA = PerspectiveCamera(width=64, height=48, fov_deg=70)
 FOCAL = 32 / np.tan(np.radians(35))
@@ -38,18 +34,6 @@ PATH = Trajectory(
 SHUTTER = Shutter(readout_s=0.08)
 CENTER, HALF = np.array([5.5, 0.6, 1.2]), np.array([0.6, 0.4, 0.8])
 VELOCITY, AXIS, SPIN = np.array([-1.5, 2.0, 0.8]), np.array([1.0, 2.0, -0.5]), 90.0
-
-
-def eyes(times):
-    """Camera position (n, 3), in steps of float32 as documented, and axes (n, 3, 3) as rows."""
-    view = np.subtract(PATH.look_at_m, PATH.position_m)
-    turn = Rotation.from_euler("z", (25.0 * times)[:, None], degrees=True)
-    forward = turn.apply(np.tile(view / np.linalg.norm(view), (len(times), 1)))
-    right = np.cross(forward, [0, 0, 1])
-    right /= np.linalg.norm(right, axis=1, keepdims=True)
-    position = np.array(PATH.position_m) + times[:, None] * PATH.velocity_m_s
-    local = (position - PATH.origin_m).astype(np.float32)
-    return local + PATH.origin_m, np.stack([right, np.cross(forward, right), forward], axis=1)
 
 
 def box_at(times):
@@ -70,7 +54,7 @@ def to_box(times, starts, ways):
 
 
 def image_of(points, times):
-    position, axes = eyes(times)
+    position, axes = eyes(PATH, times)
     seen = np.einsum("nij,nj->ni", axes, points - position)
     return seen[:, :2] / seen[:, 2:] * FOCAL + [CAMERA.width / 2, CAMERA.height / 2]
 
@@ -93,20 +77,12 @@ def place_in(frame, points_at):
 
 @pytest.fixture(scope="module")
 def renderer():
-    ground = quad(500.0 * np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]))
     box = trimesh.creation.box(2 * HALF)
     box.apply_translation(CENTER)
     course = Drift(velocity_m_s=tuple(VELOCITY), spin_deg_s=SPIN, spin_axis=tuple(AXIS))
-    scene = Scene(
-        {"dark": Material(flat(0.0)), "gray": Material(flat(0.5))},
-        {"ground": Asset({"gray": ground}), "box": Asset({"dark": box})},
-        (
-            Placement("ground", "ground", np.eye(4)),
-            Placement("box", "box", np.eye(4), RigidMotion(tuple(CENTER), course)),
-        ),
-        Lighting(flat(1e-9)),
-        PATH.origin_m,
-    )
+    moving = box, Material(flat(0.0)), RigidMotion(tuple(CENTER), course)
+    scene = scene_of(Lighting(flat(1e-9)), square(), moving, origin_m=PATH.origin_m)
+
     settings = RenderSettings(samples_per_pixel=16, bands_nm=((500, 600),), max_depth=2)
     return SceneRenderer(scene, CAMERA, settings)
 
@@ -121,7 +97,7 @@ def oracle():
     """Times (n,) of the pixels, and their points on the ground and on the box (n, 3)."""
     x, y = (each.ravel() for each in np.meshgrid(np.arange(64) + 0.5, np.arange(48) + 0.5))
     times = row_time(1, y)
-    position, axes = eyes(times)
+    position, axes = eyes(PATH, times)
     camera_ways = np.stack([x - 32, y - 24, np.full(x.size, FOCAL)], axis=1)
     ways = np.einsum("nji,nj->ni", axes, camera_ways)
     ground = -position[:, 2] / ways[:, 2]
@@ -177,7 +153,7 @@ def test_no_flag_of_occlusion_by_the_box_of_a_row_is_wrong(truth, oracle):
     for flags, other in ((truth.occluded_forward, 2), (truth.occluded_backward, 0)):
         y = place_in(other, lambda _: points)[:, 1]
         times = row_time(other, np.floor(y) + 0.5)
-        position, _ = eyes(times)
+        position, _ = eyes(PATH, times)
         hidden = to_box(times, position, points - position) < 1
         assert hidden.sum() > 20
         np.testing.assert_array_equal(flags.ravel()[mine], hidden)

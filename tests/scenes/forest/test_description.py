@@ -12,10 +12,10 @@ from scipy.stats import binomtest
 
 from megalopta.scenes.forest.description import Forest, build_forest
 from megalopta.scenes.forest.flora import TREES
-from megalopta.scenes.forest.planting import BELT_M, REGULARITY, THICKET, tree_positions
+from megalopta.scenes.forest.planting import REGULARITY, THICKET, tree_positions
 from megalopta.scenes.forest.size import foreseen
 from megalopta.scenes.forest.specimens import grow_specimens, materials, plant_assets
-from megalopta.scenes.forest.stand import LODS, PRESETS
+from megalopta.scenes.forest.stand import PRESETS
 from megalopta.scenes.forest.undergrowth import LAYERS
 
 FOREST = Forest(seed=11)
@@ -71,17 +71,16 @@ def digest(scene):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["TINY", "SMALL"])
-def test_same_seed_gives_the_same_bytes_in_another_process(name):
+def test_same_seed_gives_the_same_bytes_in_another_process():
     code = (
         "import sys; sys.path.insert(0, 'tests/scenes/forest'); import test_description as t;"
-        f"print(t.digest(t.build_forest(t.{name}, t.PATH)))"
+        "print(t.digest(t.build_forest(t.TINY, t.PATH)))"
     )
     environment = os.environ | {"PYTHONHASHSEED": "4711", "OMP_NUM_THREADS": "1"}
     other = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=True, env=environment
     )
-    assert other.stdout.strip() == digest(build_forest(globals()[name], PATH))
+    assert other.stdout.strip() == digest(build_forest(TINY, PATH))
 
 
 def test_another_seed_gives_other_places_trees_and_bark():
@@ -95,37 +94,12 @@ def test_another_seed_gives_other_places_trees_and_bark():
     assert not np.array_equal(*barks)
 
 
-def test_triangles_stay_within_budget(scene):
-    assert scene.triangle_count < 4e6
-
-
 def test_kinds_are_names_people_read_and_the_ground_comes_first(scene):
     kinds = Counter(placement.kind for placement in scene.placements)
     assert kinds.keys() == {"ground", *FOREST.mix, *LAYERS}
+    assert scene.triangle_count < 4e6
     assert kinds["ground"] == 1 and scene.placements[0].kind == "ground"
     assert scene.lighting is None
-
-
-def test_every_material_is_used_and_textured(scene):
-    parts = {part for asset in scene.assets.values() for part in asset.parts}
-    assert scene.materials.keys() == parts
-    assert all(material.texture is not None for material in scene.materials.values())
-
-
-def test_bark_and_ground_are_smooth_and_leaves_flat(scene):
-    for asset in scene.assets.values():
-        for part, mesh in asset.parts.items():
-            assert mesh.metadata["smooth"] == part.endswith(("bark", "ground", "rock"))
-
-
-@pytest.mark.slow
-def test_placements_turn_and_scale_without_distortion(scene):
-    for placement in scene.placements:
-        linear = placement.to_world[:3, :3]
-        scale = np.cbrt(np.linalg.det(linear))
-        assert scale > 0
-        np.testing.assert_allclose(linear @ linear.T, scale**2 * np.eye(3), atol=1e-12)
-        assert placement.to_world[3].tolist() == [0, 0, 0, 1]
 
 
 def test_trees_keep_their_distance_from_each_other_and_from_the_path(trunks):
@@ -154,34 +128,6 @@ def test_the_mix_of_species_is_the_one_asked_for(scene):
         assert binomtest(kinds.count(name), len(kinds), share).pvalue > 1e-7
 
 
-def test_heights_spread_as_asked_for(scene):
-    scales = np.array(
-        [np.cbrt(np.linalg.det(p.to_world[:3, :3])) for p in scene.placements if p.kind in TREES]
-    )
-    # a normal cut at two deviations has 0.959 of the standard deviation; 5 standard errors
-    tolerance = 5 / np.sqrt(2 * len(scales))
-    assert scales.std() == pytest.approx(np.sqrt(0.92) * FOREST.height_spread, rel=tolerance)
-    assert np.abs(scales - 1).max() <= 2 * FOREST.height_spread + 1e-12
-
-
-def test_trees_stand_on_all_sides_of_both_ends_of_the_path(trunks):
-    points, _ = trunks
-    for end in (PATH[0], PATH[-1]):
-        away = points - end
-        sectors = np.floor(np.arctan2(away[:, 1], away[:, 0]) / (np.pi / 6))
-        assert len(np.unique(sectors)) == 12
-
-
-def test_the_ground_closes_the_horizon_all_around(scene):
-    vertices = scene.assets["ground"].parts["litter ground"].vertices
-    for end in (PATH[0], PATH[-1]):
-        away = vertices[:, :2] - end
-        elevation = np.degrees(np.arctan2(vertices[:, 2] - EYE_M, np.hypot(*away.T)))
-        sector = np.floor(np.degrees(np.arctan2(away[:, 1], away[:, 0])) / 5)
-        skyline = [elevation[sector == s].max() for s in np.unique(sector)]
-        assert len(skyline) == 72 and min(skyline) > 1
-
-
 def test_nothing_grows_into_the_camera(scene):
     eye = cKDTree(np.column_stack([dense(PATH), np.full(2000, EYE_M)]))
     for placement in scene.placements[1:]:
@@ -190,58 +136,6 @@ def test_nothing_grows_into_the_camera(scene):
             for mesh in scene.assets[placement.asset].parts.values():
                 vertices = mesh.vertices @ matrix[:3, :3].T + matrix[:3, 3]
                 assert eye.query(vertices, distance_upper_bound=0.4)[0].min() == np.inf
-
-
-def test_plants_stand_on_the_ground(scene):
-    ground = scene.assets["ground"].parts["litter ground"].vertices
-    near = ground[np.abs(ground[:, :2]).max(axis=1) < 8]
-    tree = cKDTree(near[:, :2])
-    for placement in scene.placements[1:]:
-        x, y, z = placement.to_world[:3, 3]
-        if max(abs(x), abs(y)) < 7:
-            # the nearest vertex is less than 0.3 m away on slopes of less than one in two
-            assert z == pytest.approx(near[tree.query((x, y))[1], 2], abs=0.15)
-
-
-def test_what_lies_on_the_ground_follows_its_slope(scene):
-    ground = scene.assets["ground"].parts["litter ground"].vertices
-    tree = cKDTree(ground[:, :2])
-    logs = [p.to_world for p in scene.placements if p.kind == "log"]
-    gaps = []
-    for matrix in logs:
-        for end in ([-1.5, 0, 0], [1.5, 0, 0]):
-            x, y, z = matrix[:3, :3] @ end + matrix[:3, 3]
-            # mean of the four vertices around, on a grid that coarsens to some meters
-            gaps.append(z - ground[tree.query((x, y), k=4)[1], 2].mean())
-    # bumps of 3.5 cm root mean square, a lean of 1.2 degrees, and hills that curve over 3 m
-    assert len(logs) > 5 and np.abs(gaps).max() < 0.4 and abs(np.mean(gaps)) < 0.05
-
-
-def test_detail_falls_with_distance_from_the_whole_path_and_nowhere_else(scene):
-    path = cKDTree(dense(PATH))
-    for placement in scene.placements[1:]:
-        if placement.kind in TREES:
-            scale = np.cbrt(np.linalg.det(placement.to_world[:3, :3]))
-            leaves = TREES[placement.kind].leaves_from_m * scale - EYE_M
-            distance = np.hypot(path.query(placement.to_world[:2, 3])[0], max(leaves, 0))
-            name = placement.asset.rsplit(" ", 1)[1]
-            expected = [level.name for level in LODS if level.beyond_m < distance]
-            assert (
-                name == (expected or ["near"])[-1]
-                or min(abs(distance - level.beyond_m) for level in LODS) < 0.05
-            )
-
-
-@pytest.mark.slow
-def test_full_detail_draws_every_plant_in_full_where_it_stood():
-    forest = SMALL.model_copy(update={"undergrowth": 0.1})
-    coarse = build_forest(forest.model_copy(update={"detail": 0.1}), PATH)
-    full = build_forest(forest.model_copy(update={"detail": 1000.0}), PATH)
-    assert {p.asset.rsplit(" ", 1)[1] for p in full.placements[1:]} == {"near"}
-    assert full.triangle_count > 4 * coarse.triangle_count
-    for a, b in zip(full.placements, coarse.placements, strict=True):
-        assert np.array_equal(a.to_world, b.to_world)
-        assert a.asset.rsplit(" ", 1)[0] == b.asset.rsplit(" ", 1)[0]
 
 
 @pytest.mark.parametrize("name", PRESETS)
@@ -254,10 +148,8 @@ def test_presets_set_what_is_not_given(name):
     assert Forest.model_validate_json(changed.model_dump_json()) == changed
 
 
-@pytest.mark.parametrize(
-    "name",
-    ["open", *(pytest.param(name, marks=pytest.mark.slow) for name in PRESETS if name != "open")],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("name", PRESETS)
 def test_presets_grow_what_they_name(name):
     # As many trees as will have every kind of the mix among them.
     forest = Forest(preset=name, trees=150, undergrowth=0.02, detail=0.05)
@@ -273,7 +165,6 @@ def test_presets_grow_what_they_name(name):
     "forest",
     [
         FOREST,
-        pytest.param(Forest(trees=600, detail=3.0, undergrowth=0), marks=pytest.mark.slow),
         pytest.param(Forest(preset="open"), marks=pytest.mark.slow),
     ],
 )
@@ -338,10 +229,3 @@ def test_a_path_that_is_none_is_refused(path):
 def test_too_few_trees_for_a_long_path_are_refused():
     with pytest.raises(ValueError, match="trees: 40 trees at 900 per hectare reach only"):
         build_forest(SMALL, [[0.0, 0.0], [200.0, 0.0]])
-
-
-def test_the_belt_goes_on_behind_the_stand(trunks):
-    _, distance = trunks
-    edge = distance[FOREST.trees - 1]
-    assert len(distance) > FOREST.trees
-    assert edge + BELT_M - 3 < distance.max() <= edge + BELT_M

@@ -1,36 +1,21 @@
 """A trodden path, moss, bumps and bark with relief in a forest."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from pydantic import ValidationError
 from scipy.spatial import cKDTree
 
 from megalopta.assets_gen.scatter import distance_to
-from megalopta.scenes.forest.canopy import floor_points
 from megalopta.scenes.forest.description import Forest, build_forest
-from megalopta.scenes.forest.floor import (
-    FINEST_M,
-    MOSS_RING_M,
-    ON_MOSS,
-    ON_PATH,
-    make_floor,
-    trail_of,
-)
+from megalopta.scenes.forest.floor import MOSS_RING_M, make_floor, trail_of
 from megalopta.scenes.forest.flora import TREES
 from megalopta.scenes.forest.ground import make_land
 from megalopta.scenes.forest.kept_floor import kept_floor
-from megalopta.scenes.forest.litter import laid
 from megalopta.scenes.forest.planting import dense_path
-from megalopta.scenes.forest.size import foreseen
-from megalopta.scenes.forest.specimens import grow_specimens
 from megalopta.scenes.forest.undergrowth import LAYERS
-from megalopta.scenes.scene import Placement
 
 PATH = np.stack([np.linspace(-1, 2, 7), np.linspace(0, 1, 7)], axis=-1)
 WAY = cKDTree(dense_path(PATH))
-NEAR = ["oak 4 near", "beech 4 near"]
 ROUGH = Forest(
     seed=5,
     trees=60,
@@ -85,16 +70,6 @@ def mesh_height(ground, places):
     return np.array(found)
 
 
-def test_relief_of_bark_moves_nothing_else():
-    smooth = grow_specimens(5, NEAR)
-    rough = grow_specimens(5, NEAR, bark_relief=1.0)
-    for name, organs in smooth.items():
-        np.testing.assert_array_equal(organs["leaf"].vertices, rough[name]["leaf"].vertices)
-        bark, carved = organs["bark"], rough[name]["bark"]
-        assert (len(carved.faces) > len(bark.faces) + 10_000) == (name == "oak 4 near")
-        assert carved.area == pytest.approx(bark.area, rel=0.12)
-
-
 def test_moss_covers_the_share_asked_for(ground):
     corners, faces, covers = ground
     areas = plan_areas(corners, faces)
@@ -127,53 +102,6 @@ def test_nothing_but_litter_is_on_the_path(scene):
     assert {p.kind for p in growing} >= {"oak", "spruce", "fern", "herb", "young beech"}
 
 
-def test_litter_lies_on_the_mesh(scene, ground):
-    leaves = [
-        scene.assets[each.asset].parts["litter leaf"].vertices @ each.to_world[:3, :3].T
-        + each.to_world[:3, 3]
-        for each in scene.placements
-        if each.kind == "litter"
-    ]
-    places = np.concatenate(leaves)
-    above = places[:, 2] - mesh_height(ground, places[:, :2])
-    # Drawn coarsely a few merged leaves are a quarter of a meter long.
-    assert above.min() > 0.001 - 1e-9 and above.max() < 0.2
-
-
-def test_litter_is_thinner_on_the_path_and_on_moss():
-    land = make_land(5, WAY, 0.6, 20.0)
-    trail = trail_of(ROUGH, dense_path(PATH), np.array([1.0, 0.0]))
-    floor = make_floor(ROUGH, land, trail, np.zeros((1, 2)), 20.0)
-    spots = np.random.default_rng(1).uniform(-3, 3, (300, 2))
-    strewn = []
-    for spot in spots:
-        to_world = np.eye(4)
-        to_world[:2, 3] = spot
-        strewn.append(Placement("litter 0 near", "litter", to_world))
-
-    def counts(floor):
-        placements, assets = laid(5, strewn, floor)
-        bases = np.concatenate(
-            [
-                assets[p.asset].parts["litter leaf"].vertices[::4] + p.to_world[:3, 3]
-                for p in placements
-            ]
-        )[:, :2]
-        share = floor_kept.litter(bases)
-        return [(np.abs(share - kept) < 1e-9).sum() for kept in (1.0, ON_PATH, ON_MOSS)]
-
-    floor_kept = floor
-    all_of_them = counts(replace(floor, leaves=np.ones_like(floor.leaves)))
-    left = counts(floor)
-    for before, after, share in zip(all_of_them, left, (1.0, ON_PATH, ON_MOSS), strict=True):
-        # Whether a leaf stays is drawn at its middle, counted at its base: 3 % of them differ.
-        # Five standard deviations of a binomial count.
-        assert before > 500
-        assert after / before == pytest.approx(
-            share, abs=0.03 + 5 * np.sqrt(share * (1 - share) / before)
-        )
-
-
 def test_plants_stand_on_the_mesh(scene, ground):
     standing = [
         p.to_world[:3, 3] for p in scene.placements[1:] if p.kind in {*TREES, *LAYERS} - {"litter"}
@@ -182,6 +110,7 @@ def test_plants_stand_on_the_mesh(scene, ground):
     np.testing.assert_allclose(feet[:, 2], mesh_height(ground, feet[:, :2]), atol=1e-9)
 
 
+@pytest.mark.slow
 def test_bumps_have_the_height_asked_for():
     land = make_land(2, WAY, 0.6, 20.0)
     flat, rough = (
@@ -213,19 +142,6 @@ def test_the_ground_is_one_object_whose_parts_meet(scene, ground):
     same = np.diff(welded.reshape(-1)[order]) == 0
     np.testing.assert_allclose(normals[order][1:][same], normals[order][:-1][same], atol=1e-12)
     assert normals[:, 2].min() > 0
-
-
-def test_places_above_the_floor_are_found_on_all_of_its_parts(scene, ground):
-    places = floor_points(scene, PATH, (0.0, 6.0), 1.0, 100, np.random.default_rng(0))
-    np.testing.assert_allclose(places[:, 2] - 1, mesh_height(ground, places[:, :2]), atol=1e-6)
-
-
-def test_the_size_of_a_forest_with_a_floor_is_foreseen(scene):
-    plants, triangles = foreseen(ROUGH, np.linalg.norm(PATH[-1] - PATH[0]))
-    assert 0.5 < scene.triangle_count / triangles < 2
-    assert 0.5 < len(scene.placements) / plants < 2
-    _, long_path = foreseen(ROUGH, 1000.0)
-    assert long_path > 2 * 1000 * 2 * 0.5 / FINEST_M**2
 
 
 @pytest.mark.parametrize(
@@ -271,7 +187,6 @@ def test_a_kept_floor_is_the_one_that_was_made(tmp_path, monkeypatch):
         {"seed": 6},
         {"detail": 0.3},
         {"moss_share": 0.2},
-        {"floor_relief_m": 0.03},
         {"ground": "meadow"},
     ],
     ids=str,

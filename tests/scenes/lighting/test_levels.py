@@ -107,10 +107,6 @@ def test_starry_sky_is_the_dark_one_and_what_else_there_is_of_starlight():
     np.testing.assert_allclose(seen, sky + more, rtol=0.05)
 
 
-def test_moonless_forest_floor_is_a_white_surface_of_kelber():
-    assert illuminance_of("moonless_forest_floor") / math.pi == pytest.approx(1e-4)
-
-
 def test_twilight_is_the_published_zenith_in_four_bands():
     # Patat et al. (2006) with the sun 6.4° below the horizon, at B, V, R and I, over that at V
     spectrum = LEVELS["twilight"].spectrum()

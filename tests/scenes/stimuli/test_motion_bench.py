@@ -44,10 +44,3 @@ def test_a_pixel_that_the_edge_halves_gets_the_mean_of_both():
     _, seen = rendered(MotionBench(edge_mm=0.03), FAST, 0)
     # 256 stratified samples place the edge to 1/16 of a pixel or better
     assert seen[8] == pytest.approx((1 + 27 / 65) / 2, abs=0.6 / 16)
-
-
-def test_far_from_its_edges_there_is_only_plate_or_only_beam():
-    under = MotionBench(edge_mm=-5).build(Light(), ROW, FAST)
-    assert {p.kind for p in under.placements} == {"plate"}
-    before = MotionBench(edge_mm=50).build(Light(), ROW, FAST)
-    assert {p.kind for p in before.placements} == {"beam"}

@@ -1,10 +1,13 @@
-"""Rotation rates from local answers: against the known rotation of a panorama."""
+"""Rotation and heading from answers of detectors."""
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
-from megalopta.flow.detectors.registry import METHODS
-from megalopta.flow.egomotion.wide_field import fit_wide_field
+from megalopta.flow import METHODS
+from megalopta.flow.egomotion.camera_motion import camera_motion
+from megalopta.flow.egomotion.wide_field import YawRateTest, fit_wide_field, yaw_rates_deg_s
+from megalopta.scenes import Trajectory
 
 DEGREES_PER_PX = 0.6  # 600 columns are a full turn
 
@@ -102,23 +105,6 @@ def test_many_weak_places_do_not_draw_the_rate_to_zero(places, frames, seeds):
     assert np.mean(ratios) == pytest.approx(1, abs=0.23)
 
 
-def test_noisy_places_weigh_less():
-    rng = np.random.default_rng(6)
-    slopes, noise = np.ones(40), np.where(np.arange(40) < 20, 0.5, 5.0)
-    learned = rng.normal(size=500)
-    field = fit_wide_field(known_answers(3, learned, slopes, noise), learned)
-    assert field.weights[:20].min() > 1.5 * field.weights[20:].max()
-
-
-def test_a_place_that_answered_wildly_once_spoils_nothing():
-    rates = np.full(10, 6.0)
-    once = known_answers(9, rates, np.ones(20), np.full(20, 0.1))
-    wild = once.copy()
-    wild[3, 7] = 1e6
-    # Nineteen places with 1.6 % noise each remain: five standard errors of their mean are 2 %.
-    np.testing.assert_allclose(fit_wide_field(wild, rates).rates(once), rates, rtol=0.02)
-
-
 def test_undefined_answers_leave_the_rate_right():
     rng = np.random.default_rng(7)
     slopes, rates = rng.normal(size=30), rng.normal(size=25)
@@ -158,3 +144,91 @@ def test_answers_of_another_size_are_refused():
     field = fit_wide_field(np.ones((3, 2)), np.ones(3))
     with pytest.raises(ValueError, match=r"fitted to \(T, 2\)"):
         field.rates(np.ones((3, 4)))
+
+
+def yaw_rate_answers(frames, noise, seed):
+    """Responses of 5 × 6 pixels with slopes of their own, and the rates that they belong to."""
+    rng = np.random.default_rng(seed)
+    rates, slopes = rng.normal(3, 1, frames - 1), rng.normal(size=(5, 6))
+    responses = np.concatenate((np.full((1, 5, 6), 1e3), rates[:, None, None] * slopes))
+    return responses + noise * rng.normal(size=responses.shape), rates
+
+
+def tried(detector, ideal, noisy, rates, warm_up, chunk):
+    trial = YawRateTest(detector, rates, warm_up)
+    for first in range(0, len(ideal), chunk):
+        trial.add(ideal[first : first + chunk], noisy[first : first + chunk])
+    return trial.result()
+
+
+def test_yaw_rate_of_a_path_is_positive_to_the_right():
+    # A trajectory counts its turns to the left.
+    rates = yaw_rates_deg_s(Trajectory(frames=5, frame_rate_hz=20, rotation_deg_s=30))
+    np.testing.assert_allclose(rates, [-30] * 4, rtol=1e-9)
+
+
+@pytest.mark.parametrize("rate", [0.0, 3.0])
+def test_no_rotation_or_no_answer_gives_no_error(rate):
+    nothing = np.zeros((10, 5, 5, 2))
+    assert tried(METHODS["LK"], nothing, nothing, np.full(10, rate), 1, 10) is None
+
+
+def test_methods_that_are_blind_to_direction_take_no_part():
+    ideal, rates = yaw_rate_answers(40, 0.1, seed=0)
+    assert tried(METHODS["NDM"], ideal, ideal, rates, 3, 8) is None
+
+
+@pytest.mark.parametrize("chunk", [1, 7, 40, 64])
+def test_the_error_is_that_of_a_filter_fitted_to_the_first_half_however_the_sequence_is_cut(chunk):
+    (ideal, rates), (noisy, _) = (
+        yaw_rate_answers(41, 0.2, seed=1),
+        yaw_rate_answers(41, 0.5, seed=1),
+    )
+    found = tried(METHODS["EMD"], ideal, noisy, rates, 4, chunk)
+    # The response after the first frame belongs to the first rate; four of the rates settle.
+    learned, half = slice(5, 23), 22
+    field = fit_wide_field(ideal[learned], rates[4:half])
+    for error, responses in ((found.ideal_deg_s, ideal), (found.counts_deg_s, noisy)):
+        expected = np.sqrt(np.mean((field.rates(responses[half + 1 :]) - rates[half:]) ** 2))
+        assert error == pytest.approx(expected, rel=1e-9)
+    assert found.true_deg_s == pytest.approx(np.sqrt(np.mean(rates[half:] ** 2)))
+
+
+def seen(rng, turn_deg, step_m, noise_rad=0.0, wrong=0.0, count=300):
+    """Points at 2 to 20 m before a camera that moves, as it sees them before and after."""
+    directions = rng.normal(size=(count, 3))
+    directions[:, 2] = np.abs(directions[:, 2]) + 0.5
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    way, turn = (each / np.linalg.norm(each) for each in rng.normal(size=(2, 3)))
+    way, turn = step_m * way, turn_deg * turn
+    points = directions * rng.uniform(2, 20, (count, 1)) - way
+    moved = Rotation.from_rotvec(turn, degrees=True).inv().apply(points)
+    moved /= np.linalg.norm(moved, axis=1, keepdims=True)
+    moved += noise_rad * rng.normal(size=moved.shape)
+    outlier = rng.random(count) < wrong
+    moved[outlier] += 0.05 * rng.normal(size=(outlier.sum(), 3))
+    return directions, moved / np.linalg.norm(moved, axis=1, keepdims=True), turn, way / step_m
+
+
+def angle_deg(first, second):
+    return np.degrees(np.arccos(np.clip(first @ second, -1, 1)))
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_motion_without_noise_is_found_exactly(seed):
+    directions, moved, turn, way = seen(np.random.default_rng(seed), turn_deg=3, step_m=0.2)
+    found = camera_motion(directions, moved)
+    assert angle_deg(found.heading, way) < 1e-4
+    np.testing.assert_allclose(found.rotation_deg, turn, atol=1e-6)
+
+
+def test_undefined_velocities_are_left_out():
+    directions, moved, _, way = seen(np.random.default_rng(0), 3, 0.2)
+    moved[::3] = np.nan
+    assert angle_deg(camera_motion(directions, moved).heading, way) < 1e-4
+
+
+def test_too_few_velocities_are_refused():
+    directions, moved, _, _ = seen(np.random.default_rng(0), 3, 0.2, count=7)
+    with pytest.raises(ValueError, match="7 velocities are defined"):
+        camera_motion(directions, moved)

@@ -1,22 +1,29 @@
+"""Cells, clusters, scattering and kept light that baking is made of."""
+
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from megalopta.render import RenderSettings
 from megalopta.render.baking import cells as cells_module
 from megalopta.render.baking.cells import CellFinder, Cells
+from megalopta.render.baking.scattering import Scattering
+from megalopta.render.baking.smoothing import smoothed
+from megalopta.render.baking.store import key_of
 from megalopta.render.baking.visibility import survey
-from megalopta.render.loading.meshes import MergedMesh
+from megalopta.render.loading.meshes import MergedMesh, merge
 from megalopta.render.loading.scene import load_scene
 from megalopta.render.mitsuba_loader import activate
 from megalopta.render.variant import choose_variant
 from megalopta.scenes.cameras.perspective import PerspectiveCamera
-from megalopta.scenes.material import Material
-from megalopta.scenes.scene import Scene
-from megalopta.scenes.spectra.spectrum import flat
+from megalopta.scenes.material import Emission, Material, Texture
+from megalopta.scenes.scene import Lighting, Scene
+from megalopta.scenes.spectra.spectrum import Spectrum, flat
 from megalopta.scenes.trajectories.steady import Trajectory
 
-vectorized = pytest.mark.skipif(
-    choose_variant().name.startswith("scalar"), reason="cells are found by vectorized rays"
-)
+from ..conftest import scene_of, square, vectorized
+
 CAMERA = PerspectiveCamera(width=64, height=64, fov_deg=60)
 THING = Scene({"thing": Material(flat(0.5))}, {}, ())
 PATH = np.array([[0.0, 0.0, 1.0], [3.0, 0.0, 1.0]])
@@ -81,41 +88,6 @@ def test_too_many_cells_are_refused_with_a_remedy(monkeypatch):
 
 
 @vectorized
-def test_points_drawn_in_a_cell_lie_in_it_and_cover_its_face_evenly():
-    activate(choose_variant())
-    import drjit as dr
-    import mitsuba as mi
-
-    meshes = [triangle_mesh(random_triangles(100)), triangle_mesh(random_triangles(30))]
-    cells = Cells.of(meshes, CAMERA, PATH)
-    rng = np.random.default_rng(2)
-    wanted = rng.integers(0, cells.count, 20_000).astype(np.uint32)
-    patches = cells.patches(wanted)
-    a, b = (mi.Float(values) for values in rng.random((2, len(wanted))))
-    hit = dr.zeros(mi.PreliminaryIntersection3f, len(wanted))
-    hit.prim_uv = patches.barycentric(mi.UInt, a, b)
-    hit.prim_index, mesh = mi.UInt(patches.triangle), mi.UInt(patches.mesh)
-    finder = CellFinder(cells, load_scene(THING, meshes))
-    cell, places = finder.find(hit, mesh, mi.UInt(patches.side) == 0, True)
-    found = np.array(cell)
-    # Points on a cell's rim may fall to its neighbor, and grid cells that lie outside the triangle
-    # (just under half of them) hold no points.
-    pieces, (i, j) = patches.pieces, patches.indices
-    holds = i / pieces[0] + j / pieces[1] < 1 - 1e-6
-    is_found = holds & (found == wanted)
-    assert is_found.sum() > 0.97 * holds.sum()
-    # of what lies on the longest edge, half was turned about the middle of its cell
-    i, j = patches.indices[:, is_found] + 1
-    whole = np.flatnonzero(is_found)[i / pieces[0][is_found] + j / pieces[1][is_found] < 1]
-    for place, wanted_at in zip(places, (a, b), strict=True):
-        np.testing.assert_allclose(np.array(place)[whole], np.array(wanted_at)[whole], atol=2e-3)
-    for name in ("mesh", "triangle", "side"):
-        np.testing.assert_array_equal(
-            getattr(cells.patches(found), name), getattr(patches, name), name
-        )
-
-
-@vectorized
 def test_rays_find_the_cell_that_holds_the_point_they_hit():
     activate(choose_variant())
     import mitsuba as mi
@@ -159,3 +131,100 @@ def test_a_survey_counts_512_rays_per_pixel_however_long_the_sequence(frames):
     seen, _ = survey(loaded, CellFinder(cells, loaded), cells.count, CAMERA, down.poses(), 0)
     assert seen.sum() == 512 * CAMERA.width * CAMERA.height
     assert not seen[cells.count // 2 :].any()  # the back
+
+
+BANDS = ((400.0, 500.0), (700.0, 900.0))
+RISING = Spectrum((400.0, 900.0), (0.0, 0.5))
+WEIGHT = np.zeros((2, 2), np.float32)
+MATERIALS = {
+    "opaque": Material(RISING),
+    "leaf": Material(RISING, Texture(WEIGHT, flat(0.4), flat(0.3)), transmittance=RISING),
+    "little comes through": Material(flat(0.9), transmittance=flat(0.01)),
+    "glows": Material(flat(0.5), None, Emission(1.0), flat(0.5)),
+    "black": Material(flat(0.0)),
+}
+SCATTERING = Scattering(list(MATERIALS.values()), BANDS)
+INDEX = {name: index for index, name in enumerate(MATERIALS)}
+
+
+def test_rays_go_through_where_light_does_and_neither_side_is_starved():
+    through = dict(zip(MATERIALS, SCATTERING.through, strict=True))
+    assert through["opaque"] == through["glows"] == through["black"] == 0
+    assert through["little comes through"] == 0.25
+    # Means over both spectra and both bands.
+    means = [RISING(np.linspace(*band, 1001)).mean() for band in BANDS]
+    back, on = (np.mean([*means, other, other]) for other in (0.4, 0.3))
+    assert through["leaf"] == pytest.approx(on / (back + on), rel=1e-3)
+
+
+@pytest.mark.parametrize("name", MATERIALS)
+def test_what_rays_count_makes_up_for_how_many_there_are(name):
+    material, share = MATERIALS[name], SCATTERING.through[INDEX[name]]
+    counted = SCATTERING.of_rays()[INDEX[name]]
+    expected = [material.reflectance, material.transmittance or flat(0.0)]
+    if material.emission:
+        expected = [flat(0.0), flat(0.0)]
+    for side, spectrum in enumerate(expected):
+        mean = (share if side else 1 - share) * counted[side, 0].mean(axis=-1)
+        found = [spectrum(np.linspace(*band, 1001)).mean() for band in BANDS]
+        np.testing.assert_allclose(mean, found, 1e-6, 1e-12)
+
+
+RNG = np.random.default_rng(5)
+GROUPS, SIZE, RAYS = 400, 20, 16
+NEIGHBORS = np.repeat(np.arange(GROUPS, dtype=np.uint64), SIZE)
+EVEN = np.full(GROUPS * SIZE, RAYS)
+SEEN = np.full(GROUPS * SIZE, 3)
+
+
+def measured(truth, sigma):
+    """Rows of one value whose halves have the error σ·√2 each."""
+    halves = truth[:, None] + RNG.normal(0, sigma * np.sqrt(2), (len(truth), 2))
+    return np.stack([halves.mean(axis=1), (halves[:, 0] - halves[:, 1]) / 2], axis=1)
+
+
+@pytest.mark.parametrize("contrast", [0.0, 0.3, 1.0, 10.0])
+def test_what_is_left_is_the_least_error_of_a_known_contrast(contrast):
+    truth = 5 + RNG.normal(0, contrast, GROUPS * SIZE)
+    better = smoothed(measured(truth, 1.0), NEIGHBORS, EVEN, SEEN)
+    # Of the noise 1 and the contrast τ² the part τ²/(τ² + 1) is left, and 1/20 of the rest, the
+    # noise of the mean; contrasts known from 20 values add up to a tenth of the noise.
+    kept = contrast**2 / (contrast**2 + 1)
+    least = kept + (1 - kept) / SIZE
+    assert least - 0.05 < np.mean((better[:, 0] - truth) ** 2) < least + 0.12
+
+
+@pytest.mark.parametrize("contrast", [0.5, 1.0, 3.0])
+def test_half_differences_tell_the_error_that_is_left_with_what_is_taken_of_contrast(contrast):
+    truth = 5 + RNG.normal(0, contrast, GROUPS * SIZE)
+    better = smoothed(measured(truth, 1.0), NEIGHBORS, EVEN, SEEN)
+    left = np.mean((better[:, 0] - truth) ** 2)
+    # The shares that are kept are known from 20 values: what is left is more than it could be.
+    assert 0.65 * left < np.mean(better[:, 1] ** 2) < 1.05 * left
+
+
+TEXTURE = Texture(np.zeros((2, 2), np.float32), flat(0.3), flat(0.2))
+LEAF = Material(flat(0.4), TEXTURE, None, flat(0.1))
+
+
+def key(material):
+    scene = scene_of(Lighting(flat(1e-9)), (square(), material))
+    bare = scene_of(Lighting(flat(1e-9)), (square(), Material(flat(0.4))))
+    camera = PerspectiveCamera(width=4, height=4)
+    poses = Trajectory(frames=2, position_m=(0, 0, 2), look_at_m=(0, 0, 0), up=(1, 0, 0)).poses()
+    return key_of(scene, merge(bare), RenderSettings(), camera, poses, 0)
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        replace(LEAF, reflectance=flat(0.41)),
+        replace(LEAF, transmittance=flat(0.11)),
+        replace(LEAF, transmittance=None),
+        replace(LEAF, texture=replace(TEXTURE, transmittance=flat(0.21))),
+        replace(LEAF, texture=replace(TEXTURE, reflectance=flat(0.31))),
+        replace(LEAF, texture=None),
+    ],
+)
+def test_light_of_another_surface_is_not_taken_for_its(other):
+    assert key(LEAF) == key(replace(LEAF)) != key(other)

@@ -1,0 +1,185 @@
+"""Points, noise, marks and leaves that are drawn from seeds."""
+
+import numpy as np
+import pytest
+from scipy.spatial import cKDTree
+
+from megalopta.assets_gen.dead_leaves_model import dead_leaves, paint_leaf
+from megalopta.assets_gen.grating import bars, random_dots
+from megalopta.assets_gen.scatter import poisson_disk
+from megalopta.assets_gen.seeding import generator
+from megalopta.assets_gen.splats import strew
+from megalopta.assets_gen.tileable_noise import plane_waves, tileable_noise
+
+LOW, HIGH = np.array([-10.0, 5.0]), np.array([30.0, 25.0])
+
+
+def scattered(count=300, spacing_m=1.1, seed=0):
+    return poisson_disk(LOW, HIGH, count, spacing_m, np.random.default_rng(seed))
+
+
+def test_points_keep_their_distance_and_number_inside_the_box():
+    points = scattered()
+    nearest = cKDTree(points).query(points, k=2)[0][:, 1]
+    assert points.shape == (300, 2)
+    assert nearest.min() >= 1.1
+    assert np.all((points >= LOW) & (points <= HIGH))
+
+
+def test_points_depend_on_the_seed_alone():
+    assert np.array_equal(scattered(seed=4), scattered(seed=4))
+    assert not np.array_equal(scattered(seed=4), scattered(seed=5))
+
+
+def test_a_pattern_that_cannot_fit_is_refused():
+    with pytest.raises(ValueError, match="spacing_m: 300 points 2 m apart do not fit"):
+        scattered(spacing_m=2.0)
+
+
+def test_every_part_of_the_purpose_and_seed_zero_count():
+    keys = [(0, "a"), (1, "a"), (0, "b"), (0, "a", 0), (0, "a", 1), (0, "a", "b")]
+    assert len({generator(*key).random() for key in keys}) == len(keys)
+
+
+SHAPE, SIZE_M, BAND_M = (128, 192), (2.0, 3.0), (0.1, 0.5)
+
+
+def test_noise_has_unit_variance_zero_mean_and_only_wavelengths_of_its_band():
+    field = tileable_noise(SHAPE, SIZE_M, BAND_M, 1.0, np.random.default_rng(0))
+    power = np.abs(np.fft.fft2(field)) ** 2
+    fv = np.fft.fftfreq(SHAPE[0], SIZE_M[0] / SHAPE[0])[:, None]
+    fu = np.fft.fftfreq(SHAPE[1], SIZE_M[1] / SHAPE[1])
+    frequency = np.hypot(fu, fv)
+    outside = (frequency < 1 / BAND_M[1] - 1e-9) | (frequency > 1 / BAND_M[0] + 1e-9)
+    # Fourier series on the tile's own period: what has only such lines repeats without a seam
+    assert power[outside].sum() < 1e-20 * power.sum()
+    assert field.mean() == pytest.approx(0, abs=1e-12)
+    assert field.std() == pytest.approx(1, rel=1e-12)
+
+
+def test_stretched_noise_varies_more_slowly_along_the_rows_index():
+    field = tileable_noise(SHAPE, SIZE_M, BAND_M, 1.0, np.random.default_rng(0), stretch=4.0)
+    along, across = (np.diff(field, axis=axis).std() for axis in (0, 1))
+    assert 3 < across / along < 5.5
+
+
+def test_plane_waves_have_the_rms_asked_for():
+    field = plane_waves((2.0, 6.0), 0.4, 30, np.random.default_rng(1))
+    assert np.sum(field.amplitudes**2) / 2 == pytest.approx(0.4**2, rel=1e-12)
+    points = np.random.default_rng(2).uniform(-3000, 3000, (100_000, 2))
+    # 1e5 independent places: the standard error of the rms is below 0.3 %
+    assert field(points).std() == pytest.approx(0.4, rel=0.02)
+
+
+SPLATS_SHAPE, SPLATS_SIZE_M = (400, 400), (1.0, 1.0)
+
+
+def marks(count, lengths_m=(0.4, 0.4), aspect=0.5, seed=0):
+    rng = np.random.default_rng(seed)
+    return strew(SPLATS_SHAPE, SPLATS_SIZE_M, count, lengths_m, aspect, 0.3, 0.0, rng)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_one_mark_covers_two_thirds_of_width_times_length_even_across_the_seam(seed):
+    area = np.mean(np.isfinite(marks(1, seed=seed)))
+    # the outline is two parabolas; counting texels of 2.5 mm is good to a percent of 400 mm
+    assert area == pytest.approx(2 / 3 * 0.4 * 0.2, rel=0.01)
+
+
+def test_marks_cover_as_independent_places_do():
+    area = np.mean(np.isfinite(marks(400, (0.1, 0.1))))
+    expected = 1 - np.exp(-400 * 2 / 3 * 0.1 * 0.05)
+    # coverage of 400 independent marks on the torus: standard deviation below 0.01
+    assert area == pytest.approx(expected, abs=0.05)
+
+
+def test_covariance_is_that_of_the_first_leaf_to_cover_either_of_two_points():
+    # Two points share a leaf with probability γ(h)/(2γ(0) − γ(h)), γ the overlap of a leaf with
+    # itself shifted by h (Matheron); pixels average 3 × 3 samples.
+    radius, size = 3.0, 192
+    image = dead_leaves((size, size), np.random.default_rng(4), (radius, radius))
+    spectrum = np.abs(np.fft.fft2(image - image.mean())) ** 2
+    measured = np.fft.ifft2(spectrum).real / spectrum.mean()
+
+    def shared(x, y):
+        half = np.minimum(np.hypot(x, y) / (2 * radius), 1)
+        overlap = (2 * np.arccos(half) - 2 * half * np.sqrt(1 - half**2)) / np.pi
+        return overlap / (2 - overlap)
+
+    within = np.subtract.outer(np.arange(3), np.arange(3)).ravel() / 3
+
+    def expected(lag):
+        return np.mean(shared(lag + within[:, np.newaxis], within))
+
+    # About 192²/(π·3²) = 1300 leaves: ± 0.028, and half of that over the four directions and with
+    # the correlation falling; 5 standard deviations are 0.07. Leaves that add up instead of
+    # covering each other would have γ(h)/γ(0), which is 0.15 more at h = 3.
+    for lag in (1, 2, 3, 4, 8):
+        four = [measured[lag, 0], measured[-lag, 0], measured[0, lag], measured[0, -lag]]
+        assert np.mean(four) == pytest.approx(expected(lag) / expected(0), abs=0.07)
+
+
+def test_leaf_over_the_corner_is_the_same_leaf_on_the_other_sides():
+    middle, corner = np.zeros((40, 60)), np.zeros((40, 60))
+    painted = [
+        paint_leaf(image, tuple(center), 9.3, 0.5)
+        for image, center in ((middle, (20.2, 30.4)), (corner, (0.2, 0.4)))
+    ]
+    assert painted[0] == painted[1] == pytest.approx(np.pi * 9.3**2, rel=0.03)
+    np.testing.assert_array_equal(np.roll(corner, (20, 30), axis=(0, 1)), middle)
+
+
+@pytest.mark.parametrize(
+    ("choice", "message"),
+    [
+        ({"radii_px": (3.0, 2.0)}, "radii_px 3.0 … 2.0"),
+        ({"values": (0.0, 1.0)}, "values 0.0 … 1.0"),
+        ({"radii_px": (2.0, 30.0)}, "wider than the image of 50 × 90 px"),
+    ],
+)
+def test_impossible_leaves_are_refused(choice, message):
+    with pytest.raises(ValueError, match=message):
+        dead_leaves((50, 90), np.random.default_rng(0), **{"radii_px": (2.0, 9.0), **choice})
+
+
+def test_a_sine_has_its_contrast_and_frequency_alone():
+    x = np.arange(240) / 40
+    spectrum = np.abs(np.fft.rfft(bars(x, 0.7, 0.4, square=False))) / 240
+    assert spectrum[0] == pytest.approx(1, abs=1e-12)
+    assert spectrum[6] == pytest.approx(0.35, abs=1e-12)
+    assert np.delete(spectrum, [0, 6]).max() < 1e-12
+
+
+def test_a_square_wave_has_the_odd_harmonics_of_its_fourier_series():
+    texels = 4096
+    x = (np.arange(texels) + 0.5) / texels
+    amplitude = 2 * np.abs(np.fft.rfft(bars(x, 0.5, 0.0, square=True))) / texels
+    orders = np.array([1, 3, 5, 7])
+    # sampling at 4096 places changes low harmonics by less than (order/4096)²
+    np.testing.assert_allclose(amplitude[orders], 0.5 * 4 / np.pi / orders, rtol=1e-4)
+    assert amplitude[[2, 4, 6]].max() < 1e-12
+
+
+@pytest.fixture(scope="module")
+def dots():
+    return random_dots((1536, 1536), (64.0, 64.0), 1.0, np.random.default_rng(3)) / 2
+
+
+def test_random_dots_cover_half_of_the_plane(dots):
+    # Integral of the Boolean model's covariance over lags is below 0.25·π·0.5² = 0.2 periods², so
+    # the mean over 64² periods² scatters by less than 0.7 %; 5 sigma, false alarms below 6e-7.
+    assert dots.mean() == pytest.approx(0.5, abs=0.035)
+
+
+def test_random_dots_have_the_covariance_of_a_boolean_model(dots):
+    power = np.abs(np.fft.fft2(dots)) ** 2
+    both = np.fft.ifft2(power).real / dots.size
+    uncovered = 1 - 2 * dots.mean() + both[0]
+    radius, density = 0.25, np.log(2) / (np.pi * 0.25**2)
+    lag = np.arange(0, 24) / 24
+    half = np.clip(lag / (2 * radius), 0, 1)
+    overlap = 2 * radius**2 * (np.arccos(half) - half * np.sqrt(1 - half**2))
+    expected = np.exp(-density * (2 * np.pi * radius**2 - overlap))
+    # same scatter as of the mean, twice; a texel is 1/24 period
+    np.testing.assert_allclose(uncovered[:24], expected, atol=0.07)
+    assert abs((uncovered[:24] - uncovered[20:24].mean() - expected + 0.25)[:12]).max() < 0.02

@@ -1,0 +1,214 @@
+"""Stimuli: moving templates, light and photons, and other sizes."""
+
+import numpy as np
+import pytest
+from scipy.ndimage import uniform_filter1d
+
+from megalopta.flow import triangular_pool
+from megalopta.flow.stimuli.moving_template import MovingTemplate, blurred, summed
+from megalopta.flow.stimuli.photons import BlackFrameError, divisors, draw_counts, frame_light
+from megalopta.flow.stimuli.resizing import resize, resized_shape
+
+
+def template(rows=31, columns=70):
+    return np.random.default_rng(0).random((rows, columns)) + 0.1
+
+
+def test_content_moves_right_by_the_velocity_around_the_circle():
+    moving = MovingTemplate(template(), velocity_px=3, size=31)
+    frames = moving.light(shift_px=0, count=30)
+    for t in (0, 1, 29):
+        expected = np.roll(template(), 3 * t, axis=1)[:, :31]
+        np.testing.assert_allclose(frames[t], expected / expected.sum(), rtol=1e-12)
+
+
+def test_a_shift_is_where_a_sequence_would_be_later():
+    moving = MovingTemplate(template(), velocity_px=3, size=20)
+    np.testing.assert_array_equal(moving.light(0, 6)[4:], moving.light(12, 2))
+
+
+@pytest.mark.parametrize("kind", ["nearest", "area"])
+def test_every_frame_holds_the_whole_flux(kind):
+    frames = MovingTemplate(template(), 5, 12, kind).light(0, 9)
+    np.testing.assert_allclose(frames.sum(axis=(1, 2)), 1, rtol=1e-12)
+
+
+def test_nearest_takes_the_pixels_of_imresize():
+    moving = MovingTemplate(template(251, 251), 0, 60)
+    index = np.floor((np.arange(60) + 0.5) * 251 / 60).astype(int)
+    expected = template(251, 251)[np.ix_(index, index)]
+    np.testing.assert_allclose(moving.light(0, 1)[0], expected / expected.sum(), rtol=1e-12)
+
+
+@pytest.mark.parametrize("length", [1, 3, 5, 7])
+def test_blur_of_odd_length_is_a_box_around_the_circle(length):
+    expected = uniform_filter1d(template(), length, axis=1, mode="wrap")
+    np.testing.assert_allclose(blurred(template(), length), expected, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("length", "kernel"),
+    [(2, [0.25, 0.5, 0.25]), (4, [0.125, 0.25, 0.25, 0.25, 0.125]), (1.5, [1 / 6, 2 / 3, 1 / 6])],
+)
+def test_blur_has_the_taps_of_fspecial(length, kernel):
+    spike = np.zeros((1, 31))
+    spike[0, 15] = 1
+    reach = len(kernel) // 2
+    taps = blurred(spike, length)[0]
+    np.testing.assert_allclose(taps[15 - reach : 16 + reach], kernel, rtol=1e-12)
+    assert taps.sum() == pytest.approx(1)
+
+
+@pytest.mark.parametrize("dtype", [np.uint16, np.float64])
+@pytest.mark.parametrize("window", [1, 2, 5])
+def test_temporal_pooling_is_the_sum_over_a_sliding_window(dtype, window):
+    frames = np.random.default_rng(1).integers(0, 60000, (9, 4, 5)).astype(dtype)
+    expected = [frames[t : t + window].sum(axis=0, dtype=float) for t in range(10 - window)]
+    np.testing.assert_allclose(summed(frames, window), expected)
+
+
+@pytest.mark.parametrize(
+    ("changes", "sentence"),
+    [
+        ({"template": np.ones((30, 20))}, "at least as many columns as rows"),
+        ({"template": -template()}, "negative or non-finite"),
+        ({"template": template() * np.nan}, "negative or non-finite"),
+        ({"size": 40}, "size 40 × 40 px"),
+    ],
+)
+def test_what_is_no_stimulus_is_refused(changes, sentence):
+    with pytest.raises(ValueError, match=sentence):
+        MovingTemplate(**{"template": template(), "velocity_px": 1, "size": 20, **changes})
+    dark = template(30, 90)
+    dark[:, 30:] = 0
+    with pytest.raises(ValueError, match="is black"):
+        MovingTemplate(dark, 10, 20).light(0, 9)
+    with pytest.raises(ValueError, match="length_px -1"):
+        blurred(template(), -1)
+
+
+@pytest.mark.parametrize("kind", ["nearest", "area"])
+def test_light_per_sequence_is_one_on_average_over_a_full_turn_and_differs_by_one_factor(kind):
+    pattern = template(30, 90)
+    each = MovingTemplate(pattern, 1, 20, kind)
+    mean = MovingTemplate(pattern, 1, 20, kind, "per_sequence")
+    sums = mean.light(0, 90).sum(axis=(1, 2))
+    assert sums.mean() == pytest.approx(1, rel=1e-12)
+    assert sums.std() > 1e-3  # frames do differ
+    np.testing.assert_allclose(
+        mean.light(0, 90) / sums[:, None, None], each.light(0, 90), rtol=1e-12
+    )
+
+
+def frames(shape=(6, 40, 50)):
+    return np.random.default_rng(0).random(shape)
+
+
+def test_light_per_sequence_keeps_how_frames_grow_and_per_frame_does_not():
+    growing = frames() * np.arange(1, 7)[:, None, None]
+    light = frame_light(growing)
+    assert list(frame_light(np.full((2, 20, 20), 255, np.uint8))) == [255 * 400] * 2
+    np.testing.assert_allclose(light, [frame.sum() for frame in growing], rtol=1e-12)
+    assert (light / divisors(light, "per_sequence")).mean() == pytest.approx(1)
+    np.testing.assert_array_equal(light / divisors(light, "per_sequence"), light / light.mean())
+    np.testing.assert_array_equal(light / divisors(light, "per_frame"), 1)
+
+
+def test_one_black_frame_is_refused_only_where_it_is_to_be_scaled():
+    light = np.array([1.0, 0.0, 3.0])
+    np.testing.assert_array_equal(divisors(light, "per_sequence"), 4 / 3)
+    with pytest.raises(BlackFrameError, match="frame 1 is black"):
+        divisors(light, "per_frame")
+    with pytest.raises(BlackFrameError):
+        divisors(np.zeros(3), "per_sequence")
+
+
+def test_counts_of_a_frame_do_not_depend_on_the_chunk_it_is_drawn_in():
+    means = 5 * frames()
+    whole = draw_counts(means, 3, "scene", 1)
+    parts = [draw_counts(means[i : i + 2], 3, "scene", 1, first_frame=i) for i in (0, 2, 4)]
+    np.testing.assert_array_equal(np.concatenate(parts), whole)
+
+
+def test_seed_key_and_frame_each_give_another_draw():
+    means = np.full((1, 20, 20), 10.0)
+    draws = [
+        draw_counts(means, 0, "a"),
+        draw_counts(means, 1, "a"),
+        draw_counts(means, 0, "b"),
+        draw_counts(means, 0, "a", first_frame=1),
+    ]
+    assert len({draw.tobytes() for draw in draws}) == 4
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("mean", "dtype"), [(100, np.uint16), (1e5, np.uint32), (1e12, np.uint64)])
+def test_counts_have_the_narrowest_type_that_holds_them(mean, dtype):
+    counts = draw_counts(np.full((1, 4, 4), float(mean)), 0, "scene")
+    assert counts.dtype == dtype
+    assert abs(counts.astype(float).mean() - mean) < 5 * np.sqrt(mean / 16)
+
+
+@pytest.mark.parametrize(
+    ("bad", "sentence"),
+    [
+        (-frames(), "negative or non-finite"),
+        (frames() * np.nan, "negative or non-finite"),
+        (np.ones((4, 4)), "give a sequence"),
+        (np.ones((0, 4, 4)), "give a sequence"),
+    ],
+)
+def test_frames_that_are_no_light_are_refused(bad, sentence):
+    with pytest.raises(ValueError, match=sentence):
+        frame_light(bad)
+
+
+def resizing_frames(shape=(3, 251, 251)):
+    return np.random.default_rng(0).random(shape)
+
+
+@pytest.mark.parametrize("size", [60, 120, 240, 251, (7, 100)])
+def test_area_keeps_the_total_of_each_frame(size):
+    before, after = resizing_frames(), resize(resizing_frames(), size, "area")
+    np.testing.assert_allclose(after.sum(axis=(1, 2)), before.sum(axis=(1, 2)), rtol=1e-12)
+
+
+def test_area_of_a_whole_ratio_is_the_sum_over_tiles():
+    image = resizing_frames((12, 20))
+    np.testing.assert_allclose(
+        resize(image, (4, 5), "area"), image.reshape(4, 3, 5, 4).sum(axis=(1, 3))
+    )
+
+
+@pytest.mark.parametrize("size", [60, 120, 180, 240])
+def test_nearest_takes_the_pixel_at_each_center(size):
+    index = np.floor((np.arange(size) + 0.5) * 251 / size).astype(int)
+    np.testing.assert_array_equal(
+        resize(resizing_frames(), size), resizing_frames()[:, index][:, :, index]
+    )
+
+
+def test_columns_follow_the_rows_in_proportion():
+    assert resized_shape((120, 160), 60) == (60, 80)
+    assert resize(resizing_frames((2, 120, 160)), 60, "area").shape == (2, 60, 80)
+
+
+@pytest.mark.parametrize("size", [0, 252, (10, 300), (0, 5)])
+def test_enlarging_and_vanishing_are_refused(size):
+    with pytest.raises(ValueError, match="choose sizes from 1 px to that of the frames"):
+        resize(resizing_frames(), size)
+
+
+def test_five_taps_are_two_running_means_of_three():
+    row = np.random.default_rng(0).poisson(40, (7, 1, 16))
+    # a triangle is a box convolved with itself
+    once = (row[..., :-2] + row[..., 1:-1] + row[..., 2:]) / 3
+    twice = (once[..., :-2] + once[..., 1:-1] + once[..., 2:]) / 3
+    assert twice.shape == (7, 1, 12)
+    np.testing.assert_allclose(triangular_pool(row), twice, rtol=1e-12)
+
+
+@pytest.mark.parametrize("taps", [4, 0, -1, 17])
+def test_kernel_without_a_middle_or_too_long_is_refused(taps):
+    with pytest.raises(ValueError, match=f"taps {taps} for rows of 16 px: use an odd number"):
+        triangular_pool(np.ones((3, 16)), taps)

@@ -1,0 +1,160 @@
+"""Light of the sky and of what shines in it, against published figures."""
+
+import math
+
+import numpy as np
+import pytest
+
+from megalopta.scenes.spectra.airglow import AIRGLOW, FAINT_STARLIGHT, MOONLESS_ZENITH
+from megalopta.scenes.spectra.moonlight import FULL_MOON, QUARTER_MOON
+from megalopta.scenes.spectra.overcast import OVERCAST, overcast_share
+from megalopta.scenes.spectra.photometry import luminous
+from megalopta.scenes.spectra.starlight import S10, STARLIGHT, ZODIACAL_S10
+from megalopta.scenes.spectra.sunlight import ABOVE_ATMOSPHERE, CLEAR_SKY, SUN
+from megalopta.scenes.spectra.twilight import TWILIGHT
+
+ARCSEC2_SR = (np.pi / 180 / 3600) ** 2
+PHOTON_J_M = 1.98644586e-25
+
+
+def magnitude(lower_nm, upper_nm, zero_point_w_m2_um):
+    """Surface brightness, Vega magnitudes per square arcsecond."""
+    grid = np.arange(lower_nm, upper_nm)
+    radiance = np.trapezoid(MOONLESS_ZENITH(grid), grid) / (grid[-1] - grid[0])
+    return -2.5 * np.log10(radiance * 1000 * ARCSEC2_SR / zero_point_w_m2_um)
+
+
+def kilorayleigh(lower_nm, upper_nm):
+    """Column emission, 1e9·4π photons per second, square meter and steradian of radiance."""
+    grid = np.arange(lower_nm, upper_nm + 1)
+    photons = MOONLESS_ZENITH(grid) * grid * 1e-9 / PHOTON_J_M
+    return np.trapezoid(photons, grid) * 4 * np.pi / 1e13
+
+
+def test_sky_has_the_measured_brightness_in_j_and_h():
+    # edges of the bands lie in the middle of means over 20 nm; J has eight of them, and few lines
+    assert magnitude(1510, 1790, 1.133e-9) == pytest.approx(14.4, abs=0.02)
+    assert magnitude(1170, 1330, 3.129e-9) == pytest.approx(16.5, abs=0.08)
+
+
+def test_oh_42_band_has_about_80_kilorayleigh():
+    assert kilorayleigh(1570, 1660) == pytest.approx(80, rel=0.15)
+
+
+def test_airglow_and_faint_starlight_are_the_zenith():
+    grid = np.array(MOONLESS_ZENITH.wavelengths_nm)
+    np.testing.assert_allclose(AIRGLOW(grid) + FAINT_STARLIGHT(grid), MOONLESS_ZENITH(grid))
+    # Benn and Ellison (1998): 145 to 270 S10 in V, by the sun's activity; 27.78 mag·arcsec⁻² each
+    s10 = 3.631e-8 * 10 ** (-0.4 * 27.78) / ARCSEC2_SR / 1000
+    assert 145 < AIRGLOW(545) / s10 < 270
+
+
+def test_disc_reddens_as_the_full_moon_of_kieffer_and_stone():
+    # their figure of the disc at a phase of 7°, over its value at 550 nm, with libration
+    wavelengths_nm = np.array([441.6, 549.1, 665.1, 865.3, 1059.5, 1243.2, 1538.7, 1633.6])
+    published = np.array([0.81, 1.00, 1.23, 1.38, 1.52, 1.62, 1.90, 1.92])
+    np.testing.assert_allclose(FULL_MOON(wavelengths_nm), published, rtol=0.013)
+
+
+def test_quarter_moon_is_redder():
+    # 1.39 of its value at 550 nm per µm, the best line to 2 µm; the curve is off it by up to 12 %
+    grid = np.linspace(450, 1650, 100)
+    np.testing.assert_allclose(QUARTER_MOON(grid), 1 + 1.39 * (grid - 550) / 1000, rtol=0.12)
+
+
+def two_streams(single_scattering_albedo, thickness, asymmetry, layers=3000):
+    """Share let through by a layer, added up of thin ones (two diffuse streams)."""
+    step = thickness / layers
+    back = np.sqrt(3) / 2 * single_scattering_albedo * (1 - asymmetry) * step
+    lost = np.sqrt(3) * (1 - single_scattering_albedo) * step
+    through, reflected = 1.0, 0.0
+    for _ in range(layers):
+        multiple = 1 / (1 - reflected * back)
+        through, reflected = (
+            through * multiple * (1 - back - lost),
+            back + (1 - back - lost) ** 2 * reflected * multiple,
+        )
+    return through
+
+
+@pytest.mark.parametrize(("wavelength_nm", "absorption_cm"), [(1600.0, 6.7), (1200.0, 1.04)])
+def test_color_is_that_of_a_layer_added_up_of_thin_ones(wavelength_nm, absorption_cm):
+    absorbed = 0.85 * 100 * absorption_cm * 8e-6
+    clear, wet = (two_streams(1 - each, 30.0, 0.86) for each in (0.0, absorbed))
+    # thin layers of a hundredth of the thickness at which light turns back
+    assert OVERCAST(wavelength_nm) == pytest.approx(wet / clear, rel=0.01)
+
+
+def test_clouds_are_gray_where_the_eye_sees():
+    assert OVERCAST(np.arange(380, 780)).min() > 0.99
+
+
+def test_closed_clouds_let_a_quarter_through_and_none_all():
+    assert overcast_share(1.0) == 0.25
+    assert overcast_share(0.0) == 1
+
+
+def test_unit_is_a_star_of_tenth_magnitude_per_square_degree():
+    # V: 3.631e-8 W·m⁻²·µm⁻¹ at magnitude 0 (Bessell et al. 1998), here per nm
+    assert 3.631e-11 * 1e-4 / math.radians(1) ** 2 == pytest.approx(S10, rel=2e-3)
+
+
+def test_zodiacal_light_is_the_mean_of_its_latitudes():
+    # Benn and Ellison (1998) over the sphere
+    latitude = np.radians(np.linspace(0, 90, 9001))
+    brightness = np.where(latitude < np.pi / 3, 140 - 90 * np.sin(latitude), 60)
+    mean = np.trapezoid(brightness * np.cos(latitude), latitude)
+    assert mean == pytest.approx(ZODIACAL_S10, rel=0.01)
+
+
+def test_stars_and_airglow_make_a_moonless_night_of_a_millilux():
+    # 1 mlux is the usual value for a starry sky; parts from five papers, each good to some 20 %
+    lux = math.pi * (luminous(STARLIGHT) + luminous(AIRGLOW))
+    assert lux == pytest.approx(1e-3, rel=0.15)
+
+
+BANDS = ((400, 700), (700, 900), (900, 1100), (1100, 1400), (1400, 1700))
+
+
+def in_bands(spectrum):
+    grids = [np.linspace(*band, 3001) for band in BANDS]
+    return np.array([np.trapezoid(spectrum(grid), grid) for grid in grids])
+
+
+@pytest.mark.parametrize(
+    ("spectrum", "published"),
+    [
+        # W/m²: sums over the 2002 lines of ASTM G173-03, and over the 122 wavelengths of SPCTRL2
+        (ABOVE_ATMOSPHERE, (530.0, 228.8, 148.5, 137.7, 81.48)),
+        (SUN, (374.8, 191.2, 113.9, 82.69, 53.03)),
+        (CLEAR_SKY, (56.54, 10.7, 4.119, 2.173, 0.9256)),
+    ],
+)
+def test_table_keeps_the_light_of_its_source_in_bands(spectrum, published):
+    # means over 20 nm, three digits; the sky's 1.4 µm band is coarse in the source, too
+    np.testing.assert_allclose(in_bands(spectrum), published, rtol=0.02)
+
+
+def test_direct_and_scattered_light_are_the_standards_hemispherical_light():
+    # ASTM G173-03 on a plane tilted by 37°, 11.2° off the sun; what it sees of the ground is left
+    # out: up to a third of what comes from the sky in the infrared, 5 % of the whole
+    tilted = (429.8, 207.7, 120.9, 86.51, 54.55)
+    seen = in_bands(SUN) * np.cos(np.radians(11.19)) + in_bands(CLEAR_SKY)
+    np.testing.assert_allclose(seen, tilted, rtol=0.055)
+
+
+def test_sun_has_the_efficacy_of_the_solar_constant():
+    # 133 klux above the atmosphere, a textbook value, to its three digits
+    assert luminous(ABOVE_ATMOSPHERE) == pytest.approx(133e3, rel=5e-3)
+
+
+def test_sky_of_that_brightness_gives_a_lux():
+    assert math.pi * luminous(TWILIGHT) == pytest.approx(1.0, rel=0.1)
+
+
+@pytest.mark.parametrize(("band", "depression_deg"), [((1170, 1330), 9.3), ((1510, 1790), 7.4)])
+def test_night_begins_in_the_infrared_when_it_was_seen_to(band, depression_deg):
+    """It falls by a factor of four per degree; 1 to 20 % of airglow are when one sees night."""
+    grid = np.arange(*band)
+    now = TWILIGHT(grid).mean() / AIRGLOW(grid).mean()
+    assert 0.01 < now * 4 ** -(depression_deg - 6.4) < 0.2
