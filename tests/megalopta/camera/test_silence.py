@@ -62,9 +62,9 @@ def impatient(monkeypatch):
     ("then", "limit", "told"),
     [
         (nothing, {"seconds": 8}, "nothing came"),
-        (zeros, {"seconds": 8}, r"\d+ bytes with 0 damaged and 0 whole packets came"),
-        (garbage, {"frames": 9}, r"\d+ bytes with [1-9]\d* damaged and 0 whole packets came"),
-        (half_packets, {}, r"\d+ bytes with 0 damaged and 0 whole packets came"),
+        (zeros, {"seconds": 8}, r"\d+ bytes came"),
+        (garbage, {"frames": 9}, r"\d+ bytes came"),
+        (half_packets, {}, r"\d+ bytes came"),
     ],
 )
 def test_a_capture_without_a_frame_ends_and_leaves_nothing(

@@ -148,7 +148,7 @@ def test_ctrl_c_leaves_whole_files_and_the_next_run_goes_on(run, tmp_path):
 
 
 def test_a_failed_check_is_exit_code_1(monkeypatch):
-    monkeypatch.setattr(physics, "run_check_physics", lambda groups, plots: False)
+    monkeypatch.setattr(physics, "run_check_physics", lambda groups: False)
     with pytest.raises(SystemExit) as stopped:
         cli.main(["check", "physics"])
     assert stopped.value.code == 1
@@ -158,7 +158,7 @@ def test_groups_of_the_physics_are_handed_on_and_named_in_the_help(monkeypatch, 
     seen = []
     monkeypatch.setattr(physics, "run_check_physics", lambda *given: seen.append(given) or True)
     cli.main(["check", "physics", "crosstalk", "dead-time"])
-    assert seen == [(["crosstalk", "dead-time"], None)]
+    assert seen == [(["crosstalk", "dead-time"],)]
     assert tuple(CHECKS) == cli_check.PHYSICS
     with pytest.raises(SystemExit):
         cli.main(["check", "--help"])

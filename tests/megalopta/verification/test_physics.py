@@ -134,14 +134,6 @@ def test_printed_false_alarm_counts_every_comparison_behind_a_row(console, monke
     assert "at most 1e-05" in " ".join(text.split())
 
 
-def test_pictures_are_written_where_asked(console, monkeypatch, tmp_path):
-    monkeypatch.setattr(check_physics, "run_checks", lambda checks: [GOOD])
-    monkeypatch.setattr(check_physics, "EXPOSURES_OF_A_PICTURE", 1000)
-    check_physics.run_check_physics((), tmp_path / "plots", console)
-    names = sorted(path.name for path in (tmp_path / "plots").iterdir())
-    assert names == ["counts_ideal.png", "counts_nonparalyzable.png", "counts_paralyzable.png"]
-
-
 def test_only_the_groups_asked_for_are_checked(console, monkeypatch):
     seen = []
     monkeypatch.setattr(check_physics, "run_checks", lambda checks: seen.extend(checks) or [GOOD])
@@ -152,10 +144,7 @@ def test_only_the_groups_asked_for_are_checked(console, monkeypatch):
     assert seen == [check for group in CHECKS.values() for check in group]
 
 
-def test_what_cannot_be_checked_is_refused_before_anything_is(console, monkeypatch, tmp_path):
-    (tmp_path / "plots").touch()
+def test_what_cannot_be_checked_is_refused_before_anything_is(console, monkeypatch):
     monkeypatch.setattr(check_physics, "run_checks", lambda checks: pytest.fail("checked"))
     with pytest.raises(UserError, match="check physics: no group 'gates'; one of counting, light"):
         check_physics.run_check_physics(["gate", "gates"], console=console)
-    with pytest.raises(UserError, match="plots: a file is in the way; give the path of a folder"):
-        check_physics.run_check_physics(plots=tmp_path / "plots")
