@@ -35,6 +35,9 @@ class Parameters(NamedTuple):
     start_s: float
     is_paralyzable: bool
     is_stationary: bool
+    is_coupled: bool
+    """Whether pixels know of each other: with crosstalk"""
+    columns: int
     twilight_s: float
     recharge_s: float
     delay_s: float
@@ -59,10 +62,23 @@ class Tables(NamedTuple):
     """Down, right and probability of every pixel that an avalanche may fire"""
 
 
+class Before(NamedTuple):
+    """What the exposure before has left, times from the start of this one."""
+
+    is_begun: bool
+    """Whether there was one"""
+    blind_until: Floats
+    """End of each pixel's dead time, (N,), changed in place"""
+    times: Floats
+    """When carriers will be released and twilight pulses come"""
+    owners: Ints
+    """Pixel and kind of each of these, in the order of pixels"""
+
+
 def parameters_of(
     rates: Floats, exposure_s: float, effects: AvalancheEffects, maps: AvalancheMaps
 ) -> tuple[Parameters, Tables]:
-    """What the loop needs of the effects, for rates (S, N) in Hz."""
+    """What the loop needs of the effects, for rates (S, rows, columns) in Hz."""
     dead_time, afterpulsing = effects.dead_time, effects.afterpulsing
     is_stationary = dead_time.start == "stationary"
     dead_times = dead_time.dead_time_s * maps.dead_time.ravel()
@@ -75,13 +91,15 @@ def parameters_of(
         start_s=-forgotten_s if is_stationary else 0.0,
         is_paralyzable=dead_time.kind == "paralyzable",
         is_stationary=is_stationary,
+        is_coupled=effects.crosstalk.is_on,
+        columns=rates.shape[-1],
         twilight_s=dead_time.twilight_s,
         recharge_s=dead_time.recharge_s,
         delay_s=afterpulsing.delay_s,
         gate=effects.gate.window,
     )
     tables = Tables(
-        rates=np.ascontiguousarray(rates, np.float64),
+        rates=np.ascontiguousarray(rates.reshape(len(rates), -1), np.float64),
         dead_times=dead_times,
         carriers=afterpulsing.mean_carriers * maps.afterpulsing.ravel(),
         strengths=maps.crosstalk.ravel(),
@@ -100,52 +118,46 @@ def run_frame(
     rng: np.random.Generator,
     parameters: Parameters,
     tables: Tables,
-    columns: int,
-    is_coupled: bool,
     keep_events: bool,
-    blind_until: Floats,
-    is_begun: bool,
-    pending: tuple[Floats, Ints],
+    before: Before,
 ) -> tuple[Ints, tuple[Floats, Ints], tuple[Floats, Ints]]:
     """Counts; times and pixels of events; times and owners of what is left for the next exposure.
 
-    `blind_until`, the end of each pixel's dead time, is changed in place; it counts at the start
-    only where the exposure `is_begun`, that is follows on another. `pending` is in the order of
-    pixels.
+    Pixels that know of each other share a queue; the others have one each, in turn.
     """
     pixels = tables.dead_times.size
     counts = np.zeros(pixels, np.int64)
     stamps, places = np.empty(64), np.empty(64, np.int64)
     left_times, left_owners = np.empty(64), np.empty(64, np.int64)
     left, kept = 0, 0 if keep_events else -1
-    block = pixels if is_coupled else 1
+    block = pixels if parameters.is_coupled else 1
     room = block + _ROOM
     times, owners = np.empty(room), np.empty(room, np.int64)
+    blind_until = before.blind_until
     waiting = 0
     for first in range(0, pixels, block):
-        if not is_begun:
-            for pixel in range(first, first + block):
-                blind_until[pixel] = first_blind_until(rng, pixel, parameters, tables)
         size = 0
-        while waiting < pending[1].size and pending[1][waiting] < KINDS * (first + block):
+        while waiting < before.owners.size and before.owners[waiting] < KINDS * (first + block):
             if size + _ROOM > times.size:
                 times, owners = longer(times, room), longer(owners, room)
-            size = push(times, owners, size, pending[0][waiting], pending[1][waiting])
+            size = push(times, owners, size, before.times[waiting], before.owners[waiting])
             waiting += 1
         if size + room > times.size:
             times, owners = longer(times, room), longer(owners, room)
+        if not before.is_begun:
+            for pixel in range(first, first + block):
+                blind_until[pixel] = first_blind_until(rng, pixel, parameters, tables)
         for pixel in range(first, first + block):
             arrival = first_photon(rng, pixel, parameters, tables, blind_until[pixel])
             size = push(times, owners, size, arrival, KINDS * pixel + PHOTON)
         while size > 0 and times[0] < parameters.exposure_s:
-            # arrays are made longer here, as numba counts references where they may change
             if size + _ROOM > times.size:
                 times, owners = longer(times, room), longer(owners, room)
             if kept == stamps.size:
                 stamps, places = longer(stamps, room), longer(places, room)
             size, kept = _run(
-                rng, parameters, tables, columns, is_coupled, counts, blind_until, times, owners,
-                size, stamps, places, kept,
+                rng, parameters, tables, counts, blind_until, times, owners, size, stamps, places,
+                kept,
             )  # fmt: skip
         for entry in range(size):
             # photons come without memory, so that the next exposure draws its own
@@ -160,12 +172,12 @@ def run_frame(
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _run(  # type: ignore[no-untyped-def]
-    rng, parameters, tables, columns, is_coupled, counts, blind_until, times, owners, size,
-    stamps, places, kept,
-):  # fmt: skip
+    rng, parameters, tables, counts, blind_until, times, owners, size, stamps, places, kept
+):
     """Go on to the end of the exposure, or until an array is too short; return size and kept.
 
-    `kept` below 0 keeps no events.
+    `kept` below 0 keeps no events. Arrays are made longer outside, as numba counts references
+    where they may change, and come one by one, as it counts those in tuples.
     """
     exposure, is_paralyzable = parameters.exposure_s, parameters.is_paralyzable
     twilight, recharge = parameters.twilight_s, parameters.recharge_s
@@ -200,8 +212,9 @@ def _run(  # type: ignore[no-untyped-def]
                     # one that is lost without effect need not be kept
                     if is_paralyzable or release >= blind_until[pixel] - twilight:
                         size = push(times, owners, size, release, KINDS * pixel + CARRIER)
-            if is_coupled:
-                size = _push_crosstalk(rng, tables, times, owners, size, time, pixel, columns)
+            if parameters.is_coupled:
+                avalanche = time, pixel, parameters.columns
+                size = _push_crosstalk(rng, tables, times, owners, size, avalanche)
         if kind == PHOTON:
             # where the dead time is not extended, arrivals in it need not be drawn
             since = time if is_paralyzable else max(time, blind_until[pixel] - twilight)
@@ -215,9 +228,9 @@ def _run(  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _push_crosstalk(  # type: ignore[no-untyped-def]
-    rng, tables, times, owners, size, time, pixel, columns
-):
+def _push_crosstalk(rng, tables, times, owners, size, avalanche):  # type: ignore[no-untyped-def]
+    """Let an avalanche, of a time and a pixel in so many columns, light its neighbors."""
+    time, pixel, columns = avalanche
     taps, strength = tables.taps, tables.strengths[pixel]
     rows, row, column = tables.strengths.size // columns, pixel // columns, pixel % columns
     for tap in range(taps.shape[0]):

@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from megalopta.core.arrays import Floats, Ints
-from megalopta.sensor.avalanches.kernel import KINDS, parameters_of, run_frame
+from megalopta.sensor.avalanches.kernel import KINDS, Before, parameters_of, run_frame
 from megalopta.sensor.effects.base import AvalancheMaps
 from megalopta.sensor.effects.fields import AvalancheEffects
 
@@ -75,27 +75,17 @@ def simulate_frame(
         time.
     """
     rates = rate_hz if rate_hz.ndim == 3 else rate_hz[None]
-    parts, rows, columns = rates.shape
+    _, rows, columns = rates.shape
     maps = maps or AvalancheMaps.alike((rows, columns))
-    parameters, tables = parameters_of(rates.reshape(parts, -1), exposure_s, effects, maps)
+    parameters, tables = parameters_of(rates, exposure_s, effects, maps)
     if state is None:
-        blind_until, pending = np.empty(rows * columns), (np.empty(0), np.empty(0, np.int64))
+        before = Before(False, np.empty(rows * columns), np.empty(0), np.empty(0, np.int64))
     else:
         parameters = parameters._replace(start_s=0.0)
-        blind_until, pending = state.blind_until_s.copy(), (state.pending_s, state.owners)
-    counts, events, left = run_frame(
-        rng,
-        parameters,
-        tables,
-        columns,
-        effects.crosstalk.is_on,
-        keep_events,
-        blind_until,
-        state is not None,
-        pending,
-    )
+        before = Before(True, state.blind_until_s.copy(), state.pending_s, state.owners)
+    counts, events, left = run_frame(rng, parameters, tables, keep_events, before)
     order = np.argsort(left[1] // KINDS, kind="stable")
-    after = PixelState(blind_until - exposure_s, left[0][order] - exposure_s, left[1][order])
+    after = PixelState(before.blind_until - exposure_s, left[0][order] - exposure_s, left[1][order])
     times, pixels = events
     return SimulatedFrame(counts.reshape(rows, columns), times, pixels, after)
 

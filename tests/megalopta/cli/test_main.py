@@ -10,9 +10,9 @@ from types import SimpleNamespace
 
 import pytest
 
-from megalopta.cli import check as cli_check, main, main as cli
+from megalopta.cli import main, main as cli
 from megalopta.render import read_radiance, read_truth
-from megalopta.verification import physics
+from megalopta.verification import GROUPS, physics
 from megalopta.verification.cases import CHECKS
 
 COMMAND = [sys.executable, "-m", "megalopta"]
@@ -159,7 +159,7 @@ def test_groups_of_the_physics_are_handed_on_and_named_in_the_help(monkeypatch, 
     monkeypatch.setattr(physics, "run_check_physics", lambda *given: seen.append(given) or True)
     cli.main(["check", "physics", "crosstalk", "dead-time"])
     assert seen == [(["crosstalk", "dead-time"],)]
-    assert tuple(CHECKS) == cli_check.PHYSICS
+    assert tuple(CHECKS) == GROUPS
     with pytest.raises(SystemExit):
         cli.main(["check", "--help"])
     printed = capsys.readouterr().out.replace("-\n", "-")
