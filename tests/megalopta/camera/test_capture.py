@@ -1,8 +1,10 @@
 """Captures of the emulated camera over a real pseudo-terminal."""
 
+import io
 import os
 import pty
 import signal
+import sys
 import threading
 import time
 import tty
@@ -12,10 +14,10 @@ import pytest
 import serial
 
 from megalopta.camera.camera_settings import CaptureSettings
-from megalopta.camera.capturing import capture
+from megalopta.camera.capturing import State, capture, status_line, viewing
 from megalopta.camera.emulated import EmulatedCamera, Faults, Flat
 from megalopta.camera.link import Arrived, Link, Plugged, open_port
-from megalopta.camera.recording import open_recording
+from megalopta.camera.recording import RecordingSettings, open_recording
 from megalopta.core.errors import UserError
 from megalopta.sensor import changed, expose_rate, preset
 from megalopta.sensor.formats.messages import (
@@ -322,3 +324,50 @@ def test_impossible_settings_are_refused_before_anything(fields, problem, tmp_pa
     settings = CaptureSettings(sensor=preset("spadcam"), kind="a", **{**possible, **fields})
     with pytest.raises(UserError, match=problem):
         capture(lambda: "/none", tmp_path / "a", settings, threading.Event())
+
+
+RECORD = RecordingSettings(
+    kind="dark",
+    started="2026-01-01T00:00:00+00:00",
+    serial_number="A",
+    firmware="f",
+    exposure_s=0.05,
+    frame_rate_hz=10,
+    step_bias=2048,
+    row_window=(0, 16),
+    gaps=2,
+    missing_frames=7,
+    damaged_packets=1,
+)
+
+
+def state(plugged=True):
+    counts = np.arange(256, dtype=np.uint16).reshape(16, 16)
+    return State(RECORD, 120, 9.98, plugged, counts, counts > 250)
+
+
+def test_a_line_tells_frames_rate_gaps_damage_and_saturated_pixels():
+    line = status_line(state())
+    assert line == (
+        "120 frames, 10.0 frames/s, 2 gaps (7 frames missing), 1 packets damaged, "
+        "5 pixels saturated"
+    )
+    assert status_line(state(plugged=False)).endswith("unplugged, waiting for it")
+
+
+class Terminal(io.StringIO):
+    def isatty(self):
+        return True
+
+
+def test_a_terminal_gets_a_picture_of_16_rows(monkeypatch):
+    terminal = Terminal()
+    monkeypatch.setattr(sys, "stderr", terminal)
+    monkeypatch.setenv("TERM", "xterm-256color")
+    monkeypatch.setenv("COLORTERM", "truecolor")
+    with viewing() as show:
+        show(state())
+    shown = terminal.getvalue()
+    assert "120 frames" in shown
+    # Red where a pixel is saturated, white where it is the brightest of the others.
+    assert "48;2;220;60;40" in shown and "48;2;255;255;255" in shown

@@ -8,6 +8,8 @@ from megalopta.camera.motion_bench import (
     OPEN_PHOTONS,
     PIXELS,
     SENSORS,
+    cut_passages,
+    cut_rest,
     detector,
     passing_rates,
     peaks,
@@ -109,3 +111,60 @@ def test_nds_has_more_signal_to_noise_than_ndm_and_spadcam_less_than_poisson_noi
 @pytest.mark.parametrize("method", ["NDM", "NDS"])
 def test_detectors_have_the_printed_time_constants(method):
     assert detector(method).filter_step == pytest.approx(STEPS[method])
+
+
+RNG = np.random.default_rng(0)
+OPEN, HIDDEN, DARK = 65.0, 27.0, 60.0
+
+
+def level(frames, middles, velocity):
+    """Share of 16 pixels that is free, frame by frame: edges in the middle at these times."""
+    time = (np.arange(frames * 50) + 0.5) / 50
+    hidden = np.zeros_like(time)
+    for number, middle in enumerate(middles):
+        passed = np.clip(0.5 + velocity * (time - middle) / 16, 0, 1)
+        hidden += passed if number % 2 == 0 else -passed
+    return 1 - hidden.reshape(frames, 50).mean(axis=1)
+
+
+def recorded(frames, middles, velocity):
+    mean = HIDDEN + (OPEN - HIDDEN) * level(frames, middles, velocity) + DARK
+    return RNG.poisson(np.broadcast_to(mean[:, None, None], (frames, 16, 16)))
+
+
+@pytest.mark.parametrize("velocity", [1.67, 5.0, 16.7])
+@pytest.mark.parametrize("at", [20.0, 33.3, 50.75])
+def test_edges_are_in_the_middle_of_what_is_cut(velocity, at):
+    middles = [at, at + 40.5, at + 85, at + 121.2]
+    counts = recorded(220, middles, velocity)
+    cut = cut_passages(counts).reshape(4, FRAMES, 16, 16)
+    for middle, frames in zip(middles, cut, strict=True):
+        # The array's mean has σ 0.6 counts, 0.15 frames of the slowest edge; 6 σ beyond a half.
+        starts = [n for n in range(189) if (counts[n : n + FRAMES] == frames).all()]
+        assert starts[0] == pytest.approx(middle - FRAMES / 2, abs=1.4)
+
+
+def test_a_passage_begins_where_the_plate_hides():
+    cut = cut_passages(recorded(250, [20, 60, 100, 140, 180, 220], 5.0)[45:])
+    means = cut.reshape(2, 2, FRAMES, 16, 16).mean(axis=(0, 3, 4))
+    np.testing.assert_allclose(means[0, [0, -1]], [OPEN + DARK, HIDDEN + DARK], rtol=0.03)
+    np.testing.assert_allclose(means[1, [0, -1]], [HIDDEN + DARK, OPEN + DARK], rtol=0.03)
+
+
+def test_what_shows_no_passages_is_refused():
+    # Of a normal distribution 0.9 of the frames are within 3.3 σ, and 6 σ are asked for.
+    still = recorded(300, [], 5.0)
+    with pytest.raises(ValueError, match=r"no edge passes, the array counts 12\d"):
+        cut_passages(still)
+    with pytest.raises(ValueError, match="1 passages of the plate to and fro in 130 frames"):
+        cut_passages(recorded(130, [30, 70], 5.0))
+    with pytest.raises(ValueError, match="an edge passes 20 frames after another"):
+        cut_passages(recorded(200, [30, 70, 90, 130], 5.0))
+
+
+def test_a_plate_at_rest_is_cut_into_equal_parts():
+    assert len(cut_rest(recorded(300, [], 5.0))) == 4 * 2 * FRAMES
+    with pytest.raises(ValueError, match="127 frames; record 128"):
+        cut_rest(recorded(127, [], 5.0))
+    with pytest.raises(ValueError, match="an edge passes"):
+        cut_rest(recorded(200, [30, 70], 5.0))

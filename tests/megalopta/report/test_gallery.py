@@ -1,5 +1,6 @@
 """The gallery: each scene and view is a configuration, and is rendered with its photons."""
 
+import csv
 import re
 
 import numpy as np
@@ -9,6 +10,7 @@ from skimage.io import imread
 from megalopta.cli import main
 from megalopta.config.model import Configuration
 from megalopta.report import gallery
+from megalopta.report.gallery import degrees_per_px, write_statistics
 from megalopta.scenes.build import OWN_SCENES
 from megalopta.scenes.forest.stand import PRESETS
 from megalopta.scenes.lighting.levels import LEVELS
@@ -80,3 +82,34 @@ def test_what_is_no_panorama_is_refused_before_anything_is_rendered(tmp_path, ca
             main.main(["gallery", *options, "--out", str(tmp_path / "out")])
         assert message in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.slow
+def test_a_photograph_is_measured_beside_forests(picture, tmp_path):
+    path = picture(np.random.default_rng(0).random((32, 64, 3)))
+    paths = write_statistics(tmp_path / "out", [path], 1, ["open"], 24)
+    assert [each.suffix for each in paths] == [".png", ".svg", ".csv", ".json"]
+    photograph, forest, blurred = csv.DictReader(paths[2].read_text().splitlines())
+    assert (photograph["scene"], forest["scene"]) == (path.stem, "open")
+    assert blurred["scene"] == "open, blurred"
+    assert float(blurred["gradient_contrast"]) < float(forest["gradient_contrast"])
+    assert all(np.isfinite(float(value)) for value in list(photograph.values())[1:])
+
+
+def test_forests_are_compared_at_an_angle_that_the_coarsest_photograph_resolves(picture):
+    """Two pixels of 360°/512, rounded up to 0.05°; without photographs 0.3°."""
+    rng = np.random.default_rng(0)
+    coarse, fine = (picture(rng.random((rows, 2 * rows, 3)), f"{rows}.exr") for rows in (256, 1024))
+    assert degrees_per_px([coarse, fine]) == pytest.approx(1.45)
+    assert degrees_per_px([fine]) == pytest.approx(0.4)
+    assert degrees_per_px([]) == 0.3
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [(["--views", "--statistics"], "give one"), (["--panorama", "x.hdr"], "or --statistics")],
+)
+def test_what_does_not_go_together_is_refused(options, message, tmp_path, capsys):
+    with pytest.raises(SystemExit, match="2"):
+        main.main(["gallery", *options, "--out", str(tmp_path / "out")])
+    assert message in capsys.readouterr().err

@@ -9,7 +9,9 @@ from megalopta.reproduction.chapter2_counter import (
     transient,
     volts_per_event,
 )
+from megalopta.reproduction.drawing import write_figure
 from megalopta.sensor.spad.fixed_pattern import draw_fixed_pattern
+from megalopta.sensor.spad.presets import TABLE_2_1
 
 BOTTOM_V = 0.1
 STEPS = pytest.mark.parametrize("step_v", [10e-3, 30e-3])
@@ -58,3 +60,18 @@ def test_counts_end_at_one_per_dead_time_and_with_paralysis_at_that_over_e(made)
     # at 1e10 photons per second and 1e-7 s the ceiling is reached to a thousandth
     assert curves["nonparalyzable_100_ns_hz"][-1] == pytest.approx(1e7, rel=2e-3)
     assert curves["paralyzable_100_ns_hz"].max() == pytest.approx(1e7 / np.e, rel=2e-3)
+
+
+def test_table_is_drawn_with_a_line_for_each_device(made, tmp_path, check_words):
+    table = made("table-2.1")
+    check_words(table)
+    assert write_figure(table, tmp_path)[2].read_text("utf-8").count("\n") == len(TABLE_2_1) + 1
+
+
+def test_table_agrees_with_its_printed_densities(made):
+    rows = {row[0]: row for row in made("table-2.1").rows}
+    assert list(rows) == list(TABLE_2_1)
+    for row in rows.values():
+        # printed with two digits; counting 1600 pixels for 4 s is good to 0.5 %
+        assert row[6] == pytest.approx(row[5], rel=0.025)
+        assert row[8] == pytest.approx(row[7], rel=0.01)

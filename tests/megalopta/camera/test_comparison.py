@@ -3,12 +3,13 @@
 import numpy as np
 import pytest
 
-from megalopta.camera.comparison import plate_responses
-from megalopta.camera.device_comparison import write_motion_report
+from megalopta.camera.comparison import Compared, plate_responses
+from megalopta.camera.device_comparison import write_comparison_report, write_motion_report
 from megalopta.camera.motion_bench import BenchLight, fitted_light, record
 from megalopta.core.errors import UserError
 from megalopta.sensor import preset
 from megalopta.sensor.compare.counted import CountedFrames
+from megalopta.sensor.compare.recordings import compare_recordings
 
 SENSOR = preset("spadcam")
 
@@ -61,3 +62,20 @@ def test_in_its_own_light_a_dimmer_bench_responds_like_its_model():
     assert min(each.difference.p for each in own) > 1e-6
     other = plate_responses({5.0: frames}, SENSOR, margin=0.05)
     assert max(each.difference.p for each in other) < 1e-6
+
+
+@pytest.mark.slow
+def test_a_row_that_differs_is_counted_and_both_maps_share_a_scale(tmp_path):
+    rng = np.random.default_rng(3)
+    one, other = rng.poisson(20.0, (2, 200, 8, 8)).astype(float)
+    one[:, 2] += 10
+    levels = [CountedFrames(one, 0.01)], [CountedFrames(other, 0.01)]
+    found = compare_recordings(*levels)
+    page = tmp_path / "page.html"
+    write_comparison_report(page, "camera", Compared(*levels, found))
+    html = page.read_text("utf-8")
+    # 10 counts are 22 standard errors of a mean
+    assert found.means.differs[0, 2].all()
+    assert f"Of 64 pixels {found.means.differs.sum()} differ in the mean" in html
+    assert f"the mean differs in {found.means.differs.sum()} of 64 pixels" in html
+    assert html.count("captured less simulated (standard errors)") == 4  # title and description
