@@ -10,7 +10,6 @@ from megalopta.flow.metrics.photon_threshold import Threshold
 from megalopta.plotting.style import BLACK, RULE, method_style
 from megalopta.plotting.svg import themed
 from megalopta.report.charts import (
-    MethodThresholds,
     error_chart,
     signal_chart,
     speed_chart,
@@ -102,17 +101,14 @@ def test_undefined_and_zero_errors_leave_gaps():
 
 
 def test_needs_name_every_method_sensor_and_light():
-    methods = [MethodThresholds("BM", {"literal": crossing(1e6), "ratio": crossing(1e5)})]
+    methods = {"BM": {"literal": crossing(1e6), "ratio": crossing(1e5)}}
     words = texts(threshold_chart(methods, BUDGETS, "need", "needs"))
     assert {"BM", "spadcam", "ideal", "twilight", "starlight", "photons per frame"} <= {*words}
 
 
 def test_a_need_beyond_the_measured_range_is_written_out():
-    methods = [
-        MethodThresholds("EMD", {"literal": Threshold("above", 0.25, 1e3, 1e9)}),
-        MethodThresholds("IM", {"literal": Threshold("undefined", 0.25, 1e3, 1e9)}),
-        MethodThresholds("BM", {"literal": Threshold("below", 0.25, 1e3, 1e9)}),
-    ]
+    kinds = {"EMD": "above", "IM": "undefined", "BM": "below"}
+    methods = {name: {"literal": Threshold(kind, 0.25, 1e3, 1e9)} for name, kind in kinds.items()}
     words = texts(threshold_chart(methods, [], "need", "needs"))
     assert {"literal: > 1e9", "literal: undefined", "literal: < 1000"} <= {*words}
 
