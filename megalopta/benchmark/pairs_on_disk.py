@@ -58,9 +58,14 @@ def true_flows(root: Path) -> Truths:
     found: dict[Frame, TrueFlow] = {}
     for folder in sorted(path for path in [root, *root.glob("*")] if path.is_dir()):
         if (folder / "flow_occ").is_dir():
-            found |= _kitti(folder)
+            visible = _frames_below(folder / "flow_noc")
+            for frame, path in _frames_below(folder / "flow_occ").items():
+                found[frame] = TrueFlow(path, visible=visible.get(frame))
         elif (folder / "flow").is_dir():
-            found |= _sintel(folder)
+            for frame, path in _frames_below(folder / "flow").items():
+                name = Path(frame.sequence) / f"{frame.name}.png"
+                masks = (folder / kind / name for kind in ("occlusions", "invalid"))
+                found[frame] = TrueFlow(path, *(mask if mask.exists() else None for mask in masks))
     if not found:
         found = {frame: TrueFlow(path) for frame, path in _frames_below(root).items()}
     if not found:
@@ -195,37 +200,13 @@ def _frames_below(root: Path) -> dict[Frame, Path]:
         raise UserError(f"{root} holds {' and '.join(sorted(suffixes))}: give one format")
     found: dict[Frame, Path] = {}
     for path in paths:
-        frame = _frame(path, root)
+        number = _NUMBERED.fullmatch(path.stem)
+        name = f"frame_{int(number[1]):04d}" if number else path.stem
+        frame = Frame(path.parent.relative_to(root).as_posix().removeprefix("."), name)
         if frame in found:
             raise UserError(f"{path} and {found[frame]} are the same frame: give one")
         found[frame] = path
     return found
-
-
-def _frame(path: Path, root: Path) -> Frame:
-    number = _NUMBERED.fullmatch(path.stem)
-    name = f"frame_{int(number[1]):04d}" if number else path.stem
-    return Frame(path.parent.relative_to(root).as_posix().removeprefix("."), name)
-
-
-def _sintel(folder: Path) -> dict[Frame, TrueFlow]:
-    return {
-        frame: TrueFlow(path, *(_mask(folder / kind, frame) for kind in ("occlusions", "invalid")))
-        for frame, path in _frames_below(folder / "flow").items()
-    }
-
-
-def _mask(folder: Path, frame: Frame) -> Path | None:
-    path = folder / frame.sequence / f"{frame.name}.png"
-    return path if path.exists() else None
-
-
-def _kitti(folder: Path) -> dict[Frame, TrueFlow]:
-    visible = _frames_below(folder / "flow_noc") if (folder / "flow_noc").is_dir() else {}
-    return {
-        frame: TrueFlow(path, visible=visible.get(frame))
-        for frame, path in _frames_below(folder / "flow_occ").items()
-    }
 
 
 def _middlebury(folder: Path) -> Iterator[tuple[str, Files]]:

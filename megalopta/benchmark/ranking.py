@@ -13,11 +13,11 @@ from typing import NamedTuple
 
 import numpy as np
 from pydantic import FiniteFloat, NonNegativeInt, PositiveFloat, PositiveInt
+from scipy.stats import false_discovery_control
 
 from megalopta.benchmark.ranking_settings import Pooling, RankingSettings
 from megalopta.benchmark.sequence_errors import ERROR, STILL, Opposed, opposed
 from megalopta.benchmark.table import Case, Sums, interval, lowest, ratio, units
-from megalopta.core.arrays import Floats
 from megalopta.core.format_numbers import written
 from megalopta.core.record import Record
 
@@ -149,15 +149,9 @@ def changes(ranking: Ranking) -> list[Change]:
                 turned = first.method != second.method
                 p = max(first.p or 0.0, second.p or 0.0) if turned else 1.0
                 cases.append(Change(groups, first, second, p))
-    bound = _bound(np.array([each.p for each in cases]))
-    return sorted((each for each in cases if each.p <= bound), key=lambda each: each.p)
-
-
-def _bound(values: Floats) -> float:
-    """Largest p-value that Benjamini and Hochberg accept, −1 where they accept none."""
-    ordered = np.sort(values)
-    accepted = ordered <= _FALSE_SHARE * np.arange(1, len(ordered) + 1) / max(1, len(ordered))
-    return float(ordered[accepted].max()) if accepted.any() else -1.0
+    shares = false_discovery_control([each.p for each in cases])
+    kept = (each for each, share in zip(cases, shares, strict=True) if share <= _FALSE_SHARE)
+    return sorted(kept, key=lambda each: each.p)
 
 
 def _best(means: Mapping[Case, Sums], methods: Sequence[str]) -> Iterator[RankingRow]:

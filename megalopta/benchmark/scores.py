@@ -224,8 +224,6 @@ def read_board(path: Path) -> tuple[Entry, ...]:
         for line in bounded.read_text(path).splitlines() if path.exists() else []:
             values = bounded.from_json(line)
             check_format("scores", values, path)
-            if "overall" in values:  # format 1
-                values["errors"] = values.pop("overall")
             entries.append(Entry.model_validate(values))
     except (OSError, ValueError, AttributeError):
         raise UserError(f"{path} is no leaderboard, or damaged; give another file") from None

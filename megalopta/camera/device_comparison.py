@@ -71,22 +71,19 @@ def write_comparison_report(path: Path, name: str, compared: Compared) -> None:
     found = compared.found
     order = found.arrangement
     rows = f" Rows, top to bottom: {', '.join(map(str, order.rows))}." if order.rows else ""
-    sections = [
-        _differences(
-            "The device",
-            f"Alarms are raised in at most {100 * found.false_alarms:g} % of comparisons of a "
-            f"device with itself; less than {100 * found.margin:g} % does not matter: “equivalent” "
-            "is what is surely less (two one-sided tests at 95 %).",
-            found,
-        ),
-        Section(
-            "Order of the pixels",
-            f"The captured image is {order.name}: rank correlation of the two patterns "
-            f"{order.correlation:.3f}.{rows}",
-        ),
-        *_pixels(compared),
-    ]
-    write_sections(path, f"{name}: captured and simulated", found.sentence, sections)
+    device = _differences(
+        "The device",
+        f"Alarms are raised in at most {100 * found.false_alarms:g} % of comparisons of a "
+        f"device with itself; less than {100 * found.margin:g} % does not matter: “equivalent” "
+        "is what is surely less (two one-sided tests at 95 %).",
+        found,
+    )
+    pixels = Section(
+        "Order of the pixels",
+        f"The captured image is {order.name}: rank correlation of the two patterns "
+        f"{order.correlation:.3f}.{rows}",
+    )
+    _write(path, name, compared, device, pixels)
 
 
 def write_scene_report(path: Path, name: str, compared: Compared) -> None:
@@ -97,18 +94,19 @@ def write_scene_report(path: Path, name: str, compared: Compared) -> None:
         "Curves that run together saw the same frames of the scene; one beside the other is "
         "another moment, one above the other another brightness.",
     )
-    sections = [
-        _differences(
-            "The scene",
-            f"Frames are aligned in time by their correlation, {compared.correlation:.2f}, "
-            "and each is simulated as it was seen. Quantities are compared in blocks of frames; "
-            f"less than {100 * found.margin:g} % does not matter.",
-            found,
-        ),
-        Section("In time", charts=(in_time,)),
-        *_pixels(compared),
-    ]
-    write_sections(path, f"{name}: captured and simulated", found.sentence, sections)
+    scene = _differences(
+        "The scene",
+        f"Frames are aligned in time by their correlation, {compared.correlation:.2f}, "
+        "and each is simulated as it was seen. Quantities are compared in blocks of frames; "
+        f"less than {100 * found.margin:g} % does not matter.",
+        found,
+    )
+    _write(path, name, compared, scene, Section("In time", charts=(in_time,)))
+
+
+def _write(path: Path, name: str, compared: Compared, *first: Section) -> None:
+    sections = [*first, *_pixels(compared)]
+    write_sections(path, f"{name}: captured and simulated", compared.found.sentence, sections)
 
 
 def write_motion_report(path: Path, name: str, responses: Sequence[SpeedResponse]) -> str:

@@ -155,7 +155,7 @@ class Recorder:
         self._clock = Clock()
         self._last: int | None = None
         self._taken: list[Packet] = []
-        self._write_settings()
+        self._publish()
 
     @property
     def frames(self) -> int:
@@ -169,12 +169,10 @@ class Recorder:
         """
         self._append()
         self._close_connection()
-        if self._connections:
-            self._count(gaps=1)
+        gaps = self.record.gaps + bool(self._connections)
         self._connections.append(Connection(first_frame=self.frames, raw_offset=raw_offset))
         self._clock, self._last = clock or Clock(), None
-        self.note()
-        self._write_settings()
+        self._publish(gaps=gaps)
 
     def note(self, **values: Any) -> None:
         """Change what recording.yaml will say."""
@@ -189,7 +187,8 @@ class Recorder:
         if skipped >= _WRAP // 2:  # the camera began anew
             self.plugged(self._connections[-1].raw_offset)
         elif skipped:
-            self._count(gaps=1, missing_frames=skipped)
+            missing = self.record.missing_frames + skipped
+            self.note(gaps=self.record.gaps + 1, missing_frames=missing)
         self._last = packet.sequence
         self._clock.arrived(packet.device_us * 1e-6, host_s - self._start_s)
         self._taken.append(packet)
@@ -199,8 +198,7 @@ class Recorder:
         self._append()
         self._store.publish()
         self._close_connection()
-        self.note(frames=self._store.frames, damaged_packets=damaged_packets)
-        self._write_settings()
+        self._publish(frames=self._store.frames, damaged_packets=damaged_packets)
 
     def finish(self, damaged_packets: int) -> None:
         """Write the rest, and all times by the final fit of the clocks."""
@@ -210,15 +208,11 @@ class Recorder:
             for first in range(connection.first_frame, end, _AT_ONCE):
                 device_us = self._store.read("device_us", first, min(first + _AT_ONCE, end))
                 self._store.rewrite("times_s", first, _times_s(device_us, connection))
-        self.note(finished=True)
-        self._write_settings()
+        self._publish(finished=True)
 
     def last(self) -> tuple[NDArray[np.uint16], NDArray[np.bool_]] | None:
         """Counts and saturated pixels of the newest frame that is not written yet."""
-        if not self._taken:
-            return None
-        counts, saturated = self._counts(samples_of(self._taken[-1]))
-        return counts, saturated
+        return self._counts(samples_of(self._taken[-1])) if self._taken else None
 
     def _append(self) -> None:
         if not self._taken:
@@ -247,13 +241,10 @@ class Recorder:
         if self._connections and (fit := self._clock.fit):
             self._connections[-1] = self._connections[-1].model_copy(update=fit._asdict())
 
-    def _count(self, **more: int) -> None:
-        self.note(**{name: getattr(self.record, name) + each for name, each in more.items()})
-
-    def _write_settings(self) -> None:
-        values = {"format": written("recording"), **self.record.model_dump(mode="json")}
-        text = strict_yaml.dump(values)
-        write_text(self._folder / SETTINGS, text)
+    def _publish(self, **values: Any) -> None:
+        self.note(**values)
+        said = {"format": written("recording"), **self.record.model_dump(mode="json")}
+        write_text(self._folder / SETTINGS, strict_yaml.dump(said))
 
 
 def _counts_of_every_code(sensor: Sensor) -> tuple[NDArray[np.uint16], NDArray[np.bool_]]:

@@ -6,10 +6,12 @@ the first frame, and again whenever the camera is plugged in.
 """
 
 import shutil
-from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import AbstractContextManager, nullcontext, suppress
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import NamedTuple
 from uuid import uuid4
 
@@ -86,7 +88,8 @@ def _in_place(folder: Path, sensor: str) -> Recovered:
         raise UserError(
             f"{folder}: is whole, with {held} frames; give --out to read raw.bin back elsewhere"
         )
-    with _beside(folder) as temporary:
+    with TemporaryDirectory(prefix=f".part-{uuid4().hex[:12]}-", dir=folder) as name:
+        temporary = Path(name)
         record = _written(folder, sensor, temporary)
         if record.frames < held:
             raise UserError(
@@ -116,17 +119,6 @@ def _frames_held(folder: Path) -> int:
         return 0
 
 
-@contextmanager
-def _beside(folder: Path) -> Iterator[Path]:
-    """Yield a folder that does not stay."""
-    temporary = folder / f".part-{uuid4().hex[:12]}-recovered"
-    temporary.mkdir()
-    try:
-        yield temporary
-    finally:
-        remove(temporary)
-
-
 def _written(folder: Path, sensor: str, out: Path) -> RecordingSettings:
     """Write counts and recording.yaml of the bytes into another folder."""
     raw, before = folder / RAW, _settings(folder)
@@ -136,17 +128,17 @@ def _written(folder: Path, sensor: str, out: Path) -> RecordingSettings:
     damaged, end_s = 0, 0.0
     with _reading(2 * size) as advance:
         for begin, end in pairwise([*noted, size]):
-            stretch = _Stretch(raw, begin, end, advance)
-            valid_us, last_us = stretch.times_us()
+            parser, stretch = Parser(), partial(_packets, raw, begin, end, advance)
+            valid_us, last_us = _times_us(stretch(Parser()))
             clock = _clock(noted[begin]) or ClockFit(end_s - valid_us * 1e-6, 1.0, None)
             end_s = max(end_s, clock.host_s(last_us))
             recorder.plugged(begin, KnownClock(clock))
-            for number, packet in enumerate(stretch.packets(), 1):
+            for number, packet in enumerate(stretch(parser), 1):
                 if packet.kind == Kind.FRAME and packet.device_us >= valid_us:
                     recorder.take(clock.host_s(packet.device_us), packet)
                 if number % _WRITE_EVERY == 0:
                     recorder.write(0)
-            damaged += stretch.parser.damaged
+            damaged += parser.damaged
     if not recorder.frames:
         raise UserError(f"{raw}: no frame of SPADCAM in its {size} bytes; nothing to recover")
     recorder.finish(damaged)
@@ -160,39 +152,32 @@ def _reading(size: int) -> AbstractContextManager[Callable[[int], object]]:
     return progress("recover", size, "byte")
 
 
-class _Stretch:
-    """Bytes between plugging the camera in and plugging it in again."""
+def _packets(
+    raw: Path, begin: int, end: int, advance: Callable[[int], object], parser: Parser
+) -> Iterator[Packet]:
+    """Yield the packets of a part of a file, until the camera is asked anew who it is."""
+    is_set = False
+    with raw.open("rb") as file:
+        file.seek(begin)
+        for at in range(begin, end, _PIECE_BYTES):
+            data = file.read(min(_PIECE_BYTES, end - at))
+            for packet in parser.feed(data):
+                is_set = is_set or packet.kind == Kind.SETTINGS
+                if is_set and packet.kind == Kind.IDENTITY:
+                    return
+                yield packet
+            advance(len(data))
 
-    def __init__(self, raw: Path, begin: int, end: int, advance: Callable[[int], object]) -> None:
-        self._raw, self._begin, self._end, self._advance = raw, begin, end, advance
-        self.parser = Parser()
 
-    def packets(self) -> Iterator[Packet]:
-        """Yield the packets, until the camera is asked anew who it is."""
-        self.parser, is_set = Parser(), False
-        with self._raw.open("rb") as file:
-            file.seek(self._begin)
-            for at in range(self._begin, self._end, _PIECE_BYTES):
-                data = file.read(min(_PIECE_BYTES, self._end - at))
-                for packet in self.parser.feed(data):
-                    is_set = is_set or packet.kind == Kind.SETTINGS
-                    if is_set and packet.kind == Kind.IDENTITY:
-                        return
-                    yield packet
-                self._advance(len(data))
-
-    def times_us(self) -> tuple[int, int]:
-        """Return when the first exposure as set may end, and the last one ends, µs of the camera.
-
-        The camera's replies say how it was set.
-        """
-        valid_us = last_us = 0
-        for packet in self.packets():
-            if packet.kind == Kind.SETTINGS:
-                valid_us = packet.device_us + Settings.of(packet.payload).exposure_us
-            elif packet.kind == Kind.FRAME:
-                last_us = packet.device_us
-        return valid_us, last_us
+def _times_us(packets: Iterable[Packet]) -> tuple[int, int]:
+    """Return when the first exposure as set may end, and the last one ends, µs of the camera."""
+    valid_us = last_us = 0
+    for packet in packets:
+        if packet.kind == Kind.SETTINGS:
+            valid_us = packet.device_us + Settings.of(packet.payload).exposure_us
+        elif packet.kind == Kind.FRAME:
+            last_us = packet.device_us
+    return valid_us, last_us
 
 
 def _clock(connection: Connection) -> ClockFit | None:

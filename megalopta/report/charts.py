@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from itertools import cycle
 from typing import Any
 
@@ -31,12 +30,8 @@ _ERRORS = FuncFormatter(
 )
 
 
-@dataclass(frozen=True)
-class MethodThresholds:
-    """Photons per frame that a method needs, in each metric."""
-
-    method: str
-    thresholds: Mapping[str, Threshold]
+Needs = Mapping[str, Mapping[str, Threshold]]
+"""Photons per frame that methods need, in each metric"""
 
 
 @in_style
@@ -107,7 +102,7 @@ def error_chart(curves: Sequence[ErrorCurve], name: str, level: float, descripti
 
 @in_style
 def threshold_chart(
-    methods: Sequence[MethodThresholds], budgets: Sequence[Budget], name: str, description: str
+    methods: Needs, budgets: Sequence[Budget], chart: str, description: str
 ) -> Markup:
     """Photons each method needs, beside the photons each sensor detects at each light level.
 
@@ -124,16 +119,16 @@ def threshold_chart(
     axes.set(xscale="log", xlim=_flux_range(methods, budgets), ylim=(bottom, -0.9))
     for own, place, dash in zip(supplies.values(), places, cycle(DASHES), strict=False):
         _draw_supply(axes, own, place, bottom, dash)
-    for method, place in zip(methods, places[len(supplies) :], strict=True):
-        _draw_thresholds(axes, method, place)
-    axes.set_yticks(places, map(_plain, [*supplies, *(each.method for each in methods)]))
+    for name, place in zip(methods, places[len(supplies) :], strict=True):
+        _draw_thresholds(axes, name, methods[name], place)
+    axes.set_yticks(places, map(_plain, [*supplies, *methods]))
     axes.tick_params(axis="y", length=0)
     logarithmic(axes, "x", _NUMBERS)
     axes.grid(visible=False)
     axes.set_xlabel("photons per frame")
     if supplies:
         axes.axhline(first - 0.65, color=RULE, linewidth=0.8)
-    return to_svg(figure, name, description)
+    return to_svg(figure, chart, description)
 
 
 def _draw_supply(
@@ -156,10 +151,12 @@ def _draw_supply(
         write_at(axes, name, (flux, place), (0, offset), ha="center", va=side, fontsize=10)
 
 
-def _draw_thresholds(axes: Axes, method: MethodThresholds, place: float) -> None:
-    style = method_style(method.method)
-    for index, (metric, threshold) in enumerate(method.thresholds.items()):
-        height = place + 0.24 * (index - (len(method.thresholds) - 1) / 2)
+def _draw_thresholds(
+    axes: Axes, method: str, thresholds: Mapping[str, Threshold], place: float
+) -> None:
+    style = method_style(method)
+    for index, (metric, threshold) in enumerate(thresholds.items()):
+        height = place + 0.24 * (index - (len(thresholds) - 1) / 2)
         face = style["color"] if index == 0 else "none"
         if threshold.flux is None:
             _draw_absence(axes, threshold, height, metric)
@@ -177,10 +174,8 @@ def _draw_absence(axes: Axes, threshold: Threshold, height: float, metric: str) 
     axes.text(flux, height, text, ha=side, va="center", fontsize=10)
 
 
-def _flux_range(
-    methods: Sequence[MethodThresholds], budgets: Sequence[Budget]
-) -> tuple[float, float]:
-    thresholds = [threshold for method in methods for threshold in method.thresholds.values()]
+def _flux_range(methods: Needs, budgets: Sequence[Budget]) -> tuple[float, float]:
+    thresholds = [threshold for each in methods.values() for threshold in each.values()]
     fluxes = [each.photons_per_frame for each in budgets if each.photons_per_frame > 0]
     for each in thresholds:
         ends = {"above": [each.range_max], "below": [each.range_min]}.get(each.kind, [])

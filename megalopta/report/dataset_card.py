@@ -247,12 +247,11 @@ def plain(text: object) -> str:
     return html.escape(_SPECIAL.sub(r"\\\g<0>", line), quote=False)
 
 
-def _percentiles(values: Iterable[float | None]) -> tuple[str, str, str]:
-    known = [value for value in values if value is not None]
-    if not known:
-        return "–", "–", "–"
-    low, median, high = (number(float(each)) for each in np.percentile(known, (5, 50, 95)))
-    return low, median, high
+def _percentiles(values: Iterable[float | None]) -> tuple[str, ...]:
+    known = np.array([*values], float)
+    if np.isnan(known).all():
+        return ("–",) * 3
+    return tuple(number(float(each)) for each in np.nanpercentile(known, (5, 50, 95)))
 
 
 def _table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
@@ -280,8 +279,8 @@ def _draw_statistics(path: Path, sequences: Rows, exposures: Rows) -> None:
 def _draw_histogram(
     axes: Axes, title: str, values: list[float | None], is_logarithmic: bool
 ) -> None:
-    known = np.array([value for value in values if value is not None], dtype=float)
-    known = known[known > 0] if is_logarithmic else known
+    known = np.array(values, float)
+    known = known[known > 0] if is_logarithmic else known[np.isfinite(known)]
     if known.size:
         low, high = known.min(), known.max()
         edges = np.linspace(0, max(1.02 * high, 1e-3), _BINS)

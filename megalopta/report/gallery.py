@@ -78,7 +78,7 @@ SCENES: Mapping[str, Mapping[str, Any]] = MappingProxyType(
     }
 )
 """What the gallery shows, as parts of a configuration."""
-_WIDTH = 188
+_WIDTH = 196
 
 
 @dataclass(frozen=True)
@@ -208,14 +208,13 @@ def _both(cell: LitScene) -> Markup:
 def _rows(cells: Sequence[LitScene]) -> Iterator[list[tuple[str, Image.Image]]]:
     """Yield two rows of the sheet for a scene: of its views, and of their counts."""
     height, width = cells[0].view.shape[:2]
-    size = (_WIDTH, round(_WIDTH * height / width))
-    yield [
-        (f"{each.scene}, {each.light}", Image.fromarray(each.view).resize(size)) for each in cells
-    ]
-    yield [
-        (each.photons, gray_counts(each.counts).convert("RGB").resize(size, Image.Resampling.BOX))
-        for each in cells
-    ]
+    size, row = (_WIDTH, round(_WIDTH * height / width)), []
+    yield [(each.light, Image.fromarray(each.view).resize(size)) for each in cells]
+    for each in cells:
+        counts = gray_counts(each.counts).convert("RGB").resize(size, Image.Resampling.BOX)
+        told = f"{each.scene}: {each.photons.removesuffix(' per pixel')}"
+        row.append((told, counts))
+    yield row
 
 
 SAMPLES = 64
@@ -285,11 +284,10 @@ VIEWS = (
 )
 
 
-def of_photograph(panorama: Path, turn_deg: float = 0.0) -> tuple[GalleryView, GalleryView]:
+def of_photograph(panorama: Path) -> tuple[GalleryView, GalleryView]:
     """A photograph, and a clearing in its light, seen by the same camera."""
-    scene = {"kind": "panorama", "file": str(panorama), "turn_deg": turn_deg}
-    light = {"level": "daylight", "panorama": str(panorama), "panorama_turn_deg": turn_deg}
-    day = {"level": "daylight"}
+    scene, day = {"kind": "panorama", "file": str(panorama)}, {"level": "daylight"}
+    light = {**day, "panorama": str(panorama)}
     return (
         GalleryView("A photographed forest", {"scene": scene, "light": day, "trajectory": _AHEAD}),
         GalleryView("A clearing in its light", _forest("clearing", light, _AHEAD)),

@@ -18,7 +18,7 @@ from megalopta.plotting.sections import (
     paragraph,
     table,
 )
-from megalopta.plotting.text import UNDEFINED, level_name, level_title, number, percent, short
+from megalopta.plotting.text import level_name, level_title, number, percent, short
 from megalopta.report.charts import signal_chart
 from megalopta.report.images import film, gray_scale
 from megalopta.report.remarks import absent
@@ -155,10 +155,7 @@ def budget_table(
         f"Expected {sensor.unit}": [number(each.expected) for each in budgets],
         "Signal-to-noise": [number(each.signal_to_noise[1]) for each in budgets],
         "Saturated": [percent(each.saturated_fraction) for each in budgets],
-        "Rendering : shot noise": [
-            UNDEFINED if each.rendering_noise is None else number(each.rendering_noise)
-            for each in budgets
-        ],
+        "Rendering : shot noise": [number(each.rendering_noise) for each in budgets],
     }
     return list(columns), list(zip(*columns.values(), strict=True))
 

@@ -144,13 +144,9 @@ def _median_errors(
     found: dict[str, list[tuple[LightLevel, float]]] = {}
     for each in sorted(records, key=lambda each: -illuminance_of(each.level)):
         if each.sensor == sensor and each.truth:
-            forms = {
-                each.method: each.truth.counts,
-                f"{each.method}, corrected": each.truth.corrected,
-            }
-            for name, errors in forms.items():
+            for ending, errors in (("", each.truth.counts), (", corrected", each.truth.corrected)):
                 if errors and errors.relative_error_median is not None:
-                    own = found.setdefault(name, [])
+                    own = found.setdefault(f"{each.method}{ending}", [])
                     own.append((each.level, errors.relative_error_median))
     return found
 

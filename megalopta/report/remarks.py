@@ -68,15 +68,12 @@ def rendering_errors(record: Record) -> Iterator[tuple[str, str]]:
         yield "light of longer paths, missing in the worst band", percent(max(shares))
 
 
-def mark(method: str) -> Markup:
-    """Return the marker of a method in its color."""
-    style = method_style(method)
-    text = Markup('<span style="color:{}" aria-hidden="true">{}</span>')
-    return text.format(themed(style["color"]), GLYPHS[style["marker"]])
-
-
 def key(report: Report) -> Markup:
-    """Return the markers of all methods with their names."""
-    line = Markup("<li>{} <b>{}</b> {}</li>")
-    lines = [line.format(mark(name), name, METHODS[name].label) for name in report.settings.methods]
+    """Return the markers of all methods in their colors, with their names."""
+    line = Markup('<li><span style="color:{}" aria-hidden="true">{}</span> <b>{}</b> {}</li>')
+    lines = []
+    for name in report.settings.methods:
+        style = method_style(name)
+        color, glyph = themed(style["color"]), GLYPHS[style["marker"]]
+        lines.append(line.format(color, glyph, name, METHODS[name].label))
     return Markup('<ul class="key">{}</ul>').format(Markup("").join(lines))

@@ -214,8 +214,8 @@ class Budget:
     """Readings of full pixels"""
     photons_per_frame: float
     """Detected photons summed over the frame"""
-    rendering_noise: float | None = None
-    """Of a pixel, over its shot noise (standard deviations); None where it was not measured"""
+    rendering_noise: float = math.nan
+    """Of a pixel, over its shot noise (standard deviations); NaN where it was not measured"""
 
 
 def by_sensor(budgets: Iterable[Budget]) -> dict[str, list[Budget]]:

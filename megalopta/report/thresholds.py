@@ -1,7 +1,7 @@
 """Section "Photons that motion needs": error curves and N_2b of the photon benchmark."""
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 from markupsafe import Markup
@@ -10,7 +10,7 @@ from megalopta.flow.benchmark.sequence import BenchmarkResult
 from megalopta.flow.metrics.photon_threshold import ErrorCurve, Threshold
 from megalopta.plotting.sections import Section, block, card, heading, paragraph
 from megalopta.plotting.text import UNDEFINED, short
-from megalopta.report.charts import MethodThresholds, error_chart, threshold_chart
+from megalopta.report.charts import error_chart, threshold_chart
 from megalopta.report.detectors import ACCURATE, crossed
 from megalopta.report.remarks import absent, key, rendering
 from megalopta.report.source import Budget, Report
@@ -58,15 +58,17 @@ def threshold_section(report: Report) -> Section:
         return replace(section, body=absent(report, "benchmark photons", what))
     benchmark = report.benchmarks[0]
     settings = benchmark.settings
+    # of a pixel at each size: those of the original, by the area ratio
+    counts = settings.dark_counts * math.prod(benchmark.frames[1:])
     shapes = _by_shape(benchmark)
-    dark = _dark_counts(settings.dark_counts, benchmark.frames[1:], shapes)
+    dark = (f"{short(counts / math.prod(each))} at {_size(each)} px" for each in shapes)
     body = [
         rendering(report.scene, _FLICKER),
         *_needs(report, benchmark),
         *_curves(report, benchmark),
         *_thresholds(report.benchmarks),
     ]
-    text = _GUIDE.format(settings.repeats, dark)
+    text = _GUIDE.format(settings.repeats, ", ".join(dark))
     return replace(section, text=text, body=Markup("\n").join(body))
 
 
@@ -79,18 +81,6 @@ def _by_shape(benchmark: BenchmarkResult) -> dict[Shape, list[ErrorCurve]]:
 
 def _size(shape: Shape) -> str:
     return f"{shape[1]} × {shape[0]}"
-
-
-def _dark_counts(
-    per_original_pixel: float, original: Sequence[int], shapes: Iterable[Shape]
-) -> str:
-    """Return dark counts of a pixel at each size: those of the original, by the area ratio."""
-    pixels = math.prod(original)
-    words = [
-        f"{short(per_original_pixel * pixels / math.prod(shape))} at {_size(shape)} px"
-        for shape in shapes
-    ]
-    return ", ".join(words)
 
 
 def _needs(report: Report, benchmark: BenchmarkResult) -> Iterator[Markup]:
@@ -111,12 +101,11 @@ def _needs_chart(curves: Sequence[ErrorCurve], shape: Shape, budgets: Sequence[B
     for curve in curves:
         if threshold := curve.thresholds.get(2):
             thresholds.setdefault(curve.method, {})[curve.metric] = threshold
-    methods = [MethodThresholds(method, each) for method, each in thresholds.items()]
     text = (
         f"Photons per frame that each detector needs at {_size(shape)} pixels, and what the "
         "sensors detect"
     )
-    return threshold_chart(methods, budgets, f"thresholds-{shape[0]}", text)
+    return threshold_chart(thresholds, budgets, f"thresholds-{shape[0]}", text)
 
 
 def _curves(report: Report, benchmark: BenchmarkResult) -> Iterator[Markup]:
