@@ -7,12 +7,7 @@ from megalopta.flow.metrics.curve import ErrorCurve
 from megalopta.flow.metrics.photon_threshold import Threshold
 from megalopta.plotting.style import BLACK, RULE
 from megalopta.report.budget import Budget
-from megalopta.report.charts import (
-    MethodThresholds,
-    error_chart,
-    signal_chart,
-    threshold_chart,
-)
+from megalopta.report.charts import MethodThresholds, error_chart, signal_chart, threshold_chart
 from megalopta.sensor import PRESETS
 
 FLUXES = np.geomspace(1e3, 1e9, 7)
