@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from html.parser import HTMLParser
 from itertools import product
 from pathlib import Path
-from types import SimpleNamespace
+from types import SimpleNamespace as Some
 
 import numpy as np
 import pytest
@@ -107,15 +107,10 @@ def lean(tmp_path_factory):
     return run_all(tmp_path_factory.mktemp("data") / "lean", LEAN)
 
 
-def copy_of(dataset, folder):
-    root = folder / 'copy<cam> & "co"'
-    shutil.copytree(dataset.root, root)
-    return Dataset(root, dataset.configuration)
-
-
 @pytest.fixture
 def copied_lean(lean, tmp_path):
-    return copy_of(lean, tmp_path)
+    root = shutil.copytree(lean.root, tmp_path / 'copy<cam> & "co"')
+    return Dataset(root, lean.configuration)
 
 
 def test_a_report_has_all_its_sections(page):
@@ -183,11 +178,6 @@ def test_a_damaged_file_is_told_in_one_sentence(copied_lean, capsys, stage, name
         assert told.count("\n") == 1, text
 
 
-def record(**fields):
-    """A record of what a verdict needs."""
-    return SimpleNamespace(**fields)
-
-
 @pytest.mark.parametrize(
     ("truth", "errors", "kind"),
     [
@@ -200,9 +190,9 @@ def record(**fields):
     ],
 )
 def test_a_method_is_judged_by_the_truth_where_it_gives_velocities(truth, errors, kind):
-    of_truth = record(counts=record(relative_error_median=truth)) if truth else None
-    ratio, literal = errors
-    assert verdict(record(truth=of_truth, error=record(ratio=ratio, literal=literal))) == kind
+    of_truth = truth and Some(counts=Some(relative_error_median=truth))
+    error = Some(ratio=errors[0], literal=errors[1])
+    assert verdict(Some(truth=of_truth, error=error)) == kind
 
 
 def test_an_ideal_sensor_detects_every_photon_with_the_noise_of_counting(dataset):
