@@ -51,31 +51,17 @@ def test_the_lead_tells_how_the_camera_moves(trajectory, words):
 
 def record(method, level, error, sensor="ideal", corrected=None):
     def blocks(median):
-        return {
-            "blocks": 9,
-            "missing_fraction": 0.0,
-            "endpoint_error_px": 1.0,
-            "endpoint_error_median_px": 1.0,
-            "angular_error_deg": 1.0,
-            "bias_px": (0.0, 0.0),
-            "spread_px": (0.0, 0.0),
-            "relative_error_median": median,
-            "outlier_fraction": 0.5,
-        }
+        names = "missing_fraction", "endpoint_error_px", "angular_error_deg", "outlier_fraction"
+        pairs = {"bias_px": (0.0, 0.0), "spread_px": (0.0, 0.0)}
+        medians = {"endpoint_error_median_px": 1.0, "relative_error_median": median}
+        return {"blocks": 9, **dict.fromkeys(names, 0.5), **pairs, **medians}
 
     truth = {"ideal": blocks(0.0), "counts": blocks(error)}
     if corrected is not None:
         truth["corrected"] = blocks(corrected)
-    return FlowRecord.model_validate(
-        {
-            "sensor": sensor,
-            "level": level,
-            "method": method,
-            "warm_up_frames": 0,
-            "error": {"literal": 0.0, "ratio": 0.0},
-            "truth": truth,
-        }
-    )
+    place = {"sensor": sensor, "level": level, "method": method, "warm_up_frames": 0}
+    error = {"literal": 0.0, "ratio": 0.0}
+    return FlowRecord.model_validate({**place, "error": error, "truth": truth})
 
 
 def told(records=(), budgets=()):
