@@ -18,13 +18,9 @@ def some_truth():
     h, w = 5, 7
     flow = rng.normal(size=(h, w, 2)).astype(np.float32)
     flow[0, 0] = np.nan
-    depth = np.full((h, w), np.inf, np.float32)
-
-    def share():
-        return rng.random((h, w)).astype(np.float32)
-
+    hidden, shares = rng.random((4, h, w)) < 0.5, rng.random((6, h, w)).astype(np.float32)
     return Truth(
-        depth=depth,
+        depth=np.full((h, w), np.inf, np.float32),
         # As stored: a float32 about the origin.
         position=rng.normal(size=(h, w, 3)).astype(np.float32) + np.array(ORIGIN),
         normal=rng.normal(size=(h, w, 3)).astype(np.float32),
@@ -32,15 +28,12 @@ def some_truth():
         kind_id=rng.integers(0, 9, (h, w), dtype=np.uint32),
         flow_forward=flow,
         flow_backward=-flow,
-        occluded_forward=rng.random((h, w)) < 0.5,
-        occluded_backward=rng.random((h, w)) < 0.5,
-        out_of_view_forward=rng.random((h, w)) < 0.5,
-        out_of_view_backward=rng.random((h, w)) < 0.5,
+        occluded_forward=hidden[0],
+        occluded_backward=hidden[1],
+        out_of_view_forward=hidden[2],
+        out_of_view_backward=hidden[3],
         footprint=Footprint(
-            share(),
-            share(),
-            FlowSpread(2 * flow, share(), share()),
-            FlowSpread(3 * flow, share(), share()),
+            *shares[:2], FlowSpread(2 * flow, *shares[2:4]), FlowSpread(3 * flow, *shares[4:])
         ),
     )
 

@@ -1,4 +1,4 @@
-"""The two steps of pooled matching: agreement of all pairs of frames, and frames laid over one another."""
+"""Pooled matching: agreement of all pairs of frames, frames laid over one another; burst alignment."""
 
 import math
 
@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from megalopta.flow.detectors.blocks import block_grid
+from megalopta.flow.detectors.burst_alignment import BurstAlignment
 from megalopta.flow.detectors.poisson_matching import (
     Patches,
     SmoothedFrame,
@@ -111,3 +112,23 @@ def test_velocity_is_found_to_a_hundredth_of_a_pixel_over_all_frames(velocity, f
     found = moved(waves(velocity, frames, 1e4), start)
     # roots of a blurred frame bend the waves alike in all; splines leave some thousandths
     np.testing.assert_allclose(found, np.tile(velocity, (9, 1)), atol=0.01 / (frames - 1) + 0.002)
+
+
+def test_whole_shifts_beyond_the_search_of_one_level_are_exact():
+    # 7 px per frame are 14 px between the sums of one frame each, the search reaches 2 px
+    frames = drifting_texture((-7.0, 4.0), 4, (144, 144), blur_px=3.0)
+    found = BurstAlignment(frames=4, block_px=24).respond(1e4 * (3 + frames))[-1, 1:-1, 1:-1]
+    np.testing.assert_allclose(found, np.broadcast_to((-7, 4), found.shape), atol=0.05)
+
+
+def test_fractions_of_a_pixel_are_told_on_smooth_texture():
+    frames = 1e4 * (3 + drifting_texture((0.6, -0.3), 8, (96, 96), blur_px=2.0))
+    newest = BurstAlignment(block_px=16).respond(frames)[-1, 1:-1, 1:-1]
+    # a parabola through absolute differences is off by less than 0.1 px over four frames
+    np.testing.assert_allclose(newest.mean(axis=(0, 1)), (0.6, -0.3), atol=0.03)
+
+
+def test_velocities_do_not_depend_on_brightness():
+    counts = np.random.default_rng(0).poisson(9.0, (8, 60, 60)).astype(np.uint16)
+    detector = BurstAlignment()
+    np.testing.assert_array_equal(detector.respond(counts), detector.respond(4 * counts))

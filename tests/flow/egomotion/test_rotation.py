@@ -119,14 +119,6 @@ def test_undefined_answers_leave_the_rate_right():
     np.testing.assert_allclose(np.delete(found, 3), np.delete(rates, 3), rtol=1e-12)
 
 
-def test_rate_is_a_weighted_sum_in_the_unit_of_the_fit():
-    rates = np.array([1.0, -2.0, 3.0])
-    once = known_answers(8, rates, np.array([1.0, 2.0]), np.full(2, 0.1))
-    degrees, radians = (fit_wide_field(once, rates * unit) for unit in (1.0, np.pi / 180))
-    np.testing.assert_allclose(np.degrees(radians.rates(once)), degrees.rates(once))
-    np.testing.assert_allclose(degrees.rates(2 * once), 2 * degrees.rates(once))
-
-
 @pytest.mark.parametrize(
     ("answers_shape", "rates", "words"),
     [

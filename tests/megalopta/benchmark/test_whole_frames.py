@@ -131,11 +131,6 @@ def kitti(root, clip):
     write_kitti_png(truth / "000000_10.png", clip.flow.astype(np.float32))
 
 
-def one_pair(root):
-    pictures = (root / f"other-data/Venus/frame{number}.png" for number in (10, 11))
-    return *pictures, root / "other-gt-flow/Venus/flow10.flo"
-
-
 def measured(folder, *words):
     """Return the rows that `benchmark pairs` writes."""
     out = folder / "errors.csv"

@@ -1,9 +1,14 @@
-"""YAML as users write it, and the mistakes in it."""
+"""YAML as users write it, the mistakes in it, and settings as the help lists them."""
 
+from itertools import pairwise
+
+import numpy as np
 import pytest
 
 from megalopta.benchmark.sweep import Sweep
+from megalopta.config.measuring import FlowSettings
 from megalopta.config.model import load, parse
+from megalopta.config.settings import Settings
 from megalopta.config.yaml_model import mapping, validated
 from megalopta.core.errors import UserError
 
@@ -49,3 +54,34 @@ def test_booleans_are_booleans_and_text_of_a_number_is_one():
 def test_a_path_that_leads_nowhere_is_refused(path):
     with pytest.raises(UserError, match=f"--{path}: "):
         load("grating", {path: "1"})
+
+
+def test_help_lists_every_setting_with_a_meaning():
+    text = Settings(load("demo")).help()
+    entries = [line for line in text.splitlines() if line.startswith("  --")]
+    meanings = [line for line in text.splitlines() if line.startswith("      ")]
+    assert len(entries) > 50
+    assert len(meanings) >= len(entries)
+    assert not [
+        a for a, b in pairwise(text.splitlines()) if a.startswith("  --") and b.startswith("  --")
+    ]
+    assert any(line.startswith("  --camera.fov-deg 75") for line in entries)
+
+
+def test_help_lists_the_fields_that_are_asked_for():
+    text = Settings(load("demo"), ("light_levels", "sensors")).help()
+    entries = [line for line in text.splitlines() if line.startswith("  --")]
+    assert entries
+    assert all(line.startswith(("  --light-levels", "  --sensors")) for line in entries)
+
+
+PURITY = np.array([0.0, 0.4, 0.75, 1.0])
+
+
+@pytest.mark.parametrize(
+    ("mixed", "weights"),
+    [("score", None), ("leave_out", [0, 0, 1, 1]), ("weigh", PURITY.tolist())],
+)
+def test_pixels_count_as_the_setting_says(mixed, weights):
+    found = FlowSettings(mixed=mixed).weights(PURITY)
+    assert found is None if weights is None else found.tolist() == weights

@@ -1,14 +1,14 @@
 """Loaders of others read a small dataset as it is; those that need PyTorch where it is installed.
 
-`pip install megalopta[loaders]` brings them. RAFT is no package: its MpiSintel lists files as
-`raft_lists` does (core/datasets.py of princeton-vl/RAFT), and is loaded from a checkout that
-RAFT_CORE names.
+`pip install megalopta[loaders]` brings them.
 """
 
+import json
 from itertools import pairwise
 
 import cv2
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
 
 from megalopta.flow.formats import read_flo
@@ -80,3 +80,30 @@ def test_ptlflow_reads_it(small_dataset, truth):
     flow, valid = (np.asarray(pair[name][0]).squeeze() for name in ("flows", "valids"))
     assert valid.mean() > 0.9
     np.testing.assert_array_equal(flow[valid > 0.5], truth[0][valid > 0.5])
+
+
+@pytest.mark.filterwarnings("ignore:.*:DeprecationWarning")  # of the libraries it rests on
+def test_mlcroissant_accepts_it_and_reads_the_tables(small_dataset):
+    mlcroissant = pytest.importorskip("mlcroissant")
+    described = mlcroissant.Dataset(jsonld=str(small_dataset / "croissant.json"))
+    assert not described.metadata.ctx.issues.errors
+    rows = list(described.records("sequences"))
+    assert [row["sequences/sequence"] for row in rows] == [b"000000", b"000001", b"000002"]
+
+
+def test_every_path_of_the_index_is_there(small_dataset):
+    frames = pq.read_table(small_dataset / "index/frames.parquet").to_pylist()
+    assert len(frames) == 9
+    kinds = ("radiance", "truth", "clean", "final", "depth", "flow_kitti")
+    for row in frames:
+        for kind in kinds:
+            is_last = kind == "flow_kitti" and row["frame"] == 3
+            assert is_last or (small_dataset / row[kind]).is_file(), row
+    assert frames[1]["time_s"] == pytest.approx(0.1)
+    exposures = pq.read_table(small_dataset / "index/exposures.parquet").to_pylist()
+    assert len(exposures) == 6
+    assert all((small_dataset / row["counts"] / "zarr.json").is_file() for row in exposures)
+    sequences = pq.read_table(small_dataset / "index/sequences.parquet").to_pylist()
+    assert {json.loads(row["configuration"])["name"] for row in sequences} == {
+        row["sequence"] for row in sequences
+    }

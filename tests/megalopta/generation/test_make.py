@@ -1,4 +1,4 @@
-"""A dataset made by the command line: extended, alone, refused, mended, and in new light."""
+"""A dataset made by the command line: foreseen, extended, alone, refused, mended, and in new light."""
 
 import json
 import shutil
@@ -9,9 +9,12 @@ import yaml
 
 import megalopta
 from megalopta.cli import main
+from megalopta.config.drawing import configuration_of
 from megalopta.config.recipe import Plan
 from megalopta.core.errors import UserError
 from megalopta.dataset.layout import Tree
+from megalopta.dataset.store import files_in
+from megalopta.generation.dry_run import costs_of
 from megalopta.generation.making import make, parse_indices
 from megalopta.sensor import open_counts
 from megalopta.verification.files import check_files
@@ -192,3 +195,16 @@ def test_numbers_of_sequences():
     for text, told in (("3-x", "'3-x'"), ("12", "0 to 9"), ("5-3", "0 to 9")):
         with pytest.raises(UserError, match=told):
             parse_indices(text, 10)
+
+
+@pytest.mark.slow
+def test_the_size_told_is_within_30_percent_of_what_is_made(small_plan, small_dataset):
+    drawn = [configuration_of(small_plan, index) for index in range(small_plan.sequences)]
+    told = sum(each.bytes for each in costs_of(small_plan, drawn))
+    books = ("index", "splits", "sequences")
+    made = sum(
+        path.stat().st_size
+        for path in files_in([small_dataset])
+        if path.relative_to(small_dataset).parts[0] not in books
+    )
+    assert told == pytest.approx(made, rel=0.3)

@@ -104,15 +104,10 @@ def lean(tmp_path_factory):
     return run_all(tmp_path_factory.mktemp("data") / "lean", LEAN)
 
 
-def copy_of(dataset, folder):
-    root = folder / 'copy<cam> & "co"'
-    shutil.copytree(dataset.root, root)
-    return Dataset(root, dataset.configuration)
-
-
 @pytest.fixture
 def copied_lean(lean, tmp_path):
-    return copy_of(lean, tmp_path)
+    root = shutil.copytree(lean.root, tmp_path / 'copy<cam> & "co"')
+    return Dataset(root, lean.configuration)
 
 
 def test_a_report_has_all_its_sections(page):

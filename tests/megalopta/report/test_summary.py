@@ -1,4 +1,4 @@
-"""The opening: title, lead, and a row of what came out for each sensor."""
+"""The opening, its remarks on noise, and a row of what came out for each sensor."""
 
 from dataclasses import replace
 
@@ -7,6 +7,7 @@ import pytest
 from megalopta.config.model import Configuration
 from megalopta.dataset.flow_record import FlowRecord
 from megalopta.report.page import OUTCOME, lead, outcome, title
+from megalopta.report.remarks import rendering, rendering_errors
 from megalopta.report.source import Budget
 from megalopta.sensor import PRESETS
 
@@ -50,31 +51,17 @@ def test_the_lead_tells_how_the_camera_moves(trajectory, words):
 
 def record(method, level, error, sensor="ideal", corrected=None):
     def blocks(median):
-        return {
-            "blocks": 9,
-            "missing_fraction": 0.0,
-            "endpoint_error_px": 1.0,
-            "endpoint_error_median_px": 1.0,
-            "angular_error_deg": 1.0,
-            "bias_px": (0.0, 0.0),
-            "spread_px": (0.0, 0.0),
-            "relative_error_median": median,
-            "outlier_fraction": 0.5,
-        }
+        names = "missing_fraction", "endpoint_error_px", "angular_error_deg", "outlier_fraction"
+        pairs = {"bias_px": (0.0, 0.0), "spread_px": (0.0, 0.0)}
+        medians = {"endpoint_error_median_px": 1.0, "relative_error_median": median}
+        return {"blocks": 9, **dict.fromkeys(names, 0.5), **pairs, **medians}
 
     truth = {"ideal": blocks(0.0), "counts": blocks(error)}
     if corrected is not None:
         truth["corrected"] = blocks(corrected)
-    return FlowRecord.model_validate(
-        {
-            "sensor": sensor,
-            "level": level,
-            "method": method,
-            "warm_up_frames": 0,
-            "error": {"literal": 0.0, "ratio": 0.0},
-            "truth": truth,
-        }
-    )
+    place = {"sensor": sensor, "level": level, "method": method, "warm_up_frames": 0}
+    error = {"literal": 0.0, "ratio": 0.0}
+    return FlowRecord.model_validate({**place, "error": error, "truth": truth})
 
 
 def told(records=(), budgets=()):
@@ -113,3 +100,31 @@ def test_dark_counts_are_named_at_every_light_that_they_drown_and_at_no_other():
     (row,) = told(budgets=[bright, dark, BUDGET])
     assert row[OUTCOME[-1]] == "twilight, starlight"
     assert told(budgets=[bright])[0][OUTCOME[-1]] == "–"
+
+
+def measured(relative, **more):
+    photons = 1 / relative**2 if relative else None
+    return {
+        "monte_carlo": {
+            "median_relative": relative,
+            "rms_over_mean": 0.12,
+            "equivalent_photons_per_pixel": photons,
+            **more,
+        }
+    }
+
+
+@pytest.mark.parametrize(("relative", "caution"), [(0.05, False), (0.1, False), (0.11, True)])
+def test_more_than_a_tenth_is_a_caution(relative, caution):
+    text = rendering(measured(relative), "So.")
+    assert f"as noisy as {1 / relative**2:.3g} photons per pixel" in text
+    assert ("Caution" in text) == caution
+
+
+def test_errors_on_surfaces_and_in_the_sky_are_told_apart():
+    surface = {"rms": 0.06, "p95": 0.2, "gradient": 0.04, "standing": 0.02}
+    surface["standing_gradient"] = 0.01
+    record = measured(0.05, surface=surface, sky={"rms": 0.001})
+    record["light_left_out"] = [0.01, 0.3]
+    texts = [text.replace("\u00a0", " ") for _, text in rendering_errors(record)]
+    assert texts == ["12 %", "6.0 %", "20 % or less", "4.0 %", "2.0 %", "1.0 %", "0.10 %", "30 %"]

@@ -15,7 +15,6 @@ from megalopta.benchmark.trial import measure_trial
 from megalopta.flow.detectors.registry import METHODS
 from megalopta.flow.metrics.photon_threshold import ErrorCurve, Threshold
 from megalopta.flow.stimuli.statistics import image_statistics
-from megalopta.plotting.style import house_style, new_canvas
 from megalopta.reproduction import chapter4_scenes, drawing as module
 from megalopta.reproduction.chapter4_conventions import FLOORS, floored_errors
 from megalopta.reproduction.chapter4_curves import MOTION, PHOTOGRAPHED, SWEEPS, beside_printed
@@ -26,7 +25,7 @@ from megalopta.reproduction.chapter4_scenes import (
 )
 from megalopta.reproduction.chapter4_table import PRINTED, least
 from megalopta.reproduction.drawing import Run, find, reproduce
-from megalopta.reproduction.sweep_figure import mean_threshold, sweep_curve, sweep_figure
+from megalopta.reproduction.sweep_figure import mean_threshold, sweep_curve
 
 
 def crossing(flux):
@@ -105,19 +104,6 @@ def test_mean_over_templates_spans_the_least_to_the_most_and_one_keeps_its_inter
     assert mean_threshold([crossing(2.0)])[:3] == pytest.approx((2, 1.8, 2.2))
     above = Threshold("above", 0.25, 1e3, 1e12)
     assert math.isnan(mean_threshold([crossing(1.0), above]).flux)
-
-
-@pytest.mark.parametrize("name", ["fig-4.7", "fig-4.9"])
-def test_sweep_is_drawn_in_panels_and_its_numbers_are_those_of_the_trials(name):
-    sweep = SWEEPS[name]
-    figure = sweep_figure(name, sweep, results(sweep.trials))
-    assert len(figure.rows) == len(sweep.trials) * 2 * len(METHODS)
-    with house_style():
-        canvas = new_canvas(figure.title, figure.caption, figure.height_in)
-        figure.draw(canvas)
-    panels = [axes for axes in canvas.axes if axes.axison]
-    assert len(panels) == max(len(sweep.sizes), 1)
-    assert len(panels[0].containers) == len(sweep.trial.methods)
 
 
 def power_law(sweep, power, of=MOTION):

@@ -1,16 +1,21 @@
-"""A stage that was broken off goes on with the same renderer and libraries, or not at all."""
+"""Stages that were broken off or are made again: the same renderer and libraries, nothing fresh lost."""
 
+import contextlib
 import dataclasses
 import json
+import shutil
+from pathlib import Path
 
 import pytest
 
+from megalopta.cli import main as cli
 from megalopta.core.errors import UserError
 from megalopta.dataset.store import open_sequence
-from megalopta.stages import registry
+from megalopta.stages import redo, registry
 from megalopta.stages.ledger import Ledger
 from megalopta.stages.pipeline import run_stage
-from megalopta.stages.registry import STAGES
+from megalopta.stages.redo import open_dataset_whole
+from megalopta.stages.registry import STAGES, provenance, provenance_changes
 from megalopta.stages.render import FrameWriter
 
 from .test_pipeline import content
@@ -84,3 +89,103 @@ def test_counts_of_two_sensor_models_or_libraries_are_not_mixed(whole_copy, monk
     ):
         run_stage(whole_copy, dataset.configuration, "sense")
     assert dataset.record_path.read_text("utf-8") == before
+
+
+def run(*words):
+    cli.main([str(word) for word in words])
+
+
+def test_what_depends_on_new_output_survives_the_next_redo(whole_copy):
+    run("sense", whole_copy, "--redo", "--light-levels", "[twilight]", "--sensors", "[ideal]")
+    assert not (whole_copy / "results/grating/flow.json").exists()
+    run("flow", whole_copy, "--redo", "--methods", "[LK]")
+    dataset = open_sequence(whole_copy)
+    assert Ledger(dataset).is_finished("flow")
+    (record,) = json.loads(dataset.result("flow.json").read_text("utf-8"))
+    assert (record["method"], record["sensor"], record["level"]) == ("LK", "ideal", "twilight")
+    assert not Ledger(dataset).has("benchmark")  # its methods were others
+    assert not (whole_copy / ".redo").exists()
+
+
+@pytest.fixture
+def broken(whole_copy, monkeypatch):
+    """A dataset whose new counts were about to move when the program stopped."""
+    configuration = open_sequence(whole_copy).configuration
+    changed = configuration.model_copy(update={"light_levels": (0.5,)})
+
+    def killed(root):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(redo, "complete_redo", killed)
+    with pytest.raises(KeyboardInterrupt):
+        run_stage(whole_copy, changed, "sense", redo=True)
+    monkeypatch.undo()
+    assert (whole_copy / ".redo/publish.json").exists()
+    return whole_copy
+
+
+@pytest.mark.parametrize("verb", ["check files", "check truth", "report", "benchmark sequence"])
+def test_who_only_reads_does_not_finish_a_move(broken, verb, capsys):
+    before = content(broken)
+    with pytest.raises(SystemExit):
+        run(*verb.split(), broken)
+    told = capsys.readouterr().err
+    assert f"to finish that, run: megalopta render {broken} --out {broken}" in told
+    assert content(broken) == before
+
+
+def test_the_command_that_is_told_finishes_a_move(broken):
+    run("render", broken, "--out", broken)
+    dataset = open_sequence(broken)
+    assert dataset.configuration.light_levels == (0.5,)
+    assert Ledger(dataset).finished() == ["render", "sense", "benchmark"]
+    assert not (broken / ".redo").exists()
+
+
+def test_a_move_that_stops_anywhere_is_finished_to_the_same_bytes(broken, tmp_path, monkeypatch):
+    once = shutil.copytree(broken, tmp_path / "once", symlinks=True)
+    open_dataset_whole(once)
+    steps = 0
+    while (broken / ".redo").exists():
+        steps += 1
+        with monkeypatch.context() as patched:
+            patched.setattr(Path, "rename", _stopping(Path.rename, steps))
+            with contextlib.suppress(KeyboardInterrupt):
+                open_dataset_whole(broken)
+    assert steps > 3
+    assert content(broken) == content(once)
+
+
+def _stopping(function, calls):
+    """The function, which ends with Ctrl-C instead of being called so many times."""
+    left = iter(range(calls - 1))
+
+    def called(*arguments):
+        if next(left, None) is None:
+            raise KeyboardInterrupt
+        return function(*arguments)
+
+    return called
+
+
+def test_frames_depend_on_variant_and_libraries(tiny):
+    found = provenance("render", tiny)
+    assert {"model", "variant", "mitsuba", "drjit"} <= found.keys()
+    assert ("llvm" in found) == found["variant"].startswith("llvm")
+
+
+def test_another_variant_is_told(tiny):
+    scalar = tiny.model_copy(
+        update={"render": tiny.render.model_copy(update={"backend": "scalar"})}
+    )
+    before = {**provenance("render", scalar), "variant": "llvm_ad_spectral", "llvm": "19.1.0"}
+    told = provenance_changes(before, provenance("render", scalar))
+    assert told == "variant: llvm_ad_spectral → scalar_spectral; llvm: 19.1.0 → absent"
+
+
+def test_what_was_not_recorded_is_not_compared(tiny):
+    for stage in STAGES:
+        assert provenance_changes({}, provenance(stage, tiny)) == ""
+        assert provenance_changes({"model": "old"}, provenance(stage, tiny)).startswith(
+            "model: old"
+        )

@@ -88,39 +88,6 @@ def test_too_many_cells_are_refused_with_a_remedy(monkeypatch):
 
 
 @vectorized
-def test_rays_find_the_cell_that_holds_the_point_they_hit():
-    activate(choose_variant())
-    import mitsuba as mi
-
-    meshes = [triangle_mesh(random_triangles())]
-    cells = Cells.of(meshes, CAMERA, PATH)
-    loaded = load_scene(THING, meshes)
-    target = random_triangles().mean(axis=1)
-    origin = np.array([0.0, 0.0, 10.0])
-    rays = mi.Ray3f(mi.Point3f(origin.tolist()), mi.Vector3f((target - origin).T))
-    hit = loaded.ray_intersect_preliminary(rays)
-    point = hit.compute_surface_interaction(rays, mi.RayFlags.All)
-    finder = CellFinder(cells, loaded)
-    found = np.array(finder.find(hit, mi.UInt(0), point.wi.z > 0, True)[0])
-    patches = cells.patches(found)
-    triangle, where = np.array(hit.prim_index), np.array(point.p).T
-    np.testing.assert_array_equal(patches.triangle, triangle)
-    corners = meshes[0].vertices[meshes[0].faces].astype(np.float64)[triangle]
-    rows = np.arange(len(triangle))
-    start, *ends = (corners[rows, (patches.origin + k) % 3] for k in range(3))
-    edges = np.stack([end - start for end in ends], axis=-1)
-    uv = np.stack(
-        [np.linalg.lstsq(e, p, rcond=None)[0] for e, p in zip(edges, where - start, strict=True)]
-    )
-    inside = uv * patches.pieces.T - patches.indices.T
-    assert inside.min() > -1e-3
-    assert inside.max() < 1 + 1e-3
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    behind = np.einsum("ij,ij->i", normal, origin - corners[:, 0]) < 0
-    np.testing.assert_array_equal(patches.side == 1, behind)
-
-
-@vectorized
 @pytest.mark.parametrize("frames", [1, 7, 1000])
 def test_a_survey_counts_512_rays_per_pixel_however_long_the_sequence(frames):
     activate(choose_variant())
@@ -183,7 +150,7 @@ def measured(truth, sigma):
     return np.stack([halves.mean(axis=1), (halves[:, 0] - halves[:, 1]) / 2], axis=1)
 
 
-@pytest.mark.parametrize("contrast", [0.0, 0.3, 1.0, 10.0])
+@pytest.mark.parametrize("contrast", [0.0, 0.3, 0.5, 1.0, 3.0, 10.0])
 def test_what_is_left_is_the_least_error_of_a_known_contrast(contrast):
     truth = 5 + RNG.normal(0, contrast, GROUPS * SIZE)
     better = smoothed(measured(truth, 1.0), NEIGHBORS, EVEN, SEEN)
@@ -191,16 +158,11 @@ def test_what_is_left_is_the_least_error_of_a_known_contrast(contrast):
     # noise of the mean; contrasts known from 20 values add up to a tenth of the noise.
     kept = contrast**2 / (contrast**2 + 1)
     least = kept + (1 - kept) / SIZE
-    assert least - 0.05 < np.mean((better[:, 0] - truth) ** 2) < least + 0.12
-
-
-@pytest.mark.parametrize("contrast", [0.5, 1.0, 3.0])
-def test_half_differences_tell_the_error_that_is_left_with_what_is_taken_of_contrast(contrast):
-    truth = 5 + RNG.normal(0, contrast, GROUPS * SIZE)
-    better = smoothed(measured(truth, 1.0), NEIGHBORS, EVEN, SEEN)
     left = np.mean((better[:, 0] - truth) ** 2)
-    # The shares that are kept are known from 20 values: what is left is more than it could be.
-    assert 0.65 * left < np.mean(better[:, 1] ** 2) < 1.05 * left
+    assert least - 0.05 < left < least + 0.12
+    if 0.5 <= contrast <= 3:
+        # half differences tell it with what is taken of contrast, whose share is known from 20
+        assert 0.65 * left < np.mean(better[:, 1] ** 2) < 1.05 * left
 
 
 TEXTURE = Texture(np.zeros((2, 2), np.float32), flat(0.3), flat(0.2))

@@ -4,9 +4,12 @@ import numpy as np
 import pytest
 import trimesh
 
+from megalopta.render import mi
 from megalopta.render.scene_renderer import SceneRenderer
 from megalopta.render.settings import RenderSettings
+from megalopta.render.truth.rays import nearest_hits
 from megalopta.render.truth.tracer import out_of_view
+from megalopta.render.variant import choose_variant
 from megalopta.scenes.cameras.perspective import PerspectiveCamera
 from megalopta.scenes.scene import Lighting
 from megalopta.scenes.spectra.spectrum import flat
@@ -122,3 +125,17 @@ def test_object_ids_count_placements_from_one(ground):
     ids = renderer_of(*boxes).truth(BOTH.poses(), 0).object_id
     left, right = ((ids == number).nonzero()[1].mean() for number in (1, 2))
     assert left < right  # +y is to the left of a camera that looks along +x
+
+
+def test_a_ray_that_hits_nothing_tells_of_nothing_else():
+    mi.set_variant(choose_variant().name)
+    rng = np.random.default_rng(1)
+    directions = rng.normal(size=(5000, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    # Memory that is not a number, given back for the next launch to take.
+    for _ in range(20):
+        mi.TensorXf(np.full((2, 5000), np.nan, np.float32))
+    hits = nearest_hits(mi.load_dict({"type": "scene"}), np.zeros(3), directions)
+    assert np.all(np.isinf(hits.distance))
+    for rest in (hits.mesh, hits.triangle):
+        np.testing.assert_array_equal(rest, 0)

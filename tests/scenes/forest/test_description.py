@@ -16,7 +16,6 @@ from megalopta.scenes.forest.planting import REGULARITY, THICKET, tree_positions
 from megalopta.scenes.forest.size import foreseen
 from megalopta.scenes.forest.specimens import grow_specimens, materials, plant_assets
 from megalopta.scenes.forest.stand import PRESETS
-from megalopta.scenes.forest.undergrowth import LAYERS
 
 FOREST = Forest(seed=11)
 PATH = np.stack([np.linspace(-1, 4, 11), np.linspace(0, 1, 11)], axis=-1)
@@ -24,14 +23,7 @@ EYE_M = 1.5
 TINY = Forest(
     trees=8, density_per_ha=80, mix={"birch": 1, "spruce": 1}, undergrowth=0.02, detail=0.05
 )
-SMALL = Forest(
-    seed=0,
-    trees=40,
-    density_per_ha=900,
-    mix={"beech": 1, "spruce": 1},
-    undergrowth=0.05,
-    detail=0.3,
-)
+SMALL = Forest(trees=40, density_per_ha=900)
 
 
 @pytest.fixture(scope="module")
@@ -92,14 +84,6 @@ def test_another_seed_gives_other_places_trees_and_bark():
     assert not np.array_equal(*shapes)
     barks = [materials(s, a)["birch bark"].texture.weight for s, a in enumerate(grown)]
     assert not np.array_equal(*barks)
-
-
-def test_kinds_are_names_people_read_and_the_ground_comes_first(scene):
-    kinds = Counter(placement.kind for placement in scene.placements)
-    assert kinds.keys() == {"ground", *FOREST.mix, *LAYERS}
-    assert scene.triangle_count < 4e6
-    assert kinds["ground"] == 1 and scene.placements[0].kind == "ground"
-    assert scene.lighting is None
 
 
 def test_trees_keep_their_distance_from_each_other_and_from_the_path(trunks):
