@@ -59,10 +59,8 @@ def photon_search(
 
     Parameters
     ----------
-    stimulus
     methods
         Detectors, their names, or functions (`detector_from`); of different names.
-    settings
     seed : int
         Any integer.
     name : str
@@ -149,7 +147,6 @@ def next_index(
     ----------
     errors
         Index of a flux to the error there; at least one.
-    level : float
     last : int
         Largest index, 1 or more.
     per_decade : int

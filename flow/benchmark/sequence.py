@@ -124,7 +124,6 @@ def photon_benchmark(
         one, such as a Zarr array, of which a few frames are in memory at a time.
     methods
         Detectors, their names, or functions (`detector_from`); of different names.
-    settings
     seed : int
         Any integer.
     sequence : str

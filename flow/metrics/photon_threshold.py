@@ -93,7 +93,6 @@ def threshold(
 
     Parameters
     ----------
-    measured
     level : float
         0.25 for N_2b.
     rng

@@ -190,7 +190,6 @@ def unknown_texture_photons(
         As for `unknown_texture_information`.
     speed : float
         px per frame.
-    level : float
 
     Returns
     -------

@@ -66,7 +66,6 @@ class MovingTemplate:
         ----------
         shift_px : int
             Columns by which the template is shifted in the first of them.
-        count : int
         """
         rows, columns = self.template.shape
         starts = -(shift_px + self.velocity_px * np.arange(count)) % columns

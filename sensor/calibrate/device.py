@@ -141,7 +141,6 @@ def calibrate_device(levels: Sequence[Level], adc: Adc, *, hot_times: float = 10
     ----------
     levels : sequence of Level
         Dark frames of three exposures or more; flat frames of two lights or more, or none.
-    adc : Adc
     hot_times : float
         Pixels surely above so many times the median dark counts are hot.
 
