@@ -143,18 +143,10 @@ def next_index(
 
     None when the crossing is known closely enough or lies outside of the lattice.
 
-    Parameters
-    ----------
-    errors
-        Index of a flux to the error there; at least one.
-    last : int
-        Largest index, 1 or more.
-    per_decade : int
-        Fluxes per factor of ten.
-    straight : float
-        Decades by which the errors around the crossing may miss F^−½ and need no flux between them.
-    is_smooth : bool
-        Whether to interpolate where else the interval of the crossing is halved.
+    `errors`: index of a flux to the error there; at least one; `last`: largest index, 1 or more;
+    `per_decade`: fluxes per factor of ten; `straight`: decades by which the errors around the
+    crossing may miss F^−½ and need no flux between them; `is_smooth`: whether to interpolate where
+    else the interval of the crossing is halved.
     """
     depths = {
         index: math.log10(max(error / level, _SMALLEST_ERROR)) for index, error in errors.items()

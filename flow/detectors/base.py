@@ -99,16 +99,9 @@ class Detector(BaseModel, ABC, frozen=True, extra="forbid", allow_inf_nan=False)
 
         Raises ValueError when the frames are not a sequence, too few or too small.
 
-        Parameters
-        ----------
-        frames : (T, H, W), counts or intensities
-        scale : float
-            Brings counts to common brightness, for instance pixels per frame / photons per frame.
-            Velocities do not depend on it.
-
-        Returns
-        -------
-        (T, H, W), or (T − 1, rows, columns, 2) in px per frame, NaN where undefined.
+        `frames` (T, H, W), counts or intensities. `scale`: brings counts to common brightness, for
+        instance pixels per frame / photons per frame. Velocities do not depend on it. Returns (T,
+        H, W), or (T − 1, rows, columns, 2) in px per frame, NaN where undefined.
         """
         if frames.ndim != 3 or len(frames) < self.minimum_frames:
             raise ValueError(

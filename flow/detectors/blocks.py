@@ -164,11 +164,8 @@ class BlockDetector(Detector, frozen=True):
         Raises ValueError when frames are too many or too small, differ in shape, or hold what is no
         light.
 
-        Parameters
-        ----------
-        *frames : (H, W)
-            Two successive ones, or as many more as the method takes together; counts if it asks
-            for them (`takes_counts`).
+        `*frames` (H, W): two successive ones, or as many more as the method takes together; counts
+        if it asks for them (`takes_counts`).
         """
         sequence = self.checked(frames)
         grid = self.grid((sequence.shape[1], sequence.shape[2]))

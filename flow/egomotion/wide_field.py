@@ -58,10 +58,7 @@ class WideField:
 
         Raises ValueError when they have another shape than those of the fit.
 
-        Parameters
-        ----------
-        answers : (T, ...)
-            From the detector that the filter was fitted to, on the same frame size.
+        `answers` (T, ...): from the detector that the filter was fitted to, on the same frame size.
         """
         if answers.shape[1:] != self.slopes.shape:
             raise ValueError(

@@ -286,12 +286,8 @@ class DenseErrors:
 
         Raises ValueError when shapes differ, or no pixel has a flow.
 
-        Parameters
-        ----------
-        flow, truth : (H, W, 2)
-            px per frame, NaN where undefined.
-        occluded : (H, W), optional
-            Pixels that are not seen in the next frame; without it none counts as occluded.
+        `flow`, `truth` (H, W, 2): px per frame, NaN where undefined; `occluded` (H, W): pixels that
+        are not seen in the next frame; without it none counts as occluded.
         """
         if flow.shape != truth.shape:
             raise ValueError(

@@ -266,21 +266,10 @@ def photons_for_half(
     error falls in steps, is interpolated linearly over log flux: about its half a share is
     straight. The interval is that of a bootstrap over groups, the same at all fluxes tried.
 
-    Parameters
-    ----------
-    is_good
-        Flux to one truth value per block, (groups, ...); the same blocks at each flux. Groups are
-        independent of each other, the blocks of one need not be.
-    fluxes
-        Growing; two or more.
-    rng
-        For the interval.
-
-    Returns
-    -------
-    MedianPhotons
-        Infinite when no more than half are good at the largest flux; 0 when more than half are at
-        the smallest.
+    `is_good`: flux to one truth value per block, (groups, ...); the same blocks at each flux.
+    Groups are independent of each other, the blocks of one need not be. `fluxes`: growing; two or
+    more. `rng`: for the interval. Returns infinite when no more than half are good at the largest
+    flux; 0 when more than half are at the smallest.
     """
     tried: dict[int, Floats] = {}
 

@@ -62,10 +62,7 @@ class MovingTemplate:
 
         Raises BlackFrameError when a frame is black.
 
-        Parameters
-        ----------
-        shift_px : int
-            Columns by which the template is shifted in the first of them.
+        `shift_px`: columns by which the template is shifted in the first of them.
         """
         rows, columns = self.template.shape
         starts = -(shift_px + self.velocity_px * np.arange(count)) % columns

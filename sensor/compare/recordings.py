@@ -119,18 +119,11 @@ def compare_recordings(
 
     Raises ValueError when levels are not of the same shape, or have too few frames.
 
-    Parameters
-    ----------
-    captured, expected : sequences of CountedFrames
-        The same levels in the same order; numbers of frames may differ.
-    kind : "paralyzable" or "nonparalyzable"
-        Dead time of the device.
-    margin : float
-        Relative difference that does not matter.
-    false_alarms : float
-        Share of comparisons of a device with itself that may raise an alarm.
-    errors : sequence of (rows, columns), optional
-        Standard errors of the expected mean counts of each level, where these are a calibration's.
+    `captured`, `expected` sequences of CountedFrames: the same levels in the same order; numbers of
+    frames may differ; `kind`: dead time of the device; `margin`: relative difference that does not
+    matter; `false_alarms`: share of comparisons of a device with itself that may raise an alarm;
+    `errors` sequence of (rows, columns): standard errors of the expected mean counts of each level,
+    where these are a calibration's.
     """
     _check(captured, expected)
     pairs = list(zip(captured, expected, strict=True))
