@@ -210,7 +210,7 @@ class _DetectorErrors:
 
     @property
     def is_defined(self) -> bool:
-        """Whether the detector responds to the clean frames at all.
+        """True where the detector responds to the clean frames at all.
 
         One that gives velocities and reads rest in most of its blocks does not: what is left are
         the few in which the subsampling of `nearest` happens to show a whole pixel.
@@ -223,7 +223,7 @@ class _DetectorErrors:
 
     @property
     def is_exact(self) -> bool:
-        """Whether errors come from a closed form, and no counts are drawn."""
+        """True where errors come from a closed form, and no counts are drawn."""
         return self._method.expected_deviation(self._clean[0][:1], 1.0) is not None
 
     def sums(self, flux: float) -> Floats:

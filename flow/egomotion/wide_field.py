@@ -162,7 +162,7 @@ def _drawn_to_typical(variances: Floats, known: NDArray[np.bool_]) -> Floats:
 
 @dataclass(frozen=True)
 class RotationError:
-    """How well a detector's answers give the yaw rate (deg/s, positive to the right)."""
+    """Error of the yaw rate by a detector's responses (deg/s, positive to the right)."""
 
     true_deg_s: float
     """Root mean square of the true rate over the frames tried"""

@@ -331,7 +331,7 @@ class DenseErrors:
 
 
 def _measures(found: Floats, true: Floats) -> Floats:
-    """What is averaged over pixels, (measures, pixels)."""
+    """Measures that are averaged over pixels, (measures, pixels)."""
     missing = np.asarray(~np.isfinite(found).all(axis=-1))
     found = np.where(missing[:, np.newaxis], 0.0, found)
     epe = np.hypot(*(found - true).T)

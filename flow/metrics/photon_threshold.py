@@ -212,7 +212,7 @@ def _reader() -> TypeAdapter[ErrorCurve]:
 
 
 class Asked(Protocol):
-    """What thresholds are wanted."""
+    """Thresholds that are wanted."""
 
     @property
     def bits(self) -> tuple[int, ...]:

@@ -231,7 +231,7 @@ def confined_velocities(
 
     `detector`: any that gives velocities; its parameters for blocks and search are replaced;
     `frames` (T, H, W): counts; of them, the last `memory_frames` + 1 are used; `grid`: blocks of
-    the frames; those at the border are left out; `margin_px`: from 1 to the side of a block.
+    the frames; those at the border are skipped; `margin_px`: from 1 to the side of a block.
     Returns (rows − 2, columns − 2, 2), px per frame.
 
     Raises ValueError when the margin is not of that range.

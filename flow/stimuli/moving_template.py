@@ -19,7 +19,7 @@ from megalopta.flow.stimuli.resizing import ResizeKind, resize, resized_shape
 
 @dataclass(frozen=True)
 class MovingTemplate:
-    """What a turning camera sees, frame by frame."""
+    """View of a turning camera, frame by frame."""
 
     template: Floats
     """(rows, columns), light of any unit; columns at least as many as rows"""

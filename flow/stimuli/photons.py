@@ -1,4 +1,4 @@
-"""What scales a clean sequence to a photon flux, and photon counts drawn from mean counts.
+"""Photon counts: clean sequences scaled to a flux, and counts drawn from mean counts.
 
 Thesis §4.2: mean counts λ = F·I/ΣI + dark counts, counts ~ Poisson(λ), with the flux F in photons
 per frame. ΣI is the sum over the frame itself, as in the thesis (`per_frame`), or its mean over the

@@ -24,7 +24,7 @@ _LOUDEST = 2.0
 _SURELY = 5.0
 _CLEAR_OF_END = 2.0
 _SURE_OFFSET = 0.2
-"""Standard error of the offset, in steps, above which teeth cannot be told apart."""
+"""Standard error of the offset, in steps, above which teeth cannot be distinguished."""
 _CLEAR_KIND = 6.0
 """Logarithm of the ratio of likelihoods above which the kind of dead time is named."""
 
@@ -56,7 +56,7 @@ class Estimate:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Device:
-    """What recordings tell of a device."""
+    """Estimates of a device, and what they rest on."""
 
     offset_v: Estimate
     """Fall of the output below the top of the ADC without events or leak: positive lowers it, as
@@ -90,7 +90,7 @@ class Device:
 
     @property
     def is_slope_seen(self) -> bool:
-        """Whether the step changes over the swing, beyond 3 standard errors."""
+        """True where the step changes over the swing, beyond 3 standard errors."""
         return abs(self.curve.slope) > 3 * self.slope_error
 
     @property
@@ -218,7 +218,7 @@ def _with_comb(recorded: _Recorded, fit: CombFit) -> Device:
 
 
 def _without_comb(recorded: _Recorded, transfer: PhotonTransfer) -> Device:
-    """From photon transfer alone: what leaks counts as dark counts."""
+    """A device from photon transfer alone: what leaks counts as dark counts."""
     falls, shape = recorded.falls, recorded.shape
     mean = (falls.mean_v - transfer.offset_v) / transfer.step_v
     counts = recorded.mean_counts(mean, transfer.read_variance_v2 / transfer.step_v**2)

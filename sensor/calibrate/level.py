@@ -31,7 +31,7 @@ class Level:
 
     @property
     def is_dark(self) -> bool:
-        """Whether there was no light."""
+        """True in the dark."""
         return self.light_hz == 0
 
     def __str__(self) -> str:
@@ -41,7 +41,7 @@ class Level:
 
 
 class Adc(NamedTuple):
-    """What turns codes into volts below the output after reset."""
+    """Converter of codes into volts below the output after reset."""
 
     lsb_v: float
     """Between two codes (V)."""
@@ -52,12 +52,12 @@ class Adc(NamedTuple):
 
     @property
     def swing_v(self) -> float:
-        """How far the output can fall (V)."""
+        """Largest fall of the output (V)."""
         return (self.top - self.bottom) * self.lsb_v
 
 
 class Falls(NamedTuple):
-    """How often (entry) a pixel at a level showed a fall of its output, and sums of that.
+    """Falls of outputs by level and pixel, how often each was seen (entry), and sums of that.
 
     Entries are (E,), maps (levels, pixels).
     """
@@ -67,7 +67,7 @@ class Falls(NamedTuple):
     fall_v: Floats
     times: Floats
     frames: Floats
-    """0 where a pixel came near its bottom and is left out."""
+    """0 where a pixel came near its bottom and is not used."""
     mean_v: Floats
     variance_v2: Floats
     is_cut: bool
@@ -85,7 +85,7 @@ class Falls(NamedTuple):
 
 
 def falls_of(levels: Sequence[Level], adc: Adc) -> Falls:
-    """Gather how the outputs fell; levels where a pixel may have met its bottom are left out."""
+    """Gather how the outputs fell; levels where a pixel may have met its bottom do not count."""
     pixels = levels[0].codes[0].size
     lowest = adc.top - _DEEPEST * (adc.top - adc.bottom)
     parts, maps = [], []
@@ -128,7 +128,7 @@ def check_levels(levels: Sequence[Level], adc: Adc) -> None:
     if len(dark) < _FEWEST_DARK_EXPOSURES:
         raise ValueError(
             f"dark frames of {len(dark)} exposures; capture {_FEWEST_DARK_EXPOSURES} or more, so "
-            "that leak and dark counts can be told apart"
+            "that leak differs from dark counts"
         )
     if all(np.median(level.codes) <= adc.bottom for level in levels):
         raise ValueError("all levels are saturated; expose for less or lower the light")

@@ -45,7 +45,7 @@ def photon_transfer(
 
     `exposure_s`, `light_hz` (levels,); `dimmest`: levels with up to so many times the least light
     are used, and those in the dark; `above_noise`: levels whose fall is below so many standard
-    deviations are left out: the ADC may cut off part of their readings.
+    deviations are not used: the ADC may cut off part of their readings.
     """
     lit = light_hz[light_hz > 0]
     is_dim = light_hz <= dimmest * lit.min(initial=np.inf)

@@ -45,7 +45,7 @@ _FEWEST_FRAMES = 3 * BLOCKS
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """How two recordings differ."""
+    """Differences of two recordings."""
 
     arrangement: Arrangement
     """In which order the captured pixels are"""
@@ -71,7 +71,7 @@ class Comparison:
 
     @property
     def alarms(self) -> tuple[str, ...]:
-        """Everything that differs beyond chance, in words."""
+        """Sentences on everything that differs beyond chance."""
         found = []
         if self.arrangement.is_other:
             found.append(f"the captured image is {self.arrangement.name}")
@@ -86,7 +86,7 @@ class Comparison:
 
     @property
     def sentence(self) -> str:
-        """What differs and by how much."""
+        """Summary: what differs and by how much."""
         if self.arrangement.is_other:
             return (
                 f"The captured image is {self.arrangement.name}: rank correlation "
@@ -179,7 +179,7 @@ def _check(captured: Sequence[CountedFrames], expected: Sequence[CountedFrames])
 
 
 def _arrangement(pairs: Sequence[tuple[CountedFrames, CountedFrames]]) -> Arrangement:
-    """Of the level that shows the pattern best: the one of the most counts."""
+    """Arrangement by the level that shows the pattern best, the one of the most counts."""
     one, other = max(pairs, key=lambda each: float(each[1].counts.sum()) * each[1].is_dark)
     return arrangement(one.counts.mean(axis=0), other.counts.mean(axis=0))
 
