@@ -116,8 +116,8 @@ def camera_motion(directions: Floats, moved: Floats) -> CameraMotion:
 def motion_of_flow(camera: Camera, points: Floats, flow: Floats) -> CameraMotion:
     """Return the rotation and heading of the camera that fit a flow best.
 
-    `points`, `flow` (..., 2): image coordinates, and how far what is seen there moves (px); NaN does
-    not count.
+    `points`, `flow` (..., 2): image coordinates, and how far what is seen there moves (px); NaN is
+    skipped.
 
     Raises ValueError as by `camera_motion`.
     """

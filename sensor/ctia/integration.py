@@ -194,7 +194,7 @@ def _runge_kutta(pixel: Pixel, photocurrent_a: Floats, bias: Floats, elapsed: Fl
 
 
 def _bias_hardly_moves(pixel: Pixel, bias: Floats, elapsed: Floats) -> NDArray[np.bool_]:
-    """True where the law of the diode is so straight over the bias covered that one step is enough."""
+    """True where the diode's law is so straight over the bias covered that one step is enough."""
     diode, gain = pixel.diode, np.asarray(pixel.gain, np.float64)
     junction = diode.saturation_current_a / diode.slope_v * np.exp(-bias / diode.slope_v)
     conductance = np.asarray(pixel.dark_scale) * (junction + diode.shunt_s)
