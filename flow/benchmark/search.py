@@ -116,8 +116,8 @@ class ShortSequences:
         if len(self._counts.get(name, ())) < frames:
             drawn = frames + self.settings.summed_frames - 1
             light = self._light[phase][self._before : self._before + drawn]
-            key = *self.key, f"{flux:.6g}", phase, repeat
-            counts = draw_in_one(light, flux, self.dark_counts, *key, brightest=self._brightest)
+            key = *self.key, f"{flux:.6g}", phase, repeat, 0
+            counts = draw_in_one(light, flux, self.dark_counts, self._brightest, *key)
             if self.settings.summed_frames > 1:
                 counts = narrowest(summed(counts, self.settings.summed_frames))
             self._counts[name] = counts

@@ -17,7 +17,7 @@ as JSON. Uncompressed, never pickled.
 import json
 import zipfile
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import AbstractContextManager, ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
@@ -34,7 +34,6 @@ from megalopta.sensor.formats.recorded_frames import file_bytes, one_line
 from megalopta.sensor.readout.events import Events
 
 Column: TypeAlias = NDArray[np.integer[Any]]
-EventWriter: TypeAlias = AbstractContextManager[Callable[[Events], None]]
 
 HDF5_SIGNATURE: Final = b"\x89HDF\r\n\x1a\n"
 NPZ_SIGNATURE: Final = b"PK\x03\x04"
