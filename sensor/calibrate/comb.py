@@ -238,16 +238,14 @@ class _State(NamedTuple):
         return np.asarray(readings.fall - sum(column * value for column, value in parts))
 
 
-def fit_comb(
-    falls: Falls, exposure_s: Floats, step_v: Floats, offset_v: Floats, swing_v: float
-) -> CombFit:
+def fit_comb(falls: Falls, step_v: Floats, offset_v: Floats, swing_v: float) -> CombFit:
     """Fit the comb of each pixel from steps and offsets that are nearly right, each (P,) in V."""
     readings = _Readings(
         falls.level,
         falls.pixel,
         falls.fall_v,
         falls.times,
-        exposure_s[falls.level],
+        falls.exposure_s[falls.level],
         falls.mean_v,
         int(falls.is_cut),
     )

@@ -70,6 +70,10 @@ class Falls(NamedTuple):
     """0 where a pixel came near its bottom and is not used."""
     mean_v: Floats
     variance_v2: Floats
+    exposure_s: Floats
+    """(levels,)"""
+    light_hz: Floats
+    """(levels,)"""
     is_cut: bool
     """Whether any output was above what the ADC can read: the noise of readings of no count is cut
     off."""
@@ -103,8 +107,10 @@ def falls_of(levels: Sequence[Level], adc: Adc) -> Falls:
     frames, mean, variance = (np.array(each, np.float64) for each in zip(*maps, strict=True))
     fall_v = (adc.top - code) * adc.lsb_v
     mean_v, variance_v2 = (adc.top - mean) * adc.lsb_v, variance * adc.lsb_v**2
+    lights = np.array([(level.exposure_s, level.light_hz) for level in levels]).T
     is_cut = bool(code.max(initial=0) >= np.rint(adc.top))
-    return Falls(level_of, pixel, fall_v, times.astype(float), frames, mean_v, variance_v2, is_cut)
+    entries = level_of, pixel, fall_v, times.astype(float)
+    return Falls(*entries, frames, mean_v, variance_v2, *lights, is_cut)
 
 
 def check_levels(levels: Sequence[Level], adc: Adc) -> None:
