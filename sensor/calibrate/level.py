@@ -107,10 +107,10 @@ def falls_of(levels: Sequence[Level], adc: Adc) -> Falls:
     frames, mean, variance = (np.array(each, np.float64) for each in zip(*maps, strict=True))
     fall_v = (adc.top - code) * adc.lsb_v
     mean_v, variance_v2 = (adc.top - mean) * adc.lsb_v, variance * adc.lsb_v**2
-    lights = np.array([(level.exposure_s, level.light_hz) for level in levels]).T
+    exposure_s, light_hz = np.array([(level.exposure_s, level.light_hz) for level in levels]).T
     is_cut = bool(code.max(initial=0) >= np.rint(adc.top))
     entries = level_of, pixel, fall_v, times.astype(float)
-    return Falls(*entries, frames, mean_v, variance_v2, *lights, is_cut)
+    return Falls(*entries, frames, mean_v, variance_v2, exposure_s, light_hz, is_cut)
 
 
 def check_levels(levels: Sequence[Level], adc: Adc) -> None:
