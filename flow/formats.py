@@ -48,7 +48,7 @@ _PFM_HEADER = re.compile(rb"PF\s+(\d{1,6})\s+(\d{1,6})\s+(-?[0-9.eE+-]{1,20})\s"
 
 
 def read_flow(path: str | Path) -> Flow:
-    """Read a flow (H, W, 2), px, NaN where undefined; the format is told by the suffix.
+    """Read a flow (H, W, 2), px, NaN where undefined; the suffix says in which format.
 
     Raises
     ------

@@ -83,7 +83,7 @@ class Level(NamedTuple):
 
 
 class Evidence(NamedTuple):
-    """What aligned frames tell about the displacement of each pixel, to second order.
+    """Evidence of aligned frames about the displacement of each pixel, to second order.
 
     The displacement of a frame is a sum of patterns in time, each with an amplitude in px.
     """

@@ -1,1 +1,1 @@
-"""How many photons a measurement needs."""
+"""The photons that a measurement needs."""

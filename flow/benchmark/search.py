@@ -59,10 +59,8 @@ def photon_search(
 
     Parameters
     ----------
-    stimulus
     methods
         Detectors, their names, or functions (`detector_from`); of different names.
-    settings
     seed : int
         Any integer.
     name : str
@@ -118,8 +116,8 @@ class ShortSequences:
         if len(self._counts.get(name, ())) < frames:
             drawn = frames + self.settings.summed_frames - 1
             light = self._light[phase][self._before : self._before + drawn]
-            key = *self.key, f"{flux:.6g}", phase, repeat
-            counts = draw_in_one(light, flux, self.dark_counts, *key, brightest=self._brightest)
+            key = *self.key, f"{flux:.6g}", phase, repeat, 0
+            counts = draw_in_one(light, flux, self.dark_counts, self._brightest, *key)
             if self.settings.summed_frames > 1:
                 counts = narrowest(summed(counts, self.settings.summed_frames))
             self._counts[name] = counts
@@ -145,19 +143,10 @@ def next_index(
 
     None when the crossing is known closely enough or lies outside of the lattice.
 
-    Parameters
-    ----------
-    errors
-        Index of a flux to the error there; at least one.
-    level : float
-    last : int
-        Largest index, 1 or more.
-    per_decade : int
-        Fluxes per factor of ten.
-    straight : float
-        Decades by which the errors around the crossing may miss F^−½ and need no flux between them.
-    is_smooth : bool
-        Whether to interpolate where else the interval of the crossing is halved.
+    `errors`: index of a flux to the error there; at least one; `last`: largest index, 1 or more;
+    `per_decade`: fluxes per factor of ten; `straight`: decades by which the errors around the
+    crossing may miss F^−½ and need no flux between them; `is_smooth`: whether to interpolate where
+    else the interval of the crossing is halved.
     """
     depths = {
         index: math.log10(max(error / level, _SMALLEST_ERROR)) for index, error in errors.items()
@@ -221,7 +210,7 @@ class _DetectorErrors:
 
     @property
     def is_defined(self) -> bool:
-        """Whether the detector responds to the clean frames at all.
+        """True where the detector responds to the clean frames at all.
 
         One that gives velocities and reads rest in most of its blocks does not: what is left are
         the few in which the subsampling of `nearest` happens to show a whole pixel.
@@ -234,7 +223,7 @@ class _DetectorErrors:
 
     @property
     def is_exact(self) -> bool:
-        """Whether errors come from a closed form, and no counts are drawn."""
+        """True where errors come from a closed form, and no counts are drawn."""
         return self._method.expected_deviation(self._clean[0][:1], 1.0) is not None
 
     def sums(self, flux: float) -> Floats:

@@ -35,7 +35,7 @@ from megalopta.flow.stimuli.resizing import resize, resized_shape
 
 @dataclass(frozen=True)
 class Bookkeeping:
-    """How a run reports what it has done, and keeps it, so that a stopped run can continue."""
+    """Progress of a run, and parts kept, so that a stopped run can continue."""
 
     on_progress: Callable[[int], object] = lambda work: None
     """Called with the work done since the last call, in the units of `work_units`."""
@@ -45,7 +45,7 @@ class Bookkeeping:
 
 
 class Clip(Protocol):
-    """A sequence of frames of which some can be had at a time: an array, in memory or on disk."""
+    """A sequence of frames of which some are read at a time: an array, in memory or on disk."""
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -124,13 +124,12 @@ def photon_benchmark(
         one, such as a Zarr array, of which a few frames are in memory at a time.
     methods
         Detectors, their names, or functions (`detector_from`); of different names.
-    settings
     seed : int
         Any integer.
     sequence : str
         Name of the sequence; sequences of different names are drawn independently.
     books
-        Told of the work done, `work_units` in all, and keeps its parts.
+        Gets the work done, `work_units` in all, and keeps its parts.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""What a photon benchmark measures, how closely, and how much work that is."""
+"""Settings of photon benchmarks, and the work that they take."""
 
 import math
 from collections import Counter
@@ -19,7 +19,7 @@ _THESIS_WARM_UP = 30
 class CurveSettings(
     BaseModel, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
 ):
-    """Which error curves are measured, and how closely."""
+    """Error curves to measure, and how closely."""
 
     flux_min: Annotated[float, Field(ge=1e-6, le=1e15)] = 1e3
     """Smallest flux (photons per frame)"""
@@ -45,7 +45,7 @@ class CurveSettings(
     """Probability that an interval holds"""
 
     def compares_with_means(self, detector: Detector) -> bool:
-        """Whether a detector's responses are compared with those to the dark counts' mean too."""
+        """Return whether the reference of a detector's responses has the mean of dark counts."""
         return self.reference == "self" and not detector.ignores_offset
 
     @field_validator("metrics", "bits", "sizes", check_fields=False)
@@ -73,7 +73,7 @@ class CurveSettings(
 
 
 class BenchmarkSettings(CurveSettings, frozen=True):
-    """What is measured on a sequence, and how closely."""
+    """Measurements on a sequence, and how closely."""
 
     sizes: Annotated[tuple[Annotated[int, Field(ge=3)], ...], Field(min_length=1)] = (
         60, 120, 180, 240,
@@ -88,7 +88,7 @@ class BenchmarkSettings(CurveSettings, frozen=True):
 
 
 class SearchSettings(CurveSettings, frozen=True):
-    """What is measured on a template that turns, and how closely."""
+    """Measurements on a template that turns, and how closely."""
 
     repeats: Annotated[int, Field(ge=2, le=100_000)] = 2
     """Independent draws of all frames at each flux; they give the intervals"""

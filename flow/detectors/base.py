@@ -50,7 +50,7 @@ class Detector(BaseModel, ABC, frozen=True, extra="forbid", allow_inf_nan=False)
     name: Annotated[str, Field(min_length=1)]
     """Short name, as in the legends of the literature"""
     label: Annotated[str, Field(min_length=1)]
-    """Name in words"""
+    """Full name"""
 
     @property
     @abstractmethod
@@ -99,16 +99,9 @@ class Detector(BaseModel, ABC, frozen=True, extra="forbid", allow_inf_nan=False)
 
         Raises ValueError when the frames are not a sequence, too few or too small.
 
-        Parameters
-        ----------
-        frames : (T, H, W), counts or intensities
-        scale : float
-            Brings counts to common brightness, for instance pixels per frame / photons per frame.
-            Velocities do not depend on it.
-
-        Returns
-        -------
-        (T, H, W), or (T − 1, rows, columns, 2) in px per frame, NaN where undefined.
+        `frames` (T, H, W), counts or intensities. `scale`: brings counts to common brightness, for
+        instance pixels per frame / photons per frame. Velocities do not depend on it. Returns (T,
+        H, W), or (T − 1, rows, columns, 2) in px per frame, NaN where undefined.
         """
         if frames.ndim != 3 or len(frames) < self.minimum_frames:
             raise ValueError(
@@ -142,8 +135,8 @@ def stacked(frames: Sequence[Frames]) -> Frames:
     """
     shapes = {each.shape for each in frames}
     if {len(shape) for shape in shapes} != {2} or len(shapes) > 1:
-        told = " and ".join(map(str, sorted(shapes)))
-        raise ValueError(f"frames of shape {told}: give images (H, W) of one channel and one size")
+        found = " and ".join(map(str, sorted(shapes)))
+        raise ValueError(f"frames of shape {found}: give images (H, W) of one channel and one size")
     for number, frame in enumerate(frames, 1):
         if not np.isfinite(frame).all():
             raise ValueError(f"frame {number} has pixels that are not finite; fill them in")

@@ -26,7 +26,7 @@ FEWEST_BLOCKS = 3
 
 @dataclass(frozen=True)
 class BlockGrid:
-    """Where the blocks of a frame of shape (H, W) lie."""
+    """Blocks of a frame of shape (H, W)."""
 
     shape: tuple[int, int]
     block_px: int
@@ -152,7 +152,7 @@ class BlockDetector(Detector, frozen=True):
 
     @property
     def most_frames(self) -> float:
-        """How many frames `dense` takes together."""
+        """Most frames that `dense` takes together."""
         return self.memory_frames + 1
 
     def dense(self, *frames: Frames) -> Floats:
@@ -164,11 +164,8 @@ class BlockDetector(Detector, frozen=True):
         Raises ValueError when frames are too many or too small, differ in shape, or hold what is no
         light.
 
-        Parameters
-        ----------
-        *frames : (H, W)
-            Two successive ones, or as many more as the method takes together; counts if it asks
-            for them (`takes_counts`).
+        `*frames` (H, W): two successive ones, or as many more as the method takes together; counts
+        if it asks for them (`takes_counts`).
         """
         sequence = self.checked(frames)
         grid = self.grid((sequence.shape[1], sequence.shape[2]))

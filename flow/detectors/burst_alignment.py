@@ -6,7 +6,7 @@ added up to four sums of two; of fewer than eight each stands for itself. Each p
 middle is looked for in the others by the least absolute difference: in frames binned by 8 × 8 px
 first, then in finer ones around twice the shift that it, or one of its four neighbors, had before.
 A parabola through the differences refines the last. The velocity is the slope of the shifts over
-time. Smoothing of the field of shifts, and merging, which Ma et al. go on with, are left out.
+time. Smoothing of the field of shifts, and merging, which follow in Ma et al., are not done.
 """
 
 from collections.abc import Iterator

@@ -56,7 +56,7 @@ def _combine(kind: int, h: Any, g: Any, combined: Any) -> None:
 
 
 class _Filters(NamedTuple):
-    """What `_advance` does: its combination, the factor on frames, and both steps."""
+    """Parameters of `_advance`: its combination, the factor on frames, and both steps."""
 
     kind: int
     scale: float
@@ -85,7 +85,7 @@ def _advance(frames: Any, filters: _Filters, state: Any, outputs: Any) -> None:
 
 
 class CorrelationDetector(Detector, frozen=True):
-    """What EMD, NDM and NDS have in common: their filters and their state."""
+    """Filters and state that EMD, NDM and NDS have in common."""
 
     gives: ClassVar[Literal["response", "velocity"]] = "response"
     _combination: ClassVar[int]

@@ -1,4 +1,4 @@
-"""What the estimators of OpenCV and scikit-image have in common: gray levels in, blocks out.
+"""Common parts of the estimators of OpenCV and scikit-image: gray levels in, blocks out.
 
 They were made for pictures and expect gray levels of a fixed range. Photon counts are brought to it
 pair by pair, by one linear map of both frames: the darkest pixel of the two becomes 0, the
@@ -96,7 +96,7 @@ def gray_levels(pair: Frames) -> Floats | None:
     """Return two frames (2, H, W) with gray levels from 0 to 1; None without any contrast."""
     exact = pair.astype(np.float64)
     low, high = np.percentile(exact, _MIDDLE_PERCENT)
-    # where nearly all pixels are alike, what stands out is the picture
+    # where nearly all pixels are alike, what differs is the picture
     spread = _SPREADS * (high - low) or np.inf
     darkest, brightest = max(exact.min(), low - spread), min(exact.max(), high + spread)
     if brightest > darkest:
@@ -173,9 +173,9 @@ class FunctionDetector(DenseDetector, frozen=True):
             return np.asarray(self.function(pair[0], pair[1]), np.float64)
         except Exception as problem:  # somebody else's code can raise anything
             last = traceback.extract_tb(problem.__traceback__)[-1]
-            told = f"{type(problem).__name__}: {' '.join(str(problem).split())}"
+            said = f"{type(problem).__name__}: {' '.join(str(problem).split())}"
             raise MethodError(
-                f"method {self.name}: {quoted(told)} at {last.filename}:{last.lineno}; give a "
+                f"method {self.name}: {quoted(said)} at {last.filename}:{last.lineno}; give a "
                 "function of two frames (H, W) that returns their flow (H, W, 2)"
             ) from problem
 
@@ -191,7 +191,7 @@ def detector_from(
         Two frames (H, W) float64, gray levels from 0 to 1, to their flow (H, W, 2) in px, x before
         y; NaN where undefined.
     name, label : str, optional
-        Short name, and name in words; by default the function's.
+        Short name, and full name; by default the function's.
     """
     short = name or getattr(function, "__name__", type(function).__name__)
     return FunctionDetector(name=short, label=label or short, function=function)

@@ -111,7 +111,7 @@ def _session(path: Path, content: str) -> "InferenceSession":
 
 
 def _problem(detector: OnnxDetector) -> str | None:
-    """What keeps a file from being used."""
+    """Reason why a file cannot be used."""
     session = _session(detector.path, detector.content)
     inputs = session.get_inputs()
     if any(len(each.shape) != 4 or each.type not in _TYPES for each in inputs):

@@ -46,9 +46,9 @@ def _detector(value: Any) -> Detector:
 
 
 def _by_name() -> Mapping[str, Detector]:
-    room = __name__.rpartition(".")[0]
+    package = __name__.rpartition(".")[0]
     names = [each.name for each in iter_modules([Path(__file__).parent])]
-    ours = [each for name in names for each in _in_file(import_module(f"{room}.{name}"))]
+    ours = [each for name in names for each in _in_file(import_module(f"{package}.{name}"))]
     ours.sort(key=lambda each: (each.place, each.name))
     named = {each.name: each for each in ours}
     return MappingProxyType(named | plug_ins("megalopta.detectors", _detector, named))
@@ -118,8 +118,8 @@ def _attribute(reference: str, module: str, name: str) -> Any:
     try:
         return getattr(import_module(module), name)
     except (Exception, SystemExit) as problem:  # somebody else's code can raise anything
-        told = " ".join(str(problem).split()) or type(problem).__name__
+        said = " ".join(str(problem).split()) or type(problem).__name__
         raise ValueError(
-            f"method {reference!r}: {told}; give the name of a module, a colon and the name of "
+            f"method {reference!r}: {said}; give the name of a module, a colon and the name of "
             "a function in it"
         ) from None

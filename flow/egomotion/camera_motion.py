@@ -97,7 +97,7 @@ def camera_motion(directions: Floats, moved: Floats) -> CameraMotion:
     """Return the rotation and heading that explain where points were seen, and are seen next.
 
     `directions`, `moved` (n, 3): unit vectors to the points from the first camera and from the
-    second, each in that camera's own axes; rows with NaN are left out.
+    second, each in that camera's own axes; rows with NaN do not count.
 
     Raises ValueError when fewer than 8 points are known, which cannot tell five parameters from
     noise.
@@ -117,7 +117,7 @@ def motion_of_flow(camera: Camera, points: Floats, flow: Floats) -> CameraMotion
     """Return the rotation and heading of the camera that fit a flow best.
 
     `points`, `flow` (..., 2): image coordinates, and how far what is seen there moves (px); NaN is
-    left out.
+    skipped.
 
     Raises ValueError as by `camera_motion`.
     """
@@ -193,7 +193,7 @@ def _scaled_residuals(
 
 
 def _sign(t: Floats, turn: Floats, d: Floats, e: Floats) -> int:
-    """Which of t and −t puts more points in front: from there they move away from it."""
+    """Sign of t that puts more points in front: from there they move away from it."""
     left = Rotation.from_rotvec(turn).apply(e) - d
     away = (d @ t)[:, np.newaxis] * d - t
     return 1 if np.sum(np.sign(np.sum(left * away, axis=1))) >= 0 else -1
@@ -253,7 +253,7 @@ def likely_camera_motion(counts: Frames, camera: Camera) -> CameraMotion:
 
 @dataclass(frozen=True)
 class _Search:
-    """What does not change while the motion is looked for."""
+    """Everything that does not change while the motion is looked for."""
 
     camera: Camera
     level: Level
@@ -371,7 +371,7 @@ class _Search:
         )
 
     def _places(self, heading: Floats, near: Floats, time: float, turn: Floats) -> Floats:
-        """Where at a time is seen what the frame of reference shows at its pixels, (2, H, W)."""
+        """Places (2, H, W) at a time of what the frame of reference shows at its pixels."""
         points = self.seen - time * near[..., np.newaxis] * heading
         turned = Rotation.from_rotvec(-turn).apply(points.reshape(-1, 3))
         image = self.camera.project(turned.reshape(points.shape)) - 0.5

@@ -58,10 +58,7 @@ class WideField:
 
         Raises ValueError when they have another shape than those of the fit.
 
-        Parameters
-        ----------
-        answers : (T, ...)
-            From the detector that the filter was fitted to, on the same frame size.
+        `answers` (T, ...): from the detector that the filter was fitted to, on the same frame size.
         """
         if answers.shape[1:] != self.slopes.shape:
             raise ValueError(
@@ -165,7 +162,7 @@ def _drawn_to_typical(variances: Floats, known: NDArray[np.bool_]) -> Floats:
 
 @dataclass(frozen=True)
 class RotationError:
-    """How well a detector's answers give the yaw rate (deg/s, positive to the right)."""
+    """Error of the yaw rate by a detector's responses (deg/s, positive to the right)."""
 
     true_deg_s: float
     """Root mean square of the true rate over the frames tried"""

@@ -1,1 +1,1 @@
-"""How good a response is: against itself, against the truth, against the physical limit."""
+"""Errors of responses: against itself, against the truth, against the physical limit."""

@@ -286,12 +286,8 @@ class DenseErrors:
 
         Raises ValueError when shapes differ, or no pixel has a flow.
 
-        Parameters
-        ----------
-        flow, truth : (H, W, 2)
-            px per frame, NaN where undefined.
-        occluded : (H, W), optional
-            Pixels that are not seen in the next frame; without it none counts as occluded.
+        `flow`, `truth` (H, W, 2): px per frame, NaN where undefined; `occluded` (H, W): pixels that
+        are not seen in the next frame; without it none counts as occluded.
         """
         if flow.shape != truth.shape:
             raise ValueError(
@@ -335,7 +331,7 @@ class DenseErrors:
 
 
 def _measures(found: Floats, true: Floats) -> Floats:
-    """What is averaged over pixels, (measures, pixels)."""
+    """Measures that are averaged over pixels, (measures, pixels)."""
     missing = np.asarray(~np.isfinite(found).all(axis=-1))
     found = np.where(missing[:, np.newaxis], 0.0, found)
     epe = np.hypot(*(found - true).T)

@@ -93,7 +93,6 @@ def threshold(
 
     Parameters
     ----------
-    measured
     level : float
         0.25 for N_2b.
     rng
@@ -213,7 +212,7 @@ def _reader() -> TypeAdapter[ErrorCurve]:
 
 
 class Asked(Protocol):
-    """What thresholds are wanted."""
+    """Thresholds that are wanted."""
 
     @property
     def bits(self) -> tuple[int, ...]:

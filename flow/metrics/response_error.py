@@ -1,4 +1,4 @@
-"""How far the response to photon counts is from the response to the noise-free sequence.
+"""Distance of the response to photon counts from that to the noise-free sequence.
 
 Thesis Eq. 4.5, on the pixels or blocks that a detector scores (`Detector.scored`):
 

@@ -190,7 +190,6 @@ def unknown_texture_photons(
         As for `unknown_texture_information`.
     speed : float
         px per frame.
-    level : float
 
     Returns
     -------
@@ -232,7 +231,7 @@ def confined_velocities(
 
     `detector`: any that gives velocities; its parameters for blocks and search are replaced;
     `frames` (T, H, W): counts; of them, the last `memory_frames` + 1 are used; `grid`: blocks of
-    the frames; those at the border are left out; `margin_px`: from 1 to the side of a block.
+    the frames; those at the border are skipped; `margin_px`: from 1 to the side of a block.
     Returns (rows − 2, columns − 2, 2), px per frame.
 
     Raises ValueError when the margin is not of that range.
@@ -267,21 +266,10 @@ def photons_for_half(
     error falls in steps, is interpolated linearly over log flux: about its half a share is
     straight. The interval is that of a bootstrap over groups, the same at all fluxes tried.
 
-    Parameters
-    ----------
-    is_good
-        Flux to one truth value per block, (groups, ...); the same blocks at each flux. Groups are
-        independent of each other, the blocks of one need not be.
-    fluxes
-        Growing; two or more.
-    rng
-        For the interval.
-
-    Returns
-    -------
-    MedianPhotons
-        Infinite when no more than half are good at the largest flux; 0 when more than half are at
-        the smallest.
+    `is_good`: flux to one truth value per block, (groups, ...); the same blocks at each flux.
+    Groups are independent of each other, the blocks of one need not be. `fluxes`: growing; two or
+    more. `rng`: for the interval. Returns infinite when no more than half are good at the largest
+    flux; 0 when more than half are at the smallest.
     """
     tried: dict[int, Floats] = {}
 

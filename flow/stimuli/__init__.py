@@ -1,1 +1,1 @@
-"""What detectors are shown: moving templates, sizes, photons."""
+"""Stimuli of detectors: moving templates, sizes, photons."""

@@ -79,7 +79,7 @@ class MovingLayers:
 
 @dataclass(frozen=True)
 class PanningView:
-    """What a turning camera sees of a panorama."""
+    """View of a turning camera in a panorama."""
 
     panorama: Floats
     """(rows, columns), light of any unit; column m follows column 0"""

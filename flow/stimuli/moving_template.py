@@ -19,7 +19,7 @@ from megalopta.flow.stimuli.resizing import ResizeKind, resize, resized_shape
 
 @dataclass(frozen=True)
 class MovingTemplate:
-    """What a turning camera sees, frame by frame."""
+    """View of a turning camera, frame by frame."""
 
     template: Floats
     """(rows, columns), light of any unit; columns at least as many as rows"""
@@ -62,11 +62,7 @@ class MovingTemplate:
 
         Raises BlackFrameError when a frame is black.
 
-        Parameters
-        ----------
-        shift_px : int
-            Columns by which the template is shifted in the first of them.
-        count : int
+        `shift_px`: columns by which the template is shifted in the first of them.
         """
         rows, columns = self.template.shape
         starts = -(shift_px + self.velocity_px * np.arange(count)) % columns

@@ -1,4 +1,4 @@
-"""What scales a clean sequence to a photon flux, and photon counts drawn from mean counts.
+"""Photon counts: clean sequences scaled to a flux, and counts drawn from mean counts.
 
 Thesis §4.2: mean counts λ = F·I/ΣI + dark counts, counts ~ Poisson(λ), with the flux F in photons
 per frame. ΣI is the sum over the frame itself, as in the thesis (`per_frame`), or its mean over the
@@ -90,32 +90,26 @@ def draw_counts(means: Floats, seed: int, *key: str | int, first_frame: int = 0)
             f"means from {means.min():g} to {largest:g}: give mean counts from 0 to"
             f" {_LARGEST_MEAN:g}"
         )
-    counts = np.empty(means.shape, _type_for(float(largest)))
-    for index, mean in enumerate(means):
-        rng = generator(seed, "photons", *key, first_frame + index)
-        _fill(rng, mean, 0.0, 1.0, counts[index])
-    return counts
+    frames = enumerate(means, first_frame)
+    brightest = float(largest)
+    return np.stack([draw_in_one(mean, 1.0, 0.0, brightest, seed, *key, at) for at, mean in frames])
 
 
 def draw_in_one(
-    light: Floats,
-    flux: float,
-    dark_counts: float,
-    seed: int,
-    *key: str | int,
-    brightest: float | None = None,
+    light: Floats, flux: float, dark_counts: float, brightest: float, seed: int, *key: str | int
 ) -> Counts:
     """Return counts of means flux·light + dark_counts, from one random stream, as `draw_counts`.
 
-    Of fewer frames they are the first of those of more.
-
-    `light` (n, H, W): finite, 0 or more: unchecked; `flux`: photons per unit of light, above 0;
-    `dark_counts`: per pixel; `seed`, `*key`: as for `draw_counts`; `brightest`: what no light
-    exceeds, if it is known.
+    Of fewer frames they are the first of those of more. The light, of any shape, is finite and 0 or
+    more, and never above the brightest: unchecked.
     """
-    most = (float(light.max()) if brightest is None else brightest) * flux + dark_counts
-    counts = np.empty(light.shape, _type_for(most))
-    _fill(generator(seed, "photons", *key, 0), light, dark_counts / flux, flux, counts)
+    most = brightest * flux + dark_counts
+    # beyond 40 deviations is less than 10⁻²⁰⁰
+    counts = np.empty(light.shape, _type_of(most + 40 * math.sqrt(most) + 100))
+    largest = min(int(np.iinfo(counts.dtype).max), int(np.iinfo(np.int64).max))
+    streams = poisson_streams(generator(seed, "photons", *key))
+    dark = np.array([dark_counts / flux])
+    fill_poisson(streams, light.ravel(), dark, flux, counts.reshape(-1), largest)
     return counts
 
 
@@ -127,16 +121,3 @@ def narrowest(counts: NDArray[np.integer[Any]]) -> Counts:
 def _type_of(largest: float) -> type[np.unsignedinteger[Any]]:
     kinds = (np.uint16, np.uint32)
     return next((kind for kind in kinds if largest <= np.iinfo(kind).max), np.uint64)
-
-
-def _type_for(largest_mean: float) -> type[np.unsignedinteger[Any]]:
-    """Return the type that holds all counts: beyond 40 deviations is less than 10⁻²⁰⁰."""
-    return _type_of(largest_mean + 40 * math.sqrt(largest_mean) + 100)
-
-
-def _fill(
-    rng: np.random.Generator, light: Floats, more: float, factor: float, counts: Counts
-) -> None:
-    most = min(int(np.iinfo(counts.dtype).max), int(np.iinfo(np.int64).max))
-    rates = light.ravel(), np.array([more]), factor
-    fill_poisson(poisson_streams(rng), *rates, counts.reshape(-1), most)

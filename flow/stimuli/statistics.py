@@ -41,7 +41,7 @@ _DARKEST = 1e-4
 
 @dataclass(frozen=True)
 class ImageStatistics:
-    """What a template looks like in numbers."""
+    """Statistics of a template."""
 
     contrast: float
     """Standard deviation over the mean"""
@@ -100,7 +100,7 @@ def ring_means(power: Floats, columns: int) -> tuple[Floats, Floats]:
 
 @dataclass(frozen=True)
 class LogStatistics:
-    """Of the natural logarithm of light."""
+    """Statistics of the natural logarithm of light."""
 
     contrast: float
     """Standard deviation"""

@@ -1,1 +1,1 @@
-"""What dark, flat and stepped-exposure recordings tell of a device: one estimator a file."""
+"""Estimates of a device from dark, flat and stepped-exposure recordings, and corrected frames."""

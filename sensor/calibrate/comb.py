@@ -96,7 +96,7 @@ class CombFit(NamedTuple):
     noise_v: Floats
     """(P,) read noise and rounding together."""
     counts: Floats
-    """(levels, P) sums of events over all frames; 0 where the level was left out."""
+    """(levels, P) sums of events over all frames; 0 where the level is not used."""
     readings: Floats
     """(P,) readings behind the noise."""
     curve: Curve
@@ -172,7 +172,7 @@ def _powers(
 
 
 class _Readings(NamedTuple):
-    """How often each pixel showed each fall, (E,).
+    """Falls of pixels, and how often each was seen, (E,).
 
     Weights and numbers of events below are (k, E): of each reading, k numbers that it may stand
     for.
@@ -186,7 +186,7 @@ class _Readings(NamedTuple):
     means: Floats
     """(levels, P) mean falls"""
     fewest: int
-    """Readings of fewer events are left out of the line."""
+    """Readings of fewer events do not count for the line."""
 
     def at(self, chosen: Mask) -> "_Readings":
         return self._replace(**{name: getattr(self, name)[chosen] for name in self._fields[:5]})
@@ -238,16 +238,14 @@ class _State(NamedTuple):
         return np.asarray(readings.fall - sum(column * value for column, value in parts))
 
 
-def fit_comb(
-    falls: Falls, exposure_s: Floats, step_v: Floats, offset_v: Floats, swing_v: float
-) -> CombFit:
+def fit_comb(falls: Falls, step_v: Floats, offset_v: Floats, swing_v: float) -> CombFit:
     """Fit the comb of each pixel from steps and offsets that are nearly right, each (P,) in V."""
     readings = _Readings(
         falls.level,
         falls.pixel,
         falls.fall_v,
         falls.times,
-        exposure_s[falls.level],
+        falls.exposure_s[falls.level],
         falls.mean_v,
         int(falls.is_cut),
     )

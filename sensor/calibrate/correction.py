@@ -250,11 +250,9 @@ def simulated_calibration(
 
     Parameters
     ----------
-    sensor : Sensor
     shape : (rows, columns)
     frames : int
         Of each kind.
-    seed : int
     hot_times : float
         As for `calibrate`.
     """

@@ -24,7 +24,7 @@ _LOUDEST = 2.0
 _SURELY = 5.0
 _CLEAR_OF_END = 2.0
 _SURE_OFFSET = 0.2
-"""Standard error of the offset, in steps, above which teeth cannot be told apart."""
+"""Standard error of the offset, in steps, above which teeth cannot be distinguished."""
 _CLEAR_KIND = 6.0
 """Logarithm of the ratio of likelihoods above which the kind of dead time is named."""
 
@@ -56,7 +56,7 @@ class Estimate:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Device:
-    """What recordings tell of a device."""
+    """Estimates of a device, and what they rest on."""
 
     offset_v: Estimate
     """Fall of the output below the top of the ADC without events or leak: positive lowers it, as
@@ -79,7 +79,7 @@ class Device:
     hot: Mask
     """(rows, columns)"""
     method: str
-    """How steps were found: "comb" or "photon transfer\""""
+    """By which steps were found, "comb" or "photon transfer" """
     counts: MeanCounts
     """Behind the saturation curve"""
     falls: Falls
@@ -90,7 +90,7 @@ class Device:
 
     @property
     def is_slope_seen(self) -> bool:
-        """Whether the step changes over the swing, beyond 3 standard errors."""
+        """True where the step changes over the swing, beyond 3 standard errors."""
         return abs(self.curve.slope) > 3 * self.slope_error
 
     @property
@@ -113,8 +113,6 @@ class _Recorded(NamedTuple):
     adc: Adc
     hot_times: float
     falls: Falls
-    exposure_s: Floats
-    light_hz: Floats
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -128,7 +126,8 @@ class _Recorded(NamedTuple):
         ]
 
     def mean_counts(self, mean: Floats, noise: Floats | float = 0.0) -> MeanCounts:
-        return MeanCounts(mean, self.falls.frames, self.exposure_s, self.light_hz, noise)
+        falls = self.falls
+        return MeanCounts(mean, falls.frames, falls.exposure_s, falls.light_hz, noise)
 
     def hot(self, dark: Estimate) -> Mask:
         return np.asarray(dark.low > self.hot_times * float(np.nanmedian(dark.value)))
@@ -141,7 +140,6 @@ def calibrate_device(levels: Sequence[Level], adc: Adc, *, hot_times: float = 10
     ----------
     levels : sequence of Level
         Dark frames of three exposures or more; flat frames of two lights or more, or none.
-    adc : Adc
     hot_times : float
         Pixels surely above so many times the median dark counts are hot.
 
@@ -149,24 +147,22 @@ def calibrate_device(levels: Sequence[Level], adc: Adc, *, hot_times: float = 10
     dark exposure is too long to tell where no count lies.
     """
     check_levels(levels, adc)
-    exposure = np.array([level.exposure_s for level in levels])
-    light = np.array([level.light_hz for level in levels])
     falls = falls_of(levels, adc)
-    recorded = _Recorded(levels, adc, hot_times, falls, exposure, light)
-    transfer = photon_transfer(falls, exposure, light)
+    recorded = _Recorded(levels, adc, hot_times, falls)
+    transfer = photon_transfer(falls)
     step, noise = _comb(falls, transfer, adc)
     # outputs that the ADC cuts off look like a tooth: the variance knows better
     louder = np.maximum(noise, np.sqrt(transfer.read_variance_v2) / transfer.step_v)
     if np.median(louder) > HIDDEN_AT:
         clear = _CLEAR_OF_END if falls.is_cut else 0.0
-        transfer = photon_transfer(falls, exposure, light, above_noise=clear)
+        transfer = photon_transfer(falls, above_noise=clear)
         return _without_comb(recorded, transfer)
     if np.median(transfer.offset_error_v / step) > _SURE_OFFSET:
         raise ValueError(
             "dark frames: the shortest exposure is too long to tell where no count lies; add "
             "shorter ones, with a few counts or none in a frame"
         )
-    fit = fit_comb(falls, exposure, step, transfer.offset_v, adc.swing_v)
+    fit = fit_comb(falls, step, transfer.offset_v, adc.swing_v)
     if np.median(fit.noise_v / fit.solution[:, 2]) > _LOUDEST * np.median(louder):
         raise ValueError(
             "the teeth of the comb cannot be followed through the swing, as where the step changes "
@@ -219,7 +215,7 @@ def _with_comb(recorded: _Recorded, fit: CombFit) -> Device:
 
 
 def _without_comb(recorded: _Recorded, transfer: PhotonTransfer) -> Device:
-    """From photon transfer alone: what leaks counts as dark counts."""
+    """A device from photon transfer alone: what leaks counts as dark counts."""
     falls, shape = recorded.falls, recorded.shape
     mean = (falls.mean_v - transfer.offset_v) / transfer.step_v
     counts = recorded.mean_counts(mean, transfer.read_variance_v2 / transfer.step_v**2)

@@ -31,7 +31,7 @@ class Level:
 
     @property
     def is_dark(self) -> bool:
-        """Whether there was no light."""
+        """True in the dark."""
         return self.light_hz == 0
 
     def __str__(self) -> str:
@@ -41,7 +41,7 @@ class Level:
 
 
 class Adc(NamedTuple):
-    """What turns codes into volts below the output after reset."""
+    """Converter of codes into volts below the output after reset."""
 
     lsb_v: float
     """Between two codes (V)."""
@@ -52,12 +52,12 @@ class Adc(NamedTuple):
 
     @property
     def swing_v(self) -> float:
-        """How far the output can fall (V)."""
+        """Largest fall of the output (V)."""
         return (self.top - self.bottom) * self.lsb_v
 
 
 class Falls(NamedTuple):
-    """How often (entry) a pixel at a level showed a fall of its output, and sums of that.
+    """Falls of outputs by level and pixel, how often each was seen (entry), and sums of that.
 
     Entries are (E,), maps (levels, pixels).
     """
@@ -67,9 +67,13 @@ class Falls(NamedTuple):
     fall_v: Floats
     times: Floats
     frames: Floats
-    """0 where a pixel came near its bottom and is left out."""
+    """0 where a pixel came near its bottom and is not used."""
     mean_v: Floats
     variance_v2: Floats
+    exposure_s: Floats
+    """(levels,)"""
+    light_hz: Floats
+    """(levels,)"""
     is_cut: bool
     """Whether any output was above what the ADC can read: the noise of readings of no count is cut
     off."""
@@ -85,7 +89,7 @@ class Falls(NamedTuple):
 
 
 def falls_of(levels: Sequence[Level], adc: Adc) -> Falls:
-    """Gather how the outputs fell; levels where a pixel may have met its bottom are left out."""
+    """Gather how the outputs fell; levels where a pixel may have met its bottom do not count."""
     pixels = levels[0].codes[0].size
     lowest = adc.top - _DEEPEST * (adc.top - adc.bottom)
     parts, maps = [], []
@@ -103,8 +107,10 @@ def falls_of(levels: Sequence[Level], adc: Adc) -> Falls:
     frames, mean, variance = (np.array(each, np.float64) for each in zip(*maps, strict=True))
     fall_v = (adc.top - code) * adc.lsb_v
     mean_v, variance_v2 = (adc.top - mean) * adc.lsb_v, variance * adc.lsb_v**2
+    exposure_s, light_hz = np.array([(level.exposure_s, level.light_hz) for level in levels]).T
     is_cut = bool(code.max(initial=0) >= np.rint(adc.top))
-    return Falls(level_of, pixel, fall_v, times.astype(float), frames, mean_v, variance_v2, is_cut)
+    entries = level_of, pixel, fall_v, times.astype(float)
+    return Falls(*entries, frames, mean_v, variance_v2, exposure_s, light_hz, is_cut)
 
 
 def check_levels(levels: Sequence[Level], adc: Adc) -> None:
@@ -128,7 +134,7 @@ def check_levels(levels: Sequence[Level], adc: Adc) -> None:
     if len(dark) < _FEWEST_DARK_EXPOSURES:
         raise ValueError(
             f"dark frames of {len(dark)} exposures; capture {_FEWEST_DARK_EXPOSURES} or more, so "
-            "that leak and dark counts can be told apart"
+            "that leak differs from dark counts"
         )
     if all(np.median(level.codes) <= adc.bottom for level in levels):
         raise ValueError("all levels are saturated; expose for less or lower the light")

@@ -37,7 +37,7 @@ class Kernel(NamedTuple):
     """Standard errors."""
     afterpulses: float
     """Mean number that an avalanche leaves, so far as they fall into the exposure; NaN: not
-    told."""
+    known."""
     afterpulses_error: float
 
     @property
@@ -47,18 +47,18 @@ class Kernel(NamedTuple):
 
     @property
     def is_seen(self) -> bool:
-        """Whether the nearest neighbors show crosstalk, beyond 3 standard errors."""
+        """True where the nearest neighbors show crosstalk, beyond 3 standard errors."""
         nearest = self.share[:2].sum()
         return bool(nearest > 3 * np.sqrt(np.square(self.error[:2]).sum()))
 
     @property
     def without_afterpulses(self) -> "Kernel":
-        """Of recordings that do not tell them."""
+        """The kernel of recordings that do not determine them."""
         return self._replace(afterpulses=np.nan, afterpulses_error=np.nan)
 
     @property
     def are_afterpulses_seen(self) -> bool:
-        """Whether there are afterpulses, beyond 3 standard errors."""
+        """True where there are afterpulses, beyond 3 standard errors."""
         return self.afterpulses > 3 * self.afterpulses_error
 
 
@@ -113,7 +113,7 @@ def _pairs(
     weight = np.where(both & (noise > 0), total / np.where(noise > 0, noise, 1), 0)
     norm = float((weight * total).sum())
     if both.sum() < 2 or not norm > 0:
-        raise ValueError("crosstalk: too few good pixels side by side; none can be told")
+        raise ValueError("crosstalk: too few good pixels side by side; it cannot be estimated")
     error = float(np.sqrt((weight**2 * noise).sum())) / norm
     return float((weight * covariance).sum()) / norm, error
 

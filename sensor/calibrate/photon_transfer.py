@@ -21,6 +21,8 @@ from megalopta.core.arrays import Floats
 from megalopta.sensor.calibrate.level import Falls
 
 _ROUNDS = 6
+_DIMMEST = 3.0
+"""Levels with up to so many times the least light are used, and those in the dark."""
 
 
 class PhotonTransfer(NamedTuple):
@@ -34,24 +36,17 @@ class PhotonTransfer(NamedTuple):
     offset_error_v: Floats
 
 
-def photon_transfer(
-    falls: Falls,
-    exposure_s: Floats,
-    light_hz: Floats,
-    dimmest: float = 3.0,
-    above_noise: float = 0.0,
-) -> PhotonTransfer:
+def photon_transfer(falls: Falls, above_noise: float = 0.0) -> PhotonTransfer:
     """Fit variance over mean, and mean over exposure in the dark.
 
-    `exposure_s`, `light_hz` (levels,); `dimmest`: levels with up to so many times the least light
-    are used, and those in the dark; `above_noise`: levels whose fall is below so many standard
-    deviations are left out: the ADC may cut off part of their readings.
+    Levels whose fall is below so many standard deviations are not used: the ADC may cut off part
+    of their readings.
     """
-    lit = light_hz[light_hz > 0]
-    is_dim = light_hz <= dimmest * lit.min(initial=np.inf)
+    light_hz = falls.light_hz
+    is_dim = light_hz <= _DIMMEST * light_hz[light_hz > 0].min(initial=np.inf)
     used = (falls.frames > 0) & is_dim[:, None]
     used &= falls.mean_v >= above_noise * np.sqrt(falls.variance_v2)
-    offset, offset_error = _intercept(falls, exposure_s, used & (light_hz == 0)[:, None])
+    offset, offset_error = _intercept(falls, used & (light_hz == 0)[:, None])
     columns = np.stack([np.ones_like(falls.mean_v), falls.mean_v - offset], axis=-1)
     scale = np.abs(columns).max(axis=0, keepdims=True) + 1e-30
     floor = 1e-3 * float(np.median(falls.variance_v2)) + 1e-18
@@ -66,12 +61,12 @@ def photon_transfer(
     return PhotonTransfer(solution[:, 1], error, solution[:, 0].clip(0), offset, offset_error)
 
 
-def _intercept(falls: Falls, exposure_s: Floats, used: NDArray[np.bool_]) -> tuple[Floats, Floats]:
+def _intercept(falls: Falls, used: NDArray[np.bool_]) -> tuple[Floats, Floats]:
     """Fall at no exposure in the dark, and its standard error."""
     variance = falls.variance_v2 / np.maximum(falls.frames, 1) + 1e-18
     weight = np.where(used, 1 / variance, 0)
-    times = np.broadcast_to(exposure_s[:, None], falls.mean_v.shape)
-    columns = np.stack([np.ones_like(times), times / exposure_s.max()], axis=-1)
+    times = np.broadcast_to(falls.exposure_s[:, None], falls.mean_v.shape)
+    columns = np.stack([np.ones_like(times), times / times.max()], axis=-1)
     solution, covariance = _least_squares(columns, falls.mean_v, weight)
     return solution[:, 0], np.sqrt(covariance[:, 0, 0])
 

@@ -1,4 +1,4 @@
-"""Whether an image was read out in another order: turned, mirrored, or with its rows swapped.
+"""Order in which an image was read out: turned, mirrored, or with its rows swapped.
 
 The pattern of a device is its fingerprint. Spearman's rank correlation of two maps says whether a
 pixel that is bright in one is bright in the other; it does not mind gain, offset and hot pixels. Of
@@ -30,7 +30,7 @@ _SYMMETRIES = {
 
 
 class Arrangement(NamedTuple):
-    """How a map must be rearranged to be like another one."""
+    """Rearrangement by which a map is like another one."""
 
     name: str
     correlation: float
@@ -42,7 +42,7 @@ class Arrangement(NamedTuple):
 
     @property
     def is_other(self) -> bool:
-        """Whether anything is swapped."""
+        """True where anything is swapped."""
         return self.name != "as it is"
 
 

@@ -1,4 +1,4 @@
-"""What blocks of frames say of a device: quantities that do not mix, spectra, and of a scene.
+"""Quantities of a device that do not mix, by blocks of frames; of a scene; and spectra.
 
     gain          variance over mean of dark and dim counts: 1 where a count is an event
     crosstalk     neighbors that an event fires: covariance over mean and gain
@@ -51,7 +51,7 @@ class CountedFrames:
 
     @property
     def is_dark(self) -> bool:
-        """Whether there was no light."""
+        """True in the dark."""
         return self.light_hz == 0
 
     @property
@@ -212,7 +212,7 @@ def _mean(counts: Floats, light: Floats) -> float:
 
 
 def _slope(counts: Floats, light: Floats) -> float:
-    """Of counts over light, by least squares."""
+    """Slope of counts over light, by least squares."""
     apart = light - light.mean()
     return float((apart * counts).sum() / max((apart**2).sum(), 1e-300))
 

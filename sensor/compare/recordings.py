@@ -45,7 +45,7 @@ _FEWEST_FRAMES = 3 * BLOCKS
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """How two recordings differ."""
+    """Differences of two recordings."""
 
     arrangement: Arrangement
     """In which order the captured pixels are"""
@@ -71,7 +71,7 @@ class Comparison:
 
     @property
     def alarms(self) -> tuple[str, ...]:
-        """Everything that differs beyond chance, in words."""
+        """Sentences on everything that differs beyond chance."""
         found = []
         if self.arrangement.is_other:
             found.append(f"the captured image is {self.arrangement.name}")
@@ -86,7 +86,7 @@ class Comparison:
 
     @property
     def sentence(self) -> str:
-        """What differs and by how much."""
+        """Summary: what differs and by how much."""
         if self.arrangement.is_other:
             return (
                 f"The captured image is {self.arrangement.name}: rank correlation "
@@ -119,18 +119,11 @@ def compare_recordings(
 
     Raises ValueError when levels are not of the same shape, or have too few frames.
 
-    Parameters
-    ----------
-    captured, expected : sequences of CountedFrames
-        The same levels in the same order; numbers of frames may differ.
-    kind : "paralyzable" or "nonparalyzable"
-        Dead time of the device.
-    margin : float
-        Relative difference that does not matter.
-    false_alarms : float
-        Share of comparisons of a device with itself that may raise an alarm.
-    errors : sequence of (rows, columns), optional
-        Standard errors of the expected mean counts of each level, where these are a calibration's.
+    `captured`, `expected` sequences of CountedFrames: the same levels in the same order; numbers of
+    frames may differ; `kind`: dead time of the device; `margin`: relative difference that does not
+    matter; `false_alarms`: share of comparisons of a device with itself that may raise an alarm;
+    `errors` sequence of (rows, columns): standard errors of the expected mean counts of each level,
+    where these are a calibration's.
     """
     _check(captured, expected)
     pairs = list(zip(captured, expected, strict=True))
@@ -186,7 +179,7 @@ def _check(captured: Sequence[CountedFrames], expected: Sequence[CountedFrames])
 
 
 def _arrangement(pairs: Sequence[tuple[CountedFrames, CountedFrames]]) -> Arrangement:
-    """Of the level that shows the pattern best: the one of the most counts."""
+    """Arrangement by the level that shows the pattern best, the one of the most counts."""
     one, other = max(pairs, key=lambda each: float(each[1].counts.sum()) * each[1].is_dark)
     return arrangement(one.counts.mean(axis=0), other.counts.mean(axis=0))
 

@@ -173,7 +173,7 @@ def _chi_square_p(seen: Floats, totals: Floats) -> Floats:
 
 
 class Quantity(NamedTuple):
-    """What is compared."""
+    """Name and unit of what is compared."""
 
     name: str
     unit: str = ""
@@ -201,12 +201,12 @@ class Difference(NamedTuple):
 
     @property
     def size(self) -> float:
-        """How large it is, either way: the logarithm of the ratio."""
+        """Size either way: the absolute logarithm of the ratio."""
         return abs(float(np.log(max(1 + self.relative, 1e-6))))
 
     @property
     def base(self) -> str:
-        """What the difference is a share of, where that is not the expected value; else empty."""
+        """Reference of the relative difference, where not the expected value; else empty."""
         return f" of {self.scale:.2g}" if self.scale > abs(self.expected) else ""
 
     def __str__(self) -> str:

@@ -1,4 +1,4 @@
-"""What sets the diode's bias, and how close to zero it can get.
+"""The bias of the diode: what sets it, and how close to zero it can get.
 
 Non-adaptive (Fig. 3.1a): a digital-to-analog converter holds the anode, the amplifier's reference
 V_P and its offset the cathode, so the reverse bias is V_P + offset − code·LSB, 0.81 mV a step.

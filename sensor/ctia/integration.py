@@ -1,4 +1,4 @@
-"""How a CTIA pixel discharges: integration on a capacitor with an amplifier of finite gain.
+"""Discharge of a CTIA pixel: integration on a capacitor with an amplifier of finite gain.
 
     C·ds/dt = I_ph + I_dark(v)            s = V_out(0) − V_out, the discharge
     v = v_0 + drift·t + s/A               reverse bias of the diode; A: open-loop gain
@@ -73,7 +73,7 @@ def gain_from_db(gain_db: Reals) -> Floats:
 
 
 def discharge(pixel: Pixel, photocurrent_a: Reals, time_s: Reals) -> Floats:
-    """How far the output has come down after a time, V, of any shape, between 0 and the swing.
+    """Return how far the output has come down after a time, V, of any shape, up to the swing.
 
     `photocurrent_a`: A, not negative; `time_s`: since reset.
     """
@@ -194,7 +194,7 @@ def _runge_kutta(pixel: Pixel, photocurrent_a: Floats, bias: Floats, elapsed: Fl
 
 
 def _bias_hardly_moves(pixel: Pixel, bias: Floats, elapsed: Floats) -> NDArray[np.bool_]:
-    """Where the law of the diode is so straight over the bias covered that one step is enough."""
+    """True where the diode's law is so straight over the bias covered that one step is enough."""
     diode, gain = pixel.diode, np.asarray(pixel.gain, np.float64)
     junction = diode.saturation_current_a / diode.slope_v * np.exp(-bias / diode.slope_v)
     conductance = np.asarray(pixel.dark_scale) * (junction + diode.shunt_s)

@@ -62,7 +62,7 @@ class CtiaSensor(PixelOptics, frozen=True):
     """An array of photodiodes, each with a CTIA, behind a lens."""
 
     unit: ClassVar[str] = "electrons"
-    """What its readings are in, where they stand beside those of other sensors."""
+    """Unit of its readings, where they are compared with those of other sensors."""
 
     kind: Literal["ctia"] = "ctia"
     """Names this kind of image sensor."""

@@ -29,7 +29,7 @@ from megalopta.sensor.ctia.photodiode import (
 class CtiaNoise(
     BaseModel, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
 ):
-    """Which noise a CTIA reading has."""
+    """Terms of noise of a CTIA reading."""
 
     photon_shot: bool = True
     """Whether photoelectrons arrive by chance."""

@@ -6,7 +6,7 @@ frame and time stamp. `starts` is the number of each frame's first event, int64,
 shaken by jitter may lie outside of its frame. A time stamp is rounded to a picosecond, far below
 the jitter of any SPAD.
 
-HDF5: group `events` with `t`, `x`, `y` and `p`, which is 1 for every event and takes no room, as
+HDF5: group `events` with `t`, `x`, `y` and `p`, which is 1 for every event and takes no space, as
 nothing but its fill value is written; `frame_start` for `starts`; what the frames were, in the
 attributes. Checksums of data (Fletcher) and of structure (HDF5 1.10) betray damage.
 
@@ -17,7 +17,7 @@ as JSON. Uncompressed, never pickled.
 import json
 import zipfile
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import AbstractContextManager, ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
@@ -34,7 +34,6 @@ from megalopta.sensor.event_stream import Events
 from megalopta.sensor.formats.recorded_frames import file_bytes, one_line
 
 Column: TypeAlias = NDArray[np.integer[Any]]
-EventWriter: TypeAlias = AbstractContextManager[Callable[[Events], None]]
 
 HDF5_SIGNATURE: Final = b"\x89HDF\r\n\x1a\n"
 NPZ_SIGNATURE: Final = b"PK\x03\x04"
@@ -291,7 +290,7 @@ def _dataset(file: h5py.File, name: str, dtype: str) -> h5py.Dataset:
 
 
 def _dataset_in(file: h5py.File, name: str, dtype: str, size: int) -> Column:
-    """Numbers of a file, if they are in it, of their type and no more than it can hold."""
+    """Numbers of a file, if they are in it, of their type and within its size."""
     if not isinstance(file.get(name, getlink=True), h5py.HardLink):
         raise ValueError(f"{name} is missing, or in another file")
     found = file[name]

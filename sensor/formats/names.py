@@ -24,7 +24,7 @@ _SUFFIXES: Mapping[ProductName, str] = {
 
 
 def product_path(counts: Path, product: ProductName) -> Path:
-    """Where a product lies, given the path of the counts, which ends in `.zarr`."""
+    """Return where a product lies, given the path of the counts, which ends in `.zarr`."""
     return counts.with_name(counts.name.removesuffix(".zarr") + _SUFFIXES[product])
 
 

@@ -38,7 +38,7 @@ _IDENTITY = struct.Struct("<BBBBHH16s32s")
 
 
 class Kind(IntEnum):
-    """What a packet is; from 16 on, what the host sends."""
+    """Kinds of packets; from 16 on, what the host sends."""
 
     FRAME = 1
     IDENTITY = 2
@@ -166,7 +166,7 @@ def _checked(content: bytes) -> bytes:
 
 
 class Settings(NamedTuple):
-    """What the camera works with; reply to every command that sets something."""
+    """Settings that the camera works with; reply to every command that sets something."""
 
     exposure_us: int = 50_000
     frame_rate_mhz: int = 10_000
@@ -187,7 +187,7 @@ class Settings(NamedTuple):
 
     @property
     def are_possible(self) -> bool:
-        """Whether a frame is exposed before the next begins, and codes and rows exist."""
+        """True where a frame is exposed before the next begins, and codes and rows exist."""
         return (
             self.frame_rate_mhz > 0
             and 0 < self.exposure_us <= self.period_us

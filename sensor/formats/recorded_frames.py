@@ -1,4 +1,4 @@
-"""What every reader of frames returns, and how a recorded file is opened."""
+"""Frames as every reader returns them, and recorded files as they are opened."""
 
 import sys
 from dataclasses import dataclass

@@ -54,7 +54,7 @@ def tiff_writer(
 def read_tiff(path: Path, frames: slice) -> RecordedFrames:
     """Read the first stack of a file, (T, H, W); raises as `read_frames`."""
     size = file_bytes(path).size
-    logging.getLogger("tifffile").setLevel(logging.CRITICAL)  # it reports what is told here
+    logging.getLogger("tifffile").setLevel(logging.CRITICAL)  # it reports what the errors here say
     try:
         with tifffile.TiffFile(path) as file:
             stack = file.series[0]

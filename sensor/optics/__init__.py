@@ -1,1 +1,1 @@
-"""From radiance to photons on a pixel, and how many of them are detected."""
+"""Optics: from radiance to photons on a pixel, and how many of them are detected."""

@@ -1,4 +1,4 @@
-"""How many of the photons on the active area are detected: photon detection probability (PDP).
+"""Photon detection probability (PDP): the share of photons on the active area that are detected.
 
 The photon detection efficiency (PDE), of the photons on the whole pixel, is PDP times fill factor.
 A tabulated curve with straight lines between its points; a band's PDP is the mean over its photons,
@@ -52,7 +52,7 @@ class Efficiency(WavelengthCurve, Effect, frozen=True):
 
     @property
     def is_on(self) -> bool:
-        """Whether a photon may be missed."""
+        """True where a photon may be missed."""
         return min(self.values) < 1
 
     @classmethod

@@ -1,4 +1,4 @@
-"""From the radiance of a scene to the photons on the die.
+"""The lens: from the radiance of a scene to the photons on the die.
 
 An object at infinity of spectral radiance L, seen through a lens of f-number N and transmission T,
 gives on the die the irradiance
@@ -7,7 +7,7 @@ gives on the die the irradiance
 
 and photons arrive at ∫ E(λ)·λ/(h·c) dλ per second and square meter. Radiance is known as its mean
 over each band; inside a band the spectrum is taken as flat, for which the integral is exact. The
-falloff is off unless the lens is told the horizontal field of view of the camera: a rendered
+falloff is off unless the lens knows the horizontal field of view of the camera: a rendered
 pinhole image has no vignetting of its own. Source, check figure and limits: `docs/theory/light.md`.
 """
 

@@ -1,4 +1,4 @@
-"""From the radiance of a scene to the photons that the pixels of any image sensor detect."""
+"""Pixels of any image sensor: from the radiance of a scene to the photons that they detect."""
 
 from typing import Annotated, Self
 
@@ -25,7 +25,7 @@ BLUR_PX = 0.5, 100.0
 class PixelOptics(
     BaseModel, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
 ):
-    """What image sensors of all kinds have: pixels of some size and efficiency behind a lens."""
+    """Image sensors of all kinds: pixels of some size and efficiency behind a lens."""
 
     kind: str
     """Names the kind of image sensor."""
