@@ -34,9 +34,6 @@ _SMALLEST_DIS_FRAME_PX = 12
 _FARNEBACK = {"pyr_scale": 0.5, "iterations": 3, "poly_n": 5, "poly_sigma": 1.1, "flags": 0}
 """A neighborhood of 5 px, and the width of its weights that OpenCV recommends for it"""
 
-_ONE_AT_A_TIME = Lock()
-"""The number of threads is one setting of the whole process."""
-
 _GRAY_LEVELS = 255
 """Farnebäck's regularization is an absolute number, made for 8-bit pictures."""
 _FADING = 0.5
@@ -154,16 +151,29 @@ class DenseInverseSearch(DenseDetector, frozen=True):
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """Keep OpenCV to one thread, of one caller at a time."""
+    """Keep OpenCV to the calling thread until the last block of all callers is left."""
     import cv2
 
-    with _ONE_AT_A_TIME:
-        before = cv2.getNumThreads()
-        cv2.setNumThreads(1)
-        try:
-            yield
-        finally:
-            cv2.setNumThreads(before)
+    with _Callers.lock:
+        if _Callers.inside == 0:
+            _Callers.threads_before = cv2.getNumThreads()
+            cv2.setNumThreads(1)
+        _Callers.inside += 1
+    try:
+        yield
+    finally:
+        with _Callers.lock:
+            _Callers.inside -= 1
+            if _Callers.inside == 0:
+                cv2.setNumThreads(_Callers.threads_before)
+
+
+class _Callers:
+    """Who counts on one thread: OpenCV's number of threads is one setting of the whole process."""
+
+    lock = Lock()
+    inside = 0
+    threads_before = 1
 
 
 class TotalVariation(DenseDetector, frozen=True):

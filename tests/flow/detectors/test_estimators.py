@@ -1,6 +1,7 @@
 """Today's estimators of OpenCV and scikit-image, on textures that drift by known fractions."""
 
 from concurrent.futures import ThreadPoolExecutor
+from threading import Barrier, Event
 
 import cv2
 import numpy as np
@@ -14,6 +15,7 @@ from megalopta.flow.detectors.libraries import (
     LucasKanade,
     PhaseCorrelation,
     TotalVariation,
+    one_thread,
 )
 from megalopta.flow.detectors.registry import METHODS
 
@@ -94,6 +96,28 @@ def three_threads():
 
 
 @pytest.mark.usefixtures("three_threads")
+def test_opencv_keeps_to_one_thread_until_the_last_of_two_callers_leaves():
+    first_left = Event()
+    both_inside = Barrier(2, timeout=10)
+
+    def first():
+        with one_thread():
+            both_inside.wait()
+        first_left.set()
+
+    def second():
+        with one_thread():
+            both_inside.wait()
+            assert first_left.wait(10)
+            return cv2.getNumThreads()
+
+    with ThreadPoolExecutor(2) as pool:
+        leaving, staying = pool.submit(first), pool.submit(second)
+        leaving.result()
+        assert staying.result() == 1
+    assert cv2.getNumThreads() == 3
+
+
 class _Recorded:
     """An estimator of OpenCV that notes how many threads it may use."""
 
