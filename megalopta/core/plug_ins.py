@@ -8,7 +8,7 @@ A package adds a detector by two lines in its pyproject.toml; the object may als
 Whatever is wrong with one is told in a sentence, and the rest goes on without it.
 """
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from importlib.metadata import entry_points
 from typing import Any, Protocol, TypeVar
 
@@ -40,7 +40,9 @@ def plug_ins(
     found: dict[str, AnyNamed] = {}
     for entry in sorted(entry_points(group=group), key=lambda each: (each.name, each.value)):
         try:
-            for each in map(made, _listed(entry.load())):
+            loaded = entry.load()
+            listed = loaded if isinstance(loaded, list | tuple) else [loaded]
+            for each in map(made, listed):
                 if each.name in {*taken, *found}:
                     raise ValueError(f"the name {each.name!r} is taken, choose another")
                 found[each.name] = each
@@ -48,7 +50,3 @@ def plug_ins(
             told = " ".join(str(problem).split())
             say(f"megalopta: {group}: plug-in {entry.name} ({entry.value}) is left out: {told}")
     return found
-
-
-def _listed(value: Any) -> Iterator[Any]:
-    yield from value if isinstance(value, list | tuple) else [value]

@@ -65,7 +65,9 @@ def make(
         failures = tree.read_failures()
         again = [index for index in sorted(failures) if index in range(whole.sequences)]
         wanted = again if retry else list(only) if only is not None else None
-        todo = _missing(tree, range(plan.sequences) if wanted is None else wanted)
+        there = set(tree.names())
+        asked = range(plan.sequences) if wanted is None else wanted
+        todo = [index for index in asked if sequence_name(index) not in there]
         try:
             _make_all(tree, plan, todo, failures, workers, scheduler)
         finally:
@@ -120,11 +122,6 @@ def _make_all(
                 say(f"sequence {sequence_name(outcome.index)} failed: {outcome.problem}")
                 tree.write_failures(failures)
             advance()
-
-
-def _missing(tree: Tree, indices: Iterable[int]) -> list[int]:
-    there = set(tree.names())
-    return [index for index in indices if sequence_name(index) not in there]
 
 
 def whole_plan(tree: Tree, plan: Plan) -> Plan:

@@ -12,7 +12,7 @@ from typing import Any
 
 from megalopta.config.model import Configuration, differences
 from megalopta.core import files
-from megalopta.core.errors import UserError
+from megalopta.core.errors import UserError, refused_as
 from megalopta.core.folders import locked
 from megalopta.core.progress import say
 from megalopta.dataset.store import (
@@ -124,11 +124,9 @@ def _remove_damaged(ledger: Ledger, name: str) -> None:
 
 def check_stage(name: str, configuration: Configuration, root: Path) -> None:
     """Refuse, with UserError, a configuration that a stage or this machine cannot serve."""
-    try:
-        refuse_absurd(configuration, name, root)
+    refuse_absurd(configuration, name, root)
+    with refused_as(name):
         STAGES[name].check(configuration)
-    except ValueError as problem:
-        raise UserError(f"{name}: {problem}") from None
 
 
 def _begin(

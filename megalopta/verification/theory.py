@@ -314,9 +314,10 @@ def check_correction(name: str, sensor: Sensor) -> Row:
     curve = calibration.curve
     brightest = float(curve.arrivals_of(np.array([0.7 * curve.largest]))[0][0])
     light = np.broadcast_to(brightest * np.linspace(0.4, 1, shape[1]), shape)
+    alike = changed(sensor, bias={"breakdown_sigma_v": 0.0})
     even = detection_rate(np.ones((1, *shape, 1)), [(440, 460)], sensor)[0]
     # what pixels detect of even light, by which `correct` divides
-    factor = even / detection_rate(np.ones((1, *shape, 1)), [(440, 460)], _alike(sensor))[0]
+    factor = even / detection_rate(np.ones((1, *shape, 1)), [(440, 460)], alike)[0]
     rate = np.broadcast_to(light * factor / sensor.exposure_s, (frames, *shape))
     exposure = expose_rate(rate, sensor, **_SEED)
     found = correct(exposure.counts, exposure.saturated, calibration)
@@ -332,10 +333,6 @@ def check_correction(name: str, sensor: Sensor) -> Row:
             exact_row(term, "drawn variance over stated", 1, drawn, 0.05),
         ]
     )
-
-
-def _alike(sensor: Sensor) -> Sensor:
-    return changed(sensor, bias={"breakdown_sigma_v": 0.0})
 
 
 def _corrected(kind: str, **counter: Any) -> Sensor:
