@@ -25,11 +25,11 @@ from megalopta.dataset.store import Dataset, hashes_of, refuse_others_folder
 from megalopta.flow.flo import read_flo
 from megalopta.flow.formats import write_flo5, write_kitti_png
 from megalopta.generation.jobs import run_jobs
-from megalopta.generation.staging import Staged, at_work, made_with
+from megalopta.generation.staging import Staged, at_work
 from megalopta.generation.statistics import sequence_statistics
 from megalopta.stages.ledger import Ledger
 from megalopta.stages.pipeline import check_stage, run_stage
-from megalopta.stages.registry import provenance_changes
+from megalopta.stages.registry import made_with, provenance_changes
 
 _COMPARED = 50
 """Sequences that are there of which the configuration is compared with the plan's."""
@@ -174,7 +174,7 @@ def make_sequence(root: Path, plan: Plan, index: int) -> None:
 
 def other_machinery(record: SequenceRecord, configuration: Configuration, *stages: str) -> str:
     """Return how stages of a finished sequence were made otherwise than here, or nothing."""
-    here = made_with(configuration)
+    here = made_with(MADE, configuration)
     found = {
         stage: provenance_changes(record.stages[stage].made_with, here[stage])
         for stage in stages or MADE

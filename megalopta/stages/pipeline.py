@@ -88,7 +88,8 @@ def _recorded(dataset: Dataset, names: Sequence[str]) -> Iterator[None]:
     try:
         yield
     except Exception:
-        if not any(Ledger(dataset).has(name) for name in names):
+        outputs = (path for name in names for path in STAGES[name].outputs(dataset))
+        if not any(path.exists() for path in outputs):
             if before is None:
                 files.remove(path)
                 files.remove(dataset.root / "timings.json")
