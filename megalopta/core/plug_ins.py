@@ -26,16 +26,10 @@ AnyNamed = TypeVar("AnyNamed", bound=_Named)
 def plug_ins(
     group: str, made: Callable[[Any], AnyNamed], taken: Iterable[str]
 ) -> dict[str, AnyNamed]:
-    """Return what the entry points of a group hold, by name.
+    """Return what the entry points of a group, such as "megalopta.detectors", hold, by name.
 
-    Parameters
-    ----------
-    group : str
-        Such as "megalopta.detectors".
-    made
-        What an entry point holds to what is wanted; refuses what it cannot use.
-    taken
-        Names that no plug-in may have.
+    `made` makes of what an entry point holds what is wanted, and refuses what it cannot use; no
+    plug-in may have one of the names that are `taken`.
     """
     found: dict[str, AnyNamed] = {}
     for entry in sorted(entry_points(group=group), key=lambda each: (each.name, each.value)):
