@@ -125,6 +125,7 @@ def _check(settings: Configuration) -> None:
 
 STAGE = Stage(
     name="benchmark",
+    command="benchmark photons",
     fields=("methods", "benchmark"),
     needs=("render",),
     outputs=lambda dataset: list(map(dataset.result, (*_RESULTS, "benchmark.csv", _PARTS))),
@@ -132,5 +133,4 @@ STAGE = Stage(
     model=_model,
     is_derived=True,
     check=_check,
-    verb="benchmark photons",
 )

@@ -218,6 +218,7 @@ def _check(settings: Configuration) -> None:
 
 STAGE = Stage(
     name="flow",
+    command="flow",
     fields=("methods", "flow"),
     needs=("render", "sense"),
     outputs=lambda dataset: [dataset.result("flow.json"), dataset.result("responses")],

@@ -341,6 +341,7 @@ def _machinery(settings: Configuration) -> dict[str, str]:
 
 STAGE = Stage(
     name="render",
+    command="render",
     fields=(
         *("name", "seed", "scene", "objects", "light", "camera", "trajectory"),
         *("shutter", "render"),

@@ -210,6 +210,7 @@ def _check(settings: Configuration) -> None:
 
 STAGE = Stage(
     name="sense",
+    command="sense",
     fields=(
         "light_levels",
         "sensors",
