@@ -104,15 +104,12 @@ def _pairs(options: Namespace) -> None:
     methods = options.methods.split(",") if options.methods else None
     errors = errors_of_pairs(pairs, options.photons, methods, draws)
     write_board(options.out, errors)
-    print(f"Errors of blocks of {BLOCK_PX} px over photons per pixel{_over(len(pairs))}:")
+    over = f", mean over {len(pairs)} pairs with 95 % over pairs" if len(pairs) > 1 else ""
+    print(f"Errors of blocks of {BLOCK_PX} px over photons per pixel{over}:")
     console = Console(width=_WIDTH)
     for table in _tables(errors):
         console.print(table)
     print(options.out)
-
-
-def _over(pairs: int) -> str:
-    return f", mean over {pairs} pairs with 95 % over pairs" if pairs > 1 else ""
 
 
 def _tables(board: "Board") -> "Iterator[Table]":

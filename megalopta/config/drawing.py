@@ -49,13 +49,14 @@ def _fixed(chosen: Mapping[str, float], place: float) -> Stream:
 
 def configuration_at(plan: Plan, index: int, at: Stream) -> Configuration:
     """Configuration of a sequence that is drawn by some stream."""
-    _, scene = _drawn(plan, "scenes", at)
+    scene = _drawn(plan, "scenes", at)
     fields = dict(scene) if isinstance(scene, Mapping) else {"preset": scene}
-    values = mapping(built_in_text(fields.pop("preset")), "preset")
+    preset = fields.pop("preset")
+    values = mapping(built_in_text(preset), "preset")
     values = merged(values, fields)
     for name, field in (("lights", "light"), ("cameras", "camera"), ("trajectories", "trajectory")):
         if getattr(plan, name):
-            _, chosen = _drawn(plan, name, at)
+            chosen = _drawn(plan, name, at)
             chosen = chosen if isinstance(chosen, Mapping) else {"level": chosen}
             values = merged(values, {field: chosen})
     values = merged(values, draw(plan.every, at, "every"))
@@ -64,7 +65,7 @@ def configuration_at(plan: Plan, index: int, at: Stream) -> Configuration:
     values["light_levels"] = draw(plan.light_levels, at, "light_levels")
     values["sensors"] = draw(plan.sensors, at, "sensors")
     values["products"] = list(plan.products)
-    made = validated(Configuration, values, f"sequence {index} ({_told(scene)})")
+    made = validated(Configuration, values, f"sequence {index} (scene {preset})")
     return repeated(made, plan.repeats)
 
 
@@ -94,11 +95,6 @@ def split_of(plan: Plan, index: int) -> str:
     return shares[-1][0]
 
 
-def _drawn(plan: Plan, name: str, at: Stream) -> tuple[int, Any]:
+def _drawn(plan: Plan, name: str, at: Stream) -> Any:
     index, entry = choose(list(getattr(plan, name)), at, name)
-    return index, draw(entry, at, f"{name}.{index}")
-
-
-def _told(scene: Any) -> str:
-    name = scene["preset"] if isinstance(scene, Mapping) else scene
-    return f"scene {name}"
+    return draw(entry, at, f"{name}.{index}")

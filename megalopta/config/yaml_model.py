@@ -11,7 +11,7 @@ from pydantic import BaseModel, ValidationError
 
 from megalopta.config.validation import one_sentence
 from megalopta.core import bounded, strict_yaml
-from megalopta.core.errors import UserError
+from megalopta.core.errors import UserError, refused_as
 
 Model = TypeVar("Model", bound=BaseModel)
 
@@ -88,7 +88,8 @@ def put(values: Any, path: str, value: Any) -> None:
         if last == "kind" and values.get("kind") != value:
             values.clear()
         if last == "preset":
-            _keep_only(values, "kind")
+            for other in values.keys() - {"kind"}:
+                del values[other]
         makes_list = isinstance(values.get(last), list) and not isinstance(value, list)
         values[last] = [value] if makes_list else value
     else:
@@ -96,10 +97,8 @@ def put(values: Any, path: str, value: Any) -> None:
 
 
 def _plain_data(text: str, source: str) -> Any:
-    try:
+    with refused_as(source):
         return strict_yaml.load(text)
-    except ValueError as problem:
-        raise UserError(f"{source}: {problem}") from None
 
 
 def _validated(
@@ -117,11 +116,6 @@ def _validated(
 def _starts_afresh(path: str) -> int:
     """Order of a setting: what starts a mapping afresh comes before what changes it."""
     return {"kind": 0, "preset": 1}.get(path.rpartition(".")[2], 2)
-
-
-def _keep_only(values: dict[str, Any], key: str) -> None:
-    for other in values.keys() - {key}:
-        del values[other]
 
 
 def _child(values: Any, step: str, path: str) -> Any:

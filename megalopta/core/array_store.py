@@ -21,13 +21,8 @@ Arrays = Mapping[str, NDArray[Any]]
 class ArrayStore:
     """One set of named arrays in a folder; without a folder nothing is kept.
 
-    Parameters
-    ----------
-    folder
-    key
-        Hash of all that the arrays depend on.
-    most_bytes
-        Of all that is kept in the folder: beyond it goes what was used the longest ago.
+    The key is a hash of all that the arrays depend on. Beyond the most bytes that may be kept in
+    the folder goes what was used the longest ago.
     """
 
     def __init__(self, folder: Path | None, key: str, most_bytes: int) -> None:

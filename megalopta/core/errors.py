@@ -2,6 +2,8 @@
 
 import errno
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 _REMEDIES = {
     errno.ENOSPC: "the disk is full; make room and run the same command again",
@@ -38,6 +40,15 @@ class UserError(Exception):
 
 class DamagedFileError(UserError, ValueError):
     """A file is not what it should be; the message names it, and the way out."""
+
+
+@contextmanager
+def refused_as(what: str) -> Iterator[None]:
+    """Tell the user a ValueError of the work inside, as "what: problem"."""
+    try:
+        yield
+    except ValueError as problem:
+        raise UserError(f"{what}: {problem}") from None
 
 
 def machine_problem(error: OSError) -> str | None:

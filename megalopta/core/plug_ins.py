@@ -8,7 +8,7 @@ A package adds a detector by two lines in its pyproject.toml; the object may als
 Whatever is wrong with one is told in a sentence, and the rest goes on without it.
 """
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from importlib.metadata import entry_points
 from typing import Any, Protocol, TypeVar
 
@@ -26,21 +26,17 @@ AnyNamed = TypeVar("AnyNamed", bound=_Named)
 def plug_ins(
     group: str, made: Callable[[Any], AnyNamed], taken: Iterable[str]
 ) -> dict[str, AnyNamed]:
-    """Return what the entry points of a group hold, by name.
+    """Return what the entry points of a group, such as "megalopta.detectors", hold, by name.
 
-    Parameters
-    ----------
-    group : str
-        Such as "megalopta.detectors".
-    made
-        What an entry point holds to what is wanted; refuses what it cannot use.
-    taken
-        Names that no plug-in may have.
+    `made` makes of what an entry point holds what is wanted, and refuses what it cannot use; no
+    plug-in may have one of the names that are `taken`.
     """
     found: dict[str, AnyNamed] = {}
     for entry in sorted(entry_points(group=group), key=lambda each: (each.name, each.value)):
         try:
-            for each in map(made, _listed(entry.load())):
+            loaded = entry.load()
+            listed = loaded if isinstance(loaded, list | tuple) else [loaded]
+            for each in map(made, listed):
                 if each.name in {*taken, *found}:
                     raise ValueError(f"the name {each.name!r} is taken, choose another")
                 found[each.name] = each
@@ -48,7 +44,3 @@ def plug_ins(
             told = " ".join(str(problem).split())
             say(f"megalopta: {group}: plug-in {entry.name} ({entry.value}) is left out: {told}")
     return found
-
-
-def _listed(value: Any) -> Iterator[Any]:
-    yield from value if isinstance(value, list | tuple) else [value]

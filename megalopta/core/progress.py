@@ -37,7 +37,6 @@ class Spent:
 
     seconds: float = 0.0
     cpu_seconds: float = 0.0
-    runs: int = 0
 
 
 class Advance(Protocol):
@@ -78,7 +77,6 @@ def step(name: str) -> Iterator[None]:
             spent = clock.setdefault(name, Spent())
             spent.seconds += time.monotonic() - wall
             spent.cpu_seconds += time.process_time() - cpu
-            spent.runs += 1
 
 
 @contextmanager

@@ -43,21 +43,16 @@ _CORE = {
 _KINDS = ("null", "bool", "int", "float", "str", "seq", "map")
 
 
-def _int(loader: yaml.SafeLoader, node: yaml.ScalarNode) -> int:
-    return int(node.value, 0)
-
-
-def _float(loader: yaml.SafeLoader, node: yaml.ScalarNode) -> float:
-    return float(re.sub(r"\.(?=inf|nan)", "", node.value.lower()))
-
-
 class _Loader(SafeLoader):
     """Knows the core schema alone, and refuses a key that comes twice, which YAML overwrites."""
 
     yaml_implicit_resolvers = {}  # noqa: RUF012 - a class attribute of PyYAML
     yaml_constructors = {
         tag: SafeLoader.yaml_constructors[tag] for tag in (None, *(_TAG + kind for kind in _KINDS))
-    } | {f"{_TAG}int": _int, f"{_TAG}float": _float}
+    } | {
+        f"{_TAG}int": lambda _, node: int(node.value, 0),
+        f"{_TAG}float": lambda _, node: float(re.sub(r"\.(?=inf|nan)", "", node.value.lower())),
+    }
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
         seen = set()

@@ -1,6 +1,7 @@
 """Reading a dataset's frames, a chunk at a time."""
 
 from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any, cast
 
 import numpy as np
@@ -52,34 +53,30 @@ def read_truth_frames(dataset: Dataset) -> Iterator[Truth]:
 
 def read_truth_frame(dataset: Dataset, index: int) -> Truth:
     """Ground truth of one frame that sensors see. Raises UserError."""
-    try:
-        truth = read_truth(dataset.exposed_truth(index))
-    except (OSError, ValueError) as problem:
-        raise UserError(f"{problem}; {_remedy(dataset)}") from None
-    camera = dataset.configuration.camera
-    if truth.depth.shape != (camera.height, camera.width):
-        raise UserError(
-            f"{dataset.exposed_truth(index)} has not the image size that dataset.yaml says; "
-            f"{_remedy(dataset)}"
-        )
+    path = dataset.exposed_truth(index)
+    with _remedy(dataset):
+        truth = read_truth(path)
+        camera = dataset.configuration.camera
+        if truth.depth.shape != (camera.height, camera.width):
+            raise ValueError(f"{path} has not the image size that dataset.yaml says")
     return truth
 
 
 def read_radiance_frame(dataset: Dataset, index: int) -> NDArray[np.float32]:
     """Radiance (H, W, B) of one frame that sensors see. Raises UserError."""
-    try:
-        radiance, bands = read_radiance(dataset.exposed_radiance(index))
-    except (OSError, ValueError) as problem:
-        raise UserError(f"{problem}; {_remedy(dataset)}") from None
-    camera = dataset.configuration.camera
-    expected = dataset.configuration.render.bands_nm
-    if bands != expected or radiance.shape[:2] != (camera.height, camera.width):
-        raise UserError(
-            f"{dataset.exposed_radiance(index)} has not the image size or bands that dataset.yaml "
-            f"says; {_remedy(dataset)}"
-        )
+    path = dataset.exposed_radiance(index)
+    with _remedy(dataset):
+        radiance, bands = read_radiance(path)
+        camera, expected = dataset.configuration.camera, dataset.configuration.render.bands_nm
+        if bands != expected or radiance.shape[:2] != (camera.height, camera.width):
+            raise ValueError(f"{path} has not the image size or bands that dataset.yaml says")
     return radiance
 
 
-def _remedy(dataset: Dataset) -> str:
-    return f"remove the file and run: megalopta render {dataset.home} --out {dataset.home}"
+@contextmanager
+def _remedy(dataset: Dataset) -> Iterator[None]:
+    try:
+        yield
+    except (OSError, ValueError) as problem:
+        again = f"megalopta render {dataset.home} --out {dataset.home}"
+        raise UserError(f"{problem}; remove the file and run: {again}") from None

@@ -6,7 +6,7 @@ read one split of a dataset. A copy with what the links lead to (`cp -rL`) stand
 
 import errno
 import json
-from collections.abc import Collection, Mapping
+from collections.abc import Collection
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -32,7 +32,11 @@ def write_index(tree: Tree, plan: Plan) -> None:
         manifest = open_files.enter_context(temporary.open("w", encoding="utf-8"))
         tables = TableWriter(tree.root / "index", open_files)
         for record in tree.all_records():
-            _check_split(tree, record, names)
+            if record.split not in names:
+                raise DamagedFileError(
+                    f"{tree.record_path(record.sequence)} is damaged (split {record.split!r} is "
+                    "none of the plan); remove it and run megalopta dataset make again"
+                )
             tables.add(record)
             line = {
                 "sequence": record.sequence,
@@ -49,14 +53,6 @@ def write_index(tree: Tree, plan: Plan) -> None:
         lines = "".join(f"{name}\n" for name in found)
         files.write_text(tree.root / "splits" / f"{split}.txt", lines)
     files.write_json(tree.root / "croissant.json", croissant(tree.root, plan))
-
-
-def _check_split(tree: Tree, record: SequenceRecord, names: Mapping[str, object]) -> None:
-    if record.split not in names:
-        raise DamagedFileError(
-            f"{tree.record_path(record.sequence)} is damaged (split {record.split!r} is none of "
-            "the plan); remove it and run megalopta dataset make again"
-        )
 
 
 def _link_into_split(root: Path, split: str, record: SequenceRecord) -> None:

@@ -1,7 +1,7 @@
 """Arrays whose frames are read, or drawn, when they are asked for; and as xarray shows them."""
 
 import operator
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -42,10 +42,6 @@ class LazyFrames:
     def __len__(self) -> int:
         """Return the number of frames."""
         return self.shape[0]
-
-    def __iter__(self) -> Iterator[NDArray[Any]]:
-        """Yield frame after frame."""
-        return (self[index] for index in range(len(self)))
 
     def __getitem__(self, index: Index | tuple[Any, ...]) -> NDArray[Any]:
         """Read frames; what follows the first index is taken of what was read."""

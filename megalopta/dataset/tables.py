@@ -7,7 +7,7 @@ loaders read. The tables are its record sets; frames and counts are sets of file
 import hashlib
 import json
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -110,31 +110,22 @@ _SETS = {
 _TYPES = {pa.string(): "sc:Text", pa.int64(): "sc:Integer", pa.float64(): "sc:Float"}
 
 
-def rows_of(record: SequenceRecord) -> dict[str, list[dict[str, Any]]]:
-    """Rows of a sequence in every table."""
-    key = {"sequence": record.sequence, "index": record.index, "split": record.split}
-    rows = {
-        "frames": list(_frames(record)),
-        "sequences": [_sequence(record)],
-        "exposures": list(_exposures(record)),
-    }
-    return {table: [{**key, **row} for row in found] for table, found in rows.items()}
-
-
 class TableWriter:
     """Writes rows into the tables of a folder, some thousands in memory at a time."""
 
     def __init__(self, folder: Path, open_files: ExitStack) -> None:
-        self._writers = {
-            name: open_files.enter_context(_writer(folder / f"{name}.parquet", schema))
-            for name, schema in TABLES.items()
-        }
+        self._writers: dict[str, pq.ParquetWriter] = {}
+        for name, schema in TABLES.items():
+            temporary = open_files.enter_context(atomic_write(folder / f"{name}.parquet"))
+            self._writers[name] = open_files.enter_context(pq.ParquetWriter(temporary, schema))
         self._rows: dict[str, list[dict[str, Any]]] = {name: [] for name in TABLES}
 
     def add(self, record: SequenceRecord) -> None:
         """Add the rows of a sequence."""
-        for name, rows in rows_of(record).items():
-            self._rows[name] += rows
+        key = {"sequence": record.sequence, "index": record.index, "split": record.split}
+        tables = {"frames": _frames, "sequences": _sequence, "exposures": _exposures}
+        for name, rows in tables.items():
+            self._rows[name] += [{**key, **row} for row in rows(record)]
             if len(self._rows[name]) >= _ROWS_AT_ONCE:
                 self._write(name)
 
@@ -147,12 +138,6 @@ class TableWriter:
         table = pa.Table.from_pylist(self._rows[name], schema=TABLES[name])
         self._writers[name].write_table(table)
         self._rows[name] = []
-
-
-@contextmanager
-def _writer(path: Path, schema: pa.Schema) -> Iterator[pq.ParquetWriter]:
-    with atomic_write(path) as temporary, pq.ParquetWriter(temporary, schema) as writer:
-        yield writer
 
 
 def _frames(record: SequenceRecord) -> Iterator[dict[str, Any]]:
@@ -168,10 +153,10 @@ def _frames(record: SequenceRecord) -> Iterator[dict[str, Any]]:
         }
 
 
-def _sequence(record: SequenceRecord) -> dict[str, Any]:
+def _sequence(record: SequenceRecord) -> Iterator[dict[str, Any]]:
     settings, statistics = record.configuration, record.statistics
     camera = settings["camera"]
-    return {
+    yield {
         "frames": record.frames,
         **{name: camera[name] for name in ("height", "width", "fov_deg")},
         "bytes": sum(size for size, _ in record.files.values()),

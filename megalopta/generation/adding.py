@@ -4,13 +4,12 @@ It is made beside the tree, as sequences are, from links to what is there; a seq
 it when all of it is there.
 """
 
-from abc import ABC, abstractmethod
 from collections.abc import Collection, Mapping
 from contextlib import closing
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar, TypeAlias
 
 from pydantic import Field
 
@@ -36,32 +35,138 @@ from megalopta.stages.registry import STAGES, stage_configuration
 from megalopta.stages.sense import open_exposure
 
 
-class Addition(ABC):
-    """What is added to every sequence; it goes to other processes."""
+@dataclass(frozen=True)
+class _Measured:
+    """What a stage measures, such as flow."""
 
     stage: str
-    """Of which it is output"""
+    overrides: Mapping[str, str]
+    redo: bool
+    kinds: ClassVar = tuple(kind for kind in KINDS if kind != "results")
 
-    @property
-    @abstractmethod
-    def kinds(self) -> tuple[str, ...]:
-        """Folders of a sequence that it is made from."""
-
-    @abstractmethod
     def settings(self, tree: Tree, record: SequenceRecord) -> Configuration:
         """Return what it is made by. Raises UserError."""
+        stored = to_yaml(tree.dataset(record).configuration)
+        return parse(stored, str(tree.record_path(record.sequence)), self.overrides)
 
-    @abstractmethod
     def check(self, tree: Tree, record: SequenceRecord) -> str | None:
         """Refuse a sequence to which it cannot be added; return what is worth telling."""
+        settings, made = self.settings(tree, record), tree.dataset(record).configuration
+        for earlier in STAGES[self.stage].needs:
+            before, now = (stage_configuration(each, earlier) for each in (made, settings))
+            if changes := differences(before, now):
+                raise UserError(
+                    f"{tree.root}: {changes[0]} would change what {earlier!r} made; {self.stage} "
+                    f"takes settings of its own: {', '.join(STAGES[self.stage].fields)}"
+                )
+        there = record.stages.get(self.stage)
+        if there and there.settings != stage_hash(settings, self.stage) and not self.redo:
+            raise UserError(
+                f"{tree.root}: sequence {record.sequence} holds {self.stage} output of other "
+                "settings; add --redo to replace it"
+            )
+        check_stage(self.stage, settings, tree.staging)
+        is_outdated = Ledger(Dataset(tree.root, settings)).is_outdated(self.stage)
+        told = f"{self.stage}: made by another version of the program, and made again"
+        return told if is_outdated and not self.redo else None
 
-    @abstractmethod
     def is_there(self, tree: Tree, record: SequenceRecord) -> bool:
         """Whether a sequence has it already."""
+        ledger = Ledger(Dataset(tree.root, self.settings(tree, record)))
+        is_current = ledger.is_finished(self.stage) and not ledger.is_outdated(self.stage)
+        return is_current and not self.redo
 
-    @abstractmethod
     def entered(self, record: SequenceRecord, dataset: Dataset) -> SequenceRecord:
         """Return a sequence's record with what was made."""
+        entry = stage_record(dataset, self.stage, STAGES[self.stage].outputs(dataset))
+        return record.model_copy(update={"stages": {**record.stages, self.stage: entry}})
+
+
+class Exposing(Record, frozen=True):
+    """What to expose on the light of a dataset."""
+
+    sensors: Annotated[tuple[str | dict[str, Any], ...], Field(min_length=1)] = ("spadcam",)
+    """Sensors, as in a configuration: presets' names, or `{preset: spadcam, exposure_s: 0.01}`"""
+
+    light_levels: Annotated[tuple[str | float, ...], Field(min_length=1)] = ("twilight",)
+    """Levels, by name or in lux"""
+
+    repeats: Annotated[int, Field(ge=1, le=1000)] = 1
+    """Exposures of each, with independent noise; later ones are of SENSOR-r2, SENSOR-r3, …"""
+
+    products: tuple[ProductName, ...] = ("counts",)
+    """What is written of each, as in a configuration"""
+
+
+@dataclass(frozen=True)
+class _Exposed:
+    """Other sensors, exposures and levels, nothing rendered."""
+
+    wanted: Exposing
+    stage: ClassVar = "sense"
+    kinds: ClassVar = ("radiance", "radiance_shutter")
+
+    def settings(self, tree: Tree, record: SequenceRecord) -> Configuration:
+        values = {
+            **record.configuration,
+            **self.wanted.model_dump(mode="json", exclude={"repeats"}),
+        }
+        return repeated(validated(Configuration, values, "dataset expose"), self.wanted.repeats)
+
+    def check(self, tree: Tree, record: SequenceRecord) -> None:
+        """Refuse a sequence that another sensor model exposed before.
+
+        Libraries may be others, as where a dataset was downloaded: new exposures stand for
+        themselves.
+        """
+        model = STAGES["sense"].model()
+        known = record.stages["sense"].made_with.get("model", model)
+        if known != model:
+            raise UserError(
+                f"{tree.root}: sequence {record.sequence} was exposed otherwise than it would be "
+                f"here (sense: model: {known} → {model}); expose it with what made it, or make "
+                "the dataset again in another folder"
+            )
+        tree.dataset(record)  # refuses settings that are damaged
+        check_stage(self.stage, self.settings(tree, record), tree.staging)
+
+    def is_there(self, tree: Tree, record: SequenceRecord) -> bool:
+        """Raise UserError for a name that is taken by other settings."""
+        there, settings, known = tree.dataset(record), self.settings(tree, record), _known(record)
+        missing = []
+        for sensor, level in settings.exposures:
+            path = there.counts(sensor, level)
+            if path.stem not in known:
+                missing.append(path.stem)
+            elif open_exposure(there, sensor, level).sensor != sensor:
+                raise UserError(
+                    f"{path.stem} is there with other settings; give the sensor a name of its own, "
+                    f"such as {{preset: spadcam, name: fast, exposure_s: 0.01}}"
+                )
+        return not missing
+
+    def entered(self, record: SequenceRecord, dataset: Dataset) -> SequenceRecord:
+        known = _known(record)
+        made = [each for each in exposure_statistics(dataset) if each.name not in known]
+        counts = dataset.root / "counts" / record.sequence
+        for path in sorted(counts.iterdir()):
+            if product_stem(path) in known:
+                files.remove(path)
+        sensed = record.stages["sense"]
+        hashes = {**(sensed.files or {}), **hashes_of(dataset.root, [counts])}
+        stages = {**record.stages, "sense": sensed.model_copy(update={"files": hashes})}
+        assert record.statistics is not None
+        exposures = (*record.exposures, *made)
+        statistics = record.statistics.model_copy(update={"exposures": exposures})
+        return record.model_copy(update={"statistics": statistics, "stages": stages})
+
+
+def _known(record: SequenceRecord) -> set[str]:
+    return {each.name for each in record.exposures}
+
+
+Addition: TypeAlias = _Measured | _Exposed
+"""What is added to every sequence for a stage, made from folders of some kinds; picklable."""
 
 
 def add_to_all(
@@ -134,49 +239,6 @@ def _link(tree: Tree, record: SequenceRecord, dataset: Dataset, kinds: Collectio
             link(tree.root, dataset.root, folder)
 
 
-@dataclass(frozen=True)
-class _Measured(Addition):
-    """What a stage measures, such as flow."""
-
-    stage: str
-    overrides: Mapping[str, str]
-    redo: bool
-    kinds = tuple(kind for kind in KINDS if kind != "results")
-
-    def settings(self, tree: Tree, record: SequenceRecord) -> Configuration:
-        stored = to_yaml(tree.dataset(record).configuration)
-        return parse(stored, str(tree.record_path(record.sequence)), self.overrides)
-
-    def check(self, tree: Tree, record: SequenceRecord) -> str | None:
-        settings, made = self.settings(tree, record), tree.dataset(record).configuration
-        for earlier in STAGES[self.stage].needs:
-            before, now = (stage_configuration(each, earlier) for each in (made, settings))
-            if changes := differences(before, now):
-                raise UserError(
-                    f"{tree.root}: {changes[0]} would change what {earlier!r} made; {self.stage} "
-                    f"takes settings of its own: {', '.join(STAGES[self.stage].fields)}"
-                )
-        there = record.stages.get(self.stage)
-        if there and there.settings != stage_hash(settings, self.stage) and not self.redo:
-            raise UserError(
-                f"{tree.root}: sequence {record.sequence} holds {self.stage} output of other "
-                "settings; add --redo to replace it"
-            )
-        check_stage(self.stage, settings, tree.staging)
-        is_outdated = Ledger(Dataset(tree.root, settings)).is_outdated(self.stage)
-        told = f"{self.stage}: made by another version of the program, and made again"
-        return told if is_outdated and not self.redo else None
-
-    def is_there(self, tree: Tree, record: SequenceRecord) -> bool:
-        ledger = Ledger(Dataset(tree.root, self.settings(tree, record)))
-        is_current = ledger.is_finished(self.stage) and not ledger.is_outdated(self.stage)
-        return is_current and not self.redo
-
-    def entered(self, record: SequenceRecord, dataset: Dataset) -> SequenceRecord:
-        entry = stage_record(dataset, self.stage, STAGES[self.stage].outputs(dataset))
-        return record.model_copy(update={"stages": {**record.stages, self.stage: entry}})
-
-
 def measure(
     root: Path,
     stage: str,
@@ -192,89 +254,6 @@ def measure(
     """
     title = f"Measuring sequences ({stage})"
     return add_to_all(root, _Measured(stage, overrides, redo), title, workers, scheduler)
-
-
-class Exposing(Record, frozen=True):
-    """What to expose on the light of a dataset."""
-
-    sensors: Annotated[tuple[str | dict[str, Any], ...], Field(min_length=1)] = ("spadcam",)
-    """Sensors, as in a configuration: presets' names, or `{preset: spadcam, exposure_s: 0.01}`"""
-
-    light_levels: Annotated[tuple[str | float, ...], Field(min_length=1)] = ("twilight",)
-    """Levels, by name or in lux"""
-
-    repeats: Annotated[int, Field(ge=1, le=1000)] = 1
-    """Exposures of each, with independent noise; later ones are of SENSOR-r2, SENSOR-r3, …"""
-
-    products: tuple[ProductName, ...] = ("counts",)
-    """What is written of each, as in a configuration"""
-
-
-@dataclass(frozen=True)
-class _Exposed(Addition):
-    """Other sensors, exposures and levels, nothing rendered."""
-
-    wanted: Exposing
-    stage = "sense"
-    kinds = "radiance", "radiance_shutter"
-
-    def settings(self, tree: Tree, record: SequenceRecord) -> Configuration:
-        values = {
-            **record.configuration,
-            **self.wanted.model_dump(mode="json", exclude={"repeats"}),
-        }
-        return repeated(validated(Configuration, values, "dataset expose"), self.wanted.repeats)
-
-    def check(self, tree: Tree, record: SequenceRecord) -> None:
-        """Refuse a sequence that another sensor model exposed before.
-
-        Libraries may be others, as where a dataset was downloaded: new exposures stand for
-        themselves.
-        """
-        model = STAGES["sense"].model()
-        known = record.stages["sense"].made_with.get("model", model)
-        if known != model:
-            raise UserError(
-                f"{tree.root}: sequence {record.sequence} was exposed otherwise than it would be "
-                f"here (sense: model: {known} → {model}); expose it with what made it, or make "
-                "the dataset again in another folder"
-            )
-        tree.dataset(record)  # refuses settings that are damaged
-        check_stage(self.stage, self.settings(tree, record), tree.staging)
-
-    def is_there(self, tree: Tree, record: SequenceRecord) -> bool:
-        """Raise UserError for a name that is taken by other settings."""
-        there, settings, known = tree.dataset(record), self.settings(tree, record), _known(record)
-        missing = []
-        for sensor, level in settings.exposures:
-            path = there.counts(sensor, level)
-            if path.stem not in known:
-                missing.append(path.stem)
-            elif open_exposure(there, sensor, level).sensor != sensor:
-                raise UserError(
-                    f"{path.stem} is there with other settings; give the sensor a name of its own, "
-                    f"such as {{preset: spadcam, name: fast, exposure_s: 0.01}}"
-                )
-        return not missing
-
-    def entered(self, record: SequenceRecord, dataset: Dataset) -> SequenceRecord:
-        known = _known(record)
-        made = [each for each in exposure_statistics(dataset) if each.name not in known]
-        counts = dataset.root / "counts" / record.sequence
-        for path in sorted(counts.iterdir()):
-            if product_stem(path) in known:
-                files.remove(path)
-        sensed = record.stages["sense"]
-        hashes = {**(sensed.files or {}), **hashes_of(dataset.root, [counts])}
-        stages = {**record.stages, "sense": sensed.model_copy(update={"files": hashes})}
-        assert record.statistics is not None
-        exposures = (*record.exposures, *made)
-        statistics = record.statistics.model_copy(update={"exposures": exposures})
-        return record.model_copy(update={"statistics": statistics, "stages": stages})
-
-
-def _known(record: SequenceRecord) -> set[str]:
-    return {each.name for each in record.exposures}
 
 
 def expose(

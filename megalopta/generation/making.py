@@ -24,11 +24,11 @@ from megalopta.dataset.record import MADE, SequenceRecord
 from megalopta.dataset.store import Dataset, hashes_of, refuse_others_folder
 from megalopta.flow.formats import read_flo, write_flo5, write_kitti_png
 from megalopta.generation.jobs import run_jobs
-from megalopta.generation.staging import Staged, at_work, made_with
+from megalopta.generation.staging import Staged, at_work
 from megalopta.generation.statistics import sequence_statistics
 from megalopta.stages.ledger import Ledger
 from megalopta.stages.pipeline import check_stage, run_stage
-from megalopta.stages.registry import provenance_changes
+from megalopta.stages.registry import made_with, provenance_changes
 
 _COMPARED = 50
 """Sequences that are there of which the configuration is compared with the plan's."""
@@ -64,7 +64,9 @@ def make(
         failures = tree.read_failures()
         again = [index for index in sorted(failures) if index in range(whole.sequences)]
         wanted = again if retry else list(only) if only is not None else None
-        todo = _missing(tree, range(plan.sequences) if wanted is None else wanted)
+        there = set(tree.names())
+        asked = range(plan.sequences) if wanted is None else wanted
+        todo = [index for index in asked if sequence_name(index) not in there]
         try:
             _make_all(tree, plan, todo, failures, workers, scheduler)
         finally:
@@ -121,11 +123,6 @@ def _make_all(
             advance()
 
 
-def _missing(tree: Tree, indices: Iterable[int]) -> list[int]:
-    there = set(tree.names())
-    return [index for index in indices if sequence_name(index) not in there]
-
-
 def whole_plan(tree: Tree, plan: Plan) -> Plan:
     """The plan of a folder: this one, with as many sequences as were ever asked for.
 
@@ -176,7 +173,7 @@ def make_sequence(root: Path, plan: Plan, index: int) -> None:
 
 def other_machinery(record: SequenceRecord, configuration: Configuration, *stages: str) -> str:
     """Return how stages of a finished sequence were made otherwise than here, or nothing."""
-    here = made_with(configuration)
+    here = made_with(MADE, configuration)
     found = {
         stage: provenance_changes(record.stages[stage].made_with, here[stage])
         for stage in stages or MADE

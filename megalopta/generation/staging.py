@@ -34,7 +34,7 @@ from megalopta.dataset.layout import (
 from megalopta.dataset.publishing import PLAN, REQUEST, Move, read_request
 from megalopta.dataset.record import KINDS, MADE, SequenceRecord, is_output, read_record
 from megalopta.dataset.store import Dataset, file_hash
-from megalopta.stages.registry import provenance
+from megalopta.stages.registry import made_with
 
 _ADDED = "-added"
 _STAGED = re.compile(rf"(\d{{6,}})({_ADDED})?")
@@ -77,7 +77,7 @@ class Staged:
     def begin(self, configuration: Configuration, stages: Sequence[str] = MADE) -> None:
         """Note what is asked for; what was begun for other stages or otherwise is removed."""
         wanted = {
-            "made_with": made_with(configuration, stages),
+            "made_with": made_with(stages, configuration),
             "configuration": configuration.model_dump(mode="json"),
         }
         before = read_request(self.folder)
@@ -151,13 +151,6 @@ class Staged:
 def _folder(path: str, sequence: str) -> str:
     parts = Path(path).parts
     return str(Path(*parts[: parts.index(sequence) + 1]))
-
-
-def made_with(
-    configuration: Configuration, stages: Sequence[str] = MADE
-) -> dict[str, dict[str, str]]:
-    """Return what the output of stages depends on beside the settings, here and now."""
-    return {stage: provenance(stage, configuration) for stage in stages}
 
 
 @contextmanager

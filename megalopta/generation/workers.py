@@ -8,6 +8,7 @@ ended.
 import ctypes
 import multiprocessing
 import os
+import pickle
 import signal
 import sys
 import threading
@@ -51,12 +52,12 @@ def by_workers(job: Job, indices: Iterable[int], count: int) -> Generator[Outcom
 class _Worker:
     """A process, and the pipe to it."""
 
-    def __init__(self, job: Job, threads: int) -> None:
+    def __init__(self, order: bytes, threads: int) -> None:
         self.index, self.is_ready = -1, False
         self.pipe, theirs = multiprocessing.Pipe()
         start = multiprocessing.get_context("spawn").Process
         with _environment():
-            self._process = start(target=_work, args=(theirs, job, threads), daemon=True)
+            self._process = start(target=_work, args=(theirs, order, threads), daemon=True)
             self._process.start()
         theirs.close()
 
@@ -79,7 +80,7 @@ class _Crew:
     """So many workers, and what is left to do."""
 
     def __init__(self, job: Job, indices: Iterable[int], count: int) -> None:
-        self._job, self._left, self._count = job, iter(indices), count
+        self._order, self._left, self._count = pickle.dumps(job), iter(indices), count
         self._threads = max(1, (os.cpu_count() or 1) // count)
         self._again: list[int] = []
         self._deaths: Counter[int] = Counter()
@@ -111,7 +112,7 @@ class _Crew:
             index = self._again.pop() if self._again else next(self._left, None)
             if index is None:
                 break
-            worker = self.idle.pop() if self.idle else _Worker(self._job, self._threads)
+            worker = self.idle.pop() if self.idle else _Worker(self._order, self._threads)
             worker.give(index)
             self.busy[worker.pipe] = worker
         return bool(self.busy)
@@ -146,13 +147,14 @@ def _environment() -> Iterator[None]:
             del os.environ[name]
 
 
-def _work(pipe: Connection, job: Job, threads: int) -> None:
+def _work(pipe: Connection, order: bytes, threads: int) -> None:
     """Do jobs until the process that gives them closes the pipe, or is no more."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # whoever started this one ends it
     _end_with_parent()
     nowhere = os.open(os.devnull, os.O_WRONLY)  # libraries print what they like
     for stream in (sys.stdout, sys.stderr):
         os.dup2(nowhere, stream.fileno())
+    job = pickle.loads(order)  # which loads a program: only now, that this process ends in time
     orders: SimpleQueue[int] = SimpleQueue()
     threading.Thread(target=_listen, args=(pipe, orders), daemon=True).start()
     answer = _READY

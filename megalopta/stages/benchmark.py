@@ -118,10 +118,6 @@ def _model() -> str:
     return code_digest("megalopta.flow", "megalopta.sensor.sampling", __name__)
 
 
-def _outputs(dataset: Dataset) -> list[Path]:
-    return [dataset.result(name) for name in (*_RESULTS, "benchmark.csv", _PARTS)]
-
-
 def _check(settings: Configuration) -> None:
     shape = settings.trajectory.frames, settings.camera.height, settings.camera.width
     checked_warm_up(shape, [METHODS[name] for name in settings.methods], settings.benchmark)
@@ -129,12 +125,12 @@ def _check(settings: Configuration) -> None:
 
 STAGE = Stage(
     name="benchmark",
+    command="benchmark photons",
     fields=("methods", "benchmark"),
     needs=("render",),
-    outputs=_outputs,
+    outputs=lambda dataset: list(map(dataset.result, (*_RESULTS, "benchmark.csv", _PARTS))),
     work=benchmark,
     model=_model,
     is_derived=True,
     check=_check,
-    verb="benchmark photons",
 )

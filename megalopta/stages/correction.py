@@ -13,7 +13,7 @@ import zarr
 
 from megalopta.config.model import LightLevel
 from megalopta.core import files
-from megalopta.core.errors import UserError
+from megalopta.core.errors import UserError, refused_as
 from megalopta.core.progress import progress
 from megalopta.dataset.frames import FRAMES_AT_ONCE, write_frames
 from megalopta.dataset.store import Dataset, exposure_name
@@ -87,12 +87,10 @@ def _calibration(dataset: Dataset, sensor: Sensor) -> Calibration:
     shape = settings.camera.height, settings.camera.width
     wanted = settings.calibration
     device = settled(sensor) if settings.free_running else sensor
-    try:
+    with refused_as(f"sense: {sensor.name} cannot be calibrated"):
         return simulated_calibration(
             device, shape, frames=wanted.frames, seed=settings.seed, hot_times=wanted.hot_times
         )
-    except ValueError as problem:
-        raise UserError(f"sense: {sensor.name} cannot be calibrated: {problem}") from None
 
 
 def _write(group: zarr.Group, first: int, frames: int, corrected: Corrected) -> None:

@@ -13,6 +13,8 @@ class Stage:
     """One step from scene to measurement."""
 
     name: str
+    command: str
+    """What runs it, after `megalopta`"""
     fields: tuple[str, ...]
     """Parts of the configuration that its output depends on, beside those of the stages it needs"""
     needs: tuple[str, ...]
@@ -29,10 +31,3 @@ class Stage:
     """Whether output of another model is made again without being asked"""
     check: Callable[[Configuration], None] = lambda _: None
     """Refuses, with ValueError, a configuration that the stage cannot serve"""
-    verb: str = ""
-    """Its words on the command line, where these are not its name"""
-
-    @property
-    def command(self) -> str:
-        """What runs it, after `megalopta`."""
-        return self.verb or self.name

@@ -35,7 +35,7 @@ from megalopta.sensor import ImageSensor, OpenedCounts, StoredFrames
 from megalopta.sensor.formats.counts_store import format_attribute
 from megalopta.stages.correction import open_corrected
 from megalopta.stages.declaration import Stage
-from megalopta.stages.measurement import BlockTruth, Measurement, Record, SeenFrames
+from megalopta.stages.measurement import BlockTruth, Measurement, Record, Scaled, SeenFrames
 from megalopta.stages.sense import open_exposure
 
 
@@ -99,7 +99,7 @@ def _measure_exposure(
             for key, values in ((name, noisy), (f"{name}-ideal", ideal)):
                 start, length = max(first - missing, 0), shape[0] - missing
                 write_frames(group, key, start, values.astype(np.float32), length)
-            advance(len(frames.counts))
+            advance(len(frames.saturated))
     share = saturated / math.prod(shape)
     return [{"saturated_fraction": share, **each.record()} for each in measurements.values()]
 
@@ -109,22 +109,22 @@ def _seen_frames(
 ) -> Iterator[tuple[int, SeenFrames]]:
     """Yield the number of the first frame and the frames of successive chunks."""
     photons = opened["photons"] if "perfect" in references else None
-    scales = {
-        "reading_scale": _to_one(opened["mean_reading"]),
-        "photon_scale": _to_one(photons),
-        "corrected_scale": _to_one(corrected),
-    }
+    seen = opened["mean_reading"], photons, corrected
+    to_one, photons_to_one, corrected_to_one = map(_to_one, seen)
+
+    def scaled(frames: StoredFrames | None, chunk: slice, scale: float) -> Scaled | None:
+        return None if frames is None else (frames[chunk].astype(np.float64), scale)
+
     for first in range(0, opened["counts"].shape[0], FRAMES_AT_ONCE):
         chunk = slice(first, first + FRAMES_AT_ONCE)
         yield (
             first,
             SeenFrames(
-                opened["counts"][chunk],
-                opened["mean_reading"][chunk].astype(np.float64),
-                None if photons is None else photons[chunk].astype(np.float64),
-                None if corrected is None else corrected[chunk].astype(np.float64),
+                (opened["counts"][chunk], to_one),
+                (opened["mean_reading"][chunk].astype(np.float64), to_one),
+                scaled(photons, chunk, photons_to_one),
+                scaled(corrected, chunk, corrected_to_one),
                 opened["saturated"][chunk],
-                **scales,
             ),
         )
 
@@ -218,6 +218,7 @@ def _check(settings: Configuration) -> None:
 
 STAGE = Stage(
     name="flow",
+    command="flow",
     fields=("methods", "flow"),
     needs=("render", "sense"),
     outputs=lambda dataset: [dataset.result("flow.json"), dataset.result("responses")],

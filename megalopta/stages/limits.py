@@ -29,8 +29,9 @@ def refuse_absurd(settings: Configuration, stage: str, root: Path) -> None:
     Raises UserError, with what it would take, what there is, and the settings to lower.
     """
     camera, (memory, disk) = settings.camera, needed_bytes(settings, stage)
+    physical = float(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
     for needed, most, clause in (
-        (memory, _memory_bytes(), "of memory, and this machine has"),
+        (memory, physical, "of memory, and this machine has"),
         (disk, _room_bytes(root), f"on disk, and {root} has room for"),
     ):
         if needed > most:
@@ -71,11 +72,6 @@ def size(number: float) -> str:
         if number >= bytes_:
             return f"{number / bytes_:.3g} {unit}"
     return f"{number / 1e6:.0f} MB"
-
-
-def _memory_bytes() -> float:
-    """Physical memory of this machine."""
-    return float(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
 
 
 def _room_bytes(root: Path) -> float:

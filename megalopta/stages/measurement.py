@@ -25,6 +25,7 @@ from megalopta.flow.metrics.response_error import (
 )
 
 Record = dict[str, Any]
+Scaled = tuple[NDArray[Any], float]
 
 SATURATED_SHARE = 0.1
 """A block of which more is saturated, in either frame of a pair, is left out where that is asked"""
@@ -34,14 +35,11 @@ SATURATED_SHARE = 0.1
 class SeenFrames:
     """The next frames of an exposure, (n, H, W) each, with what brings each to a mean of 1."""
 
-    counts: NDArray[Any]
-    mean_reading: Floats
-    photons: Floats | None
-    corrected: Floats | None
+    counts: Scaled
+    mean_reading: Scaled
+    photons: Scaled | None
+    corrected: Scaled | None
     saturated: NDArray[np.bool_]
-    reading_scale: float
-    photon_scale: float
-    corrected_scale: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,16 +93,15 @@ class Measurement:
 
     def add(self, frames: SeenFrames) -> tuple[Floats, Floats]:
         """Take in the next frames; return the responses to their means and to the counts."""
-        ideal = self._to_mean(frames.mean_reading, frames.reading_scale)
-        noisy = self._to_counts(frames.counts, frames.reading_scale)
+        ideal, noisy = self._to_mean(*frames.mean_reading), self._to_counts(*frames.counts)
         left_out = self._saturated(frames.saturated, ideal)
         answers = {"ideal": ideal, "counts": noisy}
         self._add_sums("error", ideal, noisy, left_out)
         if frames.photons is not None:
-            perfect = self._to_photons(frames.photons, frames.photon_scale)
+            perfect = self._to_photons(*frames.photons)
             self._add_sums("error_perfect", perfect, noisy, left_out)
             if frames.corrected is not None and not self._detector.takes_counts:
-                corrected = self._to_corrected(frames.corrected, frames.corrected_scale)
+                corrected = self._to_corrected(*frames.corrected)
                 answers["corrected"] = corrected
                 self._add_sums("error_corrected", perfect, corrected, left_out)
         if self._truth is not None:

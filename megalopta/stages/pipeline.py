@@ -12,7 +12,7 @@ from typing import Any
 
 from megalopta.config.model import Configuration, differences
 from megalopta.core import files
-from megalopta.core.errors import UserError
+from megalopta.core.errors import UserError, refused_as
 from megalopta.core.folders import locked
 from megalopta.core.progress import say
 from megalopta.dataset.store import (
@@ -88,7 +88,8 @@ def _recorded(dataset: Dataset, names: Sequence[str]) -> Iterator[None]:
     try:
         yield
     except Exception:
-        if not any(Ledger(dataset).has(name) for name in names):
+        outputs = (path for name in names for path in STAGES[name].outputs(dataset))
+        if not any(path.exists() for path in outputs):
             if before is None:
                 files.remove(path)
                 files.remove(dataset.root / "timings.json")
@@ -124,11 +125,9 @@ def _remove_damaged(ledger: Ledger, name: str) -> None:
 
 def check_stage(name: str, configuration: Configuration, root: Path) -> None:
     """Refuse, with UserError, a configuration that a stage or this machine cannot serve."""
-    try:
-        refuse_absurd(configuration, name, root)
+    refuse_absurd(configuration, name, root)
+    with refused_as(name):
         STAGES[name].check(configuration)
-    except ValueError as problem:
-        raise UserError(f"{name}: {problem}") from None
 
 
 def _begin(

@@ -21,7 +21,7 @@ from megalopta.dataset.store import (
     write_configuration,
 )
 from megalopta.stages.ledger import Ledger
-from megalopta.stages.registry import STAGES, provenance
+from megalopta.stages.registry import STAGES, made_with
 
 _LAST = "dataset.yaml"
 """Moves last: as long as it is there, something is left to do."""
@@ -31,7 +31,7 @@ def begin_redo(old: Dataset, configuration: Configuration, stages: Sequence[str]
     """The dataset in which stages of another one are made again; what a kill left of it goes on."""
     new = Dataset(old.root / REDO_FOLDER, configuration)
     wanted = {
-        "models": {stage: provenance(stage, configuration) for stage in stages},
+        "models": made_with(stages, configuration),
         "configuration": configuration.model_dump(mode="json"),
     }
     if read_request(new.root) != wanted:

@@ -5,7 +5,7 @@ scalar code, or counts of two sensor models, look alike and are not. A stage tha
 a dataset of many sequences, goes on with the same or not at all.
 """
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from typing import Any
 
 from megalopta.config.model import Configuration, differences
@@ -38,6 +38,11 @@ def provenance(stage: str, configuration: Configuration) -> dict[str, str]:
     """Return what makes a stage's output here and now: its model, libraries and what runs them."""
     declared = STAGES[stage]
     return {"model": declared.model(), **declared.machinery(configuration)}
+
+
+def made_with(stages: Iterable[str], configuration: Configuration) -> dict[str, dict[str, str]]:
+    """Return what the output of stages depends on beside the settings, here and now."""
+    return {stage: provenance(stage, configuration) for stage in stages}
 
 
 def provenance_changes(before: Mapping[str, str], now: Mapping[str, str]) -> str:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from megalopta.config.model import Configuration
 from megalopta.core import files
-from megalopta.core.errors import UserError
+from megalopta.core.errors import refused_as
 from megalopta.core.folders import cache_folder
 from megalopta.core.freshness import BAKE_MODEL, RENDER_MODEL, TRUTH_MODEL
 from megalopta.core.progress import progress, say, step
@@ -88,7 +88,7 @@ def _frame_files(dataset: Dataset, index: int) -> list[Path]:
 
 def build(settings: Configuration) -> Scene:
     """Build the scene of a configuration. Raises UserError."""
-    try:
+    with refused_as("scene"):
         return build_scene(
             settings.scene,
             settings.light,
@@ -96,22 +96,12 @@ def build(settings: Configuration) -> Scene:
             settings.trajectory,
             settings.objects,
         )
-    except ValueError as problem:
-        raise UserError(f"scene: {problem}") from None
 
 
 def _load(scene: Scene, settings: Configuration, poses: NDArray[np.float64]) -> SceneRenderer:
-    try:
-        return SceneRenderer(
-            scene,
-            settings.camera,
-            settings.render,
-            poses,
-            settings.seed,
-            cache_folder() / "light",
-        )
-    except ValueError as problem:
-        raise UserError(f"render: {problem}") from None
+    kept, camera = cache_folder() / "light", settings.camera
+    with refused_as("render"):
+        return SceneRenderer(scene, camera, settings.render, poses, settings.seed, kept)
 
 
 class FrameWriter:
@@ -351,6 +341,7 @@ def _machinery(settings: Configuration) -> dict[str, str]:
 
 STAGE = Stage(
     name="render",
+    command="render",
     fields=(
         *("name", "seed", "scene", "objects", "light", "camera", "trajectory"),
         *("shutter", "render"),

@@ -9,8 +9,8 @@ in every band for itself: one rendering serves all levels. What stays is where t
 a full moon sensed from a rendering under an overcast sky casts no shadows.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import ExitStack
 from dataclasses import replace
 from importlib.metadata import version
 from typing import Any
@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from megalopta.config.light_scale import light_scale
 from megalopta.config.model import Configuration, LightLevel, level_text
-from megalopta.core.errors import UserError
+from megalopta.core.errors import UserError, refused_as
 from megalopta.core.freshness import SENSOR_MODEL
 from megalopta.core.progress import progress, say
 from megalopta.dataset import sintel
@@ -44,10 +44,11 @@ from megalopta.stages.timing import burst_frames, check_timing, next_frames
 
 def sense(dataset: Dataset) -> None:
     """Expose what is not there yet: every frame is read once, for all sensors at all levels."""
+    wanted = dataset.configuration.products
     missing = [
         (*pair, products)
         for pair in dataset.configuration.exposures
-        if (products := _missing(dataset, *pair))
+        if (products := [p for p in wanted if not product_path(dataset.counts(*pair), p).exists()])
     ]
     _warn_of_noise(dataset)
     frames = dataset.configuration.trajectory.frames if missing else 0
@@ -76,11 +77,6 @@ def _check_events(dataset: Dataset, films: Sequence["_Film"]) -> None:
             film.check_events(first, radiance)
 
 
-def _missing(dataset: Dataset, sensor: ImageSensor, level: LightLevel) -> list[ProductName]:
-    counts, products = dataset.counts(sensor, level), dataset.configuration.products
-    return [each for each in products if not product_path(counts, each).exists()]
-
-
 class _Film:
     """Exposes frames on one sensor at one light level into their files."""
 
@@ -92,8 +88,9 @@ class _Film:
         products: Sequence[ProductName],
         stores: ExitStack,
     ) -> None:
-        self._settings, self._sensor, self._level = dataset.configuration, sensor, level
-        self.has_events = any(kind_of(each) == "events" for each in products)
+        self._settings, self._sensor = dataset.configuration, sensor
+        self._what = f"sense: {sensor.name} at {level_text(level)}"
+        self.has_events = any(each.startswith("events") for each in products)
         self._sequence = f"{dataset.sequence}/{exposure_name(sensor, level)}"
         self._scale = light_scale(self._settings, level).astype(np.float32)
         origin = Origin(
@@ -126,7 +123,7 @@ class _Film:
             "bits": lambda: [shot.bits()],
             "burst": shot.burst,
         }
-        with _refusals_told(self._sensor, self._level):
+        with refused_as(self._what):
             for kind, writers in self._writers.items():
                 for drawn in draws[kind]():
                     for write in writers:
@@ -136,7 +133,7 @@ class _Film:
 
     def check_events(self, first: int, radiance: NDArray[np.float32]) -> None:
         """Refuse, with UserError, frames (n, H, W, B) with more events than fit into memory."""
-        with _refusals_told(self._sensor, self._level):
+        with refused_as(self._what):
             self._shot(first, radiance, None).check_events()
 
     def _shot(
@@ -169,24 +166,15 @@ def _unusual(settings: Configuration) -> dict[str, Any]:
     return said
 
 
-@contextmanager
-def _refusals_told(sensor: ImageSensor, level: LightLevel) -> Iterator[None]:
-    """Light that is too bright to draw, or a device that does not fit, is the user's to mend."""
-    try:
-        yield
-    except ValueError as problem:
-        raise UserError(f"sense: {sensor.name} at {level_text(level)}: {problem}") from None
-
-
 def _warn_of_noise(dataset: Dataset) -> None:
     settings, noise = dataset.configuration, dataset.read_scene_record().get("monte_carlo") or {}
     if "covariance" not in noise:
         return
     shares = {}
     for sensor, level in settings.exposures:
-        with _refusals_told(sensor, level):
-            share = noise_share(noise, settings, sensor, light_scale(settings, level))
-        shares[f"{sensor.name} at {level_text(level)}"] = share
+        name = f"{sensor.name} at {level_text(level)}"
+        with refused_as(f"sense: {name}"):
+            shares[name] = noise_share(noise, settings, sensor, light_scale(settings, level))
     if warning := noise_warning(noise, settings, shares):
         say(f"sense: {warning}")
 
@@ -229,6 +217,7 @@ def _check(settings: Configuration) -> None:
 
 STAGE = Stage(
     name="sense",
+    command="sense",
     fields=(
         "light_levels",
         "sensors",

@@ -36,15 +36,13 @@ them alone to count, exceeds four times its expectation by chance once in 3e8.""
 
 @dataclass(frozen=True)
 class Comparison:
-    """A rendering beside the shipped file; all but `rounding` are RMS over the mean radiance."""
+    """A rendering beside the shipped file, RMS over the mean radiance."""
 
     pixels: float
     blocks: float
     """Difference of pixels, and of the means of blocks."""
     noise: float
     """What noise makes of the difference of pixels; that of blocks is 1/25 of it."""
-    rounding: float
-    """RMS of what half floats change, over the noise of the shipped rendering."""
 
     @property
     def agrees(self) -> bool:
@@ -63,9 +61,6 @@ def compare(shipped: Path, radiance: NDArray[np.float32], noise: RenderNoise) ->
         pixels=_rms(difference),
         blocks=_rms(difference[:rows, :columns].reshape(shape).mean(axis=(1, 3))),
         noise=math.hypot(noise.rms_over_mean, its_noise.rms_over_mean),
-        rounding=_rms(np.spacing(before.astype(np.float16)).astype(np.float64))
-        / math.sqrt(12)
-        / its_noise.rms_over_mean,
     )
 
 
@@ -76,7 +71,7 @@ def run_check_panoramas(out: Path | None = None, console: Console | None = None)
     """
     if out:
         ensure_directory(out)
-    table = Table("forest", "difference", "noise", "of blocks", "noise", "rounding / noise", "")
+    table = Table("forest", "difference", "noise", "of blocks", "noise", "")
     passed = True
     passes = sum(recipe.passes for recipe in NATURAL_PANORAMAS.values())
     with progress("Rendering forest panoramas", passes, "exposure") as advance:
@@ -94,7 +89,7 @@ def _add_row(
 ) -> bool:
     shipped = SHIPPED / f"{name}.exr"
     if not shipped.exists():
-        table.add_row(name, *["–"] * 5, "is not shipped yet")
+        table.add_row(name, *["–"] * 4, "is not shipped yet")
         return False
     found = compare(shipped, radiance, noise)
     is_current = read_attributes(shipped).get(RECIPE) == recipe
@@ -103,7 +98,6 @@ def _add_row(
     table.add_row(
         name,
         *(f"{share:.2%}" for share in shares),
-        f"{found.rounding:.3f}",
         verdict if is_current else "shows another recipe: ship it anew",
     )
     return found.agrees and is_current

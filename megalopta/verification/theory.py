@@ -29,7 +29,6 @@ from megalopta.sensor import (
     Photodiode,
     Sensor,
     changed,
-    ctia_preset,
     detection_rate,
     expose_events,
     expose_photocurrent,
@@ -250,30 +249,6 @@ def check_ctia_pattern() -> Row:
     return worst(rows)
 
 
-def check_full_swing() -> Row:
-    """A CTIA whose noise takes readings to the end of the swing: the mean of min(v + σ·z, rail).
-
-    Drawn, and by a sum over the normal law of the noise.
-    """
-    sigma = 0.02
-    sensor = changed(ctia_preset("ctia_si"), noise=changed(_NO_NOISE, read_noise_v=sigma))
-    full_a = sensor.swing_v * sensor.capacitance_f / sensor.exposure_s
-    light = np.full((1, 100, 100), 0.995 * full_a)
-    free = volt_moments(light, changed(sensor, noise=_NO_NOISE))[0]
-    z = np.linspace(-8, 8, 4_001)
-    weights = np.exp(-(z**2) / 2) / np.exp(-(z**2) / 2).sum()
-    mean = np.array([weights @ np.minimum(v + sigma * z, sensor.swing_v) for v in free.ravel()])
-    drawn = expose_photocurrent(light, sensor, **_SEED).volts.ravel()
-    stated = float(volt_moments(light, sensor)[0].mean())
-    term = "CTIA, at the end of its swing"
-    return worst(
-        [
-            mean_row(term, "mean (V)", mean.mean(), drawn - mean + mean.mean()),
-            exact_row(term, "stated mean (V)", mean.mean(), stated, 1e-5),
-        ]
-    )
-
-
 def check_ctia_preset(name: str) -> Row:
     """Readings of a preset, at a third of its swing, against what it states."""
     sensor = CTIA_PRESETS[name]
@@ -313,9 +288,10 @@ def check_correction(name: str, sensor: Sensor) -> Row:
     curve = calibration.curve
     brightest = float(curve.arrivals_of(np.array([0.7 * curve.largest]))[0][0])
     light = np.broadcast_to(brightest * np.linspace(0.4, 1, shape[1]), shape)
+    alike = changed(sensor, bias={"breakdown_sigma_v": 0.0})
     even = detection_rate(np.ones((1, *shape, 1)), [(440, 460)], sensor)[0]
     # what pixels detect of even light, by which `correct` divides
-    factor = even / detection_rate(np.ones((1, *shape, 1)), [(440, 460)], _alike(sensor))[0]
+    factor = even / detection_rate(np.ones((1, *shape, 1)), [(440, 460)], alike)[0]
     rate = np.broadcast_to(light * factor / sensor.exposure_s, (frames, *shape))
     exposure = expose_rate(rate, sensor, **_SEED)
     found = correct(exposure.counts, exposure.saturated, calibration)
@@ -333,10 +309,6 @@ def check_correction(name: str, sensor: Sensor) -> Row:
     )
 
 
-def _alike(sensor: Sensor) -> Sensor:
-    return changed(sensor, bias={"breakdown_sigma_v": 0.0})
-
-
 def _corrected(kind: str, **counter: Any) -> Sensor:
     dead = DeadTime.model_validate({"kind": kind, "dead_time_s": 1e-3})
     return changed(preset("ideal"), dead_time=dead, **counter)
@@ -350,7 +322,6 @@ THEORY: dict[str, tuple[Check, ...]] = {
         check_ctia_noise,
         check_ctia_pattern,
         check_gate_leak,
-        check_full_swing,
     ),
     "readings": (
         partial(check_spad_preset, "array-12x4"),

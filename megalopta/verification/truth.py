@@ -17,6 +17,8 @@ neighbors see different things, the outline between them crosses one of the two.
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -88,19 +90,19 @@ def check_truth(dataset: Dataset) -> list[Residual]:
     kept: dict[str, list[Floats]] = {}
     frames = dataset.configuration.trajectory.frames
     with progress("Deriving flow again", frames - 1, "pair") as advance:
-        for (truth, view), (next_truth, next_view), images in _pairs(dataset):
-            there = rederived_flow(truth, view, next_view, motions)
-            back = rederived_flow(next_truth, next_view, view, motions)
+        for one, two in pairwise(_frame(dataset, index) for index in range(frames)):
+            there = rederived_flow(one.truth, one.view, two.view, motions)
+            back = rederived_flow(two.truth, two.view, one.view, motions)
             for way, seen, stored, again in (
-                ("forward", truth, truth.flow_forward, there),
-                ("backward", next_truth, next_truth.flow_backward, back),
+                ("forward", one.truth, one.truth.flow_forward, there),
+                ("backward", two.truth, two.truth.flow_backward, back),
             ):
                 for name, where in _groups(seen, list(motions)).items():
                     residual = _distance(stored[where], again[where])
                     kept.setdefault(f"{name}, {way}", []).append(residual)
-            for name, values in footprint_residuals(truth):
+            for name, values in footprint_residuals(one.truth):
                 kept.setdefault(name, []).append(values)
-            shift = remaining_shift(*images, truth)
+            shift = remaining_shift(one.image, two.image, one.truth)
             if np.isfinite(shift):
                 kept.setdefault("image, warped", []).append(np.array([shift]))
             advance()
@@ -131,17 +133,13 @@ def remaining_shift(image: Floats, following: Floats, truth: Truth) -> float:
     return float(np.linalg.norm(shift))
 
 
-def _pairs(
-    dataset: Dataset,
-) -> Iterator[tuple[tuple[Truth, View], tuple[Truth, View], tuple[Floats, Floats]]]:
-    before, image = _frame(dataset, 0)
-    for index in range(1, dataset.configuration.trajectory.frames):
-        after, next_image = _frame(dataset, index)
-        yield before, after, (image, next_image)
-        before, image = after, next_image
+class _Frame(NamedTuple):
+    truth: Truth
+    view: View
+    image: Floats
 
 
-def _frame(dataset: Dataset, index: int) -> tuple[tuple[Truth, View], Floats]:
+def _frame(dataset: Dataset, index: int) -> _Frame:
     path = dataset.truth(index)
     try:
         truth, view = read_truth(path), View.of(read_attributes(path))
@@ -151,7 +149,7 @@ def _frame(dataset: Dataset, index: int) -> tuple[tuple[Truth, View], Floats]:
             f"{problem}; remove the file and run: megalopta render {dataset.root} "
             f"--out {dataset.root}"
         ) from None
-    return (truth, view), radiance.sum(axis=-1, dtype=np.float64)
+    return _Frame(truth, view, radiance.sum(axis=-1, dtype=np.float64))
 
 
 def _groups(truth: Truth, moving: list[int]) -> dict[str, NDArray[np.bool_]]:

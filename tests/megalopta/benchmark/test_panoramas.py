@@ -163,7 +163,6 @@ def test_renderings_that_differ_by_noise_agree(shipped):
     # Of 225 900 pixels, the RMS is known to 0.15 %, that of 360 blocks to 3.7 %: five of these.
     assert found.pixels == pytest.approx(found.noise, rel=0.008)
     assert found.blocks * check_panoramas.BLOCK == pytest.approx(found.noise, rel=0.19)
-    assert found.rounding < 0.01
 
 
 def test_check_renders_all_writes_them_and_says_what_differs(

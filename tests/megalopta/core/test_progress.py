@@ -1,6 +1,7 @@
 """Long work is not silent where there is no terminal."""
 
 import re
+import sys
 import threading
 import time
 
@@ -62,3 +63,36 @@ def test_a_line_names_the_innermost_step(capsys):
         time.sleep(0.2)
     assert "dataset: at work for 0 s; building the scene" in inner
     assert "dataset: at work for 0 s; sequence 7" in capsys.readouterr().err
+
+
+def test_a_step_of_silent_work_is_named_by_who_speaks_for_it(capsys):
+    with progress.progress("Making", 1, "sequence"), progress.silent(), progress.step("baking"):
+        progress.say("not heard")
+        time.sleep(0.2)
+    assert "Making: 0 of 1 sequences in 0 s; baking" in capsys.readouterr().err
+
+
+def test_a_terminal_shows_the_step_and_clears_it(capsys, monkeypatch):
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    monkeypatch.setattr(progress, "STATUS_S", 0.05)
+    with working("render"), progress.step("building the scene"):
+        time.sleep(0.2)
+        progress.say("done soon")
+    told = capsys.readouterr().err
+    assert told.startswith("\rrender: at work for 0 s; building the scene\x1b[K")
+    assert "\r\x1b[Kdone soon\n" in told
+    assert told.endswith(("\r\x1b[K", "done soon\n"))
+
+
+def test_the_time_of_a_step_is_that_of_all_its_runs(monkeypatch):
+    with progress.times_of_steps() as times, progress.silent():
+        for _ in range(2):
+            with progress.step("frame"):
+                time.sleep(0.05)
+        with progress.step("idle"):
+            pass
+    assert times["frame"].seconds == pytest.approx(0.1, abs=0.08)
+    assert times["idle"].cpu_seconds < 0.05
+    with progress.step("later"):
+        pass
+    assert "later" not in times

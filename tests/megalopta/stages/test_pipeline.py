@@ -165,6 +165,28 @@ def test_a_dataset_is_made_again_from_its_own_description(copy, tmp_path):
     assert content(tmp_path / "again") == content(copy.root)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "name", ["radiance/grating/frame_0003.exr", "counts/grating/ideal-starlight.zarr/zarr.json"]
+)
+def test_a_truncated_file_is_made_again_by_its_stage_alone(copy, name):
+    before = content(copy.root)
+    path = copy.root / name
+    path.write_bytes(path.read_bytes()[:100])
+    stage = "sense" if "counts" in name else "render"
+    later = "flow" if stage == "sense" else "benchmark"
+    Ledger(copy).forget(later)
+    with pytest.raises(UserError, match=rf"{path} is missing or damaged; run first: .* {stage} "):
+        run_stage(copy.root, copy.configuration, later)
+    run_stage(copy.root, copy.configuration, stage)
+    run_stage(copy.root, copy.configuration, later)
+    assert {
+        name: before[name] for name in content(copy.root) if name != "sequences/grating.json"
+    } == {
+        name: each for name, each in content(copy.root).items() if name != "sequences/grating.json"
+    }
+
+
 @pytest.mark.parametrize(
     "command",
     [
@@ -190,13 +212,6 @@ def test_a_redo_that_fails_on_a_damaged_frame_leaves_everything_as_it_was(copy):
     with pytest.raises(UserError, match="frame_0021"):
         run_stage(copy.root, copy.configuration, "sense", redo=True)
     assert content(copy.root) == before
-
-
-def test_a_refused_first_stage_leaves_no_folder(tiny, tmp_path):
-    scene = tiny.scene.model_copy(update={"cycles_per_frame": 4.25})
-    with pytest.raises(UserError, match="does not close"):
-        run_stage(tmp_path / "data", tiny.model_copy(update={"scene": scene}), "render")
-    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.slow
@@ -268,6 +283,27 @@ def test_damage_is_named_with_its_remedy(copy, capsys):
     assert "3 faults" in text
 
 
+def test_damaged_bookkeeping_is_named(copy):
+    copy.record_path.write_text("{half")
+    with pytest.raises(UserError, match=r"grating\.json is damaged"):
+        run_stage(copy.root, copy.configuration, "benchmark")
+
+
+def test_sequences_shorter_than_a_filter_are_refused(tiny, tmp_path):
+    short = tiny.model_copy(update={"trajectory": tiny.trajectory.model_copy(update={"frames": 6})})
+    with pytest.raises(UserError, match="EMD settles: use at least 22"):
+        run_all(tmp_path / "data", short)
+    assert not (tmp_path / "data").exists()
+
+
+def test_a_scene_that_cannot_be_built_is_a_users_mistake(tiny, tmp_path):
+    scene = tiny.scene.model_copy(update={"cycles_per_frame": 4.25})
+    open_seam = tiny.model_copy(update={"scene": scene})
+    with pytest.raises(UserError, match=r"scene: .*does not close"):
+        run_stage(tmp_path / "data", open_seam, "render")
+    assert not list(tmp_path.iterdir())
+
+
 def test_noise_of_the_rendering_is_measured(finished):
     record = json.loads(finished.scene_record.read_text())
     # Four pixels wide bars at one sample: noise, but far less than the signal.
@@ -308,19 +344,10 @@ def test_a_folder_of_something_else_is_left_alone(tiny, tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["thesis.tex"]
 
 
-@pytest.mark.parametrize(
-    ("part", "changes", "told"),
-    [
-        ("trajectory", {"frames": 6}, "EMD settles: use at least 22"),
-        ("camera", {"height": 12}, r"flow: .*12 × 48 px cannot be cut"),
-    ],
-)
-def test_what_a_later_stage_cannot_use_is_refused_before_any_work(
-    tiny, tmp_path, part, changes, told
-):
-    wrong = tiny.model_copy(update={part: getattr(tiny, part).model_copy(update=changes)})
-    with pytest.raises(UserError, match=told):
-        run_all(tmp_path / "data", wrong)
+def test_frames_too_small_for_a_method_are_refused_before_any_work(tmp_path, tiny):
+    small = tiny.model_copy(update={"camera": tiny.camera.model_copy(update={"height": 12})})
+    with pytest.raises(UserError, match=r"flow: .*12 × 48 px cannot be cut"):
+        run_all(tmp_path / "data", small)
     assert not (tmp_path / "data").exists()
 
 
