@@ -9,8 +9,9 @@ Disks are laid from the front to the back, so each paints only what is still bar
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from megalopta.core.compiling import compiled
 
 _SAMPLES = 3
 """Samples along a pixel, so that edges are as soft as a sensor's pixels make them"""
@@ -42,7 +43,7 @@ def dead_leaves(
     return np.asarray(image.reshape(shape[0], _SAMPLES, shape[1], _SAMPLES).mean(axis=(1, 3)))
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def _cover(
     image: NDArray[np.float64],
     rng: np.random.Generator,
@@ -60,7 +61,7 @@ def _cover(
         bare -= paint_leaf(image, (row, column), radius, value)
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def paint_leaf(
     image: NDArray[np.float64], center: tuple[float, float], radius: float, value: float
 ) -> int:

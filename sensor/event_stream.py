@@ -11,8 +11,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from megalopta.core.compiling import compiled
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +92,7 @@ def in_order_of_time(
     return times, places
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def _gather(
     stamps: NDArray[np.float64],
     pixels: NDArray[np.int64],

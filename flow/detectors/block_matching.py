@@ -19,12 +19,13 @@ from functools import partial
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
-from numba import njit, types
+from numba import types
 from numba.extending import overload
 from numpy.typing import NDArray
 from pydantic import Field
 
 from megalopta.core.arrays import Floats
+from megalopta.core.compiling import compiled
 from megalopta.flow.detectors.base import Frames, Responder, in_pairs
 from megalopta.flow.detectors.blocks import BlockDetector, BlockGrid, thesis_radius_px
 
@@ -63,7 +64,7 @@ def _exact_type(frames: Frames, pixels: int) -> type[np.number[Any]]:
     return np.float64
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def _search(
     frames: NDArray[Any], top: int, left: int, size: int, radius: int, velocities: Floats
 ) -> None:
@@ -92,7 +93,7 @@ def _search(
                             best[0], best[1] = -dx, row - y
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def _fill_strips(frame: NDArray[Any], left: int, strips: NDArray[Any]) -> None:
     """Cut a frame (H, W), from a column on, into strips (n, H · width), where they lie inside."""
     height, width = frame.shape

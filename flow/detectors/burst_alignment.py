@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from megalopta.core.arrays import Floats
+from megalopta.core.compiling import compiled
 from megalopta.flow.detectors.base import Responder
 from megalopta.flow.detectors.blocks import BlockGrid, PooledFrames, block_sums
 from megalopta.flow.detectors.poisson_matching import parabola_minimum
@@ -124,7 +125,7 @@ def _difference(pair: Floats, row: int, column: int, size: int, dx: int, dy: int
     return total
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def _search(
     pair: Floats,
     corners: NDArray[np.int64],

@@ -21,11 +21,11 @@ from functools import cache
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike
 from pydantic import Field
 
 from megalopta.core.arrays import Floats
+from megalopta.core.compiling import compiled
 from megalopta.flow.detectors.base import Detector, Frames, Responder
 
 FilterStep = Annotated[float, Field(gt=0, le=1)]
@@ -37,7 +37,7 @@ _TINY = 1e-20
 _ELEMENTARY, _PRODUCT, _RECTIFIED_PRODUCT, _RECTIFIED_SUM = range(4)
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def _combine(kind: int, h: Any, g: Any, combined: Any) -> None:
     """Combine a row of h and one of its delayed copy g; the outermost pixels lack a neighbor."""
     inner = range(1, h.size - 1)
@@ -64,7 +64,7 @@ class _Filters(NamedTuple):
     b: float
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def _advance(frames: Any, filters: _Filters, state: Any, outputs: Any) -> None:
     """Pass frames through all filters; their states low, g and y (3, H, W) change in place."""
     kind, scale, a, b = filters

@@ -46,6 +46,7 @@ from scipy.fft import irfft2, next_fast_len, rfft2
 from scipy.ndimage import gaussian_filter, spline_filter, uniform_filter
 
 from megalopta.core.arrays import Floats
+from megalopta.core.compiling import compiled
 from megalopta.flow.detectors.base import Frames, Responder
 from megalopta.flow.detectors.blocks import BlockDetector, BlockGrid, PooledFrames, thesis_radius_px
 from megalopta.flow.likelihood import root_noise, suited_blur_px
@@ -367,7 +368,7 @@ def pair_weight(size: int, excess: float, noise: float, frames: int) -> NDArray[
     return np.asarray(spectrum / (noise * (noise + frames * spectrum)), np.float32)
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def add_up_pairs(correlations: NDArray[np.float32], side: int, scores: Floats) -> None:
     """Add up, for each velocity, the correlations of frames k apart at k times it."""
     size, middle = correlations.shape[1], len(scores) // 2
@@ -420,7 +421,7 @@ def aligned(
     return found
 
 
-@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@compiled
 def _align(
     splines: NDArray[np.float32],
     weights: NDArray[np.float32],
@@ -443,7 +444,7 @@ def _align(
     return moved
 
 
-@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@compiled
 def _step(
     splines: NDArray[np.float32],
     weights: NDArray[np.float32],
@@ -478,7 +479,7 @@ def _step(
     )
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def _sums_over_frames(
     splines: NDArray[np.float32], corner: NDArray[np.int64], size: int, vx: float, vy: float
 ) -> NDArray[np.float32]:
@@ -523,13 +524,13 @@ def _sums_over_frames(
     return sums
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def _inside(start: int, size: int, length: int) -> tuple[int, int]:
     """Return the first of the pixels from a start that has its four taps, and the one after."""
     return max(0, 1 - start), min(size, length - 2 - start)
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def _cubic(shift: float) -> tuple[int, NDArray[np.float32], NDArray[np.float32]]:
     """Return the whole part of a shift, and what four coefficients weigh in value and slope."""
     whole = math.floor(shift)

@@ -24,6 +24,7 @@ import numpy as np
 from numba import njit
 
 from megalopta.core.arrays import Floats
+from megalopta.core.compiling import compiled
 from megalopta.flow.detectors.base import Detector
 
 Metric = Literal["literal", "ratio"]
@@ -65,7 +66,7 @@ def quotient(numerator: Floats | np.float64, denominator: Floats | np.float64) -
     return np.divide(numerator, denominator, out=undefined, where=np.asarray(denominator) > 0)
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def _add_up(ideal: Floats, noisy: Floats, skip_zero: bool, sums: Floats) -> None:
     frames, rows, columns, components = ideal.shape
     size, difference = np.empty(columns), np.empty(columns)

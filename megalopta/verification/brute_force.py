@@ -17,12 +17,12 @@ from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.constants import c, h
 from scipy.integrate import dblquad, quad
 
 from megalopta.core.arrays import Floats
+from megalopta.core.compiling import compiled
 from megalopta.sensor import AnalogCounter, Crosstalk, Sensor
 from megalopta.sensor.effects.fields import AvalancheEffects
 
@@ -145,7 +145,7 @@ def _chances(talk: Crosstalk, rows: int, columns: int) -> Floats:
     return np.asarray(talk.mean_fired_neighbors * relative / (4 * sum(shares)))
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _simulate(rng, arrays, rules, counts):  # type: ignore[no-untyped-def]
     for array in range(counts.shape[0]):
         rates = arrays.rates[array]
@@ -172,7 +172,7 @@ def _simulate(rng, arrays, rules, counts):  # type: ignore[no-untyped-def]
                 _strike(rng, (arrays, rules), (array, now, pixel), blind_until, waiting, counts)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _strike(rng, device, arrival, blind_until, waiting, counts):  # type: ignore[no-untyped-def]
     """All that happens at once: the pixel, and those that it fires by its light."""
     arrays, rules = device
@@ -200,7 +200,7 @@ def _strike(rng, device, arrival, blind_until, waiting, counts):  # type: ignore
                 struck.append(other)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _earliest(waiting):  # type: ignore[no-untyped-def]
     first = 0
     for place in range(1, len(waiting)):
@@ -209,17 +209,17 @@ def _earliest(waiting):  # type: ignore[no-untyped-def]
     return first
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _pause(rng, rate):  # type: ignore[no-untyped-def]
     return rng.exponential(1 / rate) if rate > 0 else np.inf
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _part(now, exposure, parts):  # type: ignore[no-untyped-def]
     return min(int((now % exposure) / exposure * parts), parts - 1) if now > 0 else 0
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _delay(rng, rules):  # type: ignore[no-untyped-def]
     if rules.delays.size > 0:
         return np.interp(rng.random(), rules.cumulative, rules.delays)
@@ -325,7 +325,7 @@ def plain_readings(
     return readings.astype(np.float64), events >= capacity + wraps
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def _counted(events: int, capacity: int, wraps: bool) -> int:
     reading = 0
     for _ in range(events):

@@ -13,9 +13,9 @@ panorama they are taken for straight within a pixel.
 """
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from megalopta.core.compiling import compiled
 from megalopta.render.truth.geometry import Geometry
 from megalopta.render.truth.surface import Surface
 from megalopta.render.truth.views import Eyes
@@ -113,7 +113,7 @@ def _corner_directions(camera: Camera, places: Float64) -> Float64:
     return np.asarray((toward / (toward * axis).sum(axis=-1, keepdims=True))[:, :3])
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _covered(  # type: ignore[no-untyped-def]
     corners, first, axes, offsets, is_near
 ):
@@ -145,7 +145,7 @@ def _covered(  # type: ignore[no-untyped-def]
     return area
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _edge_lines(triangle, axes, lines):  # type: ignore[no-untyped-def]
     """Set lines (3, 3): a + b·x + c·y is how far inside of each edge a place is, px."""
     for edge in range(3):
@@ -164,7 +164,7 @@ def _edge_lines(triangle, axes, lines):  # type: ignore[no-untyped-def]
             lines[edge, corner] /= steepness
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _clipped_area(lines, polygon, clipped):  # type: ignore[no-untyped-def]
     """Area of the unit square on the positive side of three lines (Sutherland and Hodgman)."""
     count = 4

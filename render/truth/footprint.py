@@ -11,9 +11,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass, fields
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from megalopta.core.compiling import compiled
 from megalopta.render import mi
 from megalopta.render.truth.correspondence import correspondence
 from megalopta.render.truth.coverage import ray_weights
@@ -156,7 +156,7 @@ class Footprints:
         return self._geometry.glimpsed(of_rays.origin, directions, of_rays.time_s)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _moments(flow, is_hidden, weights, first):  # type: ignore[no-untyped-def]
     """Mean flow (x, y), root mean square distance from it, and share that is hidden (P, 4).
 

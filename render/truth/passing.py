@@ -15,9 +15,9 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from megalopta.core.compiling import compiled
 from megalopta.render.loading.meshes import MovingMesh
 
 Float64 = NDArray[np.float64]
@@ -233,7 +233,7 @@ def _meets(sides: Float64, stay: _While, start: Float64) -> NDArray[np.bool_]:
     return np.asarray((farthest >= 0).all(axis=1))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _meet(places, ways, axes, sides, corners, distance, found):  # type: ignore[no-untyped-def]
     """Bring distances (R,) of rays in order down to those of triangles (n, 3, 3) that they meet.
 
@@ -261,7 +261,7 @@ def _meet(places, ways, axes, sides, corners, distance, found):  # type: ignore[
                 distance[ray], found[ray] = along / size, triangle
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _is_beside(corner, sides):  # type: ignore[no-untyped-def]
     """Whether a triangle (3, 3) lies wholly beyond one of the sides (5, 3)."""
     for side in sides:
@@ -275,7 +275,7 @@ def _is_beside(corner, sides):  # type: ignore[no-untyped-def]
     return False
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _reach(corner, axes):  # type: ignore[no-untyped-def]
     """Between which places across a bundle a triangle (3, 3) lies; anywhere if partly behind."""
     low, high = np.inf, -np.inf
@@ -289,7 +289,7 @@ def _reach(corner, axes):  # type: ignore[no-untyped-def]
     return low, high
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _cross(a, b, into):  # type: ignore[no-untyped-def]
     into[0] = a[1] * b[2] - a[2] * b[1]
     into[1] = a[2] * b[0] - a[0] * b[2]

@@ -3,9 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from megalopta.core.compiling import compiled
 from megalopta.render.truth.views import Times, of_rays
 
 Float64 = NDArray[np.float64]
@@ -46,7 +46,7 @@ class Surface:
         )
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def same_side(triangle, at_rest, faces, vertices, seen, way):  # type: ignore[no-untyped-def]
     """Whether two directions each (N, 3) meet the same side of triangles at rest, or the sky."""
     found = np.ones(len(triangle), np.bool_)

@@ -1,12 +1,12 @@
 """Photons and dark carriers of a pixel one after the other, and the dead time that it starts in."""
 
 import numpy as np
-from numba import njit
 
+from megalopta.core.compiling import compiled
 from megalopta.sensor.effects.gating import open_time, wall_time
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def first_blind_until(rng, pixel, parameters, tables):  # type: ignore[no-untyped-def]
     """End of the dead time that a pixel starts in; long ago if it is live and charged."""
     start, tau, rate = parameters.start_s, tables.dead_times[pixel], tables.rates[0, pixel]
@@ -18,7 +18,7 @@ def first_blind_until(rng, pixel, parameters, tables):  # type: ignore[no-untype
     return start + tau * rng.random() if is_dead else -np.inf
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def first_photon(rng, pixel, parameters, tables, blind_until):  # type: ignore[no-untyped-def]
     """Time of the first photon that may do anything, in a pixel that is blind until then."""
     start, twilight = parameters.start_s, parameters.twilight_s
@@ -27,7 +27,7 @@ def first_photon(rng, pixel, parameters, tables, blind_until):  # type: ignore[n
     return next_photon(rng, tables.rates, pixel, since, part_s, parameters.gate)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def next_photon(rng, rates, pixel, since, part_s, gate):  # type: ignore[no-untyped-def]
     """Time of the first photon or dark carrier after a time; infinite where none comes."""
     wait = rng.standard_exponential()

@@ -1,10 +1,11 @@
 """What may fire a pixel next, the earliest first: a heap in two arrays, times and owners."""
 
 import numpy as np
-from numba import njit
+
+from megalopta.core.compiling import compiled
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def push(times, owners, size, time, owner):  # type: ignore[no-untyped-def]
     """Add to the heap and return its new size."""
     place = size
@@ -16,7 +17,7 @@ def push(times, owners, size, time, owner):  # type: ignore[no-untyped-def]
     return size + 1
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def pop(times, owners, size):  # type: ignore[no-untyped-def]
     """Remove the first of the heap and return its new size."""
     size -= 1
@@ -33,7 +34,7 @@ def pop(times, owners, size):  # type: ignore[no-untyped-def]
     return size
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def longer(values, room):  # type: ignore[no-untyped-def]
     """Return twice as long an array with the same beginning."""
     result = np.empty(2 * values.size + room, values.dtype)

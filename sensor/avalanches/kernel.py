@@ -10,9 +10,9 @@ neighbors.
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from megalopta.core.arrays import Floats, Ints
+from megalopta.core.compiling import compiled
 from megalopta.sensor.avalanches.arrivals import first_blind_until, first_photon, next_photon
 from megalopta.sensor.avalanches.heap import longer, pop, push
 from megalopta.sensor.effects.afterpulsing import draw_carriers, draw_delay
@@ -113,7 +113,7 @@ def parameters_of(
     return parameters, tables
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def run_frame(
     rng: np.random.Generator,
     parameters: Parameters,
@@ -170,7 +170,7 @@ def run_frame(
     return counts, events, (left_times[:left], left_owners[:left])
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _run(  # type: ignore[no-untyped-def]
     rng, parameters, tables, counts, blind_until, times, owners, size, stamps, places, kept
 ):
@@ -227,7 +227,7 @@ def _run(  # type: ignore[no-untyped-def]
     return size, kept
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _push_crosstalk(rng, tables, times, owners, size, avalanche):  # type: ignore[no-untyped-def]
     """Let an avalanche, of a time and a pixel in so many columns, light its neighbors."""
     time, pixel, columns = avalanche

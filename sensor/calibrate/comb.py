@@ -32,11 +32,11 @@ no leak, and starts from the empirical characteristic function, too.
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.special import gammaln
 
 from megalopta.core.arrays import Floats, Mask
+from megalopta.core.compiling import compiled
 from megalopta.sensor.calibrate.level import Falls
 
 HIDDEN_AT = 0.36
@@ -146,7 +146,7 @@ def _period_of(
     return 1 / float(frequency[best] + shift * step), noise
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def _powers(
     wave: NDArray[np.complex128],
     turn: NDArray[np.complex128],

@@ -26,12 +26,12 @@ from itertools import pairwise
 from typing import Annotated, ClassVar, Self
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike
 from pydantic import Field, model_validator
 from scipy.linalg import expm
 
 from megalopta.core.arrays import Floats
+from megalopta.core.compiling import compiled
 from megalopta.sensor.effects.base import Effect, PixelRates, Stage
 
 
@@ -127,7 +127,7 @@ def moments(
     return primaries * mean, primaries * variance
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def draw_carriers(rng: np.random.Generator, mean: float) -> int:
     """Number of carriers an avalanche leaves in traps (Poisson, small mean)."""
     carriers, product, limit = 0, rng.random(), np.exp(-mean)
@@ -137,7 +137,7 @@ def draw_carriers(rng: np.random.Generator, mean: float) -> int:
     return carriers
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def draw_delay(
     rng: np.random.Generator, delay_s: float, table_delays_s: Floats, table_cumulative: Floats
 ) -> float:

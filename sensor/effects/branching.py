@@ -16,9 +16,9 @@ left out of Var_i is below 1e-8 of it.
 from functools import lru_cache
 
 import numpy as np
-from numba import njit
 
 from megalopta.core.arrays import Floats
+from megalopta.core.compiling import compiled
 
 REACH = 3
 """Largest distance along a row or column that crosstalk goes at once, pixels."""
@@ -99,7 +99,7 @@ def _squares(rows: int, columns: int, weights: tuple[float, ...]) -> Floats:
     return np.asarray(np.linalg.inv(matrix).reshape(rows, columns, rows, columns) ** 2)
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def _gather(noise: Floats, squares: Floats, half: int, total: Floats) -> None:
     """Sum over the small array, laid over the image so that borders fall on borders."""
     rows, columns, _, _ = squares.shape
@@ -115,7 +115,7 @@ def _gather(noise: Floats, squares: Floats, half: int, total: Floats) -> None:
             total[y, x] = summed
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def _walk(
     noise: Floats,
     taps: Floats,

@@ -16,9 +16,9 @@ of a long exposure one period is integrated and the others are added.
 """
 
 import numpy as np
-from numba import njit
 
 from megalopta.core.arrays import Floats
+from megalopta.core.compiling import compiled
 
 
 def moments(
@@ -63,7 +63,7 @@ def moments(
     return mean.reshape(rates.shape), variance.reshape(rates.shape)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _integrate(rates, steps, repeats, mean, variance):  # type: ignore[no-untyped-def]
     durations, is_open, before, offsets, is_inside, is_last = steps
     opened = np.zeros(durations.size + 1)

@@ -12,10 +12,10 @@ Source: dissertation §2.3.2.
 from typing import Annotated, ClassVar, Self
 
 import numpy as np
-from numba import njit
 from pydantic import Field, model_validator
 
 from megalopta.core.arrays import Floats
+from megalopta.core.compiling import compiled
 from megalopta.sensor.effects.base import Effect, Stage
 
 
@@ -68,7 +68,7 @@ def part_weights(gate: Gate, exposure_s: float, parts: int) -> Floats:
     return np.asarray(opened / opened.sum())
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def open_time(time_s: float, period_s: float, width_s: float, phase_s: float) -> float:
     """Time spent open between the first opening and a time, s; period 0: not gated."""
     if period_s == 0:
@@ -78,7 +78,7 @@ def open_time(time_s: float, period_s: float, width_s: float, phase_s: float) ->
     return opened
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def wall_time(open_s: float, period_s: float, width_s: float, phase_s: float) -> float:
     """Time at which so much time has been spent open, s: the inverse of `open_time`."""
     if period_s == 0:
@@ -88,7 +88,7 @@ def wall_time(open_s: float, period_s: float, width_s: float, phase_s: float) ->
     return time
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def is_open(time_s: float, period_s: float, width_s: float, phase_s: float) -> bool:
     """Whether the window is open."""
     return bool(period_s == 0 or (time_s - phase_s) % period_s < width_s)

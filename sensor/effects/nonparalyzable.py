@@ -30,11 +30,11 @@ gives a²·e^(2β) = (a−β)² + θ² > (a−β)² + π², hence (a²+a)·(e^(2
 """
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.special import gammainc
 
 from megalopta.core.arrays import Floats
+from megalopta.core.compiling import compiled
 
 _SETTLED = 45.0
 _TAIL = 40
@@ -118,7 +118,7 @@ def draw(
     return counts
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def _draw(
     rng: np.random.Generator, arrivals: Floats, a: Floats, is_stationary: bool
 ) -> NDArray[np.int64]:
@@ -132,7 +132,7 @@ def _draw(
     return counts
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def _later_counts(rng: np.random.Generator, left: float, a: float) -> int:
     """Counts in the time left after a count; all times in mean waits."""
     counts = 0
@@ -152,13 +152,13 @@ def _later_counts(rng: np.random.Generator, left: float, a: float) -> int:
     return counts
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def _safe_leap(left: float, a: float) -> int:
     expected = left / (1 + a)
     return int(expected - 1.5 * np.sqrt(expected))
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def _counts_inside(rng: np.random.Generator, left: float, a: float, leap: int, waits: float) -> int:
     """Counts in the time left, given that count `leap` comes later, after `waits` of waiting.
 

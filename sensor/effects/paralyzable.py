@@ -36,11 +36,11 @@ distance to the exact law is then below 4e-4.
 """
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.special import lambertw
 
 from megalopta.core.arrays import Floats
+from megalopta.core.compiling import compiled
 
 _HARDLY_ANY_LOST = 0.5
 
@@ -71,7 +71,7 @@ def draw(
     return counts
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def approximate_count(z: float, mean: float, variance: float, a: float) -> int:
     """Count at the quantile of a normal number z, for means above `EXACT_UP_TO`."""
     third_cumulant = mean * (1 - 3 * a * np.exp(-a)) ** 2
@@ -79,7 +79,7 @@ def approximate_count(z: float, mean: float, variance: float, a: float) -> int:
     return int(np.rint(mean + sigma * z + third_cumulant / variance * (z**2 - 1) / 6))
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def _fill_moments(
     arrivals: Floats, dead_fraction: Floats, is_stationary: bool, mean: Floats, variance: Floats
 ) -> None:
@@ -89,7 +89,7 @@ def _fill_moments(
         )
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def _moments(x: float, dead_fraction: float, is_stationary: bool) -> tuple[float, float]:
     a = x * dead_fraction
     q = np.exp(-a)
@@ -103,13 +103,13 @@ def _moments(x: float, dead_fraction: float, is_stationary: bool) -> tuple[float
     return mean, 2 * pairs + mean - mean**2
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def _at_least_one(x: float) -> float:
     """Probability of one or more of x expected arrivals; 1 to the last bit beyond 40."""
     return 1.0 if x > 40 else float(-np.expm1(-x))
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def _h(x: float) -> float:
     return float(x - _at_least_one(x))
 
@@ -123,7 +123,7 @@ def _lower_of_pair(a: Floats) -> Floats:
     return lower
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def _draw(
     rng: np.random.Generator,
     arrivals: Floats,
@@ -146,7 +146,7 @@ def _draw(
     return counts
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def _draw_exactly(
     rng: np.random.Generator, x: float, a: float, dead: float, is_stationary: bool
 ) -> int:
@@ -163,7 +163,7 @@ def _draw_exactly(
     return 1 + int(_draw_by_arrival(rng, left * dead / a, dead, 0.0))
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def _draw_by_arrival(rng: np.random.Generator, left: float, dead: float, idle: float) -> int:
     """Counts in the time left, the last arrival being `idle` ago; times in mean gaps."""
     counts = 0
@@ -176,7 +176,7 @@ def _draw_by_arrival(rng: np.random.Generator, left: float, dead: float, idle: f
     return counts
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def _draw_by_loss(rng: np.random.Generator, arrivals: float, dead_fraction: float) -> int:
     """Counts from a live start: arrivals less those that come too close after another."""
     n = rng.poisson(arrivals)

@@ -23,12 +23,12 @@ from functools import lru_cache
 from typing import Annotated, ClassVar, Self
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 from scipy.stats import binom
 
 from megalopta.core.arrays import Floats
+from megalopta.core.compiling import compiled
 from megalopta.sensor.effects.base import Effect, Frame, FrameRates, Stage
 from megalopta.sensor.sampling.streams import pixel_uniforms
 from megalopta.sensor.sampling.words import uniform
@@ -112,7 +112,7 @@ def _traps(
     return switches, np.argwhere(switches), times_s
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def _add_active(
     run: np.uint64,
     time_s: float,
@@ -149,7 +149,7 @@ def _add_active(
             active[row, column] += is_active
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def _mixed(word: np.uint64) -> np.uint64:
     """Next word of SplitMix64 (Steele, Lea and Flood, OOPSLA 2014)."""
     word = word + np.uint64(0x9E3779B97F4A7C15)

@@ -10,6 +10,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from megalopta.core.arrays import Floats
+from megalopta.core.compiling import compiled
 from megalopta.sensor.sampling.words import LANES, fill_words, word_streams
 
 CHANCE_ERROR = 2e-6
@@ -46,7 +47,7 @@ def unpack(packed: NDArray[np.uint8], width: int) -> NDArray[np.uint8]:
     return np.unpackbits(packed, axis=-1, count=width)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@compiled
 def fill_bits(
     streams: NDArray[np.uint64],
     rate_hz: Floats,
@@ -94,7 +95,7 @@ def fill_bits(
             packed[row, byte] = (eights[byte] * _GATHER) >> np.uint64(56)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@compiled
 def _settle(
     streams: NDArray[np.uint64],
     rate_hz: Floats,

@@ -8,9 +8,9 @@ the density; a word chooses a layer and a place in it, which lies under the dens
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from megalopta.core.compiling import compiled
 from megalopta.sensor.sampling.words import LANES, fill_words, uniform
 
 _LAYERS = 1024
@@ -33,7 +33,7 @@ _LAYER, _ONE = np.uint64(_LAYERS - 1), np.uint64(1)
 EDGES = _layer_edges()
 
 
-@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@compiled
 def fill_normals(
     streams: NDArray[np.uint64],
     more_streams: NDArray[np.uint64],
@@ -56,7 +56,7 @@ def fill_normals(
             numbers[k] = _slow_normal(more_streams, edges, layer, numbers[k])
 
 
-@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@compiled
 def _slow_normal(
     streams: NDArray[np.uint64], edges: NDArray[np.float64], layer: np.uint64, z: float
 ) -> float:
@@ -78,7 +78,7 @@ def _slow_normal(
         z = _place(word[1]) * edges[layer]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@compiled
 def _place(word: np.uint64) -> float:
     """Place in a layer, within (−1, 1)."""
     return (float(np.int64(word) >> np.int64(11)) + 0.5) * 2.0**-52

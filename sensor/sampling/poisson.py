@@ -17,6 +17,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from megalopta.core.compiling import compiled
 from megalopta.sensor.sampling.normals import EDGES, fill_normals
 from megalopta.sensor.sampling.quantile import SMALLEST_MEAN, fill_quantiles
 from megalopta.sensor.sampling.words import LANES, fill_words, uniform, word_streams
@@ -133,7 +134,7 @@ def _alias_cells(law: NDArray[np.float64]) -> NDArray[np.uint64]:
     return cells
 
 
-@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@compiled
 def _draw(
     streams: NDArray[np.uint64],
     means: NDArray[np.float64],
@@ -167,7 +168,7 @@ def _draw(
             )
 
 
-@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@compiled
 def _scale(
     means: NDArray[np.float64],
     more: NDArray[np.float64],
@@ -184,7 +185,7 @@ def _scale(
             mean[k] = (means[start + k] + more[0]) * factor
 
 
-@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@compiled
 def _list_small(mean: NDArray[np.float64], places: NDArray[np.uint64]) -> int:
     """List where means are small; return their number."""
     number = np.int64(0)
@@ -198,7 +199,7 @@ def _list_small(mean: NDArray[np.float64], places: NDArray[np.uint64]) -> int:
     return int(number)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@compiled
 def _draw_small(
     streams: NDArray[np.uint64],
     words: NDArray[np.uint64],
@@ -233,13 +234,13 @@ def _draw_small(
     return used, wait
 
 
-@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@compiled
 def _exponential(word: np.uint64) -> float:
     """Exponential number, the time between arrivals, from a word."""
     return -math.log(uniform(word))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@compiled
 def _multiple(word: np.uint64, table: np.uint64, tables: _Tables) -> np.uint64:
     """Count of one table, from a word."""
     head = tables.heads[table]

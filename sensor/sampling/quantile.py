@@ -15,8 +15,9 @@ a thousand at a mean of 4, one in a thousand at 8 and in 25,000 at 30, are proba
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from megalopta.core.compiling import compiled
 
 SMALLEST_MEAN = 4.0
 _CERTAIN_FROM = 2.0**20
@@ -24,7 +25,7 @@ _CERTAIN_FROM = 2.0**20
 _SMALLEST_TERM = 1e-17
 
 
-@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@compiled
 def fill_quantiles(
     z: NDArray[np.float64], means: NDArray[np.float64], counts: NDArray[np.float64]
 ) -> None:
@@ -46,7 +47,7 @@ def fill_quantiles(
                 counts[k] = exact_quantile(z[k], means[k])
 
 
-@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@compiled
 def place(z: float, mean: float) -> float:
     """Return y, whose whole part is the count but where it is nearly whole."""
     sigma, square = math.sqrt(mean), z * z
@@ -60,14 +61,14 @@ def place(z: float, mean: float) -> float:
     return mean + sigma * z + ((square + 2) / 6 + small)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@compiled
 def doubt(z: float, mean: float) -> float:
     """Return how near to a whole number y does not tell the count."""
     square = z * z
     return (0.04 + 0.0015 * square * square * square * abs(z)) / (mean * mean * math.sqrt(mean))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@compiled
 def exact_quantile(z: float, mean: float) -> float:
     """Return the count of z, by sums of probabilities of the smaller tail."""
     chance = 0.5 * math.erfc(abs(z) / math.sqrt(2))
@@ -86,12 +87,12 @@ def exact_quantile(z: float, mean: float) -> float:
     return float(count)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@compiled
 def _probability(count: float, mean: float) -> float:
     return math.exp(count * math.log(mean) - mean - math.lgamma(count + 1))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@compiled
 def _at_most(count: float, mean: float) -> float:
     """P(N ≤ count), of a count that is not far above the mean."""
     total, term, n = 1.0, 1.0, count
@@ -102,7 +103,7 @@ def _at_most(count: float, mean: float) -> float:
     return float(total * _probability(count, mean))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@compiled
 def _more_than(count: float, mean: float) -> float:
     """P(N > count), of a count that is not far below the mean."""
     total, term, n = 1.0, 1.0, count + 1

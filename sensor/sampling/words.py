@@ -6,8 +6,9 @@ chance (2⁻¹⁸⁴); twelve rounds go before the first word, as in NumPy's own
 """
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from megalopta.core.compiling import compiled
 
 LANES = 16
 
@@ -22,7 +23,7 @@ def word_streams(rng: np.random.Generator, *count: int) -> NDArray[np.uint64]:
     return states
 
 
-@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@compiled
 def fill_words(state: NDArray[np.uint64], words: NDArray[np.uint64]) -> None:
     """Fill (N, LANES) with random words and advance the state."""
     a, b, c, counter = state[0].copy(), state[1].copy(), state[2].copy(), state[3].copy()
@@ -37,13 +38,13 @@ def fill_words(state: NDArray[np.uint64], words: NDArray[np.uint64]) -> None:
     state[0], state[1], state[2], state[3] = a, b, c, counter
 
 
-@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@compiled
 def uniform(word: np.uint64) -> float:
     """Return a number within (0, 1) of a random word."""
     return (float(word >> np.uint64(11)) + 0.5) * 2.0**-53
 
 
-@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@compiled
 def _pass_rounds(states: NDArray[np.uint64]) -> None:
     words = np.empty((_ROUNDS, LANES), np.uint64)
     for state in states:

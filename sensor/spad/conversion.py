@@ -1,9 +1,9 @@
 """Events to volts and back to counts, drawn."""
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from megalopta.core.compiling import compiled
 from megalopta.sensor.spad.analog import AnalogCounter, AnalogPixels, assumed_pixels
 
 
@@ -67,7 +67,7 @@ def voltages(counter: AnalogCounter) -> tuple[float, float, float, float, float,
     return counter.supply_v, counter.swing_v, *steps, counter.read_noise_v, counter.lsb_v
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def fall(events: float, step_v: float, slope: float, swing_v: float) -> float:
     """Mean fall of the output after so many events, V, as if it had no bottom."""
     change = slope * step_v / swing_v
@@ -77,19 +77,19 @@ def fall(events: float, step_v: float, slope: float, swing_v: float) -> float:
     return float(-first_v / change * np.expm1(events * np.log1p(-change)))
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def spread(events: float, step_noise_v: float, step_v: float, swing_v: float) -> float:
     """Standard deviation of that fall, V; at twice the swing nothing is left to be taken off."""
     return float(step_noise_v * np.sqrt(min(events, 2 * swing_v / step_v)))
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def largest_count(step_v: float, leaked_v: float, swing_v: float) -> float:
     """Capacity of a pixel of which this is known."""
     return float(np.floor((swing_v - leaked_v) / step_v * (1 + 1e-9)))
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _output(rng, events, step_v, leaked_v, offset_v, volts):  # type: ignore[no-untyped-def]
     """What is read of one pixel, V, and whether its counter is empty."""
     supply, swing, slope, step_noise, read_noise, lsb = volts
@@ -104,7 +104,7 @@ def _output(rng, events, step_v, leaked_v, offset_v, volts):  # type: ignore[no-
     return output, fallen > swing
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _read(rng, events, pixels, known, volts, counts, saturated):  # type: ignore[no-untyped-def]
     supply, swing = volts[:2]
     for row in range(events.shape[0]):
@@ -121,7 +121,7 @@ def _read(rng, events, pixels, known, volts, counts, saturated):  # type: ignore
             saturated[at] = is_empty or count >= capacity
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _sample(rng, events, pixels, volts, codes):  # type: ignore[no-untyped-def]
     for row in range(events.shape[0]):
         for column in range(events.shape[1]):

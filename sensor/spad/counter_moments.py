@@ -18,11 +18,11 @@ import math
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.special import ndtr
 
 from megalopta.core.arrays import Floats
+from megalopta.core.compiling import compiled
 from megalopta.sensor.spad.analog import AnalogCounter, AnalogPixels, assumed_pixels
 from megalopta.sensor.spad.conversion import fall, largest_count, spread, voltages
 from megalopta.sensor.spad.digital import DigitalCounter
@@ -140,7 +140,7 @@ def misreads(counter: AnalogCounter, pixels: AnalogPixels) -> bool:
     return bool(2 * ndtr(-margin / counter.read_noise_v) > _FEW_MISREAD)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _integrate(first, probability, pixels, known, volts, is_exact, mean, variance):  # type: ignore[no-untyped-def]
     for at in range(first.size):
         pixel = pixel_of(at, pixels, known, volts, is_exact)
@@ -161,7 +161,7 @@ def _integrate(first, probability, pixels, known, volts, is_exact, mean, varianc
         variance[at] = max(twice - once**2, 0.0)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def pixel_of(at, pixels, known, volts, is_exact):  # type: ignore[no-untyped-def]
     """One of the pixels, and below which number of events it reads one for one."""
     supply, swing, read_noise = volts[0], volts[1], volts[4]
@@ -178,7 +178,7 @@ def pixel_of(at, pixels, known, volts, is_exact):  # type: ignore[no-untyped-def
     )  # fmt: skip
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def read_of(events, center, pixel, volts):  # type: ignore[no-untyped-def]
     """Mean reading of a number of events, mean square about a center, and whether it is full."""
     supply, swing, slope, step_noise, read_noise, lsb = volts
@@ -208,7 +208,7 @@ def read_of(events, center, pixel, volts):  # type: ignore[no-untyped-def]
     return mean, square, fallen >= swing and scatter == 0
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _edge(below, supply, lsb):  # type: ignore[no-untyped-def]
     """Output under which what the ADC makes of it is at most `below`; whether always or never."""
     if lsb == 0:
@@ -217,7 +217,7 @@ def _edge(below, supply, lsb):  # type: ignore[no-untyped-def]
     return (code + 0.5) * lsb, code >= np.rint(supply / lsb), code < 0
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _chance(deeper, room, scatter, read_noise):  # type: ignore[no-untyped-def]
     """Probability that the fall, held at the bottom, and read noise pass a depth.
 
@@ -242,6 +242,6 @@ def _chance(deeper, room, scatter, read_noise):  # type: ignore[no-untyped-def]
     return _normal(h) * _normal(k) + half * total / (2 * math.pi)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _normal(z):  # type: ignore[no-untyped-def]
     return 0.5 * math.erfc(-z / math.sqrt(2))

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike
 
 from megalopta.core.arrays import Floats
+from megalopta.core.compiling import compiled
 from megalopta.sensor.effects.base import AvalancheMaps, Effect, FrameRates, PixelRates
 from megalopta.sensor.effects.dead_time import MOST_ARRIVALS
 from megalopta.sensor.optics.pixels import check_brightness, detected_rate
@@ -155,7 +155,7 @@ def checked_rate(detections_hz: ArrayLike, sensor: Sensor) -> tuple[Floats, Fixe
     return rate, draw_fixed_pattern(sensor, (rows, columns))
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def _are_within(values: Floats, most: float) -> bool:
     """Whether all are numbers from 0 to the most, in one pass."""
     within = np.int64(0)

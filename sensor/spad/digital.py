@@ -10,10 +10,10 @@ For the analog counter see `analog`.
 from typing import Annotated, ClassVar, Literal, Self
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from pydantic import Field
 
+from megalopta.core.compiling import compiled
 from megalopta.sensor.effects.base import Effect, Stage
 
 LARGEST_CAPACITY = 2**32 - 1
@@ -66,7 +66,7 @@ def read_digital(
     return counts, saturated
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def _read(
     events: NDArray[np.int64],
     counts: Counts,

@@ -12,10 +12,10 @@ binomials, or of a binomial and the two integers about the mean, of exactly this
 """
 
 import numpy as np
-from numba import njit
 from scipy.special import gammainc, lambertw
 
 from megalopta.core.arrays import Floats
+from megalopta.core.compiling import compiled
 from megalopta.sensor.effects.fields import AvalancheEffects
 
 _SIGMAS, _EVENTS, _CLUMPS = 8, 12, 20
@@ -117,7 +117,7 @@ def _paralyzable(
     return np.asarray(np.fft.irfft((total * z**-least).conj(), points)[:size])
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _fill(mean, variance, least, law):  # type: ignore[no-untyped-def]
     spare = np.empty(law.shape[1])
     for at in range(mean.size):
@@ -130,7 +130,7 @@ def _fill(mean, variance, least, law):  # type: ignore[no-untyped-def]
             _fill_with_binomials(m, v, least[at], row, spare)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _fill_with_binomials(m, v, least, row, spare):  # type: ignore[no-untyped-def]
     trials = np.floor(m * m / (m - v))
     if trials >= m and trials * (m - v) > 0:
@@ -151,7 +151,7 @@ def _fill_with_binomials(m, v, least, row, spare):  # type: ignore[no-untyped-de
     row[place + 1] += (1 - share) * fraction
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _add_panjer(m, v, share, least, row, spare):  # type: ignore[no-untyped-def]
     if v <= 1e-12 * m:  # as many events as trials
         row[int(np.rint(m) - least)] += share

@@ -16,10 +16,10 @@ from collections.abc import Callable
 from functools import lru_cache
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from megalopta.core.arrays import Floats
+from megalopta.core.compiling import compiled
 from megalopta.sensor.avalanches.counts import count_moments
 from megalopta.sensor.effects.fields import AvalancheEffects
 from megalopta.sensor.spad.analog import AnalogCounter, AnalogPixels
@@ -108,7 +108,7 @@ def _law_table(blocks: range, exposure_s: float, effects: AvalancheEffects) -> L
     return LawTable.of(reach[0], law)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@compiled
 def _weigh(arrivals: Floats, first: NDArray[np.int64], weights: Floats) -> None:
     """First entry and weights of every pixel (Lagrange)."""
     for pixel in range(arrivals.size):
@@ -122,7 +122,7 @@ def _weigh(arrivals: Floats, first: NDArray[np.int64], weights: Floats) -> None:
             weights[pixel, own] = weight
 
 
-@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@compiled
 def _mix(first: NDArray[np.int64], weights: Floats, table: Floats, moments: Floats) -> None:
     for pixel in range(first.size):
         mean = variance = 0.0

@@ -8,10 +8,10 @@ sums are tabulated over the light; a pixel mixes those of the nearest entries by
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from megalopta.core.arrays import Floats
+from megalopta.core.compiling import compiled
 from megalopta.sensor.spad.analog import AnalogCounter, AnalogPixels, assumed_pixels
 from megalopta.sensor.spad.conversion import voltages
 from megalopta.sensor.spad.counter_moments import pixel_of, read_of
@@ -66,7 +66,7 @@ def tabulated_moments(
     return mean, variance
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _mix(pixels, known, volts, table, rows, weights, mean, variance):  # type: ignore[no-untyped-def]
     width = table.law.shape[1]
     for at in range(rows.size):
