@@ -11,19 +11,16 @@ from numpy.typing import ArrayLike, NDArray
 
 from megalopta.render.baking.choice import path_tracing_reason
 from megalopta.render.baking.integrator import BakedLightIntegrator
-from megalopta.render.canopy import Canopy, measure_canopy
-from megalopta.render.environment import EnvironmentView
-from megalopta.render.illuminance import LightSurvey
-from megalopta.render.layers import Layers, is_layered
+from megalopta.render.environment import EnvironmentView, under_panorama
 from megalopta.render.loading.air import fill
 from megalopta.render.loading.meshes import merge
 from megalopta.render.loading.scene import load_scene
 from megalopta.render.mitsuba_loader import activate
 from megalopta.render.noise import MeasuredPass
-from megalopta.render.path_tracing import PathIntegrator
+from megalopta.render.path_tracing import Layers, PathIntegrator, is_layered
 from megalopta.render.settings import RenderSettings, bake_seed, instant_seed
 from megalopta.render.surface_view import Integrator, SurfaceView
-from megalopta.render.surroundings import under_panorama
+from megalopta.render.surveys import Canopy, LightSurvey, measure_canopy
 from megalopta.render.truth.geometry import Geometry
 from megalopta.render.truth.tracer import Flow, Truth, TruthTracer
 from megalopta.render.truth.views import Instant, Rolling

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.core.arrays import Floats
-from megalopta.render.illuminance import LightSurvey
 from megalopta.render.noise import MeasuredPass
+from megalopta.render.surveys import LightSurvey
 from megalopta.scenes import Shutter
 from megalopta.scenes.trajectories.base import Path
 

@@ -16,7 +16,7 @@ from scipy.spatial import cKDTree
 
 from megalopta.render import dr, mi
 from megalopta.render.loading.meshes import MergedMesh
-from megalopta.render.loading.shapes import MeshIndex
+from megalopta.render.loading.scene import MeshIndex
 from megalopta.scenes.cameras.base import Camera
 
 UInt32 = NDArray[np.uint32]

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.render import RenderSettings
-from megalopta.render.baking.moving import MOST_OBJECTS
+from megalopta.render.baking.shading import MOST_OBJECTS
 from megalopta.scenes.scene import Scene
 
 _FEWEST_SAMPLES = 1000

@@ -20,14 +20,10 @@ from megalopta.render import RenderSettings, dr, mi
 from megalopta.render.baking.cells import CellFinder, Cells
 from megalopta.render.baking.choice import BAKE, SAMPLE, cost_reason, samples_of_pixel
 from megalopta.render.baking.clusters import Voxels
-from megalopta.render.baking.comparison import compared, pixels_to_compare
+from megalopta.render.baking.errors import Pilot, compared, pixels_to_compare
 from megalopta.render.baking.gathering import Gatherer, wavelength_groups
-from megalopta.render.baking.light import BakedLight
-from megalopta.render.baking.moving import Neighborhood
-from megalopta.render.baking.paths import Paths
-from megalopta.render.baking.pilot import Pilot
-from megalopta.render.baking.shading import SunLight, Textures
-from megalopta.render.baking.store import NAMES, key_of, light_store
+from megalopta.render.baking.light import NAMES, BakedLight, key_of, light_store
+from megalopta.render.baking.shading import Neighborhood, Paths, SunLight, Textures
 from megalopta.render.baking.visibility import survey
 from megalopta.render.loading.meshes import MergedMesh, MovingMesh
 from megalopta.render.loading.scene import part_of_scene

@@ -1,4 +1,6 @@
-"""A look at the whole sequence before anything is baked: how much of it each cell fills, and where.
+"""How often a sequence sees each cell, and random numbers that follow from a cell alone.
+
+A look at the whole sequence before anything is baked: how much of it each cell fills, and where.
 
 Of a cell that reaches into the ground or into a stone only a part is ever seen, and what arrives at
 the rest is no light of it. So a point is kept of each cell that was seen.
@@ -13,12 +15,63 @@ from scipy.spatial.transform import Rotation
 
 from megalopta.render import dr, mi
 from megalopta.render.baking.cells import CellFinder, pixel_angle
-from megalopta.render.baking.sampling import hashed
 from megalopta.scenes.cameras.base import Camera
+
+# Fractional parts of irrational numbers that are independent over the rationals, times 2³²:
+# 1/p and 1/p² of the plastic number p (Roberts' R₂ sequence), √2, √3 and √5.
+_STEPS = tuple(
+    round(2**32 * x)
+    for x in (0.7548776662466927, 0.5698402909980532, 2**0.5 - 1, 3**0.5 - 1, 5**0.5 - 2)
+)
+
+
+def hashed(first: Any, second: Any) -> tuple[Any, Any]:
+    """Two random 32-bit numbers from two."""
+    values: Any = mi.sample_tea_32(first, second)
+    return values[0], values[1]
+
+
+def recurrence(index: Any, key: Any) -> list[Any]:
+    """Points `index` of five additive recurrences modulo 1, shifted by a key.
+
+    They fill the unit hypercube evenly; whole numbers keep them exact.
+    """
+    shifts = [shift for salt in (1, 2, 3) for shift in hashed(key, mi.UInt(salt))]
+    return [
+        mi.Float((index * mi.UInt(step) + shift) >> 8) * 2.0**-24
+        for step, shift in zip(_STEPS, shifts, strict=False)
+    ]
+
+
+def cell_sampler() -> Any:
+    """Mitsuba sampler to be started from a cluster's key and the index of a sample."""
+    pcg32: Any = mi.PCG32
+
+    class CellSampler(mi.Sampler):
+        def __init__(self, properties: Any) -> None:
+            super().__init__(properties)
+            self.generator = pcg32()
+
+        def start(self, key: Any, sample: Any) -> None:
+            state, stream = mi.sample_tea_64(key, sample), mi.sample_tea_64(sample, key)
+            self.generator = pcg32(1, state, stream)
+
+        def schedule_state(self) -> None:
+            dr.schedule(self.generator)
+
+        def next_1d(self, active: Any = True) -> Any:
+            return self.generator.next_float32()
+
+        def next_2d(self, active: Any = True) -> Any:
+            return mi.Point2f(self.next_1d(active), self.next_1d(active))
+
+    mi.register_sampler("megalopta_cell", CellSampler)
+    return mi.load_dict({"type": "megalopta_cell"})
+
 
 UInt32 = NDArray[np.uint32]
 
-_STEPS = 1024
+_PLACES = 1024
 """Of places along a side of a cell."""
 _CHANCE_SHIFT = 20
 """Bits of a place."""
@@ -92,11 +145,11 @@ def survey(
 
 def _packed(a: Any, b: Any) -> Any:
     """Where in cells, (a, b), in the lower bits of whole numbers."""
-    i, j = (mi.UInt(dr.clip(x, 0, 1) * (_STEPS - 1) + 0.5) for x in (a, b))
-    return i * _STEPS + j
+    i, j = (mi.UInt(dr.clip(x, 0, 1) * (_PLACES - 1) + 0.5) for x in (a, b))
+    return i * _PLACES + j
 
 
 def unpacked(places: Any) -> tuple[Any, Any]:
     """Where in cells, (a, b), 0 to 1."""
-    i, j = (places // _STEPS) % _STEPS, places % _STEPS
-    return mi.Float(i) / (_STEPS - 1), mi.Float(j) / (_STEPS - 1)
+    i, j = (places // _PLACES) % _PLACES, places % _PLACES
+    return mi.Float(i) / (_PLACES - 1), mi.Float(j) / (_PLACES - 1)

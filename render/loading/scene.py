@@ -1,4 +1,10 @@
-"""Scene data to a loaded Mitsuba scene: merged meshes, with their materials, and lights."""
+"""Scene data to a loaded Mitsuba scene: merged meshes, with their materials, and lights.
+
+Which mesh of a loaded scene was hit, in every vectorized variant.
+
+Embree numbers the shapes of a scene, OptiX does not; what both give is the shape itself, as its
+number in Dr.Jit's registry of all shapes of the process.
+"""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -6,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.render import mi
+from megalopta.render import dr, mi
 from megalopta.render.loading.materials import bsdf, emission, spectrum
 from megalopta.render.loading.meshes import MergedMesh
 from megalopta.render.loading.sky import uneven_sky
@@ -131,3 +137,19 @@ def _filled(name: str, mesh: MergedMesh, properties: Any) -> Any:
         buffers["vertex_texcoords"] = mesh.uv.ravel()
     buffers.update()
     return loaded
+
+
+class MeshIndex:
+    """The meshes of a loaded scene by their shape; the active variant must be a vectorized one."""
+
+    def __init__(self, loaded: Any) -> None:
+        registered = np.array(dr.reinterpret_array(mi.UInt, loaded.shapes_dr()))
+        # Entry 0 is what a ray has hit that hit nothing.
+        table = np.zeros(1 + int(registered.max(initial=0)), np.uint32)
+        table[registered] = np.arange(len(registered))
+        self._table = mi.UInt(table)
+
+    def of(self, hit: Any) -> Any:
+        """Index of the mesh, as loaded, of each preliminary intersection (N,); 0 of a miss."""
+        shape: Any = dr.reinterpret_array(mi.UInt, hit.shape)
+        return dr.gather(mi.UInt, self._table, shape)

@@ -16,8 +16,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from megalopta.render.truth.geometry import Geometry
-from megalopta.render.truth.surface import Surface
+from megalopta.render.truth.geometry import Geometry, Surface
 from megalopta.render.truth.views import Eyes
 from megalopta.scenes.cameras.base import Camera
 

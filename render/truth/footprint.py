@@ -15,10 +15,8 @@ from numba import njit
 from numpy.typing import NDArray
 
 from megalopta.render import mi
-from megalopta.render.truth.correspondence import correspondence
 from megalopta.render.truth.coverage import ray_weights
-from megalopta.render.truth.geometry import Geometry
-from megalopta.render.truth.surface import Surface
+from megalopta.render.truth.geometry import Geometry, Surface, correspondence
 from megalopta.render.truth.views import Eyes, View
 from megalopta.scenes.cameras.base import Camera
 

@@ -1,4 +1,6 @@
-"""The surfaces of a scene as rays meet them, at any time.
+"""The surfaces of a scene as rays meet them, at any time, and where another frame sees them.
+
+The surfaces of a scene as rays meet them, at any time.
 
 A ray's hit is found in float32 by the renderer's own tracing; which triangle it names is then
 intersected again in float64, so that the point is exact on the surface as rendered. A point of a
@@ -16,17 +18,73 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from megalopta.render.loading.meshes import MergedMesh, MovingMesh
 from megalopta.render.loading.scene import bare_mesh, gather, move_meshes
 from megalopta.render.truth import rays
 from megalopta.render.truth.passing import Passing
-from megalopta.render.truth.surface import Surface, same_side
-from megalopta.render.truth.views import Times, of_rays
+from megalopta.render.truth.views import Eyes, Times, View, of_rays
+from megalopta.scenes.cameras.base import Camera
 
 Float64 = NDArray[np.float64]
 Integers = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Surface:
+    """What N rays see."""
+
+    triangle: Integers
+    """(N,): row of the triangle in the geometry's tables; -1 for the sky."""
+    points: Float64
+    """(N, 3): place on the surface, m; for the sky the ray's direction."""
+    directions: Float64
+    """(N, 3): of the rays."""
+    barycentric: Float64
+    """(N, 2): weights of the triangle's second and third vertex, where objects move."""
+    distance: Float64
+    """(N,): along the ray, m; infinite for the sky."""
+    time_s: Times
+    """When it is seen."""
+
+    @property
+    def is_sky(self) -> NDArray[np.bool_]:
+        """Where nothing was hit (N,)."""
+        return self.triangle < 0
+
+    def of(self, ray: NDArray[np.bool_]) -> "Surface":
+        """What some of the rays see."""
+        return Surface(
+            self.triangle[ray],
+            self.points[ray],
+            self.directions[ray],
+            self.barycentric[ray],
+            self.distance[ray],
+            of_rays(self.time_s, ray),
+        )
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def same_side(triangle, at_rest, faces, vertices, seen, way):  # type: ignore[no-untyped-def]
+    """Whether two directions each (N, 3) meet the same side of triangles at rest, or the sky."""
+    found = np.ones(len(triangle), np.bool_)
+    u, v = np.empty(3), np.empty(3)
+    for ray in range(len(triangle)):
+        if not 0 <= triangle[ray] < at_rest:
+            continue
+        a, b, c = faces[triangle[ray]]
+        for axis in range(3):
+            start = np.float64(vertices[a, axis])
+            u[axis], v[axis] = vertices[b, axis] - start, vertices[c, axis] - start
+        x = u[1] * v[2] - u[2] * v[1]
+        y = u[2] * v[0] - u[0] * v[2]
+        z = u[0] * v[1] - u[1] * v[0]
+        once = x * seen[ray, 0] + y * seen[ray, 1] + z * seen[ray, 2]
+        found[ray] = once * (x * way[ray, 0] + y * way[ray, 1] + z * way[ray, 2]) > 0
+    return found
+
 
 # A frame, the next and the one before.
 _MOST_MOMENTS = 3
@@ -247,3 +305,31 @@ class Geometry:
 
 def _dot(a: Float64, b: Float64) -> Float64:
     return np.asarray(np.einsum("ij,ij->i", a, b))
+
+
+@dataclass(frozen=True)
+class Correspondence:
+    """Of N rays."""
+
+    displacement: Float64
+    """(N, 2): way in px from where a ray starts in the image; NaN where there is none."""
+    is_hidden: NDArray[np.bool_]
+    """(N,): whether something, or the surface's own other side, is between point and camera."""
+
+
+def correspondence(
+    geometry: Geometry, camera: Camera, surface: Surface, image: Float64, other: View
+) -> Correspondence:
+    """Follow a surface (N) from image coordinates (N, 2) to another frame."""
+
+    def way(eyes: Eyes) -> Float64:
+        return eyes.way(geometry.carried(surface, eyes.time_s), surface.is_sky)
+
+    seen, shown = other.seeing(camera, way, len(image))
+    there = way(seen)
+    displacement = camera.displacement(seen.to_camera(there), image)
+    there = there if shown is seen else way(shown)
+    distance = np.where(surface.is_sky, np.inf, 1.0)
+    hidden = geometry.is_hidden(shown.origin, there, distance, shown.time_s)
+    hidden |= ~geometry.faces(surface, there, shown.time_s)
+    return Correspondence(displacement, hidden)

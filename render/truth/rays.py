@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.render import dr, mi
-from megalopta.render.loading.shapes import MeshIndex
+from megalopta.render.loading.scene import MeshIndex
 
 Float64 = NDArray[np.float64]
 

@@ -15,10 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.render.truth.correspondence import correspondence
 from megalopta.render.truth.footprint import Footprint, Footprints
-from megalopta.render.truth.geometry import Geometry
-from megalopta.render.truth.surface import Surface
+from megalopta.render.truth.geometry import Geometry, Surface, correspondence
 from megalopta.render.truth.views import View
 from megalopta.scenes.cameras.base import Camera
 from megalopta.scenes.scene import Scene

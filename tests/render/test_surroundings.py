@@ -7,8 +7,8 @@ import pytest
 from scipy.ndimage import gaussian_filter
 
 from megalopta.render import RenderSettings, SceneRenderer
-from megalopta.render.environment import horizontal
-from megalopta.render.surroundings import (
+from megalopta.render.environment import (
+    horizontal,
     solid_angles,
     turned,
     under_panorama,

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from megalopta.render.baking.scattering import Scattering
+from megalopta.render.baking.gathering import Scattering
 from megalopta.scenes.material import Emission, Material, Texture
 from megalopta.scenes.spectra.spectrum import Spectrum, flat
 

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from megalopta.render.baking.clusters import Clusters
-from megalopta.render.baking.smoothing import smoothed
+from megalopta.render.baking.clusters import Clusters, smoothed
 
 RNG = np.random.default_rng(5)
 GROUPS, SIZE, RAYS = 400, 20, 16

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from megalopta.render import RenderSettings
-from megalopta.render.baking.store import key_of
+from megalopta.render.baking.light import key_of
 from megalopta.render.loading.meshes import merge
 from megalopta.scenes.cameras.perspective import PerspectiveCamera
 from megalopta.scenes.material import Material, Texture

@@ -6,8 +6,7 @@ import trimesh
 
 from megalopta.render import activate, choose_variant, mi
 from megalopta.render.loading.meshes import merge
-from megalopta.render.loading.scene import load_scene
-from megalopta.render.loading.shapes import MeshIndex
+from megalopta.render.loading.scene import MeshIndex, load_scene
 from megalopta.scenes.material import Material
 from megalopta.scenes.scene import (
     Asset,
