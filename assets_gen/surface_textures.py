@@ -16,10 +16,9 @@ from megalopta.assets_gen.plants.bark import (
 )
 from megalopta.assets_gen.plants.foliage import ATLAS_TILES
 from megalopta.assets_gen.rocks import STONE_TILE_M
-from megalopta.assets_gen.splats import strew
 from megalopta.assets_gen.surface import FloatArray
 from megalopta.assets_gen.terrain import GROUND_TILE_M
-from megalopta.assets_gen.tileable_noise import tileable_noise, to_weight
+from megalopta.assets_gen.tileable_noise import strew, tileable_noise, to_weight
 
 GROUND_SHAPE = (1024, 1024)
 LEAF_TEXELS = 64

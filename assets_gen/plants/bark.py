@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from megalopta.assets_gen import FloatArray
-from megalopta.assets_gen.splats import strew
-from megalopta.assets_gen.tileable_noise import tileable_noise, to_weight
+from megalopta.assets_gen.tileable_noise import strew, tileable_noise, to_weight
 
 TILE_M = (0.8, 1.6)
 """Size of one tile around and along the trunk (m)."""

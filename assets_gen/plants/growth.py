@@ -10,8 +10,12 @@ from megalopta.assets_gen.plants.bark import TILE_M
 from megalopta.assets_gen.plants.branching import Branching
 from megalopta.assets_gen.plants.foliage import leaf_axes, place_leaves
 from megalopta.assets_gen.plants.forms import grow_axes
-from megalopta.assets_gen.plants.furrows import Furrows
-from megalopta.assets_gen.plants.roots import BUTTRESSED_SIDES, buttress_flare, root_flare
+from megalopta.assets_gen.plants.furrows import (
+    BUTTRESSED_SIDES,
+    Furrows,
+    buttress_flare,
+    root_flare,
+)
 from megalopta.assets_gen.plants.skeleton import IndexArray, Skeleton, axes, pipe_radii
 from megalopta.assets_gen.plants.species import Species
 from megalopta.assets_gen.plants.tube import sweep

@@ -26,7 +26,7 @@ from megalopta.core.folders import cache_folder, locked
 from megalopta.core.progress import progress
 from megalopta.flow.stimuli.resizing import resize
 from megalopta.render import read_attributes, read_radiance, write_radiance
-from megalopta.scenes.spectra.primaries import LUMINANCE_SHARES
+from megalopta.scenes.spectra.color import LUMINANCE_SHARES
 
 if TYPE_CHECKING:
     from megalopta.render import RenderNoise

@@ -18,11 +18,9 @@ from megalopta.assets_gen import generator
 from megalopta.assets_gen.scatter import distance_to, poisson_disk
 from megalopta.assets_gen.tileable_noise import plane_waves
 from megalopta.assets_gen.trail import Trail
-from megalopta.scenes.forest.flora import BUSHES, TREES
-from megalopta.scenes.forest.plants import Plant
+from megalopta.scenes.forest.flora import BUSHES, LAYERS, LITTER, PLANTS, TREES
+from megalopta.scenes.forest.plants import HEIGHTS, LODS, Plant
 from megalopta.scenes.forest.specimens import INDIVIDUALS, Specimen
-from megalopta.scenes.forest.stand import HEIGHTS, LODS
-from megalopta.scenes.forest.undergrowth import LAYERS, LITTER, PLANTS
 from megalopta.scenes.scene import Placement
 
 FloatArray = NDArray[np.float64]

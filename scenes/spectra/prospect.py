@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.core import strict_yaml
-from megalopta.scenes.spectra.leaves import TABLE, Leaf
+from megalopta.scenes.spectra.reflectance import TABLE, Leaf
 
 TOLERANCE = 0.004
 """Largest error of a table, in reflectance and in transmittance (1)."""

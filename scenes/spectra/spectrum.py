@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.constants import c, h, k
 
 
 @dataclass(frozen=True)
@@ -47,3 +48,12 @@ def total(spectra: Sequence[Spectrum]) -> Spectrum:
     wavelengths = sorted({each for spectrum in spectra for each in spectrum.wavelengths_nm})
     values = sum((spectrum(wavelengths) for spectrum in spectra), np.zeros(len(wavelengths)))
     return Spectrum(tuple(wavelengths), tuple(map(float, values))) if spectra else flat(0.0)
+
+
+def planckian(temperature_k: float) -> Spectrum:
+    """Relative spectrum of a black body at 300 to 2000 nm, largest value 1 (Planck's law)."""
+    wavelengths_nm = np.concatenate([np.arange(300, 800, 10), np.arange(800, 2001, 50)])
+    meters = wavelengths_nm * 1e-9
+    values = meters**-5 / np.expm1(h * c / (meters * k * temperature_k))
+    values /= values.max()
+    return Spectrum(tuple(map(float, wavelengths_nm)), tuple(map(float, values)))

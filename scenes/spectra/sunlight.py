@@ -1,4 +1,6 @@
-"""Sunlight: above the atmosphere, straight from the sun on the ground, and from the clear sky.
+"""Sunlight: straight, from the clear sky, at twilight, and from the moon.
+
+Sunlight: above the atmosphere, straight from the sun on the ground, and from the clear sky.
 
 All three are means over 20 nm, at 360 to 1800 nm. Above the atmosphere and straight from the sun:
 the reference spectra of ASTM G173-03 (air mass 1.5, 1.42 cm of precipitable water, an aerosol
@@ -9,7 +11,29 @@ standard's in bands of 200 nm, but for that of water at 1300 to 1500 nm, where i
 
 The bands of water vapor at 940, 1130 and 1380 nm are deep and hang on the weather: with 5 cm of
 water, as in the tropics, they take up to twice as much of what is left beside them.
+
+Moonlight: what the lunar disc reflects of sunlight, straight or scattered by the sky.
+
+The disc's reflectance is the model of Kieffer and Stone (2005, AJ 129, 2887, Eq. 10 and Table 4) at
+phases of 7° and 90°, without libration, relative to that at 550 nm: a waning moon is redder. The
+atmosphere does to moonlight what it does to sunlight.
+
+Check that was not put in: 200 mlux of a full moon then come with 890 µW/m² at 0.8 to 1.7 µm, where
+up to 600 were measured on the ground, through an air of unknown humidity (Krieg 2021,
+doi:10.1038/s41598-021-98060-2).
+
+Twilight: the sky's zenith with the sun 6.4° below the horizon, when the ground gets 1 lux.
+
+Magnitudes in U, B, V, R and I are the fits of Patat, Ugolnikov and Postylyakov (2006, A&A 455, 385,
+Table 1) to the zenith over Paranal, with the wavelengths and zero points of Bessell et al. (1998,
+A&A 333, 231): a sky of that brightness gives 1.0 lux. Beyond I it is sunlight on the ground times
+λ⁻⁴, the scattering of air. So it meets airglow where that was seen to happen: at a depression of
+9.3° in J and 7.4° in H (Dome A, arXiv:2607.01923). The broad bands hide what ozone takes at 600 nm.
+
+Where the sun went down the sky is several times as bright; here it is the same everywhere.
 """
+
+import math
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,3 +87,64 @@ def transmission() -> NDArray[np.float64]:
     """Share of the light above the atmosphere that reaches the ground, straight or scattered."""
     above = _SUN_HEIGHT * np.array(_ABOVE)
     return np.asarray((_SUN_HEIGHT * np.array(_DIRECT) + np.array(_SKY)) / above)
+
+
+_MOON_NM = (
+    *(350.0, 405.0, 441.6, 486.9, 549.1, 665.1, 745.3, 774.8, 865.3, 928.4),
+    *(1059.5, 1243.2, 1538.7, 1633.6, 1981.5),
+)
+# fmt: off
+FULL_MOON = Spectrum(_MOON_NM, (
+    0.600, 0.798, 0.800, 0.878, 0.998, 1.218, 1.237, 1.310, 1.371, 1.350,
+    1.513, 1.606, 1.881, 1.904, 2.071,
+))
+"""Reflectance of the disc at a phase of 7°, 1 at 550 nm."""
+QUARTER_MOON = Spectrum(_MOON_NM, (
+    0.506, 0.716, 0.744, 0.844, 0.998, 1.275, 1.338, 1.430, 1.531, 1.534,
+    1.712, 1.925, 2.390, 2.479, 2.810,
+))
+"""The same at a phase of 90°, where it is a tenth as bright."""
+# fmt: on
+
+
+def moonlit(sunlit: Spectrum, disc: Spectrum) -> Spectrum:
+    """Relative spectrum of what the moon lights, of what the sun would and the disc's reflectance.
+
+    Values at the wavelengths of the first.
+    """
+    values = np.array(sunlit.values) * disc(sunlit.wavelengths_nm)
+    return Spectrum(sunlit.wavelengths_nm, tuple(map(float, values)))
+
+
+_ZENITH_DISTANCE_DEG = 96.4
+_I_NM = 798.0
+# Wavelength, nm; zero point, W·m⁻²·µm⁻¹; magnitude per square arcsecond at 95°, its first and
+# second derivative by the sun's zenith distance, the latter halved.
+_BANDS = (
+    (366.0, 4.175e-8, 11.78, 1.376, -0.039),
+    (438.0, 6.320e-8, 11.84, 1.411, -0.041),
+    (545.0, 3.631e-8, 11.84, 1.518, -0.057),
+    (641.0, 2.177e-8, 11.40, 1.567, -0.064),
+    (_I_NM, 1.126e-8, 10.93, 1.470, -0.062),
+)
+_ARCSEC2_SR = math.radians(1 / 3600) ** 2
+
+
+def _zenith(zero_point: float, *magnitudes: float) -> float:
+    """Radiance, W·m⁻²·sr⁻¹·nm⁻¹."""
+    magnitude = np.polynomial.polynomial.polyval(_ZENITH_DISTANCE_DEG - 95, magnitudes)
+    return float(zero_point / 1000 * 10 ** (-0.4 * magnitude) / _ARCSEC2_SR)
+
+
+def _twilight() -> Spectrum:
+    grid = np.array(WAVELENGTHS_NM)
+    scattered = ABOVE_ATMOSPHERE(grid) * transmission() * (grid / _I_NM) ** -4
+    measured = [(wavelength, _zenith(*band)) for wavelength, *band in _BANDS]
+    scale = measured[-1][1] / float(np.interp(_I_NM, grid, scattered))
+    beyond = [(x, float(y)) for x, y in zip(grid, scale * scattered, strict=True) if x > _I_NM]
+    wavelengths, values = zip(*measured, *beyond, strict=True)
+    return Spectrum(tuple(map(float, wavelengths)), tuple(values))
+
+
+TWILIGHT = _twilight()
+"""Radiance of the zenith, W·m⁻²·sr⁻¹·nm⁻¹."""

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from megalopta.assets_gen.plants.logs import grow_log
+from megalopta.assets_gen.plants.undergrowth import grow_log
 from megalopta.assets_gen.rocks import grow_rock
 
 from .conftest import welded

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from megalopta.assets_gen.splats import strew
+from megalopta.assets_gen.tileable_noise import strew
 
 SHAPE, SIZE_M = (400, 400), (1.0, 1.0)
 

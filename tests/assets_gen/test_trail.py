@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from megalopta.assets_gen.moss import cut_at, make_moss
-from megalopta.assets_gen.octaves import make_octaves
+from megalopta.assets_gen.tileable_noise import make_octaves
 from megalopta.assets_gen.trail import make_trail
 
 WAY = np.stack([np.linspace(0, 4, 9), np.zeros(9)], axis=-1)

@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from megalopta.assets_gen.plants.ages import aged
 from megalopta.assets_gen.plants.growth import grow_plant, simplified
 from megalopta.assets_gen.plants.skeleton import axes
+from megalopta.assets_gen.plants.species import aged
 from megalopta.scenes.forest.flora import BUSHES, TREES
 
 from ..conftest import welded

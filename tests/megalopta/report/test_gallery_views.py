@@ -10,7 +10,7 @@ from megalopta.cli import main
 from megalopta.config.model import Configuration
 from megalopta.report import gallery_views as views
 from megalopta.report.gallery_views import write_views
-from megalopta.scenes.forest.stand import PRESETS
+from megalopta.scenes.forest.plants import PRESETS
 
 
 @pytest.mark.parametrize("view", views.VIEWS, ids=lambda view: view.title)

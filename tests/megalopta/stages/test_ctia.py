@@ -12,7 +12,7 @@ from megalopta.config.model import built_in_names, load, parse
 from megalopta.core.errors import UserError
 from megalopta.dataset.frames import read_radiance_frames, read_truth_frames
 from megalopta.report.page import write_report
-from megalopta.scenes.spectra.airglow import MOONLESS_ZENITH
+from megalopta.scenes.spectra.night_sky import MOONLESS_ZENITH
 from megalopta.sensor import (
     CtiaSensor,
     DacBias,

@@ -9,23 +9,21 @@ from scipy.spatial import cKDTree
 
 from megalopta.assets_gen.scatter import distance_to
 from megalopta.scenes.forest.canopy import floor_points
-from megalopta.scenes.forest.description import Forest, build_forest
+from megalopta.scenes.forest.description import Forest, build_forest, foreseen
 from megalopta.scenes.forest.floor import (
     FINEST_M,
     MOSS_RING_M,
     ON_MOSS,
     ON_PATH,
+    kept_floor,
+    laid,
     make_floor,
+    make_land,
     trail_of,
 )
-from megalopta.scenes.forest.flora import TREES
-from megalopta.scenes.forest.ground import make_land
-from megalopta.scenes.forest.kept_floor import kept_floor
-from megalopta.scenes.forest.litter import laid
+from megalopta.scenes.forest.flora import LAYERS, TREES
 from megalopta.scenes.forest.planting import dense_path
-from megalopta.scenes.forest.size import foreseen
 from megalopta.scenes.forest.specimens import grow_specimens
-from megalopta.scenes.forest.undergrowth import LAYERS
 from megalopta.scenes.scene import Placement
 
 PATH = np.stack([np.linspace(-1, 2, 7), np.linspace(0, 1, 7)], axis=-1)
@@ -252,7 +250,7 @@ def test_a_kept_floor_is_the_one_that_was_made(tmp_path, monkeypatch):
     made = kept_floor(ROUGH, *given)
     with monkeypatch.context() as patched:
         patched.setattr(
-            "megalopta.scenes.forest.kept_floor.make_floor", lambda *_: pytest.fail("made anew")
+            "megalopta.scenes.forest.floor.make_floor", lambda *_: pytest.fail("made anew")
         )
         again = kept_floor(ROUGH.model_copy(update={"undergrowth": 0.5}), *given)
     for field in ("points", "faces"):

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from megalopta.scenes.forest import nursery
-from megalopta.scenes.forest.stand import LODS
-from megalopta.scenes.forest.undergrowth import PLANTS
+from megalopta.scenes.forest import specimens as nursery
+from megalopta.scenes.forest.flora import PLANTS
+from megalopta.scenes.forest.plants import LODS
 
 
 @pytest.fixture

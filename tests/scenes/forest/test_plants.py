@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from megalopta.scenes.forest.flora import BUSHES, TREES
-from megalopta.scenes.forest.undergrowth import COVERS, PLANTS
+from megalopta.scenes.forest.flora import BUSHES, COVERS, PLANTS, TREES
 
 WAVELENGTHS_NM = np.arange(380, 1701)
 WOODY = [*TREES.values(), *BUSHES.values()]

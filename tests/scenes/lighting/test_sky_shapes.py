@@ -7,8 +7,13 @@ import pytest
 
 from megalopta.scenes.lighting.levels import LEVELS
 from megalopta.scenes.lighting.light import Light
-from megalopta.scenes.lighting.sky_shapes import GALACTIC_POLE, ROWS, SHAPES, sky_shape
-from megalopta.scenes.lighting.twilight_sky import twilight_sky
+from megalopta.scenes.lighting.sky_shapes import (
+    GALACTIC_POLE,
+    ROWS,
+    SHAPES,
+    sky_shape,
+    twilight_sky,
+)
 from megalopta.scenes.spectra.photometry import luminous
 
 ZENITH, AHEAD = 0, ROWS  # row of the zenith, column of azimuth 0

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from megalopta.scenes.lighting.light import Light
-from megalopta.scenes.spectra.airglow import AIRGLOW, FAINT_STARLIGHT, MOONLESS_ZENITH
+from megalopta.scenes.spectra.night_sky import AIRGLOW, FAINT_STARLIGHT, MOONLESS_ZENITH
 
 ARCSEC2_SR = (np.pi / 180 / 3600) ** 2
 PHOTON_J_M = 1.98644586e-25

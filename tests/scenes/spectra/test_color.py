@@ -1,6 +1,5 @@
 import numpy as np
 
-from megalopta.scenes.spectra.blackbody import planckian
 from megalopta.scenes.spectra.color import (
     decode_srgb,
     encode_srgb,
@@ -8,7 +7,7 @@ from megalopta.scenes.spectra.color import (
     matching_functions,
 )
 from megalopta.scenes.spectra.photometry import luminous_efficiency
-from megalopta.scenes.spectra.spectrum import Spectrum, flat
+from megalopta.scenes.spectra.spectrum import Spectrum, flat, planckian
 
 BANDS = tuple((float(a), float(a + 50)) for a in range(400, 700, 50))
 

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from megalopta.core import strict_yaml
-from megalopta.scenes.spectra.leaves import LEAVES, TABLE, leaf_of
 from megalopta.scenes.spectra.prospect import TOLERANCE, computed, tabulated
+from megalopta.scenes.spectra.reflectance import LEAVES, TABLE, leaf_of
 
 WAVELENGTHS_NM = np.arange(380, 2501)
 ENTRIES = strict_yaml.load(TABLE.read_text("utf-8"))

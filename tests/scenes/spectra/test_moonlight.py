@@ -1,9 +1,8 @@
 import numpy as np
 import pytest
 
-from megalopta.scenes.spectra.moonlight import FULL_MOON, QUARTER_MOON, moonlit
 from megalopta.scenes.spectra.photometry import luminous
-from megalopta.scenes.spectra.sunlight import CLEAR_SKY, SUN
+from megalopta.scenes.spectra.sunlight import CLEAR_SKY, FULL_MOON, QUARTER_MOON, SUN, moonlit
 
 
 def test_disc_reddens_as_the_full_moon_of_kieffer_and_stone():

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from megalopta.scenes.lighting.levels import LEVELS
+from megalopta.scenes.spectra.color import LUMINANCE_SHARES, primaries
 from megalopta.scenes.spectra.photometry import luminous
-from megalopta.scenes.spectra.primaries import LUMINANCE_SHARES, primaries
 
 
 @pytest.mark.parametrize("level", LEVELS)

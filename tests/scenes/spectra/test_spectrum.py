@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 from scipy.constants import sigma
 
-from megalopta.scenes.spectra.blackbody import planckian
 from megalopta.scenes.spectra.photometry import luminous_efficiency
-from megalopta.scenes.spectra.spectrum import Spectrum, flat, total
+from megalopta.scenes.spectra.spectrum import Spectrum, flat, planckian, total
 
 
 def test_integral_of_luminous_efficiency_is_the_cie_value():

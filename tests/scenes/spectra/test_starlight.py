@@ -3,9 +3,8 @@ import math
 import numpy as np
 import pytest
 
-from megalopta.scenes.spectra.airglow import AIRGLOW
+from megalopta.scenes.spectra.night_sky import AIRGLOW, S10, STARLIGHT, ZODIACAL_S10
 from megalopta.scenes.spectra.photometry import luminous
-from megalopta.scenes.spectra.starlight import S10, STARLIGHT, ZODIACAL_S10
 
 
 def test_unit_is_a_star_of_tenth_magnitude_per_square_degree():

@@ -3,9 +3,9 @@ import math
 import numpy as np
 import pytest
 
-from megalopta.scenes.spectra.airglow import AIRGLOW
+from megalopta.scenes.spectra.night_sky import AIRGLOW
 from megalopta.scenes.spectra.photometry import luminous
-from megalopta.scenes.spectra.twilight import TWILIGHT
+from megalopta.scenes.spectra.sunlight import TWILIGHT
 
 
 def test_sky_of_that_brightness_gives_a_lux():
