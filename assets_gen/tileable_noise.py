@@ -8,6 +8,7 @@ give images the edges and the scale-free spectrum of natural scenes, which filte
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -135,60 +136,64 @@ PAINTED = 64
 """Marks painted at once: of like length, and few enough to stay in the processor's cache."""
 
 
+@dataclass(frozen=True)
+class Marks:
+    """How marks look that are strewn."""
+
+    lengths_m: tuple[float, float]
+    """Shortest and longest mark; lengths are log-uniform."""
+    aspect: float
+    """Width over length."""
+    heading: float = 0.0
+    """Mean direction of the marks' length from the row axis (v) toward the column axis (u), rad;
+    π/2 lies along a row."""
+    spread: float = 3.0
+    """Standard deviation of the direction (rad); 3 is any."""
+
+
 def strew(
     shape: tuple[int, int],
     size_m: tuple[float, float],
     count: int,
-    lengths_m: tuple[float, float],
-    aspect: float,
-    heading: float,
-    spread: float,
+    marks: Marks,
     rng: np.random.Generator,
 ) -> FloatArray:
     """Return an image (H, W) of shaded marks, NaN where none lies; it tiles without a seam.
 
-    Parameters
-    ----------
-    shape, size_m
-        Rows and columns, and their extent (m).
-    lengths_m : (float, float)
-        Shortest and longest mark (m); lengths are log-uniform.
-    aspect : float
-        Width over length.
-    heading, spread : float
-        Mean direction of the marks' length from the row axis (v) toward the column axis (u), and
-        its standard deviation (rad); π/2 lies along a row.
-    rng : Generator
-        Positions, sizes, directions and shades; shades are standard normal, times 0.5.
+    Rows and columns extend over `size_m` (m). The generator draws positions, sizes, directions and
+    shades, which are standard normal, times 0.5.
     """
     image = np.full(shape[0] * shape[1], np.nan)
     texel = np.array(size_m) / shape
-    lengths = np.sort(np.exp(rng.uniform(np.log(lengths_m[0]), np.log(lengths_m[1]), count)))[::-1]
+    lengths = np.sort(np.exp(rng.uniform(*np.log(marks.lengths_m), count)))[::-1]
     for start in range(0, count, CHUNK):
         length = lengths[start : start + CHUNK]
         n = len(length)
-        angle = heading + spread * rng.standard_normal(n)
+        angle = marks.heading + marks.spread * rng.standard_normal(n)
         center = rng.random((n, 2)) * size_m
         shade = 0.5 * rng.standard_normal(n)
         for few in (slice(first, first + PAINTED) for first in range(0, n, PAINTED)):
-            flat, value = _paint(
-                shape, texel, center[few], length[few], aspect, angle[few], shade[few]
-            )
+            chosen = _Laid(center[few], length[few], angle[few], shade[few])
+            flat, value = _paint(shape, texel, marks.aspect, chosen)
             # Repeated indices: numpy keeps the last value, so later marks lie on top.
             image[flat] = value
     return image.reshape(shape)
 
 
+class _Laid(NamedTuple):
+    """Where n marks lie (n, 2), and their lengths, directions and shades (n,)."""
+
+    center: FloatArray
+    length: FloatArray
+    angle: FloatArray
+    shade: FloatArray
+
+
 def _paint(
-    shape: tuple[int, int],
-    texel: FloatArray,
-    center: FloatArray,
-    length: FloatArray,
-    aspect: float,
-    angle: FloatArray,
-    shade: FloatArray,
-) -> tuple[np.ndarray[tuple[int, ...], np.dtype[np.intp]], FloatArray]:
+    shape: tuple[int, int], texel: FloatArray, aspect: float, marks: _Laid
+) -> tuple[NDArray[np.intp], FloatArray]:
     """Return the texels that each mark covers and their shades, in the order of the marks."""
+    center, length, angle, shade = marks
     reach = np.ceil(length.max() / 2 / texel).astype(int)
     offsets = np.stack(
         np.meshgrid(*(np.arange(-r, r + 1) for r in reach), indexing="ij"), axis=-1

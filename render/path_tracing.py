@@ -21,7 +21,7 @@ from megalopta.core.arrays import Floats
 from megalopta.render.loading.air import Air
 from megalopta.render.loading.meshes import MergedMesh, MovingMesh
 from megalopta.render.loading.scene import load_again, move_meshes
-from megalopta.render.mitsuba_loader import dr, mi
+from megalopta.render.mitsuba_loader import dr, is_scalar, mi
 from megalopta.render.sensors.primary import developed, pixel_means
 from megalopta.scenes.scene import Scene
 
@@ -151,7 +151,7 @@ class PathIntegrator:
     ) -> None:
         self._air = air
         self.exposing = exposing or self
-        self._is_scalar = str(mi.variant()).startswith("scalar")
+        self._is_scalar = is_scalar()
         self._trace = self._tracer(max_depth)
 
     def _tracer(self, max_depth: int) -> Any:
@@ -250,7 +250,7 @@ def is_layered(scene: Scene, meshes: Sequence[MergedMesh]) -> bool:
         0 < triangles <= _LARGEST_MOVING_SHARE * sum(len(mesh.faces) for mesh in meshes)
         and not any(scene.materials[mesh.material].emission for mesh in moving)
         and not scene.haze
-        and not str(mi.variant()).startswith("scalar")
+        and not is_scalar()
     )
 
 

@@ -14,7 +14,7 @@ from megalopta.render.baking.integrator import BakedLightIntegrator
 from megalopta.render.environment import EnvironmentView, under_panorama
 from megalopta.render.loading.air import fill
 from megalopta.render.loading.meshes import merge
-from megalopta.render.loading.scene import load_scene
+from megalopta.render.loading.scene import LoadedScene, load_scene
 from megalopta.render.mitsuba_loader import activate
 from megalopta.render.noise import MeasuredPass
 from megalopta.render.path_tracing import Layers, PathIntegrator, is_layered
@@ -76,6 +76,7 @@ class SceneRenderer:
         scene = under_panorama(scene)
         meshes = merge(scene)
         loaded = load_scene(scene, meshes)
+        whole = LoadedScene(scene, meshes, loaded)
         self._scene, self._loaded = scene, loaded
         geometry = Geometry(meshes, loaded)
         self._tracer = TruthTracer(scene, geometry, camera, settings.truth_rays)
@@ -94,12 +95,10 @@ class SceneRenderer:
             integrator: Integrator = PathIntegrator(settings.max_depth, air, layers)
             if poses is not None and not reason:
                 local, its_seed = self._local(poses), bake_seed(seed)
-                baked = BakedLightIntegrator(
-                    loaded, scene, meshes, settings, camera, local, its_seed, light_folder
-                )
+                baked = BakedLightIntegrator(whole, camera, settings, local, its_seed, light_folder)
                 reason = baked.reason
                 integrator = integrator if reason else baked
-            self._view = SurfaceView(scene, meshes, loaded, camera, settings, integrator, air)
+            self._view = SurfaceView(whole, camera, settings, integrator, air)
         self.integrator = f"path ({reason})" if reason else "baked"
         self.samples_per_pixel = self._view.samples_per_pixel
 

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from megalopta.core.arrays import Floats
 from megalopta.render.loading.air import Air
-from megalopta.render.loading.meshes import MergedMesh, MovingMesh
-from megalopta.render.loading.scene import move_meshes
+from megalopta.render.loading.meshes import MovingMesh
+from megalopta.render.loading.scene import LoadedScene, move_meshes
 from megalopta.render.noise import MeasuredPass
 from megalopta.render.path_tracing import PathIntegrator
 from megalopta.render.sensors.film import Film
@@ -24,7 +24,6 @@ from megalopta.render.sharing import rows_of_a_pose
 from megalopta.render.surveys import LightMeter, LightSurvey
 from megalopta.render.views import Exposure, Part
 from megalopta.scenes.cameras.base import Camera
-from megalopta.scenes.scene import Scene
 
 _MORE_HITS = 32
 """Of leaves at 0.8 to 1.3 µm, the brightest that there are, 16 hits leave out a thousandth."""
@@ -88,18 +87,16 @@ class SurfaceView:
 
     def __init__(
         self,
-        scene: Scene,
-        meshes: Sequence[MergedMesh],
-        loaded: Any,
+        whole: LoadedScene,
         camera: Camera,
         settings: RenderSettings,
         integrator: Integrator,
         air: Air | None = None,
     ) -> None:
-        self._scene, self._loaded, self._integrator = scene, loaded, integrator
+        self._scene, self._loaded, self._integrator = whole.scene, whole.loaded, integrator
         self._camera, self._settings, self._air = camera, settings, air
         self._moving = {
-            index: mesh for index, mesh in enumerate(meshes) if isinstance(mesh, MovingMesh)
+            index: mesh for index, mesh in enumerate(whole.meshes) if isinstance(mesh, MovingMesh)
         }
         self._time_s = 0.0
         self._films: dict[tuple[int, bool, int | None], Film] = {}

@@ -53,12 +53,10 @@ def _wood(plant: Plant, detail: Detail, rng: np.random.Generator) -> Surface:
         chosen, factor = _one_of_each(area[thin], detail.merged, rng)
         widening[thin[chosen]] = factor
     chord_m = max(detail.chord_m, plant.species.chord_m)
+    coarse = plant.species.model_copy(update={"chord_m": chord_m})
     kept = np.flatnonzero(widening)
     return join(
-        [
-            bark_around(plant.species, skeleton, widening[i] * radii, nodes[i], chord_m, rng)
-            for i in kept.tolist()
-        ]
+        [bark_around(coarse, skeleton, widening[i] * radii, nodes[i], rng) for i in kept.tolist()]
     )
 
 

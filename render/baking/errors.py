@@ -19,8 +19,8 @@ from megalopta.render import MEASURED_EVERY, dr, frame_seed
 from megalopta.render.baking.cells import CellFinder
 from megalopta.render.baking.choice import PATH, SAMPLE
 from megalopta.render.baking.light import BakedLight
-from megalopta.render.baking.visibility import all_views, survey
-from megalopta.render.sensors.primary import means_of_pixels
+from megalopta.render.baking.visibility import all_views, survey, views
+from megalopta.render.sensors.primary import pixel_means
 from megalopta.scenes.cameras.base import Camera
 
 _FRAMES = 3
@@ -46,7 +46,9 @@ class Pilot:
         self._step = max(camera.width * camera.height // _PIXELS, 1)
         self._frames = poses[np.linspace(0, len(poses) - 1, _FRAMES).round().astype(int)]
         seen = sum(
-            survey(loaded, finder, light.cells, camera, pose[None], seed, _RAYS, self._step)[0]
+            survey(loaded, finder, light.cells, views(camera, pose[None], _RAYS, seed, self._step))[
+                0
+            ]
             for pose in self._frames
         )
         light.bake(np.flatnonzero(seen).astype(np.uint32))
@@ -115,7 +117,7 @@ def compared(
     if len(chosen):
         # Each pixel once for each group, with samples of its own.
         several = np.tile(chosen, GROUPS)
-        means = means_of_pixels(sensor, frame_seed(seed, 0), GROUP, several, look)
+        means = pixel_means(sensor, frame_seed(seed, 0), GROUP, look, several)
         groups = means.reshape(GROUPS, len(chosen), bands)
         found[chosen] = groups.transpose(1, 0, 2).reshape(len(chosen), -1)
     return found.reshape(*sky.shape, -1)

@@ -6,7 +6,7 @@ Of a cell that reaches into the ground or into a stone only a part is ever seen,
 the rest is no light of it. So a point is kept of each cell that was seen.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 import numpy as np
@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from megalopta.render import dr, mi
 from megalopta.render.baking.cells import CellFinder, pixel_angle
+from megalopta.render.mitsuba_loader import PlugIn, registered
 from megalopta.scenes.cameras.base import Camera
 
 # Fractional parts of irrational numbers that are independent over the rationals, times 2³²:
@@ -43,30 +44,32 @@ def recurrence(index: Any, key: Any) -> list[Any]:
     ]
 
 
+class _CellSampler(PlugIn):
+    """Random numbers, started from a cluster's key and the index of a sample."""
+
+    base = "Sampler"
+
+    def __init__(self, properties: Any) -> None:
+        super().__init__(properties)
+        self.generator = mi.PCG32()
+
+    def start(self, key: Any, sample: Any) -> None:
+        state, stream = mi.sample_tea_64(key, sample), mi.sample_tea_64(sample, key)
+        self.generator = mi.PCG32(1, state, stream)
+
+    def schedule_state(self) -> None:
+        dr.schedule(self.generator)
+
+    def next_1d(self, active: Any = True) -> Any:
+        return self.generator.next_float32()
+
+    def next_2d(self, active: Any = True) -> Any:
+        return mi.Point2f(self.next_1d(active), self.next_1d(active))
+
+
 def cell_sampler() -> Any:
     """Mitsuba sampler to be started from a cluster's key and the index of a sample."""
-    pcg32: Any = mi.PCG32
-
-    class CellSampler(mi.Sampler):
-        def __init__(self, properties: Any) -> None:
-            super().__init__(properties)
-            self.generator = pcg32()
-
-        def start(self, key: Any, sample: Any) -> None:
-            state, stream = mi.sample_tea_64(key, sample), mi.sample_tea_64(sample, key)
-            self.generator = pcg32(1, state, stream)
-
-        def schedule_state(self) -> None:
-            dr.schedule(self.generator)
-
-        def next_1d(self, active: Any = True) -> Any:
-            return self.generator.next_float32()
-
-        def next_2d(self, active: Any = True) -> Any:
-            return mi.Point2f(self.next_1d(active), self.next_1d(active))
-
-    mi.register_sampler("megalopta_cell", CellSampler)
-    return mi.load_dict({"type": "megalopta_cell"})
+    return mi.load_dict({"type": registered(_CellSampler)})
 
 
 UInt32 = NDArray[np.uint32]
@@ -118,22 +121,15 @@ def _rays(origin: NDArray[np.float64], directions: NDArray[np.float64]) -> Any:
 
 
 def survey(
-    loaded: Any,
-    finder: CellFinder,
-    cells: int,
-    camera: Camera,
-    poses: NDArray[np.float64],
-    seed: int,
-    count: int = VIEWS,
-    step: int = 1,
+    loaded: Any, finder: CellFinder, cells: int, rays: Iterable[Any]
 ) -> tuple[UInt32, UInt32]:
-    """How often (cells,) each cell is seen by rays, `count` a pixel over all poses (T, 4, 4).
+    """How often (cells,) each cell is seen by the rays of some views.
 
-    Of every `step`-th pixel. And where (cells,) each was seen once, as `unpacked` reads it.
+    And where (cells,) each was seen once, as `unpacked` reads it.
     """
     seen, places = dr.zeros(mi.UInt, cells), dr.zeros(mi.UInt, cells)
-    for number, rays in enumerate(views(camera, poses, count, seed, step)):
-        sight = finder.look(loaded, rays)
+    for number, each in enumerate(rays):
+        sight = finder.look(loaded, each)
         dr.scatter_add(seen, mi.UInt(1), sight.cell, sight.shaded)
         # The one that chance puts first, whatever the order in which threads come.
         chance, _ = hashed(dr.arange(mi.UInt, dr.width(sight.cell)), dr.opaque(mi.UInt, number))

@@ -7,7 +7,7 @@ number in Dr.Jit's registry of all shapes of the process.
 """
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,15 @@ from megalopta.scenes.scene import Lighting, Scene
 # Points that stand for the disc of sun or moon: at 10 m they blur a shadow's edge in steps of 1 cm.
 # They cost no time, since a path looks at one of them.
 DISC_POINTS = 64
+
+
+class LoadedScene(NamedTuple):
+    """A scene, and what it has become for Mitsuba."""
+
+    scene: Scene
+    meshes: Sequence[MergedMesh]
+    loaded: Any
+    """Mitsuba's, of the meshes in their order."""
 
 
 def load_scene(scene: Scene, meshes: Sequence[MergedMesh]) -> Any:

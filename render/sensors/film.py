@@ -11,9 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.render import Bands, RenderSettings, mi
+from megalopta.render.mitsuba_loader import registered
 from megalopta.render.sensors.optics import cut_strip, plugin, sensor_transform
 from megalopta.render.sensors.passes import plan_passes
-from megalopta.render.sensors.rows import ROWS, register_rows
+from megalopta.render.sensors.plug_ins import Rows
 from megalopta.scenes.cameras.base import Camera
 
 Float64 = NDArray[np.float64]
@@ -51,9 +52,8 @@ class Film:
         )
         self._optics = self._sensor = mi.load_dict({**plugin(camera), **parts})
         if is_exposed:
-            register_rows(mi.variant())
             shutter = {"shutter_open": 0.0, "shutter_close": 1.0}
-            self._sensor = mi.load_dict({"type": ROWS, **shutter, **parts})
+            self._sensor = mi.load_dict({"type": registered(Rows), **shutter, **parts})
             self._sensor.optics = self._optics
         self._parameters = mi.traverse(self._optics)
         self._samples = int(self._sensor.sampler().sample_count())

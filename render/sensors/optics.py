@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.render import mi
-from megalopta.render.sensors.panoramic import PANORAMA, register_panorama
+from megalopta.render.mitsuba_loader import registered
+from megalopta.render.sensors.plug_ins import Panorama
 from megalopta.scenes.cameras.base import Camera
 from megalopta.scenes.cameras.panoramic import PanoramicCamera
 from megalopta.scenes.cameras.perspective import PerspectiveCamera
@@ -42,9 +43,8 @@ def _(camera: PerspectiveCamera, parameters: Any, first_row: int, rows: int) -> 
 
 @plugin.register
 def _(camera: PanoramicCamera) -> dict[str, Any]:
-    register_panorama(mi.variant())
     fov = math.radians(camera.fov_deg)
-    return {"type": PANORAMA, "fov": fov, "is_cylinder": camera.is_cylinder}
+    return {"type": registered(Panorama), "fov": fov, "is_cylinder": camera.is_cylinder}
 
 
 @cut_strip.register

@@ -12,6 +12,8 @@ where it reaches behind the camera. In a pinhole's image these planes are straig
 panorama they are taken for straight within a pixel.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
@@ -32,14 +34,22 @@ _MOST_CORNERS = 8
 _ON_EDGE_PX = 1e-4
 
 
+class Probes(NamedTuple):
+    """K rays of a pixel."""
+
+    offsets: Float64
+    """(K, 2): where in the pixel they are, 0 to 1."""
+    alike: Float64
+    """(K,): what they stand for where the outline is not known; 0 of mere lookouts."""
+
+
 def ray_weights(
     geometry: Geometry,
     camera: Camera,
     eyes: Eyes,
     surface: Surface,
     places: Float64,
-    offsets: Float64,
-    alike: Float64,
+    probes: Probes,
 ) -> Float64:
     """Share of the pixel (P, K) of each of K rays in P pixels, which sum to 1.
 
@@ -51,11 +61,10 @@ def ray_weights(
         What the P·K rays see.
     places : (P, 2)
         Image coordinates of the pixels' corners, upper left.
-    offsets : (K, 2)
-        Where in a pixel the rays are, 0 to 1.
-    alike : (K,)
-        What they stand for where the outline is not known; 0 of rays that only look for it.
+    probes
+        The K rays of a pixel.
     """
+    offsets, alike = probes
     rays = len(offsets)
     things = geometry.object_id[surface.triangle].reshape(-1, rays).astype(np.int64)
     weights = np.tile(alike, (len(things), 1))

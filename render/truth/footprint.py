@@ -15,7 +15,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from megalopta.render import mi
-from megalopta.render.truth.coverage import ray_weights
+from megalopta.render.truth.coverage import Probes, ray_weights
 from megalopta.render.truth.geometry import Geometry, Surface, correspondence
 from megalopta.render.truth.views import Eyes, View
 from megalopta.scenes.cameras.base import Camera
@@ -82,9 +82,9 @@ class Footprints:
         i, j = (each.ravel() for each in np.meshgrid(np.arange(grid), np.arange(grid)))
         inside = np.stack([i + (j + 0.5) / grid, j + (i + 0.5) / grid], axis=-1) / grid
         corners = [(0, 0), (1, 0), (0, 1), (1, 1)]
-        # (K, 2), in px from the pixel's upper left corner, and what each ray stands for (K,).
-        self._offsets = np.concatenate([inside, np.array(corners, dtype=float)])
-        self._alike = np.concatenate([np.full(len(inside), 1 / len(inside)), np.zeros(4)])
+        offsets = np.concatenate([inside, np.array(corners, dtype=float)])
+        alike = np.concatenate([np.full(len(inside), 1 / len(inside)), np.zeros(4)])
+        self._probes = Probes(offsets, alike)
 
     def footprint(
         self,
@@ -101,7 +101,7 @@ class Footprints:
 
     def _strips(self) -> Iterator[slice]:
         family = str(mi.variant()).partition("_")[0]
-        height, per_row = self._camera.height, self._camera.width * len(self._offsets)
+        height, per_row = self._camera.height, self._camera.width * len(self._probes.offsets)
         step = max(1, _RAYS_AT_ONCE[family] // per_row)
         yield from (slice(first, min(first + step, height)) for first in range(0, height, step))
 
@@ -115,13 +115,11 @@ class Footprints:
     ) -> Footprint:
         camera, centers = self._camera, object_id[rows]
         places = (camera.pixel_centers()[rows] - 0.5).reshape(-1, 2)
-        image = (places[:, None] + self._offsets).reshape(-1, 2)
+        image = (places[:, None] + self._probes.offsets).reshape(-1, 2)
         pixels = slice(rows.start * camera.width, rows.stop * camera.width)
         eyes = view.pixels(camera).of(pixels)
         surface = self._look(eyes, image)
-        weights = ray_weights(
-            self._geometry, camera, eyes, surface, places, self._offsets, self._alike
-        )
+        weights = ray_weights(self._geometry, camera, eyes, surface, places, self._probes)
         things = self._geometry.object_id[surface.triangle].reshape(weights.shape)
 
         # Rays that stand for nothing need no flow, which is the dearer part.
@@ -149,7 +147,7 @@ class Footprints:
         )
 
     def _look(self, eyes: Eyes, image: Float64) -> Surface:
-        of_rays = eyes.of(slice(None), len(self._offsets))
+        of_rays = eyes.of(slice(None), len(self._probes.offsets))
         directions = of_rays.to_world(self._camera.toward(image))
         return self._geometry.glimpsed(of_rays.origin, directions, of_rays.time_s)
 

@@ -108,10 +108,10 @@ class Passing:
                 near = np.flatnonzero(_meets(bundle.sides, stay, start))
                 corners, number = self._at(near, time)
                 some = bundle.rays
-                far, found = distance[some], np.full(len(some), -1)
-                _meet(
+                far = distance[some]
+                found = _meet(
                     bundle.places, directions[some], bundle.axes, bundle.sides,
-                    corners - start, far, found,
+                    corners - start, far,
                 )  # fmt: skip
                 hit = found >= 0
                 distance[some], triangle[some[hit]] = far, number[found[hit]]
@@ -234,11 +234,13 @@ def _meets(sides: Float64, stay: _While, start: Float64) -> NDArray[np.bool_]:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _meet(places, ways, axes, sides, corners, distance, found):  # type: ignore[no-untyped-def]
+def _meet(places, ways, axes, sides, corners, distance):  # type: ignore[no-untyped-def]
     """Bring distances (R,) of rays in order down to those of triangles (n, 3, 3) that they meet.
 
-    After Möller and Trumbore, Journal of Graphics Tools 2, 1997; the rays start at the origin.
+    Returns which triangles these are (R,), else -1. After Möller and Trumbore, Journal of Graphics
+    Tools 2, 1997; the rays start at the origin.
     """
+    found = np.full(len(ways), -1)
     a, b, q, p = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
     for triangle in range(len(corners)):
         corner = corners[triangle]
@@ -259,6 +261,7 @@ def _meet(places, ways, axes, sides, corners, distance, found):  # type: ignore[
             v = (way[0] * q[0] + way[1] * q[1] + way[2] * q[2]) / size
             if u >= 0 and v >= 0 and u + v <= 1 and 0 < along / size < distance[ray]:
                 distance[ray], found[ray] = along / size, triangle
+    return found
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from megalopta.render import dr, mi
 from megalopta.render.loading.scene import MeshIndex
+from megalopta.render.mitsuba_loader import is_scalar
 
 Float64 = NDArray[np.float64]
 
@@ -36,7 +37,7 @@ class Hits:
 
 def nearest_hits(scene: Any, origin: Float64, directions: Float64) -> Hits:
     """Nearest hit of rays from one origin (3,) or N of them, along directions (N, 3)."""
-    if _is_scalar():
+    if is_scalar():
         return _single_hits(scene, origin, directions)
     hits = scene.ray_intersect_preliminary(_rays(origin, directions), coherent=True)
     # What a ray that hit nothing holds elsewhere is left over from other work: it is zero here.
@@ -68,7 +69,7 @@ def visibility_limits(distances: Float64) -> Float64:
 
 def blocked(scene: Any, origin: Float64, directions: Float64, limits: Float64) -> Any:
     """Mitsuba's own answer: whether anything is hit before the limits, in its types."""
-    if not _is_scalar():
+    if not is_scalar():
         rays = _rays(origin, directions)
         rays.maxt = mi.Float(limits)
         return scene.ray_test(rays, coherent=True)
@@ -84,10 +85,6 @@ def _single_hits(scene: Any, origin: Float64, directions: Float64) -> Hits:
             distance[index] = hit.t
             mesh[index], triangle[index] = hit.shape_index, hit.prim_index
     return Hits(distance, mesh, triangle)
-
-
-def _is_scalar() -> bool:
-    return str(mi.variant()).startswith("scalar")
 
 
 def _rays(origin: Float64, directions: Float64) -> Any:

@@ -1,14 +1,14 @@
 import numpy as np
 import pytest
 
-from megalopta.assets_gen.tileable_noise import strew
+from megalopta.assets_gen.tileable_noise import Marks, strew
 
 SHAPE, SIZE_M = (400, 400), (1.0, 1.0)
 
 
 def marks(count, lengths_m=(0.4, 0.4), aspect=0.5, seed=0):
     rng = np.random.default_rng(seed)
-    return strew(SHAPE, SIZE_M, count, lengths_m, aspect, 0.3, 0.0, rng)
+    return strew(SHAPE, SIZE_M, count, Marks(lengths_m, aspect, 0.3, 0.0), rng)
 
 
 @pytest.mark.parametrize("seed", range(5))
