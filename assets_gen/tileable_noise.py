@@ -165,7 +165,8 @@ def strew(
     """
     image = np.full(shape[0] * shape[1], np.nan)
     texel = np.array(size_m) / shape
-    lengths = np.sort(np.exp(rng.uniform(*np.log(marks.lengths_m), count)))[::-1]
+    shortest, longest = np.log(marks.lengths_m)
+    lengths = np.sort(np.exp(rng.uniform(shortest, longest, count)))[::-1]
     for start in range(0, count, CHUNK):
         length = lengths[start : start + CHUNK]
         n = len(length)

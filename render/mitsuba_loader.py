@@ -49,10 +49,15 @@ def is_scalar() -> bool:
 
 
 class PlugIn:
-    """What a plug-in of Mitsuba's adds to its class there, in any variant."""
+    """What a plug-in of Mitsuba's adds to its class there, in any variant.
+
+    A class of the active variant has that one base alone: what is written here is copied into it.
+    """
 
     base: ClassVar[str]
     """Name of the class, such as "BSDF"."""
+    above: ClassVar[Any]
+    """The class, in the active variant."""
 
     if TYPE_CHECKING:
 
@@ -60,31 +65,34 @@ class PlugIn:
 
         def __getattr__(self, name: str) -> Any: ...
 
-        def traverse(self, callback: Any) -> None:
-            """Tell Mitsuba of parameters."""
-
     def to_string(self) -> str:
         """Return the name of the class."""
         return f"{type(self).__name__}[]"
 
 
-def plug_in(kind: type[PlugIn]) -> Any:
-    """Return the class of the active variant."""
+_NOT_COPIED = "__dict__", "__weakref__", "base"
+
+
+def plug_in(kind: Any) -> Any:
+    """Return the class of a `PlugIn` in the active variant."""
     return _of_variant(kind, str(mi.variant()))
 
 
 @cache
-def _of_variant(kind: type[PlugIn], variant: str) -> Any:
-    return type(kind.__name__, (kind, getattr(mi, kind.base)), {})
+def _of_variant(kind: Any, variant: str) -> Any:
+    own = {name: value for each in kind.__mro__[-2::-1] for name, value in vars(each).items()}
+    above = getattr(mi, kind.base)
+    body = {name: value for name, value in own.items() if name not in _NOT_COPIED}
+    return type(kind.__name__, (above,), {**body, "above": above})
 
 
-def registered(kind: type[PlugIn]) -> str:
-    """Return the name by which Mitsuba loads a plug-in in the active variant."""
+def registered(kind: Any) -> str:
+    """Return the name by which Mitsuba loads a `PlugIn` in the active variant."""
     return _registered(kind, str(mi.variant()))
 
 
 @cache
-def _registered(kind: type[PlugIn], variant: str) -> str:
+def _registered(kind: Any, variant: str) -> str:
     name = f"megalopta_{kind.__name__.strip('_').lower()}"
     getattr(mi, f"register_{kind.base.lower()}")(name, plug_in(kind))
     return name

@@ -44,18 +44,23 @@ def recurrence(index: Any, key: Any) -> list[Any]:
     ]
 
 
+def _generator(*state: Any) -> Any:
+    pcg32: Any = mi.PCG32
+    return pcg32(*state)
+
+
 class _CellSampler(PlugIn):
     """Random numbers, started from a cluster's key and the index of a sample."""
 
     base = "Sampler"
 
     def __init__(self, properties: Any) -> None:
-        super().__init__(properties)
-        self.generator = mi.PCG32()
+        self.above.__init__(self, properties)
+        self.generator = _generator()
 
     def start(self, key: Any, sample: Any) -> None:
         state, stream = mi.sample_tea_64(key, sample), mi.sample_tea_64(sample, key)
-        self.generator = mi.PCG32(1, state, stream)
+        self.generator = _generator(1, state, stream)
 
     def schedule_state(self) -> None:
         dr.schedule(self.generator)

@@ -151,7 +151,7 @@ class _Blade(PlugIn):
     base = "BSDF"
 
     def __init__(self, properties: Any) -> None:
-        super().__init__(properties)
+        self.above.__init__(self, properties)
         self.weight = properties.get_texture("weight")
         self.spectra = [
             [properties.get_texture(f"{name}_{end}") for end in (0, 1)]

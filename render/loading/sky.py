@@ -80,7 +80,7 @@ class _UnevenSky(PlugIn):
     base = "Emitter"
 
     def __init__(self, lighting: Lighting) -> None:
-        super().__init__(mi.Properties())
+        self.above.__init__(self, mi.Properties())
         self.m_flags = mi.EmitterFlags.Infinite | mi.EmitterFlags.SpatiallyVarying
         chances = _chances(lighting)
         self.texels = mi.DiscreteDistribution2D(chances)

@@ -37,7 +37,7 @@ class Panorama(PythonSensor):
     """
 
     def __init__(self, properties: Any) -> None:
-        super().__init__(properties)
+        self.above.__init__(self, properties)
         self.to_world = mi.Transform4f()
         self.fov = properties["fov"]
         self.is_cylinder = properties["is_cylinder"]
@@ -46,7 +46,7 @@ class Panorama(PythonSensor):
 
     def traverse(self, callback: Any) -> None:
         """Tell Mitsuba what can be set."""
-        super().traverse(callback)
+        self.above.traverse(self, callback)
         for name in ("to_world", "heights"):
             callback.put(name, getattr(self, name), mi.ParamFlags.NonDifferentiable)
 
