@@ -1,9 +1,8 @@
 """Band-limited noise: tileable images, marks strewn over them, smooth random fields of the plane.
 
-Leaf-shaped marks strewn over a tileable image, small ones on top of large ones.
-
-Objects that hide each other ("dead leaves", Matheron 1968; Lee, Mumford & Huang 2001, IJCV 41:35)
-give images the edges and the scale-free spectrum of natural scenes, which filtered noise lacks.
+Leaf-shaped marks strewn over a tileable image, small ones on top of large ones. Objects that hide
+each other ("dead leaves", Matheron 1968; Lee, Mumford & Huang 2001, IJCV 41:35) give images the
+edges and the scale-free spectrum of natural scenes, which filtered noise lacks.
 """
 
 from collections.abc import Sequence

@@ -1,16 +1,13 @@
 """Panoramas: seen by a camera at infinity, or lighting a scene.
 
-A panorama at infinity seen by a camera: no paths are traced, the picture is looked up.
+A panorama at infinity seen by a camera: no paths are traced, the picture is looked up. A pixel is
+the mean over a square grid of points in it, of the picture read bilinearly. That leaves no random
+noise, only what is lost where the grid is coarser than the picture.
 
-A pixel is the mean over a square grid of points in it, of the picture read bilinearly. That leaves
-no random noise, only what is lost where the grid is coarser than the picture.
-
-A photographed panorama as the light of a scene: an uneven sky of three colors, and a disc.
-
-A sun that stands in the picture is a few of its pixels and much of its light. It is taken out and
-made the scene's disc, which casts sharp shadows at no noise: what lies within 3° of the brightest
-pixel, over the mean of the ring around it, if that is at least a twentieth of the light of the
-upper half.
+A photographed panorama as the light of a scene: an uneven sky of three colors, and a disc. A sun
+that stands in the picture is a few of its pixels and much of its light. It is taken out and made
+the scene's disc, which casts sharp shadows at no noise: what lies within 3° of the brightest pixel,
+over the mean of the ring around it, if that is at least a twentieth of the light of the upper half.
 """
 
 import math
@@ -21,11 +18,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.core.progress import say
+from megalopta.render.exposures import Exposure
 from megalopta.render.mitsuba_loader import mi
 from megalopta.render.noise import MeasuredPass
 from megalopta.render.settings import Bands
 from megalopta.render.surveys import Illuminance, LightSurvey
-from megalopta.render.views import Exposure
 from megalopta.scenes.cameras.base import Camera
 from megalopta.scenes.scene import (
     Environment,

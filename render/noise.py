@@ -1,7 +1,5 @@
 """Error of a frame from the scatter of its passes, and of what stands in all frames alike.
 
-The renderer's own error, on surfaces and on the sky apart: what is stored of it.
-
 Two renderings of a frame with different seeds differ by noise that flickers. Cutting a frame's
 samples in halves to compare these would cost more: multijittered sampling is better than the sum of
 its parts, and a frame of two halves has 1.1 to 1.2 times the error (benchmarks/bench_sampler.py).
@@ -12,14 +10,13 @@ Baked light has an error that stands on surfaces in all frames alike and moves w
 pixels of the second pass are compared with paths traced from the same points: that holds all of it,
 bias included (`scatter`).
 
-Error that stands on surfaces in all frames, from the distance of some pixels to traced paths.
-
-The mean over some pixels of D², where D is the difference between baked light and that of traced
-paths, is too large by the variance of the paths. That variance is known from the scatter of the
-groups that a pixel's paths come in; without it, what is left has the squared standing error as its
-mean, whatever that comes from. Pixels are compared in pairs of neighbors, so that the gradient of
-the error is known in the same way. Where few pixels or noisy paths bring that to less than the
-bake's own scatter, it is taken to be the latter: there is no less.
+Error that stands on surfaces in all frames, from the distance of some pixels to traced paths. The
+mean over some pixels of D², where D is the difference between baked light and that of traced paths,
+is too large by the variance of the paths. That variance is known from the scatter of the groups
+that a pixel's paths come in; without it, what is left has the squared standing error as its mean,
+whatever that comes from. Pixels are compared in pairs of neighbors, so that the gradient of the
+error is known in the same way. Where few pixels or noisy paths bring that to less than the bake's
+own scatter, it is taken to be the latter: there is no less.
 """
 
 import json

@@ -1,8 +1,7 @@
 """Frames by paths of light, with what their error is measured by.
 
-Light paths along rays, traced by one kernel however many they are and wherever they come from.
-
-It is Mitsuba's own path tracer, step by step and random number by random number: next-event
+Light paths along rays, traced by one kernel however many they are and wherever they come from. It
+is Mitsuba's own path tracer, step by step and random number by random number: next-event
 estimation, multiple importance sampling and roulette from the fifth hit on. Two things differ.
 Nothing of an image's size, a camera, or the longest path is a constant of the code that is
 compiled, so that this, which takes seconds, happens once for a kind of scene and not for each. And
@@ -20,7 +19,7 @@ from numpy.typing import NDArray
 from megalopta.core.arrays import Floats
 from megalopta.render.loading.air import Air
 from megalopta.render.loading.meshes import MergedMesh, MovingMesh
-from megalopta.render.loading.scene import load_again, move_meshes
+from megalopta.render.loading.scene import load_again, move_to
 from megalopta.render.mitsuba_loader import dr, is_scalar, mi
 from megalopta.render.sensors.primary import developed, pixel_means
 from megalopta.scenes.scene import Scene
@@ -271,10 +270,7 @@ class Layers(PathIntegrator):
 
     def move_to(self, time_s: float) -> None:
         """Put moving objects where they are at a time."""
-        normals = {n: mesh.normals_at(time_s) for n, mesh in enumerate(self._meshes)}
-        vertices = {n: mesh.vertices_at(time_s) for n, mesh in enumerate(self._meshes)}
-        turned = {n: each for n, each in normals.items() if each is not None}
-        move_meshes(self._layers[1], vertices, turned)
+        move_to(self._layers[1], dict(enumerate(self._meshes)), time_s)
 
     def _sky(self, scene: Any, ray: Any) -> Any:
         free = [~layer.ray_test(ray) for layer in self._layers]

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from megalopta.render.baking.choice import path_tracing_reason
 from megalopta.render.baking.integrator import BakedLightIntegrator
 from megalopta.render.environment import EnvironmentView, under_panorama
+from megalopta.render.exposures import Exposure
 from megalopta.render.loading.air import fill
 from megalopta.render.loading.meshes import merge
 from megalopta.render.loading.scene import LoadedScene, load_scene
@@ -19,13 +20,12 @@ from megalopta.render.mitsuba_loader import activate
 from megalopta.render.noise import MeasuredPass
 from megalopta.render.path_tracing import Layers, PathIntegrator, is_layered
 from megalopta.render.settings import RenderSettings, bake_seed, instant_seed
-from megalopta.render.surface_view import Integrator, SurfaceView
+from megalopta.render.surface_view import SurfaceView
 from megalopta.render.surveys import Canopy, LightSurvey, measure_canopy
 from megalopta.render.truth.geometry import Geometry
 from megalopta.render.truth.tracer import Flow, Truth, TruthTracer
 from megalopta.render.truth.views import Instant, Rolling
 from megalopta.render.variant import Variant, choose_variant
-from megalopta.render.views import Exposure, View
 from megalopta.scenes import Shutter
 from megalopta.scenes.cameras.base import Camera
 from megalopta.scenes.scene import Scene
@@ -82,7 +82,7 @@ class SceneRenderer:
         self._tracer = TruthTracer(scene, geometry, camera, settings.truth_rays)
         pixels = camera.width * camera.height
         reason = path_tracing_reason(scene, self.variant.name, poses, settings, pixels)
-        self._view: View
+        self._view: SurfaceView | EnvironmentView
         if scene.environment:
             self._view = EnvironmentView(
                 scene.environment, camera, settings.bands_nm, settings.samples_per_pixel
@@ -92,7 +92,9 @@ class SceneRenderer:
             air = fill(scene, scene.haze, loaded, meshes, places) if scene.haze else None
             many = is_layered(scene, meshes)
             layers = Layers(settings.max_depth, meshes, loaded, geometry.still) if many else None
-            integrator: Integrator = PathIntegrator(settings.max_depth, air, layers)
+            integrator: PathIntegrator | BakedLightIntegrator = PathIntegrator(
+                settings.max_depth, air, layers
+            )
             if poses is not None and not reason:
                 local, its_seed = self._local(poses), bake_seed(seed)
                 baked = BakedLightIntegrator(whole, camera, settings, local, its_seed, light_folder)

@@ -1,28 +1,28 @@
 """Surfaces seen by a camera: light paths from its pixels, over objects that may move.
 
-Light that is left out of frames because it takes more hits than their paths may have.
-
-Paths of equal seeds begin alike, so what longer ones bring is known from few of them.
+Light that is left out of frames because it takes more hits than their paths may have. Paths of
+equal seeds begin alike, so what longer ones bring is known from few of them.
 """
 
 import math
 from collections.abc import Callable, Sequence
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.core.arrays import Floats
+from megalopta.render.baking.integrator import BakedLightIntegrator
+from megalopta.render.exposures import Exposure, Part
 from megalopta.render.loading.air import Air
 from megalopta.render.loading.meshes import MovingMesh
-from megalopta.render.loading.scene import LoadedScene, move_meshes
+from megalopta.render.loading.scene import LoadedScene, move_to
 from megalopta.render.noise import MeasuredPass
 from megalopta.render.path_tracing import PathIntegrator
 from megalopta.render.sensors.film import Film
 from megalopta.render.settings import RenderSettings
 from megalopta.render.sharing import rows_of_a_pose
 from megalopta.render.surveys import LightMeter, LightSurvey
-from megalopta.render.views import Exposure, Part
 from megalopta.scenes.cameras.base import Camera
 
 _MORE_HITS = 32
@@ -62,26 +62,6 @@ _LONGER_PATHS = 2**15
 """Of a look at what longer ones would bring; one a pixel at least"""
 
 
-class Integrator(Protocol):
-    """How the light that arrives at a sensor is found."""
-
-    @property
-    def exposing(self) -> "Integrator":
-        """That of frames of many poses; where it is another, it moves objects itself."""
-
-    def move_to(self, time_s: float) -> None:
-        """Take notice of a new time."""
-
-    def render(self, scene: Any, sensor: Any, seed: int, spp: int) -> NDArray[np.float32]:
-        """Radiance (H, W, B) that a sensor sees, band means, W·m⁻²·sr⁻¹·nm⁻¹."""
-
-    def measured(self, scene: Any, sensor: Any, seed: int, spp: int) -> NDArray[np.float32]:
-        """Radiance, a draw of its standing error and the share of the sky (H, W, 2·B + 1).
-
-        Where light is baked, then its differences from paths in groups (H, W, G·B).
-        """
-
-
 class SurfaceView:
     """A camera in a loaded scene, and the integrator that finds its light."""
 
@@ -90,7 +70,7 @@ class SurfaceView:
         whole: LoadedScene,
         camera: Camera,
         settings: RenderSettings,
-        integrator: Integrator,
+        integrator: PathIntegrator | BakedLightIntegrator,
         air: Air | None = None,
     ) -> None:
         self._scene, self._loaded, self._integrator = whole.scene, whole.loaded, integrator
@@ -110,11 +90,8 @@ class SurfaceView:
         """Put moving objects where they are at a time."""
         if time_s == self._time_s or not self._moving:
             return
-        normals = {index: mesh.normals_at(time_s) for index, mesh in self._moving.items()}
-        vertices = {index: mesh.vertices_at(time_s) for index, mesh in self._moving.items()}
-        turned = {index: each for index, each in normals.items() if each is not None}
         for scene in [self._loaded, *([self._air.scene] if self._air else [])]:
-            move_meshes(scene, vertices, turned)
+            move_to(scene, self._moving, time_s)
         self._integrator.move_to(time_s)
         self._time_s = time_s
 
@@ -172,16 +149,16 @@ class SurfaceView:
             rows = self._rows_of_a_pose(exposure.parts[len(exposure.parts) // 2])
         film = self._film(len(exposure.parts), True, rows)
         mover = self._integrator.exposing
-        move_to = self.move_to if mover is self._integrator else mover.move_to
+        move_to_time = self.move_to if mover is self._integrator else mover.move_to
         images = []
         for part in exposure.parts:
             self._check(part.poses)
 
             def move(strip: slice, times: Sequence[float] = part.row_times_s) -> None:
-                move_to(float(np.mean(times[strip])))
+                move_to_time(float(np.mean(times[strip])))
 
             if rows is None:
-                move_to(part.row_times_s[0])
+                move_to_time(part.row_times_s[0])
             before = move if rows else None
             images.append(film.expose(trace, self._loaded, part.poses, part.seed, before))
         return np.asarray(np.mean(images, axis=0, dtype=np.float64), dtype=np.float32)

@@ -1,17 +1,14 @@
 """Surveys of a scene: the illuminance that it gets, and its canopy.
 
-The illuminance that a scene really gets, measured with the scene's own light and shadows.
-
-A light meter looks along light paths from a point, in directions distributed as the cosine to the
-vertical, at wavelengths that are likely where V(λ) is large. These paths meet everything but the
-disc of sun or moon, whose part comes from visibility rays toward points of the disc. The light has
-as many bounces as in the frames, so that the meter and the frames miss the same light: at a
-surface, frames have spent one segment of their longest path on the way from the camera.
+The illuminance that a scene really gets, measured with the scene's own light and shadows. A light
+meter looks along light paths from a point, in directions distributed as the cosine to the vertical,
+at wavelengths that are likely where V(λ) is large. These paths meet everything but the disc of sun
+or moon, whose part comes from visibility rays toward points of the disc. The light has as many
+bounces as in the frames, so that the meter and the frames miss the same light: at a surface, frames
+have spent one segment of their longest path on the way from the camera.
 
 In haze, light is measured as it arrives through it, and what is above everything is above the haze:
 there the meter reads the illuminance that was asked for.
-
-What of the sky is seen from a forest's floor, and how much of its light comes down.
 
 Gap fraction is the share of rays at a zenith angle that hit nothing. Rays start one meter above the
 ground, where hemispherical photographs are taken, and know of no material: the measure does not

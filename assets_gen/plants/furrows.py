@@ -1,7 +1,5 @@
 """Relief of a stem: furrows in its bark, roots and buttresses.
 
-Bark with relief: furrows carved into a stem where its painted bark is dark.
-
 Shape and paint come from one pattern, so that what is deep is dark. Radii change about their mean,
 which stays.
 """

@@ -1,10 +1,9 @@
 """What distinguishes one species from another, and the young from the old.
 
-Younger and older plants of a species, by the share of its height that they have reached.
-
-Trees are not copies of each other at another scale: stems thicken faster than they rise (elastic
-similarity gives radius ∝ height^1.5, McMahon 1973, Science 179:1201), and number of twigs goes with
-the crown's surface. The young keep their lower branches.
+Younger and older plants of a species, by the share of its height that they have reached. Trees are
+not copies of each other at another scale: stems thicken faster than they rise (elastic similarity
+gives radius ∝ height^1.5, McMahon 1973, Science 179:1201), and number of twigs goes with the
+crown's surface. The young keep their lower branches.
 """
 
 from typing import Annotated, Literal

@@ -1,10 +1,9 @@
 """Baked light: computed, looked up and kept.
 
-What cells send out, computed once and kept: the part of shading that no view changes.
-
-For each cluster of cells that is asked for, and each band, the table keeps the radiance that leaves
-where the texture's weight is 0 and where it is 1, and of both how far the halves of the samples are
-apart (`gathering`). With the weight w the surface shows (1 − w) of the one and w of the other.
+What cells send out, computed once and kept: the part of shading that no view changes. For each
+cluster of cells that is asked for, and each band, the table keeps the radiance that leaves where
+the texture's weight is 0 and where it is 1, and of both how far the halves of the samples are apart
+(`gathering`). With the weight w the surface shows (1 − w) of the one and w of the other.
 """
 
 import hashlib

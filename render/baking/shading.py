@@ -1,8 +1,7 @@
 """What a frame adds to baked light: textures, the sun's disc, and paths.
 
-Where moving objects change the light on what is at rest, so that baked light will not do.
-
-An object inside a sphere of radius r around a center at a distance d takes up at most (r/d)² of the
+Where moving objects change the light on what is at rest, so that baked light will not do. An object
+inside a sphere of radius r around a center at a distance d takes up at most (r/d)² of the
 irradiance of a point at rest. Nearer than where that is a hundredth, paths are traced.
 """
 

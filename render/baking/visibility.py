@@ -1,8 +1,7 @@
 """How often a sequence sees each cell, and random numbers that follow from a cell alone.
 
-A look at the whole sequence before anything is baked: how much of it each cell fills, and where.
-
-Of a cell that reaches into the ground or into a stone only a part is ever seen, and what arrives at
+A look at the whole sequence before anything is baked: how much of it each cell fills, and where. Of
+a cell that reaches into the ground or into a stone only a part is ever seen, and what arrives at
 the rest is no light of it. So a point is kept of each cell that was seen.
 """
 

@@ -1,9 +1,8 @@
 """Scene data to a loaded Mitsuba scene: merged meshes, with their materials, and lights.
 
-Which mesh of a loaded scene was hit, in every vectorized variant.
-
-Embree numbers the shapes of a scene, OptiX does not; what both give is the shape itself, as its
-number in Dr.Jit's registry of all shapes of the process.
+Which mesh of a loaded scene was hit, in every vectorized variant. Embree numbers the shapes of a
+scene, OptiX does not; what both give is the shape itself, as its number in Dr.Jit's registry of all
+shapes of the process.
 """
 
 from collections.abc import Mapping, Sequence
@@ -14,7 +13,7 @@ from numpy.typing import NDArray
 
 from megalopta.render import dr, mi
 from megalopta.render.loading.materials import bsdf, emission, spectrum
-from megalopta.render.loading.meshes import MergedMesh
+from megalopta.render.loading.meshes import MergedMesh, MovingMesh
 from megalopta.render.loading.sky import uneven_sky
 from megalopta.scenes.material import Material
 from megalopta.scenes.scene import Lighting, Scene
@@ -115,6 +114,14 @@ def move_meshes(
         buffers["vertex_normals"] = directions.ravel()
         buffers.update()
     scene.parameters_changed([])
+
+
+def move_to(scene: Any, meshes: Mapping[int, MovingMesh], time_s: float) -> None:
+    """Put moving meshes of a scene, by their index, where they are at a time."""
+    normals = {index: mesh.normals_at(time_s) for index, mesh in meshes.items()}
+    vertices = {index: mesh.vertices_at(time_s) for index, mesh in meshes.items()}
+    turned = {index: each for index, each in normals.items() if each is not None}
+    move_meshes(scene, vertices, turned)
 
 
 def _mesh(name: str, mesh: MergedMesh, materials: Mapping[str, Material]) -> Any:

@@ -7,8 +7,9 @@ the same ones. Four more in the corners find outlines that only just cross a pix
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 from numba import njit
@@ -97,7 +98,8 @@ class Footprints:
         parts = [
             self._of_rows(view, following, previous, object_id, rows) for rows in self._strips()
         ]
-        return _joined(parts)
+        whole: Footprint = _joined(parts)
+        return whole
 
     def _strips(self) -> Iterator[slice]:
         family = str(mi.variant()).partition("_")[0]
@@ -176,19 +178,10 @@ def _moments(flow, is_hidden, weights, first):  # type: ignore[no-untyped-def]
     return found
 
 
-def _joined(parts: list[Footprint]) -> Footprint:
-    def flow(name: str) -> FlowSpread:
-        each = [getattr(part, name) for part in parts]
-        return FlowSpread(
-            *(
-                np.concatenate([getattr(a, field.name) for a in each])
-                for field in fields(FlowSpread)
-            )
-        )
-
-    return Footprint(
-        np.concatenate([part.purity for part in parts]),
-        np.concatenate([part.sky for part in parts]),
-        flow("forward"),
-        flow("backward"),
-    )
+def _joined(parts: Sequence[Any]) -> Any:
+    """Return strips of rows as one, of arrays or of records of them."""
+    kind = type(parts[0])
+    if kind is np.ndarray:
+        return np.concatenate(parts)
+    each = ([getattr(part, field.name) for part in parts] for field in fields(kind))
+    return kind(*map(_joined, each))

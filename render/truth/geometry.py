@@ -1,7 +1,5 @@
 """The surfaces of a scene as rays meet them, at any time, and where another frame sees them.
 
-The surfaces of a scene as rays meet them, at any time.
-
 A ray's hit is found in float32 by the renderer's own tracing; which triangle it names is then
 intersected again in float64, so that the point is exact on the surface as rendered. A point of a
 moving object keeps its barycentric coordinates, and so its place at another time follows from its

@@ -5,7 +5,6 @@ Coordinates are relative to the scene's `origin_m`.
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -69,16 +68,6 @@ def of_rays(times_s: Times, ray: slice | NDArray[np.int64] | NDArray[np.bool_]) 
     return times_s if isinstance(times_s, float) else times_s[ray]
 
 
-class View(Protocol):
-    """How a frame is taken."""
-
-    def pixels(self, camera: Camera) -> Eyes:
-        """Eyes of the H·W pixels."""
-
-    def seeing(self, camera: Camera, way: Ways, count: int) -> tuple[Eyes, Eyes]:
-        """Eyes that see N points, and those of the rows that show them."""
-
-
 @dataclass(frozen=True)
 class Instant:
     """A frame taken at once."""
@@ -137,3 +126,7 @@ class Rolling:
         times = self.time_s + self.shutter.delay_s(y, camera.height)
         poses = self.pose_at(times)
         return Eyes(poses[:, :3, 3], poses[:, :3, :3], times)
+
+
+View = Instant | Rolling
+"""How a frame is taken."""

@@ -1,14 +1,10 @@
 """How much leaf and wood a forest holds: what it asks for, and what is measured.
 
-The leaf-area index that a forest asks for, and how many leaves its trees keep for it.
-
 Leaf-area index is the one-sided area of the leaves of trees, bushes and climbers over the area of
 the ground below them (Chen and Black 1992, Plant, Cell and Environment 15:421). It is met in a ring
 around the camera's path: from where trunks may stand to `RING_M` farther out. Trees grow with all
 their leaves, or twice or four times as many on the same twigs, and lose some at random; leaves keep
 their size and their clumps.
-
-How much leaf and wood a forest holds, measured on its triangles.
 
 Leaf area is one-sided. Wood counts with half of its surface, as a leaf with one of its two sides
 (Chen and Black 1992, Plant, Cell and Environment 15:421). Herbs, grass and what lies on the ground

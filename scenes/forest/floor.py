@@ -1,13 +1,8 @@
 """The ground of a forest, and its floor near to: a trodden path, moss, bumps, fallen leaves.
 
-The forest's floor near to: a trodden path, patches of moss, bumps and hollows.
-
-A forest that asks for none of these has a grid of even cover for its ground (`description`).
-
-A forest's floor, kept for whoever builds the same again.
-
-It depends on the seed, on where the path runs and the trees stand, and on few of the forest's
-fields, not on light, camera or what grows.
+A forest that asks for none of these has a grid of even cover for its ground (`description`). It
+depends on the seed, on where the path runs and the trees stand, and on few of the forest's fields,
+not on light, camera or what grows.
 """
 
 from collections.abc import Mapping, Sequence
@@ -20,6 +15,7 @@ from scipy.spatial import cKDTree
 
 from megalopta.assets_gen import FloatArray, Surface, generator, unit
 from megalopta.assets_gen.moss import cut_at, make_moss
+from megalopta.assets_gen.plants.detail import chosen_leaves, corners_of
 from megalopta.assets_gen.scatter import distance_to
 from megalopta.assets_gen.terrain import Terrain, ground_surface, make_terrain
 from megalopta.assets_gen.tileable_noise import make_octaves
@@ -240,14 +236,9 @@ def _draped(
 ) -> Surface:
     linear, foot = placement.to_world[:3, :3], placement.to_world[:3, 3]
     places = leaves.vertices @ linear.T + foot
-    corners = 4 if len(leaves.vertices) == 2 * len(leaves.faces) else 3
-    count = len(places) // corners
-    middles = places.reshape(count, corners, 3).mean(axis=1)
-    kept = rng.random(count) < floor.litter(middles[:, :2])
+    middles = places.reshape(-1, corners_of(leaves), 3).mean(axis=1)
+    kept = rng.random(len(middles)) < floor.litter(middles[:, :2])
     above = FLATTENED * np.cbrt(np.linalg.det(linear)) * leaves.vertices[:, 2]
     places[:, 2] = floor.height(places[:, :2]) + np.maximum(above, LEAST_M)
     local = (places - foot) @ np.linalg.inv(linear).T
-    chosen = np.repeat(kept, corners)
-    faces = leaves.faces.reshape(count, -1)[0]
-    first = corners * np.arange(kept.sum())[:, None]
-    return Surface(local[chosen], (first + faces).reshape(-1, 3), leaves.uv[chosen])
+    return chosen_leaves(replace(leaves, vertices=local), np.flatnonzero(kept))

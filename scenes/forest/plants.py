@@ -1,7 +1,5 @@
 """What a kind of plant carries: how it grows, looks and stands; presets and levels of detail.
 
-What a kind of plant carries: how it grows, how it looks, where it stands.
-
 Stones, logs and fallen leaves are plants here too.
 """
 

@@ -1,11 +1,7 @@
 """The shapes and surfaces of the plants of one forest, kept for all that have them in common.
 
-Grown plants and painted textures, kept for all forests that have them in common.
-
 They depend on the forest's seed, their kind and number alone, not on where they stand: sequences of
 a dataset share them, and so do the processes that render these.
-
-The shapes and surfaces of the plants of one forest.
 
 Of every kind a few individuals grow, each drawn at several levels of detail. An asset is one of
 these, such as "young spruce 3 far".

@@ -1,10 +1,7 @@
 """Light levels by name, from daylight to an overcast night, and the lights that they add.
 
-The lights that there are outside, each with its own spectrum and source; they add.
-
-Sun and moon are discs, all else is a sky that is alike in all directions.
-
-Light levels by name, from daylight to an overcast night: sums of the lights that there are.
+The lights that there are outside, each with its own spectrum and source; they add. Sun and moon are
+discs, all else is a sky that is alike in all directions.
 
 Each has an illuminance, after the dissertation, §1.1, and what is stronger than the night sky makes
 up what airglow and starlight leave. Four of five parts of the light of sun or moon come from its

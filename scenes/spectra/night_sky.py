@@ -1,7 +1,5 @@
 """The moonless night sky: starlight, zodiacal light and airglow.
 
-Starlight and zodiacal light: what a moonless sky has of light from beyond the atmosphere.
-
 Means over the whole sky above the atmosphere, in S10, stars of tenth magnitude in V per square
 degree (27.78 mag·arcsec⁻²):
 
@@ -14,11 +12,10 @@ degree (27.78 mag·arcsec⁻²):
 The atmosphere takes from both what it takes from sun and sky together. The Milky Way is three times
 as bright as the mean, the pole of the ecliptic has 60; here it is the same everywhere.
 
-The moonless night sky, 0.37 to 1.8 µm, in absolute units, and what of it is airglow.
-
-On a moonless night most of the short-wave infrared comes from hydroxyl some 87 km up (the Meinel
-bands) and from molecular oxygen (1.27 µm). From 0.89 µm on the table is the radiance of the zenith
-seen from the ground, in means over 20 nm, put together from published figures:
+The moonless night sky, 0.37 to 1.8 µm, in absolute units, and what of it is airglow. On a moonless
+night most of the short-wave infrared comes from hydroxyl some 87 km up (the Meinel bands) and from
+molecular oxygen (1.27 µm). From 0.89 µm on the table is the radiance of the zenith seen from the
+ground, in means over 20 nm, put together from published figures:
 
 - shape of the hydroxyl bands: the line list of Rousselot et al. (2000, A&A 354, 1134), its
   intensities taken as photon rates and summed over 20 nm;

@@ -1,10 +1,9 @@
 """Sunlight: straight, from the clear sky, at twilight, and from the moon.
 
-Sunlight: above the atmosphere, straight from the sun on the ground, and from the clear sky.
-
-All three are means over 20 nm, at 360 to 1800 nm. Above the atmosphere and straight from the sun:
-the reference spectra of ASTM G173-03 (air mass 1.5, 1.42 cm of precipitable water, an aerosol
-optical depth of 0.084 at 500 nm); direct light includes the brightness around the sun. The sky on a
+Sunlight: above the atmosphere, straight from the sun on the ground, and from the clear sky. All
+three are means over 20 nm, at 360 to 1800 nm. Above the atmosphere and straight from the sun: the
+reference spectra of ASTM G173-03 (air mass 1.5, 1.42 cm of precipitable water, an aerosol optical
+depth of 0.084 at 500 nm); direct light includes the brightness around the sun. The sky on a
 horizontal plane: the clear-sky model of Bird and Riordan (1986, J. Climate Appl. Meteor. 25, 87)
 for the same atmosphere and a ground that reflects 0.2; its direct light is within 3 % of the
 standard's in bands of 200 nm, but for that of water at 1300 to 1500 nm, where it is a quarter more.
@@ -12,18 +11,16 @@ standard's in bands of 200 nm, but for that of water at 1300 to 1500 nm, where i
 The bands of water vapor at 940, 1130 and 1380 nm are deep and hang on the weather: with 5 cm of
 water, as in the tropics, they take up to twice as much of what is left beside them.
 
-Moonlight: what the lunar disc reflects of sunlight, straight or scattered by the sky.
-
-The disc's reflectance is the model of Kieffer and Stone (2005, AJ 129, 2887, Eq. 10 and Table 4) at
-phases of 7° and 90°, without libration, relative to that at 550 nm: a waning moon is redder. The
-atmosphere does to moonlight what it does to sunlight.
+Moonlight: what the lunar disc reflects of sunlight, straight or scattered by the sky. The disc's
+reflectance is the model of Kieffer and Stone (2005, AJ 129, 2887, Eq. 10 and Table 4) at phases of
+7° and 90°, without libration, relative to that at 550 nm: a waning moon is redder. The atmosphere
+does to moonlight what it does to sunlight.
 
 Check that was not put in: 200 mlux of a full moon then come with 890 µW/m² at 0.8 to 1.7 µm, where
 up to 600 were measured on the ground, through an air of unknown humidity (Krieg 2021,
 doi:10.1038/s41598-021-98060-2).
 
 Twilight: the sky's zenith with the sun 6.4° below the horizon, when the ground gets 1 lux.
-
 Magnitudes in U, B, V, R and I are the fits of Patat, Ugolnikov and Postylyakov (2006, A&A 455, 385,
 Table 1) to the zenith over Paranal, with the wavelengths and zero points of Bessell et al. (1998,
 A&A 333, 231): a sky of that brightness gives 1.0 lux. Beyond I it is sunlight on the ground times
