@@ -50,7 +50,7 @@ table is constant and means nothing.
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.scenes.spectra.spectrum import Spectrum, planckian
+from megalopta.scenes.spectra.spectrum import TABLES, Spectrum, planckian
 from megalopta.scenes.spectra.sunlight import ABOVE_ATMOSPHERE, WAVELENGTHS_NM, transmission
 
 V_NM = 545.0
@@ -81,16 +81,6 @@ STARLIGHT = _starlight()
 _VISIBLE = ((366.0, 0.214), (438.0, 0.245), (545.0, 0.354), (641.0, 0.404), (798.0, 0.632))
 _FIRST_NM = 890.0
 _STEP_NM = 20.0
-# nW·cm⁻²·sr⁻¹·µm⁻¹, means over 20 nm
-# fmt: off
-_RADIANCE = (
-    1.08, 0.61, 0.97, 1.01, 1.08, 1.50, 1.75, 2.69, 1.61, 1.65,
-    3.50, 1.49, 1.93, 4.03, 1.74, 0.92, 3.64, 3.12, 1.15, 8.19,
-    3.20, 3.19, 1.14, 0.48, 2.16, 3.31, 6.61, 7.50, 5.23, 7.96,
-    7.15, 11.9, 12.3, 9.31, 5.25, 12.2, 12.8, 7.38, 6.96, 9.67,
-    7.06, 8.71, 6.42, 3.34, 7.51, 8.89,
-)
-# fmt: on
 _SI = 1e-8
 """From nW·cm⁻²·sr⁻¹·µm⁻¹ to W·m⁻²·sr⁻¹·nm⁻¹."""
 
@@ -98,7 +88,7 @@ _SI = 1e-8
 _HALF_NM = _STEP_NM / 2 - 0.5
 _INFRARED = tuple(
     (_FIRST_NM + _STEP_NM * step + side, value)
-    for step, value in enumerate(_RADIANCE)
+    for step, value in enumerate(TABLES["night"])
     for side in (-_HALF_NM, _HALF_NM)
 )
 

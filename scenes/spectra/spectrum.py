@@ -1,11 +1,22 @@
 """A piecewise linear function of wavelength, constant beyond its ends."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.constants import c, h, k
+
+from megalopta.core import strict_yaml
+
+TABLES: Mapping[str, tuple[float, ...]] = {
+    name: tuple(map(float, values))
+    for name, values in strict_yaml.load(
+        Path(__file__).with_name("tables.yaml").read_text("utf-8")
+    ).items()
+}
+"""Numbers of the spectra of this package by name; the file says their units."""
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from megalopta.assets_gen.plants.colonization import (
+from megalopta.assets_gen.plants.branching import (
     KILL_STEPS,
     MAX_CHILDREN,
     colonize,
