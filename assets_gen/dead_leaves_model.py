@@ -10,7 +10,8 @@ import math
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
+
+from megalopta.assets_gen import FloatArray
 
 _SAMPLES = 3
 """Samples along a pixel, so that edges are as soft as a sensor's pixels make them"""
@@ -21,7 +22,7 @@ def dead_leaves(
     rng: np.random.Generator,
     radii_px: tuple[float, float] = (1.5, 80.0),
     values: tuple[float, float] = (0.1, 1.0),
-) -> NDArray[np.float64]:
+) -> FloatArray:
     """Return an image (H, W) of disks that tiles without a seam in both directions.
 
     Radii have density r⁻³ from the smallest to the largest, values are uniform from the darkest to
@@ -44,7 +45,7 @@ def dead_leaves(
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def _cover(
-    image: NDArray[np.float64],
+    image: FloatArray,
     rng: np.random.Generator,
     radii: tuple[float, float],
     values: tuple[float, float],
@@ -61,9 +62,7 @@ def _cover(
 
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def paint_leaf(
-    image: NDArray[np.float64], center: tuple[float, float], radius: float, value: float
-) -> int:
+def paint_leaf(image: FloatArray, center: tuple[float, float], radius: float, value: float) -> int:
     """Paint what is bare (0) of a disk on a torus; return how many samples that were."""
     (height, width), (row, column), painted = image.shape, center, 0
     # samples lie at the middle of their squares

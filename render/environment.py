@@ -17,25 +17,17 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from megalopta.core.arrays import Floats
 from megalopta.core.progress import say
 from megalopta.render.exposures import Exposure
 from megalopta.render.mitsuba_loader import mi
-from megalopta.render.noise import MeasuredPass
+from megalopta.render.noise import Image, MeasuredPass
 from megalopta.render.settings import Bands
 from megalopta.render.surveys import Illuminance, LightSurvey
 from megalopta.scenes.cameras.base import Camera
-from megalopta.scenes.scene import (
-    Environment,
-    Lighting,
-    Scene,
-    SkyPattern,
-    Sun,
-    pattern_directions,
-)
+from megalopta.scenes.scene import Environment, Lighting, Scene, SkyPattern, Sun, pattern_directions
 from megalopta.scenes.spectra.photometry import luminous
 from megalopta.scenes.spectra.spectrum import Spectrum, total
-
-Floats = NDArray[np.float32]
 
 # Rows of points looked up at once, so that memory stays far below that of the directions.
 POINTS_AT_ONCE = 2**18
@@ -68,7 +60,7 @@ class EnvironmentView:
         """Points per pixel."""
         return self._grid**2
 
-    def radiance(self, pose: NDArray[np.float64], seed: int = 0) -> Floats:
+    def radiance(self, pose: Floats, seed: int = 0) -> Image:
         """Spectral radiance (H, W, B) from a pose (4, 4); without noise, so without a seed."""
         rotation = pose[:3, :3].T.astype(np.float32)
         step = self._grid * max(1, POINTS_AT_ONCE // (self._grid * self._axes.shape[1]))
@@ -78,11 +70,11 @@ class EnvironmentView:
         ]
         return np.concatenate(strips) @ self._band_means
 
-    def measured(self, pose: NDArray[np.float64], seed: int = 0) -> MeasuredPass:
+    def measured(self, pose: Floats, seed: int = 0) -> MeasuredPass:
         """The same; no pixel is told to show the sky."""
         return _without_error(self.radiance(pose))
 
-    def exposed(self, exposure: Exposure) -> Floats:
+    def exposed(self, exposure: Exposure) -> Image:
         """Mean of what is seen from all poses of an exposure."""
         poses = [pose[0] for part in exposure.parts for pose in part.poses]
         return np.asarray(np.mean([self.radiance(pose) for pose in poses], axis=0), np.float32)
@@ -91,10 +83,10 @@ class EnvironmentView:
         """The same; no pixel is told to show the sky."""
         return _without_error(self.exposed(exposure))
 
-    def light_left_out(self, pose: NDArray[np.float64]) -> None:
+    def light_left_out(self, pose: Floats) -> None:
         """None: light comes without a hit."""
 
-    def light_survey(self, positions: NDArray[np.float64]) -> LightSurvey:
+    def light_survey(self, positions: Floats) -> LightSurvey:
         """Illuminance, measured along rays like those of the pixels, the same everywhere."""
         colors = look_up(self._rgb, cosine_directions(_METER_RAYS), self._turn)
         lux = float(colors.mean(axis=0) @ self._efficacy) * math.pi
@@ -103,14 +95,14 @@ class EnvironmentView:
     def move_to(self, time_s: float) -> None:
         """Nothing moves."""
 
-    def _pixels(self, directions: Floats) -> Floats:
+    def _pixels(self, directions: Image) -> Image:
         colors = look_up(self._rgb, directions, self._turn)
         height, width = (size // self._grid for size in directions.shape[:2])
         points = colors.reshape(height, self._grid, width, self._grid, 3)
         return np.asarray(points.mean(axis=(1, 3)))
 
 
-def look_up(rgb: Floats, directions: Floats, turn_rad: float = 0.0) -> Floats:
+def look_up(rgb: Image, directions: Image, turn_rad: float = 0.0) -> Image:
     """Colors (..., 3) in directions (..., 3) of an equirectangular picture, bilinear."""
     rows, columns = rgb.shape[:2]
     azimuth = np.arctan2(directions[..., 1], directions[..., 0]) - turn_rad
@@ -126,11 +118,11 @@ def look_up(rgb: Floats, directions: Floats, turn_rad: float = 0.0) -> Floats:
     return np.asarray((1 - v) * upper + v * lower, np.float32)
 
 
-def _without_error(radiance: Floats) -> MeasuredPass:
+def _without_error(radiance: Image) -> MeasuredPass:
     return MeasuredPass(radiance, np.zeros_like(radiance), np.zeros_like(radiance[..., 0]))
 
 
-def cosine_directions(count: int) -> Floats:
+def cosine_directions(count: int) -> Image:
     """Unit vectors (count, 3) to the upper hemisphere, as dense as the cosine to the zenith."""
     index = np.arange(count)
     radius, angle = np.sqrt((index + 0.5) / count), index * math.pi * (3 - math.sqrt(5))
@@ -138,9 +130,7 @@ def cosine_directions(count: int) -> Floats:
     return np.stack([radius * np.cos(angle), radius * np.sin(angle), up], -1).astype(np.float32)
 
 
-def band_means(
-    spectra: tuple[Spectrum, Spectrum, Spectrum], bands_nm: Bands
-) -> NDArray[np.float64]:
+def band_means(spectra: tuple[Spectrum, Spectrum, Spectrum], bands_nm: Bands) -> Floats:
     """Means (3, B) of the three spectra over the bands."""
     grids = [np.linspace(*band, 1025) for band in bands_nm]
     return np.array(
@@ -148,7 +138,7 @@ def band_means(
     )
 
 
-def load_panorama(environment: Environment) -> Floats:
+def load_panorama(environment: Environment) -> Image:
     """Read the picture (H, W, 3) so that it gives the illuminance with the spectra as they are.
 
     Raises ValueError when the file cannot be read, has changed, or is no panorama.
@@ -168,7 +158,7 @@ def load_panorama(environment: Environment) -> Floats:
     return np.asarray(rgb * (environment.illuminance_lux / lux), np.float32)
 
 
-def horizontal(rgb: NDArray[np.floating]) -> NDArray[np.float64]:
+def horizontal(rgb: NDArray[np.floating]) -> Floats:
     """Integral (3,) of the picture's upper half over solid angle, times the cosine to the zenith.
 
     A row between the polar angles a and b has the weight ∫ cos θ·sin θ dθ = (sin²b − sin²a)/2, so
@@ -180,7 +170,7 @@ def horizontal(rgb: NDArray[np.floating]) -> NDArray[np.float64]:
     return np.asarray(weights @ rgb.sum(axis=1, dtype=np.float64))
 
 
-def read_picture(path: str) -> Floats:
+def read_picture(path: str) -> Image:
     """Return a picture (H, W, 3) in linear sRGB; PNG is decoded, an alpha channel left out.
 
     Filters that picture programs resample with leave slightly negative values beside bright ones:
@@ -207,7 +197,7 @@ def read_picture(path: str) -> Floats:
     return _without_negatives(rgb, path)
 
 
-def _without_negatives(rgb: Floats, path: str) -> Floats:
+def _without_negatives(rgb: Image, path: str) -> Image:
     negative = rgb[rgb < 0]
     if not negative.size:
         return rgb
@@ -251,7 +241,7 @@ def _lighting(lighting: Lighting, panorama: Environment) -> Lighting:
     return replace(lighting, sun=sun, patterns=(*lighting.patterns, *patterns), panorama=None)
 
 
-def turned(picture: Floats, turn_deg: float) -> Floats:
+def turned(picture: Image, turn_deg: float) -> Image:
     """Return the picture (H, 2·H, 3) turned counterclockwise seen from above."""
     columns = turn_deg / 360 * picture.shape[1]
     whole = int(np.floor(columns))
@@ -261,8 +251,8 @@ def turned(picture: Floats, turn_deg: float) -> Floats:
 
 
 def without_disc(
-    picture: Floats, weights: NDArray[np.float64]
-) -> tuple[Floats, tuple[float, float, float], NDArray[np.float64]]:
+    picture: Image, weights: Floats
+) -> tuple[Image, tuple[float, float, float], Floats]:
     """Take the disc of sun or moon out of a picture.
 
     Parameters
@@ -303,6 +293,6 @@ def without_disc(
     return left, tuple(center.tolist()), irradiance
 
 
-def solid_angles(rows: int, columns: int) -> NDArray[np.float64]:
+def solid_angles(rows: int, columns: int) -> Floats:
     """Solid angle (H,) of a pixel of each row."""
     return np.asarray(-np.diff(np.cos(np.pi * np.arange(rows + 1) / rows)) * 2 * np.pi / columns)

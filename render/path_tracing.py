@@ -179,7 +179,7 @@ class PathIntegrator:
 
     def along(
         self, scene: Any, origins: Floats, directions: Floats, wavelengths: Floats, seed: int
-    ) -> NDArray[np.float64]:
+    ) -> Floats:
         """Radiance (4, N) along rays at four wavelengths each (4, N), W·m⁻²·sr⁻¹·nm⁻¹.
 
         Rays start at origins (3, N), m, in unit directions (3, N).
@@ -189,7 +189,7 @@ class PathIntegrator:
         if self._air:
             scene = self._air.scene
 
-        def light(origin: Any, direction: Any, wavelength: Any) -> NDArray[np.float64]:
+        def light(origin: Any, direction: Any, wavelength: Any) -> Floats:
             start, toward = mi.Point3f(origin), mi.Vector3f(direction)
             rays: Any = mi.RayDifferential3f(start, toward)
             rays.wavelengths = mi.Spectrum(wavelength)

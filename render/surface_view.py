@@ -95,7 +95,7 @@ class SurfaceView:
         self._integrator.move_to(time_s)
         self._time_s = time_s
 
-    def radiance(self, pose: NDArray[np.float64], seed: int) -> NDArray[np.float32]:
+    def radiance(self, pose: Floats, seed: int) -> NDArray[np.float32]:
         """Radiance (H, W, B) from a pose (4, 4).
 
         Raises FloatingPointError when Mitsuba returns a value that is not finite, and ValueError
@@ -105,7 +105,7 @@ class SurfaceView:
         self._check(pose)
         return _finite(film.expose(self._integrator.render, self._loaded, pose, seed))
 
-    def measured(self, pose: NDArray[np.float64], seed: int) -> MeasuredPass:
+    def measured(self, pose: Floats, seed: int) -> MeasuredPass:
         """The same, with what its error is known by."""
         film = self._film(1)
         self._check(pose)
@@ -119,7 +119,7 @@ class SurfaceView:
         """The same, with what its error is known by."""
         return self._parts(self._exposed(self._integrator.exposing.measured, exposure))
 
-    def light_survey(self, positions: NDArray[np.float64]) -> LightSurvey | None:
+    def light_survey(self, positions: Floats) -> LightSurvey | None:
         """Illuminance above and below positions (N, 3); None where only surfaces emit."""
         lighting = self._scene.lighting
         if lighting is None:
@@ -127,7 +127,7 @@ class SurfaceView:
         meter = LightMeter(self._loaded, lighting, self._settings.max_depth, self._air)
         return meter.survey(positions - self._scene.origin_m)
 
-    def light_left_out(self, pose: NDArray[np.float64]) -> NDArray[np.float64]:
+    def light_left_out(self, pose: Floats) -> Floats:
         """Share of the light of surfaces, by band, that takes too many hits for paths, (B,)."""
         wanted = math.ceil(_LONGER_PATHS / (self._camera.width * self._camera.height))
         samples = min(wanted, self._settings.samples_per_pixel)
@@ -169,7 +169,7 @@ class SurfaceView:
         meshes = list(self._moving.values())
         return rows_of_a_pose(meshes, self._camera, pose, part.row_times_s)
 
-    def _check(self, poses: NDArray[np.float64]) -> None:
+    def _check(self, poses: Floats) -> None:
         """Refuse poses (..., 4, 4) from which paths would not start in the haze."""
         if self._air and not self._air.holds(poses[..., :3, 3]):
             raise ValueError(

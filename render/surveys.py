@@ -22,8 +22,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from megalopta.core.arrays import Floats
 from megalopta.render.loading.air import Air
 from megalopta.render.loading.scene import DISC_POINTS
 from megalopta.render.path_tracing import PathIntegrator
@@ -31,8 +32,6 @@ from megalopta.render.truth import rays
 from megalopta.scenes.forest.canopy import floor_points, plant_area
 from megalopta.scenes.scene import Lighting, Scene
 from megalopta.scenes.spectra.photometry import MAXIMUM_EFFICACY_LM_W, luminous, luminous_efficiency
-
-Float64 = NDArray[np.float64]
 
 # Above what lies below the camera: clear of it, below the blades of grass.
 _CLEARANCE_M = 0.02
@@ -75,7 +74,7 @@ class LightMeter:
         self._paths = _UNEVEN_PATHS if lighting.patterns or air else _PATHS
         self._integrator = PathIntegrator(max_depth - 1, air)
 
-    def survey(self, positions: Float64) -> LightSurvey:
+    def survey(self, positions: Floats) -> LightSurvey:
         """Measure above and below camera positions (N, 3), m."""
         below = [point for each in positions if (point := self._below(each)) is not None]
         above_haze = LightMeter(self._scene, self._lighting, self._max_depth)
@@ -84,7 +83,7 @@ class LightMeter:
             tuple(self.measure(point, seed=1 + index) for index, point in enumerate(below)),
         )
 
-    def measure(self, position: Float64, seed: int) -> Illuminance:
+    def measure(self, position: Floats, seed: int) -> Illuminance:
         """Illuminance of a horizontal plane at a position (3,), m."""
         lux = illuminances(self._scene, position[None], self._paths, self._integrator, seed)
         return Illuminance(
@@ -93,18 +92,18 @@ class LightMeter:
             float(lux.std() / math.sqrt(lux.size)),
         )
 
-    def _below(self, position: Float64) -> Float64 | None:
+    def _below(self, position: Floats) -> Floats | None:
         hits = rays.nearest_hits(self._scene, position, np.array([[0.0, 0.0, -1.0]]))
         distance = float(hits.distance[0])
         drop = np.array([0, 0, max(distance - _CLEARANCE_M, 0)])
         return position - drop if np.isfinite(distance) else None
 
-    def _above_all(self, position: Float64) -> Float64:
+    def _above_all(self, position: Floats) -> Floats:
         box = self._scene.bbox()
         top = float(box.max.z) if box.valid() else position[2]
         return np.array([position[0], position[1], max(position[2], top) + 1])
 
-    def _from_disc(self, position: Float64) -> float:
+    def _from_disc(self, position: Floats) -> float:
         if self._sun is None:
             return 0.0
         toward = self._sun.points(DISC_POINTS)
@@ -115,8 +114,8 @@ class LightMeter:
 
 
 def illuminances(
-    scene: Any, points: Float64, paths: int, integrator: PathIntegrator, seed: int
-) -> Float64:
+    scene: Any, points: Floats, paths: int, integrator: PathIntegrator, seed: int
+) -> Floats:
     """Illuminance (lux) of horizontal planes at points (n, 3), m, by single light paths (paths,).
 
     Each starts at any of the points, at four wavelengths that are likely where the eye sees well.
@@ -209,7 +208,7 @@ def measure_canopy(
 
 def gap_fraction(
     loaded: Any,
-    points: Float64,
+    points: Floats,
     zenith_deg: float,
     rng: np.random.Generator,
     azimuths: int = _AZIMUTHS,
@@ -232,7 +231,7 @@ def gap_fraction(
     return _mean_of(1 - np.array(hit, dtype=float).reshape(len(points), azimuths).mean(axis=1))
 
 
-def _floor_light(loaded: Any, points: Float64) -> Share:
+def _floor_light(loaded: Any, points: Floats) -> Share:
     sky = points.mean(axis=0) + np.array([0.0, 0.0, 1000.0])
     paths = PathIntegrator(_MAX_DEPTH - 1)
     below, above = (
@@ -244,5 +243,5 @@ def _floor_light(loaded: Any, points: Float64) -> Share:
     )
 
 
-def _mean_of(values: Float64) -> Share:
+def _mean_of(values: Floats) -> Share:
     return Share(float(values.mean()), float(values.std(ddof=1) / np.sqrt(len(values))))

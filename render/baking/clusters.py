@@ -20,12 +20,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from megalopta.core.arrays import Floats
-from megalopta.render.baking.cells import NEAREST_M, Cells, pixel_angle
+from megalopta.core.arrays import Floats, Ints
+from megalopta.render.baking.cells import NEAREST_M, Cells, UInt32, pixel_angle
 from megalopta.render.loading.meshes import MergedMesh
 from megalopta.scenes.cameras.base import Camera
-
-UInt32 = NDArray[np.uint32]
 
 VOXEL_PX = 0.5
 """Widest voxel, in pixels of the camera where it comes closest."""
@@ -43,7 +41,7 @@ class Voxels:
         cells: Cells,
         meshes: Sequence[MergedMesh],
         camera: Camera,
-        positions: NDArray[np.float64],
+        positions: Floats,
     ) -> None:
         self._cells, self._meshes = cells, meshes
         self._path, self._pixel_rad = cKDTree(positions), pixel_angle(camera)
@@ -74,9 +72,9 @@ class Clusters:
     """Cells in C clusters, sorted by cluster."""
 
     members: UInt32
-    first: NDArray[np.int64]
+    first: Ints
     """(C + 1,): place of the first member of each cluster, and their number."""
-    weight: NDArray[np.int64]
+    weight: Ints
     """How often each member and all before it were seen, from 1 on."""
     places: UInt32
     """Where each member was seen once."""
@@ -99,18 +97,18 @@ class Clusters:
         return self.members[self.first[:-1]]
 
     @property
-    def seen(self) -> NDArray[np.int64]:
+    def seen(self) -> Ints:
         """(C,): how often members were seen."""
         return np.diff(np.concatenate([[0], self.weight])[self.first])
 
-    def of_members(self, chosen: NDArray[np.int64]) -> tuple[UInt32, NDArray[np.int64]]:
+    def of_members(self, chosen: Ints) -> tuple[UInt32, Ints]:
         """All members of chosen clusters, and for each which of the chosen it belongs to."""
         sizes = np.diff(self.first)[chosen]
         owner = np.repeat(np.arange(len(chosen)), sizes)
         place = np.arange(len(owner)) - np.repeat(np.cumsum(sizes) - sizes, sizes)
         return self.members[self.first[chosen][owner] + place], owner
 
-    def draws(self, chosen: NDArray[np.int64]) -> tuple[UInt32, UInt32]:
+    def draws(self, chosen: Ints) -> tuple[UInt32, UInt32]:
         """Members (C, DRAWS) of chosen clusters (C,), evenly by how often each was seen.
 
         And where each was seen once.
@@ -133,9 +131,7 @@ def _hashed(columns: Sequence[NDArray[np.generic]]) -> NDArray[np.uint64]:
     return found
 
 
-def smoothed(
-    rows: Floats, neighbors: NDArray[np.uint64], rays: NDArray[np.int64], seen: NDArray[np.int64]
-) -> Floats:
+def smoothed(rows: Floats, neighbors: NDArray[np.uint64], rays: Ints, seen: Ints) -> Floats:
     """Rows (C, 2·n) of clusters: n values, and half the differences of two halves of each.
 
     Clusters with equal numbers are neighbors; `rays` of each tell how well it is known.

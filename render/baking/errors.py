@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from megalopta.core.arrays import Floats, Ints, Mask
 from megalopta.render import MEASURED_EVERY, dr, frame_seed
 from megalopta.render.baking.cells import CellFinder
 from megalopta.render.baking.choice import PATH, SAMPLE
@@ -39,7 +40,7 @@ class Pilot:
         finder: CellFinder,
         light: BakedLight,
         camera: Camera,
-        poses: NDArray[np.float64],
+        poses: Floats,
         seed: int,
     ) -> None:
         self._camera, self._seed = camera, seed
@@ -123,7 +124,7 @@ def compared(
     return found.reshape(*sky.shape, -1)
 
 
-def _pairs(part: NDArray[np.bool_], most: int) -> NDArray[np.int64]:
+def _pairs(part: Mask, most: int) -> Ints:
     """Pixels, counted row by row, of some pairs of neighbors in a part (H, W)."""
     number = np.arange(part.size).reshape(part.shape)
     columns, rows = part[1:] & part[:-1], part[:, 1:] & part[:, :-1]

@@ -31,11 +31,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from megalopta.core.arrays import Floats
+from megalopta.core.arrays import Floats, Ints
 from megalopta.render import Bands, RenderSettings, dr, mi
-from megalopta.render.baking.cells import Cells, Patches
+from megalopta.render.baking.cells import Cells, Patches, UInt32
 from megalopta.render.baking.visibility import cell_sampler, hashed, recurrence, unpacked
 from megalopta.render.loading.meshes import MergedMesh
 from megalopta.render.loading.sky import SkyPatterns
@@ -43,9 +42,6 @@ from megalopta.render.path_tracing import LightPaths
 from megalopta.scenes.material import Material
 from megalopta.scenes.scene import Scene
 from megalopta.scenes.spectra.spectrum import Spectrum, flat
-
-UInt32 = NDArray[np.uint32]
-Integers = NDArray[np.int64]
 
 
 @dataclass
@@ -65,7 +61,7 @@ class Lanes:
     A half has as many groups as its cluster has shares, of `size` lanes each.
     """
 
-    shares: Integers
+    shares: Ints
     size: int
 
     def __post_init__(self) -> None:
@@ -89,7 +85,7 @@ class Lanes:
         """Values of clusters (C,) for lanes."""
         return dr.gather(mi.UInt, mi.UInt(values), self.cluster)
 
-    def means(self, values: list[Any]) -> NDArray[np.float64]:
+    def means(self, values: list[Any]) -> Floats:
         """Means (2C, n) over the samples of each half of n values of lanes."""
         sums = [dr.block_sum(each, self.size) for each in values]
         dr.eval(sums)
@@ -207,13 +203,13 @@ class Gatherer:
         # Without light from the sky all rays have to be followed.
         self._stride = STRIDE if self._under_sky.any() else 1
 
-    def brightness(self, cell: UInt32) -> NDArray[np.float64]:
+    def brightness(self, cell: UInt32) -> Floats:
         """How bright the material of cells (C,) is under the sky, relative to the brightest."""
         return np.asarray(self._bright[self._cells.patches(cell).mesh])
 
     def leaving(
-        self, leader: UInt32, cell: UInt32, seen: UInt32, *, shares: Integers, least: int
-    ) -> NDArray[np.float64]:
+        self, leader: UInt32, cell: UInt32, seen: UInt32, *, shares: Ints, least: int
+    ) -> Floats:
         """Radiance (C, 2 halves, 2·bands) that leaves clusters, first spectrum before second.
 
         A cluster is seeded by its leader (C,), and its light gathered at its cells (C, n) evenly,
@@ -228,7 +224,7 @@ class Gatherer:
         followed = self._followed(leader, mesh, places, Lanes(shares, least // self._stride))
         return np.asarray(sky + followed).reshape(len(leader), 2, -1)
 
-    def _in_view(self, leader: UInt32, places: Places, lanes: Lanes) -> NDArray[np.float64]:
+    def _in_view(self, leader: UInt32, places: Places, lanes: Lanes) -> Floats:
         """Share (2C, 2, S) of the rays that see the sky from this side, and from the other.
 
         Of the even sky; then times each pattern where they see it.
@@ -244,9 +240,7 @@ class Gatherer:
         parts = [dr.select(side, value, 0.0) for side in sides for value in bright]
         return lanes.means(parts).reshape(-1, 2, skies)
 
-    def _followed(
-        self, leader: UInt32, mesh: UInt32, places: Places, lanes: Lanes
-    ) -> NDArray[np.float64]:
+    def _followed(self, leader: UInt32, mesh: UInt32, places: Places, lanes: Lanes) -> Floats:
         """Radiance (2C, 2·bands) that leaves meshes (C,) because of light from surfaces."""
         bands = len(self._bands)
         key, other = self._keys(leader, lanes)

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from megalopta.core.arrays import Floats
 from megalopta.core.progress import step
 from megalopta.render import RenderSettings, dr, mi
 from megalopta.render.baking.cells import CellFinder, Cells
@@ -68,7 +69,7 @@ class BakedLightIntegrator:
         whole: LoadedScene,
         camera: Camera,
         settings: RenderSettings,
-        poses: NDArray[np.float64],
+        poses: Floats,
         seed: int,
         folder: Path | None = None,
     ) -> None:
@@ -109,7 +110,7 @@ class BakedLightIntegrator:
         self._compared = min(1.0, pixels_to_compare(work, len(poses)) / pixels)
 
     def _prepare(
-        self, loaded: Any, camera: Camera, poses: NDArray[np.float64], seed: int, error: float
+        self, loaded: Any, camera: Camera, poses: Floats, seed: int, error: float
     ) -> float:
         """Find what is to be baked, and with how many rays; how far a sample is off (RMS)."""
         rays = views(camera, poses, VIEWS, seed)

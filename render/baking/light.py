@@ -16,10 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.core.array_store import ArrayStore
-from megalopta.core.arrays import Floats
+from megalopta.core.arrays import Floats, Ints
 from megalopta.core.freshness import BAKE_MODEL, RENDER_MODEL
 from megalopta.core.progress import progress
 from megalopta.render import RenderSettings, dr, mi
+from megalopta.render.baking.cells import UInt32
 from megalopta.render.baking.clusters import Clusters, Voxels, smoothed
 from megalopta.render.baking.gathering import STRIDE, Gatherer
 from megalopta.render.loading.meshes import MergedMesh
@@ -74,7 +75,7 @@ def key_of(
     meshes: Sequence[MergedMesh],
     settings: RenderSettings,
     camera: Camera,
-    poses: NDArray[np.float64],
+    poses: Floats,
     seed: int,
 ) -> str:
     """Hash of all that baked light depends on."""
@@ -122,8 +123,6 @@ RAYS_AT_ONCE = 2**20
 # Voxels in which clusters are smoothed, over those of clusters: 2² times as wide.
 OCTAVES = 2
 
-UInt32 = NDArray[np.uint32]
-
 
 class BakedLight:
     """Radiance that the cells of a scene send out, without what the sun's disc adds directly.
@@ -153,7 +152,7 @@ class BakedLight:
         self._row_of = np.full(len(self._clusters), NOT_BAKED, np.uint32)
         self._table = Table(4 * self._bands)
 
-    def _shares_at(self, density: float) -> NDArray[np.int64]:
+    def _shares_at(self, density: float) -> Ints:
         """Rays of each cluster, over the fewest."""
         rays = (density * self._weight).clip(1, _MOST_RAYS)
         return np.ceil(rays / LEAST_RAYS).astype(np.int64)
@@ -210,7 +209,7 @@ class BakedLight:
         row[found] = self._row_of[cluster[found]]
         self._point(cell, row)
 
-    def _bake(self, chosen: NDArray[np.int64]) -> None:
+    def _bake(self, chosen: Ints) -> None:
         """Compute the light of chosen clusters that have none."""
         chosen = chosen[self._row_of[chosen] == NOT_BAKED]
         if not len(chosen):
@@ -268,13 +267,13 @@ class BakedLight:
         dr.sync_thread()
 
 
-def _launches(shares: NDArray[np.int64]) -> list[NDArray[np.int64]]:
+def _launches(shares: Ints) -> list[Ints]:
     """Clusters, by the number of each, that are computed at once; they have shares (C,)."""
     launch = np.cumsum(LEAST_RAYS * shares) // RAYS_AT_ONCE
     return np.split(np.arange(len(launch)), np.flatnonzero(np.diff(launch)) + 1)
 
 
-def _place(keys: NDArray[np.uint64], wanted: NDArray[np.uint64]) -> NDArray[np.int64]:
+def _place(keys: NDArray[np.uint64], wanted: NDArray[np.uint64]) -> Ints:
     """Where keys, sorted, hold those wanted (N,); -1 where they do not."""
     if not len(keys):
         return np.full(len(wanted), -1)

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from megalopta.core.arrays import Floats
 from megalopta.render import Bands, RenderSettings, dr, mi
 from megalopta.render.baking.cells import Sight
 from megalopta.render.baking.gathering import scattered, wavelength_groups
@@ -150,7 +151,7 @@ class Neighborhood:
         return near
 
 
-def _sphere(vertices: NDArray[np.float32]) -> tuple[NDArray[np.float64], float]:
+def _sphere(vertices: NDArray[np.float32]) -> tuple[Floats, float]:
     """Center (3,) and radius of a sphere around points (n, 3)."""
     center = (vertices.min(axis=0) + vertices.max(axis=0)) / 2.0
     return center, float(np.linalg.norm(vertices - center, axis=1).max())

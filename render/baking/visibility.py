@@ -9,11 +9,11 @@ from collections.abc import Iterable, Iterator
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from megalopta.core.arrays import Floats
 from megalopta.render import dr, mi
-from megalopta.render.baking.cells import CellFinder, pixel_angle
+from megalopta.render.baking.cells import CellFinder, UInt32, pixel_angle
 from megalopta.render.mitsuba_loader import PlugIn, registered
 from megalopta.scenes.cameras.base import Camera
 
@@ -76,8 +76,6 @@ def cell_sampler() -> Any:
     return mi.load_dict({"type": registered(_CellSampler)})
 
 
-UInt32 = NDArray[np.uint32]
-
 _PLACES = 1024
 """Of places along a side of a cell."""
 _CHANCE_SHIFT = 20
@@ -87,9 +85,7 @@ VIEWS = 512
 did not."""
 
 
-def views(
-    camera: Camera, poses: NDArray[np.float64], count: int, seed: int, step: int = 1
-) -> Iterator[Any]:
+def views(camera: Camera, poses: Floats, count: int, seed: int, step: int = 1) -> Iterator[Any]:
     """A ray for every `step`-th pixel from each of `count` poses spread over those (T, 4, 4).
 
     For each view the camera is turned by up to half a pixel at random, so that rays meet what lies
@@ -99,17 +95,15 @@ def views(
         yield _rays(origin, directions)
 
 
-def all_views(
-    camera: Camera, pose: NDArray[np.float64], count: int, seed: int, step: int = 1
-) -> Any:
+def all_views(camera: Camera, pose: Floats, count: int, seed: int, step: int = 1) -> Any:
     """The rays of `views` from one pose (4, 4), one view after the other."""
     turned = list(_turned(camera, pose[None], count, seed, step))
     return _rays(turned[0][0], np.concatenate([directions for _, directions in turned]))
 
 
 def _turned(
-    camera: Camera, poses: NDArray[np.float64], count: int, seed: int, step: int
-) -> Iterator[tuple[NDArray[np.float64], NDArray[np.float64]]]:
+    camera: Camera, poses: Floats, count: int, seed: int, step: int
+) -> Iterator[tuple[Floats, Floats]]:
     """Origin (3,) and directions (n, 3) of each view."""
     axes = camera.directions().reshape(-1, 3)[::step]
     turns = np.random.default_rng(seed).uniform(-0.5, 0.5, (count, 3)) * pixel_angle(camera)
@@ -118,7 +112,7 @@ def _turned(
         yield pose[:3, 3], Rotation.from_rotvec(turn).apply(axes) @ pose[:3, :3].T
 
 
-def _rays(origin: NDArray[np.float64], directions: NDArray[np.float64]) -> Any:
+def _rays(origin: Floats, directions: Floats) -> Any:
     start = mi.Point3f(origin.tolist())
     dr.make_opaque(start)  # or every view would be compiled anew
     return mi.Ray3f(start, mi.Vector3f(np.ascontiguousarray(directions.T)))

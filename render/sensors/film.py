@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from megalopta.core.arrays import Floats
 from megalopta.render import Bands, RenderSettings, frame_seed, mi
 from megalopta.render.mitsuba_loader import registered
 from megalopta.render.sensors.optics import cut_strip, plugin, sensor_transform
@@ -43,7 +44,7 @@ class Passes:
     repeats: int
     """Passes over each strip."""
 
-    def render(self, trace: TraceStrip, seed: int) -> NDArray[np.float64]:
+    def render(self, trace: TraceStrip, seed: int) -> Floats:
         """Put a frame (H, W, B) together; the first pass has its seed, others derive theirs."""
         strips = [
             sum(
@@ -73,7 +74,6 @@ def pass_seed(seed: int, number: int) -> int:
     return frame_seed(seed, number)
 
 
-Float64 = NDArray[np.float64]
 Trace = Callable[..., NDArray[np.float32]]
 """`render` or `measured` of an integrator: an image (H, W, n) of a scene, a sensor, a seed and the
 samples per pixel."""
@@ -119,7 +119,7 @@ class Film:
         self,
         trace: Trace,
         scene: Any,
-        poses: Float64,
+        poses: Floats,
         seed: int,
         before_rows: Callable[[slice], None] | None = None,
     ) -> NDArray[np.float32]:
@@ -136,7 +136,7 @@ class Film:
 
         return self._passes.render(take, seed).astype(np.float32)
 
-    def _aim(self, poses: Float64, first_row: int) -> None:
+    def _aim(self, poses: Floats, first_row: int) -> None:
         rows, is_exposed = self._passes.rows, poses.ndim > 2
         # What is exposed looks through optics at Mitsuba's identity.
         to_world = np.eye(4) if is_exposed else sensor_transform(poses)

@@ -8,8 +8,8 @@ from functools import singledispatch
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from megalopta.core.arrays import Floats
 from megalopta.render import mi
 from megalopta.render.mitsuba_loader import registered
 from megalopta.render.sensors.plug_ins import Panorama
@@ -55,6 +55,6 @@ def _(camera: PanoramicCamera, parameters: Any, first_row: int, rows: int) -> No
     parameters["heights"] = mi.Point2f(top - rows * per_row, top)
 
 
-def sensor_transform(pose: NDArray[np.float64]) -> NDArray[np.float64]:
+def sensor_transform(pose: Floats) -> Floats:
     """The matrix of a pose (..., 4, 4) for Mitsuba, which looks along +z with +x left, +y up."""
     return np.asarray(pose @ np.diag([-1.0, -1.0, 1.0, 1.0]))

@@ -8,8 +8,8 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from megalopta.core.arrays import Floats
 from megalopta.render import dr, mi
 from megalopta.render.mitsuba_loader import PlugIn, is_scalar
 
@@ -85,7 +85,7 @@ class Rows(PythonSensor):
     times, rows = 0, 0
     to_world: Any = None
 
-    def move(self, to_world: NDArray[np.float64]) -> None:
+    def move(self, to_world: Floats) -> None:
         """Set the transforms (times, rows, 4, 4); one row stands for all of them."""
         self.times, self.rows = to_world.shape[:2]
         if not is_scalar():

@@ -16,14 +16,11 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from megalopta.core.arrays import Floats, Ints, Mask
 from megalopta.render.truth.geometry import Geometry, Surface
 from megalopta.render.truth.views import Eyes
 from megalopta.scenes.cameras.base import Camera
-
-Float64 = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 # In compiled loops numbers are set one by one: an assignment to a row takes seconds to compile.
 
@@ -37,9 +34,9 @@ _ON_EDGE_PX = 1e-4
 class Probes(NamedTuple):
     """K rays of a pixel."""
 
-    offsets: Float64
+    offsets: Floats
     """(K, 2): where in the pixel they are, 0 to 1."""
-    alike: Float64
+    alike: Floats
     """(K,): what they stand for where the outline is not known; 0 of mere lookouts."""
 
 
@@ -48,9 +45,9 @@ def ray_weights(
     camera: Camera,
     eyes: Eyes,
     surface: Surface,
-    places: Float64,
+    places: Floats,
     probes: Probes,
-) -> Float64:
+) -> Floats:
     """Share of the pixel (P, K) of each of K rays in P pixels, which sum to 1.
 
     Parameters
@@ -88,7 +85,7 @@ def ray_weights(
     return weights
 
 
-def _divided(members: NDArray[np.bool_], alike: Float64) -> Float64:
+def _divided(members: Mask, alike: Floats) -> Floats:
     """1, divided (P, K) among members (P, K), those in corners only where there are no others."""
     parts = members * alike
     alone = ~parts.any(axis=1, keepdims=True)
@@ -96,7 +93,7 @@ def _divided(members: NDArray[np.bool_], alike: Float64) -> Float64:
     return np.asarray(parts / parts.sum(axis=1, keepdims=True))
 
 
-def _is_two(things: Integers) -> NDArray[np.bool_]:
+def _is_two(things: Ints) -> Mask:
     """Whether pixels (P, K) hold just two things."""
     first = things[:, :1]
     differs = things != first
@@ -104,13 +101,13 @@ def _is_two(things: Integers) -> NDArray[np.bool_]:
     return np.asarray(differs.any(axis=1) & ((things == second) | ~differs).all(axis=1))
 
 
-def _nearer(things: Integers, distance: Float64) -> NDArray[np.bool_]:
+def _nearer(things: Ints, distance: Floats) -> Mask:
     """Which rays (P, K) see the nearer of two things; that of the nearest ray."""
     nearest = np.take_along_axis(things, distance.argmin(axis=1)[:, None], axis=1)
     return np.asarray(things == nearest)
 
 
-def _corner_directions(camera: Camera, places: Float64) -> Float64:
+def _corner_directions(camera: Camera, places: Floats) -> Floats:
     """Directions (P, 3, 3) of the upper left, right and lower left corners of pixels, scaled.
 
     They reach a plane, so that directions between them may be added up from their differences.

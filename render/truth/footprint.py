@@ -15,6 +15,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from megalopta.core.arrays import Floats, Mask
 from megalopta.render import mi
 from megalopta.render.truth.coverage import Probes, ray_weights
 from megalopta.render.truth.geometry import Geometry, Surface, correspondence
@@ -22,7 +23,6 @@ from megalopta.render.truth.views import Eyes, View
 from megalopta.scenes.cameras.base import Camera
 
 Float32 = NDArray[np.float32]
-Float64 = NDArray[np.float64]
 
 # What they see is held in memory, a few hundred bytes a ray. A graphics card wants many at once.
 _RAYS_AT_ONCE = {"cuda": 2**21, "llvm": 2**18, "scalar": 2**16}
@@ -40,7 +40,7 @@ class FlowSpread:
     """(H, W): share of the pixel that is hidden from the other frame's camera."""
 
     @property
-    def is_partly_hidden(self) -> NDArray[np.bool_]:
+    def is_partly_hidden(self) -> Mask:
         """Pixels (H, W) of which some is hidden and some is not."""
         return np.asarray((self.hidden > 0) & (self.hidden < 1))
 
@@ -64,12 +64,12 @@ class Footprint:
     """Toward the next frame and the previous one."""
 
     @property
-    def is_mixed(self) -> NDArray[np.bool_]:
+    def is_mixed(self) -> Mask:
         """Pixels (H, W) that hold more than the object which their center sees."""
         return np.asarray(self.purity < 1)
 
     @property
-    def is_sky(self) -> NDArray[np.bool_]:
+    def is_sky(self) -> Mask:
         """Pixels (H, W) that hold nothing but sky."""
         return np.asarray(self.sky == 1)
 
@@ -129,7 +129,7 @@ class Footprints:
         first = np.concatenate([[0], used.sum(axis=1).cumsum()])
         seen, places_used = surface.of(used.ravel()), image[used.ravel()]
 
-        def share(where: NDArray[np.bool_]) -> Float32:
+        def share(where: Mask) -> Float32:
             sums = (weights * where).sum(axis=1)
             return np.asarray(sums.reshape(centers.shape), np.float32)
 
@@ -148,7 +148,7 @@ class Footprints:
             flow(previous),
         )
 
-    def _look(self, eyes: Eyes, image: Float64) -> Surface:
+    def _look(self, eyes: Eyes, image: Floats) -> Surface:
         of_rays = eyes.of(slice(None), len(self._probes.offsets))
         directions = of_rays.to_world(self._camera.toward(image))
         return self._geometry.glimpsed(of_rays.origin, directions, of_rays.time_s)

@@ -16,19 +16,19 @@ from dataclasses import dataclass
 from itertools import groupby
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.interpolate import griddata
 from scipy.spatial import cKDTree
 
 from megalopta.assets_gen import Surface
 from megalopta.assets_gen.scatter import distance_to
+from megalopta.core.arrays import Floats
 from megalopta.scenes.forest.flora import PLANTS
 from megalopta.scenes.forest.planting import dense_path
 from megalopta.scenes.forest.plants import Organs, Woody
 from megalopta.scenes.forest.specimens import SPECIMENS
 from megalopta.scenes.scene import Placement, Scene
 
-Float64 = NDArray[np.float64]
 Specimens = Mapping[str, Organs]
 
 RING_M = 20.0
@@ -103,7 +103,7 @@ def _leaf_area(
     return total
 
 
-def _some_places(leaves: Surface) -> Float64:
+def _some_places(leaves: Surface) -> Floats:
     """Return the middles (n, 3) of every so many-th triangle, so that there are few (m)."""
     faces = leaves.faces[:: max(len(leaves.faces) // SAMPLED, 1)]
     return np.asarray(leaves.vertices[faces].mean(axis=1))
@@ -168,7 +168,7 @@ def floor_points(
     height_m: float,
     count: int,
     rng: np.random.Generator,
-) -> Float64:
+) -> Floats:
     """Return points (count, 3) at a height above the ground, evenly over a ring around a path (m).
 
     The ground is the scene's first object.

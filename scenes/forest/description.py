@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from pydantic import Field, field_validator, model_validator
 from scipy.spatial import cKDTree
 
+from megalopta.core.arrays import Floats
 from megalopta.scenes.base import SceneDescription
 from megalopta.scenes.cameras.base import Camera
 from megalopta.scenes.forest.canopy import RING_M, in_leaf
@@ -26,18 +27,12 @@ from megalopta.scenes.forest.flora import BUSHES, LAYERS, TREES
 from megalopta.scenes.forest.planting import (
     BELT_M,
     THICKET_PER_M2,
-    FloatArray,
     Planting,
     dense_path,
     tree_positions,
 )
 from megalopta.scenes.forest.plants import LODS, PRESETS
-from megalopta.scenes.forest.specimens import (
-    SPECIMENS,
-    grow_specimens,
-    materials,
-    plant_assets,
-)
+from megalopta.scenes.forest.specimens import SPECIMENS, grow_specimens, materials, plant_assets
 from megalopta.scenes.forest.sway import Wind, swaying
 from megalopta.scenes.haze import Haze
 from megalopta.scenes.lighting.light import Light
@@ -326,7 +321,7 @@ def _grown(forest: Forest, placements: Sequence[Placement], path: cKDTree) -> di
     return plant_assets(forest.seed, specimens, share)
 
 
-def _checked_path(path_xy: ArrayLike) -> FloatArray:
+def _checked_path(path_xy: ArrayLike) -> Floats:
     path = np.asarray(path_xy, dtype=float)
     if path.ndim != 2 or path.shape[1] != 2 or not len(path) or not np.all(np.isfinite(path)):
         raise ValueError(f"path_xy: shape {path.shape}; give finite positions of shape (n, 2)")

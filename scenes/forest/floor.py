@@ -10,7 +10,6 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from megalopta.assets_gen import FloatArray, Surface, generator, unit
@@ -21,6 +20,7 @@ from megalopta.assets_gen.terrain import Terrain, ground_surface, make_terrain
 from megalopta.assets_gen.tileable_noise import make_octaves
 from megalopta.assets_gen.trail import Trail, make_trail
 from megalopta.assets_gen.triangulation import Fineness, Triangulation, triangulated
+from megalopta.core.arrays import Ints, Mask
 from megalopta.core.freshness import digest
 from megalopta.scenes.forest.flora import LITTER, PLANTS
 from megalopta.scenes.forest.planting import planted_reach
@@ -81,7 +81,7 @@ class Floor:
     """(n,): of the mesh's points (m)."""
     uv: FloatArray
     """(n, 2): texture coordinates of the points."""
-    covers: Mapping[str, NDArray[np.bool_]]
+    covers: Mapping[str, Mask]
     """Which triangles (m,) each cover has."""
     leaves: FloatArray
     """(n,): share of the litter that has stayed at the points (1)."""
@@ -150,7 +150,7 @@ def make_floor(
     return Floor(mesh, heights, land.uv(mesh.points), shown, leaves)
 
 
-def _vertex_normals(vertices: FloatArray, faces: NDArray[np.int64]) -> FloatArray:
+def _vertex_normals(vertices: FloatArray, faces: Ints) -> FloatArray:
     """Return unit normals (n, 3), those of the faces around weighted by their area."""
     a, b, c = vertices[faces].swapaxes(0, 1)
     across = np.cross(b - a, c - a)

@@ -22,12 +22,7 @@ from megalopta.scenes.lighting.levels import (
     shared,
 )
 from megalopta.scenes.lighting.sky_shapes import sky_shape
-from megalopta.scenes.scene import (
-    Environment,
-    Lighting,
-    SkyPattern,
-    Sun,
-)
+from megalopta.scenes.scene import Environment, Lighting, SkyPattern, Sun
 from megalopta.scenes.spectra.color import primaries
 from megalopta.scenes.spectra.overcast import overcast_share
 from megalopta.scenes.spectra.spectrum import flat, planckian, total

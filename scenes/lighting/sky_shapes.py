@@ -22,13 +22,11 @@ import math
 from collections.abc import Callable, Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import RegularGridInterpolator
 
+from megalopta.core.arrays import Floats
 from megalopta.scenes.lighting.levels import ComponentName
 from megalopta.scenes.scene import pattern_directions
-
-Floats = NDArray[np.float64]
 
 SUN_DEPTH_DEG = 6.4
 """Of the sun below the horizon, as when the spectrum of twilight was measured (degrees)."""

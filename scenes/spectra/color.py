@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import brentq
 from scipy.special import expit
 
+from megalopta.core.arrays import Floats
 from megalopta.scenes.spectra.photometry import luminous
 from megalopta.scenes.spectra.spectrum import Spectrum
 
@@ -45,18 +46,18 @@ _D65 = _XYZ_FROM_SRGB.sum(axis=1)
 Bands = Sequence[tuple[float, float]]
 
 
-def matching_functions(wavelength_nm: ArrayLike) -> NDArray[np.float64]:
+def matching_functions(wavelength_nm: ArrayLike) -> Floats:
     """CIE 1931 x̄, ȳ, z̄ at each wavelength (nm), stacked on the last axis."""
     wavelength = np.asarray(wavelength_nm, dtype=np.float64)
 
-    def lobe(weight: float, center: float, below: float, above: float) -> NDArray[np.float64]:
+    def lobe(weight: float, center: float, below: float, above: float) -> Floats:
         width = np.where(wavelength < center, below, above)
         return np.asarray(weight * np.exp(-0.5 * ((wavelength - center) * width) ** 2))
 
     return np.stack([sum(lobe(*part) for part in lobes) for lobes in _LOBES], axis=-1)
 
 
-def bands_to_xyz(radiance: NDArray[np.floating], bands_nm: Bands) -> NDArray[np.float64]:
+def bands_to_xyz(radiance: NDArray[np.floating], bands_nm: Bands) -> Floats:
     """XYZ (..., 3), up to a common factor, of band-mean radiance (..., B)."""
     matrix = [
         np.trapezoid(matching_functions(grid), grid, axis=0)
@@ -65,9 +66,7 @@ def bands_to_xyz(radiance: NDArray[np.floating], bands_nm: Bands) -> NDArray[np.
     return np.asarray(radiance @ np.stack(matrix))
 
 
-def linear_srgb(
-    radiance: NDArray[np.floating], bands_nm: Bands, white: Spectrum
-) -> NDArray[np.float64]:
+def linear_srgb(radiance: NDArray[np.floating], bands_nm: Bands, white: Spectrum) -> Floats:
     """Linear sRGB (..., 3) of radiance (..., B), up to a common factor.
 
     What has the spectrum of `white` comes out neutral. Without any visible band the result is gray.
@@ -87,7 +86,7 @@ def encode_srgb(linear: NDArray[np.floating]) -> NDArray[np.uint8]:
     return np.asarray(curved * 255 + 0.5).astype(np.uint8)
 
 
-def decode_srgb(coded: NDArray[np.uint8]) -> NDArray[np.float64]:
+def decode_srgb(coded: NDArray[np.uint8]) -> Floats:
     """Linear values, 0 to 1, of 8-bit sRGB of any shape (IEC 61966-2-1)."""
     curved = coded / 255
     return np.asarray(
@@ -118,5 +117,5 @@ def primaries(light: Spectrum) -> tuple[Spectrum, Spectrum, Spectrum]:
     return _spectrum(values * red), _spectrum(values * green), _spectrum(values * blue)
 
 
-def _spectrum(values: NDArray[np.float64]) -> Spectrum:
+def _spectrum(values: Floats) -> Spectrum:
     return Spectrum(tuple(_GRID_NM.tolist()), tuple(values.tolist()))

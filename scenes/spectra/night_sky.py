@@ -48,8 +48,8 @@ table is constant and means nothing.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from megalopta.core.arrays import Floats
 from megalopta.scenes.spectra.spectrum import TABLES, Spectrum, planckian
 from megalopta.scenes.spectra.sunlight import ABOVE_ATMOSPHERE, WAVELENGTHS_NM, transmission
 
@@ -69,7 +69,7 @@ def _starlight() -> Spectrum:
     return Spectrum(WAVELENGTHS_NM, tuple(map(float, S10 * above * transmission())))
 
 
-def _reddening(wavelength_nm: NDArray[np.float64]) -> NDArray[np.float64]:
+def _reddening(wavelength_nm: Floats) -> Floats:
     return np.asarray(1 + 0.6 * np.log10(wavelength_nm / 500))
 
 

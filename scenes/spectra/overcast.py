@@ -14,8 +14,8 @@ Kou et al. (1993, Appl. Opt. 32, 3531), to two digits.
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from megalopta.core.arrays import Floats
 from megalopta.scenes.spectra.spectrum import TABLES, Spectrum
 
 OPTICAL_THICKNESS = 30.0
@@ -23,7 +23,7 @@ _DROPLET_M = 8e-6
 _FORWARD = 0.86
 
 
-def _through(absorbed: NDArray[np.float64]) -> NDArray[np.float64]:
+def _through(absorbed: Floats) -> Floats:
     """Share that the layer lets through of diffuse light, by the share 1 − ω absorbed."""
     scattered = 1 - absorbed
     gamma = math.sqrt(3) * (2 - scattered * (1 + _FORWARD)) / 2

@@ -5,8 +5,8 @@ a flat spectrum of luminance L_v has L_λ = L_v / (683 · 106.86).
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from megalopta.core.arrays import Floats
 from megalopta.scenes.spectra.spectrum import TABLES, Spectrum
 
 MAXIMUM_EFFICACY_LM_W = 683.0
@@ -16,7 +16,7 @@ _V_STEP_NM = 10.0
 _V = TABLES["luminous efficiency"]
 
 
-def luminous_efficiency(wavelength_nm: NDArray[np.float64]) -> NDArray[np.float64]:
+def luminous_efficiency(wavelength_nm: Floats) -> Floats:
     """CIE 1924 photopic luminous efficiency V(λ), 0 outside 380 to 770 nm; of any shape."""
     table_nm = _V_FIRST_NM + _V_STEP_NM * np.arange(len(_V))
     return np.interp(wavelength_nm, table_nm, _V, left=0.0, right=0.0)

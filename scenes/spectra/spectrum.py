@@ -5,10 +5,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.constants import c, h, k
 
 from megalopta.core import strict_yaml
+from megalopta.core.arrays import Floats
 
 TABLES: Mapping[str, tuple[float, ...]] = {
     name: tuple(map(float, values))
@@ -40,7 +41,7 @@ class Spectrum:
         if not np.all(np.isfinite(self.values)) or min(self.values) < 0:
             raise ValueError(f"spectrum: values {self.values} must be finite and non-negative")
 
-    def __call__(self, wavelength_nm: ArrayLike) -> NDArray[np.float64]:
+    def __call__(self, wavelength_nm: ArrayLike) -> Floats:
         """Value at each wavelength (nm)."""
         return np.interp(np.asarray(wavelength_nm, np.float64), self.wavelengths_nm, self.values)
 

@@ -33,8 +33,8 @@ Where the sun went down the sky is several times as bright; here it is the same 
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from megalopta.core.arrays import Floats
 from megalopta.scenes.spectra.spectrum import TABLES, Spectrum
 
 WAVELENGTHS_NM = tuple(map(float, range(360, 1801, 20)))
@@ -54,7 +54,7 @@ CLEAR_SKY = Spectrum(WAVELENGTHS_NM, _SKY)
 """Irradiance of a horizontal plane by the clear sky alone, W·m⁻²·nm⁻¹."""
 
 
-def transmission() -> NDArray[np.float64]:
+def transmission() -> Floats:
     """Share of the light above the atmosphere that reaches the ground, straight or scattered."""
     above = _SUN_HEIGHT * np.array(_ABOVE)
     return np.asarray((_SUN_HEIGHT * np.array(_DIRECT) + np.array(_SKY)) / above)
