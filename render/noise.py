@@ -8,7 +8,7 @@ are added up to a stated error, every frame is measured, from the scatter of its
 
 Baked light has an error that stands on surfaces in all frames alike and moves with them. Some
 pixels of the second pass are compared with paths traced from the same points: that holds all of it,
-bias included (`scatter`).
+bias included (`Standing`).
 
 Error that stands on surfaces in all frames, from the distance of some pixels to traced paths. The
 mean over some pixels of D², where D is the difference between baked light and that of traced paths,

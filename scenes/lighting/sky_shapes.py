@@ -15,7 +15,7 @@ Clear and overcast skies are those of ISO 15469 (CIE S 011), types 12 and 1: a g
 to horizon times, under a disc, the glow around it. Airglow comes from a thin layer, which is longer
 toward the horizon, and dims in the air (Krisciunas and Schaefer 1991, PASP 103, 1033, Eq. 2 and 3);
 so does starlight, which is densest in the plane of the Milky Way: a flat layer of stars, seen from
-inside. For twilight see `twilight_sky`. Below the horizon all go on as they are there.
+inside. Below the horizon all go on as they are there.
 """
 
 import math
