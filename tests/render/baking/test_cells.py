@@ -3,7 +3,7 @@ import pytest
 
 from megalopta.render.baking import cells as cells_module
 from megalopta.render.baking.cells import CellFinder, Cells
-from megalopta.render.baking.visibility import survey
+from megalopta.render.baking.visibility import VIEWS, survey, views
 from megalopta.render.loading.meshes import MergedMesh
 from megalopta.render.loading.scene import load_scene
 from megalopta.render.mitsuba_loader import activate
@@ -156,6 +156,7 @@ def test_a_survey_counts_512_rays_per_pixel_however_long_the_sequence(frames):
     loaded = load_scene(THING, [floor])
     down = Trajectory(frames=frames, position_m=(0, 0, 2), look_at_m=(0, 0, 0), up=(1, 0, 0))
     cells = Cells.of([floor], CAMERA, down.poses()[:, :3, 3])
-    seen, _ = survey(loaded, CellFinder(cells, loaded), cells.count, CAMERA, down.poses(), 0)
+    rays = views(CAMERA, down.poses(), VIEWS, 0)
+    seen, _ = survey(loaded, CellFinder(cells, loaded), cells.count, rays)
     assert seen.sum() == 512 * CAMERA.width * CAMERA.height
     assert not seen[cells.count // 2 :].any()  # the back
