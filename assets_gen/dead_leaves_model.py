@@ -9,8 +9,8 @@ Disks are laid from the front to the back, so each paints only what is still bar
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from megalopta.assets_gen import FloatArray
 from megalopta.core.compiling import compiled
 
 _SAMPLES = 3
@@ -22,7 +22,7 @@ def dead_leaves(
     rng: np.random.Generator,
     radii_px: tuple[float, float] = (1.5, 80.0),
     values: tuple[float, float] = (0.1, 1.0),
-) -> NDArray[np.float64]:
+) -> FloatArray:
     """Return an image (H, W) of disks that tiles without a seam in both directions.
 
     Radii have density r⁻³ from the smallest to the largest, values are uniform from the darkest to
@@ -45,7 +45,7 @@ def dead_leaves(
 
 @compiled
 def _cover(
-    image: NDArray[np.float64],
+    image: FloatArray,
     rng: np.random.Generator,
     radii: tuple[float, float],
     values: tuple[float, float],
@@ -62,9 +62,7 @@ def _cover(
 
 
 @compiled
-def paint_leaf(
-    image: NDArray[np.float64], center: tuple[float, float], radius: float, value: float
-) -> int:
+def paint_leaf(image: FloatArray, center: tuple[float, float], radius: float, value: float) -> int:
     """Paint what is bare (0) of a disk on a torus; return how many samples that were."""
     (height, width), (row, column), painted = image.shape, center, 0
     # samples lie at the middle of their squares

@@ -12,9 +12,8 @@ half of the plane: a Boolean model, whose covariance has a closed form.
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-from megalopta.assets_gen import grid_corners
+from megalopta.assets_gen import FloatArray, Surface, grid_corners
 
 if TYPE_CHECKING:
     import trimesh
@@ -31,13 +30,13 @@ def moving_cycles(
 
 
 def sine_grating(
-    x: NDArray[np.float64],
-    y: NDArray[np.float64],
+    x: FloatArray,
+    y: FloatArray,
     contrast: float,
     cycles_per_frame: float,
     phases_rad: tuple[float, float] = (0.0, 0.0),
     variant: GratingVariant = "periodic",
-) -> NDArray[np.float64]:
+) -> FloatArray:
     """Value 1 ± C of the 2-D sine grating at image coordinates x, y (frames), of any shape."""
     scale = 2.0 if variant == "periodic" else 2**0.5
     along = 2 * np.pi * cycles_per_frame * (x + y) / scale + phases_rad[0]
@@ -45,9 +44,7 @@ def sine_grating(
     return np.asarray(1 + contrast * np.sin(along) * np.sin(across))
 
 
-def bars(
-    x: NDArray[np.float64], contrast: float, phase_rad: float, square: bool
-) -> NDArray[np.float64]:
+def bars(x: FloatArray, contrast: float, phase_rad: float, square: bool) -> FloatArray:
     """Value 1 ± C of vertical bars at places x (periods), of any shape: a sine or a square wave."""
     wave = np.sin(2 * np.pi * x + phase_rad)
     return np.asarray(1 + contrast * (np.where(wave >= 0, 1.0, -1.0) if square else wave))
@@ -58,7 +55,7 @@ def random_dots(
     size: tuple[float, float],
     contrast: float,
     rng: np.random.Generator,
-) -> NDArray[np.float64]:
+) -> FloatArray:
     """Image (H, W) of value 1 + C on disks and 1 − C elsewhere; it tiles without a seam.
 
     Disks have a diameter of half a period; `size` is the image's height and width in periods.
@@ -78,20 +75,15 @@ def random_dots(
     return np.where(covered, 1 + contrast, 1 - contrast)
 
 
-def board(low: NDArray[np.float64], high: NDArray[np.float64], tile: float) -> "trimesh.Trimesh":
+def board(low: FloatArray, high: FloatArray, tile: float) -> "trimesh.Trimesh":
     """Rectangle in the plane z = 0 between two corners (2,), facing −z; a tile is `tile` wide."""
-    import trimesh  # slow
-
     corners = np.array([[low[0], low[1]], [high[0], low[1]], [high[0], high[1]], [low[0], high[1]]])
     vertices = np.column_stack([corners, np.zeros(4)])
-    visual = trimesh.visual.TextureVisuals(uv=corners / tile)
-    return trimesh.Trimesh(vertices, [[0, 2, 1], [0, 3, 2]], process=False, visual=visual)
+    return Surface(vertices, np.array([[0, 2, 1], [0, 3, 2]]), corners / tile).to_mesh()
 
 
 def open_cylinder(radius_m: float, height_m: float, segments: int = 720) -> "trimesh.Trimesh":
     """Wall of a vertical cylinder around the origin, normals inward, u = azimuth, v = height."""
-    import trimesh  # slow
-
     azimuth = np.arange(segments + 1) * (2 * np.pi / segments)
     ring = radius_m * np.column_stack([np.cos(azimuth), np.sin(azimuth)])
     lower, upper = (np.column_stack([ring, np.full(len(ring), z)]) for z in (-0.5, 0.5))
@@ -100,6 +92,4 @@ def open_cylinder(radius_m: float, height_m: float, segments: int = 720) -> "tri
     uv = np.concatenate([np.column_stack([u, np.full_like(u, v)]) for v in (0.0, 1.0)])
     a, b, c, d = grid_corners(2, segments + 1)
     faces = np.concatenate([np.column_stack([a, d, b]), np.column_stack([b, d, c])])
-    return trimesh.Trimesh(
-        vertices, faces, process=False, visual=trimesh.visual.TextureVisuals(uv=uv)
-    )
+    return Surface(vertices, faces, uv).to_mesh()

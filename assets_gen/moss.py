@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from megalopta.assets_gen import FloatArray
-from megalopta.assets_gen.octaves import Octaves, make_octaves
 from megalopta.assets_gen.scatter import distance_to
+from megalopta.assets_gen.tileable_noise import Octaves, make_octaves
 
 BANDS = (((1.2, 5.0), 0.8), ((0.3, 1.2), 0.5), ((0.09, 0.3), 0.33))
 """Wavelengths (m) and contrast of patches, of their outline, of its fringe."""

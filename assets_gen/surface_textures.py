@@ -16,23 +16,33 @@ from megalopta.assets_gen.plants.bark import (
 )
 from megalopta.assets_gen.plants.foliage import ATLAS_TILES
 from megalopta.assets_gen.rocks import STONE_TILE_M
-from megalopta.assets_gen.splats import strew
 from megalopta.assets_gen.surface import FloatArray
 from megalopta.assets_gen.terrain import GROUND_TILE_M
-from megalopta.assets_gen.tileable_noise import tileable_noise, to_weight
+from megalopta.assets_gen.tileable_noise import Marks, strew, tileable_noise, to_weight
 
 GROUND_SHAPE = (1024, 1024)
 LEAF_TEXELS = 64
 """Rows and columns of one leaf in the atlas."""
 
 
+def _on_ground(per_m2: int, marks: Marks, rng: np.random.Generator) -> FloatArray:
+    count = int(per_m2 * GROUND_TILE_M**2)
+    return strew(GROUND_SHAPE, (GROUND_TILE_M, GROUND_TILE_M), count, marks, rng)
+
+
+def _ground_noise(
+    wavelengths_m: tuple[float, float], exponent: float, rng: np.random.Generator
+) -> FloatArray:
+    size = GROUND_TILE_M, GROUND_TILE_M
+    return tileable_noise(GROUND_SHAPE, size, wavelengths_m, exponent, rng)
+
+
 def litter_texture(rng: np.random.Generator) -> NDArray[np.float32]:
     """Return a tileable floor of fallen leaves and twigs; 1 is bright litter, 0 bare soil."""
-    size, area_m2 = (GROUND_TILE_M, GROUND_TILE_M), GROUND_TILE_M**2
-    leaves = strew(GROUND_SHAPE, size, int(750 * area_m2), (0.035, 0.12), 0.5, 0.0, 3.0, rng)
-    twigs = strew(GROUND_SHAPE, size, int(12 * area_m2), (0.1, 0.4), 0.04, 0.0, 3.0, rng)
-    patches = tileable_noise(GROUND_SHAPE, size, (0.15, 1.8), 1.1, rng)
-    grain = tileable_noise(GROUND_SHAPE, size, (0.01, 0.06), 0.4, rng)
+    leaves = _on_ground(750, Marks((0.035, 0.12), 0.5), rng)
+    twigs = _on_ground(12, Marks((0.1, 0.4), 0.04), rng)
+    patches = _ground_noise((0.15, 1.8), 1.1, rng)
+    grain = _ground_noise((0.01, 0.06), 0.4, rng)
     soil = -1.3 + 0.5 * grain
     litter = np.where(np.isnan(leaves), soil, leaves - 0.1 + 0.15 * grain)
     # Litter is thin where the patches' noise is low: soil shows through.
@@ -43,33 +53,30 @@ def litter_texture(rng: np.random.Generator) -> NDArray[np.float32]:
 
 def turf_texture(rng: np.random.Generator) -> NDArray[np.float32]:
     """Return a tileable short turf or carpet of moss: fine blades on slow patches; 1 is bright."""
-    size, area_m2 = (GROUND_TILE_M, GROUND_TILE_M), GROUND_TILE_M**2
-    blades = strew(GROUND_SHAPE, size, int(1200 * area_m2), (0.03, 0.11), 0.12, 0.0, 3.0, rng)
-    patches = tileable_noise(GROUND_SHAPE, size, (0.15, 2.5), 1.0, rng)
-    grain = tileable_noise(GROUND_SHAPE, size, (0.01, 0.06), 0.4, rng)
+    blades = _on_ground(1200, Marks((0.03, 0.11), 0.12), rng)
+    patches = _ground_noise((0.15, 2.5), 1.0, rng)
+    grain = _ground_noise((0.01, 0.06), 0.4, rng)
     turf = np.where(np.isnan(blades), -0.9 + 0.4 * grain, 0.3 + blades)
     return to_weight(turf + 0.4 * patches)
 
 
 def moss_texture(rng: np.random.Generator) -> NDArray[np.float32]:
     """Return a tileable carpet of moss: soft cushions, dark gaps, few leaves; 1 is bright."""
-    size, area_m2 = (GROUND_TILE_M, GROUND_TILE_M), GROUND_TILE_M**2
-    cushions = tileable_noise(GROUND_SHAPE, size, (0.04, 0.35), 0.9, rng)
-    patches = tileable_noise(GROUND_SHAPE, size, (0.3, 2.5), 1.0, rng)
-    grain = tileable_noise(GROUND_SHAPE, size, (0.01, 0.05), 0.2, rng)
-    leaves = strew(GROUND_SHAPE, size, int(9 * area_m2), (0.035, 0.09), 0.5, 0.0, 3.0, rng)
+    cushions = _ground_noise((0.04, 0.35), 0.9, rng)
+    patches = _ground_noise((0.3, 2.5), 1.0, rng)
+    grain = _ground_noise((0.01, 0.05), 0.2, rng)
+    leaves = _on_ground(9, Marks((0.035, 0.09), 0.5), rng)
     moss = 0.4 * cushions + 0.35 * patches + 0.3 * grain + 0.1
     return to_weight(np.where(np.isnan(leaves), moss, leaves - 1.4))
 
 
 def trodden_texture(rng: np.random.Generator) -> NDArray[np.float32]:
     """Return a tileable path of bare soil with pebbles and bits of leaves; 1 is bright."""
-    size, area_m2 = (GROUND_TILE_M, GROUND_TILE_M), GROUND_TILE_M**2
-    crumbs = strew(GROUND_SHAPE, size, int(500 * area_m2), (0.012, 0.05), 0.55, 0.0, 3.0, rng)
-    pebbles = strew(GROUND_SHAPE, size, int(40 * area_m2), (0.015, 0.06), 0.8, 0.0, 3.0, rng)
-    twigs = strew(GROUND_SHAPE, size, int(10 * area_m2), (0.08, 0.3), 0.05, 0.0, 3.0, rng)
-    damp = tileable_noise(GROUND_SHAPE, size, (0.2, 2.5), 1.0, rng)
-    grain = tileable_noise(GROUND_SHAPE, size, (0.01, 0.15), 0.6, rng)
+    crumbs = _on_ground(500, Marks((0.012, 0.05), 0.55), rng)
+    pebbles = _on_ground(40, Marks((0.015, 0.06), 0.8), rng)
+    twigs = _on_ground(10, Marks((0.08, 0.3), 0.05), rng)
+    damp = _ground_noise((0.2, 2.5), 1.0, rng)
+    grain = _ground_noise((0.01, 0.15), 0.6, rng)
     soil = 0.6 * damp + 0.3 * grain - 0.65
     soil = np.where(np.isnan(crumbs), soil, soil + 1.1 * crumbs + 0.1)
     soil = np.where(np.isnan(pebbles), soil, 0.5 + pebbles)
@@ -110,7 +117,7 @@ def stone_texture(rng: np.random.Generator) -> NDArray[np.float32]:
     shape, size = (512, 512), (STONE_TILE_M, STONE_TILE_M)
     grain = tileable_noise(shape, size, (0.005, 0.03), 0.2, rng)
     stains = tileable_noise(shape, size, (0.06, 1.2), 1.2, rng)
-    lichen = strew(shape, size, 60, (0.03, 0.12), 0.9, 0.0, 3.0, rng)
+    lichen = strew(shape, size, 60, Marks((0.03, 0.12), 0.9), rng)
     stone = 0.35 * grain + 0.55 * stains - 0.3
     return to_weight(np.where(np.isnan(lichen), stone, 0.7 + lichen + 0.3 * grain))
 

@@ -1,6 +1,13 @@
-"""Band-limited noise: tileable images, and smooth random fields of the plane."""
+"""Band-limited noise: tileable images, marks strewn over them, smooth random fields of the plane.
 
+Leaf-shaped marks strewn over a tileable image, small ones on top of large ones. Objects that hide
+each other ("dead leaves", Matheron 1968; Lee, Mumford & Huang 2001, IJCV 41:35) give images the
+edges and the scale-free spectrum of natural scenes, which filtered noise lacks.
+"""
+
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -83,3 +90,121 @@ def plane_waves(
     amplitude = wavelength * rms * np.sqrt(2 / np.sum(wavelength**2))
     vectors = 2 * np.pi / wavelength[:, None] * direction
     return PlaneWaves(vectors, rng.uniform(0, 2 * np.pi, count), amplitude)
+
+
+WAVES = 56
+"""Plane waves of a band."""
+SAMPLED = 2.0, 3.5
+"""A band is absent where a mesh has fewer points on its shortest wave than the first, and whole
+from the second on."""
+
+
+@dataclass(frozen=True)
+class Octaves:
+    """A rough field: bands of wavelengths that add up."""
+
+    bands: tuple[PlaneWaves, ...]
+    shortest_m: tuple[float, ...]
+    """Shortest wavelength of each band (m)."""
+
+    def __call__(self, points: FloatArray, step_m: FloatArray) -> FloatArray:
+        """Return the field (n,) at points (n, 2) of a mesh with steps (n,) (m)."""
+        total = np.zeros(len(points))
+        for band, shortest in zip(self.bands, self.shortest_m, strict=True):
+            share = np.clip((shortest / step_m - SAMPLED[0]) / (SAMPLED[1] - SAMPLED[0]), 0, 1)
+            shown = share > 0
+            total[shown] += share[shown] * band(points[shown])
+        return total
+
+
+def make_octaves(
+    bands: Sequence[tuple[tuple[float, float], float]], rms: float, rng: np.random.Generator
+) -> Octaves:
+    """Return a random field of a root mean square, where all of it is shown.
+
+    Bands are shortest and longest wavelength (m) and their part of the contrast.
+    """
+    whole = np.sqrt(sum(part**2 for _, part in bands))
+    waves = (plane_waves(lengths, rms * part / whole, WAVES, rng) for lengths, part in bands)
+    return Octaves(tuple(waves), tuple(lengths[0] for lengths, _ in bands))
+
+
+CHUNK = 1024
+"""Marks drawn at once; another number draws other marks."""
+PAINTED = 64
+"""Marks painted at once: of like length, and few enough to stay in the processor's cache."""
+
+
+@dataclass(frozen=True)
+class Marks:
+    """How marks look that are strewn."""
+
+    lengths_m: tuple[float, float]
+    """Shortest and longest mark; lengths are log-uniform."""
+    aspect: float
+    """Width over length."""
+    heading: float = 0.0
+    """Mean direction of the marks' length from the row axis (v) toward the column axis (u), rad;
+    π/2 lies along a row."""
+    spread: float = 3.0
+    """Standard deviation of the direction (rad); 3 is any."""
+
+
+def strew(
+    shape: tuple[int, int],
+    size_m: tuple[float, float],
+    count: int,
+    marks: Marks,
+    rng: np.random.Generator,
+) -> FloatArray:
+    """Return an image (H, W) of shaded marks, NaN where none lies; it tiles without a seam.
+
+    Rows and columns extend over `size_m` (m). The generator draws positions, sizes, directions and
+    shades, which are standard normal, times 0.5.
+    """
+    image = np.full(shape[0] * shape[1], np.nan)
+    texel = np.array(size_m) / shape
+    shortest, longest = np.log(marks.lengths_m)
+    lengths = np.sort(np.exp(rng.uniform(shortest, longest, count)))[::-1]
+    for start in range(0, count, CHUNK):
+        length = lengths[start : start + CHUNK]
+        n = len(length)
+        angle = marks.heading + marks.spread * rng.standard_normal(n)
+        center = rng.random((n, 2)) * size_m
+        shade = 0.5 * rng.standard_normal(n)
+        for few in (slice(first, first + PAINTED) for first in range(0, n, PAINTED)):
+            chosen = _Laid(center[few], length[few], angle[few], shade[few])
+            flat, value = _paint(shape, texel, marks.aspect, chosen)
+            # Repeated indices: numpy keeps the last value, so later marks lie on top.
+            image[flat] = value
+    return image.reshape(shape)
+
+
+class _Laid(NamedTuple):
+    """Where n marks lie (n, 2), and their lengths, directions and shades (n,)."""
+
+    center: FloatArray
+    length: FloatArray
+    angle: FloatArray
+    shade: FloatArray
+
+
+def _paint(
+    shape: tuple[int, int], texel: FloatArray, aspect: float, marks: _Laid
+) -> tuple[NDArray[np.intp], FloatArray]:
+    """Return the texels that each mark covers and their shades, in the order of the marks."""
+    center, length, angle, shade = marks
+    reach = np.ceil(length.max() / 2 / texel).astype(int)
+    offsets = np.stack(
+        np.meshgrid(*(np.arange(-r, r + 1) for r in reach), indexing="ij"), axis=-1
+    ).reshape(-1, 2)
+    index = np.floor(center / texel).astype(int)[:, None] + offsets
+    away = (index + 0.5) * texel - center[:, None]
+    cosine, sine = np.cos(angle)[:, None], np.sin(angle)[:, None]
+    along = 2 * (away[..., 0] * cosine + away[..., 1] * sine) / length[:, None]
+    across = 2 * (away[..., 1] * cosine - away[..., 0] * sine) / (aspect * length[:, None])
+    # A lens outline, pointed at both ends; one half darker than the other, like a folded leaf.
+    inside = np.abs(across) < 1 - along**2
+    value = shade[:, None] + 0.12 * np.sign(across) + 0.1 * along
+    flat = (index[..., 0] % shape[0]) * shape[1] + index[..., 1] % shape[1]
+    return flat[inside], value[inside]

@@ -1,9 +1,3 @@
-from .bands import Bands as Bands
-from .canopy import (
-    Canopy as Canopy,
-    gap_fraction as gap_fraction,
-    measure_canopy as measure_canopy,
-)
 from .environment import read_picture as read_picture
 from .exr import (
     read_attributes as read_attributes,
@@ -19,23 +13,25 @@ from .mitsuba_loader import (
     mi as mi,
 )
 from .noise import (
+    MEASURED_EVERY as MEASURED_EVERY,
     MeasuredPass as MeasuredPass,
     RegionNoise as RegionNoise,
     RenderNoise as RenderNoise,
-)
-from .repeats import (
-    MEASURED_EVERY as MEASURED_EVERY,
+    RunningMean as RunningMean,
+    neighbor_differences as neighbor_differences,
     render_once as render_once,
     render_until as render_until,
 )
-from .scatter import (
-    RunningMean as RunningMean,
-    neighbor_differences as neighbor_differences,
-)
 from .scene_renderer import SceneRenderer as SceneRenderer
 from .settings import (
+    Bands as Bands,
     RenderSettings as RenderSettings,
     frame_seed as frame_seed,
+)
+from .surveys import (
+    Canopy as Canopy,
+    gap_fraction as gap_fraction,
+    measure_canopy as measure_canopy,
 )
 from .truth.tracer import (
     Flow as Flow,

@@ -1,27 +1,33 @@
-"""A panorama at infinity seen by a camera: no paths are traced, the picture is looked up.
+"""Panoramas: seen by a camera at infinity, or lighting a scene.
 
-A pixel is the mean over a square grid of points in it, of the picture read bilinearly. That leaves
-no random noise, only what is lost where the grid is coarser than the picture.
+A panorama at infinity seen by a camera: no paths are traced, the picture is looked up. A pixel is
+the mean over a square grid of points in it, of the picture read bilinearly. That leaves no random
+noise, only what is lost where the grid is coarser than the picture.
+
+A photographed panorama as the light of a scene: an uneven sky of three colors, and a disc. A sun
+that stands in the picture is a few of its pixels and much of its light. It is taken out and made
+the scene's disc, which casts sharp shadows at no noise: what lies within 3° of the brightest pixel,
+over the mean of the ring around it, if that is at least a twentieth of the light of the upper half.
 """
 
 import math
 import re
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from megalopta.core.arrays import Floats
 from megalopta.core.progress import say
-from megalopta.render.bands import Bands
-from megalopta.render.illuminance import Illuminance, LightSurvey
+from megalopta.render.exposures import Exposure
 from megalopta.render.mitsuba_loader import mi
-from megalopta.render.noise import MeasuredPass
-from megalopta.render.views import Exposure
+from megalopta.render.noise import Image, MeasuredPass
+from megalopta.render.settings import Bands
+from megalopta.render.surveys import Illuminance, LightSurvey
 from megalopta.scenes.cameras.base import Camera
-from megalopta.scenes.scene import Environment
+from megalopta.scenes.scene import Environment, Lighting, Scene, SkyPattern, Sun, pattern_directions
 from megalopta.scenes.spectra.photometry import luminous
-from megalopta.scenes.spectra.spectrum import Spectrum
-
-Floats = NDArray[np.float32]
+from megalopta.scenes.spectra.spectrum import Spectrum, total
 
 # Rows of points looked up at once, so that memory stays far below that of the directions.
 POINTS_AT_ONCE = 2**18
@@ -54,7 +60,7 @@ class EnvironmentView:
         """Points per pixel."""
         return self._grid**2
 
-    def radiance(self, pose: NDArray[np.float64], seed: int = 0) -> Floats:
+    def radiance(self, pose: Floats, seed: int = 0) -> Image:
         """Spectral radiance (H, W, B) from a pose (4, 4); without noise, so without a seed."""
         rotation = pose[:3, :3].T.astype(np.float32)
         step = self._grid * max(1, POINTS_AT_ONCE // (self._grid * self._axes.shape[1]))
@@ -64,11 +70,11 @@ class EnvironmentView:
         ]
         return np.concatenate(strips) @ self._band_means
 
-    def measured(self, pose: NDArray[np.float64], seed: int = 0) -> MeasuredPass:
+    def measured(self, pose: Floats, seed: int = 0) -> MeasuredPass:
         """The same; no pixel is told to show the sky."""
         return _without_error(self.radiance(pose))
 
-    def exposed(self, exposure: Exposure) -> Floats:
+    def exposed(self, exposure: Exposure) -> Image:
         """Mean of what is seen from all poses of an exposure."""
         poses = [pose[0] for part in exposure.parts for pose in part.poses]
         return np.asarray(np.mean([self.radiance(pose) for pose in poses], axis=0), np.float32)
@@ -77,10 +83,10 @@ class EnvironmentView:
         """The same; no pixel is told to show the sky."""
         return _without_error(self.exposed(exposure))
 
-    def light_left_out(self, pose: NDArray[np.float64]) -> None:
+    def light_left_out(self, pose: Floats) -> None:
         """None: light comes without a hit."""
 
-    def light_survey(self, positions: NDArray[np.float64]) -> LightSurvey:
+    def light_survey(self, positions: Floats) -> LightSurvey:
         """Illuminance, measured along rays like those of the pixels, the same everywhere."""
         colors = look_up(self._rgb, cosine_directions(_METER_RAYS), self._turn)
         lux = float(colors.mean(axis=0) @ self._efficacy) * math.pi
@@ -89,14 +95,14 @@ class EnvironmentView:
     def move_to(self, time_s: float) -> None:
         """Nothing moves."""
 
-    def _pixels(self, directions: Floats) -> Floats:
+    def _pixels(self, directions: Image) -> Image:
         colors = look_up(self._rgb, directions, self._turn)
         height, width = (size // self._grid for size in directions.shape[:2])
         points = colors.reshape(height, self._grid, width, self._grid, 3)
         return np.asarray(points.mean(axis=(1, 3)))
 
 
-def look_up(rgb: Floats, directions: Floats, turn_rad: float = 0.0) -> Floats:
+def look_up(rgb: Image, directions: Image, turn_rad: float = 0.0) -> Image:
     """Colors (..., 3) in directions (..., 3) of an equirectangular picture, bilinear."""
     rows, columns = rgb.shape[:2]
     azimuth = np.arctan2(directions[..., 1], directions[..., 0]) - turn_rad
@@ -112,11 +118,11 @@ def look_up(rgb: Floats, directions: Floats, turn_rad: float = 0.0) -> Floats:
     return np.asarray((1 - v) * upper + v * lower, np.float32)
 
 
-def _without_error(radiance: Floats) -> MeasuredPass:
+def _without_error(radiance: Image) -> MeasuredPass:
     return MeasuredPass(radiance, np.zeros_like(radiance), np.zeros_like(radiance[..., 0]))
 
 
-def cosine_directions(count: int) -> Floats:
+def cosine_directions(count: int) -> Image:
     """Unit vectors (count, 3) to the upper hemisphere, as dense as the cosine to the zenith."""
     index = np.arange(count)
     radius, angle = np.sqrt((index + 0.5) / count), index * math.pi * (3 - math.sqrt(5))
@@ -124,9 +130,7 @@ def cosine_directions(count: int) -> Floats:
     return np.stack([radius * np.cos(angle), radius * np.sin(angle), up], -1).astype(np.float32)
 
 
-def band_means(
-    spectra: tuple[Spectrum, Spectrum, Spectrum], bands_nm: Bands
-) -> NDArray[np.float64]:
+def band_means(spectra: tuple[Spectrum, Spectrum, Spectrum], bands_nm: Bands) -> Floats:
     """Means (3, B) of the three spectra over the bands."""
     grids = [np.linspace(*band, 1025) for band in bands_nm]
     return np.array(
@@ -134,7 +138,7 @@ def band_means(
     )
 
 
-def load_panorama(environment: Environment) -> Floats:
+def load_panorama(environment: Environment) -> Image:
     """Read the picture (H, W, 3) so that it gives the illuminance with the spectra as they are.
 
     Raises ValueError when the file cannot be read, has changed, or is no panorama.
@@ -154,7 +158,7 @@ def load_panorama(environment: Environment) -> Floats:
     return np.asarray(rgb * (environment.illuminance_lux / lux), np.float32)
 
 
-def horizontal(rgb: NDArray[np.floating]) -> NDArray[np.float64]:
+def horizontal(rgb: NDArray[np.floating]) -> Floats:
     """Integral (3,) of the picture's upper half over solid angle, times the cosine to the zenith.
 
     A row between the polar angles a and b has the weight ∫ cos θ·sin θ dθ = (sin²b − sin²a)/2, so
@@ -166,7 +170,7 @@ def horizontal(rgb: NDArray[np.floating]) -> NDArray[np.float64]:
     return np.asarray(weights @ rgb.sum(axis=1, dtype=np.float64))
 
 
-def read_picture(path: str) -> Floats:
+def read_picture(path: str) -> Image:
     """Return a picture (H, W, 3) in linear sRGB; PNG is decoded, an alpha channel left out.
 
     Filters that picture programs resample with leave slightly negative values beside bright ones:
@@ -193,7 +197,7 @@ def read_picture(path: str) -> Floats:
     return _without_negatives(rgb, path)
 
 
-def _without_negatives(rgb: Floats, path: str) -> Floats:
+def _without_negatives(rgb: Image, path: str) -> Image:
     negative = rgb[rgb < 0]
     if not negative.size:
         return rgb
@@ -206,3 +210,89 @@ def _without_negatives(rgb: Floats, path: str) -> Floats:
         )
     say(f"{told}; they are taken as 0")
     return clipped
+
+
+DISC_DEG, RING_DEG = 3.0, 6.0
+"""Angles from the brightest pixel: what belongs to the disc, and to the sky around it (degrees)."""
+LEAST_SHARE = 0.05
+"""Of the light of the upper half; less stays in the picture."""
+
+
+def under_panorama(scene: Scene) -> Scene:
+    """Return the scene with the picture that lights it read, if there is one.
+
+    Raises ValueError when it cannot be read.
+    """
+    if scene.lighting is None or scene.lighting.panorama is None:
+        return scene
+    return replace(scene, lighting=_lighting(scene.lighting, scene.lighting.panorama))
+
+
+def _lighting(lighting: Lighting, panorama: Environment) -> Lighting:
+    picture = turned(load_panorama(panorama), panorama.turn_deg)
+    weights = np.array([luminous(spectrum) for spectrum in panorama.spectra])
+    picture, direction, irradiance = without_disc(picture, weights)
+    colors = zip(panorama.spectra, np.moveaxis(picture, -1, 0), strict=True)
+    patterns = [SkyPattern(spectrum, np.ascontiguousarray(color)) for spectrum, color in colors]
+    sun = lighting.sun
+    if irradiance.any():
+        parts = zip(panorama.spectra, irradiance.tolist(), strict=True)
+        sun = Sun(direction, total([spectrum.scaled(factor) for spectrum, factor in parts]))
+    return replace(lighting, sun=sun, patterns=(*lighting.patterns, *patterns), panorama=None)
+
+
+def turned(picture: Image, turn_deg: float) -> Image:
+    """Return the picture (H, 2·H, 3) turned counterclockwise seen from above."""
+    columns = turn_deg / 360 * picture.shape[1]
+    whole = int(np.floor(columns))
+    part = np.float32(columns - whole)
+    near = np.roll(picture, -whole, axis=1)
+    return near if not part else (1 - part) * near + part * np.roll(near, -1, axis=1)
+
+
+def without_disc(
+    picture: Image, weights: Floats
+) -> tuple[Image, tuple[float, float, float], Floats]:
+    """Take the disc of sun or moon out of a picture.
+
+    Parameters
+    ----------
+    picture : (H, 2·H, 3)
+        Radiance of each color, in the layout of `SkyPattern`.
+    weights : (3,)
+        What the colors count.
+
+    Returns
+    -------
+    picture : (H, 2·H, 3)
+        With the ring's mean in place of the disc.
+    direction : (3,)
+        Unit vector toward the disc's center.
+    irradiance : (3,)
+        Of each color on a plane that faces the disc; zeros where there is none.
+    """
+    rows, columns = picture.shape[:2]
+    bright = picture[: rows // 2] @ weights
+    row, column = np.unravel_index(int(bright.argmax()), bright.shape)
+    toward = pattern_directions(rows)
+    cosine = np.einsum("ijk,k->ij", toward, toward[row, column])
+    disc = cosine > np.cos(np.radians(DISC_DEG))
+    ring = ~disc & (cosine > np.cos(np.radians(RING_DEG)))
+    solid = solid_angles(rows, columns)[:, None] * np.ones(columns)
+    around = np.average(picture[ring], axis=0, weights=solid[ring])
+    excess = np.maximum(picture[disc] - around, 0) * solid[disc][:, None]
+    irradiance = excess.sum(axis=0)
+    center = (excess @ weights) @ toward[disc]
+    length = float(np.linalg.norm(center))
+    center = center / length if length else toward[row, column]
+    share = irradiance @ weights * center[2] / (horizontal(picture) @ weights)
+    if share < LEAST_SHARE:
+        return picture, tuple(center.tolist()), np.zeros(3)
+    left = picture.copy()
+    left[disc] = np.minimum(picture[disc], around)
+    return left, tuple(center.tolist()), irradiance
+
+
+def solid_angles(rows: int, columns: int) -> Floats:
+    """Solid angle (H,) of a pixel of each row."""
+    return np.asarray(-np.diff(np.cos(np.pi * np.arange(rows + 1) / rows)) * 2 * np.pi / columns)

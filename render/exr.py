@@ -19,7 +19,7 @@ import OpenEXR
 from numpy.typing import NDArray
 
 from megalopta.core.files import atomic_write
-from megalopta.render.bands import Bands, channel_names
+from megalopta.render.settings import Bands, channel_names
 
 if TYPE_CHECKING:
     from megalopta.render.truth.tracer import Truth

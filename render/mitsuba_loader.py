@@ -2,10 +2,15 @@
 
 Dr.Jit writes a line of its own on import, past Python; the choice of variant says the same, with
 the remedy. So everything here gets the two as `dr` and `mi` from this module.
+
+A class of Mitsuba's exists once in each variant. What is added to it is written as a plain class,
+of which `registered` makes one of the active variant.
 """
 
 import os
 import sys
+from functools import cache
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from megalopta.render.variant import Variant, llvm_in_use
 
@@ -29,10 +34,65 @@ if "drjit" not in sys.modules:
 import drjit as dr  # noqa: E402
 import mitsuba as mi  # noqa: E402
 
-__all__ = ["activate", "dr", "mi"]
+__all__ = ["PlugIn", "activate", "dr", "is_scalar", "mi", "plug_in", "registered"]
 
 
 def activate(variant: Variant) -> None:
     """Make Mitsuba use the variant from here on."""
     if mi.variant() != variant.name:
         mi.set_variant(variant.name)
+
+
+def is_scalar() -> bool:
+    """Whether the active variant takes one ray at a time."""
+    return str(mi.variant()).startswith("scalar")
+
+
+class PlugIn:
+    """What a plug-in of Mitsuba's adds to its class there, in any variant.
+
+    A class of the active variant has that one base alone: what is written here is copied into it.
+    """
+
+    base: ClassVar[str]
+    """Name of the class, such as "BSDF"."""
+    above: ClassVar[Any]
+    """The class, in the active variant."""
+
+    if TYPE_CHECKING:
+
+        def __init__(self, properties: Any) -> None: ...
+
+        def __getattr__(self, name: str) -> Any: ...
+
+    def to_string(self) -> str:
+        """Return the name of the class."""
+        return f"{type(self).__name__}[]"
+
+
+_NOT_COPIED = "__dict__", "__weakref__", "base"
+
+
+def plug_in(kind: Any) -> Any:
+    """Return the class of a `PlugIn` in the active variant."""
+    return _of_variant(kind, str(mi.variant()))
+
+
+@cache
+def _of_variant(kind: Any, variant: str) -> Any:
+    own = {name: value for each in kind.__mro__[-2::-1] for name, value in vars(each).items()}
+    above = getattr(mi, kind.base)
+    body = {name: value for name, value in own.items() if name not in _NOT_COPIED}
+    return type(kind.__name__, (above,), {**body, "above": above})
+
+
+def registered(kind: Any) -> str:
+    """Return the name by which Mitsuba loads a `PlugIn` in the active variant."""
+    return _registered(kind, str(mi.variant()))
+
+
+@cache
+def _registered(kind: Any, variant: str) -> str:
+    name = f"megalopta_{kind.__name__.strip('_').lower()}"
+    getattr(mi, f"register_{kind.base.lower()}")(name, plug_in(kind))
+    return name

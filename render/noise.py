@@ -1,4 +1,4 @@
-"""The renderer's own error, on surfaces and on the sky apart: what is stored of it.
+"""Error of a frame from the scatter of its passes, and of what stands in all frames alike.
 
 Two renderings of a frame with different seeds differ by noise that flickers. Cutting a frame's
 samples in halves to compare these would cost more: multijittered sampling is better than the sum of
@@ -8,14 +8,26 @@ are added up to a stated error, every frame is measured, from the scatter of its
 
 Baked light has an error that stands on surfaces in all frames alike and moves with them. Some
 pixels of the second pass are compared with paths traced from the same points: that holds all of it,
-bias included (`scatter`).
+bias included (`Standing`).
+
+Error that stands on surfaces in all frames, from the distance of some pixels to traced paths. The
+mean over some pixels of D², where D is the difference between baked light and that of traced paths,
+is too large by the variance of the paths. That variance is known from the scatter of the groups
+that a pixel's paths come in; without it, what is left has the squared standing error as its mean,
+whatever that comes from. Pixels are compared in pairs of neighbors, so that the gradient of the
+error is known in the same way. Where few pixels or noisy paths bring that to less than the bake's
+own scatter, it is taken to be the latter: there is no less.
 """
 
 import json
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import gammaincinv
+
+from megalopta.core.arrays import Floats, Mask
 
 Image = NDArray[np.float32]
 
@@ -94,3 +106,285 @@ class RenderNoise:
                 bands = tuple(map(float, values[name]["bands"]))
                 values[name] = RegionNoise(**{**values[name], "bands": bands})
         return cls(**values)
+
+
+# Pixels, or pairs of them, that say more than the scatter of the bake does.
+_FEWEST = 8
+
+
+@dataclass(frozen=True)
+class Standing:
+    """The error that all frames share."""
+
+    draw: Floats  # (H, W, B)
+    differences: Floats  # (H, W, G, B)
+
+    @classmethod
+    def of(cls, measured: MeasuredPass | None, like: Floats) -> "Standing":
+        """That of a pass; none where there is no such pass."""
+        empty = np.zeros((*like.shape[:2], 0, like.shape[2]))
+        if measured is None:
+            return cls(np.zeros_like(like), empty)
+        found = measured.differences
+        draw = measured.standing.astype(np.float64)
+        return cls(draw, empty if found is None else found.astype(np.float64))
+
+    def covariance(self, part: Mask) -> Floats:
+        """Mean square between bands (B, B) over a part (H, W) of the pixels."""
+        found, scatter = self._compared(self.differences, part), _mean_square(self.draw[part])
+        if len(found) < _FEWEST:
+            return scatter
+        return max(_without_scatter(found), scatter, key=np.sum)
+
+    def slope(self, part: Mask) -> float:
+        """Mean square of what the error of neighbors, summed over bands, differs by."""
+        draws, found = [], []
+        for axis, both in enumerate(pairs(part)):
+            draws.append(np.diff(self.draw.sum(axis=-1), axis=axis)[both])
+            each = np.diff(self.differences.sum(axis=-1, keepdims=True), axis=axis)
+            found.append(self._compared(each, both))
+        compared = np.concatenate(found)
+        scatter = float(_mean_square(np.concatenate(draws)[:, None]).sum())
+        if len(compared) < _FEWEST:
+            return scatter
+        return max(float(_without_scatter(compared).sum()), scatter)
+
+    def squares(self, part: Mask) -> Floats:
+        """Of each pixel (H, W), summed over bands: those of the draw, with the mean that is due."""
+        draw = self.draw.sum(axis=-1) ** 2
+        mean = draw[part].mean()
+        due = max(float(self.covariance(part).sum()), 0.0)
+        return np.asarray(draw * (due / mean) if mean > 0 else np.full_like(draw, due))
+
+    @staticmethod
+    def _compared(differences: Floats, part: Mask) -> Floats:
+        inside = differences[part]
+        if not inside.shape[1]:
+            return inside[:0]
+        return np.asarray(inside[np.isfinite(inside).all(axis=(1, 2))])
+
+
+def _mean_square(values: Floats) -> Floats:
+    return np.asarray(values.T @ values / max(len(values), 1))
+
+
+def _without_scatter(groups: Floats) -> Floats:
+    """Mean product (B, B) of the means of independent groups (n, G, B), free of their scatter.
+
+    Diagonal elements are not negative.
+    """
+    n, count, bands = groups.shape
+    sums = groups.sum(axis=1)
+    each = groups.reshape(n * count, bands)
+    product = (sums.T @ sums - each.T @ each) / (n * count * (count - 1))
+    scale = np.sqrt(np.maximum(product.diagonal(), 0))
+    return np.asarray(np.clip(product, -np.outer(scale, scale), np.outer(scale, scale)))
+
+
+def slopes(pixels: Floats) -> list[Floats]:
+    """Differences between neighbors in columns and in rows, of the sum over bands."""
+    return [np.diff(pixels.sum(axis=-1), axis=axis) for axis in (0, 1)]
+
+
+def pairs(part: Mask) -> list[Mask]:
+    """Neighbors in columns and in rows that both lie in a part."""
+    return [part[1:] & part[:-1], part[:, 1:] & part[:, :-1]]
+
+
+_BLOCK_PX = 4
+_TAIL = 0.95
+
+
+class RunningMean:
+    """Mean of the passes of a frame so far and their scatter (Welford's method, float64)."""
+
+    def __init__(self) -> None:
+        self.count = 0
+        self._mean: Floats = np.zeros(())
+        self._squares: Floats = np.zeros(())  # between bands, per pixel
+        self._slopes: list[Floats] = []  # of the sum over bands, between neighbors
+
+    def add(self, image: Image) -> None:
+        """Take in one pass (H, W, B)."""
+        self.count += 1
+        if self.count == 1:
+            self._mean = image.astype(np.float64)
+            self._squares = np.zeros((*image.shape, image.shape[2]))
+            self._slopes = [np.zeros_like(each) for each in slopes(self._mean)]
+            return
+        before = image - self._mean
+        self._mean += before / self.count
+        after = image - self._mean
+        self._squares += before[..., :, None] * after[..., None, :]
+        pairs = zip(self._slopes, slopes(before), slopes(after), strict=True)
+        self._slopes = [total + a * b for total, a, b in pairs]
+
+    @property
+    def mean(self) -> Image:
+        """Mean of the passes (H, W, B)."""
+        return self._mean.astype(np.float32)
+
+    def noise(self, averaged: int, measured: MeasuredPass | None = None) -> RenderNoise:
+        """Error of the mean of `averaged` passes like these, of which there must be two or more.
+
+        `measured` is one of them.
+        """
+        everywhere = np.ones(self._mean.shape[:2], bool)
+        sky = measured.sky if measured else None
+        frame = _Frame(
+            mean=self._mean,
+            flicker=self._squares / (self.count - 1),
+            slopes=[each / (self.count - 1) for each in self._slopes],
+            standing=Standing.of(measured, self._mean),
+            passes=self.count,
+            averaged=averaged,
+        )
+        surfaces = everywhere if sky is None else sky <= 0
+        part = surfaces if surfaces.any() else everywhere
+        whole = frame.region(part)
+        return RenderNoise(
+            passes=averaged,
+            median_relative=whole.median,
+            rms_over_mean=whole.rms,
+            mean=tuple(self._mean[part].mean(axis=0).tolist()),
+            covariance=_rows(frame.covariance(part)),
+            detail=_rows(frame.detail(part)),
+            surface=whole if sky is not None and surfaces.any() else None,
+            sky=frame.region(sky >= 1) if sky is not None and (sky >= 1).any() else None,
+        )
+
+
+@dataclass(frozen=True)
+class _Frame:
+    """Mean (H, W, B) of passes, of which a frame averages some, and what single passes vary by."""
+
+    mean: Floats
+    flicker: Floats  # (H, W, B, B)
+    slopes: list[Floats]
+    standing: Standing
+    passes: int
+    averaged: int
+
+    def covariance(self, part: Mask) -> Floats:
+        """Of the whole error between bands (B, B), mean over a part (H, W) of the pixels."""
+        return self._covariance(part, self.averaged)
+
+    def _covariance(self, part: Mask, passes: int) -> Floats:
+        """That of the mean of some passes."""
+        flicker = self.flicker[part].mean(axis=0) / passes
+        return np.asarray(flicker + self.standing.covariance(part))
+
+    def detail(self, part: Mask) -> Floats:
+        """Covariance (B, B) of what neighbors differ by without error."""
+        return neighbor_differences(self.mean, part) - self._covariance(part, self.passes)
+
+    def region(self, part: Mask) -> RegionNoise:
+        """What is told of the pixels of a part (H, W)."""
+        light, squares = self.mean.sum(axis=-1), self.standing.squares(part)
+        flicker = self.flicker.sum(axis=(-2, -1)) / self.averaged
+        covariance = self.covariance(part)
+        level, levels = max(light[part].mean(), 1e-300), self.mean[part].mean(axis=0)
+        median, tail = _relative(flicker, squares, light, part, self.passes - 1)
+        flickers, stands = self._gradient(part)
+        return RegionNoise(
+            share=float(part.mean()),
+            rms=float(np.sqrt(covariance.sum()) / level),
+            median=median,
+            p95=tail,
+            bands=tuple((np.sqrt(covariance.diagonal()) / np.maximum(levels, 1e-300)).tolist()),
+            gradient=flickers + stands,
+            standing=float(np.sqrt(squares[part].mean()) / level),
+            standing_gradient=stands,
+        )
+
+    def _gradient(self, part: Mask) -> tuple[float, float]:
+        """Shares of the squared differences between neighbors that the error makes.
+
+        First that of what flickers, then that of what stands.
+        """
+        flicker = still = seen = 0.0
+        slope = self.standing.slope(part)
+        for both, noise, light in zip(pairs(part), self.slopes, slopes(self.mean), strict=True):
+            flicker += float(noise[both].sum())
+            still += slope * float(both.sum())
+            seen += float((light[both] ** 2).sum())
+        total = seen - flicker / self.passes + flicker / self.averaged
+        return (flicker / self.averaged / total, still / total) if total > 0 else (0.0, 0.0)
+
+
+def neighbor_differences(pixels: Floats, part: Mask) -> Floats:
+    """Half the mean product (B, B) of what neighbors in a part (H, W) differ by."""
+    along = [np.diff(pixels, axis=axis)[both] for axis, both in enumerate(pairs(part))]
+    differences = np.concatenate(along)
+    return np.asarray(differences.T @ differences / (2 * max(len(differences), 1)))
+
+
+def _relative(
+    flicker: Floats, squares: Floats, light: Floats, part: Mask, degrees: int
+) -> tuple[float, float]:
+    """Median over blocks of σ/mean, and what 95 % of the blocks do not exceed.
+
+    A variance from two passes scatters so much that the median of its root over pixels of unlike σ
+    is 13 % below that of σ in a forest; neighbors have nearly the same σ, and blocks know it well.
+    """
+    masked = (np.where(part, each, 0.0) for each in (flicker, squares, light, np.ones_like(light)))
+    moving, still, lights, pixels = (_block_sums(each) for each in masked)
+    lit = lights > 0
+    if not lit.any():
+        return 0.0, 0.0
+    freedom = degrees * pixels[lit]
+    # The root of an estimated variance has not σ as its median.
+    estimated = pixels[lit] * (
+        moving[lit] * freedom / (2 * gammaincinv(freedom / 2, 0.5)) + still[lit]
+    )
+    relative = np.sqrt(estimated) / lights[lit]
+    return float(np.median(relative)), float(np.quantile(relative, _TAIL))
+
+
+def _block_sums(values: Floats) -> Floats:
+    rows, columns = (np.arange(0, size, _BLOCK_PX) for size in values.shape)
+    return np.asarray(np.add.reduceat(np.add.reduceat(values, rows, axis=0), columns, axis=1))
+
+
+def _rows(matrix: Floats) -> tuple[tuple[float, ...], ...]:
+    return tuple(tuple(row) for row in matrix.tolist())
+
+
+RenderPass = Callable[[int], Image]
+"""Renders the pass of a given number: radiance (H, W, B), independent of the other passes."""
+MeasurePass = Callable[[int], MeasuredPass]
+"""The same pass, with what its error is known by."""
+
+MEASURED_EVERY = 16
+"""Frames from one that is rendered twice to the next."""
+
+
+def render_once(
+    render_pass: RenderPass, measure_pass: MeasurePass | None
+) -> tuple[Image, RenderNoise | None]:
+    """Pass 0, (H, W, B), and its error by comparison with pass 1 where that is to be measured."""
+    image = render_pass(0)
+    if measure_pass is None:
+        return image, None
+    other = measure_pass(1)
+    passes = RunningMean()
+    passes.add(image)
+    passes.add(other.radiance)
+    return image, passes.noise(1, other)
+
+
+def render_until(
+    render_pass: RenderPass, measure_pass: MeasurePass, target_error: float, most_passes: int
+) -> tuple[Image, RenderNoise]:
+    """Mean (H, W, B) of as many passes as bring the RMS error on surfaces to the target.
+
+    At least two, at most `most_passes`; the result says how many, and which error they left.
+    """
+    first = measure_pass(0)
+    passes = RunningMean()
+    passes.add(first.radiance)
+    while True:
+        passes.add(render_pass(passes.count))
+        noise = passes.noise(passes.count, first)
+        if noise.rms_over_mean <= target_error or passes.count >= most_passes:
+            return passes.mean, noise

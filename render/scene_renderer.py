@@ -9,26 +9,24 @@ from pathlib import Path as Files
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from megalopta.core.arrays import Floats
 from megalopta.render.baking.choice import path_tracing_reason
 from megalopta.render.baking.integrator import BakedLightIntegrator
-from megalopta.render.canopy import Canopy, measure_canopy
-from megalopta.render.environment import EnvironmentView
-from megalopta.render.illuminance import LightSurvey
-from megalopta.render.layers import Layers, is_layered
+from megalopta.render.environment import EnvironmentView, under_panorama
+from megalopta.render.exposures import Exposure
 from megalopta.render.loading.air import fill
 from megalopta.render.loading.meshes import merge
-from megalopta.render.loading.scene import load_scene
+from megalopta.render.loading.scene import LoadedScene, load_scene
 from megalopta.render.mitsuba_loader import activate
 from megalopta.render.noise import MeasuredPass
-from megalopta.render.path_tracing import PathIntegrator
+from megalopta.render.path_tracing import Layers, PathIntegrator, is_layered
 from megalopta.render.settings import RenderSettings, bake_seed, instant_seed
-from megalopta.render.surface_view import Integrator, SurfaceView
-from megalopta.render.surroundings import under_panorama
+from megalopta.render.surface_view import SurfaceView
+from megalopta.render.surveys import Canopy, LightSurvey, measure_canopy
 from megalopta.render.truth.geometry import Geometry
 from megalopta.render.truth.tracer import Flow, Truth, TruthTracer
 from megalopta.render.truth.views import Instant, Rolling
 from megalopta.render.variant import Variant, choose_variant
-from megalopta.render.views import Exposure, View
 from megalopta.scenes import Shutter
 from megalopta.scenes.cameras.base import Camera
 from megalopta.scenes.scene import Scene
@@ -69,7 +67,7 @@ class SceneRenderer:
         scene: Scene,
         camera: Camera,
         settings: RenderSettings,
-        poses: NDArray[np.float64] | None = None,
+        poses: Floats | None = None,
         seed: int = 0,
         light_folder: Files | None = None,
     ) -> None:
@@ -79,12 +77,13 @@ class SceneRenderer:
         scene = under_panorama(scene)
         meshes = merge(scene)
         loaded = load_scene(scene, meshes)
+        whole = LoadedScene(scene, meshes, loaded)
         self._scene, self._loaded = scene, loaded
         geometry = Geometry(meshes, loaded)
         self._tracer = TruthTracer(scene, geometry, camera, settings.truth_rays)
         pixels = camera.width * camera.height
         reason = path_tracing_reason(scene, self.variant.name, poses, settings, pixels)
-        self._view: View
+        self._view: SurfaceView | EnvironmentView
         if scene.environment:
             self._view = EnvironmentView(
                 scene.environment, camera, settings.bands_nm, settings.samples_per_pixel
@@ -94,21 +93,19 @@ class SceneRenderer:
             air = fill(scene, scene.haze, loaded, meshes, places) if scene.haze else None
             many = is_layered(scene, meshes)
             layers = Layers(settings.max_depth, meshes, loaded, geometry.still) if many else None
-            integrator: Integrator = PathIntegrator(settings.max_depth, air, layers)
+            integrator: PathIntegrator | BakedLightIntegrator = PathIntegrator(
+                settings.max_depth, air, layers
+            )
             if poses is not None and not reason:
                 local, its_seed = self._local(poses), bake_seed(seed)
-                baked = BakedLightIntegrator(
-                    loaded, scene, meshes, settings, camera, local, its_seed, light_folder
-                )
+                baked = BakedLightIntegrator(whole, camera, settings, local, its_seed, light_folder)
                 reason = baked.reason
                 integrator = integrator if reason else baked
-            self._view = SurfaceView(scene, meshes, loaded, camera, settings, integrator, air)
+            self._view = SurfaceView(whole, camera, settings, integrator, air)
         self.integrator = f"path ({reason})" if reason else "baked"
         self.samples_per_pixel = self._view.samples_per_pixel
 
-    def radiance(
-        self, pose: NDArray[np.float64], seed: int, time_s: float = 0.0
-    ) -> NDArray[np.float32]:
+    def radiance(self, pose: Floats, seed: int, time_s: float = 0.0) -> NDArray[np.float32]:
         """Spectral radiance (H, W, B) seen from a pose (4, 4), W·m⁻²·sr⁻¹·nm⁻¹, band means.
 
         `time_s` says where the moving objects are. Raises FloatingPointError when the renderer
@@ -117,7 +114,7 @@ class SceneRenderer:
         self._view.move_to(time_s)
         return self._view.radiance(self._local(pose), seed)
 
-    def measured(self, pose: NDArray[np.float64], seed: int, time_s: float = 0.0) -> MeasuredPass:
+    def measured(self, pose: Floats, seed: int, time_s: float = 0.0) -> MeasuredPass:
         """The same as `radiance`, with what its error is known by."""
         self._view.move_to(time_s)
         return self._view.measured(self._local(pose), seed)
@@ -157,13 +154,11 @@ class SceneRenderer:
         exposure = Exposure.of(path, shutter, frame, rows, seeds, -(-total // parts))
         return exposure.relative_to(self._local)
 
-    def light_survey(self, positions: NDArray[np.float64]) -> LightSurvey | None:
+    def light_survey(self, positions: Floats) -> LightSurvey | None:
         """Illuminance above and below camera positions (N, 3); None where only surfaces emit."""
         return self._view.light_survey(positions)
 
-    def light_left_out(
-        self, pose: NDArray[np.float64], time_s: float = 0.0
-    ) -> NDArray[np.float64] | None:
+    def light_left_out(self, pose: Floats, time_s: float = 0.0) -> Floats | None:
         """Share of the light of surfaces, by band, that takes more hits than paths may have, (B,).
 
         Seen from a pose (4, 4); None before a panorama.
@@ -171,13 +166,11 @@ class SceneRenderer:
         self._view.move_to(time_s)
         return self._view.light_left_out(self._local(pose))
 
-    def canopy(self, poses: NDArray[np.float64], ring_m: tuple[float, float]) -> Canopy:
+    def canopy(self, poses: Floats, ring_m: tuple[float, float]) -> Canopy:
         """Plant area, gaps and floor light of a forest in a ring around poses (N, 4, 4)."""
         return measure_canopy(self._loaded, self._scene, poses[:, :2, 3], ring_m)
 
-    def truth(
-        self, poses: NDArray[np.float64], frame: int, times_s: ArrayLike | None = None
-    ) -> Truth:
+    def truth(self, poses: Floats, frame: int, times_s: ArrayLike | None = None) -> Truth:
         """Ground truth of one frame of a sequence, with flow toward the one after and before.
 
         Poses (T, 4, 4) are camera to world; times (T,), s, are needed where objects move.
@@ -189,9 +182,7 @@ class SceneRenderer:
             self._instant(poses, frame - 1, times_s) if frame > 0 else None,
         )
 
-    def flow(
-        self, poses: NDArray[np.float64], frame: int, other: int, times_s: ArrayLike | None = None
-    ) -> Flow:
+    def flow(self, poses: Floats, frame: int, other: int, times_s: ArrayLike | None = None) -> Flow:
         """Flow and occlusion from one frame to any other of a sequence; arguments as of `truth`."""
         return self._tracer.flow(
             self._instant(poses, frame, times_s), self._instant(poses, other, times_s)
@@ -205,7 +196,7 @@ class SceneRenderer:
         if shutter.readout_s:
             self._refuse_panorama(shutter)
 
-        def pose_at(times_s: NDArray[np.float64]) -> NDArray[np.float64]:
+        def pose_at(times_s: Floats) -> Floats:
             return self._local(path.pose_at(times_s))
 
         views = [Rolling(time, shutter, pose_at) for time in path.times_s.tolist()]
@@ -219,15 +210,13 @@ class SceneRenderer:
                 "shutter needs bodies; use 0"
             )
 
-    def _instant(
-        self, poses: NDArray[np.float64], frame: int, times_s: ArrayLike | None
-    ) -> Instant:
+    def _instant(self, poses: Floats, frame: int, times_s: ArrayLike | None) -> Instant:
         if times_s is None and self._scene.is_moving:
             raise ValueError("times_s is missing: objects move in this scene; give the times")
         time = 0.0 if times_s is None else float(np.asarray(times_s)[frame])
         return Instant(time, self._local(poses[frame]))
 
-    def _local(self, pose: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _local(self, pose: Floats) -> Floats:
         """A pose (..., 4, 4) relative to the scene's origin, in the renderer's precision."""
         local = pose.copy()
         local[..., :3, 3] = (pose[..., :3, 3] - self._scene.origin_m).astype(np.float32)

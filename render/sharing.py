@@ -16,10 +16,9 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from megalopta.core.arrays import Floats, Mask
 from megalopta.render.loading.meshes import MovingMesh
 from megalopta.scenes.cameras.base import Camera
-
-Float64 = NDArray[np.float64]
 
 SHARED_PX = 0.05
 _STEP_S, _FEWEST_STEPS, _MOST_STEPS = 0.01, 2, 64
@@ -29,7 +28,7 @@ _MARGIN = 0.1
 
 
 def rows_of_a_pose(
-    meshes: Sequence[MovingMesh], camera: Camera, pose: Float64, times_s: Sequence[float]
+    meshes: Sequence[MovingMesh], camera: Camera, pose: Floats, times_s: Sequence[float]
 ) -> int:
     """Return how many rows may share a pose, of a frame whose rows have times (H,), s.
 
@@ -46,7 +45,7 @@ def rows_of_a_pose(
     return math.ceil(height / _round_number(math.ceil(height / most)))
 
 
-def _farthest(mesh: MovingMesh, camera: Camera, pose: Float64, moments: Float64) -> float:
+def _farthest(mesh: MovingMesh, camera: Camera, pose: Floats, moments: Floats) -> float:
     """Longest way in the image, px, of a triangle that is seen, from one moment to the next."""
     seen = np.zeros(len(mesh.faces), bool)
     for time in moments[[0, len(moments) // 2, -1]].tolist():
@@ -60,13 +59,13 @@ def _farthest(mesh: MovingMesh, camera: Camera, pose: Float64, moments: Float64)
     return max(_longest(camera, a[corner], b[corner]) for a, b in pairwise(each))
 
 
-def _from_camera(vertices: NDArray[np.float32], pose: Float64) -> Float64:
+def _from_camera(vertices: NDArray[np.float32], pose: Floats) -> Floats:
     """Ways (n, 3) to vertices (n, 3) in camera axes."""
-    ways: Float64 = np.einsum("ji,nj->ni", pose[:3, :3], vertices - pose[:3, 3])
+    ways: Floats = np.einsum("ji,nj->ni", pose[:3, :3], vertices - pose[:3, 3])
     return ways
 
 
-def _seen(faces: NDArray[np.uint32], camera: Camera, ways: Float64) -> NDArray[np.bool_]:
+def _seen(faces: NDArray[np.uint32], camera: Camera, ways: Floats) -> Mask:
     """Which triangles (F,) may have a part in the image or in the margin around it."""
     if camera.intrinsics is None:
         x, y, depth = *camera.project(ways).T, np.ones(len(ways))
@@ -81,7 +80,7 @@ def _seen(faces: NDArray[np.uint32], camera: Camera, ways: Float64) -> NDArray[n
     return np.asarray(out[a] & out[b] & out[c] == 0)
 
 
-def _longest(camera: Camera, before: Float64, after: Float64) -> float:
+def _longest(camera: Camera, before: Floats, after: Floats) -> float:
     """Longest way (px) from triangles (n, 3, 3) to others.
 
     Of those that reach out of the image by the angle, from the least distance that they may have.

@@ -1,10 +1,11 @@
 from .base import SceneDescription as SceneDescription
 from .build import (
+    AnyCamera as AnyCamera,
     AnyScene as AnyScene,
+    CameraPath as CameraPath,
     build_scene as build_scene,
 )
 from .cameras.base import Camera as Camera
-from .cameras.choice import AnyCamera as AnyCamera
 from .cameras.panoramic import (
     CylindricalCamera as CylindricalCamera,
     EquirectangularCamera as EquirectangularCamera,
@@ -26,7 +27,6 @@ from .tone_mapping import (
     preview as preview,
     white_of as white_of,
 )
-from .trajectories.choice import CameraPath as CameraPath
 from .trajectories.hover import Hover as Hover
 from .trajectories.orbit import Orbit as Orbit
 from .trajectories.recorded import Recorded as Recorded

@@ -1,4 +1,4 @@
-"""Any scene description, ours or another package's, to a scene."""
+"""Any scene, camera and path of a configuration, and a scene from its description."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -8,8 +8,10 @@ from typing import TYPE_CHECKING, NamedTuple, get_args
 from megalopta.core.plug_ins import plug_ins
 from megalopta.scenes.base import SceneDescription
 from megalopta.scenes.cameras.base import Camera
+from megalopta.scenes.cameras.panoramic import CylindricalCamera, EquirectangularCamera
+from megalopta.scenes.cameras.perspective import PerspectiveCamera
 from megalopta.scenes.forest.description import Forest
-from megalopta.scenes.kinds import any_of, kind_of
+from megalopta.scenes.kinds import any_of, kind_of, models_in
 from megalopta.scenes.lighting.light import Light
 from megalopta.scenes.moving_objects import MovingObject, with_objects
 from megalopta.scenes.scene import Scene
@@ -18,6 +20,20 @@ from megalopta.scenes.stimuli.motion_bench import MotionBench
 from megalopta.scenes.stimuli.panorama import Panorama
 from megalopta.scenes.stimuli.plane import Plane
 from megalopta.scenes.trajectories.base import Path
+
+if TYPE_CHECKING:
+    AnyCamera = Camera
+else:
+    AnyCamera = any_of((PerspectiveCamera, EquirectangularCamera, CylindricalCamera), "perspective")
+    """Any camera in a configuration; `kind` tells which, and without it, it is perspective."""
+
+
+if TYPE_CHECKING:
+    CameraPath = Path
+else:
+    CameraPath = any_of(models_in("megalopta.scenes.trajectories", Path), "steady")
+    """Any path of the camera in a configuration; without `kind`, a steady one."""
+
 
 OWN_SCENES = (Forest, Grating, Plane, MotionBench, Panorama)
 

@@ -9,28 +9,27 @@ from functools import cached_property
 from typing import Annotated, Any, Literal, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field, model_validator
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
+from megalopta.core.arrays import Floats
 from megalopta.core.record import Record
 
-Float64 = NDArray[np.float64]
 Vector = tuple[float, float, float]
-Times = float | Float64
+Times = float | Floats
 
 
 class Motion(Protocol):
     """What any motion has to tell; points are in world meters."""
 
-    def carry(self, points: Float64, time_s: Times) -> Float64:
+    def carry(self, points: Floats, time_s: Times) -> Floats:
         """Where points (n, 3) of the object as placed are, at one time or each at its own (n,)."""
 
-    def undo(self, points: Float64, time_s: float) -> Float64:
+    def undo(self, points: Floats, time_s: float) -> Floats:
         """Where points (n, 3) of a time are on the object as placed."""
 
-    def turn(self, normals: Float64, points: Float64, time_s: float) -> Float64:
+    def turn(self, normals: Floats, points: Floats, time_s: float) -> Floats:
         """Unit normals (n, 3) at a time of those at points (n, 3) as placed."""
 
     def record(self) -> dict[str, Any]:
@@ -58,7 +57,7 @@ class _Spinning(Record, frozen=True):
         return Rotation.from_rotvec(np.multiply.outer(np.radians(self.spin_deg_s) * time_s, axis))
 
     @abstractmethod
-    def shift(self, time_s: Times) -> Float64:
+    def shift(self, time_s: Times) -> Floats:
         """Way (3,) from the place at time 0, m; at times (n,) ways (n, 3)."""
 
 
@@ -71,7 +70,7 @@ class Drift(_Spinning, frozen=True):
     velocity_m_s: Vector = (0.0, 0.0, 0.0)
     """Velocity (x, y, z in m/s)."""
 
-    def shift(self, time_s: Times) -> Float64:
+    def shift(self, time_s: Times) -> Floats:
         """Way (3,) from the place at time 0, m; at times (n,) ways (n, 3)."""
         return np.asarray(np.multiply.outer(time_s, self.velocity_m_s))
 
@@ -103,7 +102,7 @@ class Tour(_Spinning, frozen=True):
     def _curve(self) -> CubicSpline:
         return CubicSpline(self.times_s, self.ways_m, bc_type="clamped")
 
-    def shift(self, time_s: Times) -> Float64:
+    def shift(self, time_s: Times) -> Floats:
         """Way (3,) from the place at time 0, m; at times (n,) ways (n, 3)."""
         return np.asarray(self._curve(np.clip(time_s, self.times_s[0], self.times_s[-1])))
 
@@ -121,17 +120,17 @@ class RigidMotion:
     course: Drift | Tour
     """How it moves, and the body turns about it."""
 
-    def carry(self, points: Float64, time_s: Times) -> Float64:
+    def carry(self, points: Floats, time_s: Times) -> Floats:
         """Where points (n, 3) of the object as placed are, at one time or each at its own (n,)."""
         turned = self.course.rotation(time_s).apply(points - self.center_m)
         return np.asarray(turned + (self.center_m + self.course.shift(time_s)))
 
-    def undo(self, points: Float64, time_s: float) -> Float64:
+    def undo(self, points: Floats, time_s: float) -> Floats:
         """Where points (n, 3) of a time are on the object as placed."""
         offset = points - (self.center_m + self.course.shift(time_s))
         return np.asarray(self.course.rotation(time_s).inv().apply(offset) + self.center_m)
 
-    def turn(self, normals: Float64, points: Float64, time_s: float) -> Float64:
+    def turn(self, normals: Floats, points: Floats, time_s: float) -> Floats:
         """Unit normals (n, 3) at a time."""
         return np.asarray(self.course.rotation(time_s).apply(normals))
 

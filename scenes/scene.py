@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from megalopta.core.arrays import Floats
 from megalopta.scenes.hashed_file import HashedFile
 from megalopta.scenes.haze import Haze
 from megalopta.scenes.material import Material
@@ -41,7 +42,7 @@ class Placement:
     """Key into `Scene.assets`."""
     kind: str
     """What it is to a person: "beech", "fern", "ground"."""
-    to_world: NDArray[np.float64]
+    to_world: Floats
     """Rotation, uniform scale and translation (m)."""
     motion: Motion | None = None
     """How the object, so placed, moves or bends with time; None where it is at rest."""
@@ -58,7 +59,7 @@ class Sun:
     angular_diameter_deg: float = 0.53
     """As seen from the scene; 0 is a point. Sun and moon: 0.53."""
 
-    def points(self, count: int) -> NDArray[np.float64]:
+    def points(self, count: int) -> Floats:
         """Unit vectors (count, 3) toward points that share the disc evenly, on a sunflower spiral.
 
         References
@@ -93,7 +94,7 @@ class SkyPattern:
         return self.radiance.scaled(float(np.average(rows, weights=weight)))
 
 
-def pattern_directions(rows: int) -> NDArray[np.float64]:
+def pattern_directions(rows: int) -> Floats:
     """Unit vectors (H, 2·H, 3) toward the centers of a pattern's texels."""
     polar = np.pi * (np.arange(rows) + 0.5) / rows
     azimuth = np.pi - np.pi * (np.arange(2 * rows) + 0.5) / rows

@@ -6,12 +6,10 @@ A frame's time is the middle of the exposure of its middle row.
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
+from megalopta.core.arrays import Floats
 from megalopta.core.record import Record
-
-Float64 = NDArray[np.float64]
 
 
 class Shutter(Record, frozen=True):
@@ -35,7 +33,7 @@ class Shutter(Record, frozen=True):
         """Whether frames are taken at an instant, all rows at once."""
         return self.exposure_s == 0 and self.readout_s == 0
 
-    def delay_s(self, y: Float64, height: int) -> Float64:
+    def delay_s(self, y: Floats, height: int) -> Floats:
         """Time from the frame's to that of places y (px from the upper edge) in the image, s.
 
         Rows have it at their center; between them it is interpolated, beyond them extrapolated.

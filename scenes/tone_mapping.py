@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from megalopta.core.arrays import Floats
 from megalopta.scenes.base import SceneDescription
 from megalopta.scenes.lighting.light import Light
 from megalopta.scenes.spectra.color import Bands, encode_srgb, linear_srgb
@@ -46,7 +47,7 @@ class ToneCurve:
         level = level or brightest or 1.0
         return cls(level, max(level, brightest))
 
-    def __call__(self, linear: NDArray[np.floating]) -> NDArray[np.float64]:
+    def __call__(self, linear: NDArray[np.floating]) -> Floats:
         """Parts of white, 0 to 1, of linear values."""
         x, most = np.asarray(linear / self.level, np.float64), self.brightest / self.level
         return np.minimum(x * (1 + x / most**2) / (1 + x), 1)

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from megalopta.assets_gen import FloatArray
-from megalopta.assets_gen.splats import strew
-from megalopta.assets_gen.tileable_noise import tileable_noise, to_weight
+from megalopta.assets_gen.tileable_noise import Marks, strew, tileable_noise, to_weight
 
 TILE_M = (0.8, 1.6)
 """Size of one tile around and along the trunk (m)."""
@@ -42,8 +41,8 @@ def papery_bark(rng: np.random.Generator) -> NDArray[np.float32]:
         + 0.35 * _noise((0.03, 0.5), 1.2, rng, 0.5)
         + 0.18 * _noise((0.0035, 0.03), 0.4, rng, 0.3)
     )
-    bands = strew(SHAPE, TILE_M[::-1], 620, (0.015, 0.11), 0.1, np.pi / 2, 0.06, rng)
-    scars = strew(SHAPE, TILE_M[::-1], 24, (0.05, 0.2), 0.4, np.pi / 2, 0.25, rng)
+    bands = strew(SHAPE, TILE_M[::-1], 620, Marks((0.015, 0.11), 0.1, np.pi / 2, 0.06), rng)
+    scars = strew(SHAPE, TILE_M[::-1], 24, Marks((0.05, 0.2), 0.4, np.pi / 2, 0.25), rng)
     crack = _noise((0.004, 0.1), 0.9, rng, 2.0)
     dark = np.where(
         np.isnan(scars), np.where(np.isnan(bands), -9.0, 0.35 + bands), 1.2 + 0.4 * crack

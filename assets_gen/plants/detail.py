@@ -53,12 +53,10 @@ def _wood(plant: Plant, detail: Detail, rng: np.random.Generator) -> Surface:
         chosen, factor = _one_of_each(area[thin], detail.merged, rng)
         widening[thin[chosen]] = factor
     chord_m = max(detail.chord_m, plant.species.chord_m)
+    coarse = plant.species.model_copy(update={"chord_m": chord_m})
     kept = np.flatnonzero(widening)
     return join(
-        [
-            bark_around(plant.species, skeleton, widening[i] * radii, nodes[i], chord_m, rng)
-            for i in kept.tolist()
-        ]
+        [bark_around(coarse, skeleton, widening[i] * radii, nodes[i], rng) for i in kept.tolist()]
     )
 
 
@@ -104,17 +102,24 @@ def leaf_areas(corners: FloatArray) -> FloatArray:
 
 
 def some_leaves(leaves: Surface, share: float, rng: np.random.Generator) -> Surface:
-    """Return a share of the leaves, drawn at random; a smaller share is part of a larger one.
+    """Return a share of the leaves, drawn at random; a smaller share is part of a larger one."""
+    count = len(leaves.vertices) // corners_of(leaves)
+    return chosen_leaves(leaves, np.sort(rng.permutation(count)[: round(share * count)]))
 
-    Leaves have two triangles each or, where they are merged, one.
-    """
-    corners = 4 if len(leaves.vertices) == 2 * len(leaves.faces) else 3
+
+def corners_of(leaves: Surface) -> int:
+    """Return how many corners each leaf has: of two triangles four or, where merged, three."""
+    return 4 if len(leaves.vertices) == 2 * len(leaves.faces) else 3
+
+
+def chosen_leaves(leaves: Surface, chosen: IndexArray) -> Surface:
+    """Return some leaves (k,)."""
+    corners = corners_of(leaves)
     count = len(leaves.vertices) // corners
-    kept = np.sort(rng.permutation(count)[: round(share * count)])
     faces = leaves.faces.reshape(count, -1)[0]
-    first = corners * np.arange(len(kept))[:, None]
+    first = corners * np.arange(len(chosen))[:, None]
     return Surface(
-        leaves.vertices.reshape(count, -1)[kept].reshape(-1, 3),
+        leaves.vertices.reshape(count, -1)[chosen].reshape(-1, 3),
         (first + faces).reshape(-1, 3),
-        leaves.uv.reshape(count, -1)[kept].reshape(-1, 2),
+        leaves.uv.reshape(count, -1)[chosen].reshape(-1, 2),
     )

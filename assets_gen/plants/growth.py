@@ -10,8 +10,12 @@ from megalopta.assets_gen.plants.bark import TILE_M
 from megalopta.assets_gen.plants.branching import Branching
 from megalopta.assets_gen.plants.foliage import leaf_axes, place_leaves
 from megalopta.assets_gen.plants.forms import grow_axes
-from megalopta.assets_gen.plants.furrows import Furrows
-from megalopta.assets_gen.plants.roots import BUTTRESSED_SIDES, buttress_flare, root_flare
+from megalopta.assets_gen.plants.furrows import (
+    BUTTRESSED_SIDES,
+    Furrows,
+    buttress_flare,
+    root_flare,
+)
 from megalopta.assets_gen.plants.skeleton import IndexArray, Skeleton, axes, pipe_radii
 from megalopta.assets_gen.plants.species import Species
 from megalopta.assets_gen.plants.tube import sweep
@@ -65,10 +69,7 @@ def grow_plant(
     reference = min(BREAST_HEIGHT_M, species.height_m / 3)
     radii = pipe_radii(skeleton, species.disused_share, species.radius_m, reference)
     along = axes(skeleton, radii)
-    tubes = tuple(
-        bark_around(species, skeleton, radii, nodes, species.chord_m, rng, furrows)
-        for nodes in along
-    )
+    tubes = tuple(bark_around(species, skeleton, radii, nodes, rng, furrows) for nodes in along)
     twigs = leaf_axes(skeleton.positions[branching.bearing], species.foliage, rng)
     foliage = species.foliage.model_copy(update={"per_m": fullness * species.foliage.per_m})
     leaves = place_leaves(twigs, foliage, rng)
@@ -80,16 +81,15 @@ def bark_around(
     skeleton: Skeleton,
     radii_m: FloatArray,
     nodes: IndexArray,
-    chord_m: float,
     rng: np.random.Generator,
     furrows: Furrows | None = None,
 ) -> Surface:
-    """Return the tube around one axis, with no more rings and sides than `chord_m` asks for.
+    """Return the tube around one axis, with no more rings and sides than its chord asks for.
 
     A stem may have furrows, which take more. However few its sides, it is as wide on average as the
     round branch that it stands for.
     """
-    is_stem = skeleton.parents[nodes[0]] < 0
+    is_stem, chord_m = skeleton.parents[nodes[0]] < 0, species.chord_m
     positions, radius = skeleton.positions[nodes], radii_m[nodes]
     if not is_stem:
         radius[0] = radius[1]  # the first node lies inside the bearing axis and has its radius

@@ -19,8 +19,7 @@ from megalopta.core.arrays import Floats
 from megalopta.core.errors import UserError
 from megalopta.core.pictures import read_picture
 from megalopta.flow.formats import FLOW_SUFFIXES, read_flow
-from megalopta.scenes.spectra.color import decode_srgb
-from megalopta.scenes.spectra.primaries import LUMINANCE_SHARES
+from megalopta.scenes.spectra.color import LUMINANCE_SHARES, decode_srgb
 
 _NUMBERED = re.compile(r"frame_?(\d{1,9})")
 

@@ -30,7 +30,7 @@ from megalopta.scenes.cameras.panoramic import CylindricalCamera
 from megalopta.scenes.forest.description import Forest
 from megalopta.scenes.lighting.cloudy_sky import under_clouds
 from megalopta.scenes.lighting.light import Light
-from megalopta.scenes.spectra.primaries import LUMINANCE_SHARES
+from megalopta.scenes.spectra.color import LUMINANCE_SHARES
 from megalopta.scenes.trajectories.steady import Trajectory
 
 if TYPE_CHECKING:

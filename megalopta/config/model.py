@@ -26,12 +26,11 @@ from megalopta.flow.benchmark.settings import each_once
 from megalopta.flow.detectors.registry import METHODS, THESIS_METHODS
 from megalopta.render import RenderSettings
 from megalopta.scenes import AnyScene, MovingObject, Shutter
-from megalopta.scenes.cameras.choice import AnyCamera
+from megalopta.scenes.build import AnyCamera, CameraPath
 from megalopta.scenes.cameras.perspective import PerspectiveCamera
 from megalopta.scenes.forest.description import Forest
 from megalopta.scenes.lighting.levels import illuminance_of
 from megalopta.scenes.lighting.light import Light
-from megalopta.scenes.trajectories.choice import CameraPath
 from megalopta.scenes.trajectories.steady import Trajectory
 from megalopta.sensor import IMAGE_SENSORS, ImageSensor, merged
 from megalopta.sensor.formats.names import ProductName

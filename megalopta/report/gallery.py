@@ -42,7 +42,7 @@ from megalopta.plotting.text import level_name, lux, number
 from megalopta.render import SceneRenderer, frame_seed, read_picture
 from megalopta.report.images import data_uri, gray_counts, write_sheet
 from megalopta.scenes import preview, white_of
-from megalopta.scenes.forest.stand import PRESETS
+from megalopta.scenes.forest.plants import PRESETS
 from megalopta.scenes.lighting.levels import LEVELS
 from megalopta.scenes.scene import Scene
 from megalopta.sensor import expose

@@ -14,9 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from megalopta.core.arrays import Floats
 from megalopta.render import dr, mi
 from megalopta.render.loading.meshes import MergedMesh
-from megalopta.render.loading.shapes import MeshIndex
+from megalopta.render.loading.scene import MeshIndex
 from megalopta.scenes.cameras.base import Camera
 
 UInt32 = NDArray[np.uint32]
@@ -64,7 +65,7 @@ class Cells:
         cls,
         meshes: Sequence[MergedMesh],
         camera: Camera,
-        positions: NDArray[np.float64],
+        positions: Floats,
     ) -> "Cells":
         """Cut meshes for a camera that comes to positions (T, 3).
 

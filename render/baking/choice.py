@@ -2,11 +2,9 @@
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
+from megalopta.core.arrays import Floats
 from megalopta.render import RenderSettings
-from megalopta.render.baking.moving import MOST_OBJECTS
+from megalopta.render.baking.shading import MOST_OBJECTS
 from megalopta.scenes.scene import Scene
 
 _FEWEST_SAMPLES = 1000
@@ -28,7 +26,7 @@ PATH, BAKE, SAMPLE, AT_EQUAL_ERROR, _AT_TARGET_ERROR = 5.0, 2.1, 1.3, 1.7, 4.0
 def path_tracing_reason(
     scene: Scene,
     variant: str,
-    poses: NDArray[np.float64] | None,
+    poses: Floats | None,
     settings: RenderSettings,
     pixels: int,
 ) -> str:

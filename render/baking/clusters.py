@@ -1,9 +1,16 @@
-"""Cells that lie together in a pixel, and share their light.
+"""Cells that share their light: in clusters, and those with their neighbors.
 
 Of foliage a pixel sees dozens of leaves at a time, from a sequence that is seen once each: what
 counts is their mean. Cells of one material that face about the same way and lie in the same voxel,
 a quarter to half of a pixel wide from where the camera comes closest, are one cluster. Its light is
 gathered at points drawn as often as the sequence sees their cells.
+
+Neighboring clusters told apart only as far as their light differs by more than its noise. In a
+voxel some pixels wide the light of clusters that face the same way varies by τ², and what is known
+of each by its noise v. Of a cluster's distance from their mean the part τ²/(τ² + v) is kept, which
+has the least mean square error (James and Stein, 1961): where light is even the clusters share
+their samples, and where shadows fall each keeps its own. Half differences then stand for the whole
+error, with what is taken of true contrast.
 """
 
 from collections.abc import Sequence
@@ -13,11 +20,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from megalopta.render.baking.cells import NEAREST_M, Cells, pixel_angle
+from megalopta.core.arrays import Floats, Ints
+from megalopta.render.baking.cells import NEAREST_M, Cells, UInt32, pixel_angle
 from megalopta.render.loading.meshes import MergedMesh
 from megalopta.scenes.cameras.base import Camera
-
-UInt32 = NDArray[np.uint32]
 
 VOXEL_PX = 0.5
 """Widest voxel, in pixels of the camera where it comes closest."""
@@ -35,7 +41,7 @@ class Voxels:
         cells: Cells,
         meshes: Sequence[MergedMesh],
         camera: Camera,
-        positions: NDArray[np.float64],
+        positions: Floats,
     ) -> None:
         self._cells, self._meshes = cells, meshes
         self._path, self._pixel_rad = cKDTree(positions), pixel_angle(camera)
@@ -66,9 +72,9 @@ class Clusters:
     """Cells in C clusters, sorted by cluster."""
 
     members: UInt32
-    first: NDArray[np.int64]
+    first: Ints
     """(C + 1,): place of the first member of each cluster, and their number."""
-    weight: NDArray[np.int64]
+    weight: Ints
     """How often each member and all before it were seen, from 1 on."""
     places: UInt32
     """Where each member was seen once."""
@@ -91,18 +97,18 @@ class Clusters:
         return self.members[self.first[:-1]]
 
     @property
-    def seen(self) -> NDArray[np.int64]:
+    def seen(self) -> Ints:
         """(C,): how often members were seen."""
         return np.diff(np.concatenate([[0], self.weight])[self.first])
 
-    def of_members(self, chosen: NDArray[np.int64]) -> tuple[UInt32, NDArray[np.int64]]:
+    def of_members(self, chosen: Ints) -> tuple[UInt32, Ints]:
         """All members of chosen clusters, and for each which of the chosen it belongs to."""
         sizes = np.diff(self.first)[chosen]
         owner = np.repeat(np.arange(len(chosen)), sizes)
         place = np.arange(len(owner)) - np.repeat(np.cumsum(sizes) - sizes, sizes)
         return self.members[self.first[chosen][owner] + place], owner
 
-    def draws(self, chosen: NDArray[np.int64]) -> tuple[UInt32, UInt32]:
+    def draws(self, chosen: Ints) -> tuple[UInt32, UInt32]:
         """Members (C, DRAWS) of chosen clusters (C,), evenly by how often each was seen.
 
         And where each was seen once.
@@ -123,3 +129,33 @@ def _hashed(columns: Sequence[NDArray[np.generic]]) -> NDArray[np.uint64]:
             found *= multiplier
             found ^= found >> np.uint64(29)
     return found
+
+
+def smoothed(rows: Floats, neighbors: NDArray[np.uint64], rays: Ints, seen: Ints) -> Floats:
+    """Rows (C, 2·n) of clusters: n values, and half the differences of two halves of each.
+
+    Clusters with equal numbers are neighbors; `rays` of each tell how well it is known.
+    """
+    _, group = np.unique(neighbors, return_inverse=True)
+    n = rows.shape[1] // 2
+    light, apart = rows[:, :n].sum(axis=1), rows[:, n:].sum(axis=1)
+
+    def total(values: Floats) -> Floats:
+        return np.asarray(np.bincount(group, values), np.float64)
+
+    count, weight = total(np.ones(len(rows))), total(rays.astype(float))
+    # Of one ray: what halves are apart by has the variance of the mean.
+    of_a_ray = total(rays * apart**2) / count
+    mean = total(rays * light) / weight
+    noise = of_a_ray[group] / rays
+    # As often as pixels show them: what counts is the contrast that is seen.
+    shown = total(seen.astype(float))
+    spread = total(seen * ((light - mean[group]) ** 2 - noise * (1 - rays / weight[group]))) / shown
+    contrast = np.maximum(spread * count / np.maximum(count - 1, 1), 0)[group]
+    kept = np.where(contrast + noise > 0, contrast / np.maximum(contrast + noise, 1e-300), 1.0)
+    kept = np.where(count[group] > 1, kept, 1.0)[:, None]
+    # The least mean square error is v·kept: the part of the noise that is kept, and of the contrast
+    # that is not. Half differences are to have it as theirs.
+    kept = np.concatenate([np.tile(kept, n), np.tile(np.sqrt(kept), n)], axis=1)
+    means = np.stack([total(rays * column) / weight for column in rows.T], axis=1)
+    return np.asarray(means[group] + kept * (rows - means[group]))

@@ -1,12 +1,17 @@
-"""Light that arrives at clusters of cells, from two independent sets of rays.
+"""Light that clusters of cells send out, gathered by rays.
 
-A diffuse surface with reflectance ρ under irradiance E sends out L = ρE/π in all directions, and
-E/π is the mean radiance that arrives from directions distributed as the cosine. Where light comes
-through, some of the rays leave from the other side (`scattering`). Most of it comes straight from
-the sky: there only what a ray sees of the sky that nothing blocks has to be found, and such rays
-are five times as quick as paths. Every eighth ray is followed as a path and brings the
-light of surfaces, bounces included; what comes straight from the disc of sun or moon is left to the
-frame, which knows where shadows fall to the pixel.
+What meshes send out of the light that falls on either of their sides. A side of a diffuse surface
+sends out (ρ·E + τ·E′)/π, where E is the irradiance of this side and E′ that of the other. Rays are
+shared between the sides about as ρ is to τ, which leaves the least noise where both are lit alike.
+
+Light that arrives at clusters of cells, from two independent sets of rays. A diffuse surface with
+reflectance ρ under irradiance E sends out L = ρE/π in all directions, and E/π is the mean radiance
+that arrives from directions distributed as the cosine. Where light comes through, some of the rays
+leave from the other side (`scattering`). Most of it comes straight from the sky: there only what a
+ray sees of the sky that nothing blocks has to be found, and such rays are five times as quick as
+paths. Every eighth ray is followed as a path and brings the light of surfaces, bounces included;
+what comes straight from the disc of sun or moon is left to the frame, which knows where shadows
+fall to the pixel.
 
 The two spectra that a texture mixes have their band means of ρE/π apart, and not those of ρ
 and E: green leaves and green light go together within a band by several percent.
@@ -22,25 +27,130 @@ the error of their mean as its standard deviation.
 """
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from megalopta.core.arrays import Floats, Ints
 from megalopta.render import Bands, RenderSettings, dr, mi
-from megalopta.render.baking.cells import Cells
-from megalopta.render.baking.lanes import Lanes, Places
-from megalopta.render.baking.sampling import cell_sampler, hashed, recurrence
-from megalopta.render.baking.scattering import WAVELENGTHS, Scattering
-from megalopta.render.baking.visibility import unpacked
-from megalopta.render.light_paths import LightPaths
+from megalopta.render.baking.cells import Cells, Patches, UInt32
+from megalopta.render.baking.visibility import cell_sampler, hashed, recurrence, unpacked
 from megalopta.render.loading.meshes import MergedMesh
 from megalopta.render.loading.sky import SkyPatterns
+from megalopta.render.path_tracing import LightPaths
+from megalopta.scenes.material import Material
 from megalopta.scenes.scene import Scene
-from megalopta.scenes.spectra.spectrum import flat
+from megalopta.scenes.spectra.spectrum import Spectrum, flat
 
-Integers = NDArray[np.int64]
-UInt32 = NDArray[np.uint32]
+
+@dataclass
+class Places:
+    """Where clusters are sampled: some cells of each, one cluster after the other."""
+
+    patches: Patches
+    seen: UInt32
+    """Where in each cell a point was seen."""
+    draws: int
+
+
+@dataclass
+class Lanes:
+    """How the samples of both halves of C clusters lie in one launch.
+
+    A half has as many groups as its cluster has shares, of `size` lanes each.
+    """
+
+    shares: Ints
+    size: int
+
+    def __post_init__(self) -> None:
+        groups = np.repeat(self.shares, 2)
+        self._start = np.cumsum(groups) - groups
+        self._samples = groups * self.size
+        entry = np.repeat(np.arange(len(groups), dtype=np.uint32), groups)
+        number = (np.arange(len(entry)) - self._start[entry]).astype(np.uint32)
+        lane = dr.arange(mi.UInt, len(entry) * self.size)
+        group = lane // self.size
+        of_half = dr.gather(mi.UInt, mi.UInt(entry), group)
+        first = dr.gather(mi.UInt, mi.UInt(number), group) * self.size
+        self.sample = first + lane - group * self.size
+        """Number of each lane's sample in its half."""
+        self.half = of_half & 1
+        self.cluster = of_half >> 1
+        self.samples = dr.gather(mi.UInt, mi.UInt(self._samples.astype(np.uint32)), of_half)
+        """How many samples each lane's half has."""
+
+    def of_cluster(self, values: UInt32) -> Any:
+        """Values of clusters (C,) for lanes."""
+        return dr.gather(mi.UInt, mi.UInt(values), self.cluster)
+
+    def means(self, values: list[Any]) -> Floats:
+        """Means (2C, n) over the samples of each half of n values of lanes."""
+        sums = [dr.block_sum(each, self.size) for each in values]
+        dr.eval(sums)
+        groups = np.stack([np.array(each, np.float64) for each in sums], axis=1)
+        totals = np.add.reduceat(groups, self._start, axis=0)
+        return np.asarray(totals / self._samples[:, None])
+
+
+WAVELENGTHS = 2**8
+"""In a band, of which each path takes one."""
+_LEAST_SHARE = 0.25
+"""Of the rays that either side of what lets light through gets: bands differ."""
+
+
+def scattered(material: Material) -> tuple[Spectrum, Spectrum, Spectrum, Spectrum]:
+    """Reflectance where the texture's weight is 0 and where it is 1, and so transmittance."""
+    black, texture = flat(0.0), material.texture
+    if material.emission:
+        return black, black, black, black
+    first = material.reflectance, material.transmittance or black
+    second = (texture.reflectance, texture.transmittance or black) if texture else first
+    return first[0], second[0], first[1], second[1]
+
+
+class Scattering:
+    """Of M materials: what B bands get of the light on this side (0) and on the other (1)."""
+
+    def __init__(self, materials: Sequence[Material], bands_nm: Bands) -> None:
+        places = (np.arange(WAVELENGTHS) + 0.5) / WAVELENGTHS
+        self._grids = [lower + (upper - lower) * places for lower, upper in bands_nm]
+        table = [
+            [[each(grid) for grid in self._grids] for each in scattered(material)]
+            for material in materials
+        ]
+        self._table = np.reshape(table, (len(materials), 2, 2, len(bands_nm), WAVELENGTHS))
+        means = self._table.mean(axis=(2, 3, 4))
+        total = means.sum(axis=1)
+        through = np.divide(means[:, 1], total, out=np.zeros(len(total)), where=total > 0)
+        through = np.where(through > 0, through.clip(_LEAST_SHARE, 1 - _LEAST_SHARE), 0)
+        self.through: Floats = through
+        """(M,): share of the rays that leave from the other side."""
+        shares = np.stack([1 - through, through], axis=1)
+        self._weight = np.divide(1, shares, out=np.zeros_like(shares), where=shares > 0)
+
+    def of_rays(self) -> Floats:
+        """What a ray counts (M, 2 sides, 2 spectra, B, WAVELENGTHS) of the light that it brings."""
+        return np.asarray(self._table * self._weight[:, :, None, None, None])
+
+    def under(self, skies: Sequence[Spectrum]) -> Floats:
+        """Radiance (M, 2 sides, S, 2 spectra · B) that each side's share of S skies brings.
+
+        Divided by the share of rays that the side gets.
+        """
+        each = [self._under(sky) * self._weight[:, :, None] for sky in skies]
+        return np.stack(each, axis=2)
+
+    def brightness(self, sky: Spectrum) -> Floats:
+        """How bright (M,) materials are under the sky, relative to the brightest; 1 in the dark."""
+        total = self._under(sky).sum(axis=(1, 2))
+        return np.asarray(total / total.max() if total.any() else np.ones(len(total)))
+
+    def _under(self, sky: Spectrum) -> Floats:
+        light = np.array([sky(grid) for grid in self._grids])
+        return np.asarray(np.mean(self._table * light, axis=-1)).reshape(len(self._table), 2, -1)
+
 
 STRIDE = 8
 """Rays for each that is followed as a path."""
@@ -93,13 +203,13 @@ class Gatherer:
         # Without light from the sky all rays have to be followed.
         self._stride = STRIDE if self._under_sky.any() else 1
 
-    def brightness(self, cell: UInt32) -> NDArray[np.float64]:
+    def brightness(self, cell: UInt32) -> Floats:
         """How bright the material of cells (C,) is under the sky, relative to the brightest."""
         return np.asarray(self._bright[self._cells.patches(cell).mesh])
 
     def leaving(
-        self, leader: UInt32, cell: UInt32, seen: UInt32, *, shares: Integers, least: int
-    ) -> NDArray[np.float64]:
+        self, leader: UInt32, cell: UInt32, seen: UInt32, *, shares: Ints, least: int
+    ) -> Floats:
         """Radiance (C, 2 halves, 2·bands) that leaves clusters, first spectrum before second.
 
         A cluster is seeded by its leader (C,), and its light gathered at its cells (C, n) evenly,
@@ -114,7 +224,7 @@ class Gatherer:
         followed = self._followed(leader, mesh, places, Lanes(shares, least // self._stride))
         return np.asarray(sky + followed).reshape(len(leader), 2, -1)
 
-    def _in_view(self, leader: UInt32, places: Places, lanes: Lanes) -> NDArray[np.float64]:
+    def _in_view(self, leader: UInt32, places: Places, lanes: Lanes) -> Floats:
         """Share (2C, 2, S) of the rays that see the sky from this side, and from the other.
 
         Of the even sky; then times each pattern where they see it.
@@ -130,9 +240,7 @@ class Gatherer:
         parts = [dr.select(side, value, 0.0) for side in sides for value in bright]
         return lanes.means(parts).reshape(-1, 2, skies)
 
-    def _followed(
-        self, leader: UInt32, mesh: UInt32, places: Places, lanes: Lanes
-    ) -> NDArray[np.float64]:
+    def _followed(self, leader: UInt32, mesh: UInt32, places: Places, lanes: Lanes) -> Floats:
         """Radiance (2C, 2·bands) that leaves meshes (C,) because of light from surfaces."""
         bands = len(self._bands)
         key, other = self._keys(leader, lanes)

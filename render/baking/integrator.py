@@ -7,7 +7,6 @@ survey of the sequence did not meet have no light that would be right for them a
 objects that move, and for what is near these, paths are traced.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -15,25 +14,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from megalopta.core.arrays import Floats
 from megalopta.core.progress import step
 from megalopta.render import RenderSettings, dr, mi
 from megalopta.render.baking.cells import CellFinder, Cells
 from megalopta.render.baking.choice import BAKE, SAMPLE, cost_reason, samples_of_pixel
 from megalopta.render.baking.clusters import Voxels
-from megalopta.render.baking.comparison import compared, pixels_to_compare
+from megalopta.render.baking.errors import Pilot, compared, pixels_to_compare
 from megalopta.render.baking.gathering import Gatherer, wavelength_groups
-from megalopta.render.baking.light import BakedLight
-from megalopta.render.baking.moving import Neighborhood
-from megalopta.render.baking.paths import Paths
-from megalopta.render.baking.pilot import Pilot
-from megalopta.render.baking.shading import SunLight, Textures
-from megalopta.render.baking.store import NAMES, key_of, light_store
-from megalopta.render.baking.visibility import survey
-from megalopta.render.loading.meshes import MergedMesh, MovingMesh
-from megalopta.render.loading.scene import part_of_scene
+from megalopta.render.baking.light import NAMES, BakedLight, key_of, light_store
+from megalopta.render.baking.shading import Neighborhood, Paths, SunLight, Textures
+from megalopta.render.baking.visibility import VIEWS, survey, views
+from megalopta.render.loading.meshes import MovingMesh
+from megalopta.render.loading.scene import LoadedScene, part_of_scene
 from megalopta.render.sensors.primary import pixel_means
 from megalopta.scenes.cameras.base import Camera
-from megalopta.scenes.scene import Scene
 
 # Rays for each time that a cluster is seen, to learn how many the error asked for takes.
 _PILOT_DENSITY = 1.0
@@ -71,24 +66,23 @@ class BakedLightIntegrator:
 
     def __init__(
         self,
-        loaded: Any,
-        scene: Scene,
-        meshes: Sequence[MergedMesh],
-        settings: RenderSettings,
+        whole: LoadedScene,
         camera: Camera,
-        poses: NDArray[np.float64],
+        settings: RenderSettings,
+        poses: Floats,
         seed: int,
         folder: Path | None = None,
     ) -> None:
+        scene, meshes, loaded = whole
         self._bands = settings.bands_nm
         self._paths = Paths(settings)
-        self._moving, whole = Neighborhood(meshes), loaded
+        self._moving = Neighborhood(meshes)
         if self._moving:
             meshes = [mesh for mesh in meshes if not isinstance(mesh, MovingMesh)]
             loaded = part_of_scene(scene, loaded.shapes()[: len(meshes)])
         positions = poses[:, :3, 3]
         cells = Cells.of(meshes, camera, positions)
-        self._finder = CellFinder(cells, whole)
+        self._finder = CellFinder(cells, whole.loaded)
         gatherer = Gatherer(loaded, scene, meshes, cells, settings, seed)
         voxels = Voxels(cells, meshes, camera, positions)
         self._light = BakedLight(gatherer, voxels, cells.count, len(self._bands))
@@ -116,10 +110,11 @@ class BakedLightIntegrator:
         self._compared = min(1.0, pixels_to_compare(work, len(poses)) / pixels)
 
     def _prepare(
-        self, loaded: Any, camera: Camera, poses: NDArray[np.float64], seed: int, error: float
+        self, loaded: Any, camera: Camera, poses: Floats, seed: int, error: float
     ) -> float:
         """Find what is to be baked, and with how many rays; how far a sample is off (RMS)."""
-        seen, places = survey(loaded, self._finder, self._light.cells, camera, poses, seed)
+        rays = views(camera, poses, VIEWS, seed)
+        seen, places = survey(loaded, self._finder, self._light.cells, rays)
         cell = np.flatnonzero(seen).astype(np.uint32)
         self._light.surveyed(cell, seen[cell], places[cell])
         self._light.begin(_PILOT_DENSITY)

@@ -1,22 +1,112 @@
-"""What cells send out, computed once and kept: the part of shading that no view changes.
+"""Baked light: computed, looked up and kept.
 
-For each cluster of cells that is asked for, and each band, the table keeps the radiance that leaves
-where the texture's weight is 0 and where it is 1, and of both how far the halves of the samples are
-apart (`gathering`). With the weight w the surface shows (1 − w) of the one and w of the other.
+What cells send out, computed once and kept: the part of shading that no view changes. For each
+cluster of cells that is asked for, and each band, the table keeps the radiance that leaves where
+the texture's weight is 0 and where it is 1, and of both how far the halves of the samples are apart
+(`gathering`). With the weight w the surface shows (1 − w) of the one and w of the other.
 """
 
+import hashlib
 import math
+from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from megalopta.core.array_store import ArrayStore
+from megalopta.core.arrays import Floats, Ints
+from megalopta.core.freshness import BAKE_MODEL, RENDER_MODEL
 from megalopta.core.progress import progress
-from megalopta.render import dr, mi
-from megalopta.render.baking.clusters import Clusters, Voxels
+from megalopta.render import RenderSettings, dr, mi
+from megalopta.render.baking.cells import UInt32
+from megalopta.render.baking.clusters import Clusters, Voxels, smoothed
 from megalopta.render.baking.gathering import STRIDE, Gatherer
-from megalopta.render.baking.smoothing import smoothed
-from megalopta.render.baking.table import Table
+from megalopta.render.loading.meshes import MergedMesh
+from megalopta.scenes.cameras.base import Camera
+from megalopta.scenes.scene import Scene
+
+FIRST_ROWS = 2**12
+
+
+class Table:
+    """Rows of `width` numbers each; `count` are filled."""
+
+    def __init__(self, width: int) -> None:
+        self._width, self.count = width, 0
+        self._values = dr.zeros(mi.Float, FIRST_ROWS * width)
+
+    def rows(self) -> Floats:
+        """All of it (count, width)."""
+        filled = np.array(self._values, np.float64)[: self.count * self._width]
+        return filled.reshape(-1, self._width)
+
+    def column(self, row: Any, column: int, active: Any) -> Any:
+        """One column of rows (N,)."""
+        return dr.gather(mi.Float, self._values, row * self._width + column, active)
+
+    def put(self, rows: Floats) -> None:
+        """Append rows (C, width)."""
+        first, self.count = self.count, self.count + len(rows)
+        size, needed = dr.width(self._values), self.count * self._width
+        if needed > size:
+            grown = dr.zeros(mi.Float, max(needed, 2 * size))
+            dr.scatter(grown, self._values, dr.arange(mi.UInt, size))
+            self._values = grown
+        self.write(rows, np.arange(first, self.count, dtype=np.uint32))
+
+    def write(self, rows: Floats, row: NDArray[np.uint32]) -> None:
+        """Set rows (C,) to (C, width)."""
+        place = (row[:, None] * self._width + np.arange(self._width)).astype(np.uint32)
+        values = mi.Float(rows.astype(np.float32).ravel())
+        dr.scatter(self._values, values, mi.UInt(place.ravel()))
+        dr.eval(self._values)
+        dr.sync_thread()
+
+
+NAMES = "density", "cells", "seen", "rows", "scatter"
+MOST_BYTES = 4 * 10**9
+"""Of all stored light: beyond it the oldest goes."""
+
+
+def key_of(
+    scene: Scene,
+    meshes: Sequence[MergedMesh],
+    settings: RenderSettings,
+    camera: Camera,
+    poses: Floats,
+    seed: int,
+) -> str:
+    """Hash of all that baked light depends on."""
+    found = hashlib.blake2b(digest_size=16)
+    settled = settings.bands_nm, settings.max_depth, settings.standing_error
+    found.update(
+        repr((RENDER_MODEL, BAKE_MODEL, mi.variant(), seed, settled, scene.lighting)).encode()
+    )
+    for sky in scene.lighting.patterns if scene.lighting else ():
+        found.update(sky.pattern.tobytes())
+    found.update(camera.model_dump_json().encode() + poses.tobytes())
+    for mesh in meshes:
+        material = scene.materials[mesh.material]
+        found.update(repr((material.reflectance, material.transmittance)).encode())
+        if material.emission:
+            found.update(repr(material.emission.radiance).encode())
+            pattern = material.emission.pattern
+            found.update(b"even" if pattern is None else pattern.tobytes())
+        if material.texture:
+            spectra = material.texture.reflectance, material.texture.transmittance
+            found.update(repr(spectra).encode())
+            found.update(material.texture.weight.tobytes())
+        for values in (mesh.vertices, mesh.faces, mesh.normals, mesh.uv):
+            found.update(b"none" if values is None else np.ascontiguousarray(values).tobytes())
+    return found.hexdigest()
+
+
+def light_store(folder: Path | None, key: str) -> ArrayStore:
+    """Return where baked light is kept; without a folder nothing is."""
+    return ArrayStore(folder, key, MOST_BYTES)
+
 
 NOT_BAKED, NOT_SURVEYED = 2**32 - 1, 2**32 - 2
 LEAST_RAYS = 2 * STRIDE
@@ -32,8 +122,6 @@ _EXPONENT = 0.5 / 0.42
 RAYS_AT_ONCE = 2**20
 # Voxels in which clusters are smoothed, over those of clusters: 2² times as wide.
 OCTAVES = 2
-
-UInt32 = NDArray[np.uint32]
 
 
 class BakedLight:
@@ -64,7 +152,7 @@ class BakedLight:
         self._row_of = np.full(len(self._clusters), NOT_BAKED, np.uint32)
         self._table = Table(4 * self._bands)
 
-    def _shares_at(self, density: float) -> NDArray[np.int64]:
+    def _shares_at(self, density: float) -> Ints:
         """Rays of each cluster, over the fewest."""
         rays = (density * self._weight).clip(1, _MOST_RAYS)
         return np.ceil(rays / LEAST_RAYS).astype(np.int64)
@@ -121,7 +209,7 @@ class BakedLight:
         row[found] = self._row_of[cluster[found]]
         self._point(cell, row)
 
-    def _bake(self, chosen: NDArray[np.int64]) -> None:
+    def _bake(self, chosen: Ints) -> None:
         """Compute the light of chosen clusters that have none."""
         chosen = chosen[self._row_of[chosen] == NOT_BAKED]
         if not len(chosen):
@@ -179,13 +267,13 @@ class BakedLight:
         dr.sync_thread()
 
 
-def _launches(shares: NDArray[np.int64]) -> list[NDArray[np.int64]]:
+def _launches(shares: Ints) -> list[Ints]:
     """Clusters, by the number of each, that are computed at once; they have shares (C,)."""
     launch = np.cumsum(LEAST_RAYS * shares) // RAYS_AT_ONCE
     return np.split(np.arange(len(launch)), np.flatnonzero(np.diff(launch)) + 1)
 
 
-def _place(keys: NDArray[np.uint64], wanted: NDArray[np.uint64]) -> NDArray[np.int64]:
+def _place(keys: NDArray[np.uint64], wanted: NDArray[np.uint64]) -> Ints:
     """Where keys, sorted, hold those wanted (N,); -1 where they do not."""
     if not len(keys):
         return np.full(len(wanted), -1)

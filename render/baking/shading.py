@@ -1,16 +1,25 @@
-"""What a frame adds to baked light: textures, and light straight from sun or moon."""
+"""What a frame adds to baked light: textures, the sun's disc, and paths.
+
+Where moving objects change the light on what is at rest, so that baked light will not do. An object
+inside a sphere of radius r around a center at a distance d takes up at most (r/d)² of the
+irradiance of a point at rest. Nearer than where that is a hundredth, paths are traced.
+"""
 
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from megalopta.render import Bands, dr, mi
+from megalopta.core.arrays import Floats
+from megalopta.render import Bands, RenderSettings, dr, mi
 from megalopta.render.baking.cells import Sight
-from megalopta.render.baking.scattering import scattered
+from megalopta.render.baking.gathering import scattered, wavelength_groups
+from megalopta.render.baking.visibility import cell_sampler
 from megalopta.render.loading.materials import bitmap
-from megalopta.render.loading.meshes import MergedMesh
+from megalopta.render.loading.meshes import MergedMesh, MovingMesh
 from megalopta.render.loading.scene import DISC_POINTS
+from megalopta.render.path_tracing import LightPaths
 from megalopta.scenes.scene import Scene, Sun
 
 # Wavelengths of a band's mean.
@@ -76,3 +85,73 @@ class SunLight:
             for k in (0, self._bands)
         )
         return [cosine * dr.lerp(a, b, weight) for a, b in zip(first, second, strict=True)]
+
+
+class Paths:
+    """Mitsuba's path tracer, for whichever rays are asked for."""
+
+    def __init__(self, settings: RenderSettings) -> None:
+        self._bands = settings.bands_nm
+        self._paths = LightPaths(settings.max_depth)
+
+    def radiance(self, scene: Any, ray: Any, place: Any, sampler: Any, active: Any) -> list[Any]:
+        """Radiance of each band along those of N rays that are active; 0 along others.
+
+        `place` is that of the wavelength in its band. They are traced apart from the others, with
+        random numbers that follow from one of the sampler's.
+        """
+        key = mi.UInt(sampler.next_1d() * 2.0**32)
+        found = [dr.zeros(mi.Float, dr.width(active)) for _ in self._bands]
+        lanes: Any = dr.compress(active)
+        if not dr.width(lanes):
+            return found
+        rays, place = dr.gather(mi.Ray3f, mi.Ray3f(ray), lanes), dr.gather(mi.Float, place, lanes)
+        numbers = cell_sampler()
+        numbers.start(dr.gather(mi.UInt, key, lanes), lanes)
+        for first, size, wavelengths in wavelength_groups(self._bands, place):
+            rays.wavelengths = wavelengths
+            values, _ = self._paths.radiance(scene, numbers, rays)
+            for band in range(size):
+                dr.scatter(found[first + band], values[band], lanes)
+        return found
+
+
+MOST_OBJECTS = 16
+"""Of which each point looks for the nearest."""
+_LARGEST_SHARE = 0.01
+
+
+class Neighborhood:
+    """Points near moving objects."""
+
+    def __init__(self, meshes: Sequence[MergedMesh]) -> None:
+        self._meshes = [mesh for mesh in meshes if isinstance(mesh, MovingMesh)]
+        self._spheres: list[tuple[Any, Any]] = []
+        self.move_to(0.0)
+
+    def __bool__(self) -> bool:
+        return bool(self._meshes)
+
+    def move_to(self, time_s: float) -> None:
+        """Take the objects to where they are at a time."""
+        self._spheres = []
+        for mesh in self._meshes:
+            vertices = mesh.vertices_at(time_s)
+            for part in mesh.parts:
+                center, reach = _sphere(vertices[part.vertices])
+                sphere = mi.Point3f(center.tolist()), mi.Float(reach**2 / _LARGEST_SHARE)
+                dr.make_opaque(sphere)  # or every time would be compiled anew
+                self._spheres.append(sphere)
+
+    def holds(self, points: Any) -> Any:
+        """Which points (N,) are near."""
+        near = mi.Bool(False)
+        for center, reach2 in self._spheres:
+            near |= dr.squared_norm(points - center) < reach2
+        return near
+
+
+def _sphere(vertices: NDArray[np.float32]) -> tuple[Floats, float]:
+    """Center (3,) and radius of a sphere around points (n, 3)."""
+    center = (vertices.min(axis=0) + vertices.max(axis=0)) / 2.0
+    return center, float(np.linalg.norm(vertices - center, axis=1).max())

@@ -1,24 +1,82 @@
-"""A look at the whole sequence before anything is baked: how much of it each cell fills, and where.
+"""How often a sequence sees each cell, and random numbers that follow from a cell alone.
 
-Of a cell that reaches into the ground or into a stone only a part is ever seen, and what arrives at
+A look at the whole sequence before anything is baked: how much of it each cell fills, and where. Of
+a cell that reaches into the ground or into a stone only a part is ever seen, and what arrives at
 the rest is no light of it. So a point is kept of each cell that was seen.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from megalopta.core.arrays import Floats
 from megalopta.render import dr, mi
-from megalopta.render.baking.cells import CellFinder, pixel_angle
-from megalopta.render.baking.sampling import hashed
+from megalopta.render.baking.cells import CellFinder, UInt32, pixel_angle
+from megalopta.render.mitsuba_loader import PlugIn, registered
 from megalopta.scenes.cameras.base import Camera
 
-UInt32 = NDArray[np.uint32]
+# Fractional parts of irrational numbers that are independent over the rationals, times 2³²:
+# 1/p and 1/p² of the plastic number p (Roberts' R₂ sequence), √2, √3 and √5.
+_STEPS = tuple(
+    round(2**32 * x)
+    for x in (0.7548776662466927, 0.5698402909980532, 2**0.5 - 1, 3**0.5 - 1, 5**0.5 - 2)
+)
 
-_STEPS = 1024
+
+def hashed(first: Any, second: Any) -> tuple[Any, Any]:
+    """Two random 32-bit numbers from two."""
+    values: Any = mi.sample_tea_32(first, second)
+    return values[0], values[1]
+
+
+def recurrence(index: Any, key: Any) -> list[Any]:
+    """Points `index` of five additive recurrences modulo 1, shifted by a key.
+
+    They fill the unit hypercube evenly; whole numbers keep them exact.
+    """
+    shifts = [shift for salt in (1, 2, 3) for shift in hashed(key, mi.UInt(salt))]
+    return [
+        mi.Float((index * mi.UInt(step) + shift) >> 8) * 2.0**-24
+        for step, shift in zip(_STEPS, shifts, strict=False)
+    ]
+
+
+def _generator(*state: Any) -> Any:
+    pcg32: Any = mi.PCG32
+    return pcg32(*state)
+
+
+class _CellSampler(PlugIn):
+    """Random numbers, started from a cluster's key and the index of a sample."""
+
+    base = "Sampler"
+
+    def __init__(self, properties: Any) -> None:
+        self.above.__init__(self, properties)
+        self.generator = _generator()
+
+    def start(self, key: Any, sample: Any) -> None:
+        state, stream = mi.sample_tea_64(key, sample), mi.sample_tea_64(sample, key)
+        self.generator = _generator(1, state, stream)
+
+    def schedule_state(self) -> None:
+        dr.schedule(self.generator)
+
+    def next_1d(self, active: Any = True) -> Any:
+        return self.generator.next_float32()
+
+    def next_2d(self, active: Any = True) -> Any:
+        return mi.Point2f(self.next_1d(active), self.next_1d(active))
+
+
+def cell_sampler() -> Any:
+    """Mitsuba sampler to be started from a cluster's key and the index of a sample."""
+    return mi.load_dict({"type": registered(_CellSampler)})
+
+
+_PLACES = 1024
 """Of places along a side of a cell."""
 _CHANCE_SHIFT = 20
 """Bits of a place."""
@@ -27,9 +85,7 @@ VIEWS = 512
 did not."""
 
 
-def views(
-    camera: Camera, poses: NDArray[np.float64], count: int, seed: int, step: int = 1
-) -> Iterator[Any]:
+def views(camera: Camera, poses: Floats, count: int, seed: int, step: int = 1) -> Iterator[Any]:
     """A ray for every `step`-th pixel from each of `count` poses spread over those (T, 4, 4).
 
     For each view the camera is turned by up to half a pixel at random, so that rays meet what lies
@@ -39,17 +95,15 @@ def views(
         yield _rays(origin, directions)
 
 
-def all_views(
-    camera: Camera, pose: NDArray[np.float64], count: int, seed: int, step: int = 1
-) -> Any:
+def all_views(camera: Camera, pose: Floats, count: int, seed: int, step: int = 1) -> Any:
     """The rays of `views` from one pose (4, 4), one view after the other."""
     turned = list(_turned(camera, pose[None], count, seed, step))
     return _rays(turned[0][0], np.concatenate([directions for _, directions in turned]))
 
 
 def _turned(
-    camera: Camera, poses: NDArray[np.float64], count: int, seed: int, step: int
-) -> Iterator[tuple[NDArray[np.float64], NDArray[np.float64]]]:
+    camera: Camera, poses: Floats, count: int, seed: int, step: int
+) -> Iterator[tuple[Floats, Floats]]:
     """Origin (3,) and directions (n, 3) of each view."""
     axes = camera.directions().reshape(-1, 3)[::step]
     turns = np.random.default_rng(seed).uniform(-0.5, 0.5, (count, 3)) * pixel_angle(camera)
@@ -58,29 +112,22 @@ def _turned(
         yield pose[:3, 3], Rotation.from_rotvec(turn).apply(axes) @ pose[:3, :3].T
 
 
-def _rays(origin: NDArray[np.float64], directions: NDArray[np.float64]) -> Any:
+def _rays(origin: Floats, directions: Floats) -> Any:
     start = mi.Point3f(origin.tolist())
     dr.make_opaque(start)  # or every view would be compiled anew
     return mi.Ray3f(start, mi.Vector3f(np.ascontiguousarray(directions.T)))
 
 
 def survey(
-    loaded: Any,
-    finder: CellFinder,
-    cells: int,
-    camera: Camera,
-    poses: NDArray[np.float64],
-    seed: int,
-    count: int = VIEWS,
-    step: int = 1,
+    loaded: Any, finder: CellFinder, cells: int, rays: Iterable[Any]
 ) -> tuple[UInt32, UInt32]:
-    """How often (cells,) each cell is seen by rays, `count` a pixel over all poses (T, 4, 4).
+    """How often (cells,) each cell is seen by the rays of some views.
 
-    Of every `step`-th pixel. And where (cells,) each was seen once, as `unpacked` reads it.
+    And where (cells,) each was seen once, as `unpacked` reads it.
     """
     seen, places = dr.zeros(mi.UInt, cells), dr.zeros(mi.UInt, cells)
-    for number, rays in enumerate(views(camera, poses, count, seed, step)):
-        sight = finder.look(loaded, rays)
+    for number, each in enumerate(rays):
+        sight = finder.look(loaded, each)
         dr.scatter_add(seen, mi.UInt(1), sight.cell, sight.shaded)
         # The one that chance puts first, whatever the order in which threads come.
         chance, _ = hashed(dr.arange(mi.UInt, dr.width(sight.cell)), dr.opaque(mi.UInt, number))
@@ -92,11 +139,11 @@ def survey(
 
 def _packed(a: Any, b: Any) -> Any:
     """Where in cells, (a, b), in the lower bits of whole numbers."""
-    i, j = (mi.UInt(dr.clip(x, 0, 1) * (_STEPS - 1) + 0.5) for x in (a, b))
-    return i * _STEPS + j
+    i, j = (mi.UInt(dr.clip(x, 0, 1) * (_PLACES - 1) + 0.5) for x in (a, b))
+    return i * _PLACES + j
 
 
 def unpacked(places: Any) -> tuple[Any, Any]:
     """Where in cells, (a, b), 0 to 1."""
-    i, j = (places // _STEPS) % _STEPS, places % _STEPS
-    return mi.Float(i) / (_STEPS - 1), mi.Float(j) / (_STEPS - 1)
+    i, j = (places // _PLACES) % _PLACES, places % _PLACES
+    return mi.Float(i) / (_PLACES - 1), mi.Float(j) / (_PLACES - 1)

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from megalopta.core.arrays import Floats
 from megalopta.render import mi
 from megalopta.render.loading.materials import spectrum
 from megalopta.render.loading.meshes import MergedMesh
@@ -19,8 +19,6 @@ from megalopta.render.loading.scene import load_scene, part_of_scene
 from megalopta.scenes.haze import Haze
 from megalopta.scenes.scene import Scene
 from megalopta.scenes.spectra.spectrum import flat
-
-Float64 = NDArray[np.float64]
 
 MARGIN_M = 1.0
 """Of the box, beyond surfaces and camera."""
@@ -35,15 +33,15 @@ class Air:
     medium: Any
     """For sensors in the box to start in."""
     extinction_per_m: float
-    low: Float64
-    high: Float64
+    low: Floats
+    high: Floats
     """(3,): corners of the box, m."""
 
-    def holds(self, points: Float64) -> bool:
+    def holds(self, points: Floats) -> bool:
         """Whether points (..., 3), m, are all in the box."""
         return bool(((points > self.low) & (points < self.high)).all())
 
-    def transmittance(self, point: Float64, toward: Float64) -> Float64:
+    def transmittance(self, point: Floats, toward: Floats) -> Floats:
         """Share (N,) of what comes from unit directions (N, 3) that reaches a point (3,) unmet."""
         with np.errstate(divide="ignore"):
             ends = np.maximum((self.low - point) / toward, (self.high - point) / toward)
@@ -51,7 +49,7 @@ class Air:
 
 
 def fill(
-    scene: Scene, haze: Haze, loaded: Any, meshes: Sequence[MergedMesh], positions: Float64
+    scene: Scene, haze: Haze, loaded: Any, meshes: Sequence[MergedMesh], positions: Floats
 ) -> Air:
     """Fill a loaded scene of meshes with haze, in a box that holds positions (N, 3) too, m.
 

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from megalopta.core.arrays import Floats, Ints
 from megalopta.scenes.material import Material
 from megalopta.scenes.motion import Motion
 from megalopta.scenes.scene import Placement, Scene
@@ -53,9 +54,9 @@ class MergedMesh:
 class MovingMesh(MergedMesh):
     """A merged mesh of objects that move."""
 
-    placed: NDArray[np.float64]
+    placed: Floats
     """(V, 3): world positions of the objects as placed, m."""
-    placed_normals: NDArray[np.float64] | None
+    placed_normals: Floats | None
     """(V, 3): shading normals of the objects as placed."""
     parts: tuple[MovingPart, ...]
     """All vertices, in order."""
@@ -67,7 +68,7 @@ class MovingMesh(MergedMesh):
         moved = [part.motion.carry(self.placed[part.vertices], time_s) for part in self.parts]
         return _local(np.concatenate(moved), self.origin_m)
 
-    def some_vertices_at(self, vertex: NDArray[np.int64], times_s: NDArray[np.float64]) -> Float32:
+    def some_vertices_at(self, vertex: Ints, times_s: Floats) -> Float32:
         """Positions (n, 3) of some vertices (n,), each at its own time (n,), as `vertices_at`."""
         part_of = np.searchsorted([part.vertices.stop for part in self.parts], vertex, "right")
         order = np.argsort(part_of, kind="stable")
@@ -96,15 +97,15 @@ class _Member(NamedTuple):
     placement: Placement
     mesh: "trimesh.Trimesh"
 
-    def vertices(self) -> NDArray[np.float64]:
+    def vertices(self) -> Floats:
         to_world = self.placement.to_world
         return np.asarray(self.mesh.vertices @ to_world[:3, :3].T + to_world[:3, 3])
 
-    def normals(self) -> NDArray[np.float64]:
+    def normals(self) -> Floats:
         turned = self.mesh.vertex_normals @ self.placement.to_world[:3, :3].T
         return np.asarray(turned / np.linalg.norm(turned, axis=1, keepdims=True))
 
-    def uv(self, material: str) -> NDArray[np.float64]:
+    def uv(self, material: str) -> Floats:
         uv = getattr(self.mesh.visual, "uv", None)
         if uv is None:
             raise ValueError(
@@ -162,5 +163,5 @@ def _is_patterned(material: Material) -> bool:
     return material.texture is not None or (emission is not None and emission.pattern is not None)
 
 
-def _local(points: NDArray[np.float64], origin_m: tuple[float, float, float]) -> Float32:
+def _local(points: Floats, origin_m: tuple[float, float, float]) -> Float32:
     return np.asarray(points - np.asarray(origin_m), dtype=np.float32)

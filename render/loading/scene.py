@@ -1,14 +1,19 @@
-"""Scene data to a loaded Mitsuba scene: merged meshes, with their materials, and lights."""
+"""Scene data to a loaded Mitsuba scene: merged meshes, with their materials, and lights.
+
+Which mesh of a loaded scene was hit, in every vectorized variant. Embree numbers the shapes of a
+scene, OptiX does not; what both give is the shape itself, as its number in Dr.Jit's registry of all
+shapes of the process.
+"""
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.render import mi
+from megalopta.render import dr, mi
 from megalopta.render.loading.materials import bsdf, emission, spectrum
-from megalopta.render.loading.meshes import MergedMesh
+from megalopta.render.loading.meshes import MergedMesh, MovingMesh
 from megalopta.render.loading.sky import uneven_sky
 from megalopta.scenes.material import Material
 from megalopta.scenes.scene import Lighting, Scene
@@ -16,6 +21,15 @@ from megalopta.scenes.scene import Lighting, Scene
 # Points that stand for the disc of sun or moon: at 10 m they blur a shadow's edge in steps of 1 cm.
 # They cost no time, since a path looks at one of them.
 DISC_POINTS = 64
+
+
+class LoadedScene(NamedTuple):
+    """A scene, and what it has become for Mitsuba."""
+
+    scene: Scene
+    meshes: Sequence[MergedMesh]
+    loaded: Any
+    """Mitsuba's, of the meshes in their order."""
 
 
 def load_scene(scene: Scene, meshes: Sequence[MergedMesh]) -> Any:
@@ -102,6 +116,14 @@ def move_meshes(
     scene.parameters_changed([])
 
 
+def move_to(scene: Any, meshes: Mapping[int, MovingMesh], time_s: float) -> None:
+    """Put moving meshes of a scene, by their index, where they are at a time."""
+    normals = {index: mesh.normals_at(time_s) for index, mesh in meshes.items()}
+    vertices = {index: mesh.vertices_at(time_s) for index, mesh in meshes.items()}
+    turned = {index: each for index, each in normals.items() if each is not None}
+    move_meshes(scene, vertices, turned)
+
+
 def _mesh(name: str, mesh: MergedMesh, materials: Mapping[str, Material]) -> Any:
     material = materials[mesh.material]
     properties = mi.Properties()
@@ -131,3 +153,19 @@ def _filled(name: str, mesh: MergedMesh, properties: Any) -> Any:
         buffers["vertex_texcoords"] = mesh.uv.ravel()
     buffers.update()
     return loaded
+
+
+class MeshIndex:
+    """The meshes of a loaded scene by their shape; the active variant must be a vectorized one."""
+
+    def __init__(self, loaded: Any) -> None:
+        registered = np.array(dr.reinterpret_array(mi.UInt, loaded.shapes_dr()))
+        # Entry 0 is what a ray has hit that hit nothing.
+        table = np.zeros(1 + int(registered.max(initial=0)), np.uint32)
+        table[registered] = np.arange(len(registered))
+        self._table = mi.UInt(table)
+
+    def of(self, hit: Any) -> Any:
+        """Index of the mesh, as loaded, of each preliminary intersection (N,); 0 of a miss."""
+        shape: Any = dr.reinterpret_array(mi.UInt, hit.shape)
+        return dr.gather(mi.UInt, self._table, shape)

@@ -7,7 +7,6 @@ texel is drawn with a chance in proportion to its brightest neighbor, over solid
 """
 
 from collections.abc import Sequence
-from functools import cache
 from typing import Any
 
 import numpy as np
@@ -16,6 +15,7 @@ from scipy.ndimage import maximum_filter
 
 from megalopta.render import dr, mi
 from megalopta.render.loading.materials import bitmap, mean, spectrum
+from megalopta.render.mitsuba_loader import PlugIn, is_scalar, plug_in
 from megalopta.scenes.scene import Lighting, SkyPattern
 
 _DISTANCE_M = 1e6
@@ -65,82 +65,75 @@ def _chances(lighting: Lighting) -> NDArray[np.float32]:
     return np.asarray(chance * sine[:, None] / chance.max(), np.float32)
 
 
-def _is_scalar() -> bool:
-    return str(mi.variant()).startswith("scalar")
-
-
 def _zeros(kind: Any) -> Any:
-    return kind() if _is_scalar() else dr.zeros(kind)
+    return kind() if is_scalar() else dr.zeros(kind)
 
 
 def uneven_sky(lighting: Lighting) -> Any:
     """Mitsuba emitter of a lighting with patterns, in the active variant."""
-    return _class_of(str(mi.variant()))(lighting)
+    return plug_in(_UnevenSky)(lighting)
 
 
-@cache
-def _class_of(variant: str) -> Any:
-    class UnevenSky(mi.Emitter):
-        def __init__(self, lighting: Lighting) -> None:
-            super().__init__(mi.Properties())
-            self.m_flags = mi.EmitterFlags.Infinite | mi.EmitterFlags.SpatiallyVarying
-            chances = _chances(lighting)
-            self.texels = mi.DiscreteDistribution2D(chances)
-            self.rows, self.columns = chances.shape
-            self.even = mi.load_dict(spectrum(lighting.sky))
-            self.spectra = [mi.load_dict(spectrum(each.radiance)) for each in lighting.patterns]
-            self.patterns = SkyPatterns(lighting.patterns)
+class _UnevenSky(PlugIn):
+    """The sky of a lighting with patterns, as an emitter."""
 
-        def toward(self, at: Any, direction: Any, active: Any) -> Any:
-            """Radiance from a direction, at the wavelengths of a point."""
-            point = _zeros(mi.SurfaceInteraction3f)
-            point.wavelengths = at.wavelengths
-            found = self.even.eval(point, active)
-            values = self.patterns.toward(direction, active)
-            for color, value in zip(self.spectra, values, strict=True):
-                found += color.eval(point, active) * value
-            return dr.select(active, found, 0.0)
+    base = "Emitter"
 
-        def chance(self, direction: Any, active: Any) -> Any:
-            """Density of a direction, over solid angle."""
-            place = place_of(direction)
-            column = dr.minimum(mi.UInt32(place.x * self.columns), self.columns - 1)
-            row = dr.minimum(mi.UInt32(place.y * self.rows), self.rows - 1)
-            return self.texels.pdf(mi.Point2u(column, row), active) * self.texels_per(direction.z)
+    def __init__(self, lighting: Lighting) -> None:
+        self.above.__init__(self, mi.Properties())
+        self.m_flags = mi.EmitterFlags.Infinite | mi.EmitterFlags.SpatiallyVarying
+        chances = _chances(lighting)
+        self.texels = mi.DiscreteDistribution2D(chances)
+        self.rows, self.columns = chances.shape
+        self.even = mi.load_dict(spectrum(lighting.sky))
+        self.spectra = [mi.load_dict(spectrum(each.radiance)) for each in lighting.patterns]
+        self.patterns = SkyPatterns(lighting.patterns)
 
-        def texels_per(self, z: Any) -> Any:
-            """Texels per solid angle, at directions of this z."""
-            sine = dr.maximum(dr.safe_sqrt(1 - z * z), _LEAST_SINE)
-            return self.rows * self.columns / (2 * dr.pi**2 * sine)
+    def toward(self, at: Any, direction: Any, active: Any) -> Any:
+        """Radiance from a direction, at the wavelengths of a point."""
+        point = _zeros(mi.SurfaceInteraction3f)
+        point.wavelengths = at.wavelengths
+        found = self.even.eval(point, active)
+        values = self.patterns.toward(direction, active)
+        for color, value in zip(self.spectra, values, strict=True):
+            found += color.eval(point, active) * value
+        return dr.select(active, found, 0.0)
 
-        def eval(self, si: Any, active: Any = True) -> Any:
-            return self.toward(si, -si.wi, active)
+    def chance(self, direction: Any, active: Any) -> Any:
+        """Density of a direction, over solid angle."""
+        place = place_of(direction)
+        column = dr.minimum(mi.UInt32(place.x * self.columns), self.columns - 1)
+        row = dr.minimum(mi.UInt32(place.y * self.rows), self.rows - 1)
+        return self.texels.pdf(mi.Point2u(column, row), active) * self.texels_per(direction.z)
 
-        def sample_direction(self, it: Any, sample: Any, active: Any = True) -> Any:
-            texel, chance, within = self.texels.sample(sample, active)
-            azimuth = dr.pi - dr.two_pi * (texel.x + within.x) / self.columns
-            sine, z = dr.sincos(dr.pi * (texel.y + within.y) / self.rows)
-            found = _zeros(mi.DirectionSample3f)
-            found.d = mi.Vector3f(sine * dr.cos(azimuth), sine * dr.sin(azimuth), z)
-            found.p = it.p + _DISTANCE_M * found.d
-            found.n = -found.d
-            found.dist, found.time, found.delta = _DISTANCE_M, it.time, False
-            found.pdf = chance * self.texels_per(z)
-            found.emitter = self if _is_scalar() else mi.EmitterPtr(self)
-            active = active & (found.pdf > 0)
-            weight = dr.select(active, dr.rcp(found.pdf), 0.0)
-            return found, self.toward(it, found.d, active) * weight
+    def texels_per(self, z: Any) -> Any:
+        """Texels per solid angle, at directions of this z."""
+        sine = dr.maximum(dr.safe_sqrt(1 - z * z), _LEAST_SINE)
+        return self.rows * self.columns / (2 * dr.pi**2 * sine)
 
-        def pdf_direction(self, it: Any, ds: Any, active: Any = True) -> Any:
-            return self.chance(ds.d, active)
+    def eval(self, si: Any, active: Any = True) -> Any:
+        return self.toward(si, -si.wi, active)
 
-        def eval_direction(self, it: Any, ds: Any, active: Any = True) -> Any:
-            return self.toward(it, ds.d, active)
+    def sample_direction(self, it: Any, sample: Any, active: Any = True) -> Any:
+        texel, chance, within = self.texels.sample(sample, active)
+        azimuth = dr.pi - dr.two_pi * (texel.x + within.x) / self.columns
+        sine, z = dr.sincos(dr.pi * (texel.y + within.y) / self.rows)
+        found = _zeros(mi.DirectionSample3f)
+        found.d = mi.Vector3f(sine * dr.cos(azimuth), sine * dr.sin(azimuth), z)
+        found.p = it.p + _DISTANCE_M * found.d
+        found.n = -found.d
+        found.dist, found.time, found.delta = _DISTANCE_M, it.time, False
+        found.pdf = chance * self.texels_per(z)
+        found.emitter = self if is_scalar() else mi.EmitterPtr(self)
+        active = active & (found.pdf > 0)
+        weight = dr.select(active, dr.rcp(found.pdf), 0.0)
+        return found, self.toward(it, found.d, active) * weight
 
-        def bbox(self) -> Any:
-            return mi.ScalarBoundingBox3f()
+    def pdf_direction(self, it: Any, ds: Any, active: Any = True) -> Any:
+        return self.chance(ds.d, active)
 
-        def to_string(self) -> str:
-            return "UnevenSky[]"
+    def eval_direction(self, it: Any, ds: Any, active: Any = True) -> Any:
+        return self.toward(it, ds.d, active)
 
-    return UnevenSky
+    def bbox(self) -> Any:
+        return mi.ScalarBoundingBox3f()

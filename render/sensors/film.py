@@ -1,22 +1,79 @@
 """A camera's film: takes frames in passes, at an instant or over a time of exposure.
 
+A frame in passes: strips of rows and, where a row alone is too much, repeats of it.
+
+A kernel that runs cannot be interrupted, holds its whole strip in memory and numbers its samples
+with 32 bits; so no pass is long. Strips come first because they leave each pixel's stratified
+samples together: 64 at once are a fifth less noisy than four times 16.
+
+A camera's film: takes frames in passes, at an instant or over a time of exposure.
+
 A channel is the integral of radiance against a box of height 1/width, so that it reads the band
 mean in W·m⁻²·sr⁻¹·nm⁻¹.
 """
 
+import math
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.render import Bands, RenderSettings, mi
+from megalopta.core.arrays import Floats
+from megalopta.render import Bands, RenderSettings, frame_seed, mi
+from megalopta.render.mitsuba_loader import registered
 from megalopta.render.sensors.optics import cut_strip, plugin, sensor_transform
-from megalopta.render.sensors.passes import plan_passes
-from megalopta.render.sensors.rows import ROWS, register_rows
+from megalopta.render.sensors.plug_ins import Rows
 from megalopta.scenes.cameras.base import Camera
 
-Float64 = NDArray[np.float64]
+TraceStrip = Callable[[int, int], NDArray[np.floating]]
+"""Renders the strip (rows, W, B) that begins at a given row, with a given seed."""
+
+
+@dataclass(frozen=True)
+class Passes:
+    """How a frame is divided."""
+
+    height: int
+    """Rows of the frame."""
+    rows: int
+    """Rows of a strip; the last one may reach beyond the frame."""
+    samples: int
+    """Light paths per pixel and pass."""
+    repeats: int
+    """Passes over each strip."""
+
+    def render(self, trace: TraceStrip, seed: int) -> Floats:
+        """Put a frame (H, W, B) together; the first pass has its seed, others derive theirs."""
+        strips = [
+            sum(
+                trace(first, pass_seed(seed, number * self.repeats + repeat)).astype(np.float64)
+                for repeat in range(self.repeats)
+            )
+            / self.repeats
+            for number, first in enumerate(range(0, self.height, self.rows))
+        ]
+        return np.concatenate(strips)[: self.height]
+
+
+def plan_passes(width: int, height: int, samples: int, most: int) -> Passes:
+    """Divide a frame into as few passes as hold at most so many samples each.
+
+    One sample of every pixel of a row is the least that a pass holds.
+    """
+    strips = math.ceil(height / max(most // (width * samples), 1))
+    repeats = math.ceil(samples / max(most // width, 1))
+    return Passes(height, math.ceil(height / strips), math.ceil(samples / repeats), repeats)
+
+
+def pass_seed(seed: int, number: int) -> int:
+    """Mitsuba's 32-bit seed of one pass of a frame; the first keeps the frame's."""
+    if number == 0:
+        return seed
+    return frame_seed(seed, number)
+
+
 Trace = Callable[..., NDArray[np.float32]]
 """`render` or `measured` of an integrator: an image (H, W, n) of a scene, a sensor, a seed and the
 samples per pixel."""
@@ -51,9 +108,8 @@ class Film:
         )
         self._optics = self._sensor = mi.load_dict({**plugin(camera), **parts})
         if is_exposed:
-            register_rows(mi.variant())
             shutter = {"shutter_open": 0.0, "shutter_close": 1.0}
-            self._sensor = mi.load_dict({"type": ROWS, **shutter, **parts})
+            self._sensor = mi.load_dict({"type": registered(Rows), **shutter, **parts})
             self._sensor.optics = self._optics
         self._parameters = mi.traverse(self._optics)
         self._samples = int(self._sensor.sampler().sample_count())
@@ -63,7 +119,7 @@ class Film:
         self,
         trace: Trace,
         scene: Any,
-        poses: Float64,
+        poses: Floats,
         seed: int,
         before_rows: Callable[[slice], None] | None = None,
     ) -> NDArray[np.float32]:
@@ -80,7 +136,7 @@ class Film:
 
         return self._passes.render(take, seed).astype(np.float32)
 
-    def _aim(self, poses: Float64, first_row: int) -> None:
+    def _aim(self, poses: Floats, first_row: int) -> None:
         rows, is_exposed = self._passes.rows, poses.ndim > 2
         # What is exposed looks through optics at Mitsuba's identity.
         to_world = np.eye(4) if is_exposed else sensor_transform(poses)

@@ -8,10 +8,11 @@ from functools import singledispatch
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from megalopta.core.arrays import Floats
 from megalopta.render import mi
-from megalopta.render.sensors.panoramic import PANORAMA, register_panorama
+from megalopta.render.mitsuba_loader import registered
+from megalopta.render.sensors.plug_ins import Panorama
 from megalopta.scenes.cameras.base import Camera
 from megalopta.scenes.cameras.panoramic import PanoramicCamera
 from megalopta.scenes.cameras.perspective import PerspectiveCamera
@@ -42,9 +43,8 @@ def _(camera: PerspectiveCamera, parameters: Any, first_row: int, rows: int) -> 
 
 @plugin.register
 def _(camera: PanoramicCamera) -> dict[str, Any]:
-    register_panorama(mi.variant())
     fov = math.radians(camera.fov_deg)
-    return {"type": PANORAMA, "fov": fov, "is_cylinder": camera.is_cylinder}
+    return {"type": registered(Panorama), "fov": fov, "is_cylinder": camera.is_cylinder}
 
 
 @cut_strip.register
@@ -55,6 +55,6 @@ def _(camera: PanoramicCamera, parameters: Any, first_row: int, rows: int) -> No
     parameters["heights"] = mi.Point2f(top - rows * per_row, top)
 
 
-def sensor_transform(pose: NDArray[np.float64]) -> NDArray[np.float64]:
+def sensor_transform(pose: Floats) -> Floats:
     """The matrix of a pose (..., 4, 4) for Mitsuba, which looks along +z with +x left, +y up."""
     return np.asarray(pose @ np.diag([-1.0, -1.0, 1.0, 1.0]))

@@ -56,35 +56,18 @@ def developed(sensor: Any, seed: int, samples: int, radiance: Radiance) -> NDArr
     return np.array(film.develop(), np.float32)
 
 
-def pixel_means(sensor: Any, seed: int, samples: int, look: Look) -> NDArray[np.float32]:
-    """Means (H, W, n) over the samples of each pixel."""
-    width, height = (int(size) for size in sensor.film().crop_size())
-    means = _means(sensor, sensor.sampler(), seed, samples, width * height, lambda lane: lane, look)
-    return means.reshape(height, width, -1)
-
-
-def means_of_pixels(
-    sensor: Any, seed: int, samples: int, pixels: NDArray[np.integer], look: Look
+def pixel_means(
+    sensor: Any, seed: int, samples: int, look: Look, chosen: NDArray[np.integer] | None = None
 ) -> NDArray[np.float32]:
-    """Means (P, n) over the multijittered samples of some pixels (P,), counted row by row."""
-    sampler: Any = mi.load_dict({"type": "multijitter", "sample_count": samples})
-    table = mi.UInt(pixels.astype(np.uint32))
-    return _means(
-        sensor, sampler, seed, samples, len(pixels), lambda n: dr.gather(mi.UInt, table, n), look
-    )
+    """Means (H, W, n) over the samples of each pixel.
 
-
-def _means(
-    sensor: Any,
-    sampler: Any,
-    seed: int,
-    samples: int,
-    pixels: int,
-    pixel_of: Callable[[Any], Any],
-    look: Look,
-) -> NDArray[np.float32]:
-    """Means (pixels, n); `pixel_of` takes a number below `pixels` to the pixel that it means."""
+    Or (P, n) over the multijittered samples of chosen pixels (P,), counted row by row.
+    """
     width, height = (int(size) for size in sensor.film().crop_size())
+    sampler, pixels, table = sensor.sampler(), width * height, None
+    if chosen is not None:
+        sampler = mi.load_dict({"type": "multijitter", "sample_count": samples})
+        pixels, table = len(chosen), mi.UInt(chosen.astype(np.uint32))
     at_once = _largest_divisor(samples, max(1, SAMPLES_AT_ONCE // pixels))
     sampler.set_samples_per_wavefront(at_once)
     sampler.seed(seed, pixels * at_once)
@@ -92,7 +75,7 @@ def _means(
     for first in range(0, samples, at_once):
         lane = dr.arange(mi.UInt, pixels * at_once)
         number = lane // at_once
-        pixel = pixel_of(number)
+        pixel = number if table is None else dr.gather(mi.UInt, table, number)
         corner = mi.Point2f(pixel % width, pixel // width)
         place = (mi.Float(lane - number * at_once + first) + 0.5) / samples
         position = (corner + sampler.next_2d()) / mi.Point2f(width, height)
@@ -103,7 +86,8 @@ def _means(
         sampler.advance()
         sampler.schedule_state()
         dr.eval(total)
-    return np.stack([np.array(values) for values in total], axis=-1)
+    means = np.stack([np.array(values) for values in total], axis=-1)
+    return means if table is not None else means.reshape(height, width, -1)
 
 
 def _largest_divisor(number: int, limit: int) -> int:

@@ -12,17 +12,15 @@ where it reaches behind the camera. In a pinhole's image these planes are straig
 panorama they are taken for straight within a pixel.
 """
 
-import numpy as np
-from numpy.typing import NDArray
+from typing import NamedTuple
 
+import numpy as np
+
+from megalopta.core.arrays import Floats, Ints, Mask
 from megalopta.core.compiling import compiled
-from megalopta.render.truth.geometry import Geometry
-from megalopta.render.truth.surface import Surface
+from megalopta.render.truth.geometry import Geometry, Surface
 from megalopta.render.truth.views import Eyes
 from megalopta.scenes.cameras.base import Camera
-
-Float64 = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 # In compiled loops numbers are set one by one: an assignment to a row takes seconds to compile.
 
@@ -33,15 +31,23 @@ _MOST_CORNERS = 8
 _ON_EDGE_PX = 1e-4
 
 
+class Probes(NamedTuple):
+    """K rays of a pixel."""
+
+    offsets: Floats
+    """(K, 2): where in the pixel they are, 0 to 1."""
+    alike: Floats
+    """(K,): what they stand for where the outline is not known; 0 of mere lookouts."""
+
+
 def ray_weights(
     geometry: Geometry,
     camera: Camera,
     eyes: Eyes,
     surface: Surface,
-    places: Float64,
-    offsets: Float64,
-    alike: Float64,
-) -> Float64:
+    places: Floats,
+    probes: Probes,
+) -> Floats:
     """Share of the pixel (P, K) of each of K rays in P pixels, which sum to 1.
 
     Parameters
@@ -52,11 +58,10 @@ def ray_weights(
         What the P·K rays see.
     places : (P, 2)
         Image coordinates of the pixels' corners, upper left.
-    offsets : (K, 2)
-        Where in a pixel the rays are, 0 to 1.
-    alike : (K,)
-        What they stand for where the outline is not known; 0 of rays that only look for it.
+    probes
+        The K rays of a pixel.
     """
+    offsets, alike = probes
     rays = len(offsets)
     things = geometry.object_id[surface.triangle].reshape(-1, rays).astype(np.int64)
     weights = np.tile(alike, (len(things), 1))
@@ -80,7 +85,7 @@ def ray_weights(
     return weights
 
 
-def _divided(members: NDArray[np.bool_], alike: Float64) -> Float64:
+def _divided(members: Mask, alike: Floats) -> Floats:
     """1, divided (P, K) among members (P, K), those in corners only where there are no others."""
     parts = members * alike
     alone = ~parts.any(axis=1, keepdims=True)
@@ -88,7 +93,7 @@ def _divided(members: NDArray[np.bool_], alike: Float64) -> Float64:
     return np.asarray(parts / parts.sum(axis=1, keepdims=True))
 
 
-def _is_two(things: Integers) -> NDArray[np.bool_]:
+def _is_two(things: Ints) -> Mask:
     """Whether pixels (P, K) hold just two things."""
     first = things[:, :1]
     differs = things != first
@@ -96,13 +101,13 @@ def _is_two(things: Integers) -> NDArray[np.bool_]:
     return np.asarray(differs.any(axis=1) & ((things == second) | ~differs).all(axis=1))
 
 
-def _nearer(things: Integers, distance: Float64) -> NDArray[np.bool_]:
+def _nearer(things: Ints, distance: Floats) -> Mask:
     """Which rays (P, K) see the nearer of two things; that of the nearest ray."""
     nearest = np.take_along_axis(things, distance.argmin(axis=1)[:, None], axis=1)
     return np.asarray(things == nearest)
 
 
-def _corner_directions(camera: Camera, places: Float64) -> Float64:
+def _corner_directions(camera: Camera, places: Floats) -> Floats:
     """Directions (P, 3, 3) of the upper left, right and lower left corners of pixels, scaled.
 
     They reach a plane, so that directions between them may be added up from their differences.

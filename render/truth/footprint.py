@@ -7,23 +7,22 @@ the same ones. Four more in the corners find outlines that only just cross a pix
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from megalopta.core.arrays import Floats, Mask
 from megalopta.core.compiling import compiled
 from megalopta.render import mi
-from megalopta.render.truth.correspondence import correspondence
-from megalopta.render.truth.coverage import ray_weights
-from megalopta.render.truth.geometry import Geometry
-from megalopta.render.truth.surface import Surface
+from megalopta.render.truth.coverage import Probes, ray_weights
+from megalopta.render.truth.geometry import Geometry, Surface, correspondence
 from megalopta.render.truth.views import Eyes, View
 from megalopta.scenes.cameras.base import Camera
 
 Float32 = NDArray[np.float32]
-Float64 = NDArray[np.float64]
 
 # What they see is held in memory, a few hundred bytes a ray. A graphics card wants many at once.
 _RAYS_AT_ONCE = {"cuda": 2**21, "llvm": 2**18, "scalar": 2**16}
@@ -41,7 +40,7 @@ class FlowSpread:
     """(H, W): share of the pixel that is hidden from the other frame's camera."""
 
     @property
-    def is_partly_hidden(self) -> NDArray[np.bool_]:
+    def is_partly_hidden(self) -> Mask:
         """Pixels (H, W) of which some is hidden and some is not."""
         return np.asarray((self.hidden > 0) & (self.hidden < 1))
 
@@ -65,12 +64,12 @@ class Footprint:
     """Toward the next frame and the previous one."""
 
     @property
-    def is_mixed(self) -> NDArray[np.bool_]:
+    def is_mixed(self) -> Mask:
         """Pixels (H, W) that hold more than the object which their center sees."""
         return np.asarray(self.purity < 1)
 
     @property
-    def is_sky(self) -> NDArray[np.bool_]:
+    def is_sky(self) -> Mask:
         """Pixels (H, W) that hold nothing but sky."""
         return np.asarray(self.sky == 1)
 
@@ -84,9 +83,9 @@ class Footprints:
         i, j = (each.ravel() for each in np.meshgrid(np.arange(grid), np.arange(grid)))
         inside = np.stack([i + (j + 0.5) / grid, j + (i + 0.5) / grid], axis=-1) / grid
         corners = [(0, 0), (1, 0), (0, 1), (1, 1)]
-        # (K, 2), in px from the pixel's upper left corner, and what each ray stands for (K,).
-        self._offsets = np.concatenate([inside, np.array(corners, dtype=float)])
-        self._alike = np.concatenate([np.full(len(inside), 1 / len(inside)), np.zeros(4)])
+        offsets = np.concatenate([inside, np.array(corners, dtype=float)])
+        alike = np.concatenate([np.full(len(inside), 1 / len(inside)), np.zeros(4)])
+        self._probes = Probes(offsets, alike)
 
     def footprint(
         self,
@@ -99,11 +98,12 @@ class Footprints:
         parts = [
             self._of_rows(view, following, previous, object_id, rows) for rows in self._strips()
         ]
-        return _joined(parts)
+        whole: Footprint = _joined(parts)
+        return whole
 
     def _strips(self) -> Iterator[slice]:
         family = str(mi.variant()).partition("_")[0]
-        height, per_row = self._camera.height, self._camera.width * len(self._offsets)
+        height, per_row = self._camera.height, self._camera.width * len(self._probes.offsets)
         step = max(1, _RAYS_AT_ONCE[family] // per_row)
         yield from (slice(first, min(first + step, height)) for first in range(0, height, step))
 
@@ -117,13 +117,11 @@ class Footprints:
     ) -> Footprint:
         camera, centers = self._camera, object_id[rows]
         places = (camera.pixel_centers()[rows] - 0.5).reshape(-1, 2)
-        image = (places[:, None] + self._offsets).reshape(-1, 2)
+        image = (places[:, None] + self._probes.offsets).reshape(-1, 2)
         pixels = slice(rows.start * camera.width, rows.stop * camera.width)
         eyes = view.pixels(camera).of(pixels)
         surface = self._look(eyes, image)
-        weights = ray_weights(
-            self._geometry, camera, eyes, surface, places, self._offsets, self._alike
-        )
+        weights = ray_weights(self._geometry, camera, eyes, surface, places, self._probes)
         things = self._geometry.object_id[surface.triangle].reshape(weights.shape)
 
         # Rays that stand for nothing need no flow, which is the dearer part.
@@ -131,7 +129,7 @@ class Footprints:
         first = np.concatenate([[0], used.sum(axis=1).cumsum()])
         seen, places_used = surface.of(used.ravel()), image[used.ravel()]
 
-        def share(where: NDArray[np.bool_]) -> Float32:
+        def share(where: Mask) -> Float32:
             sums = (weights * where).sum(axis=1)
             return np.asarray(sums.reshape(centers.shape), np.float32)
 
@@ -150,8 +148,8 @@ class Footprints:
             flow(previous),
         )
 
-    def _look(self, eyes: Eyes, image: Float64) -> Surface:
-        of_rays = eyes.of(slice(None), len(self._offsets))
+    def _look(self, eyes: Eyes, image: Floats) -> Surface:
+        of_rays = eyes.of(slice(None), len(self._probes.offsets))
         directions = of_rays.to_world(self._camera.toward(image))
         return self._geometry.glimpsed(of_rays.origin, directions, of_rays.time_s)
 
@@ -180,19 +178,10 @@ def _moments(flow, is_hidden, weights, first):  # type: ignore[no-untyped-def]
     return found
 
 
-def _joined(parts: list[Footprint]) -> Footprint:
-    def flow(name: str) -> FlowSpread:
-        each = [getattr(part, name) for part in parts]
-        return FlowSpread(
-            *(
-                np.concatenate([getattr(a, field.name) for a in each])
-                for field in fields(FlowSpread)
-            )
-        )
-
-    return Footprint(
-        np.concatenate([part.purity for part in parts]),
-        np.concatenate([part.sky for part in parts]),
-        flow("forward"),
-        flow("backward"),
-    )
+def _joined(parts: Sequence[Any]) -> Any:
+    """Return strips of rows as one, of arrays or of records of them."""
+    kind = type(parts[0])
+    if kind is np.ndarray:
+        return np.concatenate(parts)
+    each = ([getattr(part, field.name) for part in parts] for field in fields(kind))
+    return kind(*map(_joined, each))

@@ -1,4 +1,4 @@
-"""The surfaces of a scene as rays meet them, at any time.
+"""The surfaces of a scene as rays meet them, at any time, and where another frame sees them.
 
 A ray's hit is found in float32 by the renderer's own tracing; which triangle it names is then
 intersected again in float64, so that the point is exact on the surface as rendered. A point of a
@@ -18,15 +18,69 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from megalopta.core.arrays import Floats, Ints, Mask
+from megalopta.core.compiling import compiled
 from megalopta.render.loading.meshes import MergedMesh, MovingMesh
 from megalopta.render.loading.scene import bare_mesh, gather, move_meshes
 from megalopta.render.truth import rays
 from megalopta.render.truth.passing import Passing
-from megalopta.render.truth.surface import Surface, same_side
-from megalopta.render.truth.views import Times, of_rays
+from megalopta.render.truth.views import Eyes, Times, View, of_rays
+from megalopta.scenes.cameras.base import Camera
 
-Float64 = NDArray[np.float64]
-Integers = NDArray[np.int64]
+
+@dataclass(frozen=True)
+class Surface:
+    """What N rays see."""
+
+    triangle: Ints
+    """(N,): row of the triangle in the geometry's tables; -1 for the sky."""
+    points: Floats
+    """(N, 3): place on the surface, m; for the sky the ray's direction."""
+    directions: Floats
+    """(N, 3): of the rays."""
+    barycentric: Floats
+    """(N, 2): weights of the triangle's second and third vertex, where objects move."""
+    distance: Floats
+    """(N,): along the ray, m; infinite for the sky."""
+    time_s: Times
+    """When it is seen."""
+
+    @property
+    def is_sky(self) -> Mask:
+        """Where nothing was hit (N,)."""
+        return self.triangle < 0
+
+    def of(self, ray: Mask) -> "Surface":
+        """What some of the rays see."""
+        return Surface(
+            self.triangle[ray],
+            self.points[ray],
+            self.directions[ray],
+            self.barycentric[ray],
+            self.distance[ray],
+            of_rays(self.time_s, ray),
+        )
+
+
+@compiled
+def same_side(triangle, at_rest, faces, vertices, seen, way):  # type: ignore[no-untyped-def]
+    """Whether two directions each (N, 3) meet the same side of triangles at rest, or the sky."""
+    found = np.ones(len(triangle), np.bool_)
+    u, v = np.empty(3), np.empty(3)
+    for ray in range(len(triangle)):
+        if not 0 <= triangle[ray] < at_rest:
+            continue
+        a, b, c = faces[triangle[ray]]
+        for axis in range(3):
+            start = np.float64(vertices[a, axis])
+            u[axis], v[axis] = vertices[b, axis] - start, vertices[c, axis] - start
+        x = u[1] * v[2] - u[2] * v[1]
+        y = u[2] * v[0] - u[0] * v[2]
+        z = u[0] * v[1] - u[1] * v[0]
+        once = x * seen[ray, 0] + y * seen[ray, 1] + z * seen[ray, 2]
+        found[ray] = once * (x * way[ray, 0] + y * way[ray, 1] + z * way[ray, 2]) > 0
+    return found
+
 
 # A frame, the next and the one before.
 _MOST_MOMENTS = 3
@@ -74,14 +128,14 @@ class Geometry:
         """Whether anything moves."""
         return bool(self._moving)
 
-    def seen(self, origin: Float64, directions: Float64, time_s: Times) -> Surface:
+    def seen(self, origin: Floats, directions: Floats, time_s: Times) -> Surface:
         """What rays from an origin (3,) or (N, 3) along unit directions (N, 3) see.
 
         They look at one time, or each at its own (N,).
         """
         return self._refined(self.glimpsed(origin, directions, time_s), origin)
 
-    def glimpsed(self, origin: Float64, directions: Float64, time_s: Times) -> Surface:
+    def glimpsed(self, origin: Floats, directions: Floats, time_s: Times) -> Surface:
         """What rays see, as `seen`, to the renderer's own float32 precision."""
         hits = rays.nearest_hits(self.still, origin, directions)
         triangle, distance = self._rows(hits, 0), hits.distance
@@ -95,7 +149,7 @@ class Geometry:
         surface = Surface(triangle, points, directions, nowhere, distance, time_s)
         return self._placed_in_triangles(surface) if self._moving else surface
 
-    def normal(self, surface: Surface) -> Float64:
+    def normal(self, surface: Surface) -> Floats:
         """Geometric unit normals (N, 3), toward the rays' origins; NaN for the sky."""
         normal, hit = np.full(surface.points.shape, np.nan), ~surface.is_sky
         found = self._perpendicular(surface.triangle[hit], of_rays(surface.time_s, hit))
@@ -103,7 +157,7 @@ class Geometry:
         normal[hit] = found * (-np.sign(_dot(found, surface.directions[hit])) / size)[:, None]
         return normal
 
-    def faces(self, surface: Surface, way: Float64, time_s: Times) -> NDArray[np.bool_]:
+    def faces(self, surface: Surface, way: Floats, time_s: Times) -> Mask:
         """Whether the side that was seen still faces someone at a time (N,).
 
         The way (N, 3) leads from there to the surface's points. A leaf has two sides and no
@@ -124,8 +178,8 @@ class Geometry:
         return np.asarray(seen)
 
     def is_hidden(
-        self, origin: Float64, directions: Float64, distances: Float64, time_s: Times
-    ) -> NDArray[np.bool_]:
+        self, origin: Floats, directions: Floats, distances: Floats, time_s: Times
+    ) -> Mask:
         """Whether anything is nearer than distances (N,), in units of directions (N, 3).
 
         The rays start at an origin (3,) or at their own (N, 3) and look at one time, or each at its
@@ -141,7 +195,7 @@ class Geometry:
         limits = rays.visibility_limits(distances)
         return hidden | (self._passing.nearest(starts, directions, time_s, limits)[1] >= 0)
 
-    def carried(self, surface: Surface, time_s: Times) -> Float64:
+    def carried(self, surface: Surface, time_s: Times) -> Floats:
         """Where the points of a surface are at another time, or each at its own (N, 3)."""
         moving = self._moves(surface)
         if not moving.any():
@@ -152,7 +206,7 @@ class Geometry:
         points[moving] = (1 - u - v) * corners[:, 0] + u * corners[:, 1] + v * corners[:, 2]
         return points
 
-    def _moves(self, surface: Surface) -> NDArray[np.bool_]:
+    def _moves(self, surface: Surface) -> Mask:
         """Which points (N,) are of moving objects."""
         return np.asarray(surface.triangle >= self._triangles_at_rest)
 
@@ -161,8 +215,8 @@ class Geometry:
         return Passing(self._moving, self._triangles_at_rest)
 
     def _nearer(
-        self, origin: Float64, directions: Float64, time_s: Times, distance: Float64
-    ) -> tuple[Float64, Integers]:
+        self, origin: Floats, directions: Floats, time_s: Times, distance: Floats
+    ) -> tuple[Floats, Ints]:
         """Distances (N,) of what moves, and its triangles (N,), nearer than others; else -1."""
         if not isinstance(time_s, float):
             starts = np.broadcast_to(origin, directions.shape)
@@ -172,13 +226,13 @@ class Geometry:
         rows = np.where(nearer, self._rows(moving, self._meshes_at_rest), -1)
         return np.where(nearer, moving.distance, distance), rows
 
-    def _rows(self, hits: rays.Hits, first_mesh: int) -> Integers:
+    def _rows(self, hits: rays.Hits, first_mesh: int) -> Ints:
         hit = np.isfinite(hits.distance)
         rows = np.full(len(hit), -1, dtype=np.int64)
         rows[hit] = self._first[first_mesh + hits.mesh[hit]] + hits.triangle[hit]
         return rows
 
-    def corners(self, triangle: Integers, time_s: Times) -> Float64:
+    def corners(self, triangle: Ints, time_s: Times) -> Floats:
         """Vertices (n, 3, 3) of triangles (n,) at a time, or each at its own (n,)."""
         vertex = self._faces[triangle].astype(np.int64)
         count = len(self._vertices)
@@ -197,11 +251,11 @@ class Geometry:
             count += len(mesh.vertices)
         return corners
 
-    def _perpendicular(self, triangle: Integers, time_s: Times) -> Float64:
+    def _perpendicular(self, triangle: Ints, time_s: Times) -> Floats:
         corners = self.corners(triangle, time_s)
         return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
 
-    def _refined(self, surface: Surface, origin: Float64) -> Surface:
+    def _refined(self, surface: Surface, origin: Floats) -> Surface:
         """The same surface with points on its triangles in float64."""
         hit = ~surface.is_sky
         points = surface.points.copy()
@@ -245,5 +299,33 @@ class Geometry:
         return self._moments[time_s]
 
 
-def _dot(a: Float64, b: Float64) -> Float64:
+def _dot(a: Floats, b: Floats) -> Floats:
     return np.asarray(np.einsum("ij,ij->i", a, b))
+
+
+@dataclass(frozen=True)
+class Correspondence:
+    """Of N rays."""
+
+    displacement: Floats
+    """(N, 2): way in px from where a ray starts in the image; NaN where there is none."""
+    is_hidden: Mask
+    """(N,): whether something, or the surface's own other side, is between point and camera."""
+
+
+def correspondence(
+    geometry: Geometry, camera: Camera, surface: Surface, image: Floats, other: View
+) -> Correspondence:
+    """Follow a surface (N) from image coordinates (N, 2) to another frame."""
+
+    def way(eyes: Eyes) -> Floats:
+        return eyes.way(geometry.carried(surface, eyes.time_s), surface.is_sky)
+
+    seen, shown = other.seeing(camera, way, len(image))
+    there = way(seen)
+    displacement = camera.displacement(seen.to_camera(there), image)
+    there = there if shown is seen else way(shown)
+    distance = np.where(surface.is_sky, np.inf, 1.0)
+    hidden = geometry.is_hidden(shown.origin, there, distance, shown.time_s)
+    hidden |= ~geometry.faces(surface, there, shown.time_s)
+    return Correspondence(displacement, hidden)

@@ -15,13 +15,10 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from megalopta.core.arrays import Floats, Ints, Mask
 from megalopta.core.compiling import compiled
 from megalopta.render.loading.meshes import MovingMesh
-
-Float64 = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 _CLUSTER = 64
 """Triangles of a cluster."""
@@ -41,8 +38,8 @@ class _While(NamedTuple):
 
     start_s: float
     end_s: float
-    low: Float64
-    high: Float64
+    low: Floats
+    high: Floats
 
 
 class _Bundle(NamedTuple):
@@ -52,10 +49,10 @@ class _Bundle(NamedTuple):
     way along. `sides` (5, 3) are at least 0, times any place in it.
     """
 
-    rays: Integers
-    axes: Float64
-    places: Float64
-    sides: Float64
+    rays: Ints
+    axes: Floats
+    places: Floats
+    sides: Floats
 
 
 class Passing:
@@ -90,8 +87,8 @@ class Passing:
         self._whiles: list[_While] = []
 
     def nearest(
-        self, origin: Float64, directions: Float64, times_s: Float64, limits: Float64
-    ) -> tuple[Float64, Integers]:
+        self, origin: Floats, directions: Floats, times_s: Floats, limits: Floats
+    ) -> tuple[Floats, Ints]:
         """Distances (N,) of what rays meet first, in units of directions (N, 3), and its triangles.
 
         Rays of one time start at one point of `origin` (N, 3). Triangles (N,) are -1, and distances
@@ -108,16 +105,16 @@ class Passing:
                 near = np.flatnonzero(_meets(bundle.sides, stay, start))
                 corners, number = self._at(near, time)
                 some = bundle.rays
-                far, found = distance[some], np.full(len(some), -1)
-                _meet(
+                far = distance[some]
+                found = _meet(
                     bundle.places, directions[some], bundle.axes, bundle.sides,
-                    corners - start, far, found,
+                    corners - start, far,
                 )  # fmt: skip
                 hit = found >= 0
                 distance[some], triangle[some[hit]] = far, number[found[hit]]
         return distance, triangle
 
-    def _at(self, clusters: Integers, time_s: float) -> tuple[Float64, Integers]:
+    def _at(self, clusters: Ints, time_s: float) -> tuple[Floats, Ints]:
         """Corners (n, 3, 3) of the triangles of clusters at a time, and their numbers (n,)."""
         rows, first = _rows_of(self._first_vertex, clusters)
         faces, first_face = _rows_of(self._first_face, clusters)
@@ -125,9 +122,7 @@ class Passing:
         shift = np.repeat(first[:-1] - self._first_vertex[clusters], np.diff(first_face))
         return moved[self._faces[faces] + shift[:, None]], self._triangle[faces]
 
-    def _carried(
-        self, rows: Integers, first: Integers, clusters: Integers, time_s: float
-    ) -> Float64:
+    def _carried(self, rows: Ints, first: Ints, clusters: Ints, time_s: float) -> Floats:
         """Vertices (n, 3) at a time, rounded as the renderer's, of clusters from rows `first`."""
         moved = self._placed[rows]
         motion = self._motion_of[clusters]
@@ -135,7 +130,7 @@ class Passing:
         for start, end in pairwise([*starts, len(motion)]):
             some = slice(first[start], first[end])
             moved[some] = self._motions[motion[start]].carry(moved[some], time_s)
-        local: Float64 = (moved - self._origin_m).astype(np.float32).astype(np.float64)
+        local: Floats = (moved - self._origin_m).astype(np.float32).astype(np.float64)
         return local
 
     def _while(self, start_s: float, end_s: float) -> _While:
@@ -166,7 +161,7 @@ class Passing:
         return _While(start_s, end_s, low - longest, high + longest)
 
 
-def _places_in_order(points: Float64) -> Integers:
+def _places_in_order(points: Floats) -> Ints:
     """Numbers (n,) of points (n, 3) along a curve on which neighbors are near (Morton, 1966)."""
     low, size = points.min(axis=0), np.maximum(np.ptp(points, axis=0).max(), 1e-9)
     cells = ((points - low) / size * (2**_BITS - 1)).astype(np.int64)
@@ -177,14 +172,14 @@ def _places_in_order(points: Float64) -> Integers:
     return number
 
 
-def _cluster_starts(motion_of: Integers) -> Integers:
+def _cluster_starts(motion_of: Ints) -> Ints:
     """First triangles of clusters, of triangles in the order of their motions (F,)."""
     begins = np.append(0, np.flatnonzero(np.diff(motion_of)) + 1)
     rank = np.arange(len(motion_of)) - np.repeat(begins, np.diff(np.append(begins, len(motion_of))))
     return np.flatnonzero(rank % _CLUSTER == 0)
 
 
-def _rows_of(first: Integers, clusters: Integers) -> tuple[Integers, Integers]:
+def _rows_of(first: Ints, clusters: Ints) -> tuple[Ints, Ints]:
     """Rows of some clusters, of which cluster c has those from first[c], and where each begins."""
     counts = first[clusters + 1] - first[clusters]
     begins = np.append(0, np.cumsum(counts))
@@ -192,14 +187,14 @@ def _rows_of(first: Integers, clusters: Integers) -> tuple[Integers, Integers]:
     return np.arange(begins[-1]) + shift, begins
 
 
-def _of_one_time(times_s: Float64, known: NDArray[np.bool_]) -> Iterator[Integers]:
+def _of_one_time(times_s: Floats, known: Mask) -> Iterator[Ints]:
     """Yield which rays look at the same time."""
     rays = np.flatnonzero(known)
     order = rays[np.argsort(times_s[rays], kind="stable")]
     yield from np.split(order, np.flatnonzero(np.diff(times_s[order])) + 1)
 
 
-def _bundles(directions: Float64, rays: Integers) -> Iterator[_Bundle]:
+def _bundles(directions: Floats, rays: Ints) -> Iterator[_Bundle]:
     """Yield rays in narrow bundles, those of each in the order of their places across it."""
     unit = directions[rays] / np.linalg.norm(directions[rays], axis=1, keepdims=True)
     mean = unit.mean(axis=0)
@@ -226,7 +221,7 @@ def _bundles(directions: Float64, rays: Integers) -> Iterator[_Bundle]:
     yield _Bundle(rays[order], axes, places[order, 0], sides)
 
 
-def _meets(sides: Float64, stay: _While, start: Float64) -> NDArray[np.bool_]:
+def _meets(sides: Floats, stay: _While, start: Floats) -> Mask:
     """Which boxes (C,) a bundle from a point may meet."""
     middle, half = (stay.low + stay.high) / 2 - start, (stay.high - stay.low) / 2
     farthest = np.einsum("sj,cj->cs", sides, middle) + np.einsum("sj,cj->cs", np.abs(sides), half)
@@ -234,11 +229,13 @@ def _meets(sides: Float64, stay: _While, start: Float64) -> NDArray[np.bool_]:
 
 
 @compiled
-def _meet(places, ways, axes, sides, corners, distance, found):  # type: ignore[no-untyped-def]
+def _meet(places, ways, axes, sides, corners, distance):  # type: ignore[no-untyped-def]
     """Bring distances (R,) of rays in order down to those of triangles (n, 3, 3) that they meet.
 
-    After Möller and Trumbore, Journal of Graphics Tools 2, 1997; the rays start at the origin.
+    Returns which triangles these are (R,), else -1. After Möller and Trumbore, Journal of Graphics
+    Tools 2, 1997; the rays start at the origin.
     """
+    found = np.full(len(ways), -1)
     a, b, q, p = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
     for triangle in range(len(corners)):
         corner = corners[triangle]
@@ -259,6 +256,7 @@ def _meet(places, ways, axes, sides, corners, distance, found):  # type: ignore[
             v = (way[0] * q[0] + way[1] * q[1] + way[2] * q[2]) / size
             if u >= 0 and v >= 0 and u + v <= 1 and 0 < along / size < distance[ray]:
                 distance[ray], found[ray] = along / size, triangle
+    return found
 
 
 @compiled

@@ -11,12 +11,11 @@ from itertools import repeat
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from megalopta.core.arrays import Floats, Ints, Mask
 from megalopta.render import dr, mi
-from megalopta.render.loading.shapes import MeshIndex
-
-Float64 = NDArray[np.float64]
+from megalopta.render.loading.scene import MeshIndex
+from megalopta.render.mitsuba_loader import is_scalar
 
 # A visibility ray stops this fraction short of its target, so that the target does not hide itself.
 VISIBILITY_MARGIN = 2e-4
@@ -26,17 +25,17 @@ VISIBILITY_MARGIN = 2e-4
 class Hits:
     """Nearest hits of N rays."""
 
-    distance: Float64
+    distance: Floats
     """(N,): in units of the direction; infinite where nothing was hit."""
-    mesh: NDArray[np.int64]
+    mesh: Ints
     """(N,): index of the mesh hit, as loaded."""
-    triangle: NDArray[np.int64]
+    triangle: Ints
     """(N,): index of the triangle in that mesh."""
 
 
-def nearest_hits(scene: Any, origin: Float64, directions: Float64) -> Hits:
+def nearest_hits(scene: Any, origin: Floats, directions: Floats) -> Hits:
     """Nearest hit of rays from one origin (3,) or N of them, along directions (N, 3)."""
-    if _is_scalar():
+    if is_scalar():
         return _single_hits(scene, origin, directions)
     hits = scene.ray_intersect_preliminary(_rays(origin, directions), coherent=True)
     # What a ray that hit nothing holds elsewhere is left over from other work: it is zero here.
@@ -53,29 +52,27 @@ def nearest_hits(scene: Any, origin: Float64, directions: Float64) -> Hits:
     )
 
 
-def is_hidden(
-    scene: Any, origin: Float64, directions: Float64, distances: Float64
-) -> NDArray[np.bool_]:
+def is_hidden(scene: Any, origin: Floats, directions: Floats, distances: Floats) -> Mask:
     """Whether anything is nearer than distances (N,), in units of directions (N, 3)."""
     limits = visibility_limits(distances)
     return np.array(blocked(scene, origin, directions, limits), dtype=bool)
 
 
-def visibility_limits(distances: Float64) -> Float64:
+def visibility_limits(distances: Floats) -> Floats:
     """Where rays to targets at distances (N,) stop."""
     return np.minimum(distances * (1 - VISIBILITY_MARGIN), np.finfo(np.float32).max)
 
 
-def blocked(scene: Any, origin: Float64, directions: Float64, limits: Float64) -> Any:
+def blocked(scene: Any, origin: Floats, directions: Floats, limits: Floats) -> Any:
     """Mitsuba's own answer: whether anything is hit before the limits, in its types."""
-    if not _is_scalar():
+    if not is_scalar():
         rays = _rays(origin, directions)
         rays.maxt = mi.Float(limits)
         return scene.ray_test(rays, coherent=True)
     return list(map(scene.ray_test, _single_rays(origin, directions, limits)))
 
 
-def _single_hits(scene: Any, origin: Float64, directions: Float64) -> Hits:
+def _single_hits(scene: Any, origin: Floats, directions: Floats) -> Hits:
     distance = np.full(len(directions), np.inf)
     mesh, triangle = np.zeros((2, len(directions)), np.int64)
     for index, ray in enumerate(_single_rays(origin, directions)):
@@ -86,18 +83,12 @@ def _single_hits(scene: Any, origin: Float64, directions: Float64) -> Hits:
     return Hits(distance, mesh, triangle)
 
 
-def _is_scalar() -> bool:
-    return str(mi.variant()).startswith("scalar")
-
-
-def _rays(origin: Float64, directions: Float64) -> Any:
+def _rays(origin: Floats, directions: Floats) -> Any:
     start, along = (np.ascontiguousarray(part.T) for part in (np.atleast_2d(origin), directions))
     return mi.Ray3f(mi.Point3f(start), mi.Vector3f(along))
 
 
-def _single_rays(
-    origin: Float64, directions: Float64, limits: Float64 | None = None
-) -> Iterator[Any]:
+def _single_rays(origin: Floats, directions: Floats, limits: Floats | None = None) -> Iterator[Any]:
     """Yield one ray over and over: making it takes longer than tracing it."""
     point, vector = mi.Point3f, mi.Vector3f
     ray = mi.Ray3f(point(0), vector(0, 0, 1))

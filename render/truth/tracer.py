@@ -15,15 +15,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.render.truth.correspondence import correspondence
+from megalopta.core.arrays import Floats, Mask
 from megalopta.render.truth.footprint import Footprint, Footprints
-from megalopta.render.truth.geometry import Geometry
-from megalopta.render.truth.surface import Surface
+from megalopta.render.truth.geometry import Geometry, Surface, correspondence
 from megalopta.render.truth.views import View
 from megalopta.scenes.cameras.base import Camera
 from megalopta.scenes.scene import Scene
-
-Float64 = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -32,9 +29,9 @@ class Flow:
 
     displacement: NDArray[np.float32]
     """(H, W, 2): way (x, y) in px; NaN where undefined."""
-    occluded: NDArray[np.bool_]
+    occluded: Mask
     """(H, W): whether something, or the leaf that it is on, is between point and other camera."""
-    out_of_view: NDArray[np.bool_]
+    out_of_view: Mask
     """(H, W): whether the point leaves the image, or has no flow."""
 
 
@@ -45,7 +42,7 @@ class Truth:
     depth: NDArray[np.float32]
     """(H, W): distance along the optical axis, in panoramas along the ray, m; infinite for the
     sky."""
-    position: NDArray[np.float64]
+    position: Floats
     """(H, W, 3): world position of what the pixel center sees, m; NaN for the sky."""
     normal: NDArray[np.float32]
     """(H, W, 3): geometric unit normal in world axes, toward the camera; NaN for the sky."""
@@ -57,12 +54,12 @@ class Truth:
     flow_backward: NDArray[np.float32]
     """(H, W, 2): displacement (x, y) in px to the next and to the previous frame; NaN where
     undefined, everywhere when there is no such frame."""
-    occluded_forward: NDArray[np.bool_]
-    occluded_backward: NDArray[np.bool_]
+    occluded_forward: Mask
+    occluded_backward: Mask
     """(H, W): whether something, or the leaf that it is on, is between the point and the camera of
     the next or previous frame."""
-    out_of_view_forward: NDArray[np.bool_]
-    out_of_view_backward: NDArray[np.bool_]
+    out_of_view_forward: Mask
+    out_of_view_backward: Mask
     """(H, W): whether the point leaves the image, or has no flow."""
     footprint: Footprint
     """What the whole pixels see, from rays spread over them."""
@@ -114,7 +111,7 @@ class TruthTracer:
         eyes = view.pixels(self._camera)
         return self._geometry.seen(eyes.origin, eyes.to_world(self._axes), eyes.time_s)
 
-    def _distance(self, surface: Surface, view: View) -> Float64:
+    def _distance(self, surface: Surface, view: View) -> Floats:
         way = surface.points - view.pixels(self._camera).origin
         return np.where(surface.is_sky, np.inf, np.linalg.norm(way, axis=-1))
 
@@ -129,7 +126,7 @@ class TruthTracer:
         return Flow(flow, found.is_hidden.reshape(shape), out_of_view(flow, wraps))
 
 
-def out_of_view(flow: NDArray[np.float32], wraps: bool = False) -> NDArray[np.bool_]:
+def out_of_view(flow: NDArray[np.float32], wraps: bool = False) -> Mask:
     """Whether a pixel's point (H, W) leaves the image along its flow (H, W, 2), or has no flow.
 
     An image that wraps around has no left and right edge to leave by.

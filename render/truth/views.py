@@ -5,16 +5,14 @@ Coordinates are relative to the scene's `origin_m`.
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from megalopta.core.arrays import Floats, Ints, Mask
 from megalopta.scenes import Shutter
 from megalopta.scenes.cameras.base import Camera
 
-Float64 = NDArray[np.float64]
-Times = float | Float64
+Times = float | Floats
 """One time for all, or one for each."""
 
 # Each step is shorter than the one before by the way of the image during the readout over its
@@ -26,22 +24,22 @@ _ITERATIONS, _TOLERANCE_PX = 60, 1e-4
 class Eyes:
     """Where N rays start, how the camera is turned there, and when."""
 
-    origin: Float64
+    origin: Floats
     """(3,) or (N, 3): camera position, m; one for all rays or one for each."""
-    rotation: Float64
+    rotation: Floats
     """(3, 3) or (N, 3, 3): camera axes to world."""
     time_s: Times
     """When: one for all rays or one for each (N,)."""
 
-    def to_world(self, vectors: Float64) -> Float64:
+    def to_world(self, vectors: Floats) -> Floats:
         """Vectors (N, 3) in world axes of those in camera axes."""
         return _times(self.rotation, vectors)
 
-    def to_camera(self, vectors: Float64) -> Float64:
+    def to_camera(self, vectors: Floats) -> Floats:
         """Vectors (N, 3) in camera axes of those in world axes."""
         return _times(self.rotation.swapaxes(-1, -2), vectors)
 
-    def of(self, ray: slice | NDArray[np.int64], times: int = 1) -> "Eyes":
+    def of(self, ray: slice | Ints, times: int = 1) -> "Eyes":
         """Eyes of some of the rays, each for so many of a new set."""
         if isinstance(self.time_s, float):
             return self
@@ -49,34 +47,24 @@ class Eyes:
             *(part[ray].repeat(times, 0) for part in (self.origin, self.rotation, self.time_s))
         )
 
-    def way(self, points: Float64, is_sky: NDArray[np.bool_]) -> Float64:
+    def way(self, points: Floats, is_sky: Mask) -> Floats:
         """Ways (N, 3) to points (N, 3), which are directions where they are of the sky (N,)."""
         return np.where(is_sky[:, None], points, points - self.origin)
 
 
-def _times(rotation: Float64, vectors: Float64) -> Float64:
+def _times(rotation: Floats, vectors: Floats) -> Floats:
     # Not matmul, which wakes all of BLAS's threads for products of three numbers.
     each = "ij,nj->ni" if rotation.ndim == 2 else "nij,nj->ni"
     return np.asarray(np.einsum(each, rotation, vectors))
 
 
-Ways = Callable[[Eyes], Float64]
+Ways = Callable[[Eyes], Floats]
 """Ways (N, 3) of eyes to N points, as these are at their times."""
 
 
-def of_rays(times_s: Times, ray: slice | NDArray[np.int64] | NDArray[np.bool_]) -> Times:
+def of_rays(times_s: Times, ray: slice | Ints | Mask) -> Times:
     """Times of some of the rays."""
     return times_s if isinstance(times_s, float) else times_s[ray]
-
-
-class View(Protocol):
-    """How a frame is taken."""
-
-    def pixels(self, camera: Camera) -> Eyes:
-        """Eyes of the H·W pixels."""
-
-    def seeing(self, camera: Camera, way: Ways, count: int) -> tuple[Eyes, Eyes]:
-        """Eyes that see N points, and those of the rows that show them."""
 
 
 @dataclass(frozen=True)
@@ -84,7 +72,7 @@ class Instant:
     """A frame taken at once."""
 
     time_s: float
-    pose: Float64
+    pose: Floats
     """(4, 4): camera to world."""
 
     def pixels(self, camera: Camera) -> Eyes:
@@ -104,7 +92,7 @@ class Rolling:
     time_s: float
     """Of the middle row."""
     shutter: Shutter
-    pose_at: Callable[[Float64], Float64]
+    pose_at: Callable[[Floats], Floats]
     """Poses (n, 4, 4) at times (n,), s."""
 
     def pixels(self, camera: Camera) -> Eyes:
@@ -133,7 +121,11 @@ class Rolling:
         found = replace(eyes, rotation=np.where(lost, np.nan, eyes.rotation))
         return found, self._eyes(np.floor(y) + 0.5, camera)
 
-    def _eyes(self, y: Float64, camera: Camera) -> Eyes:
+    def _eyes(self, y: Floats, camera: Camera) -> Eyes:
         times = self.time_s + self.shutter.delay_s(y, camera.height)
         poses = self.pose_at(times)
         return Eyes(poses[:, :3, 3], poses[:, :3, :3], times)
+
+
+View = Instant | Rolling
+"""How a frame is taken."""

@@ -8,12 +8,10 @@ from abc import abstractmethod
 from typing import Annotated, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
+from megalopta.core.arrays import Floats
 from megalopta.core.record import Record
-
-Float64 = NDArray[np.float64]
 
 SINGULAR_RAD = 1e-5
 """Points this near to where a projection is singular have no image (rad)."""
@@ -49,7 +47,7 @@ class Camera(Record, frozen=True):
         return False
 
     @property
-    def intrinsics(self) -> Float64 | None:
+    def intrinsics(self) -> Floats | None:
         """Matrix K (3, 3) of a pinhole; None of other cameras."""
         return None
 
@@ -64,27 +62,27 @@ class Camera(Record, frozen=True):
         """Largest |tan(elevation)| that the camera sees when it is level."""
 
     @abstractmethod
-    def toward(self, image: Float64) -> Float64:
+    def toward(self, image: Floats) -> Floats:
         """Unit vectors (..., 3), in camera axes, through image coordinates (..., 2) in px."""
 
-    def directions(self) -> Float64:
+    def directions(self) -> Floats:
         """Unit vectors (H, W, 3) through the pixel centers, in camera axes."""
         return self.toward(self.pixel_centers())
 
     @abstractmethod
-    def project(self, points: Float64) -> Float64:
+    def project(self, points: Floats) -> Floats:
         """Image coordinates (..., 2) in px of points (..., 3) in camera axes.
 
         Only directions count, so a point at infinity is given as its direction. NaN for points that
         have no image, however large it were.
         """
 
-    def pixel_centers(self) -> Float64:
+    def pixel_centers(self) -> Floats:
         """Image coordinates (H, W, 2) of all pixel centers, (x, y) in px."""
         x, y = np.meshgrid(np.arange(self.width) + 0.5, np.arange(self.height) + 0.5)
         return np.stack([x, y], axis=-1)
 
-    def displacement(self, points: Float64, image: Float64 | None = None) -> Float64:
+    def displacement(self, points: Floats, image: Floats | None = None) -> Floats:
         """Way in px (..., 2) from image coordinates to where points (..., 3) are seen.
 
         Image coordinates (..., 2) are by default the pixel centers, for points (H, W, 3). Around a
@@ -96,6 +94,6 @@ class Camera(Record, frozen=True):
             way[..., 0] = (way[..., 0] + half) % self.width - half
         return way
 
-    def depth(self, distance: Float64) -> Float64:
+    def depth(self, distance: Floats) -> Floats:
         """Depth (H, W), m, of the distances (H, W) along the rays: these themselves."""
         return distance

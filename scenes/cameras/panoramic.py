@@ -15,7 +15,8 @@ from typing import Annotated, ClassVar, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from megalopta.scenes.cameras.base import SINGULAR_RAD, Camera, Float64, Pixels
+from megalopta.core.arrays import Floats
+from megalopta.scenes.cameras.base import SINGULAR_RAD, Camera, Pixels
 
 
 class PanoramicCamera(Camera, frozen=True):
@@ -65,7 +66,7 @@ class PanoramicCamera(Camera, frozen=True):
     def heights(self) -> tuple[float, float]:
         """Height on the film, in focal lengths, of the image's lower and upper edge."""
 
-    def toward(self, image: Float64) -> Float64:
+    def toward(self, image: Floats) -> Floats:
         """Unit vectors (..., 3), in camera axes, through image coordinates (..., 2) in px."""
         x, y = np.moveaxis(image, -1, 0)
         azimuth = (x / self.width - 0.5) * math.radians(self.fov_deg)
@@ -73,7 +74,7 @@ class PanoramicCamera(Camera, frozen=True):
         radius, rise = self._meridian(upper - y / self.height * (upper - lower))
         return np.stack([radius * np.sin(azimuth), -rise, radius * np.cos(azimuth)], axis=-1)
 
-    def project(self, points: Float64) -> Float64:
+    def project(self, points: Floats) -> Floats:
         """Image coordinates (..., 2) in px of points (..., 3) in camera axes.
 
         Only directions count, so a point at infinity is given as its direction. NaN for points
@@ -88,11 +89,11 @@ class PanoramicCamera(Camera, frozen=True):
         return np.stack([np.where(np.isnan(y), np.nan, x) * self.width, y * self.height], axis=-1)
 
     @abstractmethod
-    def _meridian(self, height: Float64) -> tuple[Float64, Float64]:
+    def _meridian(self, height: Floats) -> tuple[Floats, Floats]:
         """Cosine and sine of the elevation of a height on the film."""
 
     @abstractmethod
-    def _film_height(self, radius: Float64, rise: Float64) -> Float64:
+    def _film_height(self, radius: Floats, rise: Floats) -> Floats:
         """Height on the film of points that far from the vertical and that far up."""
 
 
@@ -114,10 +115,10 @@ class EquirectangularCamera(PanoramicCamera, frozen=True):
         """Height on the film, in focal lengths, of the image's lower and upper edge."""
         return math.radians(self.lower_deg), math.radians(self.upper_deg)
 
-    def _meridian(self, height: Float64) -> tuple[Float64, Float64]:
+    def _meridian(self, height: Floats) -> tuple[Floats, Floats]:
         return np.cos(height), np.sin(height)
 
-    def _film_height(self, radius: Float64, rise: Float64) -> Float64:
+    def _film_height(self, radius: Floats, rise: Floats) -> Floats:
         return np.arctan2(rise, radius)
 
 
@@ -145,9 +146,9 @@ class CylindricalCamera(PanoramicCamera, frozen=True):
         """Height on the film, in focal lengths, of the image's lower and upper edge."""
         return math.tan(math.radians(self.lower_deg)), math.tan(math.radians(self.upper_deg))
 
-    def _meridian(self, height: Float64) -> tuple[Float64, Float64]:
+    def _meridian(self, height: Floats) -> tuple[Floats, Floats]:
         length = np.hypot(1, height)
         return 1 / length, height / length
 
-    def _film_height(self, radius: Float64, rise: Float64) -> Float64:
+    def _film_height(self, radius: Floats, rise: Floats) -> Floats:
         return rise / radius

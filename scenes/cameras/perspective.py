@@ -6,7 +6,8 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
-from megalopta.scenes.cameras.base import SINGULAR_RAD, Camera, Float64, Pixels
+from megalopta.core.arrays import Floats
+from megalopta.scenes.cameras.base import SINGULAR_RAD, Camera, Pixels
 
 
 class PerspectiveCamera(Camera, frozen=True):
@@ -41,19 +42,19 @@ class PerspectiveCamera(Camera, frozen=True):
         return self.height / (2 * self.focal_length_px)
 
     @property
-    def intrinsics(self) -> Float64:
+    def intrinsics(self) -> Floats:
         """Matrix K (3, 3) from camera coordinates to homogeneous image coordinates, in px."""
         f = self.focal_length_px
         return np.array([[f, 0, self.width / 2], [0, f, self.height / 2], [0, 0, 1]])
 
-    def toward(self, image: Float64) -> Float64:
+    def toward(self, image: Floats) -> Floats:
         """Unit vectors (..., 3), in camera axes, through image coordinates (..., 2) in px."""
         offset = image - [self.width / 2, self.height / 2]
         ahead = np.full((*offset.shape[:-1], 1), self.focal_length_px)
         rays = np.concatenate([offset, ahead], axis=-1)
         return np.asarray(rays / np.linalg.norm(rays, axis=-1, keepdims=True))
 
-    def project(self, points: Float64) -> Float64:
+    def project(self, points: Floats) -> Floats:
         """Image coordinates (..., 2) in px of points (..., 3) in camera axes.
 
         Only directions count, so a point at infinity is given as its direction. NaN for points that
@@ -63,6 +64,6 @@ class PerspectiveCamera(Camera, frozen=True):
         z = np.where(points[..., 2:] > nearest, points[..., 2:], np.nan)
         return points[..., :2] / z * self.focal_length_px + [self.width / 2, self.height / 2]
 
-    def depth(self, distance: Float64) -> Float64:
+    def depth(self, distance: Floats) -> Floats:
         """Depth (H, W) along the optical axis, m, of the distances (H, W) that pixels see."""
         return distance * self.directions()[..., 2]

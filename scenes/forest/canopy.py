@@ -1,25 +1,113 @@
-"""How much leaf and wood a forest holds, measured on its triangles.
+"""How much leaf and wood a forest holds: what it asks for, and what is measured.
+
+Leaf-area index is the one-sided area of the leaves of trees, bushes and climbers over the area of
+the ground below them (Chen and Black 1992, Plant, Cell and Environment 15:421). It is met in a ring
+around the camera's path: from where trunks may stand to `RING_M` farther out. Trees grow with all
+their leaves, or twice or four times as many on the same twigs, and lose some at random; leaves keep
+their size and their clumps.
 
 Leaf area is one-sided. Wood counts with half of its surface, as a leaf with one of its two sides
 (Chen and Black 1992, Plant, Cell and Environment 15:421). Herbs, grass and what lies on the ground
 count as neither, as in the field, where instruments stand a meter above them.
 """
 
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import groupby
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.interpolate import griddata
 from scipy.spatial import cKDTree
 
+from megalopta.assets_gen import Surface
 from megalopta.assets_gen.scatter import distance_to
-from megalopta.scenes.forest.leaf_area import ground_area
+from megalopta.core.arrays import Floats
+from megalopta.scenes.forest.flora import PLANTS
 from megalopta.scenes.forest.planting import dense_path
-from megalopta.scenes.forest.plants import Woody
-from megalopta.scenes.forest.undergrowth import PLANTS
-from megalopta.scenes.scene import Scene
+from megalopta.scenes.forest.plants import Organs, Woody
+from megalopta.scenes.forest.specimens import SPECIMENS
+from megalopta.scenes.scene import Placement, Scene
 
-Float64 = NDArray[np.float64]
+Specimens = Mapping[str, Organs]
+
+RING_M = 20.0
+"""Width of the ring around the path in which the leaf-area index is met and measured (m)."""
+FULLNESS = (1, 2, 4)
+"""Factors on the leaves of a species that trees are grown with."""
+SAMPLED = 200
+"""Leaves of a specimen that stand for all of them, when their place is asked for."""
+GRID_M = 0.2
+"""Step of the grid that ground is measured with (m)."""
+
+
+def ground_area(path: cKDTree, ring_m: tuple[float, float]) -> float:
+    """Return the area whose distance from a path lies in a ring (m²)."""
+    low, high = path.mins - ring_m[1], path.maxes + ring_m[1]
+    steps = [np.arange(low[i], high[i], GRID_M) + GRID_M / 2 for i in range(2)]
+    distance = distance_to(path, np.stack(np.meshgrid(*steps), axis=-1).reshape(-1, 2))
+    return GRID_M**2 * int(np.sum((distance >= ring_m[0]) & (distance < ring_m[1])))
+
+
+def in_leaf(
+    leaf_area_index: float,
+    grow: Callable[[int], Specimens],
+    placements: Sequence[Placement],
+    path: cKDTree,
+    ring_m: tuple[float, float],
+) -> tuple[Specimens, float]:
+    """Return specimens and the share of leaves to keep for a leaf-area index in a ring of a path.
+
+    Parameters
+    ----------
+    grow
+        Returns all specimens, with a factor times their species' leaves.
+
+    Raises
+    ------
+    ValueError
+        If the stand cannot carry so many leaves.
+    """
+    ground = ground_area(path, ring_m)
+    reached = 0.0
+    for fullness in FULLNESS:
+        specimens = grow(fullness)
+        reached = _leaf_area(specimens, placements, path, ring_m) / ground
+        if leaf_area_index <= reached:
+            return specimens, leaf_area_index / reached
+    raise ValueError(
+        f"leaf_area_index: {leaf_area_index:g} is more than the {reached:.2g} that these trees can "
+        "carry; raise density_per_ha or lower leaf_area_index"
+    )
+
+
+def _leaf_area(
+    specimens: Specimens,
+    placements: Sequence[Placement],
+    path: cKDTree,
+    ring_m: tuple[float, float],
+) -> float:
+    """Return the area of the leaves of woody plants above a ring around a path (m²)."""
+    total = 0.0
+    ordered = sorted(placements, key=lambda each: each.asset)
+    for name, group in groupby(ordered, lambda each: each.asset):
+        if name not in specimens or not isinstance(SPECIMENS[name].plant, Woody):
+            continue
+        to_world = np.stack([each.to_world for each in group])
+        leaves = specimens[name]["leaf"]
+        points = _some_places(leaves)
+        places = points @ to_world[:, :2, :3].swapaxes(1, 2) + to_world[:, None, :2, 3]
+        distance = distance_to(path, places.reshape(-1, 2)).reshape(places.shape[:2])
+        inside = ((distance >= ring_m[0]) & (distance < ring_m[1])).mean(axis=1)
+        total += leaves.area * float(inside @ np.cbrt(np.linalg.det(to_world[:, :3, :3])) ** 2)
+    return total
+
+
+def _some_places(leaves: Surface) -> Floats:
+    """Return the middles (n, 3) of every so many-th triangle, so that there are few (m)."""
+    faces = leaves.faces[:: max(len(leaves.faces) // SAMPLED, 1)]
+    return np.asarray(leaves.vertices[faces].mean(axis=1))
+
 
 WIDEST_M = 9.0
 """No plant reaches farther sideways from its foot than this (m)."""
@@ -80,7 +168,7 @@ def floor_points(
     height_m: float,
     count: int,
     rng: np.random.Generator,
-) -> Float64:
+) -> Floats:
     """Return points (count, 3) at a height above the ground, evenly over a ring around a path (m).
 
     The ground is the scene's first object.

@@ -1,28 +1,55 @@
-"""The forest's floor near to: a trodden path, patches of moss, bumps and hollows.
+"""The ground of a forest, and its floor near to: a trodden path, moss, bumps, fallen leaves.
 
-A forest that asks for none of these has a grid of even cover for its ground (`description`).
+A forest that asks for none of these has a grid of even cover for its ground (`description`). It
+depends on the seed, on where the path runs and the trees stand, and on few of the forest's fields,
+not on light, camera or what grows.
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from megalopta.assets_gen import FloatArray, Surface, generator, unit
 from megalopta.assets_gen.moss import cut_at, make_moss
-from megalopta.assets_gen.octaves import make_octaves
+from megalopta.assets_gen.plants.detail import chosen_leaves, corners_of
 from megalopta.assets_gen.scatter import distance_to
-from megalopta.assets_gen.terrain import Terrain
+from megalopta.assets_gen.terrain import Terrain, ground_surface, make_terrain
+from megalopta.assets_gen.tileable_noise import make_octaves
 from megalopta.assets_gen.trail import Trail, make_trail
 from megalopta.assets_gen.triangulation import Fineness, Triangulation, triangulated
-from megalopta.scenes.forest.ground import HORIZON_M
+from megalopta.core.arrays import Ints, Mask
+from megalopta.core.freshness import digest
+from megalopta.scenes.forest.flora import LITTER, PLANTS
 from megalopta.scenes.forest.planting import planted_reach
-from megalopta.scenes.scene import Asset
+from megalopta.scenes.forest.specimens import grow_specimens, store_of
+from megalopta.scenes.scene import Asset, Placement
 
 if TYPE_CHECKING:
     from megalopta.scenes.forest.description import Forest
+
+RIM_WIDTH_M, RIM_HEIGHT_M = 22.0, 7.0
+"""Behind the stand the land rises over this width by this height (m)."""
+HORIZON_M = 160.0
+"""The ground reaches this far beyond the stand (m)."""
+GROUND_STEP_M, GROUND_NEAR_M = 0.4, 10.0
+"""Grid of the ground's mesh up to a distance from the path (m)."""
+
+
+def make_land(seed: int, path: cKDTree, relief_m: float, edge_m: float) -> Terrain:
+    """Return the land around a path whose stand reaches up to a distance (m)."""
+    rim_m = (edge_m, edge_m + RIM_WIDTH_M)
+    return make_terrain(path, relief_m, rim_m, RIM_HEIGHT_M, generator(seed, "terrain"))
+
+
+def even_ground(cover: str, land: Terrain, edge_m: float) -> Asset:
+    """Return smooth ground of one cover."""
+    low, high = land.path.mins - GROUND_NEAR_M, land.path.maxes + GROUND_NEAR_M
+    surface = ground_surface(land, low, high, GROUND_STEP_M, edge_m + HORIZON_M)
+    return Asset({f"{cover} ground": surface.to_mesh()})
+
 
 FINEST_M, NEAR_M = 0.032, 2.5
 """Step of the floor's mesh, and up to which distance from the path (m)."""
@@ -54,7 +81,7 @@ class Floor:
     """(n,): of the mesh's points (m)."""
     uv: FloatArray
     """(n, 2): texture coordinates of the points."""
-    covers: Mapping[str, NDArray[np.bool_]]
+    covers: Mapping[str, Mask]
     """Which triangles (m,) each cover has."""
     leaves: FloatArray
     """(n,): share of the litter that has stayed at the points (1)."""
@@ -123,7 +150,7 @@ def make_floor(
     return Floor(mesh, heights, land.uv(mesh.points), shown, leaves)
 
 
-def _vertex_normals(vertices: FloatArray, faces: NDArray[np.int64]) -> FloatArray:
+def _vertex_normals(vertices: FloatArray, faces: Ints) -> FloatArray:
     """Return unit normals (n, 3), those of the faces around weighted by their area."""
     a, b, c = vertices[faces].swapaxes(0, 1)
     across = np.cross(b - a, c - a)
@@ -132,3 +159,86 @@ def _vertex_normals(vertices: FloatArray, faces: NDArray[np.int64]) -> FloatArra
         for axis in range(3):
             total[:, axis] += np.bincount(faces[:, corner], across[:, axis], len(vertices))
     return unit(total)
+
+
+FIELDS = {
+    "seed",
+    "detail",
+    "ground",
+    "relief_m",
+    "floor_relief_m",
+    "moss_share",
+    "path_width_m",
+}
+"""Of the forest, that its floor depends on."""
+_COVER = "cover "
+
+
+def kept_floor(
+    forest: "Forest", land: Terrain, trail: Trail | None, trees: FloatArray, edge_m: float
+) -> Floor:
+    """Return the floor that `make_floor` makes, made only once."""
+    places = [land.path.data, trees] + ([trail.line.data] if trail else [])
+    fields = forest.model_dump_json(include=FIELDS)
+    store = store_of("floor", fields, str(edge_m), digest(*(each.tobytes() for each in places)))
+    if kept := store.read():
+        covers = {
+            name.removeprefix(_COVER): chosen
+            for name, chosen in kept.items()
+            if name.startswith(_COVER)
+        }
+        mesh = Triangulation(kept["points"], kept["faces"].astype(np.int64))
+        return Floor(mesh, kept["heights"], kept["uv"], covers, kept["leaves"])
+    floor = make_floor(forest, land, trail, trees, edge_m)
+    store.write(
+        {
+            "points": floor.mesh.points,
+            "faces": floor.mesh.faces.astype(np.int32),
+            "heights": floor.heights,
+            "uv": floor.uv,
+            "leaves": floor.leaves,
+            **{f"{_COVER}{name}": chosen for name, chosen in floor.covers.items()},
+        }
+    )
+    return floor
+
+
+FLATTENED, LEAST_M = 0.65, 0.001
+"""Leaves rise above the ground by so much of what they do where they were strewn, but no less."""
+
+
+def laid(
+    seed: int, placements: Sequence[Placement], floor: Floor
+) -> tuple[tuple[Placement, ...], dict[str, Asset]]:
+    """Return all placements, each of litter with an asset of its own, and these assets.
+
+    Every corner of a leaf lies over the ground's mesh as high as over level ground, but flatter.
+    """
+    lying = {each.asset for each in placements if each.kind == LITTER}
+    specimens = grow_specimens(seed, lying)
+    found: list[Placement] = []
+    assets: dict[str, Asset] = {}
+    rng = generator(seed, "litter that stays")
+    for index, placement in enumerate(placements):
+        if placement.kind != LITTER:
+            found.append(placement)
+            continue
+        leaves = _draped(specimens[placement.asset]["leaf"], placement, floor, rng)
+        if len(leaves.faces):
+            name = f"{placement.asset} {index}"
+            assets[name] = Asset({PLANTS[LITTER].part("leaf"): leaves.to_mesh()})
+            found.append(replace(placement, asset=name))
+    return tuple(found), assets
+
+
+def _draped(
+    leaves: Surface, placement: Placement, floor: Floor, rng: np.random.Generator
+) -> Surface:
+    linear, foot = placement.to_world[:3, :3], placement.to_world[:3, 3]
+    places = leaves.vertices @ linear.T + foot
+    middles = places.reshape(-1, corners_of(leaves), 3).mean(axis=1)
+    kept = rng.random(len(middles)) < floor.litter(middles[:, :2])
+    above = FLATTENED * np.cbrt(np.linalg.det(linear)) * leaves.vertices[:, 2]
+    places[:, 2] = floor.height(places[:, :2]) + np.maximum(above, LEAST_M)
+    local = (places - foot) @ np.linalg.inv(linear).T
+    return chosen_leaves(replace(leaves, vertices=local), np.flatnonzero(kept))

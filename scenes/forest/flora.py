@@ -1,14 +1,38 @@
-"""The trees and bushes that grow in our forests, from the table `flora.yaml`."""
+"""What grows and lies in a forest, from the table `flora.yaml` and here."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
+import numpy as np
+
+from megalopta.assets_gen import Surface
+from megalopta.assets_gen.plants.detail import merged_leaves
 from megalopta.assets_gen.plants.species import Species
+from megalopta.assets_gen.plants.undergrowth import (
+    grow_bilberry,
+    grow_fern,
+    grow_flowers,
+    grow_grass,
+    grow_herbs,
+    grow_log,
+    strew_litter,
+)
+from megalopta.assets_gen.rocks import grow_rock
 from megalopta.core import strict_yaml
-from megalopta.scenes.forest.plants import Layer, Woody, by_name
-from megalopta.scenes.spectra.leaves import leaf_of
-from megalopta.scenes.spectra.reflectance import reflectance_of
+from megalopta.scenes.forest.plants import (
+    Coat,
+    Layer,
+    LodLevel,
+    Lying,
+    Organs,
+    Plant,
+    Small,
+    Woody,
+    by_name,
+)
+from megalopta.scenes.spectra.reflectance import leaf_of, reflectance_of
 
 
 def _woody(name: str, entry: Mapping[str, Any]) -> Woody:
@@ -30,3 +54,97 @@ TREES = by_name(*(plant for plant in _ALL if plant.layer is None))
 
 BUSHES = by_name(*(plant for plant in _ALL if plant.layer))
 """Bushes and saplings, by name."""
+
+
+LITTER = "litter"
+"""The kind of small plant that is loose fallen leaves."""
+
+Draw = Callable[[LodLevel, np.random.Generator], Organs]
+
+
+def _merged(parts: Organs, lod: LodLevel, rng: np.random.Generator) -> Organs:
+    if lod.merged_small == 1:
+        return parts
+    return {organ: merged_leaves(part, lod.merged_small, rng) for organ, part in parts.items()}
+
+
+def _leaves(grow: Callable[[np.random.Generator], Surface]) -> Draw:
+    return lambda lod, rng: _merged({"leaf": grow(rng)}, lod, rng)
+
+
+def _grass(lod: LodLevel, rng: np.random.Generator) -> Organs:
+    return {"leaf": grow_grass(rng, lod.merged_small)}
+
+
+def _flower(lod: LodLevel, rng: np.random.Generator) -> Organs:
+    leaves, petals = grow_flowers(rng)
+    return _merged({"leaf": leaves, "petal": petals}, lod, rng)
+
+
+def _log(lod: LodLevel, rng: np.random.Generator) -> Organs:
+    bark, ends = grow_log(rng, lod.sides // 2)
+    return {"bark": bark, "wood": ends}
+
+
+def _rock(lod: LodLevel, rng: np.random.Generator) -> Organs:
+    return {"": grow_rock(rng, lod.sides)}
+
+
+def _coat(first: str, second: str, texture: str = "leaf") -> Coat:
+    return Coat((reflectance_of(first), reflectance_of(second)), texture)
+
+
+def _leaf(dark: str, light: str) -> Coat:
+    return Coat.of_leaves(leaf_of(dark), leaf_of(light), "leaf")
+
+
+_HERB = _leaf("leaf dark", "young leaf dark")
+_FERN = _leaf("young leaf dark * 0.9", "young leaf light")
+_BILBERRY = _leaf("leaf dark * 0.9", "leaf light")
+_GRASS = _leaf("grass dark", "grass light")
+_MOSSY_BARK = _coat("spruce bark dark * 1.5", "moss * 0.8", "mossy")
+_PETAL = _coat("white petal * 0.75", "white petal")
+
+SMALL: Mapping[str, Small] = by_name(
+    Small("fern", Layer(0.55, 30, 0.9), {"leaf": _FERN}, _leaves(grow_fern)),
+    Small("bilberry", Layer(0.3, 22, 0.6), {"leaf": _BILBERRY}, _leaves(grow_bilberry)),
+    Small("grass", Layer(4.0, 30, 0.35), {"leaf": _GRASS}, _grass),
+    Small("herb", Layer(1.4, 18, 0.3), {"leaf": _HERB}, _leaves(grow_herbs)),
+    Small("flower", Layer(0.15, 18, 0.3), {"leaf": _HERB, "petal": _PETAL}, _flower),
+    Lying(
+        LITTER, Layer(1.0, 9, 0.0), {"leaf": _coat("soil * 1.6", "litter")}, _leaves(strew_litter)
+    ),
+    Lying(
+        "log",
+        Layer(0.008, 40, 2.2, (0.7, 1.1)),
+        {"bark": _MOSSY_BARK, "wood": _coat("fresh wood", "fresh wood * 0.5", "smooth")},
+        _log,
+    ),
+    Lying(
+        "rock",
+        Layer(0.012, 40, 1.6, (0.25, 1.6)),
+        {"": _coat("stone dark", "stone light", "stone")},
+        _rock,
+    ),
+)
+"""Small plants and what lies, by name."""
+
+LAYERS: Mapping[str, Layer] = MappingProxyType(
+    {name: bush.layer for name, bush in BUSHES.items() if bush.layer}
+    | {name: plant.layer for name, plant in SMALL.items()}
+)
+"""The undergrowth, by kind."""
+
+PLANTS: Mapping[str, Plant] = MappingProxyType({**TREES, **BUSHES, **SMALL})
+"""Everything that a forest holds."""
+
+COVERS: Mapping[str, Coat] = MappingProxyType(
+    {
+        "litter": _coat("soil", "litter", "litter"),
+        "meadow": _coat("grass dark * 0.8", "grass light * 0.85", "turf"),
+        "moss": _coat("soil * 0.5", "moss", "turf"),
+        "moss patch": _coat("moss * 0.2", "moss * 0.9", "moss"),
+        "trodden": _coat("soil * 0.9", "litter * 0.7", "trodden"),
+    }
+)
+"""What covers the ground: all of it, or patches and a path."""

@@ -10,7 +10,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
@@ -18,14 +17,11 @@ from megalopta.assets_gen import generator
 from megalopta.assets_gen.scatter import distance_to, poisson_disk
 from megalopta.assets_gen.tileable_noise import plane_waves
 from megalopta.assets_gen.trail import Trail
-from megalopta.scenes.forest.flora import BUSHES, TREES
-from megalopta.scenes.forest.plants import Plant
+from megalopta.core.arrays import Floats
+from megalopta.scenes.forest.flora import BUSHES, LAYERS, LITTER, PLANTS, TREES
+from megalopta.scenes.forest.plants import HEIGHTS, LODS, Plant
 from megalopta.scenes.forest.specimens import INDIVIDUALS, Specimen
-from megalopta.scenes.forest.stand import HEIGHTS, LODS
-from megalopta.scenes.forest.undergrowth import LAYERS, LITTER, PLANTS
 from megalopta.scenes.scene import Placement
-
-FloatArray = NDArray[np.float64]
 
 REGULARITY = 0.72
 """Least distance between trees in units of 1/√density; 0.83 is the most that fits."""
@@ -47,7 +43,7 @@ SLOPE_STEP_M = 1.5
 """The slope under what lies is that between points this far apart in front and behind."""
 
 
-def dense_path(path_xy: FloatArray) -> FloatArray:
+def dense_path(path_xy: Floats) -> Floats:
     """Return the path with points at most half a meter apart: they stand for the line."""
     gaps = np.linalg.norm(np.diff(path_xy, axis=0), axis=1)
     place = np.concatenate([[0.0], np.cumsum(gaps)])
@@ -67,7 +63,7 @@ def tree_positions(
     clearance_m: float,
     path: cKDTree,
     trail: Trail | None = None,
-) -> tuple[FloatArray, float]:
+) -> tuple[Floats, float]:
     """Return where trees stand (n, 2), nearest to the path first, and the stand's reach (m).
 
     The first `trees` are the stand; behind them it goes on for the width of the belt. None stands
@@ -98,7 +94,7 @@ def _strewn(
     per_m2: float,
     regularity: float,
     rng: np.random.Generator,
-) -> FloatArray:
+) -> Floats:
     """Return Poisson-disk points in a box around the path whose distance from it lies in a ring."""
     low, high = path.mins - margin_m, path.maxes + margin_m
     count = int(per_m2 * np.prod(high - low))
@@ -114,7 +110,7 @@ class Planting:
     seed: int
     path: cKDTree
     """Points of the camera's path (m)."""
-    height: Callable[[FloatArray], FloatArray]
+    height: Callable[[Floats], Floats]
     """Of the ground (m) at points (n, 2) (m)."""
     detail: float
     """Factor on the distances where plants get coarser."""
@@ -122,7 +118,7 @@ class Planting:
     """A trodden path, on which nothing but litter lies."""
 
     def trees(
-        self, mix: Mapping[str, float], age_spread: float, height_spread: float, points: FloatArray
+        self, mix: Mapping[str, float], age_spread: float, height_spread: float, points: Floats
     ) -> Iterator[Placement]:
         """Put a tree on every point (n, 2), its species drawn from the mix, of any age."""
         rng = generator(self.seed, "trees")
@@ -162,7 +158,7 @@ class Planting:
                 scales = rng.uniform(*layer.scale, len(points))
                 yield from self._place([PLANTS[kind]] * len(points), points, scales, rng)
 
-    def _beside_trail(self, points: FloatArray, from_middle_m: float) -> FloatArray:
+    def _beside_trail(self, points: Floats, from_middle_m: float) -> Floats:
         """Return those of some points (n, 2) that are not on the trodden path."""
         if self.trail is None:
             return points
@@ -171,10 +167,10 @@ class Planting:
     def _place(
         self,
         plants: Sequence[Plant],
-        points: FloatArray,
-        scales: FloatArray,
+        points: Floats,
+        scales: Floats,
         rng: np.random.Generator,
-        shares: FloatArray | None = None,
+        shares: Floats | None = None,
     ) -> Iterator[Placement]:
         """Put one plant per point (n, 2) on the ground, turned at random, leaning slightly.
 
@@ -197,7 +193,7 @@ class Planting:
             specimen = Specimen(plant, numbers[index], LODS[levels[index]])
             yield Placement(specimen.name, plant.name, to_world)
 
-    def _slopes(self, points: FloatArray) -> FloatArray:
+    def _slopes(self, points: Floats) -> Floats:
         """Return rotations (n, 3, 3) that tilt the vertical to the ground's normal."""
         steps = SLOPE_STEP_M * np.eye(2)
         rise = np.stack(
@@ -216,14 +212,14 @@ def _closing(per_m2: Mapping[str, float]) -> dict[str, float]:
     return {name: density for name, density in per_m2.items() if name in low and density > 0}
 
 
-def _shares_of_ages(spread: float) -> FloatArray:
+def _shares_of_ages(spread: float) -> Floats:
     """Return the shares (n,) of the classes of height: a normal distribution around the mean."""
     away = (np.array(HEIGHTS) - 1) / max(spread, 1e-3)
     shares = np.exp(-(away**2) / 2)
     return np.asarray(shares / shares.sum())
 
 
-def _random_turns(count: int, rng: np.random.Generator) -> FloatArray:
+def _random_turns(count: int, rng: np.random.Generator) -> Floats:
     """Return rotations by any angle about the vertical, then by a degree or so out of it."""
     turn, toward = rng.uniform(0, 2 * np.pi, (2, count))
     lean = np.radians(1.2) * rng.standard_normal(count)
@@ -235,7 +231,7 @@ def _random_turns(count: int, rng: np.random.Generator) -> FloatArray:
     return (leaning * upright).as_matrix()
 
 
-def _clumped(points: FloatArray, rng: np.random.Generator) -> FloatArray:
+def _clumped(points: Floats, rng: np.random.Generator) -> Floats:
     """Thin points out so that patches and gaps a few meters wide appear."""
     patches = plane_waves((3.0, 14.0), 1.0, 24, rng)
     return points[rng.random(len(points)) < 0.5 + 0.5 * np.tanh(1.2 * patches(points))]

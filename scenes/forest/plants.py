@@ -1,4 +1,4 @@
-"""What a kind of plant carries: how it grows, how it looks, where it stands.
+"""What a kind of plant carries: how it grows, looks and stands; presets and levels of detail.
 
 Stones, logs and fallen leaves are plants here too.
 """
@@ -6,21 +6,57 @@ Stones, logs and fallen leaves are plants here too.
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from types import MappingProxyType
-from typing import ClassVar, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.assets_gen import Surface
-from megalopta.assets_gen.plants.ages import aged
-from megalopta.assets_gen.plants.detail import coarsened
+from megalopta.assets_gen.plants.detail import Detail, coarsened
 from megalopta.assets_gen.plants.furrows import Furrows
 from megalopta.assets_gen.plants.growth import grow_plant
-from megalopta.assets_gen.plants.species import Species
-from megalopta.scenes.forest.stand import HEIGHTS, LodLevel
-from megalopta.scenes.spectra.leaves import Leaf
+from megalopta.assets_gen.plants.species import Species, aged
+from megalopta.core import strict_yaml
+from megalopta.scenes.spectra.reflectance import Leaf
 from megalopta.scenes.spectra.spectrum import Spectrum
+
+PRESETS: Mapping[str, Mapping[str, Any]] = MappingProxyType(
+    strict_yaml.load(Path(__file__).with_name("presets.yaml").read_text("utf-8"))
+)
+"""Fields of a forest by name of the preset; what is not given has its default."""
+
+
+@dataclass(frozen=True)
+class LodLevel:
+    """A level of detail."""
+
+    name: str
+    """Part of the names of the assets."""
+    beyond_m: float
+    """Distance from the path where it begins (m)."""
+    detail: Detail
+    wood_triangles: int
+    """Of a tree's wood, roughly; bushes have a fourth."""
+    sides: int
+    """Of rocks; logs have half as many."""
+    merged_small: int
+    """Leaves of small plants that are drawn as one."""
+
+
+LODS = (
+    LodLevel("near", 0.0, Detail(0.0, 1, 0.0, 0.0), 4000, 28, 1),
+    LodLevel("close", 8.0, Detail(0.009, 3, 0.006, 0.04), 1600, 20, 1),
+    LodLevel("middle", 16.0, Detail(0.026, 5, 0.015, 0.07), 600, 14, 2),
+    LodLevel("far", 32.0, Detail(0.07, 8, 0.03, 0.12), 250, 10, 4),
+    LodLevel("horizon", 60.0, Detail(0.16, 16, 0.05, 0.25), 90, 8, 8),
+)
+"""From fine to coarse, for pixels of 0.0065 rad: a leaf is about a pixel wide."""
+
+HEIGHTS = (0.35, 0.55, 0.75, 0.9, 1.0, 1.0, 1.12, 1.25)
+"""What share of its species' height each individual of a tree has reached."""
+
 
 Spectra = tuple[Spectrum, Spectrum]
 """Reflectances, or transmittances, where a texture is 0 and where it is 1."""

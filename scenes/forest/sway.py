@@ -13,14 +13,12 @@ from dataclasses import asdict, dataclass, replace
 from typing import Annotated, Any
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
 from megalopta.assets_gen import generator
+from megalopta.core.arrays import Floats
 from megalopta.core.record import Record
 from megalopta.scenes.scene import Asset, Placement
-
-Float64 = NDArray[np.float64]
 
 FREQUENCY_TIMES_HEIGHT = 6.0
 """Frequency of a tree times its height (Hz·m): 0.3 Hz at 20 m."""
@@ -60,15 +58,15 @@ class Sway:
     phases_rad: tuple[float, float]
     """(along, across): at time 0."""
 
-    def carry(self, points: Float64, time_s: float | Float64) -> Float64:
+    def carry(self, points: Floats, time_s: float | Floats) -> Floats:
         """Where points (n, 3) of the tree at rest are, at one time or each at its own (n,)."""
         return points + self._bend(points, time_s)
 
-    def undo(self, points: Float64, time_s: float) -> Float64:
+    def undo(self, points: Floats, time_s: float) -> Floats:
         """Where points (n, 3) of a time are on the tree at rest."""
         return points - self._bend(points, time_s)  # heights do not change
 
-    def turn(self, normals: Float64, points: Float64, time_s: float) -> Float64:
+    def turn(self, normals: Floats, points: Floats, time_s: float) -> Floats:
         """Unit normals (n, 3) at a time of those at points (n, 3) of the tree at rest."""
         # Normals go with the inverse transpose of the bending's Jacobian, here I + slope ⊗ z.
         slope = 2 * self._height(points)[:, None] / self.height_m * self._top(time_s)
@@ -80,16 +78,16 @@ class Sway:
         """The motion in numbers, for a file."""
         return {"kind": "sway", **asdict(self)}
 
-    def _bend(self, points: Float64, time_s: float | Float64) -> Float64:
+    def _bend(self, points: Floats, time_s: float | Floats) -> Floats:
         bend = np.zeros_like(points)
         bend[:, :2] = self._height(points)[:, None] ** 2 * self._top(time_s)
         return bend
 
-    def _height(self, points: Float64) -> Float64:
+    def _height(self, points: Floats) -> Floats:
         """Heights (n,) above the foot in units of the tree's; nothing below the foot bends."""
         return np.maximum(points[:, 2] - self.foot_m[2], 0) / self.height_m
 
-    def _top(self, time_s: float | Float64) -> Float64:
+    def _top(self, time_s: float | Floats) -> Floats:
         """Way of the top (2,), m; at times (n,) ways (n, 2)."""
         angle = 2 * np.pi * self.frequency_hz * time_s
         along = self.amplitude_m * np.sin(angle + self.phases_rad[0])

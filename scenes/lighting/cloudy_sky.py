@@ -14,16 +14,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.assets_gen import generator, grid_corners
+from megalopta.assets_gen import Surface, generator, grid_corners
 from megalopta.assets_gen.tileable_noise import plane_waves
 from megalopta.scenes.material import Emission, Material
-from megalopta.scenes.scene import (
-    Asset,
-    Lighting,
-    Placement,
-    Scene,
-    Sun,
-)
+from megalopta.scenes.scene import Asset, Lighting, Placement, Scene, Sun
 from megalopta.scenes.spectra.spectrum import flat
 
 if TYPE_CHECKING:
@@ -87,8 +81,6 @@ def clouds(seed: int) -> NDArray[np.float32]:
 
 def _dome() -> "trimesh.Trimesh":
     """The inside of a sphere above the lowest elevation; its uv square is that of `clouds`."""
-    import trimesh  # slow
-
     rows, columns = _FACETS
     v, u = np.meshgrid(np.linspace(0, 1, rows + 1), np.linspace(0, 1, columns + 1), indexing="ij")
     elevation = np.radians(LOWEST_DEG + (90 - LOWEST_DEG) * v)
@@ -98,9 +90,8 @@ def _dome() -> "trimesh.Trimesh":
     )
     a, b, c, d = grid_corners(rows + 1, columns + 1)
     faces = np.concatenate([np.column_stack([a, d, b]), np.column_stack([b, d, c])])
-    mesh = trimesh.Trimesh(vertices.reshape(-1, 3), faces, process=False)
-    mesh.visual = trimesh.visual.TextureVisuals(uv=np.stack([u.ravel(), v.ravel()], axis=-1))
-    return mesh
+    uv = np.stack([u.ravel(), v.ravel()], axis=-1)
+    return Surface(vertices.reshape(-1, 3), faces, uv).to_mesh()
 
 
 def _disc(sun: Sun, wavelength_nm: float) -> "tuple[trimesh.Trimesh, Emission]":

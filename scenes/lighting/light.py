@@ -9,27 +9,23 @@ from pydantic import Field, model_validator
 
 from megalopta.core.record import Record
 from megalopta.scenes.hashed_file import PictureFile
-from megalopta.scenes.lighting.components import Component, ComponentName, overcast
 from megalopta.scenes.lighting.levels import (
     BRIGHTEST_LUX,
     DIMMEST_LUX,
     LEVELS,
+    Component,
+    ComponentName,
     Level,
     LevelName,
+    overcast,
     scaled,
     shared,
 )
 from megalopta.scenes.lighting.sky_shapes import sky_shape
-from megalopta.scenes.scene import (
-    Environment,
-    Lighting,
-    SkyPattern,
-    Sun,
-)
-from megalopta.scenes.spectra.blackbody import planckian
+from megalopta.scenes.scene import Environment, Lighting, SkyPattern, Sun
+from megalopta.scenes.spectra.color import primaries
 from megalopta.scenes.spectra.overcast import overcast_share
-from megalopta.scenes.spectra.primaries import primaries
-from megalopta.scenes.spectra.spectrum import flat, total
+from megalopta.scenes.spectra.spectrum import flat, planckian, total
 
 _OF_ONE_SOURCE: Mapping[ComponentName, ComponentName] = {"sun": "daylit sky", "moon": "moonlit sky"}
 

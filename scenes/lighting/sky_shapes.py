@@ -1,23 +1,100 @@
 """How the light of the sky is spread over it, from direction to direction.
 
+How bright the twilit sky is from direction to direction: sunlight scattered once, by air. The sun
+is below the horizon of the place but still shines on the air above it. Along a line of sight every
+parcel of air sends on what reaches it past the Earth, in proportion to its density and to
+Rayleigh's phase function; air and ozone dim it before and after. Light that is scattered more than
+once comes nearly evenly from all over the sky, and at this depth of the sun it is about as much at
+the zenith as the other (round figure; it grows from a third at sunset to nearly all at a depth of
+10°).
+
+Clean air at 550 nm in spherical shells; no refraction, no aerosol, which would redden and broaden
+the glow over the place where the sun went down.
+
 Clear and overcast skies are those of ISO 15469 (CIE S 011), types 12 and 1: a gradation from zenith
 to horizon times, under a disc, the glow around it. Airglow comes from a thin layer, which is longer
 toward the horizon, and dims in the air (Krisciunas and Schaefer 1991, PASP 103, 1033, Eq. 2 and 3);
 so does starlight, which is densest in the plane of the Milky Way: a flat layer of stars, seen from
-inside. For twilight see `twilight_sky`. Below the horizon all go on as they are there.
+inside. Below the horizon all go on as they are there.
 """
 
 import math
 from collections.abc import Callable, Mapping
 
 import numpy as np
-from numpy.typing import NDArray
+from scipy.interpolate import RegularGridInterpolator
 
-from megalopta.scenes.lighting.components import ComponentName
-from megalopta.scenes.lighting.twilight_sky import twilight_sky
+from megalopta.core.arrays import Floats
+from megalopta.scenes.lighting.levels import ComponentName
 from megalopta.scenes.scene import pattern_directions
 
-Floats = NDArray[np.float64]
+SUN_DEPTH_DEG = 6.4
+"""Of the sun below the horizon, as when the spectrum of twilight was measured (degrees)."""
+
+_EARTH_KM, _TOP_KM = 6371.0, 80.0
+_AIR_DEPTH, _AIR_SCALE_KM = 0.097, 8.0
+"""Rayleigh optical depth of the air at 550 nm (Bodhaine et al. 1999), and its scale height."""
+_OZONE_DEPTH, _OZONE_KM, _OZONE_WIDTH_KM = 0.027, 22.0, 5.0
+"""Of 300 Dobson units, in a Gaussian layer."""
+_EVENLY = 0.5
+"""Share of the zenith's light that was scattered more than once."""
+_STEPS, _SUN_STEPS = 80, 120
+
+
+def twilight_sky(directions: Floats, sun_azimuth_rad: float) -> Floats:
+    """Radiance from directions (n, 3), unit vectors above the horizon, over that of the zenith."""
+    single = _scattered_once(np.vstack([directions, [0.0, 0.0, 1.0]]), sun_azimuth_rad)
+    return np.asarray((1 - _EVENLY) * single[:-1] / single[-1] + _EVENLY)
+
+
+def _scattered_once(directions: Floats, sun_azimuth_rad: float) -> Floats:
+    """Radiance (n,) in any unit."""
+    depth = np.radians(SUN_DEPTH_DEG)
+    level = np.cos(depth)
+    sun = np.array(
+        [level * np.cos(sun_azimuth_rad), level * np.sin(sun_azimuth_rad), -np.sin(depth)]
+    )
+    up = directions[:, 2:]
+    way = np.sqrt((_EARTH_KM * up) ** 2 + 2 * _EARTH_KM * _TOP_KM + _TOP_KM**2) - _EARTH_KM * up
+    # Steps that grow with the distance: most of the air is low.
+    edges = np.linspace(0, 1, _STEPS + 1) ** 2
+    distance = way * (edges[1:] + edges[:-1]) / 2
+    step = way * np.diff(edges)
+    x, y, z = (distance * directions[:, k, None] for k in range(3))
+    radius = np.sqrt(x**2 + y**2 + (z + _EARTH_KM) ** 2)
+    height = radius - _EARTH_KM
+    sine = (x * sun[0] + y * sun[1] + (z + _EARTH_KM) * sun[2]) / radius
+    density = np.exp(-height / _AIR_SCALE_KM) / _AIR_SCALE_KM
+    seen = np.exp(-np.cumsum(_extinction(height) * step, axis=1))
+    angle = directions @ sun
+    phase = 1 + angle[:, None] ** 2
+    return np.asarray((density * phase * seen * _sunlight()((height, sine)) * step).sum(axis=1))
+
+
+def _extinction(height_km: Floats) -> Floats:
+    """Per kilometer."""
+    air = _AIR_DEPTH / _AIR_SCALE_KM * np.exp(-height_km / _AIR_SCALE_KM)
+    off = (height_km - _OZONE_KM) / _OZONE_WIDTH_KM
+    ozone = _OZONE_DEPTH / (_OZONE_WIDTH_KM * np.sqrt(2 * np.pi)) * np.exp(-(off**2) / 2)
+    return np.asarray(air + ozone)
+
+
+def _sunlight() -> RegularGridInterpolator:
+    """Share of sunlight that reaches a height (km) where the sun is at a sine of elevation."""
+    heights = np.linspace(0, _TOP_KM, 81)
+    sines = np.linspace(-0.35, 0.2, 221)
+    radius = _EARTH_KM + heights[:, None, None]
+    sine = sines[None, :, None]
+    toward = radius * sine
+    way = np.sqrt(toward**2 + (_EARTH_KM + _TOP_KM) ** 2 - radius**2) - toward
+    edges = np.linspace(0, 1, _SUN_STEPS + 1)
+    distance = way * (edges[1:] + edges[:-1]) / 2
+    height = np.sqrt(radius**2 + distance**2 + 2 * distance * toward) - _EARTH_KM
+    depth = (_extinction(height.clip(0)) * way * np.diff(edges)).sum(axis=-1)
+    hidden = (sine[..., 0] < 0) & (radius[..., 0] * np.sqrt(1 - sine[..., 0] ** 2) < _EARTH_KM)
+    return RegularGridInterpolator((heights, sines), np.where(hidden, 0.0, np.exp(-depth)))
+
+
 Shape = Callable[[Floats, Floats], Floats]
 
 ROWS = 90

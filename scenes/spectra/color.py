@@ -1,14 +1,26 @@
-"""Spectral bands to color for display: CIE 1931 matching functions, white balance, sRGB.
+"""Spectral bands to color for display, and the colors of a picture to spectra.
 
-The matching functions are the multi-lobe Gaussian fits of Wyman, Sloan and Shirley (JCGT 2(2),
-2013), good to about 1 %: for looking at, not for photometry.
+Spectral bands to color for display: CIE 1931 matching functions, white balance, sRGB. The matching
+functions are the multi-lobe Gaussian fits of Wyman, Sloan and Shirley (JCGT 2(2), 2013), good to
+about 1 %: for looking at, not for photometry.
+
+Spectra of the three colors of a picture whose white is a given light. Three colors say little about
+a spectrum. Here each pixel has the light's spectrum times a smooth function of wavelength: red,
+green and blue take one another's place in logistic steps, so that white has the light's spectrum,
+nothing is negative, and no light is lost or gained. The steps lie where each color has the share in
+the luminance that sRGB gives it. Beyond the visible red goes on to the infrared and blue to the
+ultraviolet, of which the picture knows nothing.
 """
 
 from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import brentq
+from scipy.special import expit
 
+from megalopta.core.arrays import Floats
+from megalopta.scenes.spectra.photometry import luminous
 from megalopta.scenes.spectra.spectrum import Spectrum
 
 # (weight, center nm, 1/width below, 1/width above), per lobe of x, y and z.
@@ -34,18 +46,18 @@ _D65 = _XYZ_FROM_SRGB.sum(axis=1)
 Bands = Sequence[tuple[float, float]]
 
 
-def matching_functions(wavelength_nm: ArrayLike) -> NDArray[np.float64]:
+def matching_functions(wavelength_nm: ArrayLike) -> Floats:
     """CIE 1931 x̄, ȳ, z̄ at each wavelength (nm), stacked on the last axis."""
     wavelength = np.asarray(wavelength_nm, dtype=np.float64)
 
-    def lobe(weight: float, center: float, below: float, above: float) -> NDArray[np.float64]:
+    def lobe(weight: float, center: float, below: float, above: float) -> Floats:
         width = np.where(wavelength < center, below, above)
         return np.asarray(weight * np.exp(-0.5 * ((wavelength - center) * width) ** 2))
 
     return np.stack([sum(lobe(*part) for part in lobes) for lobes in _LOBES], axis=-1)
 
 
-def bands_to_xyz(radiance: NDArray[np.floating], bands_nm: Bands) -> NDArray[np.float64]:
+def bands_to_xyz(radiance: NDArray[np.floating], bands_nm: Bands) -> Floats:
     """XYZ (..., 3), up to a common factor, of band-mean radiance (..., B)."""
     matrix = [
         np.trapezoid(matching_functions(grid), grid, axis=0)
@@ -54,9 +66,7 @@ def bands_to_xyz(radiance: NDArray[np.floating], bands_nm: Bands) -> NDArray[np.
     return np.asarray(radiance @ np.stack(matrix))
 
 
-def linear_srgb(
-    radiance: NDArray[np.floating], bands_nm: Bands, white: Spectrum
-) -> NDArray[np.float64]:
+def linear_srgb(radiance: NDArray[np.floating], bands_nm: Bands, white: Spectrum) -> Floats:
     """Linear sRGB (..., 3) of radiance (..., B), up to a common factor.
 
     What has the spectrum of `white` comes out neutral. Without any visible band the result is gray.
@@ -76,9 +86,36 @@ def encode_srgb(linear: NDArray[np.floating]) -> NDArray[np.uint8]:
     return np.asarray(curved * 255 + 0.5).astype(np.uint8)
 
 
-def decode_srgb(coded: NDArray[np.uint8]) -> NDArray[np.float64]:
+def decode_srgb(coded: NDArray[np.uint8]) -> Floats:
     """Linear values, 0 to 1, of 8-bit sRGB of any shape (IEC 61966-2-1)."""
     curved = coded / 255
     return np.asarray(
         np.where(curved <= 0.04045, curved / 12.92, ((curved + 0.055) / 1.055) ** 2.4)
     )
+
+
+LUMINANCE_SHARES = (0.2126, 0.7152, 0.0722)
+"""Of red, green and blue in linear sRGB (IEC 61966-2-1)."""
+
+_STEP_WIDTH_NM = 12.0
+_GRID_NM = np.concatenate([np.arange(300.0, 800.0, 5.0), np.arange(800.0, 2001.0, 10.0)])
+
+
+def primaries(light: Spectrum) -> tuple[Spectrum, Spectrum, Spectrum]:
+    """Spectra of red, green and blue that add up to that of white, with sRGB's luminances."""
+    red_share, _, blue_share = LUMINANCE_SHARES
+    values = light(_GRID_NM)
+    total = luminous(_spectrum(values))
+
+    def luminance_below(edge_nm: float) -> float:
+        return luminous(_spectrum(values * expit((edge_nm - _GRID_NM) / _STEP_WIDTH_NM))) / total
+
+    blue_edge = brentq(lambda edge: luminance_below(edge) - blue_share, 400.0, 700.0)
+    red_edge = brentq(lambda edge: luminance_below(edge) - 1 + red_share, 400.0, 700.0)
+    not_blue, red = (expit((_GRID_NM - edge) / _STEP_WIDTH_NM) for edge in (blue_edge, red_edge))
+    green, blue = not_blue - red, 1 - not_blue
+    return _spectrum(values * red), _spectrum(values * green), _spectrum(values * blue)
+
+
+def _spectrum(values: Floats) -> Spectrum:
+    return Spectrum(tuple(_GRID_NM.tolist()), tuple(values.tolist()))

@@ -14,27 +14,16 @@ Kou et al. (1993, Appl. Opt. 32, 3531), to two digits.
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
-from megalopta.scenes.spectra.spectrum import Spectrum
+from megalopta.core.arrays import Floats
+from megalopta.scenes.spectra.spectrum import TABLES, Spectrum
 
 OPTICAL_THICKNESS = 30.0
 _DROPLET_M = 8e-6
 _FORWARD = 0.86
 
-_WAVELENGTHS_NM = (
-    *(700, 750, 800, 850, 900, 950, 1000, 1050, 1100, 1150, 1200, 1250, 1300, 1350, 1400, 1450),
-    *(1500, 1550, 1600, 1650, 1700, 1750, 1800),
-)
-# fmt: off
-_ABSORPTION_CM = (
-    0.006, 0.026, 0.020, 0.043, 0.068, 0.39, 0.36, 0.15, 0.17, 0.80, 1.04, 0.92, 1.1, 2.7, 12.4,
-    27.0, 18.0, 10.0, 6.7, 5.3, 5.1, 6.2, 8.0,
-)
-# fmt: on
 
-
-def _through(absorbed: NDArray[np.float64]) -> NDArray[np.float64]:
+def _through(absorbed: Floats) -> Floats:
     """Share that the layer lets through of diffuse light, by the share 1 − ω absorbed."""
     scattered = 1 - absorbed
     gamma = math.sqrt(3) * (2 - scattered * (1 + _FORWARD)) / 2
@@ -44,10 +33,10 @@ def _through(absorbed: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _color() -> Spectrum:
-    absorbed = 0.85 * 100 * np.array(_ABSORPTION_CM) * _DROPLET_M
+    absorbed = 0.85 * 100 * np.array(TABLES["water"]) * _DROPLET_M
     without = 1 / (1 + math.sqrt(3) * (1 - _FORWARD) / 2 * OPTICAL_THICKNESS)
     values = (_through(absorbed) / without).tolist()
-    return Spectrum(tuple(map(float, _WAVELENGTHS_NM)), (1.0, *values[1:]))
+    return Spectrum(TABLES["water nm"], (1.0, *values[1:]))
 
 
 OVERCAST = _color()

@@ -5,25 +5,18 @@ a flat spectrum of luminance L_v has L_λ = L_v / (683 · 106.86).
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
-from megalopta.scenes.spectra.spectrum import Spectrum
+from megalopta.core.arrays import Floats
+from megalopta.scenes.spectra.spectrum import TABLES, Spectrum
 
 MAXIMUM_EFFICACY_LM_W = 683.0
 
 _V_FIRST_NM = 380.0
 _V_STEP_NM = 10.0
-# fmt: off
-_V = (
-    0.000039, 0.00012, 0.000396, 0.00121, 0.0040, 0.0116, 0.023, 0.038, 0.060, 0.09098,
-    0.13902, 0.20802, 0.323, 0.503, 0.710, 0.862, 0.954, 0.99495, 0.995, 0.952,
-    0.870, 0.757, 0.631, 0.503, 0.381, 0.265, 0.175, 0.107, 0.061, 0.032,
-    0.017, 0.00821, 0.004102, 0.002091, 0.001047, 0.00052, 0.000249, 0.00012, 0.00006, 0.00003,
-)
-# fmt: on
+_V = TABLES["luminous efficiency"]
 
 
-def luminous_efficiency(wavelength_nm: NDArray[np.float64]) -> NDArray[np.float64]:
+def luminous_efficiency(wavelength_nm: Floats) -> Floats:
     """CIE 1924 photopic luminous efficiency V(λ), 0 outside 380 to 770 nm; of any shape."""
     table_nm = _V_FIRST_NM + _V_STEP_NM * np.arange(len(_V))
     return np.interp(wavelength_nm, table_nm, _V, left=0.0, right=0.0)

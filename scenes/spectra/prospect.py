@@ -11,19 +11,17 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from megalopta.core import strict_yaml
-from megalopta.scenes.spectra.leaves import TABLE, Leaf
+from megalopta.core.arrays import Floats
+from megalopta.scenes.spectra.reflectance import TABLE, Leaf
 
 TOLERANCE = 0.004
 """Largest error of a table, in reflectance and in transmittance (1)."""
 _LINE = 100
 
-Float64 = NDArray[np.float64]
 
-
-def computed(parameters: Mapping[str, float]) -> tuple[Float64, Float64]:
+def computed(parameters: Mapping[str, float]) -> tuple[Floats, Floats]:
     """Wavelengths (n,), nm, and reflectance and transmittance (2, n) of a leaf."""
     import xleaf  # type: ignore[import-not-found, unused-ignore]
 

@@ -1,10 +1,23 @@
 """A piecewise linear function of wavelength, constant beyond its ends."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
+from scipy.constants import c, h, k
+
+from megalopta.core import strict_yaml
+from megalopta.core.arrays import Floats
+
+TABLES: Mapping[str, tuple[float, ...]] = {
+    name: tuple(map(float, values))
+    for name, values in strict_yaml.load(
+        Path(__file__).with_name("tables.yaml").read_text("utf-8")
+    ).items()
+}
+"""Numbers of the spectra of this package by name; the file says their units."""
 
 
 @dataclass(frozen=True)
@@ -28,7 +41,7 @@ class Spectrum:
         if not np.all(np.isfinite(self.values)) or min(self.values) < 0:
             raise ValueError(f"spectrum: values {self.values} must be finite and non-negative")
 
-    def __call__(self, wavelength_nm: ArrayLike) -> NDArray[np.float64]:
+    def __call__(self, wavelength_nm: ArrayLike) -> Floats:
         """Value at each wavelength (nm)."""
         return np.interp(np.asarray(wavelength_nm, np.float64), self.wavelengths_nm, self.values)
 
@@ -47,3 +60,12 @@ def total(spectra: Sequence[Spectrum]) -> Spectrum:
     wavelengths = sorted({each for spectrum in spectra for each in spectrum.wavelengths_nm})
     values = sum((spectrum(wavelengths) for spectrum in spectra), np.zeros(len(wavelengths)))
     return Spectrum(tuple(wavelengths), tuple(map(float, values))) if spectra else flat(0.0)
+
+
+def planckian(temperature_k: float) -> Spectrum:
+    """Relative spectrum of a black body at 300 to 2000 nm, largest value 1 (Planck's law)."""
+    wavelengths_nm = np.concatenate([np.arange(300, 800, 10), np.arange(800, 2001, 50)])
+    meters = wavelengths_nm * 1e-9
+    values = meters**-5 / np.expm1(h * c / (meters * k * temperature_k))
+    values /= values.max()
+    return Spectrum(tuple(map(float, wavelengths_nm)), tuple(map(float, values)))

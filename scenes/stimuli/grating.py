@@ -12,7 +12,6 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
 from megalopta.assets_gen import generator
@@ -25,6 +24,7 @@ from megalopta.assets_gen.grating import (
     random_dots,
     sine_grating,
 )
+from megalopta.core.arrays import Floats
 from megalopta.scenes.base import SceneDescription
 from megalopta.scenes.cameras.base import Camera
 from megalopta.scenes.kinds import kind_of
@@ -119,8 +119,8 @@ def sky_radiance(illuminance_lux: float) -> float:
 def glowing(
     kind: str,
     mesh: "trimesh.Trimesh",
-    to_world: NDArray[np.float64],
-    pattern: NDArray[np.float64],
+    to_world: Floats,
+    pattern: Floats,
     light: Light,
 ) -> Scene:
     """One mesh that glows, where its pattern is 1, like a sky of the light; flat spectrum."""
@@ -132,7 +132,7 @@ def glowing(
     )
 
 
-def _pattern(grating: Grating, fov: float, half_height: float) -> NDArray[np.float64]:
+def _pattern(grating: Grating, fov: float, half_height: float) -> Floats:
     """Value 1 ± C on the unrolled wall, row 0 at its foot."""
     rows = math.ceil(_TEXELS * half_height / math.pi)  # as fine as around
     columns = _TEXELS

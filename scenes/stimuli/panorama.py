@@ -6,7 +6,7 @@ one that turns in place, and so says the truth.
 The picture's values are relative: they are scaled until the upper half gives the light's
 illuminance to a horizontal plane. The light's direction is the picture's own; `disc_fraction` and
 the disc's angles have no effect. Spectra are those of three primaries of the light's own color
-(`scenes/spectra/primaries.py`).
+(`scenes/spectra/color.py`).
 """
 
 from pathlib import PurePath
@@ -17,7 +17,7 @@ from megalopta.scenes.cameras.base import Camera
 from megalopta.scenes.hashed_file import PictureFile
 from megalopta.scenes.lighting.light import Light
 from megalopta.scenes.scene import Environment, Scene
-from megalopta.scenes.spectra.primaries import primaries
+from megalopta.scenes.spectra.color import primaries
 from megalopta.scenes.trajectories.base import Path
 
 

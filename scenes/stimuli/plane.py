@@ -7,7 +7,6 @@ camera, of focal length f (px), moves by s along it. The board is as large as al
 from typing import Annotated, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
 from megalopta.assets_gen import generator
@@ -18,6 +17,7 @@ from megalopta.assets_gen.grating import (
     random_dots,
     sine_grating,
 )
+from megalopta.core.arrays import Floats
 from megalopta.scenes.base import SceneDescription
 from megalopta.scenes.cameras.base import Camera
 from megalopta.scenes.lighting.light import Light
@@ -90,16 +90,14 @@ class Plane(SceneDescription, frozen=True):
         )
 
 
-def board_pose(first: NDArray[np.float64], distance_m: float) -> NDArray[np.float64]:
+def board_pose(first: Floats, distance_m: float) -> Floats:
     """Pose (4, 4) of a board square to a view at a distance: its axes are the camera's."""
     forward = np.eye(4)
     forward[2, 3] = distance_m
     return np.asarray(first @ forward)
 
 
-def seen_rectangle(
-    camera: Camera, poses: NDArray[np.float64], distance_m: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def seen_rectangle(camera: Camera, poses: Floats, distance_m: float) -> tuple[Floats, Floats]:
     """Two corners (2,), in axes of the first camera (m), of all that the poses see of a board.
 
     Raises
@@ -125,7 +123,7 @@ def seen_rectangle(
     return low - margin, high + margin
 
 
-def _tile(plane: Plane) -> NDArray[np.float64]:
+def _tile(plane: Plane) -> Floats:
     place = (np.arange(_TEXELS) + 0.5) / _TEXELS
     if plane.pattern == "dots":
         size = (_DOT_PERIODS, _DOT_PERIODS)

@@ -9,12 +9,12 @@ from abc import abstractmethod
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from pydantic import Field
 
+from megalopta.core.arrays import Floats
 from megalopta.core.record import Record
 
-Float64 = NDArray[np.float64]
 # Beyond, squares of lengths leave no digits for a forest, or overflow.
 Coordinate = Annotated[float, Field(ge=-1e12, le=1e12)]
 Vector = tuple[Coordinate, Coordinate, Coordinate]
@@ -30,7 +30,7 @@ class Path(Record, frozen=True):
     """Frames per second (Hz)."""
 
     @property
-    def times_s(self) -> Float64:
+    def times_s(self) -> Floats:
         """Time of each frame (T,), s; the first is at 0."""
         return np.arange(self.frames) / self.frame_rate_hz
 
@@ -47,7 +47,7 @@ class Path(Record, frozen=True):
         x, y, z = (np.round((positions.min(axis=0) + positions.max(axis=0)) / 2) + 0.0).tolist()
         return x, y, z
 
-    def pose_at(self, times_s: ArrayLike) -> Float64:
+    def pose_at(self, times_s: ArrayLike) -> Floats:
         """Camera-to-world matrices (n, 4, 4) at times (n,), s."""
         positions, rotations = self.course(np.asarray(times_s, dtype=float))
         poses = np.tile(np.eye(4), (len(positions), 1, 1))
@@ -55,12 +55,12 @@ class Path(Record, frozen=True):
         poses[:, :3, 3] = rounded_about(positions, self.origin_m)
         return poses
 
-    def poses(self) -> Float64:
+    def poses(self) -> Floats:
         """Camera-to-world matrices (T, 4, 4) of the frames."""
         return self.pose_at(self.times_s)
 
     @abstractmethod
-    def course(self, times_s: Float64) -> tuple[Float64, Float64]:
+    def course(self, times_s: Floats) -> tuple[Floats, Floats]:
         """Positions (n, 3), m, and rotations (n, 3, 3), camera axes to world, before rounding."""
 
     @abstractmethod
@@ -68,13 +68,13 @@ class Path(Record, frozen=True):
         """What the camera does, as the end of a sentence that begins with "The camera"."""
 
 
-def rounded_about(positions: Float64, origin_m: ArrayLike) -> Float64:
+def rounded_about(positions: Floats, origin_m: ArrayLike) -> Floats:
     """Positions (..., 3) whose distance from an origin is a float32, as the renderer's are."""
     origin = np.asarray(origin_m)
     return np.asarray((positions - origin).astype(np.float32) + origin)
 
 
-def looking(views: Float64, up: ArrayLike) -> Float64:
+def looking(views: Floats, up: ArrayLike) -> Floats:
     """Rotations (n, 3, 3) whose columns are the camera axes right, down and forward.
 
     Views (n, 3) are of any length; `up` (3,) is up in the image.
@@ -99,7 +99,7 @@ def check_view(position_m: Vector, look_at_m: Vector, up: Vector) -> None:
         )
 
 
-def is_upright(views: Float64, up: ArrayLike) -> bool:
+def is_upright(views: Floats, up: ArrayLike) -> bool:
     """Whether any of the views (..., 3) is zero or parallel to `up`, so that it has no horizon."""
     across = np.linalg.norm(np.cross(views, np.asarray(up, dtype=float)), axis=-1)
     lengths = np.linalg.norm(views, axis=-1) * np.linalg.norm(up)

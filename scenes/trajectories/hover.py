@@ -7,7 +7,8 @@ from pydantic import Field, model_validator
 from scipy.spatial.transform import Rotation
 
 from megalopta.assets_gen import generator
-from megalopta.scenes.trajectories.base import Float64, Path, Vector, check_view, looking
+from megalopta.core.arrays import Floats
+from megalopta.scenes.trajectories.base import Path, Vector, check_view, looking
 
 _WAVES = 48
 
@@ -48,14 +49,14 @@ class Hover(Path, frozen=True):
         check_view(self.position_m, self.look_at_m, self.up)
         return self
 
-    def course(self, times_s: Float64) -> tuple[Float64, Float64]:
+    def course(self, times_s: Floats) -> tuple[Floats, Floats]:
         """Positions (n, 3), m, and rotations (n, 3, 3), camera axes to world."""
         jitter = self._jitter(times_s)
         first = looking(np.subtract(self.look_at_m, self.position_m)[None], self.up)
         turns = Rotation.from_rotvec(np.radians(self.jitter_deg) * jitter[:, 3:]).as_matrix()
         return np.asarray(self.position_m) + self.jitter_m * jitter[:, :3], first @ turns
 
-    def _jitter(self, times_s: Float64) -> Float64:
+    def _jitter(self, times_s: Floats) -> Floats:
         """Six independent signals (n, 6) of mean square 1 over long times."""
         rng = generator(self.seed, "hover")
         # One frequency from each of equal intervals: no gap in the band, no common period.

@@ -5,7 +5,8 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
-from megalopta.scenes.trajectories.base import Float64, Path, Vector, looking
+from megalopta.core.arrays import Floats
+from megalopta.scenes.trajectories.base import Path, Vector, looking
 
 
 class Orbit(Path, frozen=True):
@@ -29,7 +30,7 @@ class Orbit(Path, frozen=True):
     start_deg: float = 180.0
     """Where on the circle the first frame is (degrees from +x toward +y)."""
 
-    def course(self, times_s: Float64) -> tuple[Float64, Float64]:
+    def course(self, times_s: Floats) -> tuple[Floats, Floats]:
         """Positions (n, 3), m, and rotations (n, 3, 3), camera axes to world."""
         angle = np.radians(self.start_deg + self.rate_deg_s * times_s)
         outward = np.stack(

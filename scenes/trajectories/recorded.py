@@ -16,8 +16,9 @@ from pydantic import BeforeValidator, Field, model_validator
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
+from megalopta.core.arrays import Floats
 from megalopta.core.bounded import read_text
-from megalopta.scenes.trajectories.base import Float64, Path
+from megalopta.scenes.trajectories.base import Path
 
 COLUMNS = ("t", "x", "y", "z", "qx", "qy", "qz", "qw")
 _LARGEST_NORM_ERROR = 0.01
@@ -66,7 +67,7 @@ class Recorded(Path, frozen=True):
             )
         return self
 
-    def course(self, times_s: Float64) -> tuple[Float64, Float64]:
+    def course(self, times_s: Floats) -> tuple[Floats, Floats]:
         """Positions (n, 3), m, and rotations (n, 3, 3), camera axes to world.
 
         Shortly before and after the recording the motion goes on as it was.
@@ -87,7 +88,7 @@ class Recorded(Path, frozen=True):
 
 
 @lru_cache(maxsize=4)
-def read_recording(text: str) -> Float64:
+def read_recording(text: str) -> Floats:
     """Read a recording (n, 8) from the text of its CSV file; columns as in COLUMNS.
 
     Raises

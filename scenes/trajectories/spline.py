@@ -7,7 +7,8 @@ import numpy as np
 from pydantic import Field, field_validator, model_validator
 from scipy.interpolate import CubicSpline
 
-from megalopta.scenes.trajectories.base import Float64, Path, Vector, is_upright, looking
+from megalopta.core.arrays import Floats
+from megalopta.scenes.trajectories.base import Path, Vector, is_upright, looking
 
 _CHECKED_TIMES = 1000
 
@@ -50,7 +51,7 @@ class Spline(Path, frozen=True):
             )
         return self
 
-    def course(self, times_s: Float64) -> tuple[Float64, Float64]:
+    def course(self, times_s: Floats) -> tuple[Floats, Floats]:
         """Positions (n, 3), m, and rotations (n, 3, 3), camera axes to world."""
         curve = self._curve()
         return curve(times_s), looking(self._views(curve, times_s), self.up)
@@ -61,7 +62,7 @@ class Spline(Path, frozen=True):
         place = np.concatenate([[0.0], np.cumsum(way)])
         return CubicSpline(place / place[-1] * self.duration_s, points)
 
-    def _views(self, curve: CubicSpline, times_s: Float64) -> Float64:
+    def _views(self, curve: CubicSpline, times_s: Floats) -> Floats:
         if self.look_at_m is None:
             return np.asarray(curve(times_s, 1))
         return np.asarray(self.look_at_m - curve(times_s))

@@ -7,7 +7,8 @@ import numpy as np
 from pydantic import model_validator
 from scipy.spatial.transform import Rotation
 
-from megalopta.scenes.trajectories.base import Float64, Path, Vector, check_view, looking
+from megalopta.core.arrays import Floats
+from megalopta.scenes.trajectories.base import Path, Vector, check_view, looking
 
 
 class Trajectory(Path, frozen=True):
@@ -36,7 +37,7 @@ class Trajectory(Path, frozen=True):
         check_view(self.position_m, self.look_at_m, self.up)
         return self
 
-    def course(self, times_s: Float64) -> tuple[Float64, Float64]:
+    def course(self, times_s: Floats) -> tuple[Floats, Floats]:
         """Positions (n, 3), m, and rotations (n, 3, 3), camera axes to world."""
         up = np.asarray(self.up) / np.linalg.norm(self.up)
         angles = np.radians(self.rotation_deg_s) * times_s

@@ -8,8 +8,7 @@ from megalopta.assets_gen.dead_leaves_model import dead_leaves, paint_leaf
 from megalopta.assets_gen.grating import bars, random_dots
 from megalopta.assets_gen.scatter import poisson_disk
 from megalopta.assets_gen.seeding import generator
-from megalopta.assets_gen.splats import strew
-from megalopta.assets_gen.tileable_noise import plane_waves, tileable_noise
+from megalopta.assets_gen.tileable_noise import Marks, plane_waves, strew, tileable_noise
 
 LOW, HIGH = np.array([-10.0, 5.0]), np.array([30.0, 25.0])
 
@@ -71,7 +70,7 @@ SPLATS_SHAPE, SPLATS_SIZE_M = (400, 400), (1.0, 1.0)
 
 def marks(count, lengths_m=(0.4, 0.4), aspect=0.5, seed=0):
     rng = np.random.default_rng(seed)
-    return strew(SPLATS_SHAPE, SPLATS_SIZE_M, count, lengths_m, aspect, 0.3, 0.0, rng)
+    return strew(SPLATS_SHAPE, SPLATS_SIZE_M, count, Marks(lengths_m, aspect, 0.3, 0.0), rng)
 
 
 @pytest.mark.parametrize("seed", range(5))

@@ -6,12 +6,12 @@ from scipy.spatial import cKDTree
 
 from megalopta.assets_gen.bodies import ball, box
 from megalopta.assets_gen.moss import cut_at, make_moss
-from megalopta.assets_gen.octaves import make_octaves
-from megalopta.assets_gen.plants.logs import grow_log
+from megalopta.assets_gen.plants.undergrowth import grow_log
 from megalopta.assets_gen.rocks import grow_rock
 from megalopta.assets_gen.scatter import distance_to
 from megalopta.assets_gen.surface import Surface
 from megalopta.assets_gen.terrain import ground_surface, make_terrain
+from megalopta.assets_gen.tileable_noise import make_octaves
 from megalopta.assets_gen.trail import make_trail
 from megalopta.assets_gen.triangulation import Fineness, triangulated
 

@@ -5,9 +5,9 @@ import pytest
 import trimesh
 
 from megalopta.render import RenderSettings, SceneRenderer
-from megalopta.render.illuminance import LightMeter
 from megalopta.render.loading.meshes import merge
 from megalopta.render.loading.scene import load_scene
+from megalopta.render.surveys import LightMeter
 from megalopta.scenes import Light, PerspectiveCamera, Trajectory
 from megalopta.scenes.lighting.levels import LEVELS
 from megalopta.scenes.material import Material

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from megalopta.assets_gen.bodies import box
-from megalopta.render.layers import Layers
 from megalopta.render.loading.meshes import MovingMesh, merge
+from megalopta.render.path_tracing import Layers
 from megalopta.render.scene_renderer import SceneRenderer
 from megalopta.render.settings import RenderSettings
 from megalopta.render.sharing import SHARED_PX, rows_of_a_pose

@@ -2,9 +2,7 @@ import numpy as np
 import pytest
 
 from megalopta.render import RenderSettings, SceneRenderer
-from megalopta.render.noise import MeasuredPass, RenderNoise
-from megalopta.render.repeats import render_once, render_until
-from megalopta.render.scatter import RunningMean
+from megalopta.render.noise import MeasuredPass, RenderNoise, RunningMean, render_once, render_until
 from megalopta.scenes import Light, PerspectiveCamera, Trajectory
 
 from .conftest import scene_of

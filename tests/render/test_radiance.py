@@ -7,7 +7,7 @@ import pytest
 import trimesh
 
 from megalopta.render.scene_renderer import SceneRenderer
-from megalopta.render.sensors.passes import pass_seed
+from megalopta.render.sensors.film import pass_seed
 from megalopta.render.settings import RenderSettings, bake_seed, frame_seed, instant_seed
 from megalopta.render.variant import choose_variant
 from megalopta.scenes.cameras.perspective import PerspectiveCamera

@@ -7,8 +7,13 @@ import pytest
 from scipy.ndimage import gaussian_filter
 
 from megalopta.render import RenderSettings, SceneRenderer
-from megalopta.render.environment import horizontal
-from megalopta.render.surroundings import solid_angles, turned, under_panorama, without_disc
+from megalopta.render.environment import (
+    horizontal,
+    solid_angles,
+    turned,
+    under_panorama,
+    without_disc,
+)
 from megalopta.scenes import Panorama, PerspectiveCamera, Trajectory
 from megalopta.scenes.lighting.light import Light
 from megalopta.scenes.scene import pattern_directions

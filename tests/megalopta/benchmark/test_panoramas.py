@@ -16,7 +16,7 @@ from megalopta.benchmark.panoramas import (
 from megalopta.cli import main as cli
 from megalopta.core.errors import UserError
 from megalopta.render import RenderNoise
-from megalopta.scenes.spectra.primaries import LUMINANCE_SHARES
+from megalopta.scenes.spectra.color import LUMINANCE_SHARES
 from megalopta.verification import panoramas as check_panoramas
 from megalopta.verification.panoramas import LIMIT, compare
 

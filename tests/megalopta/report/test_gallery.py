@@ -12,7 +12,7 @@ from megalopta.config.model import Configuration
 from megalopta.report import gallery
 from megalopta.report.gallery import write_statistics, write_views
 from megalopta.scenes.build import OWN_SCENES
-from megalopta.scenes.forest.stand import PRESETS
+from megalopta.scenes.forest.plants import PRESETS
 from megalopta.scenes.lighting.levels import LEVELS
 
 

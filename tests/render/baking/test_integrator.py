@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 import trimesh
 
-from megalopta.render.baking import light as bake, table
+from megalopta.render.baking import light as bake, light as table
 from megalopta.render.baking.choice import cost_reason, path_tracing_reason, samples_of_pixel
 from megalopta.render.baking.gathering import Gatherer
 from megalopta.render.baking.visibility import survey
-from megalopta.render.scatter import RunningMean
+from megalopta.render.noise import RunningMean
 from megalopta.render.scene_renderer import SceneRenderer
 from megalopta.render.settings import RenderSettings
 from megalopta.scenes.cameras.perspective import PerspectiveCamera

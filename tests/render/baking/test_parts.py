@@ -8,10 +8,10 @@ import pytest
 from megalopta.render import RenderSettings
 from megalopta.render.baking import cells as cells_module
 from megalopta.render.baking.cells import CellFinder, Cells
-from megalopta.render.baking.scattering import Scattering
-from megalopta.render.baking.smoothing import smoothed
-from megalopta.render.baking.store import key_of
-from megalopta.render.baking.visibility import survey
+from megalopta.render.baking.clusters import smoothed
+from megalopta.render.baking.gathering import Scattering
+from megalopta.render.baking.light import key_of
+from megalopta.render.baking.visibility import VIEWS, survey, views
 from megalopta.render.loading.meshes import MergedMesh, merge
 from megalopta.render.loading.scene import load_scene
 from megalopta.render.mitsuba_loader import activate
@@ -95,7 +95,8 @@ def test_a_survey_counts_512_rays_per_pixel_however_long_the_sequence(frames):
     loaded = load_scene(THING, [floor])
     down = Trajectory(frames=frames, position_m=(0, 0, 2), look_at_m=(0, 0, 0), up=(1, 0, 0))
     cells = Cells.of([floor], CAMERA, down.poses()[:, :3, 3])
-    seen, _ = survey(loaded, CellFinder(cells, loaded), cells.count, CAMERA, down.poses(), 0)
+    rays = views(CAMERA, down.poses(), VIEWS, 0)
+    seen, _ = survey(loaded, CellFinder(cells, loaded), cells.count, rays)
     assert seen.sum() == 512 * CAMERA.width * CAMERA.height
     assert not seen[cells.count // 2 :].any()  # the back
 

@@ -8,8 +8,7 @@ import trimesh
 
 from megalopta.render import activate, choose_variant, mi
 from megalopta.render.loading.meshes import MovingMesh, merge
-from megalopta.render.loading.scene import load_scene
-from megalopta.render.loading.shapes import MeshIndex
+from megalopta.render.loading.scene import MeshIndex, load_scene
 from megalopta.render.scene_renderer import SceneRenderer
 from megalopta.render.settings import RenderSettings
 from megalopta.scenes import EquirectangularCamera, Forest, Light, build_scene

@@ -7,7 +7,7 @@ import pytest
 
 from megalopta.render import path_tracing
 from megalopta.render.scene_renderer import SceneRenderer
-from megalopta.render.sensors.passes import pass_seed, plan_passes
+from megalopta.render.sensors.film import pass_seed, plan_passes
 from megalopta.render.settings import RenderSettings
 from megalopta.scenes.cameras.panoramic import CylindricalCamera, EquirectangularCamera
 from megalopta.scenes.cameras.perspective import PerspectiveCamera

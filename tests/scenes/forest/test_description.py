@@ -10,12 +10,11 @@ from pydantic import ValidationError
 from scipy.spatial import cKDTree
 from scipy.stats import binomtest
 
-from megalopta.scenes.forest.description import Forest, build_forest
+from megalopta.scenes.forest.description import Forest, build_forest, foreseen
 from megalopta.scenes.forest.flora import TREES
 from megalopta.scenes.forest.planting import REGULARITY, THICKET, tree_positions
-from megalopta.scenes.forest.size import foreseen
+from megalopta.scenes.forest.plants import PRESETS
 from megalopta.scenes.forest.specimens import grow_specimens, materials, plant_assets
-from megalopta.scenes.forest.stand import PRESETS
 
 FOREST = Forest(seed=11)
 PATH = np.stack([np.linspace(-1, 4, 11), np.linspace(0, 1, 11)], axis=-1)

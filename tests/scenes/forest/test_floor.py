@@ -7,12 +7,9 @@ from scipy.spatial import cKDTree
 
 from megalopta.assets_gen.scatter import distance_to
 from megalopta.scenes.forest.description import Forest, build_forest
-from megalopta.scenes.forest.floor import MOSS_RING_M, make_floor, trail_of
-from megalopta.scenes.forest.flora import TREES
-from megalopta.scenes.forest.ground import make_land
-from megalopta.scenes.forest.kept_floor import kept_floor
+from megalopta.scenes.forest.floor import MOSS_RING_M, kept_floor, make_floor, make_land, trail_of
+from megalopta.scenes.forest.flora import LAYERS, TREES
 from megalopta.scenes.forest.planting import dense_path
-from megalopta.scenes.forest.undergrowth import LAYERS
 
 PATH = np.stack([np.linspace(-1, 2, 7), np.linspace(0, 1, 7)], axis=-1)
 WAY = cKDTree(dense_path(PATH))

@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from megalopta.scenes.forest.canopy import plant_area
+from megalopta.scenes.forest.canopy import ground_area, plant_area
 from megalopta.scenes.forest.description import Forest, build_forest
-from megalopta.scenes.forest.leaf_area import ground_area
 from megalopta.scenes.forest.planting import dense_path
-from megalopta.scenes.forest.stand import PRESETS
+from megalopta.scenes.forest.plants import PRESETS
 
 PATH = np.array([[-1.0, 0], [4, 1]])
 

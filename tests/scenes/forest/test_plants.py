@@ -3,12 +3,11 @@
 import numpy as np
 import pytest
 
-from megalopta.scenes.forest import nursery
+from megalopta.scenes.forest import specimens as nursery
 from megalopta.scenes.forest.description import Forest, build_forest
-from megalopta.scenes.forest.flora import BUSHES, TREES
-from megalopta.scenes.forest.stand import LODS
+from megalopta.scenes.forest.flora import BUSHES, COVERS, PLANTS, TREES
+from megalopta.scenes.forest.plants import LODS
 from megalopta.scenes.forest.sway import FREQUENCY_SPREAD, FREQUENCY_TIMES_HEIGHT, Sway, Wind
-from megalopta.scenes.forest.undergrowth import COVERS, PLANTS
 
 WAVELENGTHS_NM = np.arange(380, 1701)
 WOODY = [*TREES.values(), *BUSHES.values()]

@@ -3,8 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from megalopta.scenes.lighting.components import SOURCES
-from megalopta.scenes.lighting.levels import LEVELS, illuminance_of
+from megalopta.scenes.lighting.levels import LEVELS, SOURCES, illuminance_of
 from megalopta.scenes.spectra.photometry import luminous
 
 LUX = {

@@ -11,8 +11,13 @@ from megalopta.scenes import PerspectiveCamera, Trajectory
 from megalopta.scenes.lighting.cloudy_sky import DOME_M, LOWEST_DEG, clouds, under_clouds
 from megalopta.scenes.lighting.levels import LEVELS
 from megalopta.scenes.lighting.light import Light
-from megalopta.scenes.lighting.sky_shapes import GALACTIC_POLE, ROWS, SHAPES, sky_shape
-from megalopta.scenes.lighting.twilight_sky import twilight_sky
+from megalopta.scenes.lighting.sky_shapes import (
+    GALACTIC_POLE,
+    ROWS,
+    SHAPES,
+    sky_shape,
+    twilight_sky,
+)
 from megalopta.scenes.material import Material
 from megalopta.scenes.scene import Asset, Placement, Scene
 from megalopta.scenes.spectra.photometry import luminous

@@ -5,13 +5,24 @@ import math
 import numpy as np
 import pytest
 
-from megalopta.scenes.spectra.airglow import AIRGLOW, FAINT_STARLIGHT, MOONLESS_ZENITH
-from megalopta.scenes.spectra.moonlight import FULL_MOON, QUARTER_MOON
+from megalopta.scenes.spectra.night_sky import (
+    AIRGLOW,
+    FAINT_STARLIGHT,
+    MOONLESS_ZENITH,
+    S10,
+    STARLIGHT,
+    ZODIACAL_S10,
+)
 from megalopta.scenes.spectra.overcast import OVERCAST, overcast_share
 from megalopta.scenes.spectra.photometry import luminous
-from megalopta.scenes.spectra.starlight import S10, STARLIGHT, ZODIACAL_S10
-from megalopta.scenes.spectra.sunlight import ABOVE_ATMOSPHERE, CLEAR_SKY, SUN
-from megalopta.scenes.spectra.twilight import TWILIGHT
+from megalopta.scenes.spectra.sunlight import (
+    ABOVE_ATMOSPHERE,
+    CLEAR_SKY,
+    FULL_MOON,
+    QUARTER_MOON,
+    SUN,
+    TWILIGHT,
+)
 
 ARCSEC2_SR = (np.pi / 180 / 3600) ** 2
 PHOTON_J_M = 1.98644586e-25

@@ -8,14 +8,24 @@ from scipy.constants import sigma
 
 from megalopta.core import strict_yaml
 from megalopta.scenes.lighting.levels import LEVELS
-from megalopta.scenes.spectra.blackbody import planckian
-from megalopta.scenes.spectra.color import decode_srgb, encode_srgb, linear_srgb, matching_functions
-from megalopta.scenes.spectra.leaves import LEAVES, TABLE, leaf_of
+from megalopta.scenes.spectra.color import (
+    LUMINANCE_SHARES,
+    decode_srgb,
+    encode_srgb,
+    linear_srgb,
+    matching_functions,
+    primaries,
+)
 from megalopta.scenes.spectra.photometry import luminous, luminous_efficiency
-from megalopta.scenes.spectra.primaries import LUMINANCE_SHARES, primaries
 from megalopta.scenes.spectra.prospect import TOLERANCE, computed, tabulated
-from megalopta.scenes.spectra.reflectance import REFLECTANCES, reflectance_of
-from megalopta.scenes.spectra.spectrum import Spectrum, flat
+from megalopta.scenes.spectra.reflectance import (
+    LEAVES,
+    REFLECTANCES,
+    TABLE,
+    leaf_of,
+    reflectance_of,
+)
+from megalopta.scenes.spectra.spectrum import Spectrum, flat, planckian
 
 
 def test_integral_of_luminous_efficiency_is_the_cie_value():

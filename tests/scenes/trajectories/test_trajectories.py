@@ -5,7 +5,7 @@ import pytest
 from pydantic import TypeAdapter, ValidationError
 from scipy.spatial.transform import Rotation, Slerp
 
-from megalopta.scenes.trajectories.choice import CameraPath
+from megalopta.scenes.build import CameraPath
 from megalopta.scenes.trajectories.hover import Hover
 from megalopta.scenes.trajectories.orbit import Orbit
 from megalopta.scenes.trajectories.recorded import Recorded

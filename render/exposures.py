@@ -1,15 +1,11 @@
-"""What a scene's renderer asks of a camera before surfaces or before a panorama."""
+"""A frame as a shutter takes it: from which poses, and when."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from megalopta.core.arrays import Floats
-from megalopta.render.illuminance import LightSurvey
-from megalopta.render.noise import MeasuredPass
 from megalopta.scenes import Shutter
 from megalopta.scenes.trajectories.base import Path
 
@@ -57,32 +53,3 @@ class Exposure:
         """With poses (..., 4, 4) taken to others."""
         parts = tuple(replace(part, poses=local(part.poses)) for part in self.parts)
         return replace(self, parts=parts)
-
-
-class View(Protocol):
-    """A camera before what it sees; poses are relative to the scene's origin."""
-
-    @property
-    def samples_per_pixel(self) -> int:
-        """Light paths, or points looked up, per pixel."""
-
-    def move_to(self, time_s: float) -> None:
-        """Put moving objects where they are at a time."""
-
-    def radiance(self, pose: Floats, seed: int) -> NDArray[np.float32]:
-        """Radiance (H, W, B) from a pose (4, 4)."""
-
-    def measured(self, pose: Floats, seed: int) -> MeasuredPass:
-        """The same, with what its error is known by."""
-
-    def exposed(self, exposure: Exposure) -> NDArray[np.float32]:
-        """Radiance (H, W, B) as a shutter takes it."""
-
-    def exposed_measured(self, exposure: Exposure) -> MeasuredPass:
-        """The same, with what its error is known by."""
-
-    def light_left_out(self, pose: Floats) -> Floats | None:
-        """Share of the light of surfaces, by band, that takes too many hits; None without any."""
-
-    def light_survey(self, positions: Floats) -> LightSurvey | None:
-        """Illuminance above and below camera positions (N, 3) in the world, if light has any."""

@@ -1,8 +1,21 @@
-"""The moonless night sky, 0.37 to 1.8 µm, in absolute units, and what of it is airglow.
+"""The moonless night sky: starlight, zodiacal light and airglow.
 
-On a moonless night most of the short-wave infrared comes from hydroxyl some 87 km up (the Meinel
-bands) and from molecular oxygen (1.27 µm). From 0.89 µm on the table is the radiance of the zenith
-seen from the ground, in means over 20 nm, put together from published figures:
+Means over the whole sky above the atmosphere, in S10, stars of tenth magnitude in V per square
+degree (27.78 mag·arcsec⁻²):
+
+- all stars and what dust scatters of them: 105 (Roach and Gordon 1973, The Light of the Night Sky),
+  taken to have the color of a black body of 4500 K;
+- zodiacal light: 140 − 90·sin|β| up to an ecliptic latitude β of 60°, and 60 beyond (Benn and
+  Ellison 1998, La Palma Technical Note 115), whose mean is 96; sunlight, reddened by
+  1 + 0.6·lg(λ/500 nm) (Leinert et al. 1998, A&AS 127, 1, Eq. 22, at an elongation of 90°).
+
+The atmosphere takes from both what it takes from sun and sky together. The Milky Way is three times
+as bright as the mean, the pole of the ecliptic has 60; here it is the same everywhere.
+
+The moonless night sky, 0.37 to 1.8 µm, in absolute units, and what of it is airglow. On a moonless
+night most of the short-wave infrared comes from hydroxyl some 87 km up (the Meinel bands) and from
+molecular oxygen (1.27 µm). From 0.89 µm on the table is the radiance of the zenith seen from the
+ground, in means over 20 nm, put together from published figures:
 
 - shape of the hydroxyl bands: the line list of Rousselot et al. (2000, A&A 354, 1134), its
   intensities taken as photon rates and summed over 20 nm;
@@ -34,23 +47,40 @@ factor of six (van Rhijn) and has moving waves; here it is the same everywhere. 
 table is constant and means nothing.
 """
 
-from megalopta.scenes.spectra.spectrum import Spectrum
-from megalopta.scenes.spectra.starlight import S10, STARLIGHT, V_NM
+import numpy as np
+
+from megalopta.core.arrays import Floats
+from megalopta.scenes.spectra.spectrum import TABLES, Spectrum, planckian
+from megalopta.scenes.spectra.sunlight import ABOVE_ATMOSPHERE, WAVELENGTHS_NM, transmission
+
+V_NM = 545.0
+"""Effective wavelength of V (Bessell et al. 1998, A&A 333, 231)."""
+S10 = 1.193e-11
+"""Radiance at V, W·m⁻²·sr⁻¹·nm⁻¹: 27.78 mag·arcsec⁻² with 3.631e-8 W·m⁻²·µm⁻¹ at magnitude 0."""
+STARS_S10, ZODIACAL_S10 = 105.0, 96.0
+_STAR_K = 4500.0
+
+
+def _starlight() -> Spectrum:
+    grid = np.array(WAVELENGTHS_NM)
+    stars, zodiacal = planckian(_STAR_K), ABOVE_ATMOSPHERE(grid) * _reddening(grid)
+    at_v = float(ABOVE_ATMOSPHERE(V_NM) * _reddening(np.array(V_NM)))
+    above = STARS_S10 * stars(grid) / float(stars(V_NM)) + ZODIACAL_S10 * zodiacal / at_v
+    return Spectrum(WAVELENGTHS_NM, tuple(map(float, S10 * above * transmission())))
+
+
+def _reddening(wavelength_nm: Floats) -> Floats:
+    return np.asarray(1 + 0.6 * np.log10(wavelength_nm / 500))
+
+
+STARLIGHT = _starlight()
+"""Mean radiance of the sky on the ground, W·m⁻²·sr⁻¹·nm⁻¹."""
+
 
 # nm, nW·cm⁻²·sr⁻¹·µm⁻¹
 _VISIBLE = ((366.0, 0.214), (438.0, 0.245), (545.0, 0.354), (641.0, 0.404), (798.0, 0.632))
 _FIRST_NM = 890.0
 _STEP_NM = 20.0
-# nW·cm⁻²·sr⁻¹·µm⁻¹, means over 20 nm
-# fmt: off
-_RADIANCE = (
-    1.08, 0.61, 0.97, 1.01, 1.08, 1.50, 1.75, 2.69, 1.61, 1.65,
-    3.50, 1.49, 1.93, 4.03, 1.74, 0.92, 3.64, 3.12, 1.15, 8.19,
-    3.20, 3.19, 1.14, 0.48, 2.16, 3.31, 6.61, 7.50, 5.23, 7.96,
-    7.15, 11.9, 12.3, 9.31, 5.25, 12.2, 12.8, 7.38, 6.96, 9.67,
-    7.06, 8.71, 6.42, 3.34, 7.51, 8.89,
-)
-# fmt: on
 _SI = 1e-8
 """From nW·cm⁻²·sr⁻¹·µm⁻¹ to W·m⁻²·sr⁻¹·nm⁻¹."""
 
@@ -58,7 +88,7 @@ _SI = 1e-8
 _HALF_NM = _STEP_NM / 2 - 0.5
 _INFRARED = tuple(
     (_FIRST_NM + _STEP_NM * step + side, value)
-    for step, value in enumerate(_RADIANCE)
+    for step, value in enumerate(TABLES["night"])
     for side in (-_HALF_NM, _HALF_NM)
 )
 

@@ -1,0 +1,139 @@
+"""Error of baked light: foreseen from a few frames, then measured against traced paths.
+
+Baked light against traced paths, at some pixels of a frame: all that is wrong with it.
+
+Both look at the same points, so that what pixels see of the scene cancels. The paths of a pixel
+come in independent groups, by which their own scatter is known (`render.noise`). There are many
+paths for each pixel rather than many pixels: the scatter that has to be taken off falls with their
+number.
+"""
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from megalopta.core.arrays import Floats, Ints, Mask
+from megalopta.render import MEASURED_EVERY, dr, frame_seed
+from megalopta.render.baking.cells import CellFinder
+from megalopta.render.baking.choice import PATH, SAMPLE
+from megalopta.render.baking.light import BakedLight
+from megalopta.render.baking.visibility import all_views, survey, views
+from megalopta.render.sensors.primary import pixel_means
+from megalopta.scenes.cameras.base import Camera
+
+_FRAMES = 3
+_RAYS = 32
+"""Per pixel and frame."""
+_PIXELS = 2000
+"""Of a frame, about; of a small one all."""
+
+
+class Pilot:
+    """A few frames of those of a camera at poses (T, 4, 4)."""
+
+    def __init__(
+        self,
+        loaded: Any,
+        finder: CellFinder,
+        light: BakedLight,
+        camera: Camera,
+        poses: Floats,
+        seed: int,
+    ) -> None:
+        self._camera, self._seed = camera, seed
+        self._step = max(camera.width * camera.height // _PIXELS, 1)
+        self._frames = poses[np.linspace(0, len(poses) - 1, _FRAMES).round().astype(int)]
+        seen = sum(
+            survey(loaded, finder, light.cells, views(camera, pose[None], _RAYS, seed, self._step))[
+                0
+            ]
+            for pose in self._frames
+        )
+        light.bake(np.flatnonzero(seen).astype(np.uint32))
+        light.smooth()
+
+    @property
+    def rays(self) -> int:
+        """Of a frame: they are looked along at once, as tracing paths has a price of its own."""
+        return _RAYS * len(range(0, self._camera.width * self._camera.height, self._step))
+
+    def errors(self, look: Callable[[Any], list[Any]]) -> tuple[float, float]:
+        """RMS of the standing error, and of one ray's scatter, of pixels of surfaces alone.
+
+        Both over the mean radiance. `look` gives what rays see: the light of each band, as many
+        draws of its error, and whether it is the sky.
+        """
+        squares, scatter, light, pixels = 0.0, 0.0, 0.0, 0
+        for pose in self._frames:
+            found = look(all_views(self._camera, pose, _RAYS, self._seed, self._step))
+            bands = len(found) // 2
+            seen: Any = sum(found[:bands])
+            parts = seen, dr.square(seen), sum(found[bands:-1]), found[-1]
+            dr.eval(parts)
+            views = np.array([np.array(each) for each in parts]).reshape(4, _RAYS, -1)
+            radiance, square, standing, sky = views.sum(axis=1, dtype=np.float64)
+            surface = sky == 0
+            squares += float(np.sum(standing[surface] ** 2))
+            scatter += float(np.sum((_RAYS * square - radiance**2)[surface]))
+            light += float(np.sum(radiance[surface]))
+            pixels += int(np.sum(surface))
+        if not light:
+            return 0.0, 0.0
+        scatter *= _RAYS / (_RAYS - 1)
+        return math.sqrt(squares * pixels) / light, math.sqrt(max(scatter, 0) * pixels) / light
+
+
+GROUPS = 8
+GROUP = 64
+"""Paths of a pixel in each group."""
+_SHARE = 0.03
+"""Of the work of a sequence that comparing takes."""
+_FEWEST = 128
+
+Differences = Callable[[Any, Any, Any], list[Any]]
+"""Baked light less that of paths in each band, given what a `Look` is given."""
+
+
+def pixels_to_compare(work: float, frames: int) -> int:
+    """How many pixels of each measured frame are compared, for the work of all frames."""
+    measured = -(-frames // MEASURED_EVERY)
+    paths = _SHARE * work / (PATH + SAMPLE) / measured
+    return max(int(paths / (GROUPS * GROUP)), _FEWEST)
+
+
+def compared(
+    sensor: Any, seed: int, image: NDArray[np.float32], share: float, look: Differences
+) -> NDArray[np.float32]:
+    """Differences (H, W, GROUPS·B) at a share of the pixels, NaN elsewhere.
+
+    Pixels are in pairs of neighbors that show no sky, whose share the last channel of the image
+    (H, W, 2·B + 1) tells.
+    """
+    sky, bands = image[..., -1], image.shape[-1] // 2
+    found = np.full((sky.size, GROUPS * bands), np.nan, np.float32)
+    chosen = _pairs(sky <= 0, round(share * sky.size / 2))
+    if len(chosen):
+        # Each pixel once for each group, with samples of its own.
+        several = np.tile(chosen, GROUPS)
+        means = pixel_means(sensor, frame_seed(seed, 0), GROUP, look, several)
+        groups = means.reshape(GROUPS, len(chosen), bands)
+        found[chosen] = groups.transpose(1, 0, 2).reshape(len(chosen), -1)
+    return found.reshape(*sky.shape, -1)
+
+
+def _pairs(part: Mask, most: int) -> Ints:
+    """Pixels, counted row by row, of some pairs of neighbors in a part (H, W)."""
+    number = np.arange(part.size).reshape(part.shape)
+    columns, rows = part[1:] & part[:-1], part[:, 1:] & part[:, :-1]
+    pairs = np.concatenate(
+        [
+            np.stack([number[:-1][columns], number[1:][columns]], axis=1),
+            np.stack([number[:, :-1][rows], number[:, 1:][rows]], axis=1),
+        ]
+    )
+    # The same in all passes of a strip, which are averaged.
+    order = np.random.default_rng(0).permutation(len(pairs))[:most]
+    return np.unique(pairs[order])
