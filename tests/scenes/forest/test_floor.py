@@ -165,7 +165,7 @@ def test_a_kept_floor_is_the_one_that_was_made(tmp_path, monkeypatch):
     made = kept_floor(ROUGH, *given)
     with monkeypatch.context() as patched:
         patched.setattr(
-            "megalopta.scenes.forest.kept_floor.make_floor", lambda *_: pytest.fail("made anew")
+            "megalopta.scenes.forest.floor.make_floor", lambda *_: pytest.fail("made anew")
         )
         again = kept_floor(ROUGH.model_copy(update={"undergrowth": 0.5}), *given)
     for field in ("points", "faces"):
