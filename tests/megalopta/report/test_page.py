@@ -117,7 +117,7 @@ def test_a_report_has_all_its_sections(page):
     for name in (*CONFIGURATION.methods, SENSOR, "ideal", "0.5 lux", "full moon, 0.25 lux"):
         assert name in page.text
     # 0.1 dark counts per pixel of 36 × 30 are 0.225 on a pixel of 24 × 20.
-    assert "0.23 at 24 × 20 px and 0.1 at 36 × 30 px" in page.text
+    assert "0.23 at 24 × 20 px, 0.1 at 36 × 30 px" in page.text
     labels = [found["aria-label"] for tag, found in page.tags if tag == "svg"]
     for size, metric in product(("24 × 20", "36 × 30"), ("literal", "ratio")):
         assert any(f"{size} pixels, {metric} error" in label for label in labels)
