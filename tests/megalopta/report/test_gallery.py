@@ -65,7 +65,7 @@ def test_a_photograph_stands_beside_a_forest_in_its_light_and_counts_after_their
     assert titles[:3] == ["A photographed forest", "A clearing in its light", "A grating"]
     assert re.fullmatch(r"A grating: .* photons per pixel in 0\.1 s", titles[3])
     assert len(re.findall('src="data:image/png', page)) == 4
-    assert imread(tmp_path / "out/gallery.png").std() > 30
+    assert imread(tmp_path / "out/views.jpg").std() > 30
 
 
 def test_what_is_no_panorama_is_refused_before_anything_is_rendered(tmp_path, capsys):
