@@ -1,7 +1,6 @@
 """Mean and variance of events and of readings, frame by frame, without drawing any."""
 
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,6 +20,7 @@ from megalopta.sensor.image_sensors import ImageSensor
 from megalopta.sensor.optics.pixels import photon_rate
 from megalopta.sensor.quantities import Expectation
 from megalopta.sensor.spad.device import FixedPattern, checked_rate, detection_rate
+from megalopta.sensor.spad.frames import over_frames
 from megalopta.sensor.spad.model import Sensor
 from megalopta.sensor.spad.readings import moments_of_readings
 
@@ -100,9 +100,7 @@ def _all_moments(detections_hz: ArrayLike, sensor: Sensor) -> Floats:
         each = [_frame_moments(rates, sensor, device) for _, rates in states]
         moments[:, frame] = each[0] if len(each) == 1 else _mixed([c for c, _ in states], each)
 
-    with ThreadPoolExecutor() as pool:
-        for _ in pool.map(state, range(len(rate))):
-            pass
+    over_frames(state, len(rate))
     return moments
 
 

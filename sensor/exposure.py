@@ -19,9 +19,8 @@ count. Those of an array that is not reset between frames (`free_running`) and h
 avalanche by avalanche from one set of streams: they are the same events.
 """
 
-import os
+import math
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -47,6 +46,7 @@ from megalopta.sensor.spad.analog import AnalogCounter, AnalogPixels
 from megalopta.sensor.spad.conversion import read_analog, sample_analog
 from megalopta.sensor.spad.device import FixedPattern, checked_rate, detection_rate
 from megalopta.sensor.spad.digital import empty_counts, read_digital
+from megalopta.sensor.spad.frames import over_frames
 from megalopta.sensor.spad.model import Sensor
 
 _FEW_PIXELS = 2**15
@@ -409,14 +409,7 @@ class _Frames:
     ) -> None:
         """Do something for every frame, or so many times, in threads unless in turn."""
         times = self.shape[0] if times is None else times
-        workers = min(os.cpu_count() or 1, times)
-        if in_turn or workers <= 1 or np.prod(self.shape) < _FEW_PIXELS:
-            for index in range(times):
-                task(index)
-            return
-        with ThreadPoolExecutor(workers) as pool:
-            for _ in pool.map(task, range(times)):
-                pass
+        over_frames(task, times, in_turn or math.prod(self.shape) < _FEW_PIXELS)
 
 
 def _count_poisson(frames: _Frames, exposure: Exposure) -> None:
