@@ -1,7 +1,6 @@
 """Baked light against closed forms and against the path tracer."""
 
 import dataclasses
-import functools
 import math
 
 import numpy as np
@@ -11,7 +10,7 @@ import trimesh
 from megalopta.render.baking import light as bake, light as table
 from megalopta.render.baking.choice import cost_reason, path_tracing_reason, samples_of_pixel
 from megalopta.render.baking.gathering import Gatherer
-from megalopta.render.baking.visibility import survey
+from megalopta.render.baking.visibility import views
 from megalopta.render.noise import RunningMean
 from megalopta.render.scene_renderer import SceneRenderer
 from megalopta.render.settings import RenderSettings
@@ -284,8 +283,10 @@ def least_standing(tracer, light, part, time=0.0):
 @pytest.mark.slow
 @vectorized
 def test_paths_are_traced_of_what_the_survey_did_not_meet(monkeypatch):
-    few = functools.partial(survey, count=1, step=2)
-    monkeypatch.setattr("megalopta.render.baking.integrator.survey", few)
+    def few(camera, poses, count, seed):
+        return views(camera, poses, 1, seed, step=2)
+
+    monkeypatch.setattr("megalopta.render.baking.integrator.views", few)
     common = {"samples_per_pixel": 64, "max_depth": 3, "bands_nm": BANDS[:1], "bake_error": 0.05}
     scene = thicket(Lighting(SKY, Sun(SUN_DIRECTION, flat(2e-8))))
     tracer, light = (
