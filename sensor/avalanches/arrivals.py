@@ -43,3 +43,16 @@ def next_photon(rng, rates, pixel, since, part_s, gate):  # type: ignore[no-unty
     if rates[part, pixel] == 0:
         return np.inf
     return wall_time(open_time(since, *gate) + wait / rates[part, pixel], *gate)
+
+
+@compiled
+def mean_photons(rates, pixel, since, until, part_s, gate):  # type: ignore[no-untyped-def]
+    """Mean number of photons and dark carriers between two times, from the start on."""
+    total, since = 0.0, max(since, 0.0)
+    last = rates.shape[0] - 1
+    while since < until:
+        part = min(int(since / part_s), last)
+        end = until if part == last else min(until, (part + 1) * part_s)
+        total += rates[part, pixel] * (open_time(end, *gate) - open_time(since, *gate))
+        since = end
+    return total

@@ -13,7 +13,12 @@ import numpy as np
 
 from megalopta.core.arrays import Floats, Ints
 from megalopta.core.compiling import compiled
-from megalopta.sensor.avalanches.arrivals import first_blind_until, first_photon, next_photon
+from megalopta.sensor.avalanches.arrivals import (
+    first_blind_until,
+    first_photon,
+    mean_photons,
+    next_photon,
+)
 from megalopta.sensor.avalanches.heap import longer, pop, push
 from megalopta.sensor.effects.afterpulsing import draw_carriers, draw_delay
 from megalopta.sensor.effects.base import AvalancheMaps
@@ -120,18 +125,21 @@ def run_frame(
     tables: Tables,
     keep_events: bool,
     before: Before,
-) -> tuple[Ints, tuple[Floats, Ints], tuple[Floats, Ints]]:
-    """Counts; times and pixels of events; times and owners of what is left for the next exposure.
+) -> tuple[Ints, Floats, tuple[Floats, Ints], tuple[Floats, Ints]]:
+    """Counts; tally; times and pixels of events; times and owners of what is left after it.
 
-    Pixels that know of each other share a queue; the others have one each, in turn.
+    The tally (3, N) is the number of photons and dark carriers that met a live pixel, the mean of
+    that number given how long it was live, and the number of carriers that were trapped. Pixels
+    that know of each other share a queue; the others have one each, in turn.
     """
     pixels = tables.dead_times.size
-    counts = np.zeros(pixels, np.int64)
+    counts, tally = np.zeros(pixels, np.int64), np.zeros((3, pixels))
     stamps, places = np.empty(64), np.empty(64, np.int64)
     left_times, left_owners = np.empty(64), np.empty(64, np.int64)
     left, kept = 0, 0 if keep_events else -1
     block = pixels if parameters.is_coupled else 1
     room = block + _ROOM
+    exposure, part_s = parameters.exposure_s, parameters.exposure_s / len(tables.rates)
     times, owners = np.empty(room), np.empty(room, np.int64)
     blind_until = before.blind_until
     waiting = 0
@@ -150,15 +158,19 @@ def run_frame(
         for pixel in range(first, first + block):
             arrival = first_photon(rng, pixel, parameters, tables, blind_until[pixel])
             size = push(times, owners, size, arrival, KINDS * pixel + PHOTON)
-        while size > 0 and times[0] < parameters.exposure_s:
+        while size > 0 and times[0] < exposure:
             if size + _ROOM > times.size:
                 times, owners = longer(times, room), longer(owners, room)
             if kept == stamps.size:
                 stamps, places = longer(stamps, room), longer(places, room)
             size, kept = _run(
-                rng, parameters, tables, counts, blind_until, times, owners, size, stamps, places,
-                kept,
+                rng, parameters, tables, counts, tally, blind_until, times, owners, size, stamps,
+                places, kept,
             )  # fmt: skip
+        for pixel in range(first, first + block):
+            tally[1, pixel] += mean_photons(
+                tables.rates, pixel, blind_until[pixel], exposure, part_s, parameters.gate
+            )
         for entry in range(size):
             # photons come without memory, so that the next exposure draws its own
             if owners[entry] % KINDS != PHOTON:
@@ -167,12 +179,12 @@ def run_frame(
                 left_times[left], left_owners[left] = times[entry], owners[entry]
                 left += 1
     events = stamps[: max(kept, 0)], places[: max(kept, 0)]
-    return counts, events, (left_times[:left], left_owners[:left])
+    return counts, tally, events, (left_times[:left], left_owners[:left])
 
 
 @compiled
 def _run(  # type: ignore[no-untyped-def]
-    rng, parameters, tables, counts, blind_until, times, owners, size, stamps, places, kept
+    rng, parameters, tables, counts, tally, blind_until, times, owners, size, stamps, places, kept
 ):
     """Go on to the end of the exposure, or until an array is too short; return size and kept.
 
@@ -192,6 +204,8 @@ def _run(  # type: ignore[no-untyped-def]
         tau, blind = dead_times[pixel], blind_until[pixel]
         arrives = kind == PHOTON or is_open(time, *gate)
         fires = arrives and time >= blind
+        if fires and kind == PHOTON and time >= 0:
+            tally[0, pixel] += 1
         if fires and recharge > 0:
             fires = rng.random() < -np.expm1(-(time - blind) / recharge)
         elif arrives and not fires:
@@ -200,6 +214,7 @@ def _run(  # type: ignore[no-untyped-def]
             elif time >= blind - twilight:
                 size = push(times, owners, size, blind, KINDS * pixel + TWILIGHT)
         if fires:
+            tally[1, pixel] += mean_photons(rates, pixel, blind, time, part_s, gate)
             blind_until[pixel] = time + tau
             if time >= 0:
                 counts[pixel] += 1
@@ -207,7 +222,9 @@ def _run(  # type: ignore[no-untyped-def]
                     stamps[kept], places[kept] = time, pixel
                     kept += 1
             if carriers[pixel] > 0:
-                for _ in range(min(draw_carriers(rng, carriers[pixel]), _MOST_CARRIERS)):
+                trapped = min(draw_carriers(rng, carriers[pixel]), _MOST_CARRIERS)
+                tally[2, pixel] += trapped * (time >= 0)
+                for _ in range(trapped):
                     release = time + draw_delay(rng, parameters.delay_s, delays, cumulative)
                     # one that is lost without effect need not be kept
                     if is_paralyzable or release >= blind_until[pixel] - twilight:

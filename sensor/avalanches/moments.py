@@ -1,37 +1,67 @@
 """Mean and variance of the counts of one pixel, crosstalk apart.
 
-    dead time alone                       exact (`dead_time`)
-    gate alone                            Poisson, in the time the gate is open
-    gate, paralyzable dead time           exact (`gated_paralyzable`)
-    afterpulsing alone, exponential       exact (`afterpulsing`)
-    anything else                         simulated, interpolated (`tables`)
+    dead time alone, gate alone    their laws (`dead_time`)
+    anything else                  simulated at fixed rates, interpolated
 
-What is interpolated is the ratio to the moments of dead time and gate alone, which varies little,
-by a cubic in the logarithm of the rate. The tables' errors are those of the moments.
+Simulations run once, at 5 rates to the decade, and from fixed streams, so that the moments of a
+rate do not depend on what else is asked for. What is interpolated is the logarithm of the ratio to
+the moments of dead time at the same arrivals, over that of the rate. Of an exposure much longer
+than what a pixel remembers only a beginning is simulated and a piece after it, which is repeated.
 
-Where pixels differ (`AvalancheMaps`), dead time alone has its own law in each. The other laws and
-the ratios are evaluated at some factors between the least and the largest, and a polynomial is laid
-through them.
+Photons and dark carriers that meet a live pixel, less the mean of their number given the time for
+which it was live, are 0 on average, with the variance of a Poisson number; so are the carriers that
+are trapped, less their mean. What the counts share with these two is therefore known, and only the
+rest has the error of a simulation: up to `MEAN_ERROR`, or .003 standard deviations, and
+`VARIANCE_ERROR`, with up to 0.2 carriers; twice as much with paralyzable dead time, where beyond
+r·τ = 2 they are some percent.
+
+Where pixels differ (`AvalancheMaps`) ratios are found at some factors between the least and the
+largest, and a polynomial is laid through them.
+
+Tables lie in the user's cache folder under the hash of the effects, the exposure and the code that
+makes them. A folder that cannot be written to, or a damaged file, costs time and nothing else.
 """
 
 from collections.abc import Callable
+from functools import lru_cache
+from threading import Lock
 from typing import Any
 
 import numpy as np
+from scipy.interpolate import PchipInterpolator
 
+from megalopta.core.array_store import ArrayStore
 from megalopta.core.arrays import Floats
-from megalopta.sensor.avalanches.tables import NODES_PER_DECADE, moment_ratios
-from megalopta.sensor.effects import afterpulsing, dead_time, gated_paralyzable
+from megalopta.core.folders import cache_folder
+from megalopta.core.freshness import code_digest, digest
+from megalopta.sensor.avalanches.simulation import SimulatedFrame, simulate_frame
+from megalopta.sensor.effects import dead_time
 from megalopta.sensor.effects.base import AvalancheMaps
 from megalopta.sensor.effects.dead_time import check_arrivals
 from megalopta.sensor.effects.fields import AvalancheEffects
 from megalopta.sensor.effects.gating import open_fraction
+from megalopta.sensor.sampling.streams import generator
 
-_FEWEST_ARRIVALS = 0.03
-_FACTORS_OF_A_LAW, _FACTORS_OF_A_TABLE = 9, 3
+MEAN_ERROR, VARIANCE_ERROR = 1e-3, 1e-2
+"""Relative errors of what is interpolated."""
 
+_NODES_PER_DECADE = 5
+_FEWEST_ARRIVALS = 0.1
+_FACTORS = 3
+_BUDGET_NS = 4e7
+_NS_PER_EXPOSURE, _NS_PER_ARRIVAL, _NS_PER_COUNT = 100, 4, 30
+_FEWEST_EXPOSURES, _FEWEST_CARRIERS = 16, 1000
+_ARRIVALS_OF_A_PIECE = 25
+_DEAD_TIMES_REMEMBERED = 20
+# of the memory for a part in e²⁰, which is more than a covariance needs
+_PART_OF_MEMORY = 0.25
+_MOST_BYTES = 10**8
+"""Of all tables; one takes a few kB."""
+_CODE = tuple(f"megalopta.sensor.{room}" for room in ("avalanches", "effects", "sampling"))
+_one_at_a_time = Lock()
 
 Moments = tuple[Floats, Floats]
+Table = dict[int, tuple[float, float]]
 
 
 def pixel_moments(
@@ -40,7 +70,7 @@ def pixel_moments(
     effects: AvalancheEffects,
     maps: AvalancheMaps | None = None,
 ) -> Moments:
-    """Mean and variance of the counts of one exposure, crosstalk apart.
+    """Return mean and variance of the counts of one exposure, crosstalk apart.
 
     Parameters
     ----------
@@ -51,24 +81,19 @@ def pixel_moments(
     maps : AvalancheMaps, optional
         How pixels differ, of the same shape; by default not at all.
     """
-    dead, traps, on = effects.dead_time, effects.afterpulsing, effects.on - {"crosstalk"}
-    is_law = on == {"afterpulsing"} and not traps.table_delays_s
-    if on <= {"dead_time"} and dead.has_law:
-        scale = 1.0 if maps is None else maps.dead_time
-        return dead_time.moments(rate_hz, exposure_s, dead, scale)
     check_arrivals(rate_hz, exposure_s)
-    if is_law:
-        return _over_factors(
-            lambda each: afterpulsing.moments(
-                rate_hz, exposure_s, each.afterpulsing, dead.start == "stationary"
-            ),
-            effects,
-            maps,
-            _FACTORS_OF_A_LAW,
-        )
-    if on <= {"dead_time", "gate"} and dead.has_law and (len(on) < 2 or dead.kind == "paralyzable"):
-        return _without_carriers(rate_hz, exposure_s, effects, maps)
-    return _interpolated_moments(rate_hz, exposure_s, effects, maps)
+    scale = 1.0 if maps is None else maps.dead_time
+    open_hz = open_rate(rate_hz, exposure_s, effects)
+    mean, variance = dead_time.moments(open_hz, exposure_s, effects.dead_time, scale)
+    on = effects.on - {"crosstalk"}
+    if len(on) < 2 and on <= {"dead_time", "gate"} and effects.dead_time.has_law:
+        return mean, variance
+    ratio_of_means, ratio_of_variances = _over_factors(
+        lambda each: _ratios(rate_hz * exposure_s, exposure_s, each),
+        effects.without_crosstalk,
+        maps,
+    )
+    return mean * ratio_of_means, variance * ratio_of_variances
 
 
 def open_rate(rate_hz: Floats, exposure_s: float, effects: AvalancheEffects) -> Floats:
@@ -76,99 +101,39 @@ def open_rate(rate_hz: Floats, exposure_s: float, effects: AvalancheEffects) -> 
     return rate_hz * open_fraction(effects.gate, exposure_s) if effects.gate.is_on else rate_hz
 
 
-def moments_without_carriers(
-    rate_hz: Floats, exposure_s: float, effects: AvalancheEffects, scale: Floats | float = 1.0
-) -> Moments:
-    """Moments of dead time and gate alone.
-
-    Exact, but where a gate meets a non-paralyzable dead time, or that ends other than at once.
-    """
-    dead, gate = effects.dead_time, effects.gate
-    if gate.is_on and dead.kind == "paralyzable":
-        return gated_paralyzable.moments(
-            rate_hz, exposure_s, dead.dead_time_s, gate.window, dead.start == "stationary"
-        )
-    return dead_time.moments(open_rate(rate_hz, exposure_s, effects), exposure_s, dead, scale)
-
-
-def _without_carriers(
-    rate_hz: Floats, exposure_s: float, effects: AvalancheEffects, maps: AvalancheMaps | None
-) -> Moments:
-    if maps is not None and effects.gate.is_on and effects.dead_time.kind == "paralyzable":
-        return _over_factors(
-            lambda each: moments_without_carriers(rate_hz, exposure_s, each),
-            effects,
-            maps,
-            _FACTORS_OF_A_LAW,
-        )
-    scale = 1.0 if maps is None else maps.dead_time
-    return moments_without_carriers(rate_hz, exposure_s, effects, scale)
-
-
-def _interpolated_moments(
-    rate_hz: Floats, exposure_s: float, effects: AvalancheEffects, maps: AvalancheMaps | None
-) -> Moments:
-    """Moments without carriers times a cubic through the ratios at the four nearest nodes."""
-    place = np.log10(np.maximum(rate_hz * exposure_s, _FEWEST_ARRIVALS)) * NODES_PER_DECADE
-    first = np.floor(place).astype(np.int64) - 1
-    u = place - first
-    weights = (
-        -(u - 1) * (u - 2) * (u - 3) / 6,
-        u * (u - 2) * (u - 3) / 2,
-        -u * (u - 1) * (u - 3) / 2,
-        u * (u - 1) * (u - 2) / 6,
-    )
-    start = int(first.min(initial=0))
-    nodes = np.unique(np.unique(first)[:, None] + np.arange(4))
-    table = np.zeros((int(first.max(initial=0)) + 4 - start, 2))
-
-    def ratios(each: AvalancheEffects) -> Moments:
-        table[nodes - start] = moment_ratios(
-            nodes, exposure_s, each, lambda rate: moments_without_carriers(rate, exposure_s, each)
-        )
-        both = sum(weight[..., None] * table[first - start + k] for k, weight in enumerate(weights))
-        return np.asarray(both)[..., 0], np.asarray(both)[..., 1]
-
-    mean, variance = _without_carriers(rate_hz, exposure_s, effects, maps)
-    ratio_of_means, ratio_of_variances = _over_factors(ratios, effects, maps, _FACTORS_OF_A_TABLE)
-    return mean * ratio_of_means, variance * ratio_of_variances
-
-
 def _over_factors(
-    law: Callable[[AvalancheEffects], Moments],
+    ratios: Callable[[AvalancheEffects], Floats],
     effects: AvalancheEffects,
     maps: AvalancheMaps | None,
-    count: int,
-) -> Moments:
-    """Evaluate a law where every pixel has its own dead time and number of carriers."""
+) -> Floats:
+    """Ratios (2, ...) where every pixel has its own dead time and number of carriers."""
     if maps is None:
-        return law(effects)
-    mean, variance = np.zeros_like(maps.dead_time), np.zeros_like(maps.dead_time)
-    for dead_factor, of_dead in _nodes(maps.dead_time, count * effects.dead_time.is_on):
-        for factor, of_traps in _nodes(maps.afterpulsing, count * effects.afterpulsing.is_on):
+        return ratios(effects)
+    total = np.zeros((2, *maps.dead_time.shape))
+    for dead_factor, of_dead in _factors(maps.dead_time, effects.dead_time.is_on):
+        for factor, of_traps in _factors(maps.afterpulsing, effects.afterpulsing.is_on):
             each = effects.model_copy(
                 update={
                     "dead_time": _scaled(effects.dead_time, "dead_time_s", dead_factor),
                     "afterpulsing": _scaled(effects.afterpulsing, "mean_carriers", factor),
                 }
             )
-            for total, part in zip((mean, variance), law(each), strict=True):
-                total += of_dead * of_traps * part
-    return mean, variance
+            total += of_dead * of_traps * ratios(each)
+    return total
 
 
 def _scaled(effect: Any, field: str, factor: float) -> Any:
     return effect.model_copy(update={field: getattr(effect, field) * factor})
 
 
-def _nodes(factors: Floats, count: int) -> list[tuple[float, Floats]]:
+def _factors(factors: Floats, is_on: bool) -> list[tuple[float, Floats]]:
     """Factors of a polynomial, and what every pixel takes of the value at each (Lagrange)."""
     low, high = float(factors.min(initial=np.inf)), float(factors.max(initial=0))
-    if count == 0 or not factors.size:
+    if not is_on or not factors.size:
         return [(1.0, np.ones_like(factors))]
     if high - low <= 1e-9 * high:
         return [(high, np.ones_like(factors))]
-    nodes = low + (high - low) * (1 - np.cos(np.pi * np.arange(count) / (count - 1))) / 2
+    nodes = np.linspace(low, high, _FACTORS)
     return [
         (
             float(node),
@@ -176,3 +141,112 @@ def _nodes(factors: Floats, count: int) -> list[tuple[float, Floats]]:
         )
         for node in nodes
     ]
+
+
+def _ratios(arrivals: Floats, exposure_s: float, effects: AvalancheEffects) -> Floats:
+    """Ratios of mean and variance to those of dead time at so many arrivals, (2, ...)."""
+    place = np.log10(np.maximum(arrivals, _FEWEST_ARRIVALS)) * _NODES_PER_DECADE
+    # a slope takes the nodes beside; those beyond them change nothing
+    ends = int(np.floor(place.min(initial=0))) - 1, int(np.floor(place.max(initial=0))) + 3
+    nodes = np.arange(*ends)
+    table = _table(tuple(nodes.tolist()), exposure_s, effects)
+    return np.moveaxis(np.exp(PchipInterpolator(nodes, np.log(table))(place)), -1, 0)
+
+
+def _table(nodes: tuple[int, ...], exposure_s: float, effects: AvalancheEffects) -> Floats:
+    """Ratios (N, 2) at 10^(node/5) arrivals an exposure."""
+    # one thread fills the table, which the others would only fill with the same numbers
+    with _one_at_a_time:
+        store, table = _stored(effects, exposure_s)
+        missing = [node for node in nodes if node not in table]
+        for node in missing:
+            table[node] = _simulated_ratios(node, exposure_s, effects)
+        if missing:
+            known = np.array(sorted(table))
+            store.write({"nodes": known, "ratios": np.array([table[node] for node in known])})
+    return np.array([table[node] for node in nodes])
+
+
+@lru_cache(maxsize=256)
+def _stored(effects: AvalancheEffects, exposure_s: float) -> tuple[ArrayStore, Table]:
+    key = digest(effects.model_dump_json(), repr(exposure_s), code_digest(*_CODE))
+    store = ArrayStore(cache_folder() / "moments", key, _MOST_BYTES)
+    kept = store.read(["nodes", "ratios"])
+    if kept is None:
+        return store, {}
+    rows = zip(kept["nodes"].tolist(), kept["ratios"].tolist(), strict=True)
+    return store, {node: (mean, variance) for node, (mean, variance) in rows}
+
+
+def _simulated_ratios(
+    node: int, exposure_s: float, effects: AvalancheEffects
+) -> tuple[float, float]:
+    rate_hz = np.array([10 ** (node / _NODES_PER_DECADE) / exposure_s])
+    open_hz = open_rate(rate_hz, exposure_s, effects)
+    laws = np.ravel(dead_time.moments(open_hz, exposure_s, effects.dead_time))
+    rng = generator(0, "moments", node)
+    found = _simulated_moments(rng, float(rate_hz[0]), exposure_s, effects, laws[0] / exposure_s)
+    # nothing is counted, or always the same, only where light is overwhelming
+    mean, variance = (
+        ours / law if min(ours, law) > 0 else 1.0 for ours, law in zip(found, laws, strict=True)
+    )
+    return mean, variance
+
+
+def _simulated_moments(
+    rng: np.random.Generator,
+    rate_hz: float,
+    exposure_s: float,
+    effects: AvalancheEffects,
+    counts_hz: float,
+) -> tuple[float, float]:
+    """Simulate a beginning and a piece after it; further pieces are like this one.
+
+    A piece is so long that only neighboring ones are correlated, and holds whole gate periods.
+    """
+    dead, gate, memory_s = effects.dead_time, effects.gate, effects.memory_s
+    remembered_s = _PART_OF_MEMORY * memory_s + _DEAD_TIMES_REMEMBERED * dead.dead_time_s
+    piece_s = max(_ARRIVALS_OF_A_PIECE / rate_hz, remembered_s)
+    if gate.period_s:
+        piece_s = float(np.ceil(piece_s / gate.period_s)) * gate.period_s
+    pieces = max(int(exposure_s / piece_s) - 1, 1)
+    beginning_s = exposure_s - pieces * piece_s
+    simulated_s = exposure_s if pieces == 1 else beginning_s + piece_s
+    ns_per_s = _NS_PER_ARRIVAL * rate_hz + _NS_PER_COUNT * counts_hz
+    ns_per_exposure = _NS_PER_EXPOSURE + ns_per_s * simulated_s  # not what runs before a start
+    rates = np.full((max(int(_BUDGET_NS / ns_per_exposure), _FEWEST_EXPOSURES), 1), rate_hz)
+    carriers = effects.afterpulsing.mean_carriers
+    if pieces == 1:
+        whole = simulate_frame(rng, rates, exposure_s, effects, keep_events=False)
+        mean, covariance = _moments_of([whole], carriers)
+        return float(mean[0]), float(covariance[0, 0])
+    begun = simulate_frame(rng, rates, beginning_s, effects, keep_events=False)
+    if gate.period_s:
+        phase_s = (gate.phase_s - beginning_s) % gate.period_s
+        effects = effects.model_copy(update={"gate": gate.model_copy(update={"phase_s": phase_s})})
+    later = simulate_frame(rng, rates, piece_s, effects, state=begun.state, keep_events=False)
+    mean, covariance = _moments_of([begun, later], carriers)
+    variance = covariance[0, 0] + pieces * (covariance[1, 1] + 2 * covariance[0, 1])
+    return float(mean[0] + pieces * mean[1]), float(variance)
+
+
+def _moments_of(frames: list[SimulatedFrame], mean_carriers: float) -> tuple[Floats, Floats]:
+    """Mean (F,) and covariance (F, F) of the counts of exposures that follow on each other.
+
+    The part of the counts that is linear in the surplus of light has moments that are known.
+    """
+    counts = np.array([frame.counts.ravel() for frame in frames], np.float64)
+    met, expected, trapped = np.array([frame.tally for frame in frames]).swapaxes(0, 1)
+    surplus, variance = met - expected, expected.mean(1)
+    if trapped.sum() > _FEWEST_CARRIERS:
+        surplus = np.concatenate([surplus, trapped - mean_carriers * counts])
+        variance = np.concatenate([variance, mean_carriers * counts.mean(1)])
+    (shared, *_) = np.linalg.lstsq(_centered(surplus).T, _centered(counts).T, rcond=None)
+    rest = counts - shared.T @ surplus
+    return rest.mean(1), np.atleast_2d(np.cov(rest, ddof=0)) + shared.T @ (
+        variance[:, None] * shared
+    )
+
+
+def _centered(values: Floats) -> Floats:
+    return values - values.mean(axis=1, keepdims=True)

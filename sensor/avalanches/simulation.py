@@ -39,6 +39,9 @@ class SimulatedFrame(NamedTuple):
 
     counts: Ints
     """(rows, columns)"""
+    tally: Floats
+    """Photons and dark carriers that met a live pixel, their mean given the time that it was live,
+    and carriers trapped, (3, N)"""
     times_s: Floats
     """Of the counted avalanches, from the start of the exposure; empty unless asked for"""
     pixels: Ints
@@ -83,11 +86,10 @@ def simulate_frame(
     else:
         parameters = parameters._replace(start_s=0.0)
         before = Before(True, state.blind_until_s.copy(), state.pending_s, state.owners)
-    counts, events, left = run_frame(rng, parameters, tables, keep_events, before)
+    counts, tally, events, left = run_frame(rng, parameters, tables, keep_events, before)
     order = np.argsort(left[1] // KINDS, kind="stable")
     after = PixelState(before.blind_until - exposure_s, left[0][order] - exposure_s, left[1][order])
-    times, pixels = events
-    return SimulatedFrame(counts.reshape(rows, columns), times, pixels, after)
+    return SimulatedFrame(counts.reshape(rows, columns), tally, *events, after)
 
 
 @dataclass
@@ -152,15 +154,3 @@ def simulate_counts(
 ) -> Ints:
     """Counts (rows, columns) of one exposure; parameters as for `simulate_frame`."""
     return simulate_frame(rng, rate_hz, exposure_s, effects, maps=maps, keep_events=False).counts
-
-
-def simulate_events(
-    rng: np.random.Generator,
-    rate_hz: Floats,
-    exposure_s: float,
-    effects: AvalancheEffects,
-    maps: AvalancheMaps | None = None,
-) -> tuple[Floats, Ints]:
-    """Times, s, and flat pixel indices (N,) of the counted avalanches; as `simulate_frame`."""
-    frame = simulate_frame(rng, rate_hz, exposure_s, effects, maps=maps)
-    return frame.times_s, frame.pixels

@@ -4,20 +4,11 @@ Every counted avalanche fills a Poisson number of traps, of mean p < 1. Each car
 after a random delay, exponential or tabulated, and fires the pixel if it is live then; a carrier
 released during the dead time is an arrival like any other: lost, and it extends a paralyzable one.
 Outside the gate it is lost without effect. An avalanche fired by a carrier fills traps like any
-other, so afterpulses have afterpulses. Arrivals that only extend a
-paralyzable dead time fill no traps: the pixel is not recharged, little charge flows.
+other, so afterpulses have afterpulses. Arrivals that only extend a paralyzable dead time fill no
+traps: the pixel is not recharged, little charge flows.
 
-Without dead time this is a Hawkes process: on average 1/(1−p) counts per primary. For exponential
-delays of mean d the numbers of counts N and of filled traps n are Markov, and their means and
-covariances obey linear differential equations, with r the primary rate and β = 1/d:
-
-    n'   = r·p − β·(1−p)·n                    N'    = r + β·n
-    v_nn' = r·(p+p²) + β·(1−p+p²)·n − 2β(1−p)·v_nn
-    v_nN' = r·p − β·(1−p)·n + β·v_nn − β(1−p)·v_nN
-    v_NN' = r + β·n + 2β·v_nN
-
-solved here by the matrix exponential. All are proportional to r. For long exposures the mean is
-r·T/(1−p) and the variance r·T/(1−p)³.
+Without dead time this is a Hawkes process, of on average 1/(1−p) counts per primary. Of primaries
+at a rate r, a long exposure has r·T/(1−p) counts on average, of variance r·T/(1−p)³.
 
 Source: dissertation §2.3.2; Hawkes, Biometrika 58, 83 (1971).
 """
@@ -26,9 +17,7 @@ from itertools import pairwise
 from typing import Annotated, ClassVar, Self
 
 import numpy as np
-from numpy.typing import ArrayLike
 from pydantic import Field, model_validator
-from scipy.linalg import expm
 
 from megalopta.core.arrays import Floats
 from megalopta.core.compiling import compiled
@@ -87,44 +76,6 @@ class Afterpulsing(Effect, frozen=True):
         """Let the pixels differ."""
         if self.is_on:
             rates.scatter("afterpulsing", self.mismatch_sigma)
-
-
-def moments(
-    primaries_hz: ArrayLike, exposure_s: float, afterpulsing: Afterpulsing, stationary: bool
-) -> tuple[Floats, Floats]:
-    """Exact mean and variance of the counts of an exposure, without dead time.
-
-    Parameters
-    ----------
-    primaries_hz : array of any shape
-        Rate of photons and dark counts.
-    exposure_s : float
-    afterpulsing : Afterpulsing
-        With exponential delay.
-    stationary : bool
-        Whether traps are filled as after a long time, rather than empty, when the exposure starts.
-    """
-    p, release_hz = afterpulsing.mean_carriers, 1 / afterpulsing.delay_s
-    decay, filled = release_hz * (1 - p), release_hz * (1 - p + p**2)
-    # state: n, v_nn, v_nN, N, v_NN and the constant 1, for one primary per second
-    system = np.array(
-        [
-            [-decay, 0, 0, 0, 0, p],
-            [filled, -2 * decay, 0, 0, 0, p + p**2],
-            [-decay, release_hz, -decay, 0, 0, p],
-            [release_hz, 0, 0, 0, 0, 1],
-            [release_hz, 0, 2 * release_hz, 0, 0, 1],
-            [0, 0, 0, 0, 0, 0],
-        ]
-    )
-    state = np.zeros(6)
-    state[5] = 1
-    if stationary:
-        state[0] = p / decay
-        state[1] = (p + p**2 + filled * state[0]) / (2 * decay)
-    mean, variance = (expm(system * exposure_s) @ state)[3:5]
-    primaries = np.asarray(primaries_hz, np.float64)
-    return primaries * mean, primaries * variance
 
 
 @compiled

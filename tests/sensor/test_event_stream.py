@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from megalopta.sensor import Crosstalk, DeadTime, Gate, Jitter, changed, expose_events, preset
-from megalopta.sensor.avalanches.simulation import simulate_events
+from megalopta.sensor.avalanches.simulation import simulate_frame
 from megalopta.sensor.event_stream import histogram
 from megalopta.sensor.sampling.streams import generator
 
@@ -59,7 +59,8 @@ def test_events_of_the_same_time_stay_in_the_order_of_the_simulation():
     sensor = changed(IDEAL, crosstalk=Crosstalk(mean_fired_neighbors=0.3))
     rate = np.full((8, 8), 100.0)
     rng = generator(0, "events", "s", 0)
-    times, pixels = simulate_events(rng, rate, sensor.exposure_s, sensor.avalanche_effects)
+    frame = simulate_frame(rng, rate, sensor.exposure_s, sensor.avalanche_effects)
+    times, pixels = frame.times_s, frame.pixels
     order = np.argsort(times, kind="stable")
     assert np.count_nonzero(np.diff(times[order]) == 0) > 20
     events = draw(rate[np.newaxis], sensor)

@@ -1,10 +1,8 @@
 import numpy as np
 import pytest
 
-from megalopta.sensor.effects.afterpulsing import Afterpulsing, draw_carriers, draw_delay, moments
+from megalopta.sensor.effects.afterpulsing import Afterpulsing, draw_carriers, draw_delay
 from megalopta.sensor.sampling.streams import generator
-
-TRAPS = Afterpulsing(mean_carriers=0.4, delay_s=1e-6)
 
 
 @pytest.mark.slow
@@ -23,23 +21,6 @@ def test_tabulated_delay_has_the_tabulated_distribution():
     for time, share in ((0.5, 0.4), (1.0, 0.8), (3.0, 0.9)):
         # 5 standard errors: false alarm 6e-7
         assert np.mean(draws < time) == pytest.approx(share, abs=5 * 0.5 / np.sqrt(draws.size))
-
-
-@pytest.mark.parametrize("stationary", [True, False])
-def test_long_exposures_multiply_mean_by_the_cascade_and_variance_by_its_cube(stationary):
-    mean, variance = moments(1e5, 1.0, TRAPS, stationary)
-    assert mean == pytest.approx(1e5 / 0.6, rel=1e-5)
-    assert variance == pytest.approx(1e5 / 0.6**3, rel=1e-5)
-
-
-def test_stationary_mean_is_exact_for_any_exposure():
-    for exposure_s in (1e-8, 1e-6, 1e-3):
-        mean, _ = moments(1.0, exposure_s, TRAPS, True)
-        assert mean == pytest.approx(exposure_s / 0.6, rel=1e-9)
-
-
-def test_exposures_much_shorter_than_the_delay_see_primaries_only():
-    np.testing.assert_allclose(moments(1e9, 1e-10, TRAPS, False), 0.1, rtol=1e-4)
 
 
 @pytest.mark.parametrize(
