@@ -144,6 +144,7 @@ def spread_variance(
     crosstalk: Crosstalk,
     strength: Floats | None = None,
     answer: Floats | None = None,
+    returns: bool = True,
 ) -> Floats:
     """Variance of counts of which each takes part in those of its neighbors.
 
@@ -158,6 +159,8 @@ def spread_variance(
         As for `spread`.
     answer : (rows, columns) float64, optional
         Counts that a pixel gains per arrival; by default 1.
+    returns : bool
+        Whether light that an avalanche has fired elsewhere may fire its pixel again, which is live.
     """
     weights = neighborhood(crosstalk)
     sent = np.ones_like(counts) if strength is None else strength
@@ -174,6 +177,8 @@ def spread_variance(
             term.eliminate_zeros()
             response = response + term
         total[rows] = response.power(2) @ noise.ravel()
+        if not returns:  # G_ij is the chance to come to i at all, times G_ii avalanches there
+            total[rows] /= response.diagonal(first) ** 2
     return total.reshape(counts.shape)
 
 
