@@ -233,7 +233,7 @@ def _simulated_moments(
 def _moments_of(frames: list[SimulatedFrame], mean_carriers: float) -> tuple[Floats, Floats]:
     """Mean (F,) and covariance (F, F) of the counts of exposures that follow on each other.
 
-    The part of the counts that is linear in the surplus of light has moments that are known.
+    The part that is linear in surpluses, of light met and of carriers trapped, has known moments.
     """
     counts = np.array([frame.counts.ravel() for frame in frames], np.float64)
     met, expected, trapped = np.array([frame.tally for frame in frames]).swapaxes(0, 1)
@@ -243,10 +243,9 @@ def _moments_of(frames: list[SimulatedFrame], mean_carriers: float) -> tuple[Flo
         variance = np.concatenate([variance, mean_carriers * counts.mean(1)])
     (shared, *_) = np.linalg.lstsq(_centered(surplus).T, _centered(counts).T, rcond=None)
     rest = counts - shared.T @ surplus
-    return rest.mean(1), np.atleast_2d(np.cov(rest, ddof=0)) + shared.T @ (
-        variance[:, None] * shared
-    )
+    known = shared.T @ np.diag(variance) @ shared
+    return rest.mean(1), np.asarray(np.cov(rest, ddof=0) + known)
 
 
 def _centered(values: Floats) -> Floats:
-    return values - values.mean(axis=1, keepdims=True)
+    return np.asarray(values - values.mean(axis=1, keepdims=True))

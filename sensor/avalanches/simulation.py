@@ -89,7 +89,8 @@ def simulate_frame(
     counts, tally, events, left = run_frame(rng, parameters, tables, keep_events, before)
     order = np.argsort(left[1] // KINDS, kind="stable")
     after = PixelState(before.blind_until - exposure_s, left[0][order] - exposure_s, left[1][order])
-    return SimulatedFrame(counts.reshape(rows, columns), tally, *events, after)
+    times, pixels = events
+    return SimulatedFrame(counts.reshape(rows, columns), tally, times, pixels, after)
 
 
 @dataclass

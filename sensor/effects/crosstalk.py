@@ -176,7 +176,7 @@ def spread_variance(
             term.data[term.data < _SMALL_RESPONSE] = 0.0
             term.eliminate_zeros()
             response = response + term
-        total[rows] = response.power(2) @ noise.ravel()
+        total[rows] = np.asarray(response.power(2) @ noise.ravel())
         if not returns:  # G_ij is the chance to come to i at all, times G_ii avalanches there
             total[rows] /= response.diagonal(first) ** 2
     return total.reshape(counts.shape)

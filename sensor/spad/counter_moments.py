@@ -143,7 +143,7 @@ def misreads(counter: AnalogCounter, pixels: AnalogPixels) -> bool:
 @compiled
 def _integrate(first, probability, pixels, known, volts, is_exact, mean, variance):  # type: ignore[no-untyped-def]
     for at in range(first.size):
-        pixel = pixel_of(at, pixels, known, volts, is_exact)
+        pixel = _pixel_of(at, pixels, known, volts, is_exact)
         center = np.rint(first[at] + probability.shape[1] / 2)
         once = twice = 0.0
         is_full, full_mean, full_square = False, 0.0, 0.0
@@ -154,7 +154,7 @@ def _integrate(first, probability, pixels, known, volts, is_exact, mean, varianc
                 twice += weight * (events - center) ** 2
                 continue
             if not is_full:  # else as with one event less
-                full_mean, full_square, is_full = read_of(events, center, pixel, volts)
+                full_mean, full_square, is_full = _read_of(events, center, pixel, volts)
             once += weight * (full_mean - center)
             twice += weight * full_square
         mean[at] = center + once
@@ -162,7 +162,7 @@ def _integrate(first, probability, pixels, known, volts, is_exact, mean, varianc
 
 
 @compiled
-def pixel_of(at, pixels, known, volts, is_exact):  # type: ignore[no-untyped-def]
+def _pixel_of(at, pixels, known, volts, is_exact):  # type: ignore[no-untyped-def]
     """One of the pixels, and below which number of events it reads one for one."""
     supply, swing, read_noise = volts[0], volts[1], volts[4]
     leaked = pixels.leaked_v[at]
@@ -179,7 +179,7 @@ def pixel_of(at, pixels, known, volts, is_exact):  # type: ignore[no-untyped-def
 
 
 @compiled
-def read_of(events, center, pixel, volts):  # type: ignore[no-untyped-def]
+def _read_of(events, center, pixel, volts):  # type: ignore[no-untyped-def]
     """Mean reading of a number of events, mean square about a center, and whether it is full."""
     supply, swing, slope, step_noise, read_noise, lsb = volts
     fallen = fall(events, pixel.step_v, slope, swing) + pixel.leaked_v
@@ -245,3 +245,96 @@ def _chance(deeper, room, scatter, read_noise):  # type: ignore[no-untyped-def]
 @compiled
 def _normal(z):  # type: ignore[no-untyped-def]
     return 0.5 * math.erfc(-z / math.sqrt(2))
+
+
+class LawTable(NamedTuple):
+    """Laws of the number of events, one a row, with their sums."""
+
+    least: Floats
+    """Number of events that the first column stands for, (K,)"""
+    law: Floats
+    """(K, N)"""
+    center: Floats
+    """Near the mean, a whole number, (K,)"""
+    sums: Floats
+    """Of the law, alone and times the deviation from the center and its square, up to each
+    column, (3, K, N)"""
+
+    @classmethod
+    def of(cls, least: Floats, law: Floats) -> "LawTable":
+        """Sum up laws that begin at these numbers of events."""
+        columns = np.arange(law.shape[1])
+        center = np.rint(least + law @ columns)
+        deviation = least[:, None] + columns - center[:, None]
+        return cls(least, law, center, np.cumsum([law, law * deviation, law * deviation**2], -1))
+
+
+def tabulated_moments(
+    counter: AnalogCounter,
+    pixels: AnalogPixels,
+    exposure_s: float,
+    table: LawTable,
+    rows: NDArray[np.int64],
+    weights: Floats,
+) -> tuple[Floats, Floats]:
+    """Mean and variance of the readings of pixels (P,) that do not misread, from tabulated laws.
+
+    What is wanted of a law are sums up to a pixel's own top, and the probabilities of the few
+    numbers there. A pixel mixes those of the nearest entries by weights of its own.
+
+    Parameters
+    ----------
+    counter : AnalogCounter
+    pixels : AnalogPixels
+    exposure_s : float
+    table : LawTable
+    rows : (P,) int64
+        First of the rows in a row whose laws a pixel mixes.
+    weights : (P, M)
+        Of these.
+    """
+    known = assumed_pixels(counter, pixels, exposure_s)
+    mean, variance = np.empty(rows.size), np.empty(rows.size)
+    _mix(pixels, known, voltages(counter), table, rows, weights, mean, variance)
+    return mean, variance
+
+
+@compiled
+def _mix(pixels, known, volts, table, rows, weights, mean, variance):  # type: ignore[no-untyped-def]
+    width = table.law.shape[1]
+    for at in range(rows.size):
+        pixel = _pixel_of(at, pixels, known, volts, True)
+        first, center = rows[at], table.center[rows[at] + weights.shape[1] // 2]
+        events = np.ceil(max(pixel.exact_below, 0.0))
+        last, whole = -1.0, 0.0
+        below = once = twice = 0.0
+        for k in range(weights.shape[1]):
+            row, weight = first + k, weights[at, k]
+            last = max(last, table.least[row] + width - 1)
+            whole += weight * table.sums[0, row, width - 1]
+            column = min(int(events - table.least[row]), width) - 1
+            if column < 0:
+                continue
+            shift = table.center[row] - center
+            zero = table.sums[0, row, column]
+            one, two = table.sums[1, row, column], table.sums[2, row, column]
+            below += weight * zero
+            once += weight * (one + shift * zero)
+            twice += weight * (two + 2 * shift * one + shift**2 * zero)
+        while events <= last:
+            read, square, is_full = _read_of(events, center, pixel, volts)
+            share = 0.0
+            if is_full:
+                share = whole - below
+                events = last
+            else:
+                for k in range(weights.shape[1]):
+                    column = int(events - table.least[first + k])
+                    if 0 <= column < width:
+                        share += weights[at, k] * table.law[first + k, column]
+            below += share
+            once += share * (read - center)
+            twice += share * square
+            events += 1
+        mean[at] = center + once
+        variance[at] = max(twice - once**2, 0.0)

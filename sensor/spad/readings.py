@@ -1,4 +1,15 @@
-"""Mean and variance of the readings of a frame, by a law of events only where that is needed."""
+"""Mean and variance of the readings of a frame, by a law of events only where that is needed.
+
+Where pixels neither talk to each other nor differ in avalanches, and light is steady, what is read
+depends on the mean number of arrivals a and the pixel's counter. A Poisson law moves by its own
+standard deviation while x = 2·√a moves by 1, and laws with dead time and afterpulses no faster, so
+that moments are smooth in x on that scale. They are tabulated at steps of 1/8 and interpolated by
+polynomials through six entries, which is off by less than 2e-6 standard deviations of the reading,
+or with afterpulsing by what its own tables are (`tests/sensor/spad/test_readings.py`).
+
+Of counters that are alike the moments themselves are tabulated, of analog ones that differ the laws
+of events. Tables are kept while the program runs, 64 entries at a time.
+"""
 
 from collections.abc import Iterator
 from functools import lru_cache
@@ -6,27 +17,33 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.core.arrays import Floats
+from megalopta.core.arrays import Floats, Ints
 from megalopta.sensor.avalanches.counts import count_moments
 from megalopta.sensor.effects.base import AvalancheMaps
 from megalopta.sensor.effects.fields import AvalancheEffects
 from megalopta.sensor.spad.analog import AnalogCounter, AnalogPixels
 from megalopta.sensor.spad.counter_moments import (
+    Counter,
+    LawTable,
     counter_moments,
     events_until_full,
     misreads,
     simple_moments,
+    tabulated_moments,
 )
-from megalopta.sensor.spad.digital import DigitalCounter
 from megalopta.sensor.spad.event_law import event_law, reach_of_events
-from megalopta.sensor.spad.over_light import block_arrivals, by_tabulated_laws, interpolated
 
 _LARGEST_LAW = 100_000
 """Probabilities of pixels that are treated together: they stay in a processor's second cache."""
+_STEPS = 8
+"""Entries of a table while 2·√a moves by 1."""
+_POINTS = 6
+_BLOCK = 64
+_LARGEST_TABLE = 2_000_000
+"""Probabilities of laws that are tabulated; more are not worth their memory."""
 
 Moments = tuple[Floats, Floats]
 Places = NDArray[np.intp]
-Counter = DigitalCounter | AnalogCounter
 
 
 def moments_of_readings(
@@ -38,7 +55,7 @@ def moments_of_readings(
     effects: AvalancheEffects,
     maps: AvalancheMaps | None,
 ) -> Moments:
-    """Mean and variance of the readings of a frame.
+    """Return mean and variance of the readings of a frame.
 
     Parameters
     ----------
@@ -58,8 +75,7 @@ def moments_of_readings(
     mean, variance = np.array(simple_mean), np.array(simple_variance)
     until = np.broadcast_to(events_until_full(counter, pixels), mean.shape)
     is_full = reach[0] >= until
-    has_law = effects.on == {"dead_time"} and effects.dead_time.has_law
-    has_law = has_law and maps is None and arrivals is not None
+    has_law = _has_law(effects) and maps is None and arrivals is not None
     if arrivals is not None and maps is None and not effects.crosstalk.is_on:
         chosen = np.nonzero(needs_law & ~is_full)
         found = _tabulated(arrivals[chosen], counter, _at(pixels, chosen), exposure_s, effects)
@@ -79,49 +95,12 @@ def moments_of_readings(
     return mean, variance
 
 
+def _has_law(effects: AvalancheEffects) -> bool:
+    return effects.on == {"dead_time"} and effects.dead_time.has_law
+
+
 def _at(pixels: AnalogPixels | None, places: tuple[Places, ...]) -> AnalogPixels | None:
     return None if pixels is None else AnalogPixels(*(each[places] for each in pixels))
-
-
-def _tabulated(
-    arrivals: Floats,
-    counter: Counter,
-    pixels: AnalogPixels | None,
-    exposure_s: float,
-    effects: AvalancheEffects,
-) -> Moments | None:
-    """Moments of pixels (P,) from tables over the light, where that is possible and cheaper."""
-    if not arrivals.size:
-        return None
-    values = None if pixels is None else tuple(float(each[0]) for each in pixels)
-    if pixels is None or all(np.all(each == each[0]) for each in pixels):
-        return interpolated(
-            arrivals,
-            lambda number: _block(number, counter, values, exposure_s, effects),
-        )
-    assert isinstance(counter, AnalogCounter)
-    if misreads(counter, pixels):
-        return None
-    return by_tabulated_laws(arrivals, counter, pixels, exposure_s, effects)
-
-
-@lru_cache(maxsize=512)
-def _block(
-    number: int,
-    counter: Counter,
-    pixel: tuple[float, ...] | None,
-    exposure_s: float,
-    effects: AvalancheEffects,
-) -> Floats:
-    """Mean and variance of the readings of a pixel at the arrivals of a block, (2, 64)."""
-    arrivals = block_arrivals(number)[None]
-    pixels = None
-    if pixel is not None:
-        pixels = AnalogPixels(*(np.full(arrivals.shape, value) for value in pixel))
-    events = count_moments(arrivals / exposure_s, exposure_s, effects)
-    # fewer pixels than would be worth a table: by law
-    moments = moments_of_readings(arrivals, events, counter, pixels, exposure_s, effects, None)
-    return np.array(moments)[:, 0]
 
 
 def _groups(needs_law: NDArray[np.bool_], width: Floats) -> Iterator[tuple[Places, Places]]:
@@ -137,3 +116,81 @@ def _groups(needs_law: NDArray[np.bool_], width: Floats) -> Iterator[tuple[Place
         rows, columns = np.unravel_index(places[:size], needs_law.shape)
         yield rows, columns
         places = places[size:]
+
+
+def _tabulated(
+    arrivals: Floats,
+    counter: Counter,
+    pixels: AnalogPixels | None,
+    exposure_s: float,
+    effects: AvalancheEffects,
+) -> Moments | None:
+    """Moments of pixels (P,) from tables over the light, where that is possible and cheaper."""
+    first, weights = _entries(arrivals)
+    low, high = int(first.min(initial=0)), int(first.max(initial=0)) + _POINTS
+    blocks = range(low // _BLOCK, high // _BLOCK + 1)
+    if arrivals.size < _BLOCK * len(blocks):
+        return None
+    first = first - blocks[0] * _BLOCK
+    values = None if pixels is None else tuple(float(each[0]) for each in pixels)
+    if pixels is None or all(np.all(each == each[0]) for each in pixels):
+        table = np.concatenate(
+            [_block(number, counter, values, exposure_s, effects) for number in blocks], axis=1
+        )
+        mean, variance = (sum(weights[k] * row[first + k] for k in range(_POINTS)) for row in table)
+        return np.asarray(mean), np.maximum(variance, 0.0)
+    assert isinstance(counter, AnalogCounter)
+    laws = None if misreads(counter, pixels) else _laws(blocks, exposure_s, effects)
+    if laws is None:
+        return None
+    return tabulated_moments(counter, pixels, exposure_s, laws, first, weights.T.copy())
+
+
+def _entries(arrivals: Floats) -> tuple[Ints, Floats]:
+    """First entry (P,) of each pixel in the table, and what it takes of each (6, P) (Lagrange)."""
+    x = 2 * np.sqrt(arrivals) * _STEPS
+    first = x.astype(np.int64) - (_POINTS // 2 - 1)
+    points = range(_POINTS)
+    weights = [
+        np.prod([(x - first - other) / (own - other) for other in points if other != own], axis=0)
+        for own in points
+    ]
+    return first, np.array(weights)
+
+
+def _block_arrivals(number: int) -> Floats:
+    """Mean arrivals at the entries of a block; those below none mirror those above."""
+    x = (number * _BLOCK + np.arange(_BLOCK)) / _STEPS
+    return np.asarray(x**2 / 4)
+
+
+@lru_cache(maxsize=512)
+def _block(
+    number: int,
+    counter: Counter,
+    pixel: tuple[float, ...] | None,
+    exposure_s: float,
+    effects: AvalancheEffects,
+) -> Floats:
+    """Mean and variance of the readings of a pixel at the arrivals of a block, (2, 64)."""
+    arrivals = _block_arrivals(number)[None]
+    pixels = None
+    if pixel is not None:
+        pixels = AnalogPixels(*(np.full(arrivals.shape, value) for value in pixel))
+    events = count_moments(arrivals / exposure_s, exposure_s, effects)
+    # fewer pixels than would be worth a table: by law
+    moments = moments_of_readings(arrivals, events, counter, pixels, exposure_s, effects, None)
+    return np.array(moments)[:, 0]
+
+
+@lru_cache(maxsize=4)
+def _laws(blocks: range, exposure_s: float, effects: AvalancheEffects) -> LawTable | None:
+    """Laws of events at the arrivals of blocks; none where they are too large."""
+    arrivals = np.concatenate([_block_arrivals(number) for number in blocks])
+    mean, variance = count_moments(arrivals[:, None] / exposure_s, exposure_s, effects)
+    moments = mean[:, 0], variance[:, 0]
+    reach = reach_of_events(*moments)
+    if (reach[1] - reach[0]).max(initial=0) * arrivals.size > _LARGEST_TABLE:
+        return None
+    law = event_law(arrivals, moments, exposure_s, effects, reach, _has_law(effects))
+    return LawTable.of(reach[0], law)
