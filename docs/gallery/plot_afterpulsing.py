@@ -28,5 +28,7 @@ for values, power, name in ((mean, 1, "mean"), (variance, 3, "variance")):
     (points,) = plt.semilogy(traps, values, "o", label=f"{name} over primaries")
     plt.semilogy(fine, (1 - fine) ** -power, color=points.get_color())
 plt.xlabel("carriers that an avalanche traps, p")
+plt.yticks([1, 2, 4, 8], ["1", "2", "4", "8"])
+plt.minorticks_off()
 plt.legend()
 plt.show()
