@@ -60,30 +60,17 @@ class EnvironmentView:
         """Points per pixel."""
         return self._grid**2
 
-    def radiance(self, pose: Floats, seed: int = 0) -> Image:
-        """Spectral radiance (H, W, B) from a pose (4, 4); without noise, so without a seed."""
-        rotation = pose[:3, :3].T.astype(np.float32)
-        step = self._grid * max(1, POINTS_AT_ONCE // (self._grid * self._axes.shape[1]))
-        strips = [
-            self._pixels(self._axes[first : first + step] @ rotation)
-            for first in range(0, len(self._axes), step)
-        ]
-        return np.concatenate(strips) @ self._band_means
+    def radiance(self, exposure: Exposure) -> Image:
+        """Mean spectral radiance (H, W, B) from all poses of an exposure; it has no noise."""
+        poses = np.concatenate([part.poses.reshape(-1, 4, 4) for part in exposure.parts])
+        return np.asarray(np.mean([self._seen_from(pose) for pose in poses], axis=0), np.float32)
 
-    def measured(self, pose: Floats, seed: int = 0) -> MeasuredPass:
-        """The same; no pixel is told to show the sky."""
-        return _without_error(self.radiance(pose))
+    def measured(self, exposure: Exposure) -> MeasuredPass:
+        """The same, without error; no pixel is told to show the sky."""
+        radiance = self.radiance(exposure)
+        return MeasuredPass(radiance, np.zeros_like(radiance), np.zeros_like(radiance[..., 0]))
 
-    def exposed(self, exposure: Exposure) -> Image:
-        """Mean of what is seen from all poses of an exposure."""
-        poses = [pose[0] for part in exposure.parts for pose in part.poses]
-        return np.asarray(np.mean([self.radiance(pose) for pose in poses], axis=0), np.float32)
-
-    def exposed_measured(self, exposure: Exposure) -> MeasuredPass:
-        """The same; no pixel is told to show the sky."""
-        return _without_error(self.exposed(exposure))
-
-    def light_left_out(self, pose: Floats) -> None:
+    def light_left_out(self, pose: Floats, time_s: float) -> None:
         """None: light comes without a hit."""
 
     def light_survey(self, positions: Floats) -> LightSurvey:
@@ -92,8 +79,14 @@ class EnvironmentView:
         lux = float(colors.mean(axis=0) @ self._efficacy) * math.pi
         return LightSurvey(Illuminance(tuple(positions.mean(axis=0).tolist()), lux, 0.0), ())
 
-    def move_to(self, time_s: float) -> None:
-        """Nothing moves."""
+    def _seen_from(self, pose: Floats) -> Image:
+        rotation = pose[:3, :3].T.astype(np.float32)
+        step = self._grid * max(1, POINTS_AT_ONCE // (self._grid * self._axes.shape[1]))
+        strips = [
+            self._pixels(self._axes[first : first + step] @ rotation)
+            for first in range(0, len(self._axes), step)
+        ]
+        return np.concatenate(strips) @ self._band_means
 
     def _pixels(self, directions: Image) -> Image:
         colors = look_up(self._rgb, directions, self._turn)
@@ -116,10 +109,6 @@ def look_up(rgb: Image, directions: Image, turn_rad: float = 0.0) -> Image:
     upper = (1 - u) * rgb[top, left] + u * rgb[top, right]
     lower = (1 - u) * rgb[bottom, left] + u * rgb[bottom, right]
     return np.asarray((1 - v) * upper + v * lower, np.float32)
-
-
-def _without_error(radiance: Image) -> MeasuredPass:
-    return MeasuredPass(radiance, np.zeros_like(radiance), np.zeros_like(radiance[..., 0]))
 
 
 def cosine_directions(count: int) -> Image:

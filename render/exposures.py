@@ -15,7 +15,8 @@ class Part:
     """A part of an exposure, in which moving objects stand still."""
 
     poses: Floats
-    """(K, R, 4, 4): camera to world at K times, for all rows alike (R = 1) or for each (R = H)."""
+    """(K, R, 4, 4): camera to world at K times, for all rows alike (R = 1) or for each (R = H);
+    (4, 4) of an instant."""
     row_times_s: list[float]
     """(R,): in the middle of the part."""
     seed: int
@@ -26,7 +27,12 @@ class Exposure:
     """A frame as a shutter takes it."""
 
     parts: tuple[Part, ...]
-    is_rolling: bool
+    is_rolling: bool = False
+
+    @property
+    def is_instant(self) -> bool:
+        """Whether it is taken at once, from one pose."""
+        return self.parts[0].poses.ndim == 2
 
     @classmethod
     def of(

@@ -226,9 +226,10 @@ def gap_fraction(
         level * np.sin(azimuth),
         np.full(azimuth.shape, np.cos(zenith)),
     ]
-    limits = np.full(len(azimuth), float(np.finfo(np.float32).max))
-    hit = rays.blocked(loaded, points.repeat(azimuths, axis=0), np.stack(along, axis=-1), limits)
-    return _mean_of(1 - np.array(hit, dtype=float).reshape(len(points), azimuths).mean(axis=1))
+    origins, far = points.repeat(azimuths, axis=0), np.full(len(azimuth), np.inf)
+    hit = rays.is_hidden(loaded, origins, np.stack(along, axis=-1), far)
+    share = 1 - hit.reshape(len(points), azimuths).mean(axis=1)
+    return Share(float(share.mean()), float(share.std(ddof=1) / np.sqrt(len(share))))
 
 
 def _floor_light(loaded: Any, points: Floats) -> Share:
@@ -241,7 +242,3 @@ def _floor_light(loaded: Any, points: Floats) -> Share:
         float(below.mean() / above.mean()),
         float(below.std() / np.sqrt(below.size) / above.mean()),
     )
-
-
-def _mean_of(values: Floats) -> Share:
-    return Share(float(values.mean()), float(values.std(ddof=1) / np.sqrt(len(values))))

@@ -101,13 +101,6 @@ class Clusters:
         """(C,): how often members were seen."""
         return np.diff(np.concatenate([[0], self.weight])[self.first])
 
-    def of_members(self, chosen: Ints) -> tuple[UInt32, Ints]:
-        """All members of chosen clusters, and for each which of the chosen it belongs to."""
-        sizes = np.diff(self.first)[chosen]
-        owner = np.repeat(np.arange(len(chosen)), sizes)
-        place = np.arange(len(owner)) - np.repeat(np.cumsum(sizes) - sizes, sizes)
-        return self.members[self.first[chosen][owner] + place], owner
-
     def draws(self, chosen: Ints) -> tuple[UInt32, UInt32]:
         """Members (C, DRAWS) of chosen clusters (C,), evenly by how often each was seen.
 
