@@ -26,8 +26,7 @@ from megalopta.render.settings import Bands
 from megalopta.render.surveys import Illuminance, LightSurvey
 from megalopta.scenes.cameras.base import Camera
 from megalopta.scenes.scene import Environment, Lighting, Scene, SkyPattern, Sun, pattern_directions
-from megalopta.scenes.spectra.photometry import luminous
-from megalopta.scenes.spectra.spectrum import Spectrum, total
+from megalopta.scenes.spectra.spectrum import Spectrum, luminous, total
 
 # Rows of points looked up at once, so that memory stays far below that of the directions.
 POINTS_AT_ONCE = 2**18

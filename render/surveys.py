@@ -31,7 +31,7 @@ from megalopta.render.path_tracing import PathIntegrator
 from megalopta.render.truth import rays
 from megalopta.scenes.forest.canopy import floor_points, plant_area
 from megalopta.scenes.scene import Lighting, Scene
-from megalopta.scenes.spectra.photometry import MAXIMUM_EFFICACY_LM_W, luminous, luminous_efficiency
+from megalopta.scenes.spectra.spectrum import MAXIMUM_EFFICACY_LM_W, luminous, luminous_efficiency
 
 # Above what lies below the camera: clear of it, below the blades of grass.
 _CLEARANCE_M = 0.02

@@ -15,18 +15,19 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Literal, get_args
 
-from megalopta.scenes.spectra.night_sky import AIRGLOW, FAINT_STARLIGHT, STARLIGHT
-from megalopta.scenes.spectra.overcast import OVERCAST
-from megalopta.scenes.spectra.photometry import luminous
-from megalopta.scenes.spectra.spectrum import Spectrum, total
-from megalopta.scenes.spectra.sunlight import (
+from megalopta.scenes.spectra.outdoors import (
+    AIRGLOW,
     CLEAR_SKY,
+    FAINT_STARLIGHT,
     FULL_MOON,
+    OVERCAST,
     QUARTER_MOON,
+    STARLIGHT,
     SUN,
     TWILIGHT,
     moonlit,
 )
+from megalopta.scenes.spectra.spectrum import Spectrum, luminous, total
 
 ComponentName = Literal[
     "sun", "daylit sky", "moon", "moonlit sky", "twilight", "airglow", "starlight", "clouds"

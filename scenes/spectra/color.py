@@ -20,8 +20,7 @@ from scipy.optimize import brentq
 from scipy.special import expit
 
 from megalopta.core.arrays import Floats
-from megalopta.scenes.spectra.photometry import luminous
-from megalopta.scenes.spectra.spectrum import Spectrum
+from megalopta.scenes.spectra.spectrum import Spectrum, luminous
 
 # (weight, center nm, 1/width below, 1/width above), per lobe of x, y and z.
 _LOBES = (

@@ -18,8 +18,7 @@ from megalopta.scenes.haze import Haze
 from megalopta.scenes.material import Emission, Material
 from megalopta.scenes.motion import Drift, RigidMotion
 from megalopta.scenes.scene import Lighting, Sun
-from megalopta.scenes.spectra.photometry import luminous
-from megalopta.scenes.spectra.spectrum import flat
+from megalopta.scenes.spectra.spectrum import flat, luminous
 
 from .conftest import quad, scene_of, square
 

@@ -12,8 +12,7 @@ from megalopta.scenes import Light, PerspectiveCamera, Trajectory
 from megalopta.scenes.lighting.levels import LEVELS
 from megalopta.scenes.material import Material
 from megalopta.scenes.scene import Lighting, Sun
-from megalopta.scenes.spectra.photometry import luminous, luminous_efficiency
-from megalopta.scenes.spectra.spectrum import flat
+from megalopta.scenes.spectra.spectrum import flat, luminous, luminous_efficiency
 
 from .conftest import quad, scene_of
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from megalopta.scenes.lighting.levels import LEVELS, SOURCES, illuminance_of
-from megalopta.scenes.spectra.photometry import luminous
+from megalopta.scenes.spectra.spectrum import luminous
 
 LUX = {
     "daylight": 1e5,

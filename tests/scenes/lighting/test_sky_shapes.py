@@ -20,8 +20,7 @@ from megalopta.scenes.lighting.sky_shapes import (
 )
 from megalopta.scenes.material import Material
 from megalopta.scenes.scene import Asset, Placement, Scene
-from megalopta.scenes.spectra.photometry import luminous
-from megalopta.scenes.spectra.spectrum import flat
+from megalopta.scenes.spectra.spectrum import flat, luminous
 
 ZENITH, AHEAD = 0, ROWS  # row of the zenith, column of azimuth 0
 

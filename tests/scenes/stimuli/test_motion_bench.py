@@ -4,8 +4,7 @@ import pytest
 from megalopta.render import RenderSettings, SceneRenderer
 from megalopta.scenes.cameras.perspective import PerspectiveCamera
 from megalopta.scenes.lighting.light import Light
-from megalopta.scenes.spectra.photometry import luminous
-from megalopta.scenes.spectra.spectrum import flat
+from megalopta.scenes.spectra.spectrum import flat, luminous
 from megalopta.scenes.stimuli.motion_bench import MotionBench
 from megalopta.scenes.trajectories.steady import Trajectory
 
