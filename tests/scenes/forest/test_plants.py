@@ -11,7 +11,7 @@ from megalopta.scenes.forest.sway import FREQUENCY_SPREAD, FREQUENCY_TIMES_HEIGH
 
 WAVELENGTHS_NM = np.arange(380, 1701)
 WOODY = [*TREES.values(), *BUSHES.values()]
-BARK = [plant.bark for plant in WOODY]
+BARK = [plant.coats["bark"].spectra for plant in WOODY]
 COATS = [coat for plant in PLANTS.values() for coat in plant.coats.values()]
 PAIRS = [coat.spectra for coat in (*COATS, *COVERS.values())]
 LEAVES = [
