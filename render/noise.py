@@ -25,6 +25,7 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import TypeAdapter
 from scipy.special import gammaincinv
 
 from megalopta.core.arrays import Floats, Mask
@@ -96,16 +97,8 @@ class RenderNoise:
 
     @classmethod
     def from_json(cls, text: str) -> "RenderNoise":
-        """From what `to_json` wrote. Raises ValueError, TypeError or KeyError for anything else."""
-        values = json.loads(text)
-        for name in ("covariance", "detail"):
-            values[name] = tuple(tuple(map(float, row)) for row in values.get(name, ()))
-        values["mean"] = tuple(map(float, values["mean"]))
-        for name in ("surface", "sky"):
-            if values.get(name):
-                bands = tuple(map(float, values[name]["bands"]))
-                values[name] = RegionNoise(**{**values[name], "bands": bands})
-        return cls(**values)
+        """From what `to_json` wrote. Raises ValueError for anything else."""
+        return TypeAdapter(cls).validate_json(text)
 
 
 # Pixels, or pairs of them, that say more than the scatter of the bake does.

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from megalopta.core.arrays import Floats
 from megalopta.render.loading.air import Air
 from megalopta.render.loading.meshes import MergedMesh, MovingMesh
-from megalopta.render.loading.scene import load_again, move_to
+from megalopta.render.loading.scene import load_mesh, move_to, of_shapes
 from megalopta.render.mitsuba_loader import dr, is_scalar, mi
 from megalopta.render.sensors.primary import developed, pixel_means
 from megalopta.scenes.scene import Scene
@@ -265,7 +265,9 @@ class Layers(PathIntegrator):
         super().__init__(max_depth)
         self._meshes = [mesh for mesh in meshes if isinstance(mesh, MovingMesh)]
         shapes = loaded.shapes()[len(meshes) - len(self._meshes) :]
-        self._layers = still, load_again(self._meshes, shapes)
+        pairs = zip(self._meshes, shapes, strict=True)
+        again = [load_mesh(mesh, mesh_bsdf=shape.bsdf()) for mesh, shape in pairs]
+        self._layers = still, of_shapes(again)
         self._trace = LightPaths(max_depth, *self._layers)
 
     def move_to(self, time_s: float) -> None:
