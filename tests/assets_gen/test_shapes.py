@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
+from megalopta.assets_gen import Surface
 from megalopta.assets_gen.bodies import ball, box
 from megalopta.assets_gen.plants.undergrowth import grow_log
 from megalopta.assets_gen.rocks import grow_rock
 from megalopta.assets_gen.scatter import distance_to
-from megalopta.assets_gen.surface import Surface
 from megalopta.assets_gen.terrain import cut_at, ground_surface, make_moss, make_terrain
 from megalopta.assets_gen.tileable_noise import make_octaves
 from megalopta.assets_gen.trail import make_trail

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from megalopta.generation import versions
-from megalopta.render import variant
-from megalopta.render.variant import TRIED_LLVM, choose_variant, find_llvm, llvm_version
+from megalopta.render import choose_variant, variant
+from megalopta.render.variant import TRIED_LLVM, find_llvm, llvm_version
 
 RENDER = """
 from pathlib import Path

@@ -23,12 +23,6 @@ GREEN = [coat.spectra for coat in LEAVES]
 THROUGH = [coat.transmittances for coat in LEAVES]
 
 
-@pytest.mark.parametrize("pair", PAIRS)
-def test_reflectances_are_valid(pair):
-    for spectrum in pair:
-        assert 0 < spectrum(WAVELENGTHS_NM).min() <= spectrum(WAVELENGTHS_NM).max() < 1
-
-
 def test_leaves_let_light_through_and_nothing_else_does():
     for name, plant in PLANTS.items():
         for organ, coat in plant.coats.items():
