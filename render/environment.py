@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 
 from megalopta.core.arrays import Floats
 from megalopta.core.progress import say
-from megalopta.render.exposures import Exposure
 from megalopta.render.mitsuba_loader import mi
 from megalopta.render.noise import Image, MeasuredPass
+from megalopta.render.sensors.film import Exposure
 from megalopta.render.settings import Bands
 from megalopta.render.surveys import Illuminance, LightSurvey
 from megalopta.scenes.cameras.base import Camera

@@ -13,13 +13,13 @@ from megalopta.core.arrays import Floats
 from megalopta.render.baking.choice import path_tracing_reason
 from megalopta.render.baking.integrator import BakedLightIntegrator
 from megalopta.render.environment import EnvironmentView, under_panorama
-from megalopta.render.exposures import Exposure, Part
 from megalopta.render.loading.air import fill
 from megalopta.render.loading.meshes import merge
 from megalopta.render.loading.scene import LoadedScene, load_scene
 from megalopta.render.mitsuba_loader import activate
 from megalopta.render.noise import MeasuredPass
 from megalopta.render.path_tracing import Layers, PathIntegrator, is_layered
+from megalopta.render.sensors.film import Exposure, Part
 from megalopta.render.settings import RenderSettings, bake_seed, instant_seed
 from megalopta.render.surface_view import SurfaceView
 from megalopta.render.surveys import Canopy, LightSurvey, measure_canopy
@@ -151,9 +151,13 @@ class SceneRenderer:
         parts = shutter.poses if self._scene.is_moving or self._scene.environment else 1
         total = parts if self._scene.environment else _ROLLING_POSES if is_rolling else _POSES
         parts, total = (parts, max(total, parts)) if shutter.exposure_s else (1, 1)
+        count = -(-total // parts)
+        middles = (np.arange(parts * count) + 0.5) / (parts * count) - 0.5
+        times = path.times_s[frame] + shutter.exposure_s * middles[:, None] + rows
+        poses = self._local(path.pose_at(times.ravel())).reshape(parts, count, len(rows), 4, 4)
+        instants = times.reshape(parts, count, len(rows)).mean(axis=1).tolist()
         seeds = [instant_seed(seed, frame, part, number) for part in range(parts)]
-        exposure = Exposure.of(path, shutter, frame, rows, seeds, -(-total // parts))
-        return exposure.relative_to(self._local)
+        return Exposure(tuple(map(Part, poses, instants, seeds)), is_rolling)
 
     def light_survey(self, positions: Floats) -> LightSurvey | None:
         """Illuminance above and below camera positions (N, 3); None where only surfaces emit."""

@@ -13,13 +13,12 @@ from numpy.typing import NDArray
 
 from megalopta.core.arrays import Floats
 from megalopta.render.baking.integrator import BakedLightIntegrator
-from megalopta.render.exposures import Exposure, Part
 from megalopta.render.loading.air import Air
 from megalopta.render.loading.meshes import MovingMesh
 from megalopta.render.loading.scene import LoadedScene, move_to
 from megalopta.render.noise import MeasuredPass
 from megalopta.render.path_tracing import PathIntegrator
-from megalopta.render.sensors.film import Film
+from megalopta.render.sensors.film import Exposure, Film, Part
 from megalopta.render.settings import RenderSettings
 from megalopta.render.sharing import rows_of_a_pose
 from megalopta.render.surveys import LightMeter, LightSurvey

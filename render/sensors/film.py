@@ -78,6 +78,31 @@ samples per pixel."""
 SAMPLES_PER_PASS = {"cuda": 2**24, "llvm": 2**20, "scalar": 2**19}
 
 
+@dataclass(frozen=True)
+class Part:
+    """A part of an exposure, in which moving objects stand still."""
+
+    poses: Floats
+    """(K, R, 4, 4): camera to world at K times, for all rows alike (R = 1) or for each (R = H);
+    (4, 4) of an instant."""
+    row_times_s: list[float]
+    """(R,): in the middle of the part."""
+    seed: int
+
+
+@dataclass(frozen=True)
+class Exposure:
+    """A frame as a shutter takes it: from which poses, and when."""
+
+    parts: tuple[Part, ...]
+    is_rolling: bool = False
+
+    @property
+    def is_instant(self) -> bool:
+        """Whether it is taken at once, from one pose."""
+        return self.parts[0].poses.ndim == 2
+
+
 class Film:
     """What a sensor of Mitsuba's and the division of frames into passes make together.
 

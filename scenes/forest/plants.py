@@ -109,13 +109,8 @@ class Plant(ABC):
     """Whether it follows the slope of the ground instead of standing upright."""
 
     @abstractmethod
-    def grow(
-        self, lods: Sequence[LodLevel], rng: np.random.Generator, fullness: int = 1
-    ) -> Iterator[Organs]:
-        """One individual's organs at each of some levels of detail.
-
-        What is woody bears `fullness` times its leaves.
-        """
+    def grow(self, lods: Sequence[LodLevel], rng: np.random.Generator) -> Iterator[Organs]:
+        """One individual's organs at each of some levels of detail."""
 
     def individual(self, number: int) -> "Plant":
         """What an individual is grown as: trees are of several ages."""
@@ -139,6 +134,8 @@ class Woody(Plant):
     """What it is grown from."""
     layer: Layer | None = None
     """Where it stands in the undergrowth."""
+    fullness: int = 1
+    """How many times its species' leaves it bears."""
     furrows: Furrows | None = None
     """Relief of its bark, drawn in full detail only; None is smooth."""
 
@@ -165,11 +162,9 @@ class Woody(Plant):
         """Height of the lowest branches (m)."""
         return self.shape.crown.base * self.shape.height_m
 
-    def grow(
-        self, lods: Sequence[LodLevel], rng: np.random.Generator, fullness: int = 1
-    ) -> Iterator[Organs]:
+    def grow(self, lods: Sequence[LodLevel], rng: np.random.Generator) -> Iterator[Organs]:
         """One individual at each of some levels, all coarsened from one plant."""
-        plant = grow_plant(self.shape, rng, fullness, self.furrows)
+        plant = grow_plant(self.shape, rng, self.fullness, self.furrows)
         for lod in lods:
             is_full = lod.detail.leaf_m2 == 0
             wood, leaves = (
@@ -189,9 +184,7 @@ class Small(Plant):
 
     detail_distance = 0.4
 
-    def grow(
-        self, lods: Sequence[LodLevel], rng: np.random.Generator, fullness: int = 1
-    ) -> Iterator[Organs]:
+    def grow(self, lods: Sequence[LodLevel], rng: np.random.Generator) -> Iterator[Organs]:
         """One individual at each of some levels."""
         key = int(rng.integers(2**63))
         for lod in lods:

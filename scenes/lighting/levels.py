@@ -97,8 +97,7 @@ def overcast(components: tuple[Component, ...]) -> Component:
     """What a closed layer of cloud makes of lights, as bright as they are together."""
     light = total([each.irradiance for each in components])
     wavelengths = sorted({*light.wavelengths_nm, *OVERCAST.wavelengths_nm})
-    values = light(wavelengths) * OVERCAST(wavelengths)
-    color = Spectrum(tuple(wavelengths), tuple(map(float, values)))
+    color = Spectrum.of(wavelengths, light(wavelengths) * OVERCAST(wavelengths))
     return Component("clouds", color).giving(luminous(light))
 
 

@@ -104,17 +104,15 @@ def primaries(light: Spectrum) -> tuple[Spectrum, Spectrum, Spectrum]:
     """Spectra of red, green and blue that add up to that of white, with sRGB's luminances."""
     red_share, _, blue_share = LUMINANCE_SHARES
     values = light(_GRID_NM)
-    total = luminous(_spectrum(values))
+    total = luminous(Spectrum.of(_GRID_NM, values))
 
     def luminance_below(edge_nm: float) -> float:
-        return luminous(_spectrum(values * expit((edge_nm - _GRID_NM) / _STEP_WIDTH_NM))) / total
+        below = values * expit((edge_nm - _GRID_NM) / _STEP_WIDTH_NM)
+        return luminous(Spectrum.of(_GRID_NM, below)) / total
 
     blue_edge = brentq(lambda edge: luminance_below(edge) - blue_share, 400.0, 700.0)
     red_edge = brentq(lambda edge: luminance_below(edge) - 1 + red_share, 400.0, 700.0)
     not_blue, red = (expit((_GRID_NM - edge) / _STEP_WIDTH_NM) for edge in (blue_edge, red_edge))
-    green, blue = not_blue - red, 1 - not_blue
-    return _spectrum(values * red), _spectrum(values * green), _spectrum(values * blue)
-
-
-def _spectrum(values: Floats) -> Spectrum:
-    return Spectrum(tuple(_GRID_NM.tolist()), tuple(values.tolist()))
+    shares = red, not_blue - red, 1 - not_blue
+    first, second, third = (Spectrum.of(_GRID_NM, values * share) for share in shares)
+    return first, second, third

@@ -80,8 +80,8 @@ def moonlit(sunlit: Spectrum, disc: Spectrum) -> Spectrum:
 
     Values at the wavelengths of the first.
     """
-    values = np.array(sunlit.values) * disc(sunlit.wavelengths_nm)
-    return Spectrum(sunlit.wavelengths_nm, tuple(map(float, values)))
+    wavelengths = sunlit.wavelengths_nm
+    return Spectrum.of(wavelengths, np.array(sunlit.values) * disc(wavelengths))
 
 
 _ZENITH_DISTANCE_DEG = 96.4
@@ -107,11 +107,10 @@ def _zenith(zero_point: float, *magnitudes: float) -> float:
 def _twilight() -> Spectrum:
     grid = np.array(WAVELENGTHS_NM)
     scattered = ABOVE_ATMOSPHERE(grid) * transmission() * (grid / _I_NM) ** -4
-    measured = [(wavelength, _zenith(*band)) for wavelength, *band in _BANDS]
-    scale = measured[-1][1] / float(np.interp(_I_NM, grid, scattered))
-    beyond = [(x, float(y)) for x, y in zip(grid, scale * scattered, strict=True) if x > _I_NM]
-    wavelengths, values = zip(*measured, *beyond, strict=True)
-    return Spectrum(tuple(map(float, wavelengths)), tuple(values))
+    measured = [_zenith(*band) for _, *band in _BANDS]
+    scale, beyond = measured[-1] / float(np.interp(_I_NM, grid, scattered)), grid > _I_NM
+    wavelengths = [*(wavelength for wavelength, *_ in _BANDS), *grid[beyond]]
+    return Spectrum.of(wavelengths, [*measured, *(scale * scattered)[beyond]])
 
 
 TWILIGHT = _twilight()
@@ -131,7 +130,7 @@ def _starlight() -> Spectrum:
     stars, zodiacal = planckian(_STAR_K), ABOVE_ATMOSPHERE(grid) * _reddening(grid)
     at_v = float(ABOVE_ATMOSPHERE(V_NM) * _reddening(np.array(V_NM)))
     above = STARS_S10 * stars(grid) / float(stars(V_NM)) + ZODIACAL_S10 * zodiacal / at_v
-    return Spectrum(WAVELENGTHS_NM, tuple(map(float, S10 * above * transmission())))
+    return Spectrum.of(WAVELENGTHS_NM, S10 * above * transmission())
 
 
 def _reddening(wavelength_nm: Floats) -> Floats:
@@ -153,9 +152,9 @@ _INFRARED_NM = (
     _FIRST_NM + _STEP_NM * np.arange(len(TABLES["night"]))[:, None] + [-_HALF_NM, _HALF_NM]
 )
 
-MOONLESS_ZENITH = Spectrum(
-    (*TABLES["night visible nm"], *_INFRARED_NM.ravel().tolist()),
-    tuple(_SI * x for x in (*TABLES["night visible"], *np.repeat(TABLES["night"], 2).tolist())),
+MOONLESS_ZENITH = Spectrum.of(
+    [*TABLES["night visible nm"], *_INFRARED_NM.ravel()],
+    _SI * np.array([*TABLES["night visible"], *np.repeat(TABLES["night"], 2)]),
 )
 """Radiance of the moonless zenith, away from the Milky Way, W·m⁻²·sr⁻¹·nm⁻¹."""
 
@@ -163,10 +162,7 @@ FAINT_STARLIGHT = STARLIGHT.scaled(75 * S10 / float(STARLIGHT(V_NM)))
 """What of it comes from beyond the atmosphere, W·m⁻²·sr⁻¹·nm⁻¹."""
 
 _NIGHT_NM = sorted({*MOONLESS_ZENITH.wavelengths_nm, *FAINT_STARLIGHT.wavelengths_nm})
-AIRGLOW = Spectrum(
-    tuple(_NIGHT_NM),
-    tuple((MOONLESS_ZENITH(_NIGHT_NM) - FAINT_STARLIGHT(_NIGHT_NM)).tolist()),
-)
+AIRGLOW = Spectrum.of(_NIGHT_NM, MOONLESS_ZENITH(_NIGHT_NM) - FAINT_STARLIGHT(_NIGHT_NM))
 """Radiance of airglow at the zenith, W·m⁻²·sr⁻¹·nm⁻¹."""
 
 
@@ -187,8 +183,7 @@ def _through(absorbed: Floats) -> Floats:
 def _color() -> Spectrum:
     absorbed = 0.85 * 100 * np.array(TABLES["water"]) * _DROPLET_M
     without = 1 / (1 + math.sqrt(3) * (1 - _FORWARD) / 2 * OPTICAL_THICKNESS)
-    values = (_through(absorbed) / without).tolist()
-    return Spectrum(TABLES["water nm"], (1.0, *values[1:]))
+    return Spectrum.of(TABLES["water nm"], [1.0, *(_through(absorbed) / without)[1:]])
 
 
 OVERCAST = _color()

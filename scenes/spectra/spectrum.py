@@ -45,6 +45,12 @@ class Spectrum:
         if not np.all(np.isfinite(self.values)) or min(self.values) < 0:
             raise ValueError(f"spectrum: values {self.values} must be finite and non-negative")
 
+    @classmethod
+    def of(cls, wavelengths_nm: ArrayLike, values: ArrayLike) -> "Spectrum":
+        """Return the spectrum of values (n,) at wavelengths (n,)."""
+        given = (np.asarray(each, np.float64).tolist() for each in (wavelengths_nm, values))
+        return cls(*map(tuple, given))
+
     def __call__(self, wavelength_nm: ArrayLike) -> Floats:
         """Value at each wavelength (nm)."""
         return np.interp(np.asarray(wavelength_nm, np.float64), self.wavelengths_nm, self.values)
@@ -63,7 +69,7 @@ def total(spectra: Sequence[Spectrum]) -> Spectrum:
     """Return the sum of spectra, exact at all wavelengths; of none it is 0."""
     wavelengths = sorted({each for spectrum in spectra for each in spectrum.wavelengths_nm})
     values = sum((spectrum(wavelengths) for spectrum in spectra), np.zeros(len(wavelengths)))
-    return Spectrum(tuple(wavelengths), tuple(map(float, values))) if spectra else flat(0.0)
+    return Spectrum.of(wavelengths, values) if spectra else flat(0.0)
 
 
 def planckian(temperature_k: float) -> Spectrum:
@@ -71,8 +77,7 @@ def planckian(temperature_k: float) -> Spectrum:
     wavelengths_nm = np.concatenate([np.arange(300, 800, 10), np.arange(800, 2001, 50)])
     meters = wavelengths_nm * 1e-9
     values = meters**-5 / np.expm1(h * c / (meters * k * temperature_k))
-    values /= values.max()
-    return Spectrum(tuple(map(float, wavelengths_nm)), tuple(map(float, values)))
+    return Spectrum.of(wavelengths_nm, values / values.max())
 
 
 MAXIMUM_EFFICACY_LM_W = 683.0
