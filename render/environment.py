@@ -1,13 +1,13 @@
 """Panoramas: seen by a camera at infinity, or lighting a scene.
 
-A panorama at infinity seen by a camera: no paths are traced, the picture is looked up. A pixel is
-the mean over a square grid of points in it, of the picture read bilinearly. That leaves no random
-noise, only what is lost where the grid is coarser than the picture.
+Before a camera no paths are traced, the picture is looked up. A pixel is the mean over a square
+grid of points in it, of the picture read bilinearly. That leaves no random noise, only what is lost
+where the grid is coarser than the picture.
 
-A photographed panorama as the light of a scene: an uneven sky of three colors, and a disc. A sun
-that stands in the picture is a few of its pixels and much of its light. It is taken out and made
-the scene's disc, which casts sharp shadows at no noise: what lies within 3° of the brightest pixel,
-over the mean of the ring around it, if that is at least a twentieth of the light of the upper half.
+As the light of a scene a panorama is an uneven sky of three colors, and a disc. A sun that stands
+in the picture is a few of its pixels and much of its light. It is taken out and made the scene's
+disc, which casts sharp shadows at no noise: what lies within 3° of the brightest pixel, over the
+mean of the ring around it, if that is at least a twentieth of the light of the upper half.
 """
 
 import math

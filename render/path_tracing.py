@@ -1,12 +1,11 @@
 """Frames by paths of light, with what their error is measured by.
 
-Light paths along rays, traced by one kernel however many they are and wherever they come from. It
-is Mitsuba's own path tracer, step by step and random number by random number: next-event
-estimation, multiple importance sampling and roulette from the fifth hit on. Two things differ.
-Nothing of an image's size, a camera, or the longest path is a constant of the code that is
-compiled, so that this, which takes seconds, happens once for a kind of scene and not for each. And
-rays can meet two scenes, of which each sees what is nearer: one at rest and a small one of what
-moves, which alone is built anew.
+One kernel traces paths along rays, however many they are and wherever they come from. It is
+Mitsuba's own path tracer, step by step and random number by random number: next-event estimation,
+multiple importance sampling and roulette from the fifth hit on. Two things differ. Nothing of an
+image's size, a camera, or the longest path is a constant of the code that is compiled, which takes
+seconds: once for a kind of scene and not for each. And rays can meet two scenes, of which each sees
+what is nearer: one at rest and a small one of what moves, which alone is built anew.
 """
 
 from collections.abc import Iterator, Sequence

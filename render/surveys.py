@@ -1,20 +1,17 @@
 """Surveys of a scene: the illuminance that it gets, and its canopy.
 
-The illuminance that a scene really gets, measured with the scene's own light and shadows. A light
-meter looks along light paths from a point, in directions distributed as the cosine to the vertical,
-at wavelengths that are likely where V(λ) is large. These paths meet everything but the disc of sun
-or moon, whose part comes from visibility rays toward points of the disc. The light has as many
-bounces as in the frames, so that the meter and the frames miss the same light: at a surface, frames
-have spent one segment of their longest path on the way from the camera.
-
-In haze, light is measured as it arrives through it, and what is above everything is above the haze:
-there the meter reads the illuminance that was asked for.
+A light meter looks along light paths from a point, in directions distributed as the cosine to the
+vertical, at wavelengths that are likely where V(λ) is large. These paths meet everything but the
+disc of sun or moon, whose part comes from visibility rays toward points of the disc. The light has
+as many bounces as in the frames: at a surface, these have spent one segment of their longest path
+on the way from the camera. In haze, light is measured as it arrives through it; above everything is
+above the haze, where the meter reads the illuminance that was asked for.
 
 Gap fraction is the share of rays at a zenith angle that hit nothing. Rays start one meter above the
-ground, where hemispherical photographs are taken, and know of no material: the measure does not
-depend on shading. Of a canopy of leaves in random places it is exp(−G·L/cos θ), with the leaf-area
-index L and the mean projection G of a unit of leaf, one half where leaves face anywhere
-(Beer–Lambert; Ross 1981, The radiation regime and architecture of plant stands).
+ground, where hemispherical photographs are taken, and know of no material. Of a canopy of leaves in
+random places it is exp(−G·L/cos θ), with the leaf-area index L and the mean projection G of a unit
+of leaf, one half where leaves face anywhere (Beer–Lambert; Ross 1981, The radiation regime and
+architecture of plant stands).
 """
 
 import math

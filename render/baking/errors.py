@@ -1,11 +1,9 @@
 """Error of baked light: foreseen from a few frames, then measured against traced paths.
 
-Baked light against traced paths, at some pixels of a frame: all that is wrong with it.
-
-Both look at the same points, so that what pixels see of the scene cancels. The paths of a pixel
-come in independent groups, by which their own scatter is known (`render.noise`). There are many
-paths for each pixel rather than many pixels: the scatter that has to be taken off falls with their
-number.
+Both look at the same points of some pixels, so that what pixels see of the scene cancels. The paths
+of a pixel come in independent groups, by which their own scatter is known (`render.noise`). There
+are many paths for each pixel rather than many pixels: the scatter that has to be taken off falls
+with their number.
 """
 
 import math

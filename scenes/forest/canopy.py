@@ -1,14 +1,13 @@
 """How much leaf and wood a forest holds: what it asks for, and what is measured.
 
 Leaf-area index is the one-sided area of the leaves of trees, bushes and climbers over the area of
-the ground below them (Chen and Black 1992, Plant, Cell and Environment 15:421). It is met in a ring
-around the camera's path: from where trunks may stand to `RING_M` farther out. Trees grow with all
-their leaves, or twice or four times as many on the same twigs, and lose some at random; leaves keep
-their size and their clumps.
-
-Leaf area is one-sided. Wood counts with half of its surface, as a leaf with one of its two sides
+the ground below them; wood counts with half of its surface, as a leaf with one of its two sides
 (Chen and Black 1992, Plant, Cell and Environment 15:421). Herbs, grass and what lies on the ground
 count as neither, as in the field, where instruments stand a meter above them.
+
+It is met in a ring around the camera's path: from where trunks may stand to `RING_M` farther out.
+Trees grow with all their leaves, or twice or four times as many on the same twigs, and lose some at
+random; leaves keep their size and their clumps.
 """
 
 from collections.abc import Callable, Mapping, Sequence

@@ -1,13 +1,13 @@
 """Light levels by name, from daylight to an overcast night, and the lights that they add.
 
-The lights that there are outside, each with its own spectrum and source; they add. Sun and moon are
-discs, all else is a sky that is alike in all directions.
+Every light has its own spectrum and source. Sun and moon are discs, all else is a sky that is alike
+in all directions.
 
-Each has an illuminance, after the dissertation, §1.1, and what is stronger than the night sky makes
-up what airglow and starlight leave. Four of five parts of the light of sun or moon come from its
-disc, 0.53° wide. The moonless forest floor is what Kelber et al. (2006, Behav. Ecol. 17, 63) give
-for the dimmest light that *Megalopta* flies in, 1e-4 cd/m² of a white surface: for scenes that hold
-no trees, and for readings. A forest shades itself; give it `starlight`.
+Each level has an illuminance, after the dissertation, §1.1, and what is stronger than the night sky
+makes up what airglow and starlight leave. Four of five parts of the light of sun or moon come from
+its disc, 0.53° wide. The moonless forest floor is what Kelber et al. (2006, Behav. Ecol. 17, 63)
+give for the dimmest light that *Megalopta* flies in, 1e-4 cd/m² of a white surface: for scenes that
+hold no trees, and for readings. A forest shades itself; give it `starlight`.
 """
 
 import math

@@ -1,15 +1,15 @@
 """Spectral bands to color for display, and the colors of a picture to spectra.
 
-Spectral bands to color for display: CIE 1931 matching functions, white balance, sRGB. The matching
-functions are the multi-lobe Gaussian fits of Wyman, Sloan and Shirley (JCGT 2(2), 2013), good to
-about 1 %: for looking at, not for photometry.
+For display: CIE 1931 matching functions, white balance, sRGB. The matching functions are the
+multi-lobe Gaussian fits of Wyman, Sloan and Shirley (JCGT 2(2), 2013), good to about 1 %: for
+looking at, not for photometry.
 
-Spectra of the three colors of a picture whose white is a given light. Three colors say little about
-a spectrum. Here each pixel has the light's spectrum times a smooth function of wavelength: red,
-green and blue take one another's place in logistic steps, so that white has the light's spectrum,
-nothing is negative, and no light is lost or gained. The steps lie where each color has the share in
-the luminance that sRGB gives it. Beyond the visible red goes on to the infrared and blue to the
-ultraviolet, of which the picture knows nothing.
+Three colors of a picture whose white is a given light say little about a spectrum. Here each pixel
+has the light's spectrum times a smooth function of wavelength: red, green and blue take one
+another's place in logistic steps, so that white has the light's spectrum, nothing is negative, and
+no light is lost or gained. The steps lie where each color has the share in the luminance that sRGB
+gives it. Beyond the visible red goes on to the infrared and blue to the ultraviolet, of which the
+picture knows nothing.
 """
 
 from collections.abc import Sequence
