@@ -1,13 +1,13 @@
 """Boulders: solids cut by random planes, weathered, half sunk into the ground."""
 
-from dataclasses import dataclass
+from collections.abc import Callable
 
 import numpy as np
 
 from megalopta.assets_gen import FloatArray, Surface, cross, unit
 from megalopta.assets_gen.plants.branching import GOLDEN_ANGLE, UP, outward
 from megalopta.assets_gen.plants.tube import tube_faces
-from megalopta.assets_gen.tileable_noise import PlaneWaves, plane_waves
+from megalopta.assets_gen.tileable_noise import plane_waves
 
 STONE_TILE_M = 1.2
 """Size of one tile of the stone's texture around the boulder (m)."""
@@ -26,9 +26,9 @@ def grow_rock(rng: np.random.Generator, sides: int = 28) -> Surface:
     azimuth = 2 * np.pi * np.arange(sides + 1) / sides
     grid = _directions(azimuth[None, :], elevation[:, None])
     top = np.array([[[0.0, 0.0, 1.0]]])
-    boulder = _cut(rng)
+    radius_m = _cut(rng)
     squash = np.array([1.0, rng.uniform(0.65, 1.0), rng.uniform(0.45, 0.85)])
-    body, apex = (squash * boulder.radius(d)[..., None] * d for d in (grid, top))
+    body, apex = (squash * radius_m(d)[..., None] * d for d in (grid, top))
     body[:, -1] = body[:, 0]
     u = azimuth / (2 * np.pi) * round(np.pi / STONE_TILE_M)
     uv = np.stack(np.broadcast_arrays(u, elevation[:, None] / (2 * STONE_TILE_M)), axis=-1)
@@ -46,35 +46,23 @@ def _directions(azimuth: FloatArray, elevation: FloatArray) -> FloatArray:
     return np.stack([level * np.cos(azimuth), level * np.sin(azimuth), up], axis=-1)
 
 
-@dataclass(frozen=True)
-class _Boulder:
-    """A convex solid cut by planes, with dents."""
-
-    planes: FloatArray
-    """(n, 3): unit normals."""
-    distances_m: FloatArray
-    """(n,): from the middle to each plane (m)."""
-    dents: tuple[PlaneWaves, ...]
-    """Weathering as a sum of fields over the planes xy, yz and zx (m)."""
-
-    def radius(self, direction: FloatArray) -> FloatArray:
-        """Distance from the middle to the surface in directions (..., 3) (m)."""
-        toward = np.maximum(direction @ self.planes.T, 1e-3) / self.distances_m
-        smooth = np.sum(toward**ROUNDNESS, axis=-1) ** (-1 / ROUNDNESS)
-        pairs = ([0, 1], [1, 2], [2, 0])
-        dents = [dent(direction[..., pair]) for dent, pair in zip(self.dents, pairs, strict=True)]
-        return np.asarray(smooth + sum(dents))
-
-
-def _cut(rng: np.random.Generator) -> _Boulder:
+def _cut(rng: np.random.Generator) -> Callable[[FloatArray], FloatArray]:
+    """Return the radius (...) in directions (..., 3) of a solid cut by planes, with dents (m)."""
     # Evenly spread normals, disturbed: purely random ones would leave some sides uncut.
     level = 1 - (2 * np.arange(14) + 1) / 14
-    even = np.sqrt(1 - level**2)[:, None] * outward(GOLDEN_ANGLE * np.arange(14)) + np.outer(
-        level, UP
-    )
+    level_out = np.sqrt(1 - level**2)[:, None] * outward(GOLDEN_ANGLE * np.arange(14))
+    even = level_out + np.outer(level, UP)
     planes = unit(even + 0.35 * rng.standard_normal(even.shape))
-    dents = tuple(plane_waves((0.25, 1.2), 0.022, 12, rng) for _ in range(3))
-    return _Boulder(planes, rng.uniform(0.4, 0.58, 14), dents)
+    dents = [plane_waves((0.25, 1.2), 0.022, 12, rng) for _ in range(3)]
+    distances_m = rng.uniform(0.4, 0.58, 14)
+
+    def radius(direction: FloatArray) -> FloatArray:
+        toward = np.maximum(direction @ planes.T, 1e-3) / distances_m
+        smooth = np.sum(toward**ROUNDNESS, axis=-1) ** (-1 / ROUNDNESS)
+        pairs = zip(dents, ([0, 1], [1, 2], [2, 0]), strict=True)
+        return np.asarray(smooth + sum(dent(direction[..., pair]) for dent, pair in pairs))
+
+    return radius
 
 
 def _normals(body: FloatArray) -> FloatArray:

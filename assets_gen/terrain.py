@@ -3,16 +3,21 @@
 The camera's path runs over level ground (a trail), the land beyond it rolls, and far outside the
 planted stand it rises to a rim, so that the horizon is closed by ground wherever one looks between
 the trunks.
+
+Moss grows in patches with outlines of many sizes, around the feet of trees rather than not: a
+random field with waves from centimeters to meters is cut at the height that leaves the share asked
+for above it. Its finer waves fray the outline down to the mesh.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from megalopta.assets_gen import FloatArray, Surface, grid_faces, unit
 from megalopta.assets_gen.scatter import distance_to
-from megalopta.assets_gen.tileable_noise import PlaneWaves, plane_waves
+from megalopta.assets_gen.tileable_noise import PlaneWaves, Rough, make_octaves, plane_waves
 
 TRAIL_M = (3.0, 14.0)
 """The land is level up to the first distance from the path and rolls freely from the second on."""
@@ -104,3 +109,29 @@ def _graded(low: float, high: float, step_m: float, reach_m: float) -> FloatArra
 def _grid_normals(grid: FloatArray) -> FloatArray:
     rows, columns = np.gradient(grid, axis=(0, 1))
     return unit(np.cross(columns, rows)).reshape(-1, 3)
+
+
+MOSS_BANDS = (((1.2, 5.0), 0.8), ((0.3, 1.2), 0.5), ((0.09, 0.3), 0.33))
+"""Wavelengths (m) and contrast of patches of moss, of their outline, of its fringe."""
+AT_TREES, AROUND_M = 1.4, 0.7
+"""How much likelier moss is at the foot of a tree, in units of the contrast, and how far (m)."""
+
+
+def make_moss(trees: FloatArray, rng: np.random.Generator) -> Rough:
+    """Return how favorable the ground is to moss: variance 1, and more around trees (n, 2) (m)."""
+    patches, feet = make_octaves(MOSS_BANDS, 1.0, rng), cKDTree(trees)
+
+    def favor(points: FloatArray, step_m: FloatArray) -> FloatArray:
+        near = AT_TREES * np.exp(-((distance_to(feet, points) / AROUND_M) ** 2))
+        return near + patches(points, step_m)
+
+    return favor
+
+
+def cut_at(favor: FloatArray, areas: FloatArray, where: NDArray[np.bool_], share: float) -> float:
+    """Return the value of a field (m,) above which lies a share of some triangles' areas (m,)."""
+    values = favor[where]
+    order = np.argsort(-values)
+    covered = np.cumsum(areas[where][order])
+    last = int(np.searchsorted(covered, share * covered[-1]))
+    return float(values[order[min(last, len(order) - 1)]])

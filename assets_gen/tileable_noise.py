@@ -5,7 +5,7 @@ each other ("dead leaves", Matheron 1968; Lee, Mumford & Huang 2001, IJCV 41:35)
 edges and the scale-free spectrum of natural scenes, which filtered noise lacks.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -99,34 +99,29 @@ SAMPLED = 2.0, 3.5
 from the second on."""
 
 
-@dataclass(frozen=True)
-class Octaves:
-    """A rough field: bands of wavelengths that add up."""
+Rough = Callable[[FloatArray, FloatArray], FloatArray]
+"""A field (n,) at points (n, 2) of a mesh with steps (n,) (m), of what the mesh can show."""
 
-    bands: tuple[PlaneWaves, ...]
-    shortest_m: tuple[float, ...]
-    """Shortest wavelength of each band (m)."""
 
-    def __call__(self, points: FloatArray, step_m: FloatArray) -> FloatArray:
-        """Return the field (n,) at points (n, 2) of a mesh with steps (n,) (m)."""
+def make_octaves(
+    bands: Sequence[tuple[tuple[float, float], float]], rms: float, rng: np.random.Generator
+) -> Rough:
+    """Return a random field of bands that add up to a root mean square, where all are shown.
+
+    Bands are shortest and longest wavelength (m) and their part of the contrast.
+    """
+    whole = np.sqrt(sum(part**2 for _, part in bands))
+    waves = [plane_waves(lengths, rms * part / whole, WAVES, rng) for lengths, part in bands]
+
+    def field(points: FloatArray, step_m: FloatArray) -> FloatArray:
         total = np.zeros(len(points))
-        for band, shortest in zip(self.bands, self.shortest_m, strict=True):
+        for band, ((shortest, _), _) in zip(waves, bands, strict=True):
             share = np.clip((shortest / step_m - SAMPLED[0]) / (SAMPLED[1] - SAMPLED[0]), 0, 1)
             shown = share > 0
             total[shown] += share[shown] * band(points[shown])
         return total
 
-
-def make_octaves(
-    bands: Sequence[tuple[tuple[float, float], float]], rms: float, rng: np.random.Generator
-) -> Octaves:
-    """Return a random field of a root mean square, where all of it is shown.
-
-    Bands are shortest and longest wavelength (m) and their part of the contrast.
-    """
-    whole = np.sqrt(sum(part**2 for _, part in bands))
-    waves = (plane_waves(lengths, rms * part / whole, WAVES, rng) for lengths, part in bands)
-    return Octaves(tuple(waves), tuple(lengths[0] for lengths, _ in bands))
+    return field
 
 
 CHUNK = 1024

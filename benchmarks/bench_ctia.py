@@ -14,7 +14,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from megalopta.scenes.spectra.night_sky import MOONLESS_ZENITH
+from megalopta.scenes.spectra.outdoors import MOONLESS_ZENITH
 from megalopta.sensor import CtiaSensor, ctia_preset, expose, expose_photocurrent, photocurrent
 from megalopta.sensor.ctia.photodiode import ELEMENTARY_CHARGE_C
 from megalopta.sensor.sampling.streams import generator

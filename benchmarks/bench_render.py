@@ -150,7 +150,7 @@ def main() -> None:
     compare_truth(4)
     compare_cameras(5)
     PathIntegrator.render = timed(PathIntegrator.render)  # type: ignore[method-assign]
-    for name in ("nearest_hits", "blocked"):
+    for name in ("nearest_hits", "is_hidden"):
         setattr(rays, name, timed(getattr(rays, name)))
     run(24, {})
     # A camera that stands still: every frame is the same work.

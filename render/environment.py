@@ -1,13 +1,13 @@
 """Panoramas: seen by a camera at infinity, or lighting a scene.
 
-A panorama at infinity seen by a camera: no paths are traced, the picture is looked up. A pixel is
-the mean over a square grid of points in it, of the picture read bilinearly. That leaves no random
-noise, only what is lost where the grid is coarser than the picture.
+Before a camera no paths are traced, the picture is looked up. A pixel is the mean over a square
+grid of points in it, of the picture read bilinearly. That leaves no random noise, only what is lost
+where the grid is coarser than the picture.
 
-A photographed panorama as the light of a scene: an uneven sky of three colors, and a disc. A sun
-that stands in the picture is a few of its pixels and much of its light. It is taken out and made
-the scene's disc, which casts sharp shadows at no noise: what lies within 3° of the brightest pixel,
-over the mean of the ring around it, if that is at least a twentieth of the light of the upper half.
+As the light of a scene a panorama is an uneven sky of three colors, and a disc. A sun that stands
+in the picture is a few of its pixels and much of its light. It is taken out and made the scene's
+disc, which casts sharp shadows at no noise: what lies within 3° of the brightest pixel, over the
+mean of the ring around it, if that is at least a twentieth of the light of the upper half.
 """
 
 import math
@@ -19,15 +19,14 @@ from numpy.typing import NDArray
 
 from megalopta.core.arrays import Floats
 from megalopta.core.progress import say
-from megalopta.render.exposures import Exposure
 from megalopta.render.mitsuba_loader import mi
 from megalopta.render.noise import Image, MeasuredPass
+from megalopta.render.sensors.film import Exposure
 from megalopta.render.settings import Bands
 from megalopta.render.surveys import Illuminance, LightSurvey
 from megalopta.scenes.cameras.base import Camera
 from megalopta.scenes.scene import Environment, Lighting, Scene, SkyPattern, Sun, pattern_directions
-from megalopta.scenes.spectra.photometry import luminous
-from megalopta.scenes.spectra.spectrum import Spectrum, total
+from megalopta.scenes.spectra.spectrum import Spectrum, luminous, total
 
 # Rows of points looked up at once, so that memory stays far below that of the directions.
 POINTS_AT_ONCE = 2**18
@@ -60,30 +59,17 @@ class EnvironmentView:
         """Points per pixel."""
         return self._grid**2
 
-    def radiance(self, pose: Floats, seed: int = 0) -> Image:
-        """Spectral radiance (H, W, B) from a pose (4, 4); without noise, so without a seed."""
-        rotation = pose[:3, :3].T.astype(np.float32)
-        step = self._grid * max(1, POINTS_AT_ONCE // (self._grid * self._axes.shape[1]))
-        strips = [
-            self._pixels(self._axes[first : first + step] @ rotation)
-            for first in range(0, len(self._axes), step)
-        ]
-        return np.concatenate(strips) @ self._band_means
+    def radiance(self, exposure: Exposure) -> Image:
+        """Mean spectral radiance (H, W, B) from all poses of an exposure; it has no noise."""
+        poses = np.concatenate([part.poses.reshape(-1, 4, 4) for part in exposure.parts])
+        return np.asarray(np.mean([self._seen_from(pose) for pose in poses], axis=0), np.float32)
 
-    def measured(self, pose: Floats, seed: int = 0) -> MeasuredPass:
-        """The same; no pixel is told to show the sky."""
-        return _without_error(self.radiance(pose))
+    def measured(self, exposure: Exposure) -> MeasuredPass:
+        """The same, without error; no pixel is told to show the sky."""
+        radiance = self.radiance(exposure)
+        return MeasuredPass(radiance, np.zeros_like(radiance), np.zeros_like(radiance[..., 0]))
 
-    def exposed(self, exposure: Exposure) -> Image:
-        """Mean of what is seen from all poses of an exposure."""
-        poses = [pose[0] for part in exposure.parts for pose in part.poses]
-        return np.asarray(np.mean([self.radiance(pose) for pose in poses], axis=0), np.float32)
-
-    def exposed_measured(self, exposure: Exposure) -> MeasuredPass:
-        """The same; no pixel is told to show the sky."""
-        return _without_error(self.exposed(exposure))
-
-    def light_left_out(self, pose: Floats) -> None:
+    def light_left_out(self, pose: Floats, time_s: float) -> None:
         """None: light comes without a hit."""
 
     def light_survey(self, positions: Floats) -> LightSurvey:
@@ -92,8 +78,14 @@ class EnvironmentView:
         lux = float(colors.mean(axis=0) @ self._efficacy) * math.pi
         return LightSurvey(Illuminance(tuple(positions.mean(axis=0).tolist()), lux, 0.0), ())
 
-    def move_to(self, time_s: float) -> None:
-        """Nothing moves."""
+    def _seen_from(self, pose: Floats) -> Image:
+        rotation = pose[:3, :3].T.astype(np.float32)
+        step = self._grid * max(1, POINTS_AT_ONCE // (self._grid * self._axes.shape[1]))
+        strips = [
+            self._pixels(self._axes[first : first + step] @ rotation)
+            for first in range(0, len(self._axes), step)
+        ]
+        return np.concatenate(strips) @ self._band_means
 
     def _pixels(self, directions: Image) -> Image:
         colors = look_up(self._rgb, directions, self._turn)
@@ -116,10 +108,6 @@ def look_up(rgb: Image, directions: Image, turn_rad: float = 0.0) -> Image:
     upper = (1 - u) * rgb[top, left] + u * rgb[top, right]
     lower = (1 - u) * rgb[bottom, left] + u * rgb[bottom, right]
     return np.asarray((1 - v) * upper + v * lower, np.float32)
-
-
-def _without_error(radiance: Image) -> MeasuredPass:
-    return MeasuredPass(radiance, np.zeros_like(radiance), np.zeros_like(radiance[..., 0]))
 
 
 def cosine_directions(count: int) -> Image:

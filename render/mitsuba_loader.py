@@ -75,24 +75,19 @@ _NOT_COPIED = "__dict__", "__weakref__", "base"
 
 def plug_in(kind: Any) -> Any:
     """Return the class of a `PlugIn` in the active variant."""
-    return _of_variant(kind, str(mi.variant()))
-
-
-@cache
-def _of_variant(kind: Any, variant: str) -> Any:
-    own = {name: value for each in kind.__mro__[-2::-1] for name, value in vars(each).items()}
-    above = getattr(mi, kind.base)
-    body = {name: value for name, value in own.items() if name not in _NOT_COPIED}
-    return type(kind.__name__, (above,), {**body, "above": above})
+    return _of_variant(kind, str(mi.variant()))[0]
 
 
 def registered(kind: Any) -> str:
     """Return the name by which Mitsuba loads a `PlugIn` in the active variant."""
-    return _registered(kind, str(mi.variant()))
+    return _of_variant(kind, str(mi.variant()))[1]
 
 
 @cache
-def _registered(kind: Any, variant: str) -> str:
-    name = f"megalopta_{kind.__name__.strip('_').lower()}"
-    getattr(mi, f"register_{kind.base.lower()}")(name, plug_in(kind))
-    return name
+def _of_variant(kind: Any, variant: str) -> tuple[Any, str]:
+    own = {name: value for each in kind.__mro__[-2::-1] for name, value in vars(each).items()}
+    above, name = getattr(mi, kind.base), f"megalopta_{kind.__name__.strip('_').lower()}"
+    body = {name: value for name, value in own.items() if name not in _NOT_COPIED}
+    made = type(kind.__name__, (above,), {**body, "above": above})
+    getattr(mi, f"register_{kind.base.lower()}")(name, made)
+    return made, name

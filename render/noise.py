@@ -8,15 +8,10 @@ are added up to a stated error, every frame is measured, from the scatter of its
 
 Baked light has an error that stands on surfaces in all frames alike and moves with them. Some
 pixels of the second pass are compared with paths traced from the same points: that holds all of it,
-bias included (`Standing`).
-
-Error that stands on surfaces in all frames, from the distance of some pixels to traced paths. The
-mean over some pixels of D², where D is the difference between baked light and that of traced paths,
-is too large by the variance of the paths. That variance is known from the scatter of the groups
-that a pixel's paths come in; without it, what is left has the squared standing error as its mean,
-whatever that comes from. Pixels are compared in pairs of neighbors, so that the gradient of the
-error is known in the same way. Where few pixels or noisy paths bring that to less than the bake's
-own scatter, it is taken to be the latter: there is no less.
+bias included. The mean of D², the squared difference, is too large by the variance of the paths,
+which is known from the scatter of the groups that a pixel's paths come in. Pixels are compared in
+pairs of neighbors, so that the gradient of the error is known in the same way. Where few pixels or
+noisy paths bring it to less than the bake's own scatter, it is taken to be the latter.
 """
 
 import json
@@ -25,6 +20,7 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import TypeAdapter
 from scipy.special import gammaincinv
 
 from megalopta.core.arrays import Floats, Mask
@@ -96,16 +92,8 @@ class RenderNoise:
 
     @classmethod
     def from_json(cls, text: str) -> "RenderNoise":
-        """From what `to_json` wrote. Raises ValueError, TypeError or KeyError for anything else."""
-        values = json.loads(text)
-        for name in ("covariance", "detail"):
-            values[name] = tuple(tuple(map(float, row)) for row in values.get(name, ()))
-        values["mean"] = tuple(map(float, values["mean"]))
-        for name in ("surface", "sky"):
-            if values.get(name):
-                bands = tuple(map(float, values[name]["bands"]))
-                values[name] = RegionNoise(**{**values[name], "bands": bands})
-        return cls(**values)
+        """From what `to_json` wrote. Raises ValueError for anything else."""
+        return TypeAdapter(cls).validate_json(text)
 
 
 # Pixels, or pairs of them, that say more than the scatter of the bake does.

@@ -1,12 +1,11 @@
 """Frames by paths of light, with what their error is measured by.
 
-Light paths along rays, traced by one kernel however many they are and wherever they come from. It
-is Mitsuba's own path tracer, step by step and random number by random number: next-event
-estimation, multiple importance sampling and roulette from the fifth hit on. Two things differ.
-Nothing of an image's size, a camera, or the longest path is a constant of the code that is
-compiled, so that this, which takes seconds, happens once for a kind of scene and not for each. And
-rays can meet two scenes, of which each sees what is nearer: one at rest and a small one of what
-moves, which alone is built anew.
+One kernel traces paths along rays, however many they are and wherever they come from. It is
+Mitsuba's own path tracer, step by step and random number by random number: next-event estimation,
+multiple importance sampling and roulette from the fifth hit on. Two things differ. Nothing of an
+image's size, a camera, or the longest path is a constant of the code that is compiled, which takes
+seconds: once for a kind of scene and not for each. And rays can meet two scenes, of which each sees
+what is nearer: one at rest and a small one of what moves, which alone is built anew.
 """
 
 from collections.abc import Iterator, Sequence
@@ -19,7 +18,7 @@ from numpy.typing import NDArray
 from megalopta.core.arrays import Floats
 from megalopta.render.loading.air import Air
 from megalopta.render.loading.meshes import MergedMesh, MovingMesh
-from megalopta.render.loading.scene import load_again, move_to
+from megalopta.render.loading.scene import load_mesh, move_to, of_shapes
 from megalopta.render.mitsuba_loader import dr, is_scalar, mi
 from megalopta.render.sensors.primary import developed, pixel_means
 from megalopta.scenes.scene import Scene
@@ -265,7 +264,9 @@ class Layers(PathIntegrator):
         super().__init__(max_depth)
         self._meshes = [mesh for mesh in meshes if isinstance(mesh, MovingMesh)]
         shapes = loaded.shapes()[len(meshes) - len(self._meshes) :]
-        self._layers = still, load_again(self._meshes, shapes)
+        pairs = zip(self._meshes, shapes, strict=True)
+        again = [load_mesh(mesh, mesh_bsdf=shape.bsdf()) for mesh, shape in pairs]
+        self._layers = still, of_shapes(again)
         self._trace = LightPaths(max_depth, *self._layers)
 
     def move_to(self, time_s: float) -> None:

@@ -13,13 +13,13 @@ from megalopta.core.arrays import Floats
 from megalopta.render.baking.choice import path_tracing_reason
 from megalopta.render.baking.integrator import BakedLightIntegrator
 from megalopta.render.environment import EnvironmentView, under_panorama
-from megalopta.render.exposures import Exposure
 from megalopta.render.loading.air import fill
 from megalopta.render.loading.meshes import merge
 from megalopta.render.loading.scene import LoadedScene, load_scene
 from megalopta.render.mitsuba_loader import activate
 from megalopta.render.noise import MeasuredPass
 from megalopta.render.path_tracing import Layers, PathIntegrator, is_layered
+from megalopta.render.sensors.film import Exposure, Part
 from megalopta.render.settings import RenderSettings, bake_seed, instant_seed
 from megalopta.render.surface_view import SurfaceView
 from megalopta.render.surveys import Canopy, LightSurvey, measure_canopy
@@ -111,13 +111,11 @@ class SceneRenderer:
         `time_s` says where the moving objects are. Raises FloatingPointError when the renderer
         returns a value that is not finite.
         """
-        self._view.move_to(time_s)
-        return self._view.radiance(self._local(pose), seed)
+        return self._view.radiance(self._at(pose, seed, time_s))
 
     def measured(self, pose: Floats, seed: int, time_s: float = 0.0) -> MeasuredPass:
         """The same as `radiance`, with what its error is known by."""
-        self._view.move_to(time_s)
-        return self._view.measured(self._local(pose), seed)
+        return self._view.measured(self._at(pose, seed, time_s))
 
     def exposed(
         self, path: Path, shutter: Shutter, frame: int, seed: int, number: int = 0
@@ -128,13 +126,16 @@ class SceneRenderer:
         seed of the sequence and the number of the pass. Where objects move they share
         `shutter.poses` instants, at which the objects are put.
         """
-        return self._view.exposed(self._exposure(path, shutter, frame, seed, number))
+        return self._view.radiance(self._exposure(path, shutter, frame, seed, number))
 
     def exposed_measured(
         self, path: Path, shutter: Shutter, frame: int, seed: int, number: int = 0
     ) -> MeasuredPass:
         """The same as `exposed`, with what its error is known by."""
-        return self._view.exposed_measured(self._exposure(path, shutter, frame, seed, number))
+        return self._view.measured(self._exposure(path, shutter, frame, seed, number))
+
+    def _at(self, pose: Floats, seed: int, time_s: float) -> Exposure:
+        return Exposure((Part(self._local(pose), [time_s], seed),))
 
     def _exposure(
         self, path: Path, shutter: Shutter, frame: int, seed: int, number: int
@@ -150,9 +151,13 @@ class SceneRenderer:
         parts = shutter.poses if self._scene.is_moving or self._scene.environment else 1
         total = parts if self._scene.environment else _ROLLING_POSES if is_rolling else _POSES
         parts, total = (parts, max(total, parts)) if shutter.exposure_s else (1, 1)
+        count = -(-total // parts)
+        middles = (np.arange(parts * count) + 0.5) / (parts * count) - 0.5
+        times = path.times_s[frame] + shutter.exposure_s * middles[:, None] + rows
+        poses = self._local(path.pose_at(times.ravel())).reshape(parts, count, len(rows), 4, 4)
+        instants = times.reshape(parts, count, len(rows)).mean(axis=1).tolist()
         seeds = [instant_seed(seed, frame, part, number) for part in range(parts)]
-        exposure = Exposure.of(path, shutter, frame, rows, seeds, -(-total // parts))
-        return exposure.relative_to(self._local)
+        return Exposure(tuple(map(Part, poses, instants, seeds)), is_rolling)
 
     def light_survey(self, positions: Floats) -> LightSurvey | None:
         """Illuminance above and below camera positions (N, 3); None where only surfaces emit."""
@@ -163,8 +168,7 @@ class SceneRenderer:
 
         Seen from a pose (4, 4); None before a panorama.
         """
-        self._view.move_to(time_s)
-        return self._view.light_left_out(self._local(pose))
+        return self._view.light_left_out(self._local(pose), time_s)
 
     def canopy(self, poses: Floats, ring_m: tuple[float, float]) -> Canopy:
         """Plant area, gaps and floor light of a forest in a ring around poses (N, 4, 4)."""

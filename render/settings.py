@@ -13,23 +13,16 @@ Bands = Sequence[tuple[float, float]]
 
 def channel_names(bands_nm: Bands) -> list[str]:
     """Name of the channel of each band, after its center, which must be its own (ValueError)."""
-    names = [_channel_name(band) for band in bands_nm]
-    for name in names:
-        if names.count(name) > 1:
-            first, second, *_ = (
-                f"{lower:g}-{upper:g}"
-                for (lower, upper), other in zip(bands_nm, names, strict=True)
-                if other == name
-            )
+    centers = [f"{(lower + upper) / 2:.3f}".replace(".", ",") for lower, upper in bands_nm]
+    for number, center in enumerate(centers):
+        first = centers.index(center)
+        if first < number:
+            one, other = ("{:g}-{:g}".format(*bands_nm[index]) for index in (first, number))
             raise ValueError(
-                f"bands_nm: {first} and {second} nm share a center, which names the channel "
-                f"{name}; move an edge of one"
+                f"bands_nm: {one} and {other} nm share a center, which names the channel "
+                f"S0.{center}nm; move an edge of one"
             )
-    return names
-
-
-def _channel_name(band: tuple[float, float]) -> str:
-    return f"S0.{(band[0] + band[1]) / 2:.3f}nm".replace(".", ",").replace("S0,", "S0.")
+    return [f"S0.{center}nm" for center in centers]
 
 
 Backend = Literal["auto", "cuda", "llvm", "scalar"]

@@ -5,7 +5,7 @@ equal seeds begin alike, so what longer ones bring is known from few of them.
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -13,13 +13,12 @@ from numpy.typing import NDArray
 
 from megalopta.core.arrays import Floats
 from megalopta.render.baking.integrator import BakedLightIntegrator
-from megalopta.render.exposures import Exposure, Part
 from megalopta.render.loading.air import Air
 from megalopta.render.loading.meshes import MovingMesh
 from megalopta.render.loading.scene import LoadedScene, move_to
 from megalopta.render.noise import MeasuredPass
 from megalopta.render.path_tracing import PathIntegrator
-from megalopta.render.sensors.film import Film
+from megalopta.render.sensors.film import Exposure, Film, Part
 from megalopta.render.settings import RenderSettings
 from megalopta.render.sharing import rows_of_a_pose
 from megalopta.render.surveys import LightMeter, LightSurvey
@@ -95,29 +94,25 @@ class SurfaceView:
         self._integrator.move_to(time_s)
         self._time_s = time_s
 
-    def radiance(self, pose: Floats, seed: int) -> NDArray[np.float32]:
-        """Radiance (H, W, B) from a pose (4, 4).
+    def radiance(self, exposure: Exposure) -> NDArray[np.float32]:
+        """Radiance (H, W, B) as a shutter takes it.
 
         Raises FloatingPointError when Mitsuba returns a value that is not finite, and ValueError
-        where the pose is outside of the haze.
+        where a pose is outside of the haze.
         """
-        film = self._film(1)
-        self._check(pose)
-        return _finite(film.expose(self._integrator.render, self._loaded, pose, seed))
+        return _finite(self._taken(exposure, is_measured=False))
 
-    def measured(self, pose: Floats, seed: int) -> MeasuredPass:
+    def measured(self, exposure: Exposure) -> MeasuredPass:
         """The same, with what its error is known by."""
-        film = self._film(1)
-        self._check(pose)
-        return self._parts(film.expose(self._integrator.measured, self._loaded, pose, seed))
-
-    def exposed(self, exposure: Exposure) -> NDArray[np.float32]:
-        """Radiance (H, W, B) as a shutter takes it."""
-        return _finite(self._exposed(self._integrator.exposing.render, exposure))
-
-    def exposed_measured(self, exposure: Exposure) -> MeasuredPass:
-        """The same, with what its error is known by."""
-        return self._parts(self._exposed(self._integrator.exposing.measured, exposure))
+        image = self._taken(exposure, is_measured=True)
+        bands = len(self._settings.bands_nm)
+        radiance, standing, sky, differences = np.split(
+            image, [bands, 2 * bands, 2 * bands + 1], axis=-1
+        )
+        groups = differences.reshape(*sky.shape[:2], -1, bands)
+        return MeasuredPass(
+            _finite(radiance), standing, sky[..., 0], groups if groups.size else None
+        )
 
     def light_survey(self, positions: Floats) -> LightSurvey | None:
         """Illuminance above and below positions (N, 3); None where only surfaces emit."""
@@ -127,8 +122,9 @@ class SurfaceView:
         meter = LightMeter(self._loaded, lighting, self._settings.max_depth, self._air)
         return meter.survey(positions - self._scene.origin_m)
 
-    def light_left_out(self, pose: Floats) -> Floats:
+    def light_left_out(self, pose: Floats, time_s: float) -> Floats:
         """Share of the light of surfaces, by band, that takes too many hits for paths, (B,)."""
+        self.move_to(time_s)
         wanted = math.ceil(_LONGER_PATHS / (self._camera.width * self._camera.height))
         samples = min(wanted, self._settings.samples_per_pixel)
         self._check(pose)
@@ -137,28 +133,27 @@ class SurfaceView:
         film = Film(self._camera, settings, samples)
         return share_left_out(self._loaded, film, pose, self._settings.max_depth, self._air)
 
-    def _exposed(
-        self, trace: Callable[..., NDArray[np.float32]], exposure: Exposure
-    ) -> NDArray[np.float32]:
+    def _taken(self, exposure: Exposure, is_measured: bool) -> NDArray[np.float32]:
         """Mean over the instants at which moving objects are put; the camera never rests.
 
         Rows of a rolling shutter share poses of moving objects (`sharing`).
         """
+        integrator = self._integrator if exposure.is_instant else self._integrator.exposing
+        trace = integrator.measured if is_measured else integrator.render
+        move_to = self.move_to if integrator is self._integrator else integrator.move_to
         rows = None
         if self._moving and exposure.is_rolling:
             rows = self._rows_of_a_pose(exposure.parts[len(exposure.parts) // 2])
-        film = self._film(len(exposure.parts), True, rows)
-        mover = self._integrator.exposing
-        move_to_time = self.move_to if mover is self._integrator else mover.move_to
+        film = self._film(len(exposure.parts), not exposure.is_instant, rows)
         images = []
         for part in exposure.parts:
             self._check(part.poses)
 
             def move(strip: slice, times: Sequence[float] = part.row_times_s) -> None:
-                move_to_time(float(np.mean(times[strip])))
+                move_to(float(np.mean(times[strip])))
 
             if rows is None:
-                move_to_time(part.row_times_s[0])
+                move_to(part.row_times_s[0])
             before = move if rows else None
             images.append(film.expose(trace, self._loaded, part.poses, part.seed, before))
         return np.asarray(np.mean(images, axis=0, dtype=np.float64), dtype=np.float32)
@@ -184,17 +179,6 @@ class SurfaceView:
         if key not in self._films:
             self._films[key] = Film(self._camera, self._settings, *key)
         return self._films[key]
-
-    def _parts(self, image: NDArray[np.float32]) -> MeasuredPass:
-        """The parts of what `measured` of an integrator gives."""
-        bands = len(self._settings.bands_nm)
-        radiance, standing, sky, differences = np.split(
-            image, [bands, 2 * bands, 2 * bands + 1], axis=-1
-        )
-        groups = differences.reshape(*sky.shape[:2], -1, bands)
-        return MeasuredPass(
-            _finite(radiance), standing, sky[..., 0], groups if groups.size else None
-        )
 
 
 def _finite(radiance: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -1,20 +1,17 @@
 """Surveys of a scene: the illuminance that it gets, and its canopy.
 
-The illuminance that a scene really gets, measured with the scene's own light and shadows. A light
-meter looks along light paths from a point, in directions distributed as the cosine to the vertical,
-at wavelengths that are likely where V(λ) is large. These paths meet everything but the disc of sun
-or moon, whose part comes from visibility rays toward points of the disc. The light has as many
-bounces as in the frames, so that the meter and the frames miss the same light: at a surface, frames
-have spent one segment of their longest path on the way from the camera.
-
-In haze, light is measured as it arrives through it, and what is above everything is above the haze:
-there the meter reads the illuminance that was asked for.
+A light meter looks along light paths from a point, in directions distributed as the cosine to the
+vertical, at wavelengths that are likely where V(λ) is large. These paths meet everything but the
+disc of sun or moon, whose part comes from visibility rays toward points of the disc. The light has
+as many bounces as in the frames: at a surface, these have spent one segment of their longest path
+on the way from the camera. In haze, light is measured as it arrives through it; above everything is
+above the haze, where the meter reads the illuminance that was asked for.
 
 Gap fraction is the share of rays at a zenith angle that hit nothing. Rays start one meter above the
-ground, where hemispherical photographs are taken, and know of no material: the measure does not
-depend on shading. Of a canopy of leaves in random places it is exp(−G·L/cos θ), with the leaf-area
-index L and the mean projection G of a unit of leaf, one half where leaves face anywhere
-(Beer–Lambert; Ross 1981, The radiation regime and architecture of plant stands).
+ground, where hemispherical photographs are taken, and know of no material. Of a canopy of leaves in
+random places it is exp(−G·L/cos θ), with the leaf-area index L and the mean projection G of a unit
+of leaf, one half where leaves face anywhere (Beer–Lambert; Ross 1981, The radiation regime and
+architecture of plant stands).
 """
 
 import math
@@ -31,7 +28,7 @@ from megalopta.render.path_tracing import PathIntegrator
 from megalopta.render.truth import rays
 from megalopta.scenes.forest.canopy import floor_points, plant_area
 from megalopta.scenes.scene import Lighting, Scene
-from megalopta.scenes.spectra.photometry import MAXIMUM_EFFICACY_LM_W, luminous, luminous_efficiency
+from megalopta.scenes.spectra.spectrum import MAXIMUM_EFFICACY_LM_W, luminous, luminous_efficiency
 
 # Above what lies below the camera: clear of it, below the blades of grass.
 _CLEARANCE_M = 0.02
@@ -226,9 +223,10 @@ def gap_fraction(
         level * np.sin(azimuth),
         np.full(azimuth.shape, np.cos(zenith)),
     ]
-    limits = np.full(len(azimuth), float(np.finfo(np.float32).max))
-    hit = rays.blocked(loaded, points.repeat(azimuths, axis=0), np.stack(along, axis=-1), limits)
-    return _mean_of(1 - np.array(hit, dtype=float).reshape(len(points), azimuths).mean(axis=1))
+    origins, far = points.repeat(azimuths, axis=0), np.full(len(azimuth), np.inf)
+    hit = rays.is_hidden(loaded, origins, np.stack(along, axis=-1), far)
+    share = 1 - hit.reshape(len(points), azimuths).mean(axis=1)
+    return Share(float(share.mean()), float(share.std(ddof=1) / np.sqrt(len(share))))
 
 
 def _floor_light(loaded: Any, points: Floats) -> Share:
@@ -241,7 +239,3 @@ def _floor_light(loaded: Any, points: Floats) -> Share:
         float(below.mean() / above.mean()),
         float(below.std() / np.sqrt(below.size) / above.mean()),
     )
-
-
-def _mean_of(values: Floats) -> Share:
-    return Share(float(values.mean()), float(values.std(ddof=1) / np.sqrt(len(values))))

@@ -15,7 +15,8 @@ import ctypes
 import os
 import re
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import PackageNotFoundError, files
@@ -39,14 +40,8 @@ CUDA_NOTE = (
 )
 
 _LIBRARY_FOLDERS = {
-    "linux": (
-        "/usr/lib/*-linux-gnu",
-        "/usr/lib64",
-        "/usr/lib",
-        "/usr/local/lib",
-        "/usr/lib/llvm-*/lib",
-    ),
-    "darwin": ("/opt/homebrew/opt/llvm*/lib", "/usr/local/opt/llvm*/lib"),
+    "linux": ("usr/lib/*-linux-gnu", "usr/lib64", "usr/lib", "usr/local/lib", "usr/lib/llvm-*/lib"),
+    "darwin": ("opt/homebrew/opt/llvm*/lib", "usr/local/opt/llvm*/lib"),
 }
 
 
@@ -166,37 +161,23 @@ def has_cuda_device() -> bool:
     return not failed and count.value > 0
 
 
-def llvm_libraries() -> Iterable[Path]:
-    """Files that may be libLLVM, the likeliest first."""
-    yield from packaged_libraries()
-    yield from sorted(system_libraries(), key=newest_first)
+def llvm_libraries() -> Iterator[Path]:
+    """Files that may be libLLVM, the likeliest first: of the installed wheel, then the system's."""
+    with suppress(PackageNotFoundError):
+        for file in files(_LLVM_PACKAGE) or []:
+            if re.fullmatch(r"libLLVM\.so\.[\d.]+", file.name):
+                yield Path(str(file.locate())).resolve()
+    yield from sorted(system_libraries(), key=_newest_first)
 
 
-def packaged_libraries() -> Iterable[Path]:
-    """Those of the installed wheel; none where it is not installed."""
-    try:
-        installed = files(_LLVM_PACKAGE) or []
-    except PackageNotFoundError:
-        return
-    for file in installed:
-        if re.fullmatch(r"libLLVM\.so\.[\d.]+", file.name):
-            yield Path(str(file.locate())).resolve()
-
-
-def system_libraries() -> Iterable[Path]:
+def system_libraries() -> set[Path]:
     """Those that the machine has."""
-    seen = set()
-    for pattern in _LIBRARY_FOLDERS.get(sys.platform, ()):
-        for folder in Path("/").glob(pattern.lstrip("/")):
-            for library in folder.glob("*LLVM*"):
-                is_core = re.fullmatch(r"(lib)?LLVM(-C|-\d+)?\.(so|dylib|dll)[\d.]*", library.name)
-                if is_core and library.resolve() not in seen:
-                    seen.add(library.resolve())
-                    yield library.resolve()
+    folders = [f for each in _LIBRARY_FOLDERS.get(sys.platform, ()) for f in Path("/").glob(each)]
+    name = re.compile(r"(lib)?LLVM(-C|-\d+)?\.(so|dylib|dll)[\d.]*")
+    found = (each for folder in folders for each in folder.glob("*LLVM*"))
+    return {each.resolve() for each in found if name.fullmatch(each.name)}
 
 
-def newest_first(library: Path) -> tuple[int, str]:
-    """Key that sorts libraries by the version in their name."""
-    number = re.search(r"\d+", library.name) or re.search(r"llvm-(\d+)", str(library))
-    digits = re.sub(r"\D", "", number.group()) if number else "0"
-    return -int(digits), str(library)
+def _newest_first(library: Path) -> tuple[int, str]:
+    number = re.search(r"\d+", library.name) or re.search(r"(?<=llvm-)\d+", str(library))
+    return -int(number.group()) if number else 0, str(library)

@@ -7,7 +7,7 @@ Journal 93, 70), p = (1 − g²) / (4π·(1 + g² − 2g·cos θ)^(3/2)) with th
 
 Nothing depends on the wavelength: droplets of fog and mist are large against it (radii of 1 to
 20 µm), where extinction is twice the cross section, and absorb little of the light that they meet:
-less than 1e-5 in the visible, about 2 % at 1.45 µm (`scenes/spectra/overcast.py` has the law). Dry
+less than 1e-5 in the visible, about 2 % at 1.45 µm (`scenes/spectra/outdoors.py` has the law). Dry
 haze of particles below 0.5 µm, which is bluish, is not this.
 """
 

@@ -1,12 +1,10 @@
 """The axes of a plant, grown from its species' data: stem, branches and leafy twigs.
 
-Branching by space colonization.
-
-Points strewn into the crown attract the nearest node of the skeleton; a node grows one step toward
-the mean direction of the points it attracts; a point that was reached is removed (Runions, Lane &
-Prusinkiewicz 2007, "Modeling trees with a space colonization algorithm"). The trunk and the first-
-order branches are set beforehand, which keeps the species' branching angle; only branches grow on,
-never the bare trunk.
+Branches grow by space colonization. Points strewn into the crown attract the nearest node of the
+skeleton; a node grows one step toward the mean direction of the points it attracts; a point that
+was reached is removed (Runions, Lane & Prusinkiewicz 2007, "Modeling trees with a space
+colonization algorithm"). The trunk and the first-order branches are set beforehand, which keeps the
+species' branching angle; only branches grow on, never the bare trunk.
 """
 
 from dataclasses import dataclass

@@ -1,12 +1,12 @@
 """The axes of any plant, by the form of its growth; those of palms and lianas.
 
-The axes of palms: a stem that does not branch, and the fronds at its end. Fronds leave the stem at
-the golden angle from one to the next, the oldest lowest, and arch over by their own weight. A
-frond's leaflets stand in two rows along it.
+A palm has a stem that does not branch, and fronds at its end. They leave it at the golden angle
+from one to the next, the oldest lowest, and arch over by their own weight. Leaflets stand in two
+rows along a frond.
 
-The axes of a liana: ropes that hang between the ground and the crowns. Each rope goes up from the
-ground, sags sideways in one or two loops between the heights at which it holds on, and bears its
-leaves in its upper half, among the crowns.
+A liana has ropes that hang between the ground and the crowns. Each goes up from the ground, sags
+sideways in one or two loops between the heights at which it holds on, and bears its leaves in its
+upper half, among the crowns.
 """
 
 import numpy as np

@@ -6,7 +6,7 @@ gives radius ∝ height^1.5, McMahon 1973, Science 179:1201), and number of twig
 crown's surface. The young keep their lower branches.
 """
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, TypeVar
 
 from pydantic import Field
 
@@ -189,6 +189,7 @@ class Species(Record, frozen=True):
     """Leaves or needles."""
 
 
+AnyRecord = TypeVar("AnyRecord", bound=Record)
 FEWEST_POINTS, FEWEST_SHOOTS, FEWEST_SCAFFOLD = 30, 30, 6
 
 
@@ -196,39 +197,26 @@ def aged(species: Species, share: float) -> Species:
     """Return the species when its height is a share of that which it says."""
     if share == 1:
         return species
-    crown = species.crown
-    return species.model_copy(
-        update={
-            "height_m": share * species.height_m,
-            "radius_m": share**1.5 * species.radius_m,
-            "crown": crown.model_copy(
-                update={
-                    "radius_m": share**0.9 * crown.radius_m,
-                    "base": min(crown.base * (0.5 + 0.5 * share), 0.9),
-                }
-            ),
-            "growth": _growth(species, share),
-            "relief": _relief(species, share),
-        }
+    crown, growth, relief = species.crown, species.growth, species.relief
+    base = min(crown.base * (0.5 + 0.5 * share), 0.9)
+    if isinstance(growth, Colonized):
+        growth = _changed(
+            growth,
+            points=max(round(share**2 * growth.points), FEWEST_POINTS),
+            scaffold=max(round(share * growth.scaffold), FEWEST_SCAFFOLD),
+            shoots=max(round(share**2 * growth.shoots), FEWEST_SHOOTS),
+        )
+    elif isinstance(growth, Fronded):
+        growth = _changed(growth, frond_m=share**0.5 * growth.frond_m)
+    return _changed(
+        species,
+        height_m=share * species.height_m,
+        radius_m=share**1.5 * species.radius_m,
+        crown=_changed(crown, radius_m=share**0.9 * crown.radius_m, base=base),
+        growth=growth,
+        relief=relief and _changed(relief, depth_m=share**1.5 * relief.depth_m),
     )
 
 
-def _relief(species: Species, share: float) -> BarkRelief | None:
-    if species.relief is None:
-        return None
-    return species.relief.model_copy(update={"depth_m": share**1.5 * species.relief.depth_m})
-
-
-def _growth(species: Species, share: float) -> object:
-    growth = species.growth
-    if isinstance(growth, Colonized):
-        return growth.model_copy(
-            update={
-                "points": max(round(share**2 * growth.points), FEWEST_POINTS),
-                "scaffold": max(round(share * growth.scaffold), FEWEST_SCAFFOLD),
-                "shoots": max(round(share**2 * growth.shoots), FEWEST_SHOOTS),
-            }
-        )
-    if isinstance(growth, Fronded):
-        return growth.model_copy(update={"frond_m": share**0.5 * growth.frond_m})
-    return growth
+def _changed(record: AnyRecord, **changes: object) -> AnyRecord:
+    return record.model_copy(update=changes)

@@ -1,7 +1,6 @@
 """What stands and lies on the forest's floor: small plants, loose leaves, fallen trunks.
 
-Small plants of the forest floor: ferns, grass, herbs, flowers, bilberry, loose fallen leaves. All
-but grass are leaves of two triangles each, which `detail.merged_leaves` can merge.
+All small plants but grass are leaves of two triangles each, which `detail.merged_leaves` can merge.
 """
 
 import numpy as np

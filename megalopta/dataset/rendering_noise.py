@@ -76,5 +76,5 @@ def _noise(dataset: Dataset, index: int) -> RenderNoise | None:
     try:
         text = read_attributes(path).get(ATTRIBUTE)
         return RenderNoise.from_json(text) if text else None
-    except (OSError, ValueError, TypeError, KeyError) as problem:
+    except (OSError, ValueError) as problem:
         raise UserError(f"{path} cannot be read ({problem}); remove it and render again") from None

@@ -5,11 +5,10 @@ counts is their mean. Cells of one material that face about the same way and lie
 a quarter to half of a pixel wide from where the camera comes closest, are one cluster. Its light is
 gathered at points drawn as often as the sequence sees their cells.
 
-Neighboring clusters told apart only as far as their light differs by more than its noise. In a
+Neighboring clusters are told apart only as far as their light differs by more than its noise. In a
 voxel some pixels wide the light of clusters that face the same way varies by τ², and what is known
 of each by its noise v. Of a cluster's distance from their mean the part τ²/(τ² + v) is kept, which
-has the least mean square error (James and Stein, 1961): where light is even the clusters share
-their samples, and where shadows fall each keeps its own. Half differences then stand for the whole
+has the least mean square error (James and Stein, 1961). Half differences then stand for the whole
 error, with what is taken of true contrast.
 """
 
@@ -100,13 +99,6 @@ class Clusters:
     def seen(self) -> Ints:
         """(C,): how often members were seen."""
         return np.diff(np.concatenate([[0], self.weight])[self.first])
-
-    def of_members(self, chosen: Ints) -> tuple[UInt32, Ints]:
-        """All members of chosen clusters, and for each which of the chosen it belongs to."""
-        sizes = np.diff(self.first)[chosen]
-        owner = np.repeat(np.arange(len(chosen)), sizes)
-        place = np.arange(len(owner)) - np.repeat(np.cumsum(sizes) - sizes, sizes)
-        return self.members[self.first[chosen][owner] + place], owner
 
     def draws(self, chosen: Ints) -> tuple[UInt32, UInt32]:
         """Members (C, DRAWS) of chosen clusters (C,), evenly by how often each was seen.

@@ -1,11 +1,9 @@
 """Error of baked light: foreseen from a few frames, then measured against traced paths.
 
-Baked light against traced paths, at some pixels of a frame: all that is wrong with it.
-
-Both look at the same points, so that what pixels see of the scene cancels. The paths of a pixel
-come in independent groups, by which their own scatter is known (`render.noise`). There are many
-paths for each pixel rather than many pixels: the scatter that has to be taken off falls with their
-number.
+Both look at the same points of some pixels, so that what pixels see of the scene cancels. The paths
+of a pixel come in independent groups, by which their own scatter is known (`render.noise`). There
+are many paths for each pixel rather than many pixels: the scatter that has to be taken off falls
+with their number.
 """
 
 import math
@@ -21,6 +19,7 @@ from megalopta.render.baking.cells import CellFinder
 from megalopta.render.baking.choice import PATH, SAMPLE
 from megalopta.render.baking.light import BakedLight
 from megalopta.render.baking.visibility import all_views, survey, views
+from megalopta.render.noise import pairs
 from megalopta.render.sensors.primary import pixel_means
 from megalopta.scenes.cameras.base import Camera
 
@@ -127,13 +126,13 @@ def compared(
 def _pairs(part: Mask, most: int) -> Ints:
     """Pixels, counted row by row, of some pairs of neighbors in a part (H, W)."""
     number = np.arange(part.size).reshape(part.shape)
-    columns, rows = part[1:] & part[:-1], part[:, 1:] & part[:, :-1]
-    pairs = np.concatenate(
+    columns, rows = pairs(part)
+    both = np.concatenate(
         [
             np.stack([number[:-1][columns], number[1:][columns]], axis=1),
             np.stack([number[:, :-1][rows], number[:, 1:][rows]], axis=1),
         ]
     )
     # The same in all passes of a strip, which are averaged.
-    order = np.random.default_rng(0).permutation(len(pairs))[:most]
-    return np.unique(pairs[order])
+    order = np.random.default_rng(0).permutation(len(both))[:most]
+    return np.unique(both[order])

@@ -1,20 +1,17 @@
-"""Light that clusters of cells send out, gathered by rays.
+"""Light that clusters of cells send out, gathered by two independent sets of rays.
 
-What meshes send out of the light that falls on either of their sides. A side of a diffuse surface
-sends out (ρ·E + τ·E′)/π, where E is the irradiance of this side and E′ that of the other. Rays are
+A diffuse surface with reflectance ρ under irradiance E sends out L = ρE/π in all directions, and
+E/π is the mean radiance that arrives from directions distributed as the cosine. A side of a surface
+that lets light through sends out (ρ·E + τ·E′)/π, with the irradiance E′ of the other side: rays are
 shared between the sides about as ρ is to τ, which leaves the least noise where both are lit alike.
 
-Light that arrives at clusters of cells, from two independent sets of rays. A diffuse surface with
-reflectance ρ under irradiance E sends out L = ρE/π in all directions, and E/π is the mean radiance
-that arrives from directions distributed as the cosine. Where light comes through, some of the rays
-leave from the other side (`scattering`). Most of it comes straight from the sky: there only what a
-ray sees of the sky that nothing blocks has to be found, and such rays are five times as quick as
-paths. Every eighth ray is followed as a path and brings the light of surfaces, bounces included;
-what comes straight from the disc of sun or moon is left to the frame, which knows where shadows
-fall to the pixel.
+Most light comes straight from the sky: there only what a ray sees of the sky that nothing blocks
+has to be found, and such rays are five times as quick as paths. Every eighth ray is followed as a
+path and brings the light of surfaces, bounces included; what comes straight from the disc of sun or
+moon is left to the frame, which knows where shadows fall to the pixel.
 
-The two spectra that a texture mixes have their band means of ρE/π apart, and not those of ρ
-and E: green leaves and green light go together within a band by several percent.
+The two spectra that a texture mixes have their band means of ρE/π apart, and not those of ρ and E:
+green leaves and green light go together within a band by several percent.
 
 A point of a cell that does not see where the cell was seen, such as one below the ground, gives
 way to the latter.

@@ -26,7 +26,7 @@ from megalopta.render.baking.light import NAMES, BakedLight, key_of, light_store
 from megalopta.render.baking.shading import Neighborhood, Paths, SunLight, Textures
 from megalopta.render.baking.visibility import VIEWS, survey, views
 from megalopta.render.loading.meshes import MovingMesh
-from megalopta.render.loading.scene import LoadedScene, part_of_scene
+from megalopta.render.loading.scene import LoadedScene, of_shapes
 from megalopta.render.sensors.primary import pixel_means
 from megalopta.scenes.cameras.base import Camera
 
@@ -79,7 +79,7 @@ class BakedLightIntegrator:
         self._moving = Neighborhood(meshes)
         if self._moving:
             meshes = [mesh for mesh in meshes if not isinstance(mesh, MovingMesh)]
-            loaded = part_of_scene(scene, loaded.shapes()[: len(meshes)])
+            loaded = of_shapes(loaded.shapes()[: len(meshes)], scene.lighting)
         positions = poses[:, :3, 3]
         cells = Cells.of(meshes, camera, positions)
         self._finder = CellFinder(cells, whole.loaded)

@@ -27,44 +27,6 @@ from megalopta.render.loading.meshes import MergedMesh
 from megalopta.scenes.cameras.base import Camera
 from megalopta.scenes.scene import Scene
 
-FIRST_ROWS = 2**12
-
-
-class Table:
-    """Rows of `width` numbers each; `count` are filled."""
-
-    def __init__(self, width: int) -> None:
-        self._width, self.count = width, 0
-        self._values = dr.zeros(mi.Float, FIRST_ROWS * width)
-
-    def rows(self) -> Floats:
-        """All of it (count, width)."""
-        filled = np.array(self._values, np.float64)[: self.count * self._width]
-        return filled.reshape(-1, self._width)
-
-    def column(self, row: Any, column: int, active: Any) -> Any:
-        """One column of rows (N,)."""
-        return dr.gather(mi.Float, self._values, row * self._width + column, active)
-
-    def put(self, rows: Floats) -> None:
-        """Append rows (C, width)."""
-        first, self.count = self.count, self.count + len(rows)
-        size, needed = dr.width(self._values), self.count * self._width
-        if needed > size:
-            grown = dr.zeros(mi.Float, max(needed, 2 * size))
-            dr.scatter(grown, self._values, dr.arange(mi.UInt, size))
-            self._values = grown
-        self.write(rows, np.arange(first, self.count, dtype=np.uint32))
-
-    def write(self, rows: Floats, row: NDArray[np.uint32]) -> None:
-        """Set rows (C,) to (C, width)."""
-        place = (row[:, None] * self._width + np.arange(self._width)).astype(np.uint32)
-        values = mi.Float(rows.astype(np.float32).ravel())
-        dr.scatter(self._values, values, mi.UInt(place.ravel()))
-        dr.eval(self._values)
-        dr.sync_thread()
-
-
 NAMES = "density", "cells", "seen", "rows", "scatter"
 MOST_BYTES = 4 * 10**9
 """Of all stored light: beyond it the oldest goes."""
@@ -108,7 +70,8 @@ def light_store(folder: Path | None, key: str) -> ArrayStore:
     return ArrayStore(folder, key, MOST_BYTES)
 
 
-NOT_BAKED, NOT_SURVEYED = 2**32 - 1, 2**32 - 2
+NOT_ASKED, NOT_SURVEYED = 2**32 - 1, 2**32 - 2
+"""In place of the cluster of a cell: not looked for yet, and of none that the survey met."""
 LEAST_RAYS = 2 * STRIDE
 """Fewest rays of a cluster, both halves together."""
 _MOST_RAYS = 2**14
@@ -148,9 +111,10 @@ class BakedLight:
     def begin(self, density: float) -> None:
         """Start anew, with so many rays for each time that a cluster was seen."""
         self.density, self._shares = density, self._shares_at(density)
-        self._row = dr.full(mi.UInt, NOT_BAKED, self.cells)
-        self._row_of = np.full(len(self._clusters), NOT_BAKED, np.uint32)
-        self._table = Table(4 * self._bands)
+        count = len(self._clusters)
+        self._is_known = np.zeros(count, bool)
+        self._rows = np.zeros((max(count, 1), 4 * self._bands), np.float32)
+        self._cluster_of = dr.full(mi.UInt, NOT_ASKED, self.cells)
 
     def _shares_at(self, density: float) -> Ints:
         """Rays of each cluster, over the fewest."""
@@ -179,53 +143,47 @@ class BakedLight:
             for part in parts:
                 self._bake(part)
                 advance()
+        self._point_members()
         self.smooth()
 
     def smooth(self) -> None:
         """Let the clusters that have their light share it with their neighbors."""
-        known = np.flatnonzero(self._row_of != NOT_BAKED)
-        if not len(known):
-            return
-        rows, neighbors = self._table.rows()[self._row_of[known]], self._neighbors[known]
-        better = smoothed(rows, neighbors, self._shares[known], self._clusters.seen[known])
-        self._table.write(better, self._row_of[known])
+        known = np.flatnonzero(self._is_known)
+        if len(known):
+            rows, seen = self._rows[known].astype(np.float64), self._clusters.seen[known]
+            self._rows[known] = smoothed(rows, self._neighbors[known], self._shares[known], seen)
+        self._show()
 
     def find(self, cell: Any, active: Any) -> Any:
         """Which cells (N,) have light, once that of clusters without has been computed."""
-        row = dr.gather(mi.UInt, self._row, cell, active)
-        lanes: Any = dr.compress(active & (row == NOT_BAKED))
+        cluster = dr.gather(mi.UInt, self._cluster_of, cell, active)
+        lanes: Any = dr.compress(active & (cluster == NOT_ASKED))
         if dr.width(lanes):
             self.bake(np.unique(np.array(dr.gather(mi.UInt, cell, lanes))))
-        return active & (dr.gather(mi.UInt, self._row, cell, active) < NOT_SURVEYED)
+        return active & (dr.gather(mi.UInt, self._cluster_of, cell, active) < NOT_SURVEYED)
 
     def bake(self, cell: UInt32) -> None:
         """Give cells (N,) the light of their cluster, where the survey met one."""
-        if not len(cell):
-            return
-        cluster = _place(self._keys, self._voxels.keys(cell))
-        found = cluster >= 0
-        self._bake(np.unique(cluster[found]))
-        row = np.full(len(cell), NOT_SURVEYED, np.uint32)
-        row[found] = self._row_of[cluster[found]]
-        self._point(cell, row)
+        if len(cell):
+            cluster = _place(self._keys, self._voxels.keys(cell))
+            chosen = np.unique(cluster[cluster >= 0])
+            new = chosen[~self._is_known[chosen]]
+            if len(new):
+                self._bake(new)
+                self._show()
+            self._point(cell, np.where(cluster >= 0, cluster, NOT_SURVEYED))
 
     def _bake(self, chosen: Ints) -> None:
-        """Compute the light of chosen clusters that have none."""
-        chosen = chosen[self._row_of[chosen] == NOT_BAKED]
-        if not len(chosen):
-            return
-        first, shares = self._table.count, self._shares[chosen]
-        for launch in _launches(shares):
+        """Compute the light of chosen clusters."""
+        for launch in _launches(self._shares[chosen]):
             part = chosen[launch]
             leaders, drawn = self._clusters.leaders[part], self._clusters.draws(part)
             halves = self._gatherer.leaving(
-                leaders, *drawn, shares=shares[launch], least=LEAST_RAYS // 2
+                leaders, *drawn, shares=self._shares[part], least=LEAST_RAYS // 2
             )
             apart = (halves[:, 0] - halves[:, 1]) / 2
-            self._table.put(np.concatenate([halves.mean(axis=1), apart], axis=1))
-        self._row_of[chosen] = np.arange(first, self._table.count, dtype=np.uint32)
-        members, owner = self._clusters.of_members(chosen)
-        self._point(members, self._row_of[chosen][owner])
+            self._rows[part] = np.concatenate([halves.mean(axis=1), apart], axis=1)
+        self._is_known[chosen] = True
 
     def radiance(self, cell: Any, weight: Any, active: Any) -> list[Any]:
         """Radiance of each band leaving cells (N,) where the texture's weight is (N,)."""
@@ -239,9 +197,8 @@ class BakedLight:
         """All clusters: their cells, how often each was seen, and the rows (C, 4·bands)."""
         clusters = self._clusters
         seen = np.diff(clusters.weight, prepend=0).astype(np.uint32)
-        rows = self._table.rows()[self._row_of]
         density = np.array(self.density)
-        return {"density": density, "cells": clusters.members, "seen": seen, "rows": rows}
+        return {"density": density, "cells": clusters.members, "seen": seen, "rows": self._rows}
 
     def restore(self, contents: dict[str, NDArray[Any]]) -> None:
         """Take what `contents` gave."""
@@ -249,21 +206,31 @@ class BakedLight:
         nowhere = np.zeros_like(contents["cells"])  # all of these have their light
         self.surveyed(contents["cells"][order], contents["seen"][order], nowhere)
         self.begin(float(contents["density"]))
-        self._table.put(contents["rows"])
-        self._row_of = np.arange(self._table.count, dtype=np.uint32)
-        members, owner = self._clusters.of_members(np.arange(self._table.count))
-        self._point(members, self._row_of[owner])
+        self._rows, self._is_known[:] = contents["rows"], True
+        self._point_members()
+        self._show()
 
     def _mixed(self, column: int, cell: Any, weight: Any, active: Any) -> list[Any]:
-        row = dr.gather(mi.UInt, self._row, cell, active)
-        values = [self._table.column(row, column + k, active) for k in range(2 * self._bands)]
+        first = dr.gather(mi.UInt, self._cluster_of, cell, active) * (4 * self._bands) + column
+        values = [
+            dr.gather(mi.Float, self._values, first + k, active) for k in range(2 * self._bands)
+        ]
         halves = values[: self._bands], values[self._bands :]
         return [dr.lerp(a, b, weight) for a, b in zip(*halves, strict=True)]
 
-    def _point(self, cell: UInt32, row: UInt32) -> None:
-        """Let cells (N,) have rows (N,)."""
-        dr.scatter(self._row, mi.UInt(row), mi.UInt(cell))
-        dr.eval(self._row)
+    def _show(self) -> None:
+        """Let frames look up all light that is known."""
+        self._values = mi.Float(self._rows.ravel())
+
+    def _point_members(self) -> None:
+        """Let all cells that were surveyed have their clusters."""
+        clusters = self._clusters
+        self._point(clusters.members, np.repeat(np.arange(len(clusters)), np.diff(clusters.first)))
+
+    def _point(self, cell: UInt32, cluster: Ints) -> None:
+        """Let cells (N,) have clusters (N,)."""
+        dr.scatter(self._cluster_of, mi.UInt(cluster.astype(np.uint32)), mi.UInt(cell))
+        dr.eval(self._cluster_of)
         dr.sync_thread()
 
 

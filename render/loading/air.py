@@ -15,7 +15,7 @@ from megalopta.core.arrays import Floats
 from megalopta.render import mi
 from megalopta.render.loading.materials import spectrum
 from megalopta.render.loading.meshes import MergedMesh
-from megalopta.render.loading.scene import load_scene, part_of_scene
+from megalopta.render.loading.scene import load_scene, of_shapes
 from megalopta.scenes.haze import Haze
 from megalopta.scenes.scene import Scene
 from megalopta.scenes.spectra.spectrum import flat
@@ -75,7 +75,7 @@ def fill(
         "interior": medium,
     }
     shapes = load_scene(scene, meshes).shapes() if scene.is_moving else loaded.shapes()
-    whole = part_of_scene(scene, [*shapes, mi.load_dict(walls)])
+    whole = of_shapes([*shapes, mi.load_dict(walls)], scene.lighting)
     return Air(whole, medium, haze.extinction_per_m, low, high)
 
 

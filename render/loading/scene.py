@@ -34,12 +34,47 @@ class LoadedScene(NamedTuple):
 
 def load_scene(scene: Scene, meshes: Sequence[MergedMesh]) -> Any:
     """Load scene data into Mitsuba; the active variant must be a spectral one."""
-    lights = _lights(scene.lighting) if scene.lighting else {}
-    shapes = {
-        f"mesh_{index:03d}": _mesh(f"mesh_{index:03d}", mesh, scene.materials)
-        for index, mesh in enumerate(meshes)
-    }
-    return mi.load_dict({"type": "scene", **lights, **shapes})
+    shapes = [_with_material(mesh, scene.materials[mesh.material]) for mesh in meshes]
+    return of_shapes(shapes, scene.lighting)
+
+
+def of_shapes(shapes: Sequence[Any], lighting: Lighting | None = None) -> Any:
+    """Return a scene of loaded shapes, in their order, under a light."""
+    lights = _lights(lighting) if lighting else {}
+    names = {f"mesh_{index:03d}": shape for index, shape in enumerate(shapes)}
+    return mi.load_dict({"type": "scene", **lights, **names})
+
+
+def load_mesh(mesh: MergedMesh, **parts: Any) -> Any:
+    """Load a mesh with parts of Mitsuba's, such as a loaded `mesh_bsdf`."""
+    properties = mi.Properties()
+    for name, part in parts.items():
+        properties[name] = part
+    loaded = mi.Mesh(
+        mesh.material,
+        len(mesh.vertices),
+        len(mesh.faces),
+        has_vertex_normals=mesh.normals is not None,
+        has_vertex_texcoords=mesh.uv is not None,
+        props=properties,
+    )
+    buffers = mi.traverse(loaded)
+    buffers["vertex_positions"] = mesh.vertices.ravel()
+    buffers["faces"] = mesh.faces.ravel()
+    if mesh.normals is not None:
+        buffers["vertex_normals"] = mesh.normals.ravel()
+    if mesh.uv is not None:
+        buffers["vertex_texcoords"] = mesh.uv.ravel()
+    buffers.update()
+    return loaded
+
+
+def _with_material(mesh: MergedMesh, material: Material) -> Any:
+    parts = {"mesh_bsdf": mi.load_dict(bsdf(material))}
+    if material.emission:
+        glow = {"type": "area", "radiance": emission(material.emission)}
+        parts = {"mesh_emitter": mi.load_dict(glow), **parts}
+    return load_mesh(mesh, **parts)
 
 
 def _lights(lighting: Lighting) -> dict[str, Any]:
@@ -58,43 +93,6 @@ def _lights(lighting: Lighting) -> dict[str, Any]:
                 "sampling_weight": 1 / DISC_POINTS,  # all of them as often as the sky
             }
     return lights
-
-
-def part_of_scene(scene: Scene, shapes: Sequence[Any]) -> Any:
-    """Return a scene of some loaded shapes, in their order, under the light of the whole."""
-    lights = _lights(scene.lighting) if scene.lighting else {}
-    names = {f"mesh_{index:03d}": shape for index, shape in enumerate(shapes)}
-    return mi.load_dict({"type": "scene", **lights, **names})
-
-
-def gather(shapes: Sequence[Any]) -> Any:
-    """Return a scene of loaded shapes, in their order, to trace rays through."""
-    return mi.load_dict(
-        {"type": "scene", **{f"mesh_{index:03d}": shape for index, shape in enumerate(shapes)}}
-    )
-
-
-def load_again(meshes: Sequence[MergedMesh], shapes: Sequence[Any]) -> Any:
-    """Return a scene of meshes with the surfaces of loaded shapes, without light."""
-    again = {}
-    for index, (mesh, shape) in enumerate(zip(meshes, shapes, strict=True)):
-        properties = mi.Properties()
-        properties["mesh_bsdf"] = shape.bsdf()
-        again[f"mesh_{index:03d}"] = _filled(f"mesh_{index:03d}", mesh, properties)
-    return mi.load_dict({"type": "scene", **again})
-
-
-def bare_mesh(vertices: NDArray[np.float32], faces: NDArray[np.uint32], surface: Any = None) -> Any:
-    """Load a mesh of vertices (V, 3) and faces (F, 3) for rays, of a loaded surface."""
-    properties = mi.Properties()
-    if surface:
-        properties["mesh_bsdf"] = surface
-    loaded = mi.Mesh("bare", len(vertices), len(faces), props=properties)
-    buffers = mi.traverse(loaded)
-    buffers["vertex_positions"] = vertices.ravel()
-    buffers["faces"] = faces.ravel()
-    buffers.update()
-    return loaded
 
 
 def move_meshes(
@@ -122,37 +120,6 @@ def move_to(scene: Any, meshes: Mapping[int, MovingMesh], time_s: float) -> None
     vertices = {index: mesh.vertices_at(time_s) for index, mesh in meshes.items()}
     turned = {index: each for index, each in normals.items() if each is not None}
     move_meshes(scene, vertices, turned)
-
-
-def _mesh(name: str, mesh: MergedMesh, materials: Mapping[str, Material]) -> Any:
-    material = materials[mesh.material]
-    properties = mi.Properties()
-    if material.emission:
-        properties["mesh_emitter"] = mi.load_dict(
-            {"type": "area", "radiance": emission(material.emission)}
-        )
-    properties["mesh_bsdf"] = mi.load_dict(bsdf(material))
-    return _filled(name, mesh, properties)
-
-
-def _filled(name: str, mesh: MergedMesh, properties: Any) -> Any:
-    loaded = mi.Mesh(
-        name,
-        len(mesh.vertices),
-        len(mesh.faces),
-        has_vertex_normals=mesh.normals is not None,
-        has_vertex_texcoords=mesh.uv is not None,
-        props=properties,
-    )
-    buffers = mi.traverse(loaded)
-    buffers["vertex_positions"] = mesh.vertices.ravel()
-    buffers["faces"] = mesh.faces.ravel()
-    if mesh.normals is not None:
-        buffers["vertex_normals"] = mesh.normals.ravel()
-    if mesh.uv is not None:
-        buffers["vertex_texcoords"] = mesh.uv.ravel()
-    buffers.update()
-    return loaded
 
 
 class MeshIndex:

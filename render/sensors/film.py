@@ -1,12 +1,9 @@
 """A camera's film: takes frames in passes, at an instant or over a time of exposure.
 
-A frame in passes: strips of rows and, where a row alone is too much, repeats of it.
-
-A kernel that runs cannot be interrupted, holds its whole strip in memory and numbers its samples
-with 32 bits; so no pass is long. Strips come first because they leave each pixel's stratified
-samples together: 64 at once are a fifth less noisy than four times 16.
-
-A camera's film: takes frames in passes, at an instant or over a time of exposure.
+Passes are strips of rows and, where a row alone is too much, repeats of it. A kernel that runs
+cannot be interrupted, holds its whole strip in memory and numbers its samples with 32 bits; so no
+pass is long. Strips come first because they leave each pixel's stratified samples together: 64 at
+once are a fifth less noisy than four times 16.
 
 A channel is the integral of radiance against a box of height 1/width, so that it reads the band
 mean in W·m⁻²·sr⁻¹·nm⁻¹.
@@ -23,8 +20,7 @@ from numpy.typing import NDArray
 from megalopta.core.arrays import Floats
 from megalopta.render import Bands, RenderSettings, frame_seed, mi
 from megalopta.render.mitsuba_loader import registered
-from megalopta.render.sensors.optics import cut_strip, plugin, sensor_transform
-from megalopta.render.sensors.plug_ins import Rows
+from megalopta.render.sensors.optics import Rows, cut_strip, plugin, sensor_transform
 from megalopta.scenes.cameras.base import Camera
 
 TraceStrip = Callable[[int, int], NDArray[np.floating]]
@@ -80,6 +76,31 @@ samples per pixel."""
 
 # A second's work or less on a small machine, so that Ctrl-C is soon answered.
 SAMPLES_PER_PASS = {"cuda": 2**24, "llvm": 2**20, "scalar": 2**19}
+
+
+@dataclass(frozen=True)
+class Part:
+    """A part of an exposure, in which moving objects stand still."""
+
+    poses: Floats
+    """(K, R, 4, 4): camera to world at K times, for all rows alike (R = 1) or for each (R = H);
+    (4, 4) of an instant."""
+    row_times_s: list[float]
+    """(R,): in the middle of the part."""
+    seed: int
+
+
+@dataclass(frozen=True)
+class Exposure:
+    """A frame as a shutter takes it: from which poses, and when."""
+
+    parts: tuple[Part, ...]
+    is_rolling: bool = False
+
+    @property
+    def is_instant(self) -> bool:
+        """Whether it is taken at once, from one pose."""
+        return self.parts[0].poses.ndim == 2
 
 
 class Film:

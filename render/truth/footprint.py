@@ -14,8 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.core.arrays import Floats, Mask
-from megalopta.core.compiling import compiled
+from megalopta.core.arrays import Floats, Ints, Mask
 from megalopta.render import mi
 from megalopta.render.truth.coverage import Probes, ray_weights
 from megalopta.render.truth.geometry import Geometry, Surface, correspondence
@@ -126,7 +125,7 @@ class Footprints:
 
         # Rays that stand for nothing need no flow, which is the dearer part.
         used = weights > 0
-        first = np.concatenate([[0], used.sum(axis=1).cumsum()])
+        pixel = np.nonzero(used)[0]
         seen, places_used = surface.of(used.ravel()), image[used.ravel()]
 
         def share(where: Mask) -> Float32:
@@ -137,8 +136,10 @@ class Footprints:
             if other is None:
                 return FlowSpread.of_none(centers.shape)
             found = correspondence(self._geometry, camera, seen, places_used, other)
-            moments = _moments(found.displacement, found.is_hidden, weights[used], first)
-            shaped = moments.reshape(*centers.shape, 4).astype(np.float32)
+            spread = _spread(
+                found.displacement, found.is_hidden, weights[used], pixel, centers.size
+            )
+            shaped = spread.reshape(*centers.shape, 4).astype(np.float32)
             return FlowSpread(shaped[..., :2], shaped[..., 2], shaped[..., 3])
 
         return Footprint(
@@ -154,28 +155,24 @@ class Footprints:
         return self._geometry.glimpsed(of_rays.origin, directions, of_rays.time_s)
 
 
-@compiled
-def _moments(flow, is_hidden, weights, first):  # type: ignore[no-untyped-def]
-    """Mean flow (x, y), root mean square distance from it, and share that is hidden (P, 4).
+def _spread(flow: Floats, hidden: Mask, weights: Floats, pixel: Ints, count: int) -> Floats:
+    """Mean flow (x, y), root mean square distance from it, and share that is hidden (count, 4).
 
-    Pixel p has the rays from first[p] to first[p + 1], of which some have no flow (n, 2).
+    Of rays (n,) of pixels, numbered by `pixel`, some of which have no flow (n, 2).
     """
-    found = np.empty((len(first) - 1, 4))
-    for pixel in range(len(found)):
-        total = x = y = hidden = square = 0.0
-        for ray in range(first[pixel], first[pixel + 1]):
-            hidden += weights[ray] * is_hidden[ray]
-            if np.isfinite(flow[ray, 0]) and np.isfinite(flow[ray, 1]):
-                total += weights[ray]
-                x += weights[ray] * flow[ray, 0]
-                y += weights[ray] * flow[ray, 1]
-        x, y = x / total, y / total
-        for ray in range(first[pixel], first[pixel + 1]):
-            if np.isfinite(flow[ray, 0]) and np.isfinite(flow[ray, 1]):
-                away = (flow[ray, 0] - x) ** 2 + (flow[ray, 1] - y) ** 2
-                square += weights[ray] * away
-        found[pixel] = x, y, np.sqrt(square / total), hidden
-    return found
+
+    def total(values: Floats) -> Floats:
+        return np.asarray(np.bincount(pixel, values, count), np.float64)
+
+    known = np.asarray(np.isfinite(flow).all(axis=1))
+    shares = weights * known
+    x, y = np.where(known[:, None], flow, 0.0).T
+    with np.errstate(invalid="ignore"):
+        whole = total(shares)
+        mean_x, mean_y = total(shares * x) / whole, total(shares * y) / whole
+        away = np.where(known, (x - mean_x[pixel]) ** 2 + (y - mean_y[pixel]) ** 2, 0.0)
+        spread = np.sqrt(total(shares * away) / whole)
+    return np.stack([mean_x, mean_y, spread, total(weights * hidden)], axis=-1)
 
 
 def _joined(parts: Sequence[Any]) -> Any:

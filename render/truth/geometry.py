@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from megalopta.core.arrays import Floats, Ints, Mask
 from megalopta.core.compiling import compiled
 from megalopta.render.loading.meshes import MergedMesh, MovingMesh
-from megalopta.render.loading.scene import bare_mesh, gather, move_meshes
+from megalopta.render.loading.scene import load_mesh, move_meshes, of_shapes
 from megalopta.render.truth import rays
 from megalopta.render.truth.passing import Passing
 from megalopta.render.truth.views import Eyes, Times, View, of_rays
@@ -118,7 +118,7 @@ class Geometry:
         still = (mesh.vertices for mesh in meshes[:at_rest])
         self._vertices = np.concatenate([np.zeros((0, 3), np.float32), *still])
         # What is at rest shares its buffers with the scene that is rendered.
-        self.still = gather(loaded.shapes()[:at_rest]) if self._moving else loaded
+        self.still = of_shapes(loaded.shapes()[:at_rest]) if self._moving else loaded
         self._moments: dict[float, _Moment] = {}
         # A surface of its own would be a new kind of surface, and kernels would be compiled anew.
         self._surface = loaded.shapes()[0].bsdf() if self._moving else None
@@ -289,8 +289,11 @@ class Geometry:
             return self._moments[time_s]
         vertices = [mesh.vertices_at(time_s) for mesh in self._moving]
         if len(self._moments) < _MOST_MOMENTS:
-            pairs = zip(vertices, self._moving, strict=True)
-            scene = gather([bare_mesh(places, mesh.faces, self._surface) for places, mesh in pairs])
+            bare = (
+                replace(mesh, vertices=places, normals=None, uv=None)
+                for places, mesh in zip(vertices, self._moving, strict=True)
+            )
+            scene = of_shapes([load_mesh(mesh, mesh_bsdf=self._surface) for mesh in bare])
         else:
             farthest = max(self._moments, key=lambda moment: abs(moment - time_s))
             scene = self._moments.pop(farthest).scene

@@ -55,21 +55,16 @@ def nearest_hits(scene: Any, origin: Floats, directions: Floats) -> Hits:
 def is_hidden(scene: Any, origin: Floats, directions: Floats, distances: Floats) -> Mask:
     """Whether anything is nearer than distances (N,), in units of directions (N, 3)."""
     limits = visibility_limits(distances)
-    return np.array(blocked(scene, origin, directions, limits), dtype=bool)
+    if is_scalar():
+        return np.array([scene.ray_test(ray) for ray in _single_rays(origin, directions, limits)])
+    rays = _rays(origin, directions)
+    rays.maxt = mi.Float(limits)
+    return np.array(scene.ray_test(rays, coherent=True), dtype=bool)
 
 
 def visibility_limits(distances: Floats) -> Floats:
     """Where rays to targets at distances (N,) stop."""
     return np.minimum(distances * (1 - VISIBILITY_MARGIN), np.finfo(np.float32).max)
-
-
-def blocked(scene: Any, origin: Floats, directions: Floats, limits: Floats) -> Any:
-    """Mitsuba's own answer: whether anything is hit before the limits, in its types."""
-    if not is_scalar():
-        rays = _rays(origin, directions)
-        rays.maxt = mi.Float(limits)
-        return scene.ray_test(rays, coherent=True)
-    return list(map(scene.ray_test, _single_rays(origin, directions, limits)))
 
 
 def _single_hits(scene: Any, origin: Floats, directions: Floats) -> Hits:
@@ -89,20 +84,9 @@ def _rays(origin: Floats, directions: Floats) -> Any:
 
 
 def _single_rays(origin: Floats, directions: Floats, limits: Floats | None = None) -> Iterator[Any]:
-    """Yield one ray over and over: making it takes longer than tracing it."""
-    point, vector = mi.Point3f, mi.Vector3f
-    ray = mi.Ray3f(point(0), vector(0, 0, 1))
-    # Column by column: of a list for each ray the garbage collector would have a look at each.
-    along = zip(*directions.T.tolist(), strict=True)
+    starts = np.broadcast_to(origin, directions.shape).tolist()
     ends = repeat(float("inf")) if limits is None else limits.tolist()
-    if origin.ndim == 1:
-        ray.o = point(origin.tolist())
-        for (x, y, z), end in zip(along, ends, strict=False):
-            ray.d, ray.maxt = vector(x, y, z), end
-            yield ray
-        return
-    for (x, y, z), end, start in zip(
-        along, ends, zip(*origin.T.tolist(), strict=True), strict=False
-    ):
-        ray.o, ray.d, ray.maxt = point(*start), vector(x, y, z), end
+    for start, along, end in zip(starts, directions.tolist(), ends, strict=False):
+        ray = mi.Ray3f(mi.Point3f(start), mi.Vector3f(along))
+        ray.maxt = end
         yield ray

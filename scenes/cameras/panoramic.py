@@ -9,7 +9,6 @@ motion in px, and any error of it, grows by 1/cos(e).
 """
 
 import math
-from abc import abstractmethod
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
@@ -62,16 +61,22 @@ class PanoramicCamera(Camera, frozen=True):
         return max(abs(math.tan(math.radians(end))) for end in (self.lower_deg, self.upper_deg))
 
     @property
-    @abstractmethod
     def heights(self) -> tuple[float, float]:
         """Height on the film, in focal lengths, of the image's lower and upper edge."""
+        lower, upper = math.radians(self.lower_deg), math.radians(self.upper_deg)
+        return (math.tan(lower), math.tan(upper)) if self.is_cylinder else (lower, upper)
 
     def toward(self, image: Floats) -> Floats:
         """Unit vectors (..., 3), in camera axes, through image coordinates (..., 2) in px."""
         x, y = np.moveaxis(image, -1, 0)
         azimuth = (x / self.width - 0.5) * math.radians(self.fov_deg)
         lower, upper = self.heights
-        radius, rise = self._meridian(upper - y / self.height * (upper - lower))
+        height = upper - y / self.height * (upper - lower)
+        if self.is_cylinder:
+            length = np.hypot(1, height)
+            radius, rise = 1 / length, height / length
+        else:
+            radius, rise = np.cos(height), np.sin(height)
         return np.stack([radius * np.sin(azimuth), -rise, radius * np.cos(azimuth)], axis=-1)
 
     def project(self, points: Floats) -> Floats:
@@ -85,16 +90,9 @@ class PanoramicCamera(Camera, frozen=True):
         radius = np.where(radius > SINGULAR_RAD * np.abs(down), radius, np.nan)
         lower, upper = self.heights
         x = np.arctan2(right, forward) / math.radians(self.fov_deg) + 0.5
-        y = (upper - self._film_height(radius, -down)) / (upper - lower)
+        height = -down / radius if self.is_cylinder else np.arctan2(-down, radius)
+        y = (upper - height) / (upper - lower)
         return np.stack([np.where(np.isnan(y), np.nan, x) * self.width, y * self.height], axis=-1)
-
-    @abstractmethod
-    def _meridian(self, height: Floats) -> tuple[Floats, Floats]:
-        """Cosine and sine of the elevation of a height on the film."""
-
-    @abstractmethod
-    def _film_height(self, radius: Floats, rise: Floats) -> Floats:
-        """Height on the film of points that far from the vertical and that far up."""
 
 
 class EquirectangularCamera(PanoramicCamera, frozen=True):
@@ -109,17 +107,6 @@ class EquirectangularCamera(PanoramicCamera, frozen=True):
 
     upper_deg: Annotated[float, Field(ge=-90, le=90)] = 90.0
     """Elevation at the upper edge of the image (degrees)."""
-
-    @property
-    def heights(self) -> tuple[float, float]:
-        """Height on the film, in focal lengths, of the image's lower and upper edge."""
-        return math.radians(self.lower_deg), math.radians(self.upper_deg)
-
-    def _meridian(self, height: Floats) -> tuple[Floats, Floats]:
-        return np.cos(height), np.sin(height)
-
-    def _film_height(self, radius: Floats, rise: Floats) -> Floats:
-        return np.arctan2(rise, radius)
 
 
 class CylindricalCamera(PanoramicCamera, frozen=True):
@@ -140,15 +127,3 @@ class CylindricalCamera(PanoramicCamera, frozen=True):
 
     upper_deg: Annotated[float, Field(gt=-90, lt=90)] = 45.0
     """Elevation at the upper edge of the image (degrees)."""
-
-    @property
-    def heights(self) -> tuple[float, float]:
-        """Height on the film, in focal lengths, of the image's lower and upper edge."""
-        return math.tan(math.radians(self.lower_deg)), math.tan(math.radians(self.upper_deg))
-
-    def _meridian(self, height: Floats) -> tuple[Floats, Floats]:
-        length = np.hypot(1, height)
-        return 1 / length, height / length
-
-    def _film_height(self, radius: Floats, rise: Floats) -> Floats:
-        return rise / radius

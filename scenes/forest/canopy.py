@@ -1,14 +1,13 @@
 """How much leaf and wood a forest holds: what it asks for, and what is measured.
 
 Leaf-area index is the one-sided area of the leaves of trees, bushes and climbers over the area of
-the ground below them (Chen and Black 1992, Plant, Cell and Environment 15:421). It is met in a ring
-around the camera's path: from where trunks may stand to `RING_M` farther out. Trees grow with all
-their leaves, or twice or four times as many on the same twigs, and lose some at random; leaves keep
-their size and their clumps.
-
-Leaf area is one-sided. Wood counts with half of its surface, as a leaf with one of its two sides
+the ground below them; wood counts with half of its surface, as a leaf with one of its two sides
 (Chen and Black 1992, Plant, Cell and Environment 15:421). Herbs, grass and what lies on the ground
 count as neither, as in the field, where instruments stand a meter above them.
+
+It is met in a ring around the camera's path: from where trunks may stand to `RING_M` farther out.
+Trees grow with all their leaves, or twice or four times as many on the same twigs, and lose some at
+random; leaves keep their size and their clumps.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -22,7 +21,7 @@ from scipy.spatial import cKDTree
 
 from megalopta.assets_gen import Surface
 from megalopta.assets_gen.scatter import distance_to
-from megalopta.core.arrays import Floats
+from megalopta.core.arrays import Floats, Mask
 from megalopta.scenes.forest.flora import PLANTS
 from megalopta.scenes.forest.planting import dense_path
 from megalopta.scenes.forest.plants import Organs, Woody
@@ -41,12 +40,16 @@ GRID_M = 0.2
 """Step of the grid that ground is measured with (m)."""
 
 
+def _is_in(ring_m: tuple[float, float], distance: Floats) -> Mask:
+    return np.asarray((distance >= ring_m[0]) & (distance < ring_m[1]))
+
+
 def ground_area(path: cKDTree, ring_m: tuple[float, float]) -> float:
     """Return the area whose distance from a path lies in a ring (m²)."""
     low, high = path.mins - ring_m[1], path.maxes + ring_m[1]
     steps = [np.arange(low[i], high[i], GRID_M) + GRID_M / 2 for i in range(2)]
     distance = distance_to(path, np.stack(np.meshgrid(*steps), axis=-1).reshape(-1, 2))
-    return GRID_M**2 * int(np.sum((distance >= ring_m[0]) & (distance < ring_m[1])))
+    return GRID_M**2 * int(_is_in(ring_m, distance).sum())
 
 
 def in_leaf(
@@ -98,7 +101,7 @@ def _leaf_area(
         points = _some_places(leaves)
         places = points @ to_world[:, :2, :3].swapaxes(1, 2) + to_world[:, None, :2, 3]
         distance = distance_to(path, places.reshape(-1, 2)).reshape(places.shape[:2])
-        inside = ((distance >= ring_m[0]) & (distance < ring_m[1])).mean(axis=1)
+        inside = _is_in(ring_m, distance).mean(axis=1)
         total += leaves.area * float(inside @ np.cbrt(np.linalg.det(to_world[:, :3, :3])) ** 2)
     return total
 
@@ -155,7 +158,7 @@ def plant_area(scene: Scene, path_xy: ArrayLike, ring_m: tuple[float, float]) ->
                 a, b, c = triangles.swapaxes(0, 1)
                 area = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
                 away = distance_to(path, (a + b + c)[:, :2] / 3 + placement.to_world[:2, 3])
-                found[name] += float(area[(away >= ring_m[0]) & (away < ring_m[1])].sum())
+                found[name] += float(area[_is_in(ring_m, away)].sum())
     ground = ground_area(path, ring_m)
     leaf, wood = (sum(found[name] for name in names) / ground for names in (_LEAVES, _WOOD))
     return PlantArea(leaf, wood / 2)
@@ -178,8 +181,7 @@ def floor_points(
     kept = np.empty((0, 2))
     while len(kept) < count:
         thrown = rng.uniform(low, high, (4 * count, 2))
-        away = distance_to(path, thrown)
-        kept = np.concatenate([kept, thrown[(away >= ring_m[0]) & (away < ring_m[1])]])
+        kept = np.concatenate([kept, thrown[_is_in(ring_m, distance_to(path, thrown))]])
     parts = scene.assets[scene.placements[0].asset].parts.values()
     # Corners where two covers meet belong to both.
     corners = np.unique(np.concatenate([mesh.vertices for mesh in parts]), axis=0)

@@ -13,10 +13,9 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from megalopta.assets_gen import FloatArray, Surface, generator, unit
-from megalopta.assets_gen.moss import cut_at, make_moss
 from megalopta.assets_gen.plants.detail import chosen_leaves, corners_of
 from megalopta.assets_gen.scatter import distance_to
-from megalopta.assets_gen.terrain import Terrain, ground_surface, make_terrain
+from megalopta.assets_gen.terrain import Terrain, cut_at, ground_surface, make_moss, make_terrain
 from megalopta.assets_gen.tileable_noise import make_octaves
 from megalopta.assets_gen.trail import Trail, make_trail
 from megalopta.assets_gen.triangulation import Fineness, Triangulation, triangulated
@@ -131,11 +130,11 @@ def make_floor(
     mossy = none
     if forest.moss_share:
         moss = make_moss(trees, generator(forest.seed, "moss"))
-        favor = moss.favor(mesh.centers, fine.step(to_centers))
+        favor = moss(mesh.centers, fine.step(to_centers))
         near = (to_centers < MOSS_RING_M) & ~trodden
         limit = cut_at(favor, mesh.areas, near, forest.moss_share)
         mossy = (favor > limit) & ~trodden
-        thick = np.tanh(np.maximum(moss.favor(mesh.points, fine.step(distance)) - limit, 0))
+        thick = np.tanh(np.maximum(moss(mesh.points, fine.step(distance)) - limit, 0))
         bumps += CUSHION * forest.floor_relief_m * thick
     heights = land.height(mesh.points) + bumps
     if trail:

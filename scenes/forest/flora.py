@@ -25,7 +25,6 @@ from megalopta.scenes.forest.plants import (
     Coat,
     Layer,
     LodLevel,
-    Lying,
     Organs,
     Plant,
     Small,
@@ -43,7 +42,8 @@ def _woody(name: str, entry: Mapping[str, Any]) -> Woody:
     light, dark = map(reflectance_of, entry["bark"])
     shade, sun = map(leaf_of, entry["leaf"])
     layer = Layer(**entry["layer"]) if "layer" in entry else None
-    return Woody(name, shape, (light, dark), (shade, sun), layer)
+    blade = Coat.of_leaves(shade, sun, shape.foliage.blade)
+    return Woody(name, {"bark": Coat((light, dark), shape.bark), "leaf": blade}, shape, layer)
 
 
 _TABLE = strict_yaml.load(Path(__file__).with_name("flora.yaml").read_text("utf-8"))
@@ -104,28 +104,19 @@ _BILBERRY = _leaf("leaf dark * 0.9", "leaf light")
 _GRASS = _leaf("grass dark", "grass light")
 _MOSSY_BARK = _coat("spruce bark dark * 1.5", "moss * 0.8", "mossy")
 _PETAL = _coat("white petal * 0.75", "white petal")
+_LITTER = _coat("soil * 1.6", "litter")
+_LOG = {"bark": _MOSSY_BARK, "wood": _coat("fresh wood", "fresh wood * 0.5", "smooth")}
+_STONE = _coat("stone dark", "stone light", "stone")
 
 SMALL: Mapping[str, Small] = by_name(
-    Small("fern", Layer(0.55, 30, 0.9), {"leaf": _FERN}, _leaves(grow_fern)),
-    Small("bilberry", Layer(0.3, 22, 0.6), {"leaf": _BILBERRY}, _leaves(grow_bilberry)),
-    Small("grass", Layer(4.0, 30, 0.35), {"leaf": _GRASS}, _grass),
-    Small("herb", Layer(1.4, 18, 0.3), {"leaf": _HERB}, _leaves(grow_herbs)),
-    Small("flower", Layer(0.15, 18, 0.3), {"leaf": _HERB, "petal": _PETAL}, _flower),
-    Lying(
-        LITTER, Layer(1.0, 9, 0.0), {"leaf": _coat("soil * 1.6", "litter")}, _leaves(strew_litter)
-    ),
-    Lying(
-        "log",
-        Layer(0.008, 40, 2.2, (0.7, 1.1)),
-        {"bark": _MOSSY_BARK, "wood": _coat("fresh wood", "fresh wood * 0.5", "smooth")},
-        _log,
-    ),
-    Lying(
-        "rock",
-        Layer(0.012, 40, 1.6, (0.25, 1.6)),
-        {"": _coat("stone dark", "stone light", "stone")},
-        _rock,
-    ),
+    Small("fern", {"leaf": _FERN}, Layer(0.55, 30, 0.9), _leaves(grow_fern)),
+    Small("bilberry", {"leaf": _BILBERRY}, Layer(0.3, 22, 0.6), _leaves(grow_bilberry)),
+    Small("grass", {"leaf": _GRASS}, Layer(4.0, 30, 0.35), _grass),
+    Small("herb", {"leaf": _HERB}, Layer(1.4, 18, 0.3), _leaves(grow_herbs)),
+    Small("flower", {"leaf": _HERB, "petal": _PETAL}, Layer(0.15, 18, 0.3), _flower),
+    Small(LITTER, {"leaf": _LITTER}, Layer(1.0, 9, 0.0), _leaves(strew_litter), lies=True),
+    Small("log", _LOG, Layer(0.008, 40, 2.2, (0.7, 1.1)), _log, lies=True),
+    Small("rock", {"": _STONE}, Layer(0.012, 40, 1.6, (0.25, 1.6)), _rock, lies=True),
 )
 """Small plants and what lies, by name."""
 

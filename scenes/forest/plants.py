@@ -100,25 +100,17 @@ class Plant(ABC):
 
     name: str
     """For people, and for the seeds of its individuals."""
+    coats: Mapping[str, Coat]
+    """How each organ looks."""
 
     detail_distance: ClassVar[float] = 1.0
     """Factor on the distances from which it is drawn coarser."""
-    lies: ClassVar[bool] = False
+    lies = False
     """Whether it follows the slope of the ground instead of standing upright."""
 
-    @property
     @abstractmethod
-    def coats(self) -> Mapping[str, Coat]:
-        """How each organ looks."""
-
-    @abstractmethod
-    def grow(
-        self, lods: Sequence[LodLevel], rng: np.random.Generator, fullness: int = 1
-    ) -> Iterator[Organs]:
-        """One individual's organs at each of some levels of detail.
-
-        What is woody bears `fullness` times its leaves.
-        """
+    def grow(self, lods: Sequence[LodLevel], rng: np.random.Generator) -> Iterator[Organs]:
+        """One individual's organs at each of some levels of detail."""
 
     def individual(self, number: int) -> "Plant":
         """What an individual is grown as: trees are of several ages."""
@@ -140,25 +132,18 @@ class Woody(Plant):
 
     shape: Species
     """What it is grown from."""
-    bark: Spectra
-    leaf: tuple[Leaf, Leaf]
-    """Light and dark bark, dark and light leaf."""
     layer: Layer | None = None
     """Where it stands in the undergrowth."""
+    fullness: int = 1
+    """How many times its species' leaves it bears."""
     furrows: Furrows | None = None
     """Relief of its bark, drawn in full detail only; None is smooth."""
-
-    @property
-    def coats(self) -> Mapping[str, Coat]:
-        """How bark and leaves look."""
-        blade = self.shape.foliage.blade
-        return {"bark": Coat(self.bark, self.shape.bark), "leaf": Coat.of_leaves(*self.leaf, blade)}
 
     @property
     def carved_bark(self) -> Coat | None:
         """How bark with furrows looks; None where it has none."""
         relief = self.shape.relief
-        return Coat(self.bark, relief.pattern) if relief else None
+        return replace(self.coats["bark"], texture=relief.pattern) if relief else None
 
     def carved(self, depth: float, pattern: NDArray[np.float32]) -> "Woody":
         """The same with furrows where the pattern (H, W) of its relief is dark.
@@ -177,11 +162,9 @@ class Woody(Plant):
         """Height of the lowest branches (m)."""
         return self.shape.crown.base * self.shape.height_m
 
-    def grow(
-        self, lods: Sequence[LodLevel], rng: np.random.Generator, fullness: int = 1
-    ) -> Iterator[Organs]:
+    def grow(self, lods: Sequence[LodLevel], rng: np.random.Generator) -> Iterator[Organs]:
         """One individual at each of some levels, all coarsened from one plant."""
-        plant = grow_plant(self.shape, rng, fullness, self.furrows)
+        plant = grow_plant(self.shape, rng, self.fullness, self.furrows)
         for lod in lods:
             is_full = lod.detail.leaf_m2 == 0
             wood, leaves = (
@@ -192,35 +175,20 @@ class Woody(Plant):
 
 @dataclass(frozen=True)
 class Small(Plant):
-    """A plant of the forest's floor."""
+    """A plant of the forest's floor, or what lies on it."""
 
     layer: Layer
-    looks: Mapping[str, Coat]
-    """How each organ looks."""
     drawn: Callable[[LodLevel, np.random.Generator], Organs]
     """Organs of an individual at a level of detail, the same individual for the same generator."""
+    lies: bool = False
 
     detail_distance = 0.4
 
-    @property
-    def coats(self) -> Mapping[str, Coat]:
-        """How each organ looks."""
-        return self.looks
-
-    def grow(
-        self, lods: Sequence[LodLevel], rng: np.random.Generator, fullness: int = 1
-    ) -> Iterator[Organs]:
+    def grow(self, lods: Sequence[LodLevel], rng: np.random.Generator) -> Iterator[Organs]:
         """One individual at each of some levels."""
         key = int(rng.integers(2**63))
         for lod in lods:
             yield self.drawn(lod, np.random.default_rng(key))
-
-
-@dataclass(frozen=True)
-class Lying(Small):
-    """What lies on the forest's floor."""
-
-    lies = True
 
 
 AnyPlant = TypeVar("AnyPlant", bound=Plant)

@@ -8,7 +8,7 @@ these, such as "young spruce 3 far".
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import fields
+from dataclasses import fields, replace
 from functools import cache, lru_cache
 from itertools import groupby, product
 from pathlib import Path
@@ -51,9 +51,11 @@ def grown(
         return _organs(kept, len(lods))
     rng = generator(seed, "plant", plant.name, number)
     individual = plant.individual(number)
-    if bark_relief and isinstance(individual, Woody) and (relief := individual.shape.relief):
-        individual = individual.carved(bark_relief, texture(seed, relief.pattern))
-    found = list(individual.grow(lods, rng, fullness))
+    if isinstance(individual, Woody):
+        individual = replace(individual, fullness=fullness)
+        if bark_relief and (relief := individual.shape.relief):
+            individual = individual.carved(bark_relief, texture(seed, relief.pattern))
+    found = list(individual.grow(lods, rng))
     store.write(dict(_arrays(found)))
     return found
 

@@ -1,13 +1,13 @@
 """Light levels by name, from daylight to an overcast night, and the lights that they add.
 
-The lights that there are outside, each with its own spectrum and source; they add. Sun and moon are
-discs, all else is a sky that is alike in all directions.
+Every light has its own spectrum and source. Sun and moon are discs, all else is a sky that is alike
+in all directions.
 
-Each has an illuminance, after the dissertation, §1.1, and what is stronger than the night sky makes
-up what airglow and starlight leave. Four of five parts of the light of sun or moon come from its
-disc, 0.53° wide. The moonless forest floor is what Kelber et al. (2006, Behav. Ecol. 17, 63) give
-for the dimmest light that *Megalopta* flies in, 1e-4 cd/m² of a white surface: for scenes that hold
-no trees, and for readings. A forest shades itself; give it `starlight`.
+Each level has an illuminance, after the dissertation, §1.1, and what is stronger than the night sky
+makes up what airglow and starlight leave. Four of five parts of the light of sun or moon come from
+its disc, 0.53° wide. The moonless forest floor is what Kelber et al. (2006, Behav. Ecol. 17, 63)
+give for the dimmest light that *Megalopta* flies in, 1e-4 cd/m² of a white surface: for scenes that
+hold no trees, and for readings. A forest shades itself; give it `starlight`.
 """
 
 import math
@@ -15,18 +15,19 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Literal, get_args
 
-from megalopta.scenes.spectra.night_sky import AIRGLOW, FAINT_STARLIGHT, STARLIGHT
-from megalopta.scenes.spectra.overcast import OVERCAST
-from megalopta.scenes.spectra.photometry import luminous
-from megalopta.scenes.spectra.spectrum import Spectrum, total
-from megalopta.scenes.spectra.sunlight import (
+from megalopta.scenes.spectra.outdoors import (
+    AIRGLOW,
     CLEAR_SKY,
+    FAINT_STARLIGHT,
     FULL_MOON,
+    OVERCAST,
     QUARTER_MOON,
+    STARLIGHT,
     SUN,
     TWILIGHT,
     moonlit,
 )
+from megalopta.scenes.spectra.spectrum import Spectrum, luminous, total
 
 ComponentName = Literal[
     "sun", "daylit sky", "moon", "moonlit sky", "twilight", "airglow", "starlight", "clouds"
@@ -96,8 +97,7 @@ def overcast(components: tuple[Component, ...]) -> Component:
     """What a closed layer of cloud makes of lights, as bright as they are together."""
     light = total([each.irradiance for each in components])
     wavelengths = sorted({*light.wavelengths_nm, *OVERCAST.wavelengths_nm})
-    values = light(wavelengths) * OVERCAST(wavelengths)
-    color = Spectrum(tuple(wavelengths), tuple(map(float, values)))
+    color = Spectrum.of(wavelengths, light(wavelengths) * OVERCAST(wavelengths))
     return Component("clouds", color).giving(luminous(light))
 
 

@@ -24,7 +24,7 @@ from megalopta.scenes.lighting.levels import (
 from megalopta.scenes.lighting.sky_shapes import sky_shape
 from megalopta.scenes.scene import Environment, Lighting, SkyPattern, Sun
 from megalopta.scenes.spectra.color import primaries
-from megalopta.scenes.spectra.overcast import overcast_share
+from megalopta.scenes.spectra.outdoors import overcast_share
 from megalopta.scenes.spectra.spectrum import flat, planckian, total
 
 _OF_ONE_SOURCE: Mapping[ComponentName, ComponentName] = {"sun": "daylit sky", "moon": "moonlit sky"}

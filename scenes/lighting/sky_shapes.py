@@ -1,15 +1,12 @@
 """How the light of the sky is spread over it, from direction to direction.
 
-How bright the twilit sky is from direction to direction: sunlight scattered once, by air. The sun
-is below the horizon of the place but still shines on the air above it. Along a line of sight every
-parcel of air sends on what reaches it past the Earth, in proportion to its density and to
-Rayleigh's phase function; air and ozone dim it before and after. Light that is scattered more than
-once comes nearly evenly from all over the sky, and at this depth of the sun it is about as much at
-the zenith as the other (round figure; it grows from a third at sunset to nearly all at a depth of
-10°).
-
-Clean air at 550 nm in spherical shells; no refraction, no aerosol, which would redden and broaden
-the glow over the place where the sun went down.
+Twilight is sunlight scattered once, by air. The sun is below the horizon of the place but still
+shines on the air above it. Along a line of sight every parcel of air sends on what reaches it past
+the Earth, in proportion to its density and to Rayleigh's phase function; air and ozone dim it
+before and after. Light that is scattered more than once comes nearly evenly from all over the sky,
+and at this depth of the sun it is about as much at the zenith as the other (round figure; it grows
+from a third at sunset to nearly all at a depth of 10°). Clean air at 550 nm in spherical shells; no
+refraction, no aerosol, which would redden and broaden the glow over where the sun went down.
 
 Clear and overcast skies are those of ISO 15469 (CIE S 011), types 12 and 1: a gradation from zenith
 to horizon times, under a disc, the glow around it. Airglow comes from a thin layer, which is longer

@@ -1,15 +1,15 @@
 """Spectral bands to color for display, and the colors of a picture to spectra.
 
-Spectral bands to color for display: CIE 1931 matching functions, white balance, sRGB. The matching
-functions are the multi-lobe Gaussian fits of Wyman, Sloan and Shirley (JCGT 2(2), 2013), good to
-about 1 %: for looking at, not for photometry.
+For display: CIE 1931 matching functions, white balance, sRGB. The matching functions are the
+multi-lobe Gaussian fits of Wyman, Sloan and Shirley (JCGT 2(2), 2013), good to about 1 %: for
+looking at, not for photometry.
 
-Spectra of the three colors of a picture whose white is a given light. Three colors say little about
-a spectrum. Here each pixel has the light's spectrum times a smooth function of wavelength: red,
-green and blue take one another's place in logistic steps, so that white has the light's spectrum,
-nothing is negative, and no light is lost or gained. The steps lie where each color has the share in
-the luminance that sRGB gives it. Beyond the visible red goes on to the infrared and blue to the
-ultraviolet, of which the picture knows nothing.
+Three colors of a picture whose white is a given light say little about a spectrum. Here each pixel
+has the light's spectrum times a smooth function of wavelength: red, green and blue take one
+another's place in logistic steps, so that white has the light's spectrum, nothing is negative, and
+no light is lost or gained. The steps lie where each color has the share in the luminance that sRGB
+gives it. Beyond the visible red goes on to the infrared and blue to the ultraviolet, of which the
+picture knows nothing.
 """
 
 from collections.abc import Sequence
@@ -20,8 +20,7 @@ from scipy.optimize import brentq
 from scipy.special import expit
 
 from megalopta.core.arrays import Floats
-from megalopta.scenes.spectra.photometry import luminous
-from megalopta.scenes.spectra.spectrum import Spectrum
+from megalopta.scenes.spectra.spectrum import Spectrum, luminous
 
 # (weight, center nm, 1/width below, 1/width above), per lobe of x, y and z.
 _LOBES = (
@@ -105,17 +104,15 @@ def primaries(light: Spectrum) -> tuple[Spectrum, Spectrum, Spectrum]:
     """Spectra of red, green and blue that add up to that of white, with sRGB's luminances."""
     red_share, _, blue_share = LUMINANCE_SHARES
     values = light(_GRID_NM)
-    total = luminous(_spectrum(values))
+    total = luminous(Spectrum.of(_GRID_NM, values))
 
     def luminance_below(edge_nm: float) -> float:
-        return luminous(_spectrum(values * expit((edge_nm - _GRID_NM) / _STEP_WIDTH_NM))) / total
+        below = values * expit((edge_nm - _GRID_NM) / _STEP_WIDTH_NM)
+        return luminous(Spectrum.of(_GRID_NM, below)) / total
 
     blue_edge = brentq(lambda edge: luminance_below(edge) - blue_share, 400.0, 700.0)
     red_edge = brentq(lambda edge: luminance_below(edge) - 1 + red_share, 400.0, 700.0)
     not_blue, red = (expit((_GRID_NM - edge) / _STEP_WIDTH_NM) for edge in (blue_edge, red_edge))
-    green, blue = not_blue - red, 1 - not_blue
-    return _spectrum(values * red), _spectrum(values * green), _spectrum(values * blue)
-
-
-def _spectrum(values: Floats) -> Spectrum:
-    return Spectrum(tuple(_GRID_NM.tolist()), tuple(values.tolist()))
+    shares = red, not_blue - red, 1 - not_blue
+    first, second, third = (Spectrum.of(_GRID_NM, values * share) for share in shares)
+    return first, second, third

@@ -31,8 +31,7 @@ from megalopta.scenes.kinds import kind_of
 from megalopta.scenes.lighting.light import Light
 from megalopta.scenes.material import Emission, Material
 from megalopta.scenes.scene import Asset, Placement, Scene
-from megalopta.scenes.spectra.photometry import luminous
-from megalopta.scenes.spectra.spectrum import flat
+from megalopta.scenes.spectra.spectrum import flat, luminous
 from megalopta.scenes.trajectories.base import Path
 from megalopta.scenes.trajectories.steady import Trajectory
 

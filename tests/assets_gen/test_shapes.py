@@ -4,13 +4,12 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
+from megalopta.assets_gen import Surface
 from megalopta.assets_gen.bodies import ball, box
-from megalopta.assets_gen.moss import cut_at, make_moss
 from megalopta.assets_gen.plants.undergrowth import grow_log
 from megalopta.assets_gen.rocks import grow_rock
 from megalopta.assets_gen.scatter import distance_to
-from megalopta.assets_gen.surface import Surface
-from megalopta.assets_gen.terrain import ground_surface, make_terrain
+from megalopta.assets_gen.terrain import cut_at, ground_surface, make_moss, make_terrain
 from megalopta.assets_gen.tileable_noise import make_octaves
 from megalopta.assets_gen.trail import make_trail
 from megalopta.assets_gen.triangulation import Fineness, triangulated
@@ -191,7 +190,7 @@ def test_a_rough_field_has_its_root_mean_square_where_a_mesh_shows_it():
 def test_moss_is_cut_where_it_covers_its_share(share):
     rng = np.random.default_rng(3)
     points, areas = rng.uniform(-10, 10, (5000, 2)), rng.uniform(0.5, 1.5, 5000)
-    favor = make_moss(np.array([[2.0, 2.0]]), rng).favor(points, np.full(5000, 0.02))
+    favor = make_moss(np.array([[2.0, 2.0]]), rng)(points, np.full(5000, 0.02))
     where = points[:, 0] > 0
     covered = (favor > cut_at(favor, areas, where, share)) & where
     # to one of some 2500 triangles

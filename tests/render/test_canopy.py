@@ -7,8 +7,8 @@ import pytest
 import trimesh
 
 from megalopta.render import activate, choose_variant, gap_fraction, mi
-from megalopta.render.loading.meshes import merge
-from megalopta.render.loading.scene import bare_mesh, gather, load_scene
+from megalopta.render.loading.meshes import MergedMesh, merge
+from megalopta.render.loading.scene import load_mesh, load_scene, of_shapes
 from megalopta.render.truth import rays
 from megalopta.scenes.material import Material
 from megalopta.scenes.scene import Lighting, Sun
@@ -33,7 +33,9 @@ def mesh_of(corners):
 
 
 def bare(mesh):
-    return gather([bare_mesh(mesh.vertices.astype(np.float32), mesh.faces.astype(np.uint32))])
+    vertices, faces = mesh.vertices.astype(np.float32), mesh.faces.astype(np.uint32)
+    ids = np.ones(len(faces), np.uint32)
+    return of_shapes([load_mesh(MergedMesh("leaf", vertices, faces, None, None, ids))])
 
 
 @pytest.fixture(scope="module")

@@ -6,8 +6,7 @@ import pytest
 import trimesh
 
 from megalopta.render import RenderSettings, SceneRenderer, choose_variant, has_cuda_device
-from megalopta.scenes import Light, PerspectiveCamera, Trajectory, build_scene
-from megalopta.scenes.forest.description import Forest
+from megalopta.scenes import Forest, Light, PerspectiveCamera, Trajectory, build_scene
 from megalopta.scenes.material import Material
 from megalopta.scenes.motion import Drift, RigidMotion
 from megalopta.scenes.scene import Lighting

@@ -4,10 +4,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from megalopta.render import RenderSettings, SceneRenderer
-from megalopta.render.environment import read_picture
-from megalopta.scenes import Panorama, PerspectiveCamera, Trajectory
-from megalopta.scenes.lighting.light import Light
+from megalopta.render import RenderSettings, SceneRenderer, read_picture
+from megalopta.scenes import Light, Panorama, PerspectiveCamera, Trajectory
 
 BANDS = ((400.0, 475.0), (475.0, 550.0), (550.0, 625.0), (625.0, 700.0))
 CAMERA = PerspectiveCamera(width=33, height=25, fov_deg=60)

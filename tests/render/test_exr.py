@@ -5,9 +5,8 @@ import numpy as np
 import OpenEXR
 import pytest
 
-from megalopta.render.exr import read_radiance, read_truth, write_radiance, write_truth
+from megalopta.render import Truth, read_radiance, read_truth, write_radiance, write_truth
 from megalopta.render.truth.footprint import FlowSpread, Footprint
-from megalopta.render.truth.tracer import Truth
 
 ORIGIN = (1000.0, -3.0, 1.0)
 BANDS = ((900.0, 1000.0), (400.0, 450.5), (450.5, 500.0))
@@ -92,16 +91,9 @@ def test_foreign_broken_and_missing_files_are_refused_by_name(tmp_path):
         read_truth(tmp_path / "none.exr")
 
 
-@pytest.mark.parametrize(
-    ("bands", "shape", "reason"),
-    [
-        (((400, 500), (500, 600), (425, 475)), (2, 2, 3), "400-500 and 425-475 nm share a center"),
-        (BANDS, (2, 2, 4), "3 bands"),
-    ],
-)
-def test_bands_that_do_not_fit_are_refused(tmp_path, bands, shape, reason):
-    with pytest.raises(ValueError, match=reason):
-        write_radiance(tmp_path / "a.exr", np.zeros(shape, np.float32), bands)
+def test_bands_that_do_not_fit_are_refused(tmp_path):
+    with pytest.raises(ValueError, match="3 bands"):
+        write_radiance(tmp_path / "a.exr", np.zeros((2, 2, 4), np.float32), BANDS)
     assert not (tmp_path / "a.exr").exists()
 
 

@@ -12,13 +12,11 @@ from megalopta.scenes import Light, PerspectiveCamera, Trajectory
 from megalopta.scenes.lighting.levels import LEVELS
 from megalopta.scenes.material import Material
 from megalopta.scenes.scene import Lighting, Sun
-from megalopta.scenes.spectra.photometry import luminous, luminous_efficiency
-from megalopta.scenes.spectra.spectrum import flat
+from megalopta.scenes.spectra.spectrum import flat, luminous
 
 from .conftest import quad, scene_of
 
 # Elements of 10 nm over V(λ).
-V_BANDS = tuple((float(a), float(a + 10)) for a in range(380, 770, 10))
 
 
 def survey(scene, *positions):
@@ -36,21 +34,6 @@ def test_unshaded_ground_gets_the_illuminance_of_every_named_level(level, ground
     assert measured.unshaded.lux == pytest.approx(lux, rel=4e-3)
     assert measured.ground[0].lux == pytest.approx(lux, rel=4e-3)
     assert measured.ground[0].position_m == pytest.approx((0, 0, 0.02), abs=1e-5)
-
-
-@pytest.mark.parametrize("level", ["daylight", "airglow"])
-def test_light_on_rendered_ground_has_the_illuminance_of_its_level(level, ground):
-    scene = scene_of(Light(level=level).lighting(), ground)
-    look_down = Trajectory(frames=2, position_m=(0, 0, 2), look_at_m=(0, 0, 0), up=(1, 0, 0))
-    settings = RenderSettings(bands_nm=V_BANDS, samples_per_pixel=64, max_depth=2)
-    renderer = SceneRenderer(scene, PerspectiveCamera(width=48, height=48, fov_deg=30), settings)
-    radiance = renderer.radiance(look_down.poses()[0], seed=3).mean(axis=(0, 1), dtype=np.float64)
-    efficiency = [
-        np.trapezoid(luminous_efficiency(np.linspace(*band, 21)), dx=0.5) for band in V_BANDS
-    ]
-    lux = 683 * math.pi / 0.5 * radiance @ efficiency
-    # 147 000 paths of four wavelengths: σ of about 0.3 %.
-    assert lux == pytest.approx(LEVELS[level].illuminance_lux, rel=0.02)
 
 
 def test_a_black_wall_takes_half_the_sky(ground):

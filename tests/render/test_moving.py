@@ -4,16 +4,15 @@ import numpy as np
 import pytest
 
 from megalopta.assets_gen.bodies import box
+from megalopta.render import RenderSettings, SceneRenderer
 from megalopta.render.loading.meshes import MovingMesh, merge
 from megalopta.render.path_tracing import Layers
-from megalopta.render.scene_renderer import SceneRenderer
-from megalopta.render.settings import RenderSettings
 from megalopta.render.sharing import SHARED_PX, rows_of_a_pose
-from megalopta.scenes import MovingObject, PerspectiveCamera, Shutter, Trajectory
+from megalopta.scenes import MovingObject, PerspectiveCamera, Scene, Shutter, Trajectory
 from megalopta.scenes.material import Material
 from megalopta.scenes.motion import Drift
 from megalopta.scenes.moving_objects import with_objects
-from megalopta.scenes.scene import Asset, Lighting, Placement, Scene, Sun
+from megalopta.scenes.scene import Asset, Lighting, Placement, Sun
 from megalopta.scenes.spectra.spectrum import flat
 
 CAMERA = PerspectiveCamera(width=40, height=30, fov_deg=70)

@@ -12,8 +12,7 @@ import numpy as np
 import pytest
 
 from megalopta.render import RenderSettings, RunningMean, SceneRenderer, choose_variant
-from megalopta.scenes import Light, PerspectiveCamera, Trajectory, build_scene
-from megalopta.scenes.forest.description import Forest
+from megalopta.scenes import Forest, Light, PerspectiveCamera, Trajectory, build_scene
 
 PRESETS = ("open", "clearing", "understorey", "dense")
 LEVELS = ("daylight", "twilight", "full_moon", "starlight", "airglow")

@@ -14,8 +14,7 @@ from megalopta.render.environment import (
     under_panorama,
     without_disc,
 )
-from megalopta.scenes import Panorama, PerspectiveCamera, Trajectory
-from megalopta.scenes.lighting.light import Light
+from megalopta.scenes import Light, Panorama, PerspectiveCamera, Trajectory
 from megalopta.scenes.scene import pattern_directions
 
 from .conftest import scene_of, square

@@ -20,8 +20,7 @@ from megalopta.flow.formats import read_flo
 from megalopta.flow.stimuli.photons import draw_counts
 from megalopta.render import read_radiance, read_truth
 from megalopta.scenes.lighting.levels import LEVELS
-from megalopta.scenes.spectra.photometry import luminous
-from megalopta.scenes.spectra.spectrum import Spectrum
+from megalopta.scenes.spectra.spectrum import Spectrum, luminous
 from megalopta.sensor import expectation, read_counts
 from megalopta.stages import flow as stage_flow, registry
 from megalopta.stages.ledger import Ledger

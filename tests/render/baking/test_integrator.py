@@ -7,19 +7,16 @@ import numpy as np
 import pytest
 import trimesh
 
-from megalopta.render.baking import light as bake, light as table
+from megalopta.render import RenderSettings, RunningMean, SceneRenderer
+from megalopta.render.baking import light as bake
 from megalopta.render.baking.choice import cost_reason, path_tracing_reason, samples_of_pixel
 from megalopta.render.baking.gathering import Gatherer
 from megalopta.render.baking.visibility import views
-from megalopta.render.noise import RunningMean
-from megalopta.render.scene_renderer import SceneRenderer
-from megalopta.render.settings import RenderSettings
-from megalopta.scenes.cameras.perspective import PerspectiveCamera
+from megalopta.scenes import PerspectiveCamera, Trajectory
 from megalopta.scenes.material import Emission, Material, Texture
 from megalopta.scenes.motion import Drift, RigidMotion
 from megalopta.scenes.scene import Lighting, Sun
 from megalopta.scenes.spectra.spectrum import Spectrum, flat
-from megalopta.scenes.trajectories.steady import Trajectory
 
 from ..conftest import band_means, quad, scene_of, square, vectorized
 
@@ -183,7 +180,6 @@ def test_frames_do_not_depend_on_which_were_rendered_before_nor_on_batches(monke
         resumed.radiance(ORBIT[frame], frame)
     frames.append(resumed.radiance(ORBIT[3], 7))
     monkeypatch.setattr(bake, "RAYS_AT_ONCE", 10_000)
-    monkeypatch.setattr(table, "FIRST_ROWS", 1)
     frames.append(renderer_of(scene, ORBIT, bake_error=0.3).radiance(ORBIT[3], 7))
     assert frames[0].tobytes() == frames[1].tobytes() == frames[2].tobytes()
     other = renderer_of(scene, ORBIT, seed=1, bake_error=0.3).radiance(ORBIT[3], 7)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from megalopta.render import RenderSettings
+from megalopta.render import RenderSettings, activate, choose_variant
 from megalopta.render.baking import cells as cells_module
 from megalopta.render.baking.cells import CellFinder, Cells
 from megalopta.render.baking.clusters import smoothed
@@ -14,13 +14,10 @@ from megalopta.render.baking.light import key_of
 from megalopta.render.baking.visibility import VIEWS, survey, views
 from megalopta.render.loading.meshes import MergedMesh, merge
 from megalopta.render.loading.scene import load_scene
-from megalopta.render.mitsuba_loader import activate
-from megalopta.render.variant import choose_variant
-from megalopta.scenes.cameras.perspective import PerspectiveCamera
+from megalopta.scenes import PerspectiveCamera, Scene, Trajectory
 from megalopta.scenes.material import Emission, Material, Texture
-from megalopta.scenes.scene import Lighting, Scene
+from megalopta.scenes.scene import Lighting
 from megalopta.scenes.spectra.spectrum import Spectrum, flat
-from megalopta.scenes.trajectories.steady import Trajectory
 
 from ..conftest import scene_of, square, vectorized
 

@@ -4,11 +4,9 @@ import numpy as np
 import pytest
 import trimesh
 
-from megalopta.render import mi
+from megalopta.render import Variant, activate, choose_variant, mi
 from megalopta.render.loading.meshes import merge
 from megalopta.render.loading.scene import load_scene
-from megalopta.render.mitsuba_loader import activate
-from megalopta.render.variant import Variant, choose_variant
 from megalopta.scenes.material import Material, Texture
 from megalopta.scenes.spectra.spectrum import Spectrum, flat
 

@@ -5,13 +5,9 @@ import signal
 import numpy as np
 import pytest
 
-from megalopta.render import path_tracing
-from megalopta.render.scene_renderer import SceneRenderer
+from megalopta.render import RenderSettings, SceneRenderer, path_tracing
 from megalopta.render.sensors.film import pass_seed, plan_passes
-from megalopta.render.settings import RenderSettings
-from megalopta.scenes.cameras.panoramic import CylindricalCamera, EquirectangularCamera
-from megalopta.scenes.cameras.perspective import PerspectiveCamera
-from megalopta.scenes.trajectories.steady import Trajectory
+from megalopta.scenes import CylindricalCamera, EquirectangularCamera, PerspectiveCamera, Trajectory
 
 from ..conftest import glowing_room
 

@@ -3,14 +3,11 @@
 import numpy as np
 import pytest
 
-from megalopta.render.scene_renderer import SceneRenderer
-from megalopta.render.settings import RenderSettings
-from megalopta.scenes import Shutter
-from megalopta.scenes.cameras.perspective import PerspectiveCamera
+from megalopta.render import RenderSettings, SceneRenderer
+from megalopta.scenes import PerspectiveCamera, Shutter, Trajectory
 from megalopta.scenes.material import Emission, Material
 from megalopta.scenes.motion import Drift, RigidMotion
 from megalopta.scenes.spectra.spectrum import flat
-from megalopta.scenes.trajectories.steady import Trajectory
 
 from ..conftest import quad, scene_of
 

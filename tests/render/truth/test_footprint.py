@@ -5,11 +5,10 @@ import pytest
 import trimesh
 
 from megalopta.render import RenderSettings, SceneRenderer
-from megalopta.scenes.cameras.perspective import PerspectiveCamera
+from megalopta.scenes import PerspectiveCamera, Trajectory
 from megalopta.scenes.motion import Drift, RigidMotion
 from megalopta.scenes.scene import Lighting
 from megalopta.scenes.spectra.spectrum import flat
-from megalopta.scenes.trajectories.steady import Trajectory
 
 from ..conftest import GRAY, quad, scene_of
 

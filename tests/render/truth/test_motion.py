@@ -7,19 +7,16 @@ with rotations of its own; no meshes, no renderer.
 import numpy as np
 import pytest
 import trimesh
-from scipy.ndimage import map_coordinates
 from scipy.spatial.transform import Rotation
 
-from megalopta.render.scene_renderer import SceneRenderer
-from megalopta.render.settings import RenderSettings
-from megalopta.scenes.cameras.perspective import PerspectiveCamera
+from megalopta.render import RenderSettings, SceneRenderer
+from megalopta.scenes import PerspectiveCamera, Trajectory
 from megalopta.scenes.forest.sway import Sway
 from megalopta.scenes.motion import Drift, RigidMotion, Tour
 from megalopta.scenes.scene import Lighting
 from megalopta.scenes.spectra.spectrum import flat
-from megalopta.scenes.trajectories.steady import Trajectory
 
-from ..conftest import GRAY, quad, scene_of, sphere_cap, square
+from ..conftest import GRAY, scene_of, sphere_cap, square
 from .oracle import Pinhole, box_hit, eye, plane_hit, sphere_hit
 
 CAMERA = PerspectiveCamera(width=120, height=90, fov_deg=70)
@@ -144,23 +141,6 @@ def test_flow_between_frames_far_apart_is_analytic_and_agrees_with_neighbors():
     np.testing.assert_array_equal(renderer.flow(poses, 0, 1).displacement, truth.flow_forward)
 
 
-def test_an_object_on_a_spline_is_where_its_ways_say():
-    ways = ((0.0, 0.0, 0.0), (0.3, 0.4, -0.1), (0.1, 0.9, 0.2))
-    tour = Tour(times_s=tuple(TIMES), ways_m=ways)
-    path = Trajectory(frames=3, position_m=(0, 0, 0), look_at_m=(5, 0, 0))
-    wall = quad(np.array([[5, -9, -9], [5, 9, -9], [5, 9, 9], [5, -9, 9.0]]))
-    motion = RigidMotion((5.0, 0.0, 0.0), tour)
-    renderer = SceneRenderer(scene(path, (wall, motion)), CAMERA, SETTINGS)
-    truth = renderer.truth(path.poses(), 1, TIMES)
-    focal = CAMERA.width / 2 / np.tan(np.radians(CAMERA.fov_deg) / 2)
-    np.testing.assert_allclose(truth.depth, 5.3, rtol=1e-6)
-    first, second = np.array(ways[1]), np.array(ways[2])
-    # A plane parallel to the image: everything shifts and scales alike; the middle is at the axis.
-    middle = truth.flow_forward[44:46, 59:61].mean(axis=(0, 1))
-    expected = -focal * (second - first)[1:] / (5 + second[0])
-    np.testing.assert_allclose(middle, expected, atol=1e-4)
-
-
 def swaying_pole():
     """A rough pole of small triangles, as tall as a young tree."""
     pole = trimesh.creation.cylinder(0.25, 6.0, sections=24)
@@ -194,33 +174,6 @@ def test_flow_of_a_swaying_tree_is_that_of_its_bending():
         # (0.2/6)²/4 · 0.4 m of sway, 1e-4 m, which is 2e-3 px at 5 m.
         assert np.linalg.norm(error, axis=-1).max() < 4e-3
         assert np.linalg.norm(flow[seen], axis=-1).min() > 0.5
-
-
-def test_forward_and_backward_flow_of_a_swaying_wall_compose_to_zero():
-    # A smooth surface that bends: the backward flow of the next frame, read where the forward flow
-    # leads, leads back.
-    path = Trajectory(frames=2, position_m=(0, 0, 1.5), look_at_m=(4, 0, 1.7), rotation_deg_s=5,
-                      velocity_m_s=(0.4, 0.2, 0))  # fmt: skip
-    wall = quad(np.array([[4, -4, -1], [4, 4, -1], [4, 4, 5], [4, -4, 5.0]])).subdivide_to_size(0.1)
-    sway = Sway((4.0, 0.0, -1.0), 6.0, (0.6, 0.8), 0.5, 0.8, (0.3, 2.0))
-    renderer = SceneRenderer(scene(path, (wall, sway)), CAMERA, SETTINGS)
-    first, second = (renderer.truth(path.poses(), i, path.times_s) for i in (0, 1))
-    x = np.arange(CAMERA.width) + first.flow_forward[..., 0]
-    y = np.arange(CAMERA.height)[:, None] + first.flow_forward[..., 1]
-    inside = (x > 4) & (x < CAMERA.width - 5) & (y > 4) & (y < CAMERA.height - 5)
-    inside &= ~first.occluded_forward & (first.object_id == 1)
-    assert inside.sum() > 5000
-    back = np.stack(
-        [
-            map_coordinates(
-                second.flow_backward[..., i].astype(float), [y[inside], x[inside]], order=3
-            )
-            for i in (0, 1)
-        ],
-        axis=-1,
-    )
-    residual = np.linalg.norm(first.flow_forward[inside] + back, axis=-1)
-    assert np.percentile(residual, 99) < 1e-3
 
 
 @pytest.mark.parametrize(

@@ -9,15 +9,12 @@ import pytest
 import trimesh
 from scipy.spatial.transform import Rotation
 
-from megalopta.render.scene_renderer import SceneRenderer
-from megalopta.render.settings import RenderSettings
-from megalopta.scenes import Shutter
-from megalopta.scenes.cameras.perspective import PerspectiveCamera
+from megalopta.render import RenderSettings, SceneRenderer
+from megalopta.scenes import PerspectiveCamera, Shutter, Trajectory
 from megalopta.scenes.material import Material
 from megalopta.scenes.motion import Drift, RigidMotion
 from megalopta.scenes.scene import Lighting
 from megalopta.scenes.spectra.spectrum import flat
-from megalopta.scenes.trajectories.steady import Trajectory
 
 from ..conftest import scene_of, square
 from .oracle import eyes

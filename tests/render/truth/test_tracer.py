@@ -4,16 +4,11 @@ import numpy as np
 import pytest
 import trimesh
 
-from megalopta.render import mi
-from megalopta.render.scene_renderer import SceneRenderer
-from megalopta.render.settings import RenderSettings
+from megalopta.render import RenderSettings, SceneRenderer, choose_variant, mi, out_of_view
 from megalopta.render.truth.rays import nearest_hits
-from megalopta.render.truth.tracer import out_of_view
-from megalopta.render.variant import choose_variant
-from megalopta.scenes.cameras.perspective import PerspectiveCamera
+from megalopta.scenes import PerspectiveCamera, Trajectory
 from megalopta.scenes.scene import Lighting
 from megalopta.scenes.spectra.spectrum import flat
-from megalopta.scenes.trajectories.steady import Trajectory
 
 from ..conftest import quad, scene_of
 from .oracle import Pinhole, plane_hit
@@ -118,13 +113,6 @@ def test_first_and_last_frame_have_no_flow_beyond_the_sequence(ground):
     renderer, poses = renderer_of(ground), BOTH.poses()
     assert np.isnan(renderer.truth(poses, 0).flow_backward).all()
     assert np.isnan(renderer.truth(poses, 2).flow_forward).all()
-
-
-def test_object_ids_count_placements_from_one(ground):
-    boxes = [trimesh.creation.box((1, 1, 1)).apply_translation((6, y, 1)) for y in (3.5, 0.5)]
-    ids = renderer_of(*boxes).truth(BOTH.poses(), 0).object_id
-    left, right = ((ids == number).nonzero()[1].mean() for number in (1, 2))
-    assert left < right  # +y is to the left of a camera that looks along +x
 
 
 def test_a_ray_that_hits_nothing_tells_of_nothing_else():

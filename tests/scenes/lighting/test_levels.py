@@ -3,8 +3,8 @@ import math
 import numpy as np
 import pytest
 
-from megalopta.scenes.lighting.levels import LEVELS, SOURCES, illuminance_of
-from megalopta.scenes.spectra.photometry import luminous
+from megalopta.scenes.lighting.levels import LEVELS, illuminance_of
+from megalopta.scenes.spectra.spectrum import luminous
 
 LUX = {
     "daylight": 1e5,
@@ -69,11 +69,6 @@ def test_components_add_up_to_the_named_illuminance(level):
     assert lux == pytest.approx(LUX[level], rel=0.02)
     assert lux == pytest.approx(luminous(LEVELS[level].spectrum()), rel=1e-9)
     assert lux == pytest.approx(illuminance_of(level), rel=1e-9)
-
-
-@pytest.mark.parametrize("level", LEVELS)
-def test_every_component_names_its_source(level):
-    assert all(SOURCES[each.name] for each in LEVELS[level].components)
 
 
 def test_daylight_is_the_published_sun_and_sky_in_five_bands():

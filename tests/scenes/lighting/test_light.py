@@ -3,10 +3,9 @@ import math
 import numpy as np
 import pytest
 
+from megalopta.scenes import Light
 from megalopta.scenes.lighting.levels import LEVELS
-from megalopta.scenes.lighting.light import Light
-from megalopta.scenes.spectra.photometry import luminous
-from megalopta.scenes.spectra.spectrum import planckian
+from megalopta.scenes.spectra.spectrum import luminous, planckian
 
 COVERS = (0.1, 0.5, 0.9, 1.0)
 

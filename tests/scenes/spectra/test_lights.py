@@ -5,24 +5,23 @@ import math
 import numpy as np
 import pytest
 
-from megalopta.scenes.spectra.night_sky import (
+from megalopta.scenes.spectra.outdoors import (
+    ABOVE_ATMOSPHERE,
     AIRGLOW,
+    CLEAR_SKY,
     FAINT_STARLIGHT,
+    FULL_MOON,
     MOONLESS_ZENITH,
+    OVERCAST,
+    QUARTER_MOON,
     S10,
     STARLIGHT,
-    ZODIACAL_S10,
-)
-from megalopta.scenes.spectra.overcast import OVERCAST, overcast_share
-from megalopta.scenes.spectra.photometry import luminous
-from megalopta.scenes.spectra.sunlight import (
-    ABOVE_ATMOSPHERE,
-    CLEAR_SKY,
-    FULL_MOON,
-    QUARTER_MOON,
     SUN,
     TWILIGHT,
+    ZODIACAL_S10,
+    overcast_share,
 )
+from megalopta.scenes.spectra.spectrum import luminous
 
 ARCSEC2_SR = (np.pi / 180 / 3600) ** 2
 PHOTON_J_M = 1.98644586e-25

@@ -2,12 +2,8 @@ import numpy as np
 import pytest
 
 from megalopta.render import RenderSettings, SceneRenderer
-from megalopta.scenes.cameras.perspective import PerspectiveCamera
-from megalopta.scenes.lighting.light import Light
-from megalopta.scenes.spectra.photometry import luminous
-from megalopta.scenes.spectra.spectrum import flat
-from megalopta.scenes.stimuli.motion_bench import MotionBench
-from megalopta.scenes.trajectories.steady import Trajectory
+from megalopta.scenes import Light, MotionBench, PerspectiveCamera, Trajectory
+from megalopta.scenes.spectra.spectrum import flat, luminous
 
 ROW = PerspectiveCamera(width=16, height=1, fov_deg=20)
 SETTINGS = RenderSettings(samples_per_pixel=256, max_depth=2, bands_nm=((690, 710),))

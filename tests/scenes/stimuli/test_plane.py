@@ -2,12 +2,8 @@ import numpy as np
 import pytest
 
 from megalopta.render import RenderSettings, SceneRenderer
-from megalopta.scenes.cameras.perspective import PerspectiveCamera
-from megalopta.scenes.lighting.light import Light
-from megalopta.scenes.spectra.photometry import luminous
-from megalopta.scenes.spectra.spectrum import flat
-from megalopta.scenes.stimuli.plane import Plane
-from megalopta.scenes.trajectories.steady import Trajectory
+from megalopta.scenes import Light, PerspectiveCamera, Plane, Trajectory
+from megalopta.scenes.spectra.spectrum import flat, luminous
 
 CAMERA = PerspectiveCamera(width=64, height=16, fov_deg=40)
 SLIDING = Trajectory(frames=4, velocity_m_s=(0, -0.3, 0))

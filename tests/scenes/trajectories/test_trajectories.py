@@ -5,12 +5,7 @@ import pytest
 from pydantic import TypeAdapter, ValidationError
 from scipy.spatial.transform import Rotation, Slerp
 
-from megalopta.scenes.build import CameraPath
-from megalopta.scenes.trajectories.hover import Hover
-from megalopta.scenes.trajectories.orbit import Orbit
-from megalopta.scenes.trajectories.recorded import Recorded
-from megalopta.scenes.trajectories.spline import Spline
-from megalopta.scenes.trajectories.steady import Trajectory
+from megalopta.scenes import CameraPath, Hover, Orbit, Recorded, Spline, Trajectory
 
 RNG = np.random.default_rng(5)
 KNOTS = np.array([3.0, 3.4, 4.1, 5.0, 5.2, 6.5])

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from megalopta.scenes.spectra.night_sky import MOONLESS_ZENITH
+from megalopta.scenes.spectra.outdoors import MOONLESS_ZENITH
 from megalopta.sensor import expose
 from megalopta.sensor.ctia.array import (
     electron_moments,
