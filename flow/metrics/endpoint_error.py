@@ -30,6 +30,7 @@ from numpy.typing import NDArray
 
 from megalopta.core.arrays import Floats, Mask
 from megalopta.flow.detectors.blocks import BlockGrid
+from megalopta.flow.metrics.response_error import for_json
 
 SLOW_PX, FAST_PX = 0.5, 2.0
 """Per frame of the resized image: whole-pixel methods read 0 below half a pixel, and beyond two the
@@ -80,7 +81,7 @@ class TruthError:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the fields ready for JSON; what is undefined is None."""
-        return {name: _json(value) for name, value in asdict(self).items()}
+        return dict(for_json(asdict(self)))
 
 
 def block_flow(
@@ -237,12 +238,6 @@ def _angles_deg(first: Floats, second: Floats) -> Floats:
     a, b = (np.column_stack((each, np.ones(len(each)))) for each in (first, second))
     cross = np.linalg.norm(np.cross(a, b), axis=1)
     return np.asarray(np.degrees(np.arctan2(cross, np.sum(a * b, axis=1))))
-
-
-def _json(value: Any) -> Any:
-    if isinstance(value, tuple):
-        return [_json(each) for each in value]
-    return None if math.isnan(value) else value
 
 
 def _of(statistic: Callable[[NDArray[Any]], Any], values: NDArray[Any]) -> float:

@@ -23,11 +23,11 @@ from typing import Annotated, Any, Literal, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
-from pydantic import Field, PositiveInt, TypeAdapter
+from pydantic import BeforeValidator, Field, PositiveInt, TypeAdapter
 
 from megalopta.core.arrays import Floats
 from megalopta.flow.detectors.base import Detector
-from megalopta.flow.metrics.response_error import Metric, error_parts, quotient
+from megalopta.flow.metrics.response_error import Metric, error_parts, for_json, quotient
 from megalopta.sensor.sampling.streams import generator
 
 _REPLICATES = 2000
@@ -39,6 +39,8 @@ _UNITS = ((1e12, "T"), (1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""))
 
 Flux = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 """Checked where it is read from a file"""
+Error = Annotated[float, BeforeValidator(lambda value: math.nan if value is None else value)]
+"""Undefined errors are None in a file"""
 
 
 class MeasuredErrors(NamedTuple):
@@ -168,9 +170,9 @@ class ErrorCurve:
     metric: Metric
     fluxes: tuple[Flux, ...]
     """Photons per frame, growing"""
-    errors: tuple[float, ...]
+    errors: tuple[Error, ...]
     """Of the whole sequence; NaN when the ideal response is zero everywhere"""
-    standard_errors: tuple[float, ...]
+    standard_errors: tuple[Error, ...]
     degrees_of_freedom: int
     """Of the standard errors"""
     thresholds: dict[int, Threshold]
@@ -178,11 +180,8 @@ class ErrorCurve:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the curve ready for JSON; undefined errors are None."""
-        fields = asdict(self)
-        for name in ("errors", "standard_errors"):
-            fields[name] = [None if math.isnan(value) else value for value in fields[name]]
-        fields["thresholds"] = {f"N_{bits}b": each for bits, each in fields["thresholds"].items()}
-        return fields
+        thresholds = {f"N_{bits}b": asdict(each) for bits, each in self.thresholds.items()}
+        return dict(for_json(asdict(self) | {"thresholds": thresholds}))
 
     @staticmethod
     def from_dict(fields: Mapping[str, Any]) -> "ErrorCurve":
@@ -191,15 +190,8 @@ class ErrorCurve:
         Raises ValueError, LookupError, TypeError or AttributeError when something is missing, or
         is nothing of the kind.
         """
-        errors = {
-            name: [math.nan if value is None else value for value in fields[name]]
-            for name in ("errors", "standard_errors")
-        }
-        thresholds = {
-            name.removeprefix("N_").removesuffix("b"): each
-            for name, each in fields["thresholds"].items()
-        }
-        curve = _reader().validate_python({**fields, **errors, "thresholds": thresholds})
+        thresholds = {name[2:-1]: each for name, each in fields["thresholds"].items()}
+        curve = _reader().validate_python({**fields, "thresholds": thresholds})
         if not len(curve.fluxes) == len(curve.errors) == len(curve.standard_errors):
             raise ValueError(f"errors of {curve.method} are not as many as its fluxes")
         return curve
@@ -262,15 +254,6 @@ def error_curve(
     for bits in asked.bits:
         rng = generator(int(seed), "threshold", *names, method.name, metric, bits)
         thresholds[bits] = threshold(measured, 2.0**-bits, rng, asked.confidence)
-    fluxes, errors, spreads = (tuple(np.asarray(each).tolist()) for each in measured[:3])
-    return ErrorCurve(
-        method.name,
-        method.label,
-        shape,
-        metric,
-        fluxes,
-        errors,
-        spreads,
-        measured.degrees_of_freedom,
-        thresholds,
-    )
+    numbers = (tuple(np.asarray(each).tolist()) for each in measured[:3])
+    freedom = measured.degrees_of_freedom
+    return ErrorCurve(method.name, method.label, shape, metric, *numbers, freedom, thresholds)

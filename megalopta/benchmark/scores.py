@@ -39,6 +39,7 @@ from megalopta.flow.detectors.gray_detector import DenseDetector
 from megalopta.flow.detectors.registry import Method, method
 from megalopta.flow.formats import read_flow
 from megalopta.flow.metrics.endpoint_error import GROUPS, DenseErrors
+from megalopta.flow.metrics.response_error import for_json
 
 Answers = Mapping[Frame, tuple[str, Callable[[], NDArray[Any]]]]
 """Where the answer to a frame comes from, and what gives it, (H, W, 2) in px"""
@@ -191,13 +192,7 @@ def _mask(path: Path, shape: tuple[int, ...]) -> NDArray[np.bool_]:
 
 
 def _groups(errors: DenseErrors) -> Groups:
-    return {
-        group: {
-            name: None if math.isnan(value) else value
-            for name, value in asdict(errors.of(group)).items()
-        }
-        for group in GROUPS
-    }
+    return {group: for_json(asdict(errors.of(group))) for group in GROUPS}
 
 
 _COLUMNS: Mapping[str, tuple[str, str]] = {
