@@ -35,7 +35,6 @@ Derivation, sources and errors: `docs/theory/matching.md`.
 import math
 from collections.abc import Callable, Hashable, Sequence
 from functools import partial
-from itertools import pairwise
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
@@ -89,7 +88,7 @@ class PoissonMatching(BlockDetector, frozen=True):
         """Return the search for frames (H, W); see `Detector.start`."""
         grid, radius = self.grid(shape), self.radius_px or thesis_radius_px(shape)
         return self.over_window(
-            grid, lambda window, scale: _neighbor_shifts(window, grid, radius), SmoothedFrame
+            grid, lambda window, scale: _shifts(window, grid, radius), SmoothedFrame
         )
 
 
@@ -252,39 +251,37 @@ def parabola_minimum(costs: Floats) -> Floats:
     return np.where(np.isfinite(steps), np.clip(steps, -1, 1), 0)
 
 
-def _neighbor_shifts(window: Sequence[SmoothedFrame], grid: BlockGrid, radius: int) -> Floats:
-    """Return how far the content of each block moves from frame to frame, (blocks, 2), x and y, px.
+def _shifts(window: Sequence[SmoothedFrame], grid: BlockGrid, radius: int) -> Floats:
+    """Return how far the content of each block moves between two frames, (blocks, 2), x and y, px.
 
-    NaN where all shifts are as likely. Frames are oldest first, two or more. Shifts are searched so
-    far in x and in y; so far around a block its texture and noise are judged, too.
+    NaN where all shifts are as likely. Shifts are searched so far in x and in y; so far around a
+    block its texture and noise are judged, too.
     """
+    first, second = window
     levels, seconds = suited_levels(window, grid, radius), grid.corners
-    pairs = list(pairwise(window))
-    costs = _costs(pairs, levels, np.hstack((seconds, seconds)), grid.block_px, radius)
+    costs = _costs((first, second), levels, np.hstack((seconds, seconds)), grid.block_px, radius)
     best, exists = least_cost(costs)
     firsts = np.where(exists[:, np.newaxis], seconds - best[:, ::-1], seconds)
-    forth = _costs(pairs, levels, np.hstack((firsts, seconds)), grid.block_px, 1)
-    swapped = [(later, earlier) for earlier, later in pairs]
-    back = _costs(swapped, levels, np.hstack((seconds, firsts)), grid.block_px, 1)
+    forth = _costs((first, second), levels, np.hstack((firsts, seconds)), grid.block_px, 1)
+    back = _costs((second, first), levels, np.hstack((seconds, firsts)), grid.block_px, 1)
     shifts = best + parabola_minimum(forth + back[:, ::-1, ::-1])
     return np.where(exists[:, np.newaxis], shifts, np.nan)
 
 
 def _costs(
-    pairs: Sequence[tuple[SmoothedFrame, SmoothedFrame]],
+    pair: tuple[SmoothedFrame, SmoothedFrame],
     levels: NDArray[np.intp],
     places: NDArray[np.int64],
     block_px: int,
     radius: int,
 ) -> Floats:
-    """Return the costs of shifts around those of places, as of `add_costs`, over all pairs."""
+    """Return the costs of shifts around those of places, as of `add_costs`."""
     costs = np.zeros((len(places), 2 * radius + 1, 2 * radius + 1))
     for level in np.unique(levels):
         mine = np.flatnonzero(levels == level)
         part = costs[mine]
-        for searched, frame in pairs:
-            roots = searched.roots(level), frame.roots(level)
-            add_costs(*roots, frame.weights(level), places[mine], block_px, part)
+        roots, weights = (each.roots(level) for each in pair), pair[1].weights(level)
+        add_costs(*roots, weights, places[mine], block_px, part)
         costs[mine] = part
     return costs
 

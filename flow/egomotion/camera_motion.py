@@ -42,20 +42,8 @@ from scipy.sparse.linalg import splu
 from scipy.spatial.transform import Rotation
 
 from megalopta.core.arrays import Floats
+from megalopta.flow import likelihood
 from megalopta.flow.detectors.base import Frames
-from megalopta.flow.likelihood import (
-    NODE_PX,
-    Level,
-    charge_of,
-    evidence,
-    finer,
-    level_of,
-    likelihood_flow,
-    links,
-    stiffness,
-    times_from_reference,
-    to_nodes,
-)
 from megalopta.scenes.cameras.base import Camera
 
 _TRIED = 400
@@ -256,7 +244,7 @@ class _Search:
     """Everything that does not change while the motion is looked for."""
 
     camera: Camera
-    level: Level
+    level: likelihood.Level
     times: Floats
     charge: float
     flow: Floats
@@ -273,22 +261,24 @@ class _Search:
     @classmethod
     def of(cls, counts: Frames, camera: Camera) -> "_Search":
         sides = [
-            np.minimum(NODE_PX * (np.arange(-(-side // NODE_PX)) + 0.5), side - 0.5)
+            np.minimum(
+                likelihood.NODE_PX * (np.arange(-(-side // likelihood.NODE_PX)) + 0.5), side - 0.5
+            )
             for side in counts.shape[1:]
         ]
         y, x = np.meshgrid(*sides, indexing="ij")
         centers = np.stack((x, y), axis=-1)
         seen = camera.toward(centers)
-        dense = likelihood_flow(counts, _SMOOTHNESS)
+        dense = likelihood.likelihood_flow(counts, _SMOOTHNESS)
         flow = [
             map_coordinates(along, (y - 0.5, x - 0.5), order=1, mode="nearest")
             for along in np.moveaxis(dense, -1, 0)
         ]
         return cls(
             camera,
-            level_of(counts.astype(np.float64)),
-            times_from_reference(len(counts)),
-            charge_of(counts, _NEARNESS_SMOOTHNESS),
+            likelihood.level_of(counts.astype(np.float64)),
+            likelihood.times_from_reference(len(counts)),
+            likelihood.charge_of(counts, _NEARNESS_SMOOTHNESS),
             np.stack(flow, axis=-1),
             centers,
             camera.directions(),
@@ -331,16 +321,18 @@ class _Search:
     def _step(self, motion: _Motion) -> tuple[float, _Motion]:
         """Return how unlikely a motion is, and a better one."""
         heading, nearness = motion.heading, motion.nearness
-        near = finer(nearness[np.newaxis], self.level.roots.shape[1:], NODE_PX)[0]
+        near = likelihood.finer(
+            nearness[np.newaxis], self.level.roots.shape[1:], likelihood.NODE_PX
+        )[0]
         # by how much ω and α have turned the camera
         patterns = np.stack((self.times, self.times * (self.times - 1) / 2))
         turns = patterns.T @ np.stack((motion.turn, motion.change))
         at_times = zip(self.times, turns, strict=True)
         places = (self._places(heading, near, time, turn) for time, turn in at_times)
-        found = evidence(self.level, patterns, places)
-        xx, xy, yy = to_nodes(found.information)
+        found = likelihood.evidence(self.level, patterns, places)
+        xx, xy, yy = likelihood.to_nodes(found.information)
         information = np.stack((np.stack((xx, xy), -1), np.stack((xy, yy), -1)), -2)
-        slopes = np.stack([np.moveaxis(to_nodes(each), 0, -1) for each in found.slope])
+        slopes = np.stack([np.moveaxis(likelihood.to_nodes(each), 0, -1) for each in found.slope])
         # how the flow changes with the eight parameters, and with the nearness
         sideways = np.linalg.svd(heading[np.newaxis])[2][1:].T
         going = nearness[..., np.newaxis, np.newaxis] * (self.going @ sideways)
@@ -382,9 +374,9 @@ class _Search:
 
         The stiffness (nodes, nodes) makes of a charge that grows as the gradient a quadratic form.
         """
-        first, second = links(nearness.shape)
+        first, second = likelihood.links(nearness.shape)
         change = scale * (nearness.ravel()[second] - nearness.ravel()[first])
-        springs = stiffness(self.charge, change**2)
+        springs = likelihood.stiffness(self.charge, change**2)
         rows = np.concatenate((first, second, first, second))
         columns = np.concatenate((first, second, second, first))
         values = scale**2 * np.concatenate((springs, springs, -springs, -springs))

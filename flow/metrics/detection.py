@@ -106,15 +106,6 @@ def d_prime(noise: Floats, signal: Floats) -> float:
     return math.sqrt(2) * float(ndtri(kept))
 
 
-def false_alarm_rate(noise: Floats, threshold: float) -> float:
-    """Return the share of the noise, of any shape, above a threshold.
-
-    Raises ValueError when there is none, or it holds NaN.
-    """
-    _check(noise)
-    return float(np.mean(noise > threshold))
-
-
 def _components(detector: Detector, responses: Floats) -> Floats:
     """Return x and y of the evidence, (2, T, rows, columns)."""
     if isinstance(detector, BlockDetector):

@@ -216,14 +216,6 @@ class MedianPhotons(NamedTuple):
     high: float
 
 
-def confined(detector: BlockDetector, block_px: int, margin_px: int) -> BlockDetector:
-    """Return a detector for frames that are one block and its margin, searching all of it."""
-    changes = {"block_px": block_px, "fewest_blocks": 1}
-    if "radius_px" in type(detector).model_fields:
-        changes["radius_px"] = margin_px
-    return detector.model_copy(update=changes)
-
-
 def confined_velocities(
     detector: BlockDetector, frames: Frames, grid: BlockGrid, margin_px: int
 ) -> Floats:
@@ -238,7 +230,11 @@ def confined_velocities(
     """
     if not 1 <= margin_px <= grid.block_px:
         raise ValueError(f"margin_px {margin_px}: give 1 to {grid.block_px}, the side of a block")
-    alone = confined(detector, grid.block_px, margin_px)
+    # frames of one block and its margin, all of which is searched
+    changes = {"block_px": grid.block_px, "fewest_blocks": 1}
+    if "radius_px" in type(detector).model_fields:
+        changes["radius_px"] = margin_px
+    alone = detector.model_copy(update=changes)
     side = grid.block_px + 2 * margin_px
     newest = frames[-1 - detector.memory_frames :]
     velocities = np.empty((grid.rows - 2, grid.columns - 2, 2))

@@ -29,7 +29,6 @@ from megalopta.flow.detectors.registry import Method, method
 from megalopta.flow.metrics.detection import (
     Roc,
     d_prime,
-    false_alarm_rate,
     motion_evidence,
     rightward_evidence,
     roc,
@@ -238,7 +237,7 @@ def detections(methods: Sequence[Method], flux: float) -> list[Detection]:
         }
         still, moving = (motion_evidence(detector, responses[name]) for name in ("still", "right"))
         sides = (rightward_evidence(detector, responses[name]) for name in ("left", "right"))
-        false_alarms = false_alarm_rate(still, motion_threshold(detector))
+        false_alarms = float(np.mean(still > motion_threshold(detector)))
         distances = d_prime(still, moving), d_prime(*sides)
         found.append(Detection(detector.name, flux, *distances, false_alarms, roc(still, moving)))
     return found
