@@ -12,7 +12,6 @@ from megalopta.benchmark.trial import Template, Trial, path_from_its_file, templ
 from megalopta.config.validation import one_sentence
 from megalopta.config.yaml_model import mapping, put, read_text, validated
 from megalopta.core.errors import UserError
-from megalopta.core.progress import duration, say
 from megalopta.core.record import Record
 from megalopta.core.strict_yaml import booleans_for_others
 from megalopta.flow.benchmark.settings import each_once
@@ -20,12 +19,6 @@ from megalopta.flow.benchmark.settings import each_once
 Value = int | float | bool | str
 MOST_TRIALS = 10_000
 """In one sweep: more than anybody waits for, and checking them takes a minute."""
-
-_FLUXES = 20
-"""At which a search measures a detector."""
-_PIXELS_PER_S = 1e7
-"""That a detector sees, roughly"""
-_LONGEST_S, _WORTH_TELLING_S = 30 * 86400.0, 300.0
 
 _SHARED = ("methods", "search.metrics", "search.bits")
 
@@ -145,26 +138,3 @@ def load_sweep(
     """
     values = mapping(read_text(path, "sweep; give a YAML file"), str(path))
     return validated(Sweep, values, str(path), overrides, path.parent, allows_code)
-
-
-def announce_sweep(sweep: Sweep) -> None:
-    """Say how many trials a sweep has; refuse one that takes longer than a month."""
-    trials = sweep.trials
-    seconds = sum(
-        trial.size**2
-        * len(trial.methods)
-        * (trial.search.frames + trial.search.summed_frames)
-        * trial.search.phases
-        * trial.search.repeats
-        * _FLUXES
-        / _PIXELS_PER_S
-        for trial in trials
-    )
-    if seconds > _LONGEST_S:
-        raise UserError(
-            f"sweep: {len(trials)} trials would take about {duration(seconds)} of work, more than "
-            f"the longest that is begun, {duration(_LONGEST_S)}; lower trial.search.repeats or "
-            "frames, or give fewer values"
-        )
-    if seconds > _WORTH_TELLING_S:
-        say(f"sweep: {len(trials)} trials, about {duration(seconds)}")

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from megalopta.benchmark.ranking import RATIO, Ranking
-from megalopta.benchmark.ranking_run import order_changes, read_ranking, run_ranking
+from megalopta.benchmark.ranking_page import order_changes
+from megalopta.benchmark.ranking_run import read_ranking, run_ranking
 from megalopta.benchmark.ranking_settings import NO_POOLING
 from megalopta.benchmark.sequence_errors import BOUND, STILL, SequenceTruth
 from megalopta.cli import main as cli
