@@ -1,35 +1,23 @@
 """Block matching by Poisson likelihood, of two frames (PM) or of up to eight together (PPM).
 
 As in block matching, each block of frame t + 1 is compared with the equally large parts of frame t
-around it. Costs are squared differences of the roots of counts, the log-likelihood of a shift up to
-a factor for counts that were smoothed. Each block is smoothed as its own counts ask for
-(`likelihood.suited_blur_px`). Edges lie between plain areas, where differences are all noise; so
-each pixel is weighed as well, by the variance of the smoothed roots around it: texture over texture
-plus noise, no less than a fifth.
+around it. Costs are squared differences of the roots of counts. Each block is smoothed as its own
+counts ask for (`likelihood.suited_blur_px`), and each pixel weighed by the variance of the smoothed
+roots around it: texture over texture plus noise, no less than a fifth.
 
 The best shift is interpolated by the parabola through 3 × 3 costs, which is meant for frames
-smoothed by at least 0.7 px; on sharper ones it draws velocities toward whole pixels. A neighborhood
-in which only one frame's part moves sees another strip of texture on either side, which tilts the
-parabola: the costs around the minimum are those of both frames' parts. A block uses its own pixels,
-those that the search compares them with, and what the smoothing mixes into both, 6 px at most; the
-weights look a little further. One without photons, or whose costs are all equal, has no velocity
-(NaN).
+smoothed by at least 0.7 px. A neighborhood in which only one frame's part moves sees another strip
+of texture on either side, which tilts the parabola: the costs around the minimum are those of both
+frames' parts. A block uses its own pixels, those that the search compares them with, and what the
+smoothing mixes into both, 6 px at most; the weights look a little further. One without photons, or
+whose costs are all equal, has no velocity (NaN).
 
-PPM first finds the velocity v that all pairs of frames agree on, the highest of
+PPM first finds the velocity that all pairs of frames agree on, by a sum of their filtered
+correlations, then moves to where the frames laid over one another are most alike, by Gauss–Newton
+steps. Between pixels frames are cubic splines, which leave of frames blurred by 0.7 px an error
+below a hundredth of a pixel, where parabolas through costs leave a tenth.
 
-    ½·Σ_ω S/(N·(N + n·S))·|Σ_t y_t(ω)·exp(iω·v·t)|²
-
-a sum over pairs of their correlation, filtered, at the displacement v·k of frames k apart. N is the
-mean count, S falls with the frequency from the counts' excess variance. From there it moves to
-where the frames f_t(x + v·t), t from their middle, are most alike, by Gauss–Newton steps with g the
-mean gradient of the frames so laid over one another:
-
-    Δv = −(Σ_x w·g·gᵀ·Σ_t (t − t̄)²)⁻¹ · Σ_x w·g·Σ_t (t − t̄)·f_t(x + v·t) .
-
-Between pixels frames are cubic splines, which leave of frames blurred by 0.7 px an error below a
-hundredth of a pixel, where parabolas through costs leave a tenth.
-
-Derivation, sources and errors: `docs/theory/matching.md`.
+Equations, sources and errors: `docs/theory/matching.md`.
 """
 
 import math

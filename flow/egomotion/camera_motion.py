@@ -7,25 +7,19 @@ by a camera that went by t and turned by R. Whatever its distance,
 
 which is the motion across the plane of d and t, in radians, so noise of the flow weighs alike
 everywhere. Headings all over the sphere are tried with it linear in the rotation (Bruss and Horn
-1983, on the sphere); the best are refined without that approximation and with Cauchy's loss. The
-sign of t is the one that puts more points in front.
+1983); the best are refined without that approximation and with Cauchy's loss. The sign of t is the
+one that puts more points in front.
 
-**From counts**, the motion under which those of several frames are most likely (`flow.likelihood`).
-A camera that turns by ω + s·α and goes by t from frame s to the next sees a point in direction d,
-at distance 1/ρ, at time s in the direction
-
-    R(s·ω + s(s − 1)/2·α)ᵀ(d − s·ρ·t)
-
-Parameters are ω, α, the direction of t, and ρ|t| ≥ 0 at nodes 4 px apart. Neighbors are charged for
-flow that differs through ρ as those of Poisson flow are, though less, so that a place without
-texture takes its distance from its neighbors. Gauss–Newton steps eliminate ρ by sparse
-factorization and leave eight equations. There are several maxima: going to the left passes for
-turning to the left. So the search starts from the heading that fits Poisson flow best, from its
-opposite, and from both ways along each axis of the camera, each with the rotation and distances
-that fit Poisson flow; the two most likely after three steps go on.
+**From counts**, the motion under which those of several frames are most likely (`flow.likelihood`),
+of the rotation ω, its change α, the heading, and the nearness ρ|t| at nodes 4 px apart. Neighbors
+are charged for flow that differs through ρ as those of Poisson flow are, though less, so that a
+place without texture takes its distance from its neighbors. There are several maxima: going to the
+left passes for turning to the left. So the search starts from the heading that fits Poisson flow
+best, from its opposite, and from both ways along each axis of the camera, each with the rotation
+and distances that fit Poisson flow; the two most likely after three steps go on.
 
 The scene is taken not to move. Frames of a full panorama are not continued across its seam. Without
-translation the rotation is found, and the heading means nothing. Errors and limits:
+translation the rotation is found, and the heading means nothing. Equations, errors and limits:
 `docs/theory/camera-motion.md`.
 """
 

@@ -6,25 +6,16 @@ the displacement):
 
     J = Σ ∇λ·∇λᵀ/λ          cov(v) ≥ J⁻¹/Σ(t − t̄)²          Σ(t − t̄)² = n(n² − 1)/12
 
-Assumed: unbiased estimates from the pixels of the block, and a texture that costs nothing to learn
-(it is known up to its displacement); below some hundred photons a block the bound is optimistic. A
-method that returns x and y must be held against J⁻¹, whose x component exceeds 1/J_xx where the
-gradients of a block favor one direction.
-
-**Unknown texture.** Of a texture that is a draw of a Gaussian process of known power spectrum S(ω),
-counts² per pixel, under white noise of variance σ², k frames tell n pixels' velocity with
-
-    F = (n/N)·Σ_ω ω·ωᵀ · S/σ² · k·S/(σ² + k·S) · Σ(t − t̄)²
-
-the sum running over the N frequencies of the spectrum (Slepian–Bangs formula; Kay, Fundamentals of
-Statistical Signal Processing I, §3.9): the covariance of a component is S·u·uᴴ + σ²·I with
-u = exp(−i·ω·v·t). Assumed besides: motion that brings in no new texture. What a method knows beyond
-the spectrum can take it below; more on both bounds in `docs/explanation/poisson-bound.md`.
+Assumed: unbiased estimates from the pixels of the block, and a texture that costs nothing to learn;
+below some hundred photons a block the bound is optimistic. A method that returns x and y must be
+held against J⁻¹, whose x component exceeds 1/J_xx where the gradients of a block favor one
+direction. Of an unknown texture the power spectrum alone is known, and no motion brings in new
+texture. Both bounds: `docs/explanation/poisson-bound.md`.
 
 **Methods against the bound**, block by block alone. A method that smooths its flow over the frame,
 climbs a pyramid or takes one velocity for all blocks gathers more photons than those of its block.
-So that all have the same support, every method is given each block as a frame of its own: the block
-and a margin as wide as the search around it, cut out of the counts. Nothing else is seen.
+So every method is given each block as a frame of its own: the block and a margin as wide as the
+search around it, cut out of the counts.
 """
 
 import math
@@ -160,6 +151,8 @@ def unknown_texture_information(
     spectrum: Floats, noise: float, pixels: int, frames: int = 2
 ) -> Floats:
     """Return the Fisher information (2, 2) on the velocity, (frame/px)², components x, y.
+
+    By the Slepian–Bangs formula (Kay, Fundamentals of Statistical Signal Processing I, §3.9).
 
     `spectrum` (H, W): power of the texture, counts² per pixel, in the order of `numpy.fft.fft2`;
     `noise`: variance of the noise of a pixel, counts²: with photons alone the mean count, above 0;

@@ -65,8 +65,12 @@ def directional_methods(ranked: Methods, more: Iterable[Method]) -> Mapping[str,
 
 
 def block_detector(chosen: Method) -> BlockDetector:
-    """Return a method that gives velocities of blocks. Raises ValueError for any other."""
-    found = method(chosen)
+    """Return a method that gives velocities of blocks, or a baseline by its name, as `DIS √`.
+
+    Raises ValueError for any other.
+    """
+    baseline = next((stretched(name) for name in _GRAY if chosen == f"{name} √"), None)
+    found = baseline or method(chosen)
     if not isinstance(found, BlockDetector):
         raise ValueError(f"{found.name} gives no velocity of blocks; choose a method that does")
     return found.model_copy(update={"block_px": BLOCK_PX})
@@ -83,11 +87,6 @@ def stretched(name: str) -> GrayDetector:
         "blur_px": _BLUR_PX,
     }
     return detector.model_copy(update=changes)
-
-
-def on_the_board(chosen: Method) -> Method:
-    """Return the baseline of a name as the board spells it, `DIS √`; anything else as it is."""
-    return next((stretched(name) for name in _GRAY if chosen == f"{name} √"), chosen)
 
 
 def methods_and_baselines(frames: int) -> list[BlockDetector]:

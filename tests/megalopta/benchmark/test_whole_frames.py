@@ -8,7 +8,7 @@ from PIL import Image
 from scipy.ndimage import gaussian_filter, map_coordinates
 
 from megalopta.benchmark.clips import FRAMES, FlowClip, leaves_clip, middle, panorama_clips
-from megalopta.benchmark.methods import methods_and_baselines, on_the_board
+from megalopta.benchmark.methods import block_detector, methods_and_baselines
 from megalopta.benchmark.whole_frames import FAR, MEAN, MEDIAN, frame_errors
 from megalopta.cli import main as cli
 from megalopta.flow.detectors.gray_detector import detector_from
@@ -63,8 +63,7 @@ def test_methods_and_baselines_of_a_board_do_with_its_frames():
     two, eight = ({each.name: each for each in methods_and_baselines(n)} for n in (2, 8))
     assert {"PM", "DIS √"} <= set(two) and not {"PPM", "EMD"} & set(two)
     assert {"PM", "PPM", "DIS √"} <= set(eight) and "EMD" not in eight
-    assert on_the_board("DIS √") == two["DIS √"]
-    assert on_the_board("DIS") == "DIS"
+    assert block_detector("DIS √") == block_detector(two["DIS √"])
 
 
 def test_shipped_scenes_move_as_their_flow_says():
