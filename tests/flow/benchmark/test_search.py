@@ -106,15 +106,6 @@ def test_results_do_not_depend_on_the_company_of_methods():
         assert alone == tuple(curve for curve in together if curve.method == method.name)
 
 
-def test_seed_and_name_each_give_other_draws():
-    results = [
-        fluxes(found(grating(), "NDS", seed=seed, name=name))[0]
-        for seed, name in ((0, "a"), (1, "a"), (0, "b"), (0, "a"))
-    ]
-    assert len(set(results)) == 3
-    assert results[0] == results[3]
-
-
 @pytest.mark.parametrize("is_smooth", [False, True])
 @pytest.mark.parametrize("per_decade", [1, 2, 3, 8])
 def test_search_ends_on_any_falling_curve(per_decade, is_smooth):

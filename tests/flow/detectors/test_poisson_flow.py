@@ -5,7 +5,6 @@ import pytest
 
 from megalopta.flow.detectors.blocks import BlockGrid
 from megalopta.flow.detectors.poisson_flow import PoissonFlow, PooledFlow
-from megalopta.flow.detectors.registry import METHODS
 from megalopta.flow.metrics.translation_bound import fisher_information
 
 from ..textures import drifting_texture
@@ -58,11 +57,3 @@ def test_eight_frames_need_fewer_photons_than_two():
     two = PoissonFlow().dense(*counts[3:5]) - VELOCITY
     eight = PooledFlow().dense(*counts) - VELOCITY
     assert np.median(np.hypot(*eight.T)) < np.median(np.hypot(*two.T)) / 2
-
-
-@pytest.mark.parametrize("name", ["PF", "DIS"])
-def test_a_frame_that_is_not_finite_is_refused_by_its_number(name):
-    frames = np.random.default_rng(0).poisson(5, (2, 48, 48)).astype(float)
-    frames[1, 3, 4] = np.nan
-    with pytest.raises(ValueError, match="frame 2 has pixels that are not finite"):
-        METHODS[name].dense(*frames)
