@@ -8,8 +8,7 @@ import pytest
 
 from megalopta.benchmark import runner as engine
 from megalopta.benchmark.runner import run_trials, trial_work
-from megalopta.benchmark.sweep import Sweep
-from megalopta.benchmark.trial import GratingTemplate, Trial
+from megalopta.benchmark.trial import GratingTemplate, Sweep, Trial
 from megalopta.flow.benchmark.settings import SearchSettings
 
 FAST = SearchSettings(flux_min=1e4, flux_max=1e7, bits=(2,), metrics=("literal",), phases=2)

@@ -3,8 +3,7 @@
 import pytest
 from pydantic import ValidationError
 
-from megalopta.benchmark.sweep import Sweep, load_sweep
-from megalopta.benchmark.trial import GratingTemplate, Trial
+from megalopta.benchmark.trial import GratingTemplate, Sweep, Trial, load_sweep
 from megalopta.config.yaml_model import to_yaml
 from megalopta.core.errors import UserError
 
