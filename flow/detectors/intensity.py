@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from scipy.special import gammaln, xlogy
 
 from megalopta.core.arrays import Floats
-from megalopta.flow.detectors.base import Detector, Frames, Responder
+from megalopta.flow.detectors.base import Detector, Responder
 
 
 class IntensityMeasurement(Detector, frozen=True):
@@ -33,7 +33,7 @@ class IntensityMeasurement(Detector, frozen=True):
         """Return the scaling of frames; see `Detector.start`."""
         if min(shape) < 3:
             raise ValueError(f"frames of {shape[0]} × {shape[1]} px: {self.name} needs 3 × 3 px")
-        return _scaled
+        return lambda frames, scale: np.asarray(frames * np.float64(scale))
 
     def expected_deviation(self, means: Floats, scale: float) -> Floats:
         """Return the mean absolute deviation of Poisson counts; see `Detector`."""
@@ -42,10 +42,6 @@ class IntensityMeasurement(Detector, frozen=True):
     def scored(self, responses: Floats) -> Floats:
         """Return pixels 2 to N − 1 of each side, as in Eq. 4.5."""
         return responses[:, 1:-1, 1:-1, np.newaxis]
-
-
-def _scaled(frames: Frames, scale: float) -> Floats:
-    return np.asarray(frames * np.float64(scale))
 
 
 def mean_absolute_deviation(means: ArrayLike) -> Floats:

@@ -110,7 +110,11 @@ def motion_of_flow(camera: Camera, points: Floats, flow: Floats) -> CameraMotion
 def _promising(d: Floats, e: Floats) -> Floats:
     """Headings from which to refine, (n, 3)."""
     some = slice(None, None, max(1, len(d) // _TRIED_ON))
-    d, e, tried = d[some], e[some], _half_sphere(_TRIED)
+    d, e = d[some], e[some]
+    # spread evenly over half of the sphere: the other half are their opposites
+    z = (np.arange(_TRIED) + 0.5) / _TRIED
+    turn, radius = np.pi * (1 + 5**0.5) * np.arange(_TRIED), np.sqrt(1 - z**2)
+    tried = np.column_stack((radius * np.cos(turn), radius * np.sin(turn), z))
     normals = _normals(tried[:, np.newaxis], d)
     # least squares of (e + ω × e) · n = 0, for every heading at once
     rows, left = np.cross(e, normals), np.sum(e * normals, axis=-1)
@@ -118,14 +122,6 @@ def _promising(d: Floats, e: Floats) -> Floats:
     turns = -np.linalg.solve(powers, np.swapaxes(rows, 1, 2) @ left[..., np.newaxis])
     costs = np.median(np.abs(left + (rows @ turns)[..., 0]), axis=1)
     return tried[np.argsort(costs)[:_REFINED]]
-
-
-def _half_sphere(count: int) -> Floats:
-    """Directions spread evenly over half of the sphere: the other half are their opposites."""
-    z = (np.arange(count) + 0.5) / count
-    turn = np.pi * (1 + 5**0.5) * np.arange(count)
-    radius = np.sqrt(1 - z**2)
-    return np.column_stack((radius * np.cos(turn), radius * np.sin(turn), z))
 
 
 def _normals(t: Floats, d: Floats) -> Floats:
@@ -139,26 +135,22 @@ def _across(t: Floats, turn: Floats, d: Floats, e: Floats) -> Floats:
     return np.asarray(np.sum(Rotation.from_rotvec(turn).apply(e) * _normals(t, d), axis=1))
 
 
-def _turn(t: Floats, d: Floats, e: Floats) -> Floats:
-    """Rotation vector that leaves least across, by least squares: (e + ω × e) · n = 0."""
-    normals = _normals(t, d)
-    return np.asarray(
-        np.linalg.lstsq(np.cross(e, normals), -np.sum(e * normals, axis=1), rcond=None)[0]
-    )
-
-
 def _refined(t: Floats, d: Floats, e: Floats) -> tuple[Floats, Floats, float]:
     """Return the heading and turn near t that leave least across, and their median distance."""
-    turn = _turn(t, d, e)
+    normals = _normals(t, d)
+    # least squares of (e + ω × e) · n = 0
+    turn = np.linalg.lstsq(np.cross(e, normals), -np.sum(e * normals, axis=1), rcond=None)[0]
     for _ in range(_ROUNDS):  # each with the noise that the last has left
         noise = 1.4826 * np.median(np.abs(_across(t, turn, d, e))) or _NOISELESS
         # two directions across t, in which it may move
-        sideways = np.linalg.svd(t[np.newaxis])[2][1:]
-
-        start = np.concatenate(([0.0, 0.0], turn))
-        residuals = partial(_scaled_residuals, t, sideways, d, e, noise)
-        found = least_squares(residuals, start, loss="cauchy", f_scale=_CAUCHY)
-        t, turn = _near(t, sideways, found.x)
+        near = partial(_near, t, np.linalg.svd(t[np.newaxis])[2][1:])
+        found = least_squares(
+            lambda each, near=near, noise=noise: _across(*near(each), d, e) / noise,
+            np.concatenate(([0.0, 0.0], turn)),
+            loss="cauchy",
+            f_scale=_CAUCHY,
+        )
+        t, turn = near(found.x)
     return t, turn, float(np.median(np.abs(_across(t, turn, d, e))))
 
 
@@ -166,12 +158,6 @@ def _near(t: Floats, sideways: Floats, parameters: Floats) -> tuple[Floats, Floa
     """Heading moved sideways from t, and rotation vector."""
     moved = t + parameters[:2] @ sideways
     return moved / np.linalg.norm(moved), parameters[2:]
-
-
-def _scaled_residuals(
-    t: Floats, sideways: Floats, d: Floats, e: Floats, noise: float, parameters: Floats
-) -> Floats:
-    return _across(*_near(t, sideways, parameters), d, e) / noise
 
 
 def _sign(t: Floats, turn: Floats, d: Floats, e: Floats) -> int:

@@ -112,8 +112,9 @@ def score_submission(
         every: list[tuple[str | None, DenseErrors]] = [*by_sequence.items(), overall]
         for sequence, errors in every:
             count = len(truths) if sequence is None else frames[sequence]
+            groups = {group: for_json(asdict(errors.of(group))) for group in GROUPS}
             own = {"pass_name": pass_name, "sequence": sequence, "frames": count}
-            entries.append(Entry(**shared, **own, errors=_groups(errors)))
+            entries.append(Entry(**shared, **own, errors=groups))
     return Scores(entries=tuple(entries))
 
 
@@ -132,17 +133,15 @@ def _answers_of(
         raise UserError(f"{flow}: no such folder; {problem}") from None
     if not isinstance(detector, DenseDetector):
         raise UserError(f"{detector.name} gives no flow at every pixel; give a method that does")
+    pairs = ((name, each.items()) for name, each in pairs_on_disk.pictures_of(truths).items())
     return detector.name, {
-        name: {
-            frame: (str(first), partial(_between, detector, first, second))
-            for frame, (first, second) in pictures.items()
-        }
-        for name, pictures in pairs_on_disk.pictures_of(truths).items()
+        name: {frame: (str(each[0]), partial(_between, detector, *each)) for frame, each in found}
+        for name, found in pairs
     }
 
 
-def _between(detector: DenseDetector, first: Path, second: Path) -> NDArray[Any]:
-    return detector.dense(read_picture(first, "L"), read_picture(second, "L"))
+def _between(detector: DenseDetector, *pair: Path) -> NDArray[Any]:
+    return detector.dense(*(read_picture(path, "L") for path in pair))
 
 
 def _scored(
@@ -184,10 +183,6 @@ def _mask(path: Path, shape: tuple[int, ...]) -> NDArray[np.bool_]:
     if mask.shape != shape[:2]:
         raise ValueError(f"{path} is {mask.shape[1]} × {mask.shape[0]} px, its flow is not")
     return mask
-
-
-def _groups(errors: DenseErrors) -> Groups:
-    return {group: for_json(asdict(errors.of(group))) for group in GROUPS}
 
 
 _COLUMNS: Mapping[str, tuple[str, str]] = {
