@@ -83,7 +83,6 @@ class BlockTruths:
 
     velocities: Floats
     """(..., 2) in px of the full image per frame; NaN where unknown"""
-
     groups: Groups
 
 

@@ -71,10 +71,8 @@ class Bounds(NamedTuple):
 
     known: float
     """From the block's own pixels, of known texture"""
-
     with_margin: float
     """From all pixels seen, block and margin"""
-
     unknown: float
     """From the block's own pixels where only the power spectrum of the texture is known"""
 
@@ -86,10 +84,8 @@ class BlockPhotons:
     detector: Detector
     needed: MedianPhotons
     """Photons per frame for a median error of 25 % of the truth; infinite where never"""
-
     frames: int
     """Frames behind one estimate"""
-
     bounds: Bounds
     ms_per_frame: float
     """CPU time of 240 × 240 px, in this process"""
@@ -211,13 +207,10 @@ class Detection:
     flux: float
     motion: float
     """d′ of moving against still"""
-
     direction: float
     """d′ of right against left"""
-
     false_alarms: float
     """Share of the still scene's blocks beyond half of the median noise-free response to motion"""
-
     curve: Roc
     """Of moving against still"""
 

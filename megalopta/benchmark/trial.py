@@ -53,16 +53,12 @@ class GratingTemplate(Record, frozen=True):
 
     kind: Literal["grating"] = "grating"
     """Which template this is: grating, or panorama, which has the keys name and coding"""
-
     cycles_per_frame: Annotated[float, Field(gt=0)] = 5.0
     """Spatial frequency f (cycles per frame)"""
-
     contrast: Annotated[float, Field(gt=0, le=1)] = 0.9
     """Michelson contrast C"""
-
     phases_rad: tuple[float, float] = (0.0, 0.0)
     """Phases of its two factors (rad)"""
-
     variant: GratingVariant = "rot"
     """rot: as the thesis writes, √2·f moving cycles and a seam; periodic: exactly f, no seam"""
 
@@ -84,12 +80,10 @@ class PanoramaTemplate(Record, frozen=True):
 
     kind: Literal["panorama"] = "panorama"
     """Which template this is"""
-
     name: Annotated[str, Field(min_length=1)]
     """One of the forests rendered by this project, open, dense, understorey and clearing, or the
     path of an equirectangular picture (EXR, HDR, PNG or JPEG). Paths are relative to the file that
     they stand in; on the command line, to the working folder"""
-
     coding: Literal["linear", "srgb"] = "linear"
     """linear: light. srgb: gray values of a photograph of it, with the brightest hundredth white"""
 
@@ -162,27 +156,20 @@ class Trial(Record, frozen=True):
 
     template: Template = GratingTemplate()
     """What moves"""
-
     velocity_px: Annotated[int, Field(ge=-(ROWS // 2), le=ROWS // 2)] = 5
     """Motion of the template (columns per frame, positive to the right)"""
-
     size: Annotated[int, Field(ge=3, le=ROWS)] = 60
     """Spatial pooling: rows and columns of the frames that detectors see (px)"""
-
     resize: ResizeKind = "nearest"
     """How frames are resized: nearest subsamples as the thesis does, area pools the light"""
-
     blurred: bool = False
     """Whether frames are smeared by the motion within a frame"""
-
     methods: Annotated[
         tuple[str | SerializeAsAny[InstanceOf[Detector]], ...],
         Field(min_length=1, description=f"Names of the detectors: {', '.join(METHODS)}"),
     ] = THESIS_METHODS
-
     search: SearchSettings = SearchSettings()
     """What is measured, and how closely"""
-
     seed: Annotated[int, Field(ge=0)] = 0
     """Of all random numbers"""
 
@@ -272,7 +259,6 @@ class SweepPoint(NamedTuple):
     value: Value
     template: str
     """Short name"""
-
     trial: Trial
 
 
@@ -281,19 +267,14 @@ class Sweep(Record, frozen=True):
 
     title: str = "Photons that motion detectors need"
     """What is shown, in one line"""
-
     trial: Trial = Trial()
     """The fixed parameters"""
-
     vary: str = "velocity_px"
     """Path of the varied parameter in a trial, such as template.contrast or search.dark_counts"""
-
     values: Annotated[tuple[Value, ...], Field(min_length=1)] = (1, 2, 5, 10)
     """Its values"""
-
     sizes: tuple[int, ...] = ()
     """Spatial pooling (px), a panel of the figure each; by default that of the trial"""
-
     templates: tuple[Template, ...] = ()
     """Templates that thresholds are averaged over; by default that of the trial"""
 
