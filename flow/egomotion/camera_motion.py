@@ -23,6 +23,7 @@ translation the rotation is found, and the heading means nothing. Equations, err
 `docs/theory/camera-motion.md`.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from operator import itemgetter
@@ -144,12 +145,9 @@ def _refined(t: Floats, d: Floats, e: Floats) -> tuple[Floats, Floats, float]:
         noise = 1.4826 * np.median(np.abs(_across(t, turn, d, e))) or _NOISELESS
         # two directions across t, in which it may move
         near = partial(_near, t, np.linalg.svd(t[np.newaxis])[2][1:])
-        found = least_squares(
-            lambda each, near=near, noise=noise: _across(*near(each), d, e) / noise,
-            np.concatenate(([0.0, 0.0], turn)),
-            loss="cauchy",
-            f_scale=_CAUCHY,
-        )
+        start = np.concatenate(([0.0, 0.0], turn))
+        residuals = partial(_scaled_residuals, near, d, e, noise)
+        found = least_squares(residuals, start, loss="cauchy", f_scale=_CAUCHY)
         t, turn = near(found.x)
     return t, turn, float(np.median(np.abs(_across(t, turn, d, e))))
 
@@ -158,6 +156,16 @@ def _near(t: Floats, sideways: Floats, parameters: Floats) -> tuple[Floats, Floa
     """Heading moved sideways from t, and rotation vector."""
     moved = t + parameters[:2] @ sideways
     return moved / np.linalg.norm(moved), parameters[2:]
+
+
+def _scaled_residuals(
+    near: Callable[[Floats], tuple[Floats, Floats]],
+    d: Floats,
+    e: Floats,
+    noise: float,
+    parameters: Floats,
+) -> Floats:
+    return _across(*near(parameters), d, e) / noise
 
 
 def _sign(t: Floats, turn: Floats, d: Floats, e: Floats) -> int:

@@ -135,7 +135,8 @@ def _sums(answers: Floats, rates: Floats) -> Floats:
 def _slopes(sums: Floats) -> Floats:
     """Return the slope of each answer over the rate; 0 where it is unknown."""
     products, power = sums[:2]
-    return np.divide(products, power, out=np.zeros_like(products), where=power > 0)
+    out = np.zeros_like(products)
+    return np.asarray(np.divide(products, power, out=out, where=power > 0))
 
 
 @dataclass(frozen=True)

@@ -254,6 +254,8 @@ def error_curve(
     for bits in asked.bits:
         rng = generator(int(seed), "threshold", *names, method.name, metric, bits)
         thresholds[bits] = threshold(measured, 2.0**-bits, rng, asked.confidence)
-    numbers = (tuple(np.asarray(each).tolist()) for each in measured[:3])
+    fluxes, errors, spreads = (tuple(np.asarray(each).tolist()) for each in measured[:3])
     freedom = measured.degrees_of_freedom
-    return ErrorCurve(method.name, method.label, shape, metric, *numbers, freedom, thresholds)
+    return ErrorCurve(
+        method.name, method.label, shape, metric, fluxes, errors, spreads, freedom, thresholds
+    )
