@@ -178,11 +178,16 @@ def levels(counts: Floats) -> Iterator[Level]:
     """Yield frames (n, H, W) from the coarsest level to the finest."""
     binned = [counts]
     while min(binned[-1].shape[1:]) // 2 >= _SMALLEST_LEVEL_PX:
-        height, width = (side // 2 * 2 for side in binned[-1].shape[1:])
-        even = binned[-1][:, :height, :width]
-        binned.append(even.reshape(-1, height // 2, 2, width // 2, 2).sum(axis=(2, 4)))
+        binned.append(halved(binned[-1]))
     for power, frames in reversed(list(enumerate(binned))):
         yield level_of(frames, 2**power)
+
+
+def halved(frames: Floats) -> Floats:
+    """Return frames (n, H, W) binned by 2 × 2 px; an odd row or column is cut."""
+    height, width = (side // 2 for side in frames.shape[1:])
+    even = frames[:, : 2 * height, : 2 * width]
+    return np.asarray(even.reshape(-1, height, 2, width, 2).sum(axis=(2, 4)))
 
 
 def level_of(frames: Floats, bins: int = 1) -> Level:

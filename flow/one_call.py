@@ -11,7 +11,7 @@ from megalopta.core.arrays import Floats
 from megalopta.core.bounded import quoted
 from megalopta.flow.detectors.base import Frames
 from megalopta.flow.detectors.blocks import BlockDetector
-from megalopta.flow.detectors.registry import METHODS, Method, method as detector_of
+from megalopta.flow.detectors.registry import Method, velocity_method
 
 
 def optical_flow(
@@ -41,11 +41,8 @@ def optical_flow(
         When the method gives no velocity, a setting is unknown or wrong, or the images are no
         images of one size, too small, or no counts where the method needs them.
     """
-    detector = detector_of(method)
-    if not isinstance(detector, BlockDetector):
-        able = (name for name, each in METHODS.items() if isinstance(each, BlockDetector))
-        raise ValueError(f"{detector.name} measures no velocity: choose from {', '.join(able)}")
-    detector, frames = _changed(detector, settings), [_image(each) for each in (first, second)]
+    detector = _changed(velocity_method(method), settings)
+    frames = [_image(each) for each in (first, second)]
     if detector.takes_counts and all(map(_are_gray_levels, frames)):
         raise ValueError(
             f"{detector.name} takes photon counts, and these are gray levels from 0 to 1: multiply"

@@ -23,7 +23,6 @@ translation the rotation is found, and the heading means nothing. Equations, err
 `docs/theory/camera-motion.md`.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from operator import itemgetter
@@ -144,11 +143,11 @@ def _refined(t: Floats, d: Floats, e: Floats) -> tuple[Floats, Floats, float]:
     for _ in range(_ROUNDS):  # each with the noise that the last has left
         noise = 1.4826 * np.median(np.abs(_across(t, turn, d, e))) or _NOISELESS
         # two directions across t, in which it may move
-        near = partial(_near, t, np.linalg.svd(t[np.newaxis])[2][1:])
+        sideways = np.linalg.svd(t[np.newaxis])[2][1:]
         start = np.concatenate(([0.0, 0.0], turn))
-        residuals = partial(_scaled_residuals, near, d, e, noise)
+        residuals = partial(_scaled_residuals, t, sideways, d, e, noise)
         found = least_squares(residuals, start, loss="cauchy", f_scale=_CAUCHY)
-        t, turn = near(found.x)
+        t, turn = _near(t, sideways, found.x)
     return t, turn, float(np.median(np.abs(_across(t, turn, d, e))))
 
 
@@ -159,13 +158,9 @@ def _near(t: Floats, sideways: Floats, parameters: Floats) -> tuple[Floats, Floa
 
 
 def _scaled_residuals(
-    near: Callable[[Floats], tuple[Floats, Floats]],
-    d: Floats,
-    e: Floats,
-    noise: float,
-    parameters: Floats,
+    t: Floats, sideways: Floats, d: Floats, e: Floats, noise: float, parameters: Floats
 ) -> Floats:
-    return _across(*near(parameters), d, e) / noise
+    return _across(*_near(t, sideways, parameters), d, e) / noise
 
 
 def _sign(t: Floats, turn: Floats, d: Floats, e: Floats) -> int:

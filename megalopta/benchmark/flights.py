@@ -19,7 +19,7 @@ from megalopta.benchmark.table import Case, Interval, Samples, bootstrap, joined
 from megalopta.core.arrays import Floats
 from megalopta.flow.detectors.base import Detector, Frames
 from megalopta.flow.detectors.blocks import BlockDetector, summed_frames
-from megalopta.flow.detectors.registry import METHODS
+from megalopta.flow.detectors.registry import METHODS, velocity_method
 from megalopta.flow.egomotion.camera_motion import (
     CameraMotion,
     likely_camera_motion,
@@ -133,8 +133,7 @@ def _ways(
     camera: Camera, light: Floats, rates: Floats, middles: NDArray[np.intp]
 ) -> Mapping[str, Way]:
     """Return ways to estimate the motion in the middles; some learn from light and rates."""
-    blocks = [each for each in (METHODS["DIS"], METHODS["PPF"]) if isinstance(each, BlockDetector)]
-    flows = [summed_frames(blocks[0], POOLED), blocks[1]]
+    flows = [summed_frames(velocity_method("DIS"), POOLED), velocity_method("PPF")]
     return {
         **{f"{name}, summed": _summed(METHODS[name], light, rates, middles) for name in _WEIGHTED},
         **{

@@ -5,11 +5,11 @@ from typing import Annotated, NamedTuple
 
 from pydantic import Field, field_validator, model_validator
 
-from megalopta.benchmark.methods import velocity_names
 from megalopta.config.model import LightLevel
 from megalopta.core.arrays import Floats
 from megalopta.core.record import Record
 from megalopta.flow.benchmark.settings import each_once
+from megalopta.flow.detectors.registry import VELOCITY_METHODS
 from megalopta.flow.stimuli.resizing import resize
 from megalopta.scenes.lighting.levels import illuminance_of
 
@@ -50,7 +50,7 @@ NO_POOLING = Pooling(1, 1)
 class RankingSettings(Record, frozen=True):
     """Methods, photons and pooling."""
 
-    methods: Annotated[tuple[str, ...], Field(min_length=1)] = velocity_names()
+    methods: Annotated[tuple[str, ...], Field(min_length=1)] = VELOCITY_METHODS
     """Methods that give velocities: names, `module:function`, or ONNX files."""
     fluxes: tuple[Flux, ...] = (1e3, 1e4, 1e5, 1e6, 1e7, 1e8)
     """Photons per frame on all pixels (1)."""

@@ -171,7 +171,7 @@ def test_a_camera_that_only_turns_is_told_from_one_that_moves(grating, tmp_path)
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        (["--methods", "EMD"], "'EMD' is no method that gives velocities; choose from BM"),
+        (["--methods", "EMD"], "EMD measures no velocity: choose from BM"),
         (["--methods", "nobody:flow"], "No module named 'nobody'"),
         (["--wide-field", "NDM"], "'NDM' is blind to direction"),
         (["--light-levels", "noon"], "light level 'noon' is unknown"),
