@@ -219,11 +219,7 @@ class RankedSequence:
     """A sequence, the methods on it, and what is true of it."""
 
     def __init__(
-        self,
-        dataset: Dataset,
-        settings: RankingSettings,
-        methods: Methods,
-        velocities: Velocities,
+        self, dataset: Dataset, settings: RankingSettings, methods: Methods, velocities: Velocities
     ) -> None:
         self.dataset, self.settings, self.methods = dataset, settings, methods
         self.velocities = velocities

@@ -26,13 +26,7 @@ from megalopta.core.arrays import Floats
 from megalopta.flow.detectors.base import Detector, milliseconds_per_frame
 from megalopta.flow.detectors.blocks import BlockDetector, BlockGrid, block_grid
 from megalopta.flow.detectors.registry import Method, method
-from megalopta.flow.metrics.detection import (
-    Roc,
-    d_prime,
-    motion_evidence,
-    rightward_evidence,
-    roc,
-)
+from megalopta.flow.metrics.detection import Roc, d_prime, motion_evidence, rightward_evidence, roc
 from megalopta.flow.metrics.translation_bound import (
     MedianPhotons,
     bound_photons,

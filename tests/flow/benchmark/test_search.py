@@ -28,12 +28,7 @@ def fluxes(curves, bits=2):
 
 
 @pytest.mark.parametrize(
-    ("size", "bits", "expected"),
-    [
-        (60, 2, 36_480),
-        (240, 2, 583_675),
-        (60, 4, 162.9 * 3600),
-    ],
+    ("size", "bits", "expected"), [(60, 2, 36_480), (240, 2, 583_675), (60, 4, 162.9 * 3600)]
 )
 def test_intensity_of_a_flat_image_meets_the_closed_form(size, bits, expected):
     flat = MovingTemplate(np.ones((251, 251)), 5, size)

@@ -17,11 +17,7 @@ from megalopta.flow.detectors.correlation import (
 from megalopta.flow.detectors.registry import METHODS
 
 CONTRAST = 0.8
-DETECTORS = [
-    ElementaryMotionDetector(),
-    NonDirectionalMultiplication(),
-    NonDirectionalSummation(),
-]
+DETECTORS = [ElementaryMotionDetector(), NonDirectionalMultiplication(), NonDirectionalSummation()]
 WAVES = [(0.7, -0.4), (0.31, -1.1), (1.9, -0.2), (0.7, 0.9)]
 
 

@@ -5,12 +5,7 @@ import pytest
 
 from megalopta.benchmark.trial import Trial
 from megalopta.flow import METHODS, BenchmarkSettings, detector_from, photon_benchmark
-from megalopta.flow.detectors.blocks import (
-    BlockGrid,
-    between_blocks,
-    block_grid,
-    summed_frames,
-)
+from megalopta.flow.detectors.blocks import BlockGrid, between_blocks, block_grid, summed_frames
 
 
 def dense_inverse_search(first, second):
