@@ -19,6 +19,9 @@ def optical_flow(
 ) -> Floats:
     """Return the flow from one image to the next, (H, W, 2) in px: x, to the right, then y, down.
 
+    Raises ValueError when the method gives no velocity, a setting is unknown or wrong, or the
+    images are no images of one size, too small, or no counts where the method needs them.
+
     Parameters
     ----------
     first, second : (H, W)
@@ -34,12 +37,6 @@ def optical_flow(
     Floats
         At each pixel of the first image, NaN where undefined. Of a method that gives one velocity
         per block it is linear between the middles of blocks, and beyond the outermost as there.
-
-    Raises
-    ------
-    ValueError
-        When the method gives no velocity, a setting is unknown or wrong, or the images are no
-        images of one size, too small, or no counts where the method needs them.
     """
     detector = _changed(velocity_method(method), settings)
     frames = [_image(each) for each in (first, second)]

@@ -57,6 +57,8 @@ def photon_search(
 ) -> tuple[ErrorCurve, ...]:
     """Return a curve for each method and metric, measured where the thresholds need it.
 
+    Raises ValueError when the frames are black or too small for a detector.
+
     Parameters
     ----------
     methods
@@ -65,11 +67,6 @@ def photon_search(
         Any integer.
     name : str
         Of the stimulus; stimuli of different names are drawn independently.
-
-    Raises
-    ------
-    ValueError
-        When the frames are black or too small for a detector.
     """
     detectors = [method(each) for each in methods]
     sequences = ShortSequences(stimulus, settings, seed, name, detectors)

@@ -114,6 +114,8 @@ def photon_benchmark(
 ) -> BenchmarkResult:
     """Return the error of each method over the photon flux, and the fluxes it needs.
 
+    Raises ValueError when the frames are no light, too few or too small, or a size exceeds theirs.
+
     Parameters
     ----------
     frames : (T, H, W)
@@ -127,11 +129,6 @@ def photon_benchmark(
         Name of the sequence; sequences of different names are drawn independently.
     books
         Gets the work done, `work_units` in all, and keeps its parts.
-
-    Raises
-    ------
-    ValueError
-        When the frames are no light, too few or too small, or a size exceeds theirs.
     """
     detectors = [method(each) for each in methods]
     warm_up = checked_warm_up(frames.shape, detectors, settings)

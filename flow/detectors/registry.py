@@ -66,10 +66,7 @@ def method(chosen: Method, allows_code: bool = True) -> Detector:
     A name may also be `module:function`, or the path of an ONNX file (`detector_at`), unless code
     is not allowed: what a file names is not the user's own choice.
 
-    Raises
-    ------
-    ValueError
-        When there is none of this name, with the names that exist.
+    Raises ValueError when there is none of this name, with the names that exist.
     """
     if isinstance(chosen, Detector):
         return chosen

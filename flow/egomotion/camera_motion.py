@@ -184,6 +184,9 @@ class _Motion(NamedTuple):
 def likely_camera_motion(counts: Frames, camera: Camera) -> CameraMotion:
     """Return the camera's rotation and heading under which counts are most likely.
 
+    Raises ValueError when frames have another size than the camera, or fewer than 12 pixels along a
+    side, there is only one, or they hold no counts, or all the same.
+
     Parameters
     ----------
     counts : (T, H, W)
@@ -195,12 +198,6 @@ def likely_camera_motion(counts: Frames, camera: Camera) -> CameraMotion:
     -------
     CameraMotion
         Per frame, in the axes of the camera at the frame before the middle.
-
-    Raises
-    ------
-    ValueError
-        When frames have another size than the camera, or fewer than 12 pixels along a side, there
-        is only one, or they hold no counts, or all the same.
     """
     if counts.shape[1:] != (camera.height, camera.width) or len(counts) < 2:
         raise ValueError(

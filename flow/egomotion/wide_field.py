@@ -74,6 +74,9 @@ class WideField:
 def fit_wide_field(answers: Floats, rates: Floats) -> WideField:
     """Return the matched filter learned from answers to a known rotation.
 
+    Raises ValueError when the two differ in length, the rates are all 0 in one half, or no answer
+    depends on them beyond its noise.
+
     Parameters
     ----------
     answers : (T, ...)
@@ -81,12 +84,6 @@ def fit_wide_field(answers: Floats, rates: Floats) -> WideField:
         undefined.
     rates : (T,)
         Rotation rate at the same times, in any unit.
-
-    Raises
-    ------
-    ValueError
-        When the two differ in length, the rates are all 0 in one half, or no answer depends on
-        them beyond its noise.
     """
     if rates.shape != answers.shape[:1]:
         raise ValueError(f"rates of shape {rates.shape} for {len(answers)} answers: give one each")

@@ -93,6 +93,8 @@ def block_flow(
 ) -> Floats:
     """Return the true velocity of each block, px of the resized image per frame.
 
+    Raises ValueError when the shapes do not match.
+
     Parameters
     ----------
     true_flow : (T − 1, H, W, 2)
@@ -109,11 +111,6 @@ def block_flow(
     Returns
     -------
     (T − 1, rows, columns, 2), NaN where there is no true velocity.
-
-    Raises
-    ------
-    ValueError
-        When the shapes do not match.
     """
     shape = true_flow.shape[:3]
     if true_flow.ndim != 4 or true_flow.shape[-1] != 2:
@@ -150,6 +147,8 @@ def truth_error(
 ) -> TruthError:
     """Return how far velocities are from the truth, without the outermost block on every side.
 
+    Raises ValueError when the shapes differ.
+
     Parameters
     ----------
     velocities : (T − 1, rows, columns, 2)
@@ -158,11 +157,6 @@ def truth_error(
         From `block_flow` on the detector's blocks.
     among : (T − 1, rows, columns), optional
         Count these blocks only.
-
-    Raises
-    ------
-    ValueError
-        When the shapes differ.
     """
     if velocities.shape != true_velocities.shape:
         raise ValueError(

@@ -93,6 +93,8 @@ def threshold(
 ) -> Threshold:
     """Return the flux at which a measured error curve first falls below a level.
 
+    Raises ValueError when there are fewer than two fluxes or they do not grow.
+
     Parameters
     ----------
     level : float
@@ -101,11 +103,6 @@ def threshold(
         For the interval.
     confidence : float
         Probability that the interval holds.
-
-    Raises
-    ------
-    ValueError
-        When there are fewer than two fluxes or they do not grow.
     """
     flux, error, spread = (np.asarray(each, np.float64) for each in measured[:3])
     if flux.size < 2 or np.any(np.diff(flux) <= 0):

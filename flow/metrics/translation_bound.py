@@ -43,21 +43,9 @@ _REPLICATES = 1000
 def fisher_information(means: Floats, grid: BlockGrid) -> Floats:
     """Return the Fisher information J of one frame on the displacement of each block.
 
-    Parameters
-    ----------
-    means : (H, W)
-        Mean counts λ. Gradients are those of the cubic spline through them.
-    grid
-        Blocks.
-
-    Returns
-    -------
-    (rows, columns, 2, 2) in px⁻², components x, y.
-
-    Raises
-    ------
-    ValueError
-        When a mean is negative or not finite.
+    `means` (H, W): mean counts λ, whose gradients are those of the cubic spline through them.
+    Returns (rows, columns, 2, 2) in px⁻², components x, y. Raises ValueError when a mean is
+    negative or not finite.
     """
     if not (np.isfinite(means).all() and means.min() >= 0):
         raise ValueError("means hold negative or non-finite values: give mean counts, 0 or more")
@@ -76,16 +64,8 @@ def fisher_information(means: Floats, grid: BlockGrid) -> Floats:
 def cramer_rao_covariance(information: Floats, frames: int = 2) -> Floats:
     """Return the least covariance of a block's velocity, (..., 2, 2) in (px/frame)².
 
-    Parameters
-    ----------
-    information : (..., 2, 2)
-        J of one frame, px⁻².
-    frames : int
-        Noisy frames of one velocity that the method uses.
-
-    Returns
-    -------
-    Infinite where the gradients of a block have one direction only.
+    `information` (..., 2, 2): J of one frame, px⁻²; `frames`: noisy frames of one velocity that the
+    method uses. Infinite where the gradients of a block have one direction only.
     """
     (xx, xy), (_, yy) = np.moveaxis(information, (-2, -1), (0, 1))
     determinant = xx * yy - xy**2

@@ -36,20 +36,10 @@ def resized_shape(shape: tuple[int, int], size: int | tuple[int, int]) -> tuple[
 def resize(
     frames: NDArray[Any], size: int | tuple[int, int], kind: ResizeKind = "nearest"
 ) -> NDArray[Any]:
-    """Return frames (..., H, W) with fewer pixels.
+    """Return frames (..., H, W) with fewer pixels, of a size as in `resized_shape`.
 
-    Parameters
-    ----------
-    frames : (..., H, W)
-    size : int or (rows, columns)
-        See `resized_shape`.
-    kind : "nearest" or "area"
-        "nearest" keeps values and type; "area" keeps the sum over each frame, as float64.
-
-    Raises
-    ------
-    ValueError
-        When the new size is not between 1 px and the old one.
+    "nearest" keeps values and type; "area" keeps the sum over each frame, as float64. Raises
+    ValueError when the new size is not between 1 px and the old one.
     """
     rows, columns = resized_shape((frames.shape[-2], frames.shape[-1]), size)
     if kind == "area":
@@ -69,6 +59,8 @@ def triangular_pool(frames: NDArray[Any], taps: int = 5) -> Floats:
     16 pixels into 12: less shot noise, and less of what tells neighboring pixels apart, for a
     blurred image. Only pixels with all of their neighbors are kept, so nothing is invented.
 
+    Raises ValueError when the kernel's length is even or not positive, or exceeds the width.
+
     Parameters
     ----------
     frames : (..., W)
@@ -76,11 +68,6 @@ def triangular_pool(frames: NDArray[Any], taps: int = 5) -> Floats:
     taps : int
         Length of the kernel, odd, so that pixels stay in place: the new column j is centered on
         the old column j + (taps − 1)/2.
-
-    Raises
-    ------
-    ValueError
-        When the kernel's length is even or not positive, or exceeds the width.
     """
     width = frames.shape[-1]
     if taps < 1 or taps % 2 == 0 or taps > width:
