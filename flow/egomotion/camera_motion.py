@@ -184,20 +184,11 @@ class _Motion(NamedTuple):
 def likely_camera_motion(counts: Frames, camera: Camera) -> CameraMotion:
     """Return the camera's rotation and heading under which counts are most likely.
 
+    Per frame, in the axes of the camera at the frame before the middle. `counts` (T, H, W): frames
+    of one steady motion, two or more; `camera`: that saw them.
+
     Raises ValueError when frames have another size than the camera, or fewer than 12 pixels along a
     side, there is only one, or they hold no counts, or all the same.
-
-    Parameters
-    ----------
-    counts : (T, H, W)
-        Frames of one steady motion, two or more.
-    camera : Camera
-        That saw them.
-
-    Returns
-    -------
-    CameraMotion
-        Per frame, in the axes of the camera at the frame before the middle.
     """
     if counts.shape[1:] != (camera.height, camera.width) or len(counts) < 2:
         raise ValueError(

@@ -74,16 +74,11 @@ class WideField:
 def fit_wide_field(answers: Floats, rates: Floats) -> WideField:
     """Return the matched filter learned from answers to a known rotation.
 
+    `answers` (T, ...): responses (T, H, W) or velocities (T − 1, rows, columns, 2) of one detector,
+    NaN where undefined; `rates` (T,): rotation rate at the same times, in any unit.
+
     Raises ValueError when the two differ in length, the rates are all 0 in one half, or no answer
     depends on them beyond its noise.
-
-    Parameters
-    ----------
-    answers : (T, ...)
-        Responses (T, H, W) or velocities (T − 1, rows, columns, 2) of one detector; NaN where
-        undefined.
-    rates : (T,)
-        Rotation rate at the same times, in any unit.
     """
     if rates.shape != answers.shape[:1]:
         raise ValueError(f"rates of shape {rates.shape} for {len(answers)} answers: give one each")

@@ -154,20 +154,9 @@ def unknown_texture_photons(
 ) -> float:
     """Return the flux at which errors at the bound have a median of `level` of the speed.
 
-    Parameters
-    ----------
-    spectrum, noise
-        (H, W) and a number, at one photon per frame; they grow as the square of the flux and as
-        the flux.
-    pixels, frames
-        As for `unknown_texture_information`.
-    speed : float
-        px per frame.
-
-    Returns
-    -------
-    float
-        Photons per frame; infinite where the spectrum has waves of one direction only.
+    `spectrum` (H, W) and `noise` are those of one photon per frame, and grow as the square of the
+    flux and as the flux; `pixels`, `frames`: as for `unknown_texture_information`; `speed`: px per
+    frame. Infinite where the spectrum has waves of one direction only.
     """
 
     def excess(log_flux: float) -> float:

@@ -59,15 +59,9 @@ def triangular_pool(frames: NDArray[Any], taps: int = 5) -> Floats:
     16 pixels into 12: less shot noise, and less of what tells neighboring pixels apart, for a
     blurred image. Only pixels with all of their neighbors are kept, so nothing is invented.
 
-    Raises ValueError when the kernel's length is even or not positive, or exceeds the width.
-
-    Parameters
-    ----------
-    frames : (..., W)
-        Counts or intensities.
-    taps : int
-        Length of the kernel, odd, so that pixels stay in place: the new column j is centered on
-        the old column j + (taps − 1)/2.
+    `frames` (..., W): counts or intensities. `taps`: length of the kernel, odd, so that pixels stay
+    in place: the new column j is centered on the old column j + (taps − 1)/2. Raises ValueError
+    when it is even or not positive, or exceeds the width.
     """
     width = frames.shape[-1]
     if taps < 1 or taps % 2 == 0 or taps > width:
