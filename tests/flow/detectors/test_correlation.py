@@ -75,12 +75,6 @@ def test_first_and_last_column_have_no_neighbor_and_no_response():
     assert not np.isnan(responses[..., 1:-1]).any()
 
 
-@pytest.mark.parametrize("detector", DETECTORS)
-def test_still_scene_and_offset_leave_no_response(detector):
-    still = np.broadcast_to(np.random.default_rng(1).random((4, 8)), (20, 4, 8))
-    assert np.nanmax(np.abs(detector.respond(still))) == 0
-
-
 @pytest.mark.parametrize("detector", [*DETECTORS, METHODS["BM"], METHODS["PPM"]])
 @pytest.mark.parametrize("seen", [0, 9])
 def test_a_detector_that_starts_after_frames_goes_on_as_one_that_saw_them(detector, seen):

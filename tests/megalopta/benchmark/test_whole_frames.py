@@ -115,14 +115,6 @@ def middlebury(root, clip, name="Venus"):
     write_flo(truth / "flow10.flo", clip.flow.astype(np.float32))
 
 
-def sintel(root, clip):
-    names = ("frame_0001.png", "frame_0002.png")
-    write_pictures(root / "training/clean/alley", names, clip)
-    truth = root / "training/flow/alley"
-    truth.mkdir(parents=True)
-    write_flo(truth / "frame_0001.flo", clip.flow.astype(np.float32))
-
-
 def kitti(root, clip):
     write_pictures(root / "training/image_2", ("000000_10.png", "000000_11.png"), clip)
     truth = root / "training/flow_occ"
@@ -143,7 +135,7 @@ def run(capsys, *words):
     return end.value.code, capsys.readouterr().err
 
 
-@pytest.mark.parametrize("layout", [middlebury, sintel, kitti])
+@pytest.mark.parametrize("layout", [middlebury, kitti])
 def test_folders_of_others_become_a_table_of_error_against_flux(layout, clip, tmp_path, capsys):
     layout(tmp_path / "data", clip)
     rows = measured(tmp_path, tmp_path / "data", "--methods", "BM,LK", "--photons", "1,1000")
