@@ -334,7 +334,7 @@ class _Search:
         starts = range(0, places * frames, frames)
         fluxes = [self._fluxes[index] for index in indices]
         measured = measured_errors(metric, fluxes, sums.reshape(*rest, -1), starts)
-        asked = self._settings.model_copy(update={"bits": bits})
+        asked = dict.fromkeys(bits, self._settings.confidence)
         return error_curve(
             self._method, self._sequences.shape, metric, measured, asked, self._sequences.key
         )

@@ -212,7 +212,8 @@ class _AtSize:
         blocks = max(1, frames // (method.memory_frames + 1))
         starts = [block * frames // blocks for block in range(blocks)]
         measured = measured_errors(metric, self._settings.fluxes, sums[..., warm_up:], starts)
-        return error_curve(method, self._shape, metric, measured, self._settings, self._key)
+        asked = dict.fromkeys(self._settings.bits, self._settings.confidence)
+        return error_curve(method, self._shape, metric, measured, asked, self._key)
 
     def _resized(self) -> Iterator[tuple[int, Frames]]:
         length = self._settings.chunk_frames

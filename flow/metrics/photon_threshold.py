@@ -19,7 +19,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import cache
-from typing import Annotated, Any, Literal, NamedTuple, Protocol
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -200,18 +200,6 @@ def _reader() -> TypeAdapter[ErrorCurve]:
     return TypeAdapter(ErrorCurve)
 
 
-class Asked(Protocol):
-    """Thresholds that are wanted."""
-
-    @property
-    def bits(self) -> tuple[int, ...]:
-        """Accuracies whose flux is wanted, n bits being an error of 2⁻ⁿ."""
-
-    @property
-    def confidence(self) -> float:
-        """Probability that an interval holds."""
-
-
 def measured_errors(
     metric: Metric, fluxes: Sequence[float], sums: Floats, block_starts: Sequence[int]
 ) -> MeasuredErrors:
@@ -238,19 +226,21 @@ def error_curve(
     shape: tuple[int, int],
     metric: Metric,
     measured: MeasuredErrors,
-    asked: Asked,
+    asked: Mapping[int, float],
     key: Sequence[str | int],
 ) -> ErrorCurve:
     """Return a curve of frames (rows, columns) and its thresholds.
+
+    `asked`: bits of the thresholds, and the probability that the interval of each holds.
 
     A key of a seed and names identifies the random numbers of the intervals, together with method,
     metric and bits.
     """
     seed, *names = key
     thresholds = {}
-    for bits in asked.bits:
+    for bits, confidence in asked.items():
         rng = generator(int(seed), "threshold", *names, method.name, metric, bits)
-        thresholds[bits] = threshold(measured, 2.0**-bits, rng, asked.confidence)
+        thresholds[bits] = threshold(measured, 2.0**-bits, rng, confidence)
     fluxes, errors, spreads = (tuple(np.asarray(each).tolist()) for each in measured[:3])
     freedom = measured.degrees_of_freedom
     return ErrorCurve(
