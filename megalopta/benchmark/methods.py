@@ -68,12 +68,8 @@ def stretched(name: str) -> GrayDetector:
     """Return a gray method that sees Anscombe's roots of the counts, slightly smoothed."""
     detector = METHODS[name]
     assert isinstance(detector, GrayDetector)
-    changes = {
-        "name": f"{name} √",
-        "label": f"{detector.label}, roots of counts",
-        "stretch": "anscombe",
-        "blur_px": _BLUR_PX,
-    }
+    label = f"{detector.label}, roots of counts"
+    changes = {"name": f"{name} √", "label": label, "stretch": "anscombe", "blur_px": _BLUR_PX}
     return detector.model_copy(update=changes)
 
 

@@ -105,15 +105,11 @@ class Interval(NamedTuple):
 def units(sequences: Sequence[Sums]) -> Sums:
     """Sum over the pairs of each unit: each sequence, or each stretch of few sequences."""
     stretches = 1 if len(sequences) >= FEWEST_SEQUENCES else STRETCHES
-    return Sums(
-        *(
-            np.array(
-                [part.sum() for each in pairs for part in np.array_split(each, stretches)],
-                np.float64,
-            )
-            for pairs in zip(*sequences, strict=True)
-        )
+    sums = (
+        [part.sum() for each in pairs for part in np.array_split(each, stretches)]
+        for pairs in zip(*sequences, strict=True)
     )
+    return Sums(*(np.array(each, np.float64) for each in sums))
 
 
 def interval(sums: Sums) -> Interval | None:

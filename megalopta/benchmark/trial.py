@@ -40,7 +40,6 @@ from megalopta.core.strict_yaml import booleans_for_others
 from megalopta.flow.benchmark.search import photon_search
 from megalopta.flow.benchmark.settings import SearchSettings, each_once
 from megalopta.flow.detectors.base import Detector
-from megalopta.flow.detectors.intensity import IntensityMeasurement
 from megalopta.flow.detectors.registry import METHODS, THESIS_METHODS, method
 from megalopta.flow.metrics.photon_threshold import ErrorCurve
 from megalopta.flow.stimuli.moving_template import MovingTemplate, blurred
@@ -204,18 +203,13 @@ class Trial(Record, frozen=True):
         return self
 
     @model_validator(mode="after")
-    def _moves(self) -> "Trial":
-        intensity = IntensityMeasurement()
-        motion = [each.name for each in self.detectors if each != intensity]
+    def _methods_fit(self) -> "Trial":
+        motion = [each.name for each in self.detectors if each != METHODS["IM"]]
         if self.velocity_px == 0 and motion:
             raise ValueError(
                 f"velocity_px 0: nothing moves, so the errors of {', '.join(motion)} are undefined;"
                 " give a velocity, or the method IM alone"
             )
-        return self
-
-    @model_validator(mode="after")
-    def _methods_fit(self) -> "Trial":
         for each in self.detectors:
             try:
                 each.start((self.size, self.size))
