@@ -24,7 +24,6 @@ from megalopta.flow.detectors.gray_detector import (
     DenseDetector,
     Estimator,
     GrayDetector,
-    PairFlow,
     eight_bits,
 )
 
@@ -99,19 +98,15 @@ class Farneback(DenseDetector, frozen=True):
     pyramid_levels: Annotated[int, Field(ge=1)] = 3
     """Largest number of levels, the frames themselves included; 1 is no pyramid"""
 
-    def _dense(self, grid: BlockGrid) -> PairFlow:
+    def _flow(self, grid: BlockGrid, pair: Floats) -> NDArray[Any]:
         import cv2
 
         window = max(1, round(self.window_blocks * grid.block_px))
         settings: dict[str, Any] = {"levels": self.pyramid_levels, "winsize": window, **_FARNEBACK}
-
-        def flow(pair: Floats) -> NDArray[Any]:
-            first, second = (_GRAY_LEVELS * pair).astype(np.float32)
-            empty: Any = np.empty((*grid.shape, 2), np.float32)
-            with one_thread():
-                return np.asarray(cv2.calcOpticalFlowFarneback(first, second, empty, **settings))
-
-        return flow
+        first, second = (_GRAY_LEVELS * pair).astype(np.float32)
+        empty: Any = np.empty((*grid.shape, 2), np.float32)
+        with one_thread():
+            return np.asarray(cv2.calcOpticalFlowFarneback(first, second, empty, **settings))
 
 
 class DenseInverseSearch(DenseDetector, frozen=True):
@@ -129,24 +124,23 @@ class DenseInverseSearch(DenseDetector, frozen=True):
     preset: Literal["ultrafast", "fast", "medium"] = "medium"
     """OpenCV's choice between speed and accuracy"""
 
-    def _dense(self, grid: BlockGrid) -> PairFlow:
-        import cv2
-
-        height, width = grid.shape
-        if max(grid.shape) < _SMALLEST_DIS_FRAME_PX:
+    def grid(self, shape: tuple[int, int]) -> BlockGrid:
+        """Return where the blocks of a frame (H, W) lie; ValueError where it is too small."""
+        if max(shape) < _SMALLEST_DIS_FRAME_PX:
             raise ValueError(
-                f"frames of {height} × {width} px: {self.name} needs at least"
+                f"frames of {shape[0]} × {shape[1]} px: {self.name} needs at least"
                 f" {_SMALLEST_DIS_FRAME_PX} px along one side"
             )
+        return super().grid(shape)
+
+    def _flow(self, grid: BlockGrid, pair: Floats) -> NDArray[Any]:
+        import cv2
+
         preset = getattr(cv2, f"DISOPTICAL_FLOW_PRESET_{self.preset.upper()}")
-        search = cv2.DISOpticalFlow.create(preset)
-
-        def flow(pair: Floats) -> NDArray[Any]:
-            first, second = eight_bits(pair)
-            with one_thread():
-                return search.calc(first, second, np.zeros((*grid.shape, 2), np.float32))
-
-        return flow
+        first, second = eight_bits(pair)
+        start = np.zeros((*grid.shape, 2), np.float32)
+        with one_thread():
+            return cv2.DISOpticalFlow.create(preset).calc(first, second, start)
 
 
 @contextmanager
@@ -191,14 +185,11 @@ class TotalVariation(DenseDetector, frozen=True):
     attachment: Annotated[float, Field(gt=0)] = 15.0
     """Weight of the frames' difference, gray levels from 0 to 1; smaller makes smoother flow"""
 
-    def _dense(self, grid: BlockGrid) -> PairFlow:
+    def _flow(self, grid: BlockGrid, pair: Floats) -> Floats:
         from skimage.registration import optical_flow_tvl1
 
-        def flow(pair: Floats) -> Floats:
-            down, right = optical_flow_tvl1(*pair, attachment=self.attachment, dtype=np.float64)
-            return np.stack((right, down), axis=-1)
-
-        return flow
+        down, right = optical_flow_tvl1(*pair, attachment=self.attachment, dtype=np.float64)
+        return np.stack((right, down), axis=-1)
 
 
 class PhaseCorrelation(GrayDetector, frozen=True):
