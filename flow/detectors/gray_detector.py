@@ -45,8 +45,6 @@ from megalopta.flow.detectors.blocks import BlockDetector, BlockGrid, mean_over_
 _ANSCOMBE = 3 / 8
 _MIDDLE_PERCENT, _SPREADS = (1, 99), 3.0
 
-Estimator = Callable[[Floats], Floats]
-"""Two frames (2, H, W), from 0 to 1, to the velocities of the blocks (rows, columns, 2)."""
 DenseFlow: TypeAlias = Callable[[Floats, Floats], Any]
 """Two frames (H, W) to the flow (H, W, 2) from the first to the second, px, x before y."""
 
@@ -61,15 +59,14 @@ class GrayDetector(BlockDetector, frozen=True):
 
     def start(self, shape: tuple[int, int]) -> Responder:
         """Return the estimator for frames (H, W); see `Detector.start`."""
-        grid = self.grid(shape)
-        return in_pairs(partial(self._velocities, grid, self._estimator(grid)))
+        return in_pairs(partial(self._velocities, self.grid(shape)))
 
-    def _velocities(self, grid: BlockGrid, estimate: Estimator, frames: Frames) -> Floats:
+    def _velocities(self, grid: BlockGrid, frames: Frames) -> Floats:
         velocities = np.full((len(frames) - 1, grid.rows, grid.columns, 2), np.nan)
         for index in range(len(frames) - 1):
             pair = gray_levels(self._prepared(frames[index : index + 2]))
             if pair is not None:
-                velocities[index] = estimate(pair)
+                velocities[index] = self._estimate(grid, pair)
         return velocities
 
     def _prepared(self, pair: Frames) -> Frames:
@@ -82,7 +79,8 @@ class GrayDetector(BlockDetector, frozen=True):
         return pair
 
     @abstractmethod
-    def _estimator(self, grid: BlockGrid) -> Estimator: ...
+    def _estimate(self, grid: BlockGrid, pair: Floats) -> Floats:
+        """Return the velocities of the blocks between two frames (2, H, W), from 0 to 1."""
 
 
 def eight_bits(pair: Floats) -> NDArray[np.uint8]:
@@ -122,8 +120,8 @@ class DenseDetector(GrayDetector, frozen=True):
         pair = gray_levels(self._prepared(sequence))
         return np.full((*grid.shape, 2), np.nan) if pair is None else self._checked(grid, pair)
 
-    def _estimator(self, grid: BlockGrid) -> Estimator:
-        return lambda pair: mean_over_blocks(self._checked(grid, pair), grid)
+    def _estimate(self, grid: BlockGrid, pair: Floats) -> Floats:
+        return mean_over_blocks(self._checked(grid, pair), grid)
 
     def _checked(self, grid: BlockGrid, pair: Floats) -> Floats:
         flow, expected = np.asarray(self._flow(grid, pair), np.float64), (*grid.shape, 2)

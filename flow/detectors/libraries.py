@@ -20,12 +20,7 @@ from pydantic import Field
 
 from megalopta.core.arrays import Floats
 from megalopta.flow.detectors.blocks import BlockGrid
-from megalopta.flow.detectors.gray_detector import (
-    DenseDetector,
-    Estimator,
-    GrayDetector,
-    eight_bits,
-)
+from megalopta.flow.detectors.gray_detector import DenseDetector, GrayDetector, eight_bits
 
 _SMALLEST_WINDOW_PX = 3
 _SMALLEST_DIS_FRAME_PX = 12
@@ -61,23 +56,19 @@ class LucasKanade(GrayDetector, frozen=True):
     pyramid_levels: Annotated[int, Field(ge=1)] = 3
     """Largest number of levels, the frames themselves included; 1 is no pyramid"""
 
-    def _estimator(self, grid: BlockGrid) -> Estimator:
+    def _estimate(self, grid: BlockGrid, pair: Floats) -> Floats:
         import cv2
 
         side = max(_SMALLEST_WINDOW_PX, round(self.window_blocks * grid.block_px))
         centers = (grid.centers.reshape(-1, 2) - 0.5).astype(np.float32)
-
-        def estimate(pair: Floats) -> Floats:
-            first, second = eight_bits(pair)
-            sides, coarsest = (side, side), self.pyramid_levels - 1
-            with one_thread():
-                found, status, _ = cv2.calcOpticalFlowPyrLK(
-                    first, second, centers, np.empty_like(centers), winSize=sides, maxLevel=coarsest
-                )
-            moved = np.where(status > 0, found - centers, np.nan)
-            return moved.reshape(grid.rows, grid.columns, 2).astype(np.float64)
-
-        return estimate
+        sides, coarsest = (side, side), self.pyramid_levels - 1
+        first, second = eight_bits(pair)
+        with one_thread():
+            found, status, _ = cv2.calcOpticalFlowPyrLK(
+                first, second, centers, np.empty_like(centers), winSize=sides, maxLevel=coarsest
+            )
+        moved = np.where(status > 0, found - centers, np.nan)
+        return moved.reshape(grid.rows, grid.columns, 2).astype(np.float64)
 
 
 class Farneback(DenseDetector, frozen=True):
@@ -215,19 +206,15 @@ class PhaseCorrelation(GrayDetector, frozen=True):
     steps_per_px: Annotated[int, Field(ge=1)] = 20
     """Velocities are whole multiples of 1/20 px per frame by default"""
 
-    def _estimator(self, grid: BlockGrid) -> Estimator:
+    def _estimate(self, grid: BlockGrid, pair: Floats) -> Floats:
         from scipy.signal.windows import tukey
         from skimage.registration import phase_cross_correlation
 
         window = np.outer(*(tukey(side, _FADING) for side in grid.shape))
         normalization = "phase" if self.whitened else None
-
-        def estimate(pair: Floats) -> Floats:
-            first, second = (window * (frame - frame.mean()) for frame in pair)
-            # What is returned would bring the second frame back onto the first.
-            shift, *_ = phase_cross_correlation(
-                first, second, upsample_factor=self.steps_per_px, normalization=normalization
-            )
-            return np.broadcast_to(-shift[::-1], (grid.rows, grid.columns, 2))
-
-        return estimate
+        first, second = (window * (frame - frame.mean()) for frame in pair)
+        # What is returned would bring the second frame back onto the first.
+        shift, *_ = phase_cross_correlation(
+            first, second, upsample_factor=self.steps_per_px, normalization=normalization
+        )
+        return np.broadcast_to(-shift[::-1], (grid.rows, grid.columns, 2))
