@@ -25,19 +25,10 @@ _TURN = np.concatenate(([0.0], np.cumsum(_STEPS) / _STEPS.sum()))
 
 
 def flow_to_rgb(flow: NDArray[np.floating[Any]], max_speed: float) -> Rgb:
-    """Return a picture (..., 3) of flows (..., 2), +x right, +y down.
+    """Return a picture (..., 3) of flows (..., 2), +x right, +y down, NaN where undefined.
 
-    Parameters
-    ----------
-    flow : (..., 2)
-        NaN where undefined.
-    max_speed : float
-        Speed of the pure color, in the unit of the flow.
-
-    Raises
-    ------
-    ValueError
-        When the maximum is not positive or the flow has no two components.
+    A speed of `max_speed`, in the unit of the flow, has the pure color. Raises ValueError when it
+    is not positive or the flow has no two components.
     """
     if not 0 < max_speed < np.inf:
         raise ValueError(f"max_speed {max_speed!r}: give a positive speed")
@@ -58,10 +49,7 @@ def wheel_legend(side_px: int) -> Rgb:
 
     The rim stands for the maximum speed, the center for none; outside is white.
 
-    Raises
-    ------
-    ValueError
-        When the side is below 3 px.
+    Raises ValueError when the side is below 3 px.
     """
     if side_px < 3:
         raise ValueError(f"side_px {side_px}: give 3 px or more")

@@ -50,10 +50,7 @@ _PFM_HEADER = re.compile(rb"PF\s+(\d{1,6})\s+(\d{1,6})\s+(-?[0-9.eE+-]{1,20})\s"
 def read_flow(path: str | Path) -> Flow:
     """Read a flow (H, W, 2), px, NaN where undefined; the suffix says in which format.
 
-    Raises
-    ------
-    ValueError
-        When the suffix is of none of the formats, or the file is damaged.
+    Raises ValueError when the suffix is of none of the formats, or the file is damaged.
     """
     path = Path(path)
     read = _READERS.get(path.suffix.lower())
@@ -68,10 +65,7 @@ def read_flow(path: str | Path) -> Flow:
 def write_flo(path: str | Path, flow: NDArray[np.floating]) -> None:
     """Write a flow (H, W, 2), px, +x right, +y down, NaN where undefined.
 
-    Raises
-    ------
-    ValueError
-        When the array is no flow, or holds a value that would be read as undefined.
+    Raises ValueError when the array is no flow, or holds a value that would be read as undefined.
     """
     _check(flow)
     if max(flow.shape[:2]) > _LARGEST_SIDE:

@@ -8,21 +8,17 @@ matters, so it is a Gaussian. Its constant was fitted on dead leaves and on one 
 at 10⁴ to 10⁶ photons per frame of 240 × 240 px; a step of √2 changes errors by a few percent.
 
 **Evidence.** Frames are binned by 2 × 2 px again and again, which keeps their counts Poisson. Roots
-of the counts have the same noise everywhere; smoothed and aligned by a motion, their squared
-differences from their mean are the log-likelihood of that motion. The gradient is that of the mean
-of the aligned frames: noise in it is then independent of noise in their differences, and draws no
-velocity toward 0. Where aligned frames differ by more than noise, something is hidden, or not
-modelled; evidence there counts less in proportion.
+of the counts, smoothed and aligned by a motion, differ from their mean by noise alone: the sum of
+squares is the log-likelihood of that motion. The gradient is that of the mean of the aligned
+frames: noise in it is then independent of noise in their differences, and draws no velocity toward
+0. Where aligned frames differ by more, something is hidden, or not modelled; evidence there counts
+less in proportion.
 
-**Flow.** From the coarsest scale to the finest the flow, known at nodes 4 px apart, is the least of
-
-    Σ over pixels of 2·Σₜ (gₜ(x + sₜ·u) − mean)²  +  Σ over links of prior(|change of u| / distance)
-
-gₜ are the smoothed roots; the first sum is their log-likelihood for a steady motion u, with sₜ the
-time from the frame of reference. The prior grows as the change of velocity, not its square: it
-allows edges. Newton steps, warping anew each time, interpolate the roots by cubic splines. Each
-solves a sparse symmetric system of two unknowns a node by factorization, so that evidence reaches
-any distance in one step. Sources and limits: `docs/theory/whole-frame-flow.md`.
+**Flow.** From the coarsest scale to the finest, Newton steps that warp anew each time find the flow
+at nodes 4 px apart that is most likely under a prior that grows as the change of velocity, not its
+square. Each solves a sparse symmetric system of two unknowns a node by factorization, so that
+evidence reaches any distance in one step. Equations, sources and limits:
+`docs/theory/whole-frame-flow.md`.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -182,11 +178,16 @@ def levels(counts: Floats) -> Iterator[Level]:
     """Yield frames (n, H, W) from the coarsest level to the finest."""
     binned = [counts]
     while min(binned[-1].shape[1:]) // 2 >= _SMALLEST_LEVEL_PX:
-        height, width = (side // 2 * 2 for side in binned[-1].shape[1:])
-        even = binned[-1][:, :height, :width]
-        binned.append(even.reshape(-1, height // 2, 2, width // 2, 2).sum(axis=(2, 4)))
+        binned.append(halved(binned[-1]))
     for power, frames in reversed(list(enumerate(binned))):
         yield level_of(frames, 2**power)
+
+
+def halved(frames: Floats) -> Floats:
+    """Return frames (n, H, W) binned by 2 × 2 px; an odd row or column is cut."""
+    height, width = (side // 2 for side in frames.shape[1:])
+    even = frames[:, : 2 * height, : 2 * width]
+    return np.asarray(even.reshape(-1, height, 2, width, 2).sum(axis=(2, 4)))
 
 
 def level_of(frames: Floats, bins: int = 1) -> Level:

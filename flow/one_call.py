@@ -11,13 +11,16 @@ from megalopta.core.arrays import Floats
 from megalopta.core.bounded import quoted
 from megalopta.flow.detectors.base import Frames
 from megalopta.flow.detectors.blocks import BlockDetector
-from megalopta.flow.detectors.registry import METHODS, Method, method as detector_of
+from megalopta.flow.detectors.registry import Method, velocity_method
 
 
 def optical_flow(
     first: ArrayLike, second: ArrayLike, method: Method = "PF", **settings: Any
 ) -> Floats:
     """Return the flow from one image to the next, (H, W, 2) in px: x, to the right, then y, down.
+
+    Raises ValueError when the method gives no velocity, a setting is unknown or wrong, or the
+    images are no images of one size, too small, or no counts where the method needs them.
 
     Parameters
     ----------
@@ -34,18 +37,9 @@ def optical_flow(
     Floats
         At each pixel of the first image, NaN where undefined. Of a method that gives one velocity
         per block it is linear between the middles of blocks, and beyond the outermost as there.
-
-    Raises
-    ------
-    ValueError
-        When the method gives no velocity, a setting is unknown or wrong, or the images are no
-        images of one size, too small, or no counts where the method needs them.
     """
-    detector = detector_of(method)
-    if not isinstance(detector, BlockDetector):
-        able = (name for name, each in METHODS.items() if isinstance(each, BlockDetector))
-        raise ValueError(f"{detector.name} measures no velocity: choose from {', '.join(able)}")
-    detector, frames = _changed(detector, settings), [_image(each) for each in (first, second)]
+    detector = _changed(velocity_method(method), settings)
+    frames = [_image(each) for each in (first, second)]
     if detector.takes_counts and all(map(_are_gray_levels, frames)):
         raise ValueError(
             f"{detector.name} takes photon counts, and these are gray levels from 0 to 1: multiply"

@@ -57,6 +57,8 @@ def photon_search(
 ) -> tuple[ErrorCurve, ...]:
     """Return a curve for each method and metric, measured where the thresholds need it.
 
+    Raises ValueError when the frames are black or too small for a detector.
+
     Parameters
     ----------
     methods
@@ -65,11 +67,6 @@ def photon_search(
         Any integer.
     name : str
         Of the stimulus; stimuli of different names are drawn independently.
-
-    Raises
-    ------
-    ValueError
-        When the frames are black or too small for a detector.
     """
     detectors = [method(each) for each in methods]
     sequences = ShortSequences(stimulus, settings, seed, name, detectors)
@@ -281,7 +278,6 @@ class _Search:
         self._fluxes = self._settings.fluxes
         self._last = len(self._fluxes) - 1
         self._measured: dict[int, Floats] = {}
-        self._made: dict[tuple[Metric, tuple[int, ...], int], ErrorCurve] = {}
 
     def curves(self) -> list[ErrorCurve]:
         """Return one curve for each metric."""
@@ -309,15 +305,12 @@ class _Search:
         return min(max(round(decades * _STRIDES_PER_DECADE) * self._step, 0), self._last)
 
     def _bracket(self, metric: Metric, level: float) -> None:
-        per_decade = self._settings.fluxes_per_decade
-        index: int | None
-        while True:
+        def following() -> int | None:
             errors = {index: error_of(sums, metric) for index, sums in self._measured.items()}
-            index = next_index(
-                errors, level, self._last, per_decade, self._straight, is_smooth=self._is_exact
-            )
-            if index is None:
-                break
+            per_decade, last = self._settings.fluxes_per_decade, self._last
+            return next_index(errors, level, last, per_decade, self._straight, self._is_exact)
+
+        while (index := following()) is not None:
             self._measure(index)
         if len(self._measured) == 1:  # a curve has two points
             self._measure(0, self._last)
@@ -334,20 +327,14 @@ class _Search:
                 return
 
     def _curve(self, metric: Metric, bits: tuple[int, ...]) -> ErrorCurve:
-        """Return the curve through what was measured, made again if that has become more."""
-        key = metric, bits, len(self._measured)
-        if key not in self._made:
-            self._made[key] = self._new_curve(metric, bits)
-        return self._made[key]
-
-    def _new_curve(self, metric: Metric, bits: tuple[int, ...]) -> ErrorCurve:
+        """Return the curve through what was measured."""
         indices = sorted(self._measured)
         sums = np.stack([self._measured[index] for index in indices], axis=1)
         *rest, places, frames = sums.shape
         starts = range(0, places * frames, frames)
         fluxes = [self._fluxes[index] for index in indices]
         measured = measured_errors(metric, fluxes, sums.reshape(*rest, -1), starts)
-        asked = self._settings.model_copy(update={"bits": bits})
+        asked = dict.fromkeys(bits, self._settings.confidence)
         return error_curve(
             self._method, self._sequences.shape, metric, measured, asked, self._sequences.key
         )

@@ -15,6 +15,7 @@ For a template that turns past a window, `photon_search` finds the thresholds al
 of the draws.
 """
 
+from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -85,13 +86,9 @@ class BenchmarkResult:
 
     def to_dict(self) -> dict[str, Any]:
         """Return everything ready for JSON."""
-        return {
-            "sequence": self.sequence,
-            "seed": self.seed,
+        return vars(self) | {
             "settings": self.settings.model_dump(mode="json"),
             "methods": {each.name: each.model_dump(mode="json") for each in self.methods},
-            "frames": list(self.frames),
-            "warm_up": self.warm_up,
             "curves": [curve.to_dict() for curve in self.curves],
         }
 
@@ -117,6 +114,8 @@ def photon_benchmark(
 ) -> BenchmarkResult:
     """Return the error of each method over the photon flux, and the fluxes it needs.
 
+    Raises ValueError when the frames are no light, too few or too small, or a size exceeds theirs.
+
     Parameters
     ----------
     frames : (T, H, W)
@@ -130,11 +129,6 @@ def photon_benchmark(
         Name of the sequence; sequences of different names are drawn independently.
     books
         Gets the work done, `work_units` in all, and keeps its parts.
-
-    Raises
-    ------
-    ValueError
-        When the frames are no light, too few or too small, or a size exceeds theirs.
     """
     detectors = [method(each) for each in methods]
     warm_up = checked_warm_up(frames.shape, detectors, settings)
@@ -183,9 +177,8 @@ class _AtSize:
         """Return the sums of each method, (4, fluxes, T)."""
         fluxes, shape = self._settings.fluxes, self._shape
         to_light = [method.start(shape) for method in methods]
-        comparisons = [
-            [_Comparison(each, shape, self._settings) for each in methods] for _ in fluxes
-        ]
+        comparisons = [[self._comparison(each) for each in methods] for _ in fluxes]
+        sums: defaultdict[tuple[str, float], list[Floats]] = defaultdict(list)
         for first, frames in self._resized():
             light = frames / self._divisors[first : first + len(frames), None, None]
             ideals = [respond(light, self._pixels) for respond in to_light]
@@ -193,13 +186,25 @@ class _AtSize:
                 means = light * flux + self._dark_counts
                 key = *self._key, f"{flux:.6g}", repeat
                 counts = draw_counts(means, *key, first_frame=first)
-                for ideal, comparison in zip(ideals, at_flux, strict=True):
-                    comparison.add(ideal, means, counts, self._pixels / flux)
+                for each, ideal, errors in zip(methods, ideals, at_flux, strict=True):
+                    found = errors(ideal, means, counts, self._pixels / flux)
+                    sums[each.name, flux].append(found)
                 books.on_progress(counts.size)
         return [
-            np.stack([np.concatenate(each.sums, axis=1) for each in of_method], axis=1)
-            for of_method in zip(*comparisons, strict=True)
+            np.stack([np.concatenate(sums[each.name, flux], axis=1) for flux in fluxes], axis=1)
+            for each in methods
         ]
+
+    def _comparison(self, method: Detector) -> Callable[[Floats, Floats, Counts, float], Floats]:
+        """Return what gives the errors of a detector at one flux, chunk by chunk."""
+        to_counts, to_means = method.start(self._shape), method.start(self._shape)
+        has_own = self._settings.compares_with_means(method)
+
+        def errors(ideal: Floats, means: Floats, counts: Counts, scale: float) -> Floats:
+            reference = to_means(means, scale) if has_own else ideal
+            return error_sums(method, reference, to_counts(counts, scale))
+
+        return errors
 
     def curve(self, method: Detector, sums: Floats, metric: Metric, warm_up: int) -> ErrorCurve:
         """Return the curve of a method, with standard errors of blocks longer than its memory."""
@@ -207,26 +212,11 @@ class _AtSize:
         blocks = max(1, frames // (method.memory_frames + 1))
         starts = [block * frames // blocks for block in range(blocks)]
         measured = measured_errors(metric, self._settings.fluxes, sums[..., warm_up:], starts)
-        return error_curve(method, self._shape, metric, measured, self._settings, self._key)
+        asked = dict.fromkeys(self._settings.bits, self._settings.confidence)
+        return error_curve(method, self._shape, metric, measured, asked, self._key)
 
     def _resized(self) -> Iterator[tuple[int, Frames]]:
         length = self._settings.chunk_frames
         for first in range(0, self._frames.shape[0], length):
             chunk = np.asarray(self._frames[first : first + length])
             yield first, resize(chunk, self._shape, self._settings.resize)
-
-
-class _Comparison:
-    """One detector at one flux: its responses to counts against those to the clean sequence."""
-
-    def __init__(
-        self, method: Detector, shape: tuple[int, int], settings: BenchmarkSettings
-    ) -> None:
-        self._method, self._to_counts = method, method.start(shape)
-        self._to_means = method.start(shape) if settings.compares_with_means(method) else None
-        self.sums: list[Floats] = []
-
-    def add(self, ideal: Floats, means: Floats, counts: Counts, scale: float) -> None:
-        if self._to_means is not None:
-            ideal = self._to_means(means, scale)
-        self.sums.append(error_sums(self._method, ideal, self._to_counts(counts, scale)))

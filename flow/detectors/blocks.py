@@ -69,10 +69,8 @@ def block_grid(
 ) -> BlockGrid:
     """Return the blocks of a frame (H, W); by default a tenth of the shorter side wide.
 
-    Raises
-    ------
-    ValueError
-        When there would be fewer blocks along a side, 3 by default, or a block of less than 2 px.
+    Raises ValueError when there would be fewer blocks along a side, 3 by default, or a block of
+    less than 2 px.
     """
     size = min(shape) // BLOCKS_PER_SIDE if block_px is None else block_px
     if size < _SMALLEST_BLOCK_PX or min(shape) // size < fewest_blocks:

@@ -22,6 +22,7 @@ from megalopta.core.compiling import compiled
 from megalopta.flow.detectors.base import Responder
 from megalopta.flow.detectors.blocks import BlockGrid, PooledFrames, block_sums
 from megalopta.flow.detectors.poisson_matching import parabola_minimum
+from megalopta.flow.likelihood import halved
 
 _SUMS = 4
 _NEIGHBORS = (0, 0), (-1, 0), (1, 0), (0, -1), (0, 1)
@@ -84,11 +85,9 @@ def _levels(pair: Floats, block_px: int, most: int) -> Iterator[Floats]:
     """Yield both frames (2, H, W), each time binned by 2 × 2 px more, as long as a block fits."""
     for _ in range(most):
         yield pair
-        height, width = (side // 2 for side in pair.shape[1:])
-        if min(height, width) < block_px:
+        if min(pair.shape[1:]) // 2 < block_px:
             return
-        even = pair[:, : 2 * height, : 2 * width]
-        pair = even.reshape(2, height, 2, width, 2).sum(axis=(2, 4))
+        pair = halved(pair)
 
 
 def _corners(grid: BlockGrid, level: int, shape: tuple[int, ...]) -> NDArray[np.int64]:

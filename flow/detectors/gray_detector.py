@@ -45,10 +45,6 @@ from megalopta.flow.detectors.blocks import BlockDetector, BlockGrid, mean_over_
 _ANSCOMBE = 3 / 8
 _MIDDLE_PERCENT, _SPREADS = (1, 99), 3.0
 
-Estimator = Callable[[Floats], Floats]
-"""Two frames (2, H, W), from 0 to 1, to the velocities of the blocks (rows, columns, 2)."""
-PairFlow: TypeAlias = Callable[[Floats], NDArray[Any]]
-"""Two frames (2, H, W), from 0 to 1, to their flow (H, W, 2)."""
 DenseFlow: TypeAlias = Callable[[Floats, Floats], Any]
 """Two frames (H, W) to the flow (H, W, 2) from the first to the second, px, x before y."""
 
@@ -63,15 +59,14 @@ class GrayDetector(BlockDetector, frozen=True):
 
     def start(self, shape: tuple[int, int]) -> Responder:
         """Return the estimator for frames (H, W); see `Detector.start`."""
-        grid = self.grid(shape)
-        return in_pairs(partial(self._velocities, grid, self._estimator(grid)))
+        return in_pairs(partial(self._velocities, self.grid(shape)))
 
-    def _velocities(self, grid: BlockGrid, estimate: Estimator, frames: Frames) -> Floats:
+    def _velocities(self, grid: BlockGrid, frames: Frames) -> Floats:
         velocities = np.full((len(frames) - 1, grid.rows, grid.columns, 2), np.nan)
         for index in range(len(frames) - 1):
             pair = gray_levels(self._prepared(frames[index : index + 2]))
             if pair is not None:
-                velocities[index] = estimate(pair)
+                velocities[index] = self._estimate(grid, pair)
         return velocities
 
     def _prepared(self, pair: Frames) -> Frames:
@@ -84,7 +79,8 @@ class GrayDetector(BlockDetector, frozen=True):
         return pair
 
     @abstractmethod
-    def _estimator(self, grid: BlockGrid) -> Estimator: ...
+    def _estimate(self, grid: BlockGrid, pair: Floats) -> Floats:
+        """Return the velocities of the blocks between two frames (2, H, W), from 0 to 1."""
 
 
 def eight_bits(pair: Floats) -> NDArray[np.uint8]:
@@ -120,29 +116,24 @@ class DenseDetector(GrayDetector, frozen=True):
         Raises as `BlockDetector.dense`.
         """
         sequence = self.checked(frames)
-        shape = (sequence.shape[1], sequence.shape[2])
-        flow, pair = self._of_shape(self.grid(shape)), gray_levels(self._prepared(sequence))
-        return np.full((*shape, 2), np.nan) if pair is None else flow(pair)
+        grid = self.grid((sequence.shape[1], sequence.shape[2]))
+        pair = gray_levels(self._prepared(sequence))
+        return np.full((*grid.shape, 2), np.nan) if pair is None else self._checked(grid, pair)
 
-    def _estimator(self, grid: BlockGrid) -> Estimator:
-        flow = self._of_shape(grid)
-        return lambda pair: mean_over_blocks(flow(pair), grid)
+    def _estimate(self, grid: BlockGrid, pair: Floats) -> Floats:
+        return mean_over_blocks(self._checked(grid, pair), grid)
 
-    def _of_shape(self, grid: BlockGrid) -> Estimator:
-        estimate, expected = self._dense(grid), (*grid.shape, 2)
-
-        def checked(pair: Floats) -> Floats:
-            flow = np.asarray(estimate(pair), np.float64)
-            if flow.shape != expected:
-                raise MethodError(
-                    f"{self.name}: a flow of shape {flow.shape}; give {expected}, x before y"
-                )
-            return flow
-
-        return checked
+    def _checked(self, grid: BlockGrid, pair: Floats) -> Floats:
+        flow, expected = np.asarray(self._flow(grid, pair), np.float64), (*grid.shape, 2)
+        if flow.shape != expected:
+            raise MethodError(
+                f"{self.name}: a flow of shape {flow.shape}; give {expected}, x before y"
+            )
+        return flow
 
     @abstractmethod
-    def _dense(self, grid: BlockGrid) -> PairFlow: ...
+    def _flow(self, grid: BlockGrid, pair: Floats) -> NDArray[Any]:
+        """Return the flow (H, W, 2) between two frames (2, H, W), from 0 to 1."""
 
 
 class FunctionDetector(DenseDetector, frozen=True):
@@ -165,10 +156,7 @@ class FunctionDetector(DenseDetector, frozen=True):
         place = f"{function.__module__}.{getattr(function, '__qualname__', repr(function))}"
         return f"{place} {hashlib.sha256(body.encode()).hexdigest()}"
 
-    def _dense(self, grid: BlockGrid) -> PairFlow:
-        return self._answer
-
-    def _answer(self, pair: Floats) -> Floats:
+    def _flow(self, _: BlockGrid, pair: Floats) -> Floats:
         try:
             return np.asarray(self.function(pair[0], pair[1]), np.float64)
         except Exception as problem:  # somebody else's code can raise anything

@@ -4,16 +4,14 @@ Thesis §4.4. The relative error of a Poisson count of mean λ is the mean absol
 λ|/λ = 2 exp(−λ) λ^⌊λ⌋ / ⌊λ⌋!, which is 25 % at λ = 10.133.
 """
 
-from functools import cache
-from math import exp, floor, lgamma, log, pi, sqrt
-from typing import Any, ClassVar, Literal
+from typing import ClassVar, Literal
 
 import numpy as np
-from numba import vectorize
 from numpy.typing import ArrayLike
+from scipy.special import gammaln, xlogy
 
 from megalopta.core.arrays import Floats
-from megalopta.flow.detectors.base import Detector, Frames, Responder
+from megalopta.flow.detectors.base import Detector, Responder
 
 
 class IntensityMeasurement(Detector, frozen=True):
@@ -35,7 +33,7 @@ class IntensityMeasurement(Detector, frozen=True):
         """Return the scaling of frames; see `Detector.start`."""
         if min(shape) < 3:
             raise ValueError(f"frames of {shape[0]} × {shape[1]} px: {self.name} needs 3 × 3 px")
-        return _scaled
+        return lambda frames, scale: np.asarray(frames * np.float64(scale))
 
     def expected_deviation(self, means: Floats, scale: float) -> Floats:
         """Return the mean absolute deviation of Poisson counts; see `Detector`."""
@@ -46,25 +44,10 @@ class IntensityMeasurement(Detector, frozen=True):
         return responses[:, 1:-1, 1:-1, np.newaxis]
 
 
-def _scaled(frames: Frames, scale: float) -> Floats:
-    return np.asarray(frames * np.float64(scale))
-
-
 def mean_absolute_deviation(means: ArrayLike) -> Floats:
     """Return E|X − λ| of Poisson counts of means λ: 2 exp(−λ) λ^(⌊λ⌋ + 1) / ⌊λ⌋!."""
-    return np.asarray(_compiled()(means))
-
-
-@cache
-def _compiled() -> Any:
-    """To be compiled when it is used: that takes half a second, from numba's cache too."""
-    return vectorize(["float64(float64)"], cache=True)(_deviation)
-
-
-def _deviation(mean: float) -> float:
-    if mean <= 0:
-        return 0.0
-    if mean > 1e6:  # of a normal variable, within 1e-6; the terms of the exponent would cancel
-        return sqrt(2 * mean / pi)
-    whole = floor(mean)
-    return 2 * exp((whole + 1) * log(mean) - mean - lgamma(whole + 1.0))
+    mean = np.asarray(means, np.float64)
+    whole = np.floor(mean)
+    exact = 2 * np.exp(xlogy(whole + 1, mean) - mean - gammaln(whole + 1))
+    # where the terms of the exponent would cancel, of a normal variable, within 1e-6
+    return np.where(mean > 1e6, np.sqrt(2 * mean / np.pi), exact)

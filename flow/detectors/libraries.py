@@ -20,13 +20,7 @@ from pydantic import Field
 
 from megalopta.core.arrays import Floats
 from megalopta.flow.detectors.blocks import BlockGrid
-from megalopta.flow.detectors.gray_detector import (
-    DenseDetector,
-    Estimator,
-    GrayDetector,
-    PairFlow,
-    eight_bits,
-)
+from megalopta.flow.detectors.gray_detector import DenseDetector, GrayDetector, eight_bits
 
 _SMALLEST_WINDOW_PX = 3
 _SMALLEST_DIS_FRAME_PX = 12
@@ -62,23 +56,19 @@ class LucasKanade(GrayDetector, frozen=True):
     pyramid_levels: Annotated[int, Field(ge=1)] = 3
     """Largest number of levels, the frames themselves included; 1 is no pyramid"""
 
-    def _estimator(self, grid: BlockGrid) -> Estimator:
+    def _estimate(self, grid: BlockGrid, pair: Floats) -> Floats:
         import cv2
 
         side = max(_SMALLEST_WINDOW_PX, round(self.window_blocks * grid.block_px))
         centers = (grid.centers.reshape(-1, 2) - 0.5).astype(np.float32)
-
-        def estimate(pair: Floats) -> Floats:
-            first, second = eight_bits(pair)
-            sides, coarsest = (side, side), self.pyramid_levels - 1
-            with one_thread():
-                found, status, _ = cv2.calcOpticalFlowPyrLK(
-                    first, second, centers, np.empty_like(centers), winSize=sides, maxLevel=coarsest
-                )
-            moved = np.where(status > 0, found - centers, np.nan)
-            return moved.reshape(grid.rows, grid.columns, 2).astype(np.float64)
-
-        return estimate
+        sides, coarsest = (side, side), self.pyramid_levels - 1
+        first, second = eight_bits(pair)
+        with one_thread():
+            found, status, _ = cv2.calcOpticalFlowPyrLK(
+                first, second, centers, np.empty_like(centers), winSize=sides, maxLevel=coarsest
+            )
+        moved = np.where(status > 0, found - centers, np.nan)
+        return moved.reshape(grid.rows, grid.columns, 2).astype(np.float64)
 
 
 class Farneback(DenseDetector, frozen=True):
@@ -99,19 +89,15 @@ class Farneback(DenseDetector, frozen=True):
     pyramid_levels: Annotated[int, Field(ge=1)] = 3
     """Largest number of levels, the frames themselves included; 1 is no pyramid"""
 
-    def _dense(self, grid: BlockGrid) -> PairFlow:
+    def _flow(self, grid: BlockGrid, pair: Floats) -> NDArray[Any]:
         import cv2
 
         window = max(1, round(self.window_blocks * grid.block_px))
         settings: dict[str, Any] = {"levels": self.pyramid_levels, "winsize": window, **_FARNEBACK}
-
-        def flow(pair: Floats) -> NDArray[Any]:
-            first, second = (_GRAY_LEVELS * pair).astype(np.float32)
-            empty: Any = np.empty((*grid.shape, 2), np.float32)
-            with one_thread():
-                return np.asarray(cv2.calcOpticalFlowFarneback(first, second, empty, **settings))
-
-        return flow
+        first, second = (_GRAY_LEVELS * pair).astype(np.float32)
+        empty: Any = np.empty((*grid.shape, 2), np.float32)
+        with one_thread():
+            return np.asarray(cv2.calcOpticalFlowFarneback(first, second, empty, **settings))
 
 
 class DenseInverseSearch(DenseDetector, frozen=True):
@@ -129,24 +115,23 @@ class DenseInverseSearch(DenseDetector, frozen=True):
     preset: Literal["ultrafast", "fast", "medium"] = "medium"
     """OpenCV's choice between speed and accuracy"""
 
-    def _dense(self, grid: BlockGrid) -> PairFlow:
-        import cv2
-
-        height, width = grid.shape
-        if max(grid.shape) < _SMALLEST_DIS_FRAME_PX:
+    def grid(self, shape: tuple[int, int]) -> BlockGrid:
+        """Return where the blocks of a frame (H, W) lie; ValueError where it is too small."""
+        if max(shape) < _SMALLEST_DIS_FRAME_PX:
             raise ValueError(
-                f"frames of {height} × {width} px: {self.name} needs at least"
+                f"frames of {shape[0]} × {shape[1]} px: {self.name} needs at least"
                 f" {_SMALLEST_DIS_FRAME_PX} px along one side"
             )
+        return super().grid(shape)
+
+    def _flow(self, grid: BlockGrid, pair: Floats) -> NDArray[Any]:
+        import cv2
+
         preset = getattr(cv2, f"DISOPTICAL_FLOW_PRESET_{self.preset.upper()}")
-        search = cv2.DISOpticalFlow.create(preset)
-
-        def flow(pair: Floats) -> NDArray[Any]:
-            first, second = eight_bits(pair)
-            with one_thread():
-                return search.calc(first, second, np.zeros((*grid.shape, 2), np.float32))
-
-        return flow
+        first, second = eight_bits(pair)
+        start = np.zeros((*grid.shape, 2), np.float32)
+        with one_thread():
+            return cv2.DISOpticalFlow.create(preset).calc(first, second, start)
 
 
 @contextmanager
@@ -191,14 +176,11 @@ class TotalVariation(DenseDetector, frozen=True):
     attachment: Annotated[float, Field(gt=0)] = 15.0
     """Weight of the frames' difference, gray levels from 0 to 1; smaller makes smoother flow"""
 
-    def _dense(self, grid: BlockGrid) -> PairFlow:
+    def _flow(self, grid: BlockGrid, pair: Floats) -> Floats:
         from skimage.registration import optical_flow_tvl1
 
-        def flow(pair: Floats) -> Floats:
-            down, right = optical_flow_tvl1(*pair, attachment=self.attachment, dtype=np.float64)
-            return np.stack((right, down), axis=-1)
-
-        return flow
+        down, right = optical_flow_tvl1(*pair, attachment=self.attachment, dtype=np.float64)
+        return np.stack((right, down), axis=-1)
 
 
 class PhaseCorrelation(GrayDetector, frozen=True):
@@ -224,19 +206,15 @@ class PhaseCorrelation(GrayDetector, frozen=True):
     steps_per_px: Annotated[int, Field(ge=1)] = 20
     """Velocities are whole multiples of 1/20 px per frame by default"""
 
-    def _estimator(self, grid: BlockGrid) -> Estimator:
+    def _estimate(self, grid: BlockGrid, pair: Floats) -> Floats:
         from scipy.signal.windows import tukey
         from skimage.registration import phase_cross_correlation
 
         window = np.outer(*(tukey(side, _FADING) for side in grid.shape))
         normalization = "phase" if self.whitened else None
-
-        def estimate(pair: Floats) -> Floats:
-            first, second = (window * (frame - frame.mean()) for frame in pair)
-            # What is returned would bring the second frame back onto the first.
-            shift, *_ = phase_cross_correlation(
-                first, second, upsample_factor=self.steps_per_px, normalization=normalization
-            )
-            return np.broadcast_to(-shift[::-1], (grid.rows, grid.columns, 2))
-
-        return estimate
+        first, second = (window * (frame - frame.mean()) for frame in pair)
+        # What is returned would bring the second frame back onto the first.
+        shift, *_ = phase_cross_correlation(
+            first, second, upsample_factor=self.steps_per_px, normalization=normalization
+        )
+        return np.broadcast_to(-shift[::-1], (grid.rows, grid.columns, 2))

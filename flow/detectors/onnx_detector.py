@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from megalopta.core.arrays import Floats
 from megalopta.core.bounded import ARRAY_BYTES, read_bytes
 from megalopta.flow.detectors.blocks import BlockGrid
-from megalopta.flow.detectors.gray_detector import DenseDetector, PairFlow
+from megalopta.flow.detectors.gray_detector import DenseDetector
 
 if TYPE_CHECKING:
     from onnxruntime import InferenceSession
@@ -37,11 +37,7 @@ class OnnxDetector(DenseDetector, frozen=True):
     content: str
     """SHA-256 of the file"""
 
-    def _dense(self, grid: BlockGrid) -> PairFlow:
-        return self.flow
-
-    def flow(self, pair: Floats) -> Floats:
-        """Return the flow (H, W, 2) between two frames (2, H, W) with gray levels from 0 to 1."""
+    def _flow(self, _: BlockGrid, pair: Floats) -> Floats:
         shape = (pair.shape[1], pair.shape[2])
         wanted = self._size(shape)
         is_fixed = wanted != _padded(shape)

@@ -1,41 +1,28 @@
 """Block matching by Poisson likelihood, of two frames (PM) or of up to eight together (PPM).
 
 As in block matching, each block of frame t + 1 is compared with the equally large parts of frame t
-around it. Costs are squared differences of the roots of counts, the log-likelihood of a shift up to
-a factor for counts that were smoothed. Each block is smoothed as its own counts ask for
-(`likelihood.suited_blur_px`). Edges lie between plain areas, where differences are all noise; so
-each pixel is weighed as well, by the variance of the smoothed roots around it: texture over texture
-plus noise, no less than a fifth.
+around it. Costs are squared differences of the roots of counts. Each block is smoothed as its own
+counts ask for (`likelihood.suited_blur_px`), and each pixel weighed by the variance of the smoothed
+roots around it: texture over texture plus noise, no less than a fifth.
 
 The best shift is interpolated by the parabola through 3 × 3 costs, which is meant for frames
-smoothed by at least 0.7 px; on sharper ones it draws velocities toward whole pixels. A neighborhood
-in which only one frame's part moves sees another strip of texture on either side, which tilts the
-parabola: the costs around the minimum are those of both frames' parts. A block uses its own pixels,
-those that the search compares them with, and what the smoothing mixes into both, 6 px at most; the
-weights look a little further. One without photons, or whose costs are all equal, has no velocity
-(NaN).
+smoothed by at least 0.7 px. A neighborhood in which only one frame's part moves sees another strip
+of texture on either side, which tilts the parabola: the costs around the minimum are those of both
+frames' parts. A block uses its own pixels, those that the search compares them with, and what the
+smoothing mixes into both, 6 px at most; the weights look a little further. One without photons, or
+whose costs are all equal, has no velocity (NaN).
 
-PPM first finds the velocity v that all pairs of frames agree on, the highest of
+PPM first finds the velocity that all pairs of frames agree on, by a sum of their filtered
+correlations, then moves to where the frames laid over one another are most alike, by Gauss–Newton
+steps. Between pixels frames are cubic splines, which leave of frames blurred by 0.7 px an error
+below a hundredth of a pixel, where parabolas through costs leave a tenth.
 
-    ½·Σ_ω S/(N·(N + n·S))·|Σ_t y_t(ω)·exp(iω·v·t)|²
-
-a sum over pairs of their correlation, filtered, at the displacement v·k of frames k apart. N is the
-mean count, S falls with the frequency from the counts' excess variance. From there it moves to
-where the frames f_t(x + v·t), t from their middle, are most alike, by Gauss–Newton steps with g the
-mean gradient of the frames so laid over one another:
-
-    Δv = −(Σ_x w·g·gᵀ·Σ_t (t − t̄)²)⁻¹ · Σ_x w·g·Σ_t (t − t̄)·f_t(x + v·t) .
-
-Between pixels frames are cubic splines, which leave of frames blurred by 0.7 px an error below a
-hundredth of a pixel, where parabolas through costs leave a tenth.
-
-Derivation, sources and errors: `docs/theory/matching.md`.
+Equations, sources and errors: `docs/theory/matching.md`.
 """
 
 import math
 from collections.abc import Callable, Hashable, Sequence
 from functools import partial
-from itertools import pairwise
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
@@ -89,7 +76,7 @@ class PoissonMatching(BlockDetector, frozen=True):
         """Return the search for frames (H, W); see `Detector.start`."""
         grid, radius = self.grid(shape), self.radius_px or thesis_radius_px(shape)
         return self.over_window(
-            grid, lambda window, scale: _neighbor_shifts(window, grid, radius), SmoothedFrame
+            grid, lambda window, scale: _shifts(window, grid, radius), SmoothedFrame
         )
 
 
@@ -252,39 +239,37 @@ def parabola_minimum(costs: Floats) -> Floats:
     return np.where(np.isfinite(steps), np.clip(steps, -1, 1), 0)
 
 
-def _neighbor_shifts(window: Sequence[SmoothedFrame], grid: BlockGrid, radius: int) -> Floats:
-    """Return how far the content of each block moves from frame to frame, (blocks, 2), x and y, px.
+def _shifts(window: Sequence[SmoothedFrame], grid: BlockGrid, radius: int) -> Floats:
+    """Return how far the content of each block moves between two frames, (blocks, 2), x and y, px.
 
-    NaN where all shifts are as likely. Frames are oldest first, two or more. Shifts are searched so
-    far in x and in y; so far around a block its texture and noise are judged, too.
+    NaN where all shifts are as likely. Shifts are searched so far in x and in y; so far around a
+    block its texture and noise are judged, too.
     """
+    first, second = window
     levels, seconds = suited_levels(window, grid, radius), grid.corners
-    pairs = list(pairwise(window))
-    costs = _costs(pairs, levels, np.hstack((seconds, seconds)), grid.block_px, radius)
+    costs = _costs((first, second), levels, np.hstack((seconds, seconds)), grid.block_px, radius)
     best, exists = least_cost(costs)
     firsts = np.where(exists[:, np.newaxis], seconds - best[:, ::-1], seconds)
-    forth = _costs(pairs, levels, np.hstack((firsts, seconds)), grid.block_px, 1)
-    swapped = [(later, earlier) for earlier, later in pairs]
-    back = _costs(swapped, levels, np.hstack((seconds, firsts)), grid.block_px, 1)
+    forth = _costs((first, second), levels, np.hstack((firsts, seconds)), grid.block_px, 1)
+    back = _costs((second, first), levels, np.hstack((seconds, firsts)), grid.block_px, 1)
     shifts = best + parabola_minimum(forth + back[:, ::-1, ::-1])
     return np.where(exists[:, np.newaxis], shifts, np.nan)
 
 
 def _costs(
-    pairs: Sequence[tuple[SmoothedFrame, SmoothedFrame]],
+    pair: tuple[SmoothedFrame, SmoothedFrame],
     levels: NDArray[np.intp],
     places: NDArray[np.int64],
     block_px: int,
     radius: int,
 ) -> Floats:
-    """Return the costs of shifts around those of places, as of `add_costs`, over all pairs."""
+    """Return the costs of shifts around those of places, as of `add_costs`."""
     costs = np.zeros((len(places), 2 * radius + 1, 2 * radius + 1))
     for level in np.unique(levels):
         mine = np.flatnonzero(levels == level)
         part = costs[mine]
-        for searched, frame in pairs:
-            roots = searched.roots(level), frame.roots(level)
-            add_costs(*roots, frame.weights(level), places[mine], block_px, part)
+        roots, weights = (each.roots(level) for each in pair), pair[1].weights(level)
+        add_costs(*roots, weights, places[mine], block_px, part)
         costs[mine] = part
     return costs
 

@@ -19,6 +19,7 @@ from typing import Any, TypeAlias
 from megalopta.core.bounded import quoted
 from megalopta.core.plug_ins import plug_ins
 from megalopta.flow.detectors.base import Detector
+from megalopta.flow.detectors.blocks import BlockDetector
 from megalopta.flow.detectors.gray_detector import DenseFlow, detector_from
 from megalopta.flow.detectors.onnx_detector import onnx_detector
 
@@ -55,6 +56,8 @@ def _by_name() -> Mapping[str, Detector]:
 
 
 METHODS: Mapping[str, Detector] = _by_name()
+VELOCITY_METHODS = tuple(name for name, each in METHODS.items() if isinstance(each, BlockDetector))
+"""Names of those that give velocities"""
 
 
 def method(chosen: Method, allows_code: bool = True) -> Detector:
@@ -63,10 +66,7 @@ def method(chosen: Method, allows_code: bool = True) -> Detector:
     A name may also be `module:function`, or the path of an ONNX file (`detector_at`), unless code
     is not allowed: what a file names is not the user's own choice.
 
-    Raises
-    ------
-    ValueError
-        When there is none of this name, with the names that exist.
+    Raises ValueError when there is none of this name, with the names that exist.
     """
     if isinstance(chosen, Detector):
         return chosen
@@ -81,6 +81,18 @@ def method(chosen: Method, allows_code: bool = True) -> Detector:
     raise ValueError(
         f"method {quoted(chosen)!r} is unknown: choose from {', '.join(METHODS)}, or {more}"
     )
+
+
+def velocity_method(chosen: Method) -> BlockDetector:
+    """Return a method that gives velocities, found as by `method`.
+
+    Raises ValueError for any other.
+    """
+    found = method(chosen)
+    if not isinstance(found, BlockDetector):
+        able = ", ".join(VELOCITY_METHODS)
+        raise ValueError(f"{found.name} measures no velocity: choose from {able}")
+    return found
 
 
 def detector_at(reference: str) -> Detector | None:

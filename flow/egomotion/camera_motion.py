@@ -7,25 +7,19 @@ by a camera that went by t and turned by R. Whatever its distance,
 
 which is the motion across the plane of d and t, in radians, so noise of the flow weighs alike
 everywhere. Headings all over the sphere are tried with it linear in the rotation (Bruss and Horn
-1983, on the sphere); the best are refined without that approximation and with Cauchy's loss. The
-sign of t is the one that puts more points in front.
+1983); the best are refined without that approximation and with Cauchy's loss. The sign of t is the
+one that puts more points in front.
 
-**From counts**, the motion under which those of several frames are most likely (`flow.likelihood`).
-A camera that turns by ω + s·α and goes by t from frame s to the next sees a point in direction d,
-at distance 1/ρ, at time s in the direction
-
-    R(s·ω + s(s − 1)/2·α)ᵀ(d − s·ρ·t)
-
-Parameters are ω, α, the direction of t, and ρ|t| ≥ 0 at nodes 4 px apart. Neighbors are charged for
-flow that differs through ρ as those of Poisson flow are, though less, so that a place without
-texture takes its distance from its neighbors. Gauss–Newton steps eliminate ρ by sparse
-factorization and leave eight equations. There are several maxima: going to the left passes for
-turning to the left. So the search starts from the heading that fits Poisson flow best, from its
-opposite, and from both ways along each axis of the camera, each with the rotation and distances
-that fit Poisson flow; the two most likely after three steps go on.
+**From counts**, the motion under which those of several frames are most likely (`flow.likelihood`),
+of the rotation ω, its change α, the heading, and the nearness ρ|t| at nodes 4 px apart. Neighbors
+are charged for flow that differs through ρ as those of Poisson flow are, though less, so that a
+place without texture takes its distance from its neighbors. There are several maxima: going to the
+left passes for turning to the left. So the search starts from the heading that fits Poisson flow
+best, from its opposite, and from both ways along each axis of the camera, each with the rotation
+and distances that fit Poisson flow; the two most likely after three steps go on.
 
 The scene is taken not to move. Frames of a full panorama are not continued across its seam. Without
-translation the rotation is found, and the heading means nothing. Errors and limits:
+translation the rotation is found, and the heading means nothing. Equations, errors and limits:
 `docs/theory/camera-motion.md`.
 """
 
@@ -42,20 +36,8 @@ from scipy.sparse.linalg import splu
 from scipy.spatial.transform import Rotation
 
 from megalopta.core.arrays import Floats
+from megalopta.flow import likelihood
 from megalopta.flow.detectors.base import Frames
-from megalopta.flow.likelihood import (
-    NODE_PX,
-    Level,
-    charge_of,
-    evidence,
-    finer,
-    level_of,
-    likelihood_flow,
-    links,
-    stiffness,
-    times_from_reference,
-    to_nodes,
-)
 from megalopta.scenes.cameras.base import Camera
 
 _TRIED = 400
@@ -128,7 +110,11 @@ def motion_of_flow(camera: Camera, points: Floats, flow: Floats) -> CameraMotion
 def _promising(d: Floats, e: Floats) -> Floats:
     """Headings from which to refine, (n, 3)."""
     some = slice(None, None, max(1, len(d) // _TRIED_ON))
-    d, e, tried = d[some], e[some], _half_sphere(_TRIED)
+    d, e = d[some], e[some]
+    # spread evenly over half of the sphere: the other half are their opposites
+    z = (np.arange(_TRIED) + 0.5) / _TRIED
+    turn, radius = np.pi * (1 + 5**0.5) * np.arange(_TRIED), np.sqrt(1 - z**2)
+    tried = np.column_stack((radius * np.cos(turn), radius * np.sin(turn), z))
     normals = _normals(tried[:, np.newaxis], d)
     # least squares of (e + ω × e) · n = 0, for every heading at once
     rows, left = np.cross(e, normals), np.sum(e * normals, axis=-1)
@@ -136,14 +122,6 @@ def _promising(d: Floats, e: Floats) -> Floats:
     turns = -np.linalg.solve(powers, np.swapaxes(rows, 1, 2) @ left[..., np.newaxis])
     costs = np.median(np.abs(left + (rows @ turns)[..., 0]), axis=1)
     return tried[np.argsort(costs)[:_REFINED]]
-
-
-def _half_sphere(count: int) -> Floats:
-    """Directions spread evenly over half of the sphere: the other half are their opposites."""
-    z = (np.arange(count) + 0.5) / count
-    turn = np.pi * (1 + 5**0.5) * np.arange(count)
-    radius = np.sqrt(1 - z**2)
-    return np.column_stack((radius * np.cos(turn), radius * np.sin(turn), z))
 
 
 def _normals(t: Floats, d: Floats) -> Floats:
@@ -157,22 +135,15 @@ def _across(t: Floats, turn: Floats, d: Floats, e: Floats) -> Floats:
     return np.asarray(np.sum(Rotation.from_rotvec(turn).apply(e) * _normals(t, d), axis=1))
 
 
-def _turn(t: Floats, d: Floats, e: Floats) -> Floats:
-    """Rotation vector that leaves least across, by least squares: (e + ω × e) · n = 0."""
-    normals = _normals(t, d)
-    return np.asarray(
-        np.linalg.lstsq(np.cross(e, normals), -np.sum(e * normals, axis=1), rcond=None)[0]
-    )
-
-
 def _refined(t: Floats, d: Floats, e: Floats) -> tuple[Floats, Floats, float]:
     """Return the heading and turn near t that leave least across, and their median distance."""
-    turn = _turn(t, d, e)
+    normals = _normals(t, d)
+    # least squares of (e + ω × e) · n = 0
+    turn = np.linalg.lstsq(np.cross(e, normals), -np.sum(e * normals, axis=1), rcond=None)[0]
     for _ in range(_ROUNDS):  # each with the noise that the last has left
         noise = 1.4826 * np.median(np.abs(_across(t, turn, d, e))) or _NOISELESS
         # two directions across t, in which it may move
         sideways = np.linalg.svd(t[np.newaxis])[2][1:]
-
         start = np.concatenate(([0.0, 0.0], turn))
         residuals = partial(_scaled_residuals, t, sideways, d, e, noise)
         found = least_squares(residuals, start, loss="cauchy", f_scale=_CAUCHY)
@@ -213,23 +184,11 @@ class _Motion(NamedTuple):
 def likely_camera_motion(counts: Frames, camera: Camera) -> CameraMotion:
     """Return the camera's rotation and heading under which counts are most likely.
 
-    Parameters
-    ----------
-    counts : (T, H, W)
-        Frames of one steady motion, two or more.
-    camera : Camera
-        That saw them.
+    Per frame, in the axes of the camera at the frame before the middle. `counts` (T, H, W): frames
+    of one steady motion, two or more; `camera`: that saw them.
 
-    Returns
-    -------
-    CameraMotion
-        Per frame, in the axes of the camera at the frame before the middle.
-
-    Raises
-    ------
-    ValueError
-        When frames have another size than the camera, or fewer than 12 pixels along a side, there
-        is only one, or they hold no counts, or all the same.
+    Raises ValueError when frames have another size than the camera, or fewer than 12 pixels along a
+    side, there is only one, or they hold no counts, or all the same.
     """
     if counts.shape[1:] != (camera.height, camera.width) or len(counts) < 2:
         raise ValueError(
@@ -256,7 +215,7 @@ class _Search:
     """Everything that does not change while the motion is looked for."""
 
     camera: Camera
-    level: Level
+    level: likelihood.Level
     times: Floats
     charge: float
     flow: Floats
@@ -273,22 +232,24 @@ class _Search:
     @classmethod
     def of(cls, counts: Frames, camera: Camera) -> "_Search":
         sides = [
-            np.minimum(NODE_PX * (np.arange(-(-side // NODE_PX)) + 0.5), side - 0.5)
+            np.minimum(
+                likelihood.NODE_PX * (np.arange(-(-side // likelihood.NODE_PX)) + 0.5), side - 0.5
+            )
             for side in counts.shape[1:]
         ]
         y, x = np.meshgrid(*sides, indexing="ij")
         centers = np.stack((x, y), axis=-1)
         seen = camera.toward(centers)
-        dense = likelihood_flow(counts, _SMOOTHNESS)
+        dense = likelihood.likelihood_flow(counts, _SMOOTHNESS)
         flow = [
             map_coordinates(along, (y - 0.5, x - 0.5), order=1, mode="nearest")
             for along in np.moveaxis(dense, -1, 0)
         ]
         return cls(
             camera,
-            level_of(counts.astype(np.float64)),
-            times_from_reference(len(counts)),
-            charge_of(counts, _NEARNESS_SMOOTHNESS),
+            likelihood.level_of(counts.astype(np.float64)),
+            likelihood.times_from_reference(len(counts)),
+            likelihood.charge_of(counts, _NEARNESS_SMOOTHNESS),
             np.stack(flow, axis=-1),
             centers,
             camera.directions(),
@@ -331,16 +292,18 @@ class _Search:
     def _step(self, motion: _Motion) -> tuple[float, _Motion]:
         """Return how unlikely a motion is, and a better one."""
         heading, nearness = motion.heading, motion.nearness
-        near = finer(nearness[np.newaxis], self.level.roots.shape[1:], NODE_PX)[0]
+        near = likelihood.finer(
+            nearness[np.newaxis], self.level.roots.shape[1:], likelihood.NODE_PX
+        )[0]
         # by how much ω and α have turned the camera
         patterns = np.stack((self.times, self.times * (self.times - 1) / 2))
         turns = patterns.T @ np.stack((motion.turn, motion.change))
         at_times = zip(self.times, turns, strict=True)
         places = (self._places(heading, near, time, turn) for time, turn in at_times)
-        found = evidence(self.level, patterns, places)
-        xx, xy, yy = to_nodes(found.information)
+        found = likelihood.evidence(self.level, patterns, places)
+        xx, xy, yy = likelihood.to_nodes(found.information)
         information = np.stack((np.stack((xx, xy), -1), np.stack((xy, yy), -1)), -2)
-        slopes = np.stack([np.moveaxis(to_nodes(each), 0, -1) for each in found.slope])
+        slopes = np.stack([np.moveaxis(likelihood.to_nodes(each), 0, -1) for each in found.slope])
         # how the flow changes with the eight parameters, and with the nearness
         sideways = np.linalg.svd(heading[np.newaxis])[2][1:].T
         going = nearness[..., np.newaxis, np.newaxis] * (self.going @ sideways)
@@ -382,9 +345,9 @@ class _Search:
 
         The stiffness (nodes, nodes) makes of a charge that grows as the gradient a quadratic form.
         """
-        first, second = links(nearness.shape)
+        first, second = likelihood.links(nearness.shape)
         change = scale * (nearness.ravel()[second] - nearness.ravel()[first])
-        springs = stiffness(self.charge, change**2)
+        springs = likelihood.stiffness(self.charge, change**2)
         rows = np.concatenate((first, second, first, second))
         columns = np.concatenate((first, second, second, first))
         values = scale**2 * np.concatenate((springs, springs, -springs, -springs))

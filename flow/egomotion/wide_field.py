@@ -27,7 +27,6 @@ and tried on the second half. Detectors that are blind to direction take no part
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from megalopta.core.arrays import Floats
@@ -75,40 +74,34 @@ class WideField:
 def fit_wide_field(answers: Floats, rates: Floats) -> WideField:
     """Return the matched filter learned from answers to a known rotation.
 
-    Parameters
-    ----------
-    answers : (T, ...)
-        Responses (T, H, W) or velocities (T − 1, rows, columns, 2) of one detector; NaN where
-        undefined.
-    rates : (T,)
-        Rotation rate at the same times, in any unit.
+    `answers` (T, ...): responses (T, H, W) or velocities (T − 1, rows, columns, 2) of one detector,
+    NaN where undefined; `rates` (T,): rotation rate at the same times, in any unit.
 
-    Raises
-    ------
-    ValueError
-        When the two differ in length, the rates are all 0 in one half, or no answer depends on
-        them beyond its noise.
+    Raises ValueError when the two differ in length, the rates are all 0 in one half, or no answer
+    depends on them beyond its noise.
     """
     if rates.shape != answers.shape[:1]:
         raise ValueError(f"rates of shape {rates.shape} for {len(answers)} answers: give one each")
-    first, second, middle = SlopeSums(), SlopeSums(), len(rates) // 2
-    first.add(answers[:middle], rates[:middle])
-    second.add(answers[middle:], rates[middle:])
-    return field_of_halves(first, second)
+    halves = slice(None, len(rates) // 2), slice(len(rates) // 2, None)
+    return _field(*(_sums(answers[half], rates[half]) for half in halves))
 
 
-def field_of_halves(first: "SlopeSums", second: "SlopeSums") -> WideField:
+def _field(first: Floats, second: Floats) -> WideField:
     """Return the matched filter learned from the sums over two halves; as `fit_wide_field`."""
-    both = first.joined(second)
-    known = (first.power > 0) & (second.power > 0)
+    both = first + second
+    slopes, known = _slopes(both), (first[1] > 0) & (second[1] > 0)
     if not known.any():
         raise ValueError(
             "no answer is defined while the camera turns, in both halves of the sequence: give"
             " rates other than 0"
         )
-    noise = _drawn_to_typical(both.variances(), known)
-    weights = np.where(known, (first.slopes + second.slopes) / 2, 0) / noise
-    squared_snr = np.where(known, first.slopes * second.slopes, 0) / noise
+    products, _, squares, count = both
+    variances = np.maximum(squares - slopes * products, 0) / np.maximum(count, 1)
+    typical = float(np.median(variances[known]) or variances.mean()) or 1.0
+    noise = _SHARED * typical + (1 - _SHARED) * variances
+    in_first, in_second = _slopes(first), _slopes(second)
+    weights = np.where(known, (in_first + in_second) / 2, 0) / noise
+    squared_snr = np.where(known, in_first * in_second, 0) / noise
     total = float(squared_snr.sum())
     if total <= 0:
         raise ValueError(
@@ -116,48 +109,26 @@ def field_of_halves(first: "SlopeSums", second: "SlopeSums") -> WideField:
             " more frames"
         )
     error = float(np.sqrt(np.sum(weights**2 * noise))) / total
-    return WideField(both.slopes, weights, squared_snr, error)
+    return WideField(slopes, weights, squared_snr, error)
 
 
-class SlopeSums:
-    """Sums over time that tell the slope of each local answer over the rate, and its noise."""
+def _sums(answers: Floats, rates: Floats) -> Floats:
+    """Return what slopes and noise of answers (n, ...) at known rates (n,) are made of, (4, ...).
 
-    def __init__(self) -> None:
-        self.products = self.power = self.squares = self.count = np.zeros(())
-
-    def add(self, answers: Floats, rates: Floats) -> None:
-        """Take in answers (n, ...), NaN where undefined, at known rates (n,)."""
-        omega = rates.reshape(-1, *[1] * (answers.ndim - 1))
-        defined = np.isfinite(answers)
-        known = np.where(defined, answers, 0)
-        self.products = self.products + np.sum(known * omega, axis=0)
-        self.power = self.power + np.sum(omega**2 * defined, axis=0)
-        self.squares = self.squares + np.sum(known**2, axis=0)
-        self.count = self.count + defined.sum(axis=0)
-
-    def joined(self, other: "SlopeSums") -> "SlopeSums":
-        """Return the sums over both times."""
-        both = SlopeSums()
-        for name, value in vars(self).items():
-            setattr(both, name, value + getattr(other, name))
-        return both
-
-    @property
-    def slopes(self) -> Floats:
-        """Slope of each answer over the rate; 0 where it is unknown."""
-        return np.divide(
-            self.products, self.power, out=np.zeros_like(self.products), where=self.power > 0
-        )
-
-    def variances(self) -> Floats:
-        """Variance of each answer about its slope."""
-        left = self.squares - self.slopes * self.products
-        return np.asarray(np.maximum(left, 0) / np.maximum(self.count, 1))
+    Sums over time, where the answer is defined: answer · rate, rate², answer², and 1.
+    """
+    omega = rates.reshape(-1, *[1] * (answers.ndim - 1))
+    defined = np.isfinite(answers)
+    known = np.where(defined, answers, 0)
+    terms = known * omega, omega**2 * defined, known**2, defined
+    return np.stack([each.sum(axis=0) for each in terms])
 
 
-def _drawn_to_typical(variances: Floats, known: NDArray[np.bool_]) -> Floats:
-    typical = float(np.median(variances[known]) or variances.mean()) or 1.0
-    return np.asarray(_SHARED * typical + (1 - _SHARED) * variances)
+def _slopes(sums: Floats) -> Floats:
+    """Return the slope of each answer over the rate; 0 where it is unknown."""
+    products, power = sums[:2]
+    out = np.zeros_like(products)
+    return np.asarray(np.divide(products, power, out=out, where=power > 0))
 
 
 @dataclass(frozen=True)
@@ -194,7 +165,7 @@ class YawRateTest:
         self._bounds = warm_up, warm_up + half // 2, warm_up + half, len(rates)
         turns = half > 0 and np.abs(rates[warm_up : warm_up + half]).max() >= _STILL_DEG_S
         self._is_on = detector.tells_direction and turns
-        self._halves = SlopeSums(), SlopeSums()
+        self._halves: list[Floats] = [np.zeros(()), np.zeros(())]
         self._field: WideField | None = None
         self._errors: list[Floats] = []
 
@@ -205,8 +176,9 @@ class YawRateTest:
         if not self._is_on:
             return
         parts = np.searchsorted(self._bounds, numbers, side="right")
-        for part, sums in enumerate(self._halves, 1):
-            sums.add(ideal[parts == part], self._rates[numbers[parts == part]])
+        for half in range(2):
+            mine = parts == half + 1
+            self._halves[half] = self._halves[half] + _sums(ideal[mine], self._rates[numbers[mine]])
         tried = parts == len(self._bounds) - 1
         if tried.any():
             self._try(ideal[tried], noisy[tried], self._rates[numbers[tried]])
@@ -221,7 +193,7 @@ class YawRateTest:
 
     def _try(self, ideal: Floats, noisy: Floats, truth: Floats) -> None:
         try:
-            self._field = self._field or field_of_halves(*self._halves)
+            self._field = self._field or _field(*self._halves)
         except ValueError:  # nothing is seen to move
             self._is_on = False
             return

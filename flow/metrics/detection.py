@@ -36,15 +36,8 @@ class Roc:
 def motion_evidence(detector: Detector, responses: Floats) -> Floats:
     """Return how much each block inside the border seems to move, (T, rows, columns).
 
-    Parameters
-    ----------
-    detector
-        The detector that gave the responses.
-    responses : (T, H, W) or (T − 1, rows, columns, 2)
-
-    Returns
-    -------
-    Speeds in px per frame, or absolute means of the responses; 0 where undefined.
+    Of responses (T, H, W) absolute means, of (T − 1, rows, columns, 2) speeds in px per frame; 0
+    where undefined.
     """
     return np.asarray(np.hypot(*_components(detector, responses)))
 
@@ -57,15 +50,8 @@ def rightward_evidence(detector: Detector, responses: Floats) -> Floats:
 def roc(noise: Floats, signal: Floats) -> Roc:
     """Return hits against false alarms for all thresholds on the evidence.
 
-    Parameters
-    ----------
-    noise, signal : any shapes
-        Evidence without and with what is to be detected.
-
-    Raises
-    ------
-    ValueError
-        When either is empty or holds NaN.
+    `noise`, `signal`, of any shapes: evidence without and with what is to be detected. Raises
+    ValueError when either is empty or holds NaN.
     """
     _check(noise, signal)
     thresholds = np.unique(np.concatenate((noise, signal), axis=None))[::-1]
@@ -95,24 +81,12 @@ def d_prime(noise: Floats, signal: Floats) -> float:
     Samples without any overlap only say that d′ is large: the area is kept half a pair away from 0
     and 1, which limits d′ to 6.1 with 256 noises and 256 signals.
 
-    Raises
-    ------
-    ValueError
-        When either is empty or holds NaN.
+    Raises ValueError when either is empty or holds NaN.
     """
     measured = roc_auc(noise, signal)
     half_a_pair = 0.5 / (float(noise.size) * signal.size)
     kept = min(max(measured, half_a_pair), 1 - half_a_pair)
     return math.sqrt(2) * float(ndtri(kept))
-
-
-def false_alarm_rate(noise: Floats, threshold: float) -> float:
-    """Return the share of the noise, of any shape, above a threshold.
-
-    Raises ValueError when there is none, or it holds NaN.
-    """
-    _check(noise)
-    return float(np.mean(noise > threshold))
 
 
 def _components(detector: Detector, responses: Floats) -> Floats:

@@ -30,6 +30,7 @@ from numpy.typing import NDArray
 
 from megalopta.core.arrays import Floats, Mask
 from megalopta.flow.detectors.blocks import BlockGrid
+from megalopta.flow.metrics.response_error import for_json
 
 SLOW_PX, FAST_PX = 0.5, 2.0
 """Per frame of the resized image: whole-pixel methods read 0 below half a pixel, and beyond two the
@@ -80,7 +81,7 @@ class TruthError:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the fields ready for JSON; what is undefined is None."""
-        return {name: _json(value) for name, value in asdict(self).items()}
+        return dict(for_json(asdict(self)))
 
 
 def block_flow(
@@ -91,6 +92,8 @@ def block_flow(
     weights: NDArray[np.floating] | None = None,
 ) -> Floats:
     """Return the true velocity of each block, px of the resized image per frame.
+
+    Raises ValueError when the shapes do not match.
 
     Parameters
     ----------
@@ -108,11 +111,6 @@ def block_flow(
     Returns
     -------
     (T − 1, rows, columns, 2), NaN where there is no true velocity.
-
-    Raises
-    ------
-    ValueError
-        When the shapes do not match.
     """
     shape = true_flow.shape[:3]
     if true_flow.ndim != 4 or true_flow.shape[-1] != 2:
@@ -149,6 +147,8 @@ def truth_error(
 ) -> TruthError:
     """Return how far velocities are from the truth, without the outermost block on every side.
 
+    Raises ValueError when the shapes differ.
+
     Parameters
     ----------
     velocities : (T − 1, rows, columns, 2)
@@ -157,11 +157,6 @@ def truth_error(
         From `block_flow` on the detector's blocks.
     among : (T − 1, rows, columns), optional
         Count these blocks only.
-
-    Raises
-    ------
-    ValueError
-        When the shapes differ.
     """
     if velocities.shape != true_velocities.shape:
         raise ValueError(
@@ -237,12 +232,6 @@ def _angles_deg(first: Floats, second: Floats) -> Floats:
     a, b = (np.column_stack((each, np.ones(len(each)))) for each in (first, second))
     cross = np.linalg.norm(np.cross(a, b), axis=1)
     return np.asarray(np.degrees(np.arctan2(cross, np.sum(a * b, axis=1))))
-
-
-def _json(value: Any) -> Any:
-    if isinstance(value, tuple):
-        return [_json(each) for each in value]
-    return None if math.isnan(value) else value
 
 
 def _of(statistic: Callable[[NDArray[Any]], Any], values: NDArray[Any]) -> float:

@@ -19,15 +19,15 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import cache
-from typing import Annotated, Any, Literal, NamedTuple, Protocol
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
-from pydantic import Field, PositiveInt, TypeAdapter
+from pydantic import BeforeValidator, Field, PositiveInt, TypeAdapter
 
 from megalopta.core.arrays import Floats
 from megalopta.flow.detectors.base import Detector
-from megalopta.flow.metrics.response_error import Metric, error_parts, quotient
+from megalopta.flow.metrics.response_error import Metric, error_parts, for_json, quotient
 from megalopta.sensor.sampling.streams import generator
 
 _REPLICATES = 2000
@@ -39,6 +39,8 @@ _UNITS = ((1e12, "T"), (1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""))
 
 Flux = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 """Checked where it is read from a file"""
+Error = Annotated[float, BeforeValidator(lambda value: math.nan if value is None else value)]
+"""Undefined errors are None in a file"""
 
 
 class MeasuredErrors(NamedTuple):
@@ -91,6 +93,8 @@ def threshold(
 ) -> Threshold:
     """Return the flux at which a measured error curve first falls below a level.
 
+    Raises ValueError when there are fewer than two fluxes or they do not grow.
+
     Parameters
     ----------
     level : float
@@ -99,11 +103,6 @@ def threshold(
         For the interval.
     confidence : float
         Probability that the interval holds.
-
-    Raises
-    ------
-    ValueError
-        When there are fewer than two fluxes or they do not grow.
     """
     flux, error, spread = (np.asarray(each, np.float64) for each in measured[:3])
     if flux.size < 2 or np.any(np.diff(flux) <= 0):
@@ -168,9 +167,9 @@ class ErrorCurve:
     metric: Metric
     fluxes: tuple[Flux, ...]
     """Photons per frame, growing"""
-    errors: tuple[float, ...]
+    errors: tuple[Error, ...]
     """Of the whole sequence; NaN when the ideal response is zero everywhere"""
-    standard_errors: tuple[float, ...]
+    standard_errors: tuple[Error, ...]
     degrees_of_freedom: int
     """Of the standard errors"""
     thresholds: dict[int, Threshold]
@@ -178,11 +177,8 @@ class ErrorCurve:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the curve ready for JSON; undefined errors are None."""
-        fields = asdict(self)
-        for name in ("errors", "standard_errors"):
-            fields[name] = [None if math.isnan(value) else value for value in fields[name]]
-        fields["thresholds"] = {f"N_{bits}b": each for bits, each in fields["thresholds"].items()}
-        return fields
+        thresholds = {f"N_{bits}b": asdict(each) for bits, each in self.thresholds.items()}
+        return dict(for_json(asdict(self) | {"thresholds": thresholds}))
 
     @staticmethod
     def from_dict(fields: Mapping[str, Any]) -> "ErrorCurve":
@@ -191,15 +187,8 @@ class ErrorCurve:
         Raises ValueError, LookupError, TypeError or AttributeError when something is missing, or
         is nothing of the kind.
         """
-        errors = {
-            name: [math.nan if value is None else value for value in fields[name]]
-            for name in ("errors", "standard_errors")
-        }
-        thresholds = {
-            name.removeprefix("N_").removesuffix("b"): each
-            for name, each in fields["thresholds"].items()
-        }
-        curve = _reader().validate_python({**fields, **errors, "thresholds": thresholds})
+        thresholds = {name[2:-1]: each for name, each in fields["thresholds"].items()}
+        curve = _reader().validate_python({**fields, "thresholds": thresholds})
         if not len(curve.fluxes) == len(curve.errors) == len(curve.standard_errors):
             raise ValueError(f"errors of {curve.method} are not as many as its fluxes")
         return curve
@@ -209,18 +198,6 @@ class ErrorCurve:
 def _reader() -> TypeAdapter[ErrorCurve]:
     """Made once, which takes as long as reading many curves."""
     return TypeAdapter(ErrorCurve)
-
-
-class Asked(Protocol):
-    """Thresholds that are wanted."""
-
-    @property
-    def bits(self) -> tuple[int, ...]:
-        """Accuracies whose flux is wanted, n bits being an error of 2⁻ⁿ."""
-
-    @property
-    def confidence(self) -> float:
-        """Probability that an interval holds."""
 
 
 def measured_errors(
@@ -249,28 +226,23 @@ def error_curve(
     shape: tuple[int, int],
     metric: Metric,
     measured: MeasuredErrors,
-    asked: Asked,
+    asked: Mapping[int, float],
     key: Sequence[str | int],
 ) -> ErrorCurve:
     """Return a curve of frames (rows, columns) and its thresholds.
+
+    `asked`: bits of the thresholds, and the probability that the interval of each holds.
 
     A key of a seed and names identifies the random numbers of the intervals, together with method,
     metric and bits.
     """
     seed, *names = key
     thresholds = {}
-    for bits in asked.bits:
+    for bits, confidence in asked.items():
         rng = generator(int(seed), "threshold", *names, method.name, metric, bits)
-        thresholds[bits] = threshold(measured, 2.0**-bits, rng, asked.confidence)
+        thresholds[bits] = threshold(measured, 2.0**-bits, rng, confidence)
     fluxes, errors, spreads = (tuple(np.asarray(each).tolist()) for each in measured[:3])
+    freedom = measured.degrees_of_freedom
     return ErrorCurve(
-        method.name,
-        method.label,
-        shape,
-        metric,
-        fluxes,
-        errors,
-        spreads,
-        measured.degrees_of_freedom,
-        thresholds,
+        method.name, method.label, shape, metric, fluxes, errors, spreads, freedom, thresholds
     )

@@ -18,7 +18,8 @@ Errors are quotients of sums over the scored pixels or blocks of each frame, (4,
 Σ|R_stoch − R_ideal|/|R_ideal|, Σ|R_stoch − R_ideal|, Σ|R_ideal|, and the number of them.
 """
 
-from typing import Literal
+import math
+from typing import Any, Literal
 
 import numpy as np
 from numba import njit
@@ -64,6 +65,15 @@ def quotient(numerator: Floats | np.float64, denominator: Floats | np.float64) -
     """Return a/b, NaN where b is 0: nothing was scored, or nothing moved."""
     undefined = np.full(np.shape(denominator), np.nan)
     return np.divide(numerator, denominator, out=undefined, where=np.asarray(denominator) > 0)
+
+
+def for_json(value: Any) -> Any:
+    """Return a value, or all in it, with None in place of NaN, which JSON has not."""
+    if isinstance(value, dict):
+        return {name: for_json(each) for name, each in value.items()}
+    if isinstance(value, tuple | list):
+        return [for_json(each) for each in value]
+    return None if isinstance(value, float) and math.isnan(value) else value
 
 
 @compiled

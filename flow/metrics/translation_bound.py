@@ -6,25 +6,16 @@ the displacement):
 
     J = Σ ∇λ·∇λᵀ/λ          cov(v) ≥ J⁻¹/Σ(t − t̄)²          Σ(t − t̄)² = n(n² − 1)/12
 
-Assumed: unbiased estimates from the pixels of the block, and a texture that costs nothing to learn
-(it is known up to its displacement); below some hundred photons a block the bound is optimistic. A
-method that returns x and y must be held against J⁻¹, whose x component exceeds 1/J_xx where the
-gradients of a block favor one direction.
-
-**Unknown texture.** Of a texture that is a draw of a Gaussian process of known power spectrum S(ω),
-counts² per pixel, under white noise of variance σ², k frames tell n pixels' velocity with
-
-    F = (n/N)·Σ_ω ω·ωᵀ · S/σ² · k·S/(σ² + k·S) · Σ(t − t̄)²
-
-the sum running over the N frequencies of the spectrum (Slepian–Bangs formula; Kay, Fundamentals of
-Statistical Signal Processing I, §3.9): the covariance of a component is S·u·uᴴ + σ²·I with
-u = exp(−i·ω·v·t). Assumed besides: motion that brings in no new texture. What a method knows beyond
-the spectrum can take it below; more on both bounds in `docs/explanation/poisson-bound.md`.
+Assumed: unbiased estimates from the pixels of the block, and a texture that costs nothing to learn;
+below some hundred photons a block the bound is optimistic. A method that returns x and y must be
+held against J⁻¹, whose x component exceeds 1/J_xx where the gradients of a block favor one
+direction. Of an unknown texture the power spectrum alone is known, and no motion brings in new
+texture. Both bounds: `docs/explanation/poisson-bound.md`.
 
 **Methods against the bound**, block by block alone. A method that smooths its flow over the frame,
 climbs a pyramid or takes one velocity for all blocks gathers more photons than those of its block.
-So that all have the same support, every method is given each block as a frame of its own: the block
-and a margin as wide as the search around it, cut out of the counts. Nothing else is seen.
+So every method is given each block as a frame of its own: the block and a margin as wide as the
+search around it, cut out of the counts.
 """
 
 import math
@@ -52,21 +43,9 @@ _REPLICATES = 1000
 def fisher_information(means: Floats, grid: BlockGrid) -> Floats:
     """Return the Fisher information J of one frame on the displacement of each block.
 
-    Parameters
-    ----------
-    means : (H, W)
-        Mean counts λ. Gradients are those of the cubic spline through them.
-    grid
-        Blocks.
-
-    Returns
-    -------
-    (rows, columns, 2, 2) in px⁻², components x, y.
-
-    Raises
-    ------
-    ValueError
-        When a mean is negative or not finite.
+    `means` (H, W): mean counts λ, whose gradients are those of the cubic spline through them.
+    Returns (rows, columns, 2, 2) in px⁻², components x, y. Raises ValueError when a mean is
+    negative or not finite.
     """
     if not (np.isfinite(means).all() and means.min() >= 0):
         raise ValueError("means hold negative or non-finite values: give mean counts, 0 or more")
@@ -85,16 +64,8 @@ def fisher_information(means: Floats, grid: BlockGrid) -> Floats:
 def cramer_rao_covariance(information: Floats, frames: int = 2) -> Floats:
     """Return the least covariance of a block's velocity, (..., 2, 2) in (px/frame)².
 
-    Parameters
-    ----------
-    information : (..., 2, 2)
-        J of one frame, px⁻².
-    frames : int
-        Noisy frames of one velocity that the method uses.
-
-    Returns
-    -------
-    Infinite where the gradients of a block have one direction only.
+    `information` (..., 2, 2): J of one frame, px⁻²; `frames`: noisy frames of one velocity that the
+    method uses. Infinite where the gradients of a block have one direction only.
     """
     (xx, xy), (_, yy) = np.moveaxis(information, (-2, -1), (0, 1))
     determinant = xx * yy - xy**2
@@ -161,6 +132,8 @@ def unknown_texture_information(
 ) -> Floats:
     """Return the Fisher information (2, 2) on the velocity, (frame/px)², components x, y.
 
+    By the Slepian–Bangs formula (Kay, Fundamentals of Statistical Signal Processing I, §3.9).
+
     `spectrum` (H, W): power of the texture, counts² per pixel, in the order of `numpy.fft.fft2`;
     `noise`: variance of the noise of a pixel, counts²: with photons alone the mean count, above 0;
     `pixels`: pixels that are used; `frames`: frames of one velocity, all noisy.
@@ -181,20 +154,9 @@ def unknown_texture_photons(
 ) -> float:
     """Return the flux at which errors at the bound have a median of `level` of the speed.
 
-    Parameters
-    ----------
-    spectrum, noise
-        (H, W) and a number, at one photon per frame; they grow as the square of the flux and as
-        the flux.
-    pixels, frames
-        As for `unknown_texture_information`.
-    speed : float
-        px per frame.
-
-    Returns
-    -------
-    float
-        Photons per frame; infinite where the spectrum has waves of one direction only.
+    `spectrum` (H, W) and `noise` are those of one photon per frame, and grow as the square of the
+    flux and as the flux; `pixels`, `frames`: as for `unknown_texture_information`; `speed`: px per
+    frame. Infinite where the spectrum has waves of one direction only.
     """
 
     def excess(log_flux: float) -> float:
@@ -216,14 +178,6 @@ class MedianPhotons(NamedTuple):
     high: float
 
 
-def confined(detector: BlockDetector, block_px: int, margin_px: int) -> BlockDetector:
-    """Return a detector for frames that are one block and its margin, searching all of it."""
-    changes = {"block_px": block_px, "fewest_blocks": 1}
-    if "radius_px" in type(detector).model_fields:
-        changes["radius_px"] = margin_px
-    return detector.model_copy(update=changes)
-
-
 def confined_velocities(
     detector: BlockDetector, frames: Frames, grid: BlockGrid, margin_px: int
 ) -> Floats:
@@ -238,7 +192,11 @@ def confined_velocities(
     """
     if not 1 <= margin_px <= grid.block_px:
         raise ValueError(f"margin_px {margin_px}: give 1 to {grid.block_px}, the side of a block")
-    alone = confined(detector, grid.block_px, margin_px)
+    # frames of one block and its margin, all of which is searched
+    changes = {"block_px": grid.block_px, "fewest_blocks": 1}
+    if "radius_px" in type(detector).model_fields:
+        changes["radius_px"] = margin_px
+    alone = detector.model_copy(update=changes)
     side = grid.block_px + 2 * margin_px
     newest = frames[-1 - detector.memory_frames :]
     velocities = np.empty((grid.rows - 2, grid.columns - 2, 2))

@@ -68,6 +68,8 @@ def draw_counts(means: Floats, seed: int, *key: str | int, first_frame: int = 0)
 
     Every frame has a random stream of its own.
 
+    Raises ValueError when a mean is negative, not a number or above 9e18.
+
     Parameters
     ----------
     means : (n, H, W)
@@ -78,11 +80,6 @@ def draw_counts(means: Floats, seed: int, *key: str | int, first_frame: int = 0)
         What else tells this draw from others, such as the name of the sequence.
     first_frame : int
         Number of the first of these frames in its sequence.
-
-    Raises
-    ------
-    ValueError
-        When a mean is negative, not a number or above 9e18.
     """
     largest = means.max(initial=0)
     if not (means.min(initial=0) >= 0 and largest <= _LARGEST_MEAN):

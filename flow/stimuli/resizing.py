@@ -6,7 +6,6 @@ the light of every old pixel to the new pixels it overlaps, in proportion: the t
 Pooling along x with a triangular kernel keeps the width but for the ends.
 """
 
-from collections.abc import Callable
 from typing import Any, Literal
 
 import numpy as np
@@ -37,23 +36,20 @@ def resized_shape(shape: tuple[int, int], size: int | tuple[int, int]) -> tuple[
 def resize(
     frames: NDArray[Any], size: int | tuple[int, int], kind: ResizeKind = "nearest"
 ) -> NDArray[Any]:
-    """Return frames (..., H, W) with fewer pixels.
+    """Return frames (..., H, W) with fewer pixels, of a size as in `resized_shape`.
 
-    Parameters
-    ----------
-    frames : (..., H, W)
-    size : int or (rows, columns)
-        See `resized_shape`.
-    kind : "nearest" or "area"
-        "nearest" keeps values and type; "area" keeps the sum over each frame, as float64.
-
-    Raises
-    ------
-    ValueError
-        When the new size is not between 1 px and the old one.
+    "nearest" keeps values and type; "area" keeps the sum over each frame, as float64. Raises
+    ValueError when the new size is not between 1 px and the old one.
     """
     rows, columns = resized_shape((frames.shape[-2], frames.shape[-1]), size)
-    return _RESIZERS[kind](frames, rows, columns)
+    if kind == "area":
+        y, x = _shares(frames.shape[-2], rows), _shares(frames.shape[-1], columns)
+        return np.asarray(y @ frames.astype(np.float64) @ x.T)
+    for axis, new in ((-2, rows), (-1, columns)):
+        if frames.shape[axis] != new:
+            centers = (2 * np.arange(new) + 1) * frames.shape[axis] // (2 * new)
+            frames = np.take(frames, centers, axis)
+    return frames
 
 
 def triangular_pool(frames: NDArray[Any], taps: int = 5) -> Floats:
@@ -63,18 +59,9 @@ def triangular_pool(frames: NDArray[Any], taps: int = 5) -> Floats:
     16 pixels into 12: less shot noise, and less of what tells neighboring pixels apart, for a
     blurred image. Only pixels with all of their neighbors are kept, so nothing is invented.
 
-    Parameters
-    ----------
-    frames : (..., W)
-        Counts or intensities.
-    taps : int
-        Length of the kernel, odd, so that pixels stay in place: the new column j is centered on
-        the old column j + (taps − 1)/2.
-
-    Raises
-    ------
-    ValueError
-        When the kernel's length is even or not positive, or exceeds the width.
+    `frames` (..., W): counts or intensities. `taps`: length of the kernel, odd, so that pixels stay
+    in place: the new column j is centered on the old column j + (taps − 1)/2. Raises ValueError
+    when it is even or not positive, or exceeds the width.
     """
     width = frames.shape[-1]
     if taps < 1 or taps % 2 == 0 or taps > width:
@@ -87,19 +74,6 @@ def triangular_pool(frames: NDArray[Any], taps: int = 5) -> Floats:
     return np.asarray(windows @ (weights / weights.sum()), np.float64)
 
 
-def _nearest(frames: NDArray[Any], rows: int, columns: int) -> NDArray[Any]:
-    for axis, new in ((-2, rows), (-1, columns)):
-        if frames.shape[axis] != new:
-            centers = (2 * np.arange(new) + 1) * frames.shape[axis] // (2 * new)
-            frames = np.take(frames, centers, axis)
-    return frames
-
-
-def _area(frames: NDArray[Any], rows: int, columns: int) -> NDArray[Any]:
-    y, x = _shares(frames.shape[-2], rows), _shares(frames.shape[-1], columns)
-    return np.asarray(y @ frames.astype(np.float64) @ x.T)
-
-
 def _shares(old: int, new: int) -> Floats:
     """Return the share of each old pixel that falls into each new one, (new, old)."""
     edges = np.arange(new + 1) * (old / new)
@@ -107,9 +81,3 @@ def _shares(old: int, new: int) -> Floats:
     pixels = np.arange(old)
     starts, ends = edges[:-1, np.newaxis], edges[1:, np.newaxis]
     return np.asarray((np.minimum(ends, pixels + 1) - np.maximum(starts, pixels)).clip(min=0))
-
-
-_RESIZERS: dict[ResizeKind, Callable[[NDArray[Any], int, int], NDArray[Any]]] = {
-    "nearest": _nearest,
-    "area": _area,
-}

@@ -45,7 +45,6 @@ class FlowClip:
     name: str
     light: Floats
     """(T, H, W), T even, of mean 1"""
-
     flow: Floats
     """(H, W, 2), px, between the two frames in the middle, on the pixels of the first"""
 

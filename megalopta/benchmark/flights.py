@@ -19,7 +19,7 @@ from megalopta.benchmark.table import Case, Interval, Samples, bootstrap, joined
 from megalopta.core.arrays import Floats
 from megalopta.flow.detectors.base import Detector, Frames
 from megalopta.flow.detectors.blocks import BlockDetector, summed_frames
-from megalopta.flow.detectors.registry import METHODS
+from megalopta.flow.detectors.registry import METHODS, velocity_method
 from megalopta.flow.egomotion.camera_motion import (
     CameraMotion,
     likely_camera_motion,
@@ -133,16 +133,27 @@ def _ways(
     camera: Camera, light: Floats, rates: Floats, middles: NDArray[np.intp]
 ) -> Mapping[str, Way]:
     """Return ways to estimate the motion in the middles; some learn from light and rates."""
-    blocks = [each for each in (METHODS["DIS"], METHODS["PPF"]) if isinstance(each, BlockDetector)]
-    flows = [summed_frames(blocks[0], POOLED), blocks[1]]
+    flows = [summed_frames(velocity_method("DIS"), POOLED), velocity_method("PPF")]
     return {
         **{f"{name}, summed": _summed(METHODS[name], light, rates, middles) for name in _WEIGHTED},
-        **{f"{each.name}, fitted": partial(_fitted, each, camera, middles) for each in flows},
         **{
-            f"likelihood of {frames} frames": partial(_likely, frames, camera, middles)
+            f"{each.name}, fitted": _of_windows(POOLED, middles, partial(_fitted, each, camera))
+            for each in flows
+        },
+        **{
+            f"likelihood of {frames} frames": _of_windows(
+                frames, middles, partial(likely_camera_motion, camera=camera)
+            )
             for frames in (2, POOLED)
         },
     }
+
+
+def _fitted(detector: BlockDetector, camera: Camera, counts: Frames) -> CameraMotion:
+    """Return the motion that fits the velocities of blocks best."""
+    centers = detector.grid((camera.height, camera.width)).centers
+    # a block that answers nothing counts as at rest, as it does in a sum
+    return motion_of_flow(camera, centers, np.nan_to_num(detector.respond(counts)[-1]))
 
 
 def _summed(detector: Detector, light: Floats, rates: Floats, middles: NDArray[np.intp]) -> Way:
@@ -160,37 +171,15 @@ def _summed(detector: Detector, light: Floats, rates: Floats, middles: NDArray[n
     return estimate
 
 
-def _fitted(
-    detector: BlockDetector,
-    camera: Camera,
-    middles: NDArray[np.intp],
-    counts: Frames,
-    flux: float,
-) -> Motions:
-    """Estimate the motion that fits the velocities of blocks best."""
-    centers = detector.grid((camera.height, camera.width)).centers
-    motions = []
-    for middle in middles:
-        # a block that answers nothing counts as at rest, as it does in a sum
-        velocities = np.nan_to_num(detector.respond(_window(counts, middle, POOLED))[-1])
-        motions.append(motion_of_flow(camera, centers, velocities))
-    return _motions(motions)
+def _of_windows(
+    frames: int, middles: NDArray[np.intp], motion: Callable[[Frames], CameraMotion]
+) -> Way:
+    """Return the way that finds the motion in so many frames, half of them up to each middle."""
 
+    def estimate(counts: Frames, _: float) -> Motions:
+        firsts = middles + 1 - frames // 2
+        found = [motion(counts[first : first + frames]) for first in firsts]
+        turns = np.array([each.rotation_deg[1] for each in found])
+        return turns, np.array([each.heading for each in found])
 
-def _likely(
-    frames: int, camera: Camera, middles: NDArray[np.intp], counts: Frames, flux: float
-) -> Motions:
-    """Estimate the most likely motion."""
-    return _motions(
-        [likely_camera_motion(_window(counts, middle, frames), camera) for middle in middles]
-    )
-
-
-def _window(counts: Frames, middle: int, frames: int) -> Frames:
-    """Return so many frames, half of them up to the first of the pair in the middle."""
-    return counts[middle + 1 - frames // 2 : middle + 1 + frames // 2]
-
-
-def _motions(motions: Sequence[CameraMotion]) -> Motions:
-    turns = np.array([each.rotation_deg[1] for each in motions])
-    return turns, np.array([each.heading for each in motions])
+    return estimate

@@ -10,10 +10,11 @@ from functools import cache
 from pathlib import Path
 
 from megalopta.core.freshness import digest
+from megalopta.flow.detectors import registry
 from megalopta.flow.detectors.base import Detector
 from megalopta.flow.detectors.blocks import BlockDetector, summed_frames
 from megalopta.flow.detectors.gray_detector import GrayDetector
-from megalopta.flow.detectors.registry import METHODS, Method, method
+from megalopta.flow.detectors.registry import METHODS, VELOCITY_METHODS, Method, velocity_method
 
 Methods = Mapping[str, BlockDetector]
 
@@ -31,21 +32,11 @@ def velocity_methods(chosen: Iterable[Method]) -> Methods:
     Raises ValueError when one is unknown, gives no velocities, or has the name of another.
     """
     found: dict[str, BlockDetector] = {}
-    for detector in map(method, chosen):
-        if not isinstance(detector, BlockDetector):
-            raise ValueError(
-                f"methods: {detector.name!r} is no method that gives velocities; choose from "
-                f"{', '.join(velocity_names())}, or give module:function or an ONNX file"
-            )
+    for detector in map(velocity_method, chosen):
         if detector.name in found:
             raise ValueError(f"methods: {detector.name!r} is there twice; give each once")
         found[detector.name] = detector
     return found
-
-
-def velocity_names() -> tuple[str, ...]:
-    """Names of the methods that come along and give velocities."""
-    return tuple(name for name, each in METHODS.items() if isinstance(each, BlockDetector))
 
 
 def directional_methods(ranked: Methods, more: Iterable[Method]) -> Mapping[str, Detector]:
@@ -54,7 +45,7 @@ def directional_methods(ranked: Methods, more: Iterable[Method]) -> Mapping[str,
     Raises ValueError when one is unknown, or blind to direction.
     """
     found: dict[str, Detector] = dict(ranked)
-    for detector in map(method, more):
+    for detector in map(registry.method, more):
         if not detector.tells_direction:
             raise ValueError(
                 f"wide_field: {detector.name!r} is blind to direction, so no yaw rate follows from "
@@ -65,34 +56,26 @@ def directional_methods(ranked: Methods, more: Iterable[Method]) -> Mapping[str,
 
 
 def block_detector(chosen: Method) -> BlockDetector:
-    """Return a method that gives velocities of blocks. Raises ValueError for any other."""
-    found = method(chosen)
-    if not isinstance(found, BlockDetector):
-        raise ValueError(f"{found.name} gives no velocity of blocks; choose a method that does")
-    return found.model_copy(update={"block_px": BLOCK_PX})
+    """Return a method that gives velocities of blocks, or a baseline by its name, as `DIS √`.
+
+    Raises ValueError for any other.
+    """
+    baseline = next((stretched(name) for name in _GRAY if chosen == f"{name} √"), None)
+    return (baseline or velocity_method(chosen)).model_copy(update={"block_px": BLOCK_PX})
 
 
 def stretched(name: str) -> GrayDetector:
     """Return a gray method that sees Anscombe's roots of the counts, slightly smoothed."""
     detector = METHODS[name]
     assert isinstance(detector, GrayDetector)
-    changes = {
-        "name": f"{name} √",
-        "label": f"{detector.label}, roots of counts",
-        "stretch": "anscombe",
-        "blur_px": _BLUR_PX,
-    }
+    label = f"{detector.label}, roots of counts"
+    changes = {"name": f"{name} √", "label": label, "stretch": "anscombe", "blur_px": _BLUR_PX}
     return detector.model_copy(update=changes)
-
-
-def on_the_board(chosen: Method) -> Method:
-    """Return the baseline of a name as the board spells it, `DIS √`; anything else as it is."""
-    return next((stretched(name) for name in _GRAY if chosen == f"{name} √"), chosen)
 
 
 def methods_and_baselines(frames: int) -> list[BlockDetector]:
     """Return all methods that do with so many frames, and the baselines that do."""
-    there = (block_detector(name) for name in velocity_names())
+    there = (block_detector(name) for name in VELOCITY_METHODS)
     found = [each for each in there if each.memory_frames < frames]
     found += [stretched(name) for name in _GRAY]
     if frames >= _MANY:

@@ -67,16 +67,12 @@ class MovingView(Record, frozen=True):
 
     forest: Forest
     """What grows."""
-
     light: Light
     """What lights it; clips have mean 1."""
-
     trajectory: CameraPath
     """Where the camera is in each frame."""
-
     camera: PerspectiveCamera = PerspectiveCamera(width=SHAPE[1], height=SHAPE[0], fov_deg=60)
     """What sees it."""
-
     settings: RenderSettings = VIEW_SETTINGS
     """How it is rendered."""
 

@@ -49,25 +49,18 @@ class NaturalPanorama(Record, frozen=True):
 
     forest: Forest
     """What grows."""
-
     light: Light
     """What lights it; only the directions of light matter, since templates have mean 1."""
-
     frame_fov_deg: Annotated[float, Field(ge=90, le=180)]
     """Field of view of a frame of 251 columns (degrees); the panorama is 2:1 to 4:1."""
-
     eye_m: Annotated[float, Field(gt=0)] = 1.6
     """Height of the camera (m)."""
-
     samples_per_pass: Annotated[int, Field(ge=1)] = 36
     """Light paths per pixel and pass."""
-
     passes: Annotated[int, Field(ge=2)] = 4
     """Passes that are averaged; from their scatter the noise is known."""
-
     max_depth: Annotated[int, Field(ge=2)] = 3
     """As of `RenderSettings`; 3 misses 0.2 % of the light of a typical pixel."""
-
     seed: Annotated[int, Field(ge=0)] = 0
     """Of the rendering noise."""
 

@@ -17,7 +17,7 @@ from scipy.stats import false_discovery_control
 
 from megalopta.benchmark.ranking_settings import Pooling, RankingSettings
 from megalopta.benchmark.sequence_errors import ERROR, STILL, Opposed, opposed
-from megalopta.benchmark.table import Case, Sums, interval, lowest, ratio, units
+from megalopta.benchmark.table import Case, Sums, interval, ratio, units
 from megalopta.core.format_numbers import written
 from megalopta.core.record import Record
 
@@ -158,7 +158,21 @@ def _best(means: Mapping[Case, Sums], methods: Sequence[str]) -> Iterator[Rankin
     for case in dict.fromkeys(case._replace(method="") for case in means):
         own = {name: means[case._replace(method=name)] for name in (*methods, STILL)}
         if (found := lowest(own)) is not None:
-            yield _row(Case(BEST, found.method, *case[2:]), value=float(found.is_sure))
+            method, is_sure = found
+            yield _row(Case(BEST, method, *case[2:]), value=float(is_sure))
+
+
+def lowest(sums: Mapping[str, Sums]) -> tuple[str, bool] | None:
+    """Return the method of the lowest mean, and whether all others' ratios to it surely exceed 1.
+
+    None where there are no blocks.
+    """
+    means = {name: found.value for name, each in sums.items() if (found := interval(each))}
+    if not means:
+        return None
+    first = min(means, key=lambda name: means[name])
+    ratios = [ratio(sums[name], sums[first]) for name in means if name != first]
+    return first, all(found is not None and (found[0].low or 0) > 1 for found in ratios)
 
 
 def _orders(
@@ -167,11 +181,12 @@ def _orders(
     fluxes, methods, finest = settings.fluxes, settings.methods, settings.finest
     groups = dict.fromkeys(name for each in opposed(blocks) for name in each[:2])
     for flux, group, (one, other) in product(fluxes, groups, permutations(methods, 2)):
-        cases = (Case(ERROR, name, flux, group, *finest) for name in (other, one))
-        found = ratio(*(means[case] for case in cases))
-        if found is not None and (found.value > 1 or (found.value == 1 and one < other)):
-            case = Case(RATIO, other, flux, group, *finest)
-            yield _row(case, against=one, **found._asdict())
+        worse, better = (Case(ERROR, name, flux, group, *finest) for name in (other, one))
+        if (found := ratio(means[worse], means[better])) is None:
+            continue
+        numbers, p = found
+        if numbers.value > 1 or (numbers.value == 1 and one < other):
+            yield _row(worse._replace(metric=RATIO), against=one, **numbers._asdict(), p=p)
 
 
 def _row(case: Case, against: str = "", **numbers: float | None) -> RankingRow:

@@ -5,11 +5,11 @@ from typing import Annotated, NamedTuple
 
 from pydantic import Field, field_validator, model_validator
 
-from megalopta.benchmark.methods import velocity_names
 from megalopta.config.model import LightLevel
 from megalopta.core.arrays import Floats
 from megalopta.core.record import Record
 from megalopta.flow.benchmark.settings import each_once
+from megalopta.flow.detectors.registry import VELOCITY_METHODS
 from megalopta.flow.stimuli.resizing import resize
 from megalopta.scenes.lighting.levels import illuminance_of
 
@@ -50,33 +50,24 @@ NO_POOLING = Pooling(1, 1)
 class RankingSettings(Record, frozen=True):
     """Methods, photons and pooling."""
 
-    methods: Annotated[tuple[str, ...], Field(min_length=1)] = velocity_names()
+    methods: Annotated[tuple[str, ...], Field(min_length=1)] = VELOCITY_METHODS
     """Methods that give velocities: names, `module:function`, or ONNX files."""
-
     fluxes: tuple[Flux, ...] = (1e3, 1e4, 1e5, 1e6, 1e7, 1e8)
     """Photons per frame on all pixels (1)."""
-
     light_levels: tuple[LightLevel, ...] = ()
     """Light levels, by name or in lux, whose photons per frame are measured besides."""
-
     exposure_s: Annotated[float, Field(gt=0, le=1000)] = 0.01
     """Exposure of a frame at these levels (s)."""
-
     repeats: Annotated[int, Field(ge=1)] = 2
     """Independent draws of the photons of each sequence."""
-
     pixels_pooled: Annotated[tuple[Frames, ...], Field(min_length=1)] = (1, 2)
     """Sides of the squares of pixels whose photons are added (px)."""
-
     frames_pooled: Annotated[tuple[Frames, ...], Field(min_length=1)] = (1, 2)
     """Successive frames whose photons are added."""
-
     camera_pairs: Annotated[int, Field(ge=0)] = 3
     """Pairs of frames of each sequence from which the camera's motion is estimated."""
-
     wide_field: tuple[str, ...] = ("EMD",)
     """Methods without velocities that are judged, with the others, by the camera's yaw rate."""
-
     seed: int = 0
     """Of the photons."""
 

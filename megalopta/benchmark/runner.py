@@ -13,7 +13,6 @@ from concurrent.futures import Executor, Future, ThreadPoolExecutor, as_complete
 from contextlib import contextmanager
 from pathlib import Path
 
-from megalopta.benchmark import trial
 from megalopta.benchmark.methods import identity
 from megalopta.benchmark.trial import Template, Trial, measure_trial, template_names
 from megalopta.core import files
@@ -112,7 +111,7 @@ def trial_work(trials: Iterable[Trial]) -> int:
 
 def _key(asked: Trial, template: str) -> str:
     """Return the hash of all that a result depends on: also code, libraries, and detectors."""
-    code = code_digest("megalopta.flow", "megalopta.sensor.sampling", trial.__name__)
+    code = code_digest("megalopta.flow", "megalopta.sensor.sampling", Trial.__module__)
     return digest(asked.model_dump_json(), template, code, *map(identity, asked.detectors))
 
 

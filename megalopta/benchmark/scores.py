@@ -17,14 +17,7 @@ from pydantic import FiniteFloat, NonNegativeInt, PositiveInt
 from rich.box import SIMPLE
 from rich.table import Table
 
-from megalopta.benchmark.pairs_on_disk import (
-    Frame,
-    TrueFlow,
-    Truths,
-    pictures_of,
-    submitted_flows,
-    true_flows,
-)
+from megalopta.benchmark import pairs_on_disk
 from megalopta.core import bounded, files
 from megalopta.core.bounded import sentence
 from megalopta.core.errors import UserError
@@ -39,8 +32,9 @@ from megalopta.flow.detectors.gray_detector import DenseDetector
 from megalopta.flow.detectors.registry import Method, method
 from megalopta.flow.formats import read_flow
 from megalopta.flow.metrics.endpoint_error import GROUPS, DenseErrors
+from megalopta.flow.metrics.response_error import for_json
 
-Answers = Mapping[Frame, tuple[str, Callable[[], NDArray[Any]]]]
+Answers = Mapping[pairs_on_disk.Frame, tuple[str, Callable[[], NDArray[Any]]]]
 """Where the answer to a frame comes from, and what gives it, (H, W, 2) in px"""
 
 Groups = Mapping[str, Mapping[str, int | FiniteFloat | None]]
@@ -102,7 +96,7 @@ def score_submission(
     truth = Path(truth)
     if not truth.is_dir():
         raise UserError(f"{truth}: no such folder")
-    truths = true_flows(truth)
+    truths = pairs_on_disk.true_flows(truth)
     name, passes = _answers_of(flow, truths)
     with progress("Scoring flow", len(truths), "frame") as advance:
         found, digest_of_all = _scored(passes, truths, advance)
@@ -118,17 +112,20 @@ def score_submission(
         every: list[tuple[str | None, DenseErrors]] = [*by_sequence.items(), overall]
         for sequence, errors in every:
             count = len(truths) if sequence is None else frames[sequence]
+            groups = {group: for_json(asdict(errors.of(group))) for group in GROUPS}
             own = {"pass_name": pass_name, "sequence": sequence, "frames": count}
-            entries.append(Entry(**shared, **own, errors=_groups(errors)))
+            entries.append(Entry(**shared, **own, errors=groups))
     return Scores(entries=tuple(entries))
 
 
-def _answers_of(flow: str | Path | Method, truths: Truths) -> tuple[str, Mapping[str, Answers]]:
+def _answers_of(
+    flow: str | Path | Method, truths: pairs_on_disk.Truths
+) -> tuple[str, Mapping[str, Answers]]:
     """Return the name of what gave the flow, and the answers to all frames by pass."""
     if isinstance(flow, str | Path) and (folder := Path(flow)).is_dir():
         return folder.resolve().name, {
             name: {frame: (str(path), partial(read_flow, path)) for frame, path in paths.items()}
-            for name, paths in submitted_flows(folder, truths).items()
+            for name, paths in pairs_on_disk.submitted_flows(folder, truths).items()
         }
     try:
         detector = method(str(flow) if isinstance(flow, Path) else flow)
@@ -136,21 +133,19 @@ def _answers_of(flow: str | Path | Method, truths: Truths) -> tuple[str, Mapping
         raise UserError(f"{flow}: no such folder; {problem}") from None
     if not isinstance(detector, DenseDetector):
         raise UserError(f"{detector.name} gives no flow at every pixel; give a method that does")
+    pairs = ((name, each.items()) for name, each in pairs_on_disk.pictures_of(truths).items())
     return detector.name, {
-        name: {
-            frame: (str(first), partial(_between, detector, first, second))
-            for frame, (first, second) in pictures.items()
-        }
-        for name, pictures in pictures_of(truths).items()
+        name: {frame: (str(each[0]), partial(_between, detector, *each)) for frame, each in found}
+        for name, found in pairs
     }
 
 
-def _between(detector: DenseDetector, first: Path, second: Path) -> NDArray[Any]:
-    return detector.dense(read_picture(first, "L"), read_picture(second, "L"))
+def _between(detector: DenseDetector, *pair: Path) -> NDArray[Any]:
+    return detector.dense(*(read_picture(path, "L") for path in pair))
 
 
 def _scored(
-    passes: Mapping[str, Answers], truths: Truths, advance: Callable[[int], object]
+    passes: Mapping[str, Answers], truths: pairs_on_disk.Truths, advance: Callable[[int], object]
 ) -> tuple[dict[str, dict[str, DenseErrors]], str]:
     """Errors by pass and sequence, and a hash of the truth, each frame of which is read once."""
     found: dict[str, dict[str, DenseErrors]] = {name: {} for name in sorted(passes)}
@@ -169,7 +164,7 @@ def _scored(
     return found, digest(*hashes)
 
 
-def _truth(files: TrueFlow) -> tuple[NDArray[np.float32], NDArray[np.bool_] | None]:
+def _truth(files: pairs_on_disk.TrueFlow) -> tuple[NDArray[np.float32], NDArray[np.bool_] | None]:
     try:
         true, occluded = read_flow(files.flow), None
         if files.undefined:
@@ -188,16 +183,6 @@ def _mask(path: Path, shape: tuple[int, ...]) -> NDArray[np.bool_]:
     if mask.shape != shape[:2]:
         raise ValueError(f"{path} is {mask.shape[1]} × {mask.shape[0]} px, its flow is not")
     return mask
-
-
-def _groups(errors: DenseErrors) -> Groups:
-    return {
-        group: {
-            name: None if math.isnan(value) else value
-            for name, value in asdict(errors.of(group)).items()
-        }
-        for group in GROUPS
-    }
 
 
 _COLUMNS: Mapping[str, tuple[str, str]] = {

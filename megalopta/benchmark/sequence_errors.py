@@ -26,10 +26,11 @@ from megalopta.dataset.frames import read_truth_frames
 from megalopta.dataset.store import Dataset
 from megalopta.flow.benchmark.settings import default_warm_up
 from megalopta.flow.detectors.blocks import BlockGrid
-from megalopta.flow.egomotion.camera_motion import CameraMotion, motion_of_flow
+from megalopta.flow.egomotion.camera_motion import motion_of_flow
 from megalopta.flow.egomotion.wide_field import YawRateTest, yaw_rates_deg_s
 from megalopta.flow.metrics.endpoint_error import OCCLUDED_SHARE, block_flow, block_share
 from megalopta.render.truth.tracer import Truth
+from megalopta.scenes.cameras.base import Camera
 
 SPEEDS_PX = (1.0, 3.0)
 PARALLAX_PX = (0.3, 1.0)
@@ -82,7 +83,6 @@ class BlockTruths:
 
     velocities: Floats
     """(..., 2) in px of the full image per frame; NaN where unknown"""
-
     groups: Groups
 
 
@@ -168,22 +168,17 @@ def _groups(facts: Mapping[str, Floats], only_turns: bool) -> dict[str, NDArray[
         place = np.digitize(values, bounds)
         for at, name in enumerate(RANGES):
             groups[f"{kind} {name}"] = place == at
-    for speed in RANGES:
-        groups |= _at_speed(groups, speed, only_turns)
+    seen, hidden = groups["visible"], groups["occluded"]
+    for name in RANGES:
+        here = groups[f"speed {name}"]
+        groups |= {cell_name(name, each): here & groups[f"parallax {each}"] for each in RANGES}
+        groups |= {
+            at_speed(name, ALONE): here & seen & only_turns,
+            at_speed(name, LITTLE): here & seen & groups["parallax low"] & (not only_turns),
+            at_speed(name, MUCH): here & seen & groups["parallax high"],
+            at_speed(name, HIDDEN): here & hidden & (not only_turns),
+        }
     return {name: among & known for name, among in groups.items()}
-
-
-def _at_speed(groups: Groups, speed: str, only_turns: bool) -> dict[str, NDArray[np.bool_]]:
-    """Return the cells of the atlas and the groups that are compared, at one speed."""
-    here = groups[f"speed {speed}"]
-    seen, moves = here & groups["visible"], not only_turns
-    cells = {cell_name(speed, each): here & groups[f"parallax {each}"] for each in RANGES}
-    return cells | {
-        at_speed(speed, ALONE): seen & only_turns,
-        at_speed(speed, LITTLE): seen & groups["parallax low"] & moves,
-        at_speed(speed, MUCH): seen & groups["parallax high"],
-        at_speed(speed, HIDDEN): here & groups["occluded"] & moves,
-    }
 
 
 def cell_name(speed: str, parallax: str) -> str:
@@ -206,11 +201,6 @@ STILL = "zero motion"
 BOUND = "Poisson bound"
 
 _STILL_M = 1e-9
-_UNKNOWN = math.nan, math.nan
-
-CameraErrors: TypeAlias = tuple[float, float]
-"""Angles of the rotation that remains between the estimated and the true one, and between the
-estimated and the true direction of translation (degrees); NaN where unknown"""
 
 Measured: TypeAlias = Iterator[tuple[Case, Sums]]
 """Sums over the pairs of frames of a sequence, or one number of it, by case"""
@@ -229,11 +219,7 @@ class RankedSequence:
     """A sequence, the methods on it, and what is true of it."""
 
     def __init__(
-        self,
-        dataset: Dataset,
-        settings: RankingSettings,
-        methods: Methods,
-        velocities: Velocities,
+        self, dataset: Dataset, settings: RankingSettings, methods: Methods, velocities: Velocities
     ) -> None:
         self.dataset, self.settings, self.methods = dataset, settings, methods
         self.velocities = velocities
@@ -272,23 +258,27 @@ def endpoint_errors(sequence: RankedSequence) -> Measured:
 
 def camera_errors(sequence: RankedSequence) -> Measured:
     """Yield errors of the camera's rotation and heading, from flow and as the most likely ones."""
-    dataset, settings, velocities = sequence.dataset, sequence.settings, sequence.velocities
-    frames = dataset.configuration.trajectory.frames
+    settings = sequence.settings
+    frames = sequence.dataset.configuration.trajectory.frames
     pairs = _chosen_pairs(frames, settings.camera_pairs).tolist()
-    if not pairs:
-        return
-    for flux in settings.fluxes:
-        for name in sequence.methods if settings.finest == NO_POOLING else ():
-            found, grid = sequence.noisy(name, NO_POOLING, flux)[0], sequence.grid(name, 1)
-            errors = [_errors_of_flow(dataset, grid, found[pair], pair) for pair in pairs]
-            yield from _camera_cases(name, flux, errors)
-        for name in LIKELIHOODS:
-            motions = velocities.likely_motions(Drawn(NO_POOLING, flux, 0), name, pairs)
-            errors = [
-                _errors_of_motion(dataset, CameraMotion(each[:3], each[3:]), pair)
-                for pair, each in zip(pairs, motions, strict=True)
-            ]
-            yield from _camera_cases(name, flux, errors)
+    for flux in settings.fluxes if pairs else ():
+        for name, motions in _camera_motions(sequence, flux, pairs):
+            found = zip(motions, pairs, strict=True)
+            errors = [_motion_errors(sequence.dataset, *each) for each in found]
+            for metric, values in zip((ROTATION, HEADING), np.transpose(errors), strict=True):
+                yield Case(metric, name, flux), _values(values)
+
+
+def _camera_motions(
+    sequence: RankedSequence, flux: float, pairs: Sequence[int]
+) -> Iterator[tuple[str, Sequence[Floats]]]:
+    """Yield what each way finds in pairs, rotations (°) and headings, (6,) each; NaN if nothing."""
+    for name in sequence.methods if sequence.settings.finest == NO_POOLING else ():
+        flow, grid = sequence.noisy(name, NO_POOLING, flux)[0], sequence.grid(name, 1)
+        yield name, [_fitted(sequence.dataset.configuration.camera, grid, flow[at]) for at in pairs]
+    for name in LIKELIHOODS:
+        drawn = Drawn(NO_POOLING, flux, 0)
+        yield name, list(sequence.velocities.likely_motions(drawn, name, pairs))
 
 
 def yaw_errors(sequence: RankedSequence) -> Measured:
@@ -349,38 +339,33 @@ def _chosen_pairs(frames: int, count: int) -> NDArray[np.intp]:
     return np.unique(np.linspace(before, frames - 2 - before, count).astype(int))
 
 
-def _errors_of_flow(
-    dataset: Dataset, grid: BlockGrid, velocities: Floats, pair: int
-) -> CameraErrors:
-    """Return the errors of the motion that fits the flow (rows, columns, 2) of a pair best."""
-    camera = dataset.configuration.camera
+def _fitted(camera: Camera, grid: BlockGrid, velocities: Floats) -> Floats:
+    """Return the motion that fits the flow (rows, columns, 2) of a pair best, (6,)."""
     inside = np.s_[1:-1, 1:-1]
     scale = np.array([camera.width / grid.shape[1], camera.height / grid.shape[0]])
     try:
         found = motion_of_flow(camera, grid.centers[inside] * scale, velocities[inside])
     except ValueError:  # too few blocks have a velocity
-        return _UNKNOWN
-    return _errors_of_motion(dataset, found, pair)
+        return np.full(6, np.nan)
+    return np.concatenate((found.rotation_deg, found.heading))
 
 
-def _errors_of_motion(dataset: Dataset, found: CameraMotion, pair: int) -> CameraErrors:
-    """Return the errors of a motion between a frame and the next."""
-    if np.isnan(found.rotation_deg).any():
-        return _UNKNOWN
+def _motion_errors(dataset: Dataset, found: Floats, pair: int) -> tuple[float, float]:
+    """Return the errors of a motion (6,) between a frame and the next (degrees), NaN if unknown.
+
+    The angle of the rotation that remains to the true one, and that between the headings.
+    """
+    if np.isnan(found).any():
+        return math.nan, math.nan
     poses = dataset.configuration.trajectory.poses()[pair : pair + 2]
     turn = poses[0, :3, :3].T @ poses[1, :3, :3]
     way = poses[0, :3, :3].T @ (poses[1, :3, 3] - poses[0, :3, 3])
-    left = Rotation.from_rotvec(found.rotation_deg, degrees=True).inv() * Rotation.from_matrix(turn)
+    left = Rotation.from_rotvec(found[:3], degrees=True).inv() * Rotation.from_matrix(turn)
     length = float(np.linalg.norm(way))
     heading = math.nan
     if length >= _STILL_M:
-        heading = float(np.degrees(np.arccos(np.clip(found.heading @ way / length, -1, 1))))
+        heading = float(np.degrees(np.arccos(np.clip(found[3:] @ way / length, -1, 1))))
     return float(np.degrees(left.magnitude())), heading
-
-
-def _camera_cases(name: str, flux: float, errors: Sequence[CameraErrors]) -> Measured:
-    for metric, values in zip((ROTATION, HEADING), np.transpose(errors), strict=True):
-        yield Case(metric, name, flux), _values(values)
 
 
 def _values(values: Sequence[float] | Floats) -> Sums:

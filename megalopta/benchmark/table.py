@@ -98,84 +98,61 @@ class Interval(NamedTuple):
     """A value and the bounds that hold it in 95 % of cases; None where units are too few."""
 
     value: float
-    low: float | None
-    high: float | None
-
-
-class Ratio(NamedTuple):
-    """A method's mean over another's, what holds it in 95 % of cases, and its p-value."""
-
-    value: float
-    low: float
-    high: float
-    p: float
-    """Two-sided, of the ratio being 1"""
-
-
-class Lowest(NamedTuple):
-    """The method with the lowest mean error."""
-
-    method: str
-    is_sure: bool
-    """Whether the interval of every other method's ratio to it lies above 1"""
-
-
-class _Spread(NamedTuple):
-    standard_error: float
-    freedom: float
-
-    def factor(self) -> float:
-        quantile = student.ppf((1 + _CONFIDENCE) / 2, self.freedom)
-        return float(np.exp(quantile * self.standard_error))
+    low: float | None = None
+    high: float | None = None
 
 
 def units(sequences: Sequence[Sums]) -> Sums:
     """Sum over the pairs of each unit: each sequence, or each stretch of few sequences."""
     stretches = 1 if len(sequences) >= FEWEST_SEQUENCES else STRETCHES
-    return Sums(
-        *(
-            np.array(
-                [part.sum() for each in pairs for part in np.array_split(each, stretches)],
-                np.float64,
-            )
-            for pairs in zip(*sequences, strict=True)
-        )
+    sums = (
+        [part.sum() for each in pairs for part in np.array_split(each, stretches)]
+        for pairs in zip(*sequences, strict=True)
     )
+    return Sums(*(np.array(each, np.float64) for each in sums))
 
 
 def interval(sums: Sums) -> Interval | None:
     """Return the mean over all blocks and its interval; None where there are no blocks."""
     if not sums.blocks.any():
         return None
-    mean, there = _mean(sums), _present(sums)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        spread = _spread(_log_means(there), there.blocks)
-    if spread is None:
-        return Interval(mean, None, None)
-    return Interval(mean, mean / spread.factor(), mean * spread.factor())
+    there = _present(sums)
+    spread = _spread(_log_means(there), there.blocks)
+    return _around(_mean(sums), *spread) if spread else Interval(_mean(sums))
 
 
-def ratio(one: Sums, other: Sums) -> Ratio | None:
-    """Return the ratio of two means over the same blocks; None where units are too few."""
+def ratio(one: Sums, other: Sums) -> tuple[Interval, float] | None:
+    """Return the ratio of two means over the same blocks, and the two-sided p-value of its being 1.
+
+    None where units are too few.
+    """
     upper, lower = (_present(each) for each in (one, other))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        spread = _spread(_log_means(upper) - _log_means(lower), upper.blocks)
-    if spread is None:
+    with np.errstate(invalid="ignore"):  # of two infinite ones
+        left_out = _log_means(upper) - _log_means(lower)
+    if (spread := _spread(left_out, upper.blocks)) is None:
         return None
-    found = float(_mean(upper) / _mean(lower))
-    steps = abs(np.log(found)) / max(spread.standard_error, np.finfo(float).eps)
-    p = float(2 * student.sf(steps, spread.freedom))
-    return Ratio(found, found / spread.factor(), found * spread.factor(), p)
+    found, (error, freedom) = _mean(upper) / _mean(lower), spread
+    steps = abs(np.log(found)) / max(error, np.finfo(float).eps)
+    return _around(found, *spread), float(2 * student.sf(steps, freedom))
 
 
-def lowest(sums: Mapping[str, Sums]) -> Lowest | None:
-    """Return the method of the lowest mean; None where there are no blocks."""
-    means = {name: _mean(each) for name, each in sums.items() if each.blocks.any()}
-    if not means:
+def _spread(left_out: Floats, blocks: Floats) -> tuple[float, float] | None:
+    """Return standard error and degrees of freedom of a logarithm.
+
+    From its values without each unit; None where units are too few.
+    """
+    count = len(left_out)
+    if count < 2 or not np.isfinite(left_out).all():
         return None
-    first = min(means, key=lambda name: means[name])
-    ratios = [ratio(sums[name], sums[first]) for name in means if name != first]
-    return Lowest(first, all(each is not None and each.low > 1 for each in ratios))
+    freedom = float(blocks.sum() ** 2 / (blocks**2).sum() - 1)
+    if freedom < 1:  # nearly all blocks are in one unit
+        return None
+    return float(np.sqrt((count - 1) * left_out.var())), freedom
+
+
+def _around(value: float, error: float, freedom: float) -> Interval:
+    factor = float(np.exp(student.ppf((1 + _CONFIDENCE) / 2, freedom) * error))
+    return Interval(value, value / factor, value * factor)
 
 
 def bootstrap(samples: Floats, statistic: Callable[[Floats], Floats], key: str) -> Interval:
@@ -186,7 +163,7 @@ def bootstrap(samples: Floats, statistic: Callable[[Floats], Floats], key: str) 
     """
     value, count = float(statistic(samples)), len(samples)
     if count == 1:  # which does not tell how much units differ
-        return Interval(value, None, None)
+        return Interval(value)
     chosen = generator(0, key).integers(count, size=(_REPLICATES, count))
     low, high = np.percentile(statistic(samples[chosen]), (2.5, 97.5))
     return Interval(value, float(low), float(high))
@@ -202,17 +179,7 @@ def _mean(sums: Sums) -> float:
 
 
 def _log_means(sums: Sums) -> Floats:
-    """Logarithm of the mean without each unit."""
+    """Return the logarithm of the mean without each unit."""
     totals, blocks = (each.sum() - each for each in sums)
-    return np.asarray(np.log(totals / blocks))
-
-
-def _spread(left_out: Floats, blocks: Floats) -> _Spread | None:
-    """Error of a logarithm, from its values without each unit; None where units are too few."""
-    count = len(left_out)
-    if count < 2 or not np.isfinite(left_out).all():
-        return None
-    freedom = float(blocks.sum() ** 2 / (blocks**2).sum() - 1)
-    if freedom < 1:  # nearly all blocks are in one unit
-        return None
-    return _Spread(float(np.sqrt((count - 1) * left_out.var())), freedom)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(np.log(totals / blocks))

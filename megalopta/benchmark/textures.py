@@ -26,14 +26,7 @@ from megalopta.core.arrays import Floats
 from megalopta.flow.detectors.base import Detector, milliseconds_per_frame
 from megalopta.flow.detectors.blocks import BlockDetector, BlockGrid, block_grid
 from megalopta.flow.detectors.registry import Method, method
-from megalopta.flow.metrics.detection import (
-    Roc,
-    d_prime,
-    false_alarm_rate,
-    motion_evidence,
-    rightward_evidence,
-    roc,
-)
+from megalopta.flow.metrics.detection import Roc, d_prime, motion_evidence, rightward_evidence, roc
 from megalopta.flow.metrics.translation_bound import (
     MedianPhotons,
     bound_photons,
@@ -72,10 +65,8 @@ class Bounds(NamedTuple):
 
     known: float
     """From the block's own pixels, of known texture"""
-
     with_margin: float
     """From all pixels seen, block and margin"""
-
     unknown: float
     """From the block's own pixels where only the power spectrum of the texture is known"""
 
@@ -87,10 +78,8 @@ class BlockPhotons:
     detector: Detector
     needed: MedianPhotons
     """Photons per frame for a median error of 25 % of the truth; infinite where never"""
-
     frames: int
     """Frames behind one estimate"""
-
     bounds: Bounds
     ms_per_frame: float
     """CPU time of 240 × 240 px, in this process"""
@@ -212,13 +201,10 @@ class Detection:
     flux: float
     motion: float
     """d′ of moving against still"""
-
     direction: float
     """d′ of right against left"""
-
     false_alarms: float
     """Share of the still scene's blocks beyond half of the median noise-free response to motion"""
-
     curve: Roc
     """Of moving against still"""
 
@@ -238,7 +224,7 @@ def detections(methods: Sequence[Method], flux: float) -> list[Detection]:
         }
         still, moving = (motion_evidence(detector, responses[name]) for name in ("still", "right"))
         sides = (rightward_evidence(detector, responses[name]) for name in ("left", "right"))
-        false_alarms = false_alarm_rate(still, motion_threshold(detector))
+        false_alarms = float(np.mean(still > motion_threshold(detector)))
         distances = d_prime(still, moving), d_prime(*sides)
         found.append(Detection(detector.name, flux, *distances, false_alarms, roc(still, moving)))
     return found

@@ -1,19 +1,24 @@
-"""One trial of the flow benchmark: what moves how, what is measured of it, and how closely.
+"""One trial of the flow benchmark, and sweeps: what moves how, what is measured, and how closely.
 
 A trial is plain data that travels to any worker and comes back from YAML. Its template is the
 picture that its stimulus is made of, a grating or a panorama: plain data, too, whose pixels are
-computed, come from the cache or from the user's picture.
+computed, come from the cache or from the user's picture. A sweep is trials that differ in one
+parameter.
 """
 
+import operator
 from collections.abc import Iterable, Mapping, Sequence
+from functools import cached_property
+from itertools import product
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, NamedTuple, Self
 
 import numpy as np
 from pydantic import (
     Field,
     InstanceOf,
     SerializeAsAny,
+    ValidationError,
     ValidationInfo,
     field_validator,
     model_validator,
@@ -26,13 +31,15 @@ from megalopta.benchmark.panoramas import (
     natural_templates,
     template_from_file,
 )
+from megalopta.config.validation import one_sentence
+from megalopta.config.yaml_model import mapping, put, read_text, validated
 from megalopta.core.arrays import Floats
 from megalopta.core.errors import UserError
 from megalopta.core.record import Record
+from megalopta.core.strict_yaml import booleans_for_others
 from megalopta.flow.benchmark.search import photon_search
 from megalopta.flow.benchmark.settings import SearchSettings, each_once
 from megalopta.flow.detectors.base import Detector
-from megalopta.flow.detectors.intensity import IntensityMeasurement
 from megalopta.flow.detectors.registry import METHODS, THESIS_METHODS, method
 from megalopta.flow.metrics.photon_threshold import ErrorCurve
 from megalopta.flow.stimuli.moving_template import MovingTemplate, blurred
@@ -45,16 +52,12 @@ class GratingTemplate(Record, frozen=True):
 
     kind: Literal["grating"] = "grating"
     """Which template this is: grating, or panorama, which has the keys name and coding"""
-
     cycles_per_frame: Annotated[float, Field(gt=0)] = 5.0
     """Spatial frequency f (cycles per frame)"""
-
     contrast: Annotated[float, Field(gt=0, le=1)] = 0.9
     """Michelson contrast C"""
-
     phases_rad: tuple[float, float] = (0.0, 0.0)
     """Phases of its two factors (rad)"""
-
     variant: GratingVariant = "rot"
     """rot: as the thesis writes, √2·f moving cycles and a seam; periodic: exactly f, no seam"""
 
@@ -76,12 +79,10 @@ class PanoramaTemplate(Record, frozen=True):
 
     kind: Literal["panorama"] = "panorama"
     """Which template this is"""
-
     name: Annotated[str, Field(min_length=1)]
     """One of the forests rendered by this project, open, dense, understorey and clearing, or the
     path of an equirectangular picture (EXR, HDR, PNG or JPEG). Paths are relative to the file that
     they stand in; on the command line, to the working folder"""
-
     coding: Literal["linear", "srgb"] = "linear"
     """linear: light. srgb: gray values of a photograph of it, with the brightest hundredth white"""
 
@@ -154,27 +155,20 @@ class Trial(Record, frozen=True):
 
     template: Template = GratingTemplate()
     """What moves"""
-
     velocity_px: Annotated[int, Field(ge=-(ROWS // 2), le=ROWS // 2)] = 5
     """Motion of the template (columns per frame, positive to the right)"""
-
     size: Annotated[int, Field(ge=3, le=ROWS)] = 60
     """Spatial pooling: rows and columns of the frames that detectors see (px)"""
-
     resize: ResizeKind = "nearest"
     """How frames are resized: nearest subsamples as the thesis does, area pools the light"""
-
     blurred: bool = False
     """Whether frames are smeared by the motion within a frame"""
-
     methods: Annotated[
         tuple[str | SerializeAsAny[InstanceOf[Detector]], ...],
         Field(min_length=1, description=f"Names of the detectors: {', '.join(METHODS)}"),
     ] = THESIS_METHODS
-
     search: SearchSettings = SearchSettings()
     """What is measured, and how closely"""
-
     seed: Annotated[int, Field(ge=0)] = 0
     """Of all random numbers"""
 
@@ -209,18 +203,13 @@ class Trial(Record, frozen=True):
         return self
 
     @model_validator(mode="after")
-    def _moves(self) -> "Trial":
-        intensity = IntensityMeasurement()
-        motion = [each.name for each in self.detectors if each != intensity]
+    def _methods_fit(self) -> "Trial":
+        motion = [each.name for each in self.detectors if each != METHODS["IM"]]
         if self.velocity_px == 0 and motion:
             raise ValueError(
                 f"velocity_px 0: nothing moves, so the errors of {', '.join(motion)} are undefined;"
                 " give a velocity, or the method IM alone"
             )
-        return self
-
-    @model_validator(mode="after")
-    def _methods_fit(self) -> "Trial":
         for each in self.detectors:
             try:
                 each.start((self.size, self.size))
@@ -248,3 +237,121 @@ def measure_trial(trial: Trial, pixels: Floats, name: str) -> tuple[ErrorCurve, 
         smeared, trial.velocity_px, trial.size, trial.resize, trial.search.normalization
     )
     return photon_search(stimulus, trial.detectors, trial.search, trial.seed, name)
+
+
+Value = int | float | bool | str
+MOST_TRIALS = 10_000
+"""In one sweep: more than anybody waits for, and checking them takes a minute."""
+
+_SHARED = ("methods", "search.metrics", "search.bits")
+
+
+class SweepPoint(NamedTuple):
+    """One trial of a sweep, and where it stands."""
+
+    size: int
+    value: Value
+    template: str
+    """Short name"""
+    trial: Trial
+
+
+class Sweep(Record, frozen=True):
+    """Trials that differ in one parameter; in several sizes, averaged over several templates."""
+
+    title: str = "Photons that motion detectors need"
+    """What is shown, in one line"""
+    trial: Trial = Trial()
+    """The fixed parameters"""
+    vary: str = "velocity_px"
+    """Path of the varied parameter in a trial, such as template.contrast or search.dark_counts"""
+    values: Annotated[tuple[Value, ...], Field(min_length=1)] = (1, 2, 5, 10)
+    """Its values"""
+    sizes: tuple[int, ...] = ()
+    """Spatial pooling (px), a panel of the figure each; by default that of the trial"""
+    templates: tuple[Template, ...] = ()
+    """Templates that thresholds are averaged over; by default that of the trial"""
+
+    @field_validator("values")
+    @classmethod
+    def _paths_from_their_file(
+        cls, values: tuple[Value, ...], validation: ValidationInfo
+    ) -> tuple[Value, ...]:
+        if validation.data.get("vary") != "template.name":
+            return values
+        return tuple(path_from_its_file(str(value), validation) for value in values)
+
+    @field_validator("values", "sizes", "templates")
+    @classmethod
+    def _each_once(cls, values: tuple[Any, ...]) -> tuple[Any, ...]:
+        return each_once(values)
+
+    @model_validator(mode="after")
+    def _every_trial_is_possible(self) -> Self:
+        count = len(self.values) * len(self.sizes or "1") * len(self.templates or "1")
+        if count > MOST_TRIALS:
+            raise ValueError(f"values: {count} trials; give at most {MOST_TRIALS} in all")
+        if self.vary.startswith(_SHARED):
+            raise ValueError(
+                f"vary: {self.vary} is the same for a whole figure; give all that are wanted in "
+                "the trial"
+            )
+        if self.vary == "size" and self.sizes:
+            raise ValueError("sizes: size is varied already; leave sizes out")
+        try:
+            trials = self.trials
+        except ValidationError as error:
+            raise ValueError(one_sentence(error, Trial)) from None
+        except UserError as error:
+            raise ValueError(str(error).replace("--", "vary: ", 1)) from None
+        if len(set(trials)) < len(trials):
+            raise ValueError(
+                f"two trials are the same: {self.vary} is varied, so values and templates must"
+                " differ in it; give each once"
+            )
+        return self
+
+    def __copy__(self) -> Self:
+        copied = super().__copy__()
+        copied.__dict__.pop("points", None)  # a copy with other values has other points
+        return copied
+
+    @cached_property
+    def points(self) -> tuple[SweepPoint, ...]:
+        """The trials: sizes, in them values, in them templates."""
+        fixed = {**self.trial.model_dump(mode="json"), "methods": self.trial.methods}
+        found: list[tuple[Value, Trial]] = []
+        for size, value, template in product(
+            self.sizes or (self.trial.size,), self.values, self.templates or (self.trial.template,)
+        ):
+            fields = {**fixed, "size": size, "template": template.model_dump(mode="json")}
+            put(fields, self.vary, value)
+            trial = Trial.model_validate(fields)
+            if any(booleans_for_others(fields, trial)):
+                raise ValueError(f"values: {str(value).lower()} is no number; give numbers")
+            # in quotes a number is text
+            number = operator.attrgetter(self.vary)(trial) if isinstance(value, str) else value
+            found.append((number, trial))
+        templates = list(dict.fromkeys(trial.template for _, trial in found))
+        names = dict(zip(templates, template_names(templates), strict=True))
+        return tuple(
+            SweepPoint(each.size, value, names[each.template], each) for value, each in found
+        )
+
+    @property
+    def trials(self) -> list[Trial]:
+        """All trials."""
+        return [point.trial for point in self.points]
+
+
+def load_sweep(
+    path: Path, overrides: dict[str, str] | None = None, allows_code: bool = False
+) -> Sweep:
+    """Return the sweep of a YAML file with settings of the command line.
+
+    Overrides go from the path of a field to a value in YAML, and may name code; methods of the file
+    may be `module:function` or ONNX files, which are run, only where `allows_code`. Raises
+    UserError when the file cannot be read, or says what is no sweep.
+    """
+    values = mapping(read_text(path, "sweep; give a YAML file"), str(path))
+    return validated(Sweep, values, str(path), overrides, path.parent, allows_code)

@@ -19,12 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from megalopta.benchmark.clips import FlowClip, middle
-from megalopta.benchmark.methods import (
-    BLOCK_PX,
-    block_detector,
-    methods_and_baselines,
-    on_the_board,
-)
+from megalopta.benchmark.methods import BLOCK_PX, block_detector, methods_and_baselines
 from megalopta.benchmark.pairs_on_disk import Files, read_pair
 from megalopta.benchmark.table import Case, Interval, Samples, bootstrap, joined, measure_samples
 from megalopta.core.arrays import Floats
@@ -96,14 +91,12 @@ def errors_of_pairs(
 ) -> Board:
     """Return the errors of methods, by default of all that do with two frames, on pairs of files.
 
-    A baseline of the board is named as it is there: `DIS √`.
-
     Raises UserError when a file cannot be used, or a method not with two frames.
     """
     clips = [read_pair(name, files) for name, files in pairs.items()]
     with progress("Drawing photons", len(clips), "pair") as advance:
         try:
-            chosen = list(map(on_the_board, methods or methods_and_baselines(_PAIR_FRAMES)))
+            chosen = methods or methods_and_baselines(_PAIR_FRAMES)
             return frame_errors(clips, chosen, fluxes, draws, lambda: advance(1))
         except ValueError as problem:
             raise UserError(str(problem)) from None

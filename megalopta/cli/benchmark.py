@@ -141,7 +141,7 @@ def _cell(found: "Interval", factor: float, digits: int) -> str:
 
 
 def _photon_settings() -> "Settings":
-    from megalopta.benchmark.sweep import Sweep
+    from megalopta.benchmark.trial import Sweep
 
     return settings_of_stage("benchmark", Sweep())
 
@@ -180,12 +180,11 @@ def _photons(options: Namespace) -> None:
 
 
 def _run_sweep(options: Namespace) -> None:
-    from megalopta.benchmark.sweep import announce_sweep, load_sweep
+    from megalopta.benchmark.trial import load_sweep
     from megalopta.reproduction.drawing import Means, reproduce_sweep
 
     path, out = options.dataset, options.out or Path("out/sweeps")
     sweep = load_sweep(path, options.overrides, options.allow_code)
-    announce_sweep(sweep)
     means = Means(options.workers, options.cache, options.scheduler)
     for written in reproduce_sweep(path.stem, sweep, out, means):
         print(written)

@@ -7,8 +7,8 @@ from pathlib import Path
 
 from markupsafe import Markup
 
-from megalopta.benchmark.ranking_charts import atlas
-from megalopta.benchmark.ranking_run import FOLDER, best_methods, order_changes, read_ranking
+from megalopta.benchmark.ranking_page import atlas, best_methods, order_changes
+from megalopta.benchmark.ranking_run import FOLDER, read_ranking
 from megalopta.config.model import Configuration, LightLevel
 from megalopta.config.yaml_model import to_yaml
 from megalopta.core.files import write_text

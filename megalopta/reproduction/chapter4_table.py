@@ -7,8 +7,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from megalopta.benchmark.runner import Results
-from megalopta.benchmark.sweep import Sweep
-from megalopta.benchmark.trial import GratingTemplate, Trial
+from megalopta.benchmark.trial import GratingTemplate, Sweep, Trial
 from megalopta.flow.detectors.base import milliseconds_per_frame
 from megalopta.flow.detectors.registry import METHODS
 from megalopta.flow.metrics.photon_threshold import format_flux

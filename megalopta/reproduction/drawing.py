@@ -22,8 +22,7 @@ from pkgutil import iter_modules
 from typing import Any, TypeAlias, TypeVar
 
 from megalopta.benchmark.runner import Results, run
-from megalopta.benchmark.sweep import Sweep
-from megalopta.benchmark.trial import Template, Trial, pixels_of
+from megalopta.benchmark.trial import Sweep, Template, Trial, pixels_of
 from megalopta.core.arrays import Floats
 from megalopta.core.errors import UserError
 from megalopta.core.folders import ensure_directory

@@ -13,8 +13,7 @@ from matplotlib.ticker import EngFormatter, LogLocator
 
 from megalopta.benchmark.panoramas import ROWS
 from megalopta.benchmark.runner import Results
-from megalopta.benchmark.sweep import Sweep, Value
-from megalopta.benchmark.trial import GratingTemplate, Trial
+from megalopta.benchmark.trial import GratingTemplate, Sweep, Trial, Value
 from megalopta.flow.metrics.photon_threshold import Threshold, format_flux
 from megalopta.flow.metrics.response_error import Metric
 from megalopta.plotting.picture import Cell, Figure, columns_of

@@ -18,11 +18,7 @@ from megalopta.flow.detectors.base import Detector
 from megalopta.flow.detectors.blocks import BlockDetector
 from megalopta.flow.egomotion.wide_field import YawRateTest
 from megalopta.flow.metrics.endpoint_error import block_share, truth_error, truth_splits
-from megalopta.flow.metrics.response_error import (
-    METRICS,
-    error_of,
-    error_sums,
-)
+from megalopta.flow.metrics.response_error import METRICS, error_of, error_sums, for_json
 
 Record = dict[str, Any]
 Scaled = tuple[NDArray[Any], float]
@@ -118,7 +114,7 @@ class Measurement:
         if self._truth is not None:
             record |= self._against_truth(self._truth)
         if found := self._yaw.result():
-            record["rotation"] = {name: _number(value) for name, value in asdict(found).items()}
+            record["rotation"] = for_json(asdict(found))
         return record
 
     def _saturated(self, saturated: NDArray[np.bool_], ideal: Floats) -> NDArray[np.bool_]:
@@ -143,7 +139,7 @@ class Measurement:
 
     def _errors(self, chunks: list[Floats]) -> Record:
         sums = np.concatenate(chunks, axis=1)[:, self._warm_up :]
-        return {metric: _number(error_of(sums, metric)) for metric in METRICS}
+        return {metric: for_json(error_of(sums, metric)) for metric in METRICS}
 
     def _against_truth(self, truth: BlockTruth) -> Record:
         left_out = np.concatenate(self._left_out)[..., None]
@@ -167,8 +163,3 @@ class Measurement:
                 for name in ideal
             },
         }
-
-
-def _number(value: float) -> float | None:
-    """JSON has no NaN."""
-    return None if np.isnan(value) else value

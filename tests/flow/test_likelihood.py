@@ -111,15 +111,6 @@ def test_system_of_nodes_is_solved_as_a_dense_matrix_would_be():
         assert energy(found + step) > energy(found)
 
 
-def test_nodes_without_evidence_lie_on_a_line_between_those_that_have_it():
-    information, slope = np.zeros((3, 1, 5)), np.zeros((2, 1, 5))
-    information[[0, 2], :, ::4] = 1e9
-    slope[0, 0, 4] = 8e9
-    found = most_likely(information, slope, (np.ones((1, 4)), np.ones((0, 5))))
-    np.testing.assert_allclose(found[0, 0], (0, 2, 4, 6, 8), atol=1e-5)
-    np.testing.assert_allclose(found[1, 0], 0, atol=1e-5)
-
-
 def test_roots_of_counts_have_a_quarter_of_what_smoothing_leaves():
     assert root_noise(np.copy) == 0.25
     assert root_noise(lambda image: uniform_filter(image, 3)) == pytest.approx(0.25 / 9)

@@ -43,15 +43,5 @@ def test_thesis_radii_are_the_default():
     assert [thesis_radius_px((n, n)) for n in (60, 120, 180, 240)] == [3, 4, 6, 7]
 
 
-def test_blocks_of_other_frames_are_square_and_centered():
-    image = np.random.default_rng(5).random((47, 83))
-    frames = np.stack([image, np.roll(image, 2, axis=1)])
-    detector = BlockMatching()
-    grid = detector.grid((47, 83))
-    assert (grid.block_px, grid.rows, grid.columns) == (4, 11, 20)
-    velocities = detector.respond(frames)
-    np.testing.assert_array_equal(velocities[0, 1:-1, 1:-1], np.tile((2, 0), (9, 18, 1)))
-
-
 def test_frames_that_are_not_numbers_give_no_velocity():
     assert np.isnan(BlockMatching().respond(np.full((2, 30, 30), np.nan))).all()

@@ -17,11 +17,7 @@ from megalopta.flow.detectors.correlation import (
 from megalopta.flow.detectors.registry import METHODS
 
 CONTRAST = 0.8
-DETECTORS = [
-    ElementaryMotionDetector(),
-    NonDirectionalMultiplication(),
-    NonDirectionalSummation(),
-]
+DETECTORS = [ElementaryMotionDetector(), NonDirectionalMultiplication(), NonDirectionalSummation()]
 WAVES = [(0.7, -0.4), (0.31, -1.1), (1.9, -0.2), (0.7, 0.9)]
 
 
@@ -73,28 +69,10 @@ def test_ndm_mean_is_that_of_a_rectified_sinusoid_with_offset(omega, phase):
     assert mean_response(ndm, sinusoid(omega, phase)) == pytest.approx(expected, rel=0.01)
 
 
-def test_mirrored_scene_turns_the_sign_of_emd_and_leaves_the_others():
-    frames = np.random.default_rng(0).random((40, 5, 9))
-    mirrored = frames[..., ::-1]
-    # EMD sits between columns j and j + 1, so its mirror image is one column off.
-    emd = ElementaryMotionDetector()
-    there, back = emd.respond(frames)[:, :, 1:-2], emd.respond(mirrored)[:, :, 1:-2]
-    np.testing.assert_allclose(back, -there[..., ::-1], atol=1e-15)
-    for detector in (NonDirectionalMultiplication(), NonDirectionalSummation()):
-        there, back = detector.respond(frames), detector.respond(mirrored)
-        np.testing.assert_allclose(back, there[..., ::-1], rtol=1e-12)
-
-
 def test_first_and_last_column_have_no_neighbor_and_no_response():
     responses = NonDirectionalSummation().respond(np.ones((4, 3, 5)))
     assert np.isnan(responses[..., [0, -1]]).all()
     assert not np.isnan(responses[..., 1:-1]).any()
-
-
-@pytest.mark.parametrize("detector", DETECTORS)
-def test_still_scene_and_offset_leave_no_response(detector):
-    still = np.broadcast_to(np.random.default_rng(1).random((4, 8)), (20, 4, 8))
-    assert np.nanmax(np.abs(detector.respond(still))) == 0
 
 
 @pytest.mark.parametrize("detector", [*DETECTORS, METHODS["BM"], METHODS["PPM"]])

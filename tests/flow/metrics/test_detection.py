@@ -9,7 +9,6 @@ from scipy.stats import norm
 from megalopta.flow.detectors.registry import METHODS
 from megalopta.flow.metrics.detection import (
     d_prime,
-    false_alarm_rate,
     motion_evidence,
     rightward_evidence,
     roc,
@@ -61,14 +60,6 @@ def test_separate_samples_give_the_limit_that_their_number_allows():
     limit = math.sqrt(2) * norm.isf(0.5 / 256**2)
     assert d_prime(noise, signal) == pytest.approx(limit)
     assert d_prime(signal, noise) == pytest.approx(-limit)
-
-
-def test_false_alarms_are_the_tail_above_the_threshold():
-    noise, _ = gaussians(0, seed=4)
-    # Binomial, five standard deviations.
-    share, spread = norm.sf(1.0), math.sqrt(norm.sf(1.0) / SAMPLES)
-    assert false_alarm_rate(noise, 1.0) == pytest.approx(share, abs=5 * spread)
-    assert false_alarm_rate(np.zeros(3), 0.0) == 0
 
 
 @pytest.mark.parametrize("bad", [np.array([]), np.array([1.0, np.nan])])

@@ -1,8 +1,5 @@
 """Crossings of synthetic curves, their intervals, and how they print."""
 
-import json
-from dataclasses import asdict
-
 import numpy as np
 import pytest
 
@@ -86,11 +83,6 @@ def test_interval_holds_the_estimate_even_on_a_flat_noisy_curve():
 )
 def test_flux_prints_with_three_digits(flux, text):
     assert format_flux(flux) == text
-
-
-def test_threshold_survives_json():
-    found = crossing(0.25 * (FLUXES / 1e5) ** -0.5, standard_errors=np.full(FLUXES.size, 0.01))
-    assert Threshold(**json.loads(json.dumps(asdict(found)))) == found
 
 
 @pytest.mark.parametrize("fluxes", [[1e3], [1e4, 1e3], [1e3, 1e3]])

@@ -94,13 +94,6 @@ def test_an_undefined_ideal_velocity_is_not_scored():
     assert sums[3].sum() == 8
 
 
-def test_sums_of_chunks_combine_to_those_of_the_whole():
-    ideal, noisy = responses(0), responses(1)
-    whole = error_sums(PIXELS, ideal, noisy)
-    parts = [error_sums(PIXELS, ideal[i : i + 2], noisy[i : i + 2]) for i in (0, 2, 4)]
-    np.testing.assert_array_equal(np.concatenate(parts, axis=1), whole)
-
-
 def test_responses_of_different_shape_are_refused():
     with pytest.raises(ValueError, match="differ"):
         error_sums(PIXELS, np.ones((2, 5, 5)), np.ones((3, 5, 5)))

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from megalopta.benchmark.ranking import RATIO, Ranking
-from megalopta.benchmark.ranking_run import order_changes, read_ranking, run_ranking
+from megalopta.benchmark.ranking_page import order_changes
+from megalopta.benchmark.ranking_run import read_ranking, run_ranking
 from megalopta.benchmark.ranking_settings import NO_POOLING
 from megalopta.benchmark.sequence_errors import BOUND, STILL, SequenceTruth
 from megalopta.cli import main as cli
@@ -170,7 +171,7 @@ def test_a_camera_that_only_turns_is_told_from_one_that_moves(grating, tmp_path)
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        (["--methods", "EMD"], "'EMD' is no method that gives velocities; choose from BM"),
+        (["--methods", "EMD"], "EMD measures no velocity: choose from BM"),
         (["--methods", "nobody:flow"], "No module named 'nobody'"),
         (["--wide-field", "NDM"], "'NDM' is blind to direction"),
         (["--light-levels", "noon"], "light level 'noon' is unknown"),

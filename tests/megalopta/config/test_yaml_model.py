@@ -5,7 +5,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from megalopta.benchmark.sweep import Sweep
+from megalopta.benchmark.trial import Sweep
 from megalopta.config.measuring import FlowSettings
 from megalopta.config.model import load, parse
 from megalopta.config.settings import Settings

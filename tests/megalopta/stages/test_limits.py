@@ -4,7 +4,7 @@ import shutil
 
 import pytest
 
-from megalopta.benchmark.sweep import Sweep
+from megalopta.benchmark.trial import Sweep
 from megalopta.config.model import load
 from megalopta.core.errors import UserError
 from megalopta.stages.limits import needed_bytes, refuse_absurd, size

@@ -3,8 +3,7 @@
 import pytest
 from pydantic import ValidationError
 
-from megalopta.benchmark.sweep import Sweep, announce_sweep, load_sweep
-from megalopta.benchmark.trial import GratingTemplate, Trial
+from megalopta.benchmark.trial import GratingTemplate, Sweep, Trial, load_sweep
 from megalopta.config.yaml_model import to_yaml
 from megalopta.core.errors import UserError
 
@@ -114,11 +113,3 @@ def test_pictures_are_found_from_the_folder_of_the_sweep_and_typed_ones_from_her
     assert [point.template for point in points] == [str(folder / "woods.png"), "dense"]
     typed = {"trial.template.kind": "panorama", "trial.template.name": "woods.png"}
     assert load_sweep(written(tmp_path, "{}"), typed).trial.template.name == "woods.png"
-
-
-def test_a_sweep_of_months_is_refused_and_one_of_minutes_announced(capsys):
-    trial = {"search": {"repeats": 100_000, "phases": 251}}
-    with pytest.raises(UserError, match=r"sweep: 4 trials would take about .* days"):
-        announce_sweep(Sweep.model_validate({"trial": trial}))
-    announce_sweep(Sweep.model_validate({"trial": {"size": 240, "search": {"repeats": 20}}}))
-    assert capsys.readouterr().err.startswith("sweep: 4 trials, about ")
