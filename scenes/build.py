@@ -8,8 +8,6 @@ from typing import TYPE_CHECKING, NamedTuple, get_args
 from megalopta.core.plug_ins import plug_ins
 from megalopta.scenes.base import SceneDescription
 from megalopta.scenes.cameras.base import Camera
-from megalopta.scenes.cameras.panoramic import CylindricalCamera, EquirectangularCamera
-from megalopta.scenes.cameras.perspective import PerspectiveCamera
 from megalopta.scenes.forest.description import Forest
 from megalopta.scenes.kinds import any_of, kind_of, models_in
 from megalopta.scenes.lighting.light import Light
@@ -24,7 +22,7 @@ from megalopta.scenes.trajectories.base import Path
 if TYPE_CHECKING:
     AnyCamera = Camera
 else:
-    AnyCamera = any_of((PerspectiveCamera, EquirectangularCamera, CylindricalCamera), "perspective")
+    AnyCamera = any_of(models_in("megalopta.scenes.cameras", Camera), "perspective")
     """Any camera in a configuration; `kind` tells which, and without it, it is perspective."""
 
 

@@ -14,8 +14,9 @@ Model = TypeVar("Model", bound=BaseModel)
 def any_of(models: Sequence[type[BaseModel]], default: str | None = None) -> Any:
     """Type of a field that holds any of some models, each with a `kind` of its own.
 
-    The help of their `kind` lists them all; `default` is that of a mapping that tells none.
+    The help of their `kind` lists them all, first the `default` of a mapping that tells none.
     """
+    models = sorted(models, key=lambda model: kind_of(model) != default)
     kinds = ", ".join(map(kind_of, models))
     for model in models:
         model.model_fields["kind"].description = f"Which it is: {kinds}."
@@ -40,7 +41,7 @@ def kind_unless_told(kind: str) -> BeforeValidator:
 
 
 def models_in(package: str, base: type[Model]) -> list[type[Model]]:
-    """Models derived from a base in all modules of a package, by the modules' names."""
+    """Models of a kind derived from a base in all modules of a package, by the modules' names."""
     folder = import_module(package).__path__
     modules = [import_module(f"{package}.{each.name}") for each in pkgutil.iter_modules(folder)]
     named = [value for module in modules for value in vars(module).values()]
@@ -48,6 +49,9 @@ def models_in(package: str, base: type[Model]) -> list[type[Model]]:
         dict.fromkeys(
             each
             for each in named
-            if isinstance(each, type) and issubclass(each, base) and not isabstract(each)
+            if isinstance(each, type)
+            and issubclass(each, base)
+            and not isabstract(each)
+            and not each.model_fields["kind"].is_required()
         )
     )

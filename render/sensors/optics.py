@@ -1,6 +1,6 @@
 """Our cameras as Mitsuba's sensors, and one that is elsewhere for every time and row.
 
-A new camera registers here its plug-in's parameters, and how strips of rows are cut out of a frame.
+Mitsuba has a perspective sensor of its own; every other camera looks where its `toward` says.
 
 Vectorized variants trace sensors written in Python into their kernel once, which costs nothing;
 scalar variants call them for every sample, which takes a few microseconds of one core each.
@@ -8,54 +8,42 @@ scalar variants call them for every sample, which takes a few microseconds of on
 
 import math
 from collections.abc import Sequence
-from functools import singledispatch
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from megalopta.core.arrays import Floats
 from megalopta.render import dr, mi
 from megalopta.render.mitsuba_loader import PlugIn, is_scalar, registered
 from megalopta.scenes.cameras.base import Camera
-from megalopta.scenes.cameras.panoramic import PanoramicCamera
 from megalopta.scenes.cameras.perspective import PerspectiveCamera
 
+_MOST_DIRECTIONS, _MOST_PARTS = 2_000_000, 8
 
-@singledispatch
+
 def plugin(camera: Camera) -> dict[str, Any]:
     """Mitsuba's sensor of a camera, without film and sampler."""
-    raise NotImplementedError(f"no Mitsuba sensor for a {camera}")
+    if isinstance(camera, PerspectiveCamera):
+        clip = {"near_clip": 1e-3, "far_clip": 1e5}
+        return {"type": "perspective", "fov": camera.fov_deg, "fov_axis": "x", **clip}
+    return {"type": registered(Directions), "directions": mi.TensorXf(_directions(camera))}
 
 
-@singledispatch
 def cut_strip(camera: Camera, parameters: Any, first_row: int, rows: int) -> None:
     """Set a sensor, by its `mi.traverse` parameters, to a strip of rows of the camera's frame."""
-    raise NotImplementedError(f"no strips of a {camera}")
+    if isinstance(camera, PerspectiveCamera):
+        parameters["principal_point_offset_y"] = 0.5 - (camera.height / 2 - first_row) / rows
+    else:
+        parameters["strip"] = mi.Point2f(first_row / camera.height, rows / camera.height)
 
 
-@plugin.register
-def _(camera: PerspectiveCamera) -> dict[str, Any]:
-    clip = {"near_clip": 1e-3, "far_clip": 1e5}
-    return {"type": "perspective", "fov": camera.fov_deg, "fov_axis": "x", **clip}
-
-
-@cut_strip.register
-def _(camera: PerspectiveCamera, parameters: Any, first_row: int, rows: int) -> None:
-    parameters["principal_point_offset_y"] = 0.5 - (camera.height / 2 - first_row) / rows
-
-
-@plugin.register
-def _(camera: PanoramicCamera) -> dict[str, Any]:
-    fov = math.radians(camera.fov_deg)
-    return {"type": registered(Panorama), "fov": fov, "is_cylinder": camera.is_cylinder}
-
-
-@cut_strip.register
-def _(camera: PanoramicCamera, parameters: Any, first_row: int, rows: int) -> None:
-    lower, upper = camera.heights
-    per_row = (upper - lower) / camera.height
-    top = upper - first_row * per_row
-    parameters["heights"] = mi.Point2f(top - rows * per_row, top)
+def _directions(camera: Camera) -> NDArray[np.float32]:
+    """Where a camera looks through the corners of pixels, or of equal parts of them, (h, w, 3)."""
+    parts = math.isqrt(_MOST_DIRECTIONS // (camera.width * camera.height))
+    parts = min(max(parts, 1), _MOST_PARTS)
+    columns, rows = (np.arange(size * parts + 1) / parts for size in (camera.width, camera.height))
+    return camera.toward(np.stack(np.meshgrid(columns, rows), axis=-1)).astype(np.float32)
 
 
 def sensor_transform(pose: Floats) -> Floats:
@@ -76,33 +64,34 @@ class PythonSensor(PlugIn):
         return mi.RayDifferential3f(ray), weight
 
 
-class Panorama(PythonSensor):
-    """Rays from one point, uniform in azimuth and in height on the film.
+class Directions(PythonSensor):
+    """Rays from one point, in the directions of any camera.
 
-    Plugin parameters: `fov`, the azimuth (rad) from the left to the right edge, and
-    `is_cylinder`, whether height is the tangent of elevation or elevation itself. Through
-    `mi.traverse` one sets `to_world` and `heights`, those of the lower and upper edge in focal
-    lengths; that compiles nothing again.
+    Plugin parameter: `directions` (h, w, 3) at the corners of the film and evenly between them;
+    they are interpolated.
+    Through `mi.traverse` one sets `to_world` and `strip`, the first row and the number of rows that
+    the film has, over those of the camera; that compiles nothing again.
     """
 
     def __init__(self, properties: Any) -> None:
         self.above.__init__(self, properties)
         self.to_world = mi.Transform4f()
-        self.fov = properties["fov"]
-        self.is_cylinder = properties["is_cylinder"]
         # Not two numbers: scalar variants can change only Mitsuba's own objects.
-        self.heights = mi.Point2f(0)
+        self.strip = mi.Point2f(0, 1)
+        directions = properties["directions"]
+        self.rows, self.columns, _ = directions.shape
+        self.table = mi.Texture2f(directions, use_accel=False)
 
     def traverse(self, callback: Any) -> None:
         """Tell Mitsuba what can be set."""
         self.above.traverse(self, callback)
-        for name in ("to_world", "heights"):
+        for name in ("to_world", "strip"):
             callback.put(name, getattr(self, name), mi.ParamFlags.NonDifferentiable)
 
     def parameters_changed(self, keys: Sequence[str] = ()) -> None:
         """Keep values out of the kernel."""
         if not is_scalar():  # else the values would be written into the kernel
-            dr.make_opaque(self.to_world, self.heights)
+            dr.make_opaque(self.to_world, self.strip)
 
     def sample_ray(
         self, time: Any, sample1: Any, sample2: Any, sample3: Any, active: Any = True
@@ -110,14 +99,15 @@ class Panorama(PythonSensor):
         """Return a ray through the film, and its weight."""
         surface = dr.zeros(mi.SurfaceInteraction3f)
         wavelengths, weight = self.sample_wavelengths(surface, sample1, active)
-        sine, cosine = dr.sincos(self.fov * (sample2.x - 0.5))
-        height = dr.lerp(self.heights.y, self.heights.x, sample2.y)
-        if self.is_cylinder:
-            radius, rise = dr.rsqrt(1 + height * height), height * dr.rsqrt(1 + height * height)
-        else:
-            rise, radius = dr.sincos(height)
+        height = self.strip.x + self.strip.y * sample2.y
+        # the first texel has its center at the corner of the film, and half of it lies outside
+        place = mi.Point2f(
+            (sample2.x * (self.columns - 1) + 0.5) / self.columns,
+            (height * (self.rows - 1) + 0.5) / self.rows,
+        )
+        right, down, forward = self.table.eval(place)
         # Mitsuba's +x is to the left of its +z.
-        direction = mi.Vector3f(-radius * sine, rise, radius * cosine)
+        direction = dr.normalize(mi.Vector3f(-right, -down, forward))
         origin = self.to_world @ mi.Point3f(0, 0, 0)
         ray = mi.Ray3f(origin, self.to_world @ direction, time, wavelengths)
         return ray, weight
