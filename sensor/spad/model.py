@@ -19,7 +19,6 @@ from megalopta.sensor.effects.dark_counts import DarkCounts
 from megalopta.sensor.effects.dead_time import DeadTime
 from megalopta.sensor.effects.fields import AvalancheEffects
 from megalopta.sensor.effects.gating import Gate, open_fraction
-from megalopta.sensor.effects.hum import Hum
 from megalopta.sensor.effects.jitter import Jitter
 from megalopta.sensor.effects.telegraph import Telegraph
 from megalopta.sensor.effects.temperature import Temperature
@@ -50,8 +49,6 @@ class Sensor(PixelOptics, frozen=True):
     """Measured maps of the pixels of one device, in place of drawn ones; none by default."""
     telegraph: Telegraph = Telegraph()
     """Dark counts that switch between levels; off by default."""
-    hum: Hum = Hum()
-    """Light that swings with the mains; off by default."""
     gate: Gate = Gate()
     """Periodic window of sensitivity; always open by default."""
     dead_time: DeadTime = DeadTime()
