@@ -263,15 +263,7 @@ def _bars(report: Report) -> Markup:
     return block("bars", *bars)
 
 
-def camera_section(report: Report) -> Section:
-    """Return what the camera is."""
-    camera = report.settings.camera
-    rows = [(name, str(value)) for name, value in camera.model_dump().items()]
-    return Section("Camera", head=("field", "value"), rows=tuple(rows))
-
-
 SECTIONS: tuple[Callable[[Report], Section | None], ...] = (
-    camera_section,
     light_section,
     motion_section,
     detector_section,
