@@ -43,10 +43,3 @@ def _passes(what: str, subjects: list[str]) -> bool:
     if what == "files":
         return files.run_check_files(folder)
     return truth.run_check_truth(open_sequence(folder))
-
-
-@verb("cache", "print the folder of what is kept between runs")
-def _cache(options: Namespace) -> None:
-    from megalopta.core.folders import cache_folder
-
-    print(cache_folder())
