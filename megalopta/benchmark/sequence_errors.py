@@ -296,14 +296,7 @@ def yaw_errors(sequence: RankedSequence) -> Measured:
                 yield Case(YAW, name, flux), _values([found.counts_deg_s])
 
 
-def answered_shares(sequence: RankedSequence) -> Measured:
-    """Yield the share of blocks in which a method finds a velocity."""
-    for name, flux in product(sequence.methods, sequence.settings.fluxes):
-        found = np.array(sequence.noisy(name, NO_POOLING, flux))
-        yield Case("answered", name, flux), _values([np.isfinite(found).all(axis=-1).mean()])
-
-
-METRICS = (endpoint_errors, camera_errors, yaw_errors, answered_shares)
+METRICS = (endpoint_errors, camera_errors, yaw_errors)
 """All that is measured: `ERROR` is averaged over blocks, of others the median counts"""
 
 
