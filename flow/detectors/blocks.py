@@ -198,8 +198,8 @@ class BlockDetector(Detector, frozen=True):
         return respond
 
     def prepared(self, grid: BlockGrid, frame: Frames) -> Any:
-        """Return a frame (H, W) as `velocities` takes it."""
-        return frame
+        """Return a frame (H, W) as `velocities` takes it; not the caller's, which may change."""
+        return frame.copy()
 
     def velocities(self, grid: BlockGrid, window: list[Any]) -> Floats:
         """Return the velocities of the blocks, (rows × columns, 2) in any shape.
