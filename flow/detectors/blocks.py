@@ -5,7 +5,7 @@ of a tenth of its shorter side, as many as fit, centered. Blocks at the border s
 motion (the match may have left the frame), so errors are scored on the blocks inside.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Annotated, Any, ClassVar, Literal
@@ -181,29 +181,32 @@ class BlockDetector(Detector, frozen=True):
             raise ValueError(f"frames hold negative pixels: {self.name} takes counts, 0 or more")
         return sequence
 
-    def over_window(
-        self,
-        grid: BlockGrid,
-        velocity: Callable[[list[Any], float], Floats],
-        prepared: Callable[[Frames], Any] = lambda frame: frame,
-    ) -> Responder:
-        """Return a responder that asks for the velocities of the newest frames, one by one.
-
-        `velocity` gives those of the blocks, (rows × columns, 2) in any shape, from two to
-        `memory_frames` + 1 prepared frames, the newest last, and the scale.
-        """
+    def start(self, shape: tuple[int, int]) -> Responder:
+        """Return the detector of the newest of frames (H, W); see `Detector.start`."""
+        grid = self.grid(shape)
         window: list[Any] = []
 
-        def respond(frames: Frames, scale: float) -> Floats:
+        def respond(frames: Frames, _: float) -> Floats:
             velocities = []
             for frame in frames:
-                window.append(prepared(frame))
+                window.append(self.prepared(grid, frame))
                 del window[: -1 - self.memory_frames]
                 if len(window) > 1:
-                    velocities.append(velocity(window, scale))
+                    velocities.append(self.velocities(grid, window))
             return np.array(velocities).reshape(-1, grid.rows, grid.columns, 2)
 
         return respond
+
+    def prepared(self, grid: BlockGrid, frame: Frames) -> Any:
+        """Return a frame (H, W) as `velocities` takes it; not the caller's, which may change."""
+        return frame.copy()
+
+    def velocities(self, grid: BlockGrid, window: list[Any]) -> Floats:
+        """Return the velocities of the blocks, (rows × columns, 2) in any shape.
+
+        Of two to `memory_frames` + 1 prepared frames, the newest last.
+        """
+        raise NotImplementedError
 
 
 class PooledFrames(BlockDetector, frozen=True):
@@ -239,17 +242,24 @@ class SummedFrames(BlockDetector, frozen=True):
         """All frames but the newest."""
         return self.frames - 1
 
-    def start(self, shape: tuple[int, int]) -> Responder:
-        """Return the method for frames (H, W); see `Detector.start`."""
+    def grid(self, shape: tuple[int, int]) -> BlockGrid:
+        """Return where the blocks of the method lie in a frame (H, W)."""
+        return self._inner.grid(shape)
+
+    @property
+    def _inner(self) -> BlockDetector:
         changes = {"block_px": self.block_px, "fewest_blocks": self.fewest_blocks}
-        inner = self.method.model_copy(update=changes)
+        return self.method.model_copy(update=changes)
 
-        def velocity(window: list[Floats], scale: float) -> Floats:
-            half = len(window) // 2
-            sums = np.stack([sum(window[-2 * half : -half]), sum(window[-half:])])
-            return np.asarray(inner.respond(sums, scale)[-1] / half)
+    def prepared(self, grid: BlockGrid, frame: Frames) -> Floats:
+        """Return a frame that can be added without overflow."""
+        return frame.astype(np.float64)
 
-        return self.over_window(inner.grid(shape), velocity, lambda frame: frame.astype(np.float64))
+    def velocities(self, grid: BlockGrid, window: list[Floats]) -> Floats:
+        """Return those between both sums."""
+        half = len(window) // 2
+        sums = np.stack([sum(window[-2 * half : -half]), sum(window[-half:])])
+        return np.asarray(self._inner.respond(sums)[-1] / half)
 
     def scored(self, responses: Floats) -> Floats:
         """Return what the method itself is scored by."""

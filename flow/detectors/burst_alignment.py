@@ -19,7 +19,7 @@ from pydantic import Field
 
 from megalopta.core.arrays import Floats
 from megalopta.core.compiling import compiled
-from megalopta.flow.detectors.base import Responder
+from megalopta.flow.detectors.base import Frames
 from megalopta.flow.detectors.blocks import BlockGrid, PooledFrames, block_sums
 from megalopta.flow.detectors.poisson_matching import parabola_minimum
 from megalopta.flow.likelihood import halved
@@ -42,17 +42,12 @@ class BurstAlignment(PooledFrames, frozen=True):
     finer_radius_px: Annotated[int, Field(ge=1)] = 2
     """Largest change of the shift at the others"""
 
-    def start(self, shape: tuple[int, int]) -> Responder:
-        """Return the estimator for frames (H, W); see `Detector.start`."""
-        grid = self.grid(shape)
-        return self.over_window(
-            grid,
-            lambda window, scale: self._velocities(window, grid),
-            lambda frame: frame.astype(np.float64),
-        )
+    def prepared(self, grid: BlockGrid, frame: Frames) -> Floats:
+        """Return a frame that can be added without overflow."""
+        return frame.astype(np.float64)
 
-    def _velocities(self, window: list[Floats], grid: BlockGrid) -> Floats:
-        """Return the velocities of the blocks, (blocks, 2)."""
+    def velocities(self, grid: BlockGrid, window: list[Floats]) -> Floats:
+        """Return the slopes of the shifts over time, (blocks, 2)."""
         each = max(1, len(window) // _SUMS)
         count = len(window) // each
         sums = np.reshape(window[-each * count :], (count, each, *grid.shape)).sum(axis=1)

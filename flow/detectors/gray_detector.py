@@ -28,7 +28,6 @@ import inspect
 import traceback
 from abc import abstractmethod
 from collections.abc import Callable
-from functools import partial
 from typing import Annotated, Any, Literal, TypeAlias
 
 import numpy as np
@@ -39,7 +38,7 @@ from scipy.ndimage import gaussian_filter
 from megalopta.core.arrays import Floats
 from megalopta.core.bounded import quoted
 from megalopta.core.errors import UserError
-from megalopta.flow.detectors.base import Frames, Responder, in_pairs
+from megalopta.flow.detectors.base import Frames
 from megalopta.flow.detectors.blocks import BlockDetector, BlockGrid, mean_over_blocks
 
 _ANSCOMBE = 3 / 8
@@ -57,19 +56,14 @@ class GrayDetector(BlockDetector, frozen=True):
     blur_px: Annotated[float, Field(ge=0, le=10)] = 0.0
     """Standard deviation of a Gaussian that smooths what was stretched"""
 
-    def start(self, shape: tuple[int, int]) -> Responder:
-        """Return the estimator for frames (H, W); see `Detector.start`."""
-        return in_pairs(partial(self._velocities, self.grid(shape)))
+    def velocities(self, grid: BlockGrid, window: list[Frames]) -> Floats:
+        """Return the velocities of a pair of frames, NaN without any contrast."""
+        pair = gray_levels(self._stretched(np.stack(window)))
+        if pair is None:
+            return np.full((grid.rows, grid.columns, 2), np.nan)
+        return self._estimate(grid, pair)
 
-    def _velocities(self, grid: BlockGrid, frames: Frames) -> Floats:
-        velocities = np.full((len(frames) - 1, grid.rows, grid.columns, 2), np.nan)
-        for index in range(len(frames) - 1):
-            pair = gray_levels(self._prepared(frames[index : index + 2]))
-            if pair is not None:
-                velocities[index] = self._estimate(grid, pair)
-        return velocities
-
-    def _prepared(self, pair: Frames) -> Frames:
+    def _stretched(self, pair: Frames) -> Frames:
         """Return a pair of frames as it is to be brought to gray levels."""
         if self.stretch == "anscombe":
             pair = 2 * np.sqrt(pair + _ANSCOMBE)
@@ -117,7 +111,7 @@ class DenseDetector(GrayDetector, frozen=True):
         """
         sequence = self.checked(frames)
         grid = self.grid((sequence.shape[1], sequence.shape[2]))
-        pair = gray_levels(self._prepared(sequence))
+        pair = gray_levels(self._stretched(sequence))
         return np.full((*grid.shape, 2), np.nan) if pair is None else self._checked(grid, pair)
 
     def _estimate(self, grid: BlockGrid, pair: Floats) -> Floats:

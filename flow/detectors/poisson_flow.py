@@ -12,8 +12,8 @@ from typing import Annotated, ClassVar
 from pydantic import Field
 
 from megalopta.core.arrays import Floats
-from megalopta.flow.detectors.base import Frames, Responder, stacked
-from megalopta.flow.detectors.blocks import BlockDetector, PooledFrames, mean_over_blocks
+from megalopta.flow.detectors.base import Frames, stacked
+from megalopta.flow.detectors.blocks import BlockDetector, BlockGrid, PooledFrames, mean_over_blocks
 from megalopta.flow.likelihood import likelihood_flow
 
 
@@ -42,15 +42,9 @@ class PoissonFlow(BlockDetector, frozen=True):
         """
         return likelihood_flow(self.checked(frames), self.smoothness)
 
-    def start(self, shape: tuple[int, int]) -> Responder:
-        """Return the estimator for frames (H, W); see `Detector.start`."""
-        grid = self.grid(shape)
-        return self.over_window(
-            grid,
-            lambda window, scale: mean_over_blocks(
-                likelihood_flow(stacked(window), self.smoothness), grid
-            ),
-        )
+    def velocities(self, grid: BlockGrid, window: list[Frames]) -> Floats:
+        """Return the means of the flow over blocks."""
+        return mean_over_blocks(likelihood_flow(stacked(window), self.smoothness), grid)
 
 
 class PooledFlow(PooledFrames, PoissonFlow, frozen=True):

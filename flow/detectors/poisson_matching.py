@@ -34,7 +34,7 @@ from scipy.ndimage import gaussian_filter, spline_filter, uniform_filter
 
 from megalopta.core.arrays import Floats
 from megalopta.core.compiling import compiled
-from megalopta.flow.detectors.base import Frames, Responder
+from megalopta.flow.detectors.base import Frames
 from megalopta.flow.detectors.blocks import BlockDetector, BlockGrid, PooledFrames, thesis_radius_px
 from megalopta.flow.likelihood import root_noise, suited_blur_px
 
@@ -72,12 +72,16 @@ class PoissonMatching(BlockDetector, frozen=True):
     radius_px: Annotated[int, Field(ge=1)] | None = None
     """Largest shift searched in x and in y (px per frame); by default as block matching"""
 
-    def start(self, shape: tuple[int, int]) -> Responder:
-        """Return the search for frames (H, W); see `Detector.start`."""
-        grid, radius = self.grid(shape), self.radius_px or thesis_radius_px(shape)
-        return self.over_window(
-            grid, lambda window, scale: _shifts(window, grid, radius), SmoothedFrame
-        )
+    def prepared(self, grid: BlockGrid, frame: Frames) -> Any:
+        """Return a frame, smoothed on demand."""
+        return SmoothedFrame(frame)
+
+    def velocities(self, grid: BlockGrid, window: list[Any]) -> Floats:
+        """Return the most likely shifts between two frames."""
+        return _shifts(window, grid, self._radius(grid))
+
+    def _radius(self, grid: BlockGrid) -> int:
+        return self.radius_px or thesis_radius_px(grid.shape)
 
 
 class SmoothedFrame:
@@ -287,18 +291,14 @@ class PooledMatching(PooledFrames, PoissonMatching, frozen=True):
     name: str = "PPM"
     label: str = "Pooled Poisson matching"
 
-    def start(self, shape: tuple[int, int]) -> Responder:
-        """Return the search for frames (H, W); see `Detector.start`."""
-        grid, radius = self.grid(shape), self.radius_px or thesis_radius_px(shape)
+    def prepared(self, grid: BlockGrid, frame: Frames) -> "tuple[SmoothedFrame, Patches]":
+        """Return a frame, smoothed on demand, and the spectra around its blocks."""
+        return SmoothedFrame(frame), Patches(frame, grid, self._radius(grid))
 
-        def prepared(frame: Frames) -> tuple[SmoothedFrame, Patches]:
-            return SmoothedFrame(frame), Patches(frame, grid, radius)
-
-        def velocity(window: list[tuple[SmoothedFrame, Patches]], scale: float) -> Floats:
-            smoothed, patches = zip(*window, strict=True)
-            return aligned(smoothed, grid, radius, agreed_velocities(patches, radius))
-
-        return self.over_window(grid, velocity, prepared)
+    def velocities(self, grid: BlockGrid, window: "list[tuple[SmoothedFrame, Patches]]") -> Floats:
+        """Return those at which all frames are most alike, near those that all pairs agree on."""
+        (smoothed, patches), radius = zip(*window, strict=True), self._radius(grid)
+        return aligned(smoothed, grid, radius, agreed_velocities(patches, radius))
 
 
 class Patches:

@@ -75,36 +75,26 @@ class CameraMotion:
     """Direction of translation, unit vector (3,)"""
 
 
-def camera_motion(directions: Floats, moved: Floats) -> CameraMotion:
-    """Return the rotation and heading that explain where points were seen, and are seen next.
-
-    `directions`, `moved` (n, 3): unit vectors to the points from the first camera and from the
-    second, each in that camera's own axes; rows with NaN do not count.
-
-    Raises ValueError when fewer than 8 points are known, which cannot tell five parameters from
-    noise.
-    """
-    known = np.isfinite(directions + moved).all(axis=1)
-    if known.sum() < _FEWEST:
-        raise ValueError(
-            f"{known.sum()} velocities are defined: the camera's motion takes {_FEWEST}"
-        )
-    d, e = directions[known], moved[known]
-    found = min((_refined(t, d, e) for t in _promising(d, e)), key=lambda each: each[2])
-    heading, rotation, _ = found
-    return CameraMotion(np.degrees(rotation), heading * _sign(heading, rotation, d, e))
-
-
 def motion_of_flow(camera: Camera, points: Floats, flow: Floats) -> CameraMotion:
     """Return the rotation and heading of the camera that fit a flow best.
 
     `points`, `flow` (..., 2): image coordinates, and how far what is seen there moves (px); NaN is
     skipped.
 
-    Raises ValueError as by `camera_motion`.
+    Raises ValueError when fewer than 8 velocities are defined, which cannot tell five parameters
+    from noise.
     """
-    first, second = camera.toward(points), camera.toward(points + flow)
-    return camera_motion(first.reshape(-1, 3), second.reshape(-1, 3))
+    # unit vectors from the first camera and from the second, each in that camera's own axes
+    d, e = (camera.toward(places).reshape(-1, 3) for places in (points, points + flow))
+    known = np.isfinite(d + e).all(axis=1)
+    if known.sum() < _FEWEST:
+        raise ValueError(
+            f"{known.sum()} velocities are defined: the camera's motion takes {_FEWEST}"
+        )
+    d, e = d[known], e[known]
+    found = min((_refined(t, d, e) for t in _promising(d, e)), key=lambda each: each[2])
+    heading, rotation, _ = found
+    return CameraMotion(np.degrees(rotation), heading * _sign(heading, rotation, d, e))
 
 
 def _promising(d: Floats, e: Floats) -> Floats:

@@ -181,7 +181,13 @@ class YawRateTest:
             self._halves[half] = self._halves[half] + _sums(ideal[mine], self._rates[numbers[mine]])
         tried = parts == len(self._bounds) - 1
         if tried.any():
-            self._try(ideal[tried], noisy[tried], self._rates[numbers[tried]])
+            try:
+                self._field = self._field or _field(*self._halves)
+            except ValueError:  # nothing is seen to move
+                self._is_on = False
+                return
+            found = [self._field.rates(each[tried]) for each in (ideal, noisy)]
+            self._errors.append(np.stack(found) - self._rates[numbers[tried]])
 
     def result(self) -> RotationError | None:
         """Return the error of the yaw rate; None without direction, rotation or frames enough."""
@@ -190,14 +196,6 @@ class YawRateTest:
         truth = self._rates[self._bounds[2] :]
         ideal, noisy = np.concatenate(self._errors, axis=1)
         return RotationError(_rms(truth), _rms(ideal), _rms(noisy))
-
-    def _try(self, ideal: Floats, noisy: Floats, truth: Floats) -> None:
-        try:
-            self._field = self._field or _field(*self._halves)
-        except ValueError:  # nothing is seen to move
-            self._is_on = False
-            return
-        self._errors.append(np.stack([self._field.rates(each) for each in (ideal, noisy)]) - truth)
 
 
 def _rms(values: Floats) -> float:

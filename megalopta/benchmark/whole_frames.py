@@ -116,8 +116,10 @@ def write_board(path: Path, board: Board) -> None:
     write_csv(path, ("pair", "method", "frames", "photons_per_px", *metrics), rows)
 
 
-def block_errors(detector: BlockDetector, counts: Frames, clip: FlowClip) -> Floats:
-    """Return the endpoint errors of one method in the blocks inside, px per frame, (blocks,).
+def _errors(
+    detector: BlockDetector, clip: FlowClip, counts: Frames, _: float
+) -> Iterator[tuple[str, Floats]]:
+    """Yield the measures of one method's endpoint errors in the blocks inside, px per frame.
 
     It sees the frames in the middle of counts (T, H, W); a block needs true flow for half of its
     pixels.
@@ -131,13 +133,7 @@ def block_errors(detector: BlockDetector, counts: Frames, clip: FlowClip) -> Flo
     known = np.isfinite(truth).all(axis=-1)
     if not known.any():
         raise ValueError(f"{clip.name}: the flow is known in half of no block of {BLOCK_PX} px")
-    return np.asarray(np.hypot(*np.moveaxis(np.nan_to_num(found) - truth, -1, 0))[known])
-
-
-def _errors(
-    detector: BlockDetector, clip: FlowClip, counts: Frames, _: float
-) -> Iterator[tuple[str, Floats]]:
-    error_px = block_errors(detector, counts, clip)
+    error_px = np.hypot(*np.moveaxis(np.nan_to_num(found) - truth, -1, 0))[known]
     yield MEDIAN, np.array([np.median(error_px)])
     yield MEAN, np.array([error_px.mean()])
     yield FAR, np.array([(error_px > FAR_PX).mean()])

@@ -1,11 +1,13 @@
 """Rotation and heading from answers of detectors."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 from megalopta.flow import METHODS
-from megalopta.flow.egomotion.camera_motion import camera_motion
+from megalopta.flow.egomotion.camera_motion import motion_of_flow
 from megalopta.flow.egomotion.wide_field import YawRateTest, fit_wide_field, yaw_rates_deg_s
 from megalopta.scenes import Trajectory
 
@@ -142,6 +144,11 @@ def seen(rng, turn_deg, step_m, noise_rad=0.0, wrong=0.0, count=300):
     return directions, moved / np.linalg.norm(moved, axis=1, keepdims=True), turn, way / step_m
 
 
+def fitted(directions, moved):
+    """Motion of a camera whose image coordinates are directions."""
+    return motion_of_flow(SimpleNamespace(toward=np.copy), directions, moved - directions)
+
+
 def angle_deg(first, second):
     return np.degrees(np.arccos(np.clip(first @ second, -1, 1)))
 
@@ -149,7 +156,7 @@ def angle_deg(first, second):
 @pytest.mark.parametrize("seed", range(5))
 def test_motion_without_noise_is_found_exactly(seed):
     directions, moved, turn, way = seen(np.random.default_rng(seed), turn_deg=3, step_m=0.2)
-    found = camera_motion(directions, moved)
+    found = fitted(directions, moved)
     assert angle_deg(found.heading, way) < 1e-4
     np.testing.assert_allclose(found.rotation_deg, turn, atol=1e-6)
 
@@ -157,10 +164,10 @@ def test_motion_without_noise_is_found_exactly(seed):
 def test_undefined_velocities_are_left_out():
     directions, moved, _, way = seen(np.random.default_rng(0), 3, 0.2)
     moved[::3] = np.nan
-    assert angle_deg(camera_motion(directions, moved).heading, way) < 1e-4
+    assert angle_deg(fitted(directions, moved).heading, way) < 1e-4
 
 
 def test_too_few_velocities_are_refused():
     directions, moved, _, _ = seen(np.random.default_rng(0), 3, 0.2, count=7)
     with pytest.raises(ValueError, match="7 velocities are defined"):
-        camera_motion(directions, moved)
+        fitted(directions, moved)

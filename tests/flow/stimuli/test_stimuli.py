@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from scipy.ndimage import uniform_filter1d
 
 from megalopta.flow import triangular_pool
 from megalopta.flow.stimuli.moving_template import MovingTemplate, blurred, summed
@@ -25,12 +24,6 @@ def test_content_moves_right_by_the_velocity_around_the_circle():
 def test_a_shift_is_where_a_sequence_would_be_later():
     moving = MovingTemplate(template(), velocity_px=3, size=20)
     np.testing.assert_array_equal(moving.light(0, 6)[4:], moving.light(12, 2))
-
-
-@pytest.mark.parametrize("length", [1, 3, 5, 7])
-def test_blur_of_odd_length_is_a_box_around_the_circle(length):
-    expected = uniform_filter1d(template(), length, axis=1, mode="wrap")
-    np.testing.assert_allclose(blurred(template(), length), expected, rtol=1e-12)
 
 
 @pytest.mark.parametrize(
