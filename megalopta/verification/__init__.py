@@ -2,6 +2,6 @@
 
 GROUPS = (
     *("counting", "light", "device", "dead-time", "afterpulsing", "crosstalk", "combinations"),
-    *("gate", "changing-light", "counters", "frames", "ctia", "readings", "correction"),
+    *("gate", "changing-light", "counters", "frames", "ctia"),
 )
 """Of what `megalopta check physics` compares"""

@@ -1,10 +1,11 @@
-"""A single-photon sensor by the plainest possible simulation, to hold the real one against.
+"""A sensor by the plainest possible simulation, to hold the real one against.
 
     light       an integral over the exit pupil of the lens, another over wavelength
     device      every pixel draws its dark counts, breakdown and mismatch from the stated laws
     avalanches  arrival after arrival, and of the released carriers whichever comes first, found by
                 looking at all of them
     counter     event after event: up by one, or a step off a voltage
+    CTIA        electrons one way and the other, in short steps, onto a capacitor
 
 Nothing is skipped and no law of the counts is used. Light that changes is thinned out of the
 brightest. A closed gate drops what arrives. A stationary start is a live one a long time earlier,
@@ -13,57 +14,47 @@ run. Slow on purpose. It takes parameters from the sensor and shares no code wit
 """
 
 from collections.abc import Mapping
-from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.constants import c, h
-from scipy.integrate import dblquad, quad
+from scipy.constants import c, e, h, k
+from scipy.integrate import dblquad, trapezoid
 
 from megalopta.core.arrays import Floats
 from megalopta.core.compiling import compiled
-from megalopta.sensor import AnalogCounter, Crosstalk, Sensor
+from megalopta.sensor import AnalogCounter, Crosstalk, CtiaSensor, DacBias, FixedBias, Lens, Sensor
 from megalopta.sensor.effects.fields import AvalancheEffects
 
 Counts = NDArray[np.int64]
+Flags = NDArray[np.bool_]
 _DEAD_TIMES_TO_FORGET = 300
+_STEPS = 200
 
 
 class PlainPixels(NamedTuple):
-    """What pixels are, each (arrays, pixels of an array); rates in Hz, the others are factors."""
+    """Draws of pixels, each (arrays, pixels of an array); rates in Hz, the others are factors."""
 
     efficiency: Floats
     dark_hz: Floats
     dead_time: Floats
     afterpulsing: Floats
     crosstalk: Floats
-    layout: tuple[int, int] = (1, 1)
-    """Rows and columns of an array"""
-
-    @classmethod
-    def alike(cls, shape: tuple[int, int]) -> "PlainPixels":
-        """Pixels as the fields of a sensor say, without dark counts."""
-        one = np.ones(shape)
-        return cls(one, np.zeros(shape), one, one, one)
 
 
-class _Arrays(NamedTuple):
-    rates: Floats
-    """Hz, (arrays, parts, pixels)"""
+class _Device(NamedTuple):
     dead_times: Floats
     carriers: Floats
     strengths: Floats
+    """Each (arrays, pixels)"""
     chances: Floats
     """That an avalanche of the first pixel fires the second"""
-
-
-class _Rules(NamedTuple):
     exposure: float
     run_up: float
     extends: bool
     twilight: float
     recharge: float
+    jitter: float
     gate: tuple[float, float, float]
     delay: float
     delays: Floats
@@ -88,6 +79,7 @@ def brute_force_events(
     exposure_s: float,
     effects: AvalancheEffects | Sensor,
     pixels: PlainPixels | None = None,
+    layout: tuple[int, int] | None = None,
     frames: int = 1,
 ) -> Counts:
     """Events of arrays of pixels, (arrays, frames, pixels).
@@ -98,33 +90,36 @@ def brute_force_events(
         Arrivals per second, constant or in S equal parts of an exposure.
     pixels : PlainPixels, optional
         Factors on what the effects say; its efficiency and dark counts are not used.
+    layout : (int, int)
+        Rows and columns of an array; by default pixels lie in a row.
     frames : int
         How many exposures follow on each other without a new start.
     """
     arrays, _, size = rates_hz.shape
-    pixels = pixels or PlainPixels.alike((arrays, size))
-    dead, traps = effects.dead_time, effects.afterpulsing
-    tau = dead.dead_time_s * (dead.kind != "ideal")
-    rules = _Rules(
+    pixels = pixels or PlainPixels(*np.ones((5, arrays, size)))
+    dead, traps, gate = effects.dead_time, effects.afterpulsing, effects.gate
+    device = _Device(
+        dead.dead_time_s * (dead.kind != "ideal") * pixels.dead_time,
+        traps.mean_carriers * pixels.afterpulsing,
+        pixels.crosstalk,
+        _chances(effects.crosstalk, *(layout or (1, size))),
         exposure_s,
-        run_up_s(effects),
+        _run_up_s(effects),
         dead.kind == "paralyzable",
         dead.twilight_s,
         dead.recharge_s,
-        (effects.gate.period_s or 0.0, effects.gate.width_s or 0.0, effects.gate.phase_s),
+        effects.jitter.sigma_s if isinstance(effects, Sensor) else 0.0,
+        (gate.period_s or 0.0, gate.width_s or 0.0, gate.phase_s),
         traps.delay_s,
         np.array(traps.table_delays_s, np.float64),
         np.array(traps.table_cumulative, np.float64),
     )
-    made = tau * pixels.dead_time, traps.mean_carriers * pixels.afterpulsing, pixels.crosstalk
     counts = np.zeros((arrays, frames, size), np.int64)
-    light = np.ascontiguousarray(rates_hz, np.float64)
-    chances = _chances(effects.crosstalk, *pixels.layout)
-    _simulate(rng, _Arrays(light, *made, chances), rules, counts)
+    _simulate(rng, np.ascontiguousarray(rates_hz, np.float64), device, counts)
     return counts
 
 
-def run_up_s(effects: AvalancheEffects | Sensor) -> float:
+def _run_up_s(effects: AvalancheEffects | Sensor) -> float:
     """Time simulated before the exposure, s."""
     dead, traps = effects.dead_time, effects.afterpulsing
     if dead.start == "live":
@@ -146,11 +141,11 @@ def _chances(talk: Crosstalk, rows: int, columns: int) -> Floats:
 
 
 @compiled
-def _simulate(rng, arrays, rules, counts):  # type: ignore[no-untyped-def]
+def _simulate(rng, light, device, counts):  # type: ignore[no-untyped-def]
     for array in range(counts.shape[0]):
-        rates = arrays.rates[array]
+        rates = light[array]
         brightest = np.array([rates[:, pixel].max() for pixel in range(rates.shape[1])])
-        arrivals = np.array([_pause(rng, each) for each in brightest]) - rules.run_up
+        arrivals = np.array([_pause(rng, each) for each in brightest]) - device.run_up
         blind_until = np.full(brightest.size, -np.inf)
         waiting = [(np.inf, 0)]  # carriers, and arrivals in the twilight of a dead time
         while True:
@@ -160,44 +155,49 @@ def _simulate(rng, arrays, rules, counts):  # type: ignore[no-untyped-def]
             if waiting[first][0] < now:
                 now, pixel = waiting.pop(first)
                 is_new = False
-            if now >= rules.exposure * counts.shape[1]:
+            if now >= device.exposure * counts.shape[1]:
                 break
             if is_new:
                 arrivals[pixel] += _pause(rng, brightest[pixel])
-                rate = rates[_part(now, rules.exposure, rates.shape[0]), pixel]
+                rate = rates[_part(now, device.exposure, rates.shape[0]), pixel]
                 if rng.random() * brightest[pixel] >= rate:
                     continue
-            period, width, phase = rules.gate
+            period, width, phase = device.gate
             if period == 0 or (now - phase) % period < width:
-                _strike(rng, (arrays, rules), (array, now, pixel), blind_until, waiting, counts)
+                _strike(rng, device, (array, now, pixel), blind_until, waiting, counts[array])
 
 
 @compiled
 def _strike(rng, device, arrival, blind_until, waiting, counts):  # type: ignore[no-untyped-def]
     """All that happens at once: the pixel, and those that it fires by its light."""
-    arrays, rules = device
     array, now, first = arrival
     struck = [first]
     while len(struck) > 0:
         pixel = struck.pop()
-        since, tau = now - blind_until[pixel], arrays.dead_times[array, pixel]
+        since, tau = now - blind_until[pixel], device.dead_times[array, pixel]
         if since < 0:
-            if rules.extends:
+            if device.extends:
                 blind_until[pixel] = now + tau
-            elif -since <= rules.twilight:
+            elif -since <= device.twilight:
                 waiting.append((blind_until[pixel], pixel))
             continue
-        if rules.recharge > 0 and rng.random() < np.exp(-since / rules.recharge):
+        if device.recharge > 0 and rng.random() < np.exp(-since / device.recharge):
             continue
         blind_until[pixel] = now + tau
         if now >= 0:
-            counts[array, int(now / rules.exposure), pixel] += 1
-        if arrays.carriers[array, pixel] > 0:
-            for _ in range(rng.poisson(arrays.carriers[array, pixel])):
-                waiting.append((now + _delay(rng, rules), pixel))
+            counts[_frame(rng, device, now, len(counts)), pixel] += 1
+        if device.carriers[array, pixel] > 0:
+            for _ in range(rng.poisson(device.carriers[array, pixel])):
+                waiting.append((now + _delay(rng, device), pixel))
         for other in range(blind_until.size):
-            if rng.random() < arrays.chances[pixel, other] * arrays.strengths[array, pixel]:
+            if rng.random() < device.chances[pixel, other] * device.strengths[array, pixel]:
                 struck.append(other)
+
+
+@compiled
+def _frame(rng, device, now, frames):  # type: ignore[no-untyped-def]
+    stamp = now + device.jitter * rng.standard_normal() if device.jitter > 0 else now
+    return min(max(int(stamp / device.exposure), 0), frames - 1)
 
 
 @compiled
@@ -220,29 +220,32 @@ def _part(now, exposure, parts):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _delay(rng, rules):  # type: ignore[no-untyped-def]
-    if rules.delays.size > 0:
-        return np.interp(rng.random(), rules.cumulative, rules.delays)
-    return rng.exponential(rules.delay)
+def _delay(rng, device):  # type: ignore[no-untyped-def]
+    if device.delays.size > 0:
+        return np.interp(rng.random(), device.cumulative, device.delays)
+    return rng.exponential(device.delay)
 
 
 def plain_light_hz(radiance: float, band_nm: tuple[float, float], sensor: Any) -> float:
     """Detections per second of a pixel on the axis, in a flat spectrum over one band."""
     lens, passing = sensor.lens, sensor.lens.transmission_curve
-    points = {*sensor.efficiency.wavelengths_nm, *(passing.wavelengths_nm if passing else ())}
-
-    def per_watt(nm: float) -> float:
-        passed = np.interp(nm, passing.wavelengths_nm, passing.values) if passing else 1.0
-        seen = np.interp(nm, sensor.efficiency.wavelengths_nm, sensor.efficiency.values)
-        return float(seen * passed * nm * 1e-9 / (h * c))
-
-    edges = [band_nm[0], *sorted(nm for nm in points if band_nm[0] < nm < band_nm[1]), band_nm[1]]
-    each = [quad(per_watt, *pair)[0] for pair in pairwise(edges)]
-    light = radiance * lens.transmission * seen_pupil(lens.f_number)
-    return float(light * sum(each) * sensor.pitch_m**2 * sensor.fill_factor)
+    meters = 1e-9 * (nm := np.linspace(*band_nm, 100_001))
+    passed = np.interp(nm, passing.wavelengths_nm, passing.values) if passing else 1.0
+    seen = np.interp(nm, sensor.efficiency.wavelengths_nm, sensor.efficiency.values)
+    per_watt = trapezoid(seen * passed * meters / (h * c), nm)
+    light = radiance * lens.transmission * _seen_pupil(lens.f_number)
+    return float(light * per_watt * sensor.pitch_m**2 * sensor.fill_factor)
 
 
-def seen_pupil(f_number: float, x: float = 0.0, y: float = 0.0) -> float:
+def plain_falloff(lens: Lens, rows: int, columns: int) -> Floats:
+    """Light in the pixels of an array (rows · columns,) over that on the axis."""
+    pixel = 2 * np.tan(np.radians((lens.falloff_fov_deg or 0.0) / 2)) / columns
+    y, x = np.indices((rows, columns)).reshape(2, -1) - np.array([[rows - 1], [columns - 1]]) / 2
+    seen = [_seen_pupil(lens.f_number, *place) for place in zip(x * pixel, y * pixel, strict=True)]
+    return np.array(seen) / _seen_pupil(lens.f_number)
+
+
+def _seen_pupil(f_number: float, x: float = 0.0, y: float = 0.0) -> float:
     """Irradiance per radiance, sr, at a point (focal lengths) of the die.
 
     The pupil is a disc of diameter f/N at the distance f, every point of it as bright as the scene.
@@ -314,31 +317,18 @@ def _log_normal(
 
 def plain_readings(
     rng: np.random.Generator, events: Counts, sensor: Sensor
-) -> tuple[Floats, NDArray[np.bool_]]:
+) -> tuple[Floats, Flags]:
     """Readings, and which are flagged as perhaps too low, of events; each of a pixel of its own."""
     if isinstance(sensor.counter, AnalogCounter):
         return _analog_readings(rng, events, sensor.counter, sensor.exposure_s)
     capacity, wraps = sensor.counter.capacity, sensor.counter.overflow == "wrap"
-    readings = np.array([_counted(n, capacity, wraps) for n in events.ravel()]).reshape(
-        events.shape
-    )
+    readings = events % (capacity + 1) if wraps else np.minimum(events, capacity)
     return readings.astype(np.float64), events >= capacity + wraps
-
-
-@compiled
-def _counted(events: int, capacity: int, wraps: bool) -> int:
-    reading = 0
-    for _ in range(events):
-        if reading < capacity:
-            reading += 1
-        elif wraps:
-            reading = 0
-    return reading
 
 
 def _analog_readings(
     rng: np.random.Generator, events: Counts, counter: AnalogCounter, exposure_s: float
-) -> tuple[Floats, NDArray[np.bool_]]:
+) -> tuple[Floats, Flags]:
     def drawn(mean: float, sigma: float) -> Floats:
         return np.asarray(mean + sigma * rng.standard_normal(events.shape))
 
@@ -361,3 +351,57 @@ def _analog_readings(
     counts = np.maximum(np.rint((counter.supply_v + offset - leak - volts) / step), 0.0)
     largest = np.floor((counter.swing_v - leak) / step + 1e-9)
     return np.minimum(counts, largest), (fallen > counter.swing_v) | (counts >= largest)
+
+
+def plain_volts(
+    rng: np.random.Generator, sensor: CtiaSensor, light_a: Floats, frame: int
+) -> tuple[Floats, Flags]:
+    """Discharge, V, and where the swing ended it, of CTIA pixels of any shape at a frame.
+
+    Each is of a device of its own and gets its electrons in short steps: those of the light, and
+    those that cross its diode one way and the other.
+    """
+    diode, noise, normal = sensor.diode, sensor.noise, rng.standard_normal
+    step_s, shape = sensor.exposure_s / _STEPS, light_a.shape
+    gain = 10 ** ((sensor.gain_db + sensor.gain_sigma_db * normal(shape)) / 20)
+    leak_v_s = getattr(sensor.bias, "leak_v_s", 0.0)
+    bias = _trimmed(sensor, sensor.offset_v + sensor.offset_sigma_v * normal(shape))
+    bias += leak_v_s * frame * sensor.exposure_s
+    size = _log_normal(rng, 1.0, sensor.dark_sigma, shape)
+    shunt_s = size / diode.shunt_ohm if diode.shunt_ohm else 0 * size
+
+    def charge(current_a: Floats, is_noisy: bool) -> Floats:
+        electrons = current_a * step_s / e
+        return np.asarray(e * (rng.poisson(electrons) if is_noisy else electrons))
+
+    volts, rise = np.zeros(shape), np.zeros(shape)
+    for step in range(_STEPS):
+        # in the middle of the step
+        now = bias + leak_v_s * (step + 0.5) * step_s + (volts + rise / 2) / gain
+        reverse = size * diode.saturation_current_a
+        forward = reverse * np.exp(-now * e / (k * diode.temperature_k))
+        rise = charge(light_a, noise.photon_shot) + charge(reverse, noise.dark_shot)
+        rise += shunt_s * now * step_s - charge(forward, noise.dark_shot)
+        thermal = 2 * k * diode.temperature_k * shunt_s * step_s * noise.dark_shot
+        rise += np.sqrt(thermal) * normal(shape)
+        rise /= sensor.capacitance_f
+        volts += rise
+    full = volts >= sensor.swing_v
+    volts += noise.read_noise_v * normal(shape)
+    volts += (noise.reset * k * diode.temperature_k / sensor.capacitance_f) ** 0.5 * normal(shape)
+    full |= volts >= sensor.swing_v
+    return np.where(full, sensor.swing_v, volts), full
+
+
+def _trimmed(sensor: CtiaSensor, offset_v: Floats) -> Floats:
+    """Reverse bias, V: one code or pulse after the other, until the next would be one too many."""
+    way = sensor.bias
+    if isinstance(way, FixedBias):
+        return offset_v + way.reverse_bias_v
+    if isinstance(way, DacBias):
+        bias, step_v = offset_v + way.reference_v, way.rail_v / 2**way.bits
+    else:
+        bias, step_v = offset_v + way.erased_v, way.pulse_rate_v_s * way.pulse_s
+    while (above := bias - step_v >= way.target_v).any():
+        bias -= step_v * above
+    return bias

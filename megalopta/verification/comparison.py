@@ -1,38 +1,95 @@
-"""What is compared of two samples, and the row of a table that it makes.
+"""A sensor in some light, as a user draws its readings, against the plainest simulation.
 
-Streams are fixed, so the result is always the same; a change of the code that is right draws other
-numbers. Each comparison then fails with a probability of at most 6e-7 (|z| >= 5). A row is the
-worst of several comparisons; `false_alarm` counts them all.
+Mean, variance and law of the readings must agree at every light level, as must the share of those
+flagged, and what is drawn must have the mean and variance that the sensor states. Streams are
+fixed, so the result is always the same; a change of the code that is right draws other numbers.
+Each comparison then fails with a probability of at most 6e-7 (|z| >= 5). A row is the worst of all
+comparisons of a case; `false_alarm` counts them all.
 """
 
-from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2, norm
 
+from megalopta.core.arrays import Floats
+from megalopta.sensor import (
+    AnalogCounter,
+    changed,
+    detection_rate,
+    expose,
+    expose_adc,
+    expose_binary,
+    expose_events,
+    expose_photocurrent,
+    expose_rate,
+    generator,
+    reading_moments,
+    volt_moments,
+)
+from megalopta.sensor.sampling.bits import unpack
+from megalopta.verification.brute_force import (
+    brute_force_events,
+    plain_falloff,
+    plain_light_hz,
+    plain_pixels,
+    plain_readings,
+    plain_volts,
+)
+
 LARGEST_Z = 5.0
+_BAND_NM = (440.0, 460.0)
+_FRAMES = {"times": 10, "running": 3}
+"""How many columns a level has: tenths of an exposure, or frames without a gap"""
+_CTIA_FRAME = 99
 
 Sample = NDArray[Any]
+Drawn = tuple[Sample, Sample | None]
+"""Readings, and which are flagged, (samples, places)"""
+
+
+@dataclass(frozen=True)
+class Case:
+    """One row of the table."""
+
+    term: str
+    """The effect"""
+    sensor: Any
+    light: Any
+    """Photons in an exposure that a sensor always live detects, at each level; or those of each of
+    so many equal parts of the exposure; of a CTIA, photocurrents (A)"""
+    readout: Literal["counts", "radiance", "bits", "times", "codes", "running", "volts"] = "counts"
+    """How readings are drawn, of `_READ`; "radiance" is counts of light through the lens"""
+    layout: tuple[int, int] | None = None
+    """The levels are the pixels of such an array (rows, columns), and frames are what is
+    independent; without it pixels are"""
+    samples: int = 20_000
+    maps: Mapping[str, Any] = field(default_factory=dict)
+    """Measured maps, as flat as `light`, of an array"""
+
+    @property
+    def rates(self) -> Floats:
+        """Light of all parts and levels, (S, levels): Hz, of a CTIA A."""
+        light = np.atleast_2d(np.array(self.light, np.float64))
+        return light if self.readout == "volts" else light * len(light) / self.sensor.exposure_s
 
 
 @dataclass(frozen=True)
 class Row:
-    """One comparison, or the worst of several."""
+    """The comparison that is farthest off, of one case."""
 
     term: str
-    """The effect"""
     quantity: str
-    """What is compared, with unit"""
     expected: float
     measured: float
     z: float
-    """Difference in standard errors; where nothing is random, in tolerances times 5"""
+    """Difference in standard errors"""
     comparisons: int = 1
-    """Of how many comparisons this is the worst"""
 
     @property
     def passed(self) -> bool:
@@ -40,18 +97,23 @@ class Row:
         return abs(self.z) < LARGEST_Z
 
 
-Check = Callable[[], Row]
-
-
-def run_checks(checks: Sequence[Check], threads: int = 2) -> list[Row]:
-    """Run checks in threads and return their rows in the order of the checks."""
-    with ThreadPoolExecutor(threads) as pool:
-        return list(pool.map(lambda check: check(), checks))
-
-
-def false_alarm(rows: Sequence[Row]) -> float:
-    """Probability, at most, that a right program fails any of the comparisons behind the rows."""
-    return float(2 * norm.sf(LARGEST_Z) * sum(row.comparisons for row in rows))
+def check_case(case: Case) -> Row:
+    """Draw the readings of a case and simulate them plainly; return the comparison farthest off."""
+    with TemporaryDirectory() as folder:
+        sensor = _measured(case, Path(folder))
+        light = _light(case, sensor)
+        drawn, flags = _READ[case.readout](case, light, sensor)
+        stated = _stated(case, light, sensor)
+    plain, plain_flags = _simulate(case)
+    rows = _sample_rows("all", plain.sum(1), drawn.sum(1))
+    for place in range(drawn.shape[1]):
+        name = f"column {place + 1} of {drawn.shape[1]}"
+        rows += _sample_rows(name, plain[:, place], drawn[:, place])
+        if flags is not None:
+            pair = plain_flags[:, place] + 0.0, flags[:, place] + 0.0
+            rows += _sample_rows(f"flagged, {name}", *pair)[:1]
+        rows += _stated_rows(name, drawn[:, place], *(each[:, place] for each in stated))
+    return replace(worst(rows), term=case.term)
 
 
 def worst(rows: Sequence[Row]) -> Row:
@@ -60,48 +122,163 @@ def worst(rows: Sequence[Row]) -> Row:
     return replace(largest, comparisons=sum(row.comparisons for row in rows))
 
 
-def mean_row(term: str, quantity: str, expected: float, sample: Sample, allowed: float = 0) -> Row:
-    """Compare the mean of independent draws with a number that may be off by so much itself."""
-    mean, error = float(sample.mean()), float(sample.std()) / sample.size**0.5
-    return Row(term, quantity, expected, mean, _z(mean - expected, error, allowed))
+def false_alarm(rows: Sequence[Row]) -> float:
+    """Probability, at most, that a right program fails any of the comparisons behind the rows."""
+    return float(2 * norm.sf(LARGEST_Z) * sum(row.comparisons for row in rows))
 
 
-def variance_row(
-    term: str, quantity: str, expected: float, sample: Sample, allowed: float = 0
-) -> Row:
-    """Compare the variance of independent draws with a number that may be off by so much itself."""
-    return mean_row(term, quantity, expected, (sample - sample.mean()) ** 2, allowed)
+def _measured(case: Case, folder: Path) -> Any:
+    files = {name: str(folder / f"{name}.npy") for name in case.maps}
+    for name, path in files.items():
+        np.save(path, np.reshape(case.maps[name], case.layout))
+    return changed(case.sensor, measured=files) if files else case.sensor
 
 
-def exact_row(term: str, quantity: str, expected: float, measured: float, tolerance: float) -> Row:
-    """Compare two numbers that should agree to within a tolerance."""
-    z = LARGEST_Z * (measured - expected) / tolerance
-    return Row(term, quantity, float(expected), float(measured), float(z))
+def _light(case: Case, sensor: Any) -> Floats:
+    """Return what falls on (frames, rows, columns), of light in parts on (frames, S, …)."""
+    parts, levels = case.rates.shape
+    if case.layout:
+        shape = case.samples, parts, *case.layout
+        light = np.broadcast_to(case.rates.reshape(parts, *case.layout), shape)
+    else:
+        light = np.broadcast_to(case.rates[:, np.newaxis], (1, parts, case.samples, levels))
+    if case.readout == "radiance":
+        light = light / plain_light_hz(1.0, _BAND_NM, sensor)
+    return np.ascontiguousarray(light[:, 0] if parts == 1 else light)
 
 
-def largest_row(term: str, quantity: str, expected: Any, measured: Any, relative: float) -> Row:
-    """Compare arrays of numbers that should agree to within a relative tolerance."""
-    pairs = np.broadcast_arrays(expected, measured)
-    return worst(
-        [
-            exact_row(term, quantity, right, got, relative * abs(right))
-            for right, got in zip(*(each.ravel() for each in pairs), strict=True)
-        ]
-    )
+def _stated(case: Case, light: Floats, sensor: Any) -> tuple[Floats, ...]:
+    """Mean and variance, (samples or 1, places), as far as the sensor states them exactly."""
+    few = light[:1]
+    if case.readout == "volts":
+        moments = volt_moments(few, sensor, _CTIA_FRAME)
+    elif case.readout in ("counts", "codes") and light.ndim == 3:
+        moments = reading_moments(few, sensor)
+    elif case.readout == "radiance":
+        moments = reading_moments(detection_rate(few[..., np.newaxis], [_BAND_NM], sensor), sensor)
+    else:
+        return ()
+    return tuple(each.reshape(-1, case.rates.shape[1]) for each in moments)
 
 
-def sample_rows(term: str, where: str, plain: Sample, drawn: Sample) -> list[Row]:
+def _key(case: Case) -> dict[str, Any]:
+    return {"seed": 4, "sequence": case.term}
+
+
+def _columns(case: Case, readings: Sample) -> Sample:
+    return readings.reshape(case.samples, -1)
+
+
+def _counts(case: Case, light: Floats, sensor: Any) -> Drawn:
+    if case.readout == "radiance":
+        exposure = expose(light[..., np.newaxis], [_BAND_NM], sensor, **_key(case))
+    else:
+        exposure = expose_rate(light, sensor, **_key(case))
+    return _columns(case, exposure.counts.astype(np.float64)), _columns(case, exposure.saturated)
+
+
+def _bits(case: Case, light: Floats, sensor: Any) -> Drawn:
+    packed = expose_binary(light, sensor, **_key(case))
+    return _columns(case, unpack(packed, light.shape[-1]).astype(np.float64)), None
+
+
+def _times(case: Case, light: Floats, sensor: Any) -> Drawn:
+    """Events in each tenth of the exposure."""
+    counts = np.zeros((case.samples, bins := _FRAMES["times"], light.shape[-1]))
+    events = expose_events(light, sensor, **_key(case))
+    time = np.clip(events.time_s / sensor.exposure_s * bins, 0, bins - 1).astype(np.int64)
+    np.add.at(counts, (events.row, time, events.column), 1)
+    return _columns(case, counts), None
+
+
+def _codes(case: Case, light: Floats, sensor: Any) -> Drawn:
+    """Codes of an ADC, turned into counts by the even pixels' steps."""
+    counter = sensor.counter
+    assert isinstance(counter, AnalogCounter) and counter.adc_bits is not None
+    codes = _columns(case, expose_adc(light, sensor, **_key(case))).astype(np.float64)
+    leaked_v = counter.leak_v_s * sensor.exposure_s
+    volts = codes * counter.supply_v / (2**counter.adc_bits - 1)
+    counts = np.rint((counter.supply_v - leaked_v - volts) / counter.step_v)
+    largest = np.floor((counter.swing_v - leaked_v) / counter.step_v + 1e-9)
+    return np.clip(counts, 0, largest), None
+
+
+def _running(case: Case, light: Floats, sensor: Any) -> Drawn:
+    """Counts of frames that follow on each other without a gap."""
+    frames = np.tile(light, (_FRAMES["running"], 1, 1))
+    counts = expose_rate(frames, sensor, free_running=True, **_key(case)).counts
+    return _columns(case, counts.transpose(1, 0, 2)).astype(np.float64), None
+
+
+def _volts(case: Case, light: Floats, sensor: Any) -> Drawn:
+    read = expose_photocurrent(light, sensor, first_frame=_CTIA_FRAME, **_key(case))
+    return _columns(case, read.volts), _columns(case, read.saturated)
+
+
+_READ: Mapping[str, Callable[[Case, Floats, Any], Drawn]] = {
+    "counts": _counts,
+    "radiance": _counts,
+    "bits": _bits,
+    "times": _times,
+    "codes": _codes,
+    "running": _running,
+    "volts": _volts,
+}
+
+
+def _simulate(case: Case) -> tuple[Sample, Sample]:
+    """Readings and flags, (samples, places), by brute force."""
+    rng, sensor = generator(1, "brute force", case.term), case.sensor
+    light = np.tile(case.rates, (case.samples, 1, 1))  # (samples, S, levels)
+    if case.readout == "volts":
+        return plain_volts(rng, sensor, light[:, 0], _CTIA_FRAME)
+    maps = {name: np.tile(values, (case.samples, 1)) for name, values in case.maps.items()}
+    pixels = plain_pixels(rng, sensor, (case.samples, light.shape[2]), maps)
+    if case.readout == "radiance":
+        light *= pixels.efficiency[:, np.newaxis]
+        if case.layout:
+            light *= plain_falloff(sensor.lens, *case.layout)
+    light += pixels.dark_hz[:, np.newaxis]
+    frames = _FRAMES.get(case.readout, 1)
+    exposure_s = sensor.exposure_s / (frames if case.readout == "times" else 1)
+    events = brute_force_events(rng, light, exposure_s, sensor, pixels, case.layout, frames)
+    readings, flags = plain_readings(rng, _columns(case, events), sensor)
+    return np.minimum(readings, 1) if case.readout == "bits" else readings, flags
+
+
+def _sample_rows(where: str, plain: Sample, drawn: Sample) -> list[Row]:
     """Compare mean, variance and law of two samples."""
     mean_z, variance_z, law = two_sample_z(plain, drawn)
     return [
-        Row(term, f"mean, {where}", float(plain.mean()), float(drawn.mean()), mean_z),
-        Row(term, f"variance, {where}", float(plain.var()), float(drawn.var()), variance_z),
-        Row(term, f"law as z, {where}", 0.0, law, law),
+        Row("", f"mean, {where}", float(plain.mean()), float(drawn.mean()), mean_z),
+        Row("", f"variance, {where}", float(plain.var()), float(drawn.var()), variance_z),
+        Row("", f"law as z, {where}", 0.0, law, law),
     ]
 
 
+def _stated_rows(where: str, drawn: Sample, *moments: Floats) -> list[Row]:
+    """Compare readings with what is stated, to 0.1 % or 0.003 σ of the mean, 1 % of the variance.
+
+    Each reading has a mean and variance of its own where pixels differ.
+    """
+    if not moments:
+        return []
+    mean, (due, spread) = moments[0], (float(each.mean()) for each in moments)
+    off, allowed = drawn - mean, max(1e-3 * due, 3e-3 * spread**0.5)
+    return [
+        _mean_row(f"stated mean, {where}", due, off + due, allowed),
+        _mean_row(f"stated variance, {where}", spread, off**2, 0.01 * spread),
+    ]
+
+
+def _mean_row(quantity: str, expected: float, sample: Sample, allowed: float) -> Row:
+    """Compare the mean of independent draws with a number that may be off by so much itself."""
+    mean, error = float(sample.mean()), float(sample.std()) / sample.size**0.5
+    return Row("", quantity, expected, mean, _z(mean - expected, error, allowed))
+
+
 def two_sample_z(first: Sample, second: Sample) -> tuple[float, float, float]:
-    """Return z of the difference in mean, in variance and in law of two samples (n,) of counts."""
+    """Return z of the difference in mean, in variance and in law of two samples (n,)."""
     n, m = first.size, second.size
     deviations = [(sample - sample.mean()) ** 2 for sample in (first, second)]
     mean_error = (first.var() / n + second.var() / m) ** 0.5
@@ -115,10 +292,10 @@ def two_sample_z(first: Sample, second: Sample) -> tuple[float, float, float]:
 
 def law_z(first: Sample, second: Sample) -> float:
     """Pearson's test of homogeneity, bins of 20 or more, as the z of the same probability."""
-    first, second = (np.asarray(sample).astype(np.int64) for sample in (first, second))
-    size = int(max(first.max(), second.max())) + 1
-    table = np.array([np.bincount(sample, minlength=size) for sample in (first, second)])
-    # neighboring counts share a bin until it holds enough
+    values, place = np.unique(np.concatenate([first, second]), return_inverse=True)
+    parts = np.split(place, [first.size])
+    table = np.array([np.bincount(part, minlength=values.size) for part in parts])
+    # neighboring values share a bin until it holds enough
     bins = (np.cumsum(table.sum(0)) - table.sum(0)) // 40
     table = np.array([np.bincount(bins, row) for row in table])
     table = table[:, table.sum(0) >= 20]

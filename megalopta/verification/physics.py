@@ -1,36 +1,32 @@
-"""`megalopta check physics`: every effect of the sensor against theory, as a table.
-
-The rows come from `megalopta.verification`: a plain event-by-event simulation that shares no
-code with the sensor, integrals and differential equations left to SciPy. Streams are fixed. A row
-fails at |z| >= 5.
-"""
+"""`megalopta check physics`: every effect of the sensor against the plainest simulation."""
 
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 
 from rich.console import Console
 from rich.table import Table
 
 from megalopta.core.errors import UserError
 from megalopta.sensor import ORDER_OF_EFFECTS
-from megalopta.verification.cases import CHECKS
-from megalopta.verification.comparison import LARGEST_Z, Row, false_alarm, run_checks
+from megalopta.verification.cases import CASES
+from megalopta.verification.comparison import LARGEST_Z, Row, check_case, false_alarm
 
 
 def run_check_physics(groups: Sequence[str] = (), console: Console | None = None) -> bool:
-    """Run checks and print their table; return whether all passed.
+    """Compare the cases of some groups of `CASES`, or all; print their table, return if all passed.
 
-    `groups` are names of `CHECKS`, all where none is given. Raises UserError for a name that is
-    none; nothing is checked then.
+    Raises UserError for a name that is none; nothing is checked then.
     """
     for group in groups:
-        if group not in CHECKS:
-            raise UserError(f"check physics: no group {group!r}; one of {', '.join(CHECKS)}")
-    chosen = [check for group in CHECKS if group in (groups or CHECKS) for check in CHECKS[group]]
+        if group not in CASES:
+            raise UserError(f"check physics: no group {group!r}; one of {', '.join(CASES)}")
+    chosen = [case for group in CASES if group in (groups or CASES) for case in CASES[group]]
     console = console or Console()
     order = " → ".join(ORDER_OF_EFFECTS)
     console.print(f"order of effects: {order}", highlight=False)
-    rows = run_checks(tuple(chosen))
-    console.print(table_of(rows))
+    with ThreadPoolExecutor(2) as pool:
+        rows = list(pool.map(check_case, chosen))
+    console.print(_table(rows))
     failed = sum(not row.passed for row in rows)
     comparisons = sum(row.comparisons for row in rows)
     console.print(
@@ -41,11 +37,8 @@ def run_check_physics(groups: Sequence[str] = (), console: Console | None = None
     return failed == 0
 
 
-def table_of(rows: list[Row]) -> Table:
-    """Rows as a table for a terminal."""
-    table = Table(caption=f"pass: |z| < {LARGEST_Z:g}")
-    for name in ("term", "quantity"):
-        table.add_column(name)
+def _table(rows: Sequence[Row]) -> Table:
+    table = Table("term", "quantity", caption=f"pass: |z| < {LARGEST_Z:g}")
     for name in ("expected", "measured", "z", "pass"):
         table.add_column(name, justify="right")
     for row in rows:

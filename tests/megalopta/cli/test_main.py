@@ -13,7 +13,7 @@ import pytest
 from megalopta.cli import main, main as cli
 from megalopta.render import read_radiance, read_truth
 from megalopta.verification import GROUPS, physics
-from megalopta.verification.cases import CHECKS
+from megalopta.verification.cases import CASES
 
 COMMAND = [sys.executable, "-m", "megalopta"]
 SMALL = [
@@ -159,11 +159,11 @@ def test_groups_of_the_physics_are_handed_on_and_named_in_the_help(monkeypatch, 
     monkeypatch.setattr(physics, "run_check_physics", lambda *given: seen.append(given) or True)
     cli.main(["check", "physics", "crosstalk", "dead-time"])
     assert seen == [(["crosstalk", "dead-time"],)]
-    assert tuple(CHECKS) == GROUPS
+    assert tuple(CASES) == GROUPS
     with pytest.raises(SystemExit):
         cli.main(["check", "--help"])
     printed = capsys.readouterr().out.replace("-\n", "-")
-    assert all(group in printed for group in CHECKS)
+    assert all(group in printed for group in CASES)
 
 
 def test_a_second_folder_is_refused(capsys):
