@@ -1,9 +1,10 @@
 """Progress: how far, how fast, how long still.
 
-A bar on the terminal. Without one a line every ten seconds, also while a single step takes longer,
-so that a log tells that something is going on, and which step it is.
+A terminal shows it on its last line. Elsewhere it is a line every ten seconds, also while a single
+step takes longer, so that a log tells that something is going on, and which step it is.
 """
 
+import shutil
 import sys
 import threading
 import time
@@ -26,7 +27,7 @@ _silences: list[object] = []
 _steps: list[str] = []
 """Steps under way, the outermost first; the innermost is told."""
 _status_stands = threading.Event()
-"""Set where a terminal's last line tells a step."""
+"""Set where a terminal's last line tells a state."""
 _clocks: list[dict[str, "Spent"]] = []
 """Who counts the time of steps."""
 
@@ -40,7 +41,7 @@ class Spent:
 
 
 class Advance(Protocol):
-    """Moves a bar on."""
+    """Counts what is done."""
 
     def __call__(self, steps: int = 1) -> None:
         """Count `steps` more as done."""
@@ -92,24 +93,9 @@ def times_of_steps() -> Iterator[dict[str, Spent]]:
 
 @contextmanager
 def progress(description: str, total: int, unit: str) -> Iterator[Advance]:
-    """Show a bar for `total` steps, which the yielded function counts.
-
-    Without a terminal a line is printed every ten seconds, and one at the end.
-    """
+    """Show how many of `total` steps are done, which the yielded function counts; then the time."""
     if _silences:
         yield lambda steps=1: None
-        return
-    if sys.stderr.isatty():
-        from megalopta.core.progress_bar import bar
-
-        bar_stands = object()  # no status line beside it
-        _clear_status()
-        _speakers.append(bar_stands)
-        try:
-            with bar(description, total, unit, rate_text, _step) as advance:
-                yield lambda steps=1: advance(steps)
-        finally:
-            _speakers.remove(bar_stands)
         return
     done, start = 0, time.monotonic()
 
@@ -120,7 +106,8 @@ def progress(description: str, total: int, unit: str) -> Iterator[Advance]:
     with speaking(
         lambda: (
             f"{description}: {progress_line(done, total, unit, time.monotonic() - start)}{_step()}"
-        )
+        ),
+        is_of_steps=False,
     ):
         yield count
     elapsed = time.monotonic() - start
@@ -143,10 +130,10 @@ def progress_line(done: int, total: int, unit: str, elapsed_s: float) -> str:
     if not done or not elapsed_s:
         return f"{text} in {duration(elapsed_s)}"
     left_s = elapsed_s * (total - done) / done
-    return f"{text}, {rate_text(done / elapsed_s, unit)}, {duration(left_s)} to go"
+    return f"{text}, {_rate(done / elapsed_s, unit)}, {duration(left_s)} to go"
 
 
-def rate_text(per_s: float, unit: str) -> str:
+def _rate(per_s: float, unit: str) -> str:
     """Steps per second, or seconds per step where that reads better."""
     return f"{per_s:.1f} {unit}s/s" if per_s >= 1 else f"{1 / per_s:.1f} s/{unit}"
 
@@ -171,11 +158,11 @@ def _clear_status() -> None:
 
 
 @contextmanager
-def speaking(state: Callable[[], str]) -> Iterator[None]:
+def speaking(state: Callable[[], str], is_of_steps: bool = True) -> Iterator[None]:
     """Tell a state at intervals, from a thread of its own, while this is the innermost work.
 
-    A terminal shows it on its last line, while a step is under way; elsewhere it is a line each
-    time.
+    A terminal shows it on its last line; what tells of steps, while one is under way. Elsewhere it
+    is a line each time.
     """
     if _silences:
         yield
@@ -184,11 +171,12 @@ def speaking(state: Callable[[], str]) -> Iterator[None]:
 
     def speak() -> None:
         while not over.wait(STATUS_S if is_terminal else INTERVAL_S):
-            if _speakers[-1] is not over or (is_terminal and not _steps):
+            if _speakers[-1] is not over or (is_terminal and is_of_steps and not _steps):
                 continue
             if is_terminal:
                 _status_stands.set()
-                print(f"\r{state()}\x1b[K", end="", file=sys.stderr, flush=True)
+                line = state()[: shutil.get_terminal_size().columns - 1]
+                print(f"\r{line}\x1b[K", end="", file=sys.stderr, flush=True)
             else:
                 print(state(), file=sys.stderr, flush=True)
 

@@ -1,33 +1,57 @@
 """Finished output moved to its place in a dataset, whole however often the move is broken off.
 
 What is made lies in a folder of its own inside the dataset: output that is made again in `.redo`, a
-new sequence, or more output of one, in `.making/SEQ`. When all of it is there, `publish.json` lists
-what moves and what goes. From then on whoever works in the dataset completes the move first.
+new sequence, or more output of one, in `.making/SEQ`. `request.json` there says what was asked for,
+and with what it is made: what was begun otherwise is begun again. When all of it is there,
+`publish.json` lists what moves and what goes. From then on whoever works in the dataset completes
+the move first. Every step can be broken off, also by a kill.
 """
 
 import os
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
+from megalopta.config.model import Configuration, differences
 from megalopta.core import bounded, files
 from megalopta.core.errors import UserError
-from megalopta.core.folders import check_no_links
+from megalopta.core.folders import LOCK_NAME, check_no_links
+from megalopta.core.progress import say
 
-PLAN, REQUEST = "publish.json", "request.json"
+PLAN, _REQUEST = "publish.json", "request.json"
 
 
-class Move(NamedTuple):
-    """A move into a dataset."""
+@dataclass(frozen=True)
+class Staging:
+    """Output that is being made beside what is there."""
 
     root: Path
     """The dataset"""
     folder: Path
-    """Where the list of what moves lies"""
-    made: Path
-    """What moves, under the names that it has in the dataset"""
+    """Where it is made, and lists of what is asked for and what moves lie"""
+    data: Path
+    """Its files, under the names that they have in the dataset"""
     last: tuple[Path, Path]
     """What moves last, and where to: as long as it is there, something is left to do"""
+
+    def begin(
+        self,
+        made_with: Mapping[str, Any],
+        settings: Configuration,
+        prepare: Callable[[], object] = lambda: None,
+    ) -> None:
+        """Note what is asked for, once it is prepared; what was begun otherwise is removed."""
+        wanted = {"made_with": made_with, "configuration": settings.model_dump(mode="json")}
+        before = self._request()
+        if before != wanted:
+            if before and (changes := differences(before, wanted)):
+                told = "; ".join(changes[:3])
+                say(f"{self.folder.name}: begun with others ({told}), and begun again")
+            self.clear()
+            prepare()
+            files.write_json(self.folder / _REQUEST, wanted)
+        files.sweep(self.folder)
 
     def announce(self, moves: Iterable[str], goes: Iterable[str] = ()) -> None:
         """List what moves and what goes: all of it is there."""
@@ -48,11 +72,29 @@ class Move(NamedTuple):
             return
         moves, goes = self._read(is_output)
         for name in moves:
-            _move(self.made / name, self.root / name)
+            _move(self.data / name, self.root / name)
         for name in goes:
             files.remove(self.root / name)
             _remove_if_empty((self.root / name).parent, self.root)
         _move(source, target)
+
+    def clear(self) -> None:
+        """Remove everything but the lock, which its holder removes.
+
+        What says how far it is goes first, so that nobody takes what a kill leaves for whole.
+        """
+        for name in (PLAN, self.last[0].name, _REQUEST):
+            files.remove(self.folder / name)
+        for path in sorted(self.folder.glob("*")):
+            if path.name != LOCK_NAME:
+                files.remove(path)
+
+    def _request(self) -> dict[str, Any] | None:
+        """What was asked for when it was begun; None where it cannot be read."""
+        try:
+            return dict(bounded.read_json(self.folder / _REQUEST))
+        except (OSError, ValueError, TypeError):
+            return None
 
     def _read(self, is_output: Callable[[str], bool]) -> tuple[list[str], list[str]]:
         path, remedy = self.folder / PLAN, f"remove the folder {self.folder}"
@@ -60,13 +102,13 @@ class Move(NamedTuple):
             record = bounded.read_json(path)
             moves, goes = ([str(name) for name in record[key]] for key in ("moves", "goes"))
             for name in moves:
-                check_no_links(self.made / name)  # what a link leads to changes with its place
+                check_no_links(self.data / name)  # what a link leads to changes with its place
         except UserError as problem:
             raise UserError(f"{path} cannot be followed ({problem}); {remedy}") from None
         except (ValueError, KeyError, TypeError):
             raise UserError(f"{path} is damaged; {remedy}") from None
         for name in (*moves, *goes):
-            bases = self.root, self.made
+            bases = self.root, self.data
             if not is_output(name) or not all(_is_plain(self.root, b / name) for b in bases):
                 raise UserError(f"{path}: {bounded.quoted(name)} is no output of a stage; {remedy}")
         return moves, goes
@@ -78,14 +120,6 @@ def link(root: Path, folder: Path, name: str) -> None:
     place.parent.mkdir(parents=True, exist_ok=True)
     target = os.path.relpath(path.resolve(), place.parent.resolve())
     place.symlink_to(target, target_is_directory=path.is_dir())
-
-
-def read_request(folder: Path) -> dict[str, Any] | None:
-    """Read what was asked for when a folder was begun; None where it cannot be read."""
-    try:
-        return dict(bounded.read_json(folder / REQUEST))
-    except (OSError, ValueError, TypeError):
-        return None
 
 
 def _is_plain(root: Path, path: Path) -> bool:

@@ -200,7 +200,7 @@ def add_to_sequence(root: Path, addition: Addition, index: int) -> None:
     record = tree.record(name)
     if not addition.is_there(tree, record):
         settings, made = addition.settings(tree, record), partial(_added, tree, record, addition)
-        Staged(tree, name, is_added=True).bring_in(settings, [addition.stage], made)
+        Staged.of(tree, name, is_added=True).bring_in(settings, [addition.stage], made)
 
 
 def _added(

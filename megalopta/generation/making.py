@@ -168,7 +168,8 @@ def _some_records(tree: Tree) -> Iterator[SequenceRecord]:
 def make_sequence(root: Path, plan: Plan, index: int) -> None:
     """Make a sequence, or what is missing of it. Raises UserError and OSError."""
     tree, name = Tree(root), sequence_name(index)
-    Staged(tree, name).bring_in(configuration_of(plan, index), MADE, partial(_made, plan, index))
+    made = partial(_made, plan, index)
+    Staged.of(tree, name).bring_in(configuration_of(plan, index), MADE, made)
 
 
 def other_machinery(record: SequenceRecord, configuration: Configuration, *stages: str) -> str:

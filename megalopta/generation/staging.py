@@ -1,13 +1,8 @@
 """What is being made beside the tree: begun again or gone on with, and cleared when it is over.
 
 .making/SEQ/            a sequence until it is whole; .making/SEQ-added/ more output of it
-    request.json        what was asked for, and with what it is made: another is begun again
     data/               the files
-    record.json         the record, which moves last
-    publish.json        all is there, and moves (`dataset.publishing`)
-
-Every step of this can be broken off, also by a kill, and is done again or gone on with by whoever
-comes next.
+    record.json         the record, which moves last (`dataset.publishing`)
 """
 
 import re
@@ -17,12 +12,12 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from megalopta.config.model import Configuration, differences
+from megalopta.config.model import Configuration
 from megalopta.config.recipe import Plan
 from megalopta.core import files
 from megalopta.core.errors import UserError
-from megalopta.core.folders import LOCK_NAME, locked
-from megalopta.core.progress import say, silent
+from megalopta.core.folders import locked
+from megalopta.core.progress import silent
 from megalopta.dataset.index import write_index
 from megalopta.dataset.layout import (
     Tree,
@@ -31,8 +26,8 @@ from megalopta.dataset.layout import (
     is_record_known,
     read_manifest,
 )
-from megalopta.dataset.publishing import PLAN, REQUEST, Move, read_request
-from megalopta.dataset.record import KINDS, MADE, SequenceRecord, is_output, read_record
+from megalopta.dataset.publishing import Staging
+from megalopta.dataset.record import KINDS, SequenceRecord, is_output, read_record
 from megalopta.dataset.store import Dataset, file_hash
 from megalopta.stages.registry import made_with
 
@@ -41,23 +36,19 @@ _STAGED = re.compile(rf"(\d{{6,}})({_ADDED})?")
 
 
 @dataclass(frozen=True)
-class Staged:
+class Staged(Staging):
     """What is being made of one sequence."""
 
-    tree: Tree
     sequence: str
-    is_added: bool = False
+    is_added: bool
     """Whether it is more output of a sequence that is there."""
 
-    @property
-    def folder(self) -> Path:
-        """Where it is made."""
-        return self.tree.staging / f"{self.sequence}{_ADDED if self.is_added else ''}"
-
-    @property
-    def data(self) -> Path:
-        """Its files, under the names that they have in the tree."""
-        return self.folder / "data"
+    @classmethod
+    def of(cls, tree: Tree, sequence: str, is_added: bool = False) -> "Staged":
+        """What is made of a sequence of a tree."""
+        folder = tree.staging / f"{sequence}{_ADDED if is_added else ''}"
+        last = folder / "record.json", tree.record_path(sequence)
+        return cls(tree.root, folder, folder / "data", last, sequence, is_added)
 
     def bring_in(
         self,
@@ -67,73 +58,33 @@ class Staged:
     ) -> None:
         """Make it, or what is missing of it, and move it into the tree, unless it is there."""
         with locked(self.folder), silent():
-            if self.is_added or not self.tree.record_path(self.sequence).exists():
-                self.begin(configuration, stages)
-                if not self.is_finished:
+            if self.is_added or not self.last[1].exists():
+                self.begin(made_with(stages, configuration), configuration)
+                if not self.is_announced:
                     self.finish(make(Dataset(self.data, configuration)))
                 self.publish()
             self.clear()
 
-    def begin(self, configuration: Configuration, stages: Sequence[str] = MADE) -> None:
-        """Note what is asked for; what was begun for other stages or otherwise is removed."""
-        wanted = {
-            "made_with": made_with(stages, configuration),
-            "configuration": configuration.model_dump(mode="json"),
-        }
-        before = read_request(self.folder)
-        if before != wanted:
-            if before and (changes := differences(before, wanted)):
-                told = "; ".join(changes[:3])
-                say(f"{self.folder.name}: begun with others ({told}), and begun again")
-            self.clear()
-            files.write_json(self.folder / REQUEST, wanted)
-        files.sweep(self.folder)
-
     def finish(self, record: SequenceRecord) -> None:
         """Note that all files of a record are there."""
-        files.write_text(self._record, record.to_json())
-        self._move.announce(self._moved(record))
-
-    @property
-    def is_finished(self) -> bool:
-        """Whether all files are there, and move or have moved."""
-        return (self.folder / PLAN).exists()
+        files.write_text(self.last[0], record.to_json())
+        self.announce(self._moved(record))
 
     def publish(self) -> None:
         """Move what is finished into the tree; a move that was broken off is completed."""
-        self._move.complete(partial(is_output, sequence=self.sequence))
-
-    def clear(self) -> None:
-        """Remove everything but the lock, which its holder removes.
-
-        What says how far it is goes first, so that nobody takes what a kill leaves for whole.
-        """
-        for name in (PLAN, self._record.name, REQUEST):
-            files.remove(self.folder / name)
-        for path in sorted(self.folder.iterdir()):
-            if path.name != LOCK_NAME:
-                files.remove(path)
+        self.complete(partial(is_output, sequence=self.sequence))
 
     def is_over(self, keep_added: bool) -> bool:
         """Whether nobody wants it any more."""
         if not self.is_added:
-            return self.tree.record_path(self.sequence).exists()
-        return not self._is_wanted() if self.is_finished else not keep_added
-
-    @property
-    def _record(self) -> Path:
-        return self.folder / "record.json"
-
-    @property
-    def _move(self) -> Move:
-        last = self._record, self.tree.record_path(self.sequence)
-        return Move(self.tree.root, self.folder, self.data, last)
+            return self.last[1].exists()
+        return not self._is_wanted() if self.is_announced else not keep_added
 
     def _is_wanted(self) -> bool:
         """Whether what is added is still of the sequence as it is: it may have been made again."""
+        finished, there = self.last
         try:
-            replaced = read_record(self._record, self.sequence).replaced
-            return replaced == file_hash(self.tree.record_path(self.sequence))
+            return read_record(finished, self.sequence).replaced == file_hash(there)
         except (OSError, UserError):
             return False
 
@@ -187,7 +138,7 @@ def tidy(tree: Tree, keep_added: bool = False) -> None:
         with locked(staged.folder):
             if staged.is_over(keep_added):
                 staged.clear()
-            elif staged.is_finished:
+            elif staged.is_announced:
                 staged.publish()
                 staged.clear()
         if not any(staged.folder.iterdir()):
@@ -200,4 +151,4 @@ def staged_sequences(tree: Tree) -> Iterator[Staged]:
     """Yield what is being made."""
     for path in sorted(tree.staging.glob("*")):
         if (found := _STAGED.fullmatch(path.name)) and path.is_dir() and not path.is_symlink():
-            yield Staged(tree, found[1], bool(found[2]))
+            yield Staged.of(tree, found[1], bool(found[2]))

@@ -1,7 +1,7 @@
 """What a stage takes of memory and disk: what cannot fit is refused before anything is built.
 
 Bytes are right within a factor of two, measured on the demo and the grating; rendering noise does
-not compress. How long a sequence takes is measured, not foreseen (`generation/probing.py`).
+not compress. How long a sequence takes is measured, not foreseen (`generation/dry_run.py`).
 """
 
 import os
@@ -11,7 +11,7 @@ from pathlib import Path
 from megalopta.config.model import Configuration
 from megalopta.core.errors import UserError
 from megalopta.dataset.frames import FRAMES_AT_ONCE
-from megalopta.stages.timing import burst_frames
+from megalopta.stages.sense import burst_frames
 
 _PROGRAM_BYTES = 1e9
 _REMEDIES = {

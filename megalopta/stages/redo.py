@@ -12,7 +12,7 @@ from pathlib import Path
 from megalopta.config.model import Configuration
 from megalopta.core import files
 from megalopta.core.folders import check_enclosed, locked
-from megalopta.dataset.publishing import REQUEST, Move, link, read_request
+from megalopta.dataset.publishing import Staging, link
 from megalopta.dataset.store import (
     REDO_FOLDER,
     Dataset,
@@ -30,17 +30,20 @@ _LAST = "dataset.yaml"
 def begin_redo(old: Dataset, configuration: Configuration, stages: Sequence[str]) -> Dataset:
     """The dataset in which stages of another one are made again; what a kill left of it goes on."""
     new = Dataset(old.root / REDO_FOLDER, configuration)
-    wanted = {
-        "models": made_with(stages, configuration),
-        "configuration": configuration.model_dump(mode="json"),
-    }
-    if read_request(new.root) != wanted:
-        discard(old.root)
-        _link(old, Dataset(new.root, old.configuration))
-        Ledger(Dataset(new.root, old.configuration)).forget(*stages)
+
+    def prepare() -> None:
+        linked = Dataset(new.root, old.configuration)
+        for path in filter(Path.exists, _outputs(old)):
+            link(old.root, new.root, _name(path, old))
+        new.root.mkdir(exist_ok=True)
+        for name in _books(old):
+            if (old.root / name).exists():
+                (new.root / name).parent.mkdir(exist_ok=True)
+                shutil.copy(old.root / name, new.root / name)
+        Ledger(linked).forget(*stages)
         write_configuration(new)
-        files.write_json(new.root / REQUEST, wanted)
-    files.sweep(new.root)
+
+    _staging(old.root).begin(made_with(stages, configuration), configuration, prepare)
     return new
 
 
@@ -51,7 +54,7 @@ def publish(old: Dataset, new: Dataset, stages: Sequence[str], doomed: Sequence[
     moves = {_name(path, new) for path in made if path.exists() and not path.is_symlink()}
     gone = {_name(path, old) for path in _outputs(old, doomed)}
     gone |= {"report.html", _name(old.record_path, old)}
-    _move(old.root).announce(moves, gone - moves)
+    _staging(old.root).announce(moves, gone - moves)
     complete_redo(old.root)
 
 
@@ -60,12 +63,12 @@ def complete_redo(root: Path) -> None:
 
     Raises UserError when what is to move or to go is no output of this dataset.
     """
-    move = _move(root)
-    if move.is_announced:
-        if (move.made / _LAST).exists():
-            both = read_dataset(root), read_dataset(move.made)
+    staging = _staging(root)
+    if staging.is_announced:
+        if staging.last[0].exists():
+            both = read_dataset(root), read_dataset(staging.data)
             known = {"report.html", *_output_names(both[0]), *_output_names(both[1])}
-            move.complete(known.__contains__)
+            staging.complete(known.__contains__)
         discard(root)
 
 
@@ -74,7 +77,7 @@ def finish_move(root: Path) -> None:
 
     Reading does not: `open_sequence` refuses such a folder.
     """
-    if _move(root).is_announced:
+    if _staging(root).is_announced:
         check_enclosed(root)
         with locked(root):
             complete_redo(root)
@@ -91,16 +94,6 @@ def discard(root: Path) -> None:
     files.remove(root / REDO_FOLDER)
 
 
-def _link(old: Dataset, new: Dataset) -> None:
-    for path in filter(Path.exists, _outputs(old)):
-        link(old.root, new.root, _name(path, old))
-    new.root.mkdir(exist_ok=True)
-    for name in _books(old):
-        if (old.root / name).exists():
-            (new.root / name).parent.mkdir(exist_ok=True)
-            shutil.copy(old.root / name, new.root / name)
-
-
 def _books(dataset: Dataset) -> tuple[str, ...]:
     """What a dataset holds beside the output of its stages."""
     return "timings.json", _name(dataset.record_path, dataset), _LAST
@@ -110,9 +103,9 @@ def _name(path: Path, dataset: Dataset) -> str:
     return str(path.relative_to(dataset.root))
 
 
-def _move(root: Path) -> Move:
+def _staging(root: Path) -> Staging:
     new = root / REDO_FOLDER
-    return Move(root, new, new, (new / _LAST, root / _LAST))
+    return Staging(root, new, new, (new / _LAST, root / _LAST))
 
 
 def _output_names(dataset: Dataset) -> set[str]:

@@ -24,12 +24,12 @@ from megalopta.core.errors import UserError, refused_as
 from megalopta.core.freshness import SENSOR_MODEL
 from megalopta.core.progress import progress, say
 from megalopta.dataset import sintel
-from megalopta.dataset.frames import read_radiance_frames
+from megalopta.dataset.frames import read_radiance_frame, read_radiance_frames, read_truth_frame
 from megalopta.dataset.store import Dataset, exposure_name
 from megalopta.scenes import ToneCurve
 from megalopta.scenes.lighting.levels import illuminance_of
 from megalopta.scenes.spectra.color import encode_srgb
-from megalopta.sensor import ImageSensor, OpenedCounts, check_sensor, open_counts
+from megalopta.sensor import ImageSensor, OpenedCounts, Sensor, check_sensor, open_counts
 from megalopta.sensor.expectations import PARTS_ERROR, RUNNING_ERROR
 from megalopta.sensor.formats.counts_store import Origin
 from megalopta.sensor.formats.names import ProductName, product_path
@@ -39,7 +39,6 @@ from megalopta.sensor.sub_frames import NextFrames
 from megalopta.stages.correction import write_corrected
 from megalopta.stages.declaration import Stage
 from megalopta.stages.noise_warning import noise_share, noise_warning
-from megalopta.stages.timing import burst_frames, check_timing, next_frames
 
 
 def sense(dataset: Dataset) -> None:
@@ -59,7 +58,7 @@ def sense(dataset: Dataset) -> None:
         films = [_Film(dataset, *each, stores) for each in missing]
         _check_events(dataset, films)
         for first, radiance in read_radiance_frames(dataset) if films else ():
-            following = next_frames(dataset, first, radiance)
+            following = _next_frames(dataset, first, radiance)
             for film in films:
                 film.expose(first, radiance, following)
                 advance(len(radiance))
@@ -156,6 +155,26 @@ class _Film:
         )
 
 
+def _next_frames(dataset: Dataset, first: int, radiance: NDArray[np.float32]) -> NextFrames | None:
+    """Return what follows frames (n, H, W, B) from a number on; None where light stands still.
+
+    After the last frame of the sequence the light moves on as it came.
+    """
+    settings, end = dataset.configuration, first + len(radiance)
+    if settings.sub_frames == 1:
+        return None
+    truths = [read_truth_frame(dataset, index) for index in range(first, end)]
+    flow = np.stack([truth.flow_forward for truth in truths])
+    hidden = np.stack([truth.occluded_forward for truth in truths])
+    if end == settings.trajectory.frames:
+        flow[-1], hidden[-1] = -truths[-1].flow_backward, True
+        after = radiance[-1]
+    else:
+        after = read_radiance_frame(dataset, end)
+    following = np.concatenate((radiance[1:], after[np.newaxis]))
+    return NextFrames(radiance=following, flow=flow, hidden=hidden)
+
+
 def _unusual(settings: Configuration) -> dict[str, Any]:
     """What a store says of how it was exposed where that is not by default."""
     said: dict[str, Any] = {}
@@ -202,9 +221,59 @@ def _write_final_images(dataset: Dataset) -> None:
         sintel.write_png(dataset.frame("training/final", index, "png"), image)
 
 
+def burst_frames(settings: Configuration) -> int:
+    """Binary frames of a burst from one rendered frame to the next."""
+    return max(round(settings.burst_hz / settings.trajectory.frame_rate_hz), 1)
+
+
+def _check_timing(settings: Configuration) -> None:
+    """Refuse exposures, moving light, bursts and free-running arrays that do not fit into frames.
+
+    Raises ValueError, with one sentence that names the setting, or the sensor.
+    """
+    _check_sub_frames(settings)
+    rate_hz = settings.trajectory.frame_rate_hz
+    for sensor in settings.sensors:
+        if settings.free_running and not isinstance(sensor, Sensor):
+            raise ValueError(
+                f"free_running: sensor {sensor.name!r} integrates and is reset in every frame; "
+                "take the setting or the sensor out"
+            )
+        if settings.free_running and abs(sensor.exposure_s * rate_hz - 1) > 1e-9:
+            raise ValueError(
+                f"free_running: sensor {sensor.name!r} with exposure_s {sensor.exposure_s:g} does "
+                f"not fill frames at trajectory.frame_rate_hz {rate_hz:g}; use exposure_s "
+                f"{1 / rate_hz:.12g}, or leave the setting out"
+            )
+        if sensor.exposure_s * rate_hz > 1 + 1e-9:
+            raise ValueError(
+                f"sensor {sensor.name!r}: exposure_s {sensor.exposure_s:g} is longer than a frame "
+                f"at trajectory.frame_rate_hz {rate_hz:g}; use at most {1 / rate_hz:g}"
+            )
+
+
+def _check_sub_frames(settings: Configuration) -> None:
+    """Refuse light that would be blurred twice, and bursts that do not fill the time."""
+    parts, rate_hz = settings.sub_frames, settings.trajectory.frame_rate_hz
+    if parts > 1 and not settings.shutter.is_instant:
+        raise ValueError(
+            f"sub_frames {parts}: motion within an exposure is in the frames of shutter already; "
+            "use 1, or shutter.exposure_s 0 and shutter.readout_s 0"
+        )
+    if "burst_npy" not in settings.products:
+        return
+    if parts == 1:
+        raise ValueError("burst_npy: needs light between frames; give sub_frames of 2 or more")
+    if abs(burst_frames(settings) * rate_hz / settings.burst_hz - 1) > 1e-9:
+        raise ValueError(
+            f"burst_hz {settings.burst_hz:g}: no whole multiple of trajectory.frame_rate_hz "
+            f"{rate_hz:g}; use {burst_frames(settings) * rate_hz:.12g}"
+        )
+
+
 def _check(settings: Configuration) -> None:
     """Refuse sensors that cannot expose the frames, measured devices whose maps are no good too."""
-    check_timing(settings)
+    _check_timing(settings)
     for sensor in settings.sensors:
         try:
             shape = settings.camera.height, settings.camera.width

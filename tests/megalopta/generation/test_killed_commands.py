@@ -1,5 +1,10 @@
-"""Commands killed at random moments, and run again: the bytes of an unbroken run, and no litter."""
+"""Commands killed at random moments, and run again: the bytes of an unbroken run, and no litter.
 
+Verbs of stages are killed with and without --redo. `MEGALOPTA_LONG=1` kills each of them at twenty
+moments.
+"""
+
+import os
 import shutil
 import subprocess
 import sys
@@ -10,26 +15,47 @@ import psutil
 import pytest
 import yaml
 
+from megalopta.config.model import load
+from megalopta.config.yaml_model import to_yaml
 from megalopta.dataset.layout import Tree
+from megalopta.dataset.store import open_sequence
+from megalopta.stages.ledger import Ledger
+from megalopta.stages.pipeline import run_all
 from megalopta.verification.files import check_files
+
+from ..conftest import TINY
+from ..stages.test_pipeline import content
 
 pytestmark = pytest.mark.slow
 
-KILLS = 10
-"""Of each command."""
+IS_LONG = os.environ.get("MEGALOPTA_LONG") == "1"
 PATIENCE_S = 5.0
-EXPOSE = ("dataset", "expose", "--sensors", "ideal", "--light-levels", "full_moon", "0.5")
+EXPOSE = ("--sensors", "ideal", "--light-levels", "full_moon", "0.5")
+
+# Loading takes seconds, in which nothing can be harmed: the clock starts when it is done.
+PROGRAM = """
+import sys
+import megalopta.render.scene_renderer
+from megalopta.cli.main import main
+print("ready", flush=True)
+main(sys.argv[1:])
+"""
 
 
 def started(*words):
-    command = [sys.executable, "-m", "megalopta", *map(str, words)]
-    quiet = subprocess.DEVNULL
-    return subprocess.Popen(command, stdout=quiet, stderr=quiet, start_new_session=True)
+    """A command that is loaded."""
+    process = subprocess.Popen(
+        [sys.executable, "-P", "-c", PROGRAM, *map(str, words)],
+        stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, start_new_session=True,
+    )  # fmt: skip
+    assert process.stdout.readline() == "ready\n"
+    return process
 
 
 def run(*words):
-    start = time.monotonic()
-    assert started(*words).wait() == 0
+    start, process = time.monotonic(), started(*words)
+    process.communicate()
+    assert process.returncode == 0
     return time.monotonic() - start
 
 
@@ -39,27 +65,24 @@ def killed(after_s, *words):
     time.sleep(after_s)
     children = psutil.Process(process.pid).children(recursive=True)
     process.kill()
-    process.wait()
+    process.communicate()
     _, alive = psutil.wait_procs(children, PATIENCE_S)
     for each in alive:
         each.kill()
     assert not alive
 
 
-def content(root):
-    return {
-        str(path.relative_to(root)): path.read_bytes() for path in root.rglob("*") if path.is_file()
-    }
-
-
-def broken_off_and_gone_on_with(words_of, begun, folder, kills=KILLS):
+def broken_off_and_gone_on_with(words_of, begun, folder, kills=10):
     """Kill a command on copies of what was begun, and compare with an unbroken run."""
-    copied(begun, folder / "whole")
-    lasts_s = run(*words_of(folder / "whole"))
-    whole = content(folder / "whole")
+    before, whole_root = content(begun) if begun else {}, copied(begun, folder / "whole")
+    lasts_s = run(*words_of(whole_root))
+    whole = content(whole_root)
     for moment in np.random.default_rng(0).uniform(0, lasts_s, kills):
         root = copied(begun, folder / f"after {moment:.3f} s")
         killed(moment, *words_of(root))
+        if "--redo" in words_of(root) and not (root / ".redo/publish.json").exists():
+            kept = {name: each for name, each in content(root).items() if name[0] != "."}
+            assert kept in (before, whole)
         run(*words_of(root))
         assert content(root) == whole, root
         assert not check_files(Tree(root)), root
@@ -90,7 +113,49 @@ def test_make_killed_at_random_moments(plan, tmp_path, workers):
 
 def test_expose_killed_at_random_moments(plan, tmp_path):
     run("dataset", "make", plan, "--out", tmp_path / "made")
-    group, verb, *settings = EXPOSE
     broken_off_and_gone_on_with(
-        lambda root: (group, verb, root, *settings), tmp_path / "made", tmp_path
+        lambda root: ("dataset", "expose", root, *EXPOSE), tmp_path / "made", tmp_path
     )
+
+
+FEW = {
+    "trajectory.frames": "12",
+    "sensors": "[spadcam]",
+    "light_levels": "[starlight]",
+    "methods": "[BM, IM]",
+}
+CHANGES = {
+    "render": ("--seed", "5"),
+    "sense": (
+        *("--light-levels", "0.2", "starlight", "--sub-frames", "2", "--free-running"),
+        *("--sensors", "[{preset: spadcam, exposure_s: 0.1}]"),
+    ),
+    "flow": ("--methods", "BM", "NDS"),
+    "benchmark photons": ("--benchmark.repeats", "3"),
+}
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    root = tmp_path_factory.mktemp("kills") / "data"
+    return run_all(root, load("grating", {**TINY, **FEW}))
+
+
+@pytest.mark.parametrize(
+    ("verb", "redo"),
+    [(verb, redo) for verb in CHANGES for redo in (False, True)]
+    if IS_LONG
+    # output that is kept aside until all is made anew is every stage's
+    else [("render", False), ("flow", True), ("sense", True)],
+)
+def test_a_stage_killed_at_random_moments(finished, tmp_path, verb, redo):
+    begun, start = copied(finished.root, tmp_path / "begun"), tmp_path / "start.yaml"
+    start.write_text(to_yaml(finished.configuration))  # a dataset's folder is one, too
+    if not redo:
+        Ledger(open_sequence(begun)).forget(verb.split()[0])
+
+    def words_of(root):
+        place = (start, "--out", root) if verb == "render" else (root,)
+        return (*verb.split(), *place, *((*CHANGES[verb], "--redo") if redo else ()))
+
+    broken_off_and_gone_on_with(words_of, begun, tmp_path, 20 if IS_LONG else 1)

@@ -12,9 +12,11 @@ import pytest
 from megalopta.config.drawing import configuration_of
 from megalopta.core.errors import UserError
 from megalopta.dataset.layout import Tree
+from megalopta.dataset.record import MADE
 from megalopta.generation.adding import Exposing, expose
 from megalopta.generation.making import make
 from megalopta.generation.staging import Staged
+from megalopta.stages.registry import made_with
 from megalopta.verification.files import check_files
 
 NEW_LIGHT = Exposing(sensors=("ideal",), light_levels=("full_moon",))
@@ -66,9 +68,10 @@ def content(root):
 def staged_again(root, plan):
     """Move a finished sequence back to where it was made."""
     tree = Tree(root)
-    record, staged = tree.record("000000"), Staged(tree, "000000")
+    record, staged = tree.record("000000"), Staged.of(tree, "000000")
     staged.data.mkdir(parents=True)
-    staged.begin(configuration_of(plan, 0))
+    settings = configuration_of(plan, 0)
+    staged.begin(made_with(MADE, settings), settings)
     for name in {"/".join(name.split("/000000/")[0].split("/")) for name in record.files}:
         (staged.data / name).mkdir(parents=True)
         (root / name / "000000").rename(staged.data / name / "000000")

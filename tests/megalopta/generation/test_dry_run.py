@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from megalopta.config.model import load
-from megalopta.generation.probing import Probe, Scale, foresee, probe
+from megalopta.generation.dry_run import Probe, Scale, foresee, probe
 
 SMALL = Probe(
     scale=Scale(60, 700.0, 1100, 1100.0, 2, 3, 0, 1.0),
