@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.core.arrays import Floats, Ints, Mask
-from megalopta.render import MEASURED_EVERY, dr, frame_seed
+from megalopta.render import MEASURED_EVERY, dr, frame_seed, mi
 from megalopta.render.baking.cells import CellFinder
 from megalopta.render.baking.choice import PATH, SAMPLE
 from megalopta.render.baking.light import BakedLight
-from megalopta.render.baking.visibility import all_views, survey, views
+from megalopta.render.baking.visibility import survey, views
 from megalopta.render.noise import pairs
 from megalopta.render.sensors.primary import pixel_means
 from megalopta.scenes.cameras.base import Camera
@@ -67,13 +67,15 @@ class Pilot:
         """
         squares, scatter, light, pixels = 0.0, 0.0, 0.0, 0
         for pose in self._frames:
-            found = look(all_views(self._camera, pose, _RAYS, self._seed, self._step))
+            each = list(views(self._camera, pose[None], _RAYS, self._seed, self._step))
+            directions = mi.Vector3f(np.concatenate([np.array(ray.d) for ray in each], axis=1))
+            found = look(mi.Ray3f(each[0].o, directions))
             bands = len(found) // 2
             seen: Any = sum(found[:bands])
             parts = seen, dr.square(seen), sum(found[bands:-1]), found[-1]
             dr.eval(parts)
-            views = np.array([np.array(each) for each in parts]).reshape(4, _RAYS, -1)
-            radiance, square, standing, sky = views.sum(axis=1, dtype=np.float64)
+            seen = np.array([np.array(each) for each in parts]).reshape(4, _RAYS, -1)
+            radiance, square, standing, sky = seen.sum(axis=1, dtype=np.float64)
             surface = sky == 0
             squares += float(np.sum(standing[surface] ** 2))
             scatter += float(np.sum((_RAYS * square - radiance**2)[surface]))
