@@ -221,7 +221,10 @@ class BakedLight:
     def _point_members(self) -> None:
         """Let all cells that were surveyed have their clusters."""
         clusters = self._clusters
-        self._point(clusters.members, np.repeat(np.arange(len(clusters)), np.diff(clusters.first)))
+        if len(clusters):
+            self._point(
+                clusters.members, np.repeat(np.arange(len(clusters)), np.diff(clusters.first))
+            )
 
     def _point(self, cell: UInt32, cluster: Ints) -> None:
         """Let cells (N,) have clusters (N,)."""
@@ -232,6 +235,8 @@ class BakedLight:
 
 def _launches(shares: Ints) -> list[Ints]:
     """Clusters, by the number of each, that are computed at once; they have shares (C,)."""
+    if not len(shares):
+        return []
     launch = np.cumsum(LEAST_RAYS * shares) // RAYS_AT_ONCE
     return np.split(np.arange(len(launch)), np.flatnonzero(np.diff(launch)) + 1)
 
