@@ -71,13 +71,12 @@ STARS = Component("starlight", outdoors.STARLIGHT.scaled(math.pi))
 """Mean of the whole sky."""
 TWILIT_SKY = Component("twilight", outdoors.TWILIGHT.scaled(math.pi))
 DAY = Component("sun", outdoors.SUN), Component("daylit sky", outdoors.CLEAR_SKY)
-FULL = (
-    Component("moon", outdoors.moonlit(outdoors.SUN, outdoors.FULL_MOON)),
-    Component("moonlit sky", outdoors.moonlit(outdoors.CLEAR_SKY, outdoors.FULL_MOON)),
-)
-QUARTER = (
-    Component("moon", outdoors.moonlit(outdoors.SUN, outdoors.QUARTER_MOON)),
-    Component("moonlit sky", outdoors.moonlit(outdoors.CLEAR_SKY, outdoors.QUARTER_MOON)),
+FULL, QUARTER = (
+    (
+        Component("moon", outdoors.moonlit(outdoors.SUN, disc)),
+        Component("moonlit sky", outdoors.moonlit(outdoors.CLEAR_SKY, disc)),
+    )
+    for disc in (outdoors.FULL_MOON, outdoors.QUARTER_MOON)
 )
 """Disc and sky of these are in any unit, and not as bright as each other."""
 
