@@ -6,22 +6,15 @@ from megalopta.assets_gen import FloatArray, Surface, grid_corners, join
 
 _RINGS = 48
 
-_SIDES = (
-    (0, 1, 2, 1),
-    (0, 1, 2, -1),
-    (1, 2, 0, 1),
-    (1, 2, 0, -1),
-    (2, 0, 1, 1),
-    (2, 0, 1, -1),
-)  # axis of the normal, axes of u and v, sign of the normal
-
 
 def box(extent_m: tuple[float, float, float], tile_m: float) -> Surface:
     """Return a box around the origin with edges along x, y, z; its texture repeats."""
-    return join([_side(np.array(extent_m) / 2, tile_m, *side) for side in _SIDES])
+    axes = ((n, (n + 1) % 3, (n + 2) % 3, sign) for n in range(3) for sign in (1, -1))
+    return join([_side(np.array(extent_m) / 2, tile_m, *each) for each in axes])
 
 
 def _side(half: FloatArray, tile_m: float, normal: int, u: int, v: int, sign: int) -> Surface:
+    """Return one side, by the axis and the sign of its normal and the axes of its texture."""
     square = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]][::sign], dtype=float)
     corners = np.zeros((4, 3))
     corners[:, normal] = sign * half[normal]

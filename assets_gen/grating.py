@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from megalopta.assets_gen import FloatArray, Surface, grid_corners
+from megalopta.assets_gen import FloatArray, Surface, grid_faces
 
 if TYPE_CHECKING:
     import trimesh
@@ -90,6 +90,4 @@ def open_cylinder(radius_m: float, height_m: float, segments: int = 720) -> "tri
     vertices = np.concatenate([lower, upper]) * [1, 1, height_m]
     u = np.arange(segments + 1) / segments
     uv = np.concatenate([np.column_stack([u, np.full_like(u, v)]) for v in (0.0, 1.0)])
-    a, b, c, d = grid_corners(2, segments + 1)
-    faces = np.concatenate([np.column_stack([a, d, b]), np.column_stack([b, d, c])])
-    return Surface(vertices, faces, uv).to_mesh()
+    return Surface(vertices, grid_faces(2, segments + 1, inward=True), uv).to_mesh()

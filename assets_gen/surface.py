@@ -62,10 +62,14 @@ def grid_corners(rows: int, columns: int) -> tuple[NDArray[np.int64], ...]:
     return a, b, c, d
 
 
-def grid_faces(rows: int, columns: int) -> NDArray[np.int64]:
-    """Two triangles (2·cells, 3) of each cell of a grid of vertices: all first, then all others."""
+def grid_faces(rows: int, columns: int, inward: bool = False) -> NDArray[np.int64]:
+    """Two triangles (2·cells, 3) of each cell of a grid of vertices: all first, then all others.
+
+    Inward they are split along the other diagonal, and turned over.
+    """
     a, b, c, d = grid_corners(rows, columns)
-    return np.concatenate([np.stack([a, b, c], -1), np.stack([a, c, d], -1)])
+    first, second = ((a, d, b), (b, d, c)) if inward else ((a, b, c), (a, c, d))
+    return np.concatenate([np.stack(first, -1), np.stack(second, -1)])
 
 
 def join(surfaces: Sequence[Surface]) -> Surface:

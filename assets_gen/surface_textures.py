@@ -6,14 +6,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.assets_gen.plants.bark import (
-    furrowed_bark,
-    papery_bark,
-    plated_bark,
-    ridged_bark,
-    scaly_bark,
-    smooth_bark,
-)
+from megalopta.assets_gen.plants import bark
 from megalopta.assets_gen.plants.foliage import ATLAS_TILES
 from megalopta.assets_gen.rocks import STONE_TILE_M
 from megalopta.assets_gen.surface import FloatArray
@@ -132,12 +125,12 @@ def mossy_texture(rng: np.random.Generator) -> NDArray[np.float32]:
 
 TEXTURES: Mapping[str, Callable[[np.random.Generator], NDArray[np.float32]]] = MappingProxyType(
     {
-        "furrowed": furrowed_bark,
-        "smooth": smooth_bark,
-        "papery": papery_bark,
-        "scaly": scaly_bark,
-        "ridged": ridged_bark,
-        "plated": plated_bark,
+        "furrowed": bark.furrowed_bark,
+        "smooth": bark.smooth_bark,
+        "papery": bark.papery_bark,
+        "scaly": bark.scaly_bark,
+        "ridged": bark.ridged_bark,
+        "plated": bark.plated_bark,
         "leaf": leaf_texture,
         "needles": needle_texture,
         "litter": litter_texture,

@@ -253,18 +253,14 @@ class _Frame:
     passes: int
     averaged: int
 
-    def covariance(self, part: Mask) -> Floats:
-        """Of the whole error between bands (B, B), mean over a part (H, W) of the pixels."""
-        return self._covariance(part, self.averaged)
-
-    def _covariance(self, part: Mask, passes: int) -> Floats:
-        """That of the mean of some passes."""
-        flicker = self.flicker[part].mean(axis=0) / passes
+    def covariance(self, part: Mask, passes: int | None = None) -> Floats:
+        """Of the whole error of the frame, or of the mean of some passes, between bands (B, B)."""
+        flicker = self.flicker[part].mean(axis=0) / (passes or self.averaged)
         return np.asarray(flicker + self.standing.covariance(part))
 
     def detail(self, part: Mask) -> Floats:
         """Covariance (B, B) of what neighbors differ by without error."""
-        return neighbor_differences(self.mean, part) - self._covariance(part, self.passes)
+        return neighbor_differences(self.mean, part) - self.covariance(part, self.passes)
 
     def region(self, part: Mask) -> RegionNoise:
         """What is told of the pixels of a part (H, W)."""

@@ -20,7 +20,7 @@ from megalopta.render.mitsuba_loader import activate
 from megalopta.render.noise import MeasuredPass
 from megalopta.render.path_tracing import Layers, PathIntegrator, is_layered
 from megalopta.render.sensors.film import Exposure, Part
-from megalopta.render.settings import RenderSettings, bake_seed, instant_seed
+from megalopta.render.settings import RenderSettings, bake_seed, frame_seed
 from megalopta.render.surface_view import SurfaceView
 from megalopta.render.surveys import Canopy, LightSurvey, measure_canopy
 from megalopta.render.truth.geometry import Geometry
@@ -156,7 +156,7 @@ class SceneRenderer:
         times = path.times_s[frame] + shutter.exposure_s * middles[:, None] + rows
         poses = self._local(path.pose_at(times.ravel())).reshape(parts, count, len(rows), 4, 4)
         instants = times.reshape(parts, count, len(rows)).mean(axis=1).tolist()
-        seeds = [instant_seed(seed, frame, part, number) for part in range(parts)]
+        seeds = [frame_seed(seed, frame, number, part) for part in range(parts)]
         return Exposure(tuple(map(Part, poses, instants, seeds)), is_rolling)
 
     def light_survey(self, positions: Floats) -> LightSurvey | None:

@@ -109,19 +109,11 @@ class RenderSettings(Record, frozen=True):
 
 
 def frame_seed(seed: int, frame: int, *parts: int) -> int:
-    """Mitsuba's 32-bit seed of one frame, or of a numbered part of it, such as a pass.
+    """Mitsuba's 32-bit seed of one frame, or of a numbered part of it: a pass, an instant of one.
 
     Unrelated between frames, their parts and sequence seeds.
     """
     return int(np.random.SeedSequence(seed, spawn_key=(frame, *parts)).generate_state(1)[0])
-
-
-def instant_seed(seed: int, frame: int, instant: int, number: int = 0) -> int:
-    """Mitsuba's 32-bit seed of one instant of a frame's exposure, unrelated to all others.
-
-    `number` is that of the pass.
-    """
-    return frame_seed(seed, frame, number, instant)
 
 
 def bake_seed(seed: int) -> int:

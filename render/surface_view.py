@@ -18,7 +18,7 @@ from megalopta.render.loading.meshes import MovingMesh
 from megalopta.render.loading.scene import LoadedScene, move_to
 from megalopta.render.noise import MeasuredPass
 from megalopta.render.path_tracing import PathIntegrator
-from megalopta.render.sensors.film import Exposure, Film, Part
+from megalopta.render.sensors.film import Exposure, Film
 from megalopta.render.settings import RenderSettings
 from megalopta.render.sharing import rows_of_a_pose
 from megalopta.render.surveys import LightMeter, LightSurvey
@@ -143,7 +143,10 @@ class SurfaceView:
         move_to = self.move_to if integrator is self._integrator else integrator.move_to
         rows = None
         if self._moving and exposure.is_rolling:
-            rows = self._rows_of_a_pose(exposure.parts[len(exposure.parts) // 2])
+            part = exposure.parts[len(exposure.parts) // 2]
+            count, height = part.poses.shape[:2]
+            pose, meshes = part.poses[count // 2, height // 2], list(self._moving.values())
+            rows = rows_of_a_pose(meshes, self._camera, pose, part.row_times_s)
         film = self._film(len(exposure.parts), not exposure.is_instant, rows)
         images = []
         for part in exposure.parts:
@@ -157,12 +160,6 @@ class SurfaceView:
             before = move if rows else None
             images.append(film.expose(trace, self._loaded, part.poses, part.seed, before))
         return np.asarray(np.mean(images, axis=0, dtype=np.float64), dtype=np.float32)
-
-    def _rows_of_a_pose(self, part: Part) -> int:
-        count, height = part.poses.shape[:2]
-        pose = part.poses[count // 2, height // 2]
-        meshes = list(self._moving.values())
-        return rows_of_a_pose(meshes, self._camera, pose, part.row_times_s)
 
     def _check(self, poses: Floats) -> None:
         """Refuse poses (..., 4, 4) from which paths would not start in the haze."""

@@ -1,5 +1,7 @@
 """Leaves and sprays of needles as folded diamonds of two triangles."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from megalopta.assets_gen import FloatArray, Surface, unit
@@ -9,6 +11,15 @@ from megalopta.assets_gen.plants.species import Foliage
 
 ATLAS_TILES = 8
 """Leaf textures hold this many leaves in a row and in a column; every leaf shows one of them."""
+
+
+class Blade(NamedTuple):
+    """Shape of a leaf, as fields of `Foliage` of these names."""
+
+    length_m: float
+    width_m: float
+    widest: float
+    fold_deg: float
 
 
 def leaf_axes(axes: FloatArray, foliage: Foliage, rng: np.random.Generator) -> FloatArray:
@@ -74,7 +85,7 @@ def blades(
     direction: FloatArray,
     facing: FloatArray,
     size: FloatArray,
-    foliage: Foliage,
+    foliage: Foliage | Blade,
     rng: np.random.Generator,
 ) -> Surface:
     """Return one folded diamond per leaf.

@@ -8,28 +8,14 @@ import numpy as np
 from megalopta.assets_gen import FloatArray, Surface, cross, join, unit
 from megalopta.assets_gen.plants.bark import TILE_M
 from megalopta.assets_gen.plants.branching import UP, outward
-from megalopta.assets_gen.plants.foliage import ATLAS_TILES, blades
-from megalopta.assets_gen.plants.species import Foliage
+from megalopta.assets_gen.plants.foliage import ATLAS_TILES, Blade, blades
 from megalopta.assets_gen.plants.tube import rotation_minimizing_frames, sweep
 
-PINNA = Foliage(
-    length_m=0.2,
-    width_m=0.055,
-    widest=0.3,
-    per_m=1,
-    bare=0,
-    divergence_deg=180,
-    angle_deg=75,
-    droop=0.1,
-    tilt=0.2,
-    fold_deg=8,
-    shrink=1,
-    blade="leaf",
-)
-HERB_LEAF = PINNA.model_copy(update={"length_m": 0.14, "width_m": 0.065, "widest": 0.6})
-BILBERRY_LEAF = PINNA.model_copy(update={"length_m": 0.07, "width_m": 0.04, "widest": 0.5})
-PETAL = PINNA.model_copy(update={"length_m": 0.026, "width_m": 0.018, "widest": 0.6})
-FALLEN_LEAF = PINNA.model_copy(update={"length_m": 0.09, "width_m": 0.055, "fold_deg": 25})
+PINNA = Blade(length_m=0.2, width_m=0.055, widest=0.3, fold_deg=8)
+HERB_LEAF = Blade(0.14, 0.065, 0.6, 8)
+BILBERRY_LEAF = Blade(0.07, 0.04, 0.5, 8)
+PETAL = Blade(0.026, 0.018, 0.6, 8)
+FALLEN_LEAF = Blade(0.09, 0.055, 0.3, 25)
 
 GRASS_BLADES = 28
 """Blades of a tuft of grass."""
@@ -93,7 +79,7 @@ def _rosette(
     azimuth: FloatArray,
     steep: float,
     size: FloatArray,
-    leaf: Foliage,
+    leaf: Blade,
     rng: np.random.Generator,
 ) -> Surface:
     direction = np.cos(steep) * outward(azimuth) + np.sin(steep) * UP

@@ -174,14 +174,7 @@ class CellFinder:
         mesh = self._index.of(hit)
         # Moving meshes come after those that were cut.
         at_rest = mesh < self._at_rest
-        cell, place = self.find(hit, mesh, front, dull & at_rest)
-        return Sight(point, front, dull & at_rest, dull & ~at_rest, mesh, cell, place)
-
-    def find(self, hit: Any, mesh: Any, front: Any, active: Any) -> tuple[Any, tuple[Any, Any]]:
-        """Cell of preliminary intersections (N,) with meshes on their front or back sides.
-
-        And where in the cell, as in `Patches.barycentric`.
-        """
+        active = dull & at_rest
         face = dr.gather(mi.UInt, self._first_face, mesh, active) + hit.prim_index
         first, origin, *pieces = (
             dr.gather(mi.UInt, table, face, active)
@@ -195,7 +188,8 @@ class CellFinder:
         i, j = (dr.minimum(mi.UInt(x), n - 1) for x, n in zip(scaled, pieces, strict=True))
         side = dr.select(front, mi.UInt(0), mi.UInt(1))
         place = scaled[0] - mi.Float(i), scaled[1] - mi.Float(j)
-        return first + (side * pieces[0] + i) * pieces[1] + j, place
+        cell = first + (side * pieces[0] + i) * pieces[1] + j
+        return Sight(point, front, active, dull & ~at_rest, mesh, cell, place)
 
 
 def _cut(mesh: MergedMesh, path: cKDTree, pixel_rad: float) -> tuple[UInt32, UInt32]:

@@ -57,7 +57,8 @@ def path_tracing_reason(
         return f"{len(moving)} objects move, and with them light and shadow on all others"
     if len(moving) == len(scene.placements):
         return "there is no surface at rest to bake light on"
-    if any(_glows(scene, placement.asset) for placement in moving):
+    materials = (name for each in moving for name in scene.assets[each.asset].parts)
+    if any(scene.materials[name].emission for name in materials):
         return "an object that glows moves, and its light on all others"
     if poses is None:
         return "the camera's path is not known"
@@ -107,7 +108,3 @@ def cost_reason(rays: int, samples: int, settings: RenderSettings) -> str:
         f"baking would take {share:.0%} of the work of path tracing to the same error, for "
         f"{rays / samples:.1f} rays per sample of all frames"
     )
-
-
-def _glows(scene: Scene, asset: str) -> bool:
-    return any(scene.materials[name].emission for name in scene.assets[asset].parts)

@@ -20,7 +20,7 @@ from megalopta.render import RenderSettings, dr, mi
 from megalopta.render.baking.cells import CellFinder, Cells
 from megalopta.render.baking.choice import BAKE, SAMPLE, cost_reason, samples_of_pixel
 from megalopta.render.baking.clusters import Voxels
-from megalopta.render.baking.errors import Pilot, compared, pixels_to_compare
+from megalopta.render.baking.errors import compared, pilot_errors, pilot_views, pixels_to_compare
 from megalopta.render.baking.gathering import Gatherer, wavelength_groups
 from megalopta.render.baking.light import NAMES, BakedLight, key_of, light_store
 from megalopta.render.baking.shading import Neighborhood, Paths, SunLight, Textures
@@ -118,11 +118,16 @@ class BakedLightIntegrator:
         cell = np.flatnonzero(seen).astype(np.uint32)
         self._light.surveyed(cell, seen[cell], places[cell])
         self._light.begin(_PILOT_DENSITY)
-        pilot = Pilot(loaded, self._finder, self._light, camera, poses, seed)
-        # Any point of the sun's disc will do.
+        frames = pilot_views(camera, poses, seed)
+        met = sum(survey(loaded, self._finder, self._light.cells, each)[0] for each in frames)
+        self._light.bake(np.flatnonzero(met).astype(np.uint32))
+        self._light.smooth()
         sampler = mi.load_dict({"type": "independent"})
-        sampler.seed(seed, pilot.rays)
-        found, scatter = pilot.errors(lambda rays: self._seen(loaded, rays, mi.Float(0.5), sampler))
+        sampler.seed(seed, len(frames[0]) * dr.width(frames[0][0].d))
+        # Any point of the sun's disc will do.
+        found, scatter = pilot_errors(
+            frames, lambda rays: self._seen(loaded, rays, mi.Float(0.5), sampler)
+        )
         density = self._light.density_for(error / found) if found else 1.0
         # Anew in any case: the frames of the pilot met cells that the survey did not.
         self._light.begin(density)

@@ -41,27 +41,23 @@ def key_of(
     seed: int,
 ) -> str:
     """Hash of all that baked light depends on."""
-    found = hashlib.blake2b(digest_size=16)
     settled = settings.bands_nm, settings.max_depth, settings.standing_error
-    found.update(
-        repr((RENDER_MODEL, BAKE_MODEL, mi.variant(), seed, settled, scene.lighting)).encode()
-    )
-    for sky in scene.lighting.patterns if scene.lighting else ():
-        found.update(sky.pattern.tobytes())
-    found.update(camera.model_dump_json().encode() + poses.tobytes())
+    plain: list[object] = [RENDER_MODEL, BAKE_MODEL, mi.variant(), seed, settled, scene.lighting]
+    plain.append(camera.model_dump_json())
+    arrays: list[NDArray[Any] | None] = [
+        poses,
+        *(sky.pattern for sky in (scene.lighting.patterns if scene.lighting else ())),
+    ]
     for mesh in meshes:
         material = scene.materials[mesh.material]
-        found.update(repr((material.reflectance, material.transmittance)).encode())
-        if material.emission:
-            found.update(repr(material.emission.radiance).encode())
-            pattern = material.emission.pattern
-            found.update(b"even" if pattern is None else pattern.tobytes())
-        if material.texture:
-            spectra = material.texture.reflectance, material.texture.transmittance
-            found.update(repr(spectra).encode())
-            found.update(material.texture.weight.tobytes())
-        for values in (mesh.vertices, mesh.faces, mesh.normals, mesh.uv):
-            found.update(b"none" if values is None else np.ascontiguousarray(values).tobytes())
+        glow, texture = material.emission, material.texture
+        plain += [material.reflectance, material.transmittance, glow and glow.radiance]
+        plain.append(texture and (texture.reflectance, texture.transmittance))
+        arrays += [glow.pattern if glow else None, texture.weight if texture else None]
+        arrays += [mesh.vertices, mesh.faces, mesh.normals, mesh.uv]
+    found = hashlib.blake2b(repr(plain).encode(), digest_size=16)
+    for values in arrays:
+        found.update(b"none" if values is None else np.ascontiguousarray(values).tobytes())
     return found.hexdigest()
 
 
@@ -225,7 +221,10 @@ class BakedLight:
     def _point_members(self) -> None:
         """Let all cells that were surveyed have their clusters."""
         clusters = self._clusters
-        self._point(clusters.members, np.repeat(np.arange(len(clusters)), np.diff(clusters.first)))
+        if len(clusters):
+            self._point(
+                clusters.members, np.repeat(np.arange(len(clusters)), np.diff(clusters.first))
+            )
 
     def _point(self, cell: UInt32, cluster: Ints) -> None:
         """Let cells (N,) have clusters (N,)."""
@@ -236,6 +235,8 @@ class BakedLight:
 
 def _launches(shares: Ints) -> list[Ints]:
     """Clusters, by the number of each, that are computed at once; they have shares (C,)."""
+    if not len(shares):
+        return []
     launch = np.cumsum(LEAST_RAYS * shares) // RAYS_AT_ONCE
     return np.split(np.arange(len(launch)), np.flatnonzero(np.diff(launch)) + 1)
 

@@ -91,31 +91,14 @@ def views(camera: Camera, poses: Floats, count: int, seed: int, step: int = 1) -
     For each view the camera is turned by up to half a pixel at random, so that rays meet what lies
     between pixel centers.
     """
-    for origin, directions in _turned(camera, poses, count, seed, step):
-        yield _rays(origin, directions)
-
-
-def all_views(camera: Camera, pose: Floats, count: int, seed: int, step: int = 1) -> Any:
-    """The rays of `views` from one pose (4, 4), one view after the other."""
-    turned = list(_turned(camera, pose[None], count, seed, step))
-    return _rays(turned[0][0], np.concatenate([directions for _, directions in turned]))
-
-
-def _turned(
-    camera: Camera, poses: Floats, count: int, seed: int, step: int
-) -> Iterator[tuple[Floats, Floats]]:
-    """Origin (3,) and directions (n, 3) of each view."""
     axes = camera.directions().reshape(-1, 3)[::step]
     turns = np.random.default_rng(seed).uniform(-0.5, 0.5, (count, 3)) * pixel_angle(camera)
     frames = np.linspace(0, len(poses) - 1, count).round().astype(int)
     for pose, turn in zip(poses[frames], turns, strict=True):
-        yield pose[:3, 3], Rotation.from_rotvec(turn).apply(axes) @ pose[:3, :3].T
-
-
-def _rays(origin: Floats, directions: Floats) -> Any:
-    start = mi.Point3f(origin.tolist())
-    dr.make_opaque(start)  # or every view would be compiled anew
-    return mi.Ray3f(start, mi.Vector3f(np.ascontiguousarray(directions.T)))
+        directions = Rotation.from_rotvec(turn).apply(axes) @ pose[:3, :3].T
+        start = mi.Point3f(pose[:3, 3].tolist())
+        dr.make_opaque(start)  # or every view would be compiled anew
+        yield mi.Ray3f(start, mi.Vector3f(np.ascontiguousarray(directions.T)))
 
 
 def survey(

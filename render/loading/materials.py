@@ -30,13 +30,9 @@ def bsdf(material: Material) -> dict[str, Any]:
 
 def _blade(material: Material) -> dict[str, Any]:
     spectra = {
-        name: spectrum(each or flat(0.0))
-        for name, each in {
-            "reflectance_0": material.reflectance,
-            "transmittance_0": material.transmittance,
-            "reflectance_1": material.texture and material.texture.reflectance,
-            "transmittance_1": material.texture and material.texture.transmittance,
-        }.items()
+        f"{name}_{end}": spectrum(getattr(part, name, None) or flat(0.0))
+        for end, part in enumerate((material, material.texture))
+        for name in ("reflectance", "transmittance")
     }
     texture = material.texture
     weight = bitmap(texture.weight) if texture else {"type": "uniform", "value": 0.0}

@@ -68,7 +68,8 @@ def pixel_means(
     if chosen is not None:
         sampler = mi.load_dict({"type": "multijitter", "sample_count": samples})
         pixels, table = len(chosen), mi.UInt(chosen.astype(np.uint32))
-    at_once = _largest_divisor(samples, max(1, SAMPLES_AT_ONCE // pixels))
+    most = min(samples, max(1, SAMPLES_AT_ONCE // pixels))
+    at_once = max(each for each in range(1, most + 1) if samples % each == 0)
     sampler.set_samples_per_wavefront(at_once)
     sampler.seed(seed, pixels * at_once)
     total: list[Any] = []
@@ -88,7 +89,3 @@ def pixel_means(
         dr.eval(total)
     means = np.stack([np.array(values) for values in total], axis=-1)
     return means if table is not None else means.reshape(height, width, -1)
-
-
-def _largest_divisor(number: int, limit: int) -> int:
-    return max(each for each in range(1, min(number, limit) + 1) if number % each == 0)

@@ -85,11 +85,11 @@ class TruthTracer:
         surface = self._see(view)
         object_id = self._geometry.object_id[surface.triangle].reshape(shape)
         position = np.where(surface.is_sky[:, None], np.nan, surface.points + self._origin)
+        way = surface.points - view.pixels(self._camera).origin
+        distance = np.where(surface.is_sky, np.inf, np.linalg.norm(way, axis=-1))
         forward, backward = self._flow(surface, following), self._flow(surface, previous)
         return Truth(
-            depth=self._camera.depth(self._distance(surface, view).reshape(shape)).astype(
-                np.float32
-            ),
+            depth=self._camera.depth(distance.reshape(shape)).astype(np.float32),
             position=position.reshape(*shape, 3),
             normal=self._geometry.normal(surface).reshape(*shape, 3).astype(np.float32),
             object_id=object_id,
@@ -110,10 +110,6 @@ class TruthTracer:
     def _see(self, view: View) -> Surface:
         eyes = view.pixels(self._camera)
         return self._geometry.seen(eyes.origin, eyes.to_world(self._axes), eyes.time_s)
-
-    def _distance(self, surface: Surface, view: View) -> Floats:
-        way = surface.points - view.pixels(self._camera).origin
-        return np.where(surface.is_sky, np.inf, np.linalg.norm(way, axis=-1))
 
     def _flow(self, surface: Surface, other: View | None) -> Flow:
         shape = self._camera.height, self._camera.width

@@ -99,7 +99,6 @@ class EquirectangularCamera(PanoramicCamera, frozen=True):
     """Panorama whose rows are equidistant in elevation, 2:1 for the whole sphere."""
 
     kind: Literal["equirectangular"] = "equirectangular"
-    """Which camera this is."""
     is_cylinder = False
 
     lower_deg: Annotated[float, Field(ge=-90, le=90)] = -90.0
@@ -116,7 +115,6 @@ class CylindricalCamera(PanoramicCamera, frozen=True):
     """
 
     kind: Literal["cylindrical"] = "cylindrical"
-    """Which camera this is."""
     is_cylinder = True
 
     height: Pixels = 230

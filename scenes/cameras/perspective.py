@@ -14,7 +14,6 @@ class PerspectiveCamera(Camera, frozen=True):
     """Pinhole camera with square pixels and the principal point at the image center."""
 
     kind: Literal["perspective"] = "perspective"
-    """Which camera this is."""
 
     width: Pixels = 120
     """Columns (px)."""

@@ -115,7 +115,6 @@ class Forest(SceneDescription, frozen=True):
     """A mixed stand of trees with undergrowth on gently rolling ground."""
 
     kind: Literal["forest"] = "forest"
-    """Which scene this is."""
     preset: Literal["open", "dense", "understorey", "clearing", "rainforest", "trail"] | None = None
     """Named forest, open, dense, understorey, clearing, rainforest or trail: sets every field that
     is not given."""

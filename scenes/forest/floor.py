@@ -170,7 +170,6 @@ FIELDS = {
     "path_width_m",
 }
 """Of the forest, that its floor depends on."""
-_COVER = "cover "
 
 
 def kept_floor(
@@ -181,11 +180,7 @@ def kept_floor(
     fields = forest.model_dump_json(include=FIELDS)
     store = store_of("floor", fields, str(edge_m), digest(*(each.tobytes() for each in places)))
     if kept := store.read():
-        covers = {
-            name.removeprefix(_COVER): chosen
-            for name, chosen in kept.items()
-            if name.startswith(_COVER)
-        }
+        covers = dict(zip(kept["names"].tolist(), kept["covers"], strict=True))
         mesh = Triangulation(kept["points"], kept["faces"].astype(np.int64))
         return Floor(mesh, kept["heights"], kept["uv"], covers, kept["leaves"])
     floor = make_floor(forest, land, trail, trees, edge_m)
@@ -196,7 +191,8 @@ def kept_floor(
             "heights": floor.heights,
             "uv": floor.uv,
             "leaves": floor.leaves,
-            **{f"{_COVER}{name}": chosen for name, chosen in floor.covers.items()},
+            "names": np.array([*floor.covers]),
+            "covers": np.array([*floor.covers.values()]),
         }
     )
     return floor

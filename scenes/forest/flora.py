@@ -8,17 +8,9 @@ from typing import Any
 import numpy as np
 
 from megalopta.assets_gen import Surface
+from megalopta.assets_gen.plants import undergrowth
 from megalopta.assets_gen.plants.detail import merged_leaves
 from megalopta.assets_gen.plants.species import Species
-from megalopta.assets_gen.plants.undergrowth import (
-    grow_bilberry,
-    grow_fern,
-    grow_flowers,
-    grow_grass,
-    grow_herbs,
-    grow_log,
-    strew_litter,
-)
 from megalopta.assets_gen.rocks import grow_rock
 from megalopta.core import strict_yaml
 from megalopta.scenes.forest.plants import (
@@ -73,16 +65,16 @@ def _leaves(grow: Callable[[np.random.Generator], Surface]) -> Draw:
 
 
 def _grass(lod: LodLevel, rng: np.random.Generator) -> Organs:
-    return {"leaf": grow_grass(rng, lod.merged_small)}
+    return {"leaf": undergrowth.grow_grass(rng, lod.merged_small)}
 
 
 def _flower(lod: LodLevel, rng: np.random.Generator) -> Organs:
-    leaves, petals = grow_flowers(rng)
+    leaves, petals = undergrowth.grow_flowers(rng)
     return _merged({"leaf": leaves, "petal": petals}, lod, rng)
 
 
 def _log(lod: LodLevel, rng: np.random.Generator) -> Organs:
-    bark, ends = grow_log(rng, lod.sides // 2)
+    bark, ends = undergrowth.grow_log(rng, lod.sides // 2)
     return {"bark": bark, "wood": ends}
 
 
@@ -109,12 +101,14 @@ _LOG = {"bark": _MOSSY_BARK, "wood": _coat("fresh wood", "fresh wood * 0.5", "sm
 _STONE = _coat("stone dark", "stone light", "stone")
 
 SMALL: Mapping[str, Small] = by_name(
-    Small("fern", {"leaf": _FERN}, Layer(0.55, 30, 0.9), _leaves(grow_fern)),
-    Small("bilberry", {"leaf": _BILBERRY}, Layer(0.3, 22, 0.6), _leaves(grow_bilberry)),
+    Small("fern", {"leaf": _FERN}, Layer(0.55, 30, 0.9), _leaves(undergrowth.grow_fern)),
+    Small("bilberry", {"leaf": _BILBERRY}, Layer(0.3, 22, 0.6), _leaves(undergrowth.grow_bilberry)),
     Small("grass", {"leaf": _GRASS}, Layer(4.0, 30, 0.35), _grass),
-    Small("herb", {"leaf": _HERB}, Layer(1.4, 18, 0.3), _leaves(grow_herbs)),
+    Small("herb", {"leaf": _HERB}, Layer(1.4, 18, 0.3), _leaves(undergrowth.grow_herbs)),
     Small("flower", {"leaf": _HERB, "petal": _PETAL}, Layer(0.15, 18, 0.3), _flower),
-    Small(LITTER, {"leaf": _LITTER}, Layer(1.0, 9, 0.0), _leaves(strew_litter), lies=True),
+    Small(
+        LITTER, {"leaf": _LITTER}, Layer(1.0, 9, 0.0), _leaves(undergrowth.strew_litter), lies=True
+    ),
     Small("log", _LOG, Layer(0.008, 40, 2.2, (0.7, 1.1)), _log, lies=True),
     Small("rock", {"": _STONE}, Layer(0.012, 40, 1.6, (0.25, 1.6)), _rock, lies=True),
 )

@@ -75,9 +75,8 @@ class Coat:
     @classmethod
     def of_leaves(cls, dark: Leaf, light: Leaf, texture: str) -> "Coat":
         """Leaves, which let light through."""
-        both = zip(dark, light, strict=True)
-        (reflectances, transmittances) = both
-        return cls(reflectances, texture, transmittances)
+        through = dark.transmittance, light.transmittance
+        return cls((dark.reflectance, light.reflectance), texture, through)
 
 
 @dataclass(frozen=True)

@@ -103,7 +103,10 @@ def swaying(
     kinds = frozenset(kinds)
     angle = np.radians(wind.direction_deg)
     along = float(np.cos(angle)), float(np.sin(angle))
-    tops = {name: _top_of(asset) for name, asset in assets.items()}
+    tops = {
+        name: max(float(mesh.bounds[1][2]) for mesh in asset.parts.values())
+        for name, asset in assets.items()
+    }
     for index, placement in enumerate(placements):
         if placement.kind not in kinds:
             yield placement
@@ -122,7 +125,3 @@ def swaying(
             phases_rad=(first, second),
         )
         yield replace(placement, motion=sway)
-
-
-def _top_of(asset: Asset) -> float:
-    return max(float(mesh.bounds[1][2]) for mesh in asset.parts.values())

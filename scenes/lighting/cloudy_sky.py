@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.assets_gen import Surface, generator, grid_corners
+from megalopta.assets_gen import Surface, generator, grid_faces
 from megalopta.assets_gen.tileable_noise import plane_waves
 from megalopta.scenes.material import Emission, Material
 from megalopta.scenes.scene import Asset, Lighting, Placement, Scene, Sun
@@ -88,8 +88,7 @@ def _dome() -> "trimesh.Trimesh":
     vertices = DOME_M * np.stack(
         [level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)], axis=-1
     )
-    a, b, c, d = grid_corners(rows + 1, columns + 1)
-    faces = np.concatenate([np.column_stack([a, d, b]), np.column_stack([b, d, c])])
+    faces = grid_faces(rows + 1, columns + 1, inward=True)
     uv = np.stack([u.ravel(), v.ravel()], axis=-1)
     return Surface(vertices.reshape(-1, 3), faces, uv).to_mesh()
 

@@ -15,18 +15,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Literal, get_args
 
-from megalopta.scenes.spectra.outdoors import (
-    AIRGLOW,
-    CLEAR_SKY,
-    FAINT_STARLIGHT,
-    FULL_MOON,
-    OVERCAST,
-    QUARTER_MOON,
-    STARLIGHT,
-    SUN,
-    TWILIGHT,
-    moonlit,
-)
+from megalopta.scenes.spectra import outdoors
 from megalopta.scenes.spectra.spectrum import Spectrum, luminous, total
 
 ComponentName = Literal[
@@ -75,20 +64,19 @@ class Component:
         return replace(self, irradiance=found.scaled(illuminance_lux / luminous(found)))
 
 
-AIRGLOW_SKY = Component("airglow", AIRGLOW.scaled(math.pi))
-FAINT_STARS = Component("starlight", FAINT_STARLIGHT.scaled(math.pi))
+AIRGLOW_SKY = Component("airglow", outdoors.AIRGLOW.scaled(math.pi))
+FAINT_STARS = Component("starlight", outdoors.FAINT_STARLIGHT.scaled(math.pi))
 """Of the darkest part of the sky."""
-STARS = Component("starlight", STARLIGHT.scaled(math.pi))
+STARS = Component("starlight", outdoors.STARLIGHT.scaled(math.pi))
 """Mean of the whole sky."""
-TWILIT_SKY = Component("twilight", TWILIGHT.scaled(math.pi))
-DAY = Component("sun", SUN), Component("daylit sky", CLEAR_SKY)
-FULL = (
-    Component("moon", moonlit(SUN, FULL_MOON)),
-    Component("moonlit sky", moonlit(CLEAR_SKY, FULL_MOON)),
-)
-QUARTER = (
-    Component("moon", moonlit(SUN, QUARTER_MOON)),
-    Component("moonlit sky", moonlit(CLEAR_SKY, QUARTER_MOON)),
+TWILIT_SKY = Component("twilight", outdoors.TWILIGHT.scaled(math.pi))
+DAY = Component("sun", outdoors.SUN), Component("daylit sky", outdoors.CLEAR_SKY)
+FULL, QUARTER = (
+    (
+        Component("moon", outdoors.moonlit(outdoors.SUN, disc)),
+        Component("moonlit sky", outdoors.moonlit(outdoors.CLEAR_SKY, disc)),
+    )
+    for disc in (outdoors.FULL_MOON, outdoors.QUARTER_MOON)
 )
 """Disc and sky of these are in any unit, and not as bright as each other."""
 
@@ -96,8 +84,8 @@ QUARTER = (
 def overcast(components: tuple[Component, ...]) -> Component:
     """What a closed layer of cloud makes of lights, as bright as they are together."""
     light = total([each.irradiance for each in components])
-    wavelengths = sorted({*light.wavelengths_nm, *OVERCAST.wavelengths_nm})
-    color = Spectrum.of(wavelengths, light(wavelengths) * OVERCAST(wavelengths))
+    wavelengths = sorted({*light.wavelengths_nm, *outdoors.OVERCAST.wavelengths_nm})
+    color = Spectrum.of(wavelengths, light(wavelengths) * outdoors.OVERCAST(wavelengths))
     return Component("clouds", color).giving(luminous(light))
 
 

@@ -57,7 +57,6 @@ class Grating(SceneDescription, frozen=True):
     """A pattern on a cylinder around the camera: the 2-D sine grating, bars, or random dots."""
 
     kind: Literal["grating"] = "grating"
-    """Which scene this is."""
 
     pattern: Pattern = "sine_2d"
     """sine_2d: the grating of the flow benchmark; sine and square: vertical bars; dots: random

@@ -33,7 +33,6 @@ class MotionBench(SceneDescription, frozen=True):
     """A plate with straight edges that the sensor moves past."""
 
     kind: Literal["motion_bench"] = "motion_bench"
-    """Which scene this is."""
 
     pixel_pitch_um: Annotated[float, Field(gt=0)] = 60.0
     """Distance between pixels, measured on the plate (µm)."""

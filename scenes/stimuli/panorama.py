@@ -25,7 +25,6 @@ class Panorama(SceneDescription, frozen=True):
     """An equirectangular picture, 2:1, as environment."""
 
     kind: Literal["panorama"] = "panorama"
-    """Which scene this is."""
 
     file: PictureFile
     """HDR, EXR (linear sRGB) or PNG (sRGB) file: the path, relative to the folder that the program

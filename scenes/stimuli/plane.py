@@ -38,7 +38,6 @@ class Plane(SceneDescription, frozen=True):
     """A flat board with a pattern in front of the camera."""
 
     kind: Literal["plane"] = "plane"
-    """Which scene this is."""
 
     pattern: Pattern = "sine"
     """sine and square: vertical bars; sine_2d: the sum of vertical and horizontal bars; dots:

@@ -10,7 +10,7 @@ from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from megalopta.core.arrays import Floats
 from megalopta.core.record import Record
@@ -85,18 +85,34 @@ def looking(views: Floats, up: ArrayLike) -> Floats:
     return np.stack([right, np.cross(forward, right), forward], axis=-1)
 
 
-def check_view(position_m: Vector, look_at_m: Vector, up: Vector) -> None:
-    """Refuse, with ValueError, a view that has no direction or stands upright."""
-    view = np.subtract(look_at_m, position_m)
-    if not np.any(view):
-        raise ValueError(
-            f"look_at_m {look_at_m} equals position_m: move one of them to define a view"
-        )
-    if is_upright(view, up):
-        raise ValueError(
-            f"up {up} is parallel to the view from position_m {position_m} to "
-            f"look_at_m {look_at_m}: tilt one of them"
-        )
+class Aimed(Path, frozen=True):
+    """A path that starts from a view of its own."""
+
+    kind: str
+
+    position_m: Vector = (0.0, 0.0, 1.5)
+    """Camera position at the first frame; of a camera that trembles, its mean (x, y, z in m; z is
+    up)."""
+
+    look_at_m: Vector = (10.0, 0.0, 1.5)
+    """Point seen at the image center of the first frame, or without jitter (x, y, z in m)."""
+
+    up: Vector = (0.0, 0.0, 1.0)
+    """Direction that is up in the image; also the axis of a steady rotation."""
+
+    @model_validator(mode="after")
+    def _view_is_defined(self) -> "Aimed":
+        view = np.subtract(self.look_at_m, self.position_m)
+        if not np.any(view):
+            raise ValueError(
+                f"look_at_m {self.look_at_m} equals position_m: move one of them to define a view"
+            )
+        if is_upright(view, self.up):
+            raise ValueError(
+                f"up {self.up} is parallel to the view from position_m {self.position_m} to "
+                f"look_at_m {self.look_at_m}: tilt one of them"
+            )
+        return self
 
 
 def is_upright(views: Floats, up: ArrayLike) -> bool:

@@ -3,17 +3,17 @@
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field
 from scipy.spatial.transform import Rotation
 
 from megalopta.assets_gen import generator
 from megalopta.core.arrays import Floats
-from megalopta.scenes.trajectories.base import Path, Vector, check_view, looking
+from megalopta.scenes.trajectories.base import Aimed, looking
 
 _WAVES = 48
 
 
-class Hover(Path, frozen=True):
+class Hover(Aimed, frozen=True):
     """A fixed pose with random jitter of limited bandwidth, as of a hovering animal or drone.
 
     Each of the six degrees of freedom is a sum of sines of random phase, their frequencies spread
@@ -21,16 +21,6 @@ class Hover(Path, frozen=True):
     """
 
     kind: Literal["hover"] = "hover"
-    """Which path this is."""
-
-    position_m: Vector = (0.0, 0.0, 1.5)
-    """Mean camera position (x, y, z in m; z is up)."""
-
-    look_at_m: Vector = (10.0, 0.0, 1.5)
-    """Point seen at the image center without jitter (x, y, z in m)."""
-
-    up: Vector = (0.0, 0.0, 1.0)
-    """Direction that is up in the image."""
 
     jitter_m: Annotated[float, Field(ge=0)] = 0.02
     """Root mean square of the position along each axis (m)."""
@@ -43,11 +33,6 @@ class Hover(Path, frozen=True):
 
     seed: Annotated[int, Field(ge=0)] = 0
     """Which jitter."""
-
-    @model_validator(mode="after")
-    def _view_is_defined(self) -> "Hover":
-        check_view(self.position_m, self.look_at_m, self.up)
-        return self
 
     def course(self, times_s: Floats) -> tuple[Floats, Floats]:
         """Positions (n, 3), m, and rotations (n, 3, 3), camera axes to world."""

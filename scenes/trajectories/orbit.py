@@ -13,7 +13,6 @@ class Orbit(Path, frozen=True):
     """A level circle around a point, which stays at the image center."""
 
     kind: Literal["orbit"] = "orbit"
-    """Which path this is."""
 
     center_m: Vector = (0.0, 0.0, 1.5)
     """Point that is looked at (x, y, z in m; z is up)."""

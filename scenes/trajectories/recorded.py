@@ -44,7 +44,6 @@ class Recorded(Path, frozen=True):
     """Six degrees of freedom from a file; what the file holds becomes part of the configuration."""
 
     kind: Literal["recorded"] = "recorded"
-    """Which path this is."""
 
     csv: Annotated[str, BeforeValidator(content_of)]
     """Path of a CSV file with the columns t (s), x, y, z (m) and qx, qy, qz, qw (unit quaternion

@@ -20,7 +20,6 @@ class Spline(Path, frozen=True):
     """
 
     kind: Literal["spline"] = "spline"
-    """Which path this is."""
 
     points_m: Annotated[tuple[Vector, ...], Field(min_length=2)] = ((0, 0, 1.5), (3, 0, 1.5))
     """Points to pass through (x, y, z in m; z is up)."""

@@ -4,38 +4,22 @@ import math
 from typing import Literal
 
 import numpy as np
-from pydantic import model_validator
 from scipy.spatial.transform import Rotation
 
 from megalopta.core.arrays import Floats
-from megalopta.scenes.trajectories.base import Path, Vector, check_view, looking
+from megalopta.scenes.trajectories.base import Aimed, Vector, looking
 
 
-class Trajectory(Path, frozen=True):
+class Trajectory(Aimed, frozen=True):
     """Steady rotation about `up` together with steady translation; either rate may be zero."""
 
     kind: Literal["steady"] = "steady"
-    """Which path this is."""
-
-    position_m: Vector = (0.0, 0.0, 1.5)
-    """Camera position at the first frame (x, y, z in m; z is up)."""
-
-    look_at_m: Vector = (10.0, 0.0, 1.5)
-    """Point seen at the image center of the first frame (x, y, z in m)."""
-
-    up: Vector = (0.0, 0.0, 1.0)
-    """Direction that is up in the image; also the axis of rotation."""
 
     rotation_deg_s: float = 0.0
     """Turning rate about `up` (degrees/s); positive turns left, so that the image moves right."""
 
     velocity_m_s: Vector = (0.0, 0.0, 0.0)
     """Velocity (x, y, z in m/s)."""
-
-    @model_validator(mode="after")
-    def _view_is_defined(self) -> "Trajectory":
-        check_view(self.position_m, self.look_at_m, self.up)
-        return self
 
     def course(self, times_s: Floats) -> tuple[Floats, Floats]:
         """Positions (n, 3), m, and rotations (n, 3, 3), camera axes to world."""

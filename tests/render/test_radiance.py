@@ -8,7 +8,7 @@ import trimesh
 
 from megalopta.render import RenderSettings, SceneRenderer, choose_variant, frame_seed
 from megalopta.render.sensors.film import pass_seed
-from megalopta.render.settings import bake_seed, instant_seed
+from megalopta.render.settings import bake_seed
 from megalopta.scenes import Light, PerspectiveCamera, Scene, Trajectory
 from megalopta.scenes.material import Material
 from megalopta.scenes.scene import Lighting, Sun
@@ -113,7 +113,7 @@ def test_bands_are_refused_before_rendering(bands, reason):
 
 
 def test_no_two_random_seeds_of_sequences_are_equal():
-    instants = [instant_seed(7, *each) for each in np.ndindex(60, 32, 3)]
+    instants = [frame_seed(7, *each) for each in np.ndindex(60, 3, 32)]
     of_frames = [frame_seed(seed, frame) for seed in range(20) for frame in range(120)]
     of_passes = [frame_seed(7, *each) for each in np.ndindex(120, 3)]
     of_bakes = [bake_seed(seed) for seed in range(20)]

@@ -119,55 +119,29 @@ def test_info_names_the_library_in_use_and_its_version(monkeypatch, unbound):
     assert "libLLVM       21.1.8, /somewhere/libLLVM.so" in versions.describe().splitlines()
 
 
-@pytest.fixture
-def installed(monkeypatch, unbound, tmp_path):
-    """Libraries of LLVM by path, with their versions, in the package and in the system."""
-    monkeypatch.delenv("DRJIT_LIBLLVM_PATH", raising=False)
-
-    class File:
-        def __init__(self, name):
-            self.name = name
-
-        def locate(self):
-            return tmp_path / self.name
-
-    def install(packaged, system):
-        def files(_):
-            if not packaged:
-                raise PackageNotFoundError
-            return [
-                File("libLLVM.so"),
-                File("libLTO.so.19.1"),
-                *map(File, packaged),
-                File("RECORD"),
-            ]
-
-        found = {tmp_path / name: number for name, number in packaged.items()}
-        found |= {Path("/usr/lib") / name: number for name, number in system.items()}
-        monkeypatch.setattr(variant, "files", files)
-        monkeypatch.setattr(
-            variant, "system_libraries", lambda: map(Path("/usr/lib").joinpath, system)
-        )
-        monkeypatch.setattr(variant, "llvm_version", lambda path: (n := found[path]) and (n, 1, 0))
-
-    return install
-
-
 @pytest.mark.parametrize(
-    ("packaged", "system", "chosen"),
-    [
-        ({"libLLVM.so.19.1": 19}, {"libLLVM.so.22.1": 22}, "libLLVM.so.19.1"),
-        ({"libLLVM.so.19.1": None}, {"libLLVM.so.22.1": 22}, "libLLVM.so.22.1"),  # its libc++ lacks
-        ({"libLLVM.so.99.1": 99}, {"libLLVM.so.22.1": 22}, "libLLVM.so.22.1"),
-        ({}, {"libLLVM.so.22.1": 22}, "libLLVM.so.22.1"),
-        ({}, {}, ""),
-    ],
+    ("versions", "chosen"),
+    [((19, 22), "0"), ((None, 22), "1"), ((99, 22), "1"), ((22,), "0"), ((), "")],
 )
-def test_the_installed_package_comes_before_the_system_where_it_works(
-    installed, packaged, system, chosen
-):
-    installed(packaged, system)
-    assert Path(find_llvm()[0]).name == chosen
+def test_the_first_library_that_works_is_taken(monkeypatch, unbound, versions, chosen):
+    monkeypatch.delenv("DRJIT_LIBLLVM_PATH", raising=False)
+    monkeypatch.setattr(
+        variant, "llvm_libraries", lambda: map(Path, map(str, range(len(versions))))
+    )
+    monkeypatch.setattr(
+        variant, "llvm_version", lambda path: (n := versions[int(path.name)]) and (n, 1, 0)
+    )
+    assert find_llvm()[0] == chosen
+
+
+def test_libraries_of_the_system_are_found_without_the_package(monkeypatch):
+    def files(_):
+        raise PackageNotFoundError
+
+    monkeypatch.setattr(variant, "files", files)
+    names = {Path("/usr/lib") / f"libLLVM.so.{number}" for number in ("19.1", "22.1", "20.1")}
+    monkeypatch.setattr(variant, "system_libraries", lambda: names)
+    assert [path.name[-4:] for path in variant.llvm_libraries()] == ["22.1", "20.1", "19.1"]
 
 
 @pytest.mark.skipif(
