@@ -21,8 +21,7 @@ from megalopta.core import strict_yaml
 from megalopta.core.files import write_text
 from megalopta.core.format_numbers import written
 from megalopta.sensor import AnalogCounter, Sensor
-from megalopta.sensor.formats.counts_store import Origin
-from megalopta.sensor.formats.growing_counts import ExtraArray, GrowingCounts
+from megalopta.sensor.formats.counts_store import ExtraArray, GrowingCounts, Origin
 from megalopta.sensor.formats.protocol import (
     COLUMNS,
     NOT_READ,

@@ -5,21 +5,29 @@ Arrays `counts`, `saturated` and, where the expectation was asked for, `photons`
 of whole frames, with its unit as an attribute: counts, or electrons of a sensor that integrates.
 The attributes of the group hold what made them: sensor, exposure, seed, sequence, illuminance. A
 store is written under a temporary name and renamed, so it is there whole or not at all.
+
+Of a camera that runs the number of frames is not known beforehand. Such a store opens at any
+moment, also after its writer was killed, with the frames of the last `publish`: an array's own
+metadata may be ahead of the others', but readers take all shapes from the metadata of the group,
+which is one file and replaced at once (Zarr's consolidated metadata).
 """
 
+import json
 import operator
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import zarr
-from numpy.typing import NDArray
+from numpy.typing import DTypeLike, NDArray
+from zarr.codecs import BloscCodec
 
-from megalopta.core.files import atomic_write
+from megalopta.core.files import atomic_write, write_text
 from megalopta.core.format_numbers import written
+from megalopta.sensor.formats.recorded_frames import check_new
 from megalopta.sensor.image_sensors import ImageSensor
 from megalopta.sensor.quantities import Exposure
 
@@ -41,8 +49,12 @@ _MEANINGS = {
     "reading_variance": "{unit}² per exposure",
 }
 CHUNK_BYTES = 4 * 2**20
-# As many as the stages write at once: of a larger chunk the rest would be read and written again.
 _CHUNK_FRAMES = 16
+"""As many as the stages write at once: of a larger chunk the rest would be read and written
+again."""
+_GROWING_FRAMES = 4096
+_CODEC = BloscCodec(cname="lz4", shuffle="bitshuffle")
+"""Of a camera's readings, smaller than by Zarr's own choice, at half the computing time."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -105,13 +117,9 @@ def counts_writer(
         When something of this name exists.
     """
     path = Path(path)
-    if path.exists():
-        raise FileExistsError(f"{path}: exists already; remove it or choose another name")
+    check_new(path)
     with atomic_write(path) as temporary:
-        group = zarr.open_group(
-            temporary, mode="w", zarr_format=3, attributes=store_attributes(origin)
-        )
-
+        group = _new_group(temporary, origin)
         arrays: dict[str, zarr.Array[Any]] = {}
         written = 0
 
@@ -120,8 +128,10 @@ def counts_writer(
             first, written = written, written + len(exposure.counts)
             for name, values in _arrays(exposure):
                 if name not in arrays:
-                    unit = unit_of(name, origin.sensor)
-                    arrays[name] = _created(group, name, frames, values, unit)
+                    most = min(frames, _CHUNK_FRAMES, CHUNK_BYTES // max(1, values[:1].nbytes))
+                    shape, unit = (frames, *values.shape[1:]), _unit(name, origin.sensor)
+                    new = _created(group, name, shape, max(1, most), unit, dtype=values.dtype)
+                    arrays[name] = new
                 arrays[name][first : first + len(values)] = values
 
         yield write
@@ -134,16 +144,16 @@ def _arrays(exposure: Exposure) -> Iterator[tuple[str, NDArray[Any]]]:
         yield name, getattr(exposure.expectation, name).astype(np.float32)
 
 
-def unit_of(name: str, sensor: ImageSensor) -> str:
+def _unit(name: str, sensor: ImageSensor) -> str:
     """What the numbers of an array are."""
     event = "electrons" if sensor.unit == "electrons" else "events"
     return _MEANINGS[name].format(unit=sensor.unit, event=event)
 
 
-def store_attributes(origin: Origin) -> dict[str, Any]:
-    """What a store of counts says of itself."""
+def _new_group(path: Path, origin: Origin) -> zarr.Group:
+    """Return a new group that says what made its counts."""
     sequence = origin.sequence
-    return {
+    said = {
         "format": FORMAT,
         **format_attribute(),
         "sensor": origin.sensor.model_dump(mode="json"),
@@ -153,6 +163,7 @@ def store_attributes(origin: Origin) -> dict[str, Any]:
         "illuminance_lux": origin.illuminance_lux,
         "extra": dict(origin.extra),
     }
+    return zarr.open_group(path, mode="w", zarr_format=3, attributes=said)
 
 
 def format_attribute() -> dict[str, Any]:
@@ -161,15 +172,101 @@ def format_attribute() -> dict[str, Any]:
 
 
 def _created(
-    group: zarr.Group, name: str, frames: int, like: NDArray[Any], unit: str
+    group: zarr.Group, name: str, shape: tuple[int, ...], per_chunk: int, unit: str, **how: Any
 ) -> "zarr.Array[Any]":
-    per_chunk = max(1, min(frames, _CHUNK_FRAMES, CHUNK_BYTES // max(1, like[:1].nbytes)))
     return group.create_array(
         name,
-        shape=(frames, *like.shape[1:]),
-        dtype=like.dtype,
-        chunks=(per_chunk, *like.shape[1:]),
-        dimension_names=("frame", "row", "column"),
+        shape=shape,
+        chunks=(per_chunk, *shape[1:]),
+        dimension_names=("frame", "row", "column")[: len(shape)],
         attributes={"unit": unit},
         config={"write_empty_chunks": True},  # so that a lost one is not read as darkness
+        **how,
     )
+
+
+class ExtraArray(NamedTuple):
+    """An array beside the counts: its type, what its numbers are, and whether of every pixel."""
+
+    dtype: DTypeLike
+    unit: str
+    of_pixels: bool = False
+
+
+class GrowingCounts:
+    """A new store of counts, frames appended as they come.
+
+    Parameters
+    ----------
+    path : Path
+        Must not exist.
+    origin : Origin
+    shape : (int, int)
+        Rows, columns.
+    extras : dict
+        Further arrays by name, such as times.
+    """
+
+    def __init__(
+        self, path: Path, origin: Origin, shape: tuple[int, int], extras: Mapping[str, ExtraArray]
+    ) -> None:
+        check_new(path)
+        self.path = path
+        self.frames = 0
+        """So many are published or wait for it."""
+        group = _new_group(path, origin)
+        readings = {
+            name: ExtraArray(kind, _unit(name, origin.sensor), of_pixels=True)
+            for name, kind in zip(READINGS, (np.uint16, np.bool_), strict=True)
+        }
+        self._arrays = {}
+        for name, (dtype, unit, of_pixels) in {**readings, **extras}.items():
+            none = (0, *(shape if of_pixels else ()))
+            how = {"dtype": np.dtype(dtype), "compressors": _CODEC}
+            self._arrays[name] = _created(group, name, none, _GROWING_FRAMES, unit, **how)
+        self._chunk = {
+            name: np.empty((_GROWING_FRAMES, *array.shape[1:]), array.dtype)
+            for name, array in self._arrays.items()
+        }
+        self._published = 0
+        self.publish()
+
+    def append(self, values: Mapping[str, NDArray[Any]]) -> None:
+        """Append frames: one array (n, …) for every array of the store."""
+        taken, frames = 0, len(values["counts"])
+        while taken < frames:
+            place = self.frames % _GROWING_FRAMES
+            some = min(_GROWING_FRAMES - place, frames - taken)
+            for name, chunk in self._chunk.items():
+                chunk[place : place + some] = values[name][taken : taken + some]
+            taken += some
+            self.frames += some
+            if self.frames % _GROWING_FRAMES == 0:
+                self.publish()
+
+    def publish(self) -> None:
+        """Make all frames so far readable."""
+        first = self._published // _GROWING_FRAMES * _GROWING_FRAMES
+        for name, array in self._arrays.items():
+            array.resize((self.frames, *array.shape[1:]))
+            if self.frames > first:
+                array[first:] = self._chunk[name][: self.frames - first]
+        self._published = self.frames
+        whole = json.loads((self.path / "zarr.json").read_text("utf-8"))
+        whole["consolidated_metadata"] = {
+            "kind": "inline",
+            "must_understand": False,
+            "metadata": {
+                name: json.loads((self.path / name / "zarr.json").read_text("utf-8"))
+                for name in self._arrays
+            },
+        }
+        write_text(self.path / "zarr.json", json.dumps(whole))
+
+    def read(self, name: str, first: int, end: int) -> NDArray[Any]:
+        """Published values of one array."""
+        return np.asarray(self._arrays[name][first:end])
+
+    def rewrite(self, name: str, first: int, values: NDArray[Any]) -> None:
+        """Replace published values of one array, from a frame on."""
+        self._arrays[name][first : first + len(values)] = values

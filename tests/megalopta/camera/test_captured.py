@@ -11,7 +11,7 @@ from megalopta.config.model import load
 from megalopta.core.errors import UserError
 from megalopta.sensor import expose_rate, load_sensor
 from megalopta.sensor.compare.quantities import CountedFrames
-from megalopta.sensor.formats.tiff import write_tiff
+from megalopta.sensor.formats.tiff import tiff_writer
 from megalopta.stages.pipeline import run_stage
 
 pytestmark = pytest.mark.slow
@@ -52,7 +52,8 @@ def test_a_rendered_scene_is_compared_frame_by_frame(forest, tmp_path, brighter,
     path = device(tmp_path, exposure_s=1 / rate_hz)
     sensor = load_sensor(path)
     counts, _ = seen(forest, sensor, 240, first=3.4, brighter=brighter)
-    write_tiff(tmp_path / "seen.tif", counts.astype(np.uint16), exposure_s=1 / rate_hz)
+    with tiff_writer(tmp_path / "seen.tif", counts.nbytes, 1 / rate_hz) as write:
+        write(counts.astype(np.uint16))
     page = tmp_path / "page.html"
     source = Source(tmp_path / "seen.tif", LUX)
     sentence = compare_captured([source], path, page, CompareSettings(scene=str(forest)))
