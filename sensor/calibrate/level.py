@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.core.arrays import Floats, Ints
+from megalopta.core.arrays import Floats, Ints, Mask
 
 _DEVIATIONS_ABOVE_BOTTOM = 6.0
 _DEEPEST = 0.95
@@ -23,16 +23,27 @@ _DARKEST_Z = 6.0
 class Level:
     """Frames that were taken alike."""
 
-    codes: NDArray[Any]
-    """(n, rows, columns) of the ADC; lower where more was counted"""
+    readings: NDArray[Any]
+    """(n, rows, columns): codes of the ADC, lower where more was counted, or counts"""
     exposure_s: float
     light_hz: float = 0.0
     """Photons per second on a pixel, or, where all levels share it, in any unit; 0: in the dark"""
+    saturated: NDArray[np.bool_] | None = None
+    """(n, rows, columns) readings that are lower bounds"""
+    times_s: Floats | None = None
+    """(n,) when each exposure began; one after the other where it is not known"""
 
     @property
     def is_dark(self) -> bool:
         """True in the dark."""
         return self.light_hz == 0
+
+    @property
+    def usable(self) -> Mask:
+        """Pixels (rows, columns) that are never full."""
+        if self.saturated is None:
+            return np.ones(self.readings.shape[1:], np.bool_)
+        return np.asarray(~self.saturated.any(axis=0))
 
     def __str__(self) -> str:
         """Name it for people."""
@@ -90,11 +101,11 @@ class Falls(NamedTuple):
 
 def falls_of(levels: Sequence[Level], adc: Adc) -> Falls:
     """Gather how the outputs fell; levels where a pixel may have met its bottom do not count."""
-    pixels = levels[0].codes[0].size
+    pixels = levels[0].readings[0].size
     lowest = adc.top - _DEEPEST * (adc.top - adc.bottom)
     parts, maps = [], []
     for number, level in enumerate(levels):
-        codes = level.codes.reshape(len(level.codes), pixels)
+        codes = level.readings.reshape(len(level.readings), pixels)
         mean, variance = codes.mean(axis=0), codes.var(axis=0, ddof=1)
         usable = mean - _DEVIATIONS_ABOVE_BOTTOM * np.sqrt(variance) > lowest
         maps.append((np.where(usable, len(codes), 0), mean, variance))
@@ -119,15 +130,15 @@ def check_levels(levels: Sequence[Level], adc: Adc) -> None:
     Raises ValueError when levels are of different arrays, have too few frames, drift or are
     saturated, when no exposures of the dark differ, or light makes no difference.
     """
-    shapes = sorted({level.codes.shape[1:] for level in levels if level.codes.ndim == 3})
-    if len(shapes) != 1 or any(level.codes.ndim != 3 for level in levels):
+    shapes = sorted({level.readings.shape[1:] for level in levels if level.readings.ndim == 3})
+    if len(shapes) != 1 or any(level.readings.ndim != 3 for level in levels):
         raise ValueError(
             f"recordings of {', '.join(map(str, shapes)) or 'no'} pixels; give frames of one device"
         )
     for level in levels:
-        if len(level.codes) < _FEWEST_FRAMES:
+        if len(level.readings) < _FEWEST_FRAMES:
             raise ValueError(
-                f"{level}: {len(level.codes)} frames; capture {_FEWEST_FRAMES} or more"
+                f"{level}: {len(level.readings)} frames; capture {_FEWEST_FRAMES} or more"
             )
         _check_steadiness(level)
     dark = sorted({level.exposure_s for level in levels if level.is_dark})
@@ -136,18 +147,18 @@ def check_levels(levels: Sequence[Level], adc: Adc) -> None:
             f"dark frames of {len(dark)} exposures; capture {_FEWEST_DARK_EXPOSURES} or more, so "
             "that leak differs from dark counts"
         )
-    if all(np.median(level.codes) <= adc.bottom for level in levels):
+    if all(np.median(level.readings) <= adc.bottom for level in levels):
         raise ValueError("all levels are saturated; expose for less or lower the light")
     _check_light(levels, adc)
 
 
 def _check_steadiness(level: Level) -> None:
-    totals = level.codes.mean(axis=(1, 2), dtype=np.float64)
+    totals = level.readings.mean(axis=(1, 2), dtype=np.float64)
     half = len(totals) // 2
     first, second = totals[:half], totals[half:]
     change = float(second.mean() - first.mean())
     error = float(np.sqrt(first.var(ddof=1) / first.size + second.var(ddof=1) / second.size))
-    pixel = float(np.sqrt(level.codes.var(axis=0, dtype=np.float64).mean()))
+    pixel = float(np.sqrt(level.readings.var(axis=0, dtype=np.float64).mean()))
     if abs(change) > _DRIFT_Z * error and abs(change) > max(_SMALLEST_DRIFT * pixel, 0.05):
         raise ValueError(
             f"{level}: it drifts, the second half differs from the first by {change:.3g} codes, "
@@ -160,18 +171,18 @@ def _check_light(levels: Sequence[Level], adc: Adc) -> None:
     lit = [level for level in levels if not level.is_dark]
     if not lit:
         return
-    if all(np.median(level.codes) <= adc.bottom for level in lit):
+    if all(np.median(level.readings) <= adc.bottom for level in lit):
         raise ValueError("flat frames are saturated; expose for less or lower the light")
     rates = {
         is_dark: max(
-            (adc.top - float(level.codes.mean())) / level.exposure_s
+            (adc.top - float(level.readings.mean())) / level.exposure_s
             for level in levels
-            if level.is_dark == is_dark and np.median(level.codes) > adc.bottom
+            if level.is_dark == is_dark and np.median(level.readings) > adc.bottom
         )
         for is_dark in (True, False)
     }
-    brightest = min(lit, key=lambda level: float(level.codes.mean()))
-    frames = brightest.codes
+    brightest = min(lit, key=lambda level: float(level.readings.mean()))
+    frames = brightest.readings
     spread = float(frames.mean(axis=(1, 2)).std(ddof=1)) / np.sqrt(len(frames))
     excess = (rates[False] - rates[True]) * brightest.exposure_s
     if excess < _DARKEST_Z * spread:
