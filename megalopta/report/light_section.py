@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from itertools import cycle
 
 import numpy as np
 from markupsafe import Markup
@@ -18,11 +19,12 @@ from megalopta.plotting.sections import (
     paragraph,
     table,
 )
+from megalopta.plotting.style import BLACK, DASHES, MARKERS
+from megalopta.plotting.svg import CHART_PT, in_style, logarithmic, new_axes, to_svg
 from megalopta.plotting.text import level_name, level_title, number, percent, short
-from megalopta.report.charts import signal_chart
 from megalopta.report.images import film, gray_scale
-from megalopta.report.remarks import absent
-from megalopta.report.source import Budget, ExposureSummary, Report
+from megalopta.report.remarks import NUMBERS, absent, drawable, plain
+from megalopta.report.source import Budget, ExposureSummary, Report, by_sensor
 from megalopta.sensor import CtiaSensor, ImageSensor
 from megalopta.sensor.spad.digital import LARGEST_CAPACITY
 from megalopta.sensor.spad.model import active_effects
@@ -169,3 +171,23 @@ def _counts(exposure: ExposureSummary) -> Markup:
     name = level_name(level)
     alt = f"{sensor.unit.capitalize()} of {sensor.name} at {name}"
     return film([*map(scale.picture, counts, full)], name, alt, legend)
+
+
+@in_style
+def signal_chart(budgets: Sequence[Budget], sensors: Sequence[str]) -> Markup:
+    """Signal-to-noise ratio of a pixel over illuminance, a line per sensor."""
+    figure, axes = new_axes(*CHART_PT)
+    # Before anything is drawn: with nothing above zero to show, the axes keep their first limits.
+    logarithmic(axes, "x", NUMBERS)
+    logarithmic(axes, "y", NUMBERS)
+    ranked = by_sensor(sorted(budgets, key=lambda each: each.illuminance_lux))
+    for sensor, marker, dash in zip(sensors, cycle(MARKERS), cycle(DASHES), strict=False):
+        own = ranked[sensor]
+        lux = [each.illuminance_lux for each in own]
+        low, median, high = drawable(np.array([each.signal_to_noise for each in own])).T
+        axes.plot(lux, median, marker, linestyle=dash, color=BLACK, label=plain(sensor))
+        axes.fill_between(lux, low, high, color=BLACK, alpha=0.12, linewidth=0)
+    axes.axhline(1, color=BLACK, linewidth=1, linestyle=":", label="signal = noise")
+    axes.set(xlabel="illuminance (lux)", ylabel="signal-to-noise ratio of a pixel")
+    axes.legend(loc="upper left", frameon=False)
+    return to_svg(figure, "signal", "Signal-to-noise ratio of a pixel over illuminance")
