@@ -24,7 +24,7 @@ from megalopta.plotting.svg import CHART_PT, in_style, logarithmic, new_axes, to
 from megalopta.plotting.text import level_name, level_title, number, percent, short
 from megalopta.report.images import film, gray_scale
 from megalopta.report.remarks import NUMBERS, absent, drawable, plain
-from megalopta.report.source import Budget, ExposureSummary, Report, by_sensor
+from megalopta.report.source import Budget, Report, by_sensor
 from megalopta.sensor import CtiaSensor, ImageSensor
 from megalopta.sensor.spad.digital import LARGEST_CAPACITY
 from megalopta.sensor.spad.model import active_effects
@@ -67,8 +67,7 @@ def light_section(report: Report) -> Section:
     if not shown:
         missing = absent(report, "sense", "No sensor has been exposed yet.")
         return replace(section, body=missing)
-    budgets = [each.budget for each in shown]
-    chart = signal_chart(budgets, [sensor.name for sensor in sensors])
+    chart = signal_chart(shown, [sensor.name for sensor in sensors])
     body = Markup("\n").join(
         [
             *(_card(sensor, shown) for sensor in sensors),
@@ -94,17 +93,16 @@ def _shutter(settings: Configuration) -> str:
     )
 
 
-def _card(sensor: ImageSensor, exposures: Sequence[ExposureSummary]) -> Markup:
-    shown = [each for each in exposures if each.budget.sensor.name == sensor.name]
+def _card(sensor: ImageSensor, exposures: Sequence[Budget]) -> Markup:
+    shown = by_sensor(exposures)[sensor.name]
     films = [film(None, "radiance", "The scene's light, tone-mapped"), *map(_counts, shown)]
-    budgets = [each.budget for each in shown]
     told = " · ".join(f"{name} {value}" for name, value in properties(sensor))
     return card(
         sensor.name,
         paragraph(f"{told}.", "note"),
         _effects(sensor),
         block("strip", *films),
-        table(f"Photon budget of {sensor.name}", *budget_table(sensor, budgets)),
+        table(f"Photon budget of {sensor.name}", *budget_table(sensor, shown)),
     )
 
 
@@ -162,8 +160,8 @@ def budget_table(
     return list(columns), list(zip(*columns.values(), strict=True))
 
 
-def _counts(exposure: ExposureSummary) -> Markup:
-    level, sensor = exposure.budget.level, exposure.budget.sensor
+def _counts(exposure: Budget) -> Markup:
+    level, sensor = exposure.level, exposure.sensor
     counts, full = exposure.counts.astype(np.float64), exposure.saturated
     white = max(math.ceil(np.percentile(counts, _WHITE_PERCENTILE)), 1)
     scale = gray_scale(white)

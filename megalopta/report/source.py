@@ -12,7 +12,7 @@ stored.
 
 import math
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, TypeVar
@@ -141,7 +141,7 @@ _SPREAD_PERCENT = (5, 50, 95)
 _BRIGHTER = 0.01
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Budget:
     """One sensor at one light level; means over pixels and frames unless said otherwise."""
 
@@ -164,6 +164,9 @@ class Budget:
     """Detected photons summed over the frame"""
     rendering_noise: float = math.nan
     """Of a pixel, over its shot noise (standard deviations); NaN where it was not measured"""
+    counts: NDArray[Any] = field(default_factory=lambda: np.zeros((0, 1, 1)))
+    saturated: NDArray[Any] = field(default_factory=lambda: np.zeros((0, 1, 1), np.bool_))
+    """(n, h, w): readings that are shown, and where they are of full pixels"""
 
 
 def by_sensor(budgets: Iterable[Budget]) -> dict[str, list[Budget]]:
@@ -174,16 +177,7 @@ def by_sensor(budgets: Iterable[Budget]) -> dict[str, list[Budget]]:
     return found
 
 
-@dataclass(frozen=True, eq=False)
-class ExposureSummary:
-    """A budget and the counts (n, h, w) that are shown of it."""
-
-    budget: Budget
-    counts: NDArray[np.generic]
-    saturated: NDArray[np.bool_]
-
-
-def exposed(report: "Report", sensor: ImageSensor, level: LightLevel) -> ExposureSummary:
+def exposed(report: "Report", sensor: ImageSensor, level: LightLevel) -> Budget:
     """Return budget and pictures of a sensor at a level."""
     opened, settings = open_exposure(report.dataset, sensor, level), report.settings
     scale, noise = light_scale(settings, level), report.scene.get("monte_carlo") or {}
@@ -200,7 +194,7 @@ def exposed(report: "Report", sensor: ImageSensor, level: LightLevel) -> Exposur
     counts, saturated = (
         report.selection.pixels(opened[name][frames]) for name in ("counts", "saturated")
     )
-    return ExposureSummary(budget, counts, saturated)
+    return replace(budget, counts=counts, saturated=saturated)
 
 
 def _budget(
@@ -297,7 +291,7 @@ class Report:
         return [read_truth_frame(self.dataset, index) for index in self.selection.frames]
 
     @cached_property
-    def exposures(self) -> list[ExposureSummary]:
+    def exposures(self) -> list[Budget]:
         """Budget and pictures of every sensor at every level; none where nothing was exposed."""
         found = self.dataset.configuration.exposures if "sense" in self.finished else ()
         return [exposed(self, *each) for each in found]

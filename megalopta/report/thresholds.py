@@ -103,9 +103,8 @@ def _needs(report: Report, benchmark: BenchmarkResult) -> Iterator[Markup]:
     """Yield the photons that detectors need, beside those that sensors detect."""
     if 2 not in benchmark.settings.bits:
         return
-    budgets = [each.budget for each in report.exposures]
     charts = [
-        card(f"N_2b, {_size(shape)} pixels", _needs_chart(curves, shape, budgets))
+        card(f"N_2b, {_size(shape)} pixels", _needs_chart(curves, shape, report.exposures))
         for shape, curves in _by_shape(benchmark).items()
     ]
     yield block("pair", *charts)
