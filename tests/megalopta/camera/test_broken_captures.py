@@ -10,8 +10,8 @@ import time
 import numpy as np
 import pytest
 
+from megalopta.camera.recorder import recover
 from megalopta.camera.recording import open_recording
-from megalopta.camera.recovering import recover
 from megalopta.sensor.formats.protocol import Kind, Parser, encode, samples_of
 
 

@@ -9,8 +9,8 @@ import pytest
 
 from megalopta.camera.capturing import capture, recorded_line
 from megalopta.camera.emulated import Faults
+from megalopta.camera.recorder import recover
 from megalopta.camera.recording import open_recording
-from megalopta.camera.recovering import recover
 from megalopta.core.errors import UserError
 from megalopta.sensor import open_counts
 
