@@ -10,7 +10,7 @@ from megalopta.camera.recording import Source, read_recorded
 from megalopta.config.model import load
 from megalopta.core.errors import UserError
 from megalopta.sensor import expose_rate, load_sensor
-from megalopta.sensor.compare.quantities import CountedFrames
+from megalopta.sensor.calibrate.level import Level
 from megalopta.sensor.formats.tiff import tiff_writer
 from megalopta.stages.pipeline import run_stage
 
@@ -77,4 +77,4 @@ def test_a_range_of_frames_is_one_light(tmp_path):
 def test_frames_of_other_sizes_are_refused():
     cycle = Cycle(np.ones((4, 16, 16)), 10.0)
     with pytest.raises(UserError, match="16"):
-        align(CountedFrames(np.zeros((60, 8, 8)), 0.1), cycle)
+        align(Level(np.zeros((60, 8, 8)), 0.1), cycle)

@@ -80,7 +80,7 @@ def test_doubled_crosstalk_is_named():
     ],
 )
 def test_another_order_of_pixels_is_named(words, move, reference, other):
-    moved = [replace(level, counts=move(level.counts)) for level in other]
+    moved = [replace(level, readings=move(level.readings)) for level in other]
     found = compare_recordings(moved, reference)
     assert words in found.sentence
     assert found.alarms
@@ -100,6 +100,6 @@ def test_small_differences_are_equivalent_though_beyond_chance():
 
 
 def test_too_few_frames_are_refused(reference):
-    few = [replace(level, counts=level.counts[:30]) for level in reference]
+    few = [replace(level, readings=level.readings[:30]) for level in reference]
     with pytest.raises(ValueError, match="30 frames"):
         compare_recordings(few, reference)
