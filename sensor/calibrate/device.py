@@ -9,9 +9,16 @@ from scipy.stats import chi2
 
 from megalopta.core.arrays import Floats, Mask
 from megalopta.sensor.calibrate.comb import HIDDEN_AT, CombFit, Curve, comb_period, fit_comb
-from megalopta.sensor.calibrate.level import Adc, Falls, Level, check_levels, falls_of
+from megalopta.sensor.calibrate.level import (
+    Adc,
+    Falls,
+    Level,
+    PhotonTransfer,
+    check_levels,
+    falls_of,
+    photon_transfer,
+)
 from megalopta.sensor.calibrate.neighbors import Kernel, mean_kernel, neighbor_kernel
-from megalopta.sensor.calibrate.photon_transfer import PhotonTransfer, photon_transfer
 from megalopta.sensor.calibrate.saturation import MeanCounts, fit_saturation
 
 _95 = 1.959964
