@@ -77,18 +77,6 @@ def read_records(dataset: Dataset) -> list[FlowRecord]:
     return [records[key] for key in expected]
 
 
-def read_benchmark(dataset: Dataset, name: str = "benchmark.json") -> BenchmarkResult:
-    """The photon benchmark. Raises UserError when its file is damaged."""
-    path, remedy = dataset.result(name), f"run: megalopta benchmark photons {dataset.root} --redo"
-    return _read(path, BenchmarkResult.from_dict, remedy)
-
-
-def read_scene_record(dataset: Dataset) -> Record:
-    """Return the notes of the render stage. Raises UserError when they are damaged or missing."""
-    remedy = f"run: megalopta render {dataset.root} --out {dataset.root} --redo"
-    return _read(dataset.scene_record, dict, remedy)
-
-
 def _read(path: Path, check: Callable[[Any], _Read], remedy: str) -> _Read:
     try:
         return check(from_json(bounded.read_bytes(path)))
@@ -250,7 +238,8 @@ class Report:
         self.units = sorted({sensor.unit for sensor in self.settings.sensors})
         ledger = Ledger(dataset)
         ledger.require("render")
-        self.scene: Record = read_scene_record(dataset)
+        again = f"run: megalopta render {dataset.root} --out {dataset.root} --redo"
+        self.scene: Record = _read(dataset.scene_record, dict, again)
         self.finished = ledger.finished()
         timings = ledger.timings()
         self.timings = {stage: timings[stage] for stage in STAGES if stage in timings}
@@ -264,7 +253,10 @@ class Report:
         if "benchmark" in self.finished:
             both = self.settings.benchmark.both_normalizations
             names = ("benchmark.json", *(["benchmark-other.json"] if both else []))
-            self.benchmarks = [read_benchmark(dataset, name) for name in names]
+            again = f"run: megalopta benchmark photons {dataset.root} --redo"
+            self.benchmarks = [
+                _read(dataset.result(name), BenchmarkResult.from_dict, again) for name in names
+            ]
 
     @cached_property
     def selection(self) -> Selection:
