@@ -23,7 +23,7 @@ from megalopta.plotting.style import BLACK, DASHES, MARKERS
 from megalopta.plotting.svg import CHART_PT, in_style, logarithmic, new_axes, to_svg
 from megalopta.plotting.text import level_name, level_title, number, percent, short
 from megalopta.report.images import film, gray_scale
-from megalopta.report.remarks import NUMBERS, absent, drawable, plain
+from megalopta.report.remarks import NUMBERS, absent, drawable, verbatim
 from megalopta.report.source import Budget, Report, by_sensor
 from megalopta.sensor import CtiaSensor, ImageSensor
 from megalopta.sensor.spad.digital import LARGEST_CAPACITY
@@ -183,7 +183,7 @@ def signal_chart(budgets: Sequence[Budget], sensors: Sequence[str]) -> Markup:
         own = ranked[sensor]
         lux = [each.illuminance_lux for each in own]
         low, median, high = drawable(np.array([each.signal_to_noise for each in own])).T
-        axes.plot(lux, median, marker, linestyle=dash, color=BLACK, label=plain(sensor))
+        axes.plot(lux, median, marker, linestyle=dash, color=BLACK, label=verbatim(sensor))
         axes.fill_between(lux, low, high, color=BLACK, alpha=0.12, linewidth=0)
     axes.axhline(1, color=BLACK, linewidth=1, linestyle=":", label="signal = noise")
     axes.set(xlabel="illuminance (lux)", ylabel="signal-to-noise ratio of a pixel")

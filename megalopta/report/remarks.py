@@ -29,7 +29,7 @@ def drawable(values: Floats) -> Floats:
     return np.where(values > 0, values, np.nan)
 
 
-def plain(text: str) -> str:
+def verbatim(text: str) -> str:
     """Text for matplotlib as it stands, dollar signs included."""
     return text.replace("$", r"\$")
 

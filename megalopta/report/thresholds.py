@@ -19,7 +19,7 @@ from megalopta.plotting.style import BLACK, DASHES, RULE, method_style, write_at
 from megalopta.plotting.svg import CHART_PT, in_style, logarithmic, new_axes, to_svg
 from megalopta.plotting.text import UNDEFINED, level_name, percent, short
 from megalopta.report.detectors import ACCURATE, crossed
-from megalopta.report.remarks import NUMBERS, absent, drawable, key, plain, rendering
+from megalopta.report.remarks import NUMBERS, absent, drawable, key, rendering, verbatim
 from megalopta.report.source import Budget, Report, by_sensor
 
 Shape = tuple[int, int]
@@ -213,7 +213,7 @@ def threshold_chart(
         _draw_supply(axes, own, place, bottom, dash)
     for name, place in zip(methods, places[len(supplies) :], strict=True):
         _draw_thresholds(axes, name, methods[name], place)
-    axes.set_yticks(places, map(plain, [*supplies, *methods]))
+    axes.set_yticks(places, map(verbatim, [*supplies, *methods]))
     axes.tick_params(axis="y", length=0)
     logarithmic(axes, "x", NUMBERS)
     axes.grid(visible=False)
@@ -239,7 +239,7 @@ def _draw_supply(
         axes.plot([flux, flux], [place, bottom], **line)
         axes.plot(flux, place, color=BLACK, marker="d", markersize=6)
         offset, side = (6, "bottom") if above else (-6, "top")
-        name = plain(level_name(budget.level))
+        name = verbatim(level_name(budget.level))
         write_at(axes, name, (flux, place), (0, offset), ha="center", va=side, fontsize=10)
 
 
