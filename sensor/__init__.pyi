@@ -48,19 +48,17 @@ from .exposure import (
     expose_rate as expose_rate,
 )
 from .formats.counts_store import (
+    OpenedCounts as OpenedCounts,
     StoredCounts as StoredCounts,
+    StoredFrames as StoredFrames,
+    open_counts as open_counts,
+    read_counts as read_counts,
     write_counts as write_counts,
 )
 from .formats.events import (
     EventOrigin as EventOrigin,
     write_events_hdf5 as write_events_hdf5,
     write_events_npz as write_events_npz,
-)
-from .formats.opened_counts import (
-    OpenedCounts as OpenedCounts,
-    StoredFrames as StoredFrames,
-    open_counts as open_counts,
-    read_counts as read_counts,
 )
 from .formats.reading import (
     read_events as read_events,

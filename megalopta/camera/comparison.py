@@ -35,7 +35,8 @@ from megalopta.core.arrays import Floats, plain_array
 from megalopta.core.bounded import ARRAY_BYTES, read_bytes
 from megalopta.core.errors import UserError
 from megalopta.sensor import AnalogCounter, Sensor, changed, expose_rate
-from megalopta.sensor.compare.quantities import CountedFrames, scene_differences
+from megalopta.sensor.calibrate.level import Level
+from megalopta.sensor.compare.quantities import scene_differences
 from megalopta.sensor.compare.recordings import Comparison, compare_recordings
 from megalopta.sensor.compare.two_sample import Difference, Quantity, difference
 from megalopta.sensor.spad.conversion import counts_of_codes
@@ -50,42 +51,42 @@ _SHIFTS_PER_FRAME = 4
 _TIE = 1e-9
 
 
-def captured_frames(recorded: Recorded, device: Sensor, light_hz: float) -> CountedFrames:
+def captured_frames(recorded: Recorded, device: Sensor, light_hz: float) -> Level:
     """Return counts of a recording: of its codes, by the device's own steps, where it has codes."""
     counter, codes = device.counter, recorded.codes
     exposure_s, times_s = recorded.exposure_s, recorded.times_s
     if codes is None or not isinstance(counter, AnalogCounter):
-        return CountedFrames(recorded.counts, exposure_s, light_hz, times_s=times_s)
+        return Level(recorded.counts, exposure_s, light_hz, times_s=times_s)
     own = changed(device, exposure_s=exposure_s)
     known = draw_fixed_pattern(own, (codes.shape[1], codes.shape[2])).counters
     assert known is not None
     counts, _ = counts_of_codes(codes, counter, known)
     full = _FULL * (counter.swing_v - known.leaked_v) / known.step_v
-    return CountedFrames(counts, exposure_s, light_hz, counts >= full, times_s=times_s)
+    return Level(counts, exposure_s, light_hz, counts >= full, times_s=times_s)
 
 
 @dataclass(frozen=True, eq=False)
 class Compared:
     """Captured recordings, simulated ones of the same stimuli, and how they differ."""
 
-    captured: Sequence[CountedFrames]
-    simulated: Sequence[CountedFrames]
+    captured: Sequence[Level]
+    simulated: Sequence[Level]
     found: Comparison
     correlation: float = 0.0
     """Of the frames of a scene with those in which they were found"""
 
 
 def compare_levels(
-    captured: Sequence[CountedFrames], device: Sensor, beam: Beam, margin: float, seed: int
+    captured: Sequence[Level], device: Sensor, beam: Beam, margin: float, seed: int
 ) -> Compared:
     """Compare levels of even light. Raises UserError for light of no known wavelength."""
     rates = [_even_rate(level, device, beam) for level in captured]
     return _compared(captured, rates, device, margin, seed)
 
 
-def _even_rate(level: CountedFrames, device: Sensor, beam: Beam) -> Floats:
+def _even_rate(level: Level, device: Sensor, beam: Beam) -> Floats:
     """Detection rates of a level (1, rows, columns), Hz, without dark counts."""
-    shape = level.counts.shape[1], level.counts.shape[2]
+    shape = level.readings.shape[1], level.readings.shape[2]
     if level.is_dark:
         return np.zeros((1, *shape))
     if beam.wavelength_nm is None:
@@ -97,7 +98,7 @@ def _even_rate(level: CountedFrames, device: Sensor, beam: Beam) -> Floats:
 
 
 def _compared(
-    captured: Sequence[CountedFrames],
+    captured: Sequence[Level],
     rates: Sequence[Floats],
     device: Sensor,
     margin: float,
@@ -109,11 +110,11 @@ def _compared(
     for like, rate in zip(captured, rates, strict=True):
         own = changed(device, exposure_s=like.exposure_s)
         name = f"comparison, {stimulus}{like.exposure_s:g} s, light {like.light_hz:g}"
-        seen = np.broadcast_to(rate, like.counts.shape)
+        seen = np.broadcast_to(rate, like.readings.shape)
         exposure = expose_rate(seen, own, seed=seed, sequence=name)
         # where a capture does not tell what is full, full counts are compared as such
         saturated = None if like.saturated is None else exposure.saturated
-        simulated.append(replace(like, counts=exposure.counts, saturated=saturated))
+        simulated.append(replace(like, readings=exposure.counts, saturated=saturated))
     errors = [
         _errors(device, rate) * like.exposure_s for like, rate in zip(captured, rates, strict=True)
     ]
@@ -161,7 +162,7 @@ class SpeedResponse(NamedTuple):
 
 
 def plate_responses(
-    captured: Mapping[float, CountedFrames],
+    captured: Mapping[float, Level],
     device: Sensor,
     margin: float,
     seed: int = 0,
@@ -191,17 +192,17 @@ def plate_responses(
     return found
 
 
-def passages_at(speed_mm_s: float, frames: CountedFrames) -> NDArray[Any]:
+def passages_at(speed_mm_s: float, frames: Level) -> NDArray[Any]:
     """Cut passages out of a recording of a plate, or frames of one at rest. Raises UserError."""
-    if frames.counts.shape[1:] != (PIXELS, PIXELS):
+    if frames.readings.shape[1:] != (PIXELS, PIXELS):
         raise UserError(
-            f"plate at {speed_mm_s:g} mm/s: frames of {frames.counts.shape[1:]} pixels; capture "
+            f"plate at {speed_mm_s:g} mm/s: frames of {frames.readings.shape[1:]} pixels; capture "
             "all rows"
         )
     times_s = frames.times_s
     numbers = None if times_s is None else np.rint((times_s - times_s[:1]) * FRAME_RATE_HZ)
     try:
-        return cut_passages(frames.counts, numbers) if speed_mm_s else cut_rest(frames.counts)
+        return cut_passages(frames.readings, numbers) if speed_mm_s else cut_rest(frames.readings)
     except ValueError as problem:
         raise UserError(f"plate at {speed_mm_s:g} mm/s: {problem}") from problem
 
@@ -254,9 +255,9 @@ def rendered_dataset(scene: str, beside: Path) -> Path:
     return root
 
 
-def align(frames: CountedFrames, cycle: Cycle) -> Aligned:
+def align(frames: Level, cycle: Cycle) -> Aligned:
     """Find where in a cycle captured frames are. Raises UserError when sizes differ."""
-    shape = frames.counts.shape[1:]
+    shape = frames.readings.shape[1:]
     if shape != cycle.rates_hz.shape[1:]:
         raise UserError(
             f"compare: frames of {shape} pixels, the scene has {cycle.rates_hz.shape[1:]}; "
@@ -265,7 +266,7 @@ def align(frames: CountedFrames, cycle: Cycle) -> Aligned:
     places = _places(frames, cycle)
     counts, rates = (
         (each - each.mean(axis=0)).reshape(len(each), -1)
-        for each in (np.asarray(frames.counts, np.float64), cycle.rates_hz)
+        for each in (np.asarray(frames.readings, np.float64), cycle.rates_hz)
     )
     size = np.square(rates).sum(axis=1)
     if not size.max() > 0:
@@ -278,11 +279,11 @@ def align(frames: CountedFrames, cycle: Cycle) -> Aligned:
     return Aligned(places[best[len(best) // 2]], float(score.max()))
 
 
-def _places(frames: CountedFrames, cycle: Cycle) -> NDArray[np.int64]:
+def _places(frames: Level, cycle: Cycle) -> NDArray[np.int64]:
     """Frame of the cycle at each captured frame, for every shift, (shifts, n)."""
     times_s = frames.times_s
     if times_s is None:
-        times_s = frames.exposure_s * np.arange(len(frames.counts), dtype=np.float64)
+        times_s = frames.exposure_s * np.arange(len(frames.readings), dtype=np.float64)
     length = len(cycle.rates_hz)
     shift = np.arange(_SHIFTS_PER_FRAME * length) / _SHIFTS_PER_FRAME
     at = (times_s - times_s[0]) * cycle.frame_rate_hz + shift[:, None]
@@ -290,7 +291,7 @@ def _places(frames: CountedFrames, cycle: Cycle) -> NDArray[np.int64]:
 
 
 def compare_scene(
-    captured: CountedFrames, cycle: Cycle, device: Sensor, margin: float, seed: int
+    captured: Level, cycle: Cycle, device: Sensor, margin: float, seed: int
 ) -> Compared:
     """Align captured frames with a scene, and simulate these of its frames.
 

@@ -36,16 +36,16 @@ from megalopta.plotting.svg import (
 )
 from megalopta.plotting.text import number
 from megalopta.sensor import Sensor, load_sensor
-from megalopta.sensor.compare.quantities import SEGMENT, CountedFrames, segment_spectra
-from megalopta.sensor.compare.recordings import MARGIN, Comparison
+from megalopta.sensor.calibrate.level import Level
+from megalopta.sensor.compare.quantities import SEGMENT, segment_spectra
+from megalopta.sensor.compare.recordings import FALSE_ALARMS, MARGIN, Comparison, beyond_chance
 from megalopta.sensor.compare.two_sample import Difference
 
-Levels = Sequence[CountedFrames]
+Levels = Sequence[Level]
 Sources = Sequence[Source]
 
 _HEAD = ("", "captured", "simulated", "difference", "95 %", "p", "verdict")
 _LARGEST_Z = 6.0
-_FALSE_ALARMS = 0.01
 _TESTS = (
     "Tests of every pixel at every level; false discovery rate by Benjamini and Hochberg. Where "
     "some differ, the maps show which."
@@ -66,14 +66,18 @@ _TRANSFER = (
 )
 
 
-def write_comparison_report(path: Path, name: str, compared: Compared) -> None:
-    """Write how captured levels differ from simulated ones, with pictures."""
+Page = tuple[str, str, list[Section]]
+"""Title, summary and sections"""
+
+
+def _levels_page(name: str, compared: Compared) -> Page:
+    """Return how captured levels differ from simulated ones, with pictures."""
     found = compared.found
     order = found.arrangement
     rows = f" Rows, top to bottom: {', '.join(map(str, order.rows))}." if order.rows else ""
     device = _differences(
         "The device",
-        f"Alarms are raised in at most {100 * found.false_alarms:g} % of comparisons of a "
+        f"Alarms are raised in at most {100 * FALSE_ALARMS:g} % of comparisons of a "
         f"device with itself; less than {100 * found.margin:g} % does not matter: “equivalent” "
         "is what is surely less (two one-sided tests at 95 %).",
         found,
@@ -83,11 +87,12 @@ def write_comparison_report(path: Path, name: str, compared: Compared) -> None:
         f"The captured image is {order.name}: rank correlation of the two patterns "
         f"{order.correlation:.3f}.{rows}",
     )
-    _write(path, name, compared, device, pixels)
+    title = f"{name}: captured and simulated"
+    return title, found.sentence, [device, pixels, *_pixels(compared)]
 
 
-def write_scene_report(path: Path, name: str, compared: Compared) -> None:
-    """Write how a captured scene differs from a simulated one, with pictures."""
+def _scene_page(name: str, compared: Compared) -> Page:
+    """Return how a captured scene differs from a simulated one, with pictures."""
     found = compared.found
     in_time = captioned(
         time_chart(compared.captured[0], compared.simulated[0]),
@@ -101,21 +106,16 @@ def write_scene_report(path: Path, name: str, compared: Compared) -> None:
         f"less than {100 * found.margin:g} % does not matter.",
         found,
     )
-    _write(path, name, compared, scene, Section("In time", charts=(in_time,)))
+    title, shown = f"{name}: captured and simulated", Section("In time", charts=(in_time,))
+    return title, found.sentence, [scene, shown, *_pixels(compared)]
 
 
-def _write(path: Path, name: str, compared: Compared, *first: Section) -> None:
-    sections = [*first, *_pixels(compared)]
-    write_sections(path, f"{name}: captured and simulated", compared.found.sentence, sections)
-
-
-def write_motion_report(path: Path, name: str, responses: Sequence[SpeedResponse]) -> str:
-    """Write how responses to a moving plate differ; return the sentence on it."""
-    limit = _FALSE_ALARMS / len(responses)
+def motion_page(name: str, responses: Sequence[SpeedResponse]) -> Page:
+    """Return how responses to a moving plate differ."""
+    limit = FALSE_ALARMS / len(responses)
     differences = [each.difference for each in responses]
     real = sorted((each for each in differences if each.p < limit), key=lambda each: -each.size)
     told = f"Captured: {'; '.join(map(str, real[:3]))}."
-    sentence = told if real else "Nothing differs beyond chance."
     charts = (captioned(response_chart(responses, method), _TRANSFER) for method in ("NDM", "NDS"))
     sections = [
         Section(
@@ -131,14 +131,15 @@ def write_motion_report(path: Path, name: str, responses: Sequence[SpeedResponse
             tuple(_cells(each, each.p < limit) for each in differences),
         ),
     ]
-    write_sections(path, f"{name}: responses to a moving plate", sentence, sections)
-    return sentence
+    sentence = told if real else "Nothing differs beyond chance."
+    return f"{name}: responses to a moving plate", sentence, sections
 
 
 def _differences(title: str, text: str, found: Comparison) -> Section:
-    limit = found.false_alarms / 5 / max(len(found.differences), 1)
-    rows = (_cells(each, each.p < limit) for each in found.differences)
-    return Section(title, text, _HEAD, tuple(rows))
+    differ = beyond_chance(found.differences)
+    return Section(
+        title, text, _HEAD, tuple(_cells(each, each in differ) for each in found.differences)
+    )
 
 
 def _cells(each: Difference, differs: bool) -> tuple[str, ...]:
@@ -157,10 +158,9 @@ def _cells(each: Difference, differs: bool) -> tuple[str, ...]:
 def _pixels(compared: Compared) -> Iterator[Section]:
     """Yield what says how pixels differ, level by level."""
     captured, simulated, found = compared.captured, compared.simulated, compared.found
-    tests = {"mean": found.means, "variance": found.variances, "histogram": found.histograms}
     counted = (
         (name, str(int(np.isfinite(test.p).sum())), str(int(test.differs.sum())))
-        for name, test in tests.items()
+        for name, test in found.tests.items()
     )
     yield Section("Pixels", _TESTS, ("of", "tested", "differ"), tuple(counted))
     distances = zip(found.distances._asdict().items(), ("share", "counts", "counts^½"), strict=True)
@@ -207,25 +207,27 @@ def _curves(captured: Levels, simulated: Levels, found: Comparison) -> Iterator[
     )
 
 
-def _maps(at: int, one: CountedFrames, other: CountedFrames, found: Comparison) -> Section:
+def _maps(at: int, one: Level, other: Level, found: Comparison) -> Section:
     """Return maps of mean and variance at one level: captured, simulated, and how far apart."""
-    means = one.counts.mean(axis=0), other.counts.mean(axis=0)
-    variances = one.counts.var(axis=0), other.counts.var(axis=0)
-    differing = [int(test.differs[at].sum()) for test in (found.means, found.variances)]
+    means, variances = (found.tests[name] for name in ("mean", "variance"))
+    both = one.readings, other.readings
     return Section(
         f"{'Dark' if one.is_dark else f'Light {one.light_hz:g}'}, {one.exposure_s:g} s",
-        f"Of {np.isfinite(found.means.p[at]).sum()} pixels {differing[0]} differ in the mean, "
-        f"{differing[1]} in the variance.",
+        f"Of {np.isfinite(means.p[at]).sum()} pixels {means.differs[at].sum()} differ in the mean, "
+        f"{variances.differs[at].sum()} in the variance.",
         charts=(
-            *_map_row(f"mean-{at}", "counts", means, found.means.p[at]),
-            *_map_row(f"variance-{at}", "counts²", variances, found.variances.p[at]),
+            *_map_row("mean", at, "counts", [each.mean(axis=0) for each in both], means.p[at]),
+            *_map_row(
+                "variance", at, "counts²", [each.var(axis=0) for each in both], variances.p[at]
+            ),
         ),
     )
 
 
-def _map_row(name: str, unit: str, maps: tuple[Floats, Floats], p: Floats) -> Iterator[Markup]:
-    quantity = name.partition("-")[0]
-    limits = color_limits(*maps)
+def _map_row(
+    quantity: str, at: int, unit: str, maps: Sequence[Floats], p: Floats
+) -> Iterator[Markup]:
+    limits, name = color_limits(*maps), f"{quantity}-{at}"
     for values, label in zip(maps, ("captured", "simulated"), strict=True):
         yield map_chart(values, f"{name}-{label}", f"{quantity}, {label} ({unit})", limits)
     apart = np.sign(maps[0] - maps[1]) * norm.isf(p / 2)
@@ -257,38 +259,35 @@ def compare_captured(sources: Sources, device: Path, out: Path, asked: CompareSe
     of it; of a dataset with the light level (lux), 0: that of the rendering. Raises UserError when
     the device file or recordings cannot be read, or do not suit each other.
     """
+    make = {"levels": _with_levels, "plate": _with_plate}.get(asked.scene, _with_scene)
     try:
-        sensor = load_sensor(device)
-        if asked.scene == "plate":
-            return _with_plate(sources, sensor, out, asked)
-        if asked.scene != "levels":
-            return _with_scene(sources, sensor, out, asked)
-        return _with_levels(sources, sensor, out, asked)
+        title, sentence, sections = make(sources, load_sensor(device), out, asked)
     except ValueError as problem:
         raise UserError(f"compare: {problem}") from problem
+    write_sections(out, title, sentence, sections)
+    return sentence
 
 
-def _with_levels(sources: Sources, sensor: Sensor, out: Path, asked: CompareSettings) -> str:
+def _with_levels(sources: Sources, sensor: Sensor, _: Path, asked: CompareSettings) -> Page:
     beam = asked.beam
     captured = [
         captured_frames(read_recorded(source), sensor, beam.photons_hz(source.light, sensor))
         for source in sources
     ]
     compared = compare_levels(captured, sensor, beam, asked.margin, asked.seed)
-    write_comparison_report(out, sensor.name, compared)
-    return compared.found.sentence
+    return _levels_page(sensor.name, compared)
 
 
-def _with_plate(sources: Sources, sensor: Sensor, out: Path, asked: CompareSettings) -> str:
+def _with_plate(sources: Sources, sensor: Sensor, _: Path, asked: CompareSettings) -> Page:
     plates = {
         source.light: captured_frames(read_recorded(source), sensor, source.light)
         for source in sources
     }
     responses = plate_responses(plates, sensor, asked.margin, asked.seed, own_light=asked.own_light)
-    return write_motion_report(out, sensor.name, responses)
+    return motion_page(sensor.name, responses)
 
 
-def _with_scene(sources: Sources, sensor: Sensor, out: Path, asked: CompareSettings) -> str:
+def _with_scene(sources: Sources, sensor: Sensor, out: Path, asked: CompareSettings) -> Page:
     dataset = rendered_dataset(asked.scene, out.with_suffix(""))
     if len(sources) != 1:
         raise UserError(f"compare: {len(sources)} recordings of {dataset}; give one at a time")
@@ -296,8 +295,7 @@ def _with_scene(sources: Sources, sensor: Sensor, out: Path, asked: CompareSetti
     captured = captured_frames(read_recorded(source), sensor, source.light or 1.0)
     cycle = dataset_cycle(dataset, source.light or None, sensor)
     compared = compare_scene(captured, cycle, sensor, asked.margin, asked.seed)
-    write_scene_report(out, dataset.name, compared)
-    return compared.found.sentence
+    return _scene_page(dataset.name, compared)
 
 
 _FRAMES_SHOWN = 200
@@ -315,7 +313,7 @@ def transfer_chart(captured: Levels, simulated: Levels) -> Markup:
     figure, axes = new_axes(*CHART_PT)
     for levels, style in _beside(captured, simulated):
         for place, level in enumerate(levels):
-            shown = _thinned(level.counts.reshape(len(level.counts), -1).T)
+            shown = _thinned(level.readings.reshape(len(level.readings), -1).T)
             own = style | {"label": "" if place else style["label"]}
             axes.plot(shown.mean(axis=1), shown.var(axis=1), markersize=2.5, linewidth=0, **own)
     axes.set(xlabel="mean counts", ylabel="variance (counts²)", xscale="symlog", yscale="symlog")
@@ -323,22 +321,22 @@ def transfer_chart(captured: Levels, simulated: Levels) -> Markup:
 
 
 @in_style
-def dark_chart(captured: CountedFrames, simulated: CountedFrames) -> Markup:
+def dark_chart(captured: Level, simulated: Level) -> Markup:
     """Return dark counts of pixels in order."""
     figure, axes = new_axes(*CHART_PT)
     for level, style in _beside(captured, simulated):
-        rates = level.counts.mean(axis=0) / level.exposure_s
+        rates = level.readings.mean(axis=0) / level.exposure_s
         _draw_shares(axes, np.maximum(rates, 1e-3), style)
     axes.set(xscale="log", xlabel="dark counts (Hz)", ylabel="share of pixels below")
     return with_legend(figure, "dark", "Distribution of dark counts over the pixels")
 
 
 @in_style
-def spectrum_chart(captured: CountedFrames, simulated: CountedFrames) -> Markup:
+def spectrum_chart(captured: Level, simulated: Level) -> Markup:
     """Return the temporal spectrum of the readings, mean over pixels."""
     figure, axes = new_axes(*CHART_PT)
     for level, style in _beside(captured, simulated):
-        power = segment_spectra(level.counts).mean(axis=0)[1:]
+        power = segment_spectra(level.readings).mean(axis=0)[1:]
         axes.plot(np.arange(1, power.size + 1) / SEGMENT, power, **_line(style))
     axes.set(xlabel="cycles per frame", ylabel="power (counts²)", ylim=(0, None))
     return with_legend(figure, "spectrum", "Temporal spectrum of readings, captured and simulated")
@@ -356,11 +354,11 @@ def distance_chart(found: Comparison) -> Markup:
 
 
 @in_style
-def time_chart(captured: CountedFrames, simulated: CountedFrames) -> Markup:
+def time_chart(captured: Level, simulated: Level) -> Markup:
     """Return mean counts of frames, one after the other."""
     figure, axes = new_axes(1.5 * CHART_PT[0], 0.8 * CHART_PT[1])
     for frames, style in _beside(captured, simulated):
-        axes.plot(frames.counts[:_FRAMES_SHOWN].mean(axis=(1, 2)), **_line(style))
+        axes.plot(frames.readings[:_FRAMES_SHOWN].mean(axis=(1, 2)), **_line(style))
     axes.set(xlabel="frame", ylabel="mean counts")
     outside = {"loc": "lower right", "bbox_to_anchor": (1, 1), "ncols": 2}
     return with_legend(figure, "time", "Mean counts of frames, captured and simulated", **outside)

@@ -140,7 +140,7 @@ def _capture(options: Namespace) -> None:
 )
 def _recover(options: Namespace) -> None:
     from megalopta.camera.capturing import recorded_line
-    from megalopta.camera.recovering import recover
+    from megalopta.camera.recorder import recover
 
     print(recorded_line(*recover(options.raw, options.out, options.sensor)))
 

@@ -16,7 +16,7 @@ from markupsafe import Markup
 from PIL import Image
 
 from megalopta.config.measuring import FlowSettings
-from megalopta.config.model import Configuration, LightLevel
+from megalopta.config.model import LightLevel
 from megalopta.core.arrays import Floats
 from megalopta.core.errors import UserError
 from megalopta.dataset.flow_record import (
@@ -324,8 +324,7 @@ def first_sentence(method: Detector) -> str:
 def _pair(report: Report, sensor: ImageSensor, level: LightLevel, method: Detector) -> Markup:
     """Return the answers to the noise-free twin and to the counts, in the same colors."""
     path, name = responses_path(report.dataset, sensor, level), level_name(level)
-    shape = _shape(report.settings, method)
-    answers = [_read(path, f"{method.name}{kind}", report.frame, shape) for kind in ("-ideal", "")]
+    answers = [_read(path, f"{method.name}{kind}", report.frame) for kind in ("-ideal", "")]
     if method.gives == "velocity":
         images = [Image.fromarray(flow_to_rgb(each, report.fastest)) for each in answers]
         smallest, nothing, legend = _PALE * report.fastest, "no motion found", Markup("")
@@ -342,26 +341,14 @@ def _pair(report: Report, sensor: ImageSensor, level: LightLevel, method: Detect
     return block("", paragraph(name), block("two", *shown), legend)
 
 
-def _read(path: Path, name: str, frame: int, shape: tuple[int, ...]) -> Floats:
-    """Return one frame of an array that must have this shape."""
+def _read(path: Path, name: str, frame: int) -> Floats:
     try:
         values: Any = StoredFrames.open(path, name).array
-        if values.shape != shape:
-            raise ValueError(f"{name} has shape {values.shape}")
         return np.asarray(values[frame], np.float64)
     except (OSError, ValueError, KeyError, TypeError, RuntimeError) as problem:
         raise UserError(
             f"{path} cannot be read ({problem}); run megalopta flow again with --redo"
         ) from None
-
-
-def _shape(settings: Configuration, method: Detector) -> tuple[int, ...]:
-    """Return the shape of what a method answered."""
-    frames, size = settings.trajectory.frames, (settings.camera.height, settings.camera.width)
-    if not isinstance(method, BlockDetector):
-        return frames, *size
-    grid = method.grid(size)
-    return frames - 1, grid.rows, grid.columns, 2
 
 
 def _largest(answer: Floats) -> float:

@@ -91,7 +91,7 @@ class LitScene:
     """The radiance (H, W, 3), exposed and white-balanced for its own light"""
     counts: NDArray[np.integer | np.floating]
     """Of a sensor, in one exposure (H, W)"""
-    canopy: str = ""
+    canopy: str
     """What a forest holds and lets through, measured; empty where that is not known"""
 
     @property
@@ -144,7 +144,9 @@ def cells_of(
             rendered[directions] = lit, *_radiance(lit, scene)
         lit, radiance, canopy = rendered[directions]
         scaled = radiance * light_scale(lit, level).astype(np.float32)
-        yield replace(_cell(name, level, lit, scaled), canopy=canopy)
+        white = white_of(lit.scene, _under(lit, level).light)
+        view = preview(scaled, lit.render.bands_nm, white)
+        yield LitScene(name, level, view, _counts(lit, scaled, f"{name}/{level}"), canopy)
         advance()
 
 
@@ -165,12 +167,6 @@ def _radiance(lit: Configuration, scene: Scene) -> tuple[NDArray[np.float32], st
     has_disc = bool(scene.lighting and scene.lighting.sun)
     canopy = str(renderer.canopy(poses, ring)) if ring and not has_disc else ""
     return renderer.radiance(poses[0], frame_seed(lit.seed, 0)), canopy
-
-
-def _cell(name: str, level: str, lit: Configuration, radiance: NDArray[np.float32]) -> LitScene:
-    bands = lit.render.bands_nm
-    view = preview(radiance, bands, white_of(lit.scene, _under(lit, level).light))
-    return LitScene(name, level, view, _counts(lit, radiance, f"{name}/{level}"))
 
 
 def _counts(

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from itertools import cycle
 
 import numpy as np
 from markupsafe import Markup
@@ -18,11 +19,12 @@ from megalopta.plotting.sections import (
     paragraph,
     table,
 )
+from megalopta.plotting.style import BLACK, DASHES, MARKERS
+from megalopta.plotting.svg import CHART_PT, in_style, logarithmic, new_axes, to_svg
 from megalopta.plotting.text import level_name, level_title, number, percent, short
-from megalopta.report.charts import signal_chart
 from megalopta.report.images import film, gray_scale
-from megalopta.report.remarks import absent
-from megalopta.report.source import Budget, ExposureSummary, Report
+from megalopta.report.remarks import NUMBERS, absent, drawable, verbatim
+from megalopta.report.source import Budget, Report, by_sensor
 from megalopta.sensor import CtiaSensor, ImageSensor
 from megalopta.sensor.spad.digital import LARGEST_CAPACITY
 from megalopta.sensor.spad.model import active_effects
@@ -65,8 +67,7 @@ def light_section(report: Report) -> Section:
     if not shown:
         missing = absent(report, "sense", "No sensor has been exposed yet.")
         return replace(section, body=missing)
-    budgets = [each.budget for each in shown]
-    chart = signal_chart(budgets, [sensor.name for sensor in sensors])
+    chart = signal_chart(shown, [sensor.name for sensor in sensors])
     body = Markup("\n").join(
         [
             *(_card(sensor, shown) for sensor in sensors),
@@ -92,17 +93,16 @@ def _shutter(settings: Configuration) -> str:
     )
 
 
-def _card(sensor: ImageSensor, exposures: Sequence[ExposureSummary]) -> Markup:
-    shown = [each for each in exposures if each.budget.sensor.name == sensor.name]
+def _card(sensor: ImageSensor, exposures: Sequence[Budget]) -> Markup:
+    shown = by_sensor(exposures)[sensor.name]
     films = [film(None, "radiance", "The scene's light, tone-mapped"), *map(_counts, shown)]
-    budgets = [each.budget for each in shown]
     told = " · ".join(f"{name} {value}" for name, value in properties(sensor))
     return card(
         sensor.name,
         paragraph(f"{told}.", "note"),
         _effects(sensor),
         block("strip", *films),
-        table(f"Photon budget of {sensor.name}", *budget_table(sensor, budgets)),
+        table(f"Photon budget of {sensor.name}", *budget_table(sensor, shown)),
     )
 
 
@@ -160,8 +160,8 @@ def budget_table(
     return list(columns), list(zip(*columns.values(), strict=True))
 
 
-def _counts(exposure: ExposureSummary) -> Markup:
-    level, sensor = exposure.budget.level, exposure.budget.sensor
+def _counts(exposure: Budget) -> Markup:
+    level, sensor = exposure.level, exposure.sensor
     counts, full = exposure.counts.astype(np.float64), exposure.saturated
     white = max(math.ceil(np.percentile(counts, _WHITE_PERCENTILE)), 1)
     scale = gray_scale(white)
@@ -169,3 +169,23 @@ def _counts(exposure: ExposureSummary) -> Markup:
     name = level_name(level)
     alt = f"{sensor.unit.capitalize()} of {sensor.name} at {name}"
     return film([*map(scale.picture, counts, full)], name, alt, legend)
+
+
+@in_style
+def signal_chart(budgets: Sequence[Budget], sensors: Sequence[str]) -> Markup:
+    """Signal-to-noise ratio of a pixel over illuminance, a line per sensor."""
+    figure, axes = new_axes(*CHART_PT)
+    # Before anything is drawn: with nothing above zero to show, the axes keep their first limits.
+    logarithmic(axes, "x", NUMBERS)
+    logarithmic(axes, "y", NUMBERS)
+    ranked = by_sensor(sorted(budgets, key=lambda each: each.illuminance_lux))
+    for sensor, marker, dash in zip(sensors, cycle(MARKERS), cycle(DASHES), strict=False):
+        own = ranked[sensor]
+        lux = [each.illuminance_lux for each in own]
+        low, median, high = drawable(np.array([each.signal_to_noise for each in own])).T
+        axes.plot(lux, median, marker, linestyle=dash, color=BLACK, label=verbatim(sensor))
+        axes.fill_between(lux, low, high, color=BLACK, alpha=0.12, linewidth=0)
+    axes.axhline(1, color=BLACK, linewidth=1, linestyle=":", label="signal = noise")
+    axes.set(xlabel="illuminance (lux)", ylabel="signal-to-noise ratio of a pixel")
+    axes.legend(loc="upper left", frameon=False)
+    return to_svg(figure, "signal", "Signal-to-noise ratio of a pixel over illuminance")

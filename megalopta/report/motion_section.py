@@ -2,16 +2,19 @@
 
 import numpy as np
 from markupsafe import Markup
+from numpy.typing import NDArray
 from PIL import Image
 
 from megalopta.flow.color_wheel import flow_to_rgb, wheel_legend
 from megalopta.plotting.sections import Section, block, card, image, paragraph
+from megalopta.plotting.style import BLACK, BLUE
+from megalopta.plotting.svg import CHART_PT, in_style, new_axes, to_svg
 from megalopta.plotting.text import percent
-from megalopta.report.charts import speed_chart
 from megalopta.report.images import ORANGE, data_uri, film, id_picture, map_scale, rgb_picture
 from megalopta.report.source import Report
 
 _WHEEL_PX = 96
+_SPEED_BINS = 48
 _BACKDROP_GRAY = 0.35
 _COLORS = Markup(
     "<b>Motion as color.</b> The hue is the direction: red to the right, yellow down, cyan left, "
@@ -99,3 +102,24 @@ def _objects(report: Report) -> Markup:
     step = report.selection.step
     images = [id_picture(truth.object_id[::step, ::step]) for truth in report.truths]
     return film(images, "objects", "Each object in a color of its own, the sky dark")
+
+
+@in_style
+def speed_chart(speeds: NDArray[np.floating], median: float) -> Markup:
+    """Histogram of the true image speed (px per frame)."""
+    figure, axes = new_axes(*CHART_PT)
+    axes.hist(
+        speeds,
+        bins=_SPEED_BINS,
+        weights=np.full(speeds.size, 100 / max(speeds.size, 1)),
+        histtype="stepfilled",
+        color=BLUE,
+        alpha=0.85,
+    )
+    axes.axvline(median, color=BLACK, linewidth=1.2)
+    place = ("data", "axes fraction")
+    axes.annotate(f" median {median:.2g}", (median, 1), xycoords=place, va="top", fontsize=10.5)
+    axes.grid(axis="y")
+    axes.set(xlabel="speed in the image (px per frame)", ylabel="share of pixels (%)")
+    axes.set_xlim(0, None)
+    return to_svg(figure, "speed", "Histogram of the true speed of the image")

@@ -309,7 +309,7 @@ def _opening(report: Report) -> Markup:
     counted = list(facts(report))
     many, few = (_columns(len(counted), most) for most in (8, 4))
     tiles = block("", listed("facts", counted), style=f"--many:{many};--few:{few}")
-    rows = outcome(report.flow, [each.budget for each in report.exposures])
+    rows = outcome(report.flow, report.exposures)
     if not rows:
         return tiles
     told = table("What came out", OUTCOME, rows)

@@ -7,16 +7,31 @@ scene record.
 
 from collections.abc import Iterator
 
+import numpy as np
 from markupsafe import Markup
+from matplotlib.ticker import FuncFormatter
 
+from megalopta.core.arrays import Floats
 from megalopta.flow.detectors.registry import METHODS
 from megalopta.plotting.sections import paragraph
 from megalopta.plotting.style import GLYPHS, method_style
 from megalopta.plotting.svg import themed
-from megalopta.plotting.text import number, percent
+from megalopta.plotting.text import number, percent, short
 from megalopta.report.source import Record, Report
 
+NUMBERS = FuncFormatter(lambda value, _: short(value))
+"""Labels of a logarithmic axis"""
 _CAUTION = 0.1
+
+
+def drawable(values: Floats) -> Floats:
+    """Return what a logarithmic axis can show, with gaps elsewhere."""
+    return np.where(values > 0, values, np.nan)
+
+
+def verbatim(text: str) -> str:
+    """Text for matplotlib as it stands, dollar signs included."""
+    return text.replace("$", r"\$")
 
 
 def absent(report: Report, stage: str, what: str) -> Markup:

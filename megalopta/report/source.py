@@ -12,17 +12,15 @@ stored.
 
 import math
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from itertools import product
 from pathlib import Path
-from typing import Any, NotRequired, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import FiniteFloat, NonNegativeInt, TypeAdapter, ValidationError
+from pydantic import TypeAdapter, ValidationError
 from pydantic_core import from_json
-from typing_extensions import TypedDict
 
 from megalopta.config.light_scale import light_scale
 from megalopta.config.model import Configuration, LightLevel, level_text
@@ -49,46 +47,7 @@ Record = Mapping[str, Any]
 _Read = TypeVar("_Read")
 
 
-class _Region(TypedDict):
-    rms: FiniteFloat
-    p95: FiniteFloat
-    gradient: FiniteFloat
-    standing: FiniteFloat
-    standing_gradient: FiniteFloat
-
-
-class _MonteCarlo(TypedDict):
-    median_relative: FiniteFloat | None
-    rms_over_mean: FiniteFloat
-    equivalent_photons_per_pixel: FiniteFloat | None
-    mean: NotRequired[list[FiniteFloat]]
-    covariance: NotRequired[list[list[FiniteFloat]]]
-    detail: NotRequired[list[list[FiniteFloat]]]
-    surface: NotRequired[_Region | None]
-    sky: NotRequired[_Region | None]
-
-
-class _Lux(TypedDict):
-    lux: FiniteFloat
-
-
-class _Illuminance(TypedDict):
-    unshaded_lux: FiniteFloat
-    ground: list[_Lux]
-
-
-class _Scene(TypedDict):
-    objects: NotRequired[NonNegativeInt]
-    triangles: NotRequired[NonNegativeInt]
-    variant: NotRequired[str]
-    integrator: NotRequired[str]
-    illuminance: NotRequired[_Illuminance | None]
-    monte_carlo: NotRequired[_MonteCarlo | None]
-    light_left_out: NotRequired[list[FiniteFloat] | None]
-
-
 _FLOW = TypeAdapter(list[FlowRecord])
-_SCENE: TypeAdapter[Any] = TypeAdapter(_Scene)
 
 
 def read_records(dataset: Dataset) -> list[FlowRecord]:
@@ -116,29 +75,6 @@ def read_records(dataset: Dataset) -> list[FlowRecord]:
                 f"{path} lacks the errors of {method} on {sensor} at {level_text(level)}; {remedy}"
             )
     return [records[key] for key in expected]
-
-
-def read_benchmark(dataset: Dataset, name: str = "benchmark.json") -> BenchmarkResult:
-    """The photon benchmark. Raises UserError when its file is damaged or lacks something."""
-    path, remedy = dataset.result(name), f"run: megalopta benchmark photons {dataset.root} --redo"
-    benchmark = _read(path, BenchmarkResult.from_dict, remedy)
-    found = {(curve.method, curve.shape, curve.metric) for curve in benchmark.curves}
-    shapes: set[tuple[int, ...]] = {curve.shape for curve in benchmark.curves} or {()}
-    for method, shape, metric in product(
-        dataset.configuration.methods, shapes, benchmark.settings.metrics
-    ):
-        if (method, shape, metric) not in found:
-            raise UserError(f"{path} lacks a {metric} error curve of {method}; {remedy}")
-    if unknown := {method for method, *_ in found} - METHODS.keys():
-        raise UserError(f"{path} is damaged at the curve of {min(unknown)}; {remedy}")
-    return benchmark
-
-
-def read_scene_record(dataset: Dataset) -> Record:
-    """Return the notes of the render stage. Raises UserError when they are damaged or missing."""
-    remedy = f"run: megalopta render {dataset.root} --out {dataset.root} --redo"
-    record: Record = _read(dataset.scene_record, _SCENE.validate_python, remedy)
-    return record
 
 
 def _read(path: Path, check: Callable[[Any], _Read], remedy: str) -> _Read:
@@ -193,7 +129,7 @@ _SPREAD_PERCENT = (5, 50, 95)
 _BRIGHTER = 0.01
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Budget:
     """One sensor at one light level; means over pixels and frames unless said otherwise."""
 
@@ -216,6 +152,9 @@ class Budget:
     """Detected photons summed over the frame"""
     rendering_noise: float = math.nan
     """Of a pixel, over its shot noise (standard deviations); NaN where it was not measured"""
+    counts: NDArray[Any] = field(default_factory=lambda: np.zeros((0, 1, 1)))
+    saturated: NDArray[Any] = field(default_factory=lambda: np.zeros((0, 1, 1), np.bool_))
+    """(n, h, w): readings that are shown, and where they are of full pixels"""
 
 
 def by_sensor(budgets: Iterable[Budget]) -> dict[str, list[Budget]]:
@@ -226,16 +165,7 @@ def by_sensor(budgets: Iterable[Budget]) -> dict[str, list[Budget]]:
     return found
 
 
-@dataclass(frozen=True, eq=False)
-class ExposureSummary:
-    """A budget and the counts (n, h, w) that are shown of it."""
-
-    budget: Budget
-    counts: NDArray[np.generic]
-    saturated: NDArray[np.bool_]
-
-
-def exposed(report: "Report", sensor: ImageSensor, level: LightLevel) -> ExposureSummary:
+def exposed(report: "Report", sensor: ImageSensor, level: LightLevel) -> Budget:
     """Return budget and pictures of a sensor at a level."""
     opened, settings = open_exposure(report.dataset, sensor, level), report.settings
     scale, noise = light_scale(settings, level), report.scene.get("monte_carlo") or {}
@@ -252,7 +182,7 @@ def exposed(report: "Report", sensor: ImageSensor, level: LightLevel) -> Exposur
     counts, saturated = (
         report.selection.pixels(opened[name][frames]) for name in ("counts", "saturated")
     )
-    return ExposureSummary(budget, counts, saturated)
+    return replace(budget, counts=counts, saturated=saturated)
 
 
 def _budget(
@@ -308,7 +238,8 @@ class Report:
         self.units = sorted({sensor.unit for sensor in self.settings.sensors})
         ledger = Ledger(dataset)
         ledger.require("render")
-        self.scene: Record = read_scene_record(dataset)
+        again = f"run: megalopta render {dataset.root} --out {dataset.root} --redo"
+        self.scene: Record = _read(dataset.scene_record, dict, again)
         self.finished = ledger.finished()
         timings = ledger.timings()
         self.timings = {stage: timings[stage] for stage in STAGES if stage in timings}
@@ -322,7 +253,10 @@ class Report:
         if "benchmark" in self.finished:
             both = self.settings.benchmark.both_normalizations
             names = ("benchmark.json", *(["benchmark-other.json"] if both else []))
-            self.benchmarks = [read_benchmark(dataset, name) for name in names]
+            again = f"run: megalopta benchmark photons {dataset.root} --redo"
+            self.benchmarks = [
+                _read(dataset.result(name), BenchmarkResult.from_dict, again) for name in names
+            ]
 
     @cached_property
     def selection(self) -> Selection:
@@ -349,7 +283,7 @@ class Report:
         return [read_truth_frame(self.dataset, index) for index in self.selection.frames]
 
     @cached_property
-    def exposures(self) -> list[ExposureSummary]:
+    def exposures(self) -> list[Budget]:
         """Budget and pictures of every sensor at every level; none where nothing was exposed."""
         found = self.dataset.configuration.exposures if "sense" in self.finished else ()
         return [exposed(self, *each) for each in found]

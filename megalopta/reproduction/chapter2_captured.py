@@ -38,7 +38,7 @@ from megalopta.reproduction.chapter2_edge import (
     transients_figure,
 )
 from megalopta.sensor import Sensor, changed, load_sensor
-from megalopta.sensor.compare.quantities import CountedFrames
+from megalopta.sensor.calibrate.level import Level
 
 
 def captured_figures(
@@ -111,7 +111,7 @@ def reproduce_captured(
     sensor = _sensor(sources, recorded, device)
     cut: dict[float, list[NDArray[Any]]] = {}
     for source, each in zip(sources, recorded, strict=True):
-        frames = CountedFrames(each.counts, each.exposure_s, 0.0, times_s=each.times_s)
+        frames = Level(each.counts, each.exposure_s, 0.0, times_s=each.times_s)
         counts = captured_frames(each, sensor, 0.0) if device else frames
         cut.setdefault(source.light, []).append(passages_at(source.light, counts))
     captured = {speed: np.concatenate(parts) for speed, parts in cut.items()}

@@ -9,9 +9,16 @@ from scipy.stats import chi2
 
 from megalopta.core.arrays import Floats, Mask
 from megalopta.sensor.calibrate.comb import HIDDEN_AT, CombFit, Curve, comb_period, fit_comb
-from megalopta.sensor.calibrate.level import Adc, Falls, Level, check_levels, falls_of
+from megalopta.sensor.calibrate.level import (
+    Adc,
+    Falls,
+    Level,
+    PhotonTransfer,
+    check_levels,
+    falls_of,
+    photon_transfer,
+)
 from megalopta.sensor.calibrate.neighbors import Kernel, mean_kernel, neighbor_kernel
-from megalopta.sensor.calibrate.photon_transfer import PhotonTransfer, photon_transfer
 from megalopta.sensor.calibrate.saturation import MeanCounts, fit_saturation
 
 _95 = 1.959964
@@ -101,7 +108,7 @@ class Device:
     def counts_of(self, level: Level, adc: Adc) -> Floats:
         """Counts, not rounded, from the codes of frames (n, rows, columns)."""
         leak = np.nan_to_num(self.leak_v_s.value) * level.exposure_s
-        fall = (adc.top - level.codes) * adc.lsb_v
+        fall = (adc.top - level.readings) * adc.lsb_v
         steps = (fall - self.offset_v.value - leak) / self.step_v.value
         return self.curve.numbers(steps, self.step_v.value)
 
@@ -116,7 +123,7 @@ class _Recorded(NamedTuple):
 
     @property
     def shape(self) -> tuple[int, int]:
-        rows, columns = self.levels[0].codes.shape[1:]
+        rows, columns = self.levels[0].readings.shape[1:]
         return rows, columns
 
     def estimates(self, solution: Floats, errors: Floats) -> list[Estimate]:

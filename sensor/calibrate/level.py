@@ -1,4 +1,18 @@
-"""Recorded readings at one light and one exposure: what they must have, and what they show."""
+"""Recorded readings at one light and one exposure: what they must have, and what they show.
+
+**Photon transfer**: the step of a counter from how the variance of readings grows with their mean.
+
+Poisson events of step s on an output of offset a, leak l and read noise r make
+
+    mean = a + l·T + s·λ      variance = r² + s²·λ = r² + s·(mean − a − l·T)
+
+so the slope of variance over mean is the step. No comb has to be seen. The leak is neglected, which
+makes the step small by the leak over that of the dark counts, l/(s·d): 0.3 % for SPADCAM. In the
+dark mean and exposure grow together, so that the data could hardly tell it. Of the levels only dim
+ones are used, where dead time has not yet made the counts more regular.
+
+Source: EMVA 1288 release 4, Linear.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -7,7 +21,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.core.arrays import Floats, Ints
+from megalopta.core.arrays import Floats, Ints, Mask
 
 _DEVIATIONS_ABOVE_BOTTOM = 6.0
 _DEEPEST = 0.95
@@ -23,16 +37,27 @@ _DARKEST_Z = 6.0
 class Level:
     """Frames that were taken alike."""
 
-    codes: NDArray[Any]
-    """(n, rows, columns) of the ADC; lower where more was counted"""
+    readings: NDArray[Any]
+    """(n, rows, columns): codes of the ADC, lower where more was counted, or counts"""
     exposure_s: float
     light_hz: float = 0.0
     """Photons per second on a pixel, or, where all levels share it, in any unit; 0: in the dark"""
+    saturated: NDArray[np.bool_] | None = None
+    """(n, rows, columns) readings that are lower bounds"""
+    times_s: Floats | None = None
+    """(n,) when each exposure began; one after the other where it is not known"""
 
     @property
     def is_dark(self) -> bool:
         """True in the dark."""
         return self.light_hz == 0
+
+    @property
+    def usable(self) -> Mask:
+        """Pixels (rows, columns) that are never full."""
+        if self.saturated is None:
+            return np.ones(self.readings.shape[1:], np.bool_)
+        return np.asarray(~self.saturated.any(axis=0))
 
     def __str__(self) -> str:
         """Name it for people."""
@@ -90,11 +115,11 @@ class Falls(NamedTuple):
 
 def falls_of(levels: Sequence[Level], adc: Adc) -> Falls:
     """Gather how the outputs fell; levels where a pixel may have met its bottom do not count."""
-    pixels = levels[0].codes[0].size
+    pixels = levels[0].readings[0].size
     lowest = adc.top - _DEEPEST * (adc.top - adc.bottom)
     parts, maps = [], []
     for number, level in enumerate(levels):
-        codes = level.codes.reshape(len(level.codes), pixels)
+        codes = level.readings.reshape(len(level.readings), pixels)
         mean, variance = codes.mean(axis=0), codes.var(axis=0, ddof=1)
         usable = mean - _DEVIATIONS_ABOVE_BOTTOM * np.sqrt(variance) > lowest
         maps.append((np.where(usable, len(codes), 0), mean, variance))
@@ -119,15 +144,15 @@ def check_levels(levels: Sequence[Level], adc: Adc) -> None:
     Raises ValueError when levels are of different arrays, have too few frames, drift or are
     saturated, when no exposures of the dark differ, or light makes no difference.
     """
-    shapes = sorted({level.codes.shape[1:] for level in levels if level.codes.ndim == 3})
-    if len(shapes) != 1 or any(level.codes.ndim != 3 for level in levels):
+    shapes = sorted({level.readings.shape[1:] for level in levels if level.readings.ndim == 3})
+    if len(shapes) != 1 or any(level.readings.ndim != 3 for level in levels):
         raise ValueError(
             f"recordings of {', '.join(map(str, shapes)) or 'no'} pixels; give frames of one device"
         )
     for level in levels:
-        if len(level.codes) < _FEWEST_FRAMES:
+        if len(level.readings) < _FEWEST_FRAMES:
             raise ValueError(
-                f"{level}: {len(level.codes)} frames; capture {_FEWEST_FRAMES} or more"
+                f"{level}: {len(level.readings)} frames; capture {_FEWEST_FRAMES} or more"
             )
         _check_steadiness(level)
     dark = sorted({level.exposure_s for level in levels if level.is_dark})
@@ -136,18 +161,18 @@ def check_levels(levels: Sequence[Level], adc: Adc) -> None:
             f"dark frames of {len(dark)} exposures; capture {_FEWEST_DARK_EXPOSURES} or more, so "
             "that leak differs from dark counts"
         )
-    if all(np.median(level.codes) <= adc.bottom for level in levels):
+    if all(np.median(level.readings) <= adc.bottom for level in levels):
         raise ValueError("all levels are saturated; expose for less or lower the light")
     _check_light(levels, adc)
 
 
 def _check_steadiness(level: Level) -> None:
-    totals = level.codes.mean(axis=(1, 2), dtype=np.float64)
+    totals = level.readings.mean(axis=(1, 2), dtype=np.float64)
     half = len(totals) // 2
     first, second = totals[:half], totals[half:]
     change = float(second.mean() - first.mean())
     error = float(np.sqrt(first.var(ddof=1) / first.size + second.var(ddof=1) / second.size))
-    pixel = float(np.sqrt(level.codes.var(axis=0, dtype=np.float64).mean()))
+    pixel = float(np.sqrt(level.readings.var(axis=0, dtype=np.float64).mean()))
     if abs(change) > _DRIFT_Z * error and abs(change) > max(_SMALLEST_DRIFT * pixel, 0.05):
         raise ValueError(
             f"{level}: it drifts, the second half differs from the first by {change:.3g} codes, "
@@ -160,21 +185,80 @@ def _check_light(levels: Sequence[Level], adc: Adc) -> None:
     lit = [level for level in levels if not level.is_dark]
     if not lit:
         return
-    if all(np.median(level.codes) <= adc.bottom for level in lit):
+    if all(np.median(level.readings) <= adc.bottom for level in lit):
         raise ValueError("flat frames are saturated; expose for less or lower the light")
     rates = {
         is_dark: max(
-            (adc.top - float(level.codes.mean())) / level.exposure_s
+            (adc.top - float(level.readings.mean())) / level.exposure_s
             for level in levels
-            if level.is_dark == is_dark and np.median(level.codes) > adc.bottom
+            if level.is_dark == is_dark and np.median(level.readings) > adc.bottom
         )
         for is_dark in (True, False)
     }
-    brightest = min(lit, key=lambda level: float(level.codes.mean()))
-    frames = brightest.codes
+    brightest = min(lit, key=lambda level: float(level.readings.mean()))
+    frames = brightest.readings
     spread = float(frames.mean(axis=(1, 2)).std(ddof=1)) / np.sqrt(len(frames))
     excess = (rates[False] - rates[True]) * brightest.exposure_s
     if excess < _DARKEST_Z * spread:
         raise ValueError(
             f"{brightest}: no brighter than the dark; uncover the sensor or raise the light"
         )
+
+
+_ROUNDS = 6
+_DIMMEST = 3.0
+"""Levels with up to so many times the least light are used, and those in the dark."""
+
+
+class PhotonTransfer(NamedTuple):
+    """Line of each pixel, (P,)."""
+
+    step_v: Floats
+    step_error_v: Floats
+    read_variance_v2: Floats
+    offset_v: Floats
+    """Fall of the output without counts at no exposure (V)."""
+    offset_error_v: Floats
+
+
+def photon_transfer(falls: Falls, above_noise: float = 0.0) -> PhotonTransfer:
+    """Fit variance over mean, and mean over exposure in the dark.
+
+    Levels whose fall is below so many standard deviations are not used: the ADC may cut off part
+    of their readings.
+    """
+    light_hz = falls.light_hz
+    is_dim = light_hz <= _DIMMEST * light_hz[light_hz > 0].min(initial=np.inf)
+    used = (falls.frames > 0) & is_dim[:, None]
+    used &= falls.mean_v >= above_noise * np.sqrt(falls.variance_v2)
+    offset, offset_error = _intercept(falls, used & (light_hz == 0)[:, None])
+    columns = np.stack([np.ones_like(falls.mean_v), falls.mean_v - offset], axis=-1)
+    scale = np.abs(columns).max(axis=0, keepdims=True) + 1e-30
+    floor = 1e-3 * float(np.median(falls.variance_v2)) + 1e-18
+    expected = np.maximum(falls.variance_v2, floor)
+    for _ in range(_ROUNDS):
+        weight = np.where(used, (np.maximum(falls.frames, 2) - 1) / (2 * expected**2), 0)
+        solution, covariance = _least_squares(columns / scale, falls.variance_v2, weight)
+        fitted = np.einsum("lpi,pi->lp", columns / scale, solution)
+        expected = np.maximum(fitted, floor)
+    solution = solution / scale[0]
+    error = np.sqrt(covariance[:, 1, 1]) / scale[0, :, 1]
+    return PhotonTransfer(solution[:, 1], error, solution[:, 0].clip(0), offset, offset_error)
+
+
+def _intercept(falls: Falls, used: NDArray[np.bool_]) -> tuple[Floats, Floats]:
+    """Fall at no exposure in the dark, and its standard error."""
+    variance = falls.variance_v2 / np.maximum(falls.frames, 1) + 1e-18
+    weight = np.where(used, 1 / variance, 0)
+    times = np.broadcast_to(falls.exposure_s[:, None], falls.mean_v.shape)
+    columns = np.stack([np.ones_like(times), times / times.max()], axis=-1)
+    solution, covariance = _least_squares(columns, falls.mean_v, weight)
+    return solution[:, 0], np.sqrt(covariance[:, 0, 0])
+
+
+def _least_squares(columns: Floats, values: Floats, weight: Floats) -> tuple[Floats, Floats]:
+    """Weighted fits over levels for every pixel: solutions (P, k) and covariances (P, k, k)."""
+    normal = np.einsum("lp,lpi,lpj->pij", weight, columns, columns)
+    right = np.einsum("lp,lpi,lp->pi", weight, columns, values)
+    covariance = np.linalg.pinv(normal, hermitian=True)
+    return np.einsum("pij,pj->pi", covariance, right), covariance

@@ -41,11 +41,6 @@ class Kernel(NamedTuple):
     afterpulses_error: float
 
     @property
-    def probability(self) -> float:
-        """Mean number of pixels that one avalanche fires."""
-        return float(2 * self.share.sum())
-
-    @property
     def is_seen(self) -> bool:
         """True where the nearest neighbors show crosstalk, beyond 3 standard errors."""
         nearest = self.share[:2].sum()

@@ -16,13 +16,12 @@ block, since the scene is the same in both.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.core.arrays import Floats, Mask
+from megalopta.sensor.calibrate.level import Level
 from megalopta.sensor.compare.two_sample import Difference, Quantity, difference
 
 BLOCKS = 20
@@ -35,35 +34,8 @@ _BRIGHTNESS = Quantity("brightness", "counts per second")
 _CONTRAST = Quantity("contrast", "counts per photon detected")
 
 
-@dataclass(frozen=True, eq=False)
-class CountedFrames:
-    """Counts at one light and exposure."""
-
-    counts: NDArray[Any]
-    """(n, rows, columns)"""
-    exposure_s: float
-    light_hz: float = 0.0
-    """In the unit of the other levels; 0: in the dark"""
-    saturated: NDArray[np.bool_] | None = None
-    """(n, rows, columns) counts that are lower bounds"""
-    times_s: Floats | None = None
-    """(n,) when each exposure began; one after the other where it is not known"""
-
-    @property
-    def is_dark(self) -> bool:
-        """True in the dark."""
-        return self.light_hz == 0
-
-    @property
-    def usable(self) -> Mask:
-        """Pixels (rows, columns) that are never full."""
-        if self.saturated is None:
-            return np.ones(self.counts.shape[1:], np.bool_)
-        return np.asarray(~self.saturated.any(axis=0))
-
-
 def block_quantities(
-    levels: Sequence[CountedFrames], usable: Sequence[Mask], kind: str = "paralyzable"
+    levels: Sequence[Level], usable: Sequence[Mask], kind: str = "paralyzable"
 ) -> dict[str, Floats]:
     """Return quantities by name, each (blocks,), as far as the levels tell them.
 
@@ -75,7 +47,7 @@ def block_quantities(
 
 
 def unsure_quantities(
-    levels: Sequence[CountedFrames], usable: Sequence[Mask], errors: Sequence[Floats | float]
+    levels: Sequence[Level], usable: Sequence[Mask], errors: Sequence[Floats | float]
 ) -> dict[str, float]:
     """Return standard errors of quantities that those of mean counts (rows, columns) make.
 
@@ -93,9 +65,9 @@ def unsure_quantities(
 
 
 def _of_block(
-    levels: Sequence[CountedFrames], good: Sequence[Mask], kind: str, block: int
+    levels: Sequence[Level], good: Sequence[Mask], kind: str, block: int
 ) -> dict[str, float]:
-    own = [_block(level.counts, block) for level in levels]
+    own = [_block(level.readings, block) for level in levels]
     means = [each.mean(axis=0) for each in own]
     lights = [level.light_hz for level in levels]
     lit = sorted({light for light in lights if light})
@@ -175,8 +147,8 @@ def _crosstalk(levels: Sequence[tuple[Floats, Floats, Mask]]) -> float:
 
 
 def scene_differences(
-    captured: CountedFrames,
-    expected: CountedFrames,
+    captured: Level,
+    expected: Level,
     light_hz: Floats,
     margin: float,
     errors_hz: Floats | float = 0.0,
@@ -198,7 +170,7 @@ def scene_differences(
     found = []
     for quantity, error, measure in measures:
         a, b = (
-            np.array([measure(each.counts[at][:, good], light[at]) for at in blocks])
+            np.array([measure(each.readings[at][:, good], light[at]) for at in blocks])
             / each.exposure_s
             for each in (captured, expected)
         )

@@ -1,16 +1,27 @@
-"""A captured recording against a simulated one, in all respects, with one false-alarm rate."""
+"""A captured recording against a simulated one, in all respects, with one false-alarm rate.
 
-from collections.abc import Sequence
+**Order of the pixels**: turned, mirrored, or with rows swapped. The pattern of a device is its
+fingerprint. Spearman's rank correlation of two maps says whether a pixel that is bright in one is
+bright in the other; it does not mind gain, offset and hot pixels. Of the 8 symmetries of the
+square, and the order of rows that matches best (assignment of rows by their correlation), the one
+is named under which it is clearly highest.
+"""
+
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
+from scipy.spatial.distance import cdist
+from scipy.stats import rankdata
 
 from megalopta.core.arrays import Floats
-from megalopta.sensor.compare.order import Arrangement, arrangement
+from megalopta.sensor.calibrate.level import Level
 from megalopta.sensor.compare.quantities import (
     BANDS,
     BLOCKS,
-    CountedFrames,
     band_powers,
     block_quantities,
     unsure_quantities,
@@ -41,6 +52,34 @@ _QUANTITIES = (
 )
 _FAMILIES = 5
 _FEWEST_FRAMES = 3 * BLOCKS
+_CLEARLY = 6.0
+_SYMMETRIES = {
+    "as it is": (False, 0),
+    "turned by 90° to the right": (False, 1),
+    "turned by 180°": (False, 2),
+    "turned by 90° to the left": (False, 3),
+    "transposed": (True, 0),
+    "mirrored, its rows in reverse order": (True, 1),
+    "transposed about the other diagonal": (True, 2),
+    "mirrored, its columns in reverse order": (True, 3),
+}
+
+
+class Arrangement(NamedTuple):
+    """Rearrangement by which a map is like another one."""
+
+    name: str
+    correlation: float
+    """Rank correlation when rearranged."""
+    as_it_is: float
+    """Rank correlation before."""
+    rows: tuple[int, ...] | None = None
+    """Row of the captured map that stands in each place, where rows are swapped."""
+
+    @property
+    def is_other(self) -> bool:
+        """True where anything is swapped."""
+        return self.name != "as it is"
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,22 +90,19 @@ class Comparison:
     """In which order the captured pixels are"""
     differences: tuple[Difference, ...]
     """Quantities of the device"""
-    means: PixelTest
-    """Of all levels, (levels, rows, columns)"""
-    variances: PixelTest
-    histograms: PixelTest
+    tests: Mapping[str, PixelTest]
+    """Of mean, variance and histogram of pixels at all levels, (levels, rows, columns)"""
     distances: Distances
     """Between histograms, (levels, rows, columns), and those of samples of one law"""
     by_chance: Distances
     spectrum: tuple[Difference, ...]
     """Shares of bands of frequency"""
-    false_alarms: float
     margin: float
 
     @property
     def causes(self) -> tuple[Difference, ...]:
         """Quantities that differ beyond chance and by more than the margin, largest first."""
-        real = [each for each in self._beyond_chance(self.differences) if not each.is_equivalent]
+        real = [each for each in beyond_chance(self.differences) if not each.is_equivalent]
         return tuple(sorted(real, key=lambda each: -each.size))
 
     @property
@@ -75,14 +111,12 @@ class Comparison:
         found = []
         if self.arrangement.is_other:
             found.append(f"the captured image is {self.arrangement.name}")
-        found += [str(each) for each in self._beyond_chance(self.differences)]
-        tests = {"mean": self.means, "variance": self.variances, "histogram": self.histograms}
-        for name, test in tests.items():
+        found += map(str, beyond_chance(self.differences))
+        for name, test in self.tests.items():
             if test.differs.any():
                 many = f"{test.differs.sum()} of {np.isfinite(test.p).sum()}"
                 found.append(f"the {name} differs in {many} pixels")
-        found += [str(each) for each in self._beyond_chance(self.spectrum)]
-        return tuple(found)
+        return (*found, *map(str, beyond_chance(self.spectrum)))
 
     @property
     def sentence(self) -> str:
@@ -101,29 +135,29 @@ class Comparison:
         limit = f"; of the device, at most: {largest}" if largest and str(largest) != first else ""
         return f"Differences are beyond chance but small: {first}{limit}."
 
-    def _beyond_chance(self, tested: Sequence[Difference]) -> list[Difference]:
-        limit = self.false_alarms / _FAMILIES / max(len(tested), 1)
-        return [each for each in tested if each.p < limit]
+
+def beyond_chance(tested: Sequence[Difference]) -> list[Difference]:
+    """Return those that differ, of one family of tests."""
+    limit = FALSE_ALARMS / _FAMILIES / max(len(tested), 1)
+    return [each for each in tested if each.p < limit]
 
 
 def compare_recordings(
-    captured: Sequence[CountedFrames],
-    expected: Sequence[CountedFrames],
+    captured: Sequence[Level],
+    expected: Sequence[Level],
     *,
     kind: str = "paralyzable",
     margin: float = MARGIN,
-    false_alarms: float = FALSE_ALARMS,
     errors: Sequence[Floats | float] | None = None,
 ) -> Comparison:
     """Compare level by level.
 
     Raises ValueError when levels are not of the same shape, or have too few frames.
 
-    `captured`, `expected` sequences of CountedFrames: the same levels in the same order; numbers of
+    `captured`, `expected` sequences of Level: the same levels in the same order; numbers of
     frames may differ; `kind`: dead time of the device; `margin`: relative difference that does not
-    matter; `false_alarms`: share of comparisons of a device with itself that may raise an alarm;
-    `errors` sequence of (rows, columns): standard errors of the expected mean counts of each level,
-    where these are a calibration's.
+    matter; `errors` sequence of (rows, columns): standard errors of the expected mean counts of
+    each level, where these are a calibration's.
     """
     _check(captured, expected)
     pairs = list(zip(captured, expected, strict=True))
@@ -131,7 +165,7 @@ def compare_recordings(
     unsure = errors or [0.0] * len(pairs)
     p_values, distances, chance = [], [], []
     for (one, other), good, error in zip(pairs, usable, unsure, strict=True):
-        a, b = np.asarray(one.counts, np.float64), np.asarray(other.counts, np.float64)
+        a, b = np.asarray(one.readings, np.float64), np.asarray(other.readings, np.float64)
         of_histograms, apart = histogram_test(a, b)
         tests = mean_test(a, b, error), variance_test(a, b), of_histograms
         p_values.append([np.where(good, p, np.nan) for p in tests])
@@ -139,9 +173,7 @@ def compare_recordings(
         chance.append(distances_by_chance(a, b))
     first, second = (block_quantities(each, usable, kind) for each in (captured, expected))
     known = unsure_quantities(expected, usable, unsure)
-    means, variances, histograms = (
-        discoveries(np.array(p), false_alarms / _FAMILIES) for p in zip(*p_values, strict=True)
-    )
+    families = zip(("mean", "variance", "histogram"), zip(*p_values, strict=True), strict=True)
     return Comparison(
         arrangement=_arrangement(pairs),
         differences=tuple(
@@ -149,13 +181,10 @@ def compare_recordings(
             for each in _QUANTITIES
             if each.name in first and each.name in second
         ),
-        means=means,
-        variances=variances,
-        histograms=histograms,
+        tests={name: discoveries(np.array(p), FALSE_ALARMS / _FAMILIES) for name, p in families},
         distances=_stacked(distances),
         by_chance=_stacked(chance),
         spectrum=_spectrum(pairs, margin),
-        false_alarms=false_alarms,
         margin=margin,
     )
 
@@ -164,32 +193,74 @@ def _stacked(levels: Sequence[Distances]) -> Distances:
     return Distances(*(np.array(each) for each in zip(*levels, strict=True)))
 
 
-def _check(captured: Sequence[CountedFrames], expected: Sequence[CountedFrames]) -> None:
+def _check(captured: Sequence[Level], expected: Sequence[Level]) -> None:
     if not captured or len(captured) != len(expected):
         raise ValueError(
             f"{len(captured)} captured levels and {len(expected)} expected ones; give the same"
         )
     for one, other in zip(captured, expected, strict=True):
-        shapes = one.counts.shape[1:], other.counts.shape[1:]
+        shapes = one.readings.shape[1:], other.readings.shape[1:]
         if shapes[0] != shapes[1]:
             raise ValueError(f"frames of {shapes[0]} and of {shapes[1]} pixels; give the same")
-        fewest = min(len(one.counts), len(other.counts))
+        fewest = min(len(one.readings), len(other.readings))
         if fewest < _FEWEST_FRAMES:
             raise ValueError(f"{fewest} frames; compare {_FEWEST_FRAMES} or more")
 
 
-def _arrangement(pairs: Sequence[tuple[CountedFrames, CountedFrames]]) -> Arrangement:
+def arrangement(captured: Floats, expected: Floats) -> Arrangement:
+    """Find how a map (rows, columns) is arranged, compared with the expected one."""
+    plain = _correlation(captured, expected)
+    best = Arrangement("as it is", plain, plain)
+    for name, (is_transposed, turns) in _SYMMETRIES.items():
+        turned = np.rot90(captured.T if is_transposed else captured, turns)
+        if turned.shape == expected.shape:
+            found = _correlation(turned, expected)
+            if _is_clearly_higher(found, best.correlation, captured.size):
+                best = Arrangement(name, found, plain)
+    rows = matching_rows(captured, expected)
+    swapped = _correlation(captured[rows], expected)
+    moved = int((rows != np.arange(len(rows))).sum())
+    # among so many orders, one fits by chance: the best of n normal correlations of two rows
+    by_chance = float(np.sqrt(2 * np.log(len(rows)) / max(captured.shape[1] - 1, 1)))
+    if (
+        moved
+        and swapped > by_chance
+        and _is_clearly_higher(swapped, best.correlation, captured.size)
+    ):
+        name = f"{moved} of {len(rows)} rows in another order"
+        return Arrangement(name, swapped, plain, tuple(int(row) for row in rows))
+    return best
+
+
+def matching_rows(captured: Floats, expected: Floats) -> NDArray[np.intp]:
+    """Return the captured row (rows,) that is most like each expected one, each used once."""
+    ranks = [rankdata(each).reshape(each.shape) for each in (captured, expected)]
+    apart = cdist(ranks[1], ranks[0], "sqeuclidean")
+    return np.asarray(linear_sum_assignment(apart)[1])
+
+
+def _correlation(one: Floats, other: Floats) -> float:
+    ranks = [rankdata(each) - (each.size + 1) / 2 for each in (one, other)]
+    norm = np.sqrt((ranks[0] ** 2).sum() * (ranks[1] ** 2).sum())
+    return float((ranks[0] * ranks[1]).sum() / norm) if norm > 0 else 0.0
+
+
+def _is_clearly_higher(one: float, other: float, pixels: int) -> bool:
+    """Fisher's z; the pixels of a map of 256 make a standard error of 0.09."""
+    z = np.arctanh(np.clip([one, other], -0.999999, 0.999999))
+    return bool((z[0] - z[1]) * np.sqrt((pixels - 3) / 2) > _CLEARLY)
+
+
+def _arrangement(pairs: Sequence[tuple[Level, Level]]) -> Arrangement:
     """Arrangement by the level that shows the pattern best, the one of the most counts."""
-    one, other = max(pairs, key=lambda each: float(each[1].counts.sum()) * each[1].is_dark)
-    return arrangement(one.counts.mean(axis=0), other.counts.mean(axis=0))
+    one, other = max(pairs, key=lambda each: float(each[1].readings.sum()) * each[1].is_dark)
+    return arrangement(one.readings.mean(axis=0), other.readings.mean(axis=0))
 
 
-def _spectrum(
-    pairs: Sequence[tuple[CountedFrames, CountedFrames]], margin: float
-) -> tuple[Difference, ...]:
+def _spectrum(pairs: Sequence[tuple[Level, Level]], margin: float) -> tuple[Difference, ...]:
     found = []
     for at, (one, other) in enumerate(pairs):
-        a, b = band_powers(one.counts), band_powers(other.counts)
+        a, b = band_powers(one.readings), band_powers(other.readings)
         if min(len(a), len(b)) < 4:
             continue
         for band in range(BANDS - 1):

@@ -5,23 +5,35 @@ Arrays `counts`, `saturated` and, where the expectation was asked for, `photons`
 of whole frames, with its unit as an attribute: counts, or electrons of a sensor that integrates.
 The attributes of the group hold what made them: sensor, exposure, seed, sequence, illuminance. A
 store is written under a temporary name and renamed, so it is there whole or not at all.
+
+Of a camera that runs the number of frames is not known beforehand. Such a store opens at any
+moment, also after its writer was killed, with the frames of the last `publish`: an array's own
+metadata may be ahead of the others', but readers take all shapes from the metadata of the group,
+which is one file and replaced at once (Zarr's consolidated metadata).
 """
 
+import json
+import math
 import operator
+import textwrap
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple, TypeVar, cast
 
 import numpy as np
 import zarr
-from numpy.typing import NDArray
+from numpy.typing import DTypeLike, NDArray
+from pydantic import TypeAdapter
+from zarr.codecs import BloscCodec
 
-from megalopta.core.files import atomic_write
-from megalopta.core.format_numbers import written
+from megalopta.core.errors import DamagedFileError
+from megalopta.core.files import atomic_write, write_text
+from megalopta.core.format_numbers import check_format, written
+from megalopta.sensor.formats.recorded_frames import check_new
 from megalopta.sensor.image_sensors import ImageSensor
-from megalopta.sensor.quantities import Exposure
+from megalopta.sensor.quantities import Expectation, Exposure
 
 FORMAT = "megalopta counts"
 FORMAT_KEY = "format_number"
@@ -41,8 +53,12 @@ _MEANINGS = {
     "reading_variance": "{unit}² per exposure",
 }
 CHUNK_BYTES = 4 * 2**20
-# As many as the stages write at once: of a larger chunk the rest would be read and written again.
 _CHUNK_FRAMES = 16
+"""As many as the stages write at once: of a larger chunk the rest would be read and written
+again."""
+_GROWING_FRAMES = 4096
+_CODEC = BloscCodec(cname="lz4", shuffle="bitshuffle")
+"""Of a camera's readings, smaller than by Zarr's own choice, at half the computing time."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -105,13 +121,9 @@ def counts_writer(
         When something of this name exists.
     """
     path = Path(path)
-    if path.exists():
-        raise FileExistsError(f"{path}: exists already; remove it or choose another name")
+    check_new(path)
     with atomic_write(path) as temporary:
-        group = zarr.open_group(
-            temporary, mode="w", zarr_format=3, attributes=store_attributes(origin)
-        )
-
+        group = _new_group(temporary, origin)
         arrays: dict[str, zarr.Array[Any]] = {}
         written = 0
 
@@ -120,8 +132,10 @@ def counts_writer(
             first, written = written, written + len(exposure.counts)
             for name, values in _arrays(exposure):
                 if name not in arrays:
-                    unit = unit_of(name, origin.sensor)
-                    arrays[name] = _created(group, name, frames, values, unit)
+                    most = min(frames, _CHUNK_FRAMES, CHUNK_BYTES // max(1, values[:1].nbytes))
+                    shape, unit = (frames, *values.shape[1:]), _unit(name, origin.sensor)
+                    new = _created(group, name, shape, max(1, most), unit, dtype=values.dtype)
+                    arrays[name] = new
                 arrays[name][first : first + len(values)] = values
 
         yield write
@@ -134,16 +148,16 @@ def _arrays(exposure: Exposure) -> Iterator[tuple[str, NDArray[Any]]]:
         yield name, getattr(exposure.expectation, name).astype(np.float32)
 
 
-def unit_of(name: str, sensor: ImageSensor) -> str:
+def _unit(name: str, sensor: ImageSensor) -> str:
     """What the numbers of an array are."""
     event = "electrons" if sensor.unit == "electrons" else "events"
     return _MEANINGS[name].format(unit=sensor.unit, event=event)
 
 
-def store_attributes(origin: Origin) -> dict[str, Any]:
-    """What a store of counts says of itself."""
+def _new_group(path: Path, origin: Origin) -> zarr.Group:
+    """Return a new group that says what made its counts."""
     sequence = origin.sequence
-    return {
+    said = {
         "format": FORMAT,
         **format_attribute(),
         "sensor": origin.sensor.model_dump(mode="json"),
@@ -153,6 +167,7 @@ def store_attributes(origin: Origin) -> dict[str, Any]:
         "illuminance_lux": origin.illuminance_lux,
         "extra": dict(origin.extra),
     }
+    return zarr.open_group(path, mode="w", zarr_format=3, attributes=said)
 
 
 def format_attribute() -> dict[str, Any]:
@@ -161,15 +176,268 @@ def format_attribute() -> dict[str, Any]:
 
 
 def _created(
-    group: zarr.Group, name: str, frames: int, like: NDArray[Any], unit: str
+    group: zarr.Group, name: str, shape: tuple[int, ...], per_chunk: int, unit: str, **how: Any
 ) -> "zarr.Array[Any]":
-    per_chunk = max(1, min(frames, _CHUNK_FRAMES, CHUNK_BYTES // max(1, like[:1].nbytes)))
     return group.create_array(
         name,
-        shape=(frames, *like.shape[1:]),
-        dtype=like.dtype,
-        chunks=(per_chunk, *like.shape[1:]),
-        dimension_names=("frame", "row", "column"),
+        shape=shape,
+        chunks=(per_chunk, *shape[1:]),
+        dimension_names=("frame", "row", "column")[: len(shape)],
         attributes={"unit": unit},
         config={"write_empty_chunks": True},  # so that a lost one is not read as darkness
+        **how,
     )
+
+
+class ExtraArray(NamedTuple):
+    """An array beside the counts: its type, what its numbers are, and whether of every pixel."""
+
+    dtype: DTypeLike
+    unit: str
+    of_pixels: bool = False
+
+
+class GrowingCounts:
+    """A new store of counts, frames appended as they come.
+
+    Parameters
+    ----------
+    path : Path
+        Must not exist.
+    origin : Origin
+    shape : (int, int)
+        Rows, columns.
+    extras : dict
+        Further arrays by name, such as times.
+    """
+
+    def __init__(
+        self, path: Path, origin: Origin, shape: tuple[int, int], extras: Mapping[str, ExtraArray]
+    ) -> None:
+        check_new(path)
+        self.path = path
+        self.frames = 0
+        """So many are published or wait for it."""
+        group = _new_group(path, origin)
+        readings = {
+            name: ExtraArray(kind, _unit(name, origin.sensor), of_pixels=True)
+            for name, kind in zip(READINGS, (np.uint16, np.bool_), strict=True)
+        }
+        self._arrays = {}
+        for name, (dtype, unit, of_pixels) in {**readings, **extras}.items():
+            none = (0, *(shape if of_pixels else ()))
+            how = {"dtype": np.dtype(dtype), "compressors": _CODEC}
+            self._arrays[name] = _created(group, name, none, _GROWING_FRAMES, unit, **how)
+        self._chunk = {
+            name: np.empty((_GROWING_FRAMES, *array.shape[1:]), array.dtype)
+            for name, array in self._arrays.items()
+        }
+        self._published = 0
+        self.publish()
+
+    def append(self, values: Mapping[str, NDArray[Any]]) -> None:
+        """Append frames: one array (n, …) for every array of the store."""
+        taken, frames = 0, len(values["counts"])
+        while taken < frames:
+            place = self.frames % _GROWING_FRAMES
+            some = min(_GROWING_FRAMES - place, frames - taken)
+            for name, chunk in self._chunk.items():
+                chunk[place : place + some] = values[name][taken : taken + some]
+            taken += some
+            self.frames += some
+            if self.frames % _GROWING_FRAMES == 0:
+                self.publish()
+
+    def publish(self) -> None:
+        """Make all frames so far readable."""
+        first = self._published // _GROWING_FRAMES * _GROWING_FRAMES
+        for name, array in self._arrays.items():
+            array.resize((self.frames, *array.shape[1:]))
+            if self.frames > first:
+                array[first:] = self._chunk[name][: self.frames - first]
+        self._published = self.frames
+        whole = json.loads((self.path / "zarr.json").read_text("utf-8"))
+        whole["consolidated_metadata"] = {
+            "kind": "inline",
+            "must_understand": False,
+            "metadata": {
+                name: json.loads((self.path / name / "zarr.json").read_text("utf-8"))
+                for name in self._arrays
+            },
+        }
+        write_text(self.path / "zarr.json", json.dumps(whole))
+
+    def read(self, name: str, first: int, end: int) -> NDArray[Any]:
+        """Published values of one array."""
+        return np.asarray(self._arrays[name][first:end])
+
+    def rewrite(self, name: str, first: int, values: NDArray[Any]) -> None:
+        """Replace published values of one array, from a frame on."""
+        self._arrays[name][first : first + len(values)] = values
+
+
+_IMAGE_SENSOR: TypeAdapter[ImageSensor] = TypeAdapter(ImageSensor)
+_KINDS = {"counts": "uf", "saturated": "b", **dict.fromkeys(MOMENTS, "f")}
+
+Frames = slice | int | list[int]
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, eq=False)
+class StoredFrames:
+    """One array of a store; slicing it reads those frames, as (n, H, W)."""
+
+    path: Path
+    array: "zarr.Array[Any]"
+
+    @classmethod
+    def open(cls, path: Path, name: str) -> "StoredFrames":
+        """Open one array of a Zarr group.
+
+        Raises
+        ------
+        OSError, ValueError, KeyError
+            When there is no such array.
+        UserError
+            When another version of the program wrote it, whose format this one does not read.
+        """
+        group = zarr.open_group(path, mode="r")
+        check_format("counts", dict(group.attrs), path, FORMAT_KEY)
+        return cls(path, cast("zarr.Array[Any]", group[name]))
+
+    def __len__(self) -> int:
+        """Return the number of frames."""
+        return int(self.array.shape[0])
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Frames, rows, columns."""
+        return self.array.shape
+
+    def __getitem__(self, frames: Frames) -> NDArray[Any]:
+        """Read frames. Raises DamagedFileError."""
+        chosen = np.asarray(frames) if isinstance(frames, list) else frames
+        return _told(self.path, lambda: _finite(np.asarray(self.array.oindex[chosen])))
+
+    def mean(self, frames_at_once: int = 64) -> float:
+        """Mean over all frames, of which only so many are in memory."""
+        starts = range(0, len(self), frames_at_once)
+        total = sum(
+            float(self[first : first + frames_at_once].sum(dtype=np.float64)) for first in starts
+        )
+        return total / max(self.array.size, 1)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class OpenedCounts(Origin):
+    """What made an exposure, and its frames, which are read when they are asked for.
+
+        opened = open_counts(path)
+        opened["counts"][first:last], opened["mean_reading"][first:last]
+
+    Attributes
+    ----------
+    path : Path
+    arrays : dict
+        Name to frames: `READINGS`, where they were stored `MOMENTS`, and what else there is of
+        every frame.
+    """
+
+    path: Path
+    arrays: Mapping[str, StoredFrames]
+
+    def __getitem__(self, name: str) -> StoredFrames:
+        """Return one array. Raises ValueError where it was not stored."""
+        if name not in self.arrays:
+            raise ValueError(f"{self.path}: holds no {name}; expose with expectation=True")
+        return self.arrays[name]
+
+    def expectation(self, frames: Frames = slice(None)) -> Expectation:
+        """Read the expectation of frames, by default of all."""
+        return Expectation(*(self[name][frames] for name in MOMENTS))
+
+    def exposure(self, frames: Frames = slice(None)) -> Exposure:
+        """Read frames, by default all, with all arrays."""
+        expectation = self.expectation(frames) if "photons" in self.arrays else None
+        return Exposure(self["counts"][frames], self["saturated"][frames], expectation)
+
+
+def open_counts(path: str | Path) -> OpenedCounts:
+    """Open a store that `write_counts` wrote, without reading frames.
+
+    Raises
+    ------
+    FileNotFoundError
+        When there is nothing of this name.
+    ValueError
+        When it is something else, lacks a part or is damaged.
+    UserError
+        When another version of the program wrote it, whose format this one does not read.
+    """
+    path = Path(path)
+    if not path.exists():
+        raise FileNotFoundError(f"{path}: no such counts store")
+    try:
+        group = zarr.open_group(path, mode="r")
+        attributes: dict[str, Any] = dict(group.attrs)
+    except Exception as problem:  # of a damaged file, anything
+        raise ValueError(f"{path}: not a Zarr group; give a folder of counts") from problem
+    if attributes.get("format") != FORMAT:
+        raise ValueError(f"{path}: a Zarr group, but not one of counts; give a folder of counts")
+    check_format("counts", attributes, path, FORMAT_KEY)
+    return _told(path, lambda: _opened(path, group, attributes))
+
+
+def read_counts(path: str | Path) -> StoredCounts:
+    """Read all frames of a store; errors as `open_counts`."""
+    opened = open_counts(path)
+    return StoredCounts(
+        exposure=opened.exposure(),
+        **{name: getattr(opened, name) for name in Origin.__dataclass_fields__},
+    )
+
+
+def _opened(path: Path, group: zarr.Group, attributes: dict[str, Any]) -> OpenedCounts:
+    names = READINGS + MOMENTS if any(name in group for name in MOMENTS) else READINGS
+    arrays: dict[str, StoredFrames] = {}
+    for name in names:
+        array = group[name]
+        if not isinstance(array, zarr.Array) or array.dtype.kind not in _KINDS[name]:
+            raise ValueError(f"{name} is no array of its kind of numbers")
+        written = sum(each.is_file() for each in (path / name / "c").rglob("*"))
+        sizes = zip(array.shape, array.chunks, strict=True)
+        lost = math.prod(-(-size // chunk) for size, chunk in sizes) - written
+        if lost > 0:
+            raise ValueError(f"{lost} chunks of {name} are gone")
+        arrays[name] = StoredFrames(path, array)
+    shapes = [array.shape for array in arrays.values()]
+    if len(shapes[0]) != 3 or len(set(shapes)) > 1:
+        raise ValueError(f"arrays of shapes {', '.join(map(str, shapes))}")
+    extras = {
+        name: StoredFrames(path, array)
+        for name, array in group.arrays()
+        if name not in arrays and array.shape[0] == shapes[0][0]
+    }
+    return OpenedCounts(
+        sensor=_IMAGE_SENSOR.validate_python(attributes["sensor"]),
+        **{name: attributes[name] for name in ("seed", "sequence", "illuminance_lux", "extra")},
+        path=path,
+        arrays=arrays | extras,
+    )
+
+
+def _finite(frames: NDArray[Any]) -> NDArray[Any]:
+    if frames.dtype.kind == "f" and not np.isfinite(frames).all():
+        raise ValueError("not all of its numbers are finite")
+    return frames
+
+
+def _told(path: Path, read: Callable[[], T]) -> T:
+    """What reading gives, or one sentence on what is wrong with the store."""
+    try:
+        return read()
+    except KeyError as missing:
+        raise DamagedFileError(f"{path}: lacks {missing}; write the counts again") from missing
+    except Exception as problem:
+        reason = textwrap.shorten(str(problem), 200)
+        raise DamagedFileError(f"{path}: damaged ({reason}); write the counts again") from problem

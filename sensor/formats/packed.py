@@ -20,7 +20,13 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, Field
 
 from megalopta.core.files import atomic_write
-from megalopta.sensor.formats.recorded_frames import RecordedFrames, file_bytes, one_line, wanted
+from megalopta.sensor.formats.recorded_frames import (
+    RecordedFrames,
+    check_new,
+    file_bytes,
+    one_line,
+    wanted,
+)
 
 Bytes = NDArray[np.uint8]
 
@@ -42,12 +48,6 @@ class PackedLayout(BaseModel, frozen=True, extra="forbid", use_attribute_docstri
     """Skipped at the beginning of every file."""
     footer_bytes: Annotated[int, Field(ge=0)] = 0
     """Skipped at the end of every file."""
-
-
-def write_binary_npy(path: str | Path, packed: Bytes) -> None:
-    """Write packed frames (T, H, ceil(W/8)), as of `expose_binary`, as one file."""
-    with binary_npy_writer(path, packed.shape) as write:
-        write(packed)
 
 
 @contextmanager
@@ -75,12 +75,6 @@ def binary_npy_writer(
             raise ValueError(f"{path}: {written} frames were written of {shape[0]}")
 
 
-def write_spad512(folder: str | Path, packed: Bytes) -> None:
-    """Write packed frames (T, 512, 64) as files of a new folder."""
-    with spad512_writer(folder) as write:
-        write(packed)
-
-
 @contextmanager
 def spad512_writer(folder: str | Path) -> Iterator[Callable[[Bytes], None]]:
     """Yield what appends packed frames (T, 512, 64); the folder appears when all are there.
@@ -89,8 +83,7 @@ def spad512_writer(folder: str | Path) -> Iterator[Callable[[Bytes], None]]:
     size.
     """
     folder = Path(folder)
-    if folder.exists():
-        raise FileExistsError(f"{folder}: exists already; remove it or choose another name")
+    check_new(folder)
     with atomic_write(folder) as temporary:
         temporary.mkdir()
         written = 0

@@ -1,13 +1,11 @@
 """What can be written of an exposure, frame after frame, in flat memory."""
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
-from functools import partial
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
-from megalopta.sensor.event_stream import Events
 from megalopta.sensor.exposure import check_binary
 from megalopta.sensor.formats.counts_store import Origin, counts_writer
 from megalopta.sensor.formats.events import (
@@ -76,9 +74,19 @@ def product_writer(
     burst_frames : int
         Binary frames of a burst in that time.
     """
-    if product == "burst_npy":
-        shape = shape[0] * burst_frames, *shape[1:]
-    return _WRITERS[product](path, origin, shape, frame_period_s)
+    frames, rows, columns = shape
+    if product == "counts":
+        return counts_writer(path, origin, frames)
+    if product == "tiff":
+        return _of_counts(tiff_writer(path, math.prod(shape) * 4, origin.sensor.exposure_s))
+    if product == "binary_spad512":
+        return spad512_writer(path)
+    if product == "events_hdf5":
+        return events_hdf5_writer(path, _event_origin(origin, shape, frame_period_s))
+    if product == "events_npz":
+        return events_npz_writer(path, _event_origin(origin, shape, frame_period_s))
+    frames *= burst_frames if product == "burst_npy" else 1
+    return binary_npy_writer(path, (frames, rows, -(-columns // 8)))
 
 
 def kind_of(product: ProductName) -> Kind:
@@ -89,62 +97,24 @@ def kind_of(product: ProductName) -> Kind:
 
 
 @contextmanager
-def _counts(path: Path, origin: Origin, shape: tuple[int, int, int], _: float) -> Iterator[Write]:
-    with counts_writer(path, origin, shape[0]) as write:
-        yield write
-
-
-@contextmanager
-def _tiff(path: Path, origin: Origin, shape: tuple[int, int, int], _: float) -> Iterator[Write]:
-    most_bytes = math.prod(shape) * 4
-    with tiff_writer(path, most_bytes, exposure_s=origin.sensor.exposure_s) as write:
+def _of_counts(writer: AbstractContextManager[Write]) -> Iterator[Write]:
+    """Yield what appends the counts of exposures."""
+    with writer as write:
         yield lambda exposure: write(exposure.counts)
 
 
-@contextmanager
-def _events(
-    writer: Callable[[Path, EventOrigin], AbstractContextManager[Callable[[Events], None]]],
-    path: Path,
-    origin: Origin,
-    shape: tuple[int, int, int],
-    frame_period_s: float,
-) -> Iterator[Write]:
-    described = {
-        "sensor": origin.sensor.model_dump(mode="json"),
-        "seed": origin.seed,
-        "sequence": origin.sequence,
-        "illuminance_lux": origin.illuminance_lux,
-        **origin.extra,
-    }
-    of_events = EventOrigin(
+def _event_origin(
+    origin: Origin, shape: tuple[int, int, int], frame_period_s: float
+) -> EventOrigin:
+    return EventOrigin(
         shape=shape,
         frame_period_s=frame_period_s,
         exposure_s=origin.sensor.exposure_s,
-        extra=described,
+        extra={
+            "sensor": origin.sensor.model_dump(mode="json"),
+            "seed": origin.seed,
+            "sequence": origin.sequence,
+            "illuminance_lux": origin.illuminance_lux,
+            **origin.extra,
+        },
     )
-    with writer(path, of_events) as write:
-        yield write
-
-
-@contextmanager
-def _npy(path: Path, _: Origin, shape: tuple[int, int, int], __: float) -> Iterator[Write]:
-    frames, rows, columns = shape
-    with binary_npy_writer(path, (frames, rows, -(-columns // 8))) as write:
-        yield write
-
-
-@contextmanager
-def _spad512(path: Path, _: Origin, __: tuple[int, int, int], ___: float) -> Iterator[Write]:
-    with spad512_writer(path) as write:
-        yield write
-
-
-_WRITERS: Mapping[ProductName, Callable[..., AbstractContextManager[Write]]] = {
-    "counts": _counts,
-    "events_hdf5": partial(_events, events_hdf5_writer),
-    "events_npz": partial(_events, events_npz_writer),
-    "binary_npy": _npy,
-    "binary_spad512": _spad512,
-    "burst_npy": _npy,
-    "tiff": _tiff,
-}

@@ -109,25 +109,19 @@ class Parser:
         Packets refused so far.
     other_version : int or None
         Version of the last packet that was whole but not of this one.
-    place : int
-        Where the packet begins that was yielded last, in bytes from the first that were fed.
     """
 
     def __init__(self) -> None:
-        self.damaged = self.place = 0
+        self.damaged = 0
         self.other_version: int | None = None
         self._rest = b""
-        self._fed = 0
         self._is_too_long = False
 
     def feed(self, data: bytes) -> Iterator[Packet]:
         """Yield the packets that these bytes complete."""
-        end = self._fed - len(self._rest)
-        self._fed += len(data)
         first, *others = (self._rest + data).split(b"\0")
         self._rest = others[-1] if others else first
         for piece in [first, *others][:-1]:
-            self.place, end = end, end + len(piece) + 1
             if not piece and not self._is_too_long:
                 continue
             packet = None if self._is_too_long else self._decoded(piece)

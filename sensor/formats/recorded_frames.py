@@ -1,4 +1,4 @@
-"""Frames as every reader returns them, and recorded files as they are opened."""
+"""Frames as every reader returns them, and files as they are opened and made."""
 
 import sys
 from dataclasses import dataclass
@@ -41,6 +41,12 @@ def file_bytes(path: Path) -> NDArray[np.uint8]:
     except OSError as problem:
         reason = (problem.strerror or str(problem)).lower()
         raise ValueError(f"{path}: cannot be read ({reason}); give a file") from None
+
+
+def check_new(path: Path) -> None:
+    """Refuse to write over what is there. Raises FileExistsError."""
+    if path.exists():
+        raise FileExistsError(f"{path}: exists already; remove it or choose another name")
 
 
 def wanted(total: int, frames: slice, path: Path) -> slice:

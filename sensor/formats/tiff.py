@@ -23,15 +23,9 @@ _LARGEST_TIFF = 4 * 10**9
 _LARGEST_EXPANSION = 1032
 
 
-def write_tiff(path: str | Path, frames: NDArray[Any], *, exposure_s: float | None = None) -> None:
-    """Write frames (T, H, W) as one stack."""
-    with tiff_writer(path, frames.nbytes, exposure_s=exposure_s) as write:
-        write(frames)
-
-
 @contextmanager
 def tiff_writer(
-    path: str | Path, total_bytes: int, *, exposure_s: float | None = None
+    path: str | Path, total_bytes: int, exposure_s: float | None = None
 ) -> Iterator[Callable[[NDArray[Any]], None]]:
     """Yield what appends frames (T, H, W); the file appears when the writer is left.
 

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 import serial
 
-from megalopta.camera.camera_settings import CaptureSettings
 from megalopta.camera.capturing import capture
 from megalopta.camera.emulated import EmulatedCamera, Faults, Flat
 from megalopta.camera.link import Arrived, Link, Plugged, open_port
@@ -19,20 +18,9 @@ from megalopta.core.errors import UserError
 from megalopta.sensor import changed, expose_rate, preset
 from megalopta.sensor.formats.protocol import Kind, Packet, Parser, Settings, command, samples_of
 
+from .conftest import wanted
+
 FAST = Settings(exposure_us=5000, frame_rate_mhz=200_000)
-
-
-def wanted(frames=None, settings=FAST, **fields):
-    return CaptureSettings(
-        sensor=preset("spadcam"),
-        kind="flat",
-        exposure_s=settings.exposure_us / 1e6,
-        frame_rate_hz=settings.frame_rate_mhz / 1e3,
-        step_bias=settings.step_bias,
-        row_window=(settings.first_row, settings.end_row),
-        frames=frames,
-        **fields,
-    )
 
 
 def recorded(camera, out, settings, stop=None):
@@ -50,7 +38,7 @@ def raw_frames(path):
 
 def test_what_arrives_is_what_the_sensor_model_reads(emulated, expected, tmp_path):
     with emulated() as camera:
-        recording = recorded(camera, tmp_path / "a", wanted(60))
+        recording = recorded(camera, tmp_path / "a", wanted(frames=60))
     assert len(recording) == 60 and recording.settings.finished
     assert (recording.settings.gaps, recording.settings.damaged_packets) == (0, 0)
     np.testing.assert_array_equal(np.diff(recording.sequence_number), 1)
@@ -69,7 +57,9 @@ def test_what_arrives_is_what_the_sensor_model_reads(emulated, expected, tmp_pat
 def test_bias_and_rows_reach_the_camera(emulated, expected, tmp_path):
     settings = FAST._replace(step_bias=3000, first_row=4, end_row=6)
     with emulated() as camera:
-        recording = recorded(camera, tmp_path / "a", wanted(5, settings))
+        recording = recorded(
+            camera, tmp_path / "a", wanted(frames=5, step_bias=3000, row_window=(4, 6))
+        )
     assert recording.sensor.counter.step_v == pytest.approx(10e-3 * 3000 / 2048)
     adc = recording.adc[0]
     assert (adc[:4] == 0xFFFF).all() and (adc[6:] == 0xFFFF).all()
@@ -80,7 +70,7 @@ def test_bias_and_rows_reach_the_camera(emulated, expected, tmp_path):
 
 def test_damage_on_the_line_costs_frames_but_none_is_wrong(emulated, expected, tmp_path):
     with emulated(Faults(noise=3e-4, lost=1e-4)) as camera:
-        recording = recorded(camera, tmp_path / "a", wanted(100))
+        recording = recorded(camera, tmp_path / "a", wanted(frames=100))
     settings = recording.settings
     assert settings.damaged_packets > 5 and settings.gaps > 5
     span = int(recording.sequence_number[-1]) - int(recording.sequence_number[0]) + 1
@@ -94,7 +84,7 @@ def test_damage_on_the_line_costs_frames_but_none_is_wrong(emulated, expected, t
 
 def test_bursts_do_not_shift_times(emulated, tmp_path):
     with emulated(Faults(burst_s=0.2, drift_ppm=300)) as camera:
-        recording = recorded(camera, tmp_path / "a", wanted(400))
+        recording = recorded(camera, tmp_path / "a", wanted(frames=400))
     (connection,) = recording.settings.connections
     # Frames that are sent at once come within 20 ms of their time, in 2 s: 1 %, but for a clock at
     # most LARGEST_DRIFT.
@@ -155,9 +145,9 @@ def test_a_capture_goes_on_when_the_camera_is_back(emulated, tmp_path):
 
 
 def test_1000_frames_a_second(emulated, tmp_path):
-    settings = Settings(exposure_us=1000, frame_rate_mhz=1_000_000)
+    settings = wanted(frames=500, exposure_s=1e-3, frame_rate_hz=1000)
     with emulated() as camera:
-        recording = recorded(camera, tmp_path / "a", wanted(500, settings))
+        recording = recorded(camera, tmp_path / "a", settings)
         sent = frames_in(bytes(camera.sent[0]))
     # What the camera drops, because this machine stands still for longer than its buffer lasts,
     # is not the link's fault; all that left it is there.
@@ -188,7 +178,7 @@ def test_a_port_that_is_missing_is_told(tmp_path):
     with pytest.raises(UserError, match="no serial port"):
         open_port(str(tmp_path / "file"))
     with pytest.raises(UserError, match="no such port"):
-        capture(lambda: str(tmp_path / "x"), tmp_path / "a", wanted(1), threading.Event())
+        capture(lambda: str(tmp_path / "x"), tmp_path / "a", wanted(frames=1), threading.Event())
     assert not (tmp_path / "a").exists()
 
 
@@ -201,7 +191,7 @@ def test_a_port_that_comes_later_is_waited_for(emulated, tmp_path, capsys):
         return looked[-1]
 
     with emulated() as camera:
-        record = capture(find, tmp_path / "a", wanted(1), threading.Event(), wait_s=60)
+        record = capture(find, tmp_path / "a", wanted(frames=1), threading.Event(), wait_s=60)
     assert record.frames == 1 and len(looked) == 4
     assert capsys.readouterr().err.count("capture: waiting up to 60 s") == 1
 
@@ -236,7 +226,7 @@ def test_a_port_that_is_not_permitted_is_told(monkeypatch):
 def test_what_says_nothing_or_something_else_is_told(terminal, tmp_path):
     end, path = terminal
     with pytest.raises(UserError, match="is silent"):
-        capture(lambda: path, tmp_path / "a", wanted(1), threading.Event())
+        capture(lambda: path, tmp_path / "a", wanted(frames=1), threading.Event())
     stop = threading.Event()
 
     def chatter():
@@ -247,7 +237,7 @@ def test_what_says_nothing_or_something_else_is_told(terminal, tmp_path):
     thread.start()
     try:
         with pytest.raises(UserError, match="something else than SPADCAM's protocol"):
-            capture(lambda: path, tmp_path / "a", wanted(1), threading.Event())
+            capture(lambda: path, tmp_path / "a", wanted(frames=1), threading.Event())
     finally:
         stop.set()
         thread.join()
@@ -258,7 +248,7 @@ def test_stopped_before_it_began(emulated, tmp_path):
     stop = threading.Event()
     stop.set()
     with emulated() as camera, pytest.raises(UserError, match="before the camera answered"):
-        capture(camera.find, tmp_path / "a", wanted(1), stop)
+        capture(camera.find, tmp_path / "a", wanted(frames=1), stop)
     assert not (tmp_path / "a").exists()
 
 

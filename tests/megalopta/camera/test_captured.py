@@ -10,8 +10,8 @@ from megalopta.camera.recording import Source, read_recorded
 from megalopta.config.model import load
 from megalopta.core.errors import UserError
 from megalopta.sensor import expose_rate, load_sensor
-from megalopta.sensor.compare.quantities import CountedFrames
-from megalopta.sensor.formats.tiff import write_tiff
+from megalopta.sensor.calibrate.level import Level
+from megalopta.sensor.formats.tiff import tiff_writer
 from megalopta.stages.pipeline import run_stage
 
 pytestmark = pytest.mark.slow
@@ -52,7 +52,8 @@ def test_a_rendered_scene_is_compared_frame_by_frame(forest, tmp_path, brighter,
     path = device(tmp_path, exposure_s=1 / rate_hz)
     sensor = load_sensor(path)
     counts, _ = seen(forest, sensor, 240, first=3.4, brighter=brighter)
-    write_tiff(tmp_path / "seen.tif", counts.astype(np.uint16), exposure_s=1 / rate_hz)
+    with tiff_writer(tmp_path / "seen.tif", counts.nbytes, 1 / rate_hz) as write:
+        write(counts.astype(np.uint16))
     page = tmp_path / "page.html"
     source = Source(tmp_path / "seen.tif", LUX)
     sentence = compare_captured([source], path, page, CompareSettings(scene=str(forest)))
@@ -76,4 +77,4 @@ def test_a_range_of_frames_is_one_light(tmp_path):
 def test_frames_of_other_sizes_are_refused():
     cycle = Cycle(np.ones((4, 16, 16)), 10.0)
     with pytest.raises(UserError, match="16"):
-        align(CountedFrames(np.zeros((60, 8, 8)), 0.1), cycle)
+        align(Level(np.zeros((60, 8, 8)), 0.1), cycle)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from megalopta.camera.comparison import plate_responses
-from megalopta.camera.device_comparison import write_motion_report
+from megalopta.camera.device_comparison import motion_page
 from megalopta.camera.motion_bench import (
     FRAMES,
     BenchLight,
@@ -14,7 +14,7 @@ from megalopta.camera.motion_bench import (
     record,
 )
 from megalopta.sensor import preset
-from megalopta.sensor.compare.quantities import CountedFrames
+from megalopta.sensor.calibrate.level import Level
 
 RNG = np.random.default_rng(0)
 OPEN, HIDDEN, DARK = 65.0, 27.0, 60.0
@@ -77,20 +77,20 @@ SENSOR = preset("spadcam")
 
 
 @pytest.mark.slow
-def test_a_camera_of_half_the_signal_responds_half_as_much(tmp_path):
+def test_a_camera_of_half_the_signal_responds_half_as_much():
     counts = record(5.0, SENSOR).counts // 2
-    responses = plate_responses({5.0: CountedFrames(counts, 0.1)}, SENSOR, margin=0.05)
+    responses = plate_responses({5.0: Level(counts, 0.1)}, SENSOR, margin=0.05)
     sizes = {each.name: each.difference.relative for each in responses}
     # a sum of responses halves, a product is a quarter; halves are rounded down
     assert sizes["NDS"] == pytest.approx(-0.5, abs=0.05)
     assert sizes["NDM"] == pytest.approx(-0.75, abs=0.05)
-    sentence = write_motion_report(tmp_path / "plate.html", "half", responses)
+    _, sentence, _ = motion_page("half", responses)
     assert "NDM response at 5 mm/s" in sentence
 
 
 def test_a_recording_may_begin_anywhere():
     counts = record(5.0, SENSOR, seed=1).counts
-    begun = CountedFrames(counts[150:500], 0.1, times_s=3.7 + 0.1 * np.arange(350))
+    begun = Level(counts[150:500], 0.1, times_s=3.7 + 0.1 * np.arange(350))
     responses = plate_responses({5.0: begun}, SENSOR, margin=0.05)
     # passages of 64 frames begin at 192, 256, 320 and 384
     assert [each.captured.size for each in responses] == [8, 8]
@@ -101,8 +101,8 @@ def test_a_recording_may_begin_anywhere():
 @pytest.mark.slow
 def test_in_its_own_light_a_dimmer_bench_responds_like_its_model():
     light = BenchLight(open_photons=110.0, hidden_photons=20.0)
-    frames = CountedFrames(record(5.0, SENSOR, light, seed=1).counts, 0.1)
-    fitted = fitted_light(frames.counts, SENSOR)
+    frames = Level(record(5.0, SENSOR, light, seed=1).counts, 0.1)
+    fitted = fitted_light(frames.readings, SENSOR)
     # of 16 passages, 8 frames and 256 pixels each: 33000 counts of some 130 on average, 0.1 %;
     # that edges are in the middle to a frame is another
     assert fitted == pytest.approx(light, rel=0.01)

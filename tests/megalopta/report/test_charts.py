@@ -8,13 +8,10 @@ from megalopta.flow.detectors.registry import METHODS
 from megalopta.flow.metrics.photon_threshold import ErrorCurve, Threshold
 from megalopta.plotting.style import BLACK, RULE, method_style
 from megalopta.plotting.svg import themed
-from megalopta.report.charts import (
-    error_chart,
-    signal_chart,
-    speed_chart,
-    threshold_chart,
-)
+from megalopta.report.light_section import signal_chart
+from megalopta.report.motion_section import speed_chart
 from megalopta.report.source import Budget
+from megalopta.report.thresholds import error_chart, threshold_chart
 from megalopta.sensor import PRESETS
 
 FLUXES = np.geomspace(1e3, 1e9, 7)

@@ -177,7 +177,7 @@ def test_a_damaged_file_is_told_in_one_sentence(copied_lean, capsys, stage, name
 
 def test_an_ideal_sensor_detects_every_photon_with_the_noise_of_counting(dataset):
     """Without dark counts and dead time the signal-to-noise ratio of N counts is √N."""
-    budgets = [each.budget for each in Report(dataset).exposures]
+    budgets = Report(dataset).exposures
     ideal = [budget for budget in budgets if budget.sensor.name == "ideal"]
     for budget in ideal:
         assert budget.dark == 0

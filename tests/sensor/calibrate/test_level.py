@@ -24,20 +24,23 @@ def dark(levels):
 
 def drifting(level):
     """The output falls by 12 codes while the level is recorded."""
-    way = np.linspace(0, 12, len(level.codes))[:, None, None]
-    return replace(level, codes=(level.codes - way).astype(int))
+    way = np.linspace(0, 12, len(level.readings))[:, None, None]
+    return replace(level, readings=(level.readings - way).astype(int))
 
 
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (lambda levels: [replace(level, codes=level.codes[:20]) for level in levels], "20 frames"),
+        (
+            lambda levels: [replace(level, readings=level.readings[:20]) for level in levels],
+            "20 frames",
+        ),
         (
             lambda levels: [level for level in levels if not level.is_dark],
             "dark frames of 0 exposures",
         ),
         (
-            lambda levels: [replace(level, codes=0 * level.codes + 80) for level in levels],
+            lambda levels: [replace(level, readings=0 * level.readings + 80) for level in levels],
             "saturated",
         ),
         (
@@ -46,7 +49,7 @@ def drifting(level):
         ),
         (lambda levels: [drifting(levels[0]), *levels[1:]], "drifts"),
         (
-            lambda levels: [*dark(levels), replace(levels[0], codes=levels[0].codes[:, :3])],
+            lambda levels: [*dark(levels), replace(levels[0], readings=levels[0].readings[:, :3])],
             "pixels",
         ),
     ],

@@ -3,7 +3,7 @@
 import numpy as np
 
 from megalopta.sensor import Crosstalk, DeadTime, DigitalCounter, changed, expose_rate, preset
-from megalopta.sensor.compare.quantities import CountedFrames
+from megalopta.sensor.calibrate.level import Level
 from megalopta.sensor.spad.device import draw_fixed_pattern
 
 SHAPE = (16, 16)
@@ -39,5 +39,5 @@ def recorded(seed, sensor=None, frames=400, dark=1.0, efficiency=1.0, step=1.0, 
         rates = np.broadcast_to(rate, (frames, *SHAPE))
         name = f"{exposure_s} {light_hz}"
         counts = expose_rate(rates, own, seed=seed, sequence=name).counts
-        found.append(CountedFrames(np.rint(counts * step), exposure_s, light_hz))
+        found.append(Level(np.rint(counts * step), exposure_s, light_hz))
     return found

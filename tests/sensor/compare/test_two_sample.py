@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import binomtest, energy_distance, kstest, norm, wasserstein_distance
 
-from megalopta.sensor.compare.quantities import CountedFrames
+from megalopta.sensor.calibrate.level import Level
 from megalopta.sensor.compare.recordings import compare_recordings
 from megalopta.sensor.compare.two_sample import (
     Quantity,
@@ -68,7 +68,7 @@ def test_dark_counts_of_a_calibration_that_is_off_by_its_error_raise_no_alarm():
     # pixels known to 40 %, and so the mean of 64 to 5 %; it is off by twice that
     expected = rng.poisson(40.0, (frames, *shape)).astype(float)
     captured = rng.poisson(40.0 * (1 + 2 * off / 8), (frames, *shape)).astype(float)
-    levels = [CountedFrames(captured, 0.1)], [CountedFrames(expected, 0.1)]
+    levels = [Level(captured, 0.1)], [Level(expected, 0.1)]
     sure = compare_recordings(*levels)
     unsure = compare_recordings(*levels, errors=[np.full(shape, off * 40.0)])
     (before, after) = (

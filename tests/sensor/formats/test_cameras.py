@@ -5,7 +5,7 @@ import pytest
 import tifffile
 
 from megalopta.sensor.formats.reading import read_frames
-from megalopta.sensor.formats.tiff import tiff_writer, write_tiff
+from megalopta.sensor.formats.tiff import tiff_writer
 
 from .scene import bits as draw
 
@@ -123,7 +123,8 @@ def test_tiff_of_other_programs(tmp_path, options):
 
 def test_damaged_tiff_is_one_sentence(tmp_path):
     frames = np.random.default_rng(0).integers(0, 250, (7, 20, 30)).astype("u2")
-    write_tiff(tmp_path / "whole.tiff", frames)
+    with tiff_writer(tmp_path / "whole.tiff", frames.nbytes) as write:
+        write(frames)
     whole = (tmp_path / "whole.tiff").read_bytes()
     for keep in (4, 8, 100, len(whole) // 2):
         (tmp_path / "a.tiff").write_bytes(whole[:keep])

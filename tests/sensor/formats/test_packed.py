@@ -3,9 +3,8 @@ import pytest
 
 from megalopta.sensor.formats.packed import (
     PackedLayout,
+    binary_npy_writer,
     spad512_writer,
-    write_binary_npy,
-    write_spad512,
 )
 from megalopta.sensor.formats.reading import read_frames
 
@@ -14,10 +13,16 @@ from .scene import bits as draw
 SPAD512 = draw(40, 512, 512)
 
 
+def written(path, bits):
+    packed = np.packbits(bits, axis=-1)
+    with binary_npy_writer(path, packed.shape) as write:
+        write(packed)
+    return path
+
+
 @pytest.fixture
 def npy(tmp_path):
-    write_binary_npy(tmp_path / "a.npy", np.packbits(SPAD512[:, :240, :320], axis=-1))
-    return tmp_path / "a.npy"
+    return written(tmp_path / "a.npy", SPAD512[:, :240, :320])
 
 
 def test_npy_has_the_layout_of_visionsim(npy):
@@ -30,7 +35,7 @@ def test_npy_has_the_layout_of_visionsim(npy):
 
 
 def test_npy_of_a_width_that_is_no_multiple_of_eight(tmp_path):
-    write_binary_npy(tmp_path / "a.npy", np.packbits(SPAD512[:, :20, :37], axis=-1))
+    written(tmp_path / "a.npy", SPAD512[:, :20, :37])
     found = read_frames(tmp_path / "a.npy", shape=(20, 37), frames=slice(3, 8))
     np.testing.assert_array_equal(found.counts, SPAD512[3:8, :20, :37])
 
@@ -112,8 +117,8 @@ def test_pickles_are_not_loaded(tmp_path):
 
 
 def test_what_is_written_has_the_camera_s_size(tmp_path):
-    with pytest.raises(ValueError, match="512 × 512"):
-        write_spad512(tmp_path / "a", np.packbits(SPAD512[:, :240], axis=-1))
+    with pytest.raises(ValueError, match="512 × 512"), spad512_writer(tmp_path / "a") as write:
+        write(np.packbits(SPAD512[:, :240], axis=-1))
     assert list(tmp_path.iterdir()) == []
 
 

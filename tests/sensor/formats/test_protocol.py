@@ -56,19 +56,6 @@ def test_every_kind_comes_back_from_single_bytes(kind):
     assert found == [packet] and parser.damaged == 0
 
 
-@pytest.mark.parametrize("size", [1, 7, 300, 5000])
-def test_a_parser_tells_where_a_packet_begins(size):
-    junk = [b"", bytes(3), b"half a packet", b"x" * 2000 + b"\0"]
-    lines = [piece + encode(frame_packet(n, n, SAMPLES)) for n, piece in enumerate(junk)]
-    # What precedes a packet without a zero is one with it, and damages it.
-    data, parser = b"".join(lines), Parser()
-    pieces = [data[at : at + size] for at in range(0, len(data), size)]
-    found = [(parser.place, packet) for piece in pieces for packet in parser.feed(piece)]
-    assert [packet.sequence for _, packet in found] == [0, 1, 3] and parser.damaged == 2
-    for place, packet in found:
-        assert data[place:].startswith(encode(packet))
-
-
 def test_samples_come_back_in_row_order():
     (packet,) = Parser().feed(encode(frame_packet(2**32 + 3, 5, SAMPLES)))
     assert packet.sequence == 3
