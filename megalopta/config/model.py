@@ -33,7 +33,7 @@ from megalopta.scenes.lighting.levels import illuminance_of
 from megalopta.scenes.lighting.light import Light
 from megalopta.scenes.trajectories.steady import Trajectory
 from megalopta.sensor import IMAGE_SENSORS, ImageSensor, merged
-from megalopta.sensor.formats.names import ProductName
+from megalopta.sensor.formats.products import ProductName
 from megalopta.sensor.spad.presets import load_sensor, with_files
 
 LightLevel = float | str

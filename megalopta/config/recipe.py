@@ -21,7 +21,7 @@ from megalopta.core.format_numbers import check_format
 from megalopta.core.record import Record
 from megalopta.flow.benchmark.settings import each_once
 from megalopta.sensor import generator
-from megalopta.sensor.formats.names import ProductName
+from megalopta.sensor.formats.products import ProductName
 
 Stream: TypeAlias = Callable[[str], float]
 """Number in [0, 1) of the value at a path, such as "scenes.0.scene.trees"."""

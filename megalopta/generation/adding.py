@@ -28,7 +28,7 @@ from megalopta.dataset.store import Dataset, file_hash, hashes_of
 from megalopta.generation.jobs import Job, run_jobs
 from megalopta.generation.staging import Staged, at_work
 from megalopta.generation.statistics import exposure_statistics
-from megalopta.sensor.formats.names import ProductName, product_stem
+from megalopta.sensor.formats.products import ProductName, product_stem
 from megalopta.stages.ledger import Ledger, stage_hash, stage_record
 from megalopta.stages.pipeline import check_stage
 from megalopta.stages.registry import STAGES, stage_configuration

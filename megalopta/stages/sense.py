@@ -32,8 +32,15 @@ from megalopta.scenes.spectra.color import encode_srgb
 from megalopta.sensor import ImageSensor, OpenedCounts, Sensor, check_sensor, open_counts
 from megalopta.sensor.expectations import PARTS_ERROR, RUNNING_ERROR
 from megalopta.sensor.formats.counts_store import Origin
-from megalopta.sensor.formats.names import ProductName, product_path
-from megalopta.sensor.formats.products import Kind, Write, check_product, kind_of, product_writer
+from megalopta.sensor.formats.products import (
+    Kind,
+    ProductName,
+    Write,
+    check_product,
+    kind_of,
+    product_path,
+    product_writer,
+)
 from megalopta.sensor.shot import Arrays, Shot
 from megalopta.sensor.sub_frames import NextFrames
 from megalopta.stages.correction import write_corrected

@@ -1,31 +1,62 @@
-"""What can be written of an exposure, frame after frame, in flat memory."""
+"""What can be written of an exposure, frame after frame, in flat memory; names of it and of files.
+
+Settings need the names: what writes a product is loaded when it is written.
+"""
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
-from typing import Any, Literal, TypeAlias
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias, get_args
 
-from megalopta.sensor.exposure import check_binary
-from megalopta.sensor.formats.counts_store import Origin, counts_writer
-from megalopta.sensor.formats.events import (
-    MOST_PIXELS_A_SIDE,
-    EventOrigin,
-    events_hdf5_writer,
-    events_npz_writer,
-)
-from megalopta.sensor.formats.names import ProductName
-from megalopta.sensor.formats.packed import binary_npy_writer, check_spad512_size, spad512_writer
-from megalopta.sensor.formats.tiff import tiff_writer
-from megalopta.sensor.image_sensors import ImageSensor
-from megalopta.sensor.spad.model import Sensor
+if TYPE_CHECKING:
+    from megalopta.sensor.formats.counts_store import Origin
+    from megalopta.sensor.formats.events import EventOrigin
+    from megalopta.sensor.image_sensors import ImageSensor
+
+ProductName: TypeAlias = Literal[
+    "counts", "events_hdf5", "events_npz", "binary_npy", "binary_spad512", "burst_npy", "tiff"
+]
+PRODUCTS: tuple[ProductName, ...] = get_args(ProductName)
 
 Kind: TypeAlias = Literal["readings", "events", "bits", "burst"]
 """What is drawn for a product: `Exposure`, `Events`, or packed bits of frames or of bursts."""
 Write: TypeAlias = Callable[[Any], None]
 
 
-def check_product(product: ProductName, sensor: ImageSensor, shape: tuple[int, int]) -> None:
+class _Product(NamedTuple):
+    suffix: str
+    kind: Kind
+
+
+_PRODUCTS: Mapping[ProductName, _Product] = {
+    "counts": _Product(".zarr", "readings"),
+    "events_hdf5": _Product(".events.h5", "events"),
+    "events_npz": _Product(".events.npz", "events"),
+    "binary_npy": _Product(".binary.npy", "bits"),
+    "binary_spad512": _Product(".spad512", "bits"),
+    "burst_npy": _Product(".burst.npy", "burst"),
+    "tiff": _Product(".tiff", "readings"),
+}
+
+
+def product_path(counts: Path, product: ProductName) -> Path:
+    """Return where a product lies, given the path of the counts, which ends in `.zarr`."""
+    return counts.with_name(counts.name.removesuffix(".zarr") + _PRODUCTS[product].suffix)
+
+
+def product_stem(path: Path) -> str:
+    """Name of the exposure that a product is of, such as "spadcam-0.1lux"; "" for other files."""
+    suffixes = (each.suffix for each in _PRODUCTS.values() if path.name.endswith(each.suffix))
+    return path.name.removesuffix(next(suffixes, path.name))
+
+
+def kind_of(product: ProductName) -> Kind:
+    """What the writer of a product takes."""
+    return _PRODUCTS[product].kind
+
+
+def check_product(product: ProductName, sensor: "ImageSensor", shape: tuple[int, int]) -> None:
     """Make sure that a sensor of (rows, columns) pixels can give a product.
 
     Raises
@@ -33,7 +64,13 @@ def check_product(product: ProductName, sensor: ImageSensor, shape: tuple[int, i
     ValueError
         With one sentence that says why not.
     """
-    if product in ("counts", "tiff"):
+    from megalopta.sensor.exposure import check_binary
+    from megalopta.sensor.formats.events import MOST_PIXELS_A_SIDE
+    from megalopta.sensor.formats.packed import check_spad512_size
+    from megalopta.sensor.spad.model import Sensor
+
+    kind = kind_of(product)
+    if kind == "readings":
         return
     if not isinstance(sensor, Sensor):
         raise ValueError(
@@ -41,20 +78,20 @@ def check_product(product: ProductName, sensor: ImageSensor, shape: tuple[int, i
             "sensor out"
         )
     try:
-        if product.startswith(("binary", "burst")):
+        if kind != "events":
             check_binary(sensor)
         if product == "binary_spad512":
             check_spad512_size(*shape)
     except ValueError as problem:
         raise ValueError(f"{product}: {problem}") from None
-    if product.startswith("events") and max(shape) > MOST_PIXELS_A_SIDE:
+    if kind == "events" and max(shape) > MOST_PIXELS_A_SIDE:
         raise ValueError(f"{product}: {max(shape)} pixels a side; events have up to 65536")
 
 
 def product_writer(
     product: ProductName,
     path: Path,
-    origin: Origin,
+    origin: "Origin",
     shape: tuple[int, int, int],
     frame_period_s: float,
     burst_frames: int = 1,
@@ -74,26 +111,21 @@ def product_writer(
     burst_frames : int
         Binary frames of a burst in that time.
     """
+    from megalopta.sensor.formats import counts_store, events, packed, tiff
+
     frames, rows, columns = shape
     if product == "counts":
-        return counts_writer(path, origin, frames)
+        return counts_store.counts_writer(path, origin, frames)
     if product == "tiff":
-        return _of_counts(tiff_writer(path, math.prod(shape) * 4, origin.sensor.exposure_s))
+        return _of_counts(tiff.tiff_writer(path, math.prod(shape) * 4, origin.sensor.exposure_s))
     if product == "binary_spad512":
-        return spad512_writer(path)
+        return packed.spad512_writer(path)
     if product == "events_hdf5":
-        return events_hdf5_writer(path, _event_origin(origin, shape, frame_period_s))
+        return events.events_hdf5_writer(path, _event_origin(origin, shape, frame_period_s))
     if product == "events_npz":
-        return events_npz_writer(path, _event_origin(origin, shape, frame_period_s))
+        return events.events_npz_writer(path, _event_origin(origin, shape, frame_period_s))
     frames *= burst_frames if product == "burst_npy" else 1
-    return binary_npy_writer(path, (frames, rows, -(-columns // 8)))
-
-
-def kind_of(product: ProductName) -> Kind:
-    """What the writer of a product takes."""
-    if product in ("counts", "tiff"):
-        return "readings"
-    return "burst" if product == "burst_npy" else "events" if "events" in product else "bits"
+    return packed.binary_npy_writer(path, (frames, rows, -(-columns // 8)))
 
 
 @contextmanager
@@ -104,8 +136,10 @@ def _of_counts(writer: AbstractContextManager[Write]) -> Iterator[Write]:
 
 
 def _event_origin(
-    origin: Origin, shape: tuple[int, int, int], frame_period_s: float
-) -> EventOrigin:
+    origin: "Origin", shape: tuple[int, int, int], frame_period_s: float
+) -> "EventOrigin":
+    from megalopta.sensor.formats.events import EventOrigin
+
     return EventOrigin(
         shape=shape,
         frame_period_s=frame_period_s,

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from megalopta.sensor.formats.names import PRODUCTS, product_path, product_stem
+from megalopta.sensor.formats.products import PRODUCTS, product_path, product_stem
 
 
 @pytest.mark.parametrize("product", PRODUCTS)
