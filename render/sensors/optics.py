@@ -80,7 +80,8 @@ class Directions(PythonSensor):
         self.strip = mi.Point2f(0, 1)
         directions = properties["directions"]
         self.rows, self.columns, _ = directions.shape
-        self.table = mi.Texture2f(directions, use_accel=False)
+        texture: Any = mi.Texture2f
+        self.table = texture(directions, use_accel=False)
 
     def traverse(self, callback: Any) -> None:
         """Tell Mitsuba what can be set."""
