@@ -42,8 +42,7 @@ from megalopta.sensor.quantities import Exposure
 from megalopta.sensor.sampling.bits import bit_streams, fill_bits
 from megalopta.sensor.sampling.poisson import draw_poisson, fill_poisson, poisson_streams
 from megalopta.sensor.sampling.streams import generator
-from megalopta.sensor.spad.analog import AnalogCounter, AnalogPixels
-from megalopta.sensor.spad.conversion import read_analog, sample_analog
+from megalopta.sensor.spad.analog import AnalogCounter, AnalogPixels, read_analog, sample_analog
 from megalopta.sensor.spad.device import FixedPattern, checked_rate, detection_rate
 from megalopta.sensor.spad.digital import empty_counts, read_digital
 from megalopta.sensor.spad.frames import over_frames

@@ -38,7 +38,7 @@ from megalopta.sensor import AnalogCounter, Sensor, changed, expose_rate
 from megalopta.sensor.compare.quantities import CountedFrames, scene_differences
 from megalopta.sensor.compare.recordings import Comparison, compare_recordings
 from megalopta.sensor.compare.two_sample import Difference, Quantity, difference
-from megalopta.sensor.spad.conversion import counts_of_codes
+from megalopta.sensor.spad.analog import counts_of_codes
 from megalopta.sensor.spad.device import draw_fixed_pattern
 from megalopta.sensor.spad.measured import MapFile
 from megalopta.stages.pipeline import run_stage

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from megalopta.core.arrays import Floats
 from megalopta.core.compiling import compiled
-from megalopta.sensor.spad.analog import AnalogCounter, AnalogPixels, assumed_pixels
-from megalopta.sensor.spad.conversion import voltages
+from megalopta.sensor.spad.analog import AnalogCounter, AnalogPixels, assumed_pixels, voltages
 from megalopta.sensor.spad.counter_moments import pixel_of, read_of
 
 

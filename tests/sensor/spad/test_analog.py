@@ -4,8 +4,7 @@ from scipy.stats import linregress, norm
 
 from megalopta.sensor import DarkCounts, changed, expose_rate, preset
 from megalopta.sensor.sampling.streams import generator
-from megalopta.sensor.spad.analog import AnalogCounter, analog_pixels
-from megalopta.sensor.spad.conversion import read_analog
+from megalopta.sensor.spad.analog import AnalogCounter, analog_pixels, read_analog
 
 QUIET = AnalogCounter(step_v=10e-3)
 SPREAD = AnalogCounter(
