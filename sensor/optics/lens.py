@@ -132,13 +132,8 @@ def photon_flux(irradiance: ArrayLike, bands_nm: ArrayLike) -> Floats:
     Raises ValueError when the bands are not B pairs of edges.
     """
     lower, upper = check_bands(bands_nm).T
-    irradiance = np.asarray(irradiance, np.float64)
-    if irradiance.shape[-1:] != lower.shape:
-        raise ValueError(
-            f"irradiance: last axis of shape {irradiance.shape} must be the {lower.size} bands"
-        )
     wavelength_integral = (upper**2 - lower**2) / 2 * 1e-9
-    return np.asarray(irradiance * (wavelength_integral / PLANCK_TIMES_LIGHT_SPEED))
+    return np.asarray(irradiance) * (wavelength_integral / PLANCK_TIMES_LIGHT_SPEED)
 
 
 def check_bands(bands_nm: ArrayLike) -> Floats:

@@ -6,7 +6,6 @@ from scipy.integrate import solve_ivp
 
 from megalopta.sensor.ctia.integration import (
     Pixel,
-    current,
     discharge,
     discharge_time,
     estimate_current,
@@ -121,13 +120,6 @@ def test_drift_frees_a_forward_biased_pixel_when_it_crosses_zero(diode):
 
 def test_estimate_is_the_current_itself_when_it_is_constant():
     assert estimate_current(pixel(NONE), 2e-12) == pytest.approx(2e-12, rel=1e-9)
-
-
-def test_estimate_lies_between_first_and_last_current():
-    one = pixel(IDEAL, 40)
-    late = discharge_time(one, 0.0, SWING)
-    first, last = current(one, 0.0, 0.0, 0.0), current(one, 0.0, late, SWING)
-    assert first < estimate_current(one) < last
 
 
 @pytest.mark.slow

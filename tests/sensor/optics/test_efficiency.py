@@ -24,20 +24,6 @@ def test_band_mean_equals_numerical_integral(band):
     assert band_efficiency(CURVE, [band])[0] == pytest.approx(detected / photons, rel=1e-12)
 
 
-def test_constant_efficiency_is_the_same_in_every_band():
-    constant = Efficiency(wavelengths_nm=(300, 1000), values=(0.37, 0.37))
-    bands = [(300.0, 1000.0 / 3), (500.0, 500.1), (700.0, 1000.0)]
-    np.testing.assert_allclose(band_efficiency(constant, bands), 0.37, rtol=1e-12)
-
-
-def test_detected_photons_add_up_over_adjacent_bands():
-    edges = np.array([390.0, 455.0, 480.0, 700.0, 880.0])
-    bands = np.stack([edges[:-1], edges[1:]], axis=1)
-    photons = (edges[1:] ** 2 - edges[:-1] ** 2) / 2
-    whole = band_efficiency(CURVE, [(390.0, 880.0)])[0] * photons.sum()
-    assert (band_efficiency(CURVE, bands) * photons).sum() == pytest.approx(whole, rel=1e-13)
-
-
 @pytest.mark.parametrize("band", [(379.0, 500.0), (500.0, 900.5), (1000.0, 1100.0)])
 def test_band_outside_the_curve_is_refused_with_both_ranges(band):
     with pytest.raises(ValueError, match=rf"{band[0]:g}–{band[1]:g} nm.*380–900 nm"):
