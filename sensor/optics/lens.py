@@ -133,7 +133,8 @@ def photon_flux(irradiance: ArrayLike, bands_nm: ArrayLike) -> Floats:
     """
     lower, upper = check_bands(bands_nm).T
     wavelength_integral = (upper**2 - lower**2) / 2 * 1e-9
-    return np.asarray(irradiance) * (wavelength_integral / PLANCK_TIMES_LIGHT_SPEED)
+    irradiance = np.asarray(irradiance, np.float64)
+    return np.asarray(irradiance * (wavelength_integral / PLANCK_TIMES_LIGHT_SPEED))
 
 
 def check_bands(bands_nm: ArrayLike) -> Floats:

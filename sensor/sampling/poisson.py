@@ -6,7 +6,8 @@ by one comparison, to 2⁻⁴⁸: Walker, ACM Trans. Math. Softw. 3, 253 (1977).
 arrivals of a process of rate one that runs on from draw to draw, so it costs a subtraction as long
 as nothing arrives.
 
-From 4 on, each count takes one normal number, by vector instructions. A normal number z becomes the count n with P(N < n) < Φ(z) ≤ P(N ≤ n), which is exact. Where it
+From 4 on, each count takes one normal number, by vector instructions: z becomes the count n with
+P(N < n) < Φ(z) ≤ P(N ≤ n), which is exact. Where it
 steps from one count to the next, n is ⌊y⌋ of an expansion in 1/√m: Cornish and Fisher, for the
 Poisson law as Giles has it, ACM Trans. Math. Softw. 42, 7 (2016), and two orders more,
 

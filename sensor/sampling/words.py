@@ -4,9 +4,10 @@ Sixteen SFC64 generators (Chris Doty-Humphrey, PractRand) side by side, as vecto
 Their states, three random words each, come from a NumPy generator, so they share no state but by
 chance (2⁻¹⁸⁴); twelve rounds go before the first word, as in NumPy's own.
 
-Normal numbers: the ziggurat of Marsaglia and Tsang (J. Stat. Softw. 5(8), 2000): 1024 layers of equal area cover
-the density; a word chooses a layer and a place in it, which lies under the density 997 times in
-1000. The word's highest 53 bits choose the place and its lowest 10 the layer, which share no bit.
+Normal numbers: the ziggurat of Marsaglia and Tsang (J. Stat. Softw. 5(8), 2000): 1024 layers of
+equal area cover the density; a word chooses a layer and a place in it, which lies under the density
+997 times in 1000. The word's highest 53 bits choose the place and its lowest 10 the layer, which
+share no bit.
 """
 
 import math

@@ -189,11 +189,9 @@ def read_analog(
     exposure_s: float,
 ) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
     """Counts, and where they are a lower bound, of a (rows, columns) frame of events."""
-    known = assumed_pixels(counter, pixels, exposure_s)
-    counts = np.empty(events.shape, np.int64)
-    saturated = np.empty(events.shape, np.bool_)
-    _read(rng, events, pixels, known, voltages(counter), counts, saturated)
-    return counts, saturated
+    output_v, is_empty = _outputs(rng, events, counter, pixels)
+    counts, is_full = _counts(output_v, counter, assumed_pixels(counter, pixels, exposure_s))
+    return counts.astype(np.int64), is_empty | is_full
 
 
 def sample_analog(
@@ -211,9 +209,8 @@ def sample_analog(
     """
     if counter.adc_bits is None or counter.adc_bits > 16:
         raise ValueError(f"counter.adc_bits: {counter.adc_bits}; give 1 to 16 to sample its output")
-    codes = np.empty(events.shape, np.uint16)
-    _sample(rng, events, pixels, voltages(counter), codes)
-    return codes
+    output_v, _ = _outputs(rng, events, counter, pixels)
+    return np.rint(output_v / counter.lsb_v).astype(np.uint16)
 
 
 def counts_of_codes(
@@ -228,11 +225,31 @@ def counts_of_codes(
     known : AnalogPixels
         What is known of the pixels: measured, or `nominal_pixels`.
     """
+    counts, is_full = _counts(np.asarray(codes * counter.lsb_v), counter, known)
+    return counts.astype(np.uint16), is_full
+
+
+def _counts(
+    output_v: Floats, counter: AnalogCounter, known: AnalogPixels
+) -> tuple[Floats, NDArray[np.bool_]]:
+    """Counts that an output stands for, and where it is at the capacity of its pixel."""
     reference = counter.supply_v + known.offset_v - known.leaked_v
-    counts = np.maximum(np.rint((reference - codes * counter.lsb_v) / known.step_v), 0)
+    counts = np.maximum(np.rint((reference - output_v) / known.step_v), 0)
     # As `largest_count`.
     capacity = np.floor((counter.swing_v - known.leaked_v) / known.step_v * (1 + 1e-9))
-    return np.minimum(counts, capacity).astype(np.uint16), counts >= capacity
+    return np.minimum(counts, capacity), counts >= capacity
+
+
+def _outputs(
+    rng: np.random.Generator,
+    events: NDArray[np.int64],
+    counter: AnalogCounter,
+    pixels: AnalogPixels,
+) -> tuple[Floats, NDArray[np.bool_]]:
+    """What is read of a (rows, columns) frame, V, and where the counter is at its bottom."""
+    output_v, is_empty = np.empty(events.shape), np.empty(events.shape, np.bool_)
+    _fill_outputs(rng, events, pixels, voltages(counter), output_v, is_empty)
+    return output_v, is_empty
 
 
 def voltages(counter: AnalogCounter) -> tuple[float, float, float, float, float, float]:
@@ -264,43 +281,16 @@ def largest_count(step_v: float, leaked_v: float, swing_v: float) -> float:
 
 
 @compiled
-def _output(rng, events, step_v, leaked_v, offset_v, volts):  # type: ignore[no-untyped-def]
-    """What is read of one pixel, V, and whether its counter is empty."""
+def _fill_outputs(rng, events, pixels, volts, output_v, is_empty):  # type: ignore[no-untyped-def]
     supply, swing, slope, step_noise, read_noise, lsb = volts
-    fallen = fall(events, step_v, slope, swing) + leaked_v
-    if step_noise > 0:
-        fallen += spread(events, step_noise, step_v, swing) * rng.standard_normal()
-    output = supply + offset_v - min(fallen, swing)
-    if read_noise > 0:
-        output += read_noise * rng.standard_normal()
-    if lsb > 0:
-        output = min(max(np.rint(output / lsb), 0.0), np.rint(supply / lsb)) * lsb
-    return output, fallen > swing
-
-
-@compiled
-def _read(rng, events, pixels, known, volts, counts, saturated):  # type: ignore[no-untyped-def]
-    supply, swing = volts[:2]
-    for row in range(events.shape[0]):
-        for column in range(events.shape[1]):
-            at = row, column
-            output, is_empty = _output(
-                rng, events[at], pixels.step_v[at], pixels.leaked_v[at], pixels.offset_v[at], volts
-            )
-            step, leaked = known.step_v[at], known.leaked_v[at]
-            reference = supply + known.offset_v[at] - leaked
-            capacity = largest_count(step, leaked, swing)
-            count = max(np.rint((reference - output) / step), 0.0)
-            counts[at] = min(count, capacity)
-            saturated[at] = is_empty or count >= capacity
-
-
-@compiled
-def _sample(rng, events, pixels, volts, codes):  # type: ignore[no-untyped-def]
-    for row in range(events.shape[0]):
-        for column in range(events.shape[1]):
-            at = row, column
-            output, _ = _output(
-                rng, events[at], pixels.step_v[at], pixels.leaked_v[at], pixels.offset_v[at], volts
-            )
-            codes[at] = np.uint16(np.rint(output / volts[-1]))
+    for at in np.ndindex(events.shape):
+        step_v = pixels.step_v[at]
+        fallen = fall(events[at], step_v, slope, swing) + pixels.leaked_v[at]
+        if step_noise > 0:
+            fallen += spread(events[at], step_noise, step_v, swing) * rng.standard_normal()
+        output = supply + pixels.offset_v[at] - min(fallen, swing)
+        if read_noise > 0:
+            output += read_noise * rng.standard_normal()
+        if lsb > 0:
+            output = min(max(np.rint(output / lsb), 0.0), np.rint(supply / lsb)) * lsb
+        output_v[at], is_empty[at] = output, fallen > swing

@@ -75,12 +75,6 @@ def test_frames_have_the_same_events_drawn_alone_or_among_others():
     np.testing.assert_array_equal(histogram(alone), histogram(whole)[4:5])
 
 
-def test_darkness_gives_an_empty_stream():
-    events = draw(np.zeros((2, 3, 3)))
-    assert events.time_s.size == 0
-    assert histogram(events).shape == (2, 3, 3)
-
-
 def test_events_fall_into_the_open_gate():
     gate = Gate(period_s=1e-2, width_s=2e-3, phase_s=9e-3)
     events = draw(sensor=changed(IDEAL, gate=gate))

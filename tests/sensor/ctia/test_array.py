@@ -10,7 +10,7 @@ from megalopta.sensor.ctia.array import (
     volt_moments,
 )
 from megalopta.sensor.ctia.bias import FixedBias
-from megalopta.sensor.ctia.model import CTIA_PRESETS, PHOTODIODES, CtiaSensor, ctia_preset, pixels
+from megalopta.sensor.ctia.model import PHOTODIODES, CtiaSensor, ctia_preset, pixels
 from megalopta.sensor.ctia.noise import CtiaNoise
 from megalopta.sensor.ctia.photodiode import ELEMENTARY_CHARGE_C, Photodiode, reverse_current
 from megalopta.sensor.optics.efficiency import Efficiency
@@ -116,11 +116,6 @@ def test_presets_meet_the_currents_they_were_made_from():
     assert reverse_current(PHOTODIODES["si"], 10.0) == pytest.approx(50e-12, rel=1e-3)
     assert reverse_current(PHOTODIODES["si"], 15e-3) == pytest.approx(1.6e-12, rel=1e-3)
     assert reverse_current(PHOTODIODES["ingaas"], 0.1) == pytest.approx(170e-9, rel=1e-3)
-
-
-def test_presets_survive_json():
-    for sensor in CTIA_PRESETS.values():
-        assert CtiaSensor.model_validate_json(sensor.model_dump_json()) == sensor
 
 
 def test_impossible_requests_are_refused():
