@@ -1,6 +1,6 @@
 import numpy as np
 
-from megalopta.sensor import Crosstalk, DeadTime, Gate, Jitter, changed, expose_events, preset
+from megalopta.sensor import Crosstalk, DeadTime, Jitter, changed, expose_events, preset
 from megalopta.sensor.avalanches.simulation import simulate_frame
 from megalopta.sensor.event_stream import histogram
 from megalopta.sensor.sampling.streams import generator
@@ -73,10 +73,3 @@ def test_frames_have_the_same_events_drawn_alone_or_among_others():
         part = getattr(whole, name)[whole.frame == 4]
         assert part.tobytes() == getattr(alone, name).tobytes()
     np.testing.assert_array_equal(histogram(alone), histogram(whole)[4:5])
-
-
-def test_events_fall_into_the_open_gate():
-    gate = Gate(period_s=1e-2, width_s=2e-3, phase_s=9e-3)
-    events = draw(sensor=changed(IDEAL, gate=gate))
-    assert events.time_s.size > 0
-    assert np.all((events.time_s - 9e-3) % 1e-2 < 2e-3 * (1 + 1e-9))

@@ -20,13 +20,6 @@ def at(excess_v):
     return changed(SPADCAM, excess_v=excess_v)
 
 
-def test_reference_bias_without_mismatch_changes_nothing():
-    assert efficiency_factor(SPADCAM, 0.0) == pytest.approx(1)
-    assert dark_count_factor(SPADCAM, 0.0) == pytest.approx(1)
-    assert np.all(efficiency_factor(Bias(), OFFSETS) == 1)
-    assert np.all(dark_count_factor(Bias(), OFFSETS) == 1)
-
-
 def test_a_higher_breakdown_voltage_is_a_lower_bias():
     np.testing.assert_allclose(
         efficiency_factor(SPADCAM, 0.05), efficiency_factor(at(SPADCAM.excess_v - 0.05), 0.0)

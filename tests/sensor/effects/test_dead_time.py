@@ -188,14 +188,6 @@ def test_stationary_paralyzable_draws_have_the_closed_form_moments(a, dead_times
     assert abs(squares.mean() - variance) < 5 * squares.std() / np.sqrt(DRAWS)
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_counts_are_poisson_where_dead_time_is_negligible(kind):
-    rate, exposure = np.array([0.3, 20.0, 1e3]), 0.1
-    dead_time = law(kind, 1e-15)
-    np.testing.assert_allclose(expected_counts(rate, exposure, dead_time), rate * exposure)
-    np.testing.assert_allclose(moments(rate, exposure, dead_time)[1], rate * exposure)
-
-
 def test_moments_and_draws_stay_finite_for_overwhelming_light():
     bright, dead_time_s = [1e15], 1e-9
     assert draw_counts(generator(0), bright, 1.0, law("paralyzable", dead_time_s))[0] == 1

@@ -23,6 +23,12 @@ def test_ten_millivolts_give_320_counts_and_thirty_107_less_what_rounds_down():
     assert AnalogCounter(step_v=30e-3).capacity == 106
 
 
+def test_without_noise_counts_are_exact_up_to_saturation_and_flagged_from_there():
+    counts, saturated = read(QUIET)
+    np.testing.assert_array_equal(counts, np.minimum(RAMP, 320))
+    np.testing.assert_array_equal(saturated, RAMP >= 320)
+
+
 def test_calibration_undoes_step_and_leak_of_every_pixel():
     counts, saturated = read(SPREAD)
     # a 12-bit step of 0.8 mV is less than a tenth of a count
