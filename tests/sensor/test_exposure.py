@@ -145,15 +145,6 @@ def test_dark_frame_shows_the_dark_counts_of_the_device():
     assert dark.mean() == pytest.approx(1.77 * 36, abs=5.0)
 
 
-def test_ideal_signal_to_noise_is_the_square_root_of_the_counts():
-    sensor = SENSORS["ideal"]
-    np.testing.assert_allclose(
-        signal_to_noise(sensor),
-        np.sqrt(expectation(RADIANCE, BANDS, sensor).mean_events),
-        rtol=1e-9,
-    )
-
-
 def test_dark_counts_are_noise_and_not_signal():
     sensor = changed(
         SENSORS["spadcam"],
