@@ -28,8 +28,7 @@ from megalopta.flow.benchmark import search
 from megalopta.flow.detectors.registry import method
 from megalopta.flow.stimuli.photons import draw_counts, draw_in_one
 from megalopta.reproduction.chapter4_curves import SWEEPS
-from megalopta.sensor.sampling.normals import EDGES, fill_normals
-from megalopta.sensor.sampling.words import LANES, word_streams
+from megalopta.sensor.sampling.words import EDGES, LANES, fill_normals, word_streams
 
 FRAMES = 16
 

@@ -42,8 +42,9 @@ from megalopta.sensor import (
     reading_moments,
 )
 from megalopta.sensor.formats.events import EventOrigin, write_events_hdf5, write_events_npz
-from megalopta.sensor.sampling.bits import bit_streams, fill_bits
+from megalopta.sensor.sampling.bits import fill_bits
 from megalopta.sensor.sampling.streams import generator
+from megalopta.sensor.sampling.words import word_streams
 from megalopta.verification.brute_force import brute_force_counts
 
 SHAPE = (4, 240, 240)
@@ -141,7 +142,7 @@ def two_over_one(task: Callable[[], object]) -> float:
 
 def draw_bits(rng: np.random.Generator, means: np.ndarray) -> None:
     packed = np.empty((len(means), -(-means.shape[1] // 8)), np.uint8)
-    fill_bits(bit_streams(rng), means, np.zeros_like(means), 1.0, packed)
+    fill_bits(word_streams(rng), means, np.zeros_like(means), 1.0, packed)
 
 
 def binary_over_binomial(p: float) -> list[float]:

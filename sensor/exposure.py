@@ -39,11 +39,11 @@ from megalopta.sensor.event_stream import Events, in_order_of_time, joined
 from megalopta.sensor.expectations import expectation as expectation_of
 from megalopta.sensor.image_sensors import ImageSensor
 from megalopta.sensor.quantities import Exposure
-from megalopta.sensor.sampling.bits import bit_streams, fill_bits
+from megalopta.sensor.sampling.bits import fill_bits
 from megalopta.sensor.sampling.poisson import draw_poisson, fill_poisson, poisson_streams
 from megalopta.sensor.sampling.streams import generator
-from megalopta.sensor.spad.analog import AnalogCounter, AnalogPixels
-from megalopta.sensor.spad.conversion import read_analog, sample_analog
+from megalopta.sensor.sampling.words import word_streams
+from megalopta.sensor.spad.analog import AnalogCounter, AnalogPixels, read_analog, sample_analog
 from megalopta.sensor.spad.device import FixedPattern, checked_rate, detection_rate
 from megalopta.sensor.spad.digital import empty_counts, read_digital
 from megalopta.sensor.spad.frames import over_frames
@@ -241,7 +241,7 @@ def expose_binary(
         light_hz, dark_hz = frames.rates(index)
         if light_hz.ndim == 3:
             light_hz = mean_rate(light_hz, sensor.exposure_s, sensor.avalanche_effects)
-        streams = bit_streams(frames.rng("binary", index))
+        streams = word_streams(frames.rng("binary", index))
         fill_bits(streams, np.ascontiguousarray(light_hz), dark_hz, open_s, packed[index])
 
     frames.each(expose_frame, in_turn=array is not None)

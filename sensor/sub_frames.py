@@ -40,7 +40,8 @@ def light_between(
     frames: NDArray[Any], following: NextFrames, frame: int, shares: NDArray[np.float64]
 ) -> Floats:
     """Return the radiance (S, H, W, B) at shares of the way from one of the frames to its next."""
-    motion, gone = _known(following.flow[frame]), following.hidden[frame].astype(np.float64)
+    flow, gone = following.flow[frame], following.hidden[frame].astype(np.float64)
+    motion = np.where(np.isfinite(flow).all(axis=-1, keepdims=True), flow, 0.0)
     between = np.empty((len(shares), *frames.shape[1:]))
     for band in range(frames.shape[-1]):
         pair = frames[frame, ..., band], following.radiance[frame, ..., band]
@@ -82,20 +83,14 @@ def sub_frames(
             f"frames {frames.shape}, flow {flow.shape}, parts {parts}: give (T, H, W), "
             "(T − 1, H, W, 2) and 1 or more"
         )
-    between = np.empty((len(frames) - 1, parts, *frames.shape[1:]))
-    for index, motion in enumerate(flow):
-        gone = np.zeros(frames.shape[1:]) if hidden is None else hidden[index].astype(np.float64)
-        for part in range(parts):
-            share = (part + 0.5) / parts
-            between[index, part] = _at(
-                frames[index], frames[index + 1], _known(motion), gone, share
-            )
-    return between
-
-
-def _known(flow: NDArray[Any]) -> Floats:
-    """Flow, 0 where it is undefined."""
-    return np.where(np.isfinite(flow).all(axis=-1, keepdims=True), flow, 0.0)
+    hidden = np.zeros(flow.shape[:3], np.bool_) if hidden is None else hidden
+    following = NextFrames(radiance=frames[1:, ..., None], flow=flow, hidden=hidden)
+    middles = (np.arange(parts) + 0.5) / parts
+    between = (
+        light_between(frames[..., None], following, index, middles)[..., 0]
+        for index in range(len(flow))
+    )
+    return np.stack(list(between))
 
 
 def _at(before: Floats, after: Floats, flow: Floats, gone: Floats, share: float) -> Floats:

@@ -10,12 +10,11 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from megalopta.sensor import changed, preset
-from megalopta.sensor.effects.dark_counts import dark_count_rate
+from megalopta.sensor.effects.dark_counts import dark_count_density
 
 sensor = changed(preset("spadcam"), device_seed=7)
-rates_hz = dark_count_rate(
-    sensor.dark_counts, (128, 128), sensor.active_area_m2, sensor.device_seed
-)
+density_hz_um2 = dark_count_density(sensor.dark_counts, (128, 128), sensor.device_seed)
+rates_hz = density_hz_um2 * sensor.active_area_m2 * 1e12
 
 figure, (image, histogram) = plt.subplots(1, 2, figsize=(9, 3.5), layout="constrained")
 shown = image.imshow(rates_hz[:32, :32])

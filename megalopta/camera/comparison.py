@@ -39,7 +39,7 @@ from megalopta.sensor.calibrate.level import Level
 from megalopta.sensor.compare.quantities import scene_differences
 from megalopta.sensor.compare.recordings import Comparison, compare_recordings
 from megalopta.sensor.compare.two_sample import Difference, Quantity, difference
-from megalopta.sensor.spad.conversion import counts_of_codes
+from megalopta.sensor.spad.analog import counts_of_codes
 from megalopta.sensor.spad.device import draw_fixed_pattern
 from megalopta.sensor.spad.measured import MapFile
 from megalopta.stages.pipeline import run_stage

@@ -54,8 +54,7 @@ from megalopta.sensor.formats.protocol import (
     Settings,
     samples_of,
 )
-from megalopta.sensor.spad.analog import nominal_pixels
-from megalopta.sensor.spad.conversion import counts_of_codes
+from megalopta.sensor.spad.analog import counts_of_codes, nominal_pixels
 
 _LARGEST_DRIFT = 1e-3
 """No quartz is worse; steeper lines come of few arrivals."""

@@ -78,12 +78,12 @@ def volt_moments(
     The noise of a pixel near its rail is taken as normal; there a pixel holds 1e8 electrons.
     """
     light = _checked(photocurrent_a)
-    mean, variance = np.empty_like(light), np.empty_like(light)
+    moments = np.empty((2, *light.shape))
     for index, now in enumerate(_aging(sensor, light.shape, first_frame, frame_period_s)):
         free = discharge(now, light[index], sensor.exposure_s)
         noise = noise_variance(sensor.noise, now, light[index], sensor.exposure_s)
-        mean[index], variance[index] = _held_at(sensor.swing_v, free, noise)
-    return mean, variance
+        moments[:, index] = _held_at(sensor.swing_v, free, noise)
+    return moments[0], moments[1]
 
 
 def electron_moments(

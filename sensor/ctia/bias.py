@@ -31,18 +31,17 @@ from dataclasses import dataclass, replace
 from typing import Annotated, Literal, TypeAlias
 
 import numpy as np
-from pydantic import BaseModel, Field
+from pydantic import Field
 
 from megalopta.core.arrays import Floats
+from megalopta.core.record import Record
 from megalopta.sensor.ctia.integration import LATE, Pixel, discharge_time, estimate_current
 from megalopta.sensor.ctia.photodiode import Reals
 
 WORTHWHILE = 0.99
 
 
-class FixedBias(
-    BaseModel, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
-):
+class FixedBias(Record):
     """No trimming: every pixel keeps the offset of its amplifier on top of a common bias."""
 
     kind: Literal["fixed"] = "fixed"
@@ -51,9 +50,7 @@ class FixedBias(
     """Reverse bias of a pixel without offset (V)."""
 
 
-class DacBias(
-    BaseModel, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
-):
+class DacBias(Record):
     """Non-adaptive: every pixel's anode has the best code of a digital-to-analog converter."""
 
     kind: Literal["dac"] = "dac"
@@ -73,9 +70,7 @@ class DacBias(
         return float(self.rail_v / 2**self.bits)
 
 
-class FloatingGateBias(
-    BaseModel, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
-):
+class FloatingGateBias(Record):
     """Adaptive: every pixel's offset is trimmed by pulses on a floating gate."""
 
     kind: Literal["floating_gate"] = "floating_gate"

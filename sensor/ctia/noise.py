@@ -14,9 +14,10 @@ The bias that counts is that in the middle of the discharge. Source and what is 
 from typing import Annotated
 
 import numpy as np
-from pydantic import BaseModel, Field
+from pydantic import Field
 
 from megalopta.core.arrays import Floats
+from megalopta.core.record import Record
 from megalopta.sensor.ctia.integration import Pixel, discharge, reverse_bias, start
 from megalopta.sensor.ctia.photodiode import (
     BOLTZMANN_J_K,
@@ -26,9 +27,7 @@ from megalopta.sensor.ctia.photodiode import (
 )
 
 
-class CtiaNoise(
-    BaseModel, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
-):
+class CtiaNoise(Record):
     """Terms of noise of a CTIA reading."""
 
     photon_shot: bool = True

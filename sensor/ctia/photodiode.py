@@ -20,9 +20,10 @@ is neglected: `docs/theory/ctia.md`.
 from typing import Annotated, TypeAlias
 
 import numpy as np
-from pydantic import BaseModel, Field
+from pydantic import Field
 
 from megalopta.core.arrays import Floats
+from megalopta.core.record import Record
 
 BOLTZMANN_J_K = 1.380649e-23
 ELEMENTARY_CHARGE_C = 1.602176634e-19
@@ -33,9 +34,7 @@ Reals: TypeAlias = float | Floats
 _NEWTON_STEPS = 12
 
 
-class Photodiode(
-    BaseModel, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
-):
+class Photodiode(Record):
     """Current law of a photodiode in the dark."""
 
     saturation_current_a: Annotated[float, Field(ge=0)] = 0.0

@@ -13,9 +13,9 @@ from enum import IntEnum, auto
 from typing import ClassVar, NamedTuple
 
 import numpy as np
-from pydantic import BaseModel
 
 from megalopta.core.arrays import Floats
+from megalopta.core.record import Record
 from megalopta.sensor.sampling.streams import pixel_normals
 
 
@@ -121,9 +121,7 @@ class FrameRates:
         return replace(self, dark_counts_hz=self.dark_counts_hz * factor)
 
 
-class Effect(
-    BaseModel, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
-):
+class Effect(Record):
     """Parameters of one effect."""
 
     stage: ClassVar[Stage]

@@ -27,6 +27,7 @@ that dependence off.
 """
 
 from collections.abc import Callable
+from functools import partial
 from typing import Annotated, ClassVar, Self
 
 import numpy as np
@@ -109,10 +110,12 @@ class Bias(Effect, frozen=True):
 
         rates.efficiency_factor *= factor("efficiency", efficiency_factor)
         rates.dark_counts_hz *= factor("dark_counts", dark_count_factor)
-        if self.afterpulsing_slope > 0:
-            rates.scale("afterpulsing", factor("afterpulsing", afterpulsing_factor))
-        if self.crosstalk_slope > 0:
-            rates.scale("crosstalk", factor("crosstalk", crosstalk_factor))
+        for name, slope in (
+            ("afterpulsing", self.afterpulsing_slope),
+            ("crosstalk", self.crosstalk_slope),
+        ):
+            if slope > 0:
+                rates.scale(name, factor(name, partial(_charge_factor, slope)))
 
 
 def breakdown_offset(bias: Bias, shape: tuple[int, int], device_seed: int) -> Floats:
@@ -128,8 +131,11 @@ def efficiency_factor(bias: Bias, breakdown_offset_v: ArrayLike) -> Floats:
     is_sensitive = excess > bias.onset_v
     if bias.efficiency_scale_v is None:
         return np.asarray(is_sensitive, np.float64)
-    trigger = -np.expm1(-np.maximum(excess - bias.onset_v, 0) / bias.efficiency_scale_v)
-    return np.asarray(trigger / _reference_trigger(bias))
+    trigger, at_reference = (
+        -np.expm1(-np.maximum(each - bias.onset_v, 0) / bias.efficiency_scale_v)
+        for each in (excess, bias.reference_v)
+    )
+    return np.asarray(trigger / at_reference)
 
 
 def dark_count_factor(bias: Bias, breakdown_offset_v: ArrayLike) -> Floats:
@@ -143,17 +149,8 @@ def dark_count_factor(bias: Bias, breakdown_offset_v: ArrayLike) -> Floats:
     return np.where(is_sensitive, growth, 0.0)
 
 
-def afterpulsing_factor(bias: Bias, breakdown_offset_v: ArrayLike) -> Floats:
-    """Trapped carriers of an avalanche relative to those at the reference bias."""
-    return _charge_factor(bias, breakdown_offset_v, bias.afterpulsing_slope)
-
-
-def crosstalk_factor(bias: Bias, breakdown_offset_v: ArrayLike) -> Floats:
-    """Neighbors that an avalanche fires, relative to those at the reference bias."""
-    return _charge_factor(bias, breakdown_offset_v, bias.crosstalk_slope)
-
-
-def _charge_factor(bias: Bias, breakdown_offset_v: ArrayLike, slope: float) -> Floats:
+def _charge_factor(slope: float, bias: Bias, breakdown_offset_v: ArrayLike) -> Floats:
+    """Trapped carriers, or fired neighbors, relative to those at the reference bias."""
     rise = (bias.excess_v - np.asarray(breakdown_offset_v, np.float64)) / bias.reference_v - 1
     return np.maximum(1 + slope * rise, 0.0)
 
@@ -185,8 +182,3 @@ def best_excess_bias(bias: Bias) -> float:
             "best bias without"
         )
     return bias.onset_v + scale * float(np.log1p(efold / scale))
-
-
-def _reference_trigger(bias: Bias) -> float:
-    assert bias.efficiency_scale_v is not None
-    return float(-np.expm1(-(bias.reference_v - bias.onset_v) / bias.efficiency_scale_v))

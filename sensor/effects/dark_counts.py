@@ -54,39 +54,22 @@ class DarkCounts(Effect, frozen=True):
     @property
     def is_on(self) -> bool:
         """Whether there are any."""
-        return mean_density(self) > 0
+        bulk = self.hot_fraction < 1 and max(self.bulk_mean_hz_um2, self.bulk_sigma_hz_um2) > 0
+        return bulk or self.hot_fraction * self.hot_mean_hz_um2 > 0
 
     def act_on_rates(self, rates: PixelRates) -> None:
         """Give every pixel its dark count rate."""
-        rates.dark_counts_hz = dark_count_rate(
-            self, rates.shape, rates.active_area_m2, rates.device_seed
-        )
+        density = dark_count_density(self, rates.shape, rates.device_seed)
+        rates.dark_counts_hz = density * (rates.active_area_m2 * _UM2_PER_M2)
 
 
-def dark_count_rate(
-    dark_counts: DarkCounts, shape: tuple[int, int], active_area_m2: float, device_seed: int
+def dark_count_density(
+    dark_counts: DarkCounts, shape: tuple[int, int], device_seed: int
 ) -> NDArray[np.float64]:
-    """Dark count rate of every pixel of a device, Hz.
-
-    Parameters
-    ----------
-    dark_counts : DarkCounts
-    shape : (rows, columns)
-    active_area_m2 : float
-        Light-sensitive area of one pixel.
-    device_seed : int
-        Which device: the pattern is fixed by it.
-    """
+    """Dark count rate per active area of every pixel of a device, (rows, columns) Hz/µm²."""
     is_hot = pixel_uniforms(shape, device_seed, "dark counts, hot") < dark_counts.hot_fraction
     rank = 1 - pixel_uniforms(shape, device_seed, "dark counts, rate")
-    density = np.where(is_hot, _hot_density(dark_counts, rank), _bulk_density(dark_counts, rank))
-    return density * (active_area_m2 * _UM2_PER_M2)
-
-
-def mean_density(dark_counts: DarkCounts) -> float:
-    """Mean over devices of the dark count rate per active area, Hz/µm²."""
-    share = dark_counts.hot_fraction
-    return (1 - share) * _bulk_mean(dark_counts) + share * dark_counts.hot_mean_hz_um2
+    return np.where(is_hot, _hot_density(dark_counts, rank), _bulk_density(dark_counts, rank))
 
 
 def _bulk_density(dark_counts: DarkCounts, rank: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -95,16 +78,6 @@ def _bulk_density(dark_counts: DarkCounts, rank: NDArray[np.float64]) -> NDArray
     if sigma == 0:
         return np.full_like(rank, mean)
     return np.maximum(mean - sigma * ndtri(rank * ndtr(mean / sigma)), 0.0)
-
-
-def _bulk_mean(dark_counts: DarkCounts) -> float:
-    # of a normal distribution truncated at zero
-    mean, sigma = dark_counts.bulk_mean_hz_um2, dark_counts.bulk_sigma_hz_um2
-    if sigma == 0:
-        return mean
-    cut = mean / sigma
-    hazard = np.exp(-(cut**2) / 2) / np.sqrt(2 * np.pi) / ndtr(cut)
-    return float(mean + sigma * hazard)
 
 
 def _hot_density(dark_counts: DarkCounts, rank: NDArray[np.float64]) -> NDArray[np.float64]:

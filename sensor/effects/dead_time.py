@@ -34,6 +34,7 @@ from megalopta.sensor.sampling.poisson import draw_poisson
 MOST_ARRIVALS = 1e15
 # Far below any detector's; denormal times have no finite inverse.
 _SHORTEST_S = 1e-15
+_LAWS = {"nonparalyzable": nonparalyzable, "paralyzable": paralyzable}
 
 
 class DeadTime(Effect, frozen=True):
@@ -137,13 +138,9 @@ def moments(
         When a rate or the exposure is negative or not finite.
     """
     arrivals = check_arrivals(rate_hz, exposure_s)
-    fraction, is_stationary = _fractions(arrivals, exposure_s, dead_time, scale)
-    if dead_time.kind == "paralyzable":
-        mean, variance = paralyzable.moments(arrivals, fraction, is_stationary)
-    elif dead_time.kind == "nonparalyzable":
-        mean, variance = nonparalyzable.moments(arrivals, fraction, is_stationary)
-    else:
-        mean, variance = arrivals, arrivals.copy()
+    fractions = _fractions(arrivals, exposure_s, dead_time, scale)
+    law = _LAWS.get(dead_time.kind)
+    mean, variance = law.moments(arrivals, *fractions) if law else (arrivals, arrivals.copy())
     return mean.reshape(np.shape(rate_hz)), variance.reshape(np.shape(rate_hz))
 
 
@@ -156,14 +153,10 @@ def draw_counts(
 ) -> NDArray[np.int64]:
     """Draw the number of counts in one exposure; as `moments`."""
     arrivals = check_arrivals(rate_hz, exposure_s)
-    fraction, is_stationary = _fractions(arrivals, exposure_s, dead_time, scale)
-    if dead_time.kind == "paralyzable":
-        counts = paralyzable.draw(rng, arrivals, fraction, is_stationary)
-    elif dead_time.kind == "nonparalyzable":
-        counts = nonparalyzable.draw(rng, arrivals, fraction, is_stationary)
-    else:
-        counts = draw_poisson(rng, arrivals)
-    return counts.reshape(np.shape(rate_hz))
+    fractions = _fractions(arrivals, exposure_s, dead_time, scale)
+    law = _LAWS.get(dead_time.kind)
+    counts = law.draw(rng, arrivals, *fractions) if law else draw_poisson(rng, arrivals)
+    return np.asarray(counts.reshape(np.shape(rate_hz)))
 
 
 def _fractions(

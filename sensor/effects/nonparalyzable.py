@@ -41,9 +41,7 @@ _TAIL = 40
 _SHORTEST_LEAP = 16
 
 
-def moments(
-    arrivals: Floats, dead_fraction: Floats | float, is_stationary: bool = False
-) -> tuple[Floats, Floats]:
+def moments(arrivals: Floats, dead_fraction: Floats, is_stationary: bool) -> tuple[Floats, Floats]:
     """Exact mean and variance of the counts.
 
     Parameters
@@ -55,7 +53,6 @@ def moments(
     is_stationary : bool
         Whether the detector has run for long, rather than being live and idle at the start.
     """
-    dead_fraction = np.broadcast_to(dead_fraction, arrivals.shape)
     a = arrivals * dead_fraction
     settled = _settled_stationary_moments if is_stationary else _settled_moments
     mean, variance = settled(1 / dead_fraction, a / (1 + a))
@@ -102,11 +99,9 @@ def _summed_stationary_moments(arrivals: Floats, a: Floats, near: Floats) -> tup
     return mean, 2 * integral / (1 + a) + mean - mean**2
 
 
+@compiled
 def draw(
-    rng: np.random.Generator,
-    arrivals: Floats,
-    dead_fraction: Floats | float,
-    is_stationary: bool = False,
+    rng: np.random.Generator, arrivals: Floats, dead_fraction: Floats, is_stationary: bool
 ) -> NDArray[np.int64]:
     """Draw counts from the exact law; parameters as for `moments`.
 
@@ -114,21 +109,14 @@ def draw(
     cost hardly grows with the count. The idea is the gamma method for Poisson variates of Ahrens
     and Dieter, Computing 12, 223 (1974).
     """
-    counts: NDArray[np.int64] = _draw(rng, arrivals, arrivals * dead_fraction, is_stationary)
-    return counts
-
-
-@compiled
-def _draw(
-    rng: np.random.Generator, arrivals: Floats, a: Floats, is_stationary: bool
-) -> NDArray[np.int64]:
     counts = np.zeros(arrivals.size, np.int64)
     for pixel in range(arrivals.size):
+        a = arrivals[pixel] * dead_fraction[pixel]
         left = arrivals[pixel] - rng.standard_exponential()
-        if is_stationary and rng.random() * (1 + a[pixel]) < a[pixel]:
-            left -= a[pixel] * rng.random()
+        if is_stationary and rng.random() * (1 + a) < a:
+            left -= a * rng.random()
         if left >= 0:
-            counts[pixel] = 1 + _later_counts(rng, left, a[pixel])
+            counts[pixel] = 1 + _later_counts(rng, left, a)
     return counts
 
 

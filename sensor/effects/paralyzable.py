@@ -48,26 +48,19 @@ EXACT_UP_TO = 100.0
 """Expected counts above which draws are normal with a skewness term."""
 
 
-def moments(
-    arrivals: Floats, dead_fraction: Floats | float, is_stationary: bool = False
-) -> tuple[Floats, Floats]:
+def moments(arrivals: Floats, dead_fraction: Floats, is_stationary: bool) -> tuple[Floats, Floats]:
     """Exact mean and variance of the counts; parameters as for `nonparalyzable.moments`."""
-    fraction = np.full(arrivals.shape, dead_fraction, np.float64)
     mean, variance = np.empty_like(arrivals), np.empty_like(arrivals)
-    _fill_moments(arrivals, fraction, is_stationary, mean, variance)
+    _fill_moments(arrivals, dead_fraction, is_stationary, mean, variance)
     return mean, variance
 
 
 def draw(
-    rng: np.random.Generator,
-    arrivals: Floats,
-    dead_fraction: Floats | float,
-    is_stationary: bool = False,
+    rng: np.random.Generator, arrivals: Floats, dead_fraction: Floats, is_stationary: bool
 ) -> NDArray[np.int64]:
     """Draw counts; parameters as for `moments`."""
-    fraction = np.full(arrivals.shape, dead_fraction, np.float64)
-    lower = _lower_of_pair(arrivals * fraction)
-    counts: NDArray[np.int64] = _draw(rng, arrivals, lower, fraction, is_stationary)
+    lower = _lower_of_pair(arrivals * dead_fraction)
+    counts: NDArray[np.int64] = _draw(rng, arrivals, lower, dead_fraction, is_stationary)
     return counts
 
 

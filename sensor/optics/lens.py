@@ -16,19 +16,18 @@ from typing import Annotated, ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
-from pydantic import BaseModel, Field, model_validator
+from pydantic import Field, model_validator
 from scipy.ndimage import gaussian_filter
 
 from megalopta.core.arrays import Floats
+from megalopta.core.record import Record
 from megalopta.sensor.effects.base import Effect, Stage
 
 PLANCK_TIMES_LIGHT_SPEED = 1.98644586e-25
 """h·c in J·m."""
 
 
-class WavelengthCurve(
-    BaseModel, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
-):
+class WavelengthCurve(Record):
     """A fraction of light over wavelength; straight between the points."""
 
     field: ClassVar[str]
@@ -133,12 +132,8 @@ def photon_flux(irradiance: ArrayLike, bands_nm: ArrayLike) -> Floats:
     Raises ValueError when the bands are not B pairs of edges.
     """
     lower, upper = check_bands(bands_nm).T
-    irradiance = np.asarray(irradiance, np.float64)
-    if irradiance.shape[-1:] != lower.shape:
-        raise ValueError(
-            f"irradiance: last axis of shape {irradiance.shape} must be the {lower.size} bands"
-        )
     wavelength_integral = (upper**2 - lower**2) / 2 * 1e-9
+    irradiance = np.asarray(irradiance, np.float64)
     return np.asarray(irradiance * (wavelength_integral / PLANCK_TIMES_LIGHT_SPEED))
 
 

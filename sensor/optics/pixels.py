@@ -4,9 +4,10 @@ from typing import Annotated, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from pydantic import BaseModel, Field, model_validator
+from pydantic import Field, model_validator
 
 from megalopta.core.arrays import Floats
+from megalopta.core.record import Record
 from megalopta.sensor.effects.dead_time import MOST_ARRIVALS
 from megalopta.sensor.optics.efficiency import Efficiency, band_efficiency, band_transmission
 from megalopta.sensor.optics.lens import (
@@ -22,9 +23,7 @@ BLUR_PX = 0.5, 100.0
 """Least and largest blur of a lens that is not sharp, px."""
 
 
-class PixelOptics(
-    BaseModel, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
-):
+class PixelOptics(Record):
     """Image sensors of all kinds: pixels of some size and efficiency behind a lens."""
 
     kind: str

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from megalopta.core.arrays import Floats
 from megalopta.core.compiling import compiled
-from megalopta.sensor.sampling.words import LANES, fill_words, word_streams
+from megalopta.sensor.sampling.words import LANES, fill_words
 
 CHANCE_ERROR = 2e-6
 """Bound of the error of `chance`; found 1.2e-6."""
@@ -37,11 +37,6 @@ _LANES_AT_ONCE = 128
 """Random words are made 16 kB at a time, which stay in the processor's first cache."""
 
 
-def bit_streams(rng: np.random.Generator) -> NDArray[np.uint64]:
-    """Draw from a generator what `fill_bits` starts from."""
-    return word_streams(rng)
-
-
 def unpack(packed: NDArray[np.uint8], width: int) -> NDArray[np.uint8]:
     """Bits, 0 or 1, (…, H, width), of packed frames."""
     return np.unpackbits(packed, axis=-1, count=width)
@@ -60,7 +55,7 @@ def fill_bits(
     Parameters
     ----------
     streams : array
-        `bit_streams`.
+        `word_streams`.
     rate_hz, more_hz : (rows, columns) float64
         The mean number of events is (rate_hz + more_hz)·open_s.
     open_s : float

@@ -30,9 +30,11 @@ Source: dissertation §2.4.2; that the step changes linearly with the output is 
 from typing import Annotated, ClassVar, Literal, NamedTuple, Self
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from megalopta.core.arrays import Floats
+from megalopta.core.compiling import compiled
 from megalopta.sensor.effects.base import Effect, Stage
 from megalopta.sensor.sampling.streams import pixel_normals
 from megalopta.sensor.spad.digital import DigitalCounter
@@ -177,3 +179,118 @@ def _scattered(
     if sigma == 0:
         return np.full(shape, mean)
     return mean + sigma * pixel_normals(shape, device_seed, purpose)
+
+
+def read_analog(
+    rng: np.random.Generator,
+    events: NDArray[np.int64],
+    counter: AnalogCounter,
+    pixels: AnalogPixels,
+    exposure_s: float,
+) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+    """Counts, and where they are a lower bound, of a (rows, columns) frame of events."""
+    output_v, is_empty = _outputs(rng, events, counter, pixels)
+    counts, is_full = _counts(output_v, counter, assumed_pixels(counter, pixels, exposure_s))
+    return counts.astype(np.int64), is_empty | is_full
+
+
+def sample_analog(
+    rng: np.random.Generator,
+    events: NDArray[np.int64],
+    counter: AnalogCounter,
+    pixels: AnalogPixels,
+) -> NDArray[np.uint16]:
+    """Codes of the ADC of a (rows, columns) frame of events; draws what `read_analog` draws.
+
+    Raises
+    ------
+    ValueError
+        When the counter has no ADC, or one of more than 16 bits.
+    """
+    if counter.adc_bits is None or counter.adc_bits > 16:
+        raise ValueError(f"counter.adc_bits: {counter.adc_bits}; give 1 to 16 to sample its output")
+    output_v, _ = _outputs(rng, events, counter, pixels)
+    return np.rint(output_v / counter.lsb_v).astype(np.uint16)
+
+
+def counts_of_codes(
+    codes: NDArray[np.uint16], counter: AnalogCounter, known: AnalogPixels
+) -> tuple[NDArray[np.uint16], NDArray[np.bool_]]:
+    """Turn codes of the ADC (…, rows, columns) into counts, and where they are a lower bound.
+
+    Parameters
+    ----------
+    codes : array
+    counter : AnalogCounter
+    known : AnalogPixels
+        What is known of the pixels: measured, or `nominal_pixels`.
+    """
+    counts, is_full = _counts(np.asarray(codes * counter.lsb_v), counter, known)
+    return counts.astype(np.uint16), is_full
+
+
+def _counts(
+    output_v: Floats, counter: AnalogCounter, known: AnalogPixels
+) -> tuple[Floats, NDArray[np.bool_]]:
+    """Counts that an output stands for, and where it is at the capacity of its pixel."""
+    reference = counter.supply_v + known.offset_v - known.leaked_v
+    counts = np.maximum(np.rint((reference - output_v) / known.step_v), 0)
+    # As `largest_count`.
+    capacity = np.floor((counter.swing_v - known.leaked_v) / known.step_v * (1 + 1e-9))
+    return np.minimum(counts, capacity), counts >= capacity
+
+
+def _outputs(
+    rng: np.random.Generator,
+    events: NDArray[np.int64],
+    counter: AnalogCounter,
+    pixels: AnalogPixels,
+) -> tuple[Floats, NDArray[np.bool_]]:
+    """What is read of a (rows, columns) frame, V, and where the counter is at its bottom."""
+    output_v, is_empty = np.empty(events.shape), np.empty(events.shape, np.bool_)
+    _fill_outputs(rng, events, pixels, voltages(counter), output_v, is_empty)
+    return output_v, is_empty
+
+
+def voltages(counter: AnalogCounter) -> tuple[float, float, float, float, float, float]:
+    """Supply, swing, slope of the step, its noise, read noise and one code, V but for the slope."""
+    steps = counter.step_slope, counter.step_noise_v
+    return counter.supply_v, counter.swing_v, *steps, counter.read_noise_v, counter.lsb_v
+
+
+@compiled
+def fall(events: float, step_v: float, slope: float, swing_v: float) -> float:
+    """Mean fall of the output after so many events, V, as if it had no bottom."""
+    change = slope * step_v / swing_v
+    if change == 0:
+        return events * step_v
+    first_v = step_v * (1 + slope / 2)
+    return float(-first_v / change * np.expm1(events * np.log1p(-change)))
+
+
+@compiled
+def spread(events: float, step_noise_v: float, step_v: float, swing_v: float) -> float:
+    """Standard deviation of that fall, V; at twice the swing nothing is left to be taken off."""
+    return float(step_noise_v * np.sqrt(min(events, 2 * swing_v / step_v)))
+
+
+@compiled
+def largest_count(step_v: float, leaked_v: float, swing_v: float) -> float:
+    """Capacity of a pixel of which this is known."""
+    return float(np.floor((swing_v - leaked_v) / step_v * (1 + 1e-9)))
+
+
+@compiled
+def _fill_outputs(rng, events, pixels, volts, output_v, is_empty):  # type: ignore[no-untyped-def]
+    supply, swing, slope, step_noise, read_noise, lsb = volts
+    for at in np.ndindex(events.shape):
+        step_v = pixels.step_v[at]
+        fallen = fall(events[at], step_v, slope, swing) + pixels.leaked_v[at]
+        if step_noise > 0:
+            fallen += spread(events[at], step_noise, step_v, swing) * rng.standard_normal()
+        output = supply + pixels.offset_v[at] - min(fallen, swing)
+        if read_noise > 0:
+            output += read_noise * rng.standard_normal()
+        if lsb > 0:
+            output = min(max(np.rint(output / lsb), 0.0), np.rint(supply / lsb)) * lsb
+        output_v[at], is_empty[at] = output, fallen > swing

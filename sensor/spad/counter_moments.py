@@ -23,8 +23,15 @@ from scipy.special import ndtr
 
 from megalopta.core.arrays import Floats
 from megalopta.core.compiling import compiled
-from megalopta.sensor.spad.analog import AnalogCounter, AnalogPixels, assumed_pixels
-from megalopta.sensor.spad.conversion import fall, largest_count, spread, voltages
+from megalopta.sensor.spad.analog import (
+    AnalogCounter,
+    AnalogPixels,
+    assumed_pixels,
+    fall,
+    largest_count,
+    spread,
+    voltages,
+)
 from megalopta.sensor.spad.digital import DigitalCounter
 
 _FEW_MISREAD = 1e-5

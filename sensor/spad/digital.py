@@ -7,13 +7,12 @@ it saturates, past it where it wraps. Without that, mean and variance are those 
 For the analog counter see `analog`.
 """
 
-from typing import Annotated, ClassVar, Literal, Self
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from megalopta.core.compiling import compiled
 from megalopta.sensor.effects.base import Effect, Stage
 
 LARGEST_CAPACITY = 2**32 - 1
@@ -42,45 +41,18 @@ class DigitalCounter(Effect, frozen=True):
         """Whether it is ever full."""
         return self.capacity < LARGEST_CAPACITY
 
-    @classmethod
-    def of_bits(cls, bits: int, overflow: Literal["saturate", "wrap"] = "saturate") -> Self:
-        """Counter of so many bits, 1 to 32."""
-        return cls(capacity=2**bits - 1, overflow=overflow)
-
 
 def read_digital(
-    events: NDArray[np.int64],
-    counter: DigitalCounter,
-    out: tuple[Counts, NDArray[np.bool_]] | None = None,
-) -> tuple[Counts, NDArray[np.bool_]]:
-    """Counts, and where they are not to be trusted, of as many events, of any shape.
-
-    They are written into `out`, contiguous arrays, if that is given.
-    """
-    counts, saturated = out or (
-        empty_counts(events.shape, counter.capacity),
-        np.empty(events.shape, np.bool_),
-    )
-    flat = events.ravel(), counts.reshape(-1), saturated.reshape(-1)
-    _read(*flat, counter.capacity, counter.overflow == "wrap")
-    return counts, saturated
-
-
-@compiled
-def _read(
-    events: NDArray[np.int64],
-    counts: Counts,
-    saturated: NDArray[np.bool_],
-    capacity: int,
-    is_wrapping: bool,
+    events: NDArray[np.int64], counter: DigitalCounter, out: tuple[Counts, NDArray[np.bool_]]
 ) -> None:
-    for pixel in range(events.size):
-        if is_wrapping:
-            counts[pixel] = events[pixel] % (capacity + 1)
-            saturated[pixel] = events[pixel] > capacity
-        else:
-            counts[pixel] = min(events[pixel], capacity)
-            saturated[pixel] = events[pixel] >= capacity
+    """Fill in counts, and where they are not to be trusted, of as many events, of any shape."""
+    counts, saturated = out
+    if counter.overflow == "wrap":
+        np.remainder(events, counter.capacity + 1, out=counts, casting="unsafe")
+        np.greater(events, counter.capacity, out=saturated)
+    else:
+        np.minimum(events, counter.capacity, out=counts, casting="unsafe")
+        np.greater_equal(events, counter.capacity, out=saturated)
 
 
 def empty_counts(shape: tuple[int, ...], capacity: int) -> Counts:

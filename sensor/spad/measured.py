@@ -113,7 +113,6 @@ class MeasuredMaps(Effect, frozen=True):
         ValueError
             As `load_map`.
         """
-        drawn = pixels._asdict()
         lowest = -np.finfo(float).max
         for name, field, times, least in (
             ("step", "step_v", 1.0, _SMALLEST_STEP_V),
@@ -123,8 +122,9 @@ class MeasuredMaps(Effect, frozen=True):
             file = getattr(self, name)
             if file:
                 shape = pixels.step_v.shape[0], pixels.step_v.shape[1]
-                drawn[field] = times * load_map(file, shape, f"measured.{name}", self.fit, least)
-        return AnalogPixels(**drawn)
+                values = load_map(file, shape, f"measured.{name}", self.fit, least)
+                pixels = pixels._replace(**{field: times * values})
+        return pixels
 
     def _load(self, name: str, rates: PixelRates, lowest: float = 0.0) -> Floats:
         rates.measured.add(name)

@@ -23,15 +23,8 @@ leakage. Chosen here, because it is not given:
   below 1.5, σ 0.32 among these), met with mismatch included, fix the mixture;
 - read noise 1 mV and 12 bits of the ADC; the swing follows from 320 counts of 10 mV.
 
-Left open by §2.4.4: "at 13.68 V nearly all pixels are fully saturated by dark counts", of one row
-of 16 with exposures "above 50 ms", where the exposure and the step are not given. There, this
-preset fills, on average over 200 devices, 2.2 of 16 pixels in 0.1 s (0 to 6; device 0, that of
-Figure 2.10, has 1), 9.6 in 0.5 s, 15.1 in 1 s. An ordinary pixel (median 0.63 Hz/µm² at 13.58 V,
-227 Hz) fills 320 counts of 10 mV in 1.4 s at 13.58 V; to do so in 0.1 s, its
-dark counts would have to grow 14-fold within 0.1 V, e-fold in 38 mV. The mismatch of 42 mV would
-then scatter them e-fold, far more than was measured among ordinary pixels (0.32 about 0.71), which
-allows e-fold in 0.1 V and no less. So longer exposures filled the counters, about 1 s at 10 mV or a
-third of it at 30 mV, as "above 50 ms" permits. The preset keeps 0.1 s.
+How "nearly all pixels are fully saturated" at 13.68 V (§2.4.4) goes with this:
+`docs/theory/device.md`.
 
 `array-12x4` has the crosstalk that was measured on such an array, by distance (orthogonal 1.03e-3,
 diagonal 1.62e-4, two away 1.3e-5), and its dark counts: median 159, 90 % below 1125 per second, a
@@ -46,9 +39,8 @@ as the value.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from pydantic import ValidationError
 
@@ -68,41 +60,26 @@ from megalopta.sensor.spad.model import Sensor
 _LENS = Lens(f_number=1.4, transmission=0.9)
 
 
-@dataclass(frozen=True)
-class TableDevice:
-    """One column of Table 2.1, as printed.
-
-    Attributes
-    ----------
-    reference : str
-        First author and number in the thesis's bibliography.
-    node : str
-        CMOS process.
-    dark_counts_hz : float
-        Dark count rate at room temperature, Hz.
-    limit : str
-        "<" or ">" where the table gives a limit of the dark count rate.
-    excess_bias_v : float
-        Excess bias of both measurements, V.
-    active_area_um2 : float
-        Light-sensitive area, µm².
-    density_hz_um2 : float
-        Dark count rate per area as the table prints it, Hz/µm².
-    peak_efficiency : float
-        Largest detection probability, 0 to 1.
-    peak_nm : float
-        Wavelength of it, nm.
-    """
+class TableDevice(NamedTuple):
+    """One column of Table 2.1, as printed."""
 
     reference: str
+    """First author and number in the thesis's bibliography"""
     node: str
+    """CMOS process"""
     dark_counts_hz: float
+    """At room temperature"""
     limit: str
+    """`<` or `>` where the table gives a limit of the dark count rate"""
     excess_bias_v: float
+    """Of both measurements"""
     active_area_um2: float
     density_hz_um2: float
+    """Dark count rate per area as the table prints it"""
     peak_efficiency: float
+    """Largest detection probability, 0 to 1"""
     peak_nm: float
+    """Wavelength of it"""
 
 
 TABLE_2_1: dict[str, TableDevice] = {

@@ -1,7 +1,6 @@
 import numpy as np
-import pytest
 
-from megalopta.sensor import Crosstalk, DeadTime, Gate, Jitter, changed, expose_events, preset
+from megalopta.sensor import Crosstalk, DeadTime, Jitter, changed, expose_events, preset
 from megalopta.sensor.avalanches.simulation import simulate_frame
 from megalopta.sensor.event_stream import histogram
 from megalopta.sensor.sampling.streams import generator
@@ -74,28 +73,3 @@ def test_frames_have_the_same_events_drawn_alone_or_among_others():
         part = getattr(whole, name)[whole.frame == 4]
         assert part.tobytes() == getattr(alone, name).tobytes()
     np.testing.assert_array_equal(histogram(alone), histogram(whole)[4:5])
-
-
-def test_dark_counts_of_the_device_are_among_the_events():
-    sensor = changed(IDEAL, dark_counts={"bulk_mean_hz_um2": 0.5})
-    events = draw(np.zeros((20, 5, 7)), sensor)
-    mean = 0.5 * 3600 * IDEAL.exposure_s * 20 * 35
-    assert abs(events.time_s.size - mean) < 5 * np.sqrt(mean)  # Poisson; false alarm 6e-7
-
-
-def test_darkness_gives_an_empty_stream():
-    events = draw(np.zeros((2, 3, 3)))
-    assert events.time_s.size == 0
-    assert histogram(events).shape == (2, 3, 3)
-
-
-def test_events_fall_into_the_open_gate():
-    gate = Gate(period_s=1e-2, width_s=2e-3, phase_s=9e-3)
-    events = draw(sensor=changed(IDEAL, gate=gate))
-    assert events.time_s.size > 0
-    assert np.all((events.time_s - 9e-3) % 1e-2 < 2e-3 * (1 + 1e-9))
-
-
-def test_impossible_rate_is_refused():
-    with pytest.raises(ValueError, match="detections_hz"):
-        draw(np.full((1, 2, 2), np.nan))

@@ -40,14 +40,6 @@ def test_digital_readings_of_poisson_events_are_the_plain_sums(arrivals, overflo
     np.testing.assert_allclose(np.ravel(stated(sensor, arrivals)), expected, rtol=1e-9, atol=1e-9)
 
 
-def test_one_bit_at_two_events_reads_as_often_as_anything_came():
-    sensor = changed(IDEAL, counter=DigitalCounter(capacity=1))
-    mean, variance = stated(sensor, 2.0)
-    chance = 1 - np.exp(-2)
-    assert mean[0] == pytest.approx(chance, rel=1e-12)
-    assert variance[0] == pytest.approx(chance * (1 - chance), rel=1e-12)
-
-
 def test_far_from_its_capacity_a_counter_reads_the_events():
     sensor = changed(IDEAL, counter=DigitalCounter(capacity=65535))
     rate = np.geomspace(1e-3, 1e4, 50)[None, None]

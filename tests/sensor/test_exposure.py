@@ -59,14 +59,6 @@ def test_frames_have_the_same_bytes_drawn_alone_or_among_others(name, frames):
         assert getattr(part, field).tobytes() == getattr(whole, field)[frames].tobytes()
 
 
-def test_memory_layout_of_the_radiance_does_not_matter():
-    planar = np.ascontiguousarray(np.moveaxis(RADIANCE, 3, 0))
-    assert same(
-        expose_frames(SENSORS["spadcam"]),
-        expose_frames(SENSORS["spadcam"], np.moveaxis(planar, 0, 3)),
-    )
-
-
 def test_same_seed_same_bytes_and_any_other_name_other_counts():
     sensor = SENSORS["ideal"]
     reference = expose_frames(sensor)
@@ -153,30 +145,6 @@ def test_dark_frame_shows_the_dark_counts_of_the_device():
     assert dark.mean() == pytest.approx(1.77 * 36, abs=5.0)
 
 
-def test_full_counter_is_flagged_and_events_go_on():
-    exposure = expose_frames(SENSORS["spadcam"], 1e5 * RADIANCE, expectation=True)
-    assert exposure.counts.max() in (319, 320)  # leakage takes up to a step of the swing
-    assert exposure.counts.dtype == np.uint16
-    np.testing.assert_array_equal(exposure.saturated, exposure.counts >= 319)
-    assert exposure.expectation.mean_events.max() > 400
-    assert exposure.expectation.mean_reading.max() <= 320
-
-
-def test_rates_can_be_exposed_without_a_scene():
-    sensor = SENSORS["spadcam"]
-    rate = detection_rate(RADIANCE, BANDS, sensor)
-    assert same(expose_rate(rate, sensor, seed=0, sequence="forest"), expose_frames(sensor))
-
-
-def test_ideal_signal_to_noise_is_the_square_root_of_the_counts():
-    sensor = SENSORS["ideal"]
-    np.testing.assert_allclose(
-        signal_to_noise(sensor),
-        np.sqrt(expectation(RADIANCE, BANDS, sensor).mean_events),
-        rtol=1e-9,
-    )
-
-
 def test_dark_counts_are_noise_and_not_signal():
     sensor = changed(
         SENSORS["spadcam"],
@@ -195,33 +163,6 @@ def test_a_full_counter_has_no_signal():
     assert np.abs(signal_to_noise(sensor, full.astype(np.float32))).max() < 1e-3
 
 
-def test_signal_to_noise_without_any_counts_is_zero():
-    assert np.all(signal_to_noise(SENSORS["ideal"], np.zeros((1, 2, 2, 4))) == 0)
-
-
-@pytest.mark.parametrize("bad", [np.nan, np.inf, -1e-12])
-def test_impossible_radiance_is_refused_with_its_place(bad):
-    radiance = RADIANCE.copy()
-    radiance[3, 2, 1, 0] = bad
-    with pytest.raises(ValueError, match=r"radiance: .* \[3, 2, 1, 0\]"):
-        expose_frames(SENSORS["ideal"], radiance)
-
-
-def test_complex_radiance_is_refused():
-    with pytest.raises(ValueError, match=r"radiance: complex128 values; give real numbers"):
-        expose_frames(SENSORS["ideal"], RADIANCE.astype(complex))
-
-
-def test_radiance_too_bright_to_be_drawn_is_refused_by_its_name():
-    with pytest.raises(ValueError, match=r"radiance: so bright that a pixel detects \S+ photons"):
-        expose_frames(SENSORS["ideal"], np.full((1, 2, 2, 4), 1e30))
-
-
-def test_rate_too_high_to_be_drawn_is_refused_by_its_name():
-    with pytest.raises(ValueError, match=r"detections_hz: .* at most 1e\+16 Hz"):
-        expose_rate(np.full((1, 2, 2), 1e17), SENSORS["ideal"], seed=0, sequence="x")
-
-
 @pytest.mark.parametrize(
     "function", [expose_frames, lambda s: event_moments(np.ones((1, 2, 2)), s)]
 )
@@ -236,17 +177,37 @@ def test_seed_and_sequence_that_name_nothing_are_refused(place):
         expose_frames(SENSORS["ideal"], **place)
 
 
-@pytest.mark.parametrize("shape", [(12, 15, 4), (2, 12, 15, 3), (2, 12, 15)])
-def test_radiance_of_the_wrong_shape_is_refused(shape):
-    with pytest.raises(ValueError, match=r"give \(frames, rows, columns, 4\)"):
-        expose_frames(SENSORS["ideal"], np.zeros(shape))
+@pytest.mark.parametrize(
+    ("radiance", "message"),
+    [
+        *(
+            (
+                np.where(RADIANCE[3, 2, 1, 0] == RADIANCE, bad, RADIANCE),
+                r"radiance: .* \[3, 2, 1, 0\]",
+            )
+            for bad in (np.nan, np.inf, -1e-12)
+        ),
+        (RADIANCE.astype(complex), "radiance: complex128 values; give real numbers"),
+        (np.full((1, 2, 2, 4), 1e30), r"radiance: so bright that a pixel detects \S+ photons"),
+        *(
+            (np.zeros(shape), r"give \(frames, rows, columns, 4\)")
+            for shape in ((12, 15, 4), (2, 12, 15, 3))
+        ),
+    ],
+)
+def test_impossible_radiance_is_refused(radiance, message):
+    with pytest.raises(ValueError, match=message):
+        expose_frames(SENSORS["ideal"], radiance)
 
 
-def test_rates_of_the_wrong_shape_are_refused():
-    with pytest.raises(ValueError, match=r"give \(frames, rows, columns\)"):
-        expose_rate(np.zeros((3, 4)), SENSORS["ideal"], seed=0, sequence="x")
-
-
-def test_band_outside_the_efficiency_curve_is_refused():
-    with pytest.raises(ValueError, match="1050–1150 nm reaches outside"):
-        detection_rate(RADIANCE[..., :1], [(1050.0, 1150.0)], SENSORS["spadcam"])
+@pytest.mark.parametrize(
+    ("rate_hz", "message"),
+    [
+        (np.full((1, 2, 2), 1e17), r"detections_hz: .* at most 1e\+16 Hz"),
+        (np.full((1, 2, 2), np.nan), "detections_hz"),
+        (np.zeros((3, 4)), r"give \(frames, rows, columns\)"),
+    ],
+)
+def test_impossible_rates_are_refused(rate_hz, message):
+    with pytest.raises(ValueError, match=message):
+        expose_rate(rate_hz, SENSORS["ideal"], seed=0, sequence="x")

@@ -17,10 +17,6 @@ SHUNT = Photodiode(shunt_ohm=1e9)
 BOTH = Photodiode(saturation_current_a=3e-12, ideality=1.4, temperature_k=280, shunt_ohm=2e11)
 
 
-def test_thermal_voltage_at_room_temperature():
-    assert IDEAL.slope_v == pytest.approx(25.852e-3, rel=1e-4)
-
-
 def test_reverse_current_is_minus_the_shockley_law_of_the_forward_bias():
     bias = np.linspace(-0.2, 0.5, 29)
     forward = -bias

@@ -20,34 +20,10 @@ def at(excess_v):
     return changed(SPADCAM, excess_v=excess_v)
 
 
-def test_reference_bias_without_mismatch_changes_nothing():
-    assert efficiency_factor(SPADCAM, 0.0) == pytest.approx(1)
-    assert dark_count_factor(SPADCAM, 0.0) == pytest.approx(1)
-    assert np.all(efficiency_factor(Bias(), OFFSETS) == 1)
-    assert np.all(dark_count_factor(Bias(), OFFSETS) == 1)
-
-
-def test_breakdown_mismatch_moves_efficiency_and_dark_counts_together():
-    assert np.all(np.diff(efficiency_factor(SPADCAM, OFFSETS)) < 0)
-    assert np.all(np.diff(dark_count_factor(SPADCAM, OFFSETS)) < 0)
-
-
 def test_a_higher_breakdown_voltage_is_a_lower_bias():
     np.testing.assert_allclose(
         efficiency_factor(SPADCAM, 0.05), efficiency_factor(at(SPADCAM.excess_v - 0.05), 0.0)
     )
-
-
-def test_nothing_is_counted_below_the_onset():
-    below = at(SPADCAM.onset_v - 0.01)
-    assert efficiency_factor(below, 0.0) == 0
-    assert dark_count_factor(below, 0.0) == 0
-
-
-def test_efficiency_saturates_and_dark_counts_do_not():
-    at_reference = 1 - np.exp(-(SPADCAM.reference_v - SPADCAM.onset_v) / SPADCAM.efficiency_scale_v)
-    assert efficiency_factor(at(20.0), 0.0) == pytest.approx(1 / at_reference)
-    assert dark_count_factor(at(SPADCAM.excess_v + 0.12), 0.0) == pytest.approx(np.e)
 
 
 @pytest.mark.parametrize("factor", [efficiency_factor, dark_count_factor])
@@ -67,11 +43,6 @@ def test_best_bias_is_where_the_ratio_peaks():
     assert best_excess_bias(SPADCAM) == pytest.approx(volts[np.argmax(ratio)], abs=2e-4)
 
 
-def test_best_bias_needs_both_dependences():
-    with pytest.raises(ValueError, match="give both"):
-        best_excess_bias(Bias())
-
-
 def test_breakdown_voltages_belong_to_the_device():
     small, large = (breakdown_offset(SPADCAM, shape, 3) for shape in ((16, 16), (80, 100)))
     np.testing.assert_array_equal(small, large[:16, :16])
@@ -81,14 +52,23 @@ def test_breakdown_voltages_belong_to_the_device():
     assert abs(large.mean()) < 5 * 0.042 / np.sqrt(large.size)
 
 
-def test_onset_above_the_reference_is_refused():
-    with pytest.raises(ValueError, match=r"bias\.onset_v: 2 is not below"):
-        Bias(onset_v=2.0)
+def test_efficiency_starts_at_the_onset_and_saturates_and_dark_counts_do_not():
+    below = at(SPADCAM.onset_v - 0.01)
+    assert efficiency_factor(below, 0.0) == dark_count_factor(below, 0.0) == 0
+    at_reference = 1 - np.exp(-(SPADCAM.reference_v - SPADCAM.onset_v) / SPADCAM.efficiency_scale_v)
+    assert efficiency_factor(at(20.0), 0.0) == pytest.approx(1 / at_reference)
+    assert dark_count_factor(at(SPADCAM.excess_v + 0.12), 0.0) == pytest.approx(np.e)
 
 
-@pytest.mark.parametrize("shift", [{"excess_v": 3.0}, {"breakdown_sigma_v": 0.05}])
-def test_a_shift_that_moves_nothing_is_refused(shift):
-    with pytest.raises(ValueError, match="nothing depends on bias; give efficiency_scale_v"):
-        Bias(**shift)
-    assert Bias(**shift, dark_efold_v=0.1).is_on
-    assert not Bias(excess_v=5.0, reference_v=5.0).is_on
+@pytest.mark.parametrize(
+    ("fields", "message"),
+    [
+        ({"onset_v": 2.0}, r"bias\.onset_v: 2 is not below"),
+        ({"excess_v": 3.0}, "nothing depends on bias; give efficiency_scale_v"),
+        ({"breakdown_sigma_v": 0.05}, "nothing depends on bias; give efficiency_scale_v"),
+        ({}, "give both"),
+    ],
+)
+def test_bias_that_makes_no_sense_is_refused(fields, message):
+    with pytest.raises(ValueError, match=message):
+        best_excess_bias(Bias(**fields))

@@ -103,17 +103,13 @@ def test_counts_have_the_mean_and_variance_that_are_stated(capacity):
 
 
 @pytest.mark.parametrize(
-    ("fields", "said"),
+    ("sensor", "fields", "said"),
     [
-        ({"fastest_s": 2.0, "slowest_s": 1.0}, "slowest_s: 1 is less than fastest_s 2"),
-        ({"traps": 17}, "traps"),
+        (DARK, {"fastest_s": 2.0, "slowest_s": 1.0}, "slowest_s: 1 is less than fastest_s 2"),
+        (DARK, {"traps": 17}, "traps"),
+        (preset("ideal"), {}, r"telegraph\.share: 0\.5.*give dark_counts"),
     ],
 )
-def test_impossible_traps_are_refused(fields, said):
+def test_impossible_traps_are_refused(sensor, fields, said):
     with pytest.raises(ValueError, match=said):
-        Telegraph(share=0.1, **fields)
-
-
-def test_switching_without_dark_counts_is_refused():
-    with pytest.raises(ValueError, match=r"telegraph\.share: 0\.5.*give dark_counts"):
-        changed(preset("ideal"), telegraph=SLOW.model_dump())
+        changed(sensor, telegraph={"share": 0.5, **fields})

@@ -13,12 +13,12 @@ from megalopta.sensor import (
 )
 from megalopta.sensor.sampling.bits import (
     CHANCE_ERROR,
-    bit_streams,
     chance,
     fill_bits,
     unpack,
 )
 from megalopta.sensor.sampling.streams import generator
+from megalopta.sensor.sampling.words import word_streams
 from megalopta.sensor.spad.digital import DigitalCounter
 
 IDEAL = preset("ideal")
@@ -26,7 +26,7 @@ IDEAL = preset("ideal")
 
 def draw_binary(rng, means):
     packed = np.empty((means.shape[0], -(-means.shape[1] // 8)), np.uint8)
-    fill_bits(bit_streams(rng), means, np.zeros_like(means), 1.0, packed)
+    fill_bits(word_streams(rng), means, np.zeros_like(means), 1.0, packed)
     return packed
 
 

@@ -1,8 +1,15 @@
 import numpy as np
 import pytest
+from scipy.special import ndtri, pdtr, pdtrc
 from scipy.stats import chisquare, poisson
 
-from megalopta.sensor.sampling.poisson import draw_poisson
+from megalopta.sensor.sampling.poisson import (
+    SMALLEST_MEAN,
+    doubt,
+    draw_poisson,
+    fill_quantiles,
+    place,
+)
 from megalopta.sensor.sampling.streams import generator
 
 
@@ -40,10 +47,6 @@ def test_dark_pixels_among_bright_ones_give_no_counts():
     assert not draw_poisson(generator(4), means)[::2].any()
 
 
-def test_no_light_gives_no_counts():
-    np.testing.assert_array_equal(draw_poisson(generator(0), np.zeros(5)), 0)
-
-
 @pytest.mark.parametrize("mean", [1e5, 1e9, 9e11, 1e13, 1e15, 9e18])
 def test_huge_means_keep_mean_and_variance(mean):
     counts = draw_poisson(generator(0, "huge"), np.full(100_000, mean))
@@ -61,3 +64,52 @@ def test_draws_of_different_means_follow_their_laws_and_are_independent():
     np.testing.assert_allclose(z.mean(axis=0), 0, atol=5 / np.sqrt(len(z)))
     correlation = (z * np.roll(z, 1, axis=1)).mean(axis=0)
     np.testing.assert_allclose(correlation, 0, atol=5 / np.sqrt(len(z)))
+
+
+MEANS = [*np.linspace(SMALLEST_MEAN, 30, 300), *np.geomspace(30, 1e4, 60)]
+
+
+def steps(mean):
+    """Counts n, and the normal numbers at which the quantile steps from n to n + 1."""
+    counts = np.arange(max(0, int(mean - 9 * mean**0.5)), int(mean + 12 * mean**0.5) + 9)
+    low, high = pdtr(counts, mean), pdtrc(counts, mean)
+    z = np.where(low < 0.5, ndtri(low), -ndtri(high))
+    known = np.abs(z) < 8  # beyond, SciPy's tail has few digits left
+    return counts[known].astype(float), z[known]
+
+
+@pytest.mark.parametrize("means", np.array_split(MEANS, 6))
+def test_the_expansion_is_as_near_to_each_step_as_it_says(means):
+    for mean in means:
+        counts, z = steps(mean)
+        off = [abs(place(at, mean) - (n + 1)) for n, at in zip(counts, z, strict=True)]
+        stated = [doubt(at, mean) for at in z]
+        rounding = 1e-13 * mean**1.5  # of SciPy's z, some 1e-13 of σ, and of y
+        assert np.all(np.array(off) < np.array(stated) + rounding)
+
+
+@pytest.mark.parametrize("mean", [SMALLEST_MEAN, 4.7, 10.0, 33.3, 1000.0])
+def test_counts_on_both_sides_of_each_step_are_exact(mean):
+    counts, z = steps(mean)
+    near = np.concatenate([z - 1e-9, z + 1e-9])
+    expected = np.concatenate([counts, counts + 1])
+    found = np.empty_like(near)
+    fill_quantiles(near, np.full(near.size, mean), found)
+    np.testing.assert_array_equal(found, expected)
+
+
+@pytest.mark.parametrize("mean", [*np.linspace(SMALLEST_MEAN, 9, 26), 30.0, 3e3, 3e6])
+def test_counts_grow_with_the_number_and_are_never_negative(mean):
+    z = np.linspace(-8.5, 8.5, 40_001)
+    counts = np.empty_like(z)
+    fill_quantiles(z, np.full(z.size, mean), counts)
+    assert counts[0] >= 0
+    assert np.all(np.diff(counts) >= 0)
+
+
+def test_far_tails_end_at_zero_and_go_on():
+    means = np.array([SMALLEST_MEAN, SMALLEST_MEAN, 12.0])
+    found = np.empty(3)
+    fill_quantiles(np.array([-9.0, 9.0, -30.0]), means, found)
+    assert found[0] == found[2] == 0
+    assert 25 < found[1] < 60

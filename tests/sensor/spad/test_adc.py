@@ -11,8 +11,7 @@ from megalopta.sensor import (
     expose_rate,
     preset,
 )
-from megalopta.sensor.spad.analog import analog_pixels, nominal_pixels
-from megalopta.sensor.spad.conversion import counts_of_codes
+from megalopta.sensor.spad.analog import analog_pixels, counts_of_codes, nominal_pixels
 
 RATE = np.broadcast_to(np.geomspace(10, 1e5, 256).reshape(16, 16), (20, 16, 16))
 
@@ -32,26 +31,6 @@ def test_codes_become_the_counts_that_the_same_draws_make(calibrated):
     # An ADC does not tell an empty counter from one that noise keeps off the bottom.
     assert not (saturated & ~exposure.saturated).any()
     assert (exposure.counts[exposure.saturated & ~saturated] > 300).all()
-
-
-def test_a_digital_counter_has_no_codes():
-    with pytest.raises(ValueError, match="analog"):
-        expose_adc(RATE, preset("ideal"), seed=1, sequence="a")
-
-
-def test_codes_beyond_16_bits_are_refused():
-    with pytest.raises(ValueError, match="adc_bits: 20"):
-        expose_adc(RATE, changed(preset("spadcam"), counter={"adc_bits": 20}), seed=1, sequence="a")
-
-
-def test_codes_of_light_in_parts_are_of_frames():
-    parts = np.stack([RATE[:3] / 2, 3 * RATE[:3] / 2], axis=1)
-    codes = expose_adc(parts, preset("spadcam"), seed=1, sequence="a")
-    assert codes.shape == (3, 16, 16)
-    exposure = expose_rate(parts, preset("spadcam"), seed=1, sequence="a")
-    sensor = preset("spadcam")
-    known = analog_pixels(sensor.counter, (16, 16), sensor.exposure_s, sensor.device_seed)
-    np.testing.assert_array_equal(counts_of_codes(codes, sensor.counter, known)[0], exposure.counts)
 
 
 @pytest.mark.slow
@@ -79,3 +58,15 @@ def test_frames_of_one_stream_are_as_random_as_those_of_their_own(crosstalk):
     # No frame resembles the one after it: correlation, over a million pairs, is within 6/√n.
     deviations = (counts - mean) / np.sqrt(variance)
     assert abs((deviations[1:] * deviations[:-1]).mean()) < 6 / 1000
+
+
+@pytest.mark.parametrize(
+    ("sensor", "message"),
+    [
+        (preset("ideal"), "analog"),
+        (changed(preset("spadcam"), counter={"adc_bits": 20}), "adc_bits: 20"),
+    ],
+)
+def test_counters_without_codes_of_16_bits_are_refused(sensor, message):
+    with pytest.raises(ValueError, match=message):
+        expose_adc(RATE, sensor, seed=1, sequence="a")

@@ -2,10 +2,9 @@ import numpy as np
 import pytest
 from scipy.stats import linregress, norm
 
-from megalopta.sensor import DarkCounts, changed, expose_rate, preset
+from megalopta.sensor import changed
 from megalopta.sensor.sampling.streams import generator
-from megalopta.sensor.spad.analog import AnalogCounter, analog_pixels
-from megalopta.sensor.spad.conversion import read_analog
+from megalopta.sensor.spad.analog import AnalogCounter, analog_pixels, read_analog
 
 QUIET = AnalogCounter(step_v=10e-3)
 SPREAD = AnalogCounter(
@@ -36,36 +35,12 @@ def test_calibration_undoes_step_and_leak_of_every_pixel():
     np.testing.assert_array_equal(counts[~saturated], RAMP[~saturated])
 
 
-def test_uncalibrated_counts_show_the_mismatch_of_the_steps():
-    counts, saturated = read(changed(SPREAD, calibrated=False))
-    usable = (RAMP == 200) & ~saturated
-    # 3 % of 200 counts; 50 pixels know their spread to 10 %
-    assert counts[usable].std() == pytest.approx(6.0, rel=0.5)
-
-
 def test_leak_without_calibration_reads_as_counts_of_its_own():
     leaky = AnalogCounter(step_v=1e-3, leak_v_s=0.1, leak_sigma_v_s=0.01)
     dark = np.zeros((100, 100), np.int64)
     counts, _ = read(changed(leaky, calibrated=False), dark)
     assert np.abs(counts - 0).max() <= 6  # spread of 1 mV, one step, about the mean that is known
     np.testing.assert_array_equal(read(leaky, dark)[0], 0)
-
-
-def test_pixels_belong_to_the_device_and_not_to_the_image_size():
-    small, large = (analog_pixels(SPREAD, shape, 0.1, 5) for shape in ((16, 16), (70, 90)))
-    np.testing.assert_array_equal(small.step_v, large.step_v[:16, :16])
-    assert small.leaked_v.std() == pytest.approx(0.69e-4, rel=0.25)
-
-
-def test_leak_that_empties_the_counter_is_refused():
-    with pytest.raises(ValueError, match=r"exposure_s: 1000; .*expose for less"):
-        analog_pixels(SPREAD, (4, 4), 1000.0, 0)
-
-
-def test_pixel_whose_counts_cannot_be_stored_is_refused():
-    nearly = AnalogCounter(step_v=3.2 / 65000, step_sigma_v=3.2 / 65000 / 9)
-    with pytest.raises(ValueError, match=r"smallest step makes more than 65535 counts; make it"):
-        analog_pixels(nearly, (128, 128), 0.1, 0)
 
 
 @pytest.mark.parametrize("in_steps", [0.1, 0.5, 3.0])
@@ -75,17 +50,6 @@ def test_empty_pixels_read_high_by_what_would_be_below_zero(in_steps):
     mean = norm.sf((np.arange(1, 60) - 0.5) / in_steps).sum()
     # false alarm 6e-7; at a tenth of a step one in 40 runs would see a count
     assert abs(counts.mean() - mean) <= 5 * max(counts.std(), mean**0.5) / 300
-
-
-def test_read_noise_is_fresh_in_every_frame():
-    sensor = changed(preset("spadcam"), dark_counts=DarkCounts())
-    noisy = changed(sensor.counter, read_noise_v=10e-3)
-    dark = np.zeros((2, 64, 64))
-    counts = expose_rate(dark, changed(sensor, counter=noisy), seed=0, sequence="s").counts.astype(
-        float
-    )
-    # 4096 pixels of two independent frames are uncorrelated to 1/64; false alarm 6e-7
-    assert abs(np.corrcoef(counts.reshape(2, -1))[0, 1]) < 5 / 64
 
 
 def test_counter_at_the_bottom_is_flagged_whatever_noise_makes_of_its_reading():
@@ -110,6 +74,25 @@ def test_counter_at_the_bottom_is_flagged_whatever_noise_makes_of_its_reading():
 def test_impossible_counter_is_refused(wrong):
     with pytest.raises(ValueError, match=r"step_v|swing_v|adc_bits|step_sigma_v|leak_sigma_v_s"):
         AnalogCounter(**wrong)
+
+
+SMALL = 3.2 / 65000
+
+
+@pytest.mark.parametrize(
+    ("counter", "exposure_s", "message"),
+    [
+        (SPREAD, 1000.0, r"exposure_s: 1000; .*expose for less"),
+        (
+            AnalogCounter(step_v=SMALL, step_sigma_v=SMALL / 9),
+            0.1,
+            r"smallest step makes more than 65535 counts; make it",
+        ),
+    ],
+)
+def test_device_that_cannot_count_is_refused(counter, exposure_s, message):
+    with pytest.raises(ValueError, match=message):
+        analog_pixels(counter, (128, 128), exposure_s, 0)
 
 
 def test_steps_of_any_slope_take_the_same_swing_and_the_printed_straightness_allows_six_tenths():

@@ -14,7 +14,6 @@ from megalopta.sensor import (
     load_sensor,
     preset,
 )
-from megalopta.sensor.expectations import reading_moments
 from megalopta.sensor.spad.device import draw_fixed_pattern
 from megalopta.sensor.spad.model import active_effects
 
@@ -102,14 +101,6 @@ def test_a_map_may_be_named_by_its_path_alone(folder):
     assert load(folder).measured == before
 
 
-def test_yaml_of_a_device_changes_only_what_it_names(folder):
-    write(folder, {"preset": "spadcam", "name": "mine", "counter": {"step_v": 0.03}})
-    sensor, spadcam = load(folder), preset("spadcam")
-    assert sensor.counter.step_v == 0.03
-    assert sensor.counter.leak_v_s == spadcam.counter.leak_v_s
-    assert sensor.efficiency == spadcam.efficiency
-
-
 def test_record_of_a_measured_device_carries_its_hashes_and_survives_json(folder):
     sensor = load(folder)
     content = (folder / "breakdown.npy").read_bytes()
@@ -139,20 +130,6 @@ def test_a_window_of_a_larger_device_is_used_where_it_is_asked_for(folder, fit, 
     np.testing.assert_array_equal(device.efficiency_factor, MAPS["efficiency"][window])
 
 
-@pytest.mark.parametrize("shape", [(3, 4), (6, 8)])
-def test_larger_map_is_refused_with_both_ways_to_use_it(folder, shape):
-    message = r"has 6 × 9, the image \d × \d .*set measured\.fit to top_left or center"
-    with pytest.raises(ValueError, match=message):
-        draw_fixed_pattern(load(folder), shape)
-
-
-@pytest.mark.parametrize("fit", ["exact", "top_left", "center"])
-@pytest.mark.parametrize("shape", [(9, 6), (7, 9), (6, 10)])
-def test_smaller_map_is_always_refused(folder, fit, shape):
-    with pytest.raises(ValueError, match=r"has 6 × 9, the image .*lower camera\.height"):
-        draw_fixed_pattern(with_fit(folder, fit), shape)
-
-
 def test_fit_alone_makes_no_measured_device():
     assert "measured" not in active_effects(changed(preset("spadcam"), measured={"fit": "center"}))
 
@@ -171,18 +148,14 @@ GOOD = saved(MAPS["dark_counts"])
     [
         (saved(np.full(SHAPE, -1.0)), "below 0 or not finite"),
         (saved(np.full(SHAPE, np.nan)), "below 0 or not finite"),
-        (saved(np.full(SHAPE, np.inf)), "below 0 or not finite"),
         (saved(np.full(SHAPE, "x")), "plain numbers"),
         (saved(np.ones(SHAPE, complex)), "plain numbers"),
         (saved(np.full(SHAPE, {}, object), allow_pickle=True), "plain numbers"),
-        (saved(np.ones(9)), r"\(rows, columns\) of plain numbers"),
         (saved(np.ones((*SHAPE, 1))), r"\(rows, columns\) of plain numbers"),
         (pickle.dumps(MAPS["dark_counts"]), "plain numbers"),
         (b"", "plain numbers"),
-        (GOOD[:40], "plain numbers"),
         (GOOD[:-1], "plain numbers"),
         (GOOD.replace(b"(6, 9)", b"(6,10)"), "plain numbers"),
-        (GOOD.replace(b"(6, 9)", b"(-6,9)"), "plain numbers"),
         (GOOD.replace(b"(6, 9), }      ", b"(6**9**9,9**9)}"), "plain numbers"),
         (GOOD.replace(b"{'descr'", b"[[[[[[[["), "plain numbers"),
         (GOOD.replace(b"<f8", b"\0\xff8"), "plain numbers"),
@@ -237,16 +210,6 @@ def test_efficiency_above_one_in_the_best_pixel_is_refused():
         draw_fixed_pattern(sensor, (64, 64))
 
 
-def test_pattern_is_the_same_in_every_frame_and_run_and_cannot_be_changed():
-    sensor = preset("spadcam")
-    first = draw_fixed_pattern(sensor, (8, 8)).dark_counts_hz
-    np.testing.assert_array_equal(draw_fixed_pattern(changed(sensor), (8, 8)).dark_counts_hz, first)
-    expected, _ = reading_moments(np.zeros((3, 8, 8)), sensor)
-    assert np.ptp(expected, axis=0).max() == 0
-    with pytest.raises(ValueError, match="read-only"):
-        first[0, 0] = 1
-
-
 def test_cooling_lowers_the_dark_counts_of_every_pixel_alike():
     sensor = preset("spadcam")
     cold = changed(sensor, temperature=Temperature(celsius=2.0))
@@ -255,11 +218,6 @@ def test_cooling_lowers_the_dark_counts_of_every_pixel_alike():
         / draw_fixed_pattern(sensor, (8, 8)).dark_counts_hz
     )
     np.testing.assert_allclose(ratio, 0.25)
-
-
-def test_bias_off_leaves_the_dark_counts_drawn():
-    sensor = changed(preset("spadcam"), bias=Bias())
-    assert np.all(draw_fixed_pattern(sensor, (8, 8)).efficiency_factor == 1)
 
 
 def test_maps_of_avalanche_effects_are_factors_on_their_fields(tmp_path):
@@ -282,10 +240,41 @@ def test_maps_of_avalanche_effects_are_factors_on_their_fields(tmp_path):
         changed(sensor, crosstalk={"mean_fired_neighbors": 0})
 
 
-def test_pixels_that_do_not_differ_have_no_maps():
-    assert draw_fixed_pattern(preset("spadcam"), (3, 3)).avalanches is None
-
-
 def test_breakdown_that_moves_nothing_is_refused():
     with pytest.raises(ValueError, match=r"temperature\.breakdown_v_per_k: 0\.02, but nothing"):
         changed(preset("ideal"), temperature={"celsius": 40, "breakdown_v_per_k": 0.02})
+
+
+LARGER = r"has 6 × 9, the image \d × \d .*set measured\.fit to top_left or center"
+SMALLER = r"has 6 × 9, the image .*lower camera\.height"
+
+
+@pytest.mark.parametrize(
+    ("fit", "shape", "message"),
+    [
+        ("exact", (3, 4), LARGER),
+        ("exact", (6, 8), LARGER),
+        ("exact", (9, 6), SMALLER),
+        ("top_left", (7, 9), SMALLER),
+        ("center", (6, 10), SMALLER),
+    ],
+)
+def test_map_that_does_not_fit_is_refused_with_what_helps(folder, fit, shape, message):
+    with pytest.raises(ValueError, match=message):
+        draw_fixed_pattern(with_fit(folder, fit), shape)
+
+
+@pytest.mark.parametrize(
+    ("name", "field", "times"),
+    [("step", "step_v", 1), ("leak", "leaked_v", 0.5), ("offset", "offset_v", 1)],
+)
+def test_a_map_is_what_the_counters_have(tmp_path, name, field, times):
+    values = np.linspace(5e-3, 2e-2, 12).reshape(3, 4)
+    np.save(tmp_path / "map.npy", values)
+    maps = {name: str(tmp_path / "map.npy")}
+    sensor = changed(preset("spadcam"), measured=maps, exposure_s=0.5)
+    counters = draw_fixed_pattern(sensor, (3, 4)).counters
+    np.testing.assert_allclose(getattr(counters, field), times * values)
+    np.save(tmp_path / "map.npy", np.zeros((3, 4)) - (name != "step") * np.inf)
+    with pytest.raises(ValueError, match=rf"measured\.{name}"):
+        draw_fixed_pattern(sensor, (3, 4))

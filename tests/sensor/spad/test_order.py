@@ -94,10 +94,6 @@ def test_without_efficiency_every_photon_on_the_active_area_is_detected(all_on):
     np.testing.assert_allclose(rate, photons * sensor.fill_factor, rtol=1e-12)
 
 
-def test_without_dark_counts_measured_ones_are_off_too(all_on):
-    assert not draw_fixed_pattern(without(all_on, "dark_counts"), SHAPE).dark_counts_hz.any()
-
-
 class Microlens(Effect, frozen=True):
     """A rate-level effect of which nothing else knows."""
 
@@ -120,11 +116,6 @@ def test_a_new_effect_on_rates_is_a_class_and_a_field():
     plain = without(sensor, "microlens")
     assert "microlens" not in active_effects(plain)
     assert (draw_fixed_pattern(plain, SHAPE).efficiency_factor == 1).all()
-
-
-@pytest.mark.parametrize("name", ["ideal", "gersbach-130nm-5v"])
-def test_what_has_no_influence_is_not_on(name):
-    assert set(active_effects(preset(name))) <= {"lens", "efficiency", "dark_counts"}
 
 
 def test_unknown_effect_is_refused_with_the_known_ones():

@@ -5,7 +5,6 @@ import pytest
 
 from megalopta.sensor import (
     Afterpulsing,
-    Crosstalk,
     DeadTime,
     Gate,
     changed,
@@ -77,15 +76,6 @@ def test_gated_bits_see_the_light_while_the_gate_is_open():
     p = -np.expm1(-0.5)
     z = (bits.mean() - p) / np.sqrt(p * (1 - p) / bits.size)
     assert abs(z) < 5
-
-
-def test_with_crosstalk_alone_parts_are_their_mean():
-    sensor = changed(IDEAL, crosstalk=Crosstalk(mean_fired_neighbors=0.2).model_dump())
-    rate = np.random.default_rng(0).uniform(1e5, 1e6, (1, 4, 6, 8))
-    for parts, level in zip(
-        event_moments(rate, sensor), event_moments(rate.mean(axis=1), sensor), strict=True
-    ):
-        np.testing.assert_allclose(parts, level, rtol=1e-12)
 
 
 def test_a_trap_alone_is_stated_from_the_parts():
