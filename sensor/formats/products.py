@@ -15,14 +15,7 @@ if TYPE_CHECKING:
     from megalopta.sensor.image_sensors import ImageSensor
 
 ProductName: TypeAlias = Literal[
-    "counts",
-    "events_hdf5",
-    "events_npz",
-    "binary_npy",
-    "binary_spad512",
-    "burst_npy",
-    "tiff",
-    "counts_npy",
+    "counts", "events_hdf5", "events_npz", "binary_npy", "binary_spad512", "burst_npy", "tiff"
 ]
 PRODUCTS: tuple[ProductName, ...] = get_args(ProductName)
 
@@ -44,7 +37,6 @@ _PRODUCTS: Mapping[ProductName, _Product] = {
     "binary_spad512": _Product(".spad512", "bits"),
     "burst_npy": _Product(".burst.npy", "burst"),
     "tiff": _Product(".tiff", "readings"),
-    "counts_npy": _Product(".counts.npy", "readings"),
 }
 
 
@@ -119,15 +111,13 @@ def product_writer(
     burst_frames : int
         Binary frames of a burst in that time.
     """
-    from megalopta.sensor.formats import counts_npy, counts_store, events, packed, tiff
+    from megalopta.sensor.formats import counts_store, events, packed, tiff
 
     frames, rows, columns = shape
     if product == "counts":
         return counts_store.counts_writer(path, origin, frames)
     if product == "tiff":
         return _of_counts(tiff.tiff_writer(path, math.prod(shape) * 4, origin.sensor.exposure_s))
-    if product == "counts_npy":
-        return counts_npy.counts_npy_writer(path, shape)
     if product == "binary_spad512":
         return packed.spad512_writer(path)
     if product == "events_hdf5":
