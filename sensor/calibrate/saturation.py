@@ -9,20 +9,16 @@ the likelier one is named where the likelihoods, over all pixels, differ by more
 Source: dissertation §2.3.3, Eq. 2.5 and 2.6; Knoll, Radiation Detection and Measurement, ch. 4.
 """
 
-from types import ModuleType
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 
 from megalopta.core.arrays import Floats
-from megalopta.sensor.effects import nonparalyzable, paralyzable
+from megalopta.sensor.effects.dead_time import LAWS
 
 DeadTimeKind = Literal["paralyzable", "nonparalyzable"]
+_KINDS: tuple[DeadTimeKind, ...] = get_args(DeadTimeKind)
 
-_LAWS: dict[DeadTimeKind, ModuleType] = {
-    "paralyzable": paralyzable,
-    "nonparalyzable": nonparalyzable,
-}
 _ROUNDS = 25
 _STARTS = 30
 _STEP = 1e-5
@@ -57,7 +53,8 @@ def dead_time_moments(
 ) -> tuple[Floats, Floats]:
     """Return mean and variance of counts; rates (Hz), exposures and dead times (s) broadcast."""
     rate, exposure, dead = np.broadcast_arrays(rate_hz, exposure_s, dead_time_s)
-    mean, variance = _LAWS[kind].moments((rate * exposure).ravel(), (dead / exposure).ravel())
+    arrivals, fraction = (rate * exposure).ravel(), (dead / exposure).ravel()
+    mean, variance = LAWS[kind].moments(arrivals, fraction, is_stationary=False)
     return mean.reshape(rate.shape), variance.reshape(rate.shape)
 
 
@@ -68,7 +65,7 @@ def fit_saturation(counts: MeanCounts) -> tuple[SaturationFit, float]:
     """
     if len(np.unique(counts.light_hz[counts.light_hz > 0])) < 2:
         raise ValueError("flat frames of fewer than two lights; capture a dim and a bright one")
-    fits = sorted((_fitted(counts, kind) for kind in _LAWS), key=lambda fit: -_total(fit))
+    fits = sorted((_fitted(counts, kind) for kind in _KINDS), key=lambda fit: -_total(fit))
     return fits[0], _total(fits[0]) - _total(fits[1])
 
 

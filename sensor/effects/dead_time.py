@@ -34,7 +34,8 @@ from megalopta.sensor.sampling.poisson import draw_poisson
 MOST_ARRIVALS = 1e15
 # Far below any detector's; denormal times have no finite inverse.
 _SHORTEST_S = 1e-15
-_LAWS = {"nonparalyzable": nonparalyzable, "paralyzable": paralyzable}
+LAWS = {"nonparalyzable": nonparalyzable, "paralyzable": paralyzable}
+"""Modules with `moments` and `draw` of the counts of each kind."""
 
 
 class DeadTime(Effect, frozen=True):
@@ -139,7 +140,7 @@ def moments(
     """
     arrivals = check_arrivals(rate_hz, exposure_s)
     fractions = _fractions(arrivals, exposure_s, dead_time, scale)
-    law = _LAWS.get(dead_time.kind)
+    law = LAWS.get(dead_time.kind)
     mean, variance = law.moments(arrivals, *fractions) if law else (arrivals, arrivals.copy())
     return mean.reshape(np.shape(rate_hz)), variance.reshape(np.shape(rate_hz))
 
@@ -154,7 +155,7 @@ def draw_counts(
     """Draw the number of counts in one exposure; as `moments`."""
     arrivals = check_arrivals(rate_hz, exposure_s)
     fractions = _fractions(arrivals, exposure_s, dead_time, scale)
-    law = _LAWS.get(dead_time.kind)
+    law = LAWS.get(dead_time.kind)
     counts = law.draw(rng, arrivals, *fractions) if law else draw_poisson(rng, arrivals)
     return np.asarray(counts.reshape(np.shape(rate_hz)))
 
