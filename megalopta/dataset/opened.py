@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 from megalopta.core.errors import UserError
 from megalopta.dataset.index import read_lists
 from megalopta.dataset.layout import Tree
-from megalopta.dataset.lazy import LazyFrames
-from megalopta.dataset.sequence import Sequence
+from megalopta.dataset.sequence import LazyFrames, Sequence
 from megalopta.dataset.store import exposure_name
 from megalopta.flow.formats import read_flo
 

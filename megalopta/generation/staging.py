@@ -10,7 +10,6 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
 
 from megalopta.config.model import Configuration
 from megalopta.config.recipe import Plan
@@ -96,12 +95,8 @@ class Staged(Staging):
                 each for folder in made if not folder.is_symlink() for each in folder.glob("*")
             ]
             return sorted(path.relative_to(self.data).as_posix() for path in parts)
-        return list(dict.fromkeys(_folder(path, self.sequence) for path in record.files))
-
-
-def _folder(path: str, sequence: str) -> str:
-    parts = Path(path).parts
-    return str(Path(*parts[: parts.index(sequence) + 1]))
+        end = f"/{self.sequence}"
+        return list(dict.fromkeys(path.partition(f"{end}/")[0] + end for path in record.files))
 
 
 @contextmanager
