@@ -224,7 +224,7 @@ def dry_run(root: Path, plan: Plan, workers: int = 1, only: Sequence[int] | None
     drawn = [configuration_of(plan, index) for index in some]
     share = len(indices) / len(drawn)
     frames = round(share * sum(each.trajectory.frames for each in drawn))
-    told = _told(drawn, partial(_finish, plan), share, workers)
+    told = _told(drawn, partial(finish_of_plan, plan), share, workers)
     print(f"{root}: {len(indices)} sequences, {frames} frames, {told}")
     say("measured on strips of two frames each; all beyond them is extrapolated")
 
@@ -245,16 +245,11 @@ def dry_run_of_frames(root: Path, settings: Configuration) -> str:
     )
 
 
-def costs_of(plan: Plan, drawn: Sequence[Configuration]) -> list[Foreseen]:
-    """What each of some sequences of a plan takes, by probes of a few."""
-    return _foreseen(drawn, partial(_finish, plan))
-
-
 def _told(
     drawn: Sequence[Configuration], finish: Finish, share: float = 1.0, workers: int = 1
 ) -> str:
     """Size and time of sequences, a share of all, for a person."""
-    costs = _foreseen(drawn, finish)
+    costs = costs_of(drawn, finish)
     seconds, cpu_seconds = share * np.sum([each.time for each in costs], axis=0)
     bytes_ = share * sum(each.bytes for each in costs)
     text = f"about {size(bytes_)}, about {duration(seconds / workers)}"
@@ -265,7 +260,7 @@ def _told(
     return text + (", at most: baked light takes less" if is_most else "")
 
 
-def _foreseen(drawn: Sequence[Configuration], finish: Finish) -> list[Foreseen]:
+def costs_of(drawn: Sequence[Configuration], finish: Finish) -> list[Foreseen]:
     """What each of some sequences takes, by probes of a few."""
     groups: dict[_Group, list[Configuration]] = defaultdict(list)
     for each in drawn:
@@ -280,7 +275,7 @@ def _foreseen(drawn: Sequence[Configuration], finish: Finish) -> list[Foreseen]:
     return costs
 
 
-def _finish(plan: Plan, dataset: Dataset) -> None:
+def finish_of_plan(plan: Plan, dataset: Dataset) -> None:
     """What follows the rendering of a sequence."""
     STAGES["sense"].work(dataset)
     write_flow_files(dataset, plan.flow_files)

@@ -18,13 +18,7 @@ from megalopta.core.errors import UserError
 from megalopta.core.folders import locked
 from megalopta.core.progress import silent
 from megalopta.dataset.index import write_index
-from megalopta.dataset.layout import (
-    Tree,
-    changed_record,
-    is_record_as_written,
-    is_record_known,
-    read_manifest,
-)
+from megalopta.dataset.layout import Tree, is_record_known, read_manifest
 from megalopta.dataset.publishing import Staging
 from megalopta.dataset.record import KINDS, SequenceRecord, is_output, read_record
 from megalopta.dataset.store import Dataset, file_hash
@@ -121,8 +115,7 @@ def _settle(tree: Tree, plan: Plan) -> None:
     manifest, names = read_manifest(tree.root), tree.names()
     unknown = [name for name in names if not is_record_known(tree.record_path(name), manifest)]
     for name in unknown:
-        if not is_record_as_written(tree.record_path(name), manifest):
-            raise UserError(changed_record(tree, name))
+        tree.check_record(name, manifest)
     if manifest and (unknown or manifest.keys() - set(names)):
         write_index(tree, plan)
 
