@@ -99,9 +99,17 @@ class Tree:
     def opened(self, name: str) -> tuple[SequenceRecord, Dataset]:
         """Record and paths of a sequence, if the manifest knows the record. Raises UserError."""
         record = self.record(name)
-        if not self.lone and not is_record_as_written(self.record_path(name), self._manifest):
-            raise UserError(changed_record(self, name))
+        if not self.lone:
+            self.check_record(name, self._manifest)
         return record, self.dataset(record)
+
+    def check_record(self, name: str, manifest: Mapping[str, str]) -> None:
+        """Refuse, with UserError and the way out, a record that the program did not write."""
+        if not is_record_as_written(path := self.record_path(name), manifest):
+            raise UserError(
+                f"{path} is not as it was written; restore it, or remove it and run "
+                f"megalopta dataset make {self.root} --out {self.root}"
+            )
 
     @cached_property
     def _manifest(self) -> Mapping[str, str]:
@@ -150,14 +158,6 @@ class Tree:
 def is_of_many(root: Path) -> bool:
     """Whether a folder holds a dataset of many sequences, begun or made. Raises UserError."""
     return os.path.lexists(root / "dataset.yaml") and "plan" in read_header(root)
-
-
-def changed_record(tree: Tree, name: str) -> str:
-    """Return what is wrong with a record that the manifest does not know, and the way out."""
-    return (
-        f"{tree.record_path(name)} is not as it was written; restore it, or remove it and run "
-        f"megalopta dataset make {tree.root} --out {tree.root}"
-    )
 
 
 def read_manifest(root: Path) -> dict[str, str]:

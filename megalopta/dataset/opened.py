@@ -1,7 +1,7 @@
 """A dataset opened: its sequences by number, name or split, and pairs of their frames."""
 
 from bisect import bisect_right
-from collections.abc import Iterator, Sequence as Listed
+from collections.abc import Callable, Iterator, Sequence as Listed
 from functools import lru_cache
 from importlib.util import find_spec
 from itertools import accumulate
@@ -14,13 +14,13 @@ from numpy.typing import NDArray
 from megalopta.core.errors import UserError
 from megalopta.dataset.index import read_lists
 from megalopta.dataset.layout import Tree
-from megalopta.dataset.lazy import LazyFrames
-from megalopta.dataset.sequence import Sequence
+from megalopta.dataset.sequence import LazyFrames, Sequence
 from megalopta.dataset.store import exposure_name
 from megalopta.flow.formats import read_flo
 
 _KEPT = 64
 Pair = dict[str, Any]
+Form = Callable[[Pair], Pair]
 
 
 class FlowPairs:
@@ -31,10 +31,13 @@ class FlowPairs:
     `occluded` (H, W); `sequence`, `frame`.
     """
 
-    def __init__(self, sequences: Listed[Sequence], exposure: str | None, step: int) -> None:
+    def __init__(
+        self, sequences: Listed[Sequence], exposure: str | None, step: int, form: Form = dict
+    ) -> None:
         if step < 1:
             raise UserError(f"step {step}: give a whole number, 1 or more")
         self._sequences, self._exposure, self._step = list(sequences), exposure, step
+        self._form = form
         counts = (max(len(sequence) - step, 0) for sequence in self._sequences)
         self._ends = list(accumulate(counts))
 
@@ -48,7 +51,7 @@ class FlowPairs:
             raise IndexError(f"pair {index} of {len(self)}")
         place = bisect_right(self._ends, index % len(self))
         before = self._ends[place - 1] if place else 0
-        return self._pair(self._sequences[place], index % len(self) - before)
+        return self._form(self._pair(self._sequences[place], index % len(self) - before))
 
     def _pair(self, sequence: Sequence, first: int) -> Pair:
         frames = self._frames(sequence)
@@ -88,24 +91,13 @@ def _planes(frame: NDArray[Any]) -> NDArray[np.float32]:
     return np.ascontiguousarray(planes, np.float32)
 
 
-class TensorPairs:
-    """`FlowPairs` whose arrays are tensors, for a DataLoader and its processes."""
+def _tensors(pair: Pair) -> Pair:
+    import torch
 
-    def __init__(self, pairs: FlowPairs) -> None:
-        self._pairs = pairs
-
-    def __len__(self) -> int:
-        """Return the number of pairs."""
-        return len(self._pairs)
-
-    def __getitem__(self, index: int) -> Pair:
-        """Read a pair."""
-        import torch
-
-        return {
-            name: torch.from_numpy(np.array(value)) if isinstance(value, np.ndarray) else value
-            for name, value in self._pairs[index].items()
-        }
+    return {
+        name: torch.from_numpy(np.array(value)) if isinstance(value, np.ndarray) else value
+        for name, value in pair.items()
+    }
 
 
 class OpenedDataset:
@@ -175,15 +167,18 @@ class OpenedDataset:
         step : int
             Frames from the first of a pair to the second.
         """
-        return FlowPairs(list(self) if split is None else self.of_split(split), exposure, step)
+        return self._pairs(split, exposure, step)
 
     def torch(
         self, split: str | None = None, exposure: str | None = None, step: int = 1
-    ) -> TensorPairs:
+    ) -> FlowPairs:
         """`pairs` of tensors, which a DataLoader takes. Raises UserError without PyTorch."""
         if find_spec("torch") is None:
             raise UserError("PyTorch is not installed; run: pip install torch")
-        return TensorPairs(self.pairs(split, exposure, step))
+        return self._pairs(split, exposure, step, _tensors)
+
+    def _pairs(self, split: str | None, *how: Any) -> FlowPairs:
+        return FlowPairs(list(self) if split is None else self.of_split(split), *how)
 
     def _opened(self, name: str) -> Sequence:
         record, dataset = self._tree.opened(name)

@@ -9,6 +9,7 @@ the move first. Every step can be broken off, also by a kill.
 
 import os
 from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -75,7 +76,8 @@ class Staging:
             _move(self.data / name, self.root / name)
         for name in goes:
             files.remove(self.root / name)
-            _remove_if_empty((self.root / name).parent, self.root)
+            with suppress(OSError):  # that holds something else; the dataset itself always does
+                os.removedirs((self.root / name).parent)
         _move(source, target)
 
     def clear(self) -> None:
@@ -134,9 +136,3 @@ def _move(source: Path, target: Path) -> None:
             files.remove(target)
         target.parent.mkdir(parents=True, exist_ok=True)
         source.rename(target)  # of a file at once: a record is never missing
-
-
-def _remove_if_empty(folder: Path, root: Path) -> None:
-    while folder != root and folder.is_dir() and not any(folder.iterdir()):
-        folder.rmdir()
-        folder = folder.parent

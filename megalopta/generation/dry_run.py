@@ -11,7 +11,7 @@ the time told is the most that `auto` takes.
 import math
 import time
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -41,7 +41,7 @@ _DRAWN = 200
 _BUILT, _FEW = 150, 20
 """Things in a scene that is built as it is; else in the one from which more are told."""
 _SOON_S = 1.5
-"""A first run of less is measured again: it loaded. So is one that mostly compiled sensors."""
+"""A first run of less is measured again: it loaded."""
 _FRAMES = 2
 _MOST_PIXELS, _FEWEST_ROWS = 8192, 8
 _PATHS, _DIRECT_PATHS, _BAKED_PIXELS = 60_000, 200_000, 256
@@ -110,7 +110,6 @@ class Probe:
     """Of a pass of a frame."""
     rest: Time
     """Of a frame: truth, files, sensors."""
-    fixed_bytes: float
     frame_bytes: float
 
 
@@ -119,8 +118,6 @@ class Foreseen(NamedTuple):
 
     time: Time
     bytes: float
-    most: bool
-    """Whether it is the most that they take."""
 
 
 def probe(settings: Configuration, things: int, finish: Finish, shares_plants: bool) -> Probe:
@@ -151,7 +148,7 @@ def _probe(dataset: Dataset, first: Mapping[str, Spent], steps: Mapping[str, Spe
     radiance = _time(steps, "rendering radiance") / passes
     beyond = _time(first, "rendering radiance") - 2 * radiance
     rest = _time(steps, "frame") - passes * radiance + _time(steps, "files") / scale.frames
-    fixed, of_frames = _bytes(dataset.root)
+    bytes_ = sum(path.stat().st_size for path in files_in([dataset.root]))
     return Probe(
         scale,
         setup=_time(first, *_SETUP) - once,
@@ -159,8 +156,7 @@ def _probe(dataset: Dataset, first: Mapping[str, Spent], steps: Mapping[str, Spe
         once=once,
         radiance=radiance,
         rest=rest,
-        fixed_bytes=fixed,
-        frame_bytes=of_frames / scale.frames,
+        frame_bytes=bytes_ / scale.frames,
     )
 
 
@@ -179,8 +175,7 @@ def foresee(scale: Scale, like: Probe, is_first: bool = True) -> Foreseen:
         + like.rest * (scale.frames * pixels)
         + like.compiling * (is_first and scale.closing > 0)
     )
-    bytes_ = like.fixed_bytes + scale.frames * pixels * like.frame_bytes
-    return Foreseen(total, bytes_, scale.most > 1)
+    return Foreseen(total, scale.frames * pixels * like.frame_bytes)
 
 
 def _small(settings: Configuration, things: int) -> Configuration:
@@ -219,13 +214,6 @@ def _time(steps: Mapping[str, Spent], *names: str) -> Time:
     )
 
 
-def _bytes(root: Path) -> tuple[float, float]:
-    """Bytes of what a sequence has once, and of what grows with its frames."""
-    sizes = {path: path.stat().st_size for path in files_in([root])}
-    fixed = sum(size for path, size in sizes.items() if path.suffix == ".json")
-    return float(fixed), float(sum(sizes.values()) - fixed)
-
-
 def dry_run(root: Path, plan: Plan, workers: int = 1, only: Sequence[int] | None = None) -> None:
     """Print what a plan will take, and make nothing of it.
 
@@ -234,10 +222,10 @@ def dry_run(root: Path, plan: Plan, workers: int = 1, only: Sequence[int] | None
     indices = list(only) if only is not None else range(plan.sequences)
     some = indices[:: max(1, len(indices) // _DRAWN)]
     drawn = [configuration_of(plan, index) for index in some]
-    costs = costs_of(plan, drawn)
     share = len(indices) / len(drawn)
     frames = round(share * sum(each.trajectory.frames for each in drawn))
-    print(f"{root}: {len(indices)} sequences, {frames} frames, {_told(costs, share, workers)}")
+    told = _told(drawn, partial(finish_of_plan, plan), share, workers)
+    print(f"{root}: {len(indices)} sequences, {frames} frames, {told}")
     say("measured on strips of two frames each; all beyond them is extrapolated")
 
 
@@ -250,31 +238,29 @@ def dry_run_of_frames(root: Path, settings: Configuration) -> str:
         integrator = "path, as these are too few samples to bake light for"
         if may_pay(shading, frames, camera.width * camera.height):
             integrator = "baked, where a look at the whole sequence finds that it pays, else path"
-    costs = _told(_foreseen([settings], lambda _dataset: None))
+    costs = _told([settings], lambda _dataset: None)
     return (
         f"{root}: {frames} frames of {camera.width} × {camera.height}, {costs}, "
         f"up to {size(needed_bytes(settings, 'render')[0])} of memory; integrator: {integrator}"
     )
 
 
-def costs_of(plan: Plan, drawn: Sequence[Configuration]) -> list[Foreseen]:
-    """What each of some sequences of a plan takes, by probes of a few."""
-    return _foreseen(drawn, partial(_finish, plan))
-
-
-def _told(costs: Iterable[Foreseen], share: float = 1.0, workers: int = 1) -> str:
+def _told(
+    drawn: Sequence[Configuration], finish: Finish, share: float = 1.0, workers: int = 1
+) -> str:
     """Size and time of sequences, a share of all, for a person."""
-    costs = list(costs)
+    costs = costs_of(drawn, finish)
     seconds, cpu_seconds = share * np.sum([each.time for each in costs], axis=0)
     bytes_ = share * sum(each.bytes for each in costs)
     text = f"about {size(bytes_)}, about {duration(seconds / workers)}"
     if workers > 1:
         text += f" with {workers} workers"
     text += f" ({duration(cpu_seconds)} of processors)"
-    return text + (", at most: baked light takes less" if any(c.most for c in costs) else "")
+    is_most = any(Scale.of(each).most > 1 for each in drawn)
+    return text + (", at most: baked light takes less" if is_most else "")
 
 
-def _foreseen(drawn: Sequence[Configuration], finish: Finish) -> list[Foreseen]:
+def costs_of(drawn: Sequence[Configuration], finish: Finish) -> list[Foreseen]:
     """What each of some sequences takes, by probes of a few."""
     groups: dict[_Group, list[Configuration]] = defaultdict(list)
     for each in drawn:
@@ -289,7 +275,7 @@ def _foreseen(drawn: Sequence[Configuration], finish: Finish) -> list[Foreseen]:
     return costs
 
 
-def _finish(plan: Plan, dataset: Dataset) -> None:
+def finish_of_plan(plan: Plan, dataset: Dataset) -> None:
     """What follows the rendering of a sequence."""
     STAGES["sense"].work(dataset)
     write_flow_files(dataset, plan.flow_files)
@@ -303,7 +289,7 @@ def _measured(
     found: dict[_Group, Probe] = {}
     for key in sorted(groups, key=lambda each: -len(groups[each])):
         if time.process_time() < until or not found:
-            found[key] = _of_largest(groups[key], finish)
+            found[key] = _probed(groups[key], finish)
     unmeasured = [key for key in groups if key not in found]
     for key in unmeasured:
         alike = [other for other in found if other[0] == key[0]] or list(found)
@@ -313,33 +299,31 @@ def _measured(
     return found
 
 
-def _of_largest(members: Sequence[Configuration], finish: Finish) -> Probe:
-    """Measure the largest image of a group, with few things if these differ or are many."""
+def _probed(members: Sequence[Configuration], finish: Finish) -> Probe:
+    """Measure the largest image of a group, with few things if these differ or are many.
+
+    What took little, or mostly compiled sensors, is measured again, now that all is loaded.
+    """
     things = [Scale.of(each).things for each in members]
     few = max(things) if max(things) == min(things) <= _BUILT else min(*things, _FEW)
     shares_plants = len({getattr(each.scene, "seed", 0) for each in members}) == 1
     largest = max(members, key=lambda each: Scale.of(each).samples)
-    return _probed(largest, few, finish, shares_plants)
-
-
-def _probed(settings: Configuration, things: int, finish: Finish, shares_plants: bool) -> Probe:
-    """A probe of a sequence; one that took little is made again, now that all is loaded."""
-    start = time.process_time()
-    camera, scene = settings.camera, settings.scene
-    counts = "".join(f"{min(n, things)} {name}, " for name, n in scene.counts.items())
-    name = f"measuring {scene.kind}, {counts}{camera.width} × {camera.height} px"
-    say(name)
-    with step(name):
+    camera, scene = largest.camera, largest.scene
+    while True:
+        counts = "".join(f"{min(n, few)} {name}, " for name, n in scene.counts.items())
+        say(name := f"measuring {scene.kind}, {counts}{camera.width} × {camera.height} px")
+        start = time.process_time()
         try:
-            found = probe(settings, things, finish, shares_plants)
+            with step(name):
+                found = probe(largest, few, finish, shares_plants)
+                spent = time.process_time() - start
+                if spent < _SOON_S or found.rest[1] * found.scale.frames > spent / 2:
+                    return probe(largest, few, finish, shares_plants)
+                return found
         except UserError:  # few trees do not surround a long path
-            if things >= Scale.of(settings).things:
+            if few >= Scale.of(largest).things:
                 raise
-            return _probed(settings, 4 * things, finish, shares_plants)
-        spent = time.process_time() - start
-        if spent < _SOON_S or found.rest[1] * found.scale.frames > spent / 2:
-            found = probe(settings, things, finish, shares_plants)
-    return found
+            few *= 4
 
 
 def _group(settings: Configuration) -> _Group:

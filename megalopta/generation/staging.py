@@ -10,7 +10,6 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
 
 from megalopta.config.model import Configuration
 from megalopta.config.recipe import Plan
@@ -19,13 +18,7 @@ from megalopta.core.errors import UserError
 from megalopta.core.folders import locked
 from megalopta.core.progress import silent
 from megalopta.dataset.index import write_index
-from megalopta.dataset.layout import (
-    Tree,
-    changed_record,
-    is_record_as_written,
-    is_record_known,
-    read_manifest,
-)
+from megalopta.dataset.layout import Tree, is_record_known, read_manifest
 from megalopta.dataset.publishing import Staging
 from megalopta.dataset.record import KINDS, SequenceRecord, is_output, read_record
 from megalopta.dataset.store import Dataset, file_hash
@@ -96,12 +89,8 @@ class Staged(Staging):
                 each for folder in made if not folder.is_symlink() for each in folder.glob("*")
             ]
             return sorted(path.relative_to(self.data).as_posix() for path in parts)
-        return list(dict.fromkeys(_folder(path, self.sequence) for path in record.files))
-
-
-def _folder(path: str, sequence: str) -> str:
-    parts = Path(path).parts
-    return str(Path(*parts[: parts.index(sequence) + 1]))
+        end = f"/{self.sequence}"
+        return list(dict.fromkeys(path.partition(f"{end}/")[0] + end for path in record.files))
 
 
 @contextmanager
@@ -126,8 +115,7 @@ def _settle(tree: Tree, plan: Plan) -> None:
     manifest, names = read_manifest(tree.root), tree.names()
     unknown = [name for name in names if not is_record_known(tree.record_path(name), manifest)]
     for name in unknown:
-        if not is_record_as_written(tree.record_path(name), manifest):
-            raise UserError(changed_record(tree, name))
+        tree.check_record(name, manifest)
     if manifest and (unknown or manifest.keys() - set(names)):
         write_index(tree, plan)
 

@@ -25,11 +25,11 @@ from megalopta.core.bounded import printable
 from megalopta.core.errors import UserError
 from megalopta.core.files import atomic_write
 from megalopta.core.progress import progress
+from megalopta.dataset.index import table_path
 from megalopta.dataset.layout import Tree
 from megalopta.dataset.opened import open_dataset
 from megalopta.dataset.sequence import Sequence
 from megalopta.dataset.store import LICENSE
-from megalopta.dataset.tables import table_path
 from megalopta.flow.color_wheel import flow_to_rgb
 from megalopta.plotting.sections import Section, block, captioned, image, write_sections
 from megalopta.plotting.style import BLUE, house_style

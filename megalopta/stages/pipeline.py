@@ -8,7 +8,6 @@ import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 from megalopta.config.model import Configuration, differences
 from megalopta.core import files
@@ -149,7 +148,10 @@ def _begin(
         != stage_configuration(configuration, stage)
         and there.has(stage)
     ]
-    changes = _changes(old.configuration, configuration, stale)
+    before, now = (stage_configuration(each, *stale) for each in (old.configuration, configuration))
+    differing = differences(before, now)
+    changes = "; ".join(differing[:3])
+    changes += f" and {len(differing) - 3} more" if len(differing) > 3 else ""
     if stale and not redo:
         raise UserError(
             f"{root} holds {' and '.join(stale)} output of another configuration "
@@ -193,17 +195,3 @@ def _refuse_mixture(ledger: Ledger, stage: str) -> None:
             f"({changes}); go on with that (render.backend chooses the variant), or add --redo to "
             "make all of it again"
         )
-
-
-def _changes(old: Configuration, new: Configuration, stages: Sequence[str]) -> str:
-    changes = differences(_union(old, stages), _union(new, stages))
-    more = f" and {len(changes) - 3} more" if len(changes) > 3 else ""
-    return "; ".join(changes[:3]) + more
-
-
-def _union(configuration: Configuration, stages: Sequence[str]) -> dict[str, Any]:
-    return {
-        key: value
-        for stage in stages
-        for key, value in stage_configuration(configuration, stage).items()
-    }

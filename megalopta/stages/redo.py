@@ -6,7 +6,7 @@ is refused, so that a kill at any moment leaves either the old output or the new
 """
 
 import shutil
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from megalopta.config.model import Configuration
@@ -32,15 +32,13 @@ def begin_redo(old: Dataset, configuration: Configuration, stages: Sequence[str]
     new = Dataset(old.root / REDO_FOLDER, configuration)
 
     def prepare() -> None:
-        linked = Dataset(new.root, old.configuration)
-        for path in filter(Path.exists, _outputs(old)):
-            link(old.root, new.root, _name(path, old))
+        for name in _there(old.root, _outputs(old)):
+            link(old.root, new.root, name)
         new.root.mkdir(exist_ok=True)
-        for name in _books(old):
-            if (old.root / name).exists():
-                (new.root / name).parent.mkdir(exist_ok=True)
-                shutil.copy(old.root / name, new.root / name)
-        Ledger(linked).forget(*stages)
+        for name in _there(old.root, _books(old)):
+            (new.root / name).parent.mkdir(exist_ok=True)
+            shutil.copy(old.root / name, new.root / name)
+        Ledger(Dataset(new.root, old.configuration)).forget(*stages)
         write_configuration(new)
 
     _staging(old.root).begin(made_with(stages, configuration), configuration, prepare)
@@ -49,11 +47,9 @@ def begin_redo(old: Dataset, configuration: Configuration, stages: Sequence[str]
 
 def publish(old: Dataset, new: Dataset, stages: Sequence[str], doomed: Sequence[str]) -> None:
     """Put finished output of stages in the place of the old, of which some stages' is doomed."""
-    made = set(_outputs(new, (*stages, *doomed)))
-    made |= {new.root / name for name in _books(new) if name != _LAST}
-    moves = {_name(path, new) for path in made if path.exists() and not path.is_symlink()}
-    gone = {_name(path, old) for path in _outputs(old, doomed)}
-    gone |= {"report.html", _name(old.record_path, old)}
+    made = _there(new.root, _outputs(new, (*stages, *doomed)) | _books(new) - {_LAST})
+    moves = {name for name in made if not (new.root / name).is_symlink()}
+    gone = _outputs(old, doomed) | _books(old) - {_LAST, "timings.json"} | {"report.html"}
     _staging(old.root).announce(moves, gone - moves)
     complete_redo(old.root)
 
@@ -66,8 +62,9 @@ def complete_redo(root: Path) -> None:
     staging = _staging(root)
     if staging.is_announced:
         if staging.last[0].exists():
-            both = read_dataset(root), read_dataset(staging.data)
-            known = {"report.html", *_output_names(both[0]), *_output_names(both[1])}
+            known = {"report.html"}
+            for each in map(read_dataset, (root, staging.data)):
+                known |= _outputs(each) | _books(each)
             staging.complete(known.__contains__)
         discard(root)
 
@@ -94,23 +91,20 @@ def discard(root: Path) -> None:
     files.remove(root / REDO_FOLDER)
 
 
-def _books(dataset: Dataset) -> tuple[str, ...]:
+def _books(dataset: Dataset) -> set[str]:
     """What a dataset holds beside the output of its stages."""
-    return "timings.json", _name(dataset.record_path, dataset), _LAST
+    return {"timings.json", str(dataset.record_path.relative_to(dataset.root)), _LAST}
 
 
-def _name(path: Path, dataset: Dataset) -> str:
-    return str(path.relative_to(dataset.root))
+def _outputs(dataset: Dataset, stages: Iterable[str] = STAGES) -> set[str]:
+    paths = (path for stage in stages for path in STAGES[stage].outputs(dataset))
+    return {str(path.relative_to(dataset.root)) for path in paths}
+
+
+def _there(root: Path, names: Iterable[str]) -> list[str]:
+    return [name for name in names if (root / name).exists()]
 
 
 def _staging(root: Path) -> Staging:
     new = root / REDO_FOLDER
     return Staging(root, new, new, (new / _LAST, root / _LAST))
-
-
-def _output_names(dataset: Dataset) -> set[str]:
-    return {_name(path, dataset) for path in _outputs(dataset)} | {*_books(dataset)}
-
-
-def _outputs(dataset: Dataset, stages: Iterable[str] = STAGES) -> Iterator[Path]:
-    return (path for stage in stages for path in STAGES[stage].outputs(dataset))

@@ -26,9 +26,9 @@ def with_dependents(stages: Collection[str]) -> list[str]:
     return [name for name in STAGES if name in found]
 
 
-def stage_configuration(configuration: Configuration, stage: str) -> dict[str, Any]:
-    """The parts of a configuration that a stage's output depends on."""
-    names = (*STAGES[stage].needs, stage)
+def stage_configuration(configuration: Configuration, *stages: str) -> dict[str, Any]:
+    """The parts of a configuration that the output of stages depends on."""
+    names = {name for stage in stages for name in (*STAGES[stage].needs, stage)}
     fields = {field for name in names for field in STAGES[name].fields}
     # The backend changes the speed, and rendering noise within its statistics, but not the content.
     return configuration.model_dump(mode="json", include=fields, exclude={"render": {"backend"}})

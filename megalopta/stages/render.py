@@ -60,13 +60,7 @@ def render(dataset: Dataset) -> None:
                 writer.write(index)
                 advance()
         with step("measuring light and canopy"):
-            record: dict[str, Any] = {
-                **writer.record(),
-                "illuminance": writer.illuminance(),
-                "canopy": writer.canopy(),
-                "light_left_out": writer.light_left_out(),
-                "monte_carlo": noise_record(dataset, writer.samples_per_pixel),
-            }
+            record = writer.record()
         files.write_json(dataset.scene_record, record)
         _say_illuminance(record["illuminance"])
         _say_left_out(dataset.configuration, record["light_left_out"])
@@ -124,10 +118,17 @@ class FrameWriter:
         }
         self.objects, self.triangles = len(scene.placements), scene.triangle_count
         self.variant, self.integrator = self._renderer.variant, self._renderer.integrator
-        self.samples_per_pixel = self._renderer.samples_per_pixel
 
     def record(self) -> dict[str, Any]:
-        """What was rendered, for the scene's record: counts, names of kinds, motions by object."""
+        """What was rendered: counts, names of kinds, motions by object, light and its noise.
+
+        The canopy is a sentence on leaf area, gaps and floor light; None of what is no forest. The
+        light left out is the share of that of surfaces, by band, that takes more hits than paths
+        may have.
+        """
+        settings, middle = self._settings, len(self._poses) // 2
+        ring = settings.scene.canopy_ring_m
+        left_out = self._renderer.light_left_out(self._poses[middle], float(self._times_s[middle]))
         return {
             "objects": self.objects,
             "triangles": self.triangles,
@@ -135,6 +136,10 @@ class FrameWriter:
             "integrator": self.integrator,
             "kinds": list(self._kinds),
             "motions": self._motions,
+            "illuminance": self._illuminance(),
+            "canopy": str(self._renderer.canopy(self._poses, ring)) if ring else None,
+            "light_left_out": None if left_out is None else left_out.tolist(),
+            "monte_carlo": noise_record(self._dataset, self._renderer.samples_per_pixel),
         }
 
     def _view(self, index: int) -> dict[str, str]:
@@ -194,12 +199,7 @@ class FrameWriter:
             file = dataset.exposed_truth(index)
             write_truth(file, truth, self._origin_m, {**self._view(index), **times})
 
-    def canopy(self) -> str | None:
-        """Measured leaf area, gaps and floor light in a sentence; None of what is no forest."""
-        ring = self._settings.scene.canopy_ring_m
-        return str(self._renderer.canopy(self._poses, ring)) if ring else None
-
-    def illuminance(self) -> dict[str, Any] | None:
+    def _illuminance(self) -> dict[str, Any] | None:
         """Measured lux in the open and below the camera's path; None for a scene that glows."""
         frames = np.unique(np.linspace(0, len(self._poses) - 1, _LIGHT_METERS).astype(int))
         survey = self._renderer.light_survey(self._poses[frames, :3, 3])
@@ -211,12 +211,6 @@ class FrameWriter:
             "unshaded_standard_error_lux": survey.unshaded.standard_error_lux,
             "ground": [asdict(point) for point in survey.ground],
         }
-
-    def light_left_out(self) -> list[float] | None:
-        """Share of the light of surfaces, by band, that takes more hits than paths may have."""
-        middle = len(self._poses) // 2
-        share = self._renderer.light_left_out(self._poses[middle], float(self._times_s[middle]))
-        return None if share is None else share.tolist()
 
     def _radiance(self, index: int) -> tuple[NDArray[np.float32], RenderNoise | None]:
         seed, renderer = self._settings.seed, self._renderer

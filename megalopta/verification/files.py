@@ -24,7 +24,7 @@ from megalopta.core.bounded import printable
 from megalopta.core.errors import UserError
 from megalopta.core.folders import LOCK_NAME
 from megalopta.core.progress import progress, silent
-from megalopta.dataset.index import read_lists
+from megalopta.dataset.index import TABLES, read_lists, table_path
 from megalopta.dataset.layout import (
     BOOKS,
     MANIFEST,
@@ -35,7 +35,6 @@ from megalopta.dataset.layout import (
 )
 from megalopta.dataset.record import MADE, SequenceRecord, StageRecord
 from megalopta.dataset.store import Dataset, difference, files_in, whole_of
-from megalopta.dataset.tables import TABLES, table_path
 from megalopta.generation.staging import staged_sequences
 from megalopta.render import read_size
 from megalopta.stages.ledger import Ledger

@@ -116,6 +116,7 @@ def test_missing_map_and_missing_device_are_named(measured):
     [
         ("scene: {kind: forest, treees: 5}", r": scene\.treees: unknown key; did you mean 'trees'"),
         ("camrea: {}", "camrea: unknown key; did you mean 'camera'"),
+        ("shutter: {exposure_s: 9}", r"shutter\.exposure_s 9 is longer than a frame"),
         ("sensors: [{preset: spadcam, exposure_s: -1}]", r"sensors\.0\.exposure_s: .*greater than 0, got -1"),
         ("sensors: [spadcan]", "'spadcan' is unknown: use one of"),
         ("trajectory: {position_m: [0, 0, 1], look_at_m: [0, 0, 5]}", "up .* is parallel to the view"),

@@ -5,7 +5,6 @@ import pytest
 import zarr
 
 from megalopta.config.model import load, parse
-from megalopta.core.errors import UserError
 from megalopta.report.page import write_report
 from megalopta.sensor import DacBias, FloatingGateBias
 from megalopta.stages.pipeline import run_all
@@ -63,15 +62,6 @@ def test_a_preset_with_another_kind_of_bias_loses_the_fields_of_the_old_one():
 def test_a_band_outside_the_diodes_curve_is_refused_by_name():
     with pytest.raises(ValueError, match=r"400–475 nm reaches outside the efficiency curve"):
         STAGE.check(parse("sensors: [ctia_ingaas]", "x"))
-
-
-def test_misspelt_fields_and_kinds_are_named():
-    with pytest.raises(UserError, match=r"sensors\.0\.swing: unknown key; did you mean 'swing_v'"):
-        parse("sensors: [{preset: ctia_si, swing: 2}]\n" + SWIR, "x")
-    with pytest.raises(UserError, match=r"kind 'ccd' is unknown; use 'spad', 'ctia'"):
-        parse("sensors: [{kind: ccd, name: x}]", "x")
-    with pytest.raises(UserError, match="preset 'ctia' is unknown: use one of .*ctia_ingaas"):
-        parse("sensors: [ctia]", "x")
 
 
 SWIR = "render: {bands_nm: [[900, 1100]]}"

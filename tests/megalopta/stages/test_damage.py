@@ -55,11 +55,6 @@ def test_the_report_names_a_damaged_file_and_what_mends_it(whole_copy, capsys, n
     assert content(whole_copy) == before
 
 
-def test_a_missing_result_is_named_too(whole_copy, capsys):
-    (whole_copy / "results/grating/benchmark.json").unlink()
-    assert "benchmark.json is missing or damaged" in refusal(capsys, "report", whole_copy)
-
-
 def test_a_stage_that_is_not_finished_is_left_out_aloud(whole_copy, capsys):
     path = whole_copy / "sequences/grating.json"
     record = json.loads(path.read_text("utf-8"))

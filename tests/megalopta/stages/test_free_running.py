@@ -8,7 +8,6 @@ import zarr
 
 from megalopta.cli import main
 from megalopta.config.model import load
-from megalopta.core.errors import UserError
 from megalopta.dataset.frames import FRAMES_AT_ONCE
 from megalopta.dataset.store import open_sequence
 from megalopta.sensor.event_stream import histogram
@@ -129,16 +128,3 @@ def test_old_output_is_refused_until_it_is_to_be_made_again(reset, capsys):
     with pytest.raises(SystemExit):
         main.main(["sense", str(reset), "--free-running"])
     assert "free_running: False → True" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"sensors": "[ctia_si]", "render.bands_nm": "[[700, 900]]"}, "'ctia_si' integrates"),
-        ({"sensors": "[{preset: ideal, exposure_s: 0.01}]"}, "exposure_s 0.01 does.* use .* 0.1,"),
-    ],
-)
-def test_what_cannot_run_freely_is_refused_before_the_work(tmp_path, changes, message):
-    settings = load("grating", SMALL | {"free_running": "true"} | changes)
-    with pytest.raises(UserError, match=message):
-        run_stage(tmp_path / "data", settings, "sense")

@@ -8,7 +8,9 @@ from megalopta.benchmark.trial import Sweep
 from megalopta.config.model import load
 from megalopta.core.errors import UserError
 from megalopta.stages.limits import needed_bytes, refuse_absurd, size
-from megalopta.stages.pipeline import run_stage
+from megalopta.stages.pipeline import run_all
+
+from ..conftest import TINY
 
 
 @pytest.mark.parametrize(
@@ -32,16 +34,45 @@ def test_a_value_beyond_sense_is_refused_by_its_field(path, value):
         load("demo", {path: value})
 
 
+BURST = {"products": "[counts, burst_npy]"}
+INFRARED = {"sensors": "[ctia_si]", "render.bands_nm": "[[700, 800], [800, 900]]"}
+
+
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"trajectory.frames": "1000000", "camera.height": "8000"}, r"1000000 frames of 80 × 8000 would take about .* TB on disk"),
-        ({"camera.width": "32768", "camera.height": "32768"}, r"about 1.1[0-9] TB of memory, and this machine has .*; lower"),
+        (
+            {"trajectory.frames": "1000000", "camera.height": "8000"},
+            r"1000000 frames of 48 × 8000 would take about .* TB on disk",
+        ),
+        (
+            {"camera.width": "32768", "camera.height": "32768"},
+            r"about 1.1[0-9] TB of memory, and this machine has .*; lower",
+        ),
+        ({"trajectory.frames": "6"}, "flow: .*EMD settles: use at least 22"),
+        ({"camera.height": "12"}, "flow: .*12 × 48 px cannot be cut"),
+        (
+            {"trajectory.frame_rate_hz": "30"},
+            "sense: sensor 'spadcam': exposure_s 0.1 is longer than a frame",
+        ),
+        (
+            {"render.bands_nm": "[[1000, 1200]]", "sensors": "[spadcam]"},
+            "sense: sensor 'spadcam': .*1000–1200 nm reaches outside the efficiency",
+        ),
+        ({"sub_frames": "2", "shutter.exposure_s": "0.05"}, "sub_frames 2: motion within"),
+        (BURST, "burst_npy: needs light between frames"),
+        (BURST | {"sub_frames": "2", "burst_hz": "105"}, "burst_hz 105: no whole .* use 100"),
+        (BURST | {"sub_frames": "2"} | INFRARED, "no single events"),
+        ({"free_running": "true"} | INFRARED, "'ctia_si' integrates"),
+        (
+            {"free_running": "true", "sensors": "[{preset: ideal, exposure_s: 0.01}]"},
+            "exposure_s 0.01 does.* use .* 0.1,",
+        ),
     ],
-)  # fmt: skip
-def test_a_rendering_beyond_the_machine_is_refused_before_it_is_begun(tmp_path, changes, message):
+)
+def test_what_cannot_be_done_is_refused_before_anything_is_begun(tmp_path, changes, message):
     with pytest.raises(UserError, match=message):
-        run_stage(tmp_path / "out", load("demo", changes), "render")
+        run_all(tmp_path / "out", load("grating", {**TINY, **changes}))
     assert not list(tmp_path.iterdir())
 
 

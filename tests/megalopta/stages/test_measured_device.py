@@ -12,10 +12,9 @@ import yaml
 
 from megalopta.cli import main as cli
 from megalopta.config.model import load
-from megalopta.core.errors import UserError
 from megalopta.dataset.store import open_sequence
 from megalopta.sensor import read_counts
-from megalopta.stages.pipeline import run_all, run_stage
+from megalopta.stages.pipeline import run_stage
 
 from ..conftest import TINY
 from .test_pipeline import content
@@ -104,16 +103,8 @@ def bytes_of(values, **options):
     [
         (lambda: bytes_of(np.ones((50, 50))), r"has 50 × 50, the image 40 × 48 .*set measured.fit"),
         (lambda: bytes_of(np.ones((16, 16))), "has 16 × 16, the image 40 × 48 .*lower camera"),
-        (lambda: bytes_of(np.full(SHAPE, np.nan)), "not finite"),
-        (lambda: bytes_of(np.full(SHAPE, -1.0)), "below 0"),
         (lambda: bytes_of(np.full(SHAPE, 1e30)), "Hz in the worst pixel"),
-        (lambda: bytes_of(np.full(SHAPE, "a")), "plain numbers"),
-        (lambda: bytes_of(np.full(SHAPE, {}), allow_pickle=True), "plain numbers"),
         (lambda: pickle.dumps(np.ones(SHAPE)), "plain numbers"),
-        (lambda: bytes_of(np.ones(SHAPE))[:-1], "plain numbers"),
-        (lambda: bytes_of(np.ones(SHAPE))[:50], "plain numbers"),
-        (lambda: b"", "plain numbers"),
-        (lambda: b"\x93NUMPY\x01\x00\x10\x00{'descr': (((((((", "plain numbers"),
     ],
 )
 def test_a_bad_map_is_refused_before_anything_is_removed(folder, capsys, make, message):
@@ -134,16 +125,3 @@ def test_a_map_that_changed_since_is_refused(folder, capsys):
         cli.main(["sense", "data", "--redo"])
     assert "dark.npy has changed since it was first read" in capsys.readouterr().err
     assert content(folder / "data") == before
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"trajectory.frame_rate_hz": "30"}, "exposure_s 0.1 is longer than a frame"),
-        ({"render.bands_nm": "[[1000, 1200]]"}, "1000–1200 nm reaches outside the efficiency"),
-    ],
-)
-def test_a_demo_that_cannot_be_sensed_is_refused_before_any_work(tmp_path, change, message):
-    with pytest.raises(UserError, match=f"sense: sensor 'spadcam': .*{message}"):
-        run_all(tmp_path / "data", load("grating", {**TINY, **change}))
-    assert not (tmp_path / "data").exists()

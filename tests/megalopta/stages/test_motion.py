@@ -8,7 +8,6 @@ import pytest
 
 from megalopta.cli import main as cli
 from megalopta.config.model import load
-from megalopta.core.errors import UserError
 from megalopta.dataset.frames import read_radiance_frames, read_truth_frames
 from megalopta.dataset.store import open_sequence
 from megalopta.render import read_attributes, read_radiance, read_truth, write_truth
@@ -171,15 +170,3 @@ def test_blur_has_the_truth_of_its_middle_and_rows_have_their_own(moving, rollin
     ]
     delay = 0.08 * (np.arange(48) / 47 - 0.5)
     np.testing.assert_allclose(azimuth[0] - azimuth[1], np.radians(15) * delay, atol=1e-6)
-
-
-@pytest.mark.parametrize(
-    ("changes", "words"),
-    [
-        ({"shutter.exposure_s": "0.2"}, r"shutter.exposure_s 0\.2 is longer than a frame"),
-        ({"objects": "[{motion: {kind: fly}}]"}, "kind 'fly' is unknown"),
-    ],
-)
-def test_what_cannot_be_rendered_is_refused(changes, words):
-    with pytest.raises(UserError, match=words):
-        load("grating", changes)

@@ -162,3 +162,4 @@ def test_a_grating_is_refused_to_a_camera_that_sees_the_zenith(tmp_path):
     configuration = load("grating", {"camera.kind": "equirectangular"})
     with pytest.raises(UserError, match=r"scene: .* camera.lower_deg -75 and camera.upper_deg 75"):
         run_stage(tmp_path / "data", configuration, "render")
+    assert not list(tmp_path.iterdir())

@@ -7,7 +7,6 @@ import pytest
 
 from megalopta.cli import main
 from megalopta.config.model import load
-from megalopta.core.errors import UserError
 from megalopta.dataset.store import open_sequence
 from megalopta.stages.pipeline import run_stage
 from megalopta.stages.sense import open_exposure
@@ -79,25 +78,3 @@ def test_light_in_an_exposure_is_that_of_more_frames(still, moving, fast):
     # bilinear interpolation of a sine of 24 px: (π/24)²/2 = 0.9 %; half a pixel of lag: 13 %
     assert errors[moving] < 0.02
     assert errors[still] > 0.08
-
-
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"sub_frames": "2", "shutter.exposure_s": "0.05"}, "sub_frames 2: motion within"),
-        ({"products": "[counts, burst_npy]"}, "burst_npy: needs light between frames"),
-        (
-            {"products": "[counts, burst_npy]", "sub_frames": "2", "burst_hz": "105"},
-            "burst_hz 105: no whole multiple of .* use 100",
-        ),
-        (
-            {"products": "[counts, burst_npy]", "sub_frames": "2", "sensors": "[ctia_si]"}
-            | {"render.bands_nm": "[[700, 800], [800, 900]]"},
-            "no single events",
-        ),
-    ],
-)
-def test_what_cannot_be_is_refused_before_the_work(tmp_path, changes, message):
-    settings = load("grating", SMALL | changes)
-    with pytest.raises(UserError, match=message):
-        run_stage(tmp_path / "data", settings, "sense")
