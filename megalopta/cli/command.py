@@ -116,7 +116,7 @@ def settings_of(module: str, model: str) -> "Callable[[], Settings]":
     def loaded() -> "Settings":
         from megalopta.config.settings import Settings
 
-        return Settings(getattr(import_module(f"megalopta.{module}"), model)())
+        return Settings(getattr(import_module(f"megalopta.{module}"), model))
 
     return loaded
 

@@ -7,7 +7,7 @@ import pytest
 
 from megalopta.benchmark.trial import Sweep
 from megalopta.config.measuring import FlowSettings
-from megalopta.config.model import load, parse
+from megalopta.config.model import Configuration, load, parse
 from megalopta.config.settings import Settings
 from megalopta.config.yaml_model import mapping, validated
 from megalopta.core.errors import UserError
@@ -57,7 +57,7 @@ def test_a_path_that_leads_nowhere_is_refused(path):
 
 
 def test_help_lists_every_setting_with_a_meaning():
-    text = Settings(load("demo")).help()
+    text = Settings(Configuration).help()
     entries = [line for line in text.splitlines() if line.startswith("  --")]
     meanings = [line for line in text.splitlines() if line.startswith("      ")]
     assert len(entries) > 50
@@ -69,7 +69,7 @@ def test_help_lists_every_setting_with_a_meaning():
 
 
 def test_help_lists_the_fields_that_are_asked_for():
-    text = Settings(load("demo"), ("light_levels", "sensors")).help()
+    text = Settings(Configuration, fields=("light_levels", "sensors")).help()
     entries = [line for line in text.splitlines() if line.startswith("  --")]
     assert entries
     assert all(line.startswith(("  --light-levels", "  --sensors")) for line in entries)
