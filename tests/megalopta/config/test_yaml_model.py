@@ -14,22 +14,6 @@ from megalopta.core.errors import UserError
 
 
 @pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("name: a\nseed: 1\nname: b\n", "the key 'name' comes twice; leave one out .line 3"),
-        ("camera:\n  width: 4\n  height: 4\n  width: 5\n", "the key 'width' comes twice.*line 4"),
-        ("camera: {width: !!int x}", "'x' is no int .line 1"),
-        ("name: [", "not valid YAML: while parsing a flow"),
-        ("scene: !!python/object:os.system {}", "could not determine a constructor"),
-        ("name: \x00", "not valid YAML"),
-    ],
-)
-def test_what_is_no_yaml_is_told_with_its_line(text, message):
-    with pytest.raises(UserError, match=f"my.yaml: not valid YAML: .*{message}|{message}"):
-        parse(text, "my.yaml")
-
-
-@pytest.mark.parametrize(
     ("text", "place"),
     [
         ("camera: {width: true}", "camera.width"),
