@@ -24,13 +24,8 @@ if TYPE_CHECKING:
     from megalopta.config.settings import Settings, Words
 
 Run: TypeAlias = Callable[[argparse.Namespace], None]
-
-
-class Option(NamedTuple):
-    """What `argparse.ArgumentParser.add_argument` takes."""
-
-    name: str
-    how: Mapping[str, Any]
+Option: TypeAlias = tuple[str, Mapping[str, Any]]
+"""What `argparse.ArgumentParser.add_argument` takes."""
 
 
 class Verb(NamedTuple):
@@ -95,7 +90,7 @@ def verb(
 
 def option(name: str, text: str, **how: Any) -> Option:
     """Return an option or an argument with its help, described as argparse takes it."""
-    return Option(name, {"help": text, **how})
+    return name, {"help": text, **how}
 
 
 def switch(name: str, text: str) -> Option:

@@ -39,13 +39,6 @@ def run(capsys):
     return run
 
 
-def test_help_shows_settings_with_units_and_defaults(run):
-    text = run("render", "--help").stdout
-    assert "--camera.fov-deg 75" in text
-    assert "(degrees)" in text
-    assert "--sensors" not in text
-
-
 @pytest.mark.parametrize(
     ("verb", "own"),
     [
