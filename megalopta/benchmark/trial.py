@@ -18,7 +18,6 @@ from pydantic import (
     Field,
     InstanceOf,
     SerializeAsAny,
-    ValidationError,
     ValidationInfo,
     field_validator,
     model_validator,
@@ -31,12 +30,11 @@ from megalopta.benchmark.panoramas import (
     natural_templates,
     template_from_file,
 )
-from megalopta.config.validation import one_sentence
 from megalopta.config.yaml_model import mapping, put, read_text, validated
 from megalopta.core.arrays import Floats
 from megalopta.core.errors import UserError
 from megalopta.core.record import Record
-from megalopta.core.strict_yaml import booleans_for_others
+from megalopta.core.validation import checked
 from megalopta.flow.benchmark.search import photon_search
 from megalopta.flow.benchmark.settings import SearchSettings, each_once
 from megalopta.flow.detectors.base import Detector
@@ -300,8 +298,6 @@ class Sweep(Record, frozen=True):
             raise ValueError("sizes: size is varied already; leave sizes out")
         try:
             trials = self.trials
-        except ValidationError as error:
-            raise ValueError(one_sentence(error, Trial)) from None
         except UserError as error:
             raise ValueError(str(error).replace("--", "vary: ", 1)) from None
         if len(set(trials)) < len(trials):
@@ -326,9 +322,7 @@ class Sweep(Record, frozen=True):
         ):
             fields = {**fixed, "size": size, "template": template.model_dump(mode="json")}
             put(fields, self.vary, value)
-            trial = Trial.model_validate(fields)
-            if any(booleans_for_others(fields, trial)):
-                raise ValueError(f"values: {str(value).lower()} is no number; give numbers")
+            trial = checked(Trial, fields)
             # in quotes a number is text
             number = operator.attrgetter(self.vary)(trial) if isinstance(value, str) else value
             found.append((number, trial))

@@ -143,7 +143,7 @@ def _cell(found: "Interval", factor: float, digits: int) -> str:
 def _photon_settings() -> "Settings":
     from megalopta.benchmark.trial import Sweep
 
-    return settings_of_stage("benchmark", Sweep())
+    return settings_of_stage("benchmark", Sweep)
 
 
 @verb(

@@ -11,6 +11,7 @@ import signal
 import threading
 from collections.abc import Callable, Mapping
 from contextlib import suppress
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 from types import MappingProxyType
@@ -22,17 +23,9 @@ from megalopta.core.errors import UserError
 if TYPE_CHECKING:
     from megalopta.config.settings import Settings, Words
 
-_MOST_DIGITS = 18
-"""Of a number that fits into 64 bits"""
-
 Run: TypeAlias = Callable[[argparse.Namespace], None]
-
-
-class Option(NamedTuple):
-    """What `argparse.ArgumentParser.add_argument` takes."""
-
-    name: str
-    how: Mapping[str, Any]
+Option: TypeAlias = tuple[str, Mapping[str, Any]]
+"""What `argparse.ArgumentParser.add_argument` takes."""
 
 
 class Verb(NamedTuple):
@@ -97,7 +90,7 @@ def verb(
 
 def option(name: str, text: str, **how: Any) -> Option:
     """Return an option or an argument with its help, described as argparse takes it."""
-    return Option(name, {"help": text, **how})
+    return name, {"help": text, **how}
 
 
 def switch(name: str, text: str) -> Option:
@@ -116,43 +109,36 @@ def settings_of(module: str, model: str) -> "Callable[[], Settings]":
     def loaded() -> "Settings":
         from megalopta.config.settings import Settings
 
-        return Settings(getattr(import_module(f"megalopta.{module}"), model)())
+        return Settings(getattr(import_module(f"megalopta.{module}"), model))
 
     return loaded
 
 
+def whole(text: str, least: int | None = None) -> int:
+    """Type of an option that is a whole number of at most 18 digits, so much or more."""
+    if re.fullmatch(r"[+-]?[0-9]{1,18}", text) and (least is None or int(text) >= least):
+        return int(text)
+    limit = " of at most 18 digits" if least is None else f", {least} or more"
+    raise argparse.ArgumentTypeError(f"{quoted(text)!r}; give a whole number{limit}")
+
+
 def at_least(least: int) -> Callable[[str], int]:
     """Type of an option that is a whole number, so much or more."""
-
-    def number(text: str) -> int:
-        is_whole = text.isascii() and text.isdecimal() and len(text) <= _MOST_DIGITS
-        if not is_whole or int(text) < least:
-            raise argparse.ArgumentTypeError(f"{text!r}; give a whole number, {least} or more")
-        return int(text)
-
-    return number
+    return partial(whole, least=least)
 
 
-def finite(text: str) -> float:
+def finite(text: str, above: float = -math.inf) -> float:
     """Type of an option that is a finite number."""
     with suppress(ValueError):
-        if math.isfinite(value := float(text)):
+        if above < (value := float(text)) < math.inf:
             return value
-    raise argparse.ArgumentTypeError(f"{quoted(text)!r}; give a finite number")
-
-
-def whole(text: str) -> int:
-    """Type of an option that is a whole number of at most 18 digits."""
-    if re.fullmatch(r"[+-]?[0-9]{1,18}", text):
-        return int(text)
-    raise argparse.ArgumentTypeError(f"{quoted(text)!r}; give a whole number of at most 18 digits")
+    what = "a finite number" if above == -math.inf else f"a finite number above {above:g}"
+    raise argparse.ArgumentTypeError(f"{quoted(text)!r}; give {what}")
 
 
 def positive(text: str) -> float:
     """Type of an option that is a finite number above 0."""
-    if (number := finite(text)) > 0:
-        return number
-    raise argparse.ArgumentTypeError(f"{quoted(text)!r}; give a number above 0")
+    return finite(text, 0)
 
 
 DATASET = option("dataset", "dataset folder", type=Path)

@@ -53,14 +53,14 @@ _FROM_CONFIGURATION = (
 )
 
 
-def settings_of_stage(stage: str, *others: "BaseModel") -> "Settings":
+def settings_of_stage(stage: str, *others: "type[BaseModel]") -> "Settings":
     """Return those that a stage depends on, all for what is no stage, and those of others."""
-    from megalopta.config.model import load
+    from megalopta.config.model import Configuration, load
     from megalopta.config.settings import Settings
     from megalopta.stages.registry import STAGES
 
     fields = STAGES[stage].fields if stage in STAGES else None
-    return Settings(load("demo"), fields, others)
+    return Settings(Configuration, partial(load, "demo"), fields, others)
 
 
 @verb(

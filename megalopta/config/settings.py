@@ -2,15 +2,14 @@
 
 import shutil
 import textwrap
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
-from itertools import chain
-from types import UnionType
-from typing import Annotated, Any, Literal, Union, get_args, get_origin
+from typing import Any, Literal, get_origin
 
 from pydantic import BaseModel
 
 from megalopta.core import strict_yaml
+from megalopta.core.validation import inner_types
 
 Words = Literal["switch", "one", "all"]
 """How many words a setting takes on the command line; all are those up to the next option."""
@@ -20,21 +19,22 @@ Words = Literal["switch", "one", "all"]
 class Settings:
     """Settings of a verb."""
 
-    record: BaseModel
-    """With the values that stand where nothing else is asked for."""
+    model: type[BaseModel]
+    default: Callable[[], BaseModel] | None = None
+    """Makes the values that stand where nothing else is asked for; by default those of the model"""
     fields: Collection[str] | None = None
     """Those that its help lists; all by default."""
-    others: tuple[BaseModel, ...] = ()
-    """More records, whose fields have other names."""
+    others: tuple[type[BaseModel], ...] = ()
+    """More models, whose fields have other names."""
 
     def takes(self, path: str) -> Words:
         """How many words the field at a path takes; "all" also where there is none: it is refused.
 
         A switch takes none, or "true" or "false".
         """
-        types: list[Any] = [type(each) for each in (self.record, *self.others)]
+        types: list[Any] = [self.model, *self.others]
         for step in path.split("."):
-            types = [inner for each in types for inner in _inner_types(each, step)]
+            types = [inner for each in types for inner in inner_types(each, step)]
         if not types or any(get_origin(each) is tuple for each in types):
             return "all"
         return "switch" if types == [bool] else "one"
@@ -45,10 +45,11 @@ class Settings:
         lines = ["settings (also keys of the YAML file; a value is read as YAML):"]
         listed = [
             each
-            for each in settings_of(self.record)
+            for each in settings_of((self.default or self.model)())
             if self.fields is None or each[0].partition(".")[0] in self.fields
         ]
-        for path, meaning, value in [*listed, *chain.from_iterable(map(settings_of, self.others))]:
+        listed += [each for other in self.others for each in settings_of(other())]
+        for path, meaning, value in listed:
             shown = strict_yaml.dump(value, default_flow_style=True, width=10_000).strip()
             shown = textwrap.shorten(shown.removesuffix("...").strip(), 60)
             lines.append(f"  --{path.replace('_', '-')} {shown}")
@@ -74,23 +75,3 @@ def settings_of(model: BaseModel, prefix: str = "") -> Iterator[tuple[str, str, 
                 yield from settings_of(part, f"{path}.{index}.")
         else:
             yield path, field.description or "", dumped[name]
-
-
-def _inner_types(outer: Any, step: str) -> Iterator[Any]:
-    if get_origin(outer) is tuple and step.isdecimal():
-        yield from _plain_types(get_args(outer)[0])
-    elif get_origin(outer) is dict:
-        yield from _plain_types(get_args(outer)[1])
-    elif isinstance(outer, type) and issubclass(outer, BaseModel) and step in outer.model_fields:
-        yield from _plain_types(outer.model_fields[step].annotation)
-
-
-def _plain_types(annotation: Any) -> Iterator[Any]:
-    """Types that an annotation allows, without unions and metadata."""
-    if get_origin(annotation) is Annotated:
-        yield from _plain_types(get_args(annotation)[0])
-    elif get_origin(annotation) in (Union, UnionType):
-        for part in get_args(annotation):
-            yield from _plain_types(part)
-    else:
-        yield annotation

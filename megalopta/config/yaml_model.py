@@ -5,15 +5,13 @@ Every mistake is told in one sentence that names field, value and remedy.
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
-from pydantic import BaseModel, ValidationError
+from pydantic import BaseModel
 
-from megalopta.config.validation import one_sentence
 from megalopta.core import bounded, strict_yaml
 from megalopta.core.errors import UserError, refused_as
-
-Model = TypeVar("Model", bound=BaseModel)
+from megalopta.core.validation import Model, checked
 
 
 def read_text(path: Path, what: str) -> str:
@@ -57,13 +55,15 @@ def validated(
     values are relative to `folder`, those in overrides to the working folder. Values may name code
     only where that is allowed; overrides, which the user typed, always may.
     """
-    record = _validated(model, values, source, {"folder": folder, "allows_code": allows_code})
+    with refused_as(source):
+        record = checked(model, values, {"folder": folder, "allows_code": allows_code})
     if not overrides:
         return record
     changed = record.model_dump(mode="json")
     for path, value in sorted(overrides.items(), key=lambda item: _starts_afresh(item[0])):
         put(changed, path, _plain_data(value, f"--{path}"))
-    return _validated(model, changed, "command line", {"folder": Path(), "allows_code": True})
+    with refused_as("command line"):
+        return checked(model, changed, {"folder": Path(), "allows_code": True})
 
 
 def to_yaml(record: BaseModel) -> str:
@@ -99,18 +99,6 @@ def put(values: Any, path: str, value: Any) -> None:
 def _plain_data(text: str, source: str) -> Any:
     with refused_as(source):
         return strict_yaml.load(text)
-
-
-def _validated(
-    model: type[Model], values: Any, source: str, context: Mapping[str, object]
-) -> Model:
-    try:
-        record = model.model_validate(values, context=context)
-    except ValidationError as error:
-        raise UserError(f"{source}: {one_sentence(error, model)}") from None
-    for place in strict_yaml.booleans_for_others(values, record):
-        raise UserError(f"{source}: {place}: true and false are no numbers; give a number")
-    return record
 
 
 def _starts_afresh(path: str) -> int:

@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 from megalopta.core.bounded import sentence
 
@@ -47,6 +47,15 @@ class Advance(Protocol):
         """Count `steps` more as done."""
 
 
+@contextmanager
+def _held(stack: list[Any], each: object) -> Iterator[None]:
+    stack.append(each)
+    try:
+        yield
+    finally:
+        stack.remove(each)
+
+
 def say(text: str) -> None:
     """Print one line on standard error."""
     if not _silences:
@@ -57,23 +66,18 @@ def say(text: str) -> None:
 @contextmanager
 def silent() -> Iterator[None]:
     """Say nothing of the work inside, and show no progress: it is a step of something larger."""
-    silence = object()
-    _silences.append(silence)
-    try:
+    with _held(_silences, object()):
         yield
-    finally:
-        _silences.remove(silence)
 
 
 @contextmanager
 def step(name: str) -> Iterator[None]:
     """Name what is done inside, for lines of progress and for who counts the time of steps."""
     wall, cpu = time.monotonic(), time.process_time()
-    _steps.append(name)
     try:
-        yield
+        with _held(_steps, name):
+            yield
     finally:
-        _steps.remove(name)
         for clock in _clocks:
             spent = clock.setdefault(name, Spent())
             spent.seconds += time.monotonic() - wall
@@ -84,11 +88,8 @@ def step(name: str) -> Iterator[None]:
 def times_of_steps() -> Iterator[dict[str, Spent]]:
     """Count the time of all steps inside, by their names."""
     clock: dict[str, Spent] = {}
-    _clocks.append(clock)
-    try:
+    with _held(_clocks, clock):
         yield clock
-    finally:
-        _clocks.remove(clock)
 
 
 @contextmanager
@@ -180,13 +181,12 @@ def speaking(state: Callable[[], str], is_of_steps: bool = True) -> Iterator[Non
             else:
                 print(state(), file=sys.stderr, flush=True)
 
-    _speakers.append(over)
     thread = threading.Thread(target=speak, daemon=True)
-    thread.start()
-    try:
-        yield
-    finally:
-        over.set()
-        thread.join()
-        _speakers.remove(over)
-        _clear_status()
+    with _held(_speakers, over):
+        thread.start()
+        try:
+            yield
+        finally:
+            over.set()
+            thread.join()
+            _clear_status()

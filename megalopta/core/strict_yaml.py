@@ -8,12 +8,11 @@ would take for something else is written in quotes.
 """
 
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
 import yaml
-from pydantic import BaseModel
 
 from megalopta.core.bounded import quoted, sentence
 
@@ -99,19 +98,6 @@ def dump(values: Any, **style: Any) -> str:
     """Return YAML that `load` reads back, in the order of the keys; `style` is PyYAML's."""
     style = {"sort_keys": False, "allow_unicode": True, "width": 100} | style
     return str(yaml.dump(values, Dumper=_Dumper, **style))
-
-
-def booleans_for_others(values: Any, record: Any, place: str = "") -> Iterator[str]:
-    """Places where a boolean was given and something else was made of it, such as 1 of true."""
-    if isinstance(values, bool) and not isinstance(record, bool):
-        yield place
-    elif isinstance(values, Mapping) and isinstance(record, BaseModel | Mapping):
-        parts = record if isinstance(record, Mapping) else vars(record)
-        for key in values.keys() & parts.keys():
-            yield from booleans_for_others(values[key], parts[key], f"{place}.{key}".strip("."))
-    elif isinstance(values, list | tuple) and isinstance(record, list | tuple):
-        for index, pair in enumerate(zip(values, record, strict=False)):
-            yield from booleans_for_others(*pair, f"{place}.{index}".strip("."))
 
 
 @dataclass

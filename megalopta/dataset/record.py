@@ -6,15 +6,15 @@ import re
 from pathlib import Path
 from typing import Any
 
-from pydantic import BaseModel, Field, FiniteFloat, ValidationError, field_validator
+from pydantic import BaseModel, Field, FiniteFloat, field_validator
 
 from megalopta.config.drawing import sequence_name
 from megalopta.config.model import Configuration
-from megalopta.config.validation import one_sentence
 from megalopta.core import bounded
 from megalopta.core.errors import DamagedFileError, UserError
 from megalopta.core.format_numbers import check_format, written
 from megalopta.core.freshness import digest
+from megalopta.core.validation import checked
 from megalopta.dataset.store import Dataset
 
 MADE = ("render", "sense")
@@ -148,14 +148,12 @@ def read_record(path: Path, name: str, is_lone: bool = False) -> SequenceRecord:
     try:
         values = bounded.read_json(path)
         check_format("sequence", values, path)
-        record = SequenceRecord.model_validate(values)
+        record = checked(SequenceRecord, values)
         _check_names(record, name)
         if not is_lone:
             _check_is_of_many(record)
     except OSError as problem:
         raise UserError(f"{path}: {problem.strerror}; {remedy}") from None
-    except ValidationError as error:
-        raise _damaged(path, one_sentence(error, SequenceRecord), remedy) from None
     except (AttributeError, TypeError):
         raise _damaged(path, "no record", remedy) from None
     except ValueError as problem:
@@ -185,9 +183,9 @@ def is_output(path: str, sequence: str) -> bool:
 def settings_of(record: SequenceRecord, path: Path) -> Configuration:
     """Return the settings that a record at a path holds. Raises DamagedFileError."""
     try:
-        settings = Configuration.model_validate(record.configuration)
-    except ValidationError as error:
-        told = f"configuration: {one_sentence(error, Configuration)}"
+        settings = checked(Configuration, record.configuration)
+    except ValueError as problem:
+        told = f"configuration: {problem}"
         raise _damaged(path, bounded.quoted(told, 400)) from None
     if settings.name != record.sequence:
         raise _damaged(path, f"configuration: it is of {bounded.quoted(settings.name, 60)!r}")

@@ -21,11 +21,9 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from pydantic import ValidationError
-
 from megalopta import __version__
 from megalopta.config.model import Configuration, LightLevel, level_text
-from megalopta.config.validation import one_sentence
+from megalopta.config.yaml_model import validated
 from megalopta.core import bounded, files, strict_yaml
 from megalopta.core.errors import UserError
 from megalopta.core.folders import LOCK_NAME, check_enclosed
@@ -206,11 +204,10 @@ def read_dataset(root: Path) -> Dataset:
             f"{root}: a dataset of many sequences, this needs one; see megalopta dataset --help"
         )
     try:
-        return Dataset(root, Configuration.model_validate(dict(record["configuration"])))
-    except ValidationError as error:
-        raise UserError(f"{path}: {one_sentence(error, Configuration)}") from None
+        values = dict(record["configuration"])
     except (TypeError, KeyError, ValueError):
         raise UserError(f"{path} is damaged; render into a new folder") from None
+    return Dataset(root, validated(Configuration, values, str(path)))
 
 
 def existing(root: Path) -> Dataset | None:

@@ -42,10 +42,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from pydantic import ValidationError
-
 from megalopta.core import strict_yaml
-from megalopta.core.bounded import cut, quoted, read_text
+from megalopta.core.bounded import read_text
+from megalopta.core.validation import checked
 from megalopta.sensor.change import merged
 from megalopta.sensor.effects.bias import Bias
 from megalopta.sensor.effects.crosstalk import Crosstalk
@@ -223,14 +222,9 @@ def load_sensor(path: str | Path) -> Sensor:
     try:
         given = with_files(values, path.parent)
         base = preset(given.pop("preset")).model_dump() if "preset" in given else {}
-        sensor = Sensor.model_validate(merged(base, given))
-    except ValidationError as error:
-        raise ValueError(f"{path}: {_first_problem(error)}") from error
+        return checked(Sensor, merged(base, given))
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from error
-    for place in strict_yaml.booleans_for_others(values, sensor):
-        raise ValueError(f"{path}: {place}: true and false are no numbers; give a number")
-    return sensor
 
 
 def with_files(values: Mapping[str, Any], folder: Path) -> dict[str, Any]:
@@ -247,17 +241,3 @@ def with_files(values: Mapping[str, Any], folder: Path) -> dict[str, Any]:
         if name in resolved:
             resolved[name] = resolve(resolved[name], folder)
     return resolved
-
-
-def _first_problem(error: ValidationError) -> str:
-    problem = error.errors(include_url=False)[0]
-    place = quoted(".".join(map(str, problem["loc"])))
-    if problem["type"] == "extra_forbidden":
-        return f"{place}: no such field; remove it"
-    if problem["type"] == "missing":
-        return f"{place}: missing; give a value or a preset"
-    if problem["type"] in ("model_type", "model_attributes_type", "dict_type"):
-        return f"{place}: give a mapping of fields to values, got {quoted(repr(problem['input']))}"
-    if problem["type"] == "value_error":
-        return cut(problem["msg"].removeprefix("Value error, "), problem["input"])
-    return f"{place}: {problem['msg']}, got {quoted(repr(problem['input']))}"

@@ -22,16 +22,6 @@ def refused(capsys, *arguments):
     return told
 
 
-def test_a_file_after_a_setting_is_the_configuration(capsys, tmp_path):
-    told = refused(capsys, "render", "--scene.trees", "200", tmp_path / "my.yaml")
-    assert "my.yaml: no such configuration" in told
-
-
-def test_a_word_that_could_be_both_is_refused(capsys):
-    told = refused(capsys, "render", "--light-levels", "twilight", "airglow")
-    assert "airglow: a value of --light_levels, or the configuration?" in told
-
-
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -43,17 +33,30 @@ def test_a_word_that_could_be_both_is_refused(capsys):
         (["dataset", "view", "x", "--sequences", "0"], "--sequences: '0'; give a whole number, 1"),
         (["render", "--"], "--: no setting"),
         (["spadcam", "calibrate", "x", "--wavelength-nm", "nan"], "--wavelength-nm: 'nan'; give a"),
-        (["spadcam", "calibrate", "x", "--beam-area-mm2=-0.0"], "'-0.0'; give a number above 0"),
+        (["spadcam", "calibrate", "x", "--beam-area-mm2=-0.0"], "'-0.0'; give a finite number"),
         (["spadcam", "compare", "x", "--device", "y", "--margin", "inf"], "'inf'; give a finite"),
         (["spadcam", "compare", "x", "--device", "y", "--seed=-1"], "--seed: '-1'; give a whole"),
         (["benchmark", "photons", "x", "--workers", "1" + "0" * 400], "give a whole number, 1 or"),
         (["benchmark", "photons", "x", "--allow-code"], "--allow-code is for a sweep; leave it"),
         (["benchmark", "photons", "x.yaml", "--redo"], "--redo is for a dataset; leave it out"),
         (["sweep", "x"], "sweep: this verb is now benchmark photons; give that"),
+        (["render", "--scene.trees", "9", "my.yaml"], "my.yaml: no such configuration"),
+        (["render", "--light-levels", "twilight", "airglow"], "airglow: a value of --light_levels, or"),
+        (["demo", "--scene.treees", "5"], "unknown key; did you mean 'trees'?"),
+        (["demo", "--camera.height", "30"], "size 40 × 107 px of frames of 30 × 80 px: choose sizes"),
+        (["demo", "airglow", "--quick"], "--quick: airglow has none"),
+        (["check", "truth", "a", "b"], "check truth: got a b; give one folder"),
+        (["reproduce", "fig-3.99"], "did you mean"),
+        *(([*verb.split(), "none"], "none: no dataset here") for verb in (
+            "sense", "flow", "benchmark photons", "report")),
     ],
-)
-def test_a_mistyped_command_gets_one_sentence(capsys, arguments, message):
+)  # fmt: skip
+def test_a_mistake_gets_one_sentence_and_makes_nothing(
+    capsys, tmp_path, monkeypatch, arguments, message
+):
+    monkeypatch.chdir(tmp_path)
     assert message in refused(capsys, *arguments)
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize(

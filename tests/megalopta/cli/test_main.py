@@ -10,7 +10,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from megalopta.cli import main, main as cli
+from megalopta.cli import main as cli
 from megalopta.render import read_radiance, read_truth
 from megalopta.verification import GROUPS, physics
 from megalopta.verification.cases import CASES
@@ -37,54 +37,6 @@ def run(capsys):
         return SimpleNamespace(returncode=code, stdout=out, stderr=err)
 
     return run
-
-
-def test_the_command_is_a_process_whose_exit_code_and_one_sentence_tell_a_mistake():
-    done = subprocess.run(
-        [*COMMAND, "demo", "--ouut", "x"],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 2
-    assert done.stdout == ""
-    assert done.stderr.startswith("megalopta: ")
-    assert done.stderr.count("\n") == 1
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["--scene.treees", "5"], "unknown key; did you mean 'trees'?"),
-        (["nowhere.yaml"], "nowhere.yaml: no such configuration"),
-        (["--scene.trees"], "--scene.trees: needs a value"),
-        (
-            ["--camera.height", "30"],
-            "benchmark: size 40 × 107 px of frames of 30 × 80 px: choose sizes",
-        ),
-    ],
-)
-def test_a_mistake_gets_one_sentence_and_exit_code_2(run, tmp_path, arguments, message):
-    done = run("demo", *arguments, "--out", tmp_path / "out")
-    assert done.returncode == 2
-    assert message in done.stderr
-    assert done.stderr.startswith("megalopta: ")
-    assert done.stderr.count("\n") == 1
-    assert not (tmp_path / "out").exists()
-
-
-@pytest.mark.parametrize("verb", ["sense", "flow", "benchmark photons", "report"])
-def test_a_folder_without_dataset_is_named(run, tmp_path, verb):
-    done = run(*verb.split(), tmp_path / "none")
-    assert done.returncode == 2
-    assert "none: no dataset here" in done.stderr
-
-
-def test_help_shows_settings_with_units_and_defaults(run):
-    text = run("render", "--help").stdout
-    assert "--camera.fov-deg 75" in text
-    assert "(degrees)" in text
-    assert "--sensors" not in text
 
 
 @pytest.mark.parametrize(
@@ -166,20 +118,6 @@ def test_groups_of_the_physics_are_handed_on_and_named_in_the_help(monkeypatch, 
     assert all(group in printed for group in CASES)
 
 
-def test_a_second_folder_is_refused(capsys):
-    with pytest.raises(SystemExit):
-        cli.main(["check", "truth", "a", "b"])
-    assert "check truth: got a b; give one folder" in capsys.readouterr().err
-
-
-def test_the_quick_form_is_that_of_the_demo_alone(capsys, tmp_path):
-    with pytest.raises(SystemExit) as ended:
-        main.main(["demo", "airglow", "--quick", "--out", str(tmp_path / "out")])
-    assert ended.value.code == 2
-    assert "--quick: airglow has none" in capsys.readouterr().err
-    assert not list(tmp_path.iterdir())
-
-
 def test_reproduce_writes_picture_print_and_numbers(tmp_path, capsys):
     cli.main(["reproduce", "fig-3.2", "--out", str(tmp_path)])
     assert sorted(path.name for path in tmp_path.iterdir()) == [
@@ -189,11 +127,3 @@ def test_reproduce_writes_picture_print_and_numbers(tmp_path, capsys):
         "fig-3.2.svg",
     ]
     assert len(capsys.readouterr().out.splitlines()) == 4
-
-
-def test_an_unknown_figure_is_a_mistake_with_close_names(tmp_path, capsys):
-    with pytest.raises(SystemExit) as stopped:
-        cli.main(["reproduce", "fig-3.99", "--out", str(tmp_path / "new")])
-    assert stopped.value.code == 2
-    assert "did you mean" in capsys.readouterr().err
-    assert not (tmp_path / "new").exists()

@@ -1,12 +1,12 @@
 import pytest
 
 from megalopta.cli.parser import program, split_overrides
-from megalopta.config.model import load
+from megalopta.config.model import Configuration
 from megalopta.config.settings import Settings
 from megalopta.core.errors import UserError
 
 OWN = ("--out", "--redo")
-DEMO = Settings(load("demo")).takes
+DEMO = Settings(Configuration).takes
 
 
 def test_settings_are_told_from_own_options():
@@ -87,6 +87,6 @@ def test_a_mistyped_option_is_told_the_one_that_was_meant(typed):
 
 def test_no_setting_is_taken_for_a_mistyped_option():
     for name, command in program().verbs.items():
-        for field in type(command.settings().record).model_fields if command.settings else ():
+        for field in command.settings().model.model_fields if command.settings else ():
             words = [name, f"--{field.replace('_', '-')}=1"]
             assert split_overrides(words, command.options, DEMO)[0] == [name]

@@ -63,9 +63,12 @@ def test_only_the_core_schema_has_tags(tag):
          "nested too deeply"),
         (f"? {'k' * 10_000}\n: 1\n? {'k' * 10_000}\n: 2", "comes twice"),
         (f"a: *{'k' * 10_000}", "undefined alias"),
+        ("a:\n  b: 4\n  c: 4\n  b: 5\n", "not valid YAML: the key 'b' comes twice; leave one out .line 4"),
+        ("a: !!int x", "'x' is no int .line 1"),
+        ("a: \0", "not valid YAML"),
     ],
 )  # fmt: skip
-def test_what_unfolds_to_too_much_is_refused_in_a_short_sentence(text, message):
+def test_what_is_no_yaml_or_unfolds_to_too_much_is_refused_in_a_short_sentence(text, message):
     with pytest.raises(ValueError, match=message) as problem:
         strict_yaml.load(text)
     assert len(str(problem.value)) < 1000

@@ -173,7 +173,7 @@ def test_impossible_map_is_refused_in_one_sentence(folder, content, message):
 @pytest.mark.parametrize(
     ("values", "message"),
     [
-        ({"preset": "spadcam", "exposure": 1}, "exposure: no such field"),
+        ({"preset": "spadcam", "exposure": 1}, "exposure: unknown key; did you mean .exposure_s"),
         ({"preset": "spadcam", "exposure_s": -1}, "exposure_s: .* greater than 0, got -1"),
         ({"preset": "spadcam", "bias": {"onset_v": 2}}, r"bias\.onset_v: 2 is not below"),
         ({"name": "mine"}, "pitch_m: missing"),

@@ -1,0 +1,126 @@
+"""Models of plain data, such as YAML holds, and what is wrong with it in one sentence.
+
+Every folder may import this module.
+"""
+
+import reprlib
+from collections.abc import Iterator, Mapping
+from difflib import get_close_matches
+from types import UnionType
+from typing import Annotated, Any, TypeVar, Union, get_args, get_origin
+
+from pydantic import BaseModel, ValidationError
+
+from megalopta.core.bounded import cut, quoted
+
+Model = TypeVar("Model", bound=BaseModel)
+_TOLD = {
+    "missing": "missing; give a value",
+    "union_tag_not_found": "say which kind it is, with the key 'kind'",
+    "too_short": "empty; give at least one",
+}
+_EXPECTED = {
+    "tuple_type": "give a list",
+    **dict.fromkeys(
+        ("model_type", "model_attributes_type", "dict_type"), "give a mapping of keys to values"
+    ),
+}
+
+_short = reprlib.Repr()
+_short.maxstring = _short.maxother = 80
+_short.maxlong = 40
+
+
+def checked(model: type[Model], values: Any, context: Mapping[str, object] | None = None) -> Model:
+    """Return the model of plain values. Raises ValueError, one sentence: field, value, remedy."""
+    try:
+        record = model.model_validate(values, context=context)
+    except ValidationError as error:
+        raise ValueError(_first_problem(error, model)) from None
+    for place in _booleans_for_others(values, record):
+        raise ValueError(f"{place}: true and false are no numbers; give a number")
+    return record
+
+
+def inner_types(outer: Any, step: str) -> Iterator[Any]:
+    """Types of what a step, a key or an index, leads to inside a type; none where to nothing."""
+    if get_origin(outer) is tuple and step.isdecimal():
+        yield from _plain_types(get_args(outer)[0])
+    elif get_origin(outer) is dict:
+        yield from _plain_types(get_args(outer)[1])
+    elif isinstance(outer, type) and issubclass(outer, BaseModel) and step in outer.model_fields:
+        yield from _plain_types(outer.model_fields[step].annotation)
+
+
+def _plain_types(annotation: Any) -> Iterator[Any]:
+    """Types that an annotation allows, without unions and metadata."""
+    if get_origin(annotation) is Annotated:
+        yield from _plain_types(get_args(annotation)[0])
+    elif get_origin(annotation) in (Union, UnionType):
+        for part in get_args(annotation):
+            yield from _plain_types(part)
+    else:
+        yield annotation
+
+
+def _first_problem(error: ValidationError, model: type[BaseModel]) -> str:
+    problem = error.errors(include_url=False)[0]
+    steps, _ = _place(model, problem["loc"])
+    told = _told(problem, model)
+    return f"{quoted('.'.join(steps))}: {told}" if steps else told
+
+
+def _told(problem: Any, model: type[BaseModel]) -> str:
+    kind, given = problem["type"], problem["input"]
+    message = cut(problem["msg"].removeprefix("Value error, "), given)
+    if kind == "extra_forbidden":
+        *above, name = problem["loc"]
+        known = _fields_at(model, above)
+        near = get_close_matches(str(name), known, n=1, cutoff=0.5)
+        hint = f"did you mean {near[0]!r}?" if near else f"the keys are {', '.join(known)}"
+        return f"unknown key; {hint}"
+    if kind == "union_tag_invalid":
+        tag, tags = problem["ctx"]["tag"], problem["ctx"]["expected_tags"]
+        return f"kind {quoted(repr(tag))} is unknown; use {tags}"
+    if kind in (*_TOLD, "value_error"):
+        return _TOLD.get(kind, message)
+    told = _EXPECTED.get(kind, f"{message[0].lower()}{message[1:]}")
+    return f"{told}, got {_short.repr(given)}"
+
+
+def _place(model: type[BaseModel], location: Any) -> tuple[list[str], list[Any]]:
+    """A location as a user writes it, and the types there.
+
+    Where a union could hold several models, or several types, pydantic adds the tag of one.
+    """
+    types, steps = [model], list[str]()
+    for step in map(str, location):
+        inner = [found for each in types for found in inner_types(each, step)]
+        tagged = [] if inner else [each for each in types if step == _tag(each)]
+        steps += [] if tagged else [step]
+        types = inner or tagged or types
+    return steps, types
+
+
+def _tag(found: Any) -> Any:
+    if isinstance(found, type) and issubclass(found, BaseModel):
+        return found.model_fields["kind"].default if "kind" in found.model_fields else None
+    return getattr(found, "__name__", None)
+
+
+def _fields_at(model: type[BaseModel], location: Any) -> list[str]:
+    _, types = _place(model, location)
+    return sorted({name for each in types for name in getattr(each, "model_fields", ())})
+
+
+def _booleans_for_others(values: Any, record: Any, place: str = "") -> Iterator[str]:
+    """Places where a boolean was given and something else was made of it, such as 1 of true."""
+    if isinstance(values, bool) and not isinstance(record, bool):
+        yield place
+    elif isinstance(values, Mapping) and isinstance(record, BaseModel | Mapping):
+        parts = record if isinstance(record, Mapping) else vars(record)
+        for key in values.keys() & parts.keys():
+            yield from _booleans_for_others(values[key], parts[key], f"{place}.{key}".strip("."))
+    elif isinstance(values, list | tuple) and isinstance(record, list | tuple):
+        for index, pair in enumerate(zip(values, record, strict=False)):
+            yield from _booleans_for_others(*pair, f"{place}.{index}".strip("."))
