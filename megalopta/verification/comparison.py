@@ -43,7 +43,8 @@ from megalopta.verification.brute_force import (
 )
 
 LARGEST_Z = 5.0
-_BAND_NM = (440.0, 460.0)
+_BANDS_NM = ((460.0, 480.0), (440.0, 460.0))
+"""The first is dark"""
 _FRAMES = {"times": 10, "running": 3}
 """How many columns a level has: tenths of an exposure, or frames without a gap"""
 _CTIA_FRAME = 99
@@ -143,7 +144,7 @@ def _light(case: Case, sensor: Any) -> Floats:
     else:
         light = np.broadcast_to(case.rates[:, np.newaxis], (1, parts, case.samples, levels))
     if case.readout == "radiance":
-        light = light / plain_light_hz(1.0, _BAND_NM, sensor)
+        light = light / plain_light_hz(1.0, _BANDS_NM[1], sensor)
     return np.ascontiguousarray(light[:, 0] if parts == 1 else light)
 
 
@@ -155,10 +156,14 @@ def _stated(case: Case, light: Floats, sensor: Any) -> tuple[Floats, ...]:
     elif case.readout in ("counts", "codes") and light.ndim == 3:
         moments = reading_moments(few, sensor)
     elif case.readout == "radiance":
-        moments = reading_moments(detection_rate(few[..., np.newaxis], [_BAND_NM], sensor), sensor)
+        moments = reading_moments(detection_rate(_banded(few), _BANDS_NM, sensor), sensor)
     else:
         return ()
     return tuple(each.reshape(-1, case.rates.shape[1]) for each in moments)
+
+
+def _banded(light: Floats) -> Floats:
+    return np.stack([0 * light, light], axis=-1)
 
 
 def _key(case: Case) -> dict[str, Any]:
@@ -171,7 +176,7 @@ def _columns(case: Case, readings: Sample) -> Sample:
 
 def _counts(case: Case, light: Floats, sensor: Any) -> Drawn:
     if case.readout == "radiance":
-        exposure = expose(light[..., np.newaxis], [_BAND_NM], sensor, **_key(case))
+        exposure = expose(_banded(light), _BANDS_NM, sensor, **_key(case))
     else:
         exposure = expose_rate(light, sensor, **_key(case))
     return _columns(case, exposure.counts.astype(np.float64)), _columns(case, exposure.saturated)
