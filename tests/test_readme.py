@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from megalopta.cli.parser import split_overrides
-from megalopta.config.model import load
+from megalopta.config.model import Configuration, load
 from megalopta.config.settings import Settings
 
 README = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
@@ -23,7 +23,7 @@ def test_the_python_example_runs_and_prints_a_photon_flux(capsys):
     "line", re.findall(r"^    megalopta ((?:demo|render|sense) [^#\n]*)", README, re.MULTILINE)
 )
 def test_the_settings_on_its_command_lines_are_accepted(line):
-    takes = Settings(load("demo")).takes
+    takes = Settings(Configuration).takes
     own, overrides = split_overrides(shlex.split(line), ("--out", "--redo", "--quick"), takes)
     assert own[0] in ("demo", "render", "sense")
     load("demo", overrides)  # refuses what it does not know
