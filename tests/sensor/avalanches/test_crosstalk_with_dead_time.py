@@ -95,3 +95,21 @@ def test_dark_neighbor_of_a_bright_pixel_counts_its_share_of_the_avalanches(kind
     alone = parts.without_crosstalk
     mean, spread = (part[0, 0] for part in count_moments(rates[:, :1], EXPOSURE_S, alone))
     assert abs(bright.mean() - mean) < 5 * (spread / bright.size) ** 0.5
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["nonparalyzable", "paralyzable"])
+@pytest.mark.parametrize(("saturation", "exposure_s"), [(0.001, 2e-3), (0.1, 1e-4), (1.0, 3e-5)])
+def test_stated_moments_of_a_uniform_frame_are_those_of_simulated_ones(
+    kind, saturation, exposure_s
+):
+    rates = np.full((64, 64), saturation / TAU_S)
+    parts, inside = effects(kind, 0.3), np.s_[3:-3, 3:-3]
+    frames = [simulate_counts(generator(i), rates, exposure_s, parts)[inside] for i in range(30)]
+    counts = np.array(frames, np.float64)
+    mean, variance = (each[32, 32] for each in count_moments(rates, exposure_s, parts))
+    # five standard errors (false alarm 6e-7), √1.6 times as large as neighbors share counts, and
+    # the errors that `coupled` states
+    error = 5 * 1.6**0.5 * counts.std() / counts.size**0.5
+    assert counts.mean() == pytest.approx(mean, abs=error + 3e-3 * mean)
+    assert counts.var() == pytest.approx(variance, rel=5 * 1.6 * (2 / counts.size) ** 0.5 + 6e-3)
