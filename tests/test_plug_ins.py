@@ -81,7 +81,7 @@ from megalopta.config.model import load
 from megalopta.config.settings import Settings
 demo = load("demo", {"sensors": "[theirs, {preset: theirs, name: dark, exposure_s: 0.02}]"})
 print([(each.name, each.fill_factor, each.exposure_s) for each in demo.sensors])
-print("ctia_ingaas_quiet, theirs." in " ".join(Settings(demo).help().split()))
+print("ctia_ingaas_quiet, theirs." in " ".join(Settings(type(demo), lambda: demo).help().split()))
 try:
     load("demo", {"sensors": "[their]"})
 except Exception as refusal:
