@@ -99,5 +99,4 @@ def _strength(maps: AvalancheMaps | None) -> Floats | None:
 
 def _is_simple(effects: AvalancheEffects) -> bool:
     """Whether the counts of a pixel have a law that can be drawn from."""
-    has_law = effects.on == {"dead_time"} and effects.dead_time.has_law
-    return effects.on <= {"gate", "crosstalk"} or has_law
+    return effects.on <= {"gate", "crosstalk"} or effects.has_law

@@ -87,8 +87,7 @@ def parameters_of(
     dead_time, afterpulsing = effects.dead_time, effects.afterpulsing
     is_stationary = dead_time.start == "stationary"
     dead_times = dead_time.dead_time_s * maps.dead_time.ravel()
-    is_settled = effects.on == {"dead_time"} and dead_time.has_law
-    forgotten_s = effects.memory_s + 20 * float(dead_times.max(initial=0)) * (not is_settled)
+    forgotten_s = effects.memory_s + 20 * float(dead_times.max(initial=0)) * (not effects.has_law)
     weights = neighborhood(effects.crosstalk)
     places = np.argwhere(weights)
     parameters = Parameters(

@@ -24,6 +24,11 @@ class AvalancheEffects(BaseModel, frozen=True, extra="forbid"):
         return frozenset(name for name in type(self).model_fields if getattr(self, name).is_on)
 
     @property
+    def has_law(self) -> bool:
+        """Whether dead time acts alone, and the counts have a law that can be drawn from."""
+        return self.on == {"dead_time"} and self.dead_time.has_law
+
+    @property
     def remembers(self) -> bool:
         """Whether an exposure leaves anything in the pixels that the next one may meet."""
         return not self.on <= {"gate", "crosstalk"}

@@ -75,7 +75,7 @@ def moments_of_readings(
     mean, variance = np.array(simple_mean), np.array(simple_variance)
     until = np.broadcast_to(events_until_full(counter, pixels), mean.shape)
     is_full = reach[0] >= until
-    has_law = _has_law(effects) and maps is None and arrivals is not None
+    has_law = effects.has_law and maps is None and arrivals is not None
     if arrivals is not None and maps is None and not effects.crosstalk.is_on:
         chosen = np.nonzero(needs_law & ~is_full)
         found = _tabulated(arrivals[chosen], counter, _at(pixels, chosen), exposure_s, effects)
@@ -93,10 +93,6 @@ def moments_of_readings(
             counter, _at(pixels, chosen), exposure_s, first, law
         )
     return mean, variance
-
-
-def _has_law(effects: AvalancheEffects) -> bool:
-    return effects.on == {"dead_time"} and effects.dead_time.has_law
 
 
 def _at(pixels: AnalogPixels | None, places: tuple[Places, ...]) -> AnalogPixels | None:
@@ -192,5 +188,5 @@ def _laws(blocks: range, exposure_s: float, effects: AvalancheEffects) -> LawTab
     reach = reach_of_events(*moments)
     if (reach[1] - reach[0]).max(initial=0) * arrivals.size > _LARGEST_TABLE:
         return None
-    law = event_law(arrivals, moments, exposure_s, effects, reach, _has_law(effects))
+    law = event_law(arrivals, moments, exposure_s, effects, reach, effects.has_law)
     return LawTable.of(reach[0], law)
