@@ -43,6 +43,9 @@ class Animation(Footage):
         self.opened.close()
 
     def _numbers(self, index: int) -> NDArray[Any]:
+        if self.first + index < self.image.tell():  # Pillow cannot always go back in APNG
+            self.opened.close()
+            self.image = self.opened.enter_context(opened_picture(self.path))
         with readable(self.path):
             codes, is_transparent = _frame(self.image, self.first + index)
         if is_transparent:

@@ -36,7 +36,7 @@ class FilmReader:
     """What decodes: `stamps` are the times of all frames, in units of the stream, increasing."""
 
     def __init__(self, path: Path) -> None:
-        self._path = path
+        self._path, self._is_avi = path, DEMUXERS[path.suffix.lower()] == "avi"
         self._file: BinaryIO | None = None
         self._open()
         try:
@@ -158,23 +158,22 @@ class FilmReader:
     def _survey(self) -> None:
         packets = [_told_packet(self._path, each) for each in self._container.demux(self._stream)]
         shown = [each for each in packets if each.is_shown]
-        self._check_whole(len(packets), len(shown))
-        stamps = [each.stamp for each in shown]
+        self._check_whole(len(packets) - 1, len(shown))  # the last one ends the film
         # AVI has no times of pictures that are decoded in another order than shown.
-        self._counts = None in stamps or self._container.format.name == "avi"
-        self.stamps: Ints = np.unique(
-            self._even(len(shown)) if None in stamps else np.array(stamps, np.int64)
-        )
-        keys = [each.stamp for each in shown if each.is_key and each.stamp is not None]
-        found = np.searchsorted(self.stamps, np.array(keys, np.int64))
-        self._keys: Ints = np.array([0]) if self._counts else np.union1d([0], found)
+        self._counts = any(p.shown_at is None for p in shown) or self._is_avi
+        stamps = [p.decoded_at if self._counts else p.shown_at for p in shown]
+        known = [each for each in stamps if each is not None]
+        self.stamps: Ints = np.unique(known) if len(known) == len(shown) else self._even(len(shown))
+        keys = [p.shown_at for p in shown if p.is_key and not self._counts]
+        self._keys: Ints = np.union1d([0], np.searchsorted(self.stamps, np.array(keys, np.int64)))
 
     def _check_whole(self, packets: int, shown: int) -> None:
         if not shown:
             raise DamagedFileError(f"{self._path} has no frame that can be read; {MEND}")
-        if packets < self._stream.frames:
+        stated = 0 if self._is_avi else self._stream.frames  # AVI counts those that are left out
+        if packets < stated:
             raise DamagedFileError(
-                f"{self._path} ends too early, with {packets} of {self._stream.frames} frames; {MEND}"
+                f"{self._path} ends too early, with {packets} of {stated} frames; {MEND}"
             )
 
     def _even(self, count: int) -> Ints:
@@ -185,7 +184,8 @@ class FilmReader:
 
 
 class _Packet(NamedTuple):
-    stamp: int | None
+    shown_at: int | None
+    decoded_at: int | None
     is_key: bool
     is_shown: bool
 
@@ -199,7 +199,8 @@ def _told_packet(path: Path, packet: Any) -> _Packet:
     is_hidden = packet.is_discard
     if packet.size and packet.stream.codec_context.name == "vp8":
         is_hidden |= not bytes(packet)[0] & 0x10  # a frame that only others are predicted from
-    return _Packet(packet.pts, packet.is_keyframe, bool(packet.size) and not is_hidden)
+    is_shown = bool(packet.size) and not is_hidden
+    return _Packet(packet.pts, packet.dts, packet.is_keyframe, is_shown)
 
 
 @contextmanager

@@ -4,7 +4,12 @@ import av
 import numpy as np
 import pytest
 
-LOSSLESS = {"libx264": {"qp": "0"}, "libvpx-vp9": {"lossless": "1"}, "ffv1": {}, "mpeg4": {"qscale": "1"}}
+LOSSLESS = {
+    "libx264": {"qp": "0"},
+    "libvpx-vp9": {"lossless": "1"},
+    "ffv1": {},
+    "mpeg4": {"qscale": "1"},
+}
 
 
 def picture_of(planes, format, colors):
@@ -31,7 +36,9 @@ def film(tmp_path):
         height, width = np.shape(frames[0][0])
         with av.open(path, "w", container_options=more.pop("container", {})) as container:
             stream = container.add_stream(
-                codec, rate=more.pop("rate", 25), options={**LOSSLESS[codec], **more.pop("options", {})}
+                codec,
+                rate=more.pop("rate", 25),
+                options={**LOSSLESS[codec], **more.pop("options", {})},
             )
             stream.width, stream.height, stream.pix_fmt = width, height, format
             stream.codec_context.time_base = Fraction(1, 1000)

@@ -39,7 +39,12 @@ TRANSFERS = {
     8: ("linear", lambda v: v),
     13: ("sRGB", lambda v: ((v + 0.055) / 1.055) ** 2.4),
     16: ("PQ", pq),
-    18: ("HLG", lambda v: v**2 / 3 if v <= 0.5 else (np.exp((v - 0.55991073) / 0.17883277) + 0.28466892) / 12),
+    18: (
+        "HLG",
+        lambda v: (
+            v**2 / 3 if v <= 0.5 else (np.exp((v - 0.55991073) / 0.17883277) + 0.28466892) / 12
+        ),
+    ),
 }
 
 
@@ -73,7 +78,9 @@ def test_range_of_8_bits(film, code, range_, expected):
         assert footage.saturated(0) == (expected == 1)
 
 
-@pytest.mark.parametrize(("matrix", "kr", "kb"), [(1, 0.2126, 0.0722), (5, 0.299, 0.114), (9, 0.2627, 0.0593)])
+@pytest.mark.parametrize(
+    ("matrix", "kr", "kb"), [(1, 0.2126, 0.0722), (5, 0.299, 0.114), (9, 0.2627, 0.0593)]
+)
 @pytest.mark.parametrize("bits", [8, 10])
 def test_color_by_the_matrix_that_is_stated(film, matrix, kr, kb, bits):
     scale = 1 << (bits - 8)
@@ -84,7 +91,9 @@ def test_color_by_the_matrix_that_is_stated(film, matrix, kr, kb, bits):
     red, blue = y + 2 * (1 - kr) * v, y + 2 * (1 - kb) * u
     green = (y - kr * red - kb * blue) / (1 - kr - kb)
     with open_footage(path) as footage:
-        np.testing.assert_allclose(footage.mean(0), [red, green, blue], atol=0.5 / 255 if bits == 8 else 1e-4)
+        np.testing.assert_allclose(
+            footage.mean(0), [red, green, blue], atol=0.5 / 255 if bits == 8 else 1e-4
+        )
 
 
 def test_rows_tell_a_matrix_that_is_not_stated(film):
@@ -108,22 +117,39 @@ def test_primaries_of_bt2020_become_those_of_bt709(film):
     expected = np.maximum(np.array(matrix) @ np.clip([red, green, blue], 0, 1), 0)
     with open_footage(path) as footage:
         np.testing.assert_allclose(footage.frame(0)[5, 5], expected, atol=3e-4)
-        np.testing.assert_allclose(footage.mean(0), footage.frame(0).mean((0, 1)), rtol=1e-5)
+        np.testing.assert_allclose(
+            footage.mean(0), footage.frame(0).mean((0, 1), dtype=float), rtol=1e-6
+        )
         assert any("BT.2020" in note for note in footage.notes)
 
 
-@pytest.mark.parametrize(("format", "codec", "name"), [("yuv420p10le", "libx264", "a.mp4"), ("yuv444p12le", "ffv1", "a.mkv")])
+@pytest.mark.parametrize(
+    ("format", "codec", "name"),
+    [("yuv420p10le", "libx264", "a.mp4"), ("yuv444p12le", "ffv1", "a.mkv")],
+)
 def test_all_bits_are_kept(film, format, codec, name):
     bits = 10 if "10" in format else 12
     codes = np.repeat(np.arange(32) + (500 << (bits - 10)), 2)[None].repeat(48, 0)
-    path = film([(codes, 1 << (bits - 1), 1 << (bits - 1))], name, codec, format, colors=BT709 | {"color_trc": 8})
+    path = film(
+        [(codes, 1 << (bits - 1), 1 << (bits - 1))],
+        name,
+        codec,
+        format,
+        colors=BT709 | {"color_trc": 8},
+    )
     with open_footage(path) as footage:
         expected = (codes - (64 << (bits - 10))) / (876 << (bits - 10))
         np.testing.assert_allclose(footage.frame(0)[..., 1], expected, atol=2e-5)
 
 
 def test_a_film_of_gray_keeps_its_range(film):
-    path = film([(np.full((48, 64), 126),)], "gray.mkv", "ffv1", "gray", colors={"color_range": 1, "color_trc": 8})
+    path = film(
+        [(np.full((48, 64), 126),)],
+        "gray.mkv",
+        "ffv1",
+        "gray",
+        colors={"color_range": 1, "color_trc": 8},
+    )
     with open_footage(path) as footage:
         np.testing.assert_allclose(footage.frame(0), 110 / 219, atol=1e-6)
 
@@ -182,7 +208,11 @@ def test_what_is_no_film_is_refused(tmp_path, film, capfd):
     whole = film(moving(20), container={"movflags": "faststart"}).read_bytes()
     for name, content, said in (
         ("text.mp4", b"hello\n" * 100, "cannot be read as a video"),
-        ("list.mp4", b"#EXTM3U\n#EXTINF:10,\nfilm.mp4\n#EXT-X-ENDLIST\n", "cannot be read as a video"),
+        (
+            "list.mp4",
+            b"#EXTM3U\n#EXTINF:10,\nfilm.mp4\n#EXT-X-ENDLIST\n",
+            "cannot be read as a video",
+        ),
         ("empty.mp4", b"", "is empty"),
         ("cut.mp4", whole[: len(whole) * 2 // 3], "ends too early"),
         ("headless.mp4", whole[40:], "cannot be read as a video"),
@@ -240,7 +270,9 @@ with open_footage(Path(sys.argv[1])) as footage:
         peaks.append(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
 print(peaks[-1] - peaks[40])
 """
-    grown = subprocess.run([sys.executable, "-c", code, str(path)], capture_output=True, text=True, check=True)
+    grown = subprocess.run(
+        [sys.executable, "-c", code, str(path)], capture_output=True, text=True, check=True
+    )
     assert int(grown.stdout) < 10_000  # KiB; a frame of light has 3600
 
 
