@@ -28,6 +28,7 @@ _EXTRAS = {
     **dict.fromkeys(("mitsuba", "drjit", "OpenEXR", "trimesh"), "render"),
     **dict.fromkeys(("dask", "distributed"), "cluster"),
     **dict.fromkeys(("serial", "cobs"), "camera"),
+    "av": "video",
     "torch": "torch",
     "onnxruntime": "onnx",
 }
