@@ -137,7 +137,11 @@ class FilmReader:
         try:
             with _told(path):
                 self._container: Any = av.open(
-                    self._file, "r", format=DEMUXERS[path.suffix.lower()], buffer_size=2**20
+                    self._file,
+                    "r",
+                    format=DEMUXERS[path.suffix.lower()],
+                    buffer_size=2**20,
+                    metadata_errors="replace",  # titles may be in any encoding
                 )
                 self._stream = self._film()
                 self._stream.thread_type = "AUTO"

@@ -222,6 +222,15 @@ def test_what_is_no_film_is_refused(tmp_path, film, capfd):
     assert capfd.readouterr() == ("", "")
 
 
+def test_a_title_in_another_encoding_does_no_harm(film):
+    path = film(moving(2))
+    content = path.read_bytes()
+    assert b"Lavf" in content
+    path.write_bytes(content.replace(b"Lavf", b"L\xe4vf"))
+    with open_footage(path) as footage:
+        assert len(footage) == 2
+
+
 def test_an_encrypted_film_is_refused(film):
     key = {
         "encryption_scheme": "cenc-aes-ctr",
