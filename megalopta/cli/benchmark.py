@@ -71,7 +71,7 @@ def _numbers(text: str) -> tuple[float, ...]:
     ),
     option(
         "--pairs",
-        "of a folder, at most so many pairs, evenly spread (default: 20)",
+        "of a folder or a video, at most so many pairs, evenly spread (default: 20)",
         type=at_least(1),
         default=20,
         metavar="N",
