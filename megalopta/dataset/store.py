@@ -8,6 +8,7 @@ training/flow|occlusions|invalid|depth|camdata_left/SEQ/
 radiance|truth/SEQ/          EXR, every frame at its instant
 radiance_shutter/SEQ/        EXR, the same frames blurred and rolling, where a shutter is set
 truth_shutter/SEQ/           EXR, truth of every row at its own time, where rows are read out
+pictures/SEQ/                of pictures in place of EXR and truth: the file, or a folder of files
 counts/SEQ/SENSOR-LEVEL.zarr, and other products beside it (docs/file-formats.md)
 results/SEQ/                 detector responses, errors, photon benchmark
 """
@@ -61,6 +62,14 @@ class Dataset:
     def home(self) -> Path:
         """The folder that the user knows: what is made again stands in one inside it."""
         return self.root.parent if self.root.name == REDO_FOLDER else self.root
+
+    def require_truth(self) -> None:
+        """Refuse, with UserError, a dataset of pictures, whose motion and depth nobody knows."""
+        if not self.configuration.scene.has_truth:
+            raise UserError(
+                f"{self.home}: made of pictures, whose true motion and depth are not known; give a "
+                "dataset of rendered frames"
+            )
 
     @property
     def record_path(self) -> Path:

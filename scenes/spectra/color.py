@@ -120,3 +120,11 @@ def primaries(light: Spectrum) -> tuple[Spectrum, Spectrum, Spectrum]:
     shares = red, not_blue - red, 1 - not_blue
     first, second, third = (Spectrum.of(_GRID_NM, values * share) for share in shares)
     return first, second, third
+
+
+def band_means(spectra: Sequence[Spectrum], bands_nm: Bands) -> Floats:
+    """Means (n, B) of n spectra over the bands."""
+    grids = [np.linspace(*band, 1025) for band in bands_nm]
+    return np.array(
+        [[np.trapezoid(s(grid), grid) / (grid[-1] - grid[0]) for grid in grids] for s in spectra]
+    )
