@@ -42,7 +42,6 @@ from megalopta.plotting.picture import write_csv
 from megalopta.render.footage import Footage, Unit, open_footage
 from megalopta.scenes.spectra.color import LUMINANCE_SHARES
 
-REFERENCE = "DIS"
 FROM_STAND_IN = {
     MEDIAN: "median_px_from_stand_in",
     MEAN: "mean_px_from_stand_in",
@@ -92,9 +91,9 @@ def pairs_without_truth(
 def distances_of_pairs(
     pairs: Mapping[str, tuple[_Light, _Light]],
     fluxes: Sequence[float],
+    reference: Method,
     methods: Sequence[Method] | None = None,
     draws: int = 1,
-    reference: Method = REFERENCE,
 ) -> Board:
     """Return how far methods, by default all that do with two frames, are from both.
 

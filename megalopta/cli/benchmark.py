@@ -127,11 +127,11 @@ def _pairs_without_truth(options: Namespace) -> None:
     from megalopta.benchmark.methods import BLOCK_PX, block_detector
     from megalopta.benchmark.whole_frames import MEAN
 
-    reference = options.reference or without_truth.REFERENCE
+    reference = options.reference or _REFERENCE
     with ExitStack() as stack:
         pairs = without_truth.pairs_without_truth(stack, options.paths, options.pairs, options.unit)
         choices = _methods_and_draws(options, len(pairs))
-        found = without_truth.distances_of_pairs(pairs, options.photons, *choices, reference)
+        found = without_truth.distances_of_pairs(pairs, options.photons, reference, *choices)
     without_truth.write_distances(options.out, found, reference)
     name = block_detector(reference).name
     print(
