@@ -30,6 +30,8 @@ _EXTRAS = {
     **dict.fromkeys(("serial", "cobs"), "camera"),
     "torch": "torch",
     "onnxruntime": "onnx",
+    "av": "video",
+    "rerun": "rerun",
 }
 """Which extra installs a package."""
 

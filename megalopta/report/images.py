@@ -24,7 +24,7 @@ _COLORS = 96
 _ID_COLORS = 89
 _RGB_BITS = 6
 _LEGEND_STEPS = 128
-_GAP, _LINE = 6, 18
+_GAP = 6
 """Of a sheet (px)"""
 
 ORANGE = (230, 97, 0)
@@ -143,13 +143,17 @@ def still(picture: Image.Image, title: str, alt: str, note: str = "") -> Markup:
     return captioned(shown, title)
 
 
-def write_sheet(path: Path, rows: Sequence[Sequence[tuple[str, Image.Image]]]) -> None:
-    """Write pictures in rows, each with its title below it, as one PNG of few colors or JPEG."""
-    lines = [_LINE if any(title for title, _ in row) else 0 for row in rows]
+def sheet(
+    rows: Sequence[Sequence[tuple[str, Image.Image]]], letters_px: int = 12, footer: str = ""
+) -> Image.Image:
+    """Return pictures in rows, each with its title below it, as one; a footer is below all."""
+    line_px = letters_px * 3 // 2
+    lines = [line_px if any(title for title, _ in row) else 0 for row in rows]
     heights = [max(each.height for _, each in row) + _GAP for row in rows]
     width = max(sum(each.width + _GAP for _, each in row) for row in rows) + _GAP
-    sheet = Image.new("RGB", (width, sum(lines) + sum(heights) + _GAP), "white")
-    draw, font, top = ImageDraw.Draw(sheet), ImageFont.load_default(12), _GAP
+    below = line_px if footer else 0
+    sheet = Image.new("RGB", (width, sum(lines) + sum(heights) + _GAP + below), "white")
+    draw, font, top = ImageDraw.Draw(sheet), ImageFont.load_default(letters_px), _GAP
     for row, line, height in zip(rows, lines, heights, strict=True):
         left = _GAP
         for title, picture in row:
@@ -158,11 +162,18 @@ def write_sheet(path: Path, rows: Sequence[Sequence[tuple[str, Image.Image]]]) -
             draw.text((left, top + picture.height + 1), " ".join(title.split()), "black", font)
             left += picture.width + _GAP
         top += line + height
+    draw.text((_GAP, top), footer, "black", font)
+    return sheet
+
+
+def write_sheet(path: Path, rows: Sequence[Sequence[tuple[str, Image.Image]]]) -> None:
+    """Write pictures in rows with their titles, as one PNG of few colors or JPEG."""
+    drawn = sheet(rows)
     with atomic_write(path) as temporary:
         if path.suffix == ".png":
-            sheet.quantize(256).save(temporary, "PNG", optimize=True)
+            drawn.quantize(256).save(temporary, "PNG", optimize=True)
         else:
-            sheet.save(temporary, "JPEG", quality=88)
+            drawn.save(temporary, "JPEG", quality=88)
 
 
 def data_uri(picture: Image.Image) -> str:

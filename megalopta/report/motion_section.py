@@ -16,7 +16,7 @@ from megalopta.report.source import Report
 _WHEEL_PX = 96
 _SPEED_BINS = 48
 _BACKDROP_GRAY = 0.35
-_COLORS = Markup(
+COLORS = Markup(
     "<b>Motion as color.</b> The hue is the direction: red to the right, yellow down, cyan left, "
     "violet up. White is rest; the full color of the rim is {:.2g} pixels per frame; darker is "
     "faster still; gray is undefined."
@@ -40,7 +40,7 @@ def motion_section(report: Report) -> Section:
         f"speed of the image is {report.median_speed:.2g} pixels per frame; "
         f"{percent(float(hidden))} of it is hidden in the next frame behind something nearer.",
         body=block("strip", *films)
-        + block("pair", block("", wheel(_COLORS.format(report.fastest)), guide), chart),
+        + block("pair", block("", wheel(COLORS.format(report.fastest)), guide), chart),
         name="motion",
         link="True motion",
     )

@@ -112,16 +112,35 @@ class Selection:
 def select(configuration: Configuration) -> Selection:
     """Choose what is shown of a sequence."""
     height, width = configuration.camera.height, configuration.camera.width
-    step = math.ceil(max(height, width) / _LONGEST_SIDE_PX)
     films = len(configuration.sensors) * len(configuration.light_levels) + _OTHER_FILMS
-    most = min(
-        _MOST_FRAMES,
-        _MOST_PIXELS_READ // (height * width),
-        _MOST_PIXELS_SHOWN * step**2 // (height * width * films),
-    )
-    candidates = configuration.trajectory.frames - 1
-    count = min(candidates, max(most, 1))
-    return Selection(tuple(index * candidates // count for index in range(count)), step)
+    most = min(_MOST_FRAMES, _MOST_PIXELS_READ // (height * width))
+    candidates = range(configuration.trajectory.frames - 1)
+    return selection(candidates, (height, width), films, _LONGEST_SIDE_PX, most)
+
+
+def selection(
+    frames: range, shape: tuple[int, int], films: int, longest_px: int, most_frames: int
+) -> Selection:
+    """Choose of frames and of their pixels what fits a page that shows so many films."""
+    step = math.ceil(max(shape) / longest_px)
+    fitting = _MOST_PIXELS_SHOWN * step**2 // (math.prod(shape) * films)
+    return Selection(spread(frames, max(min(most_frames, fitting), 1)), step)
+
+
+def spread(frames: range, most: int) -> tuple[int, ...]:
+    """Return at most so many of the frames, spread evenly, the first among them."""
+    count = min(len(frames), most)
+    return tuple(frames[index * len(frames) // count] for index in range(count))
+
+
+def frame_label(frame: int, times_s: NDArray[np.float64] | None, summed: int = 1) -> str:
+    """Return which frame is shown, or how many from it on are summed, and its time if known."""
+    name = f"frame {frame + 1}" if summed == 1 else f"frames {frame + 1} to {frame + summed}"
+    if times_s is None:
+        return name
+    period = float(times_s[-1] - times_s[0]) / max(len(times_s) - 1, 1)
+    decimals = max(2, math.ceil(-math.log10(period))) if period > 0 else 2
+    return f"{name} · {times_s[frame]:.{decimals}f} s"
 
 
 # Pixels between these percentiles are drawn as the spread of the signal-to-noise ratio.
@@ -219,7 +238,7 @@ def _budget(
     )
 
 
-_PLAYBACK_HZ = (2.0, 25.0)
+PLAYBACK_HZ = (2.0, 25.0)
 """Faster than this, or slower, a film cannot be followed."""
 _FASTEST_PERCENT = 99.0
 _SMALLEST_SPEED = 1e-3
@@ -323,17 +342,18 @@ class Report:
         """Return how the films of the page are shown, which follow one slider."""
         trajectory, camera = self.settings.trajectory, self.settings.camera
         frames, step = self.selection.frames, self.selection.step
-        slowest, fastest = _PLAYBACK_HZ
+        slowest, fastest = PLAYBACK_HZ
         shown_hz = trajectory.frame_rate_hz * len(frames) / trajectory.frames
         previews = [rgb_picture(each[::step, ::step]) for each in self.previews]
         note = "The rendered light as a well-lit eye would see it."
         if min(self.settings.render.bands_nm)[0] >= _RED_END_NM:
             note = "The rendered light, the mean of its bands in gray: no eye sees it."
+        times = trajectory.times_s
         return {
-            "frames": frames,
+            "labels": [frame_label(each, times) for each in frames],
             "start": frames.index(self.frame),
             "playback_hz": min(max(shown_hz, slowest), fastest),
-            "frame_rate_hz": trajectory.frame_rate_hz,
+            "choices": (),
             "aspect": f"{camera.width}/{camera.height}",
             "radiance": data_uri(film_strip(previews)),
             "note": note,

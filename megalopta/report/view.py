@@ -1,0 +1,200 @@
+"""`megalopta view`: a film and a page of a dataset, a recording, or a file of frames or events."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from markupsafe import Markup
+
+from megalopta.core.progress import Advance, progress
+from megalopta.dataset.layout import is_of_many
+from megalopta.generation.versions import versions
+from megalopta.plotting.sections import Section, block, write_sections
+from megalopta.plotting.text import number
+from megalopta.report.dataset_card import SHOWN, write_contact_sheet
+from megalopta.report.film import Moment, write_film
+from megalopta.report.images import film
+from megalopta.report.motion_section import COLORS, wheel
+from megalopta.report.panels import Panel
+from megalopta.report.readings import Treatment, read_mask
+from megalopta.report.rerun_log import write_rrd
+from megalopta.report.seen import Exposed, Seen, seen
+from megalopta.report.source import PLAYBACK_HZ, Selection, frame_label, selection, spread
+from megalopta.sensor.formats.reading import FrameKind
+
+_LONGEST_SIDE_PX = 320
+_PAGE_FRAMES, _FILM_FRAMES = 60, 300
+_OTHER_FILMS = 4
+"""Of a page, besides those of every exposure"""
+_MOST_EXPOSURES = 4
+"""Of a film"""
+_UNTIMED_HZ = 12.0
+"""Of frames that are not known to be of any time"""
+
+
+@dataclass(frozen=True, eq=False)
+class Asked:
+    """What is asked for of a view."""
+
+    summed: int = 1
+    """Frames that are added up"""
+    is_inverted: bool = False
+    """Whether the sensor's response is inverted"""
+    bad_pixels: Path | None = None
+    """A .npy file, true where a pixel is bad"""
+    fps: float | None = None
+    """Frames a second; by default as in life, where that can be followed"""
+    kind: FrameKind | None = None
+    """Format of a file that does not say it"""
+    with_rerun: bool = False
+    """Whether view.rrd is written for the Rerun viewer"""
+
+
+def view(thing: str | Path, out: str | Path = "out/view", asked: Asked | None = None) -> list[Path]:
+    """Write film.mp4, film.gif and view.html of a thing into a folder; return their paths.
+
+    The thing is a dataset, of one sequence or of many, of which a contact sheet is written instead,
+    a recording, or a file or folder of frames or events. film.mp4 needs PyAV (extra `video`),
+    view.rrd the Rerun SDK (extra `rerun`).
+
+    Raises UserError where it is none of these, is damaged, or cannot be shown as asked.
+    """
+    thing, folder, asked = Path(thing), Path(out), asked or Asked()
+    if is_of_many(thing):
+        return [write_contact_sheet(thing, SHOWN, folder)]
+    bad = read_mask(asked.bad_pixels) if asked.bad_pixels else None
+    found = seen(thing, Treatment(asked.summed, asked.is_inverted, bad), asked.kind)
+    written = [write_rrd(folder / "view.rrd", found)] if asked.with_rerun else []
+    page = _page(found, folder / "view.html", asked.fps)
+    return [*_film(found, folder, asked.fps), page, *written]
+
+
+def _film(found: Seen, folder: Path, fps: float | None) -> list[Path]:
+    frames, panels = spread(found.frames, _FILM_FRAMES), _in_film(found)
+    notes = dict.fromkeys(each.note for _, each in panels if each.note)
+    with progress("Drawing the film", len(frames), "frame") as advance:
+
+        def moments() -> Iterator[Moment]:
+            for frame in frames:
+                told = frame_label(frame, found.times_s, found.treatment.summed)
+                pictures = [(label, each.picture(frame)) for label, each in panels]
+                yield Moment(", ".join([told, *notes]), pictures)
+                advance()
+
+        return write_film(folder, moments, len(frames), _rate(found, len(frames), fps))
+
+
+def _in_film(found: Seen) -> list[tuple[str, Panel]]:
+    """Return labels and panels: few exposures, from the brightest on, and one method's flow."""
+    sensors, levels = _choices(found)
+    own = [each for each in found.exposed if len(levels) == 1 or each.sensor == sensors[0]][::-1]
+    last, most = len(own) - 1, min(len(own), _MOST_EXPOSURES)
+    chosen = [own[round(index * last / max(most - 1, 1))] for index in range(most)]
+    panels = [(found.light, None), *((each.readings, each) for each in chosen)]
+    panels += [*((each.flow, each) for each in chosen[:1]), (found.truth, None)]
+    return [(_named(panel, each), panel) for panel, each in panels if panel]
+
+
+def _named(panel: Panel, of: Exposed | None) -> str:
+    return ", ".join(filter(None, (panel.name, of and of.sensor, of and of.level)))
+
+
+def _rate(found: Seen, shown: int, fps: float | None) -> float:
+    """Return frames a second, so many of those that can be shown."""
+    if fps or found.rate_hz is None:
+        return fps or _UNTIMED_HZ
+    slowest, fastest = PLAYBACK_HZ
+    return min(max(found.rate_hz * shown / len(found.frames), slowest), fastest)
+
+
+def _page(found: Seen, path: Path, fps: float | None) -> Path:
+    films = _OTHER_FILMS + 2 * len(found.exposed)
+    chosen = selection(found.frames, found.shape, films, _LONGEST_SIDE_PX, _PAGE_FRAMES)
+    panels = 2 + sum(1 + (each.flow is not None) for each in found.exposed)
+    with progress("Drawing the page", panels, "panel") as advance:
+        shown = list(_panels(found, chosen, advance))
+    legend = wheel(COLORS.format(found.rim)) if found.rim else Markup("")
+    section = Section("Side by side", body=block("panels", *shown) + legend)
+    playback_hz = _rate(found, len(chosen.frames), fps)
+    write_sections(
+        path,
+        found.title,
+        " ".join([found.summary, found.treatment.told(), _speed(found, chosen, playback_hz)]),
+        [section],
+        film=_transport(found, chosen, playback_hz),
+        footer=_left_out(found, chosen),
+    )
+    return path
+
+
+def _panels(found: Seen, chosen: Selection, advance: Advance) -> Iterator[Markup]:
+    def drawn(panel: Panel) -> Markup:
+        pictures = [panel.picture(each) for each in chosen.frames]
+        advance()
+        return film(pictures, panel.name, f"{panel.name}: {panel.told}", panel.legend)
+
+    if found.light:
+        yield block("", drawn(found.light))
+    for kind in ("readings", "flow"):
+        for each in found.exposed:
+            if panel := getattr(each, kind):
+                yield _of_choice(found, each, drawn(panel))
+    if found.truth:
+        yield block("", drawn(found.truth))
+
+
+def _of_choice(found: Seen, each: Exposed, inside: Markup) -> Markup:
+    """Return what is shown only where its sensor and light are chosen."""
+    sensors, levels = _choices(found)
+    places = sensors.index(each.sensor), levels.index(each.level)
+    is_first = places == (0, len(levels) - 1)
+    return Markup('<div class="chosen" data-sensor="{}" data-level="{}"{}>{}</div>').format(
+        *places, "" if is_first else Markup(" hidden"), inside
+    )
+
+
+def _choices(found: Seen) -> tuple[list[str], list[str]]:
+    """Return names of sensors, and of light levels from the darkest on."""
+    sensors = dict.fromkeys(each.sensor for each in found.exposed)
+    return list(sensors), list(dict.fromkeys(each.level for each in found.exposed))
+
+
+def _transport(found: Seen, chosen: Selection, playback_hz: float) -> dict[str, Any]:
+    """Return how the films of the page are moved, and which are shown."""
+    sensors, levels = _choices(found)
+    summed = found.treatment.summed
+    choices = (
+        {"title": "sensor", "name": "sensor", "texts": sensors, "is_slider": False, "start": 0},
+        {
+            **{"title": "light", "name": "level", "texts": levels},
+            **{"is_slider": True, "start": len(levels) - 1},
+        },
+    )
+    return {
+        "labels": [frame_label(each, found.times_s, summed) for each in chosen.frames],
+        "start": len(chosen.frames) // 2,
+        "playback_hz": playback_hz,
+        "choices": [each for each in choices if len(each["texts"]) > 1],
+        "aspect": f"{found.shape[1]}/{found.shape[0]}",
+        "radiance": "",
+        "note": "",
+    }
+
+
+def _speed(found: Seen, chosen: Selection, playback_hz: float) -> str:
+    if found.rate_hz is None:
+        return ""
+    slower = found.rate_hz * len(chosen.frames) / len(found.frames) / playback_hz
+    if abs(slower - 1) < 0.02:
+        return "It plays as fast as life."
+    if slower > 1:
+        return f"It plays {number(slower)} times slower than life."
+    return f"It plays {number(1 / slower)} times faster than life."
+
+
+def _left_out(found: Seen, chosen: Selection) -> str:
+    step, shown, total = chosen.step, len(chosen.frames), len(found.frames)
+    pixels = "all pixels" if step == 1 else f"one of {step} × {step} pixels"
+    moments = f"all {total} moments" if shown == total else f"{shown} of {total} moments"
+    return f"Written by megalopta {versions()['megalopta']}. Shown are {pixels} and {moments}."
