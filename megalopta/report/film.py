@@ -19,14 +19,16 @@ from megalopta.report.images import sheet
 
 _MP4_PX, _GIF_PX = 1280, 640
 """Width of a film, about"""
+_PANEL_PX = 480
+"""Of a panel, at most"""
 _IN_ONE_ROW = 4
-_GIF_COLORS = 64
+_GIF_COLORS = 256
 _GIF_FRAMES = 60
 _GIF_BYTES = 4_000_000
 _FEWEST = 8
 """Frames of a GIF that are left, however large it is"""
 _FASTEST_GIF_MS = 20
-_CODECS = {"libx264": {"crf": "18", "preset": "medium"}, "mpeg4": {"qscale": "2"}}
+_CODECS = {"libx264": {"crf": "20", "preset": "veryfast"}, "mpeg4": {"qscale": "3"}}
 """Of MP4, the better first, and how each is asked for a good picture"""
 
 
@@ -67,7 +69,8 @@ def composed(moment: Moment, width_px: int, letters_px: int) -> Image.Image:
     """
     count = len(moment.pictures)
     columns = count if count <= _IN_ONE_ROW else math.ceil(count / 2)
-    drawn = [(label, magnified(each, width_px // columns)) for label, each in moment.pictures]
+    panel_px = min(width_px // columns, _PANEL_PX)
+    drawn = [(label, magnified(each, panel_px)) for label, each in moment.pictures]
     rows = [drawn[first : first + columns] for first in range(0, count, columns)]
     return sheet(rows, letters_px, moment.told)
 

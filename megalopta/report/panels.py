@@ -72,7 +72,8 @@ def readings_panel(readings: Readings, frames: range, step: int) -> Panel:
     scale = gray_scale(white)
 
     def picture(frame: int) -> Image.Image:
-        values, full = (each[::step, ::step] for each in readings.frame(frame))
+        values, full = readings.frame(frame)
+        values, full = values[::step, ::step], full[::step, ::step]
         return _colored(values, scale) if values.ndim > 2 else scale.picture(values, full)
 
     is_full = any(full.any() for _, full in sampled)
@@ -82,7 +83,7 @@ def readings_panel(readings: Readings, frames: range, step: int) -> Panel:
         f"black 0, white {number(white)} {unit}",
         picture,
         scale.legend("0", f"≥ {short(white)} {unit}", "full" if is_full else ""),
-        "orange: full" if is_full else "",
+        "orange: full pixels" if is_full else "",
     )
 
 
@@ -150,7 +151,7 @@ def best_method(records: Iterable[FlowRecord]) -> str | None:
     """
 
     def error(record: FlowRecord) -> float:
-        found = record.truth and record.truth.counts.relative_error_median
+        found = record.truth.counts.relative_error_median if record.truth else None
         return np.inf if found is None else found
 
     able = [each for each in records if METHODS[each.method].gives == "velocity"]

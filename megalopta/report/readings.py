@@ -46,8 +46,8 @@ class Treatment:
             said.append(f"Readings are sums of {self.summed} frames.")
         if self.is_inverted:
             said.append(
-                "The sensor's response is inverted: gray is the mean number of detections of a "
-                "frame that nothing was lost of, dark counts included; full pixels are orange."
+                "The sensor's response is inverted: gray is the mean number of detections in a "
+                "frame if none were lost, dark counts included; full pixels are orange."
             )
         if self.bad is not None:
             said.append(f"{int(self.bad.sum())} bad pixels are the mean of their good neighbors.")
@@ -78,7 +78,7 @@ class Readings:
     def frame(self, number: int) -> tuple[Floats, Mask]:
         """Return what is shown from a frame on, and which pixels were full, (H, W) or (H, W, 3)."""
         counts, full = self.read(slice(number, number + self.treatment.summed))
-        values, is_full = counts.sum(axis=0, dtype=np.float64), full.any(axis=0)
+        values, is_full = counts.sum(axis=0, dtype=np.float64), np.asarray(full.any(axis=0))
         if self.treatment.is_inverted:
             values, is_full = self._inverted(counts, is_full)
         if self.treatment.bad is None:
@@ -110,6 +110,8 @@ def readings_of(path: Path, kind: FrameKind | None = None) -> Readings:
 
     Raises UserError where there are none, or they are damaged.
     """
+    if not path.is_file() and not is_recording(path) and not any(path.glob("*.bin")):
+        raise UserError(f"{path}: no dataset, recording, or file of frames or events; give one")
     try:
         if is_recording(path):
             return _recorded(path)
@@ -122,8 +124,10 @@ def readings_of(path: Path, kind: FrameKind | None = None) -> Readings:
 
 def read_mask(path: Path) -> Mask:
     """Return the mask of bad pixels of a .npy file, true where bad, (H, W). Raises UserError."""
-    with refused_as("--bad-pixels"):
-        content = io.BytesIO(file_content(path, "the mask"))
+    try:
+        content = io.BytesIO(file_content(path, "--bad-pixels"))
+    except ValueError as problem:
+        raise UserError(str(problem)) from None
     try:
         mask = np.lib.format.read_array(content, allow_pickle=False)
     except Exception:  # a damaged header can raise anything
@@ -191,7 +195,9 @@ def _of_frames(path: Path, kind: FrameKind | None) -> Readings:
     times_s = None
     if first.exposure_s is not None:
         times_s = first.exposure_s * np.arange(first.total, dtype=np.float64)
-    return Readings((first.total, *shape), read, is_binary=first.bit_depth == 1, times_s=times_s)
+    is_binary = first.bit_depth == 1
+    unit = "detections" if is_binary else "counts"
+    return Readings((first.total, *shape), read, unit, is_binary=is_binary, times_s=times_s)
 
 
 def _of_events(path: Path) -> Readings:

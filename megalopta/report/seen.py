@@ -126,9 +126,10 @@ class _Shown:
         self.has_truth = getattr(settings.scene, "has_truth", True)
         if self.has_truth:
             ledger.require("render")
-        pairs = settings.exposures if "sense" in ledger.finished() else ()
+        finished = ledger.finished()
+        pairs = settings.exposures if "sense" in finished else ()
         self.pairs = sorted(pairs, key=lambda pair: illuminance_of(pair[1]))
-        self.records = read_records(sequence.dataset) if "flow" in ledger.finished() else []
+        self.records = read_records(sequence.dataset) if "flow" in finished else []
         self.step = _step(sequence.shape)
         # the last frame has no successor, and so no motion
         last = len(sequence) - (len(sequence) > 1 and (self.has_truth or bool(self.records)))

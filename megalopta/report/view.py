@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from markupsafe import Markup
 
@@ -24,9 +24,9 @@ from megalopta.report.source import PLAYBACK_HZ, Selection, frame_label, selecti
 from megalopta.sensor.formats.reading import FrameKind
 
 _LONGEST_SIDE_PX = 320
-_PAGE_FRAMES, _FILM_FRAMES = 60, 300
-_OTHER_FILMS = 4
-"""Of a page, besides those of every exposure"""
+_PAGE_FRAMES, _FILM_FRAMES = 120, 300
+_STRIP_PX = 16_000
+"""Height of the frames of a page above each other, which browsers must be able to draw"""
 _MOST_EXPOSURES = 4
 """Of a film"""
 _UNTIMED_HZ = 12.0
@@ -51,6 +51,16 @@ class Asked:
     """Whether view.rrd is written for the Rerun viewer"""
 
 
+class Choice(NamedTuple):
+    """A control of the page: which of what is shown, a list or, of what is in order, a slider."""
+
+    name: str
+    title: str
+    texts: list[str]
+    is_slider: bool = False
+    """It begins at its end."""
+
+
 def view(thing: str | Path, out: str | Path = "out/view", asked: Asked | None = None) -> list[Path]:
     """Write film.mp4, film.gif and view.html of a thing into a folder; return their paths.
 
@@ -71,33 +81,36 @@ def view(thing: str | Path, out: str | Path = "out/view", asked: Asked | None = 
 
 
 def _film(found: Seen, folder: Path, fps: float | None) -> list[Path]:
-    frames, panels = spread(found.frames, _FILM_FRAMES), _in_film(found)
-    notes = dict.fromkeys(each.note for _, each in panels if each.note)
+    frames, (panels, notes) = spread(found.frames, _FILM_FRAMES), _in_film(found)
     with progress("Drawing the film", len(frames), "frame") as advance:
 
         def moments() -> Iterator[Moment]:
             for frame in frames:
                 told = frame_label(frame, found.times_s, found.treatment.summed)
                 pictures = [(label, each.picture(frame)) for label, each in panels]
-                yield Moment(", ".join([told, *notes]), pictures)
+                yield Moment(" · ".join([told, *notes]), pictures)
                 advance()
 
         return write_film(folder, moments, len(frames), _rate(found, len(frames), fps))
 
 
-def _in_film(found: Seen) -> list[tuple[str, Panel]]:
-    """Return labels and panels: few exposures, from the brightest on, and one method's flow."""
+def _in_film(found: Seen) -> tuple[list[tuple[str, Panel]], list[str]]:
+    """Return panels with labels, and what is said of all.
+
+    Of exposures there are few, from the brightest on: the first sensor's, or at one light level of
+    all sensors; of what was found, the motion in the brightest.
+    """
     sensors, levels = _choices(found)
-    own = [each for each in found.exposed if len(levels) == 1 or each.sensor == sensors[0]][::-1]
+    varied = "level" if len(levels) > 1 else "sensor"
+    own = [each for each in found.exposed if varied == "sensor" or each.sensor == sensors[0]][::-1]
     last, most = len(own) - 1, min(len(own), _MOST_EXPOSURES)
     chosen = [own[round(index * last / max(most - 1, 1))] for index in range(most)]
-    panels = [(found.light, None), *((each.readings, each) for each in chosen)]
-    panels += [*((each.flow, each) for each in chosen[:1]), (found.truth, None)]
-    return [(_named(panel, each), panel) for panel, each in panels if panel]
-
-
-def _named(panel: Panel, of: Exposed | None) -> str:
-    return ", ".join(filter(None, (panel.name, of and of.sensor, of and of.level)))
+    shown = [(found.light, ""), *((each.readings, getattr(each, varied)) for each in chosen)]
+    shown += [*((each.flow, getattr(each, varied)) for each in chosen[:1]), (found.truth, "")]
+    panels = [(f"{each.name}, {of}".rstrip(", "), each) for each, of in shown if each]
+    constant = (sensors if varied == "level" else levels)[:1]
+    notes = dict.fromkeys([*constant, *(each.note for _, each in panels)])
+    return panels, [note for note in notes if note]
 
 
 def _rate(found: Seen, shown: int, fps: float | None) -> float:
@@ -109,13 +122,18 @@ def _rate(found: Seen, shown: int, fps: float | None) -> float:
 
 
 def _page(found: Seen, path: Path, fps: float | None) -> Path:
-    films = _OTHER_FILMS + 2 * len(found.exposed)
-    chosen = selection(found.frames, found.shape, films, _LONGEST_SIDE_PX, _PAGE_FRAMES)
-    panels = 2 + sum(1 + (each.flow is not None) for each in found.exposed)
-    with progress("Drawing the page", panels, "panel") as advance:
+    films = len(found.exposed) + sum(2 for each in (found.light, found.truth) if each)
+    most = min(_PAGE_FRAMES, _STRIP_PX * found.step // found.shape[0])
+    chosen = selection(found.frames, found.shape, films, _LONGEST_SIDE_PX, most)
+    both = [*(each.readings for each in found.exposed), *(each.flow for each in found.exposed)]
+    panels = [each for each in (found.light, *both, found.truth) if each]
+    with progress("Drawing the page", len(panels), "panel") as advance:
         shown = list(_panels(found, chosen, advance))
     legend = wheel(COLORS.format(found.rim)) if found.rim else Markup("")
-    section = Section("Side by side", body=block("panels", *shown) + legend)
+    section = Section(
+        "Side by side" if len(panels) > 1 else "What was read",
+        body=block("panels", *shown) + legend,
+    )
     playback_hz = _rate(found, len(chosen.frames), fps)
     write_sections(
         path,
@@ -164,18 +182,12 @@ def _transport(found: Seen, chosen: Selection, playback_hz: float) -> dict[str, 
     """Return how the films of the page are moved, and which are shown."""
     sensors, levels = _choices(found)
     summed = found.treatment.summed
-    choices = (
-        {"title": "sensor", "name": "sensor", "texts": sensors, "is_slider": False, "start": 0},
-        {
-            **{"title": "light", "name": "level", "texts": levels},
-            **{"is_slider": True, "start": len(levels) - 1},
-        },
-    )
+    choices = Choice("sensor", "sensor", sensors), Choice("level", "light", levels, True)
     return {
         "labels": [frame_label(each, found.times_s, summed) for each in chosen.frames],
         "start": len(chosen.frames) // 2,
         "playback_hz": playback_hz,
-        "choices": [each for each in choices if len(each["texts"]) > 1],
+        "choices": [each for each in choices if len(each.texts) > 1],
         "aspect": f"{found.shape[1]}/{found.shape[0]}",
         "radiance": "",
         "note": "",
@@ -197,4 +209,7 @@ def _left_out(found: Seen, chosen: Selection) -> str:
     step, shown, total = chosen.step, len(chosen.frames), len(found.frames)
     pixels = "all pixels" if step == 1 else f"one of {step} × {step} pixels"
     moments = f"all {total} moments" if shown == total else f"{shown} of {total} moments"
-    return f"Written by megalopta {versions()['megalopta']}. Shown are {pixels} and {moments}."
+    film = min(total, _FILM_FRAMES)
+    more = f"; the film has {film}" if film > shown else ""
+    written = versions()["megalopta"]
+    return f"Written by megalopta {written}. Shown are {pixels} and {moments}{more}."
