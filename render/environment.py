@@ -26,7 +26,8 @@ from megalopta.render.settings import Bands
 from megalopta.render.surveys import Illuminance, LightSurvey
 from megalopta.scenes.cameras.base import Camera
 from megalopta.scenes.scene import Environment, Lighting, Scene, SkyPattern, Sun, pattern_directions
-from megalopta.scenes.spectra.spectrum import Spectrum, luminous, total
+from megalopta.scenes.spectra.color import band_means
+from megalopta.scenes.spectra.spectrum import luminous, total
 
 # Rows of points looked up at once, so that memory stays far below that of the directions.
 POINTS_AT_ONCE = 2**18
@@ -116,14 +117,6 @@ def cosine_directions(count: int) -> Image:
     radius, angle = np.sqrt((index + 0.5) / count), index * math.pi * (3 - math.sqrt(5))
     up = np.sqrt(1 - radius**2)
     return np.stack([radius * np.cos(angle), radius * np.sin(angle), up], -1).astype(np.float32)
-
-
-def band_means(spectra: tuple[Spectrum, Spectrum, Spectrum], bands_nm: Bands) -> Floats:
-    """Means (3, B) of the three spectra over the bands."""
-    grids = [np.linspace(*band, 1025) for band in bands_nm]
-    return np.array(
-        [[np.trapezoid(s(grid), grid) / (grid[-1] - grid[0]) for grid in grids] for s in spectra]
-    )
 
 
 def load_panorama(environment: Environment) -> Image:

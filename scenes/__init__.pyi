@@ -21,11 +21,11 @@ from .shutter import Shutter as Shutter
 from .stimuli.grating import Grating as Grating
 from .stimuli.motion_bench import MotionBench as MotionBench
 from .stimuli.panorama import Panorama as Panorama
+from .stimuli.pictures import Pictures as Pictures
 from .stimuli.plane import Plane as Plane
 from .tone_mapping import (
     ToneCurve as ToneCurve,
     preview as preview,
-    white_of as white_of,
 )
 from .trajectories.hover import Hover as Hover
 from .trajectories.orbit import Orbit as Orbit

@@ -12,6 +12,7 @@ from megalopta.core.record import Record
 from megalopta.scenes.cameras.base import Camera
 from megalopta.scenes.lighting.light import Light
 from megalopta.scenes.scene import Scene
+from megalopta.scenes.spectra.spectrum import Spectrum, flat
 from megalopta.scenes.trajectories.base import Path
 
 
@@ -24,8 +25,15 @@ class SceneDescription(Record, frozen=True):
     is_self_luminous: ClassVar[bool] = False
     """Whether its surfaces are its only light, of flat spectrum."""
 
+    has_truth: ClassVar[bool] = True
+    """Whether it is rendered, so that its motion and depth are known."""
+
     has_bounces: ClassVar[bool] = True
     """Whether light goes from surface to surface, which takes most of the time of rendering."""
+
+    def white(self, light: Light) -> Spectrum:
+        """Spectrum of the light on what is white, W·m⁻²·nm⁻¹; flat, in any unit, where it glows."""
+        return flat(1.0) if self.is_self_luminous else light.resolved().spectrum()
 
     @property
     def is_lit_from_outside(self) -> bool:

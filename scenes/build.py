@@ -16,6 +16,7 @@ from megalopta.scenes.scene import Scene
 from megalopta.scenes.stimuli.grating import Grating
 from megalopta.scenes.stimuli.motion_bench import MotionBench
 from megalopta.scenes.stimuli.panorama import Panorama
+from megalopta.scenes.stimuli.pictures import Pictures
 from megalopta.scenes.stimuli.plane import Plane
 from megalopta.scenes.trajectories.base import Path
 
@@ -33,7 +34,7 @@ else:
     """Any path of the camera in a configuration; without `kind`, a steady one."""
 
 
-OWN_SCENES = (Forest, Grating, Plane, MotionBench, Panorama)
+OWN_SCENES = (Forest, Grating, Plane, MotionBench, Panorama, Pictures)
 
 
 class _Offered(NamedTuple):

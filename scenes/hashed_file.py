@@ -1,16 +1,19 @@
-"""A file that a scene is made from, with the hash of its content.
+"""A file, or a folder of files, that a scene is made from, with the hash of its content.
 
 The hash is taken when the file is first named, and a file that has changed since is refused, so
 that what was made from it stays what it was.
 """
 
 import hashlib
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any
 
 from pydantic import AfterValidator, Field, model_validator
 
-from megalopta.core.bounded import ARRAY_BYTES, read_bytes
+from megalopta.core.bounded import ARRAY_BYTES, check_file, read_bytes
 from megalopta.core.record import Record
 
 
@@ -30,7 +33,12 @@ class HashedFile(Record, frozen=True):
             values = {"path": str(values)}
         if not isinstance(values, dict) or "sha256" in values or "path" not in values:
             return values
-        return {**values, "sha256": hashlib.sha256(_content(str(values["path"]))).hexdigest()}
+        return {**values, "sha256": content_hash(str(values["path"]))}
+
+    def check(self) -> None:
+        """Refuse, with ValueError, what cannot be read or has changed."""
+        if content_hash(self.path) != self.sha256:
+            raise ValueError(_changed(self.path))
 
     def read(self) -> bytes:
         """Content of the file.
@@ -42,9 +50,7 @@ class HashedFile(Record, frozen=True):
         """
         content = _content(self.path)
         if hashlib.sha256(content).hexdigest() != self.sha256:
-            raise ValueError(
-                f"{self.path} has changed since it was first used; restore it, or name it anew"
-            )
+            raise ValueError(_changed(self.path))
         return content
 
 
@@ -58,12 +64,41 @@ PictureFile = Annotated[HashedFile, AfterValidator(_named_as_a_picture)]
 """An HDR, EXR or PNG file by its name."""
 
 
+def content_hash(path: str) -> str:
+    """Return the SHA-256 of a file, or of the names and hashes of the files of a folder.
+
+    Raises ValueError when it cannot be read.
+    """
+    with _refused(path):
+        if not Path(path).is_dir():
+            return _file_hash(Path(path))
+        inside = [each for each in sorted(Path(path).iterdir()) if each.is_file()]
+        lines = (f"{each.name}\0{_file_hash(each)}\n" for each in inside)
+        return hashlib.sha256("".join(lines).encode()).hexdigest()
+
+
+def _file_hash(path: Path) -> str:
+    check_file(path, sys.maxsize)
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
 def _content(path: str) -> bytes:
-    try:
+    with _refused(path):
         return read_bytes(path, ARRAY_BYTES)
+
+
+@contextmanager
+def _refused(path: str) -> Iterator[None]:
+    try:
+        yield
     except OSError as problem:
         reason = (problem.strerror or str(problem)).lower()
         raise ValueError(
             f"{path} cannot be read ({reason}); give the path of a file, relative to the folder "
             "that the program runs in"
         ) from None
+
+
+def _changed(path: str) -> str:
+    return f"{path} has changed since it was first used; restore it, or name it anew"

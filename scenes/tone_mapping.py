@@ -13,19 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.core.arrays import Floats
-from megalopta.scenes.base import SceneDescription
-from megalopta.scenes.lighting.light import Light
 from megalopta.scenes.spectra.color import Bands, encode_srgb, linear_srgb
-from megalopta.scenes.spectra.spectrum import Spectrum, flat
+from megalopta.scenes.spectra.spectrum import Spectrum
 
 # The level is the brightest tenth, or less where an open sky would leave the ground in the dark.
 _LEVEL_PERCENTILE = 90.0
 _LEVEL_OVER_MEDIAN = 8.0
-
-
-def white_of(scene: SceneDescription, light: Light) -> Spectrum:
-    """Spectrum that comes out neutral: that of the light, flat in a scene that glows by itself."""
-    return flat(1.0) if scene.is_self_luminous else light.resolved().spectrum()
 
 
 @dataclass(frozen=True)

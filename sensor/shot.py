@@ -23,7 +23,7 @@ from megalopta.sensor.image_sensors import ImageSensor
 from megalopta.sensor.quantities import Exposure
 from megalopta.sensor.spad.device import detection_rate
 from megalopta.sensor.spad.model import Sensor
-from megalopta.sensor.sub_frames import NextFrames, light_between
+from megalopta.sensor.sub_frames import Following
 
 Arrays = Mapping[str, FreeRunning]
 
@@ -47,7 +47,7 @@ class Shot:
     first_frame : int
     frame_period_s : float
         All as for `expose`.
-    following : NextFrames, optional
+    following : Following, optional
         What the light moves on to; by default it stands still.
     sub_frames : int
         Equal parts of an exposure, and of a burst, in each of which it stands still.
@@ -65,7 +65,7 @@ class Shot:
     sequence: str | int
     first_frame: int
     frame_period_s: float
-    following: NextFrames | None = None
+    following: Following | None = None
     sub_frames: int = 1
     burst_frames: int = 1
     arrays: Arrays | None = None
@@ -79,8 +79,8 @@ class Shot:
         self.arrays_after[of] = FreeRunning(before.state)
         return self.arrays_after[of]
 
-    def readings(self) -> Exposure:
-        """Draw readings, with what they are on average."""
+    def readings(self, is_stated: bool = True) -> Exposure:
+        """Draw readings, and state what they are on average if asked for."""
         if isinstance(self.sensor, Sensor) and (self.following or self.arrays is not None):
             reading = expose_rate(
                 self._detections_hz,
@@ -89,6 +89,8 @@ class Shot:
                 first_frame=self.first_frame,
                 free_running=self._array("counts"),
             )
+            if not is_stated:
+                return reading
             stated = expectation(
                 self._mean_radiance,
                 self.bands_nm,
@@ -102,7 +104,7 @@ class Shot:
             self.sensor,
             **self._named,
             first_frame=self.first_frame,
-            expectation=True,
+            expectation=is_stated,
         )
 
     @property
@@ -140,12 +142,12 @@ class Shot:
     def _frames(self) -> NDArray[Any]:
         return np.asarray(self.radiance)
 
-    def _parts(self, frame: int, share: float) -> Floats:
+    def _parts(self, frame: int, share: float) -> NDArray[np.floating]:
         """Radiance (S, H, W, B) in the first share of the time to the next frame."""
         if self.following is None:
-            raise ValueError("following: none; give the next frames, so that light can move")
+            return np.repeat(self._frames[frame : frame + 1], self.sub_frames, axis=0)
         middles = (np.arange(self.sub_frames) + 0.5) / self.sub_frames
-        return light_between(self._frames, self.following, frame, middles * share)
+        return self.following.between(self._frames, frame, middles * share)
 
     def check_events(self) -> None:
         """Refuse, with ValueError, light with more events in a frame than fit into memory."""

@@ -7,14 +7,23 @@ into view in between is that of frame t + 1. Light is interpolated bilinearly, s
 than two pixels is softened, and the flow is taken as straight and even between two frames.
 """
 
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
 
 from megalopta.core.arrays import Floats
+
+
+class Following(Protocol):
+    """What the light of some frames moves on to."""
+
+    def between(
+        self, frames: NDArray[Any], frame: int, shares: NDArray[np.float64]
+    ) -> NDArray[np.floating]:
+        """Return the radiance (S, H, W, B) at shares of the way from one of the frames on."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -35,19 +44,20 @@ class NextFrames:
     flow: NDArray[Any]
     hidden: NDArray[np.bool_]
 
+    def scaled(self, factor: NDArray[np.floating]) -> "NextFrames":
+        """The same motion of light so many times as bright, (B,)."""
+        return replace(self, radiance=self.radiance * factor)
 
-def light_between(
-    frames: NDArray[Any], following: NextFrames, frame: int, shares: NDArray[np.float64]
-) -> Floats:
-    """Return the radiance (S, H, W, B) at shares of the way from one of the frames to its next."""
-    flow, gone = following.flow[frame], following.hidden[frame].astype(np.float64)
-    motion = np.where(np.isfinite(flow).all(axis=-1, keepdims=True), flow, 0.0)
-    between = np.empty((len(shares), *frames.shape[1:]))
-    for band in range(frames.shape[-1]):
-        pair = frames[frame, ..., band], following.radiance[frame, ..., band]
-        for part, share in enumerate(shares):
-            between[part, ..., band] = _at(*pair, motion, gone, share)
-    return between
+    def between(self, frames: NDArray[Any], frame: int, shares: NDArray[np.float64]) -> Floats:
+        """Return the radiance (S, H, W, B) at shares of the way from one of the frames on."""
+        flow, gone = self.flow[frame], self.hidden[frame].astype(np.float64)
+        motion = np.where(np.isfinite(flow).all(axis=-1, keepdims=True), flow, 0.0)
+        found = np.empty((len(shares), *frames.shape[1:]))
+        for band in range(frames.shape[-1]):
+            pair = frames[frame, ..., band], self.radiance[frame, ..., band]
+            for part, share in enumerate(shares):
+                found[part, ..., band] = _at(*pair, motion, gone, share)
+        return found
 
 
 def sub_frames(
@@ -86,11 +96,10 @@ def sub_frames(
     hidden = np.zeros(flow.shape[:3], np.bool_) if hidden is None else hidden
     following = NextFrames(radiance=frames[1:, ..., None], flow=flow, hidden=hidden)
     middles = (np.arange(parts) + 0.5) / parts
-    between = (
-        light_between(frames[..., None], following, index, middles)[..., 0]
-        for index in range(len(flow))
+    parts_of = (
+        following.between(frames[..., None], index, middles)[..., 0] for index in range(len(flow))
     )
-    return np.stack(list(between))
+    return np.stack(list(parts_of))
 
 
 def _at(before: Floats, after: Floats, flow: Floats, gone: Floats, share: float) -> Floats:

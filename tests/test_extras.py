@@ -82,8 +82,8 @@ def floors():
     """The packages that are needed, by name, those of `[all]` among them."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
     extras = project["optional-dependencies"]
-    ours = ("render", "cluster", "camera", "video")
-    wanted = [*project["dependencies"], *(each for name in ours for each in extras[name])]
+    named = ("render", "cluster", "camera", "video")
+    wanted = [*project["dependencies"], *(each for name in named for each in extras[name])]
     return {each.name: each.specifier for each in map(Requirement, wanted)}
 
 

@@ -17,9 +17,9 @@ from functools import partial
 from typing import ClassVar, Literal
 
 import numpy as np
-from numba import njit
 
 from megalopta.core.arrays import Floats
+from megalopta.core.compiling import compiled
 from megalopta.flow.detectors.base import Frames, Responder, in_pairs
 from megalopta.flow.detectors.blocks import BlockDetector, BlockGrid
 
@@ -53,7 +53,7 @@ def _velocities(grid: BlockGrid, frames: Frames) -> Floats:
     return velocities
 
 
-@njit(cache=True, nogil=True, fastmath={"reassoc"})  # type: ignore[untyped-decorator]
+@compiled(fastmath={"reassoc"})
 def _solve(frames: Floats, top: int, left: int, size: int, velocities: Floats) -> None:
     height, width = frames.shape[1:]
     for pair, i, j in np.ndindex(velocities.shape[:3]):

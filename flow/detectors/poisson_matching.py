@@ -26,7 +26,6 @@ from functools import partial
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from pydantic import Field
 from scipy.fft import irfft2, next_fast_len, rfft2
@@ -172,7 +171,7 @@ _ROOT_NOISE = [
 
 
 # A sum of its own for each row, cut out beforehand, lets the compiler vectorize.
-@njit(cache=True, nogil=True, fastmath={"reassoc", "contract"})  # type: ignore[untyped-decorator]
+@compiled(fastmath={"reassoc", "contract"})
 def add_costs(
     first: NDArray[np.float32],
     second: NDArray[np.float32],

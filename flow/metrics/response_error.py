@@ -22,7 +22,6 @@ import math
 from typing import Any, Literal
 
 import numpy as np
-from numba import njit
 
 from megalopta.core.arrays import Floats
 from megalopta.core.compiling import compiled
@@ -92,7 +91,7 @@ def _add_up(ideal: Floats, noisy: Floats, skip_zero: bool, sums: Floats) -> None
             _add_row(size, difference, skip_zero, sums[:, t])
 
 
-@njit(cache=True, nogil=True, fastmath={"reassoc"})  # type: ignore[untyped-decorator]
+@compiled(fastmath={"reassoc"})
 def _add_row(size: Floats, difference: Floats, skip_zero: bool, sums: Floats) -> None:
     """Add a row; without branches, so that vector instructions do it."""
     relative = deviation = magnitude = scored = 0.0

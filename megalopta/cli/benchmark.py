@@ -1,6 +1,6 @@
 """`megalopta benchmark` and its verbs: how well methods find motion, and with how much light."""
 
-from argparse import ArgumentTypeError, Namespace
+from argparse import Namespace
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,6 +11,7 @@ from megalopta.cli.command import (
     VERBS,
     Verb,
     at_least,
+    numbers,
     option,
     out,
     settings_of,
@@ -35,16 +36,6 @@ _OF_SWEEPS = ("allow_code", "out", "cache")
 VERBS["benchmark"] = Verb("measure how well methods find motion, and with how much light")
 
 
-def _numbers(text: str) -> tuple[float, ...]:
-    try:
-        numbers = tuple(float(word) for word in text.split(","))
-    except ValueError:
-        numbers = ()
-    if not numbers or not all(0 < number <= 1e9 for number in numbers):
-        raise ArgumentTypeError(f"{text!r}; give numbers above 0 and commas, such as {_FLUXES}")
-    return numbers
-
-
 @verb(
     "benchmark pairs",
     "rank flow methods on photographs with true flow, over the photons drawn from them",
@@ -65,7 +56,7 @@ def _numbers(text: str) -> tuple[float, ...]:
     option(
         "--photons",
         f"photons per pixel and frame, on average (default: {_FLUXES})",
-        type=_numbers,
+        type=numbers,
         default=_FLUXES,
         metavar="N,N",
     ),

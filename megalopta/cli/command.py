@@ -141,6 +141,19 @@ def positive(text: str) -> float:
     return finite(text, 0)
 
 
+def numbers(text: str) -> tuple[float, ...]:
+    """Type of an option that is one number or several, above 0 and up to a billion."""
+    try:
+        found = tuple(float(word) for word in text.split(","))
+    except ValueError:
+        found = ()
+    if not found or not all(0 < number <= 1e9 for number in found):
+        raise argparse.ArgumentTypeError(
+            f"{quoted(text)!r}; give numbers above 0 and commas, such as 1,3,10"
+        )
+    return found
+
+
 DATASET = option("dataset", "dataset folder", type=Path)
 FRAME_KINDS = ("npy", "spad512", "swissspad2", "swissspad2_whole", "spc3", "tiff")
 """Formats of frames, as `megalopta.sensor.formats.reading` knows them."""

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 RENAMED = {"sweep": "benchmark photons"}
 """Verbs of former versions, and what they are now"""
-_SIMILAR = 0.7
+_SIMILAR = 0.8
 """From here on a word is an option mistyped; no setting is as similar to one."""
 
 

@@ -1,11 +1,22 @@
 """The verbs that run stages: on a new dataset from a configuration, or on one that is there."""
 
 from argparse import Namespace
+from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from megalopta.cli.command import CLUSTER, DATASET, option, out, switch, verb
+from megalopta.cli.command import (
+    CLUSTER,
+    DATASET,
+    at_least,
+    numbers,
+    option,
+    out,
+    positive,
+    switch,
+    verb,
+)
 from megalopta.config import built_in_names
 from megalopta.core.errors import UserError
 
@@ -130,13 +141,81 @@ def run_later_stage(stage: str, options: Namespace) -> None:
     _run_on_one(stage, options)
 
 
-for _stage, _purpose in {
-    "sense": "expose every sensor at every light level: photon counts to Zarr",
-    "flow": "run the motion detectors on the counts and compare with the truth",
-}.items():
-    verb(_stage, _purpose, REDO, DATASET, *CLUSTER, settings=partial(settings_of_stage, _stage))(
-        partial(run_later_stage, _stage)
-    )
+verb(
+    "flow",
+    "run the motion detectors on the counts and compare with the truth",
+    REDO,
+    DATASET,
+    *CLUSTER,
+    settings=partial(settings_of_stage, "flow"),
+)(partial(run_later_stage, "flow"))
+
+_OF_PICTURES = (
+    option("--photons", "mean photons on a pixel in a frame, such as 2 or 0.5,10", type=numbers),
+    option("--lux", "or illuminance of the scene, such as 0.25, the full moon's", type=numbers),
+    option("--luminance", "or mean luminance of the pictures, cd/m²", type=numbers),
+    option("--unit", "what values are that do not say so", choices=["srgb", "linear", "cd/m2"]),
+    option(
+        "--reflectance",
+        "share of the light that the pictures reflect on average, for --lux (default: 0.18)",
+        type=positive,
+    ),
+    option("--spectrum", "of white: D65 (default), equal_energy, or that of a light level"),
+    option("--frame-rate", "frames a second (default: the file's)", type=positive, metavar="HZ"),
+    option("--frames", "number of frames (default: all)", type=at_least(2), metavar="N"),
+    option("--width", "width of the frames (default: the file's)", type=at_least(1), metavar="PX"),
+    option(
+        "--between",
+        "what a frame shows between two pictures: hold the earlier (default), blend both, or move "
+        "them along the flow estimated",
+        choices=["hold", "blend", "flow"],
+    ),
+)
+
+
+@verb(
+    "sense",
+    "turn light into photon counts: a video, pictures or an array of your own, or a rendered "
+    "dataset at every light level",
+    REDO,
+    option("input", "video, picture, folder of pictures, array, or dataset folder", type=Path),
+    option("--out", "of pictures, the dataset folder (default: out/NAME)", type=Path),
+    *_OF_PICTURES,
+    *CLUSTER,
+    settings=partial(settings_of_stage, "sense"),
+)
+def _sense(options: Namespace) -> None:
+    from megalopta.render.footage import is_footage
+
+    asked = {_field(name): getattr(options, name[2:].replace("-", "_")) for name, _ in _OF_PICTURES}
+    given = {name: value for name, value in asked.items() if value is not None}
+    if (options.input / "dataset.yaml").exists() or not is_footage(options.input):
+        if given or options.out:
+            name = next(iter([*given, "out"])).replace("_", "-").removesuffix("-hz")
+            raise UserError(f"--{name}: for pictures, and {options.input} is none; leave it out")
+        options.dataset = options.input
+        run_later_stage("sense", options)
+        return
+    _sense_pictures(options, given)
+
+
+def _field(name: str) -> str:
+    """Field of `Asked` that an option fills in."""
+    field = name[2:].replace("-", "_")
+    return "frame_rate_hz" if field == "frame_rate" else field
+
+
+def _sense_pictures(options: Namespace, given: Mapping[str, Any]) -> None:
+    if options.workers or options.scheduler:
+        raise UserError(f"{options.input}: pictures are one sequence; leave --workers out")
+    from megalopta.stages.pictures import Asked, configuration_of
+    from megalopta.stages.pipeline import run_stage
+
+    settings = configuration_of(options.input, Asked(**given), options.overrides)
+    root = options.out or Path("out") / settings.name
+    for stage in ("render", "sense"):
+        run_stage(root, settings, stage, options.redo)
+    print(root)
 
 
 def _configuration(options: Namespace) -> "Configuration":

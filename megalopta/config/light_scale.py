@@ -14,15 +14,15 @@ def light_scale(configuration: Configuration, level: LightLevel) -> NDArray[np.f
     A named level has its own spectrum (taken as flat within a band); a level in lux, and a scene
     that glows by itself, keep the color that was rendered.
     """
-    rendered = configuration.light.resolved()
+    light, scene = configuration.light, configuration.scene
     bands = configuration.render.bands_nm
     if (
-        configuration.scene.is_self_luminous
+        scene.is_self_luminous
         or not isinstance(level, str)
-        or level == configuration.light.level
+        or (level == light.level and scene.has_truth)
     ):
-        return np.full(len(bands), illuminance_of(level) / rendered.illuminance_lux)
-    before, after = rendered.spectrum(), LEVELS[level].spectrum()
+        return np.full(len(bands), illuminance_of(level) / light.resolved().illuminance_lux)
+    before, after = scene.white(light), LEVELS[level].spectrum()
     return np.array([_band_mean(after, band) / _band_mean(before, band) for band in bands])
 
 

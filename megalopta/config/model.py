@@ -133,6 +133,10 @@ class Configuration(Record, frozen=True):
     flow: FlowSettings = FlowSettings()
     """What the responses of detectors are compared with."""
 
+    expectation: bool = True
+    """Whether `sense` states mean and variance of every reading, which `flow` and `report` need;
+    they take most of the time and nine tenths of the disk."""
+
     benchmark: SequenceBenchmark = SequenceBenchmark(sizes=(60,))
     """The search for the photons that each detector needs."""
 
@@ -189,6 +193,8 @@ class Configuration(Record, frozen=True):
         if len(set(names)) < len(names):
             raise ValueError(f"sensors {names}: give each sensor a name of its own")
         self._check_shutter(1 / self.trajectory.frame_rate_hz)
+        if not self.scene.has_truth:
+            self._check_pictures()
         if self.light.asks_for_a_sky and not self.scene.is_lit_from_outside:
             raise ValueError(
                 f"light.{'panorama' if self.light.panorama else 'sky'}: a scene of kind "
@@ -205,6 +211,12 @@ class Configuration(Record, frozen=True):
     def exposures(self) -> list[tuple[ImageSensor, LightLevel]]:
         """Every sensor at every light level."""
         return list(product(self.sensors, self.light_levels))
+
+    def _check_pictures(self) -> None:
+        """Refuse what only rendered scenes have."""
+        for name, usual in ("objects", ()), ("shutter", Shutter()):
+            if getattr(self, name) != usual:
+                raise ValueError(f"{name}: pictures are not rendered; leave it out")
 
     def _check_shutter(self, period_s: float) -> None:
         shutter = self.shutter

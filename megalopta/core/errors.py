@@ -28,9 +28,9 @@ _EXTRAS = {
     **dict.fromkeys(("mitsuba", "drjit", "OpenEXR", "trimesh"), "render"),
     **dict.fromkeys(("dask", "distributed"), "cluster"),
     **dict.fromkeys(("serial", "cobs"), "camera"),
+    "av": "video",
     "torch": "torch",
     "onnxruntime": "onnx",
-    "av": "video",
     "rerun": "rerun",
 }
 """Which extra installs a package."""

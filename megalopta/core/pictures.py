@@ -1,5 +1,8 @@
 """Pictures of files, as arrays. Every room may import this module."""
 
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Literal
 
@@ -20,12 +23,30 @@ def read_picture(path: Path, mode: Literal["L", "RGB"]) -> NDArray[np.uint8]:
     Raises DamagedFileError when it is no picture, has more than 8 bits, or claims more pixels than
     Pillow trusts.
     """
-    try:
+    with opened_picture(path) as image:
+        if image.mode[0] in "IF":
+            raise DamagedFileError(f"{path} has more than 8 bits; save it with 8")
+        return np.asarray(image.convert(mode))
+
+
+@contextmanager
+def opened_picture(path: Path) -> Iterator[Image.Image]:
+    """A picture for Pillow to decode; errors, of its decoding inside too, as `readable`."""
+    with readable(path), warnings.catch_warnings():
+        warnings.simplefilter("ignore", Image.DecompressionBombWarning)  # twice as many: an error
         check_file(path)
         with Image.open(path, formats=_FORMATS) as image:
-            if image.mode[0] in "IF":
-                raise DamagedFileError(f"{path} has more than 8 bits; save it with 8")
-            return np.asarray(image.convert(mode))
+            yield image
+
+
+@contextmanager
+def readable(path: Path) -> Iterator[None]:
+    """Refuse what cannot be decoded inside, or claims more pixels than Pillow trusts.
+
+    Raises DamagedFileError.
+    """
+    try:
+        yield
     except DamagedFileError:
         raise
     except Image.DecompressionBombError:

@@ -2,29 +2,37 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from typing import Any, cast
 
 import numpy as np
 import zarr
 from numpy.typing import NDArray
 
+from megalopta.config.model import Configuration
 from megalopta.core.errors import UserError
+from megalopta.dataset.pictures import clean_flow, light_of
 from megalopta.dataset.store import Dataset
 from megalopta.render import read_radiance, read_truth
 from megalopta.render.truth.tracer import Truth
 
 FRAMES_AT_ONCE = 16
-"""So many are in memory, in every stage."""
+"""So many are in memory at most, in every stage."""
+_PIXELS_AT_ONCE = 2**24
 
 
-def read_radiance_frames(
-    dataset: Dataset, chunk: int = FRAMES_AT_ONCE
-) -> Iterator[tuple[int, NDArray[np.float32]]]:
-    """Yield the first frame's number and radiance (n ≤ chunk, H, W, B) of successive chunks.
+def frames_at_once(settings: Configuration) -> int:
+    """Return how many frames of a sequence are in memory; of large ones, fewer."""
+    pixels = settings.camera.width * settings.camera.height
+    return min(FRAMES_AT_ONCE, settings.trajectory.frames, max(1, _PIXELS_AT_ONCE // pixels))
+
+
+def read_radiance_frames(dataset: Dataset) -> Iterator[tuple[int, NDArray[np.float32]]]:
+    """Yield the first frame's number and radiance (n, H, W, B) of successive chunks.
 
     It is the radiance that sensors see, through the shutter.
     """
-    frames = dataset.configuration.trajectory.frames
+    frames, chunk = dataset.configuration.trajectory.frames, frames_at_once(dataset.configuration)
     for first in range(0, frames, chunk):
         indices = range(first, min(first + chunk, frames))
         yield first, np.stack([read_radiance_frame(dataset, index) for index in indices])
@@ -45,6 +53,34 @@ def write_frames(
     cast("zarr.Array[Any]", group[name])[first : first + len(values)] = values
 
 
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """Motion of a frame to the next: the true one, or of pictures what `clean_flow` finds.
+
+    Of the last of the pictures it is undefined.
+    """
+
+    flow: NDArray[np.floating]
+    """(H, W, 2), px, +x right and +y down; NaN where it is undefined"""
+    hidden: NDArray[np.bool_]
+    """(H, W): pixels that are hidden in the next frame; of pictures it is not known, and none"""
+    purity: NDArray[np.floating]
+    """(H, W): share of a pixel that the flow holds for; of pictures it is not known, and 1"""
+
+
+def read_motion(dataset: Dataset, index: int) -> Motion:
+    """Return the motion of one frame that sensors see. Raises UserError."""
+    if dataset.configuration.scene.has_truth:
+        truth = read_truth_frame(dataset, index)
+        return Motion(truth.flow_forward, truth.occluded_forward, truth.footprint.purity)
+    frames, shape = light_of(dataset).frames, dataset.configuration.camera.shape
+    if index + 1 < dataset.configuration.trajectory.frames:
+        flow = clean_flow(frames.at(index), frames.at(index + 1))
+    else:
+        flow = np.full((*shape, 2), np.nan)
+    return Motion(flow, np.zeros(shape, np.bool_), np.ones(shape))
+
+
 def read_truth_frames(dataset: Dataset) -> Iterator[Truth]:
     """Yield the ground truth of every frame that sensors see."""
     for index in range(dataset.configuration.trajectory.frames):
@@ -52,7 +88,12 @@ def read_truth_frames(dataset: Dataset) -> Iterator[Truth]:
 
 
 def read_truth_frame(dataset: Dataset, index: int) -> Truth:
-    """Ground truth of one frame that sensors see. Raises UserError."""
+    """Ground truth of one frame that sensors see. Raises UserError, for pictures always."""
+    if not dataset.configuration.scene.has_truth:
+        raise UserError(
+            f"{dataset.home}: made of pictures, whose true motion and depth are not known; give a "
+            "dataset of rendered frames"
+        )
     path = dataset.exposed_truth(index)
     with _remedy(dataset):
         truth = read_truth(path)
@@ -64,6 +105,8 @@ def read_truth_frame(dataset: Dataset, index: int) -> Truth:
 
 def read_radiance_frame(dataset: Dataset, index: int) -> NDArray[np.float32]:
     """Radiance (H, W, B) of one frame that sensors see. Raises UserError."""
+    if not dataset.configuration.scene.has_truth:
+        return light_of(dataset).at(index)
     path = dataset.exposed_radiance(index)
     with _remedy(dataset):
         radiance, bands = read_radiance(path)

@@ -22,7 +22,7 @@ MADE = ("render", "sense")
 STAGE_NAMES = (*MADE, "flow", "benchmark")
 KINDS = (
     *("radiance", "truth", "radiance_shutter", "truth_shutter"),
-    *("counts", "corrected", "results"),
+    *("pictures", "counts", "corrected", "results"),
 )
 """Folders of a dataset that hold a folder for each sequence, beside those in `training`."""
 _KIND = re.compile(rf"{'|'.join(KINDS)}|training/[a-z][a-z0-9_]*")

@@ -8,6 +8,7 @@ training/flow|occlusions|invalid|depth|camdata_left/SEQ/
 radiance|truth/SEQ/          EXR, every frame at its instant
 radiance_shutter/SEQ/        EXR, the same frames blurred and rolling, where a shutter is set
 truth_shutter/SEQ/           EXR, truth of every row at its own time, where rows are read out
+pictures/SEQ/                of pictures in place of EXR and truth: the file, or a folder of files
 counts/SEQ/SENSOR-LEVEL.zarr, and other products beside it (docs/file-formats.md)
 results/SEQ/                 detector responses, errors, photon benchmark
 """

@@ -119,7 +119,7 @@ def against_truth(records: Sequence[FlowRecord], settings: FlowSettings) -> Mark
         key: _in_turn([one.outlier_fraction for one in _answers(each)], percent)
         for key, each in truths.items()
     }
-    rows["Median error, of the true velocity"] = {
+    rows["Median error, of the velocity"] = {
         key: _in_turn([one.relative_error_median for one in _answers(each)], relative_error)
         for key, each in truths.items()
     }
@@ -210,7 +210,7 @@ _FLICKER = (
     "that does not move with the scene, and is in the errors against the true motion."
 )
 _BLOCKS = Markup(
-    "<b>The right answer for block methods</b> in this frame: the true motion averaged over their "
+    "<b>The right answer for block methods</b> in this frame: the {} averaged over their "
     "blocks, in the colors of the wheel (rim: {:.2g} pixels per frame). The other detectors "
     "respond to motion without measuring its speed."
 )
@@ -229,11 +229,15 @@ _COSTS = Markup(
     "without noise · <b>raw against perfect</b> · <b>corrected against perfect</b>."
 )
 _TRUTH = (
-    "Block velocities beside the true ones: the mean length of the difference, the share of blocks "
+    "Block velocities beside these: the mean length of the difference, the share of blocks "
     "that are off by more than 25 % (outliers), and the median; first noise-free, then on {}, then "
     "on corrected readings where there are any. {} of the pixels shown lie on outlines, filled to "
     "less than {:.0%} by what their center sees. {} in everything but the two tables that say "
     "otherwise; blocks of which less than half is left are not scored."
+)
+_STAND_IN = (
+    "The true motion of pictures is not known. Answers are compared with the flow that DIS finds "
+    "between the pictures without photon noise, which has errors of its own and favors DIS. "
 )
 _MIXED = {
     "score": "They count like all others",
@@ -241,7 +245,7 @@ _MIXED = {
     "leave_out": "They do not count",
 }
 _SPLITS = (
-    "Blocks by their true speed, in pixels per frame, and by the share of their pixels that is "
+    "Blocks by their speed, in pixels per frame, and by the share of their pixels that is "
     "hidden in the next frame; in brackets the number of blocks, over all frames, on the exposure "
     "where a method errs least."
 )
@@ -277,9 +281,12 @@ def _responses(report: Report) -> Iterator[Markup]:
 
 def _tables(report: Report) -> Iterator[Markup]:
     settings, units = report.settings.flow, " or ".join(report.units)
-    text = _TRUTH.format(units, mixed_share(report), settings.least_purity, _MIXED[settings.mixed])
+    stand_in = "" if report.has_truth else _STAND_IN
+    text = stand_in + _TRUTH.format(
+        units, mixed_share(report), settings.least_purity, _MIXED[settings.mixed]
+    )
     for title, guide, found in (
-        ("Against the true motion", text, against_truth(report.flow, settings)),
+        (f"Against the {report.motion_name}", text, against_truth(report.flow, settings)),
         ("Errors by speed and occlusion", _SPLITS, split_table(report.flow)),
         ("How fast the camera turns", _YAW.format(units), rotation_table(report.flow)),
     ):
@@ -292,12 +299,12 @@ def _true_blocks(report: Report) -> Markup:
     detector = next((each for each in detectors if isinstance(each, BlockDetector)), None)
     if detector is None:
         return Markup("")
-    truth = report.truths[report.selection.frames.index(report.frame)]
-    grid = detector.grid(truth.depth.shape)
-    flow = block_flow(truth.flow_forward[np.newaxis], grid, truth.occluded_forward[np.newaxis])[0]
+    motion = report.motions[report.selection.frames.index(report.frame)]
+    grid = detector.grid(report.settings.camera.shape)
+    flow = block_flow(motion.flow[np.newaxis], grid, motion.hidden[np.newaxis])[0]
     source = data_uri(Image.fromarray(flow_to_rgb(flow, report.fastest)))
-    shown = block("blocks", image(source, "True flow averaged over blocks"))
-    return wheel(_BLOCKS.format(report.fastest), shown)
+    shown = block("blocks", image(source, "Flow averaged over blocks"))
+    return wheel(_BLOCKS.format(report.motion_name, report.fastest), shown)
 
 
 def _row(report: Report, sensor: ImageSensor, method: Detector) -> Markup:

@@ -41,7 +41,7 @@ from megalopta.plotting.style import BLUE, ORANGE
 from megalopta.plotting.text import level_name, lux, number
 from megalopta.render import SceneRenderer, frame_seed, read_picture
 from megalopta.report.images import data_uri, gray_counts, write_sheet
-from megalopta.scenes import preview, white_of
+from megalopta.scenes import preview
 from megalopta.scenes.forest.plants import PRESETS
 from megalopta.scenes.lighting.levels import LEVELS
 from megalopta.scenes.scene import Scene
@@ -144,7 +144,7 @@ def cells_of(
             rendered[directions] = lit, *_radiance(lit, scene)
         lit, radiance, canopy = rendered[directions]
         scaled = radiance * light_scale(lit, level).astype(np.float32)
-        white = white_of(lit.scene, _under(lit, level).light)
+        white = lit.scene.white(_under(lit, level).light)
         view = preview(scaled, lit.render.bands_nm, white)
         yield LitScene(name, level, view, _counts(lit, scaled, f"{name}/{level}"), canopy)
         advance()
@@ -330,7 +330,7 @@ def _pictures(view: GalleryView, settings: Configuration) -> Iterator[tuple[str,
     """Yield a view with its title, and where it is asked for its counts."""
     renderer = SceneRenderer(build(settings), settings.camera, settings.render)
     radiance = renderer.radiance(settings.trajectory.poses()[0], frame_seed(settings.seed, 0))
-    white = white_of(settings.scene, settings.light)
+    white = settings.scene.white(settings.light)
     yield view.title, Image.fromarray(preview(radiance, settings.render.bands_nm, white))
     if view.exposure_s:
         counts = _counts(settings, radiance, "view")

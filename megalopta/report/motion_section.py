@@ -29,7 +29,9 @@ _GUIDE = Markup(
 
 
 def motion_section(report: Report) -> Section:
-    """Return the section, which every report has."""
+    """Return the section, which every report has; of pictures, that of the stand-in."""
+    if not report.has_truth:
+        return _stand_in(report)
     hidden = np.mean([truth.occluded_forward.mean() for truth in report.truths])
     films = (_flow(report), _depth(report), _hidden(report), _purity(report), _objects(report))
     guide = paragraph(_GUIDE.format(report.settings.camera.depth_meaning), "note")
@@ -46,6 +48,20 @@ def motion_section(report: Report) -> Section:
     )
 
 
+def _stand_in(report: Report) -> Section:
+    chart = card("How fast the image moves", speed_chart(report.speed, report.median_speed))
+    return Section(
+        "How the pictures move",
+        "The true motion of pictures is not known. This is the flow that DIS finds between them "
+        "without photon noise: a stand-in, wrong where things hide each other or have no texture. "
+        f"Its median speed is {report.median_speed:.2g} pixels per frame.",
+        body=block("strip", _flow(report))
+        + block("pair", block("", wheel(_COLORS.format(report.fastest))), chart),
+        name="motion",
+        link="Motion",
+    )
+
+
 def wheel(text: str, *beside: Markup) -> Markup:
     """Return the color wheel of motion and what is said of it."""
     drawn = image(data_uri(Image.fromarray(wheel_legend(_WHEEL_PX))), "Color wheel of motion")
@@ -55,17 +71,18 @@ def wheel(text: str, *beside: Markup) -> Markup:
 def mixed_share(report: Report) -> str:
     """Return the share of pixels that are mixed, as the flow stage has it."""
     least = report.settings.flow.least_purity
-    shares = [(truth.footprint.purity < least).mean() for truth in report.truths]
+    shares = [(motion.purity < least).mean() for motion in report.motions]
     return percent(float(np.mean(shares)))
 
 
 def _flow(report: Report) -> Markup:
     step = report.selection.step
     images = [
-        rgb_picture(flow_to_rgb(truth.flow_forward[::step, ::step], report.fastest))
-        for truth in report.truths
+        rgb_picture(flow_to_rgb(motion.flow[::step, ::step], report.fastest))
+        for motion in report.motions
     ]
-    return film(images, "true motion", "True motion to the next frame, colors as on the wheel")
+    what = report.motion_name
+    return film(images, what, f"{what.capitalize()} to the next frame, colors as on the wheel")
 
 
 def _depth(report: Report) -> Markup:

@@ -40,6 +40,7 @@ from megalopta.report.motion_section import motion_section
 from megalopta.report.remarks import rendering, rendering_errors
 from megalopta.report.source import Budget, Record, Report, by_sensor
 from megalopta.report.thresholds import threshold_section
+from megalopta.scenes import Light, Pictures
 from megalopta.scenes.lighting.levels import illuminance_of
 
 OUTCOME = (
@@ -69,12 +70,29 @@ def lead(configuration: Configuration, record: Record) -> str:
     levels = configuration.light_levels
     sensors = ", ".join(sensor.name for sensor in configuration.sensors)
     canopy = f"{record['canopy']} " if record.get("canopy") else ""
+    scene, light = configuration.scene, configuration.light
+    told = (
+        _assumed(scene, light, record)
+        if isinstance(scene, Pictures)
+        else f"{canopy}The {configuration.camera} {configuration.trajectory}. Every frame is "
+        "rendered as spectral radiance, together with its exact motion. "
+    )
     return (
-        f"{configuration.scene.describe()} {canopy}The {configuration.camera} "
-        f"{configuration.trajectory}. Every frame is rendered as spectral radiance, together with "
-        f"its exact motion. The light becomes readings of {sensors} at "
+        f"{scene.describe()} {told}"
+        f"The light becomes readings of {sensors} at "
         f"{len(levels)} light level{'s'[: len(levels) != 1]}, and motion detectors try to "
         "read the motion back."
+    )
+
+
+def _assumed(scene: Pictures, light: Light, record: Record) -> str:
+    """Return what pictures do not say and is assumed, and what they cannot say."""
+    found = record["pictures"]
+    return (
+        f"{found['transfer']} codes are turned back into light; white has the spectrum of "
+        f"{scene.white_name(light)}, and the pictures reflect {percent(scene.reflectance)} of the "
+        f"light on average. {percent(found['saturated'])} of the pixels are as bright as the file "
+        "can tell. "
     )
 
 
@@ -92,7 +110,8 @@ def facts(report: Report) -> Iterator[tuple[str, str]]:
         if ground := [point["lux"] for point in light["ground"]]:
             mean = sum(ground) / len(ground)
             yield "measured on the ground below the camera", f"{mean:.2g} lux"
-    yield "objects in view, one time or another", f"{report.objects_seen:,}"
+    if report.has_truth:
+        yield "objects in view, one time or another", f"{report.objects_seen:,}"
     yield "px per frame, median speed", f"{report.median_speed:.2g}"
     yield "frames per second", f"{trajectory.frame_rate_hz:g}"
 
@@ -234,7 +253,9 @@ def making_section(report: Report) -> Section:
     """Return times, versions, settings and files."""
     samples = f"Light paths per pixel: {report.settings.render.samples_per_pixel}; four times as "
     remark = rendering(report.scene, f"{samples}many halve what is new in every frame.")
-    variant = f"Rendered with Mitsuba’s variant {report.scene.get('variant', 'not noted')}."
+    variant = ""
+    if report.has_truth:
+        variant = f"Rendered with Mitsuba’s variant {report.scene.get('variant', 'not noted')}."
     total = duration(sum(report.timings.values()))
     body = [
         remark,

@@ -28,13 +28,13 @@ from megalopta.core import bounded
 from megalopta.core.errors import UserError
 from megalopta.core.progress import say
 from megalopta.dataset.flow_record import FlowRecord
-from megalopta.dataset.frames import read_radiance_frame, read_truth_frame
+from megalopta.dataset.frames import Motion, read_motion, read_radiance_frame, read_truth_frame
 from megalopta.dataset.store import Dataset
 from megalopta.flow.benchmark.sequence import BenchmarkResult
 from megalopta.flow.detectors.registry import METHODS
 from megalopta.render.truth.tracer import Truth
 from megalopta.report.images import data_uri, film_strip, rgb_picture
-from megalopta.scenes import ToneCurve, preview, white_of
+from megalopta.scenes import ToneCurve, preview
 from megalopta.scenes.lighting.levels import illuminance_of
 from megalopta.scenes.spectra.color import linear_srgb
 from megalopta.sensor import ImageSensor, OpenedCounts, detected_photons, expectation
@@ -292,7 +292,7 @@ class Report:
     def previews(self) -> list[NDArray[np.uint8]]:
         """The same as pictures."""
         settings, bands = self.settings, self.settings.render.bands_nm
-        white = white_of(settings.scene, settings.light)
+        white = settings.scene.white(settings.light)
         curve = ToneCurve.of(linear_srgb(each, bands, white) for each in self.radiance)
         return [preview(each, bands, white, curve) for each in self.radiance]
 
@@ -302,6 +302,21 @@ class Report:
         return [read_truth_frame(self.dataset, index) for index in self.selection.frames]
 
     @cached_property
+    def motions(self) -> list[Motion]:
+        """Their motion to the next frame; of pictures, a stand-in for the true one."""
+        return [read_motion(self.dataset, index) for index in self.selection.frames]
+
+    @property
+    def has_truth(self) -> bool:
+        """Whether frames were rendered, so that their true motion is known."""
+        return self.settings.scene.has_truth
+
+    @property
+    def motion_name(self) -> str:
+        """What answers are compared with."""
+        return "true motion" if self.has_truth else "flow of the clean pictures"
+
+    @cached_property
     def exposures(self) -> list[Budget]:
         """Budget and pictures of every sensor at every level; none where nothing was exposed."""
         found = self.dataset.configuration.exposures if "sense" in self.finished else ()
@@ -309,8 +324,8 @@ class Report:
 
     @cached_property
     def speed(self) -> NDArray[np.floating]:
-        """True speed (px per frame) of all pixels in them where it is defined."""
-        flow = np.stack([truth.flow_forward for truth in self.truths])
+        """Speed (px per frame) of all pixels in them where it is defined."""
+        flow = np.stack([motion.flow for motion in self.motions])
         speed = np.linalg.norm(flow, axis=-1)
         return np.asarray(speed[np.isfinite(speed)])
 
@@ -345,9 +360,9 @@ class Report:
         slowest, fastest = PLAYBACK_HZ
         shown_hz = trajectory.frame_rate_hz * len(frames) / trajectory.frames
         previews = [rgb_picture(each[::step, ::step]) for each in self.previews]
-        note = "The rendered light as a well-lit eye would see it."
+        note = "The light as a well-lit eye would see it."
         if min(self.settings.render.bands_nm)[0] >= _RED_END_NM:
-            note = "The rendered light, the mean of its bands in gray: no eye sees it."
+            note = "The light, the mean of its bands in gray: no eye sees it."
         times = trajectory.times_s
         return {
             "labels": [frame_label(each, times) for each in frames],

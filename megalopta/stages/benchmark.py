@@ -20,7 +20,7 @@ from megalopta.core.array_store import ArrayStore
 from megalopta.core.arrays import Floats
 from megalopta.core.freshness import code_digest
 from megalopta.core.progress import progress, say
-from megalopta.dataset.frames import FRAMES_AT_ONCE, read_radiance_frames
+from megalopta.dataset.frames import frames_at_once, read_radiance_frames
 from megalopta.dataset.store import Dataset
 from megalopta.flow.benchmark.sequence import BenchmarkResult, Bookkeeping, Clip, photon_benchmark
 from megalopta.flow.benchmark.settings import checked_warm_up, work_units
@@ -92,7 +92,7 @@ def write_photons(dataset: Dataset, path: Path) -> None:
     """Write photons per second on each pixel (T, H, W) of the ideal sensor: light without noise."""
     settings = dataset.configuration
     shape = settings.trajectory.frames, settings.camera.height, settings.camera.width
-    chunk = min(FRAMES_AT_ONCE, shape[0]), *shape[1:]
+    chunk = frames_at_once(settings), *shape[1:]
     light = zarr.create_array(path, shape=shape, chunks=chunk, dtype=np.float64)
     for first, radiance in read_radiance_frames(dataset):
         photons = photon_rate(radiance, settings.render.bands_nm, PRESETS["ideal"])

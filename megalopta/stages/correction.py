@@ -15,7 +15,7 @@ from megalopta.config.model import LightLevel
 from megalopta.core import files
 from megalopta.core.errors import UserError, refused_as
 from megalopta.core.progress import progress
-from megalopta.dataset.frames import FRAMES_AT_ONCE, write_frames
+from megalopta.dataset.frames import frames_at_once, write_frames
 from megalopta.dataset.store import Dataset, exposure_name
 from megalopta.sensor import ImageSensor, OpenedCounts, Sensor, StoredFrames
 from megalopta.sensor.calibrate.correction import (
@@ -67,15 +67,15 @@ def write_corrected(dataset: Dataset, sensor: ImageSensor, opened: Sequence[Open
     }
     if not missing or not isinstance(sensor, Sensor):
         return
-    frames = len(opened[0]["counts"])
+    frames, at_once = len(opened[0]["counts"]), frames_at_once(dataset.configuration)
     with progress(f"Correcting {sensor.name}", len(missing) * frames, "frame") as advance:
         calibration = _calibration(dataset, sensor)
         for path, counts in missing.items():
             with files.atomic_write(path) as temporary:
                 group = zarr.open_group(temporary, mode="w", zarr_format=3)
                 group.attrs.update(format_attribute())
-                for first in range(0, frames, FRAMES_AT_ONCE):
-                    chunk = slice(first, first + FRAMES_AT_ONCE)
+                for first in range(0, frames, at_once):
+                    chunk = slice(first, first + at_once)
                     readings, saturated = counts["counts"][chunk], counts["saturated"][chunk]
                     corrected = correct(readings, saturated, calibration)
                     _write(group, first, frames, corrected)

@@ -2,35 +2,34 @@
 
 Each detector answers to the readings and to what they would be without noise (`measurement`); the
 difference is the error that noise makes. Detectors that give a velocity are also compared with the
-true flow, and those that tell directions give the camera's yaw rate.
+true flow, or of pictures, whose true flow is not known, with that of the clean frames as DIS finds
+it. Those that tell directions give the camera's yaw rate.
 """
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import fields
 from functools import cache
-from itertools import islice
 from pathlib import Path
 from typing import cast
 
 import numpy as np
 import zarr
 
-from megalopta.config.measuring import FlowSettings, Reference
+from megalopta.config.measuring import FlowSettings
 from megalopta.config.model import Configuration, LightLevel
 from megalopta.core import files
 from megalopta.core.errors import UserError
 from megalopta.core.freshness import code_digest
 from megalopta.core.progress import progress
 from megalopta.dataset.flow_record import FlowRecord
-from megalopta.dataset.frames import FRAMES_AT_ONCE, read_truth_frames, write_frames
+from megalopta.dataset.frames import Motion, frames_at_once, read_motion, write_frames
 from megalopta.dataset.store import Dataset, exposure_name
 from megalopta.flow.benchmark.settings import default_warm_up
 from megalopta.flow.detectors.blocks import BlockDetector, BlockGrid
 from megalopta.flow.detectors.registry import METHODS
 from megalopta.flow.egomotion.wide_field import yaw_rates_deg_s
 from megalopta.flow.metrics.endpoint_error import block_flow, block_share
-from megalopta.render import Truth
 from megalopta.sensor import ImageSensor, OpenedCounts, StoredFrames
 from megalopta.sensor.formats.counts_store import format_attribute
 from megalopta.stages.correction import open_corrected
@@ -91,7 +90,7 @@ def _measure_exposure(
         for name in settings.methods
     }
     saturated = 0
-    for first, frames in _seen_frames(opened, corrected, settings.flow.references):
+    for first, frames in _seen_frames(opened, corrected, settings):
         saturated += int(frames.saturated.sum())
         for name, measurement in measurements.items():
             ideal, noisy = measurement.add(frames)
@@ -105,18 +104,19 @@ def _measure_exposure(
 
 
 def _seen_frames(
-    opened: OpenedCounts, corrected: StoredFrames | None, references: Sequence[Reference]
+    opened: OpenedCounts, corrected: StoredFrames | None, settings: Configuration
 ) -> Iterator[tuple[int, SeenFrames]]:
     """Yield the number of the first frame and the frames of successive chunks."""
-    photons = opened["photons"] if "perfect" in references else None
+    photons = opened["photons"] if "perfect" in settings.flow.references else None
     seen = opened["mean_reading"], photons, corrected
     to_one, photons_to_one, corrected_to_one = map(_to_one, seen)
 
     def scaled(frames: StoredFrames | None, chunk: slice, scale: float) -> Scaled | None:
         return None if frames is None else (frames[chunk].astype(np.float64), scale)
 
-    for first in range(0, opened["counts"].shape[0], FRAMES_AT_ONCE):
-        chunk = slice(first, first + FRAMES_AT_ONCE)
+    at_once = frames_at_once(settings)
+    for first in range(0, opened["counts"].shape[0], at_once):
+        chunk = slice(first, first + at_once)
         yield (
             first,
             SeenFrames(
@@ -142,17 +142,19 @@ def _block_truths(dataset: Dataset) -> dict[str, BlockTruth]:
     grids = {each.name: each.grid(shape) for each in detectors if isinstance(each, BlockDetector)}
     parts: dict[BlockGrid, list[BlockTruth]] = {grid: [] for grid in grids.values()}
     pairs = settings.trajectory.frames - 1
-    for truth in islice(read_truth_frames(dataset), pairs) if parts else ():
+    for index in range(pairs) if parts else ():
+        motion = read_motion(dataset, index)
         for grid, found in parts.items():
-            found.append(_block_truth(truth, grid, settings.flow))
+            found.append(_block_truth(motion, grid, settings.flow))
     truths = {grid: _joined(found) for grid, found in parts.items()}
     return {name: truths[grid] for name, grid in grids.items()}
 
 
-def _block_truth(truth: Truth, grid: BlockGrid, settings: FlowSettings) -> BlockTruth:
+def _block_truth(motion: Motion, grid: BlockGrid, settings: FlowSettings) -> BlockTruth:
     """True velocities of one pair of frames, of all pixels and by their purity."""
-    flow, occluded = truth.flow_forward[np.newaxis], truth.occluded_forward[np.newaxis]
-    purity = truth.footprint.purity[np.newaxis]
+    flow, occluded, purity = (
+        each[np.newaxis] for each in (motion.flow, motion.hidden, motion.purity)
+    )
     every, pure, chosen = (
         block_flow(flow, grid, occluded, weights=weights)
         for weights in (None, settings.is_pure(purity), settings.weights(purity))

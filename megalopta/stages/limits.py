@@ -10,7 +10,7 @@ from pathlib import Path
 
 from megalopta.config.model import Configuration
 from megalopta.core.errors import UserError
-from megalopta.dataset.frames import FRAMES_AT_ONCE
+from megalopta.dataset.frames import frames_at_once
 from megalopta.stages.sense import burst_frames
 
 _PROGRAM_BYTES = 1e9
@@ -45,16 +45,18 @@ def refuse_absurd(settings: Configuration, stage: str, root: Path) -> None:
 def needed_bytes(settings: Configuration, stage: str) -> tuple[float, float]:
     """Return what a stage takes at most in memory, and on disk."""
     frames, pixels = settings.trajectory.frames, settings.camera.width * settings.camera.height
-    held = pixels * min(frames, FRAMES_AT_ONCE)
+    held = pixels * frames_at_once(settings)
     methods, exposures = len(settings.methods), len(settings.sensors) * len(settings.light_levels)
-    if stage == "render":
+    if not settings.scene.has_truth and stage in ("render", "benchmark"):
+        memory, disk = pixels * 100.0, 0.0  # the file, which is there
+    elif stage == "render":
         bands, shutter = len(settings.render.bands_nm), settings.shutter
         memory = pixels * (1000 + 16 * bands) + 1000 * frames
         light = 3.9 * bands * (1 if shutter.is_instant else 2)
         disk = light + 72 * (2 if shutter.readout_s else 1) + 14  # and pictures for training
     elif stage == "sense":
         memory = held * (120 + 8 * settings.sub_frames)
-        disk = exposures * (22 + 7 * settings.correct)
+        disk = exposures * ((22 if settings.expectation else 3) + 7 * settings.correct)
         if "burst_npy" in settings.products:
             disk += exposures * burst_frames(settings) / 8
     elif stage == "flow":

@@ -33,10 +33,11 @@ from megalopta.render import (
     write_radiance,
     write_truth,
 )
-from megalopta.scenes import ToneCurve, build_scene, preview, white_of
+from megalopta.scenes import ToneCurve, build_scene, preview
 from megalopta.scenes.scene import Scene
 from megalopta.scenes.spectra.color import linear_srgb
 from megalopta.stages.declaration import Stage
+from megalopta.stages.pictures import check_pictures, import_pictures
 
 # Points below the camera's path where the illuminance is measured.
 _LIGHT_METERS = 9
@@ -45,7 +46,10 @@ _MUCH_LEFT_OUT = 0.01
 
 
 def render(dataset: Dataset) -> None:
-    """Render the frames of which any file is not there yet."""
+    """Render the frames of which any file is not there yet; of pictures, copy the files."""
+    if not dataset.configuration.scene.has_truth:
+        import_pictures(dataset)
+        return
     frames = range(dataset.configuration.trajectory.frames)
     missing = [
         index for index in frames if not all(path.exists() for path in _frame_files(dataset, index))
@@ -304,7 +308,7 @@ def _say_noise(settings: Configuration, noise: Mapping[str, Any] | None) -> None
 def write_previews(dataset: Dataset) -> None:
     """Tone-mapped radiance, all frames by the same curve."""
     configuration = dataset.configuration
-    white = white_of(configuration.scene, configuration.light)
+    white = configuration.scene.white(configuration.light)
     frames = range(configuration.trajectory.frames)
     read = (read_radiance(dataset.radiance(index)) for index in frames)
     curve = ToneCurve.of(linear_srgb(*each, white) for each in read)
@@ -319,15 +323,20 @@ def _outputs(dataset: Dataset) -> list[Path]:
         *("flow_kitti", "flow_flo5"),  # where a plan asks for them
     )
     exr = ("radiance", "truth", "radiance_shutter", "truth_shutter")
-    folders = [*(f"training/{kind}" for kind in kinds), *exr]
+    folders = [*(f"training/{kind}" for kind in kinds), *exr, "pictures"]
     return [dataset.root / folder / dataset.sequence for folder in folders]
 
 
 def _check(settings: Configuration) -> None:
+    if not settings.scene.has_truth:
+        check_pictures(settings)
+        return
     choose_variant(settings.render.backend)
 
 
 def _machinery(settings: Configuration) -> dict[str, str]:
+    if not settings.scene.has_truth:
+        return {}
     variant = choose_variant(settings.render.backend).name
     llvm = {"llvm": llvm_in_use()[1]} if variant.startswith("llvm") else {}
     return {"variant": variant, **{name: version(name) for name in ("mitsuba", "drjit")}, **llvm}

@@ -11,7 +11,6 @@ a full moon sensed from a rendering under an overcast sky casts no shadows.
 
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import ExitStack
-from dataclasses import replace
 from importlib.metadata import version
 from typing import Any
 
@@ -25,6 +24,7 @@ from megalopta.core.freshness import SENSOR_MODEL
 from megalopta.core.progress import progress, say
 from megalopta.dataset import sintel
 from megalopta.dataset.frames import read_radiance_frame, read_radiance_frames, read_truth_frame
+from megalopta.dataset.pictures import NextPictures, light_of
 from megalopta.dataset.store import Dataset, exposure_name
 from megalopta.scenes import ToneCurve
 from megalopta.scenes.lighting.levels import illuminance_of
@@ -46,6 +46,8 @@ from megalopta.sensor.sub_frames import NextFrames
 from megalopta.stages.correction import write_corrected
 from megalopta.stages.declaration import Stage
 from megalopta.stages.noise_warning import noise_share, noise_warning
+
+AnyNext = NextFrames | NextPictures
 
 
 def sense(dataset: Dataset) -> None:
@@ -72,7 +74,8 @@ def sense(dataset: Dataset) -> None:
     for sensor in dataset.configuration.sensors if dataset.configuration.correct else ():
         levels = dataset.configuration.light_levels
         write_corrected(dataset, sensor, [open_exposure(dataset, sensor, each) for each in levels])
-    _write_final_images(dataset)
+    if dataset.configuration.scene.has_truth:
+        _write_final_images(dataset)
 
 
 def _check_events(dataset: Dataset, films: Sequence["_Film"]) -> None:
@@ -118,13 +121,11 @@ class _Film:
             )
             self._writers.setdefault(kind_of(product), []).append(stores.enter_context(writer))
 
-    def expose(
-        self, first: int, radiance: NDArray[np.float32], following: NextFrames | None
-    ) -> None:
+    def expose(self, first: int, radiance: NDArray[np.float32], following: AnyNext | None) -> None:
         """Expose frames (n, H, W, B) from a number on."""
         shot = self._shot(first, radiance, following)
         draws: dict[Kind, Callable[[], Iterable[Any]]] = {
-            "readings": lambda: [shot.readings()],
+            "readings": lambda: [shot.readings(self._settings.expectation)],
             "events": shot.events,
             "bits": lambda: [shot.bits()],
             "burst": shot.burst,
@@ -142,11 +143,7 @@ class _Film:
         with refused_as(self._what):
             self._shot(first, radiance, None).check_events()
 
-    def _shot(
-        self, first: int, radiance: NDArray[np.float32], following: NextFrames | None
-    ) -> Shot:
-        if following is not None:
-            following = replace(following, radiance=following.radiance * self._scale)
+    def _shot(self, first: int, radiance: NDArray[np.float32], following: AnyNext | None) -> Shot:
         return Shot(
             radiance=radiance * self._scale,
             bands_nm=self._settings.render.bands_nm,
@@ -155,21 +152,23 @@ class _Film:
             sequence=self._sequence,
             first_frame=first,
             frame_period_s=self._period_s,
-            following=following,
+            following=following and following.scaled(self._scale),
             sub_frames=self._settings.sub_frames,
             burst_frames=burst_frames(self._settings),
             arrays=self._arrays,
         )
 
 
-def _next_frames(dataset: Dataset, first: int, radiance: NDArray[np.float32]) -> NextFrames | None:
+def _next_frames(dataset: Dataset, first: int, radiance: NDArray[np.float32]) -> AnyNext | None:
     """Return what follows frames (n, H, W, B) from a number on; None where light stands still.
 
-    After the last frame of the sequence the light moves on as it came.
+    After the last frame of a rendered sequence the light moves on as it came; pictures stand still.
     """
     settings, end = dataset.configuration, first + len(radiance)
     if settings.sub_frames == 1:
         return None
+    if not settings.scene.has_truth:
+        return NextPictures(light_of(dataset), first, np.ones(len(settings.render.bands_nm)))
     truths = [read_truth_frame(dataset, index) for index in range(first, end)]
     flow = np.stack([truth.flow_forward for truth in truths])
     hidden = np.stack([truth.occluded_forward for truth in truths])
@@ -269,7 +268,7 @@ def _check_sub_frames(settings: Configuration) -> None:
         )
     if "burst_npy" not in settings.products:
         return
-    if parts == 1:
+    if parts == 1 and settings.scene.has_truth:
         raise ValueError("burst_npy: needs light between frames; give sub_frames of 2 or more")
     if abs(burst_frames(settings) * rate_hz / settings.burst_hz - 1) > 1e-9:
         raise ValueError(
@@ -301,6 +300,7 @@ STAGE = Stage(
         "sub_frames",
         "burst_hz",
         "free_running",
+        "expectation",
         "correct",
         "calibration",
     ),

@@ -42,6 +42,11 @@ class Camera(Record, frozen=True):
         return f"{self.kind} camera"
 
     @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns."""
+        return self.height, self.width
+
+    @property
     def wraps(self) -> bool:
         """Whether the left and right edge of the image are the same place."""
         return False

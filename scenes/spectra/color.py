@@ -87,7 +87,11 @@ def encode_srgb(linear: NDArray[np.floating]) -> NDArray[np.uint8]:
 
 def decode_srgb(coded: NDArray[np.uint8]) -> Floats:
     """Linear values, 0 to 1, of 8-bit sRGB of any shape (IEC 61966-2-1)."""
-    curved = coded / 255
+    return linear_of_srgb(coded / 255)
+
+
+def linear_of_srgb(curved: NDArray[np.floating]) -> Floats:
+    """Linear values of sRGB from 0 to 1, of any shape (IEC 61966-2-1)."""
     return np.asarray(
         np.where(curved <= 0.04045, curved / 12.92, ((curved + 0.055) / 1.055) ** 2.4)
     )
@@ -116,3 +120,11 @@ def primaries(light: Spectrum) -> tuple[Spectrum, Spectrum, Spectrum]:
     shares = red, not_blue - red, 1 - not_blue
     first, second, third = (Spectrum.of(_GRID_NM, values * share) for share in shares)
     return first, second, third
+
+
+def band_means(spectra: Sequence[Spectrum], bands_nm: Bands) -> Floats:
+    """Means (n, B) of n spectra over the bands."""
+    grids = [np.linspace(*band, 1025) for band in bands_nm]
+    return np.array(
+        [[np.trapezoid(s(grid), grid) / (grid[-1] - grid[0]) for grid in grids] for s in spectra]
+    )

@@ -7,6 +7,7 @@ a flat spectrum of luminance L_v has L_λ = L_v / (683 · 106.86).
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -79,6 +80,13 @@ def planckian(temperature_k: float) -> Spectrum:
     values = meters**-5 / np.expm1(h * c / (meters * k * temperature_k))
     return Spectrum.of(wavelengths_nm, values / values.max())
 
+
+SpectrumName = Literal["D65", "equal_energy"]
+SPECTRA: Mapping[SpectrumName, Spectrum] = {
+    "D65": Spectrum.of(np.arange(300, 831, 10), TABLES["D65"]),
+    "equal_energy": flat(1.0),
+}
+"""Relative spectra by name (CIE 15:2004)."""
 
 MAXIMUM_EFFICACY_LM_W = 683.0
 

@@ -6,7 +6,6 @@ the exact p: exact to the last bit of p at a quarter of a random word a pixel.
 """
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from megalopta.core.arrays import Floats
@@ -109,7 +108,7 @@ def _settle(
             bits[column] = uniform < -np.expm1(-mean) * 65536.0 - lots[column]
 
 
-@njit(cache=True, nogil=True, inline="always")  # type: ignore[untyped-decorator]
+@compiled(inline="always")
 def chance(mean: np.float32) -> np.float32:
     """Chance of one or more of `mean` events on average, 0 or more; error below `CHANCE_ERROR`.
 

@@ -24,7 +24,6 @@ from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from megalopta.core.compiling import compiled
@@ -136,7 +135,7 @@ def _law(mean: float) -> tuple[int, NDArray[np.float64]]:
     return first, law / law.sum()
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@compiled
 def _alias_cells(law: NDArray[np.float64]) -> NDArray[np.uint64]:
     """Make every cell as likely: those with too much of it stand in for those with too little."""
     share = law * law.size

@@ -1,0 +1,189 @@
+"""Light of somebody's pictures: frames at the rate and size of a sequence, as radiance.
+
+A frame shows what `Pictures.between` says lies at its time. A picture of another size than the
+frames is resized in linear light: each pixel of a smaller frame is the mean of what it covers.
+"""
+
+from dataclasses import dataclass, field
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from megalopta.config.model import Configuration
+from megalopta.core import files
+from megalopta.core.arrays import Floats
+from megalopta.core.errors import UserError
+from megalopta.dataset.store import Dataset
+from megalopta.scenes import Pictures
+from megalopta.scenes.spectra.color import LUMINANCE_SHARES, encode_srgb
+
+if TYPE_CHECKING:
+    from megalopta.render.footage import Footage
+
+Float32 = NDArray[np.float32]
+
+_SAME_TIME = 0.1
+"""Share of a frame's period by which times of a file are rounded"""
+_KEPT = 3
+"""Pictures in memory"""
+
+
+class PictureFrames:
+    """Linear light (H, W, 3) of pictures at any place of a sequence; places count frames from 0."""
+
+    def __init__(self, footage: "Footage", settings: Configuration) -> None:
+        self.footage, self._settings = footage, settings
+        self._scene, rate_hz = cast(Pictures, settings.scene), settings.trajectory.frame_rate_hz
+        times_s = picture_times(footage, self._scene.picture_rate_hz or rate_hz)
+        self._places = times_s * rate_hz
+        self._picture = lru_cache(maxsize=_KEPT)(self._resized)
+        self._flow = lru_cache(maxsize=1)(self._estimated_flow)
+
+    def at(self, place: float) -> Float32:
+        """Return the light at a place of the sequence."""
+        before, share = self.neighbors(place)
+        if not share:
+            return self._picture(before)
+        first, second = self._picture(before), self._picture(before + 1)
+        if self._scene.between == "blend":
+            return first + np.float32(share) * (second - first)
+        return self._moved(before, share)
+
+    def neighbors(self, place: float) -> tuple[int, float]:
+        """Return the picture at or before a place, and the share of the way to the next."""
+        last = len(self._places) - 1
+        found = int(np.searchsorted(self._places, place + _SAME_TIME, side="right")) - 1
+        before = min(max(found, 0), last)
+        if self._scene.between == "hold" or before == last:
+            return before, 0.0
+        start, end = self._places[before : before + 2]
+        share = (place - start) / (end - start)
+        return before, 0.0 if share * (end - start) < _SAME_TIME else min(share, 1.0)
+
+    def weights(self) -> dict[int, float]:
+        """Return how often each picture is seen in the frames of the sequence, parts of it added.
+
+        Where light moves along a flow, as if pictures were blended.
+        """
+        found: dict[int, float] = {}
+        for place in range(self._settings.trajectory.frames):
+            before, share = self.neighbors(place)
+            found[before] = found.get(before, 0.0) + 1 - share
+            if share:
+                found[before + 1] = found.get(before + 1, 0.0) + share
+        return found
+
+    def _resized(self, index: int) -> Float32:
+        import cv2
+
+        camera, picture = self._settings.camera, self.footage.frame(index)
+        if picture.shape[:2] == (camera.height, camera.width):
+            return picture
+        return np.asarray(
+            cv2.resize(picture, (camera.width, camera.height), interpolation=cv2.INTER_AREA),
+            np.float32,
+        )
+
+    def _moved(self, before: int, share: float) -> Float32:
+        from megalopta.sensor.sub_frames import NextFrames
+
+        first, second = self._picture(before), self._picture(before + 1)
+        flow = self._flow(before)[np.newaxis]
+        following = NextFrames(
+            radiance=second[np.newaxis], flow=flow, hidden=np.zeros(flow.shape[:3], np.bool_)
+        )
+        return following.between(first[np.newaxis], 0, np.array([share]))[0].astype(np.float32)
+
+    def _estimated_flow(self, before: int) -> Floats:
+        return clean_flow(self._picture(before), self._picture(before + 1))
+
+
+def clean_flow(first: Float32, second: Float32) -> Floats:
+    """Return the flow (H, W, 2) that DIS finds between two pictures (H, W, 3) without noise."""
+    from megalopta.flow import optical_flow
+
+    luminances = (each @ np.asarray(LUMINANCE_SHARES, np.float32) for each in (first, second))
+    brightest = max(float(first.max()), float(second.max())) or 1.0
+    return optical_flow(*(encode_srgb(each / brightest) for each in luminances), method="DIS")
+
+
+def picture_times(footage: "Footage", rate_hz: float) -> Floats:
+    """Return the time of every picture, s; those of files that tell none follow at a rate."""
+    if footage.times_s is not None:
+        return footage.times_s
+    return np.arange(len(footage)) / rate_hz
+
+
+@dataclass(frozen=True)
+class PictureLight:
+    """Frames of pictures as spectral radiance (H, W, B), W·m⁻²·sr⁻¹·nm⁻¹."""
+
+    frames: PictureFrames
+    radiance_of_unit: Floats
+    """(3, B): of red, green and blue of linear value 1"""
+
+    def at(self, place: float) -> Float32:
+        """Return the radiance at a place of the sequence, whose frames count from 0."""
+        return np.asarray(self.frames.at(place) @ self.radiance_of_unit.astype(np.float32))
+
+
+@dataclass(frozen=True)
+class NextPictures:
+    """How the light of pictures goes on from frame to frame (`sensor.sub_frames.Following`)."""
+
+    light: PictureLight
+    first: int
+    """Number of the first of the frames"""
+    factor: NDArray[np.floating]
+    """(B,)"""
+
+    def scaled(self, factor: NDArray[np.floating]) -> "NextPictures":
+        """The same light, so many times as bright."""
+        return NextPictures(self.light, self.first, self.factor * factor)
+
+    def between(self, _: NDArray[np.floating], frame: int, shares: Floats) -> NDArray[np.floating]:
+        """Return the radiance (S, H, W, B) at shares of the way from one of the frames on."""
+        places = self.first + frame + shares
+        return np.stack([self.light.at(place) * self.factor for place in places])
+
+
+@dataclass(frozen=True)
+class _Asked:
+    root: Path
+    settings: str
+    dataset: Dataset = field(compare=False)
+
+
+def light_of(dataset: Dataset) -> PictureLight:
+    """Return the light of a dataset's pictures, whose files are compared when they are opened.
+
+    Raises UserError when they, or their record, are damaged.
+    """
+    return _opened(_Asked(dataset.root, dataset.configuration.model_dump_json(), dataset))
+
+
+@lru_cache(maxsize=2)
+def _opened(asked: _Asked) -> PictureLight:
+    from megalopta.render.footage import open_footage
+
+    dataset, settings = asked.dataset, asked.dataset.configuration
+    folder = picture_folder(dataset)
+    try:
+        dataset.compare_all(f"{folder.relative_to(dataset.root).as_posix()}/")
+        mean = np.array(dataset.read_scene_record()["pictures"]["mean"], np.float64).reshape(3)
+        (source,) = (each for each in folder.iterdir() if not files.is_temporary(each))
+    except (OSError, KeyError, TypeError, ValueError):
+        again = f"megalopta render {dataset.home} --out {dataset.home}"
+        raise UserError(f"{folder} lacks the pictures, or is damaged; run: {again}") from None
+    scene = cast(Pictures, settings.scene)
+    frames = PictureFrames(open_footage(source, scene.unit), settings)
+    of_white = scene.radiance_of_white(settings.light, settings.render.bands_nm)
+    return PictureLight(frames, of_white * scene.scale(mean))
+
+
+def picture_folder(dataset: Dataset) -> Path:
+    """Folder that holds the pictures of a dataset: a file, or a folder of files."""
+    return dataset.root / "pictures" / dataset.sequence

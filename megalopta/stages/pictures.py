@@ -1,0 +1,267 @@
+"""Pictures of the user's own in place of a rendered scene: their configuration, their files."""
+
+import math
+import re
+import shutil
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+
+from megalopta.config.model import Configuration
+from megalopta.config.yaml_model import validated
+from megalopta.core import files
+from megalopta.core.errors import UserError, refused_as
+from megalopta.core.progress import progress, say, step
+from megalopta.dataset.pictures import PictureFrames, picture_folder, picture_times
+from megalopta.dataset.store import Dataset
+from megalopta.render.footage import Footage, Unit, open_footage
+from megalopta.scenes import Pictures
+from megalopta.scenes.lighting.levels import LEVELS, illuminance_of
+from megalopta.scenes.spectra.color import LUMINANCE_SHARES
+from megalopta.sensor import photon_rate
+
+STILL_FRAMES = 16
+"""Of a single picture, which does not move"""
+_USUAL_HZ = 25.0
+"""Pictures a second where a file tells no times"""
+_SOURCE = "source"
+_DIGITS = 6
+"""Of a light level, which names files"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Asked:
+    """What a user says of pictures; None leaves it to the file, or to `Pictures`."""
+
+    unit: Unit | None = None
+    frame_rate_hz: float | None = None
+    frames: int | None = None
+    width: int | None = None
+    between: str | None = None
+    reflectance: float | None = None
+    spectrum: str | None = None
+    """Of white: a name that `Pictures` knows, or a light level"""
+    photons: Sequence[float] = ()
+    """Mean photons on a pixel of the first sensor in an exposure; or"""
+    lux: Sequence[float] = ()
+    """illuminance of the scene; or"""
+    luminance: Sequence[float] = ()
+    """mean luminance of the pictures, cd/m²."""
+
+
+@dataclass(frozen=True)
+class Measured:
+    """What is measured of the pictures that a sequence shows."""
+
+    mean: tuple[float, float, float]
+    """Of linear red, green and blue, over all frames"""
+    saturated: float
+    """Share of pixels at the largest code of any color"""
+
+    @property
+    def luminance(self) -> float:
+        """Mean luminance, in the unit of the linear values."""
+        return float(np.dot(self.mean, LUMINANCE_SHARES))
+
+
+def configuration_of(path: Path, asked: Asked, overrides: Mapping[str, str]) -> Configuration:
+    """Return the configuration of a dataset of pictures; settings that are given override it.
+
+    Raises UserError.
+    """
+    with open_footage(path, asked.unit) as footage:
+        _check_brightness(path, asked, footage.unit)
+        fields = _fields(path, footage, asked)
+        settings = _short_exposures(validated(Configuration, fields, str(path), overrides))
+        found = measured(settings, footage)
+    if asked.unit == "cd/m2":
+        lux = _lux(settings, found.luminance)
+        light = settings.light.model_copy(update={"illuminance_lux": lux})
+        settings = settings.model_copy(update={"light": light})
+    if "light_levels" in overrides:
+        return settings
+    with refused_as(str(path)):
+        levels = [float(f"{lux:.{_DIGITS}g}") for lux in _levels(settings, asked, found)]
+        for level in levels:
+            illuminance_of(level)
+    return settings.model_copy(update={"light_levels": tuple(dict.fromkeys(levels))})
+
+
+def _check_brightness(path: Path, asked: Asked, unit: Unit) -> None:
+    given = [name for name in ("photons", "lux", "luminance") if getattr(asked, name)]
+    if len(given) == 1 or (unit == "cd/m2" and not given):
+        return
+    what = f"--{given[0]} and --{given[1]}" if given else "pictures do not say how bright it was"
+    raise UserError(
+        f"{path}: {what}; give one of --photons 2 (on a pixel in a frame, on average), --lux 0.25 "
+        "(on the scene: 0.001 by stars, 0.25 by full moon, 10 in a street, 500 in a room, 1e5 in "
+        "the sun), --luminance 0.01 (mean of the pictures, cd/m²)"
+    )
+
+
+def _fields(path: Path, footage: Footage, asked: Asked) -> dict[str, Any]:
+    """What the configuration has that is not as by default."""
+    rows, columns = footage.shape
+    width = asked.width or columns
+    is_level = asked.spectrum in LEVELS
+    scene = {
+        "unit": asked.unit,
+        "between": asked.between,
+        "reflectance": asked.reflectance,
+        "spectrum": "light" if is_level else asked.spectrum,
+    }
+    given = {name: value for name, value in scene.items() if value is not None}
+    return {
+        "name": re.sub(r"[^A-Za-z0-9]+", "-", path.stem).strip("-")[:60] or "pictures",
+        "scene": {"kind": "pictures", "file": str(path), **given},
+        "light": {"level": asked.spectrum if is_level else "daylight"},
+        "camera": {"width": width, "height": max(1, round(rows * width / columns))},
+        "trajectory": _timing(footage, asked),
+        "sensors": ["ideal"],
+        "light_levels": [1.0],
+    }
+
+
+def _timing(footage: Footage, asked: Asked) -> dict[str, Any]:
+    """Frames and their rate: as in the file, unless something else is asked for."""
+    count = len(footage)
+    times_s = picture_times(footage, asked.frame_rate_hz or _USUAL_HZ)
+    end_s = float(times_s[-1])
+    rate_hz = asked.frame_rate_hz or ((count - 1) / end_s if end_s else _USUAL_HZ)
+    frames = math.floor(end_s * rate_hz + 0.1) + 1 if count > 1 else STILL_FRAMES
+    return {"frames": asked.frames or max(frames, 2), "frame_rate_hz": rate_hz}
+
+
+def _short_exposures(settings: Configuration) -> Configuration:
+    """Return the configuration with exposures of a frame at most, and say which are shorter now."""
+    longest_s = 1 / settings.trajectory.frame_rate_hz
+    sensors = []
+    for sensor in settings.sensors:
+        if sensor.exposure_s > longest_s:
+            say(f"sense: {sensor.name} exposes for {1e3 * longest_s:.3g} ms, the time of a frame")
+            sensor = sensor.model_copy(update={"exposure_s": longest_s})
+        sensors.append(sensor)
+    return settings.model_copy(update={"sensors": tuple(sensors)})
+
+
+def _levels(settings: Configuration, asked: Asked, found: Measured) -> list[float]:
+    """Light levels, lux."""
+    if asked.photons:
+        per_lux = _photons_per_lux(settings, found)
+        return [photons / per_lux for photons in asked.photons]
+    if asked.luminance:
+        return [_lux(settings, luminance) for luminance in asked.luminance]
+    return list(asked.lux) or [settings.light.resolved().illuminance_lux]
+
+
+def _lux(settings: Configuration, luminance: float) -> float:
+    """Illuminance under which surfaces of the pictures' reflectance have a luminance, cd/m²."""
+    return math.pi * luminance / _scene(settings).reflectance
+
+
+def _photons_per_lux(settings: Configuration, found: Measured) -> float:
+    """Mean photons on a pixel of the first sensor in an exposure, for each lux."""
+    scene, sensor, bands = _scene(settings), settings.sensors[0], settings.render.bands_nm
+    mean = np.array(found.mean)
+    radiance = scene.scale(mean) * mean @ scene.radiance_of_white(settings.light, bands)
+    with refused_as(sensor.name):
+        hz = photon_rate(radiance[np.newaxis, np.newaxis, np.newaxis], bands, sensor)
+    return float(hz[0, 0, 0]) * sensor.exposure_s / settings.light.resolved().illuminance_lux
+
+
+def _scene(settings: Configuration) -> Pictures:
+    return cast(Pictures, settings.scene)
+
+
+def measured(settings: Configuration, footage: Footage) -> Measured:
+    """Measure the pictures that a sequence shows, once in a process. Raises UserError for black."""
+    key = settings.scene.model_dump_json() + settings.trajectory.model_dump_json()
+    if key not in _measured:
+        _measured[key] = _measure(PictureFrames(footage, settings).weights(), footage)
+    return _measured[key]
+
+
+_measured: dict[str, Measured] = {}
+
+
+def _measure(weights: Mapping[int, float], footage: Footage) -> Measured:
+    """Average over pictures, each so many times."""
+    mean, saturated = np.zeros(3), 0.0
+    with progress(f"Reading {footage.path.name}", len(weights), "picture") as advance:
+        for index in sorted(weights):
+            mean += weights[index] * footage.mean(index)
+            saturated += weights[index] * footage.saturated(index)
+            advance()
+    if not mean.any():
+        raise UserError(f"{footage.path} is black; give pictures with light in them")
+    total = sum(weights.values())
+    red, green, blue = (mean / total).tolist()
+    return Measured((red, green, blue), saturated / total)
+
+
+def import_pictures(dataset: Dataset) -> None:
+    """Copy the files of the pictures into a dataset, and note what they are."""
+    settings, scene = dataset.configuration, _scene(dataset.configuration)
+    folder = picture_folder(dataset)
+    with refused_as("scene.file"), open_footage(Path(scene.file.path), scene.unit) as footage:
+        found = measured(settings, footage)
+        if not folder.exists():
+            with step("copying the pictures"), files.atomic_write(folder) as temporary:
+                _copy(footage, temporary)
+            scene.file.check()  # afterwards, so that it was this that was copied
+        record = {
+            "files": len(footage.files),
+            "pictures": len(footage),
+            "transfer": footage.transfer,
+            "notes": list(footage.notes),
+            **asdict(found),
+        }
+    files.write_json(dataset.scene_record, {"pictures": record})
+    _say(dataset, record)
+
+
+def _copy(footage: Footage, folder: Path) -> None:
+    """Copy a file as source.SUFFIX, or the files of a folder in their order below source/."""
+    first = footage.files[0]
+    if footage.path == first:
+        folder.mkdir()
+        shutil.copyfile(first, folder / f"{_SOURCE}{first.suffix.lower()}")
+        return
+    (folder / _SOURCE).mkdir(parents=True)
+    for index, file in enumerate(footage.files, 1):
+        shutil.copyfile(file, folder / _SOURCE / f"{index:06d}{file.suffix.lower()}")
+
+
+def _say(dataset: Dataset, record: Mapping[str, Any]) -> None:
+    settings, camera = dataset.configuration, dataset.configuration.camera
+    say(
+        f"pictures: {settings.trajectory.frames} frames of {camera.width} × {camera.height} px at "
+        f"{settings.trajectory.frame_rate_hz:.6g} Hz from {record['pictures']} pictures, "
+        f"{record['transfer']} turned into light; white has the spectrum of "
+        f"{_scene(settings).white_name(settings.light)}, and pictures reflect "
+        f"{100 * _scene(settings).reflectance:g} % of the light on average"
+    )
+    for note in record["notes"]:
+        say(f"pictures: {note}")
+    if share := record["saturated"]:
+        say(
+            f"pictures: {100 * share:.2g} % of the pixels are as bright as the file can tell; what "
+            "was brighter in life lacks photons"
+        )
+
+
+def check_pictures(settings: Configuration) -> None:
+    """Refuse, with ValueError, pictures of another shape than the frames."""
+    scene, camera = _scene(settings), settings.camera
+    if not Path(scene.file.path).exists():
+        return  # a dataset that came from elsewhere
+    with open_footage(Path(scene.file.path), scene.unit) as footage:
+        rows, columns = footage.shape
+    if abs(camera.height - camera.width * rows / columns) > 1:
+        raise ValueError(
+            f"camera {camera.width} × {camera.height}: {scene.file.path} has {columns} × {rows} "
+            "px; give a size of the same shape"
+        )

@@ -1,0 +1,184 @@
+"""What all footage has in common: numbers of frames, how they become light, sums over them."""
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal, Self
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from megalopta.core.arrays import Floats
+from megalopta.core.errors import DamagedFileError
+from megalopta.render.footage.transfer import TRANSFERS
+
+Unit = Literal["srgb", "linear", "cd/m2"]
+"""What numbers are: coded, proportional to light, or luminance."""
+
+MOST_PIXELS = 2**28
+"""Of one frame."""
+_MOST_NEGATIVE = 0.01
+"""Share of the light that values below 0 may sum to."""
+
+
+@dataclass(frozen=True)
+class Coding:
+    """How the numbers of frames become light."""
+
+    name: str
+    """For people: the transfer function, or the unit."""
+    unit: Unit = "srgb"
+    table: NDArray[np.float32] | None = None
+    """Light of every code; None where the numbers are light."""
+    white: int = 0
+    """The code of white, from which on a channel is saturated."""
+    matrix: Floats | None = None
+    """From the primaries of the file to those of BT.709; None where they are the same."""
+
+    def light(self, numbers: NDArray[Any]) -> NDArray[np.float32]:
+        """Return light (H, W, 3) of codes or light, (H, W) or (H, W, 3)."""
+        light = numbers if self.table is None else cv2.LUT(numbers, self.table)
+        if light.ndim == 2:
+            light = cv2.merge([light] * 3)
+        if self.matrix is not None:
+            light = np.maximum(cv2.transform(light, self.matrix), 0)
+        return np.ascontiguousarray(light, np.float32)
+
+
+def coding_of(transfer: str, codes: int, black: int = 0, white: int = 0) -> Coding:
+    """Return the coding of `codes` codes by a transfer function, all from `white` (the last) on 1.
+
+    Raises KeyError for a transfer function without a formula.
+    """
+    white = white or codes - 1
+    shares = np.clip((np.arange(codes) - black) / (white - black), 0, 1)
+    return Coding(transfer, "srgb", TRANSFERS[transfer](shares).astype(np.float32), white)
+
+
+@dataclass(eq=False, kw_only=True)
+class Footage(ABC):
+    """Frames of linear light, of one file or of the pictures in a folder.
+
+    A frame is quickly there when indices grow. The last one is kept, no other.
+    """
+
+    path: Path
+    files: tuple[Path, ...]
+    """The file, or those of the folder in their order."""
+    shape: tuple[int, int]
+    """Rows and columns, as the picture is looked at."""
+    coding: Coding
+    times_s: Floats | None = None
+    """Of every frame, the first 0; None where the file does not say."""
+    notes: tuple[str, ...] = ()
+    """Sentences about what was assumed or changed, for the user."""
+    _kept: tuple[int, NDArray[Any]] | None = field(default=None, init=False, repr=False)
+
+    @property
+    def transfer(self) -> str:
+        """How codes become light, for people."""
+        return self.coding.name
+
+    @property
+    def unit(self) -> Unit:
+        """What the numbers in the file are."""
+        return self.coding.unit
+
+    @abstractmethod
+    def __len__(self) -> int:
+        """Return the number of frames."""
+
+    @abstractmethod
+    def _numbers(self, index: int) -> NDArray[Any]:
+        """Return codes or light of a frame, (H, W) or (H, W, 3)."""
+
+    def frame(self, index: int) -> NDArray[np.float32]:
+        """Return linear light (H, W, 3) in the primaries of sRGB, finite and never negative.
+
+        1 is the white of the code; of arrays and of pictures in light, what they say. Raises
+        UserError when the frame cannot be read, IndexError when there is none.
+        """
+        return self.coding.light(self._held(index))
+
+    def mean(self, index: int) -> Floats:
+        """Return the mean (3,) of each channel of a frame's light; errors as `frame`."""
+        numbers, coding = self._held(index), self.coding
+        if coding.table is None or coding.matrix is not None:  # clipping follows the matrix
+            return np.asarray(coding.light(numbers).mean(axis=(0, 1), dtype=np.float64))
+        planes = 1 if numbers.ndim == 2 else 3
+        codes = len(coding.table)
+        counts = [cv2.calcHist([numbers], [k], None, [codes], [0, codes]) for k in range(planes)]
+        sums = np.array([each.ravel() @ coding.table.astype(np.float64) for each in counts])
+        return np.broadcast_to(sums / np.prod(self.shape), 3)
+
+    def saturated(self, index: int) -> float:
+        """Return the share of pixels with any channel at white or above; 0 of what has no codes."""
+        if self.coding.table is None:
+            return 0.0
+        numbers, below = self._held(index), self.coding.white - 1
+        channels = 1 if numbers.ndim == 2 else 3
+        is_below = cv2.inRange(numbers, (0,) * channels, (below,) * channels)
+        return 1 - cv2.countNonZero(is_below) / is_below.size
+
+    def close(self) -> None:
+        """Free what decodes, and the frame that is kept."""
+        self._kept = None
+
+    def __enter__(self) -> Self:
+        """Return the footage itself, to be closed at the end."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Close it."""
+        self.close()
+
+    def _held(self, index: int) -> NDArray[Any]:
+        index = range(len(self))[index]
+        if self._kept is None or self._kept[0] != index:
+            self._kept = None  # before the next one is decoded
+            self._kept = index, np.ascontiguousarray(self._numbers(index))
+        return self._kept[1]
+
+    def _note(self, text: str) -> None:
+        self.notes = self.notes if text in self.notes else (*self.notes, text)
+
+    def _as_light(self, values: NDArray[Any], path: Path) -> NDArray[np.float32]:
+        """Return light as float32; values below 0 become 0, which is noted once.
+
+        Raises DamagedFileError when it is not finite, or more than a little of it is negative.
+        """
+        with np.errstate(over="ignore"):
+            light = np.ascontiguousarray(values, np.float32)
+        if not np.isfinite(light).all():
+            raise DamagedFileError(
+                f"{path} has values that are not finite, or beyond float32; mend it"
+            )
+        if light.min() >= 0:
+            return light
+        clipped = np.maximum(light, 0)
+        total = clipped.sum(dtype=np.float64)
+        if total - light.sum(dtype=np.float64) > _MOST_NEGATIVE * total:
+            raise DamagedFileError(
+                f"{path} has values below 0, the lowest {light.min():.2g}, more than "
+                f"{_MOST_NEGATIVE:.0%} of its light; give light, no differences"
+            )
+        self._note(f"{self.path} has values slightly below 0, which are taken as 0")
+        return clipped
+
+
+def check_size(path: Path, shape: tuple[int, ...]) -> None:
+    """Refuse a frame without pixels, or with more than `MOST_PIXELS`. Raises DamagedFileError."""
+    rows, columns = shape[:2]
+    if not 0 < rows * columns <= MOST_PIXELS:
+        raise DamagedFileError(
+            f"{path} claims {columns} × {rows} pixels; give frames of 1 to {MOST_PIXELS} pixels"
+        )
+
+
+def turned(
+    numbers: NDArray[Any], transposed: bool, mirrored_x: bool, mirrored_y: bool
+) -> NDArray[Any]:
+    """Return a picture with rows and columns exchanged, then mirrored left to right, up to down."""
+    numbers = numbers.swapaxes(0, 1) if transposed else numbers
+    return np.ascontiguousarray(numbers[:: -1 if mirrored_y else 1, :: -1 if mirrored_x else 1])

@@ -1,0 +1,394 @@
+"""Single pictures, and pictures in a folder.
+
+Of 8 bits through Pillow; of 16 bits in PNG and TIFF, with all of them, and Radiance through OpenCV;
+EXR through OpenEXR.
+"""
+
+import logging
+import re
+import struct
+import zlib
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal, NamedTuple
+
+import cv2
+import numpy as np
+import tifffile
+from numpy.typing import NDArray
+from PIL import Image, ImageOps
+
+from megalopta.core.bounded import ARRAY_BYTES, check_file, quoted, read_bytes
+from megalopta.core.errors import DamagedFileError, UserError
+from megalopta.core.pictures import opened_picture, readable
+from megalopta.core.progress import working
+from megalopta.render.footage.frames import Coding, Footage, Unit, check_size, coding_of, turned
+from megalopta.render.footage.transfer import to_bt709
+
+KINDS: Mapping[str, str] = {
+    **dict.fromkeys((".png",), "PNG"),
+    **dict.fromkeys((".jpg", ".jpeg"), "JPEG"),
+    **dict.fromkeys((".tif", ".tiff"), "TIFF"),
+    **dict.fromkeys((".bmp",), "BMP"),
+    **dict.fromkeys((".ppm", ".pgm"), "PPM"),
+    **dict.fromkeys((".webp",), "WebP"),
+    **dict.fromkeys((".gif",), "GIF"),
+    **dict.fromkeys((".exr",), "EXR"),
+    **dict.fromkeys((".hdr",), "Radiance"),
+}
+"""Kind of picture by the suffix of its file."""
+
+Depth = Literal["8 bits", "16 bits", "light"]
+_UNITS: Mapping[Depth, tuple[Unit, ...]] = {
+    "8 bits": ("srgb",),
+    "16 bits": ("srgb", "linear"),
+    "light": ("linear", "cd/m2"),
+}
+"""What numbers of a depth may be, first what they are unless told."""
+_ORIENTATION = 0x0112
+_TURNS = {
+    2: (False, True, False),
+    3: (False, True, True),
+    4: (False, False, True),
+    5: (True, False, False),
+    6: (True, True, False),
+    7: (True, True, True),
+    8: (True, False, True),
+}
+"""Arguments of `turned` for an orientation of Exif."""
+_PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
+_PNG_CHUNKS = (b"IHDR", b"PLTE", b"tRNS", b"IDAT", b"IEND")
+_RADIANCE_SIZE = re.compile(rb"\n\n-Y (\d{1,9}) \+X (\d{1,9})\n")
+
+
+logging.getLogger("tifffile").addHandler(logging.NullHandler())  # we say ourselves what is wrong
+
+
+class _Header(NamedTuple):
+    """What a file says before its pixels."""
+
+    shape: tuple[int, int]
+    depth: Depth
+    orientation: int = 1
+    chromaticities: tuple[float, ...] | None = None
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(eq=False, kw_only=True)
+class Pictures(Footage):
+    """Pictures of one size and kind, a frame each."""
+
+    depth: Depth
+
+    def __len__(self) -> int:
+        """Return the number of pictures."""
+        return len(self.files)
+
+    def _numbers(self, index: int) -> NDArray[Any]:
+        path = self.files[index]
+        numbers = self._read(path)
+        if numbers.shape[:2] != self.shape:
+            raise DamagedFileError(
+                f"{path} has another size than before; do not change it meanwhile"
+            )
+        return numbers
+
+    def _read(self, path: Path) -> NDArray[Any]:
+        kind = kind_of(path)
+        if kind == "EXR":
+            return self._as_light(_exr_light(path), path)
+        if kind == "Radiance" or self.depth != "8 bits":
+            return self._deep(path)
+        with opened_picture(path) as image:
+            codes, is_transparent = over_black(ImageOps.exif_transpose(image))
+        return self._told(codes, is_transparent)
+
+    def _deep(self, path: Path) -> NDArray[Any]:
+        numbers = _decoded(path)
+        if kind_of(path) == "PNG":  # of TIFF, OpenCV has turned it
+            numbers = turned(numbers, *_TURNS.get(_header(path).orientation, (False,) * 3))
+        is_transparent = numbers.shape[2:] == (4,) and numbers[..., 3].min() < _top(numbers)
+        if is_transparent:
+            numbers[..., :3] = np.rint(numbers[..., :3] * (numbers[..., 3:] / _top(numbers)))
+        numbers = numbers if numbers.ndim == 2 else numbers[..., 2::-1]
+        numbers = self._as_light(numbers, path) if self.depth == "light" else numbers
+        return self._told(numbers, is_transparent)
+
+    def _told(self, numbers: NDArray[Any], is_transparent: bool) -> NDArray[Any]:
+        if is_transparent:
+            self._note(TRANSPARENT)
+        return numbers
+
+
+TRANSPARENT = "transparent parts stand before black"
+
+
+def open_picture(path: Path, unit: Unit | None) -> Pictures:
+    """Return a picture as one frame. Raises UserError."""
+    footage = _pictures(path, (path,), unit, _header(path))
+    footage.frame(0)  # tells now what is wrong with it
+    return footage
+
+
+def open_folder(path: Path, unit: Unit | None) -> Pictures:
+    """Return the pictures of a folder, in the order of the numbers in their names.
+
+    Raises UserError when there is none, or they differ in size or kind.
+    """
+    visible = [each for each in path.iterdir() if not each.name.startswith(".") and each.is_file()]
+    files = tuple(sorted((each for each in visible if kind_of(each)), key=natural_key))
+    if not files:
+        raise UserError(f"{path} has no picture in it; give a folder of {', '.join(KINDS)} files")
+    with working(f"headers of the pictures in {path}"):
+        footage = _pictures(path, files, unit, _common_header(files))
+    footage.notes += (*_left_out(path, visible, files), *_order(files))
+    footage.frame(0)
+    return footage
+
+
+def kind_of(path: Path) -> str | None:
+    """Return the kind of picture by the suffix; None where it is none."""
+    return KINDS.get(path.suffix.lower())
+
+
+def natural_key(path: Path) -> list[tuple[int, str]]:
+    """Return what sorts names by the numbers in them: frame 9 before frame 10."""
+    parts = re.split("([0-9]+)", path.name)
+    return [(int(part), "") if k % 2 else (-1, part) for k, part in enumerate(parts)] + [
+        (-2, path.name)
+    ]
+
+
+def over_black(image: Image.Image) -> tuple[NDArray[np.uint8], bool]:
+    """Return codes, (H, W) of gray or (H, W, 3), and whether anything in them was transparent."""
+    if image.has_transparency_data:
+        layers = image.convert("RGBA")
+        if np.asarray(layers)[..., 3].min() < 255:
+            black = Image.new("RGBA", image.size, (0, 0, 0, 255))
+            return np.asarray(Image.alpha_composite(black, layers).convert("RGB")), True
+    return np.asarray(image.convert("L" if image.mode in ("1", "L", "LA") else "RGB")), False
+
+
+def _pictures(path: Path, files: tuple[Path, ...], unit: Unit | None, header: _Header) -> Pictures:
+    return Pictures(
+        path=path,
+        files=files,
+        shape=header.shape,
+        coding=_coding(path, unit, header),
+        depth=header.depth,
+        notes=header.notes,
+    )
+
+
+def _coding(path: Path, unit: Unit | None, header: _Header) -> Coding:
+    units = _UNITS[header.depth]
+    if unit is not None and unit not in units:
+        what = header.depth if header.depth != "light" else "light in floating point"
+        raise UserError(
+            f"{path} holds {what}, whose unit can be {' or '.join(units)}, not {unit}; leave it out"
+        )
+    unit = unit or units[0]
+    if header.depth == "light":
+        matrix = None if header.chromaticities is None else to_bt709(header.chromaticities)
+        return Coding("cd/m²" if unit == "cd/m2" else "linear", unit, matrix=matrix)
+    codes = 256 if header.depth == "8 bits" else 65536
+    coding = coding_of("sRGB" if unit == "srgb" else "linear", codes)
+    return Coding(coding.name, unit, coding.table, coding.white)
+
+
+def _common_header(files: tuple[Path, ...]) -> _Header:
+    kinds = {kind_of(each): each for each in files}
+    if len(kinds) > 1:
+        one, other = list(kinds.values())[:2]
+        raise UserError(f"{one} and {other.name} are of two kinds; give a folder with one kind")
+    first = _header(files[0])
+    for path in files[1:]:
+        header = _header(path)
+        if header.shape != first.shape:
+            sizes = ("{1} × {0}".format(*each.shape) for each in (first, header))
+            raise UserError(
+                f"{files[0]} and {path.name} differ in size ({' and '.join(sizes)} px); "
+                "give pictures of one size"
+            )
+        if (header.depth, header.chromaticities) != (first.depth, first.chromaticities):
+            raise UserError(f"{files[0]} and {path.name} differ in bits or colors; save all alike")
+    return first
+
+
+def _left_out(path: Path, visible: list[Path], files: tuple[Path, ...]) -> Iterator[str]:
+    others = sorted({each.name for each in visible} - {each.name for each in files})
+    if others:
+        yield f"{path} holds other files, which are left out ({quoted(', '.join(others))})"
+
+
+def _order(files: tuple[Path, ...]) -> Iterator[str]:
+    names = [each.name for each in files]
+    ends = f"{names[0]} first, {names[-1]} last"
+    if len(names) > 1 and not all(re.search("[0-9]", each) for each in names):
+        yield f"not all names have a number, the pictures follow the alphabet: {ends}"
+    elif names != sorted(names):
+        yield f"the pictures follow the numbers in their names, not the alphabet: {ends}"
+
+
+def _header(path: Path) -> _Header:
+    """Return what a file says of itself. Raises DamagedFileError."""
+    with readable(path):
+        check_file(path)
+        if not path.stat().st_size:
+            raise DamagedFileError(f"{path} is empty; save the picture again")
+        readers = {"EXR": _exr_header, "Radiance": _radiance_header, "TIFF": _tiff_header}
+        header = readers.get(str(kind_of(path)), _pillow_header)(path)
+    check_size(path, header.shape)
+    return header
+
+
+def _pillow_header(path: Path) -> _Header:
+    with opened_picture(path) as image:
+        if frames_in(image) > 1:
+            raise DamagedFileError(f"{path} is animated; give it alone, not a folder")
+        _check_colors(path, image.mode)
+        tiles = getattr(image, "tile", [])
+        numbers = str(tiles[0].args) if tiles else ""
+        is_deep = image.mode[0] in "IF" or ";16" in numbers
+        if image.format != "PNG" and (is_deep or re.search(r", (?!255\b)\d{3,}", numbers)):
+            raise DamagedFileError(f"{path} has more than 8 bits; save it as PNG or TIFF")
+        orientation = image.getexif().get(_ORIENTATION, 1)
+        columns, rows = image.size[:: -1 if orientation >= 5 else 1]
+        notes = _colors_left_out(path, image.info.get("icc_profile") or b"")
+        return _Header(
+            (rows, columns), "16 bits" if is_deep else "8 bits", orientation, None, notes
+        )
+
+
+def frames_in(image: Image.Image) -> int:
+    """Return the number of frames of what may be animated; one of all else."""
+    return getattr(image, "n_frames", 1) if image.format in ("GIF", "PNG", "WEBP") else 1
+
+
+def _check_colors(path: Path, mode: str) -> None:
+    if mode in ("CMYK", "LAB"):
+        raise DamagedFileError(f"{path} has the colors {mode} of prints; save it in sRGB")
+
+
+def _colors_left_out(path: Path, profile: bytes) -> tuple[str, ...]:
+    if not profile or b"sRGB" in profile or "sRGB".encode("utf-16-be") in profile:
+        return ()
+    return (f"{path} has a color profile, which is left out; its colors are taken as sRGB",)
+
+
+def _tiff_header(path: Path) -> _Header:
+    with tifffile.TiffFile(path) as file:
+        if len(file.pages) > 1:
+            raise DamagedFileError(
+                f"{path} has {len(file.pages)} pages; save each as a picture, or all as .npy"
+            )
+        page = file.pages.first
+        _check_colors(path, "CMYK" if page.photometric == tifffile.PHOTOMETRIC.SEPARATED else "")
+        depth = _tiff_depth(path, page)
+        tag = page.tags.get(_ORIENTATION)
+        orientation = int(tag.value) if tag else 1
+        rows, columns = page.imagelength, page.imagewidth
+        shape = (columns, rows) if orientation >= 5 else (rows, columns)
+        return _Header(shape, depth, orientation)
+
+
+def _tiff_depth(path: Path, page: tifffile.TiffPage) -> Depth:
+    bits, kind = page.bitspersample, np.dtype(page.dtype).kind
+    if bits <= 8 and kind in "ub":
+        return "8 bits"
+    is_gray_or_rgb = page.photometric in (tifffile.PHOTOMETRIC.MINISBLACK, tifffile.PHOTOMETRIC.RGB)
+    if not is_gray_or_rgb or (kind, bits) not in (("u", 16), ("f", 32), ("f", 64)):
+        raise DamagedFileError(
+            f"{path} has {bits} bits of {kind} in a layout that is not read; save it as gray or "
+            "RGB, of 8 or 16 bits or in float32"
+        )
+    return "16 bits" if kind == "u" else "light"
+
+
+def _radiance_header(path: Path) -> _Header:
+    with path.open("rb") as file:
+        found = _RADIANCE_SIZE.search(file.read(65536))
+    if found is None:
+        raise DamagedFileError(f"{path} is no Radiance picture (-Y … +X …); save it again")
+    return _Header((int(found[1]), int(found[2])), "light")
+
+
+def _exr_header(path: Path) -> _Header:
+    import OpenEXR
+
+    with OpenEXR.File(str(path), separate_channels=True, header_only=True) as file:
+        header = dict(file.header())
+    names = [str(each.name) for each in header["channels"]]
+    if any(name.startswith("S0.") for name in names):
+        raise DamagedFileError(f"{path} holds spectral radiance; give the dataset that it is of")
+    if not ({"R", "G", "B"} <= set(names) or names in (["Y"], ["A", "Y"])):
+        raise DamagedFileError(
+            f"{path} has the channels {quoted(', '.join(names))}; give one with R, G, B, or Y alone"
+        )
+    (left, top), (right, bottom) = np.asarray(header["dataWindow"]).tolist()
+    return _of_primaries(path, (bottom - top + 1, right - left + 1), header.get("chromaticities"))
+
+
+def _of_primaries(path: Path, shape: tuple[int, int], chromaticities: Any) -> _Header:
+    if chromaticities is None:
+        return _Header(shape, "light")
+    given = tuple(np.ravel(chromaticities).tolist())
+    if np.allclose(to_bt709(given), np.eye(3), atol=1e-3):
+        return _Header(shape, "light")
+    note = f"{path} states its primaries; its light is converted to those of sRGB"
+    return _Header(shape, "light", 1, given, (note,))
+
+
+def _exr_light(path: Path) -> NDArray[Any]:
+    import OpenEXR
+
+    with readable(path), OpenEXR.File(str(path), separate_channels=True) as file:
+        channels = file.channels()
+        names = "RGB" if "R" in channels else "Y"
+        planes = [np.asarray(channels[name].pixels, np.float32) for name in names]
+        return np.stack(planes, axis=-1) if len(planes) == 3 else planes[0]
+
+
+@contextmanager
+def _without_log() -> Iterator[None]:
+    log = cv2.utils.logging
+    level = log.getLogLevel()
+    log.setLogLevel(log.LOG_LEVEL_SILENT)
+    try:
+        yield
+    finally:
+        log.setLogLevel(level)
+
+
+def _decoded(path: Path) -> NDArray[Any]:
+    """Return numbers (H, W), (H, W, 3) or (H, W, 4) as OpenCV decodes them, blue first."""
+    with readable(path), _without_log():
+        if kind_of(path) == "Radiance":  # OpenCV decodes it from files only
+            check_file(path)
+            numbers = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+        else:  # not from the file, of which OpenCV 5 cannot turn a TIFF
+            content = read_bytes(path, ARRAY_BYTES)
+            plain = _plain_png(content) if kind_of(path) == "PNG" else content
+            numbers = cv2.imdecode(np.frombuffer(plain, np.uint8), cv2.IMREAD_UNCHANGED)
+        if numbers is None or numbers.shape[2:] not in ((), (3,), (4,)):
+            raise ValueError(path)
+        return np.asarray(numbers)
+
+
+def _plain_png(content: bytes) -> bytes:
+    """Return a PNG file with no more than its pixels, of whose other chunks libpng may complain."""
+    kept, at = [_PNG_SIGNATURE], len(_PNG_SIGNATURE)
+    while not kept[-1].endswith(b"IEND\xae\x42\x60\x82"):
+        length, name = struct.unpack_from(">I4s", content, at)
+        chunk = content[at : at + length + 12]
+        if len(chunk) < length + 12 or chunk[-4:] != struct.pack(">I", zlib.crc32(chunk[4:-4])):
+            raise ValueError("damaged chunk")
+        kept += [chunk] if name in _PNG_CHUNKS else []
+        at += length + 12
+    return b"".join(kept)
+
+
+def _top(numbers: NDArray[Any]) -> float:
+    return float(np.iinfo(numbers.dtype).max) if numbers.dtype.kind == "u" else 1.0

@@ -1,0 +1,95 @@
+"""Somebody's pictures: a video, a folder of pictures or an array, as the light of a scene.
+
+Nothing is rendered, and what truly moves is not known. Values are relative: they are scaled until
+the mean of all frames reflects a given share of the light. Spectra are those of three primaries of
+the color of white (`scenes/spectra/color.py`), so that white has a given spectrum.
+"""
+
+import math
+from pathlib import PurePath
+from typing import Annotated, ClassVar, Literal
+
+import numpy as np
+from pydantic import Field
+
+from megalopta.core.arrays import Floats
+from megalopta.scenes.base import SceneDescription
+from megalopta.scenes.cameras.base import Camera
+from megalopta.scenes.hashed_file import HashedFile
+from megalopta.scenes.lighting.light import Light
+from megalopta.scenes.scene import Scene
+from megalopta.scenes.spectra.color import LUMINANCE_SHARES, Bands, band_means, primaries
+from megalopta.scenes.spectra.spectrum import SPECTRA, Spectrum, SpectrumName, luminous
+from megalopta.scenes.trajectories.base import Path
+
+Unit = Literal["srgb", "linear", "cd/m2"]
+Between = Literal["hold", "blend", "flow"]
+
+_HOW: dict[Between, str] = {
+    "hold": "holding each picture until the next",
+    "blend": "blending neighboring pictures linearly",
+    "flow": "moving light along the flow that DIS estimates between pictures",
+}
+
+
+class Pictures(SceneDescription, frozen=True):
+    """Pictures of the user's own, whose motion is not known."""
+
+    kind: Literal["pictures"] = "pictures"
+
+    file: HashedFile
+    """A picture, a folder of pictures, a video, an animation or an array: the path, relative to the
+    folder that the program runs in."""
+
+    unit: Unit | None = None
+    """What the values are: `srgb` codes, `linear` in light, or `cd/m2`; None takes what the file
+    says, as pictures and videos do."""
+
+    picture_rate_hz: Annotated[float, Field(gt=0, le=1e9)] | None = None
+    """Pictures a second, of files that tell no times; None takes the frame rate."""
+
+    between: Between = "hold"
+    """What a frame shows that lies between two pictures, and light does within a frame: `hold` the
+    earlier picture, `blend` both linearly, or move them along the `flow` that DIS estimates."""
+
+    reflectance: Annotated[float, Field(gt=0, le=1)] = 0.18
+    """Share of the light that the pictures reflect on average: luminance is this share of
+    illuminance over π."""
+
+    spectrum: SpectrumName | Literal["light"] = "D65"
+    """Spectrum of white: D65, the standard daylight of the CIE, equal_energy, the same at every
+    wavelength, or that of the light."""
+
+    has_truth: ClassVar[bool] = False
+    has_bounces: ClassVar[bool] = False
+
+    def build(self, light: Light, camera: Camera, trajectory: Path) -> Scene:
+        """Raise ValueError: pictures have no geometry."""
+        raise ValueError("scene.kind 'pictures' has no geometry to render; use `megalopta sense`")
+
+    def describe(self) -> str:
+        """A sentence for the report."""
+        return f"Pictures of {PurePath(self.file.path).name}, {_HOW[self.between]}."
+
+    def radiance_of_white(self, light: Light, bands_nm: Bands) -> Floats:
+        """Band means (3, B) of red, green and blue of a surface that reflects all light.
+
+        W·m⁻²·sr⁻¹·nm⁻¹; they add up to that of white.
+        """
+        return band_means(primaries(self.white(light)), bands_nm) / math.pi
+
+    def white(self, light: Light) -> Spectrum:
+        """Spectrum of the light on what is white, W·m⁻²·nm⁻¹, at the light's illuminance."""
+        level = light.resolved()
+        if self.spectrum == "light":
+            return level.spectrum()
+        color = SPECTRA[self.spectrum]
+        return color.scaled(level.illuminance_lux / luminous(color))
+
+    def white_name(self, light: Light) -> str:
+        """What the spectrum of white is called."""
+        return (light.level if self.spectrum == "light" else self.spectrum).replace("_", " ")
+
+    def scale(self, mean_rgb: Floats) -> float:
+        """Factor from linear values to reflectance, given their mean (3,) over all frames."""
+        return self.reflectance / float(np.dot(mean_rgb, LUMINANCE_SHARES))

@@ -1,0 +1,62 @@
+from fractions import Fraction
+
+import av
+import numpy as np
+import pytest
+
+LOSSLESS = {
+    "libx264": {"qp": "0"},
+    "libvpx-vp9": {"lossless": "1"},
+    "ffv1": {},
+    "mpeg4": {"qscale": "1"},
+}
+
+
+def picture_of(planes, format, colors):
+    """A frame of the planes (H, W) or of numbers that fill them."""
+    height, width = np.shape(planes[0])
+    frame = av.VideoFrame(width, height, format)
+    for plane, values in zip(frame.planes, planes, strict=True):
+        deep = frame.format.components[0].bits > 8
+        row = plane.line_size // (2 if deep else 1)
+        filled = np.zeros((plane.height, row), np.uint16 if deep else np.uint8)
+        filled[:, : plane.width] = values
+        plane.update(filled.tobytes())
+    for name, value in colors.items():
+        setattr(frame, name, value)
+    return frame
+
+
+@pytest.fixture
+def film(tmp_path):
+    """Writes frames, each of planes, as a film; returns its path."""
+
+    def write(frames, name="film.mp4", codec="libx264", format="yuv420p", stamps=None, **more):
+        path, colors = tmp_path / name, more.pop("colors", {})
+        height, width = np.shape(frames[0][0])
+        with av.open(path, "w", container_options=more.pop("container", {})) as container:
+            stream = container.add_stream(
+                codec,
+                rate=more.pop("rate", 25),
+                options={**LOSSLESS[codec], **more.pop("options", {})},
+            )
+            stream.width, stream.height, stream.pix_fmt = width, height, format
+            stream.codec_context.time_base = Fraction(1, 1000)
+            if "rotation" in more:
+                stream.set_display_rotation(more.pop("rotation"))
+            for field, value in colors.items():
+                setattr(stream.codec_context, field, value)
+            for stamp, planes in zip(stamps or range(0, 40 * len(frames), 40), frames, strict=True):
+                frame = picture_of(planes, format, colors)
+                frame.pts, frame.time_base = stamp, Fraction(1, 1000)
+                container.mux(stream.encode(frame))
+            container.mux(stream.encode(None))
+        assert not more
+        return path
+
+    return write
+
+
+def gray(code, bits=8, shape=(48, 64)):
+    """Planes of one gray."""
+    return np.full(shape, code), 1 << (bits - 1), 1 << (bits - 1)
