@@ -41,8 +41,8 @@ from megalopta.report.panels import (
     fastest_of,
     flow_panel,
     light_panel,
+    motion_of,
     readings_panel,
-    true_flow,
 )
 from megalopta.stages.limits import size
 
@@ -97,7 +97,7 @@ def _panels(sequence: Sequence) -> Iterator[Panel]:
     yield light_panel(sequence, frames, 1)
     readings = readings_panel(exposure_readings(sequence), frames, 1)
     yield replace(readings, told=f"{sequence.exposures[0]}: {readings.told}")
-    flow = partial(true_flow, sequence)
+    flow = partial(motion_of, sequence)
     yield flow_panel("flow", flow, fastest_of(map(flow, frames)))
     yield depth_panel(sequence, frames, 1)
 

@@ -158,12 +158,16 @@ def sheet(
         left = _GAP
         for title, picture in row:
             sheet.paste(picture, (left, top))
-            # the font knows no other spaces
-            draw.text((left, top + picture.height + 1), " ".join(title.split()), "black", font)
+            draw.text((left, top + picture.height + 1), _spaced(title), "black", font)
             left += picture.width + _GAP
         top += line + height
-    draw.text((_GAP, top), footer, "black", font)
+    draw.text((_GAP, top), _spaced(footer), "black", font)
     return sheet
+
+
+def _spaced(text: str) -> str:
+    """Return a text with plain spaces: the font knows no others."""
+    return " ".join(text.split())
 
 
 def write_sheet(path: Path, rows: Sequence[Sequence[tuple[str, Image.Image]]]) -> None:

@@ -56,7 +56,7 @@ def _stand_in(report: Report) -> Section:
         "without photon noise: a stand-in, wrong where things hide each other or have no texture. "
         f"Its median speed is {report.median_speed:.2g} pixels per frame.",
         body=block("strip", _flow(report))
-        + block("pair", block("", wheel(_COLORS.format(report.fastest))), chart),
+        + block("pair", block("", wheel(COLORS.format(report.fastest))), chart),
         name="motion",
         link="Motion",
     )

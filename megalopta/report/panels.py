@@ -11,6 +11,7 @@ from PIL import Image
 from megalopta.core.arrays import Floats
 from megalopta.core.errors import UserError
 from megalopta.dataset.flow_record import FlowRecord
+from megalopta.dataset.frames import read_motion
 from megalopta.dataset.sequence import Sequence
 from megalopta.flow.color_wheel import flow_to_rgb
 from megalopta.flow.detectors.blocks import BlockGrid
@@ -20,7 +21,7 @@ from megalopta.plotting.text import number, short
 from megalopta.report.images import ColorScale, gray_scale, map_scale, rgb_picture
 from megalopta.report.readings import Readings
 from megalopta.report.source import spread
-from megalopta.scenes import ToneCurve, white_of
+from megalopta.scenes import ToneCurve
 from megalopta.scenes.spectra.color import encode_srgb, linear_srgb
 from megalopta.sensor import ImageSensor, StoredFrames
 
@@ -51,7 +52,7 @@ def light_panel(sequence: Sequence, frames: range, step: int) -> Panel:
     Some of the frames give the exposure.
     """
     settings, bands = sequence.configuration, sequence.bands_nm
-    white = white_of(settings.scene, settings.light)
+    white = settings.scene.white(settings.light)
 
     def linear(frame: int) -> Floats:
         return linear_srgb(sequence.radiance[frame][::step, ::step], bands, white)
@@ -96,8 +97,13 @@ def exposure_readings(
     return Readings(counts.shape, lambda part: (counts[part], full[part]), unit, sensor)
 
 
-def true_flow(sequence: Sequence, frame: int) -> NDArray[np.float32]:
-    """Return the true motion from a frame to the next, (H, W, 2), px, NaN where undefined."""
+def motion_of(sequence: Sequence, frame: int) -> NDArray[np.floating]:
+    """Return the motion from a frame to the next, (H, W, 2), px, NaN where undefined.
+
+    The true one; of pictures, which tell none, what is found in them without noise.
+    """
+    if not sequence.configuration.scene.has_truth:
+        return read_motion(sequence.dataset, frame).flow
     path = sequence.dataset.frame("training/flow", frame, "flo")
     try:
         return read_flo(path)

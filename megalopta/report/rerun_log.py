@@ -67,7 +67,7 @@ def _entities(rerun: Any, found: Seen, frame: int) -> Iterator[tuple[Place, Any]
         pose = found.sequence.poses[frame]
         yield _CAMERA, rerun.Transform3D(translation=pose[:3, 3], mat3x3=pose[:3, :3])
         yield from _pinhole(rerun, found.sequence, found.step)
-        if found.truth and found.light:
+        if found.light and found.sequence.configuration.scene.has_truth:
             light = np.asarray(found.light.picture(frame).convert("RGB"))
             yield [*_WORLD, "points"], _points(rerun, found.sequence, frame, found.step, light)
 
@@ -80,8 +80,8 @@ def _pictures(found: Seen) -> Iterator[tuple[Place, Panel]]:
         yield ["readings", *of], each.readings
         if each.flow:
             yield ["found_flow", *of], each.flow
-    if found.truth:
-        yield ["true_flow"], found.truth
+    if found.motion:
+        yield ["_".join(found.motion.name.split())], found.motion
 
 
 def _image(rerun: Any, picture: Image.Image) -> Any:

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeAlias
 
-import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.config.model import LightLevel
@@ -30,8 +29,8 @@ from megalopta.report.panels import (
     flow_panel,
     found_flow,
     light_panel,
+    motion_of,
     readings_panel,
-    true_flow,
 )
 from megalopta.report.readings import Treatment, readings_of
 from megalopta.report.source import read_records, spread
@@ -45,6 +44,7 @@ FlowOf: TypeAlias = Callable[[int], NDArray[Any]]
 """Flow (h, w, 2) of a frame, px"""
 
 _LONGEST_SIDE_PX = 320
+_CAVEAT = " Their true motion is not known; the flow of the clean pictures stands in for it."
 _SAMPLED = 8
 """Frames, spread evenly, that the speed of the full color is taken from"""
 
@@ -76,7 +76,8 @@ class Seen:
     light: Panel | None = None
     exposed: tuple[Exposed, ...] = ()
     """The darkest light of a sensor first"""
-    truth: Panel | None = None
+    motion: Panel | None = None
+    """The true one, or what stands in for it"""
     rim: float | None = None
     """Speed of the full color, px a frame, where there is flow"""
     sequence: Sequence | None = None
@@ -123,8 +124,7 @@ class _Shown:
     def __init__(self, sequence: Sequence, treatment: Treatment) -> None:
         self.sequence, self.treatment = sequence, treatment
         settings, ledger = sequence.configuration, Ledger(sequence.dataset)
-        self.has_truth = getattr(settings.scene, "has_truth", True)
-        if self.has_truth:
+        if settings.scene.has_truth:
             ledger.require("render")
         finished = ledger.finished()
         pairs = settings.exposures if "sense" in finished else ()
@@ -132,19 +132,20 @@ class _Shown:
         self.records = read_records(sequence.dataset) if "flow" in finished else []
         self.step = _step(sequence.shape)
         # the last frame has no successor, and so no motion
-        last = len(sequence) - (len(sequence) > 1 and (self.has_truth or bool(self.records)))
-        end = min(last, len(sequence) - treatment.summed + 1)
+        end = min(len(sequence) - 1, len(sequence) - treatment.summed + 1)
         self.frames = range(0, max(end, 1), treatment.summed)
 
     def seen(self) -> Seen:
         """Return what is seen of it."""
         sequence, settings = self.sequence, self.sequence.configuration
-        rim, has_flow = self._rim(), self.has_truth and len(sequence) > 1
-        true = flow_panel("true flow", self._true_flow, rim) if has_flow and rim else None
-        height, width = sequence.shape
+        has_motion, (height, width) = len(sequence) > 1, sequence.shape
+        rim = fastest_of(map(self._motion, spread(self.frames, _SAMPLED))) if has_motion else None
+        name, caveat = "true flow", ""
+        if not settings.scene.has_truth:
+            name, caveat = "flow of the clean pictures", _CAVEAT
         return Seen(
             title=title(settings),
-            summary=f"{len(sequence)} frames of {width} × {height} pixels.",
+            summary=f"{len(sequence)} frames of {width} × {height} pixels.{caveat}",
             shape=sequence.shape,
             frames=self.frames,
             step=self.step,
@@ -152,21 +153,13 @@ class _Shown:
             treatment=self.treatment,
             light=light_panel(sequence, self.frames, self.step),
             exposed=tuple(self._exposed(*pair, rim) for pair in self.pairs),
-            truth=true,
+            motion=flow_panel(name, self._motion, rim) if rim else None,
             rim=rim,
             sequence=sequence,
         )
 
-    def _rim(self) -> float | None:
-        """Return the speed of the full color, which all flow shares."""
-        frames = spread(self.frames, _SAMPLED)
-        if self.has_truth and len(self.sequence) > 1:
-            return fastest_of(map(self._true_flow, frames))
-        found = [each for pair in self.pairs if (each := self._found(*pair))]
-        return fastest_of(map(found[-1][1], frames)) if found else None
-
-    def _true_flow(self, frame: int) -> NDArray[np.float32]:
-        return true_flow(self.sequence, frame)[:: self.step, :: self.step]
+    def _motion(self, frame: int) -> NDArray[Any]:
+        return motion_of(self.sequence, frame)[:: self.step, :: self.step]
 
     def _exposed(self, sensor: ImageSensor, level: LightLevel, rim: float | None) -> Exposed:
         readings = exposure_readings(self.sequence, exposure_name(sensor, level), sensor)

@@ -106,7 +106,7 @@ def _in_film(found: Seen) -> tuple[list[tuple[str, Panel]], list[str]]:
     last, most = len(own) - 1, min(len(own), _MOST_EXPOSURES)
     chosen = [own[round(index * last / max(most - 1, 1))] for index in range(most)]
     shown = [(found.light, ""), *((each.readings, getattr(each, varied)) for each in chosen)]
-    shown += [*((each.flow, getattr(each, varied)) for each in chosen[:1]), (found.truth, "")]
+    shown += [*((each.flow, getattr(each, varied)) for each in chosen[:1]), (found.motion, "")]
     panels = [(f"{each.name}, {of}".rstrip(", "), each) for each, of in shown if each]
     constant = (sensors if varied == "level" else levels)[:1]
     notes = dict.fromkeys([*constant, *(each.note for _, each in panels)])
@@ -122,11 +122,11 @@ def _rate(found: Seen, shown: int, fps: float | None) -> float:
 
 
 def _page(found: Seen, path: Path, fps: float | None) -> Path:
-    films = len(found.exposed) + sum(2 for each in (found.light, found.truth) if each)
+    films = len(found.exposed) + sum(2 for each in (found.light, found.motion) if each)
     most = min(_PAGE_FRAMES, _STRIP_PX * found.step // found.shape[0])
     chosen = selection(found.frames, found.shape, films, _LONGEST_SIDE_PX, most)
     both = [*(each.readings for each in found.exposed), *(each.flow for each in found.exposed)]
-    panels = [each for each in (found.light, *both, found.truth) if each]
+    panels = [each for each in (found.light, *both, found.motion) if each]
     with progress("Drawing the page", len(panels), "panel") as advance:
         shown = list(_panels(found, chosen, advance))
     legend = wheel(COLORS.format(found.rim)) if found.rim else Markup("")
@@ -158,8 +158,8 @@ def _panels(found: Seen, chosen: Selection, advance: Advance) -> Iterator[Markup
         for each in found.exposed:
             if panel := getattr(each, kind):
                 yield _of_choice(found, each, drawn(panel))
-    if found.truth:
-        yield block("", drawn(found.truth))
+    if found.motion:
+        yield block("", drawn(found.motion))
 
 
 def _of_choice(found: Seen, each: Exposed, inside: Markup) -> Markup:
