@@ -9,6 +9,7 @@ if (Path(__file__).parents[1] / "render" / "scene_renderer.py").exists():
 
 if TYPE_CHECKING:
     from megalopta.dataset.opened import open_dataset as open_dataset
+    from megalopta.dataset.photons import photons_from_images as photons_from_images
 
     __version__: str
 
@@ -19,6 +20,10 @@ def __getattr__(name: str) -> Any:
         from megalopta.dataset.opened import open_dataset
 
         return open_dataset
+    if name == "photons_from_images":
+        from megalopta.dataset.photons import photons_from_images
+
+        return photons_from_images
     if name == "__version__":
         from importlib.metadata import version
 

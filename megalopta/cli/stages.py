@@ -93,7 +93,9 @@ def _render(options: Namespace) -> None:
     if options.dry_run:
         from megalopta.generation.dry_run import dry_run_of_frames
 
-        print(dry_run_of_frames(options.out, _configuration(options)))
+        if not (settings := _configuration(options)).scene.has_truth:
+            raise UserError("--dry-run: pictures are not rendered, only copied; leave it out")
+        print(dry_run_of_frames(options.out, settings))
         return
     from megalopta.stages.pipeline import run_stage
     from megalopta.stages.redo import finish_move
@@ -208,7 +210,7 @@ def _field(name: str) -> str:
 def _sense_pictures(options: Namespace, given: Mapping[str, Any]) -> None:
     if options.workers or options.scheduler:
         raise UserError(f"{options.input}: pictures are one sequence; leave --workers out")
-    from megalopta.stages.pictures import Asked, configuration_of
+    from megalopta.stages.importing import Asked, configuration_of
     from megalopta.stages.pipeline import run_stage
 
     settings = configuration_of(options.input, Asked(**given), options.overrides)

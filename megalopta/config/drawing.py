@@ -8,6 +8,7 @@ from megalopta.config import built_in_text
 from megalopta.config.model import Configuration
 from megalopta.config.recipe import Plan, Stream, choose, draw, stream
 from megalopta.config.yaml_model import mapping, validated
+from megalopta.core.errors import UserError
 from megalopta.sensor import ImageSensor, generator, merged
 
 _LARGEST_SEED = 2**31
@@ -66,6 +67,11 @@ def configuration_at(plan: Plan, index: int, at: Stream) -> Configuration:
     values["sensors"] = draw(plan.sensors, at, "sensors")
     values["products"] = list(plan.products)
     made = validated(Configuration, values, f"sequence {index} (scene {preset})")
+    if not made.scene.has_truth:
+        raise UserError(
+            f"sequence {index} (scene {preset}): a plan renders, and pictures are not rendered; "
+            "make each of them a dataset with megalopta sense"
+        )
     return repeated(made, plan.repeats)
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from megalopta.config.model import Configuration
 from megalopta.core.errors import UserError
-from megalopta.dataset.pictures import clean_flow, light_of
+from megalopta.dataset.picture_light import clean_flow, light_of
 from megalopta.dataset.store import Dataset
 from megalopta.render import read_radiance, read_truth
 from megalopta.render.truth.tracer import Truth
@@ -89,11 +89,7 @@ def read_truth_frames(dataset: Dataset) -> Iterator[Truth]:
 
 def read_truth_frame(dataset: Dataset, index: int) -> Truth:
     """Ground truth of one frame that sensors see. Raises UserError, for pictures always."""
-    if not dataset.configuration.scene.has_truth:
-        raise UserError(
-            f"{dataset.home}: made of pictures, whose true motion and depth are not known; give a "
-            "dataset of rendered frames"
-        )
+    dataset.require_truth()
     path = dataset.exposed_truth(index)
     with _remedy(dataset):
         truth = read_truth(path)

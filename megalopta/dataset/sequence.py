@@ -339,7 +339,9 @@ def _labeled(sequence: Sequence, exposures: Iterable[str]) -> "xarray.Dataset":
     except ImportError:
         raise UserError("xarray is not installed; run: pip install xarray") from None
 
-    arrays = {"radiance": sequence.radiance, "depth": sequence.depth, "flow": _flows(sequence)}
+    arrays = {"radiance": sequence.radiance}
+    if sequence.configuration.scene.has_truth:
+        arrays |= {"depth": sequence.depth, "flow": _flows(sequence)}
     for name in exposures:
         arrays[f"counts {name}" if len(sequence.exposures) > 1 else "counts"] = sequence.counts(
             name

@@ -63,6 +63,14 @@ class Dataset:
         """The folder that the user knows: what is made again stands in one inside it."""
         return self.root.parent if self.root.name == REDO_FOLDER else self.root
 
+    def require_truth(self) -> None:
+        """Refuse, with UserError, a dataset of pictures, whose motion and depth nobody knows."""
+        if not self.configuration.scene.has_truth:
+            raise UserError(
+                f"{self.home}: made of pictures, whose true motion and depth are not known; give a "
+                "dataset of rendered frames"
+            )
+
     @property
     def record_path(self) -> Path:
         """Record of what of the sequence is finished."""

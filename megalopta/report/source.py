@@ -41,7 +41,7 @@ from megalopta.sensor import ImageSensor, OpenedCounts, detected_photons, expect
 from megalopta.stages.ledger import Ledger
 from megalopta.stages.noise_warning import variances
 from megalopta.stages.registry import STAGES
-from megalopta.stages.sense import open_exposure
+from megalopta.stages.sense import open_exposure, require_expectation
 
 Record = Mapping[str, Any]
 _Read = TypeVar("_Read")
@@ -319,7 +319,9 @@ class Report:
     @cached_property
     def exposures(self) -> list[Budget]:
         """Budget and pictures of every sensor at every level; none where nothing was exposed."""
-        found = self.dataset.configuration.exposures if "sense" in self.finished else ()
+        found = self.settings.exposures if "sense" in self.finished else ()
+        if found:
+            require_expectation(self.dataset)
         return [exposed(self, *each) for each in found]
 
     @cached_property

@@ -35,7 +35,7 @@ from megalopta.sensor.formats.counts_store import format_attribute
 from megalopta.stages.correction import open_corrected
 from megalopta.stages.declaration import Stage
 from megalopta.stages.measurement import BlockTruth, Measurement, Record, Scaled, SeenFrames
-from megalopta.stages.sense import open_exposure
+from megalopta.stages.sense import open_exposure, require_expectation
 
 
 def measure_flow(dataset: Dataset) -> None:
@@ -44,6 +44,7 @@ def measure_flow(dataset: Dataset) -> None:
     What is measured on one sensor at one light level is written at once, responses and errors, and
     is not measured again.
     """
+    require_expectation(dataset)
     pairs = dataset.configuration.exposures
     missing = [pair for pair in pairs if not _is_there(responses_path(dataset, *pair))]
     if missing:
@@ -152,9 +153,8 @@ def _block_truths(dataset: Dataset) -> dict[str, BlockTruth]:
 
 def _block_truth(motion: Motion, grid: BlockGrid, settings: FlowSettings) -> BlockTruth:
     """True velocities of one pair of frames, of all pixels and by their purity."""
-    flow, occluded, purity = (
-        each[np.newaxis] for each in (motion.flow, motion.hidden, motion.purity)
-    )
+    flow, occluded = motion.flow[np.newaxis], motion.hidden[np.newaxis]
+    purity = motion.purity[np.newaxis]
     every, pure, chosen = (
         block_flow(flow, grid, occluded, weights=weights)
         for weights in (None, settings.is_pure(purity), settings.weights(purity))

@@ -37,7 +37,7 @@ from megalopta.scenes import ToneCurve, build_scene, preview
 from megalopta.scenes.scene import Scene
 from megalopta.scenes.spectra.color import linear_srgb
 from megalopta.stages.declaration import Stage
-from megalopta.stages.pictures import check_pictures, import_pictures
+from megalopta.stages.importing import check_pictures, import_pictures
 
 # Points below the camera's path where the illuminance is measured.
 _LIGHT_METERS = 9

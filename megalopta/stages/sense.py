@@ -24,7 +24,7 @@ from megalopta.core.freshness import SENSOR_MODEL
 from megalopta.core.progress import progress, say
 from megalopta.dataset import sintel
 from megalopta.dataset.frames import read_radiance_frame, read_radiance_frames, read_truth_frame
-from megalopta.dataset.pictures import NextPictures, light_of
+from megalopta.dataset.picture_light import NextPictures, light_of
 from megalopta.dataset.store import Dataset, exposure_name
 from megalopta.scenes import ToneCurve
 from megalopta.scenes.lighting.levels import illuminance_of
@@ -213,6 +213,15 @@ def open_exposure(dataset: Dataset, sensor: ImageSensor, level: LightLevel) -> O
         raise UserError(
             f"{dataset.counts(sensor, level)} cannot be read ({problem}); run: {again}"
         ) from None
+
+
+def require_expectation(dataset: Dataset) -> None:
+    """Refuse, with UserError, to go on where readings were stored without what is expected."""
+    if not dataset.configuration.expectation:
+        raise UserError(
+            f"{dataset.home}: its readings were written without their mean and variance; write "
+            f"them too with: megalopta sense {dataset.home} --expectation true --redo"
+        )
 
 
 def _write_final_images(dataset: Dataset) -> None:

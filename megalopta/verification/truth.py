@@ -64,6 +64,7 @@ class Residual:
 
 def run_check_truth(dataset: Dataset, console: Console | None = None) -> bool:
     """Check all frames of a dataset and print the table; return whether all passed."""
+    dataset.require_truth()
     Ledger(dataset).require("render")
     console = console or Console()
     rows = check_truth(dataset)

@@ -51,6 +51,11 @@ def open_array(path: Path, unit: Unit | None) -> ArrayFrames:
             "pictures), linear (proportional to light) or cd/m2 (luminance)"
         )
     values = _zipped(path) if path.suffix.lower() == ".npz" else _mapped(path)
+    return array_frames(values, unit, path)
+
+
+def array_frames(values: NDArray[Any], unit: Unit, path: Path) -> ArrayFrames:
+    """Return an array as frames; a path names it in messages. Raises UserError."""
     frames = _frames(path, values)
     check_size(path, frames.shape[1:])
     return ArrayFrames(

@@ -3,7 +3,7 @@
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal, Self
+from typing import Any, Self
 
 import cv2
 import numpy as np
@@ -12,9 +12,7 @@ from numpy.typing import NDArray
 from megalopta.core.arrays import Floats
 from megalopta.core.errors import DamagedFileError
 from megalopta.render.footage.transfer import TRANSFERS
-
-Unit = Literal["srgb", "linear", "cd/m2"]
-"""What numbers are: coded, proportional to light, or luminance."""
+from megalopta.scenes.stimuli.pictures import Unit as Unit
 
 MOST_PIXELS = 2**28
 """Of one frame."""

@@ -10,9 +10,11 @@ from pathlib import PurePath
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
+from numpy.typing import ArrayLike
 from pydantic import Field
 
 from megalopta.core.arrays import Floats
+from megalopta.core.record import Record
 from megalopta.scenes.base import SceneDescription
 from megalopta.scenes.cameras.base import Camera
 from megalopta.scenes.hashed_file import HashedFile
@@ -23,6 +25,7 @@ from megalopta.scenes.spectra.spectrum import SPECTRA, Spectrum, SpectrumName, l
 from megalopta.scenes.trajectories.base import Path
 
 Unit = Literal["srgb", "linear", "cd/m2"]
+"""What numbers are: coded, proportional to light, or luminance."""
 Between = Literal["hold", "blend", "flow"]
 
 _HOW: dict[Between, str] = {
@@ -32,7 +35,39 @@ _HOW: dict[Between, str] = {
 }
 
 
-class Pictures(SceneDescription, frozen=True):
+class ColorsAsLight(Record, frozen=True):
+    """How colors of pictures, linear in light, become spectral radiance."""
+
+    reflectance: Annotated[float, Field(gt=0, le=1)] = 0.18
+    """Share of the light that the pictures reflect on average: luminance is this share of
+    illuminance over π."""
+
+    spectrum: SpectrumName | Literal["light"] = "D65"
+    """Spectrum of white: D65, the standard daylight of the CIE, equal_energy, the same at every
+    wavelength, or that of the light."""
+
+    def white(self, light: Light) -> Spectrum:
+        """Spectrum of the light on what is white, W·m⁻²·nm⁻¹, at the light's illuminance."""
+        level = light.resolved()
+        if self.spectrum == "light":
+            return level.spectrum()
+        color = SPECTRA[self.spectrum]
+        return color.scaled(level.illuminance_lux / luminous(color))
+
+    def white_name(self, light: Light) -> str:
+        """What the spectrum of white is called."""
+        return (light.level if self.spectrum == "light" else self.spectrum).replace("_", " ")
+
+    def radiance_of_unit(self, light: Light, bands_nm: Bands, mean_rgb: ArrayLike) -> Floats:
+        """Band means (3, B) of red, green and blue of 1, W·m⁻²·sr⁻¹·nm⁻¹.
+
+        `mean_rgb` (3,) is the mean over all frames, which reflects `reflectance` of the light.
+        """
+        of_white = band_means(primaries(self.white(light)), bands_nm) / math.pi
+        return of_white * self.reflectance / float(np.dot(mean_rgb, LUMINANCE_SHARES))
+
+
+class Pictures(ColorsAsLight, SceneDescription, frozen=True):
     """Pictures of the user's own, whose motion is not known."""
 
     kind: Literal["pictures"] = "pictures"
@@ -52,14 +87,6 @@ class Pictures(SceneDescription, frozen=True):
     """What a frame shows that lies between two pictures, and light does within a frame: `hold` the
     earlier picture, `blend` both linearly, or move them along the `flow` that DIS estimates."""
 
-    reflectance: Annotated[float, Field(gt=0, le=1)] = 0.18
-    """Share of the light that the pictures reflect on average: luminance is this share of
-    illuminance over π."""
-
-    spectrum: SpectrumName | Literal["light"] = "D65"
-    """Spectrum of white: D65, the standard daylight of the CIE, equal_energy, the same at every
-    wavelength, or that of the light."""
-
     has_truth: ClassVar[bool] = False
     has_bounces: ClassVar[bool] = False
 
@@ -70,26 +97,3 @@ class Pictures(SceneDescription, frozen=True):
     def describe(self) -> str:
         """A sentence for the report."""
         return f"Pictures of {PurePath(self.file.path).name}, {_HOW[self.between]}."
-
-    def radiance_of_white(self, light: Light, bands_nm: Bands) -> Floats:
-        """Band means (3, B) of red, green and blue of a surface that reflects all light.
-
-        W·m⁻²·sr⁻¹·nm⁻¹; they add up to that of white.
-        """
-        return band_means(primaries(self.white(light)), bands_nm) / math.pi
-
-    def white(self, light: Light) -> Spectrum:
-        """Spectrum of the light on what is white, W·m⁻²·nm⁻¹, at the light's illuminance."""
-        level = light.resolved()
-        if self.spectrum == "light":
-            return level.spectrum()
-        color = SPECTRA[self.spectrum]
-        return color.scaled(level.illuminance_lux / luminous(color))
-
-    def white_name(self, light: Light) -> str:
-        """What the spectrum of white is called."""
-        return (light.level if self.spectrum == "light" else self.spectrum).replace("_", " ")
-
-    def scale(self, mean_rgb: Floats) -> float:
-        """Factor from linear values to reflectance, given their mean (3,) over all frames."""
-        return self.reflectance / float(np.dot(mean_rgb, LUMINANCE_SHARES))

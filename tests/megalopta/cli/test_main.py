@@ -45,7 +45,8 @@ def run(capsys):
         ("render", "name seed scene objects light camera trajectory shutter render"),
         (
             "sense",
-            "light-levels sensors products sub-frames burst-hz free-running correct calibration",
+            "light-levels sensors products sub-frames burst-hz free-running correct calibration "
+            "expectation",
         ),
         ("flow", "methods flow"),
         ("benchmark photons", "methods benchmark title trial vary values sizes templates"),

@@ -4,21 +4,24 @@ A frame shows what `Pictures.between` says lies at its time. A picture of anothe
 frames is resized in linear light: each pixel of a smaller frame is the mean of what it covers.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from megalopta.config.model import Configuration
 from megalopta.core import files
 from megalopta.core.arrays import Floats
-from megalopta.core.errors import UserError
+from megalopta.core.errors import UserError, refused_as
 from megalopta.dataset.store import Dataset
-from megalopta.scenes import Pictures
-from megalopta.scenes.spectra.color import LUMINANCE_SHARES, encode_srgb
+from megalopta.scenes import Light, Pictures
+from megalopta.scenes.spectra.color import LUMINANCE_SHARES, Bands, encode_srgb
+from megalopta.scenes.stimuli.pictures import ColorsAsLight
+from megalopta.sensor import ImageSensor, photon_rate
 
 if TYPE_CHECKING:
     from megalopta.render.footage import Footage
@@ -26,7 +29,7 @@ if TYPE_CHECKING:
 Float32 = NDArray[np.float32]
 
 _SAME_TIME = 0.1
-"""Share of a frame's period by which times of a file are rounded"""
+"""Share of the period of frames, or pictures, by which times of a file may be rounded"""
 _KEPT = 3
 """Pictures in memory"""
 
@@ -39,29 +42,31 @@ class PictureFrames:
         self._scene, rate_hz = cast(Pictures, settings.scene), settings.trajectory.frame_rate_hz
         times_s = picture_times(footage, self._scene.picture_rate_hz or rate_hz)
         self._places = times_s * rate_hz
-        self._picture = lru_cache(maxsize=_KEPT)(self._resized)
-        self._flow = lru_cache(maxsize=1)(self._estimated_flow)
+        steps = np.diff(self._places)
+        self._same = _SAME_TIME * min(1.0, float(np.median(steps)) if steps.size else 1.0)
+        self._picture: Callable[[int], Float32] = lru_cache(maxsize=_KEPT)(self._resized)
+        self._flow: Callable[[int], Floats] = lru_cache(maxsize=1)(self._estimated_flow)
 
     def at(self, place: float) -> Float32:
         """Return the light at a place of the sequence."""
         before, share = self.neighbors(place)
         if not share:
             return self._picture(before)
+        if self._scene.between == "flow":
+            return self._moved(before, share)
         first, second = self._picture(before), self._picture(before + 1)
-        if self._scene.between == "blend":
-            return first + np.float32(share) * (second - first)
-        return self._moved(before, share)
+        return np.asarray(first + np.float32(share) * (second - first))
 
     def neighbors(self, place: float) -> tuple[int, float]:
         """Return the picture at or before a place, and the share of the way to the next."""
         last = len(self._places) - 1
-        found = int(np.searchsorted(self._places, place + _SAME_TIME, side="right")) - 1
+        found = int(np.searchsorted(self._places, place + self._same, side="right")) - 1
         before = min(max(found, 0), last)
         if self._scene.between == "hold" or before == last:
             return before, 0.0
         start, end = self._places[before : before + 2]
         share = (place - start) / (end - start)
-        return before, 0.0 if share * (end - start) < _SAME_TIME else min(share, 1.0)
+        return before, 0.0 if place - start < self._same else min(share, 1.0)
 
     def weights(self) -> dict[int, float]:
         """Return how often each picture is seen in the frames of the sequence, parts of it added.
@@ -79,13 +84,11 @@ class PictureFrames:
     def _resized(self, index: int) -> Float32:
         import cv2
 
-        camera, picture = self._settings.camera, self.footage.frame(index)
-        if picture.shape[:2] == (camera.height, camera.width):
+        (rows, columns), picture = self._settings.camera.shape, self.footage.frame(index)
+        if picture.shape[:2] == (rows, columns):
             return picture
-        return np.asarray(
-            cv2.resize(picture, (camera.width, camera.height), interpolation=cv2.INTER_AREA),
-            np.float32,
-        )
+        how = cv2.INTER_AREA if picture.shape[0] > rows else cv2.INTER_LINEAR
+        return np.asarray(cv2.resize(picture, (columns, rows), interpolation=how), np.float32)
 
     def _moved(self, before: int, share: float) -> Float32:
         from megalopta.sensor.sub_frames import NextFrames
@@ -95,7 +98,8 @@ class PictureFrames:
         following = NextFrames(
             radiance=second[np.newaxis], flow=flow, hidden=np.zeros(flow.shape[:3], np.bool_)
         )
-        return following.between(first[np.newaxis], 0, np.array([share]))[0].astype(np.float32)
+        moved = following.between(first[np.newaxis], 0, np.array([share]))
+        return np.asarray(moved[0], np.float32)
 
     def _estimated_flow(self, before: int) -> Floats:
         return clean_flow(self._picture(before), self._picture(before + 1))
@@ -105,9 +109,26 @@ def clean_flow(first: Float32, second: Float32) -> Floats:
     """Return the flow (H, W, 2) that DIS finds between two pictures (H, W, 3) without noise."""
     from megalopta.flow import optical_flow
 
-    luminances = (each @ np.asarray(LUMINANCE_SHARES, np.float32) for each in (first, second))
     brightest = max(float(first.max()), float(second.max())) or 1.0
-    return optical_flow(*(encode_srgb(each / brightest) for each in luminances), method="DIS")
+    shares = np.asarray(LUMINANCE_SHARES, np.float32) / brightest
+    return optical_flow(encode_srgb(first @ shares), encode_srgb(second @ shares), method="DIS")
+
+
+def photons_per_lux(
+    colors: ColorsAsLight,
+    light: Light,
+    bands_nm: Bands,
+    sensor: ImageSensor,
+    mean_rgb: ArrayLike,
+) -> float:
+    """Return the mean photons on a pixel in an exposure, for each lux on the scene.
+
+    `mean_rgb` (3,) is the mean of linear colors over all frames.
+    """
+    radiance = np.asarray(mean_rgb) @ colors.radiance_of_unit(light, bands_nm, mean_rgb)
+    with refused_as(sensor.name):
+        hz = photon_rate(radiance[np.newaxis, np.newaxis, np.newaxis], bands_nm, sensor)
+    return float(hz[0, 0, 0]) * sensor.exposure_s / light.resolved().illuminance_lux
 
 
 def picture_times(footage: "Footage", rate_hz: float) -> Floats:
@@ -180,8 +201,8 @@ def _opened(asked: _Asked) -> PictureLight:
         raise UserError(f"{folder} lacks the pictures, or is damaged; run: {again}") from None
     scene = cast(Pictures, settings.scene)
     frames = PictureFrames(open_footage(source, scene.unit), settings)
-    of_white = scene.radiance_of_white(settings.light, settings.render.bands_nm)
-    return PictureLight(frames, of_white * scene.scale(mean))
+    of_unit = scene.radiance_of_unit(settings.light, settings.render.bands_nm, mean)
+    return PictureLight(frames, of_unit)
 
 
 def picture_folder(dataset: Dataset) -> Path:

@@ -15,13 +15,17 @@ from megalopta.config.yaml_model import validated
 from megalopta.core import files
 from megalopta.core.errors import UserError, refused_as
 from megalopta.core.progress import progress, say, step
-from megalopta.dataset.pictures import PictureFrames, picture_folder, picture_times
+from megalopta.dataset.picture_light import (
+    PictureFrames,
+    photons_per_lux,
+    picture_folder,
+    picture_times,
+)
 from megalopta.dataset.store import Dataset
 from megalopta.render.footage import Footage, Unit, open_footage
 from megalopta.scenes import Pictures
 from megalopta.scenes.lighting.levels import LEVELS, illuminance_of
 from megalopta.scenes.spectra.color import LUMINANCE_SHARES
-from megalopta.sensor import photon_rate
 
 STILL_FRAMES = 16
 """Of a single picture, which does not move"""
@@ -150,7 +154,8 @@ def _short_exposures(settings: Configuration) -> Configuration:
 def _levels(settings: Configuration, asked: Asked, found: Measured) -> list[float]:
     """Light levels, lux."""
     if asked.photons:
-        per_lux = _photons_per_lux(settings, found)
+        parts = _scene(settings), settings.light, settings.render.bands_nm
+        per_lux = photons_per_lux(*parts, settings.sensors[0], found.mean)
         return [photons / per_lux for photons in asked.photons]
     if asked.luminance:
         return [_lux(settings, luminance) for luminance in asked.luminance]
@@ -160,16 +165,6 @@ def _levels(settings: Configuration, asked: Asked, found: Measured) -> list[floa
 def _lux(settings: Configuration, luminance: float) -> float:
     """Illuminance under which surfaces of the pictures' reflectance have a luminance, cd/m²."""
     return math.pi * luminance / _scene(settings).reflectance
-
-
-def _photons_per_lux(settings: Configuration, found: Measured) -> float:
-    """Mean photons on a pixel of the first sensor in an exposure, for each lux."""
-    scene, sensor, bands = _scene(settings), settings.sensors[0], settings.render.bands_nm
-    mean = np.array(found.mean)
-    radiance = scene.scale(mean) * mean @ scene.radiance_of_white(settings.light, bands)
-    with refused_as(sensor.name):
-        hz = photon_rate(radiance[np.newaxis, np.newaxis, np.newaxis], bands, sensor)
-    return float(hz[0, 0, 0]) * sensor.exposure_s / settings.light.resolved().illuminance_lux
 
 
 def _scene(settings: Configuration) -> Pictures:
