@@ -56,7 +56,9 @@ def _report(options: Namespace) -> None:
         type=Path,
     ),
     out("out/view"),
-    option("--sum", "frames that are added up (default: 1)", type=at_least(1), default=1),
+    option(
+        "--sum", "frames that are added up (default: 1)", type=at_least(1), default=1, metavar="K"
+    ),
     switch(
         "--invert",
         "invert the sensor's response: mean detections of a frame, of sums of binary frames by "
@@ -72,11 +74,14 @@ def _report(options: Namespace) -> None:
         "--fps",
         "frames a second of the film (default: as in life, where that can be followed)",
         type=positive,
+        metavar="HZ",
     ),
     option(
         "--format",
-        "of frames that do not say it (default: as their content says, .bin: spad512)",
+        f"of frames that do not say it, of {', '.join(FRAME_KINDS)} (default: as their content "
+        "says, .bin: spad512)",
         choices=FRAME_KINDS,
+        metavar="KIND",
     ),
     switch(
         "--rerun", "write view.rrd for Rerun's viewer, too: camera, points, light, counts, flow"

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
+from functools import lru_cache
 
 import numpy as np
 from markupsafe import Markup
@@ -25,11 +26,15 @@ from megalopta.scenes import ToneCurve
 from megalopta.scenes.spectra.color import encode_srgb, linear_srgb
 from megalopta.sensor import ImageSensor, StoredFrames
 
+MOST_FRAMES = 80
+"""Of a page"""
 _SAMPLED = 8
 """Frames, spread evenly, that scales of colors are taken from"""
 _WHITE_PERCENTILE = 99.0
 _GAMMA = 2.2
 _SLOWEST = 1e-3
+_kept = lru_cache(maxsize=MOST_FRAMES)
+"""Page and film draw the same pictures once, where there are no more."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +68,7 @@ def light_panel(sequence: Sequence, frames: range, step: int) -> Panel:
     def picture(frame: int) -> Image.Image:
         return rgb_picture(encode_srgb(curve(linear(frame))))
 
-    return Panel("light", told, picture, Markup(f", {told}"))
+    return Panel("light", told, _kept(picture), Markup(f", {told}"))
 
 
 def readings_panel(readings: Readings, frames: range, step: int) -> Panel:
@@ -82,7 +87,7 @@ def readings_panel(readings: Readings, frames: range, step: int) -> Panel:
     return Panel(
         unit,
         f"black 0, white {number(white)} {unit}",
-        picture,
+        _kept(picture),
         scale.legend("0", f"≥ {short(white)} {unit}", "full" if is_full else ""),
         "orange: full pixels" if is_full else "",
     )
@@ -123,7 +128,7 @@ def found_flow(found: StoredFrames, grid: BlockGrid, frame: int) -> Floats:
 def flow_panel(name: str, flow: Callable[[int], NDArray[np.floating]], fastest: float) -> Panel:
     """Return flow (h, w, 2) of frames as colors; the speed `fastest` has the full one."""
     told = f"hue is direction (red to the right), full color {number(fastest)} px a frame"
-    return Panel(name, told, lambda frame: rgb_picture(flow_to_rgb(flow(frame), fastest)))
+    return Panel(name, told, _kept(lambda frame: rgb_picture(flow_to_rgb(flow(frame), fastest))))
 
 
 def fastest_of(flows: Iterable[NDArray[np.floating]]) -> float:

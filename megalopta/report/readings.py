@@ -5,7 +5,8 @@ when they are asked for.
 """
 
 import io
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -25,6 +26,8 @@ from megalopta.sensor.formats.reading import FrameKind
 from megalopta.sensor.formats.recorded_frames import file_bytes
 
 _COLOR = 3
+_AT_ONCE = 2**23
+"""Readings in memory"""
 _EVENTS = (HDF5_SIGNATURE, NPZ_SIGNATURE)
 
 
@@ -77,21 +80,31 @@ class Readings:
 
     def frame(self, number: int) -> tuple[Floats, Mask]:
         """Return what is shown from a frame on, and which pixels were full, (H, W) or (H, W, 3)."""
-        counts, full = self.read(slice(number, number + self.treatment.summed))
-        values, is_full = counts.sum(axis=0, dtype=np.float64), np.asarray(full.any(axis=0))
-        if self.treatment.is_inverted:
-            values, is_full = self._inverted(counts, is_full)
+        summed, is_inverted = self.treatment.summed, self.treatment.is_inverted
+        values, is_full = np.zeros(self.shape[1:]), np.zeros(self.shape[1:], np.bool_)
+        for part in self._parts(number):
+            counts, full = self.read(part)
+            if is_inverted and not self.is_binary:
+                counts, full = self._detections(counts, full)
+            values += counts.sum(axis=0, dtype=np.float64)
+            is_full |= full.any(axis=0)
+        if is_inverted:
+            values /= summed
+        if is_inverted and self.is_binary:
+            values, is_full = _flux(values, summed)
         if self.treatment.bad is None:
             return values, is_full
         return _filled(values, self.treatment.bad), is_full & ~_like(self.treatment.bad, is_full)
 
-    def _inverted(self, counts: NDArray[Any], is_full: Mask) -> tuple[Floats, Mask]:
-        if self.is_binary:  # no detection in a share e⁻ᶠ of the frames, of f on average
-            share, most = counts.mean(axis=0), 1 - 0.5 / len(counts)
-            return -np.log1p(-np.minimum(share, most)), share > most
+    def _parts(self, number: int) -> Iterator[slice]:
+        """Yield ranges of the frames that are summed, of which each fits into memory."""
+        end, most = number + self.treatment.summed, max(1, _AT_ONCE // math.prod(self.shape[1:]))
+        yield from (slice(at, min(at + most, end)) for at in range(number, end, most))
+
+    def _detections(self, counts: NDArray[Any], full: Mask) -> tuple[Floats, Mask]:
+        """Return what would have been counted if nothing were lost; beyond the curve it is full."""
         detections, _ = self._curve.arrivals_of(counts.astype(np.float64))
-        beyond = (counts > self._curve.largest).any(axis=0)
-        return detections.mean(axis=0), is_full | beyond
+        return detections, full | (counts > self._curve.largest)
 
     @cached_property
     def _curve(self) -> ResponseCurve:
@@ -137,6 +150,15 @@ def read_mask(path: Path) -> Mask:
             f"--bad-pixels: {path} is no mask; give bool (rows, columns), true where a pixel is bad"
         )
     return np.asarray(mask)
+
+
+def _flux(share: Floats, frames: int) -> tuple[Floats, Mask]:
+    """Return detections in a frame, and which pixels had one in every frame.
+
+    None falls into a share e⁻ᶠ of the frames, where there are f on average.
+    """
+    most = 1 - 0.5 / frames
+    return -np.log1p(-np.minimum(share, most)), share > most
 
 
 def _check(readings: Readings, treatment: Treatment) -> None:

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 from markupsafe import Markup
 
+from megalopta.core.errors import UserError
 from megalopta.core.progress import Advance, progress
 from megalopta.dataset.layout import is_of_many
 from megalopta.generation.versions import versions
@@ -16,7 +17,7 @@ from megalopta.report.dataset_card import SHOWN, write_contact_sheet
 from megalopta.report.film import Moment, write_film
 from megalopta.report.images import film
 from megalopta.report.motion_section import COLORS, wheel
-from megalopta.report.panels import Panel
+from megalopta.report.panels import MOST_FRAMES, Panel
 from megalopta.report.readings import Treatment, read_mask
 from megalopta.report.rerun_log import write_rrd
 from megalopta.report.seen import Exposed, Seen, seen
@@ -24,7 +25,7 @@ from megalopta.report.source import PLAYBACK_HZ, Selection, frame_label, selecti
 from megalopta.sensor.formats.reading import FrameKind
 
 _LONGEST_SIDE_PX = 320
-_PAGE_FRAMES, _FILM_FRAMES = 120, 300
+_FILM_FRAMES = 300
 _STRIP_PX = 16_000
 """Height of the frames of a page above each other, which browsers must be able to draw"""
 _MOST_EXPOSURES = 4
@@ -33,7 +34,7 @@ _UNTIMED_HZ = 12.0
 """Of frames that are not known to be of any time"""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Asked:
     """What is asked for of a view."""
 
@@ -72,6 +73,10 @@ def view(thing: str | Path, out: str | Path = "out/view", asked: Asked | None = 
     """
     thing, folder, asked = Path(thing), Path(out), asked or Asked()
     if is_of_many(thing):
+        if asked != Asked():
+            raise UserError(
+                f"{thing}: of many sequences there is a contact sheet; leave --sum and the like out"
+            )
         return [write_contact_sheet(thing, SHOWN, folder)]
     bad = read_mask(asked.bad_pixels) if asked.bad_pixels else None
     found = seen(thing, Treatment(asked.summed, asked.is_inverted, bad), asked.kind)
@@ -123,7 +128,7 @@ def _rate(found: Seen, shown: int, fps: float | None) -> float:
 
 def _page(found: Seen, path: Path, fps: float | None) -> Path:
     films = len(found.exposed) + sum(2 for each in (found.light, found.motion) if each)
-    most = min(_PAGE_FRAMES, _STRIP_PX * found.step // found.shape[0])
+    most = min(MOST_FRAMES, _STRIP_PX * found.step // found.shape[0])
     chosen = selection(found.frames, found.shape, films, _LONGEST_SIDE_PX, most)
     both = [*(each.readings for each in found.exposed), *(each.flow for each in found.exposed)]
     panels = [each for each in (found.light, *both, found.motion) if each]

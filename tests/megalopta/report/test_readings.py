@@ -8,7 +8,7 @@ import yaml
 import zarr
 
 from megalopta.core.errors import UserError
-from megalopta.report.readings import Treatment, read_mask, readings_of
+from megalopta.report.readings import Readings, Treatment, read_mask, readings_of
 from megalopta.sensor import (
     EventOrigin,
     Exposure,
@@ -55,6 +55,21 @@ def test_frames_are_summed_from_a_frame_on(bits, cube):
     values, full = readings_of(cube).treated(Treatment(summed=8)).frame(16)
     np.testing.assert_array_equal(values, bits[16:24].sum(axis=0))
     assert not full.any()
+
+
+def test_long_sums_of_large_frames_are_made_a_few_at_a_time():
+    asked = []
+
+    def read(part):
+        asked.append(part.stop - part.start)
+        counts = np.arange(part.start, part.stop)[:, np.newaxis, np.newaxis]
+        shape = (asked[-1], 2048, 2048)
+        return np.broadcast_to(counts, shape), np.broadcast_to(counts == 4, shape)
+
+    readings = Readings((9, 2048, 2048), read).treated(Treatment(summed=5))
+    values, full = readings.frame(3)
+    assert (values == 3 + 4 + 5 + 6 + 7).all() and full.all()
+    assert sum(asked) == 5 and max(asked) == 2  # 8 million readings
 
 
 def test_flux_follows_from_the_share_of_binary_frames_without_detection(cube):

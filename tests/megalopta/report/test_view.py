@@ -11,6 +11,7 @@ from PIL import Image
 
 from megalopta.cli import main
 from megalopta.config.model import load
+from megalopta.core.errors import UserError
 from megalopta.report.view import Asked, view
 from megalopta.stages.pipeline import run_stage
 
@@ -120,6 +121,19 @@ def test_sliders_choose_light_sensor_and_time(page, tmp_path):
     assert told == [[["1", "0"]], "2", "frame 3 · 0.20 s", "starlight"]
 
 
+def test_of_pictures_the_flow_between_the_clean_ones_stands_in_for_the_true(tmp_path):
+    noise = np.random.default_rng(0).integers(0, 256, (24, 48), np.uint8)
+    (tmp_path / "clip").mkdir()
+    for number in range(4):
+        Image.fromarray(noise[:, number : number + 32]).save(tmp_path / "clip" / f"{number}.png")
+    words = ["--photons", "2", "--sensors", "[ideal]", "--out", str(tmp_path / "data")]
+    main.main(["sense", str(tmp_path / "clip"), *words])
+    view(tmp_path / "data", tmp_path / "out")
+    shown = panels(tmp_path / "out" / "view.html")
+    assert [label for label, _ in shown] == ["light", "counts", "flow of the clean pictures"]
+    assert "true motion is not known" in (tmp_path / "out" / "view.html").read_text("utf-8")
+
+
 @needs_axe
 @pytest.mark.slow
 @pytest.mark.parametrize("theme", ["light", "dark"])
@@ -131,6 +145,8 @@ def test_of_many_sequences_there_is_a_contact_sheet(small_dataset, tmp_path):
     before = state(small_dataset)
     assert view(small_dataset, tmp_path) == [tmp_path / "index.html"]
     assert (tmp_path / "index.html").read_text("utf-8").count("data:image/gif") == 3 * 4
+    with pytest.raises(UserError, match="contact sheet; leave --sum and the like out"):
+        view(small_dataset, tmp_path, Asked(summed=2))
     assert state(small_dataset) == before
 
 
@@ -150,12 +166,12 @@ def test_a_cube_of_packed_bits_is_shown_by_one_command(tmp_path, capsys):
 
 
 def test_a_large_thing_makes_a_small_page_that_says_what_it_leaves_out(tmp_path):
-    frames = np.random.default_rng(0).integers(0, 9, (200, 400, 500), np.uint16)
+    frames = np.random.default_rng(0).integers(0, 9, (90, 400, 500), np.uint16)
     np.save(tmp_path / "large.npy", frames)
-    view(tmp_path / "large.npy", tmp_path / "out", Asked(summed=2))
+    view(tmp_path / "large.npy", tmp_path / "out")
     page = tmp_path / "out" / "view.html"
     assert page.stat().st_size < 10e6
-    assert "one of 2 × 2 pixels and 80 of 100 moments; the film has 100." in page.read_text("utf-8")
+    assert "one of 2 × 2 pixels and 80 of 90 moments; the film has 90." in page.read_text("utf-8")
 
 
 def test_a_thing_that_is_nothing_is_told_in_a_sentence(tmp_path, capsys):
