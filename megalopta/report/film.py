@@ -27,7 +27,8 @@ _GIF_FRAMES = 60
 _GIF_BYTES = 4_000_000
 _FEWEST = 8
 """Frames of a GIF that are left, however large it is"""
-_FASTEST_GIF_MS = 20
+_GIF_MS = (20, 600_000)
+"""What a frame of a GIF may last"""
 _CODECS = {"libx264": {"crf": "20", "preset": "veryfast"}, "mpeg4": {"qscale": "3"}}
 """Of MP4, the better first, and how each is asked for a good picture"""
 
@@ -90,7 +91,8 @@ def gif(images: Sequence[Image.Image], frame_ms: float) -> bytes:
     """Return a GIF that repeats."""
     data = io.BytesIO()
     reduced = [_few_colors(each) for each in images]
-    duration = max(round(frame_ms), _FASTEST_GIF_MS)
+    shortest, longest = _GIF_MS
+    duration = min(max(round(frame_ms), shortest), longest)
     reduced[0].save(
         data, "GIF", save_all=True, append_images=reduced[1:], duration=duration, loop=0
     )

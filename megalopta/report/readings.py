@@ -46,7 +46,8 @@ class Treatment:
         """Return what was done, in sentences; nothing where nothing was."""
         said = []
         if self.summed > 1:
-            said.append(f"Readings are sums of {self.summed} frames.")
+            sums = f"Readings are sums of {self.summed} frames."
+            said.append(f"{self.summed} frames are taken together." if self.is_inverted else sums)
         if self.is_inverted:
             said.append(
                 "The sensor's response is inverted: gray is the mean number of detections in a "

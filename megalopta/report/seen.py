@@ -33,7 +33,7 @@ from megalopta.report.panels import (
     readings_panel,
 )
 from megalopta.report.readings import Treatment, readings_of
-from megalopta.report.source import read_records, spread
+from megalopta.report.source import finished_stages, read_records, spread
 from megalopta.scenes.lighting.levels import illuminance_of
 from megalopta.sensor import ImageSensor, StoredFrames
 from megalopta.sensor.formats.reading import FrameKind
@@ -126,7 +126,7 @@ class _Shown:
         settings, ledger = sequence.configuration, Ledger(sequence.dataset)
         if settings.scene.has_truth:
             ledger.require("render")
-        finished = ledger.finished()
+        finished = finished_stages(ledger)
         pairs = settings.exposures if "sense" in finished else ()
         self.pairs = sorted(pairs, key=lambda pair: illuminance_of(pair[1]))
         self.records = read_records(sequence.dataset) if "flow" in finished else []

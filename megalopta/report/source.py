@@ -245,6 +245,19 @@ _SMALLEST_SPEED = 1e-3
 _RED_END_NM = 700.0
 
 
+def finished_stages(ledger: Ledger) -> list[str]:
+    """Return the stages that are finished, and say of which there is something that is not shown.
+
+    Raises UserError where one of them is damaged.
+    """
+    finished = ledger.finished()
+    for stage in STAGES:
+        if stage not in finished and ledger.has(stage):
+            home = ledger.dataset.home
+            say(f"{home}: stage {stage!r} is not finished with this configuration, and not shown")
+    return finished
+
+
 class Report:
     """A dataset as the report sees it; everything is read once, when it is first asked for.
 
@@ -259,12 +272,9 @@ class Report:
         ledger.require("render")
         again = f"run: megalopta render {dataset.root} --out {dataset.root} --redo"
         self.scene: Record = _read(dataset.scene_record, dict, again)
-        self.finished = ledger.finished()
+        self.finished = finished_stages(ledger)
         timings = ledger.timings()
         self.timings = {stage: timings[stage] for stage in STAGES if stage in timings}
-        for stage in STAGES:
-            if stage not in self.finished and ledger.has(stage):
-                say(f"report: stage {stage!r} is not finished with this configuration")
         # before pictures are drawn for seconds
         self.flow: list[FlowRecord] = read_records(dataset) if "flow" in self.finished else []
         self.benchmarks: list[BenchmarkResult] = []

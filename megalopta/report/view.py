@@ -140,10 +140,12 @@ def _page(found: Seen, path: Path, fps: float | None) -> Path:
         body=block("panels", *shown) + legend,
     )
     playback_hz = _rate(found, len(chosen.frames), fps)
+    treated = found.treatment.told() if found.exposed else ""
+    said = found.summary, treated, _speed(found, chosen, playback_hz)
     write_sections(
         path,
         found.title,
-        " ".join([found.summary, found.treatment.told(), _speed(found, chosen, playback_hz)]),
+        " ".join(filter(None, said)),
         [section],
         film=_transport(found, chosen, playback_hz),
         footer=_left_out(found, chosen),

@@ -72,6 +72,17 @@ def test_what_was_not_measured_is_not_shown(page):
     assert labels == ["light", *["counts"] * 4, "true flow"]
 
 
+def test_a_stage_of_another_configuration_is_told_and_not_shown(exposed, tmp_path, capsys):
+    root = tmp_path / "data"
+    shutil.copytree(exposed, root)
+    header = root / "dataset.yaml"
+    header.write_text(header.read_text("utf-8").replace("starlight", "twilight"), "utf-8")
+    view(root, tmp_path / "out", Asked(summed=2))
+    assert "stage 'sense' is not finished with this configuration" in capsys.readouterr().err
+    assert [label for label, _ in panels(tmp_path / "out" / "view.html")] == ["light", "true flow"]
+    assert "sums of 2 frames" not in (tmp_path / "out" / "view.html").read_text("utf-8")
+
+
 def test_without_a_script_the_first_sensor_is_seen_in_the_brightest_light(page):
     text = page.read_text("utf-8")
     shown = re.findall(r'class="chosen" data-sensor="(\d)" data-level="(\d)">', text)
@@ -157,7 +168,7 @@ def test_a_cube_of_packed_bits_is_shown_by_one_command(tmp_path, capsys):
     main.main(["view", str(tmp_path / "burst.npy"), *words])
     assert str(tmp_path / "out" / "view.html") in capsys.readouterr().out.splitlines()
     text = (tmp_path / "out" / "view.html").read_text("utf-8")
-    assert "40 binary frames of 24 × 16 pixels. Readings are sums of 4 frames." in text
+    assert "40 binary frames of 24 × 16 pixels. 4 frames are taken together." in text
     assert "frames 21 to 24" in text and panels(tmp_path / "out" / "view.html") == [
         ("detections", True)
     ]
