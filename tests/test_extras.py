@@ -62,6 +62,13 @@ def test_a_missing_extra_is_named(tmp_path, monkeypatch, words, said):
     assert not list(tmp_path.iterdir())
 
 
+def test_a_film_names_its_extra(tmp_path):
+    (tmp_path / "clip.mp4").write_bytes(b"anything")
+    done = run(COMMAND, "benchmark", "pairs", str(tmp_path / "clip.mp4"), "--no-truth")
+    said = "megalopta: av is not installed; pip install 'megalopta[video]'"
+    assert (done.stderr.splitlines()[-1], done.returncode) == (said, 2)
+
+
 def test_all_has_every_extra_that_the_program_names():
     extras = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"][
         "optional-dependencies"

@@ -10,7 +10,7 @@ color the luminance counts.
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
@@ -47,6 +47,8 @@ Truths = Mapping[Frame, TrueFlow]
 
 Files = tuple[Path, Path, Path]
 """First picture, second picture, flow"""
+
+Pair = TypeVar("Pair")
 
 
 def true_flows(root: Path) -> Truths:
@@ -127,7 +129,7 @@ def pairs_below(folder: Path) -> dict[str, Files]:
     }
 
 
-def evenly_spread(pairs: dict[str, Files], most: int) -> dict[str, Files]:
+def evenly_spread(pairs: dict[str, Pair], most: int) -> dict[str, Pair]:
     """Return at most so many pairs, evenly spread over all."""
     names = list(pairs)
     chosen = np.unique(np.linspace(0, len(names) - 1, min(most, len(names))).round().astype(int))

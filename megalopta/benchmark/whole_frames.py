@@ -119,21 +119,42 @@ def write_board(path: Path, board: Board) -> None:
 def _errors(
     detector: BlockDetector, clip: FlowClip, counts: Frames, _: float
 ) -> Iterator[tuple[str, Floats]]:
-    """Yield the measures of one method's endpoint errors in the blocks inside, px per frame.
+    """Yield the measures of one method's endpoint errors in the blocks inside, px per frame."""
+    truth = blocks_of(clip)
+    error_px = distances(answers(detector, clip, counts), truth)
+    yield from measures(error_px[np.isfinite(truth).all(axis=-1)])
 
-    It sees the frames in the middle of counts (T, H, W); a block needs true flow for half of its
-    pixels.
+
+def answers(detector: BlockDetector, clip: FlowClip, counts: Frames) -> Floats:
+    """Return velocities of the blocks inside, (rows, columns, 2), 0 where a method gives none.
+
+    It sees the frames in the middle of counts (T, H, W). Raises ValueError when it needs more.
     """
     needed = detector.memory_frames + 1
     if len(counts) < needed:
         raise ValueError(f"{clip.name} has {len(counts)} frames; {detector.name} needs {needed}")
-    found = detector.respond(middle(counts, needed))[-1, 1:-1, 1:-1]
-    grid = block_grid((counts.shape[1], counts.shape[2]), BLOCK_PX)
-    truth = block_flow(clip.flow[np.newaxis], grid)[0, 1:-1, 1:-1]
-    known = np.isfinite(truth).all(axis=-1)
-    if not known.any():
+    return np.nan_to_num(detector.respond(middle(counts, needed))[-1, 1:-1, 1:-1])
+
+
+def blocks_of(clip: FlowClip) -> Floats:
+    """Return the mean flow of the blocks inside, (rows, columns, 2); NaN where it is unknown.
+
+    A block needs flow for half of its pixels. Raises ValueError when no block has it.
+    """
+    grid = block_grid((clip.light.shape[1], clip.light.shape[2]), BLOCK_PX)
+    flow = block_flow(clip.flow[np.newaxis], grid)[0, 1:-1, 1:-1]
+    if not np.isfinite(flow).all(axis=-1).any():
         raise ValueError(f"{clip.name}: the flow is known in half of no block of {BLOCK_PX} px")
-    error_px = np.hypot(*np.moveaxis(np.nan_to_num(found) - truth, -1, 0))[known]
-    yield MEDIAN, np.array([np.median(error_px)])
-    yield MEAN, np.array([error_px.mean()])
-    yield FAR, np.array([(error_px > FAR_PX).mean()])
+    return flow
+
+
+def distances(one: Floats, other: Floats) -> Floats:
+    """Return the lengths (...,) of the differences between velocities (..., 2), px."""
+    return np.asarray(np.hypot(*np.moveaxis(one - other, -1, 0)))
+
+
+def measures(distances_px: Floats) -> Iterator[tuple[str, Floats]]:
+    """Yield median, mean, and the share beyond `FAR_PX` of the distances of blocks, (n,)."""
+    yield MEDIAN, np.array([np.median(distances_px)])
+    yield MEAN, np.array([distances_px.mean()])
+    yield FAR, np.array([(distances_px > FAR_PX).mean()])

@@ -1,7 +1,7 @@
 """`megalopta benchmark` and its verbs: how well methods find motion, and with how much light."""
 
 from argparse import Namespace
-from collections.abc import Iterator
+from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -22,8 +22,6 @@ from megalopta.cli.stages import REDO, run_later_stage, settings_of_stage
 from megalopta.core.errors import UserError
 
 if TYPE_CHECKING:
-    from rich.table import Table
-
     from megalopta.benchmark.table import Interval
     from megalopta.benchmark.whole_frames import Board
     from megalopta.config.settings import Settings
@@ -31,6 +29,7 @@ if TYPE_CHECKING:
 _WIDTH = 150  # of tables, whatever the terminal's
 _FLUXES = "1,3,10,30,100,1000"
 _DRAWS_OF_ONE = 5
+_REFERENCE = "DIS"
 _OF_SWEEPS = ("allow_code", "out", "cache")
 
 VERBS["benchmark"] = Verb("measure how well methods find motion, and with how much light")
@@ -38,11 +37,12 @@ VERBS["benchmark"] = Verb("measure how well methods find motion, and with how mu
 
 @verb(
     "benchmark pairs",
-    "rank flow methods on photographs with true flow, over the photons drawn from them",
+    "rank flow methods on photographs with true flow, or on yours without, over photons",
     option(
         "paths",
         "two pictures and their flow (.flo or another format); or a folder in the layout of"
-        " Middlebury, Sintel, KITTI or a dataset",
+        " Middlebury, Sintel, KITTI or a dataset; with --no-truth two pictures, a folder of"
+        " pictures, or a video",
         type=Path,
         nargs="+",
         metavar="PATH",
@@ -62,7 +62,7 @@ VERBS["benchmark"] = Verb("measure how well methods find motion, and with how mu
     ),
     option(
         "--pairs",
-        "of a folder, at most so many pairs, evenly spread (default: 20)",
+        "of a folder or a video, at most so many pairs, evenly spread (default: 20)",
         type=at_least(1),
         default=20,
         metavar="N",
@@ -73,14 +73,38 @@ VERBS["benchmark"] = Verb("measure how well methods find motion, and with how mu
         type=at_least(1),
         metavar="N",
     ),
+    switch(
+        "--no-truth",
+        "nobody knows the flow: compare methods with the flow of the noise-free pictures, and"
+        " with each other",
+    ),
+    option(
+        "--reference",
+        f"without truth, the method whose flow of the noise-free pictures stands in for it"
+        f" (default: {_REFERENCE})",
+        metavar="METHOD",
+    ),
+    option(
+        "--unit",
+        "without truth, what the numbers of arrays or pictures of 16 bits are",
+        choices=("srgb", "linear", "cd/m2"),
+    ),
     out("pairs.csv", "file of the errors"),
 )
 def _pairs(options: Namespace) -> None:
-    from rich.console import Console
+    if options.no_truth:
+        _pairs_without_truth(options)
+        return
+    for name in ("reference", "unit"):
+        if getattr(options, name):
+            raise UserError(f"benchmark pairs: --{name} is for --no-truth; leave it out, or add it")
+    _pairs_with_truth(options)
 
+
+def _pairs_with_truth(options: Namespace) -> None:
     from megalopta.benchmark.methods import BLOCK_PX
     from megalopta.benchmark.pairs_on_disk import evenly_spread, pairs_below
-    from megalopta.benchmark.whole_frames import errors_of_pairs, write_board
+    from megalopta.benchmark.whole_frames import FAR, MEAN, MEDIAN, errors_of_pairs, write_board
 
     if len(options.paths) == 1:
         pairs = evenly_spread(pairs_below(options.paths[0]), options.pairs)
@@ -89,36 +113,69 @@ def _pairs(options: Namespace) -> None:
     else:
         raise UserError(
             f"benchmark pairs: {len(options.paths)} paths; give a folder, or two pictures and"
-            " their flow"
+            " their flow (--no-truth if nobody knows it)"
         )
-    draws = options.draws or (_DRAWS_OF_ONE if len(pairs) == 1 else 1)
-    methods = options.methods.split(",") if options.methods else None
-    errors = errors_of_pairs(pairs, options.photons, methods, draws)
+    errors = errors_of_pairs(pairs, options.photons, *_methods_and_draws(options, len(pairs)))
     write_board(options.out, errors)
-    over = f", mean over {len(pairs)} pairs with 95 % over pairs" if len(pairs) > 1 else ""
-    print(f"Errors of blocks of {BLOCK_PX} px over photons per pixel{over}:")
-    console = Console(width=_WIDTH)
-    for table in _tables(errors):
-        console.print(table)
+    print(f"Errors of blocks of {BLOCK_PX} px over photons per pixel{_over(errors)}:")
+    _print_tables(errors, (MEDIAN, MEAN, FAR))
     print(options.out)
 
 
-def _tables(board: "Board") -> "Iterator[Table]":
-    """Yield a table of each measure: a line for each method, a column for each flux."""
+def _pairs_without_truth(options: Namespace) -> None:
+    from megalopta.benchmark import without_truth
+    from megalopta.benchmark.methods import BLOCK_PX, block_detector
+    from megalopta.benchmark.whole_frames import MEAN
+
+    reference = options.reference or _REFERENCE
+    with ExitStack() as stack:
+        pairs = without_truth.pairs_without_truth(stack, options.paths, options.pairs, options.unit)
+        choices = _methods_and_draws(options, len(pairs))
+        found = without_truth.distances_of_pairs(pairs, options.photons, reference, *choices)
+    without_truth.write_distances(options.out, found, reference)
+    name = block_detector(reference).name
+    print(
+        f"NO TRUE FLOW, so none of these is an error. Blocks of {BLOCK_PX} px, over photons per "
+        f"pixel{_over(found)}.\n\nDistance from a stand-in, the flow that {name} finds in the "
+        f"pictures without noise; it favours {name} and what resembles it:"
+    )
+    _print_tables(found, tuple(without_truth.FROM_STAND_IN.values()))
+    if len(found.detectors) > 1:
+        print(
+            "\nDistance from the median of the other methods on the same photons; methods that "
+            "agree may be wrong alike:"
+        )
+        _print_tables(found, (without_truth.FROM_OTHERS[MEAN],))
+    print(options.out)
+
+
+def _methods_and_draws(options: Namespace, pairs: int) -> tuple[list[str] | None, int]:
+    draws = options.draws or (_DRAWS_OF_ONE if pairs == 1 else 1)
+    return options.methods.split(",") if options.methods else None, draws
+
+
+def _over(board: "Board") -> str:
+    pairs = len(board.scenes)
+    return f", mean over {pairs} pairs with 95 % over pairs" if pairs > 1 else ""
+
+
+def _print_tables(board: "Board", metrics: tuple[str, ...]) -> None:
+    """Print a table of each metric: a line for each method, a column for each flux."""
+    from rich.console import Console
     from rich.table import Table
 
-    from megalopta.benchmark.whole_frames import FAR, FAR_PX, MEAN, MEDIAN
+    from megalopta.benchmark.whole_frames import FAR_PX
 
-    for metric, title, factor, digits in (
-        (MEDIAN, "median, px", 1, 2),
-        (MEAN, "mean, px", 1, 2),
-        (FAR, f"% beyond {FAR_PX:g} px", 100, 1),
-    ):
+    console = Console(width=_WIDTH)
+    for metric in metrics:
+        is_share = metric.startswith("share")
+        title = f"% beyond {FAR_PX:g} px" if is_share else f"{metric.partition('_')[0]}, px"
         table = Table(title, *(f"{flux:g}" for flux in board.fluxes))
         for each in board.detectors:
             found = (board.over_scenes(metric, each, flux) for flux in board.fluxes)
-            table.add_row(each.name, *(_cell(one, factor, digits) for one in found))
-        yield table
+            cells = (_cell(one, 100 if is_share else 1, 1 if is_share else 2) for one in found)
+            table.add_row(each.name, *cells)
+        console.print(table)
 
 
 def _cell(found: "Interval", factor: float, digits: int) -> str:

@@ -164,6 +164,12 @@ _OF_PICTURES = (
     ),
     option("--spectrum", "of white: D65 (default), equal_energy, or that of a light level"),
     option("--frame-rate", "frames a second (default: the file's)", type=positive, metavar="HZ"),
+    option(
+        "--picture-rate",
+        "pictures a second, of files that tell no times (default: the frame rate, or 25)",
+        type=positive,
+        metavar="HZ",
+    ),
     option("--frames", "number of frames (default: all)", type=at_least(2), metavar="N"),
     option("--width", "width of the frames (default: the file's)", type=at_least(1), metavar="PX"),
     option(
@@ -204,7 +210,7 @@ def _sense(options: Namespace) -> None:
 def _field(name: str) -> str:
     """Field of `Asked` that an option fills in."""
     field = name[2:].replace("-", "_")
-    return "frame_rate_hz" if field == "frame_rate" else field
+    return f"{field}_hz" if field.endswith("rate") else field
 
 
 def _sense_pictures(options: Namespace, given: Mapping[str, Any]) -> None:

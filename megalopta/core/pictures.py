@@ -32,11 +32,15 @@ def read_picture(path: Path, mode: Literal["L", "RGB"]) -> NDArray[np.uint8]:
 @contextmanager
 def opened_picture(path: Path) -> Iterator[Image.Image]:
     """A picture for Pillow to decode; errors, of its decoding inside too, as `readable`."""
-    with readable(path), warnings.catch_warnings():
-        warnings.simplefilter("ignore", Image.DecompressionBombWarning)  # twice as many: an error
-        check_file(path)
-        with Image.open(path, formats=_FORMATS) as image:
-            yield image
+    with readable(path), _opened(path) as image:
+        yield image
+
+
+def _opened(path: Path) -> Image.Image:
+    check_file(path)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # what matters raises an error
+        return Image.open(path, formats=_FORMATS)
 
 
 @contextmanager

@@ -34,13 +34,17 @@ _WHITE_PERCENTILE = 90.0
 _GUIDE = (
     "For one exposure per frame, a pixel counts single photons, or gathers the electrons that they "
     "release. Where N are expected, a reading scatters by about √N, and an integrating pixel by "
-    "its dark current, reset and read noise besides. The same rendered light, brought to each "
+    "its dark current, reset and read noise besides. The same light, brought to each "
     "level, is exposed on each sensor; a named level has its own color. The pictures show the "
     "readings of single frames, to the scale below each; full pixels are orange, lower bounds. "
 )
 _INSTANT = (
     "Every frame is rendered at one instant: a camera that moves during the exposure does not blur "
     "the picture as it would in life."
+)
+_PICTURE = (
+    "The light of a picture stands still for an exposure, unless sub_frames says otherwise; blur "
+    "and noise that are in the picture are in the light."
 )
 _COLUMNS = Markup(
     "Means over pixels and frames, per pixel and exposure. <b>Photons on the pixel</b> fall on its "
@@ -84,6 +88,8 @@ def light_section(report: Report) -> Section:
 
 def _shutter(settings: Configuration) -> str:
     shutter = settings.shutter
+    if not settings.scene.has_truth:
+        return _PICTURE
     if shutter.is_instant:
         return _INSTANT
     return (

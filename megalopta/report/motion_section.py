@@ -55,7 +55,7 @@ def _stand_in(report: Report) -> Section:
         "The true motion of pictures is not known. This is the flow that DIS finds between them "
         "without photon noise: a stand-in, wrong where things hide each other or have no texture. "
         f"Its median speed is {report.median_speed:.2g} pixels per frame.",
-        body=block("strip", _flow(report))
+        body=block("strip", film(None, "radiance", "The pictures"), _flow(report))
         + block("pair", block("", wheel(COLORS.format(report.fastest))), chart),
         name="motion",
         link="Motion",

@@ -205,6 +205,10 @@ _GLOSSARY = {
     "moves with the surfaces.",
 }
 
+_STAND_IN = (
+    "Within 25 % of the flow that DIS finds between the clean pictures. It stands in for the true "
+    "motion, which is not known, and favors DIS."
+)
 _RANKING = (
     "Endpoint error against the true motion, on perfect pixels that get as many photons as "
     "illuminance and exposure bring. {} {} This holds for this scene, this path and these "
@@ -334,7 +338,8 @@ def _opening(report: Report) -> Markup:
     if not rows:
         return tiles
     told = table("What came out", OUTCOME, rows)
-    return tiles + block("outcome", heading("What came out"), told)
+    note = "" if report.has_truth else _STAND_IN
+    return tiles + block("outcome", heading("What came out"), told, paragraph(note, "note"))
 
 
 def _columns(items: int, most: int) -> int:

@@ -31,6 +31,8 @@ STILL_FRAMES = 16
 """Of a single picture, which does not move"""
 _USUAL_HZ = 25.0
 """Pictures a second where a file tells no times"""
+_METHODS = ["BM", "LK", "DIS"]
+"""Quick ones, which do with two frames"""
 _SOURCE = "source"
 _DIGITS = 6
 """Of a light level, which names files"""
@@ -42,6 +44,7 @@ class Asked:
 
     unit: Unit | None = None
     frame_rate_hz: float | None = None
+    picture_rate_hz: float | None = None
     frames: int | None = None
     width: int | None = None
     between: str | None = None
@@ -110,10 +113,12 @@ def _fields(path: Path, footage: Footage, asked: Asked) -> dict[str, Any]:
     """What the configuration has that is not as by default."""
     rows, columns = footage.shape
     width = asked.width or columns
+    height = max(1, round(rows * width / columns))
     is_level = asked.spectrum in LEVELS
     scene = {
         "unit": asked.unit,
         "between": asked.between,
+        "picture_rate_hz": asked.picture_rate_hz,
         "reflectance": asked.reflectance,
         "spectrum": "light" if is_level else asked.spectrum,
     }
@@ -122,17 +127,19 @@ def _fields(path: Path, footage: Footage, asked: Asked) -> dict[str, Any]:
         "name": re.sub(r"[^A-Za-z0-9]+", "-", path.stem).strip("-")[:60] or "pictures",
         "scene": {"kind": "pictures", "file": str(path), **given},
         "light": {"level": asked.spectrum if is_level else "daylight"},
-        "camera": {"width": width, "height": max(1, round(rows * width / columns))},
+        "camera": {"width": width, "height": height},
         "trajectory": _timing(footage, asked),
         "sensors": ["ideal"],
         "light_levels": [1.0],
+        "methods": _METHODS,
+        "benchmark": {"sizes": [min(60, height)]},
     }
 
 
 def _timing(footage: Footage, asked: Asked) -> dict[str, Any]:
     """Frames and their rate: as in the file, unless something else is asked for."""
     count = len(footage)
-    times_s = picture_times(footage, asked.frame_rate_hz or _USUAL_HZ)
+    times_s = picture_times(footage, asked.picture_rate_hz or asked.frame_rate_hz or _USUAL_HZ)
     end_s = float(times_s[-1])
     rate_hz = asked.frame_rate_hz or ((count - 1) / end_s if end_s else _USUAL_HZ)
     frames = math.floor(end_s * rate_hz + 0.1) + 1 if count > 1 else STILL_FRAMES
@@ -239,6 +246,8 @@ def _say(dataset: Dataset, record: Mapping[str, Any]) -> None:
         f"{_scene(settings).white_name(settings.light)}, and pictures reflect "
         f"{100 * _scene(settings).reflectance:g} % of the light on average"
     )
+    if record["pictures"] == 1:
+        say("pictures: it is one picture, which stands still")
     for note in record["notes"]:
         say(f"pictures: {note}")
     if share := record["saturated"]:

@@ -37,6 +37,7 @@ class FilmReader:
 
     def __init__(self, path: Path) -> None:
         self._path, self._is_avi = path, DEMUXERS[path.suffix.lower()] == "avi"
+        self._parted = 0
         self._file: BinaryIO | None = None
         self._open()
         try:
@@ -61,7 +62,12 @@ class FilmReader:
         return np.asarray((self.stamps - self.stamps[0]) * base_s)
 
     def notes(self) -> Iterator[str]:
-        """Yield what a user is told of the times."""
+        """Yield what a user is told of the frames."""
+        if self._parted:
+            yield (
+                f"{self._path} is cut within a group of frames: the first {self._parted} cannot "
+                "be decoded, and are left out"
+            )
         ends_s = (self._container.duration or 0) / 1e6
         last_s = self.times_s[-1]
         if ends_s > last_s + 1 + 2 * np.diff(self.times_s, prepend=0).max():
@@ -137,7 +143,11 @@ class FilmReader:
         try:
             with _told(path):
                 self._container: Any = av.open(
-                    self._file, "r", format=DEMUXERS[path.suffix.lower()], buffer_size=2**20
+                    self._file,
+                    "r",
+                    format=DEMUXERS[path.suffix.lower()],
+                    buffer_size=2**20,
+                    metadata_errors="replace",  # titles may be in any encoding
                 )
                 self._stream = self._film()
                 self._stream.thread_type = "AUTO"
@@ -164,8 +174,15 @@ class FilmReader:
         stamps = [p.decoded_at if self._counts else p.shown_at for p in shown]
         known = [each for each in stamps if each is not None]
         self.stamps: Ints = np.unique(known) if len(known) == len(shown) else self._even(len(shown))
-        keys = [p.shown_at for p in shown if p.is_key and not self._counts]
-        self._keys: Ints = np.union1d([0], np.searchsorted(self.stamps, np.array(keys, np.int64)))
+        self._keys: Ints = np.array([0])
+        if not self._counts:
+            self._start_whole(np.array([p.shown_at for p in shown if p.is_key], np.int64))
+
+    def _start_whole(self, keys: Ints) -> None:
+        """Leave out what a cut has parted from the picture that it is predicted from."""
+        first = int(np.searchsorted(self.stamps, keys[0])) if len(keys) else 0
+        self.stamps, self._parted = self.stamps[first:], first
+        self._keys = np.union1d([0], np.searchsorted(self.stamps, keys))
 
     def _check_whole(self, packets: int, shown: int) -> None:
         if not shown:

@@ -108,7 +108,7 @@ class Footage(ABC):
         codes = len(coding.table)
         counts = [cv2.calcHist([numbers], [k], None, [codes], [0, codes]) for k in range(planes)]
         sums = np.array([each.ravel() @ coding.table.astype(np.float64) for each in counts])
-        return np.broadcast_to(sums / np.prod(self.shape), 3)
+        return np.array(np.broadcast_to(sums / np.prod(self.shape), 3))
 
     def saturated(self, index: int) -> float:
         """Return the share of pixels with any channel at white or above; 0 of what has no codes."""

@@ -47,6 +47,7 @@ _UNITS: Mapping[Depth, tuple[Unit, ...]] = {
     "light": ("linear", "cd/m2"),
 }
 """What numbers of a depth may be, first what they are unless told."""
+TRANSPARENT = "transparent parts stand before black"
 _ORIENTATION = 0x0112
 _TURNS = {
     2: (False, True, False),
@@ -61,7 +62,6 @@ _TURNS = {
 _PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 _PNG_CHUNKS = (b"IHDR", b"PLTE", b"tRNS", b"IDAT", b"IEND")
 _RADIANCE_SIZE = re.compile(rb"\n\n-Y (\d{1,9}) \+X (\d{1,9})\n")
-
 
 logging.getLogger("tifffile").addHandler(logging.NullHandler())  # we say ourselves what is wrong
 
@@ -111,7 +111,8 @@ class Pictures(Footage):
             numbers = turned(numbers, *_TURNS.get(_header(path).orientation, (False,) * 3))
         is_transparent = numbers.shape[2:] == (4,) and numbers[..., 3].min() < _top(numbers)
         if is_transparent:
-            numbers[..., :3] = np.rint(numbers[..., :3] * (numbers[..., 3:] / _top(numbers)))
+            over = numbers[..., :3] * (numbers[..., 3:] / _top(numbers))
+            numbers[..., :3] = over if self.depth == "light" else np.rint(over)
         numbers = numbers if numbers.ndim == 2 else numbers[..., 2::-1]
         numbers = self._as_light(numbers, path) if self.depth == "light" else numbers
         return self._told(numbers, is_transparent)
@@ -120,9 +121,6 @@ class Pictures(Footage):
         if is_transparent:
             self._note(TRANSPARENT)
         return numbers
-
-
-TRANSPARENT = "transparent parts stand before black"
 
 
 def open_picture(path: Path, unit: Unit | None) -> Pictures:

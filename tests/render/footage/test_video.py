@@ -179,6 +179,20 @@ def test_any_order_gives_the_frames_of_playing_it(film, name, codec, options):
             np.testing.assert_array_equal(footage.frame(k), in_order[k])
 
 
+def test_frames_that_a_cut_parted_from_their_key_are_left_out(film, tmp_path):
+    whole, part = film(moving(24), "film.mkv", options={"g": "8", "bf": "2"}), tmp_path / "part.mkv"
+    with av.open(whole) as source, av.open(part, "w") as target:
+        stream = target.add_stream_from_template(source.streams.video[0])
+        for packet in [each for each in source.demux(video=0) if each.size][3:]:
+            packet.stream = stream
+            target.mux(packet)
+    with open_footage(whole) as one, open_footage(part) as other:
+        assert len(other) == 16 and any("left out" in note for note in other.notes)
+        assert other.times_s[0] == 0
+        for k in (0, 15, 9):
+            np.testing.assert_array_equal(other.frame(k), one.frame(8 + k))
+
+
 def test_times_of_a_variable_frame_rate(film):
     stamps = [0, 40, 50, 170, 180, 1000]
     with open_footage(film(moving(6), stamps=stamps)) as footage:
@@ -220,6 +234,15 @@ def test_what_is_no_film_is_refused(tmp_path, film, capfd):
         (tmp_path / name).write_bytes(content)
         assert said in refused(tmp_path / name)
     assert capfd.readouterr() == ("", "")
+
+
+def test_a_title_in_another_encoding_does_no_harm(film):
+    path = film(moving(2))
+    content = path.read_bytes()
+    assert b"Lavf" in content
+    path.write_bytes(content.replace(b"Lavf", b"L\xe4vf"))
+    with open_footage(path) as footage:
+        assert len(footage) == 2
 
 
 def test_an_encrypted_film_is_refused(film):

@@ -1,0 +1,199 @@
+"""Methods on pictures whose true flow nobody knows: against a stand-in, and against each other.
+
+The stand-in is the flow that one method, the reference, finds in the pictures without photon noise.
+It is no truth: it has the reference's own faults, which the reference and its kin repeat on counts,
+so that it favours them. The other measure favours no method: how far each is from the median of all
+others on the same photons. Methods that agree may be wrong alike, and one that is right alone is
+far from the rest.
+
+Both are told as errors are, of blocks of 24 × 24 px, over the photons per pixel and frame.
+"""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack
+from functools import partial
+from itertools import product
+from pathlib import Path
+from typing import TypeAlias
+
+import numpy as np
+
+from megalopta.benchmark.clips import FlowClip
+from megalopta.benchmark.methods import block_detector, methods_and_baselines
+from megalopta.benchmark.pairs_on_disk import evenly_spread
+from megalopta.benchmark.table import Samples, joined, measure_samples
+from megalopta.benchmark.whole_frames import (
+    FAR,
+    MEAN,
+    MEDIAN,
+    Board,
+    answers,
+    blocks_of,
+    distances,
+    measures,
+)
+from megalopta.core.arrays import Floats
+from megalopta.core.errors import UserError
+from megalopta.core.progress import progress, say
+from megalopta.flow.detectors.base import Frames
+from megalopta.flow.detectors.blocks import BlockDetector
+from megalopta.flow.detectors.registry import Method
+from megalopta.plotting.picture import write_csv
+from megalopta.render.footage import Footage, Unit, open_footage
+from megalopta.scenes.spectra.color import LUMINANCE_SHARES
+
+FROM_STAND_IN = {
+    MEDIAN: "median_px_from_stand_in",
+    MEAN: "mean_px_from_stand_in",
+    FAR: "share_beyond_3_px_from_stand_in",
+}
+"""What is measured against the stand-in, by the measure of an error that it is like."""
+FROM_OTHERS = {
+    MEDIAN: "median_px_from_others",
+    MEAN: "mean_px_from_others",
+    FAR: "share_beyond_3_px_from_others",
+}
+"""The same against the median of the other methods."""
+
+_CLEAN_PHOTONS = 1000.0
+"""Light without noise of so many photons per pixel is what the reference sees."""
+_PAIR_FRAMES = 2
+_KEY = "pairs without truth"
+
+_Light: TypeAlias = Callable[[], Floats]
+"""Gives the luminance (H, W) of a picture when it is needed."""
+
+
+def pairs_without_truth(
+    stack: ExitStack, paths: Sequence[Path], most: int, unit: Unit | None = None
+) -> dict[str, tuple[_Light, _Light]]:
+    """Return two pictures, or at most so many pairs of successive frames, evenly spread, by name.
+
+    The stack closes what is opened. Raises UserError when there are no two frames.
+    """
+    opened = [stack.enter_context(open_footage(path, unit)) for path in paths]
+    for note in dict.fromkeys(note for each in opened for note in each.notes):
+        say(note)
+    if len(opened) == 2:
+        return {paths[0].stem: _two(*opened)}
+    if len(opened) != 1:
+        raise UserError(
+            f"benchmark pairs: {len(paths)} paths; without truth, give two pictures, a folder of "
+            "pictures or a video"
+        )
+    (footage,) = opened
+    if len(footage) < _PAIR_FRAMES:
+        raise UserError(f"{footage.path} has one frame; give two pictures, or a video")
+    steps = {f"{paths[0].stem} {k}": _step(footage, k) for k in range(len(footage) - 1)}
+    return evenly_spread(steps, most)
+
+
+def distances_of_pairs(
+    pairs: Mapping[str, tuple[_Light, _Light]],
+    fluxes: Sequence[float],
+    reference: Method,
+    methods: Sequence[Method] | None = None,
+    draws: int = 1,
+) -> Board:
+    """Return how far methods, by default all that do with two frames, are from both.
+
+    Metrics are those of `FROM_STAND_IN` and, of two methods or more, of `FROM_OTHERS`. Raises
+    UserError when pictures or methods cannot be used, or no picture has
+    any contrast.
+    """
+    with progress("Drawing photons", len(pairs), "pair") as advance:
+        try:
+            detectors = tuple(map(block_detector, methods or methods_and_baselines(_PAIR_FRAMES)))
+            standing_in = block_detector(reference)
+            found: dict[str, Samples] = {}
+            for name, lights in pairs.items():
+                if (clip := _clip(name, lights, standing_in)) is not None:
+                    found[name] = _samples(clip, detectors, fluxes, draws)
+                advance()
+        except ValueError as problem:
+            raise UserError(str(problem)) from None
+    if not found:
+        raise UserError(f"{', '.join(pairs)}: no contrast at all; give pictures of something")
+    return Board(tuple(found), detectors, tuple(fluxes), joined(found.values()))
+
+
+def write_distances(path: Path, board: Board, reference: Method) -> None:
+    """Write a line for each pair, method and flux, as CSV: means over the draws of the pair."""
+    metrics = [*FROM_STAND_IN.values(), *FROM_OTHERS.values()]
+    metrics = metrics if len(board.detectors) > 1 else list(FROM_STAND_IN.values())
+    name = block_detector(reference).name
+    stand_in = f"not the truth but {name} on the pictures without noise, which favours {name}"
+    rows = (
+        (
+            *(pair, each.name, flux, stand_in),
+            *(float(board.of_scenes(metric, each, flux)[place]) for metric in metrics),
+        )
+        for place, pair in enumerate(board.scenes)
+        for each, flux in product(board.detectors, board.fluxes)
+    )
+    write_csv(path, ("pair", "method", "photons_per_px", "stand_in", *metrics), rows)
+
+
+def _samples(
+    clip: FlowClip, detectors: Sequence[BlockDetector], fluxes: Sequence[float], draws: int
+) -> Samples:
+    asked = _Asked(clip, detectors)
+    estimates = {each.name: partial(asked.distances, each.name) for each in detectors}
+    return measure_samples(partial(clip.counts, key=(_KEY,)), estimates, fluxes, draws)
+
+
+class _Asked:
+    """Methods that answer together, so that each is held against the others' answers."""
+
+    def __init__(self, clip: FlowClip, detectors: Sequence[BlockDetector]) -> None:
+        self._clip, self._detectors, self._stand_in = clip, detectors, blocks_of(clip)
+        self._counts: Frames | None = None
+        self._answers: Mapping[str, Floats] = {}
+
+    def distances(self, name: str, counts: Frames, _: float) -> Iterator[tuple[str, Floats]]:
+        """Yield how far a method's velocities in counts are, px per frame."""
+        if counts is not self._counts:
+            self._answers = {e.name: answers(e, self._clip, counts) for e in self._detectors}
+            self._counts = counts
+        own = self._answers[name]
+        yield from self._measures(FROM_STAND_IN, own, self._stand_in)
+        others = [each for other, each in self._answers.items() if other != name]
+        if others:
+            yield from self._measures(FROM_OTHERS, own, np.median(others, axis=0))
+
+    def _measures(
+        self, names: Mapping[str, str], one: Floats, other: Floats
+    ) -> Iterator[tuple[str, Floats]]:
+        known = np.isfinite(self._stand_in).all(axis=-1)
+        for measure, values in measures(distances(one, other)[known]):
+            yield names[measure], values
+
+
+def _two(first: Footage, second: Footage) -> tuple[_Light, _Light]:
+    for each in (first, second):
+        if len(each) > 1:
+            raise UserError(f"{each.path} has {len(each)} frames; give it alone, or two pictures")
+    if first.shape != second.shape:
+        sizes = (f"{each.shape[1]} × {each.shape[0]}" for each in (first, second))
+        raise UserError(
+            f"{first.path} and {second.path} have {' and '.join(sizes)} px; give one size"
+        )
+    return partial(_luminance, first, 0), partial(_luminance, second, 0)
+
+
+def _step(footage: Footage, index: int) -> tuple[_Light, _Light]:
+    return partial(_luminance, footage, index), partial(_luminance, footage, index + 1)
+
+
+def _luminance(footage: Footage, index: int) -> Floats:
+    return np.asarray(footage.frame(index) @ LUMINANCE_SHARES, np.float64)
+
+
+def _clip(name: str, lights: tuple[_Light, _Light], reference: BlockDetector) -> FlowClip | None:
+    """Return a pair with the stand-in for its flow; None, which is said, without any contrast."""
+    light = np.stack([each() for each in lights])
+    if light.min() == light.max():
+        say(f"{name}: both pictures are of one brightness, and left out")
+        return None
+    light /= light.mean()
+    return FlowClip(name, light, reference.dense(*light * _CLEAN_PHOTONS))
