@@ -6,6 +6,7 @@ when they are asked for.
 
 import io
 import math
+import shlex
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -18,6 +19,7 @@ from numpy.typing import NDArray
 from megalopta.camera.recording import COUNTS, RAW, open_recording
 from megalopta.core.arrays import Floats, Mask
 from megalopta.core.errors import UserError, refused_as
+from megalopta.render.footage import is_footage
 from megalopta.sensor import ImageSensor, Sensor, file_content, read_events, read_frames
 from megalopta.sensor.calibrate.correction import ResponseCurve, filled_in, response_curve
 from megalopta.sensor.event_stream import Events, histogram
@@ -25,6 +27,8 @@ from megalopta.sensor.formats.events import HDF5_SIGNATURE, NPZ_SIGNATURE
 from megalopta.sensor.formats.reading import FrameKind
 from megalopta.sensor.formats.recorded_frames import file_bytes
 
+_ARRAYS = (".npy", ".npz", ".tif", ".tiff")
+"""Of files that hold readings, or pictures"""
 _COLOR = 3
 _AT_ONCE = 2**23
 """Readings in memory"""
@@ -124,8 +128,7 @@ def readings_of(path: Path, kind: FrameKind | None = None) -> Readings:
 
     Raises UserError where there are none, or they are damaged.
     """
-    if not path.is_file() and not is_recording(path) and not any(path.glob("*.bin")):
-        raise UserError(f"{path}: no dataset, recording, or file of frames or events; give one")
+    _check_thing(path)
     try:
         if is_recording(path):
             return _recorded(path)
@@ -134,6 +137,19 @@ def readings_of(path: Path, kind: FrameKind | None = None) -> Readings:
         return _of_frames(path, kind)
     except (ValueError, OSError) as problem:
         raise UserError(str(problem)) from None
+
+
+def _check_thing(path: Path) -> None:
+    """Refuse what can hold no readings."""
+    if is_recording(path) or path.suffix.lower() in _ARRAYS or any(path.glob("*.bin")):
+        return
+    if path.exists() and is_footage(path):
+        raise UserError(
+            f"{path}: pictures, no readings; make photons of them first: megalopta sense "
+            f"{shlex.quote(str(path))} --photons 2"
+        )
+    if not path.is_file():
+        raise UserError(f"{path}: no dataset, recording, or file of frames or events; give one")
 
 
 def read_mask(path: Path) -> Mask:

@@ -190,6 +190,12 @@ def test_what_holds_no_readings_is_told_in_a_sentence(tmp_path, make, said):
         readings_of(tmp_path / "thing")
 
 
+def test_of_pictures_the_verb_that_makes_photons_is_named(tmp_path):
+    (tmp_path / "my clip.mp4").write_bytes(b"anything")
+    with pytest.raises(UserError, match=r"sense '.*my clip\.mp4' --photons 2"):
+        readings_of(tmp_path / "my clip.mp4")
+
+
 @pytest.mark.parametrize("values", [np.zeros((3, 3)), np.ones((3, 3), bool), np.zeros(3, bool)])
 def test_a_mask_is_of_bool_and_leaves_good_pixels(tmp_path, values):
     with pytest.raises(UserError, match=r"--bad-pixels: .*m\.npy is no mask"):

@@ -1,12 +1,10 @@
 """What is seen of a sequence, read back as Rerun's own library reads it."""
 
-import sys
 from collections import defaultdict
 
 import numpy as np
 import pytest
 
-from megalopta.cli import main
 from megalopta.dataset.opened import open_dataset
 from megalopta.report.readings import Treatment
 from megalopta.report.rerun_log import write_rrd
@@ -49,11 +47,3 @@ def test_points_are_seen_by_the_camera_in_the_middle_of_their_pixels(logged):
         assert len(image) > 500 and (inside[:, 2] > 0).all()
         np.testing.assert_allclose(image % 1, 0.5, atol=2e-3)
         assert image.min() > 0 and (image < camera["Pinhole:resolution"][frame][0]).all()
-
-
-def test_without_the_sdk_the_extra_is_named(whole, tmp_path, monkeypatch, capsys):
-    monkeypatch.setitem(sys.modules, "rerun", None)
-    with pytest.raises(SystemExit):
-        main.main(["view", str(whole), "--out", str(tmp_path / "out"), "--rerun"])
-    assert "rerun is not installed; pip install 'megalopta[rerun]'" in capsys.readouterr().err
-    assert not (tmp_path / "out").exists()

@@ -4,6 +4,7 @@ import json
 import re
 import shutil
 import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -191,3 +192,11 @@ def test_a_thing_that_is_nothing_is_told_in_a_sentence(tmp_path, capsys):
     assert end.value.code == 2
     told = capsys.readouterr().err
     assert told.endswith("none: no dataset, recording, or file of frames or events; give one\n")
+
+
+def test_without_the_sdk_the_extra_is_named(whole, tmp_path, monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, "rerun", None)
+    with pytest.raises(SystemExit):
+        main.main(["view", str(whole), "--out", str(tmp_path / "out"), "--rerun"])
+    assert "rerun is not installed; pip install 'megalopta[rerun]'" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
