@@ -34,15 +34,12 @@ from megalopta.plotting.style import BLUE, house_style
 from megalopta.plotting.text import level_name, number
 from megalopta.report.film import gif_uri
 from megalopta.report.images import write_sheet
-from megalopta.report.panels import (
-    Panel,
+from megalopta.report.panels import Panel, fastest_of, flow_panel, readings_panel
+from megalopta.report.sequence_panels import (
     depth_panel,
     exposure_readings,
-    fastest_of,
-    flow_panel,
     light_panel,
     motion_of,
-    readings_panel,
 )
 from megalopta.stages.limits import size
 

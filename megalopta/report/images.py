@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont, ImageOps
 
 from megalopta.core.files import atomic_write
-from megalopta.plotting.sections import captioned, image
+from megalopta.flow.color_wheel import wheel_legend
+from megalopta.plotting.sections import block, captioned, image, paragraph
 
 Rgb = NDArray[np.uint8]
 Floats = NDArray[np.floating]
@@ -30,6 +31,13 @@ _GAP = 6
 ORANGE = (230, 97, 0)
 GRAY = (128, 128, 128)
 _NOTHING = (24, 26, 30)
+
+_WHEEL_PX = 96
+COLORS = Markup(
+    "<b>Motion as color.</b> The hue is the direction: red to the right, yellow down, cyan left, "
+    "violet up. White is rest; the full color of the rim is {:.2g} pixels per frame; darker is "
+    "faster still; gray is undefined."
+)
 
 
 @dataclass(frozen=True)
@@ -178,6 +186,12 @@ def write_sheet(path: Path, rows: Sequence[Sequence[tuple[str, Image.Image]]]) -
             drawn.quantize(256).save(temporary, "PNG", optimize=True)
         else:
             drawn.save(temporary, "JPEG", quality=88)
+
+
+def wheel(text: str, *beside: Markup) -> Markup:
+    """Return the color wheel of motion and what is said of it."""
+    drawn = image(data_uri(Image.fromarray(wheel_legend(_WHEEL_PX))), "Color wheel of motion")
+    return block("wheel", *beside, drawn, paragraph(text))
 
 
 def data_uri(picture: Image.Image) -> str:

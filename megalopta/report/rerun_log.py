@@ -9,18 +9,19 @@ import io
 import math
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from PIL import Image
 
 from megalopta.core.files import atomic_write
 from megalopta.core.progress import progress
-from megalopta.dataset.frames import read_truth_frame
-from megalopta.dataset.sequence import Sequence
 from megalopta.report.panels import Panel
 from megalopta.report.seen import Seen
-from megalopta.report.source import spread
+from megalopta.report.selection import spread
+
+if TYPE_CHECKING:
+    from megalopta.dataset.sequence import Sequence
 
 _FRAMES = 60
 _MOST_POINTS = 20_000
@@ -90,7 +91,7 @@ def _image(rerun: Any, picture: Image.Image) -> Any:
     return rerun.EncodedImage(contents=data.getvalue(), media_type="image/png")
 
 
-def _pinhole(rerun: Any, sequence: Sequence, step: int) -> Iterator[tuple[Place, Any]]:
+def _pinhole(rerun: Any, sequence: "Sequence", step: int) -> Iterator[tuple[Place, Any]]:
     """Yield the pinhole of the pixels that are shown; nothing of a panorama."""
     if sequence.intrinsics is None:
         return
@@ -106,8 +107,10 @@ def _pinhole(rerun: Any, sequence: Sequence, step: int) -> Iterator[tuple[Place,
     )
 
 
-def _points(rerun: Any, sequence: Sequence, frame: int, step: int, light: Any) -> Any:
+def _points(rerun: Any, sequence: "Sequence", frame: int, step: int, light: Any) -> Any:
     """Return what the pixels see, where it is, in the color of the light from there."""
+    from megalopta.dataset.frames import read_truth_frame
+
     position = read_truth_frame(sequence.dataset, frame).position[::step, ::step].reshape(-1, 3)
     known = np.flatnonzero(np.isfinite(position).all(axis=-1))
     known = known[:: max(1, math.ceil(known.size / _MOST_POINTS))]

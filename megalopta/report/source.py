@@ -34,6 +34,7 @@ from megalopta.flow.benchmark.sequence import BenchmarkResult
 from megalopta.flow.detectors.registry import METHODS
 from megalopta.render.truth.tracer import Truth
 from megalopta.report.images import data_uri, film_strip, rgb_picture
+from megalopta.report.selection import PLAYBACK_HZ, Selection, frame_label, selection
 from megalopta.scenes import ToneCurve, preview
 from megalopta.scenes.lighting.levels import illuminance_of
 from megalopta.scenes.spectra.color import linear_srgb
@@ -93,20 +94,7 @@ def _read(path: Path, check: Callable[[Any], _Read], remedy: str) -> _Read:
 _LONGEST_SIDE_PX = 160
 _MOST_FRAMES = 40
 _MOST_PIXELS_READ = 4_000_000
-_MOST_PIXELS_SHOWN = 8_000_000
 _OTHER_FILMS = 6
-
-
-@dataclass(frozen=True)
-class Selection:
-    """Frames, by their numbers from 0, and pixels that are shown: every so many-th of a line."""
-
-    frames: tuple[int, ...]
-    step: int
-
-    def pixels(self, images: NDArray[Any]) -> NDArray[Any]:
-        """Return the shown pixels of images (..., H, W)."""
-        return images[..., :: self.step, :: self.step]
 
 
 def select(configuration: Configuration) -> Selection:
@@ -116,31 +104,6 @@ def select(configuration: Configuration) -> Selection:
     most = min(_MOST_FRAMES, _MOST_PIXELS_READ // (height * width))
     candidates = range(configuration.trajectory.frames - 1)
     return selection(candidates, (height, width), films, _LONGEST_SIDE_PX, most)
-
-
-def selection(
-    frames: range, shape: tuple[int, int], films: int, longest_px: int, most_frames: int
-) -> Selection:
-    """Choose of frames and of their pixels what fits a page that shows so many films."""
-    step = math.ceil(max(shape) / longest_px)
-    fitting = _MOST_PIXELS_SHOWN * step**2 // (math.prod(shape) * films)
-    return Selection(spread(frames, max(min(most_frames, fitting), 1)), step)
-
-
-def spread(frames: range, most: int) -> tuple[int, ...]:
-    """Return at most so many of the frames, spread evenly, the first among them."""
-    count = min(len(frames), most)
-    return tuple(frames[index * len(frames) // count] for index in range(count))
-
-
-def frame_label(frame: int, times_s: NDArray[np.float64] | None, summed: int = 1) -> str:
-    """Return which frame is shown, or how many from it on are summed, and its time if known."""
-    name = f"frame {frame + 1}" if summed == 1 else f"frames {frame + 1} to {frame + summed}"
-    if times_s is None:
-        return name
-    period = float(times_s[-1] - times_s[0]) / max(len(times_s) - 1, 1)
-    decimals = max(2, math.ceil(-math.log10(period))) if period > 0 else 2
-    return f"{name} · {times_s[frame]:.{decimals}f} s"
 
 
 # Pixels between these percentiles are drawn as the spread of the signal-to-noise ratio.
@@ -238,8 +201,6 @@ def _budget(
     )
 
 
-PLAYBACK_HZ = (2.0, 25.0)
-"""Faster than this, or slower, a film cannot be followed."""
 _FASTEST_PERCENT = 99.0
 _SMALLEST_SPEED = 1e-3
 _RED_END_NM = 700.0

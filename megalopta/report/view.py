@@ -7,24 +7,20 @@ from typing import Any, NamedTuple
 
 from markupsafe import Markup
 
+from megalopta import __version__
 from megalopta.core.errors import UserError
 from megalopta.core.progress import Advance, progress
-from megalopta.dataset.layout import is_of_many
-from megalopta.generation.versions import versions
 from megalopta.plotting.sections import Section, block, write_sections
 from megalopta.plotting.text import number
-from megalopta.report.dataset_card import SHOWN, write_contact_sheet
 from megalopta.report.film import Moment, write_film
-from megalopta.report.images import film
-from megalopta.report.motion_section import COLORS, wheel
+from megalopta.report.images import COLORS, film, wheel
 from megalopta.report.panels import MOST_FRAMES, Panel
 from megalopta.report.readings import Treatment, read_mask
 from megalopta.report.rerun_log import write_rrd
-from megalopta.report.seen import Exposed, Seen, seen
-from megalopta.report.source import PLAYBACK_HZ, Selection, frame_label, selection, spread
+from megalopta.report.seen import LONGEST_SIDE_PX, Exposed, Seen, seen_readings
+from megalopta.report.selection import PLAYBACK_HZ, Selection, frame_label, selection, spread
 from megalopta.sensor.formats.reading import FrameKind
 
-_LONGEST_SIDE_PX = 320
 _FILM_FRAMES = 300
 _STRIP_PX = 16_000
 """Height of the frames of a page above each other, which browsers must be able to draw"""
@@ -72,17 +68,37 @@ def view(thing: str | Path, out: str | Path = "out/view", asked: Asked | None = 
     Raises UserError where it is none of these, is damaged, or cannot be shown as asked.
     """
     thing, folder, asked = Path(thing), Path(out), asked or Asked()
-    if is_of_many(thing):
-        if asked != Asked():
-            raise UserError(
-                f"{thing}: of many sequences there is a contact sheet; leave --sum and the like out"
-            )
-        return [write_contact_sheet(thing, SHOWN, folder)]
+    is_dataset = (thing / "dataset.yaml").exists()
+    if is_dataset and (sheet := _contact_sheet(thing, folder, asked)):
+        return [sheet]
     bad = read_mask(asked.bad_pixels) if asked.bad_pixels else None
-    found = seen(thing, Treatment(asked.summed, asked.is_inverted, bad), asked.kind)
+    treatment = Treatment(asked.summed, asked.is_inverted, bad)
+    found = (_sequence if is_dataset else seen_readings)(thing, treatment, asked.kind)
     written = [write_rrd(folder / "view.rrd", found)] if asked.with_rerun else []
     page = _page(found, folder / "view.html", asked.fps)
     return [*_film(found, folder, asked.fps), page, *written]
+
+
+def _contact_sheet(root: Path, folder: Path, asked: Asked) -> Path | None:
+    """Write the contact sheet of a dataset of many sequences; None of one."""
+    from megalopta.dataset.layout import is_of_many
+    from megalopta.report.dataset_card import SHOWN, write_contact_sheet
+
+    if not is_of_many(root):
+        return None
+    if asked != Asked():
+        raise UserError(
+            f"{root}: of many sequences there is a contact sheet; leave --sum and the like out"
+        )
+    return write_contact_sheet(root, SHOWN, folder)
+
+
+def _sequence(root: Path, treatment: Treatment, kind: FrameKind | None) -> Seen:
+    from megalopta.report.seen_sequence import seen_sequence
+
+    if kind:
+        raise UserError(f"{root}: a dataset says what its frames are; leave --format {kind} out")
+    return seen_sequence(root, treatment)
 
 
 def _film(found: Seen, folder: Path, fps: float | None) -> list[Path]:
@@ -129,7 +145,7 @@ def _rate(found: Seen, shown: int, fps: float | None) -> float:
 def _page(found: Seen, path: Path, fps: float | None) -> Path:
     films = len(found.exposed) + sum(2 for each in (found.light, found.motion) if each)
     most = min(MOST_FRAMES, _STRIP_PX * found.step // found.shape[0])
-    chosen = selection(found.frames, found.shape, films, _LONGEST_SIDE_PX, most)
+    chosen = selection(found.frames, found.shape, films, LONGEST_SIDE_PX, most)
     both = [*(each.readings for each in found.exposed), *(each.flow for each in found.exposed)]
     panels = [each for each in (found.light, *both, found.motion) if each]
     with progress("Drawing the page", len(panels), "panel") as advance:
@@ -218,5 +234,4 @@ def _left_out(found: Seen, chosen: Selection) -> str:
     moments = f"all {total} moments" if shown == total else f"{shown} of {total} moments"
     film = min(total, _FILM_FRAMES)
     more = f"; the film has {film}" if film > shown else ""
-    written = versions()["megalopta"]
-    return f"Written by megalopta {written}. Shown are {pixels} and {moments}{more}."
+    return f"Written by megalopta {__version__}. Shown are {pixels} and {moments}{more}."
