@@ -58,7 +58,7 @@ def test_a_cube_of_photons_is_seen_without_extras(tmp_path):
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (("render", "grating", "--out", "data"), "OpenEXR is not installed; pip install 'megalopta[render]'"),
+        (("render", "grating", "--out", "data"), "trimesh is not installed; pip install 'megalopta[render]'"),
         (("spadcam", "list"), "serial is not installed; pip install 'megalopta[camera]'"),
     ],
 )  # fmt: skip
@@ -68,6 +68,20 @@ def test_a_missing_extra_is_named(tmp_path, monkeypatch, words, said):
     assert done.stderr.splitlines()[-1] == f"megalopta: {said}"
     assert done.returncode == 2
     assert not list(tmp_path.iterdir())
+
+
+def test_pictures_become_photons_flow_and_a_report_without_a_renderer(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    codes = np.random.default_rng(0).integers(0, 255, (4, 48, 64), np.uint8)
+    np.save("clip.npy", codes)
+    for words in (
+        ("sense", "clip.npy", "--unit", "srgb", "--photons", "2"),
+        ("flow", "out/clip", "--methods", "BM"),
+        ("report", "out/clip"),
+    ):
+        done = run(COMMAND, *words)
+        assert done.returncode == 0, done.stderr
+    assert (tmp_path / "out/clip/report.html").exists()
 
 
 def test_a_film_names_its_extra(tmp_path):

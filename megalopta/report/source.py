@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,7 +32,6 @@ from megalopta.dataset.frames import Motion, read_motion, read_radiance_frame, r
 from megalopta.dataset.store import Dataset
 from megalopta.flow.benchmark.sequence import BenchmarkResult
 from megalopta.flow.detectors.registry import METHODS
-from megalopta.render.truth.tracer import Truth
 from megalopta.report.images import data_uri, film_strip, rgb_picture
 from megalopta.report.selection import PLAYBACK_HZ, Selection, frame_label, selection
 from megalopta.scenes import ToneCurve, preview
@@ -43,6 +42,9 @@ from megalopta.stages.ledger import Ledger
 from megalopta.stages.noise_warning import variances
 from megalopta.stages.registry import STAGES
 from megalopta.stages.sense import open_exposure, require_expectation
+
+if TYPE_CHECKING:
+    from megalopta.render import Truth
 
 Record = Mapping[str, Any]
 _Read = TypeVar("_Read")
@@ -268,7 +270,7 @@ class Report:
         return [preview(each, bands, white, curve) for each in self.radiance]
 
     @cached_property
-    def truths(self) -> list[Truth]:
+    def truths(self) -> "list[Truth]":
         """What is true of them."""
         return [read_truth_frame(self.dataset, index) for index in self.selection.frames]
 

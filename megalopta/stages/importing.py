@@ -34,7 +34,7 @@ _USUAL_HZ = 25.0
 _METHODS = ["BM", "LK", "DIS"]
 """Quick ones, which do with two frames"""
 _SOURCE = "source"
-_DIGITS = 6
+_DIGITS = 4
 """Of a light level, which names files"""
 
 
