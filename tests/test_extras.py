@@ -16,7 +16,7 @@ import sys
 
 class Refused:
     def find_spec(self, name, path=None, target=None):
-        if name.partition(".")[0] in {"mitsuba", "drjit", "OpenEXR", "trimesh", "dask", "distributed", "serial", "cobs", "av"}:
+        if name.partition(".")[0] in {"mitsuba", "drjit", "OpenEXR", "trimesh", "dask", "distributed", "serial", "cobs", "av", "rerun"}:
             raise ModuleNotFoundError(f"No module named {name!r}", name=name)
 
 sys.meta_path.insert(0, Refused())
@@ -46,6 +46,13 @@ def run(code, *words):
 def test_sensors_and_flow_need_no_extra():
     done = run(USE)
     assert (done.stdout, done.returncode) == ("(3, 24, 24) BM\n", 0), done.stderr
+
+
+def test_a_cube_of_photons_is_seen_without_extras(tmp_path):
+    np.save(tmp_path / "cube.npy", np.full((3, 16, 2), 0b01001001, np.uint8))
+    done = run(COMMAND, "view", str(tmp_path / "cube.npy"), "--out", str(tmp_path / "out"))
+    assert "no film.mp4: av is not installed; pip install 'megalopta[video]'" in done.stderr
+    assert {each.name for each in (tmp_path / "out").iterdir()} == {"film.gif", "view.html"}
 
 
 @pytest.mark.parametrize(
