@@ -9,10 +9,11 @@ from numpy.typing import NDArray
 from megalopta.config.model import LightLevel
 from megalopta.core.errors import UserError
 from megalopta.dataset.opened import open_dataset
+from megalopta.dataset.picture_light import photons_per_lux
 from megalopta.dataset.sequence import Sequence
 from megalopta.dataset.store import exposure_name
 from megalopta.flow.detectors.registry import velocity_method
-from megalopta.plotting.text import level_name
+from megalopta.plotting.text import level_name, number
 from megalopta.report.page import title
 from megalopta.report.panels import SAMPLED, fastest_of, flow_panel, readings_panel
 from megalopta.report.readings import Treatment
@@ -26,6 +27,7 @@ from megalopta.report.sequence_panels import (
     motion_of,
 )
 from megalopta.report.source import finished_stages, read_records
+from megalopta.scenes import Pictures
 from megalopta.scenes.lighting.levels import illuminance_of
 from megalopta.sensor import ImageSensor, StoredFrames
 from megalopta.stages.flow import responses_path
@@ -93,7 +95,18 @@ class _Shown:
         drawn = readings_panel(readings.treated(self.treatment), self.frames, self.step)
         found = self._found(sensor, level)
         flow = flow_panel(f"flow by {found[0]}", found[1], rim) if found and rim else None
-        return Exposed(drawn, flow, sensor.name, level_name(level))
+        return Exposed(drawn, flow, sensor.name, self._level(level))
+
+    def _level(self, level: LightLevel) -> str:
+        """Return the name of a level; of pictures, with the photons that the first sensor gets."""
+        settings = self.sequence.configuration
+        scene, sensor = settings.scene, settings.sensors[0]
+        if not isinstance(scene, Pictures):
+            return level_name(level)
+        mean = self.sequence.dataset.read_scene_record()["pictures"]["mean"]
+        per_lux = photons_per_lux(scene, settings.light, settings.render.bands_nm, sensor, mean)
+        photons = number(per_lux * illuminance_of(level))
+        return f"{level_name(level)}, {photons} photons"
 
     def _found(self, sensor: ImageSensor, level: LightLevel) -> tuple[str, FlowOf] | None:
         """Return the best method and the flow that it found in a frame; None where none ran."""
