@@ -67,13 +67,14 @@ PAGES = pages()
 
 
 def prose(text):
-    """Text of a page without code, formulas and tables."""
-    return re.sub(r"```.*?```|\$\$.*?\$\$|^    .*?$|^ *\|.*\|", " ", text, flags=re.DOTALL | re.M)
+    """Text of a page without code, formulas, tables and pictures."""
+    fences = re.sub(r"```.*?```|\$\$.*?\$\$", " ", text, flags=re.DOTALL)
+    return re.sub(r"^(?:    | *\||!\[).*$", " ", fences, flags=re.MULTILINE)
 
 
 def sentences(text):
-    """Sentences of a page; a colon, too, ends one, and so does a blank line."""
-    parts = re.split(r"(?<=[.!?:])\s+|\n\s*\n", prose(text))
+    """Sentences of a page; a colon, too, ends one, and so do a blank line and a list's item."""
+    parts = re.split(r"(?<=[.!?:])\s+|\n\s*\n|\n(?=\s*[-*] )", prose(text))
     return [part for part in parts if len(part.split()) > 3]
 
 
