@@ -10,8 +10,8 @@ from .pages import DOCS, PAGES as DOCS_PAGES, REPOSITORY_PAGES
 ROOT = DOCS.parent
 SOURCE_FOLDERS = ("assets_gen", "flow", "megalopta", "render", "scenes", "sensor")
 
-# Lower this number whenever docstrings are rewritten; it never rises. The aim is 30.
-FRAGMENTS_ALLOWED = 326
+# Lower these numbers whenever docstrings are rewritten; they never rise. The aim of the first is 30.
+FRAGMENTS_ALLOWED = {"docstrings": 337, "attributes": 381}
 FRAGMENT = {"Of", "What", "Whether", "Which", "Where", "How", "That", "From"}
 
 README_WORDS = 900
@@ -115,15 +115,25 @@ def test_the_glossary_is_in_alphabetical_order():
     assert terms == sorted(terms, key=str.casefold)
 
 
-def first_words(path):
-    """First word of each docstring of a module, its classes and its functions."""
+def texts(path, kind):
+    """Docstrings of a module, its classes and functions, or those below attributes."""
     for node in ast.walk(ast.parse(path.read_text("utf-8"))):
-        if isinstance(node, (ast.Module, ast.ClassDef, ast.FunctionDef)):
-            words = (ast.get_docstring(node) or "").split()
-            yield words[0].strip("`,.:") if words else ""
+        if not isinstance(node, (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)):
+            continue
+        if kind == "docstrings":
+            yield ast.get_docstring(node) or ""
+        else:
+            constants = (each.value for each in node.body[1:] if isinstance(each, ast.Expr))
+            yield from (each.value for each in constants if is_text(each))
 
 
-def test_docstrings_name_what_they_describe():
+def is_text(node):
+    return isinstance(node, ast.Constant) and isinstance(node.value, str)
+
+
+@pytest.mark.parametrize("kind", FRAGMENTS_ALLOWED)
+def test_docstrings_name_what_they_describe(kind):
     files = [path for folder in SOURCE_FOLDERS for path in (ROOT / folder).rglob("*.py")]
-    found = [word for path in files for word in first_words(path) if word in FRAGMENT]
-    assert len(found) <= FRAGMENTS_ALLOWED
+    openings = (text.split()[:1] for path in files for text in texts(path, kind))
+    found = [word for words in openings for word in words if word.strip("`,.:") in FRAGMENT]
+    assert len(found) <= FRAGMENTS_ALLOWED[kind]
