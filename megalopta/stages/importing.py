@@ -213,7 +213,7 @@ def import_pictures(dataset: Dataset) -> None:
         if not folder.exists():
             with step("copying the pictures"), files.atomic_write(folder) as temporary:
                 _copy(footage, temporary)
-            scene.file.check()  # afterwards, so that it was this that was copied
+                scene.file.check()  # afterwards, so that it was this that was copied
         record = {
             "files": len(footage.files),
             "pictures": len(footage),
