@@ -11,6 +11,7 @@ import signal
 import threading
 from collections.abc import Callable, Mapping
 from contextlib import suppress
+from difflib import get_close_matches
 from functools import partial
 from importlib import import_module
 from pathlib import Path
@@ -54,6 +55,15 @@ class Command(argparse.ArgumentParser):
     def options(self) -> tuple[str, ...]:
         """Option strings, such as "--out"."""
         return tuple(self._option_string_actions)
+
+    def below(self, word: str) -> "Command":
+        """Return the command of a verb; itself for other words. Raises UserError if unknown."""
+        if not self.verbs or word.startswith("-") or word in self.verbs:
+            return self.verbs.get(word, self)
+        near = get_close_matches(word, self.verbs, 1)
+        remedy = f"did you mean {near[0]!r}?" if near else f"use one of {', '.join(self.verbs)}"
+        verb = f"{self.prog} {quoted(word)}".removeprefix("megalopta ")
+        raise UserError(f"{verb}: no such verb; {remedy}")
 
     def takes(self, path: str) -> "Words":
         """Number of words that a setting takes. Raises UserError if the verb has no settings."""

@@ -101,7 +101,7 @@ def _run(words: Sequence[str]) -> None:
     parser = program()
     command = parser
     for word in words:
-        command = command.verbs.get(word, command)
+        command = command.below(word)
     own, overrides = split_overrides(words, {*parser.options, *command.options}, command.takes)
     options = parser.parse_args(own, Namespace(overrides=overrides))
     with working(options.verb):

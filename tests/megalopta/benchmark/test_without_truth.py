@@ -108,8 +108,8 @@ def test_a_film_becomes_tables_that_say_what_they_are(film, tmp_path, capsys):
     assert all(bright[method] < 0.3 for method in bright)
     assert all(dark[method] > 3 * bright[method] for method in ("DIS", "LK"))
     said = capsys.readouterr()
-    assert "NO TRUE FLOW, so none of these is an error" in said.out
-    assert "mean over 2 pairs with 95 % over pairs" in said.out
+    assert "NO TRUE FLOW: these are distances, not errors" in said.out
+    assert "mean over 2 pairs, 95 % CI over pairs" in said.out
     assert "it favours DIS" in said.out and "may be wrong alike" in said.out
     assert "that of BT.709 is taken" in said.err
 
@@ -144,9 +144,9 @@ def test_what_has_no_pairs_is_refused(folder, film, capsys):
     assert "has one frame" in refused(capsys, one, "--no-truth")
     assert "3 paths; without truth" in refused(capsys, one, one, one, "--no-truth")
     assert "has 6 frames; give it alone" in refused(capsys, one, film, "--no-truth")
-    assert "--reference is for --no-truth" in refused(capsys, folder, "--reference", "LK")
+    assert "--reference needs --no-truth" in refused(capsys, folder, "--reference", "LK")
     assert "NDS measures no velocity" in refused(capsys, folder, "--no-truth", "--reference", "NDS")
-    assert "--no-truth if nobody knows it" in refused(capsys, one, one)
+    assert "without flow: --no-truth" in refused(capsys, one, one)
     small = folder / "small.png"
     Image.fromarray(np.zeros((30, 20), np.uint8)).save(small)
     assert "have 120 × 96 and 20 × 30 px" in refused(capsys, one, small, "--no-truth")

@@ -187,7 +187,7 @@ def test_without_room_the_command_that_reads_back_is_named_and_works(acted, tmp_
             preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000)),
         )
     told = ended.stderr.splitlines()[-1]
-    assert ended.returncode == 2 and "the file grows larger than allowed" in told
+    assert ended.returncode == 2 and "the file exceeds the size limit" in told
     assert (out / "raw.bin").stat().st_size == 100_000  # to the last byte that there was room for
     if "recover" in told:
         assert told.endswith(f"read back what came: megalopta spadcam recover '{out}'")

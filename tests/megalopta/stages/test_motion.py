@@ -132,7 +132,7 @@ def test_wrong_truth_of_whole_pixels_fails_the_check(moving, wrong, failing, lim
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["truth"], "check truth: which dataset"),
+        (["truth"], "check truth: no dataset"),
         (["physics", "somewhere"], "no group 'somewhere'"),
         (["truth", "none"], "no dataset here"),
     ],
