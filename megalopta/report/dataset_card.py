@@ -1,4 +1,4 @@
-"""`megalopta dataset card` and `view`: README.md with statistics, and a sheet of short clips."""
+"""`megalopta dataset card` and `view`: README.md with statistics, and a page of short clips."""
 
 import base64
 import html
@@ -38,23 +38,23 @@ from megalopta.report.images import gray_scale, map_scale, write_sheet
 from megalopta.stages.limits import size
 
 _FRAMES = 12
-"""Frames of a clip, at most; the first ones of the sequence."""
+"""Most frames of a clip, from the first frame of the sequence."""
 _FRAME_MS = 120
 _COLORS = 64
 
 
 @dataclass(frozen=True)
 class ShortClip:
-    """Successive pictures, and what they show."""
+    """Successive pictures and their description."""
 
     name: str
     scale: str
-    """What its colors mean"""
+    """Meaning of its colors"""
     frames: list[Image.Image]
 
     @property
     def gif(self) -> str:
-        """Data URI of a GIF that repeats."""
+        """Data URI of a looping GIF."""
         data = io.BytesIO()
         reduced = [each.convert("RGB").quantize(_COLORS) for each in self.frames]
         reduced[0].save(
@@ -64,9 +64,9 @@ class ShortClip:
 
 
 def write_view(root: Path, most: int) -> Path:
-    """Write index.html into a dataset, with clips of so many sequences; return its path.
+    """Write index.html into a dataset, with clips of `most` sequences; return its path.
 
-    Raises UserError where no sequence is finished.
+    Raises UserError if no sequence is finished.
     """
     dataset = open_dataset(root)
     if not len(dataset):
@@ -119,7 +119,7 @@ def _light(sequence: Sequence, frames: range) -> list[Image.Image]:
             with Image.open(path) as image:
                 found.append(image.convert("RGB"))
         except (OSError, ValueError, SyntaxError, Image.DecompressionBombError):
-            raise UserError(f"{path} is missing or no picture; make the sequence again") from None
+            raise UserError(f"{path} is missing or no picture; regenerate the sequence") from None
     return found
 
 
@@ -128,8 +128,8 @@ def _counts(sequence: Sequence, frames: range) -> ShortClip:
     white = max(float(np.percentile(counts, 99)), 1.0)
     scale = gray_scale(white)
     unit = sequence.counts().unit
-    told = f"{sequence.exposures[0]}: black 0, white {number(white)} {unit}"
-    return ShortClip("counts", told, [scale.picture(each) for each in counts])
+    about = f"{sequence.exposures[0]}: black 0, white {number(white)} {unit}"
+    return ShortClip("counts", about, [scale.picture(each) for each in counts])
 
 
 def _flow(sequence: Sequence, frames: range) -> ShortClip:
@@ -137,8 +137,8 @@ def _flow(sequence: Sequence, frames: range) -> ShortClip:
     speed = np.hypot(*np.moveaxis(np.stack(flows), -1, 0))
     known = speed[~np.isnan(speed)]
     fastest = max(float(np.percentile(known, 99)) if known.size else 0.0, 1e-3)
-    told = f"hue is direction (red to the right), full color {number(fastest)} px a frame"
-    return ShortClip("flow", told, [Image.fromarray(flow_to_rgb(each, fastest)) for each in flows])
+    about = f"hue: direction (red: right); full color: {number(fastest)} px per frame"
+    return ShortClip("flow", about, [Image.fromarray(flow_to_rgb(each, fastest)) for each in flows])
 
 
 def _depth(sequence: Sequence, frames: range) -> ShortClip:
@@ -148,8 +148,8 @@ def _depth(sequence: Sequence, frames: range) -> ShortClip:
     near, far = np.percentile(known, [1, 99]).tolist() if known.size else (1.0, 2.0)
     far = max(far, near * 1.01)
     scale = map_scale("viridis_r", near, far, logarithmic=True)
-    told = f"yellow {number(near)} m to violet {number(far)} m, the sky gray"
-    return ShortClip("depth", told, [scale.picture(each) for each in depths])
+    about = f"yellow {number(near)} m to violet {number(far)} m, sky gray"
+    return ShortClip("depth", about, [scale.picture(each) for each in depths])
 
 
 Rows = list[dict[str, Any]]
@@ -158,7 +158,7 @@ _BINS, _DECADE = 24, 10
 _STRIP, _WIDTH = 6, 160
 _SPECIAL = re.compile(r"[\\`*_{}\[\]#|~!$]")
 _TEMPLATE = Path(__file__).with_name("dataset_card.md")
-"""What the card of every dataset says; braces are filled in."""
+"""Text of the card of every dataset, with fields in braces."""
 
 
 def write_card(root: Path) -> Path:
@@ -184,12 +184,12 @@ def _rows(root: Path, table: str) -> Rows:
 
 
 _QUANTITIES = {
-    "mean_speed_px": "mean flow, px a frame",
-    "percentile_99_speed_px": "99 % of flow below, px a frame",
+    "mean_speed_px": "mean flow, px per frame",
+    "percentile_99_speed_px": "99th percentile of flow, px per frame",
     "unmatched_fraction": "pixels hidden or out of view in the next frame",
-    "sky_fraction": "pixels of sky",
+    "sky_fraction": "sky pixels",
     "median_depth_m": "median depth, m",
-    "texture": "texture (difference of neighbors, relative)",
+    "texture": "texture (relative difference of neighbors)",
 }
 _COLUMNS = (
     *("sequence", "split", "frames", "width", "height", "bytes", "scene", "light", "trajectory"),
@@ -212,7 +212,7 @@ def _text(plan: Plan, sequences: Rows, exposures: Rows) -> str:
         splits=", ".join(f"`{name}` {splits[name]}" for name in plan.splits),
         sample=plan.sample,
         kinds=_table(("", "sequences"), _kinds(sequences)),
-        statistics=_table(("of a sequence", "5 %", "median", "95 %"), _statistics(sequences)),
+        statistics=_table(("per sequence", "5 %", "median", "95 %"), _statistics(sequences)),
         exposures=_table(
             ("sensor", "exposure, s", "photons per pixel: 5 %", "median", "95 %", "saturated"),
             _of_sensors(exposures),
@@ -235,14 +235,14 @@ def _of_sensors(exposures: Rows) -> Iterable[tuple[str, ...]]:
     for sensor in sorted({row["sensor"] for row in exposures}):
         own = [row for row in exposures if row["sensor"] == sensor]
         times = sorted({row["exposure_s"] for row in own})
-        told = " to ".join(f"{each:g}" for each in dict.fromkeys((times[0], times[-1])))
+        exposures = " to ".join(f"{each:g}" for each in dict.fromkeys((times[0], times[-1])))
         photons = _percentiles(row["photons_per_pixel"] for row in own)
         full = float(np.mean([row["saturated_fraction"] for row in own]))
-        yield plain(sensor), told, *photons, f"{full:.2g}"
+        yield plain(sensor), exposures, *photons, f"{full:.2g}"
 
 
 def plain(text: object) -> str:
-    """Return text of a stranger on one line, of which Markdown and HTML make nothing."""
+    """Return untrusted text on one line, without Markdown or HTML markup."""
     line = printable(" ".join(str(text).split()))
     return html.escape(_SPECIAL.sub(r"\\\g<0>", line), quote=False)
 
@@ -263,8 +263,8 @@ def _table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
 def _draw_statistics(path: Path, sequences: Rows, exposures: Rows) -> None:
     """Draw histograms of flow, photons, texture and occlusion."""
     panels = (
-        ("mean flow (px a frame)", [row["mean_speed_px"] for row in sequences], True),
-        ("photons per pixel, an exposure", [row["photons_per_pixel"] for row in exposures], True),
+        ("mean flow (px per frame)", [row["mean_speed_px"] for row in sequences], True),
+        ("photons per pixel and exposure", [row["photons_per_pixel"] for row in exposures], True),
         ("texture, relative", [row["texture"] for row in sequences], True),
         ("hidden or out of view", [row["unmatched_fraction"] for row in sequences], False),
     )
@@ -295,7 +295,7 @@ def _draw_histogram(
 
 
 def _draw_strip(root: Path, path: Path) -> None:
-    """Draw light, counts, flow and depth of a few sequences, one above the other."""
+    """Draw light, counts, flow and depth of a few sequences in rows."""
     dataset = open_dataset(root)
     names = dataset.names[:: max(1, -(-len(dataset) // _STRIP))]
     columns = ([_small(clip.frames[0]) for clip in clips_of(dataset[name])] for name in names)

@@ -1,4 +1,4 @@
-"""Arrays as pictures: PNG data URIs, color scales, their legends, stills and films of a page."""
+"""Arrays as pictures: PNG data URIs, color scales and their legends, stills and films of a page."""
 
 import base64
 import colorsys
@@ -19,13 +19,13 @@ from megalopta.plotting.sections import captioned, image
 Rgb = NDArray[np.uint8]
 Floats = NDArray[np.floating]
 
-# Few colors and few bits make small files; noisy pictures look the same.
+# Few colors and bits make small files; noisy pictures look the same.
 _COLORS = 96
 _ID_COLORS = 89
 _RGB_BITS = 6
 _LEGEND_STEPS = 128
 _GAP, _LINE = 6, 18
-"""Of a sheet (px)"""
+"""Gap and line height of a sheet (px)"""
 
 ORANGE = (230, 97, 0)
 GRAY = (128, 128, 128)
@@ -34,19 +34,19 @@ _NOTHING = (24, 26, 30)
 
 @dataclass(frozen=True)
 class ColorScale:
-    """Values to colors; values beyond the ends get the colors of the ends."""
+    """Maps values to colors; values beyond the ends get the colors of the ends."""
 
     low: float
     high: float
     colors: Rgb
     """From low to high, (n, 3)"""
     special: tuple[int, int, int] = GRAY
-    """Color of pixels that are marked, or have no value"""
+    """Color of marked pixels and of NaN"""
     root: float = 1.0
-    """Colors are spread evenly over this root of the value, or of its size on each side of 0 where
-    the scale has two; 2.2 makes the luminance of grays follow the value."""
+    """Colors are uniform in this root of the value, on each side of 0 for a scale with two; 2.2
+    makes the luminance of grays proportional to the value."""
     logarithmic: bool = False
-    """Colors are spread evenly over the value's logarithm instead."""
+    """Colors are uniform in the logarithm of the value instead."""
 
     def picture(self, values: Floats, marked: NDArray[np.bool_] | None = None) -> Image.Image:
         """Return an image of values (H, W), NaN or marked pixels in the special color."""
@@ -57,7 +57,7 @@ class ColorScale:
         return picture
 
     def legend(self, low: str, high: str, special: str = "") -> Markup:
-        """Return the legend: the colors between two texts, and what has the special color."""
+        """Return the legend: the colors between two texts, and the meaning of the special color."""
         steps = (np.arange(_LEGEND_STEPS) + 0.5) / _LEGEND_STEPS
         values = self.low + (self.high - self.low) * steps
         if self.logarithmic:
@@ -80,14 +80,14 @@ class ColorScale:
 
 
 def gray_scale(white: float) -> ColorScale:
-    """Light from black, 0, to white; marked pixels are orange."""
+    """Light from 0 (black) to `white`; marked pixels are orange."""
     ramp = np.linspace(0, 255, _COLORS).astype(np.uint8)
     colors = np.repeat(ramp[:, np.newaxis], 3, axis=1)
     return ColorScale(0.0, white, colors, ORANGE, root=2.2)
 
 
 def gray_counts(counts: NDArray[np.integer | np.floating]) -> Image.Image:
-    """Return counts (H, W) as a picture, from black to the brightest hundredth."""
+    """Return counts (H, W) as a picture, from black to the brightest 1 %."""
     values = np.asarray(counts, dtype=np.float64)
     return gray_scale(max(float(np.percentile(values, 99)), 1.0)).picture(values)
 
@@ -95,7 +95,7 @@ def gray_counts(counts: NDArray[np.integer | np.floating]) -> Image.Image:
 def map_scale(
     name: str, low: float, high: float, root: float = 1.0, logarithmic: bool = False
 ) -> ColorScale:
-    """One of matplotlib's color maps between two values."""
+    """A matplotlib color map between two values."""
     colors = np.asarray(colormaps[name](np.linspace(0, 1, _COLORS), bytes=True))
     return ColorScale(low, high, colors[:, :3], root=root, logarithmic=logarithmic)
 
@@ -106,7 +106,7 @@ def rgb_picture(pixels: Rgb) -> Image.Image:
 
 
 def id_picture(identifiers: NDArray[np.integer]) -> Image.Image:
-    """Return an image of object numbers (H, W), successive ones in unlike colors; 0 is dark."""
+    """Return an image of object numbers (H, W), successive ones in distinct colors; 0 is dark."""
     index = np.where(identifiers == 0, 0, 1 + identifiers % _ID_COLORS)
     picture = Image.fromarray(index.astype(np.uint8))
     picture.putpalette([*_NOTHING, *(part for n in range(_ID_COLORS) for part in _id_color(n))])
@@ -114,7 +114,7 @@ def id_picture(identifiers: NDArray[np.integer]) -> Image.Image:
 
 
 def film_strip(images: Sequence[Image.Image]) -> Image.Image:
-    """Return equally large images as one, above each other."""
+    """Return images of equal size as one, stacked vertically."""
     first = images[0]
     film = Image.new(first.mode, (first.width, first.height * len(images)))
     if first.mode == "P":
@@ -135,16 +135,16 @@ def film(images: Sequence[Image.Image] | None, title: str, alt: str, legend: str
 
 def still(picture: Image.Image, title: str, alt: str, note: str = "") -> Markup:
     """Return one picture; a note is written across it."""
-    told = f"{alt}: {note}" if note else alt
+    description = f"{alt}: {note}" if note else alt
     across = Markup('<span class="nothing" aria-hidden="true">{}</span>').format(note)
     shown = Markup('<div class="frame"><img class="still" src="{}" alt="{}">{}</div>').format(
-        data_uri(picture), told, across if note else ""
+        data_uri(picture), description, across if note else ""
     )
     return captioned(shown, title)
 
 
 def write_sheet(path: Path, rows: Sequence[Sequence[tuple[str, Image.Image]]]) -> None:
-    """Write pictures in rows, each with its title below it, as one PNG of few colors or JPEG."""
+    """Write rows of pictures, each with a title below, as one PNG of few colors or JPEG."""
     lines = [_LINE if any(title for title, _ in row) else 0 for row in rows]
     heights = [max(each.height for _, each in row) + _GAP for row in rows]
     width = max(sum(each.width + _GAP for _, each in row) for row in rows) + _GAP
@@ -154,7 +154,7 @@ def write_sheet(path: Path, rows: Sequence[Sequence[tuple[str, Image.Image]]]) -
         left = _GAP
         for title, picture in row:
             sheet.paste(picture, (left, top))
-            # the font knows no other spaces
+            # the font has no other spaces
             draw.text((left, top + picture.height + 1), " ".join(title.split()), "black", font)
             left += picture.width + _GAP
         top += line + height
@@ -166,7 +166,7 @@ def write_sheet(path: Path, rows: Sequence[Sequence[tuple[str, Image.Image]]]) -
 
 
 def data_uri(picture: Image.Image) -> str:
-    """Return an image as a PNG inside its own address."""
+    """Return an image as a PNG data URI."""
     data = io.BytesIO()
     picture.save(data, "PNG")
     return f"data:image/png;base64,{base64.b64encode(data.getvalue()).decode('ascii')}"

@@ -113,7 +113,7 @@ def test_help_is_printed_where_the_locale_has_ascii_only():
 
 def test_a_name_that_is_no_unicode_is_told_in_a_sentence(tmp_path):
     done = run(["render", "--out", os.fsencode(tmp_path / "o") + b"\xff"])
-    assert done.returncode == 2 and b"o\\udcff: not in UTF-8; rename" in done.stderr
+    assert done.returncode == 2 and b"o\\udcff: not UTF-8; rename" in done.stderr
     assert not list(tmp_path.iterdir())
 
 

@@ -126,7 +126,7 @@ def test_missing_map_and_missing_device_are_named(measured):
         ("camera: {kind: equirectangular, fov: 90}", r"camera\.fov: unknown key; did you mean 'fov_deg'"),
         ("light: {sky: cloudy}", r"light\.sky: .*'even' or 'natural', got 'cloudy'"),
         ("{scene: {kind: grating}, light: {sky: natural}}", r"light\.sky: a scene of kind 'grating' has its own light"),
-        ("{scene: {kind: forest, haze: {visibility_m: 99}}, render: {integrator: baked}}", "integrator 'baked': baked light knows no haze; use 'auto' or 'path'"),
+        ("{scene: {kind: forest, haze: {visibility_m: 99}}, render: {integrator: baked}}", "integrator 'baked': baked light has no haze; use 'auto' or 'path'"),
         ("scene: {kind: forest, haze: {}}", r"scene\.haze\.visibility_m: missing; give a value"),
         ("light: {panorama: none.hdr}", r"light\.panorama: none\.hdr cannot be read \(no such file"),
         ("light_levels: [dusk]", "'dusk' is unknown: use one of daylight"),
@@ -159,7 +159,7 @@ def test_mistakes_get_one_sentence_with_field_and_remedy(text, message):
 
 
 def test_an_override_of_nothing_says_what_there_is():
-    with pytest.raises(UserError, match=r"--sensors\.7\.name: no field '7'; there is 0, 1"):
+    with pytest.raises(UserError, match=r"--sensors\.7\.name: no field '7'; the fields are 0, 1"):
         load("demo", {"sensors.7.name": "x"})
     with pytest.raises(UserError, match="unknown key; did you mean 'trees'"):
         load("demo", {"scene.treess": "3"})

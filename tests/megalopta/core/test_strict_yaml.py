@@ -61,7 +61,7 @@ def test_only_the_core_schema_has_tags(tag):
         ("[" * 100_000, "nested too deeply; flatten it"),
         ("- &a [x]\n" + "".join(f"- &a{'b' * n} [*a{'b' * (n - 1)}]\n" for n in range(1, 200)),
          "nested too deeply"),
-        (f"? {'k' * 10_000}\n: 1\n? {'k' * 10_000}\n: 2", "comes twice"),
+        (f"? {'k' * 10_000}\n: 1\n? {'k' * 10_000}\n: 2", "duplicate key"),
         (f"a: *{'k' * 10_000}", "undefined alias"),
         ("a:\n  b: 4\n  c: 4\n  b: 5\n", "not valid YAML: duplicate key 'b'; remove one .line 4"),
         ("a: !!int x", "'x' is no int .line 1"),
