@@ -235,10 +235,10 @@ def _of_sensors(exposures: Rows) -> Iterable[tuple[str, ...]]:
     for sensor in sorted({row["sensor"] for row in exposures}):
         own = [row for row in exposures if row["sensor"] == sensor]
         times = sorted({row["exposure_s"] for row in own})
-        exposures = " to ".join(f"{each:g}" for each in dict.fromkeys((times[0], times[-1])))
+        exposed = " to ".join(f"{each:g}" for each in dict.fromkeys((times[0], times[-1])))
         photons = _percentiles(row["photons_per_pixel"] for row in own)
         full = float(np.mean([row["saturated_fraction"] for row in own]))
-        yield plain(sensor), exposures, *photons, f"{full:.2g}"
+        yield plain(sensor), exposed, *photons, f"{full:.2g}"
 
 
 def plain(text: object) -> str:

@@ -197,7 +197,7 @@ def test_what_grows_today_is_what_was_shipped(name):
 def test_a_broken_file_in_the_cache_is_named(rendered, tmp_path):
     natural_templates(tmp_path)
     panorama_file("open", NATURAL_PANORAMAS["open"], tmp_path).write_bytes(b"half a fi")
-    with pytest.raises(UserError, match=r"open-\w+\.exr is no panorama .*remove it"):
+    with pytest.raises(UserError, match=r"open-\w+\.exr is a damaged panorama.*remove it"):
         natural_templates(tmp_path)
 
 
