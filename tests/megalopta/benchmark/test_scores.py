@@ -142,7 +142,7 @@ def test_a_leaderboard_keeps_the_last_entry_of_each_program(tree, tmp_path, caps
 
 @pytest.mark.parametrize(
     ("line", "told"),
-    [('{"format": 3}', "scores format 3 is newer than 2"), ("[" * 100_000, "no leaderboard")],
+    [('{"format": 3}', "scores format 3 is newer than 2"), ("[" * 100_000, "not a leaderboard")],
 )
 def test_a_line_of_another_format_is_told(tmp_path, line, told):
     (tmp_path / "board.jsonl").write_text(f"{line}\n")

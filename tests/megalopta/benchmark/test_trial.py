@@ -42,7 +42,7 @@ def test_sweep_survives_yaml(tmp_path):
         ("{vary: template.contrast, values: [2]}", "template.contrast: input should be less than"),
         ("{vary: size, values: [15, 60]}", "size 15 is too small for BM: frames of 15"),
         ("{vary: methods, values: [BM, IM]}", "vary: methods cannot vary within a figure"),
-        ("{vary: search.metrics, values: [ratio]}", "vary: search.metrics is the same for a"),
+        ("{vary: search.metrics, values: [ratio]}", "vary: search.metrics cannot vary"),
         ("{vary: size, values: [60, 120], sizes: [60]}", "sizes: size is varied already"),
         (
             "{vary: template.contrast, values: [0.5],"

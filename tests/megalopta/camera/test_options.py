@@ -55,7 +55,7 @@ def test_odd_values_are_refused_in_one_sentence(verb, action, tmp_path, monkeypa
         ("--speed inf", "argument --speed: 'inf'; give a finite number"),
         ("--speed -1", "--speed: -1; give 0 to 100"),
         ("--speed 1e300", "--speed: 1e+300; give 0 to 100"),
-        ("--serial ☃", "--serial: '☃'; give 1 to 16 letters of ASCII"),
+        ("--serial ☃", "--serial: '☃'; give 1 to 16 ASCII characters"),
         ("--serial \udcff", "\\udcff: not UTF-8; "),
         ("--serial 12345678901234567", "--serial: '12345678901234567'; give 1 to 16"),
         ("--serial=", "--serial: ''; give"),
