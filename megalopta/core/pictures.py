@@ -56,4 +56,4 @@ def readable(path: Path) -> Iterator[None]:
     except Image.DecompressionBombError:
         raise DamagedFileError(f"{path} claims too many pixels; give a smaller picture") from None
     except Exception:  # a damaged file can raise any exception
-        raise DamagedFileError(f"{path} is not a readable picture; give a PNG") from None
+        raise DamagedFileError(f"{path} cannot be read as a picture; give a PNG") from None

@@ -147,7 +147,7 @@ def shipped(tmp_path, monkeypatch):
 def test_the_package_ships_all_forests_in_2_mb():
     assert sum(path.stat().st_size for path in SHIPPED.iterdir()) < 2e6
     for name, recipe in NATURAL_PANORAMAS.items():
-        assert panorama_file(name, recipe) == SHIPPED / f"{name}.exr", "ship it anew"
+        assert panorama_file(name, recipe) == SHIPPED / f"{name}.exr", "ship it again"
 
 
 @pytest.mark.parametrize("change", [{"seed": 1}, {"passes": 9}, {"eye_m": 1.7}])

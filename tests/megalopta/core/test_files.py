@@ -181,7 +181,7 @@ def test_sixteen_bits_are_refused_rather_than_clipped(tmp_path):
 @pytest.mark.parametrize("content", [b"", b"x" * 100, b"%!PS-Adobe-3.0 EPSF-3.0\n"])
 def test_what_is_no_picture_is_refused(tmp_path, content):
     (tmp_path / "a.png").write_bytes(content)
-    with pytest.raises(DamagedFileError, match="is not a readable picture"):
+    with pytest.raises(DamagedFileError, match="cannot be read as a picture"):
         read_picture(tmp_path / "a.png", "RGB")
 
 

@@ -44,14 +44,14 @@ def told(tmp_path, text):
 def test_files_that_are_not_the_sequences_own_are_refused(values, tmp_path, name):
     stages = {**values["stages"]}
     stages["render"] = {**stages["render"], "files": {name: [1, "00"]}}
-    assert "no file of this sequence" in told(tmp_path, json.dumps({**values, "stages": stages}))
+    assert "not a file of this sequence" in told(tmp_path, json.dumps({**values, "stages": stages}))
 
 
 @pytest.mark.parametrize(
     ("change", "problem"),
     [
-        ({"sequence": "../../x"}, "it is of sequence"),
-        ({"index": 7}, "index 7 is of sequence"),
+        ({"sequence": "../../x"}, "it belongs to sequence"),
+        ({"index": 7}, "index 7 is that of"),
         ({"index": -1}, "index"),
         ({"split": "../../x"}, "cannot name a split"),
         ({"poses": [[0.0] * 15]}, "a pose is a matrix of 16 numbers"),
@@ -137,7 +137,7 @@ def test_reading_a_damaged_file_names_it(copy, name):
     READS[name](sequence)
     damaged(copy / name)
     again = megalopta.open_dataset(copy)[0]
-    with pytest.raises(UserError, match=f"{name} is not as it was written; .*dataset check"):
+    with pytest.raises(UserError, match=f"{name} differs from its record; .*dataset check"):
         READS[name](pickle.loads(pickle.dumps(again)))
 
 
@@ -161,5 +161,5 @@ def test_a_changed_record_is_named_by_all_who_read_it(copy, tmp_path):
         lambda: write_card(copy),
         lambda: run_ranking(copy, tmp_path / "ranking"),
     ):
-        with pytest.raises(UserError, match=r"000000\.json is not as it was written"):
+        with pytest.raises(UserError, match=r"000000\.json differs from the manifest"):
             read()

@@ -130,7 +130,7 @@ def test_who_only_reads_does_not_finish_a_move(broken, verb, capsys):
     with pytest.raises(SystemExit):
         run(*verb.split(), broken)
     told = capsys.readouterr().err
-    assert f"to finish that, run: megalopta render {broken} --out {broken}" in told
+    assert f"to finish, run: megalopta render {broken} --out {broken}" in told
     assert content(broken) == before
 
 
