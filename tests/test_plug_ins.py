@@ -70,7 +70,7 @@ def test_a_broken_plug_in_is_told_in_one_sentence_and_breaks_nothing(with_plug_i
     assert int(done.stdout) == len(METHODS) + 1  # the one that works
     told = done.stderr.splitlines()
     assert len(told) == 2
-    assert told[0].endswith("broken (whole_frame:BROKEN): 5 is no Detector, give one")
+    assert told[0].endswith("broken (whole_frame:BROKEN): 5 is not a Detector; give one")
     assert "missing (no_such_module:Detector): No module named" in told[1]
 
 

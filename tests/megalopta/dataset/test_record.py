@@ -56,9 +56,9 @@ def test_files_that_are_not_the_sequences_own_are_refused(values, tmp_path, name
         ({"split": "../../x"}, "cannot name a split"),
         ({"poses": [[0.0] * 15]}, "a pose is a matrix of 16 numbers"),
         ({"stages": []}, "stages"),
-        ({"stages": {"x": {"settings": "", "made_with": {}, "version": ""}}}, "'x' is no stage"),
-        ({"statistics": None}, "lacks"),
-        ({"stages": {"sense": {"settings": "", "made_with": {}, "version": ""}}}, "lacks"),
+        ({"stages": {"x": {"settings": "", "made_with": {}, "version": ""}}}, "'x' is not a stage"),
+        ({"statistics": None}, "missing stages"),
+        ({"stages": {"sense": {"settings": "", "made_with": {}, "version": ""}}}, "missing stages"),
         ({"format": 3}, "sequence format 3 is newer than 2"),
         ({"format": 1}, "sequence format 1 is older than 2"),
         ({"format": "x"}, "not a format number"),
@@ -87,7 +87,7 @@ def test_settings_of_another_sequence_are_refused(single_dataset, values):
     tree = Tree(single_dataset)
     record = tree.record("000000")
     for change, problem in (
-        ({"name": "000007"}, "it is of '000007'"),
+        ({"name": "000007"}, "it belongs to '000007'"),
         ({"camera": {"kind": "perspective", "width": -1}}, "configuration: camera.width"),
     ):
         configuration = {**record.configuration, **change}

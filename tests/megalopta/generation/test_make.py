@@ -186,7 +186,7 @@ def test_every_kind_of_range_is_drawn_within_its_limits():
 
 def test_a_folder_of_something_else_is_refused(small_plan, tmp_path):
     (tmp_path / "letter.txt").write_text("dear reader")
-    with pytest.raises(UserError, match="no dataset"):
+    with pytest.raises(UserError, match="not a dataset"):
         make(tmp_path, small_plan)
     assert [path.name for path in tmp_path.iterdir()] == ["letter.txt"]
 
