@@ -172,7 +172,7 @@ class Trial(Record, frozen=True):
     @field_validator("methods", mode="before")
     @classmethod
     def _functions_too(cls, methods: Any) -> Any:
-        """From Python, a detector or a function may replace a name."""
+        """Accept a detector or a function from Python in place of a name."""
         is_list = isinstance(methods, list | tuple)
         return tuple(method(m) if callable(m) else m for m in methods) if is_list else methods
 

@@ -180,7 +180,9 @@ def test_exposures_that_the_manifest_does_not_know_yet_are_taken(copy, single_pl
 def test_exposures_by_another_sensor_model_are_refused(copy, monkeypatch):
     before = content(copy)
     monkeypatch.setattr("megalopta.stages.sense.SENSOR_MODEL", 99)
-    with pytest.raises(UserError, match=r"000000 was exposed by another sensor model .*sense: model: \d+ → 99"):
+    with pytest.raises(
+        UserError, match=r"000000 was exposed by another sensor model .*sense: model: \d+ → 99"
+    ):
         expose(copy, NEW_LIGHT)
     assert content(copy) == before
 

@@ -59,7 +59,10 @@ INFRARED = {"sensors": "[ctia_si]", "render.bands_nm": "[[700, 800], [800, 900]]
             {"render.bands_nm": "[[1000, 1200]]", "sensors": "[spadcam]"},
             "sense: sensor 'spadcam': .*1000–1200 nm reaches outside the efficiency",
         ),
-        ({"sub_frames": "2", "shutter.exposure_s": "0.05"}, "sub_frames 2: shutter already renders"),
+        (
+            {"sub_frames": "2", "shutter.exposure_s": "0.05"},
+            "sub_frames 2: shutter already renders",
+        ),
         (BURST, "burst_npy: needs moving light"),
         (BURST | {"sub_frames": "2", "burst_hz": "105"}, "burst_hz 105: not a whole .* use 100"),
         (BURST | {"sub_frames": "2"} | INFRARED, "no single events"),
