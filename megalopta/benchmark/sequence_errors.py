@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, partial
 from itertools import product
-from typing import NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,8 +29,10 @@ from megalopta.flow.detectors.blocks import BlockGrid
 from megalopta.flow.egomotion.camera_motion import motion_of_flow
 from megalopta.flow.egomotion.wide_field import YawRateTest, yaw_rates_deg_s
 from megalopta.flow.metrics.endpoint_error import OCCLUDED_SHARE, block_flow, block_share
-from megalopta.render.truth.tracer import Truth
 from megalopta.scenes.cameras.base import Camera
+
+if TYPE_CHECKING:
+    from megalopta.render import Truth
 
 SPEEDS_PX = (1.0, 3.0)
 PARALLAX_PX = (0.3, 1.0)
@@ -106,7 +108,7 @@ class SequenceTruth:
         return BlockTruths(mean["velocity"], _groups(mean, self._only_turns))
 
 
-def _pairs(dataset: Dataset) -> Iterator[tuple[Truth, Floats]]:
+def _pairs(dataset: Dataset) -> "Iterator[tuple[Truth, Floats]]":
     """Yield the truth of each frame but the last, and the flow by rotation alone."""
     camera, poses = dataset.configuration.camera, dataset.configuration.trajectory.poses()
     directions = camera.directions()
@@ -116,7 +118,7 @@ def _pairs(dataset: Dataset) -> Iterator[tuple[Truth, Floats]]:
             yield truth, camera.displacement(directions @ turn.T)
 
 
-def _facts(truth: Truth, turned: Floats, grid: BlockGrid) -> dict[str, Floats]:
+def _facts(truth: "Truth", turned: Floats, grid: BlockGrid) -> dict[str, Floats]:
     """Means over the blocks (rows, columns) of one pair of frames."""
     flow, hidden = truth.flow_forward[np.newaxis], truth.occluded_forward[np.newaxis]
     to_full = np.array(truth.depth.shape[::-1]) / np.array(grid.shape[::-1])

@@ -165,6 +165,8 @@ def numbers(text: str) -> tuple[float, ...]:
 
 
 DATASET = option("dataset", "dataset folder", type=Path)
+FRAME_KINDS = ("npy", "spad512", "swissspad2", "swissspad2_whole", "spc3", "tiff")
+"""Formats of frames, as `megalopta.sensor.formats.reading` knows them."""
 _SCHEDULER = option(
     "--scheduler",
     "Dask cluster, such as tcp://host:8786; its workers must see the same files",

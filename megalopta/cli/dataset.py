@@ -112,6 +112,6 @@ def _card(options: Namespace) -> None:
     ),
 )
 def _view(options: Namespace) -> None:
-    from megalopta.report.dataset_card import write_view
+    from megalopta.report.dataset_card import write_contact_sheet
 
-    print(write_view(options.dataset, options.sequences))
+    print(write_contact_sheet(options.dataset, options.sequences))

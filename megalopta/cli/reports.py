@@ -1,15 +1,22 @@
-"""Verbs that show or verify results: `info`, `report`, `reproduce`, `gallery`, `check`."""
+"""Verbs that show or verify results, from `info` to `check`."""
 
 import sys
 from argparse import Namespace
 from pathlib import Path
 
-from megalopta.cli.command import DATASET, THREADS, option, out, switch, verb
+from megalopta.cli.command import (
+    DATASET,
+    FRAME_KINDS,
+    THREADS,
+    at_least,
+    option,
+    out,
+    positive,
+    switch,
+    verb,
+)
 from megalopta.core.errors import UserError
 from megalopta.verification import GROUPS
-
-_SHOWN = 24
-"""Default number of sequences shown."""
 
 
 @verb("info", "show versions, the rendering variant and what would make it faster")
@@ -28,14 +35,69 @@ def _info(options: Namespace) -> None:
 def _report(options: Namespace) -> None:
     from megalopta.dataset.layout import is_of_many
     from megalopta.dataset.store import open_sequence
-    from megalopta.report.dataset_card import write_card, write_view
+    from megalopta.report.dataset_card import SHOWN, write_card, write_contact_sheet
     from megalopta.report.page import write_report
 
     if is_of_many(options.dataset):
         print(write_card(options.dataset))
-        print(write_view(options.dataset, _SHOWN))
+        print(write_contact_sheet(options.dataset, SHOWN))
     else:
         print(write_report(open_sequence(options.dataset)))
+
+
+@verb(
+    "view",
+    "write film.mp4, film.gif and view.html, a page with sliders: light, counts, flow and truth of "
+    "a dataset, a recording or a file of frames or events; of many sequences index.html",
+    option(
+        "thing",
+        "dataset folder, recording, or frames or events of any camera: .npy of packed bits or "
+        "counts, .spc3, TIFF, .bin of SPAD512 or SwissSPAD2, events in .h5 or .npz",
+        type=Path,
+    ),
+    out("out/view"),
+    option("--sum", "frames to sum (default: 1)", type=at_least(1), default=1, metavar="K"),
+    switch(
+        "--invert",
+        "invert the sensor's response to mean detections per frame: sums of binary frames by "
+        "−ln(1 − p), counts corrected for dead time; saturated pixels are orange",
+    ),
+    option(
+        "--bad-pixels",
+        "mask (.npy of bool) of bad pixels, which get the mean of their good neighbors",
+        type=Path,
+        metavar="MASK",
+    ),
+    option(
+        "--fps",
+        "frames per second of the film (default: real time, if that can be followed)",
+        type=positive,
+        metavar="HZ",
+    ),
+    option(
+        "--format",
+        f"format of the frames, one of {', '.join(FRAME_KINDS)} (default: by content, .bin: "
+        "spad512)",
+        choices=FRAME_KINDS,
+        metavar="KIND",
+    ),
+    switch(
+        "--rerun", "also write view.rrd for Rerun's viewer: camera, points, light, counts, flow"
+    ),
+)
+def _view(options: Namespace) -> None:
+    from megalopta.report.view import Asked, view
+
+    asked = Asked(
+        summed=options.sum,
+        is_inverted=options.invert,
+        bad_pixels=options.bad_pixels,
+        fps=options.fps,
+        kind=options.format,
+        with_rerun=options.rerun,
+    )
+    for path in view(options.thing, options.out, asked):
+        print(path)
 
 
 @verb(

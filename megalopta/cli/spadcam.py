@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from megalopta.cli.command import (
+    FRAME_KINDS,
     VERBS,
     Verb,
     at_least,
@@ -179,7 +180,7 @@ def _calibrate(options: Namespace) -> None:
         "--format",
         "format of other cameras' recordings (default: by content, .bin: spad512); "
         "append their exposure: FILE@LIGHT:SECONDS",
-        choices=["npy", "spad512", "swissspad2", "swissspad2_whole", "spc3", "tiff"],
+        choices=FRAME_KINDS,
     ),
     option(
         "--margin",

@@ -31,6 +31,7 @@ _EXTRAS = {
     "av": "video",
     "torch": "torch",
     "onnxruntime": "onnx",
+    "rerun": "rerun",
 }
 """Extra that installs a package."""
 

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 import zarr
@@ -14,7 +14,9 @@ from megalopta.core.errors import UserError
 from megalopta.dataset.picture_light import clean_flow, light_of
 from megalopta.dataset.store import Dataset
 from megalopta.render import read_radiance, read_truth
-from megalopta.render.truth.tracer import Truth
+
+if TYPE_CHECKING:
+    from megalopta.render import Truth
 
 FRAMES_AT_ONCE = 16
 """Most frames in memory, in every stage."""
@@ -81,13 +83,13 @@ def read_motion(dataset: Dataset, index: int) -> Motion:
     return Motion(flow, np.zeros(shape, np.bool_), np.ones(shape))
 
 
-def read_truth_frames(dataset: Dataset) -> Iterator[Truth]:
+def read_truth_frames(dataset: Dataset) -> "Iterator[Truth]":
     """Yield the ground truth of every frame that sensors see."""
     for index in range(dataset.configuration.trajectory.frames):
         yield read_truth_frame(dataset, index)
 
 
-def read_truth_frame(dataset: Dataset, index: int) -> Truth:
+def read_truth_frame(dataset: Dataset, index: int) -> "Truth":
     """Ground truth of one frame that sensors see. Raises UserError, for pictures always."""
     dataset.require_truth()
     path = dataset.exposed_truth(index)

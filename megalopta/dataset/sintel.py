@@ -5,6 +5,7 @@ at integers, half a pixel less than our continuous image coordinates.
 """
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +13,9 @@ from PIL import Image
 
 from megalopta.core.files import atomic_write
 from megalopta.flow.formats import write_flo
-from megalopta.render.truth.tracer import Truth, out_of_view
+
+if TYPE_CHECKING:
+    from megalopta.render import Truth
 
 TAG = np.float32(202021.25)
 SKY_DEPTH_M = 1e10
@@ -46,12 +49,14 @@ def write_camera(path: Path, intrinsics: NDArray[np.float64], pose: NDArray[np.f
         file.write(np.ascontiguousarray(extrinsics, "<f8").tobytes())
 
 
-def write_flow(root: Path, sequence: str, index: int, truth: Truth, wraps: bool) -> None:
+def write_flow(root: Path, sequence: str, index: int, truth: "Truth", wraps: bool) -> None:
     """Write forward flow (.flo) of a frame, with masks of unmatched and undefined pixels.
 
     Unmatched ("occlusions") means hidden in the next frame or out of view; a panorama has no left
     or right border.
     """
+    from megalopta.render import out_of_view
+
     name = f"frame_{index + 1:04d}"
     undefined = np.asarray(np.isnan(truth.flow_forward).any(axis=-1))
     unmatched: NDArray[np.bool_] = truth.occluded_forward | out_of_view(truth.flow_forward, wraps)

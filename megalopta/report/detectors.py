@@ -40,8 +40,8 @@ from megalopta.plotting.text import (
     percent,
     relative_error,
 )
-from megalopta.report.images import ColorScale, data_uri, gray_scale, map_scale, still
-from megalopta.report.motion_section import mixed_share, wheel
+from megalopta.report.images import ColorScale, data_uri, gray_scale, map_scale, still, wheel
+from megalopta.report.motion_section import mixed_share
 from megalopta.report.remarks import absent, key, rendering
 from megalopta.report.source import Report
 from megalopta.sensor import ImageSensor, StoredFrames

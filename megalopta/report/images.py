@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont, ImageOps
 
 from megalopta.core.files import atomic_write
-from megalopta.plotting.sections import captioned, image
+from megalopta.flow.color_wheel import wheel_legend
+from megalopta.plotting.sections import block, captioned, image, paragraph
 
 Rgb = NDArray[np.uint8]
 Floats = NDArray[np.floating]
@@ -24,12 +25,19 @@ _COLORS = 96
 _ID_COLORS = 89
 _RGB_BITS = 6
 _LEGEND_STEPS = 128
-_GAP, _LINE = 6, 18
-"""Gap and line height of a sheet (px)"""
+_GAP = 6
+"""Gap between pictures of a sheet (px)"""
 
 ORANGE = (230, 97, 0)
 GRAY = (128, 128, 128)
 _NOTHING = (24, 26, 30)
+
+_WHEEL_PX = 96
+COLORS = Markup(
+    "<b>Motion as color.</b> Hue is direction: red right, yellow down, cyan left, violet up. White "
+    "is no motion; full color, at the rim, is {:.2g} px per frame; darker is faster; gray is "
+    "undefined."
+)
 
 
 @dataclass(frozen=True)
@@ -143,26 +151,47 @@ def still(picture: Image.Image, title: str, alt: str, note: str = "") -> Markup:
     return captioned(shown, title)
 
 
-def write_sheet(path: Path, rows: Sequence[Sequence[tuple[str, Image.Image]]]) -> None:
-    """Write rows of pictures, each with a title below, as one PNG of few colors or JPEG."""
-    lines = [_LINE if any(title for title, _ in row) else 0 for row in rows]
+def sheet(
+    rows: Sequence[Sequence[tuple[str, Image.Image]]], letters_px: int = 12, footer: str = ""
+) -> Image.Image:
+    """Return rows of pictures, each with its title below, as one; the footer is below all."""
+    line_px = letters_px * 3 // 2
+    lines = [line_px if any(title for title, _ in row) else 0 for row in rows]
     heights = [max(each.height for _, each in row) + _GAP for row in rows]
     width = max(sum(each.width + _GAP for _, each in row) for row in rows) + _GAP
-    sheet = Image.new("RGB", (width, sum(lines) + sum(heights) + _GAP), "white")
-    draw, font, top = ImageDraw.Draw(sheet), ImageFont.load_default(12), _GAP
+    below = line_px if footer else 0
+    sheet = Image.new("RGB", (width, sum(lines) + sum(heights) + _GAP + below), "white")
+    draw, font, top = ImageDraw.Draw(sheet), ImageFont.load_default(letters_px), _GAP
     for row, line, height in zip(rows, lines, heights, strict=True):
         left = _GAP
         for title, picture in row:
             sheet.paste(picture, (left, top))
-            # the font has no other spaces
-            draw.text((left, top + picture.height + 1), " ".join(title.split()), "black", font)
+            draw.text((left, top + picture.height + 1), _spaced(title), "black", font)
             left += picture.width + _GAP
         top += line + height
+    draw.text((_GAP, top), _spaced(footer), "black", font)
+    return sheet
+
+
+def _spaced(text: str) -> str:
+    """Return a text with plain spaces: the font has no others."""
+    return " ".join(text.split())
+
+
+def write_sheet(path: Path, rows: Sequence[Sequence[tuple[str, Image.Image]]]) -> None:
+    """Write rows of pictures with titles, as one PNG of few colors or JPEG."""
+    drawn = sheet(rows)
     with atomic_write(path) as temporary:
         if path.suffix == ".png":
-            sheet.quantize(256).save(temporary, "PNG", optimize=True)
+            drawn.quantize(256).save(temporary, "PNG", optimize=True)
         else:
-            sheet.save(temporary, "JPEG", quality=88)
+            drawn.save(temporary, "JPEG", quality=88)
+
+
+def wheel(text: str, *beside: Markup) -> Markup:
+    """Return the color wheel of motion with a text."""
+    drawn = image(data_uri(Image.fromarray(wheel_legend(_WHEEL_PX))), "Color wheel of motion")
+    return block("wheel", *beside, drawn, paragraph(text))
 
 
 def data_uri(picture: Image.Image) -> str:

@@ -3,24 +3,25 @@
 import numpy as np
 from markupsafe import Markup
 from numpy.typing import NDArray
-from PIL import Image
 
-from megalopta.flow.color_wheel import flow_to_rgb, wheel_legend
-from megalopta.plotting.sections import Section, block, card, image, paragraph
+from megalopta.flow.color_wheel import flow_to_rgb
+from megalopta.plotting.sections import Section, block, card, paragraph
 from megalopta.plotting.style import BLACK, BLUE
 from megalopta.plotting.svg import CHART_PT, in_style, new_axes, to_svg
 from megalopta.plotting.text import percent
-from megalopta.report.images import ORANGE, data_uri, film, id_picture, map_scale, rgb_picture
+from megalopta.report.images import (
+    COLORS,
+    ORANGE,
+    film,
+    id_picture,
+    map_scale,
+    rgb_picture,
+    wheel,
+)
 from megalopta.report.source import Report
 
-_WHEEL_PX = 96
 _SPEED_BINS = 48
 _BACKDROP_GRAY = 0.35
-_COLORS = Markup(
-    "<b>Motion as color.</b> Hue is direction: red right, yellow down, cyan left, violet up. White "
-    "is no motion; full color, at the rim, is {:.2g} px per frame; darker is faster; gray is "
-    "undefined."
-)
 _GUIDE = Markup(
     "When the camera rotates, everything moves alike; when it travels, near objects move faster "
     "than far ones. Depth is measured {}; its colors are logarithmic. Orange pixels are occluded "
@@ -42,7 +43,7 @@ def motion_section(report: Report) -> Section:
         f"image speed is {report.median_speed:.2g} px per frame; "
         f"{percent(float(hidden))} of the pixels are occluded in the next frame.",
         body=block("strip", *films)
-        + block("pair", block("", wheel(_COLORS.format(report.fastest)), guide), chart),
+        + block("pair", block("", wheel(COLORS.format(report.fastest)), guide), chart),
         name="motion",
         link="True motion",
     )
@@ -56,16 +57,10 @@ def _stand_in(report: Report) -> Section:
         "photon noise: a stand-in, wrong at occlusions and without texture. "
         f"Its median speed is {report.median_speed:.2g} px per frame.",
         body=block("strip", film(None, "radiance", "The pictures"), _flow(report))
-        + block("pair", block("", wheel(_COLORS.format(report.fastest))), chart),
+        + block("pair", block("", wheel(COLORS.format(report.fastest))), chart),
         name="motion",
         link="Motion",
     )
-
-
-def wheel(text: str, *beside: Markup) -> Markup:
-    """Return the color wheel of motion with a text."""
-    drawn = image(data_uri(Image.fromarray(wheel_legend(_WHEEL_PX))), "Color wheel of motion")
-    return block("wheel", *beside, drawn, paragraph(text))
 
 
 def mixed_share(report: Report) -> str:

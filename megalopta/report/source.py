@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,8 +32,8 @@ from megalopta.dataset.frames import Motion, read_motion, read_radiance_frame, r
 from megalopta.dataset.store import Dataset
 from megalopta.flow.benchmark.sequence import BenchmarkResult
 from megalopta.flow.detectors.registry import METHODS
-from megalopta.render.truth.tracer import Truth
 from megalopta.report.images import data_uri, film_strip, rgb_picture
+from megalopta.report.selection import PLAYBACK_HZ, Selection, frame_label, selection
 from megalopta.scenes import ToneCurve, preview
 from megalopta.scenes.lighting.levels import illuminance_of
 from megalopta.scenes.spectra.color import linear_srgb
@@ -42,6 +42,9 @@ from megalopta.stages.ledger import Ledger
 from megalopta.stages.noise_warning import variances
 from megalopta.stages.registry import STAGES
 from megalopta.stages.sense import open_exposure, require_expectation
+
+if TYPE_CHECKING:
+    from megalopta.render import Truth
 
 Record = Mapping[str, Any]
 _Read = TypeVar("_Read")
@@ -93,35 +96,16 @@ def _read(path: Path, check: Callable[[Any], _Read], remedy: str) -> _Read:
 _LONGEST_SIDE_PX = 160
 _MOST_FRAMES = 40
 _MOST_PIXELS_READ = 4_000_000
-_MOST_PIXELS_SHOWN = 8_000_000
 _OTHER_FILMS = 6
-
-
-@dataclass(frozen=True)
-class Selection:
-    """Frames shown, by number from 0, and step of the pixels shown."""
-
-    frames: tuple[int, ...]
-    step: int
-
-    def pixels(self, images: NDArray[Any]) -> NDArray[Any]:
-        """Return the shown pixels of images (..., H, W)."""
-        return images[..., :: self.step, :: self.step]
 
 
 def select(configuration: Configuration) -> Selection:
     """Choose the frames and pixels of a sequence to show."""
     height, width = configuration.camera.height, configuration.camera.width
-    step = math.ceil(max(height, width) / _LONGEST_SIDE_PX)
     films = len(configuration.sensors) * len(configuration.light_levels) + _OTHER_FILMS
-    most = min(
-        _MOST_FRAMES,
-        _MOST_PIXELS_READ // (height * width),
-        _MOST_PIXELS_SHOWN * step**2 // (height * width * films),
-    )
-    candidates = configuration.trajectory.frames - 1
-    count = min(candidates, max(most, 1))
-    return Selection(tuple(index * candidates // count for index in range(count)), step)
+    most = min(_MOST_FRAMES, _MOST_PIXELS_READ // (height * width))
+    candidates = range(configuration.trajectory.frames - 1)
+    return selection(candidates, (height, width), films, _LONGEST_SIDE_PX, most)
 
 
 # Percentiles of pixels, drawn as the band of the signal-to-noise ratio.
@@ -219,11 +203,22 @@ def _budget(
     )
 
 
-_PLAYBACK_HZ = (2.0, 25.0)
-"""Frame rates at which a film can be followed (Hz)."""
 _FASTEST_PERCENT = 99.0
 _SMALLEST_SPEED = 1e-3
 _RED_END_NM = 700.0
+
+
+def finished_stages(ledger: Ledger) -> list[str]:
+    """Return the finished stages, and report unfinished output, which is not shown.
+
+    Raises UserError if one of them is damaged.
+    """
+    finished = ledger.finished()
+    for stage in STAGES:
+        if stage not in finished and ledger.has(stage):
+            home = ledger.dataset.home
+            say(f"{home}: stage {stage!r} is not finished with this configuration, and not shown")
+    return finished
 
 
 class Report:
@@ -239,12 +234,9 @@ class Report:
         ledger.require("render")
         again = f"run: megalopta render {dataset.root} --out {dataset.root} --redo"
         self.scene: Record = _read(dataset.scene_record, dict, again)
-        self.finished = ledger.finished()
+        self.finished = finished_stages(ledger)
         timings = ledger.timings()
         self.timings = {stage: timings[stage] for stage in STAGES if stage in timings}
-        for stage in STAGES:
-            if stage not in self.finished and ledger.has(stage):
-                say(f"report: stage {stage!r} is not finished with this configuration")
         # before pictures take seconds to draw
         self.flow: list[FlowRecord] = read_records(dataset) if "flow" in self.finished else []
         self.benchmarks: list[BenchmarkResult] = []
@@ -277,7 +269,7 @@ class Report:
         return [preview(each, bands, white, curve) for each in self.radiance]
 
     @cached_property
-    def truths(self) -> list[Truth]:
+    def truths(self) -> "list[Truth]":
         """Ground truth of the frames shown."""
         return [read_truth_frame(self.dataset, index) for index in self.selection.frames]
 
@@ -339,17 +331,18 @@ class Report:
         """Return the settings of the page's films, which follow one slider."""
         trajectory, camera = self.settings.trajectory, self.settings.camera
         frames, step = self.selection.frames, self.selection.step
-        slowest, fastest = _PLAYBACK_HZ
+        slowest, fastest = PLAYBACK_HZ
         shown_hz = trajectory.frame_rate_hz * len(frames) / trajectory.frames
         previews = [rgb_picture(each[::step, ::step]) for each in self.previews]
         note = "The light in photopic colors."
         if min(self.settings.render.bands_nm)[0] >= _RED_END_NM:
             note = "The light, mean of its bands in gray; it is invisible."
+        times = trajectory.times_s
         return {
-            "frames": frames,
+            "labels": [frame_label(each, times) for each in frames],
             "start": frames.index(self.frame),
             "playback_hz": min(max(shown_hz, slowest), fastest),
-            "frame_rate_hz": trajectory.frame_rate_hz,
+            "choices": (),
             "aspect": f"{camera.width}/{camera.height}",
             "radiance": data_uri(film_strip(previews)),
             "note": note,

@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +23,6 @@ from megalopta.render import (
     MEASURED_EVERY,
     MeasuredPass,
     RenderNoise,
-    SceneRenderer,
     choose_variant,
     frame_seed,
     llvm_in_use,
@@ -38,6 +37,9 @@ from megalopta.scenes.scene import Scene
 from megalopta.scenes.spectra.color import linear_srgb
 from megalopta.stages.declaration import Stage
 from megalopta.stages.importing import check_pictures, import_pictures
+
+if TYPE_CHECKING:
+    from megalopta.render import SceneRenderer
 
 # Points below the camera's path where illuminance is measured.
 _LIGHT_METERS = 9
@@ -96,7 +98,9 @@ def build(settings: Configuration) -> Scene:
         )
 
 
-def _load(scene: Scene, settings: Configuration, poses: NDArray[np.float64]) -> SceneRenderer:
+def _load(scene: Scene, settings: Configuration, poses: NDArray[np.float64]) -> "SceneRenderer":
+    from megalopta.render import SceneRenderer
+
     kept, camera = cache_folder() / "light", settings.camera
     with refused_as("render"):
         return SceneRenderer(scene, camera, settings.render, poses, settings.seed, kept)

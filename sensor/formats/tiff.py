@@ -70,7 +70,9 @@ def read_tiff(path: Path, frames: slice) -> RecordedFrames:
             f"{path}: damaged, cut short or no TIFF that is known ({reason})"
         ) from None
     depth = 8 * counts.dtype.itemsize
-    return RecordedFrames(counts=counts, bit_depth=depth, exposure_s=exposure_s, source="tiff")
+    return RecordedFrames(
+        counts=counts, bit_depth=depth, exposure_s=exposure_s, source="tiff", total=total
+    )
 
 
 def _check(path: Path, stack: Any, pages: list[Any], size: int) -> None:

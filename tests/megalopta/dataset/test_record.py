@@ -12,7 +12,7 @@ from megalopta.benchmark.ranking_run import run_ranking
 from megalopta.core.errors import UserError
 from megalopta.dataset.layout import Tree
 from megalopta.dataset.record import STAGE_NAMES, read_record
-from megalopta.report.dataset_card import write_card, write_view
+from megalopta.report.dataset_card import write_card, write_contact_sheet
 from megalopta.stages.registry import STAGES
 
 
@@ -157,7 +157,7 @@ def test_a_changed_record_is_named_by_all_who_read_it(copy, tmp_path):
     path.write_text(text)
     for read in (
         lambda: megalopta.open_dataset(copy)[0],
-        lambda: write_view(copy, 1),
+        lambda: write_contact_sheet(copy, 1),
         lambda: write_card(copy),
         lambda: run_ranking(copy, tmp_path / "ranking"),
     ):
