@@ -1,4 +1,4 @@
-"""The verbs that show or prove what is there, from `info` to `check`."""
+"""Verbs that show or verify results, from `info` to `check`."""
 
 import sys
 from argparse import Namespace
@@ -28,8 +28,8 @@ def _info(options: Namespace) -> None:
 
 @verb(
     "report",
-    "write report.html from what a dataset holds, one file without outside links; of many "
-    "sequences README.md and index.html",
+    "write report.html of a dataset, one self-contained file; of many sequences, README.md "
+    "and index.html",
     DATASET,
 )
 def _report(options: Namespace) -> None:
@@ -56,35 +56,33 @@ def _report(options: Namespace) -> None:
         type=Path,
     ),
     out("out/view"),
-    option(
-        "--sum", "frames that are added up (default: 1)", type=at_least(1), default=1, metavar="K"
-    ),
+    option("--sum", "frames to sum (default: 1)", type=at_least(1), default=1, metavar="K"),
     switch(
         "--invert",
-        "invert the sensor's response: mean detections of a frame, of sums of binary frames by "
-        "−ln(1 − p), of counts without what dead time lost; full pixels are orange",
+        "invert the sensor's response to mean detections per frame: sums of binary frames by "
+        "−ln(1 − p), counts corrected for dead time; saturated pixels are orange",
     ),
     option(
         "--bad-pixels",
-        "mask (.npy of bool), true where a pixel is bad; it takes the mean of its good neighbors",
+        "mask (.npy of bool) of bad pixels, which get the mean of their good neighbors",
         type=Path,
         metavar="MASK",
     ),
     option(
         "--fps",
-        "frames a second of the film (default: as in life, where that can be followed)",
+        "frames per second of the film (default: real time, if that can be followed)",
         type=positive,
         metavar="HZ",
     ),
     option(
         "--format",
-        f"of frames that do not say it, of {', '.join(FRAME_KINDS)} (default: as their content "
-        "says, .bin: spad512)",
+        f"format of the frames, one of {', '.join(FRAME_KINDS)} (default: by content, .bin: "
+        "spad512)",
         choices=FRAME_KINDS,
         metavar="KIND",
     ),
     switch(
-        "--rerun", "write view.rrd for Rerun's viewer, too: camera, points, light, counts, flow"
+        "--rerun", "also write view.rrd for Rerun's viewer: camera, points, light, counts, flow"
     ),
 )
 def _view(options: Namespace) -> None:
@@ -104,7 +102,7 @@ def _view(options: Namespace) -> None:
 
 @verb(
     "reproduce",
-    "draw figures and tables of the dissertation again, as PNG, SVG, CSV and JSON",
+    "reproduce figures and tables of the dissertation as PNG, SVG, CSV and JSON",
     option(
         "figures", "such as fig-2.9 or table-3.1, chapter-4, or all", nargs="+", metavar="FIGURE"
     ),
@@ -122,15 +120,13 @@ def _reproduce(options: Namespace) -> None:
 
 @verb(
     "gallery",
-    "render every scene preset at every light level, beside photon counts of it",
-    switch("--views", "render larger views of the forests under natural skies instead, views.html"),
-    switch(
-        "--statistics", "measure statistics of views of the forests instead, image-statistics.png"
-    ),
+    "render every scene preset at every light level, with its photon counts",
+    switch("--views", "instead render large views of the forests under natural skies: views.html"),
+    switch("--statistics", "instead measure image statistics of the forests: image-statistics.png"),
     option(
         "--panorama",
-        "a photographed panorama (HDR, EXR or PNG, 2:1); with --views shown beside a forest "
-        "in its light, with --statistics measured beside them, all at two of its pixels or more",
+        "photographed panorama (HDR, EXR or PNG, 2:1); with --views a forest is shown in its "
+        "light, with --statistics it is compared with the forests, at two of its pixels or more",
         type=Path,
         metavar="FILE",
     ),
@@ -140,9 +136,9 @@ def _gallery(options: Namespace) -> None:
     from megalopta.report.gallery import write_gallery, write_statistics, write_views
 
     if options.views and options.statistics:
-        raise UserError("gallery: --views and --statistics are two things; give one")
+        raise UserError("gallery: --views and --statistics exclude each other; give one")
     if options.panorama and not (options.views or options.statistics):
-        raise UserError("gallery: --panorama goes with --views or --statistics; give one")
+        raise UserError("gallery: --panorama needs --views or --statistics; add one")
     try:
         if options.views:
             print(write_views(options.out, options.panorama))
@@ -151,19 +147,19 @@ def _gallery(options: Namespace) -> None:
             print(*write_statistics(options.out, photographs), sep="\n")
         else:
             print(write_gallery(options.out))
-    except ValueError as problem:  # a panorama that is none
+    except ValueError as problem:  # not a panorama
         raise UserError(str(problem)) from None
 
 
 @verb(
     "check",
-    "prove every sensor effect against theory, a dataset's truth another way, or that its files "
-    "are as they were written",
-    option("what", "what to prove", choices=["physics", "truth", "files", "panoramas"]),
+    "verify sensor effects against theory, a dataset's truth by a second method, or its files "
+    "by their hashes",
+    option("what", "what to verify", choices=["physics", "truth", "files", "panoramas"]),
     option(
         "subjects",
-        "dataset folder, for truth and files; folder for new panoramas, for panoramas; for "
-        f"physics any of {', '.join(GROUPS)}, by default all",
+        "truth, files: dataset folder; panoramas: folder for new panoramas; physics: any of "
+        f"{', '.join(GROUPS)} (default: all)",
         nargs="*",
         metavar="FOLDER or GROUP",
     ),
@@ -185,7 +181,7 @@ def _passes(what: str, subjects: list[str]) -> bool:
     if what == "panoramas":
         return panoramas.run_check_panoramas(folder)
     if folder is None:
-        raise UserError(f"check {what}: which dataset? give its folder")
+        raise UserError(f"check {what}: no dataset; give its folder")
     if what == "files":
         return files.run_check_files(folder)
     return truth.run_check_truth(open_sequence(folder))

@@ -1,4 +1,4 @@
-"""`megalopta dataset card` and `view`: README.md with statistics, and a sheet of short films."""
+"""`megalopta dataset card` and `view`: README.md with statistics, and a page of short films."""
 
 import html
 import re
@@ -44,16 +44,16 @@ from megalopta.report.sequence_panels import (
 from megalopta.stages.limits import size
 
 SHOWN = 24
-"""Sequences of a contact sheet, by default"""
+"""Default number of sequences of a contact sheet"""
 _FRAMES = 12
-"""Frames of a clip, at most; the first ones of the sequence."""
+"""Most frames of a clip, from the first frame of the sequence."""
 _FRAME_MS = 120
 
 
 def write_contact_sheet(root: Path, most: int, folder: Path | None = None) -> Path:
-    """Write index.html, with clips of so many sequences, into the dataset or another folder.
+    """Write index.html, with clips of `most` sequences, into the dataset or another folder.
 
-    Returns its path. Raises UserError where no sequence is finished.
+    Returns its path. Raises UserError if no sequence is finished.
     """
     dataset = open_dataset(root)
     if not len(dataset):
@@ -89,7 +89,7 @@ def _section(sequence: Sequence) -> Section:
 
 
 def _panels(sequence: Sequence) -> Iterator[Panel]:
-    """Yield what is seen of the first frames of a sequence."""
+    """Yield panels of the first frames of a sequence."""
     frames = _first_frames(sequence)
     yield light_panel(sequence, frames, 1)
     readings = readings_panel(exposure_readings(sequence), frames, 1)
@@ -101,12 +101,12 @@ def _panels(sequence: Sequence) -> Iterator[Panel]:
 
 
 def _first_frames(sequence: Sequence) -> range:
-    """Those that have a successor, and so motion."""
+    """Return the first frames with a next frame, and so with motion."""
     return range(min(len(sequence) - 1, _FRAMES))
 
 
 def _clip(sequence: Sequence, panel: Panel) -> str:
-    """Address of a short film."""
+    """Return the data URI of a short film."""
     return gif_uri([panel.picture(each) for each in _first_frames(sequence)], _FRAME_MS)
 
 
@@ -116,7 +116,7 @@ _BINS, _DECADE = 24, 10
 _STRIP, _WIDTH = 6, 160
 _SPECIAL = re.compile(r"[\\`*_{}\[\]#|~!$]")
 _TEMPLATE = Path(__file__).with_name("dataset_card.md")
-"""What the card of every dataset says; braces are filled in."""
+"""Text of the card of every dataset, with fields in braces."""
 
 
 def write_card(root: Path) -> Path:
@@ -142,12 +142,12 @@ def _rows(root: Path, table: str) -> Rows:
 
 
 _QUANTITIES = {
-    "mean_speed_px": "mean flow, px a frame",
-    "percentile_99_speed_px": "99 % of flow below, px a frame",
+    "mean_speed_px": "mean flow, px per frame",
+    "percentile_99_speed_px": "99th percentile of flow, px per frame",
     "unmatched_fraction": "pixels hidden or out of view in the next frame",
-    "sky_fraction": "pixels of sky",
+    "sky_fraction": "sky pixels",
     "median_depth_m": "median depth, m",
-    "texture": "texture (difference of neighbors, relative)",
+    "texture": "texture (relative difference of neighbors)",
 }
 _COLUMNS = (
     *("sequence", "split", "frames", "width", "height", "bytes", "scene", "light", "trajectory"),
@@ -170,7 +170,7 @@ def _text(plan: Plan, sequences: Rows, exposures: Rows) -> str:
         splits=", ".join(f"`{name}` {splits[name]}" for name in plan.splits),
         sample=plan.sample,
         kinds=_table(("", "sequences"), _kinds(sequences)),
-        statistics=_table(("of a sequence", "5 %", "median", "95 %"), _statistics(sequences)),
+        statistics=_table(("per sequence", "5 %", "median", "95 %"), _statistics(sequences)),
         exposures=_table(
             ("sensor", "exposure, s", "photons per pixel: 5 %", "median", "95 %", "saturated"),
             _of_sensors(exposures),
@@ -193,14 +193,14 @@ def _of_sensors(exposures: Rows) -> Iterable[tuple[str, ...]]:
     for sensor in sorted({row["sensor"] for row in exposures}):
         own = [row for row in exposures if row["sensor"] == sensor]
         times = sorted({row["exposure_s"] for row in own})
-        told = " to ".join(f"{each:g}" for each in dict.fromkeys((times[0], times[-1])))
+        exposed = " to ".join(f"{each:g}" for each in dict.fromkeys((times[0], times[-1])))
         photons = _percentiles(row["photons_per_pixel"] for row in own)
         full = float(np.mean([row["saturated_fraction"] for row in own]))
-        yield plain(sensor), told, *photons, f"{full:.2g}"
+        yield plain(sensor), exposed, *photons, f"{full:.2g}"
 
 
 def plain(text: object) -> str:
-    """Return text of a stranger on one line, of which Markdown and HTML make nothing."""
+    """Return untrusted text on one line, without Markdown or HTML markup."""
     line = printable(" ".join(str(text).split()))
     return html.escape(_SPECIAL.sub(r"\\\g<0>", line), quote=False)
 
@@ -221,8 +221,8 @@ def _table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
 def _draw_statistics(path: Path, sequences: Rows, exposures: Rows) -> None:
     """Draw histograms of flow, photons, texture and occlusion."""
     panels = (
-        ("mean flow (px a frame)", [row["mean_speed_px"] for row in sequences], True),
-        ("photons per pixel, an exposure", [row["photons_per_pixel"] for row in exposures], True),
+        ("mean flow (px per frame)", [row["mean_speed_px"] for row in sequences], True),
+        ("photons per pixel and exposure", [row["photons_per_pixel"] for row in exposures], True),
         ("texture, relative", [row["texture"] for row in sequences], True),
         ("hidden or out of view", [row["unmatched_fraction"] for row in sequences], False),
     )
@@ -253,7 +253,7 @@ def _draw_histogram(
 
 
 def _draw_strip(root: Path, path: Path) -> None:
-    """Draw light, counts, flow and depth of a few sequences, one above the other."""
+    """Draw light, counts, flow and depth of a few sequences in rows."""
     dataset = open_dataset(root)
     names = dataset.names[:: max(1, -(-len(dataset) // _STRIP))]
     columns = ([_small(each.picture(0)) for each in _panels(dataset[name])] for name in names)

@@ -1,4 +1,4 @@
-"""Arrays as pictures: PNG data URIs, color scales, their legends, stills and films of a page."""
+"""Arrays as pictures: PNG data URIs, color scales and their legends, stills and films of a page."""
 
 import base64
 import colorsys
@@ -20,13 +20,13 @@ from megalopta.plotting.sections import block, captioned, image, paragraph
 Rgb = NDArray[np.uint8]
 Floats = NDArray[np.floating]
 
-# Few colors and few bits make small files; noisy pictures look the same.
+# Few colors and bits make small files; noisy pictures look the same.
 _COLORS = 96
 _ID_COLORS = 89
 _RGB_BITS = 6
 _LEGEND_STEPS = 128
 _GAP = 6
-"""Of a sheet (px)"""
+"""Gap between pictures of a sheet (px)"""
 
 ORANGE = (230, 97, 0)
 GRAY = (128, 128, 128)
@@ -34,27 +34,27 @@ _NOTHING = (24, 26, 30)
 
 _WHEEL_PX = 96
 COLORS = Markup(
-    "<b>Motion as color.</b> The hue is the direction: red to the right, yellow down, cyan left, "
-    "violet up. White is rest; the full color of the rim is {:.2g} pixels per frame; darker is "
-    "faster still; gray is undefined."
+    "<b>Motion as color.</b> Hue is direction: red right, yellow down, cyan left, violet up. White "
+    "is no motion; full color, at the rim, is {:.2g} px per frame; darker is faster; gray is "
+    "undefined."
 )
 
 
 @dataclass(frozen=True)
 class ColorScale:
-    """Values to colors; values beyond the ends get the colors of the ends."""
+    """Maps values to colors; values beyond the ends get the colors of the ends."""
 
     low: float
     high: float
     colors: Rgb
     """From low to high, (n, 3)"""
     special: tuple[int, int, int] = GRAY
-    """Color of pixels that are marked, or have no value"""
+    """Color of marked pixels and of NaN"""
     root: float = 1.0
-    """Colors are spread evenly over this root of the value, or of its size on each side of 0 where
-    the scale has two; 2.2 makes the luminance of grays follow the value."""
+    """Colors are uniform in this root of the value, on each side of 0 for a scale with two; 2.2
+    makes the luminance of grays proportional to the value."""
     logarithmic: bool = False
-    """Colors are spread evenly over the value's logarithm instead."""
+    """Colors are uniform in the logarithm of the value instead."""
 
     def picture(self, values: Floats, marked: NDArray[np.bool_] | None = None) -> Image.Image:
         """Return an image of values (H, W), NaN or marked pixels in the special color."""
@@ -65,7 +65,7 @@ class ColorScale:
         return picture
 
     def legend(self, low: str, high: str, special: str = "") -> Markup:
-        """Return the legend: the colors between two texts, and what has the special color."""
+        """Return the legend: the colors between two texts, and the meaning of the special color."""
         steps = (np.arange(_LEGEND_STEPS) + 0.5) / _LEGEND_STEPS
         values = self.low + (self.high - self.low) * steps
         if self.logarithmic:
@@ -88,14 +88,14 @@ class ColorScale:
 
 
 def gray_scale(white: float) -> ColorScale:
-    """Light from black, 0, to white; marked pixels are orange."""
+    """Light from 0 (black) to `white`; marked pixels are orange."""
     ramp = np.linspace(0, 255, _COLORS).astype(np.uint8)
     colors = np.repeat(ramp[:, np.newaxis], 3, axis=1)
     return ColorScale(0.0, white, colors, ORANGE, root=2.2)
 
 
 def gray_counts(counts: NDArray[np.integer | np.floating]) -> Image.Image:
-    """Return counts (H, W) as a picture, from black to the brightest hundredth."""
+    """Return counts (H, W) as a picture, from black to the brightest 1 %."""
     values = np.asarray(counts, dtype=np.float64)
     return gray_scale(max(float(np.percentile(values, 99)), 1.0)).picture(values)
 
@@ -103,7 +103,7 @@ def gray_counts(counts: NDArray[np.integer | np.floating]) -> Image.Image:
 def map_scale(
     name: str, low: float, high: float, root: float = 1.0, logarithmic: bool = False
 ) -> ColorScale:
-    """One of matplotlib's color maps between two values."""
+    """A matplotlib color map between two values."""
     colors = np.asarray(colormaps[name](np.linspace(0, 1, _COLORS), bytes=True))
     return ColorScale(low, high, colors[:, :3], root=root, logarithmic=logarithmic)
 
@@ -114,7 +114,7 @@ def rgb_picture(pixels: Rgb) -> Image.Image:
 
 
 def id_picture(identifiers: NDArray[np.integer]) -> Image.Image:
-    """Return an image of object numbers (H, W), successive ones in unlike colors; 0 is dark."""
+    """Return an image of object numbers (H, W), successive ones in distinct colors; 0 is dark."""
     index = np.where(identifiers == 0, 0, 1 + identifiers % _ID_COLORS)
     picture = Image.fromarray(index.astype(np.uint8))
     picture.putpalette([*_NOTHING, *(part for n in range(_ID_COLORS) for part in _id_color(n))])
@@ -122,7 +122,7 @@ def id_picture(identifiers: NDArray[np.integer]) -> Image.Image:
 
 
 def film_strip(images: Sequence[Image.Image]) -> Image.Image:
-    """Return equally large images as one, above each other."""
+    """Return images of equal size as one, stacked vertically."""
     first = images[0]
     film = Image.new(first.mode, (first.width, first.height * len(images)))
     if first.mode == "P":
@@ -143,10 +143,10 @@ def film(images: Sequence[Image.Image] | None, title: str, alt: str, legend: str
 
 def still(picture: Image.Image, title: str, alt: str, note: str = "") -> Markup:
     """Return one picture; a note is written across it."""
-    told = f"{alt}: {note}" if note else alt
+    description = f"{alt}: {note}" if note else alt
     across = Markup('<span class="nothing" aria-hidden="true">{}</span>').format(note)
     shown = Markup('<div class="frame"><img class="still" src="{}" alt="{}">{}</div>').format(
-        data_uri(picture), told, across if note else ""
+        data_uri(picture), description, across if note else ""
     )
     return captioned(shown, title)
 
@@ -154,7 +154,7 @@ def still(picture: Image.Image, title: str, alt: str, note: str = "") -> Markup:
 def sheet(
     rows: Sequence[Sequence[tuple[str, Image.Image]]], letters_px: int = 12, footer: str = ""
 ) -> Image.Image:
-    """Return pictures in rows, each with its title below it, as one; a footer is below all."""
+    """Return rows of pictures, each with its title below, as one; the footer is below all."""
     line_px = letters_px * 3 // 2
     lines = [line_px if any(title for title, _ in row) else 0 for row in rows]
     heights = [max(each.height for _, each in row) + _GAP for row in rows]
@@ -174,12 +174,12 @@ def sheet(
 
 
 def _spaced(text: str) -> str:
-    """Return a text with plain spaces: the font knows no others."""
+    """Return a text with plain spaces: the font has no others."""
     return " ".join(text.split())
 
 
 def write_sheet(path: Path, rows: Sequence[Sequence[tuple[str, Image.Image]]]) -> None:
-    """Write pictures in rows with their titles, as one PNG of few colors or JPEG."""
+    """Write rows of pictures with titles, as one PNG of few colors or JPEG."""
     drawn = sheet(rows)
     with atomic_write(path) as temporary:
         if path.suffix == ".png":
@@ -189,13 +189,13 @@ def write_sheet(path: Path, rows: Sequence[Sequence[tuple[str, Image.Image]]]) -
 
 
 def wheel(text: str, *beside: Markup) -> Markup:
-    """Return the color wheel of motion and what is said of it."""
+    """Return the color wheel of motion with a text."""
     drawn = image(data_uri(Image.fromarray(wheel_legend(_WHEEL_PX))), "Color wheel of motion")
     return block("wheel", *beside, drawn, paragraph(text))
 
 
 def data_uri(picture: Image.Image) -> str:
-    """Return an image as a PNG inside its own address."""
+    """Return an image as a PNG data URI."""
     data = io.BytesIO()
     picture.save(data, "PNG")
     return f"data:image/png;base64,{base64.b64encode(data.getvalue()).decode('ascii')}"

@@ -140,12 +140,12 @@ def test_the_dataset_goes_on_without_the_file_and_says_what_it_lacks(here, capsy
     assert "flow of the clean pictures" in page and "favors DIS" in page
     assert "true motion" not in page.partition("Glossary</h2>")[0].replace(
         "true motion of pictures", ""
-    ).replace("true motion, which is not known", "")
+    ).replace("unknown true motion", "")
     records = json.loads((here / "out/results/folder/flow.json").read_text())
     best = next(each for each in records if each["method"] == "DIS")
     assert best["truth"]["ideal"]["relative_error_median"] < 0.25 and "rotation" not in best
     for words in (["check", "truth", "out"], ["benchmark", "sequence", "out", "--out", "rk"]):
-        assert "made of pictures, whose true motion and depth are not known" in refused(
+        assert "made of pictures, whose true motion and depth are unknown" in refused(
             capsys, *words
         )
     with pytest.raises(UserError, match="made of pictures"):
