@@ -5,7 +5,7 @@ import pytest
 from PIL import Image
 
 from megalopta.core.errors import UserError
-from megalopta.render.footage import open_footage
+from megalopta.render import open_footage
 from megalopta.scenes.spectra.color import decode_srgb
 
 LEVELS = np.array([0, 60, 120, 180], np.uint8)

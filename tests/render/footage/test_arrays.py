@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from megalopta.core.errors import UserError
-from megalopta.render.footage import open_footage
+from megalopta.render import open_footage
 from megalopta.scenes.spectra.color import decode_srgb
 
 

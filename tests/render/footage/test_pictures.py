@@ -11,8 +11,7 @@ import tifffile
 from PIL import Image
 
 from megalopta.core.errors import UserError
-from megalopta.render import write_radiance
-from megalopta.render.footage import open_footage
+from megalopta.render import open_footage, write_radiance
 from megalopta.scenes.spectra.color import decode_srgb
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from megalopta.core.errors import UserError
-from megalopta.render.footage import open_footage
+from megalopta.render import open_footage
 
 from .conftest import gray
 
@@ -285,7 +285,7 @@ def test_memory_does_not_grow_with_the_film(film):
     code = """
 import resource, sys
 from pathlib import Path
-from megalopta.render.footage import open_footage
+from megalopta.render import open_footage
 peaks = []
 with open_footage(Path(sys.argv[1])) as footage:
     for k in range(len(footage)):
