@@ -1,4 +1,4 @@
-"""Pictures, films and arrays of users, as frames of linear light.
+"""Your pictures, videos and arrays as frames of linear light.
 
 with open_footage(Path("clip.mp4")) as footage:
     light = footage.frame(0)  # (H, W, 3), 1 is the white of the code
