@@ -17,9 +17,9 @@ it compiles, divides the scene into cells and looks from 512 places."""
 # baked frame (1 in 25 is a path). From CPU-seconds of 1000 trees with translucent leaves
 # (benchmarks/bench_baked.py). In single passes, path-traced frames have the RMS error of baked ones
 # with 1.35 times the samples there, with 2.2 times in an open forest by day: most noise is from
-# leaves against the sky, in pixels that samples classified as surfaces. With enough samples to
-# reach a target error it takes 5 to 9 times as many. The survey of a few frames uses up part of
-# this: its rays are independent, with twice the variance of frames' samples.
+# leaves against the sky, in pixels that samples classified as surfaces. To reach a target error,
+# path tracing takes 5 to 9 times as many. The survey of a few frames uses up part of this: its rays
+# are independent, with twice the variance of frames' samples.
 PATH, BAKE, SAMPLE, AT_EQUAL_ERROR, _AT_TARGET_ERROR = 5.0, 2.1, 1.3, 1.7, 4.0
 
 

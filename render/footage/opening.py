@@ -44,8 +44,8 @@ def _opened(path: Path, unit: Unit | None) -> Footage:
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES:
         raise UserError(
-            f"{path}: {suffix or 'no suffix'} is not a suffix of a supported picture, video or "
-            f"array; give a folder of pictures, or one of {', '.join(SUFFIXES)}"
+            f"{path}: {suffix or 'no suffix'}, not a supported picture, video or array; give a "
+            f"folder of pictures, or one of {', '.join(SUFFIXES)}"
         )
     if not path.stat().st_size:
         raise UserError(f"{path} is empty; copy it again")
