@@ -62,8 +62,8 @@ class Variant:
 def choose_variant(backend: Backend = "auto") -> Variant:
     """Choose the fastest correct spectral variant that cannot abort the process.
 
-    "auto" uses llvm if it works, otherwise scalar; a named backend is used, or raises ValueError if
-    it is not usable here.
+    "auto" uses llvm if it works, otherwise scalar. Raises ValueError if a named backend is not
+    usable here.
     """
     if backend == "cuda":
         if has_cuda_device():

@@ -45,7 +45,7 @@ class FixedBias(Record):
     """No trimming: every pixel has its amplifier's offset plus a common bias."""
 
     kind: Literal["fixed"] = "fixed"
-    """Discriminator of this bias circuit."""
+    """Kind of bias circuit."""
     reverse_bias_v: float = 0.0
     """Reverse bias of a pixel without offset (V)."""
 
@@ -54,7 +54,7 @@ class DacBias(Record):
     """Non-adaptive: a digital-to-analog converter sets every pixel's anode to the best code."""
 
     kind: Literal["dac"] = "dac"
-    """Discriminator of this bias circuit."""
+    """Kind of bias circuit."""
     bits: Annotated[int, Field(ge=1, le=24)] = 12
     """Resolution of the converter (bits)."""
     rail_v: Annotated[float, Field(gt=0)] = 3.3
@@ -74,7 +74,7 @@ class FloatingGateBias(Record):
     """Adaptive: every pixel's offset is trimmed by pulses on a floating gate."""
 
     kind: Literal["floating_gate"] = "floating_gate"
-    """Discriminator of this bias circuit."""
+    """Kind of bias circuit."""
     pulse_rate_v_s: Annotated[float, Field(gt=0)] = 0.5
     """Rise of the gate during a pulse of 14.15 V (V/s); 0.5 is 500 µV in 1 ms."""
     pulse_s: Annotated[float, Field(gt=0)] = 1e-3

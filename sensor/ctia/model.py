@@ -65,7 +65,7 @@ class CtiaSensor(PixelOptics, frozen=True):
     """Unit of its readings in comparisons with other sensors."""
 
     kind: Literal["ctia"] = "ctia"
-    """Discriminator of this image sensor."""
+    """Kind of image sensor."""
     fill_factor: Annotated[float, Field(gt=0, le=1)] = 1.0
     """Light-sensitive fraction of the pixel's area (0 to 1)."""
     exposure_s: Annotated[float, Field(gt=0)]

@@ -44,7 +44,7 @@ class Bias(Effect, frozen=True):
 
     stage: ClassVar[Stage] = Stage.OPERATION
     statement: ClassVar[str] = (
-        "excess bias and its mismatch scale efficiency, dark counts and what avalanches leave"
+        "excess bias and its mismatch scale efficiency, dark counts, afterpulsing and crosstalk"
     )
 
     excess_v: Annotated[float, Field(gt=0)] = 1.0

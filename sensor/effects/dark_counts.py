@@ -28,7 +28,7 @@ class DarkCounts(Effect, frozen=True):
 
     stage: ClassVar[Stage] = Stage.DEVICE
     statement: ClassVar[str] = (
-        "carriers that are no photons' arrive too, in every pixel at a rate of its own"
+        "dark carriers arrive in addition to photons, at a rate of each pixel's own"
     )
 
     bulk_mean_hz_um2: Annotated[float, Field(ge=0)] = 0.0

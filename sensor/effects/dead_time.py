@@ -42,7 +42,7 @@ class DeadTime(Effect, frozen=True):
     """Recovery of a pixel after an event."""
 
     stage: ClassVar[Stage] = Stage.AVALANCHES
-    statement: ClassVar[str] = "what arrives while the pixel recovers is lost"
+    statement: ClassVar[str] = "arrivals while the pixel recovers are lost"
 
     kind: Literal["ideal", "nonparalyzable", "paralyzable"] = "ideal"
     """No dead time, active quench (lost arrivals do nothing) or passive quench (they extend it)."""

@@ -23,7 +23,7 @@ class Gate(Effect, frozen=True):
     """Periodic window of sensitivity; always open by default."""
 
     stage: ClassVar[Stage] = Stage.AVALANCHES
-    statement: ClassVar[str] = "what arrives outside the window is lost"
+    statement: ClassVar[str] = "arrivals outside the window are lost"
 
     period_s: Annotated[float, Field(gt=0)] | None = None
     """Time from one opening to the next (s); none: not gated."""

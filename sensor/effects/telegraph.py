@@ -41,7 +41,7 @@ class Telegraph(Effect, frozen=True):
     """Dark counts that switch between levels; off by default."""
 
     stage: ClassVar[Stage] = Stage.OPERATION
-    statement: ClassVar[str] = "traps let the dark counts of some pixels switch between levels"
+    statement: ClassVar[str] = "traps switch the dark counts of some pixels between levels"
 
     share: Annotated[float, Field(ge=0, le=1)] = 0.0
     """Fraction of pixels that switch (0: none)."""

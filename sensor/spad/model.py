@@ -37,7 +37,7 @@ class Sensor(PixelOptics, frozen=True):
     """Unit of its readings."""
 
     kind: Literal["spad"] = "spad"
-    """Discriminator of this image sensor."""
+    """Kind of image sensor."""
     temperature: Temperature = Temperature()
     """Temperature, which affects dark counts and breakdown; by default that at which they hold."""
     bias: Bias = Bias()
