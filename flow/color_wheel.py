@@ -1,9 +1,8 @@
 """Flow as color: hue is direction, saturation is speed, as on the Middlebury wheel.
 
-The hues are those of Baker et al. (IJCV 92, 2011), unevenly spaced so that they look even: motion
-to the right is red, down yellow, left cyan, up violet. No motion is white; at `max_speed` a color
-is pure; beyond it, it is darkened to three quarters, so that what exceeds the scale shows.
-Undefined flow is mid gray.
+The hues are those of Baker et al. (IJCV 92, 2011), spaced to look even: motion to the right is red,
+down yellow, left cyan, up violet. No motion is white; at `max_speed` a color is pure; above it is
+darkened to three quarters, so that values beyond the scale show. Undefined flow is mid gray.
 """
 
 from typing import Any
@@ -27,8 +26,8 @@ _TURN = np.concatenate(([0.0], np.cumsum(_STEPS) / _STEPS.sum()))
 def flow_to_rgb(flow: NDArray[np.floating[Any]], max_speed: float) -> Rgb:
     """Return a picture (..., 3) of flows (..., 2), +x right, +y down, NaN where undefined.
 
-    A speed of `max_speed`, in the unit of the flow, has the pure color. Raises ValueError when it
-    is not positive or the flow has no two components.
+    A speed of `max_speed`, in the unit of the flow, has the pure color. Raises ValueError if it is
+    not positive, or the flow does not have two components.
     """
     if not 0 < max_speed < np.inf:
         raise ValueError(f"max_speed {max_speed!r}: give a positive speed")
@@ -47,9 +46,9 @@ def flow_to_rgb(flow: NDArray[np.floating[Any]], max_speed: float) -> Rgb:
 def wheel_legend(side_px: int) -> Rgb:
     """Return the wheel as a picture (side, side, 3): each point has the color of its direction.
 
-    The rim stands for the maximum speed, the center for none; outside is white.
+    The rim is the maximum speed, the center is no motion; outside is white.
 
-    Raises ValueError when the side is below 3 px.
+    Raises ValueError if the side is below 3 px.
     """
     if side_px < 3:
         raise ValueError(f"side_px {side_px}: give 3 px or more")

@@ -1,19 +1,19 @@
-"""Flow in the formats that programs write: `.flo`, `.flo5`, KITTI's PNG, `.pfm`, `.npy`.
+"""Flow files: `.flo`, `.flo5`, KITTI's PNG, `.pfm`, `.npy`.
 
-All give (H, W, 2) float32 in px, +x right, +y down, NaN where undefined. Every length is checked
-before memory is asked for, and nothing is unpickled. A file appears whole or not at all.
+All hold (H, W, 2) float32 in px, +x right, +y down, NaN where undefined. Every length is checked
+before memory is allocated, and nothing is unpickled. Files are written atomically.
 
 - `.flo`, Middlebury's: the tag "PIEH", width and height as int32, then (u, v) float32 by rows, all
-  little-endian. An undefined flow is stored as 1e10 in both components, and whatever exceeds 1e9 in
-  either is read back as NaN in both (Baker et al., IJCV 92, 2011, flowIO of the evaluation).
+  little-endian. An undefined flow is stored as 1e10 in both components; a value above 1e9 in
+  either is read as NaN in both (Baker et al., IJCV 92, 2011, flowIO of the evaluation).
 - `.flo5`, Spring's: HDF5 with one dataset, "flow" (H, W, 2) float32 (Mehl et al., CVPR 2023).
 - KITTI's PNG of 16 bits: u·64 + 2¹⁵, v·64 + 2¹⁵ and whether the flow is known, as red, green and
-  blue. Steps of 1/64 px, from −512 to nearly 512 px; a flow beyond is stored as not known (Menze
+  blue. Steps of 1/64 px, from −512 to nearly 512 px; a flow beyond is stored as unknown (Menze
   and Geiger, CVPR 2015, the benchmark's development kit).
-- `.pfm`, a portable float map of three channels, of which the third is not read; rows from the
-  bottom, as in FlyingThings3D and Monkaa (Mayer et al. 2016).
-- `.npy`, (H, W, 2) of floating point, which can tell that a flow is unknown: whole numbers may be
-  KITTI's codes as well as pixels.
+- `.pfm`, a portable float map of three channels, the third of which is ignored; rows from the
+bottom, as in FlyingThings3D and Monkaa (Mayer et al. 2016).
+- `.npy`, (H, W, 2) of floating point, which can mark unknown flow: whole numbers may be KITTI's
+codes as well as pixels.
 """
 
 import re
@@ -48,9 +48,9 @@ _PFM_HEADER = re.compile(rb"PF\s+(\d{1,6})\s+(\d{1,6})\s+(-?[0-9.eE+-]{1,20})\s"
 
 
 def read_flow(path: str | Path) -> Flow:
-    """Read a flow (H, W, 2), px, NaN where undefined; the suffix says in which format.
+    """Read a flow (H, W, 2), px, NaN where undefined, in the format of the suffix.
 
-    Raises ValueError when the suffix is of none of the formats, or the file is damaged.
+    Raises ValueError if the suffix is unknown, or the file is damaged.
     """
     path = Path(path)
     read = _READERS.get(path.suffix.lower())
@@ -65,7 +65,7 @@ def read_flow(path: str | Path) -> Flow:
 def write_flo(path: str | Path, flow: NDArray[np.floating]) -> None:
     """Write a flow (H, W, 2), px, +x right, +y down, NaN where undefined.
 
-    Raises ValueError when the array is no flow, or holds a value that would be read as undefined.
+    Raises ValueError if the array is not a flow, or holds a value that would be read as undefined.
     """
     _check(flow)
     if max(flow.shape[:2]) > _LARGEST_SIDE:
@@ -82,7 +82,7 @@ def write_flo(path: str | Path, flow: NDArray[np.floating]) -> None:
 
 
 def read_flo(path: str | Path) -> Flow:
-    """Read a `.flo` file. Raises ValueError when it is not a whole one."""
+    """Read a `.flo` file. Raises ValueError if it is damaged."""
     content = read_bytes(path, ARRAY_BYTES)
     if len(content) < _HEADER.size:
         raise ValueError(f"{path} has {len(content)} bytes: too short for a .flo file")
@@ -101,7 +101,7 @@ def read_flo(path: str | Path) -> Flow:
 
 
 def write_flo5(path: str | Path, flow: NDArray[np.floating]) -> None:
-    """Write a flow (H, W, 2), px, as `.flo5`. Raises ValueError when the array is none."""
+    """Write a flow (H, W, 2), px, as `.flo5`. Raises ValueError if the array is not a flow."""
     _check(flow)
     values = flow.astype("<f4")
     with atomic_write(Path(path)) as temporary, h5py.File(temporary, "w") as file:
@@ -109,29 +109,29 @@ def write_flo5(path: str | Path, flow: NDArray[np.floating]) -> None:
 
 
 def read_flo5(path: str | Path) -> Flow:
-    """Read a `.flo5` file. Raises ValueError when it is none."""
+    """Read a `.flo5` file. Raises ValueError if it is damaged."""
     try:
         check_file(path)
         with h5py.File(path, "r") as file:
             is_here = isinstance(file.get("flow", getlink=True), h5py.HardLink)
             stored = file["flow"] if is_here else None
             if stored is None or stored.is_virtual or stored.external:
-                raise ValueError("no flow, or it lies in another file")
+                raise ValueError("no flow, or a link to another file")
             if stored.size * stored.dtype.itemsize > _LARGEST_BYTES:
                 raise ValueError("more than 4 GiB")
             flow = stored[()]
     except FileNotFoundError:
         raise
-    except Exception as problem:  # of a damaged file, anything
+    except Exception as problem:  # a damaged file can raise any exception
         reason = " ".join(str(problem).split())[:160]
-        raise ValueError(f"{path} is no whole .flo5 file ({reason})") from None
+        raise ValueError(f"{path} is not a complete .flo5 file ({reason})") from None
     if flow.ndim != 3 or flow.shape[-1] != 2 or flow.dtype.kind != "f":
         raise ValueError(f"{path}: flow of shape {flow.shape} and type {flow.dtype}, not (H, W, 2)")
     return np.asarray(flow, np.float32)
 
 
 def write_kitti_png(path: str | Path, flow: NDArray[np.floating]) -> None:
-    """Write a flow (H, W, 2), px, as KITTI's PNG. Raises ValueError when the array is none."""
+    """Write a flow (H, W, 2), px, as KITTI's PNG. Raises ValueError if the array is not a flow."""
     _check(flow)
     codes = np.rint(flow.astype(np.float64) * _CODES_PER_PX + _CODE_OF_ZERO)
     with np.errstate(invalid="ignore"):
@@ -143,15 +143,15 @@ def write_kitti_png(path: str | Path, flow: NDArray[np.floating]) -> None:
 
 
 def read_kitti_png(path: str | Path) -> Flow:
-    """Read KITTI's PNG. Raises ValueError when it has not 16 bits and three channels."""
+    """Read KITTI's PNG. Raises ValueError if it does not have 16 bits and three channels."""
     content = read_bytes(path, ARRAY_BYTES)
-    width, height = struct.unpack(">II", content[16:24].ljust(8, b"\0"))  # of PNG's first chunk
+    width, height = struct.unpack(">II", content[16:24].ljust(8, b"\0"))  # from PNG's first chunk
     if width * height > _MOST_PX:
         raise ValueError(f"{path} claims {width} × {height} px; give flow of fewer pixels")
     coded = np.frombuffer(content, np.uint8)
     image = cv2.imdecode(coded, cv2.IMREAD_UNCHANGED) if content else None
     if image is None or image.dtype != np.uint16 or image.ndim != 3 or image.shape[-1] != 3:
-        raise ValueError(f"{path} is no 16-bit PNG with three channels, as KITTI's flow is")
+        raise ValueError(f"{path} is not a 16-bit PNG with three channels, as KITTI's flow")
     flow = (image[..., :0:-1].astype(np.float32) - _CODE_OF_ZERO) / _CODES_PER_PX
     flow[image[..., 0] == 0] = np.nan
     return np.asarray(flow, np.float32)
@@ -161,7 +161,7 @@ def _read_pfm(path: Path) -> Flow:
     content = read_bytes(path, ARRAY_BYTES)
     header = _PFM_HEADER.match(content)
     if header is None:
-        raise ValueError(f"{path} is no .pfm file of three channels")
+        raise ValueError(f"{path} is not a .pfm file of three channels")
     width, height, scale = int(header[1]), int(header[2]), float(header[3])
     size, expected = len(content) - header.end(), 12 * width * height
     if size != expected:
@@ -176,13 +176,13 @@ def _read_pfm(path: Path) -> Flow:
 def _read_npy(path: Path) -> Flow:
     values = plain_array(read_bytes(path, ARRAY_BYTES))
     if values is None:
-        raise ValueError(f"{path} is no whole .npy file of plain numbers; write it with numpy.save")
+        raise ValueError(f"{path} is not a complete .npy file of numbers; write it with numpy.save")
     if values.ndim != 3 or values.shape[-1] != 2 or values.dtype.kind != "f":
         is_turned = values.ndim == 3 and values.shape[0] == 2
         remedy = "numpy.moveaxis(flow, 0, -1)" if is_turned else "astype('float32')"
         raise ValueError(
             f"{path} holds {values.dtype} {values.shape}: a flow is float32 (H, W, 2), px, x "
-            f"before y; write it so, such as by {remedy}"
+            f"before y; convert it, for example by {remedy}"
         )
     return values.astype(np.float32)
 
@@ -193,7 +193,7 @@ def _check(flow: NDArray[np.floating]) -> None:
 
 
 def _known(flow: Flow) -> Flow:
-    """Flow with NaN in both components where either is too large, or NaN."""
+    """Flow with NaN in both components where either is too large or NaN."""
     known = (np.abs(flow) <= _LARGEST_KNOWN).all(axis=-1, keepdims=True)
     return np.where(known, flow, np.float32(np.nan)).astype(np.float32)
 

@@ -1,4 +1,4 @@
-"""The likelihood of counts in several frames, as a function of how what they show moved.
+"""The likelihood of counts in several frames, as a function of the motion of their content.
 
 **Smoothing.** Where a texture of power spectrum S meets shot noise of variance N (the mean count),
 the most likely shift of n frames that agree is that of greatest correlation after a filter
@@ -10,13 +10,13 @@ at 10⁴ to 10⁶ photons per frame of 240 × 240 px; a step of √2 changes err
 **Evidence.** Frames are binned by 2 × 2 px again and again, which keeps their counts Poisson. Roots
 of the counts, smoothed and aligned by a motion, differ from their mean by noise alone: the sum of
 squares is the log-likelihood of that motion. The gradient is that of the mean of the aligned
-frames: noise in it is then independent of noise in their differences, and draws no velocity toward
-0. Where aligned frames differ by more, something is hidden, or not modelled; evidence there counts
-less in proportion.
+frames: noise in it is then independent of noise in their differences, and biases no velocity
+toward 0. Where aligned frames differ by more, something is occluded or not modelled; evidence there
+has proportionally less weight.
 
-**Flow.** From the coarsest scale to the finest, Newton steps that warp anew each time find the flow
-at nodes 4 px apart that is most likely under a prior that grows as the change of velocity, not its
-square. Each solves a sparse symmetric system of two unknowns a node by factorization, so that
+**Flow.** From the coarsest scale to the finest, Newton steps, each with a new warp, find the flow
+at nodes 4 px apart that is most likely under a prior proportional to the change of velocity, not
+its square. Each solves a sparse symmetric system of two unknowns a node by factorization, so that
 evidence reaches any distance in one step. Equations, sources and limits:
 `docs/theory/whole-frame-flow.md`.
 """
@@ -34,26 +34,26 @@ from scipy.sparse.linalg import splu
 from megalopta.core.arrays import Floats
 
 NODE_PX = 4
-"""Distance of the nodes at which a motion is known"""
+"""Distance of the nodes of a motion"""
 
 _SMALLEST_LEVEL_PX = 12
 _BLURS_PX = 0.7, 2.5
-"""Least and most"""
+"""Least and most blur"""
 
 _AGREEMENT_PX = 2.0
 """Standard deviation of the neighborhood in which aligned frames are compared"""
 
 _MOST_NOISE = 2.0
-"""Mean squared difference of aligned frames, over that of noise, from which evidence is less"""
+"""Mean squared difference of aligned frames, over that of noise, above which evidence is reduced"""
 
 _BLUR_AT_EQUALITY_PX = 0.6
 """Best standard deviation for two frames with as much texture as shot noise, q = 1"""
 
 _FAINTEST = 1e-6
-"""Smaller q are raised to this: no texture was seen, the widest blur is right."""
+"""Smaller q are raised to this: without visible texture, the widest blur is right."""
 
 _LEAST = 1e-9
-"""Evidence for the velocity 0 at every node, so that there is an answer without photons"""
+"""Evidence for the velocity 0 at every node, for a defined result without photons"""
 
 _STEADY = 0.003
 """Change of velocity per pixel below which the prior is quadratic, 1/frame"""
@@ -61,8 +61,8 @@ _STEADY = 0.003
 _NEWTON_STEPS, _PRIOR_STEPS = 4, 2
 _LONGEST_STEP_PX = 1.0
 _FEW_PHOTONS, _CHARGE_POWER = 20.0, 0.3
-"""Per pixel in all frames; fitted to dead leaves and forests, with the smoothness of `PoissonFlow`:
-with fewer, full smoothness loses small things that move for themselves"""
+"""Photons per pixel in all frames; fitted to dead leaves and forests, with the smoothness of
+`PoissonFlow`: with fewer, full smoothness loses small moving objects"""
 
 
 class Level(NamedTuple):
@@ -75,7 +75,7 @@ class Level(NamedTuple):
     noise: float
     """Variance of the roots"""
     bins: int
-    """Pixels of the frames along one of this level"""
+    """Pixels of the frames per pixel of this level, along a side"""
 
 
 class Evidence(NamedTuple):
@@ -92,16 +92,16 @@ class Evidence(NamedTuple):
     """(patterns, 2, H, W), along x and y: of the log-likelihood, at the motion that aligned them"""
     misfit: float
     """Mean squared difference of a pixel from the mean of its aligned frames, over that of noise;
-    where it is large, its logarithm, as evidence is less there"""
+    if large, its logarithm, as evidence is reduced there"""
 
 
 def likelihood_flow(counts: NDArray[Any], smoothness: float) -> Floats:
     """Return the flow (H, W, 2), px per frame, of the frame before the middle; NaN in the dark.
 
-    `counts` (n, H, W): frames of one steady motion, two or more; `smoothness`: log-likelihood that
-    a pixel's worth of flow is charged per unit of its gradient; less where there are few photons.
+    `counts` (n, H, W): frames of one steady motion, two or more; `smoothness`: penalty in
+    log-likelihood per pixel and unit of the flow's gradient; it is reduced for few photons.
 
-    Raises ValueError when there is one frame.
+    Raises ValueError for a single frame.
     """
     if len(counts) < 2:
         raise ValueError("one frame has no flow: give two or more")
@@ -120,23 +120,23 @@ def likelihood_flow(counts: NDArray[Any], smoothness: float) -> Floats:
 
 
 def times_from_reference(frames: int) -> Floats:
-    """Return the times of so many frames from the one before the middle, (frames,)."""
+    """Return the times of frames relative to the one before the middle, (frames,)."""
     return np.arange(frames, dtype=np.float64) - (frames // 2 - 1)
 
 
 def charge_of(counts: NDArray[Any], smoothness: float) -> float:
-    """Return what counts (n, H, W) are charged per unit of the gradient of their flow."""
+    """Return the penalty of counts (n, H, W) per unit of the gradient of their flow."""
     photons = counts.sum(axis=0).mean()
     return float(smoothness * min(1.0, photons / _FEW_PHOTONS) ** _CHARGE_POWER)
 
 
 def stiffness(charge: float, squared_change: Floats) -> Floats:
-    """Return the stiffness (n, m) of links over which flow changes so: its square (n, m), px²."""
+    """Return the stiffness (n, m) of links with a squared change of flow (n, m), px²."""
     return np.asarray(charge / np.sqrt(squared_change / NODE_PX**2 + _STEADY**2))
 
 
 def _step(level: Level, times: Floats, nodes: Floats, smoothness: float) -> Floats:
-    """Return how far to go from a flow at nodes, (2, n, m)."""
+    """Return the step from a flow at nodes, (2, n, m)."""
     shape = level.roots.shape[1:]
     pixels = np.mgrid[: shape[0], : shape[1]].astype(np.float64)
     flow = finer(nodes, shape, NODE_PX)[::-1]
@@ -156,18 +156,18 @@ def _step(level: Level, times: Floats, nodes: Floats, smoothness: float) -> Floa
 def suited_blur_px(excess: Floats, frames: int) -> Floats:
     """Return the standard deviation of the best blur (px), of any shape.
 
-    `excess`: q, of the unsmoothed counts; `frames`: how many frames are to agree.
+    `excess`: q of the unsmoothed counts; `frames`: number of frames to align.
     """
     ratios = np.maximum(excess, _FAINTEST) * frames / 2
     return np.asarray(_BLUR_AT_EQUALITY_PX * ratios ** (-1 / 3))
 
 
 def root_noise(smooth: Callable[[Floats], NDArray[Any]]) -> float:
-    """Return the variance that shot noise gives to the roots of smoothed counts, at any brightness.
+    """Return the variance of roots of smoothed counts due to shot noise, at any brightness.
 
-    A quarter of what smoothing leaves of a variance equal to the mean.
+    A quarter of a variance equal to the mean, after smoothing.
 
-    `smooth`: (H, W) to the same; reaches 15 px at most.
+    `smooth`: smooths (H, W); reaches 15 px at most.
     """
     impulse = np.zeros((31, 31))
     impulse[15, 15] = 1
@@ -191,7 +191,7 @@ def halved(frames: Floats) -> Floats:
 
 
 def level_of(frames: Floats, bins: int = 1) -> Level:
-    """Return frames (n, H, W) of so many bins as roots and splines."""
+    """Return frames (n, H, W), binned by `bins`, as roots and splines."""
     excess = frames.var(axis=(1, 2)).mean() / frames.mean() - 1
     smooth = partial(gaussian_filter, sigma=suited_blur_px(excess, len(frames)).clip(*_BLURS_PX))
     roots = np.sqrt(np.stack([smooth(frame) for frame in frames]))
@@ -200,11 +200,11 @@ def level_of(frames: Floats, bins: int = 1) -> Level:
 
 
 def evidence(level: Level, patterns: Floats, places: Iterable[Floats]) -> Evidence:
-    """Return what frames tell about a motion by which each is aligned.
+    """Return the evidence of frames about the motion that aligns them.
 
-    `patterns` (patterns, n): what a displacement is made of, at each frame; of a steady one the
-    times from the frame of reference; `places` (2, H, W), of each frame: row and column at which it
-    shows what the frame of reference shows at a pixel.
+    `patterns` (patterns, n): components of a displacement, at each frame; for a steady one the
+    times from the frame of reference; `places` (2, H, W), for each frame: row and column of the
+    content of the reference frame's pixels.
     """
     shape = level.roots.shape[1:]
     inside = np.ones(shape, np.bool_)
@@ -233,7 +233,7 @@ def evidence(level: Level, patterns: Floats, places: Iterable[Floats]) -> Eviden
 
 
 def finer(coarse: Floats, shape: tuple[int, ...], factor: int) -> Floats:
-    """Return values (k, n, m) at a grid of this shape, so many times finer, linear between them."""
+    """Return values (k, n, m) on a finer grid of this shape, by linear interpolation."""
     along = ((np.arange(side) + 0.5) / factor - 0.5 for side in shape)
     places = np.stack(np.meshgrid(*along, indexing="ij"))
     return np.stack([map_coordinates(each, places, order=1, mode="nearest") for each in coarse])
@@ -249,7 +249,7 @@ def to_nodes(pixels: Floats) -> Floats:
 
 
 def most_likely(information: Floats, slope: Floats, springs: tuple[Floats, Floats]) -> Floats:
-    """Return the velocities u, (2, n, m), of least ½Σuᵀ·A·u − bᵀ·u + ½Σw·|u − u'|².
+    """Return the velocities u, (2, n, m), that minimize ½Σuᵀ·A·u − bᵀ·u + ½Σw·|u − u'|².
 
     `information` (3, n, m): A of each node: xx, xy, yy; `slope` (2, n, m): b of each node;
     `springs` (n, m − 1) and (n − 1, m): w to the right neighbor, and to the lower.

@@ -17,32 +17,32 @@ from megalopta.flow.detectors.registry import Method, velocity_method
 def optical_flow(
     first: ArrayLike, second: ArrayLike, method: Method = "PF", **settings: Any
 ) -> Floats:
-    """Return the flow from one image to the next, (H, W, 2) in px: x, to the right, then y, down.
+    """Return the flow from one image to the next, (H, W, 2) in px: x to the right, then y down.
 
-    Raises ValueError when the method gives no velocity, a setting is unknown or wrong, or the
-    images are no images of one size, too small, or no counts where the method needs them.
+    Raises ValueError if the method gives no velocity, a setting is unknown or wrong, or the
+    images differ in size, are too small, or are not counts if the method needs them.
 
     Parameters
     ----------
     first, second : (H, W)
-        Photon counts for PM, PPM, PF and PPF; gray levels of any range will do for the others.
+        Photon counts for PM, PPM, PF and PPF; gray levels of any range for the others.
     method
         Name of a method in `METHODS`, a function of two images, `module:function`, the path of an
         ONNX file, or a detector.
     **settings
-        Of the method, such as `smoothness` of PF; its class tells all.
+        Settings of the method, such as `smoothness` of PF; its class lists them.
 
     Returns
     -------
     Floats
-        At each pixel of the first image, NaN where undefined. Of a method that gives one velocity
-        per block it is linear between the middles of blocks, and beyond the outermost as there.
+        Flow at each pixel of the first image, NaN where undefined. For a method of one velocity
+        per block, interpolated linearly between block centers, and constant beyond the outermost.
     """
     detector = _changed(velocity_method(method), settings)
     frames = [_image(each) for each in (first, second)]
     if detector.takes_counts and all(map(_are_gray_levels, frames)):
         raise ValueError(
-            f"{detector.name} takes photon counts, and these are gray levels from 0 to 1: multiply"
+            f"{detector.name} needs photon counts, but these are gray levels from 0 to 1: multiply"
             " them by the photons of the brightest, or choose another method, such as DIS"
         )
     return detector.dense(*frames)
@@ -54,7 +54,7 @@ def _changed(detector: BlockDetector, settings: Mapping[str, Any]) -> BlockDetec
     for name, value in settings.items():
         if name not in known:
             raise ValueError(
-                f"{detector.name} has no setting {name} (of value {quoted(value)}): choose from"
+                f"{detector.name} has no setting {name} (value {quoted(value)}): choose from"
                 f" {', '.join(known)}"
             )
     try:

@@ -1,10 +1,10 @@
-"""Scenes with exactly known motion, photon counts, and how well motion can be read from them."""
+"""Scenes with exactly known motion, photon counts, and benchmarks of motion detectors."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if (Path(__file__).parents[1] / "render" / "scene_renderer.py").exists():
-    # In a clone the five library folders stand beside this one, not in it.
+    # In a clone the five library folders are beside this one, not in it.
     __path__.append(str(Path(__file__).parents[1]))
 
 if TYPE_CHECKING:
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def __getattr__(name: str) -> Any:
-    """Load what is published when it is first used."""
+    """Load a public name on first use."""
     if name == "open_dataset":
         from megalopta.dataset.opened import open_dataset
 

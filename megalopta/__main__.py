@@ -3,7 +3,7 @@
 import sys
 
 if __name__ == "__main__" and not sys.flags.safe_path:
-    del sys.path[0]  # the working folder, in which anything may lie
+    del sys.path[0]  # the working folder, which may hold modules of the same names
 
 from megalopta.cli.main import main
 

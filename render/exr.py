@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import OpenEXR
 from numpy.typing import NDArray
 
 from megalopta.core.files import atomic_write
@@ -197,6 +196,8 @@ def _under(group: str, values: Mapping[str, Any]) -> dict[str, Any]:
 def _write(
     path: Path, channels: Mapping[str, NDArray[np.generic]], header: Mapping[str, str]
 ) -> None:
+    import OpenEXR
+
     full_header = {
         "compression": OpenEXR.ZIP_COMPRESSION,
         "type": OpenEXR.scanlineimage,
@@ -219,6 +220,8 @@ def _os_error(problem: RuntimeError, path: Path) -> OSError:
 def _read(
     path: Path, header_only: bool = False
 ) -> tuple[dict[str, object], dict[str, NDArray[np.generic]]]:
+    import OpenEXR
+
     if not path.is_file():
         raise FileNotFoundError(f"{path}: no such file")
     try:

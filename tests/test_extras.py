@@ -6,6 +6,7 @@ import sys
 import tomllib
 from pathlib import Path
 
+import numpy as np
 import pytest
 from packaging.requirements import Requirement
 
@@ -15,7 +16,7 @@ import sys
 
 class Refused:
     def find_spec(self, name, path=None, target=None):
-        if name.partition(".")[0] in {"mitsuba", "drjit", "OpenEXR", "trimesh", "dask", "distributed", "serial", "cobs", "av"}:
+        if name.partition(".")[0] in {"mitsuba", "drjit", "OpenEXR", "trimesh", "dask", "distributed", "serial", "cobs", "av", "rerun"}:
             raise ModuleNotFoundError(f"No module named {name!r}", name=name)
 
 sys.meta_path.insert(0, Refused())
@@ -47,10 +48,17 @@ def test_sensors_and_flow_need_no_extra():
     assert (done.stdout, done.returncode) == ("(3, 24, 24) BM\n", 0), done.stderr
 
 
+def test_a_cube_of_photons_is_seen_without_extras(tmp_path):
+    np.save(tmp_path / "cube.npy", np.full((3, 16, 2), 0b01001001, np.uint8))
+    done = run(COMMAND, "view", str(tmp_path / "cube.npy"), "--out", str(tmp_path / "out"))
+    assert "no film.mp4: av is not installed; pip install 'megalopta[video]'" in done.stderr
+    assert {each.name for each in (tmp_path / "out").iterdir()} == {"film.gif", "view.html"}
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (("render", "grating", "--out", "data"), "OpenEXR is not installed; pip install 'megalopta[render]'"),
+        (("render", "grating", "--out", "data"), "trimesh is not installed; pip install 'megalopta[render]'"),
         (("spadcam", "list"), "serial is not installed; pip install 'megalopta[camera]'"),
     ],
 )  # fmt: skip
@@ -60,6 +68,20 @@ def test_a_missing_extra_is_named(tmp_path, monkeypatch, words, said):
     assert done.stderr.splitlines()[-1] == f"megalopta: {said}"
     assert done.returncode == 2
     assert not list(tmp_path.iterdir())
+
+
+def test_pictures_become_photons_flow_and_a_report_without_a_renderer(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    codes = np.random.default_rng(0).integers(0, 255, (4, 48, 64), np.uint8)
+    np.save("clip.npy", codes)
+    for words in (
+        ("sense", "clip.npy", "--unit", "srgb", "--photons", "2"),
+        ("flow", "out/clip", "--methods", "BM"),
+        ("report", "out/clip"),
+    ):
+        done = run(COMMAND, *words)
+        assert done.returncode == 0, done.stderr
+    assert (tmp_path / "out/clip/report.html").exists()
 
 
 def test_a_film_names_its_extra(tmp_path):

@@ -70,8 +70,8 @@ def test_a_broken_plug_in_is_told_in_one_sentence_and_breaks_nothing(with_plug_i
     assert int(done.stdout) == len(METHODS) + 1  # the one that works
     told = done.stderr.splitlines()
     assert len(told) == 2
-    assert told[0].endswith("broken (whole_frame:BROKEN) is left out: 5 is no Detector, give one")
-    assert "missing (no_such_module:Detector) is left out: No module named" in told[1]
+    assert told[0].endswith("broken (whole_frame:BROKEN): 5 is not a Detector; give one")
+    assert "missing (no_such_module:Detector): No module named" in told[1]
 
 
 @pytest.mark.slow
@@ -92,4 +92,4 @@ except Exception as refusal:
     assert used == "[('theirs', 0.5, 0.1), ('dark', 0.5, 0.02)]"
     assert is_listed == "True"
     assert refusal.endswith("ctia_ingaas_quiet, theirs")
-    assert "twice (whole_frame:NAMESAKE) is left out: the name 'ideal' is taken" in done.stderr
+    assert "twice (whole_frame:NAMESAKE): the name 'ideal' is taken" in done.stderr

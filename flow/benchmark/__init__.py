@@ -1,1 +1,1 @@
-"""The photons that a measurement needs."""
+"""Photon benchmarks of detectors."""

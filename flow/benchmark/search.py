@@ -1,22 +1,22 @@
-"""The photons that detectors need on a moving template, found with few draws.
+"""Search for the photons that detectors need on a moving template, with few draws.
 
-**Short sequences.** The sequence of the thesis, 400 frames, is represented by a few short ones that
-start at places spread around the template. Detectors with a memory see clean frames first: what
-their filters have kept from before is then right, and only the noise has yet to reach its strength;
-frames until then are drawn and not scored. Draws are named by seed, stimulus, flux, place and
-repeat, and a detector that needs few frames sees the first of those that another one sees.
+**Short sequences.** The thesis's sequence of 400 frames is represented by a few short ones that
+start at places spread around the template. Detectors with memory see clean frames first, so that
+their filters have the right state, and only the noise has yet to reach its strength; frames until
+then are drawn but not scored. Draws are keyed by seed, stimulus, flux, place and repeat, and a
+detector that needs few frames sees the first of those that another one sees.
 
-**Search.** Errors are measured at fluxes of a fixed lattice only, at those that a search asks for:
-it starts where a single pixel is precise enough, strides up or down by half decades as far as the
-error promises, and bisects the half decade in which the error crosses its level until its ends are
-neighbors, or the curve between them is straight; while the interval of the crossing is open it
-strides on. An error at a flux is the same number however the search came there, so no result
-depends on the other methods of a search, nor on the order of searches. Of one method, metrics and
-bits share the fluxes that they were measured at, so asking for more of them may refine an interval.
+**Search.** Errors are measured only at the fluxes of a fixed lattice that a search needs. It starts
+where a single pixel is precise enough, strides up or down by half decades as far as the error
+suggests, and bisects the half decade in which the error crosses its level until its ends are
+neighbors, or the curve between them is straight; it strides on while the interval of the crossing
+is open. An error at a flux does not depend on the path of the search, so no result depends on the
+other methods of a search, nor on their order. For one method, metrics and bits share their fluxes,
+so further ones may refine an interval.
 
-The crossing is the first downward one of the thesis if the error does not fall below its level and
-rise again at a smaller flux; where it does, between lattice neighbors that a search has not seen,
-another crossing may be found.
+The crossing is the thesis's first downward one, unless the error falls below its level and rises
+again at a smaller flux, between lattice neighbors that the search has not measured; then another
+crossing may be found.
 """
 
 import math
@@ -35,17 +35,17 @@ from megalopta.flow.stimuli.moving_template import MovingTemplate, summed
 from megalopta.flow.stimuli.photons import draw_in_one, narrowest
 
 _MEAN_AT_TWO_BITS = 10.133
-"""Count of a pixel whose relative error is 25 %; the error goes as its inverse root."""
+"""Count of a pixel with a relative error of 25 %; the error is proportional to its inverse root."""
 _LONGEST_STRIDE_DECADES = 2.0
 _STRIDES_PER_DECADE = 2
-"""Detectors that stride alike measure on the same counts, which are drawn once."""
+"""Detectors with the same stride measure on the same counts, which are drawn once."""
 _STRAIGHT = 0.05
-"""Decades by which an error may miss F^−½ between two fluxes before one between them is measured;
-a bend of so much moves a threshold by 1 to 3 %"""
+"""Deviation in decades from F^−½ between two fluxes above which one between them is measured; it
+moves a threshold by 1 to 3 %"""
 _EXACT_PER_DECADE = 100
-"""Closed forms cost next to nothing, and deserve that interpolation adds no error of its own."""
+"""Closed forms are cheap, so their lattice is fine enough to add no interpolation error."""
 _SMALLEST_ERROR = 1e-3
-"""In levels; block matching reaches 0"""
+"""Smallest error, in levels; block matching reaches 0"""
 
 
 def photon_search(
@@ -55,9 +55,9 @@ def photon_search(
     seed: int,
     name: str,
 ) -> tuple[ErrorCurve, ...]:
-    """Return a curve for each method and metric, measured where the thresholds need it.
+    """Return a curve per method and metric, measured where the thresholds need it.
 
-    Raises ValueError when the frames are black or too small for a detector.
+    Raises ValueError if the frames are black or too small for a detector.
 
     Parameters
     ----------
@@ -66,18 +66,18 @@ def photon_search(
     seed : int
         Any integer.
     name : str
-        Of the stimulus; stimuli of different names are drawn independently.
+        Name of the stimulus; stimuli of different names are drawn independently.
     """
     detectors = [method(each) for each in methods]
     sequences = ShortSequences(stimulus, settings, seed, name, detectors)
-    # those that need most frames first: the others see some of these
+    # detectors of the most frames first: the others see a part of these
     order = sorted(detectors, key=lambda detector: -detector.noise_memory_frames)
     curves = {each.name: _Search(sequences, each).curves() for each in order}
     return tuple(curve for each in detectors for curve in curves[each.name])
 
 
 class ShortSequences:
-    """A stimulus at a few places, clean and as counts; counts are kept, for other detectors."""
+    """A stimulus at a few places, clean and as counts; counts are kept for other detectors."""
 
     def __init__(
         self,
@@ -103,7 +103,7 @@ class ShortSequences:
         self._counts: dict[tuple[float, int, int], Frames] = {}
 
     def clean(self, phase: int, before: int, frames: int) -> Floats:
-        """Return frames at a place, after some that lead there, as shares of the flux."""
+        """Return frames at a place, and some before it, as shares of the flux."""
         pooled = summed(self._light[phase], self.settings.summed_frames)
         return np.asarray(pooled[self._before - before : self._before + frames])
 
@@ -122,8 +122,8 @@ class ShortSequences:
 
 
 def phase_shifts(columns: int, phases: int) -> list[int]:
-    """Return places around a template (px), spread evenly but in no step with a grating on it."""
-    # by van der Corput's sequence in base 2: 0, 1/2, 1/4, 3/4 and so on
+    """Return places around a template (px), evenly spread but incommensurate with a grating."""
+    # van der Corput's sequence in base 2: 0, 1/2, 1/4, 3/4, …
     shares = [int(f"{n:b}"[::-1], 2) / (1 << n.bit_length()) for n in range(phases)]
     return [int((phase + share) / phases * columns) for phase, share in enumerate(shares)]
 
@@ -136,9 +136,9 @@ def next_index(
     straight: float,
     is_smooth: bool = False,
 ) -> int | None:
-    """Return where on a lattice of fluxes to measure next to find where an error crosses a level.
+    """Return the next index on a lattice of fluxes in the search for the crossing of a level.
 
-    None when the crossing is known closely enough or lies outside of the lattice.
+    None if the crossing is known well enough or lies outside the lattice.
 
     `errors`: index of a flux to the error there; at least one; `last`: largest index, 1 or more;
     `per_decade`: fluxes per factor of ten; `straight`: decades by which the errors around the
@@ -169,7 +169,7 @@ def next_index(
 
 
 def _stride(depth: float, per_decade: int) -> int:
-    """Return how many fluxes away an error of 10^depth levels lets the crossing be expected.
+    """Return the expected distance of the crossing, in fluxes, from an error of 10^depth levels.
 
     Errors fall as F^−½ above a detector's threshold and faster below it.
     """
@@ -187,7 +187,7 @@ def _warm_up_frames(method: Detector) -> int:
 
 
 class _DetectorErrors:
-    """One detector's responses to counts against those to clean frames."""
+    """Responses of one detector to counts, against those to clean frames."""
 
     def __init__(self, sequences: ShortSequences, method: Detector) -> None:
         self._sequences, self._method = sequences, method
@@ -199,7 +199,7 @@ class _DetectorErrors:
         self._clean = [frames[before:] for frames in clean]
         self._after: list[Callable[[float], Responder]] = []
         if method.gives == "response" and not method.takes_counts:
-            # at common brightness, which they ask for, clean frames are the same at any flux
+            # at the common brightness that they need, clean frames are the same at any flux
             gain = sequences.pixels / self._settings.summed_frames
             self._after = [method.after(frames, gain) for frames in self._before]
         brightest = self._settings.flux_max
@@ -207,10 +207,10 @@ class _DetectorErrors:
 
     @property
     def is_defined(self) -> bool:
-        """True where the detector responds to the clean frames at all.
+        """True if the detector responds to the clean frames.
 
-        One that gives velocities and reads rest in most of its blocks does not: what is left are
-        the few in which the subsampling of `nearest` happens to show a whole pixel.
+        Velocities of rest in most blocks do not count: the remaining ones are those few in which
+        the subsampling of `nearest` happens to show a whole pixel.
         """
         _, _, magnitude, scored = sum(
             error_sums(self._method, ideal, ideal).sum(axis=1) for ideal in self._ideal
@@ -220,11 +220,11 @@ class _DetectorErrors:
 
     @property
     def is_exact(self) -> bool:
-        """True where errors come from a closed form, and no counts are drawn."""
+        """True if errors come from a closed form, and no counts are drawn."""
         return self._method.expected_deviation(self._clean[0][:1], 1.0) is not None
 
     def sums(self, flux: float) -> Floats:
-        """Return what the error at a flux is made of, (4, repeats, places, scored frames)."""
+        """Return the sums for the error at a flux, (4, repeats, places, scored frames)."""
         dark = self._sequences.dark_counts * self._settings.summed_frames
         return np.stack([self._at_place(phase, flux, dark) for phase in self._phases], axis=2)
 
@@ -233,7 +233,7 @@ class _DetectorErrors:
         method, repeats = self._method, self._settings.repeats
         has_own = self._settings.compares_with_means(method)
         ideal = self._to_light(phase, flux, dark) if has_own else self._ideal[phase]
-        # where frames are independent of each other, one stands for those of a place
+        # if frames are independent, one represents those of a place
         means = self._clean[phase][:1] * flux + dark
         if (deviation := method.expected_deviation(means, self._scale(flux))) is not None:
             expected = error_sums(method, ideal[:1], ideal[:1] + deviation)
@@ -272,7 +272,7 @@ class _Search:
             finer = {"fluxes_per_decade": _EXACT_PER_DECADE}
             self._settings = self._settings.model_copy(update=finer)
         self._step = _shortest_stride(self._settings.fluxes_per_decade)
-        # the curve of a matcher may be flat, then steep, and yet fall as F^−½ on the whole
+        # the curve of a matcher may be flat, then steep, yet fall as F^−½ overall
         bisects_always = self._is_exact or method.gives == "velocity"
         self._straight = 0.0 if bisects_always else _STRAIGHT
         self._fluxes = self._settings.fluxes
@@ -280,7 +280,7 @@ class _Search:
         self._measured: dict[int, Floats] = {}
 
     def curves(self) -> list[ErrorCurve]:
-        """Return one curve for each metric."""
+        """Return one curve per metric."""
         if not self._errors.is_defined:
             nothing = np.zeros((4, self._settings.repeats, self._settings.phases, 1))
             self._measured = {0: nothing, self._last: nothing}
@@ -297,7 +297,7 @@ class _Search:
                 self._measured[index] = self._errors.sums(self._fluxes[index])
 
     def _start(self, bits: int) -> int:
-        """Return the index where the brightness of a pixel is known to so many bits."""
+        """Return the index at which the brightness of a pixel is known to this many bits."""
         needed = _MEAN_AT_TWO_BITS * 4.0 ** (bits - 2) * self._sequences.pixels
         dark = self._sequences.dark_counts * self._sequences.pixels
         flux = (needed + math.sqrt(needed**2 + 4 * needed * dark)) / 2  # F²/(F + dark) = needed
@@ -327,7 +327,7 @@ class _Search:
                 return
 
     def _curve(self, metric: Metric, bits: tuple[int, ...]) -> ErrorCurve:
-        """Return the curve through what was measured."""
+        """Return the curve through the measured points."""
         indices = sorted(self._measured)
         sums = np.stack([self._measured[index] for index in indices], axis=1)
         *rest, places, frames = sums.shape

@@ -1,13 +1,13 @@
 """The photon benchmark: how many photons per frame a detector needs (thesis, Chapter 4).
 
-A clean sequence is resized, scaled to a photon flux, and drawn; each detector answers to the
-counts and to the clean sequence, and the error between the two answers is followed over the flux.
-Counts are multiplied by pixels/flux before the detectors see them, so that the answer to the clean
-sequence does not depend on the flux (the dark counts it adds are the same everywhere; detectors
-that notice such an offset get the clean sequence with it). All detectors see the same draws.
+A clean sequence is resized, scaled to a photon flux, and drawn. Each detector runs on the counts
+and on the clean sequence, and the error between both responses is measured over the flux. Counts
+are multiplied by pixels/flux first, so that the response to the clean sequence does not depend on
+the flux (dark counts are the same everywhere; detectors that respond to such an offset get the
+clean sequence with it). All detectors see the same draws.
 
-The sequence passes in chunks of frames, all fluxes of one chunk at a time, so memory does not grow
-with its length. Every draw has a random stream of its own, so neither chunks nor the choice of
+The sequence is processed in chunks of frames, all fluxes of a chunk at a time, so memory does not
+grow with its length. Every draw has its own random stream, so neither chunks nor the choice of
 fluxes, sizes or detectors changes a number. Standard errors (`error_curve`) are estimated in blocks
 of frames longer than the memory of the detector.
 
@@ -36,17 +36,17 @@ from megalopta.flow.stimuli.resizing import resize, resized_shape
 
 @dataclass(frozen=True)
 class Bookkeeping:
-    """Progress of a run, and parts kept, so that a stopped run can continue."""
+    """Progress of a run, and cache of its parts, so that an interrupted run can continue."""
 
     on_progress: Callable[[int], object] = lambda work: None
     """Called with the work done since the last call, in the units of `work_units`."""
     part: Callable[[str, Callable[[], list[Floats]]], list[Floats]] = lambda _, work: work()
-    """Gives a part by its name, one for each size and repeat: what was kept of it, or else what
-    the callable returns, sums (4, fluxes, T) of each method."""
+    """Returns a part by name, one per size and repeat: the cached one, or else the result of the
+    callable, sums (4, fluxes, T) of each method."""
 
 
 class Clip(Protocol):
-    """A sequence of frames of which some are read at a time: an array, in memory or on disk."""
+    """A sequence of frames, of which some are read at a time: an array, in memory or on disk."""
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -58,7 +58,7 @@ class Clip(Protocol):
 
 @dataclass(frozen=True)
 class BenchmarkResult:
-    """All curves of one sequence, with what is needed to make them again."""
+    """All curves of one sequence, with everything needed to reproduce them."""
 
     sequence: str
     seed: int
@@ -67,13 +67,13 @@ class BenchmarkResult:
     frames: tuple[PositiveInt, PositiveInt, PositiveInt]
     """Shape (T, H, W) of the clean sequence before resizing"""
     warm_up: int
-    """Frames that were not scored"""
+    """Frames at the start that were not scored"""
     curves: tuple[ErrorCurve, ...]
 
     def curve(self, method: str, size: int, metric: Metric = "literal") -> ErrorCurve:
         """Return the curve of one detector at one frame size (rows).
 
-        Raises ValueError when it was not measured.
+        Raises ValueError if it was not measured.
         """
         for curve in self.curves:
             if (curve.method, curve.shape[0], curve.metric) == (method, size, metric):
@@ -85,7 +85,7 @@ class BenchmarkResult:
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """Return everything ready for JSON."""
+        """Return all fields, ready for JSON."""
         return vars(self) | {
             "settings": self.settings.model_dump(mode="json"),
             "methods": {each.name: each.model_dump(mode="json") for each in self.methods},
@@ -112,15 +112,15 @@ def photon_benchmark(
     sequence: str,
     books: Bookkeeping = Bookkeeping(),
 ) -> BenchmarkResult:
-    """Return the error of each method over the photon flux, and the fluxes it needs.
+    """Return the error of each method over the photon flux, and the fluxes that it needs.
 
-    Raises ValueError when the frames are no light, too few or too small, or a size exceeds theirs.
+    Raises ValueError if the frames are not light, too few or too small, or a size exceeds theirs.
 
     Parameters
     ----------
     frames : (T, H, W)
-        Clean sequence, any quantity proportional to the light; an array, or what is sliced like
-        one, such as a Zarr array, of which a few frames are in memory at a time.
+        Clean sequence, any quantity proportional to the light; an array, or an object sliced
+        like one, such as a Zarr array, of which a few frames are in memory at a time.
     methods
         Detectors, their names, or functions (`detector_from`); of different names.
     seed : int
@@ -128,7 +128,7 @@ def photon_benchmark(
     sequence : str
         Name of the sequence; sequences of different names are drawn independently.
     books
-        Gets the work done, `work_units` in all, and keeps its parts.
+        Gets the work done, `work_units` in all, and caches its parts.
     """
     detectors = [method(each) for each in methods]
     warm_up = checked_warm_up(frames.shape, detectors, settings)
@@ -149,7 +149,7 @@ def photon_benchmark(
 
 
 class _AtSize:
-    """A resized clean sequence, and how methods do on the photons it gives."""
+    """A resized clean sequence, and the errors of methods on its photons."""
 
     def __init__(
         self, frames: Clip, size: int, settings: BenchmarkSettings, seed: int, sequence: str
@@ -158,7 +158,7 @@ class _AtSize:
         rows, columns = frames.shape[1], frames.shape[2]
         self._shape = resized_shape((rows, columns), size)
         self._pixels = self._shape[0] * self._shape[1]
-        # of a resized pixel, per frame
+        # per resized pixel and frame
         self._dark_counts = settings.dark_counts * rows * columns / self._pixels
         # names the sequence at this size in random streams
         self._key = seed, sequence, f"{self._shape[0]}x{self._shape[1]}"
@@ -196,7 +196,7 @@ class _AtSize:
         ]
 
     def _comparison(self, method: Detector) -> Callable[[Floats, Floats, Counts, float], Floats]:
-        """Return what gives the errors of a detector at one flux, chunk by chunk."""
+        """Return a function that gives the errors of a detector at one flux, chunk by chunk."""
         to_counts, to_means = method.start(self._shape), method.start(self._shape)
         has_own = self._settings.compares_with_means(method)
 

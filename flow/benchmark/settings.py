@@ -1,4 +1,4 @@
-"""Settings of photon benchmarks, and the work that they take."""
+"""Settings of photon benchmarks, and their computational work."""
 
 import math
 from collections import Counter
@@ -19,7 +19,7 @@ _THESIS_WARM_UP = 30
 class CurveSettings(
     BaseModel, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
 ):
-    """Error curves to measure, and how closely."""
+    """Error curves to measure, and their precision."""
 
     flux_min: Annotated[float, Field(ge=1e-6, le=1e15)] = 1e3
     """Smallest flux (photons per frame)"""
@@ -28,24 +28,24 @@ class CurveSettings(
     fluxes_per_decade: Annotated[int, Field(ge=1, le=1000)] = 2
     """Number of fluxes per factor of ten"""
     repeats: Annotated[int, Field(ge=2, le=100_000)] = 4
-    """Independent draws of the whole sequence at each flux; they give the intervals"""
+    """Independent draws of the whole sequence at each flux; they give the confidence intervals"""
     dark_counts: Annotated[float, Field(ge=0, le=1e12)] = 0.1
     """Dark counts per frame and pixel of the frames before resizing"""
     normalization: Normalization = "per_frame"
-    """What is brought to the flux: every frame, as the thesis does, or (per_sequence) the mean one,
-    so that frames differ in brightness as they do in the scene"""
+    """Scaled to the flux: every frame, as in the thesis, or (per_sequence) the mean frame, so that
+    frames differ in brightness as they do in the scene"""
     reference: Literal["self", "perfect"] = "self"
-    """What responses to counts are compared with: those to the mean counts, the dark ones included,
-    or (perfect) to the light alone. It matters to detectors that notice an offset, IM and PM"""
+    """Reference of the responses to counts: those to the mean counts with dark counts, or (perfect)
+    to the light alone. It matters to detectors that respond to an offset, IM and PM"""
     metrics: Annotated[tuple[Metric, ...], Field(min_length=1)] = METRICS
     """Error metrics: "literal" is Eq. 4.5, "ratio" does not divide by near-zero responses"""
     bits: Annotated[tuple[Annotated[int, Field(ge=1, le=16)], ...], Field(min_length=1)] = (2, 3, 4)
-    """Accuracies whose flux is wanted, n bits being an error of 2⁻ⁿ"""
+    """Accuracies whose flux is reported; n bits are an error of 2⁻ⁿ"""
     confidence: Annotated[float, Field(gt=0, lt=1)] = 0.95
-    """Probability that an interval holds"""
+    """Confidence level of intervals"""
 
     def compares_with_means(self, detector: Detector) -> bool:
-        """Return whether the reference of a detector's responses has the mean of dark counts."""
+        """True if the reference of a detector's responses includes mean dark counts."""
         return self.reference == "self" and not detector.ignores_offset
 
     @field_validator("metrics", "bits", "sizes", check_fields=False)
@@ -58,13 +58,13 @@ class CurveSettings(
         if len(self.fluxes) < 2:
             raise ValueError(
                 f"flux_min {self.flux_min:g} to flux_max {self.flux_max:g} at"
-                f" {self.fluxes_per_decade} per decade holds fewer than two fluxes: widen the range"
+                f" {self.fluxes_per_decade} per decade holds fewer than two fluxes; widen the range"
             )
         return self
 
     @property
     def fluxes(self) -> tuple[float, ...]:
-        """Photons per frame, growing by equal factors from the smallest, up to the largest."""
+        """Photons per frame, in equal factors from the smallest up to the largest."""
         decades = math.log10(self.flux_max / self.flux_min)
         steps = math.floor(decades * self.fluxes_per_decade + 1e-9)
         return tuple(
@@ -73,37 +73,37 @@ class CurveSettings(
 
 
 class BenchmarkSettings(CurveSettings, frozen=True):
-    """Measurements on a sequence, and how closely."""
+    """Measurements on a sequence, and their precision."""
 
     sizes: Annotated[tuple[Annotated[int, Field(ge=3)], ...], Field(min_length=1)] = (
         60, 120, 180, 240,
     )  # fmt: skip
-    """Rows of the resized frames (px); the columns follow in proportion"""
+    """Rows of the resized frames (px); columns are in proportion"""
     resize: ResizeKind = "nearest"
-    """How frames are resized: "nearest" subsamples as the thesis does, "area" pools the light"""
+    """"nearest" subsamples frames as in the thesis, "area" pools the light"""
     warm_up: Annotated[int, Field(ge=0)] | None = None
-    """Frames not scored at the start; by default 30 of 60 or more, else the longest memory"""
+    """Frames not scored at the start; default: 30 of 60 or more, else the longest memory"""
     chunk_frames: Annotated[int, Field(ge=1, le=10_000)] = 16
     """Frames processed together; changes memory and speed, never a result"""
 
 
 class SearchSettings(CurveSettings, frozen=True):
-    """Measurements on a template that turns, and how closely."""
+    """Measurements on a rotating template, and their precision."""
 
     repeats: Annotated[int, Field(ge=2, le=100_000)] = 2
-    """Independent draws of all frames at each flux; they give the intervals"""
+    """Independent draws of all frames at each flux; they give the confidence intervals"""
     fluxes_per_decade: Annotated[int, Field(ge=1, le=1000)] = 8
-    """Number of fluxes per factor of ten; those are measured that the thresholds need"""
+    """Fluxes per factor of ten; only those that the thresholds need are measured"""
     phases: Annotated[int, Field(ge=1, le=251)] = 4
     """Places around the template at which short sequences start; errors are means over them"""
     frames: Annotated[int, Field(ge=1, le=10_000)] = 6
-    """Frames scored of each of these sequences, after those in which noise reaches its strength"""
+    """Scored frames of each of these sequences, after those in which noise reaches its strength"""
     summed_frames: Annotated[int, Field(ge=1, le=10_000)] = 1
-    """Temporal pooling: detectors see the sliding sum of so many frames"""
+    """Temporal pooling: detectors see the sliding sum of this many frames"""
 
 
 def each_once(values: tuple[Any, ...]) -> tuple[Any, ...]:
-    """Return values of which none comes twice, or refuse them."""
+    """Return the values, or refuse duplicates."""
     for value, times in Counter(values).items():
         if times > 1:
             raise ValueError(f"{value} is named twice: name each once")
@@ -111,16 +111,16 @@ def each_once(values: tuple[Any, ...]) -> tuple[Any, ...]:
 
 
 def work_units(frames_shape: tuple[int, ...], settings: BenchmarkSettings) -> int:
-    """Return the work of a benchmark of frames (T, H, W): the number of pixels that are drawn."""
+    """Return the work of a benchmark of frames (T, H, W): the number of drawn pixels."""
     shapes = (resized_shape((frames_shape[1], frames_shape[2]), size) for size in settings.sizes)
     pixels = sum(rows * columns for rows, columns in shapes)
     return frames_shape[0] * pixels * len(settings.fluxes) * settings.repeats
 
 
 def default_warm_up(n_frames: int, methods: Sequence[Detector]) -> int:
-    """Return how many frames not to score at the start of a sequence.
+    """Return the number of frames not to score at the start of a sequence.
 
-    The thesis's 30 when the sequence has at least 60; in a shorter one the smallest number after
+    The thesis's 30 if the sequence has at least 60; in a shorter one the smallest number after
     which the slowest filter of these methods has decayed to 1 %.
     """
     if n_frames >= 2 * _THESIS_WARM_UP:
@@ -135,7 +135,7 @@ def checked_warm_up(
 
     `frames_shape`: (T, H, W) of the clean sequence; `methods`: detectors of different names.
 
-    Raises ValueError when frames are too few or too small, or a size exceeds theirs.
+    Raises ValueError if frames are too few or too small, or a size exceeds theirs.
     """
     names = [method.name for method in methods]
     if not names or len(set(names)) < len(names):

@@ -1,11 +1,11 @@
-"""One interface for everything that turns frames into motion.
+"""Common interface of all motion detectors.
 
-A detector is a frozen parameter object. `respond` takes a whole sequence; `start` gives the same
-detector as a function of successive chunks of a sequence, so that a long one never has to be in
-memory. Both give the same numbers, however the sequence is cut.
+A detector is a frozen parameter object. `respond` takes a whole sequence; `start` returns the same
+detector as a function of successive chunks of a sequence, so that a long one need not be in
+memory. Both give the same numbers, for any chunks.
 
-To add a detector: derive from `Detector` in a file of its own in this folder, with a default for
-each parameter, and write one test; `megalopta.flow.detectors.registry` finds it.
+To add a detector: derive from `Detector` in a new file of this folder, with a default for each
+parameter, and write a test; `megalopta.flow.detectors.registry` finds it.
 """
 
 import math
@@ -23,7 +23,7 @@ from megalopta.core.arrays import Floats
 
 Frames = NDArray[Any]
 Responder = Callable[[Frames, float], Floats]
-"""The next chunk of frames (n, H, W) and its scale to the responses of that chunk."""
+"""Maps the next chunk of frames (n, H, W) and its scale to the responses of that chunk."""
 _RUNS = 3
 
 
@@ -37,25 +37,25 @@ class Detector(BaseModel, ABC, frozen=True, extra="forbid", allow_inf_nan=False)
 
     gives: ClassVar[Literal["response", "velocity"]]
     ignores_offset: ClassVar[bool] = True
-    """A constant added to all pixels of all frames does not change the response."""
+    """Whether a constant added to all pixels of all frames leaves the response unchanged."""
     takes_counts: ClassVar[bool] = False
-    """The frames must be photon counts: their noise says how far to trust them, so the response to
-    scaled frames is another. The scale is then ignored."""
+    """Whether frames must be photon counts: their noise sets the weights, so scaled frames give
+    another response. The scale is then ignored."""
     tells_direction: ClassVar[bool] = False
-    """Motion to the right and to the left give different responses."""
+    """Whether motion to the right and to the left give different responses."""
     minimum_frames: ClassVar[int] = 1
     place: ClassVar[float] = math.inf
-    """Where it stands in lists and legends; without one after those that have, by name"""
+    """Place in lists and legends; methods without one follow, by name"""
 
     name: Annotated[str, Field(min_length=1)]
-    """Short name, as in the legends of the literature"""
+    """Short name, as in the literature"""
     label: Annotated[str, Field(min_length=1)]
     """Full name"""
 
     @property
     @abstractmethod
     def memory_frames(self) -> int:
-        """Frames after which less than 1 % of the past is left in the response."""
+        """Frames after which less than 1 % of the past remains in the response."""
 
     @property
     def noise_memory_frames(self) -> int:
@@ -64,15 +64,15 @@ class Detector(BaseModel, ABC, frozen=True, extra="forbid", allow_inf_nan=False)
 
     @abstractmethod
     def start(self, shape: tuple[int, int]) -> Responder:
-        """Return the detector at rest, to be fed a sequence of frames (H, W) chunk by chunk.
+        """Return the detector at rest, to process a sequence of frames (H, W) chunk by chunk.
 
-        Raises ValueError when frames of this shape are too small for the detector.
+        Raises ValueError if frames of this shape are too small for the detector.
         """
 
     def after(self, frames: Frames, scale: float) -> Callable[[float], Responder]:
-        """Return how to start the detector after it has seen `scale` · `frames` + an offset.
+        """Return a function that starts the detector after `scale` · `frames` + an offset.
 
-        That is, the offset to a responder as `start` returns one. There may be no frames.
+        It maps the offset to a responder as returned by `start`. There may be no frames.
         """
 
         def start(offset: float) -> Responder:
@@ -85,19 +85,19 @@ class Detector(BaseModel, ABC, frozen=True, extra="forbid", allow_inf_nan=False)
 
     @abstractmethod
     def scored(self, responses: Floats) -> Floats:
-        """Return what errors are computed from, (T, rows, columns, components), no borders."""
+        """Return the values to be scored, (T, rows, columns, components), without borders."""
 
     def expected_deviation(self, means: Floats, scale: float) -> Floats | None:
         """Return E|response to counts − response to their means (T, H, W)|, as `respond`.
 
-        None where it has no closed form, and counts must be drawn to know it.
+        None without a closed form, if counts must be drawn.
         """
         return None
 
     def respond(self, frames: Frames, scale: float = 1.0) -> Floats:
         """Return the responses to the sequence `scale` · `frames`.
 
-        Raises ValueError when the frames are not a sequence, too few or too small.
+        Raises ValueError if the frames are not a sequence, too few or too small.
 
         `frames` (T, H, W), counts or intensities. `scale`: brings counts to common brightness, for
         instance pixels per frame / photons per frame. Velocities do not depend on it. Returns (T,
@@ -112,9 +112,9 @@ class Detector(BaseModel, ABC, frozen=True, extra="forbid", allow_inf_nan=False)
 
 
 def in_pairs(match: Callable[[Frames], Floats]) -> Responder:
-    """Return a responder that hands `match` every pair of neighboring frames exactly once.
+    """Return a responder that passes every pair of neighboring frames to `match` exactly once.
 
-    `match`: frames (n, H, W) to the results of their n − 1 pairs.
+    `match`: maps frames (n, H, W) to the results of their n − 1 pairs.
     """
     last: Frames | None = None
 
@@ -130,7 +130,7 @@ def in_pairs(match: Callable[[Frames], Floats]) -> Responder:
 def stacked(frames: Sequence[Frames]) -> Frames:
     """Return frames (H, W) as one array (T, H, W).
 
-    Raises ValueError when they are no images, differ in shape, or have pixels that are NaN or
+    Raises ValueError if they are not images, differ in shape, or have pixels that are NaN or
     infinite.
     """
     shapes = {each.shape for each in frames}
@@ -144,9 +144,9 @@ def stacked(frames: Sequence[Frames]) -> Frames:
 
 
 def milliseconds_per_frame(detector: Detector, counts: Frames) -> float:
-    """Return the CPU time of a new frame whose predecessors are known, the median of three runs.
+    """Return the CPU time of a new frame with known predecessors, the median of three runs.
 
-    `counts` (T, H, W): shown four times in a row; the first fills the detector's memory and
+    `counts` (T, H, W): processed four times; the first run fills the detector's memory and
     compiles.
     """
     height, width = counts.shape[1:]

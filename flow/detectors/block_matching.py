@@ -2,10 +2,10 @@
 
 Thesis §4.3.1, after Barjatya's ES. Each block of frame t + 1 is compared with all equally large
 parts of frame t up to `radius_px` away in x and y; parts that leave the frame are skipped. The
-candidates are taken row by row from the upper left, and only a strictly smaller difference
+candidates are tried row by row from the upper left, and only a strictly smaller difference
 replaces the best, so of equal ones the first wins (in the dark, where all blocks are empty, that
 is the velocity (+radius, +radius)). Velocities are whole pixels: motion below half a pixel per
-frame reads 0, motion beyond the radius reads wrong.
+frame gives 0, motion beyond the radius a wrong velocity.
 
 The candidates have equal areas, so sums stand for means. For each shift in x both frames are laid
 out in strips as wide as a block, so that a block and each of its candidates up and down is one run
@@ -38,7 +38,7 @@ class BlockMatching(BlockDetector, frozen=True):
     name: str = "BM"
     label: str = "Block matching"
     radius_px: Annotated[int, Field(ge=1)] | None = None
-    """Largest shift searched in x and in y (px per frame); by default `thesis_radius_px`"""
+    """Largest shift searched in x and in y (px per frame); default: `thesis_radius_px`"""
 
     def start(self, shape: tuple[int, int]) -> Responder:
         """Return the search for frames (H, W); see `Detector.start`."""
@@ -54,7 +54,7 @@ def _velocities(grid: BlockGrid, radius: int, frames: Frames) -> Floats:
 
 
 def _exact_type(frames: Frames, pixels: int) -> type[np.number[Any]]:
-    """Return the narrowest type of those whose differences over so many pixels add up exactly."""
+    """Return the narrowest type whose differences over `pixels` pixels add up exactly."""
     kind = frames.dtype.kind
     if kind == "u" or (kind == "i" and frames.min(initial=0) >= 0):
         largest = int(frames.max(initial=0))
@@ -87,7 +87,7 @@ def _search(
                     best = velocities[pair, i, j]
                     for y in range(max(row - radius, 0), min(row + radius, height - size) + 1):
                         cost = _difference(block, shifted[j, y * size : (y + size) * size])
-                        # the first in the order row by row, though shifts in x are the outer loop
+                        # the first in row order, though shifts in x are the outer loop
                         if cost < least[i, j] or (cost == least[i, j] and row - y > best[1]):
                             least[i, j] = cost
                             best[0], best[1] = -dx, row - y

@@ -1,8 +1,8 @@
-"""The square blocks for which block methods give one velocity each, and what these methods share.
+"""Square blocks of block methods, which give one velocity each, and their common parts.
 
-The thesis cuts an N × N frame into 10 × 10 blocks. A frame that is not square gets square blocks
-of a tenth of its shorter side, as many as fit, centered. Blocks at the border see less of the
-motion (the match may have left the frame), so errors are scored on the blocks inside.
+The thesis cuts an N × N frame into 10 × 10 blocks. A frame that is not square gets square blocks of
+a tenth of its shorter side, as many as fit, centered. Blocks at the border see less of the motion
+(the match may have left the frame), so errors are scored on inner blocks.
 """
 
 from collections.abc import Sequence
@@ -21,7 +21,7 @@ from megalopta.flow.detectors.base import Detector, Frames, Responder, stacked
 BLOCKS_PER_SIDE = 10
 _SMALLEST_BLOCK_PX = 2
 FEWEST_BLOCKS = 3
-"""Along a side: with less there is no block inside, and nothing to score."""
+"""Fewest blocks along a side: with fewer there is no inner block to score."""
 
 
 @dataclass(frozen=True)
@@ -33,12 +33,12 @@ class BlockGrid:
 
     @property
     def rows(self) -> int:
-        """Number of blocks above each other."""
+        """Number of rows of blocks."""
         return self.shape[0] // self.block_px
 
     @property
     def columns(self) -> int:
-        """Number of blocks side by side."""
+        """Number of columns of blocks."""
         return self.shape[1] // self.block_px
 
     @property
@@ -59,7 +59,7 @@ class BlockGrid:
 
     @property
     def centers(self) -> Floats:
-        """Image coordinates (rows, columns, 2), x and y, of the middles of the blocks."""
+        """Image coordinates (rows, columns, 2), x and y, of the block centers."""
         first = self.corners.reshape(self.rows, self.columns, 2)[..., ::-1]
         return np.ascontiguousarray(first, np.float64) + self.block_px / 2
 
@@ -69,8 +69,8 @@ def block_grid(
 ) -> BlockGrid:
     """Return the blocks of a frame (H, W); by default a tenth of the shorter side wide.
 
-    Raises ValueError when there would be fewer blocks along a side, 3 by default, or a block of
-    less than 2 px.
+    Raises ValueError if there are fewer blocks along a side than `fewest_blocks`, or a block is
+    smaller than 2 px.
     """
     size = min(shape) // BLOCKS_PER_SIDE if block_px is None else block_px
     if size < _SMALLEST_BLOCK_PX or min(shape) // size < fewest_blocks:
@@ -101,8 +101,8 @@ def mean_over_blocks(flow: Floats, grid: BlockGrid) -> Floats:
 def between_blocks(velocities: Floats, grid: BlockGrid) -> Floats:
     """Return velocities of blocks (rows, columns, 2) at every pixel, (H, W, 2).
 
-    Linear between the middles of blocks, beyond the outermost as there. A block without a velocity
-    takes no part, and the flow is undefined (NaN) at its pixels.
+    Linear between block centers, constant beyond the outermost. Blocks without velocity are
+    ignored, and the flow is undefined (NaN) at their pixels.
     """
     missing: Any = ~np.isfinite(velocities).all(axis=-1)
     if missing.all():
@@ -128,9 +128,9 @@ class BlockDetector(Detector, frozen=True):
     minimum_frames: ClassVar[int] = 2
 
     block_px: Annotated[int, Field(ge=2)] | None = None
-    """Side of a block (px); by default a tenth of the shorter side of the frame"""
+    """Side of a block (px); default: a tenth of the shorter side of the frame"""
     fewest_blocks: Annotated[int, Field(ge=1)] = FEWEST_BLOCKS
-    """Smaller frames are refused; 1 lets a detector see a single block and the margin around it"""
+    """Smaller frames are refused; 1 allows a single block with its margin"""
 
     @property
     def memory_frames(self) -> int:
@@ -142,28 +142,27 @@ class BlockDetector(Detector, frozen=True):
         return responses[:, 1:-1, 1:-1, :]
 
     def grid(self, shape: tuple[int, int]) -> BlockGrid:
-        """Return where the blocks of a frame (H, W) lie.
+        """Return the blocks of a frame (H, W).
 
-        Raises ValueError when the frame is too small.
+        Raises ValueError if the frame is too small.
         """
         return block_grid(shape, self.block_px, self.fewest_blocks)
 
     @property
     def most_frames(self) -> float:
-        """Most frames that `dense` takes together."""
+        """Most frames that `dense` uses together."""
         return self.memory_frames + 1
 
     def dense(self, *frames: Frames) -> Floats:
         """Return the flow (H, W, 2) of frames of one steady motion, px per frame, x then y.
 
-        Velocities of blocks are linear between the middles of blocks, and beyond the outermost as
-        there; NaN at the pixels of blocks that have none.
+        Velocities of blocks are interpolated linearly between block centers, and constant beyond
+        the outermost; NaN at the pixels of blocks without velocity.
 
-        Raises ValueError when frames are too many or too small, differ in shape, or hold what is no
-        light.
+        Raises ValueError if frames are too many or too small, differ in shape, or are not light.
 
-        `*frames` (H, W): two successive ones, or as many more as the method takes together; counts
-        if it asks for them (`takes_counts`).
+        `*frames` (H, W): two successive ones, or as many more as the method uses together; counts
+        if the method needs them (`takes_counts`).
         """
         sequence = self.checked(frames)
         grid = self.grid((sequence.shape[1], sequence.shape[2]))
@@ -198,22 +197,22 @@ class BlockDetector(Detector, frozen=True):
         return respond
 
     def prepared(self, grid: BlockGrid, frame: Frames) -> Any:
-        """Return a frame (H, W) as `velocities` takes it; not the caller's, which may change."""
+        """Return a frame (H, W) as needed by `velocities`; a copy, as the caller's may change."""
         return frame.copy()
 
     def velocities(self, grid: BlockGrid, window: list[Any]) -> Floats:
         """Return the velocities of the blocks, (rows × columns, 2) in any shape.
 
-        Of two to `memory_frames` + 1 prepared frames, the newest last.
+        From two to `memory_frames` + 1 prepared frames, the newest last.
         """
         raise NotImplementedError
 
 
 class PooledFrames(BlockDetector, frozen=True):
-    """A block detector that takes the newest frames together."""
+    """A block detector that pools the newest frames."""
 
     frames: Annotated[int, Field(ge=3, le=32)] = 8
-    """Frames that are taken to have one velocity, the newest included"""
+    """Frames of one velocity, the newest included"""
 
     @property
     def memory_frames(self) -> int:
@@ -222,7 +221,7 @@ class PooledFrames(BlockDetector, frozen=True):
 
 
 def thesis_radius_px(shape: tuple[int, int]) -> int:
-    """Return the search radius that grows with the shorter side N of the frame.
+    """Return the search radius, which grows with the shorter side N of the frame.
 
     (75 + N)/45, rounded: the thesis's 3, 4, 6 and 7 px at N = 60, 120, 180 and 240.
     """
@@ -233,9 +232,9 @@ class SummedFrames(BlockDetector, frozen=True):
     """The velocity of a method between sums of successive frames."""
 
     method: SerializeAsAny[BlockDetector]
-    """Of two frames"""
+    """Method for two frames"""
     frames: Annotated[int, Field(ge=4, le=64, multiple_of=2)] = 8
-    """Frames of both sums; at the start of a sequence there are fewer"""
+    """Frames of both sums; fewer at the start of a sequence"""
 
     @property
     def memory_frames(self) -> int:
@@ -243,7 +242,7 @@ class SummedFrames(BlockDetector, frozen=True):
         return self.frames - 1
 
     def grid(self, shape: tuple[int, int]) -> BlockGrid:
-        """Return where the blocks of the method lie in a frame (H, W)."""
+        """Return the blocks of the method in a frame (H, W)."""
         return self._inner.grid(shape)
 
     @property
@@ -256,18 +255,18 @@ class SummedFrames(BlockDetector, frozen=True):
         return frame.astype(np.float64)
 
     def velocities(self, grid: BlockGrid, window: list[Floats]) -> Floats:
-        """Return those between both sums."""
+        """Return the velocities between both sums."""
         half = len(window) // 2
         sums = np.stack([sum(window[-2 * half : -half]), sum(window[-half:])])
         return np.asarray(self._inner.respond(sums)[-1] / half)
 
     def scored(self, responses: Floats) -> Floats:
-        """Return what the method itself is scored by."""
+        """Return the scored values of the method itself."""
         return self.method.scored(responses)
 
 
 def summed_frames(method: BlockDetector, frames: int = 8) -> SummedFrames:
-    """Return a method between the sums of the first and of the second half of some frames."""
+    """Return a method between the sums of the first and the second half of `frames` frames."""
     half = frames // 2
     return SummedFrames(
         name=f"{method.name} {half}+{half}",

@@ -1,9 +1,9 @@
 """Burst alignment (BA): patches of sums of frames, aligned from coarse to fine.
 
-So bursts of photographs, and of the binary frames of SPADs, are aligned before they are merged
+Bursts of photographs, and of binary frames of SPADs, are aligned this way before they are merged
 (Hasinoff et al., ACM Trans. Graph. 35(6), 2016; Ma et al., ibid. 39(4), 2020). Eight frames are
-added up to four sums of two; of fewer than eight each stands for itself. Each patch of one in the
-middle is looked for in the others by the least absolute difference: in frames binned by 8 × 8 px
+added to four sums of two; fewer than eight are used one by one. Each patch of one in the middle is
+searched in the others by the least absolute difference: in frames binned by 8 × 8 px
 first, then in finer ones around twice the shift that it, or one of its four neighbors, had before.
 A parabola through the differences refines the last. The velocity is the slope of the shifts over
 time. Smoothing of the field of shifts, and merging, which follow in Ma et al., are not done.
@@ -36,11 +36,11 @@ class BurstAlignment(PooledFrames, frozen=True):
     name: str = "BA"
     label: str = "Burst alignment"
     levels: Annotated[int, Field(ge=1, le=6)] = 4
-    """Levels of the pyramid, each binned by 2 × 2 px more; fewer where a block would not fit"""
+    """Levels of the pyramid, each binned by 2 × 2 px more; fewer if a block does not fit"""
     radius_px: Annotated[int, Field(ge=1)] = 4
     """Largest shift searched at the coarsest level (its px)"""
     finer_radius_px: Annotated[int, Field(ge=1)] = 2
-    """Largest change of the shift at the others"""
+    """Largest change of the shift at finer levels"""
 
     def prepared(self, grid: BlockGrid, frame: Frames) -> Floats:
         """Return a frame that can be added without overflow."""
@@ -62,7 +62,7 @@ class BurstAlignment(PooledFrames, frozen=True):
         return np.where(seen, slope / (times @ times), np.nan)
 
     def _shifts(self, reference: Floats, other: Floats, grid: BlockGrid) -> Floats:
-        """Return how far the content of each block is displaced in another frame, (blocks, 2)."""
+        """Return the displacement of each block's content in another frame, (blocks, 2)."""
         pyramid = list(_levels(np.stack((reference, other)), grid.block_px, self.levels))
         shifts = np.zeros((grid.rows, grid.columns, 2), np.int64)
         around = np.empty((grid.rows * grid.columns, 3, 3))
@@ -98,7 +98,7 @@ def _corners(grid: BlockGrid, level: int, shape: tuple[int, ...]) -> NDArray[np.
 
 
 def _moved(field: NDArray[np.int64], down: int, right: int) -> NDArray[np.int64]:
-    """Return a field (rows, columns, 2) of what a neighbor has; that of the edge is its own."""
+    """Return the neighbors' values of a field (rows, columns, 2); at the edge, its own."""
     rows = np.clip(np.arange(field.shape[0]) + down, 0, field.shape[0] - 1)
     columns = np.clip(np.arange(field.shape[1]) + right, 0, field.shape[1] - 1)
     return field[np.ix_(rows, columns)]
@@ -106,7 +106,7 @@ def _moved(field: NDArray[np.int64], down: int, right: int) -> NDArray[np.int64]
 
 @njit(cache=True, nogil=True, fastmath={"reassoc"})  # type: ignore[untyped-decorator]
 def _difference(pair: Floats, row: int, column: int, size: int, dx: int, dy: int) -> float:
-    """Sum of absolute differences of a patch and one displaced; infinite outside of the frame."""
+    """Sum of absolute differences of a patch and a displaced one; infinite outside the frame."""
     top, left = row + dy, column + dx
     if top < 0 or left < 0 or top + size > pair.shape[1] or left + size > pair.shape[2]:
         return np.inf

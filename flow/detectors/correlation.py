@@ -31,7 +31,7 @@ from megalopta.flow.detectors.base import Detector, Frames, Responder
 FilterStep = Annotated[float, Field(gt=0, le=1)]
 _FORGOTTEN = 0.01
 _LONG = 30
-"""Time constants; e⁻³⁰ is left."""
+"""Time constants after which e⁻³⁰ remains."""
 _TINY = 1e-20
 
 _ELEMENTARY, _PRODUCT, _RECTIFIED_PRODUCT, _RECTIFIED_SUM = range(4)
@@ -85,7 +85,7 @@ def _advance(frames: Any, filters: _Filters, state: Any, outputs: Any) -> None:
 
 
 class CorrelationDetector(Detector, frozen=True):
-    """Filters and state that EMD, NDM and NDS have in common."""
+    """Common filters and state of EMD, NDM and NDS."""
 
     gives: ClassVar[Literal["response", "velocity"]] = "response"
     _combination: ClassVar[int]
@@ -93,16 +93,16 @@ class CorrelationDetector(Detector, frozen=True):
     filter_step: FilterStep
     """Step a of the high-pass and of the delay, 1/(1 + time constant in frames)"""
     output_step: FilterStep = 0.8
-    """Step b of the low-pass at the output; 1 is no low-pass"""
+    """Step b of the low-pass at the output; 1: no low-pass"""
 
     @property
     def memory_frames(self) -> int:
-        """Frames after which less than 1 % of the past is left in the delayed copy, smoothed."""
+        """Frames after which less than 1 % of the past remains in the delayed copy, smoothed."""
         return _settled(self.filter_step, self.output_step, power=1)
 
     @property
     def noise_memory_frames(self) -> int:
-        """Frames after which less than 1 % of the power of white noise is left in it."""
+        """Frames after which less than 1 % of the power of white noise remains in it."""
         return _settled(self.filter_step, self.output_step, power=2)
 
     def start(self, shape: tuple[int, int]) -> Responder:
@@ -115,9 +115,9 @@ class CorrelationDetector(Detector, frozen=True):
         return self._from(np.zeros((3, *shape)), is_new=True)
 
     def after(self, frames: Frames, scale: float) -> Callable[[float], Responder]:
-        """Return how to start with what the filters keep; see `Detector.after`.
+        """Return a function that starts with the filters' states; see `Detector.after`.
 
-        That is found once: an offset passes through the first low-pass only.
+        The states are computed once: an offset passes through the first low-pass only.
         """
         if not len(frames):
             return super().after(frames, scale)
@@ -133,7 +133,7 @@ class CorrelationDetector(Detector, frozen=True):
         return start
 
     def _from(self, state: Floats, is_new: bool = False) -> Responder:
-        """Return filters in a state; of new ones the first frame has been there forever."""
+        """Return filters in a state; in a new one the first frame precedes the sequence forever."""
 
         def respond(frames: Frames, scale: float) -> Floats:
             nonlocal is_new
@@ -162,10 +162,10 @@ class CorrelationDetector(Detector, frozen=True):
 
 @cache
 def _settled(filter_step: float, output_step: float, power: int) -> int:
-    """Return after how many frames 1 % is left of the response to one bright frame.
+    """Return the number of frames after which 1 % of the response to one bright frame remains.
 
-    Its path is the longest, high-pass, delay and low-pass at the output: three poles, two of them
-    equal, so that it decays more slowly than any one.
+    Its longest path is high-pass, delay and low-pass at the output: three poles, two of them equal,
+    so that it decays more slowly than any one.
     """
     frames = math.ceil(_LONG / min(filter_step, output_step))
     delay, smoothing = (

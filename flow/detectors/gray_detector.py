@@ -1,26 +1,25 @@
 """Common parts of the estimators of OpenCV and scikit-image: gray levels in, blocks out.
 
-They were made for pictures and expect gray levels of a fixed range. Photon counts are brought to it
-pair by pair, by one linear map of both frames: the darkest pixel of the two becomes 0, the
-brightest 1, and neither gain nor offset of the counts changes a velocity. Hot pixels would leave
-few levels to all others, so what lies beyond the middle 98 % of the pixels by more than three times
-the spread of these is clipped there; in pictures without such pixels nothing is.
-Estimators that take 8 bits only round to 256 levels, which loses nothing as long as the counts of
-a pair span less than 256, and is below the photon noise wherever a pixel holds more than
-(span/255)²/12 photons.
+They expect gray levels of a fixed range, as in pictures. Photon counts are mapped to it pair by
+pair, by one linear map of both frames: the darkest pixel of the two becomes 0, the brightest 1, and
+neither gain nor offset of the counts changes a velocity. Hot pixels would leave few levels to all
+others, so values beyond the middle 98 % of the pixels by more than three times the spread of these
+are clipped there; pictures without such pixels are not clipped.
+Estimators of 8 bits round to 256 levels, which loses nothing if the counts of a pair span less than
+256, and is below the photon noise wherever a pixel holds more than (span/255)²/12 photons.
 
-Photon noise grows with the light, which these estimators do not know of. By choice, `stretch`, the
-counts n are brought to 2·√(n + 3/8) first, whose noise is the same in the dark and in the light
-(Anscombe 1948), and smoothed a little, `blur_px`.
+Photon noise grows with the light, which these estimators ignore. With `stretch`, the counts n are
+first transformed to 2·√(n + 3/8), whose noise is the same in the dark and in the light
+(Anscombe 1948), and smoothed slightly, `blur_px`.
 
-A pair without any contrast has no velocity (NaN); an estimator says more where it can know more.
+A pair without contrast has no velocity (NaN); estimators state further cases.
 Velocities belong to the blocks of the first frame of a pair.
 
-A plain function that gives the flow between two frames becomes such a detector, too:
+A plain function that returns the flow between two frames becomes such a detector, too:
 
     photon_benchmark(frames, ["LK", detector_from(my_flow)], settings, seed=0, sequence="mine")
 
-A method that must see the counts themselves derives from `BlockDetector` instead.
+A method that needs the counts themselves derives from `BlockDetector` instead.
 """
 
 import hashlib
@@ -45,26 +44,26 @@ _ANSCOMBE = 3 / 8
 _MIDDLE_PERCENT, _SPREADS = (1, 99), 3.0
 
 DenseFlow: TypeAlias = Callable[[Floats, Floats], Any]
-"""Two frames (H, W) to the flow (H, W, 2) from the first to the second, px, x before y."""
+"""Maps two frames (H, W) to the flow (H, W, 2) from the first to the second, px, x before y."""
 
 
 class GrayDetector(BlockDetector, frozen=True):
-    """A block detector that sees pairs of pictures with gray levels from 0 to 1."""
+    """A block detector on pairs of pictures with gray levels from 0 to 1."""
 
     stretch: Literal["none", "anscombe"] = "none"
-    """What is done to counts first; anscombe makes the noise of all of them alike"""
+    """Transform of counts; anscombe gives all of them the same noise"""
     blur_px: Annotated[float, Field(ge=0, le=10)] = 0.0
-    """Standard deviation of a Gaussian that smooths what was stretched"""
+    """Standard deviation of a Gaussian blur after the transform"""
 
     def velocities(self, grid: BlockGrid, window: list[Frames]) -> Floats:
-        """Return the velocities of a pair of frames, NaN without any contrast."""
+        """Return the velocities of a pair of frames, NaN without contrast."""
         pair = gray_levels(self._stretched(np.stack(window)))
         if pair is None:
             return np.full((grid.rows, grid.columns, 2), np.nan)
         return self._estimate(grid, pair)
 
     def _stretched(self, pair: Frames) -> Frames:
-        """Return a pair of frames as it is to be brought to gray levels."""
+        """Return a pair of frames, transformed before the map to gray levels."""
         if self.stretch == "anscombe":
             pair = 2 * np.sqrt(pair + _ANSCOMBE)
         if self.blur_px:
@@ -83,10 +82,10 @@ def eight_bits(pair: Floats) -> NDArray[np.uint8]:
 
 
 def gray_levels(pair: Frames) -> Floats | None:
-    """Return two frames (2, H, W) with gray levels from 0 to 1; None without any contrast."""
+    """Return two frames (2, H, W) with gray levels from 0 to 1; None without contrast."""
     exact = pair.astype(np.float64)
     low, high = np.percentile(exact, _MIDDLE_PERCENT)
-    # where nearly all pixels are alike, what differs is the picture
+    # if nearly all pixels are alike, the others are the picture
     spread = _SPREADS * (high - low) or np.inf
     darkest, brightest = max(exact.min(), low - spread), min(exact.max(), high + spread)
     if brightest > darkest:
@@ -95,7 +94,7 @@ def gray_levels(pair: Frames) -> Floats | None:
 
 
 class MethodError(UserError, ValueError):
-    """A method of somebody else fails, or gives what is no flow; the message names it."""
+    """A foreign method fails, or returns something else than flow; the message names it."""
 
 
 class DenseDetector(GrayDetector, frozen=True):
@@ -134,18 +133,18 @@ class FunctionDetector(DenseDetector, frozen=True):
     """The flow of a function, averaged over blocks."""
 
     function: DenseFlow
-    """Two frames (H, W), gray levels from 0 to 1, to their flow (H, W, 2)"""
+    """Maps two frames (H, W), gray levels from 0 to 1, to their flow (H, W, 2)"""
 
     @field_serializer("function")
     def _identity(self, function: DenseFlow) -> str:
-        """Return what tells this function from others, for records and stored results.
+        """Return an identity of the function, for records and stored results.
 
-        Its source and the values that it encloses; what it calls is not looked into.
+        Its source and the values that it encloses; functions that it calls are not inspected.
         """
         try:
             enclosed = sorted(inspect.getclosurevars(function).nonlocals.items())
             body = f"{inspect.getsource(function)}{enclosed}"
-        except (OSError, TypeError):  # built in, or typed into an interpreter
+        except (OSError, TypeError):  # built in, or from an interactive session
             body = repr(function)
         place = f"{function.__module__}.{getattr(function, '__qualname__', repr(function))}"
         return f"{place} {hashlib.sha256(body.encode()).hexdigest()}"
@@ -153,7 +152,7 @@ class FunctionDetector(DenseDetector, frozen=True):
     def _flow(self, _: BlockGrid, pair: Floats) -> Floats:
         try:
             return np.asarray(self.function(pair[0], pair[1]), np.float64)
-        except Exception as problem:  # somebody else's code can raise anything
+        except Exception as problem:  # foreign code can raise any exception
             last = traceback.extract_tb(problem.__traceback__)[-1]
             said = f"{type(problem).__name__}: {' '.join(str(problem).split())}"
             raise MethodError(
@@ -165,15 +164,15 @@ class FunctionDetector(DenseDetector, frozen=True):
 def detector_from(
     function: DenseFlow, name: str | None = None, label: str | None = None
 ) -> FunctionDetector:
-    """Return a detector that asks a function for the flow between neighboring frames.
+    """Return a detector that calls a function for the flow between neighboring frames.
 
     Parameters
     ----------
     function
-        Two frames (H, W) float64, gray levels from 0 to 1, to their flow (H, W, 2) in px, x before
-        y; NaN where undefined.
+        Maps two frames (H, W) float64, gray levels from 0 to 1, to their flow (H, W, 2) in px, x
+        before y; NaN where undefined.
     name, label : str, optional
-        Short name, and full name; by default the function's.
+        Short name, and full name; default: the function's.
     """
     short = name or getattr(function, "__name__", type(function).__name__)
     return FunctionDetector(name=short, label=label or short, function=function)

@@ -24,7 +24,7 @@ from megalopta.flow.detectors.base import Frames, Responder, in_pairs
 from megalopta.flow.detectors.blocks import BlockDetector, BlockGrid
 
 _SINGULAR = 1e-9
-"""Share of AC below which AC − B² is rounding: gradients of one direction only."""
+"""Share of AC below which AC − B² is rounding error: gradients of one direction only."""
 
 
 class ImageInterpolation(BlockDetector, frozen=True):
@@ -35,7 +35,7 @@ class ImageInterpolation(BlockDetector, frozen=True):
     name: str = "IIA"
     label: str = "Image interpolation"
     scored_components: Literal["x", "xy"] = "x"
-    """What the benchmark compares: the thesis's motion is horizontal, so its x component"""
+    """Components that the benchmark compares: the thesis's motion is horizontal, so x"""
 
     def start(self, shape: tuple[int, int]) -> Responder:
         """Return the estimator for frames (H, W); see `Detector.start`."""

@@ -1,4 +1,4 @@
-"""Intensity measurement (IM): the pixel itself, the yardstick for the motion detectors.
+"""Intensity measurement (IM): the pixel value, a baseline for the motion detectors.
 
 Thesis §4.4. The relative error of a Poisson count of mean λ is the mean absolute deviation E|X −
 λ|/λ = 2 exp(−λ) λ^⌊λ⌋ / ⌊λ⌋!, which is 25 % at λ = 10.133.
@@ -15,7 +15,7 @@ from megalopta.flow.detectors.base import Detector, Responder
 
 
 class IntensityMeasurement(Detector, frozen=True):
-    """The scaled pixel values, dark counts included."""
+    """Scaled pixel values, including dark counts."""
 
     place: ClassVar[float] = 6
     gives: ClassVar[Literal["response", "velocity"]] = "response"
@@ -26,7 +26,7 @@ class IntensityMeasurement(Detector, frozen=True):
 
     @property
     def memory_frames(self) -> int:
-        """0: every frame stands alone."""
+        """0: frames are independent."""
         return 0
 
     def start(self, shape: tuple[int, int]) -> Responder:
@@ -49,5 +49,5 @@ def mean_absolute_deviation(means: ArrayLike) -> Floats:
     mean = np.asarray(means, np.float64)
     whole = np.floor(mean)
     exact = 2 * np.exp(xlogy(whole + 1, mean) - mean - gammaln(whole + 1))
-    # where the terms of the exponent would cancel, of a normal variable, within 1e-6
+    # where the terms of the exponent would cancel: normal approximation, within 1e-6
     return np.where(mean > 1e6, np.sqrt(2 * mean / np.pi), exact)

@@ -3,10 +3,9 @@
 OpenCV: Lucas–Kanade (LK), Farnebäck (FB) and dense inverse search (DIS); scikit-image: total
 variation (TV-L1) and phase correlation (PC).
 
-OpenCV is imported when it is first needed, and kept to one thread while it works: its parallel
-loops cut a frame by the number of threads, and some estimators pass results on within such a part,
-so with one thread the numbers are the same on every machine. Sequences are spread over processes
-anyway.
+OpenCV is imported on first use, and runs on one thread: its parallel loops cut a frame by the
+number of threads, and some estimators propagate results within such a part, so only one thread
+gives the same numbers on every machine. Sequences are spread over processes anyway.
 """
 
 from collections.abc import Iterator
@@ -26,12 +25,12 @@ _SMALLEST_WINDOW_PX = 3
 _SMALLEST_DIS_FRAME_PX = 12
 
 _FARNEBACK = {"pyr_scale": 0.5, "iterations": 3, "poly_n": 5, "poly_sigma": 1.1, "flags": 0}
-"""A neighborhood of 5 px, and the width of its weights that OpenCV recommends for it"""
+"""A neighborhood of 5 px, and the width of its weights recommended by OpenCV"""
 
 _GRAY_LEVELS = 255
-"""Farnebäck's regularization is an absolute number, made for 8-bit pictures."""
+"""Farnebäck's regularization is an absolute number, for 8-bit pictures."""
 _FADING = 0.5
-"""Share of a side over which the frames fade, half of it at either edge (Tukey's window)"""
+"""Share of a side over which the frames fade, half at either edge (Tukey's window)"""
 
 
 class LucasKanade(GrayDetector, frozen=True):
@@ -52,9 +51,9 @@ class LucasKanade(GrayDetector, frozen=True):
     name: str = "LK"
     label: str = "Lucas–Kanade, pyramidal"
     window_blocks: Annotated[float, Field(gt=0)] = 1.0
-    """Side of the window in sides of a block; 1 sees the very pixels of the block"""
+    """Side of the window in sides of a block; 1: exactly the block's pixels"""
     pyramid_levels: Annotated[int, Field(ge=1)] = 3
-    """Largest number of levels, the frames themselves included; 1 is no pyramid"""
+    """Largest number of levels, including the frames themselves; 1: no pyramid"""
 
     def _estimate(self, grid: BlockGrid, pair: Floats) -> Floats:
         import cv2
@@ -87,7 +86,7 @@ class Farneback(DenseDetector, frozen=True):
     window_blocks: Annotated[float, Field(gt=0)] = 1.0
     """Side of the averaging window in sides of a block"""
     pyramid_levels: Annotated[int, Field(ge=1)] = 3
-    """Largest number of levels, the frames themselves included; 1 is no pyramid"""
+    """Largest number of levels, including the frames themselves; 1: no pyramid"""
 
     def _flow(self, grid: BlockGrid, pair: Floats) -> NDArray[Any]:
         import cv2
@@ -113,10 +112,10 @@ class DenseInverseSearch(DenseDetector, frozen=True):
     name: str = "DIS"
     label: str = "Dense inverse search"
     preset: Literal["ultrafast", "fast", "medium"] = "medium"
-    """OpenCV's choice between speed and accuracy"""
+    """OpenCV's trade-off of speed and accuracy"""
 
     def grid(self, shape: tuple[int, int]) -> BlockGrid:
-        """Return where the blocks of a frame (H, W) lie; ValueError where it is too small."""
+        """Return the blocks of a frame (H, W); ValueError if it is too small."""
         if max(shape) < _SMALLEST_DIS_FRAME_PX:
             raise ValueError(
                 f"frames of {shape[0]} × {shape[1]} px: {self.name} needs at least"
@@ -136,7 +135,7 @@ class DenseInverseSearch(DenseDetector, frozen=True):
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """Keep OpenCV to the calling thread until the last block of all callers is left."""
+    """Keep OpenCV on one thread until the last of nested callers leaves."""
     import cv2
 
     with _Callers.lock:
@@ -154,7 +153,7 @@ def one_thread() -> Iterator[None]:
 
 
 class _Callers:
-    """Who counts on one thread: OpenCV's number of threads is one setting of the whole process."""
+    """Counts the callers on one thread: OpenCV's number of threads is global in a process."""
 
     lock = Lock()
     inside = 0
@@ -174,7 +173,7 @@ class TotalVariation(DenseDetector, frozen=True):
     name: str = "TV-L1"
     label: str = "Total variation"
     attachment: Annotated[float, Field(gt=0)] = 15.0
-    """Weight of the frames' difference, gray levels from 0 to 1; smaller makes smoother flow"""
+    """Weight of the frames' difference, gray levels from 0 to 1; smaller gives smoother flow"""
 
     def _flow(self, grid: BlockGrid, pair: Floats) -> Floats:
         from skimage.registration import optical_flow_tvl1
@@ -202,9 +201,9 @@ class PhaseCorrelation(GrayDetector, frozen=True):
     name: str = "PC"
     label: str = "Phase correlation, global"
     whitened: bool = True
-    """Whether all spatial frequencies weigh the same"""
+    """Whether all spatial frequencies have equal weight"""
     steps_per_px: Annotated[int, Field(ge=1)] = 20
-    """Velocities are whole multiples of 1/20 px per frame by default"""
+    """Inverse step of velocities; default: multiples of 1/20 px per frame"""
 
     def _estimate(self, grid: BlockGrid, pair: Floats) -> Floats:
         from scipy.signal.windows import tukey
@@ -213,7 +212,7 @@ class PhaseCorrelation(GrayDetector, frozen=True):
         window = np.outer(*(tukey(side, _FADING) for side in grid.shape))
         normalization = "phase" if self.whitened else None
         first, second = (window * (frame - frame.mean()) for frame in pair)
-        # What is returned would bring the second frame back onto the first.
+        # The returned shift registers the second frame to the first.
         shift, *_ = phase_cross_correlation(
             first, second, upsample_factor=self.steps_per_px, normalization=normalization
         )

@@ -1,10 +1,10 @@
-"""A network in an ONNX file that gives the flow between two pictures, run by onnxruntime.
+"""A network in an ONNX file for the flow between two pictures, run by onnxruntime.
 
-What RAFT and its kin take is what a file should take: two pictures (1, 3, H, W), RGB from 0 to 255,
-and what gives the flow (1, 2, H, W), px, x before y. One input for both, (1, 6, H, W), and pictures
-of one channel are understood too. Of several outputs with two channels the largest is the flow, of
-equals the last. Pictures are brought to the size that the file wants; where it takes any, they are
-continued at their borders to whole multiples of 8, as RAFT does.
+The file should have the interface of RAFT and similar networks: two pictures (1, 3, H, W), RGB from
+0 to 255, as inputs, and the flow (1, 2, H, W), px, x before y, as output. One input for both, (1,
+6, H, W), and pictures of one channel also work. Of several outputs with two channels the largest is
+the flow, of equals the last. Pictures are resized to the size that the file needs; if it accepts
+any, they are padded at their borders to multiples of 8, as RAFT does.
 """
 
 import hashlib
@@ -50,7 +50,7 @@ class OnnxDetector(DenseDetector, frozen=True):
         return np.asarray(np.dstack(resized) * scale)
 
     def _size(self, shape: tuple[int, int]) -> tuple[int, int]:
-        """Height and width that the network is given pictures (H, W) in."""
+        """Height and width of the network's pictures for frames (H, W)."""
         own = _session(self.path, self.content).get_inputs()[0].shape[-2:]
         if all(isinstance(each, int) for each in own):
             return int(own[0]), int(own[1])
@@ -74,10 +74,9 @@ class OnnxDetector(DenseDetector, frozen=True):
 
 
 def onnx_detector(path: Path) -> OnnxDetector:
-    """Return the detector of an ONNX file, named as the file is.
+    """Return the detector of an ONNX file, named after the file.
 
-    Raises ValueError when onnxruntime is not installed, or the file holds no network that gives
-    flow.
+    Raises ValueError if onnxruntime is not installed, or the file holds no network for flow.
     """
     try:
         import onnxruntime  # noqa: F401
@@ -92,13 +91,13 @@ def onnx_detector(path: Path) -> OnnxDetector:
     except Exception as failure:  # onnxruntime's errors have no common class
         problem = " ".join(str(failure).split())
     if problem:
-        raise ValueError(f"{path}: {problem}; give an ONNX file from two pictures to their flow")
+        raise ValueError(f"{path}: {problem}; give an ONNX file that maps two pictures to flow")
     return found
 
 
 @lru_cache(maxsize=4)
 def _session(path: Path, content: str) -> "InferenceSession":
-    """A file of some content, loaded."""
+    """Load a file of some content."""
     import onnxruntime  # optional
 
     options = onnxruntime.SessionOptions()
@@ -111,7 +110,7 @@ def _problem(detector: OnnxDetector) -> str | None:
     session = _session(detector.path, detector.content)
     inputs = session.get_inputs()
     if any(len(each.shape) != 4 or each.type not in _TYPES for each in inputs):
-        return "its inputs are no pictures (1, channels, H, W) of numbers"
+        return "its inputs are not pictures (1, channels, H, W) of numbers"
     channels = [each.shape[1] for each in inputs]
     if channels not in ([1, 1], [3, 3], [2], [6]):
         return f"its inputs have {channels} channels, not 3 and 3, 1 and 1, 6 or 2"
@@ -126,7 +125,7 @@ def _padded(shape: tuple[int, int]) -> tuple[int, int]:
 
 
 def _continued(picture: Floats) -> NDArray[Any]:
-    """A picture (H, W) whose right and lower borders go on."""
+    """A picture (H, W), padded at its right and lower borders."""
     more = np.subtract(_padded((picture.shape[0], picture.shape[1])), picture.shape)
     return np.pad(picture, [(0, int(each)) for each in more], mode="edge")
 

@@ -1,9 +1,9 @@
 """Poisson flow: the flow of a whole frame by the likelihood of its counts, of two frames or eight.
 
-All blocks share their evidence (`flow.likelihood`), where Poisson matching asks each alone. A
-block's velocity is the mean of the flow over it. Motion that differs by some 10 px between large
-parts of the picture is smoothed away, and so are small fast objects: a lower `smoothness` finds
-them and errs more elsewhere.
+All blocks share their evidence (`flow.likelihood`), unlike Poisson matching. A block's velocity is
+the mean of the flow over it. Motion that differs by some 10 px between large parts of the picture
+is smoothed away, and so are small fast objects: a lower `smoothness` finds them at larger errors
+elsewhere.
 """
 
 import math
@@ -27,7 +27,7 @@ class PoissonFlow(BlockDetector, frozen=True):
     name: str = "PF"
     label: str = "Poisson flow"
     smoothness: Annotated[float, Field(gt=0)] = 0.2
-    """Log-likelihood that a pixel's worth of flow is charged per unit of its gradient"""
+    """Penalty in log-likelihood per pixel and unit of the flow's gradient"""
 
     @property
     def most_frames(self) -> float:
@@ -37,8 +37,8 @@ class PoissonFlow(BlockDetector, frozen=True):
     def dense(self, *frames: Frames) -> Floats:
         """Return the flow (H, W, 2), px per frame, at the first frame of the pair in the middle.
 
-        Of counts (H, W), two or more frames of one steady motion; NaN without photons. Raises
-        ValueError when frames differ in shape, or hold what is no count.
+        From counts (H, W), two or more frames of one steady motion; NaN without photons. Raises
+        ValueError if frames differ in shape, or are not counts.
         """
         return likelihood_flow(self.checked(frames), self.smoothness)
 
@@ -52,8 +52,8 @@ class PooledFlow(PooledFrames, PoissonFlow, frozen=True):
 
     All pairs of the frames count at once: aligned by a flow, their roots differ from their mean by
     noise, and the sum of these squares is, up to a factor, that over all pairs. The flow is that of
-    the middle of the frames, under the assumption that nothing has accelerated between the oldest
-    and the newest; at the start of a sequence there are fewer frames.
+    the middle of the frames, assuming no acceleration between the oldest and the newest; at the
+    start of a sequence there are fewer frames.
     """
 
     place: ClassVar[float] = 15

@@ -1,21 +1,21 @@
 """Block matching by Poisson likelihood, of two frames (PM) or of up to eight together (PPM).
 
 As in block matching, each block of frame t + 1 is compared with the equally large parts of frame t
-around it. Costs are squared differences of the roots of counts. Each block is smoothed as its own
-counts ask for (`likelihood.suited_blur_px`), and each pixel weighed by the variance of the smoothed
-roots around it: texture over texture plus noise, no less than a fifth.
+around it. Costs are squared differences of the roots of counts. Each block is smoothed according
+to its counts (`likelihood.suited_blur_px`), and each pixel weighted by the variance of the smoothed
+roots around it: texture over texture plus noise, at least 0.2.
 
-The best shift is interpolated by the parabola through 3 × 3 costs, which is meant for frames
-smoothed by at least 0.7 px. A neighborhood in which only one frame's part moves sees another strip
+The best shift is interpolated by the parabola through 3 × 3 costs, for frames smoothed by at least
+0.7 px. A neighborhood in which only one frame's part moves sees another strip
 of texture on either side, which tilts the parabola: the costs around the minimum are those of both
 frames' parts. A block uses its own pixels, those that the search compares them with, and what the
 smoothing mixes into both, 6 px at most; the weights look a little further. One without photons, or
 whose costs are all equal, has no velocity (NaN).
 
-PPM first finds the velocity that all pairs of frames agree on, by a sum of their filtered
-correlations, then moves to where the frames laid over one another are most alike, by Gauss–Newton
-steps. Between pixels frames are cubic splines, which leave of frames blurred by 0.7 px an error
-below a hundredth of a pixel, where parabolas through costs leave a tenth.
+PPM first finds the velocity common to all pairs of frames, by a sum of their filtered correlations,
+then refines the alignment of the frames by Gauss–Newton steps. Between pixels frames are cubic
+splines, with an error below 0.01 px for frames blurred by 0.7 px, where parabolas through costs
+have 0.1 px.
 
 Equations, sources and errors: `docs/theory/matching.md`.
 """
@@ -42,21 +42,21 @@ BLURS_PX = (0.7, 1.0, 1.4, 2.0)
 pixels, more than 2 px reaches far out of a block."""
 
 _NEIGHBORHOOD_BLURS = 12
-"""Side of the square in which a pixel's texture is judged, in standard deviations of the blur."""
+"""Side of the square in which a pixel's texture is measured, in standard deviations of the blur."""
 
 _LEAST_WEIGHT = 0.2
 
 _DEGENERATE = 0.05
-"""Share of fxx·fyy below which the determinant of the parabola says nothing across the edge."""
+"""Share of fxx·fyy below which the determinant of the parabola is meaningless across an edge."""
 _STEPS_PER_PX = 2
 """Velocities tried, before interpolation"""
 _SLOPE, _LARGEST_PATTERN = 2.6, 0.02
-"""S goes as (ω² + 0.02)^−1.3, ω in rad/px: between dead leaves and photographs"""
+"""S is proportional to (ω² + 0.02)^−1.3, ω in rad/px: between dead leaves and photographs"""
 _LEAST_CONTRAST = 0.1
 _STEPS, _NEAR_PX = 6, 5e-3
-"""Most steps, and the length of one that is the last"""
+"""Most steps, and the length at which they stop"""
 _FARTHEST_PX = 1.0
-"""Between a velocity and where it is moved to; farther away it stays what it was"""
+"""Largest refinement of a velocity; beyond it the velocity is kept"""
 
 
 class PoissonMatching(BlockDetector, frozen=True):
@@ -69,7 +69,7 @@ class PoissonMatching(BlockDetector, frozen=True):
     name: str = "PM"
     label: str = "Poisson matching"
     radius_px: Annotated[int, Field(ge=1)] | None = None
-    """Largest shift searched in x and in y (px per frame); by default as block matching"""
+    """Largest shift searched in x and in y (px per frame); default: as block matching"""
 
     def prepared(self, grid: BlockGrid, frame: Frames) -> Any:
         """Return a frame, smoothed on demand."""
@@ -112,7 +112,7 @@ class SmoothedFrame:
         return np.asarray(self._once(("splines", level), make))
 
     def weights(self, level: int) -> NDArray[np.float32]:
-        """Return how much texture there is around each pixel of `roots`, from 0.2 to 1, (H, W)."""
+        """Return the amount of texture around each pixel of `roots`, from 0.2 to 1, (H, W)."""
         return np.asarray(self._once(("weights", level), partial(self._weights, level)))
 
     def _weights(self, level: int) -> NDArray[np.float32]:
@@ -127,7 +127,7 @@ class SmoothedFrame:
 def suited_levels(
     window: Sequence[SmoothedFrame], grid: BlockGrid, margin_px: int
 ) -> NDArray[np.intp]:
-    """Return which of `BLURS_PX` suits each block, (blocks,), judged with a margin around it."""
+    """Return the index in `BLURS_PX` of each block, (blocks,), from it and a margin."""
     moments = np.sum([frame.moments(grid, margin_px) for frame in window], axis=0)
     return blur_levels(moments, len(window)).ravel()
 
@@ -150,7 +150,7 @@ def block_moments(counts: Frames, grid: BlockGrid, margin_px: int) -> Floats:
 
 
 def blur_levels(moments: Floats, frames: int) -> NDArray[np.intp]:
-    """Return which of `BLURS_PX` suits each block, of so many frames that are to agree.
+    """Return the index in `BLURS_PX` for each block, for this many frames to align.
 
     The moments (3, …) are sums of 1, counts and squared counts.
     """
@@ -170,7 +170,7 @@ _ROOT_NOISE = [
 ]
 
 
-# A sum of its own for each row, cut out beforehand, lets the compiler vectorize.
+# A separate sum for each row, cut out beforehand, lets the compiler vectorize.
 @compiled(fastmath={"reassoc", "contract"})
 def add_costs(
     first: NDArray[np.float32],
@@ -215,8 +215,8 @@ def add_costs(
 def least_cost(costs: Floats) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
     """Return the shift (x, y) of least cost of each block, (n, 2), and whether there is one, (n,).
 
-    There is none where all costs are equal, as without photons, or none is finite. Costs are those
-    of `add_costs`.
+    There is none if all costs are equal, as without photons, or none is finite. Costs are those of
+    `add_costs`.
     """
     blocks, side = costs.shape[:2]
     y, x = np.divmod(costs.reshape(blocks, -1).argmin(axis=1), side)
@@ -225,7 +225,7 @@ def least_cost(costs: Floats) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
 
 
 def parabola_minimum(costs: Floats) -> Floats:
-    """Return where (x, y) the parabola through costs (n, 3, 3) is least, (n, 2), at most 1 away.
+    """Return the minimum (x, y) of the parabola through costs (n, 3, 3), (n, 2), at most 1 away.
 
     0 along an axis on which a cost is infinite or the middle is no minimum.
     """
@@ -243,10 +243,10 @@ def parabola_minimum(costs: Floats) -> Floats:
 
 
 def _shifts(window: Sequence[SmoothedFrame], grid: BlockGrid, radius: int) -> Floats:
-    """Return how far the content of each block moves between two frames, (blocks, 2), x and y, px.
+    """Return the displacement of each block between two frames, (blocks, 2), x and y, px.
 
-    NaN where all shifts are as likely. Shifts are searched so far in x and in y; so far around a
-    block its texture and noise are judged, too.
+    NaN if all shifts are equally likely. `radius` is the largest shift in x and in y, and the
+    margin around a block in which its texture and noise are measured.
     """
     first, second = window
     levels, seconds = suited_levels(window, grid, radius), grid.corners
@@ -280,9 +280,9 @@ def _costs(
 class PooledMatching(PooledFrames, PoissonMatching, frozen=True):
     """Velocity of each block by the likelihood of its counts in several frames.
 
-    Blocks ride with the content: each lies at its place in the middle of the frames' time.
-    Velocities are those of the newest pair under the assumption that nothing has accelerated since
-    the oldest frame; at the start of a sequence there are fewer frames to pool.
+    Blocks move with the content: each is at its place in the middle of the frames' time. Velocities
+    are those of the newest pair, assuming no acceleration since the oldest frame; at the start of a
+    sequence there are fewer frames to pool.
     """
 
     place: ClassVar[float] = 13
@@ -295,13 +295,13 @@ class PooledMatching(PooledFrames, PoissonMatching, frozen=True):
         return SmoothedFrame(frame), Patches(frame, grid, self._radius(grid))
 
     def velocities(self, grid: BlockGrid, window: "list[tuple[SmoothedFrame, Patches]]") -> Floats:
-        """Return those at which all frames are most alike, near those that all pairs agree on."""
+        """Return the velocities of best alignment of all frames, near those common to all pairs."""
         (smoothed, patches), radius = zip(*window, strict=True), self._radius(grid)
         return aligned(smoothed, grid, radius, agreed_velocities(patches, radius))
 
 
 class Patches:
-    """Spectra of the counts of one frame (H, W) around each block, as far as a margin reaches."""
+    """Spectra of the counts of one frame (H, W) around each block, with a margin."""
 
     def __init__(self, counts: Frames, grid: BlockGrid, margin_px: int) -> None:
         self.side = grid.block_px + 2 * margin_px
@@ -321,7 +321,7 @@ class Patches:
 def agreed_velocities(frames: Sequence[Patches], radius_px: int) -> Floats:
     """Return the most likely velocity (x, y) of each patch, (patches, 2), px per frame.
 
-    NaN where all are as likely: fewer than two of its frames show any pattern. Frames are oldest
+    NaN if all are equally likely: fewer than two of its frames show any pattern. Frames are oldest
     first, two or more; velocities are tried up to a radius in x and in y.
     """
     pixels, total, squares = np.sum([each.moments for each in frames], axis=0)
@@ -362,7 +362,7 @@ def add_up_pairs(correlations: NDArray[np.float32], side: int, scores: Floats) -
             for before in range(len(correlations)):
                 x = (j - middle) * (before + 1) / _STEPS_PER_PX
                 y = (i - middle) * (before + 1) / _STEPS_PER_PX
-                if abs(x) >= side or abs(y) >= side:  # nothing overlaps
+                if abs(x) >= side or abs(y) >= side:  # no overlap
                     break
                 left, above = math.floor(x), math.floor(y)
                 a, b = x - left, y - above
@@ -390,11 +390,11 @@ def _peak(scores: Floats) -> Floats:
 def aligned(
     window: Sequence[SmoothedFrame], grid: BlockGrid, margin_px: int, velocities: Floats
 ) -> Floats:
-    """Return velocities (blocks, 2), x and y in px per frame, moved to where frames are most alike.
+    """Return velocities (blocks, 2), x and y in px per frame, refined to the best alignment.
 
-    Those that would be moved far, or nowhere, and NaN stay. Frames are oldest first, two or more;
-    blocks lie in the middle of the frames' time, and their texture and noise are judged as far
-    around them as the margin.
+    Velocities with a large or undefined refinement, and NaN, are kept. Frames are oldest first, two
+    or more; blocks are in the middle of the frames' time, and their texture and noise are measured
+    with the margin around them.
     """
     levels, found, corners = suited_levels(window, grid, margin_px), velocities.copy(), grid.corners
     for level in np.unique(levels):
@@ -413,7 +413,7 @@ def _align(
     size: int,
     velocities: Floats,
 ) -> Floats:
-    """Return velocities (n, 2) of blocks at corners, moved."""
+    """Return refined velocities (n, 2) of blocks at corners."""
     moved = velocities.copy()
     for block, start in enumerate(velocities):
         x, y = start
@@ -467,7 +467,7 @@ def _step(
 def _sums_over_frames(
     splines: NDArray[np.float32], corner: NDArray[np.int64], size: int, vx: float, vy: float
 ) -> NDArray[np.float32]:
-    """Return what each pixel of a block adds up to over the frames laid over one another.
+    """Return sums for each pixel of a block over the aligned frames.
 
     1, t, t², f, t·f and the gradient, over the frames in which it lies: (7, size, size).
     """
@@ -516,7 +516,7 @@ def _inside(start: int, size: int, length: int) -> tuple[int, int]:
 
 @compiled
 def _cubic(shift: float) -> tuple[int, NDArray[np.float32], NDArray[np.float32]]:
-    """Return the whole part of a shift, and what four coefficients weigh in value and slope."""
+    """Return the integer part of a shift, and four coefficients' weights for value and slope."""
     whole = math.floor(shift)
     f = shift - whole
     g = 1 - f

@@ -1,10 +1,9 @@
-"""The detectors by name: those of the files of this folder, then those of other packages.
+"""Detectors by name: those of the files of this folder, then those of other packages.
 
-A class of a file of this folder that is a detector and has a default for each of its parameters
-stands here with these, in the order of `Detector.place`. Other packages name theirs, classes or
-instances, in the entry points `megalopta.detectors` (`megalopta.core.plug_ins`). A function from
-Python takes the place of a name without any of this, see `detector_from`; so does where one is, see
-`detector_at`.
+Detector classes of this folder with a default for each parameter are listed here, in the order of
+`Detector.place`. Other packages register theirs, classes or instances, in the entry points
+`megalopta.detectors` (`megalopta.core.plug_ins`). A Python function can replace a name without any
+of this, see `detector_from`; so can the place of one, see `detector_at`.
 """
 
 import inspect
@@ -27,7 +26,7 @@ Method: TypeAlias = str | Detector | DenseFlow
 """A detector: by name, itself, or made of a function."""
 
 THESIS_METHODS: tuple[str, ...] = ("BM", "IIA", "EMD", "NDM", "NDS", "IM")
-"""Names of the methods of Chapter 4, which run unless others are asked for."""
+"""Names of the methods of Chapter 4, the default selection."""
 
 
 def _in_file(module: ModuleType) -> Iterator[Detector]:
@@ -42,7 +41,7 @@ def _in_file(module: ModuleType) -> Iterator[Detector]:
 def _detector(value: Any) -> Detector:
     found = value() if isinstance(value, type) else value
     if not isinstance(found, Detector):
-        raise TypeError(f"{value!r} is no Detector, give one")
+        raise TypeError(f"{value!r} is not a Detector; give one")
     return found
 
 
@@ -57,16 +56,16 @@ def _by_name() -> Mapping[str, Detector]:
 
 METHODS: Mapping[str, Detector] = _by_name()
 VELOCITY_METHODS = tuple(name for name, each in METHODS.items() if isinstance(each, BlockDetector))
-"""Names of those that give velocities"""
+"""Names of the methods that give velocities"""
 
 
 def method(chosen: Method, allows_code: bool = True) -> Detector:
-    """Return the detector of a name, in upper or lower case, or of a function; or itself.
+    """Return the detector of a name (upper or lower case), of a function, or the detector itself.
 
     A name may also be `module:function`, or the path of an ONNX file (`detector_at`), unless code
-    is not allowed: what a file names is not the user's own choice.
+    is not allowed: a name from a file is not the user's own choice.
 
-    Raises ValueError when there is none of this name, with the names that exist.
+    Raises ValueError for an unknown name, with the names that exist.
     """
     if isinstance(chosen, Detector):
         return chosen
@@ -98,9 +97,9 @@ def velocity_method(chosen: Method) -> BlockDetector:
 def detector_at(reference: str) -> Detector | None:
     """Return the detector of `module:function` or of an ONNX file; None for any other text.
 
-    The module may lie in the working folder; what it names may also be a detector.
+    The module may be in the working folder; its object may also be a detector.
 
-    Raises ValueError when there is no such module, function or file.
+    Raises ValueError if there is no such module, function or file.
     """
     if reference.casefold().endswith(".onnx"):
         return onnx_detector(Path(reference))
@@ -111,7 +110,7 @@ def detector_at(reference: str) -> Detector | None:
     if isinstance(found, Detector):
         return found
     if not callable(found):
-        raise ValueError(f"method {reference!r} is no function; give one of two frames")
+        raise ValueError(f"method {reference!r} is not a function; give one of two frames")
     try:
         inspect.signature(found).bind(None, None)
     except TypeError as problem:
@@ -119,17 +118,17 @@ def detector_at(reference: str) -> Detector | None:
             f"method {reference!r}: {problem}; give a function of two frames"
         ) from None
     except ValueError:
-        pass  # built in: it does not tell
+        pass  # built in: unknown
     return detector_from(found, reference)
 
 
 def _attribute(reference: str, module: str, name: str) -> Any:
     here = str(Path.cwd())
     if here not in sys.path:
-        sys.path.append(here)  # last: nothing there takes the place of what is installed
+        sys.path.append(here)  # last: it replaces nothing that is installed
     try:
         return getattr(import_module(module), name)
-    except (Exception, SystemExit) as problem:  # somebody else's code can raise anything
+    except (Exception, SystemExit) as problem:  # foreign code can raise any exception
         said = " ".join(str(problem).split()) or type(problem).__name__
         raise ValueError(
             f"method {reference!r}: {said}; give the name of a module, a colon and the name of "

@@ -1,1 +1,1 @@
-"""The camera's own motion from a whole field of responses."""
+"""Camera motion from a whole field of responses."""

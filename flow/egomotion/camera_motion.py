@@ -1,25 +1,25 @@
 """The camera's rotation and its direction of translation, from flow or from counts.
 
 **From the flow** of a whole frame. A point seen in direction d (unit vector) is seen in direction e
-by a camera that went by t and turned by R. Whatever its distance,
+by a camera that translated by t and rotated by R. At any distance,
 
     (R e) · (t × d) / |t × d| = 0
 
-which is the motion across the plane of d and t, in radians, so noise of the flow weighs alike
-everywhere. Headings all over the sphere are tried with it linear in the rotation (Bruss and Horn
-1983); the best are refined without that approximation and with Cauchy's loss. The sign of t is the
+which is the motion across the plane of d and t, in radians, so noise of the flow has equal weight
+everywhere. Headings all over the sphere are tried in a linearization in the rotation (Bruss and
+Horn 1983); the best are refined without it and with Cauchy's loss. The sign of t is the
 one that puts more points in front.
 
-**From counts**, the motion under which those of several frames are most likely (`flow.likelihood`),
-of the rotation ω, its change α, the heading, and the nearness ρ|t| at nodes 4 px apart. Neighbors
-are charged for flow that differs through ρ as those of Poisson flow are, though less, so that a
-place without texture takes its distance from its neighbors. There are several maxima: going to the
-left passes for turning to the left. So the search starts from the heading that fits Poisson flow
-best, from its opposite, and from both ways along each axis of the camera, each with the rotation
-and distances that fit Poisson flow; the two most likely after three steps go on.
+**From counts** of several frames, the motion of maximum likelihood (`flow.likelihood`), in terms of
+the rotation ω, its change α, the heading, and the inverse depth ρ|t| at nodes 4 px apart.
+Neighbors pay for flow that differs through ρ as in Poisson flow, though less, so that a place
+without texture takes its distance from its neighbors. There are several maxima: translation to the
+left resembles rotation to the left. So the search starts from the heading that fits Poisson flow
+best, from its opposite, and from both directions along each axis of the camera, each with the
+rotation and distances that fit Poisson flow; the two most likely after three steps continue.
 
-The scene is taken not to move. Frames of a full panorama are not continued across its seam. Without
-translation the rotation is found, and the heading means nothing. Equations, errors and limits:
+The scene is assumed static. Frames of a full panorama are not continued across its seam. Without
+translation the rotation is found, and the heading is meaningless. Equations, errors and limits:
 `docs/theory/camera-motion.md`.
 """
 
@@ -49,8 +49,8 @@ _NOISELESS = _STABLE = 1e-9
 _CAUCHY = 2.385
 """Scale of the loss in standard deviations: 95 % efficient on normal noise"""
 _SMOOTHNESS, _NEARNESS_SMOOTHNESS = 0.2, 0.02
-"""That of Poisson flow, and what the nearness is charged in its stead. Set on other forests: what
-parallax a smooth nearness cannot show passes for rotation, by a tenth of it where light is low."""
+"""Smoothness of Poisson flow, and that of the inverse depth instead. Set on other forests: parallax
+that a smooth inverse depth cannot show passes for rotation, by a tenth of it in low light."""
 _FIRST_STEPS, _STEPS = 3, 6
 _GOING_ON = 2
 _FITS, _LEAST_LEFT_PX = 8, 0.05
@@ -59,10 +59,10 @@ _RIDGE = 1e-2
 _DAMPING = 1e-6
 _SMALL = 1e-5
 _PATTERN = np.array([0, 0, 0, 0, 0, 1, 1, 1])
-"""In time, of what ω, the direction of t, and α do"""
+"""Time dependence of ω, the direction of t, and α"""
 _SMALLEST_PX = 12
 _NOWHERE = -1e6
-"""Place (px) of what a camera does not see"""
+"""Place (px) of points that a camera does not see"""
 
 
 @dataclass(frozen=True)
@@ -78,18 +78,17 @@ class CameraMotion:
 def motion_of_flow(camera: Camera, points: Floats, flow: Floats) -> CameraMotion:
     """Return the rotation and heading of the camera that fit a flow best.
 
-    `points`, `flow` (..., 2): image coordinates, and how far what is seen there moves (px); NaN is
-    skipped.
+    `points`, `flow` (..., 2): image coordinates, and their displacement (px); NaN is skipped.
 
-    Raises ValueError when fewer than 8 velocities are defined, which cannot tell five parameters
-    from noise.
+    Raises ValueError if fewer than 8 velocities are defined, which cannot determine five parameters
+    in noise.
     """
-    # unit vectors from the first camera and from the second, each in that camera's own axes
+    # unit vectors from the first and the second camera, each in its own axes
     d, e = (camera.toward(places).reshape(-1, 3) for places in (points, points + flow))
     known = np.isfinite(d + e).all(axis=1)
     if known.sum() < _FEWEST:
         raise ValueError(
-            f"{known.sum()} velocities are defined: the camera's motion takes {_FEWEST}"
+            f"{known.sum()} velocities are defined; the camera's motion needs {_FEWEST}"
         )
     d, e = d[known], e[known]
     found = min((_refined(t, d, e) for t in _promising(d, e)), key=lambda each: each[2])
@@ -98,10 +97,10 @@ def motion_of_flow(camera: Camera, points: Floats, flow: Floats) -> CameraMotion
 
 
 def _promising(d: Floats, e: Floats) -> Floats:
-    """Headings from which to refine, (n, 3)."""
+    """Headings to refine, (n, 3)."""
     some = slice(None, None, max(1, len(d) // _TRIED_ON))
     d, e = d[some], e[some]
-    # spread evenly over half of the sphere: the other half are their opposites
+    # evenly spread over half of the sphere: the other half are their opposites
     z = (np.arange(_TRIED) + 0.5) / _TRIED
     turn, radius = np.pi * (1 + 5**0.5) * np.arange(_TRIED), np.sqrt(1 - z**2)
     tried = np.column_stack((radius * np.cos(turn), radius * np.sin(turn), z))
@@ -126,13 +125,13 @@ def _across(t: Floats, turn: Floats, d: Floats, e: Floats) -> Floats:
 
 
 def _refined(t: Floats, d: Floats, e: Floats) -> tuple[Floats, Floats, float]:
-    """Return the heading and turn near t that leave least across, and their median distance."""
+    """Return the heading and rotation near t with the least residual, and their median distance."""
     normals = _normals(t, d)
     # least squares of (e + ω × e) · n = 0
     turn = np.linalg.lstsq(np.cross(e, normals), -np.sum(e * normals, axis=1), rcond=None)[0]
-    for _ in range(_ROUNDS):  # each with the noise that the last has left
+    for _ in range(_ROUNDS):  # each with the noise that the previous one left
         noise = 1.4826 * np.median(np.abs(_across(t, turn, d, e))) or _NOISELESS
-        # two directions across t, in which it may move
+        # two directions across t, along which it may move
         sideways = np.linalg.svd(t[np.newaxis])[2][1:]
         start = np.concatenate(([0.0, 0.0], turn))
         residuals = partial(_scaled_residuals, t, sideways, d, e, noise)
@@ -142,7 +141,7 @@ def _refined(t: Floats, d: Floats, e: Floats) -> tuple[Floats, Floats, float]:
 
 
 def _near(t: Floats, sideways: Floats, parameters: Floats) -> tuple[Floats, Floats]:
-    """Heading moved sideways from t, and rotation vector."""
+    """Heading displaced sideways from t, and rotation vector."""
     moved = t + parameters[:2] @ sideways
     return moved / np.linalg.norm(moved), parameters[2:]
 
@@ -154,7 +153,7 @@ def _scaled_residuals(
 
 
 def _sign(t: Floats, turn: Floats, d: Floats, e: Floats) -> int:
-    """Sign of t that puts more points in front: from there they move away from it."""
+    """Sign of t that puts more points in front, where they move away from it."""
     left = Rotation.from_rotvec(turn).apply(e) - d
     away = (d @ t)[:, np.newaxis] * d - t
     return 1 if np.sum(np.sign(np.sum(left * away, axis=1))) >= 0 else -1
@@ -172,12 +171,12 @@ class _Motion(NamedTuple):
 
 
 def likely_camera_motion(counts: Frames, camera: Camera) -> CameraMotion:
-    """Return the camera's rotation and heading under which counts are most likely.
+    """Return the camera's rotation and heading of maximum likelihood, given counts.
 
-    Per frame, in the axes of the camera at the frame before the middle. `counts` (T, H, W): frames
-    of one steady motion, two or more; `camera`: that saw them.
+    Per frame, in the axes of the camera at the frame before the middle. `counts` (T, H, W): two or
+    more frames of one steady motion; `camera`: that saw them.
 
-    Raises ValueError when frames have another size than the camera, or fewer than 12 pixels along a
+    Raises ValueError if frames have another size than the camera, or fewer than 12 pixels along a
     side, there is only one, or they hold no counts, or all the same.
     """
     if counts.shape[1:] != (camera.height, camera.width) or len(counts) < 2:
@@ -192,7 +191,7 @@ def likely_camera_motion(counts: Frames, camera: Camera) -> CameraMotion:
     if not (np.isfinite(counts).all() and counts.min() >= 0):
         raise ValueError("frames hold negative or non-finite values: give counts, 0 or more")
     if not np.ptp(counts):
-        raise ValueError("frames show nothing: all pixels are alike")
+        raise ValueError("frames have no contrast; give textured frames")
     search = _Search.of(counts, camera)
     misfit = itemgetter(0)
     starts = sorted((search.steps(each, _FIRST_STEPS) for each in search.starts()), key=misfit)
@@ -202,7 +201,7 @@ def likely_camera_motion(counts: Frames, camera: Camera) -> CameraMotion:
 
 @dataclass(frozen=True)
 class _Search:
-    """Everything that does not change while the motion is looked for."""
+    """Constants of the search for the motion."""
 
     camera: Camera
     level: likelihood.Level
@@ -217,7 +216,7 @@ class _Search:
     turning: Floats
     """Flow of a turn about each axis, (n, m, 2, 3), px"""
     going: Floats
-    """Flow of going along each axis past points at distance 1, (n, m, 2, 3), px"""
+    """Flow of translation along each axis past points at distance 1, (n, m, 2, 3), px"""
 
     @classmethod
     def of(cls, counts: Frames, camera: Camera) -> "_Search":
@@ -248,16 +247,16 @@ class _Search:
         )
 
     def starts(self) -> list[_Motion]:
-        """Return motions near which one may be the most likely."""
+        """Return initial motions, of which one may be near the most likely."""
         headings = [sign * axis for axis in np.eye(3) for sign in (1, -1)]
         try:
             found = motion_of_flow(self.camera, self.centers, self.flow).heading
-        except ValueError:  # too few nodes: the axes are all there is
+        except ValueError:  # too few nodes: only the axes
             return [self._fitted(each) for each in headings]
         return [self._fitted(each) for each in (found, -found, *headings)]
 
     def _fitted(self, heading: Floats) -> _Motion:
-        """Return the turn and nearness that leave least of the Poisson flow, in the L1 norm."""
+        """Return the rotation and inverse depth with the least L1 residual of Poisson flow."""
         along = self.going @ heading
         power = (along**2).sum(axis=-1)
         power = power + _RIDGE * power.mean()
@@ -274,18 +273,18 @@ class _Search:
         return _Motion(np.asarray(turn, np.float64), np.zeros(3), heading, nearness)
 
     def steps(self, motion: _Motion, count: int) -> tuple[float, _Motion]:
-        """Return the motion after so many steps; before the last, how unlikely it was."""
+        """Return the motion after `count` steps, and its cost before the last."""
         for _ in range(count):
             misfit, motion = self._step(motion)
         return misfit, motion
 
     def _step(self, motion: _Motion) -> tuple[float, _Motion]:
-        """Return how unlikely a motion is, and a better one."""
+        """Return the cost (negative log-likelihood) of a motion, and a better motion."""
         heading, nearness = motion.heading, motion.nearness
         near = likelihood.finer(
             nearness[np.newaxis], self.level.roots.shape[1:], likelihood.NODE_PX
         )[0]
-        # by how much ω and α have turned the camera
+        # rotation of the camera by ω and α
         patterns = np.stack((self.times, self.times * (self.times - 1) / 2))
         turns = patterns.T @ np.stack((motion.turn, motion.change))
         at_times = zip(self.times, turns, strict=True)
@@ -294,12 +293,12 @@ class _Search:
         xx, xy, yy = likelihood.to_nodes(found.information)
         information = np.stack((np.stack((xx, xy), -1), np.stack((xy, yy), -1)), -2)
         slopes = np.stack([np.moveaxis(likelihood.to_nodes(each), 0, -1) for each in found.slope])
-        # how the flow changes with the eight parameters, and with the nearness
+        # derivatives of the flow by the eight parameters, and by the inverse depth
         sideways = np.linalg.svd(heading[np.newaxis])[2][1:].T
         going = nearness[..., np.newaxis, np.newaxis] * (self.going @ sideways)
         eight = np.concatenate((self.turning, going, self.turning), axis=-1)
         along = self.going @ heading
-        scale = float(np.sqrt((along**2).sum(axis=-1).mean()))  # px of flow for a nearness of 1
+        scale = float(np.sqrt((along**2).sum(axis=-1).mean()))  # px of flow per inverse depth
         charged, held = self._prior(nearness, scale)
         weighed = information @ eight
         products = found.products[np.ix_(_PATTERN, _PATTERN)]
@@ -324,16 +323,16 @@ class _Search:
         )
 
     def _places(self, heading: Floats, near: Floats, time: float, turn: Floats) -> Floats:
-        """Places (2, H, W) at a time of what the frame of reference shows at its pixels."""
+        """Places (2, H, W) at a time of the content of the reference frame's pixels."""
         points = self.seen - time * near[..., np.newaxis] * heading
         turned = Rotation.from_rotvec(-turn).apply(points.reshape(-1, 3))
         image = self.camera.project(turned.reshape(points.shape)) - 0.5
         return np.nan_to_num(np.moveaxis(image[..., ::-1], -1, 0), nan=_NOWHERE)
 
     def _prior(self, nearness: Floats, scale: float) -> tuple[float, coo_array]:
-        """Return what the nearness is charged for its gradient, and the stiffness of its links.
+        """Return the penalty on the gradient of the inverse depth, and the stiffness of its links.
 
-        The stiffness (nodes, nodes) makes of a charge that grows as the gradient a quadratic form.
+        The stiffness (nodes, nodes) makes a quadratic form of a penalty on the gradient.
         """
         first, second = likelihood.links(nearness.shape)
         change = scale * (nearness.ravel()[second] - nearness.ravel()[first])
@@ -348,7 +347,7 @@ class _Search:
 def _solved(
     eight_eight: Floats, eight_near: Floats, near_near: coo_array, to_eight: Floats, to_near: Floats
 ) -> tuple[Floats, Floats]:
-    """Return the steps of eight parameters and of the nearness, the latter eliminated."""
+    """Return the steps of eight parameters and of the inverse depth, the latter eliminated."""
     factors = splu(near_near.tocsc(), permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
     solved = factors.solve(np.column_stack((to_near, eight_near)))
     left = eight_eight - eight_near.T @ solved[:, 1:]

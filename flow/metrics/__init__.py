@@ -1,1 +1,1 @@
-"""Errors of responses: against itself, against the truth, against the physical limit."""
+"""Errors of responses: against themselves, the truth, and the physical limit."""

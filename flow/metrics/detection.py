@@ -1,15 +1,15 @@
-"""Can a method tell motion from standstill, and left from right? ROC, d′ and false alarms.
+"""Discrimination of motion from rest, and of left from right: ROC, d′ and false alarms.
 
 The evidence is one number per block and frame for all methods: a velocity, or the mean over the
-block of a correlation detector's responses, so that it gathers as much light as a block's velocity
-(some velocities draw on more than their block, as their methods say). For motion it is the length
+block of a correlation detector's responses, so that it uses as much light as a block's velocity
+(some methods use more than their block, as documented). For motion it is the length
 of the velocity, or the absolute mean; for the direction the component to the right, with its sign.
-A block without a velocity is no evidence: 0.
+A block without velocity has evidence 0.
 
 A threshold on the evidence gives hits and false alarms; all thresholds give the receiver operating
-characteristic (ROC). The area A under it is the chance that a signal exceeds a noise, ties counting
-half, and needs no assumption on their distributions. d′ = √2·Φ⁻¹(A) says the same in the units of
-two Gaussians of equal width: their distance over their standard deviation (Green and Swets 1966).
+characteristic (ROC). The area A under it is the probability that a signal exceeds a noise, ties
+counting half, without assumptions on distributions. d′ = √2·Φ⁻¹(A) expresses it for two Gaussians
+of equal width: their distance over their standard deviation (Green and Swets 1966).
 """
 
 import math
@@ -34,24 +34,24 @@ class Roc:
 
 
 def motion_evidence(detector: Detector, responses: Floats) -> Floats:
-    """Return how much each block inside the border seems to move, (T, rows, columns).
+    """Return the evidence for motion of each inner block, (T, rows, columns).
 
-    Of responses (T, H, W) absolute means, of (T − 1, rows, columns, 2) speeds in px per frame; 0
+    For responses (T, H, W) absolute means, for (T − 1, rows, columns, 2) speeds in px per frame; 0
     where undefined.
     """
     return np.asarray(np.hypot(*_components(detector, responses)))
 
 
 def rightward_evidence(detector: Detector, responses: Floats) -> Floats:
-    """Return `motion_evidence` (T, rows, columns) of motion to the right, signed."""
+    """Return the signed evidence for motion to the right, (T, rows, columns)."""
     return np.asarray(_components(detector, responses)[0])
 
 
 def roc(noise: Floats, signal: Floats) -> Roc:
     """Return hits against false alarms for all thresholds on the evidence.
 
-    `noise`, `signal`, of any shapes: evidence without and with what is to be detected. Raises
-    ValueError when either is empty or holds NaN.
+    `noise`, `signal`, of any shapes: evidence without and with the signal. Raises ValueError if
+    either is empty or holds NaN.
     """
     _check(noise, signal)
     thresholds = np.unique(np.concatenate((noise, signal), axis=None))[::-1]
@@ -65,9 +65,9 @@ def roc(noise: Floats, signal: Floats) -> Roc:
 
 
 def roc_auc(noise: Floats, signal: Floats) -> float:
-    """Return the area under the ROC: the chance that a signal exceeds a noise, ties half.
+    """Return the area under the ROC: the probability that a signal exceeds a noise, ties half.
 
-    Raises ValueError when either is empty or holds NaN.
+    Raises ValueError if either is empty or holds NaN.
     """
     _check(noise, signal)
     ordered = np.sort(noise, axis=None)
@@ -76,12 +76,12 @@ def roc_auc(noise: Floats, signal: Floats) -> float:
 
 
 def d_prime(noise: Floats, signal: Floats) -> float:
-    """Return d′ = √2·Φ⁻¹(A) of samples of any shape; negative when noise is more often larger.
+    """Return d′ = √2·Φ⁻¹(A) of samples of any shape; negative if noise is more often larger.
 
-    Samples without any overlap only say that d′ is large: the area is kept half a pair away from 0
-    and 1, which limits d′ to 6.1 with 256 noises and 256 signals.
+    Samples without overlap only show that d′ is large: the area is kept half a pair away from 0 and
+    1, which limits d′ to 6.1 with 256 noises and 256 signals.
 
-    Raises ValueError when either is empty or holds NaN.
+    Raises ValueError if either is empty or holds NaN.
     """
     measured = roc_auc(noise, signal)
     half_a_pair = 0.5 / (float(noise.size) * signal.size)

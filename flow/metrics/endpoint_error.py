@@ -1,23 +1,23 @@
 """Errors of velocities of blocks, and of dense flow, against the true flow.
 
-The error rate of the thesis (`error`) compares a method with itself; this compares it with the
-motion that the scene really has.
+The error rate of the thesis (`error`) compares a method with itself; this compares it with ground
+truth.
 
-**Blocks.** The true flow is averaged over the very blocks of the method, without the pixels where
-it is undefined or that are occluded in the next frame, and brought from pixels of the full image to
+**Blocks.** The true flow is averaged over the blocks of the method, without pixels where it is
+undefined or that are occluded in the next frame, and converted from pixels of the full image to
 pixels of the resized one. Blocks with too few such pixels are skipped, and so is the outermost
 block on every side, as in the error of the thesis: of a dense flow field, whose blocks are pixels,
-that is a border of 1 px. Forward flow lives on the pixels of frame t, block matching on the blocks
-of frame t + 1: between them lies the motion itself, which matters where the flow changes much over
-a few pixels.
+that is a border of 1 px. Forward flow is on the pixels of frame t, block matching on the blocks
+of frame t + 1: they differ by the motion itself, which matters where the flow changes much over a
+few pixels.
 
 **Pixels**, in the measures of the public benchmarks. EPE is the length of the difference. A pixel
 counts for the 1, 3 and 5 px rates when its EPE is larger, and for Fl when its EPE is larger than
 3 px and 5 % of the true motion (KITTI 2015). WAUC (Richter, Hayder and Koltun 2017) weighs the
 share of pixels within i/20 px by 1 − (i − 1)/100, i = 1 … 100: 100 is perfect. The angular error is
 that between (u, v, 1) of flow and truth. Pixels whose truth is undefined are not scored. A pixel
-for which the program gave no flow is beyond every limit, its EPE and angle are those of zero
-motion, and the share of these is given: silence does not pay.
+without estimated flow exceeds every limit, its EPE and angle are those of zero motion, and the
+share of such pixels is reported.
 """
 
 import math
@@ -33,19 +33,19 @@ from megalopta.flow.detectors.blocks import BlockGrid
 from megalopta.flow.metrics.response_error import for_json
 
 SLOW_PX, FAST_PX = 0.5, 2.0
-"""Per frame of the resized image: whole-pixel methods read 0 below half a pixel, and beyond two the
-pyramids and search radii begin to count."""
+"""Bounds per frame of the resized image: whole-pixel methods give 0 below half a pixel, and above
+two the pyramids and search radii matter."""
 OCCLUDED_SHARE = 0.1
-"""Of a block's pixels: as many, hidden in the next frame, and it is at an occlusion; its true
+"""Share of a block's pixels hidden in the next frame from which it is at an occlusion; its true
 velocity is that of its other pixels."""
 SPEEDS_PX = (10.0, 40.0)
 """Bounds of the three groups of true motion of pixels, px per frame (MPI-Sintel)"""
 GROUPS = ("all", "visible", "occluded", "slow", "medium", "fast")
-"""All pixels; those that are seen in the next frame or not; those that move by less than 10 px,
-by 10 to 40, by more"""
+"""All pixels; those visible in the next frame or not; those that move by less than 10 px, by 10 to
+40 px, by more"""
 
 _OUTLIER = 0.25
-"""Relative error of a velocity beyond which it is an outlier: the thesis's 2-bit accuracy."""
+"""Relative error of a velocity above which it is an outlier: the thesis's 2-bit accuracy."""
 _THRESHOLDS_PX = (1.0, 3.0, 5.0)
 _RELATIVE = 0.05
 _STEPS = 100
@@ -54,16 +54,16 @@ _MEASURES = 9
 
 @dataclass(frozen=True)
 class TruthError:
-    """Error of velocities against the truth over all blocks and frames; NaN when there are none.
+    """Error of velocities against the truth over all blocks and frames; NaN if there are none.
 
-    Undefined velocities (a block without texture) count as missing, and as a relative error of 1,
-    as zero motion would; the errors in px and in degrees are those of the defined ones.
+    Undefined velocities (blocks without texture) count as missing, and as a relative error of 1, as
+    zero motion would; the errors in px and in degrees are those of the defined ones.
     """
 
     blocks: int
     """Number of blocks and frames whose true velocity is known, the outermost blocks skipped"""
     missing_fraction: float
-    """Fraction of them for which the method gave no velocity"""
+    """Fraction of them without a velocity by the method"""
     endpoint_error_px: float
     """Mean length of the difference (px of the resized image per frame)"""
     endpoint_error_median_px: float
@@ -80,7 +80,7 @@ class TruthError:
     """Fraction with a relative error above 25 %, where the truth is not 0"""
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the fields ready for JSON; what is undefined is None."""
+        """Return the fields ready for JSON; None where undefined."""
         return dict(for_json(asdict(self)))
 
 
@@ -93,7 +93,7 @@ def block_flow(
 ) -> Floats:
     """Return the true velocity of each block, px of the resized image per frame.
 
-    Raises ValueError when the shapes do not match.
+    Raises ValueError if the shapes do not match.
 
     Parameters
     ----------
@@ -102,11 +102,11 @@ def block_flow(
     grid
         Blocks of the method, in the resized image.
     occluded : (T − 1, H, W), optional
-        Pixels that are hidden in the next frame.
+        Pixels hidden in the next frame.
     valid_fraction : float
         A block with a smaller fraction of usable pixels, or less weight, has no true velocity.
     weights : (T − 1, H, W), optional
-        How much each pixel counts, 0 to 1, such as the share that its flow is true of.
+        Weight of each pixel, 0 to 1, such as the share that its flow is true for.
 
     Returns
     -------
@@ -132,10 +132,10 @@ def block_flow(
 
 
 def block_share(mask: Mask, grid: BlockGrid) -> Floats:
-    """Return the share of each block's pixels that a mask marks, (T, rows, columns).
+    """Return the masked share of each block's pixels, (T, rows, columns).
 
-    The mask (T, H, W) is of the full image, such as the pixels that are hidden in the next frame;
-    the blocks are in the resized one.
+    The mask (T, H, W) is of the full image, such as the pixels hidden in the next frame; the blocks
+    are in the resized one.
     """
     y, x = _memberships((mask.shape[1], mask.shape[2]), grid)
     pixels = np.outer(y.sum(axis=1), x.sum(axis=1))
@@ -145,18 +145,18 @@ def block_share(mask: Mask, grid: BlockGrid) -> Floats:
 def truth_error(
     velocities: Floats, true_velocities: Floats, among: Mask | None = None
 ) -> TruthError:
-    """Return how far velocities are from the truth, without the outermost block on every side.
+    """Return the error of velocities against the truth, without the outermost blocks.
 
-    Raises ValueError when the shapes differ.
+    Raises ValueError if the shapes differ.
 
     Parameters
     ----------
     velocities : (T − 1, rows, columns, 2)
-        As a detector gives them, px per frame.
+        Velocities of a detector, px per frame.
     true_velocities : (T − 1, rows, columns, 2)
         From `block_flow` on the detector's blocks.
     among : (T − 1, rows, columns), optional
-        Count these blocks only.
+        Only these blocks count.
     """
     if velocities.shape != true_velocities.shape:
         raise ValueError(
@@ -188,12 +188,12 @@ def truth_error(
 def truth_splits(
     velocities: Floats, true_velocities: Floats, hidden: Floats
 ) -> Mapping[str, TruthError]:
-    """Return the errors of groups of blocks, by speed and by occlusion, under their names.
+    """Return the errors of groups of blocks, by speed and by occlusion, by name.
 
-    A method may be right on average and wrong where it matters: on what hardly moves, on what moves
-    beyond its reach, beside things that hide each other. "slow", "medium" and "fast" share the
-    blocks among them, and so do "clear" and "occlusion". Velocities as for `truth_error`; `hidden`,
-    (T − 1, rows, columns), is the share of each block that is hidden in the next frame.
+    A method may be right on average and wrong where it matters: at slow motion, at motion beyond
+    its reach, at occlusions. "slow", "medium" and "fast" partition the blocks, and so do "clear"
+    and "occlusion". Velocities as for `truth_error`; `hidden`, (T − 1, rows, columns), is the share
+    of each block that is hidden in the next frame.
     """
     speed = np.hypot(true_velocities[..., 0], true_velocities[..., 1])
     groups = {
@@ -207,7 +207,7 @@ def truth_splits(
 
 
 def _memberships(shape: tuple[int, int], grid: BlockGrid) -> tuple[Floats, Floats]:
-    """Return 1 where rows and columns of a full image (H, W) have their middle in a block.
+    """Return 1 where rows and columns of a full image (H, W) have their center in a block.
 
     (rows of blocks, H) and (columns of blocks, W).
     """
@@ -240,10 +240,10 @@ def _of(statistic: Callable[[NDArray[Any]], Any], values: NDArray[Any]) -> float
 
 @dataclass(frozen=True)
 class DenseError:
-    """Means over the pixels of a group; NaN where it has none. In px per frame, %, or degrees."""
+    """Means over the pixels of a group; NaN without pixels. In px per frame, %, or degrees."""
 
     pixels: int
-    """Number of pixels whose truth is known"""
+    """Number of pixels with known truth"""
     epe_px: float
     """Mean endpoint error over all pixels"""
     epe_of_images_px: float
@@ -254,7 +254,7 @@ class DenseError:
     over_3px_percent: float
     over_5px_percent: float
     fl_percent: float
-    """Pixels off by more than 3 px and by more than 5 % of the true motion"""
+    """Pixels with an error over 3 px and over 5 % of the true motion"""
     wauc_percent: float
     angular_deg: float
     missing_percent: float
@@ -262,7 +262,7 @@ class DenseError:
 
 
 class DenseErrors:
-    """Sums of errors by group of pixels, to which images are added one at a time."""
+    """Sums of errors by group of pixels; images are added one at a time."""
 
     def __init__(self) -> None:
         # pixels, images, sum of the images' mean EPE, sums over pixels of every measure
@@ -273,10 +273,10 @@ class DenseErrors:
     ) -> None:
         """Score one image.
 
-        Raises ValueError when shapes differ, or no pixel has a flow.
+        Raises ValueError if shapes differ, or no pixel has a flow.
 
-        `flow`, `truth` (H, W, 2): px per frame, NaN where undefined; `occluded` (H, W): pixels that
-        are not seen in the next frame; without it none counts as occluded.
+        `flow`, `truth` (H, W, 2): px per frame, NaN where undefined; `occluded` (H, W): pixels not
+        visible in the next frame; without it none counts as occluded.
         """
         if flow.shape != truth.shape:
             raise ValueError(
@@ -290,7 +290,7 @@ class DenseErrors:
         true, found = truth[known].astype(np.float64), flow[known].astype(np.float64)
         if len(true) and not np.isfinite(found).all(axis=-1).any():
             raise ValueError(
-                "no flow where the truth is known: a frame without an answer has no score"
+                "no flow where the truth is known, so nothing to score; give flow there"
             )
         measures = _measures(found, true)
         for name, among in _groups(true, hidden[known]).items():
@@ -301,7 +301,7 @@ class DenseErrors:
 
     @classmethod
     def joined(cls, parts: Iterable["DenseErrors"]) -> "DenseErrors":
-        """Return the errors over the images of several."""
+        """Join the errors of several sets of images."""
         joined = cls()
         for part in parts:
             for name, sums in part._sums.items():
@@ -327,7 +327,7 @@ def _measures(found: Floats, true: Floats) -> Floats:
     off = np.where(missing, np.inf, epe)
     over = [off > limit for limit in _THRESHOLDS_PX]
     fl = over[1] & (off > _RELATIVE * np.hypot(*true.T))
-    # WAUC: the share of the weights of all thresholds within which an error lies
+    # WAUC: the weight of all thresholds above an error, as a share
     within = np.clip(_STEPS + 1 - np.maximum(np.ceil(off * _STEPS / 5), 1), 0, _STEPS)
     wauc = within * (within + 1) / (_STEPS * (_STEPS + 1))
     return np.array([epe, epe**2, *over, fl, wauc, missing, _angles_deg(found, true)])

@@ -1,18 +1,18 @@
-"""The error of a detector over the photon flux, and the flux at which it falls below a level.
+"""Error of a detector over the photon flux, and the flux at which it falls below a level.
 
 N_2b, N_3b, N_4b of the thesis, §4.3.4: n-bit accuracy is an error of 2⁻ⁿ. The threshold is the
 first downward crossing of the measured curve, interpolated linearly in log error over log flux.
 
 The standard error of an error comes from the differences between the repeats, which are
-independent draws of the same frames. It is estimated in blocks of frames that vary independently of
-each other and added up over the blocks: (repeats − 1) · blocks degrees of freedom.
+independent draws of the same frames. It is estimated in independent blocks of frames and
+added over the blocks: (repeats − 1) · blocks degrees of freedom.
 
-The interval of a threshold holds, in 95 % of draws, what the mean of infinitely many draws of the
-same frames would give (another single draw lies outside more often). The errors at the fluxes of
-the curve are disturbed, each independently of the others as the photons were drawn independently,
-by their relative standard error times Student's t of its degrees of freedom, and the crossing is
-taken again, 2000 times; the interval holds the central part. It contains neither the variation
-between scenes nor the error of interpolating between two fluxes.
+The 95 % CI of a threshold is for the mean of infinitely many draws of the same frames (another
+single draw lies outside more often). The errors at the fluxes of the curve are perturbed 2000
+times, independently of each other like the photons, by their relative standard error times
+Student's t of its degrees of freedom, and the crossing is found again; the interval holds the
+central part. It includes neither the variation between scenes nor the error of interpolation
+between two fluxes.
 """
 
 import math
@@ -32,13 +32,13 @@ from megalopta.sensor.sampling.streams import generator
 
 _REPLICATES = 2000
 _LOWEST_ERROR = 1e-3
-"""Smaller errors, in levels, are raised to this (block matching reaches 0, which has no log)."""
+"""Smaller errors, in levels, are raised to this (block matching reaches 0, without logarithm)."""
 _LARGEST_EXPONENT = 50.0
-"""Disturbances beyond a factor exp(50) are one and the same: the error is unknown there."""
+"""Perturbations beyond a factor exp(50) are equal: the error is unknown there."""
 _UNITS = ((1e12, "T"), (1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""))
 
 Flux = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-"""Checked where it is read from a file"""
+"""Validated when read from a file"""
 Error = Annotated[float, BeforeValidator(lambda value: math.nan if value is None else value)]
 """Undefined errors are None in a file"""
 
@@ -47,12 +47,12 @@ class MeasuredErrors(NamedTuple):
     """Errors over the flux, (n,) each."""
 
     fluxes: ArrayLike
-    """Photons per frame, growing"""
+    """Photons per frame, increasing"""
     errors: ArrayLike
     """NaN where undefined"""
     standard_errors: ArrayLike
     degrees_of_freedom: int
-    """Of the standard errors"""
+    """Degrees of freedom of the standard errors"""
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ class Threshold:
     """A flux, or the reason why there is none; prints as "41.2k [39.0k, 43.5k]"."""
 
     kind: Literal["crossing", "above", "below", "undefined"]
-    """Whether the curve crosses the level, stays above or starts below it, or does not exist"""
+    """Whether the curve crosses the level, stays above it, starts below it, or does not exist"""
     level: float
     """Error level"""
     range_min: Flux
@@ -68,11 +68,11 @@ class Threshold:
     range_max: Flux
     """Largest flux of the curve (photons per frame)"""
     flux: Flux | None = None
-    """Where the curve crosses the level (photons per frame)"""
+    """Flux at which the curve crosses the level (photons per frame)"""
     low: Flux | None = None
-    """Lower end of the confidence interval; None is below the curve"""
+    """Lower end of the confidence interval; None: below the curve"""
     high: Flux | None = None
-    """Upper end of the confidence interval; None is above the curve"""
+    """Upper end of the confidence interval; None: above the curve"""
 
     def __str__(self) -> str:
         if self.kind == "undefined" or self.flux is None:
@@ -82,7 +82,7 @@ class Threshold:
 
     @property
     def interval(self) -> str:
-        """The interval of a crossing in print: "[39.0k, 43.5k]", or "[39.0k, > 1e9]" if open."""
+        """Interval of a crossing as text: "[39.0k, 43.5k]", or "[39.0k, > 1e9]" if open."""
         low = _bound("<", self.range_min) if self.low is None else format_flux(self.low)
         high = _bound(">", self.range_max) if self.high is None else format_flux(self.high)
         return f"[{low}, {high}]"
@@ -93,20 +93,20 @@ def threshold(
 ) -> Threshold:
     """Return the flux at which a measured error curve first falls below a level.
 
-    Raises ValueError when there are fewer than two fluxes or they do not grow.
+    Raises ValueError if there are fewer than two fluxes or they do not increase.
 
     Parameters
     ----------
     level : float
         0.25 for N_2b.
     rng
-        For the interval.
+        Generator for the interval.
     confidence : float
-        Probability that the interval holds.
+        Confidence level of the interval.
     """
     flux, error, spread = (np.asarray(each, np.float64) for each in measured[:3])
     if flux.size < 2 or np.any(np.diff(flux) <= 0):
-        raise ValueError(f"fluxes {flux.tolist()}: give two or more, in growing order")
+        raise ValueError(f"fluxes {flux.tolist()}: give two or more, in ascending order")
     bounds = (float(flux[0]), float(flux[-1]))
     if not np.all(np.isfinite(error)):
         return Threshold("undefined", level, *bounds)
@@ -120,14 +120,14 @@ def threshold(
     low, high = np.quantile(
         first_crossing(flux, replicates, level), (tail, 1 - tail), method="inverted_cdf"
     )
-    # On a flat, noisy curve the first of many accidental crossings comes early: keep the estimate.
+    # On a flat, noisy curve the first of many random crossings is early: keep the estimate.
     low, high = float(min(low, crossing)), float(max(high, crossing))
     interval = low if low > 0 else None, high if high < np.inf else None
     return Threshold("crossing", level, *bounds, crossing, *interval)
 
 
 def first_crossing(fluxes: Floats, errors: Floats, level: float) -> Floats:
-    """Return where curves (..., n) over growing fluxes (n,) first fall below a level.
+    """Return the first fluxes (n,) at which curves (..., n) fall below a level.
 
     0 if they start below, infinite if they never do.
     """
@@ -145,7 +145,7 @@ def first_crossing(fluxes: Floats, errors: Floats, level: float) -> Floats:
 
 
 def format_flux(flux: float) -> str:
-    """Return a flux to three digits with a unit prefix: 41.2k, 154M."""
+    """Format a flux with three digits and a unit prefix: 41.2k, 154M."""
     unit, prefix = next((pair for pair in _UNITS if flux >= 0.9995 * pair[0]), _UNITS[-1])
     value = flux / unit
     decimals = 2 if value < 9.995 else 1 if value < 99.95 else 0
@@ -166,14 +166,14 @@ class ErrorCurve:
     """Rows and columns of the resized frames"""
     metric: Metric
     fluxes: tuple[Flux, ...]
-    """Photons per frame, growing"""
+    """Photons per frame, increasing"""
     errors: tuple[Error, ...]
-    """Of the whole sequence; NaN when the ideal response is zero everywhere"""
+    """Errors of the whole sequence; NaN if the ideal response is zero everywhere"""
     standard_errors: tuple[Error, ...]
     degrees_of_freedom: int
-    """Of the standard errors"""
+    """Degrees of freedom of the standard errors"""
     thresholds: dict[int, Threshold]
-    """Bits n to the flux N_nb at which the error falls below 2⁻ⁿ"""
+    """Maps bits n to the flux N_nb at which the error falls below 2⁻ⁿ"""
 
     def to_dict(self) -> dict[str, Any]:
         """Return the curve ready for JSON; undefined errors are None."""
@@ -184,8 +184,8 @@ class ErrorCurve:
     def from_dict(fields: Mapping[str, Any]) -> "ErrorCurve":
         """Return the curve that `to_dict` wrote.
 
-        Raises ValueError, LookupError, TypeError or AttributeError when something is missing, or
-        is nothing of the kind.
+        Raises ValueError, LookupError, TypeError or AttributeError if something is missing or of
+        the wrong kind.
         """
         thresholds = {name[2:-1]: each for name, each in fields["thresholds"].items()}
         curve = _reader().validate_python({**fields, "thresholds": thresholds})
@@ -196,7 +196,7 @@ class ErrorCurve:
 
 @cache
 def _reader() -> TypeAdapter[ErrorCurve]:
-    """Made once, which takes as long as reading many curves."""
+    """Return the validator; made once, as that takes as long as reading many curves."""
     return TypeAdapter(ErrorCurve)
 
 
@@ -205,8 +205,7 @@ def measured_errors(
 ) -> MeasuredErrors:
     """Return errors and their standard errors from sums (4, n, repeats, T).
 
-    `block_starts` are the frames at which blocks begin that vary independently of each other; the
-    first is 0.
+    `block_starts` are the first frames of independent blocks; the first is 0.
     """
     numerator, denominator = error_parts(sums, metric)
     weight = denominator.sum(axis=(1, 2))
@@ -231,9 +230,9 @@ def error_curve(
 ) -> ErrorCurve:
     """Return a curve of frames (rows, columns) and its thresholds.
 
-    `asked`: bits of the thresholds, and the probability that the interval of each holds.
+    `asked`: bits of the thresholds, and the confidence level of their intervals.
 
-    A key of a seed and names identifies the random numbers of the intervals, together with method,
+    A key of a seed and names seeds the random numbers of the intervals, together with method,
     metric and bits.
     """
     seed, *names = key

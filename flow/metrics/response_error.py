@@ -5,10 +5,10 @@ Thesis Eq. 4.5, on the pixels or blocks that a detector scores (`Detector.scored
     literal: mean of |R_stoch − R_ideal| / |R_ideal|, the denominator at least 1e-20
     ratio:   Σ|R_stoch − R_ideal| / Σ|R_ideal|
 
-`literal` is the thesis's. Where responses pass through zero its mean is carried by a few pixels,
+`literal` is the thesis's. Where responses pass through zero, its mean is dominated by a few pixels,
 and grows with their number instead of converging; `ratio` has no such pixels. Absolute values are
-norms when a response is a vector. Neither compares with the true motion: a detector that is always
-wrong in the same way has error zero (see `truth_error`).
+norms if a response is a vector. Neither compares with the true motion: a consistently wrong
+detector has error zero (see `truth_error`).
 
 Blocks whose ideal velocity is zero or undefined are not scored (0/0), nor are, in `literal`,
 frames whose ideal response is zero everywhere. An undefined response to noise where the ideal one
@@ -35,7 +35,7 @@ _SMALLEST_DENOMINATOR = 1e-20
 def error_sums(detector: Detector, ideal: Floats, noisy: Floats) -> Floats:
     """Return the sums (4, T) of a detector's responses (T, H, W) or (T, rows, columns, 2).
 
-    Raises ValueError when the two have different shapes.
+    Raises ValueError if the two have different shapes.
     """
     if ideal.shape != noisy.shape:
         raise ValueError(f"ideal responses {ideal.shape} and noisy ones {noisy.shape} differ")
@@ -55,7 +55,7 @@ def error_parts(sums: Floats, metric: Metric) -> tuple[Floats, Floats]:
 
 
 def error_of(sums: Floats, metric: Metric) -> float:
-    """Return the error over all frames; NaN when the ideal response is zero everywhere."""
+    """Return the error over all frames; NaN if the ideal response is zero everywhere."""
     numerator, denominator = error_parts(sums, metric)
     return float(quotient(numerator.sum(), denominator.sum()))
 
@@ -67,7 +67,7 @@ def quotient(numerator: Floats | np.float64, denominator: Floats | np.float64) -
 
 
 def for_json(value: Any) -> Any:
-    """Return a value, or all in it, with None in place of NaN, which JSON has not."""
+    """Return a value, or a container, with None in place of NaN, which JSON lacks."""
     if isinstance(value, dict):
         return {name: for_json(each) for name, each in value.items()}
     if isinstance(value, tuple | list):
@@ -93,7 +93,7 @@ def _add_up(ideal: Floats, noisy: Floats, skip_zero: bool, sums: Floats) -> None
 
 @compiled(fastmath={"reassoc"})
 def _add_row(size: Floats, difference: Floats, skip_zero: bool, sums: Floats) -> None:
-    """Add a row; without branches, so that vector instructions do it."""
+    """Add a row; branch-free, for vector instructions."""
     relative = deviation = magnitude = scored = 0.0
     for j in range(size.size):
         counts = (size[j] > 0) | ((size[j] == 0) & (not skip_zero))

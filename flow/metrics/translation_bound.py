@@ -1,21 +1,21 @@
-"""The Poisson translation bound: how well any method can tell the velocity of a block.
+"""The Poisson translation bound: the best accuracy of a block's velocity by any method.
 
 The Fisher information of one frame of mean counts λ(x, y) on its displacement, over the pixels of a
-block, and what n noisy frames of a steady velocity tell at best (Cramér and Rao, to first order in
-the displacement):
+block, and the least covariance from n noisy frames of a steady velocity (Cramér and Rao, to first
+order in the displacement):
 
     J = Σ ∇λ·∇λᵀ/λ          cov(v) ≥ J⁻¹/Σ(t − t̄)²          Σ(t − t̄)² = n(n² − 1)/12
 
-Assumed: unbiased estimates from the pixels of the block, and a texture that costs nothing to learn;
-below some hundred photons a block the bound is optimistic. A method that returns x and y must be
-held against J⁻¹, whose x component exceeds 1/J_xx where the gradients of a block favor one
-direction. Of an unknown texture the power spectrum alone is known, and no motion brings in new
-texture. Both bounds: `docs/explanation/poisson-bound.md`.
+Assumptions: unbiased estimates from the pixels of the block, and a known texture; below some
+hundred photons per block the bound is optimistic. A method that returns x and y must be compared
+with J⁻¹, whose x component exceeds 1/J_xx where the gradients of a block favor one direction. For
+an unknown texture only the power spectrum is known, and motion brings in no new texture. Both
+bounds: `docs/explanation/poisson-bound.md`.
 
-**Methods against the bound**, block by block alone. A method that smooths its flow over the frame,
-climbs a pyramid or takes one velocity for all blocks gathers more photons than those of its block.
-So every method is given each block as a frame of its own: the block and a margin as wide as the
-search around it, cut out of the counts.
+**Methods against the bound**, block by block. A method that smooths its flow over the frame, uses a
+pyramid or one velocity for all blocks uses more photons than those of a block. So every method gets
+each block as a separate frame: the block and a margin as wide as the search around it, cut from the
+counts.
 """
 
 import math
@@ -53,7 +53,7 @@ def fisher_information(means: Floats, grid: BlockGrid) -> Floats:
         CubicSpline(np.arange(means.shape[axis]), means, axis=axis)(np.arange(means.shape[axis]), 1)
         for axis in (1, 0)
     ]
-    # where the mean is 0 it is a minimum: no photons, no information
+    # a mean of 0 is a minimum: no photons, no information
     weight = np.divide(1, means, out=np.zeros_like(means, np.float64), where=means > 0)
     xx, xy, yy = (
         block_sums(gradient[i] * gradient[j] * weight, grid) for i, j in ((0, 0), (0, 1), (1, 1))
@@ -171,7 +171,7 @@ def unknown_texture_photons(
 
 
 class MedianPhotons(NamedTuple):
-    """Photons per frame that a method needs, and the interval that holds them in 95 % of cases."""
+    """Photons per frame that a method needs, and their 95 % interval."""
 
     photons: float
     low: float
@@ -181,18 +181,18 @@ class MedianPhotons(NamedTuple):
 def confined_velocities(
     detector: BlockDetector, frames: Frames, grid: BlockGrid, margin_px: int
 ) -> Floats:
-    """Return the newest velocity of each block inside, seen through its support alone.
+    """Return the newest velocity of each inner block, from its support alone.
 
     `detector`: any that gives velocities; its parameters for blocks and search are replaced;
     `frames` (T, H, W): counts; of them, the last `memory_frames` + 1 are used; `grid`: blocks of
     the frames; those at the border are skipped; `margin_px`: from 1 to the side of a block.
     Returns (rows − 2, columns − 2, 2), px per frame.
 
-    Raises ValueError when the margin is not of that range.
+    Raises ValueError if the margin is out of range.
     """
     if not 1 <= margin_px <= grid.block_px:
         raise ValueError(f"margin_px {margin_px}: give 1 to {grid.block_px}, the side of a block")
-    # frames of one block and its margin, all of which is searched
+    # frames of one block and its margin, all of which are searched
     changes = {"block_px": grid.block_px, "fewest_blocks": 1}
     if "radius_px" in type(detector).model_fields:
         changes["radius_px"] = margin_px
@@ -264,7 +264,7 @@ def _half(fluxes: Floats, shares: Floats) -> Floats:
 def bound_photons(covariances: Floats, speed: float, level: float) -> float:
     """Return the flux at which errors at the bound have a median of `level` of the speed.
 
-    `covariances` (..., 2, 2): least covariances at one photon per frame; they fall as 1/flux,
+    `covariances` (..., 2, 2): least covariances at one photon per frame; they fall as 1/flux
     without dark counts; `speed`: px per frame.
     """
     return (median_endpoint_error(covariances) / (level * speed)) ** 2

@@ -1,4 +1,4 @@
-"""Light whose flow is known at every pixel: layers that move, and a camera that pans.
+"""Light with known flow at every pixel: moving layers, and a panning camera.
 
 **Layers.** A point X of a layer has the steady velocity u(X) = A·(X − c) + b, with c the middle of
 the frame, so at time t it is at X + t·u(X). That map is affine, so where a point came from follows
@@ -24,38 +24,38 @@ _SAMPLES = 2
 """Samples along a pixel, which gathers their light"""
 
 _PADDING = 8
-"""Columns and rows beyond the edge, which a cubic spline forgets"""
+"""Columns and rows beyond the edge, beyond which a cubic spline has decayed"""
 
 
 @dataclass(frozen=True)
 class Layer:
-    """A texture that tiles the plane, the disk of it that is there, and how it moves."""
+    """A texture that tiles the plane, its visible disk, and its motion."""
 
     texture: Floats
     """(rows, columns), `Layers.texels` of them to a pixel; without a seam in both directions"""
     velocity_px: tuple[float, float]
-    """Of the point at the middle of the frame, x and y, px per frame"""
+    """Velocity at the middle of the frame, x and y, px per frame"""
     gradient: Floats
-    """A, (2, 2), 1/frame: how the velocity (x, y) grows along x and y"""
+    """A, (2, 2), 1/frame: gradient of the velocity (x, y) along x and y"""
     disk: tuple[float, float, float] | None = None
-    """Middle (x, y) from the middle of the frame, and radius, px; None is everywhere"""
+    """Center (x, y) from the middle of the frame, and radius, px; None: everywhere"""
 
 
 @dataclass(frozen=True)
 class MovingLayers:
-    """Layers from the lowest to the uppermost, as a camera with square pixels sees them."""
+    """Layers from the lowest to the uppermost, as seen by a camera with square pixels."""
 
     layers: Sequence[Layer]
-    """The lowest is to be everywhere"""
+    """The lowest must be everywhere"""
     texels: int = 2
-    """Texels along a pixel, which gathers their light"""
+    """Texels along a pixel, which integrates their light"""
 
     def light(self, shape: tuple[int, int], times: Sequence[float]) -> Floats:
         """Return frames of light at some times, (T, H, W), in the unit of the textures."""
         return np.stack([self._frame(shape, time) for time in times])
 
     def flow(self, shape: tuple[int, int], time: float) -> Floats:
-        """Return the motion of what is seen at a time over one frame, (H, W, 2), px."""
+        """Return the motion of visible content at a time over one frame, (H, W, 2), px."""
         positions = _pixels(shape, 1)
         flow = np.zeros((*shape, 2))
         for layer in self.layers:
@@ -84,7 +84,7 @@ class PanningView:
     panorama: Floats
     """(rows, columns), light of any unit; column m follows column 0"""
     focal_px: float
-    """Focal length; columns/2π sees the horizon as sharp as it is"""
+    """Focal length; columns/2π gives the horizon its native resolution"""
     heading_rad: float
     """Azimuth of the optical axis at time 0"""
     turn_rad: tuple[float, float, float]
@@ -93,7 +93,7 @@ class PanningView:
     def light(self, shape: tuple[int, int], times: Sequence[float]) -> Floats:
         """Return frames of light at some times, (T, H, W); not below 0.
 
-        Raises ValueError when the camera looks beyond the upper or lower edge.
+        Raises ValueError if the camera looks beyond the upper or lower edge.
         """
         padded = np.pad(self.panorama, ((_PADDING, _PADDING), (0, 0)), mode="edge")
         padded = np.pad(padded, ((0, 0), (_PADDING, _PADDING)), mode="wrap")
@@ -101,7 +101,7 @@ class PanningView:
         return np.stack([self._frame(splines, shape, time) for time in times])
 
     def flow(self, shape: tuple[int, int]) -> Floats:
-        """Return how far each pixel's content moves in one frame, (H, W, 2), px."""
+        """Return the displacement of each pixel's content in one frame, (H, W, 2), px."""
         pixels = _pixels(shape, 1)
         turned = Rotation.from_rotvec(self.turn_rad).inv()
         rays = np.concatenate((pixels / self.focal_px, np.ones((*shape, 1))), axis=-1)
@@ -127,7 +127,7 @@ class PanningView:
         fine = map_coordinates(splines, places, order=3, prefilter=False)
         n = _SAMPLES
         light = fine.reshape(shape[0], n, shape[1], n).mean(axis=(1, 3))
-        return np.asarray(np.maximum(light, 0))  # a spline swings below 0 beside a bright spot
+        return np.asarray(np.maximum(light, 0))  # a spline overshoots below 0 beside a bright spot
 
 
 def _pixels(shape: tuple[int, int], samples: int) -> Floats:
@@ -139,7 +139,7 @@ def _pixels(shape: tuple[int, int], samples: int) -> Floats:
 def _seen(
     layer: Layer, positions: Floats, time: float
 ) -> tuple[Floats, np.ndarray[tuple[int, ...], np.dtype[np.bool_]]]:
-    """Return which points of a layer are at some places at a time, and whether it has them."""
+    """Return the points of a layer at some places and a time, and whether it covers them."""
     back = np.linalg.inv(np.eye(2) + time * layer.gradient)
     points = (positions - time * np.asarray(layer.velocity_px)) @ back.T
     if layer.disk is None:

@@ -19,7 +19,7 @@ from megalopta.flow.stimuli.resizing import ResizeKind, resize, resized_shape
 
 @dataclass(frozen=True)
 class MovingTemplate:
-    """View of a turning camera, frame by frame."""
+    """View of a rotating camera, frame by frame."""
 
     template: Floats
     """(rows, columns), light of any unit; columns at least as many as rows"""
@@ -28,12 +28,12 @@ class MovingTemplate:
     size: int
     """Rows and columns of the frames after resizing (px)"""
     resize: ResizeKind = "nearest"
-    """How frames are resized"""
+    """Method of resizing"""
     normalization: Normalization = "per_frame"
-    """What is brought to the flux: every frame, or the mean one of a full turn"""
+    """Scaled to the flux: every frame, or the mean frame of a full turn"""
 
     def __post_init__(self) -> None:
-        """Refuse what is no template."""
+        """Refuse an invalid template."""
         rows, columns = self.template.shape
         if columns < rows:
             raise ValueError(
@@ -45,7 +45,7 @@ class MovingTemplate:
 
     @cached_property
     def _lines(self) -> Floats:
-        """The template with rows resized, and its first columns once more at its end."""
+        """Return the template with rows resized, and its first columns repeated at its end."""
         rows, columns = self.template.shape
         lines = resize(self.template, (self.size, columns), self.resize)
         return np.concatenate((lines, lines[:, :rows]), axis=1)
@@ -60,9 +60,9 @@ class MovingTemplate:
     def light(self, shift_px: int, count: int) -> Floats:
         """Return frames as shares of the flux, (count, size, size): of sum 1, each or on average.
 
-        Raises BlackFrameError when a frame is black.
+        Raises BlackFrameError if a frame is black.
 
-        `shift_px`: columns by which the template is shifted in the first of them.
+        `shift_px`: columns by which the template is shifted in the first frame.
         """
         rows, columns = self.template.shape
         starts = -(shift_px + self.velocity_px * np.arange(count)) % columns
@@ -76,12 +76,12 @@ class MovingTemplate:
 
 
 def blurred(template: Floats, length_px: float) -> Floats:
-    """Return a template (H, W) smeared along its rows by a motion of columns, around the circle.
+    """Return a template (H, W) with motion blur along its rows, around the circle.
 
     Each pixel becomes the mean over a line of this length, MATLAB's fspecial('motion', length, 0):
-    taps are the shares of the line that lie in each pixel.
+    taps are the shares of the line in each pixel.
 
-    Raises ValueError when the length is negative.
+    Raises ValueError if the length is negative.
     """
     if not length_px >= 0:
         raise ValueError(f"length_px {length_px:g}: give the length of the motion, 0 or more")

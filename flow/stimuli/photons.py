@@ -2,11 +2,11 @@
 
 Thesis §4.2: mean counts λ = F·I/ΣI + dark counts, counts ~ Poisson(λ), with the flux F in photons
 per frame. ΣI is the sum over the frame itself, as in the thesis (`per_frame`), or its mean over the
-sequence (`per_sequence`), so that a scene that grows darker does, as a sensor sees it. In a scene
-of constant brightness there is no difference.
+sequence (`per_sequence`), which keeps changes of brightness, as a sensor sees them. In a scene of
+constant brightness there is no difference.
 
-Every frame is drawn from a stream of its own, named by the seed, the caller's key and the number
-of the frame, so the counts of a frame do not depend on how the sequence is cut. Different fluxes
+Every frame is drawn from its own stream, keyed by the seed, the caller's key and the number of the
+frame, so the counts of a frame do not depend on the chunks of a sequence. Different fluxes
 are drawn independently of each other.
 """
 
@@ -24,7 +24,7 @@ _LARGEST_MEAN = 9e18
 Counts = NDArray[np.unsignedinteger[Any]]
 
 Normalization = Literal["per_frame", "per_sequence"]
-"""What is brought to the flux: every frame, or the mean frame."""
+"""Scaled to the flux: every frame, or the mean frame."""
 
 
 class BlackFrameError(ValueError):
@@ -34,11 +34,11 @@ class BlackFrameError(ValueError):
 def frame_light(frames: NDArray[Any]) -> Floats:
     """Return the sum over each frame of (T, H, W), (T,).
 
-    Raises ValueError when the frames are not a sequence of finite light, 0 or more.
+    Raises ValueError if the frames are not a sequence of finite light, 0 or more.
     """
     if frames.ndim != 3 or frames.size == 0:
         raise ValueError(f"frames of shape {frames.shape}: give a sequence (T, H, W)")
-    # frame by frame, so that no rounding depends on how the sequence is cut
+    # frame by frame, so that rounding does not depend on chunks
     sums = np.array([np.ascontiguousarray(frame).sum(dtype=np.float64) for frame in frames])
     if not (frames.min() >= 0 and np.isfinite(sums).all()):
         raise ValueError("frames hold negative or non-finite values: give light, 0 or more")
@@ -46,19 +46,18 @@ def frame_light(frames: NDArray[Any]) -> Floats:
 
 
 def divisors(sums: Floats, normalization: Normalization, mean: float | None = None) -> Floats:
-    """Return what each frame is divided by to become shares of the flux, (T,).
+    """Return the divisor of each frame that gives shares of the flux, (T,).
 
-    `sums` (T,): over each frame; `mean`: of the sums over the whole sequence; by default over
-    these.
+    `sums` (T,): over each frame; `mean`: of the sums over the whole sequence; default: of these.
 
-    Raises BlackFrameError when there is no light to scale to a flux.
+    Raises BlackFrameError if there is no light to scale to a flux.
     """
     if normalization == "per_sequence":
         sums = np.full(sums.shape, sums.mean() if mean is None else mean)
     if not sums.min() > 0:
         raise BlackFrameError(
-            f"frame {int(np.argmin(sums))} is black: there is nothing to scale to a photon flux; "
-            "give light everywhere, or normalization per_sequence"
+            f"frame {int(np.argmin(sums))} is black and cannot be scaled to a photon flux; "
+            "give light in every frame, or normalization per_sequence"
         )
     return sums
 
@@ -66,9 +65,9 @@ def divisors(sums: Floats, normalization: Normalization, mean: float | None = No
 def draw_counts(means: Floats, seed: int, *key: str | int, first_frame: int = 0) -> Counts:
     """Return Poisson counts of the given means, as uint16, uint32 or uint64, whichever suffices.
 
-    Every frame has a random stream of its own.
+    Every frame has its own random stream.
 
-    Raises ValueError when a mean is negative, not a number or above 9e18.
+    Raises ValueError if a mean is negative, NaN or above 9e18.
 
     Parameters
     ----------
@@ -77,7 +76,7 @@ def draw_counts(means: Floats, seed: int, *key: str | int, first_frame: int = 0)
     seed : int
         Any integer.
     *key : str or int
-        What else tells this draw from others, such as the name of the sequence.
+        Further key of this draw, such as the name of the sequence.
     first_frame : int
         Number of the first of these frames in its sequence.
     """
@@ -97,8 +96,8 @@ def draw_in_one(
 ) -> Counts:
     """Return counts of means flux·light + dark_counts, from one random stream, as `draw_counts`.
 
-    Of fewer frames they are the first of those of more. The light, of any shape, is finite and 0 or
-    more, and never above the brightest: unchecked.
+    Fewer frames are the first of more. The light, of any shape, must be finite, 0 or more, and not
+    above `brightest`: unchecked.
     """
     most = brightest * flux + dark_counts
     # beyond 40 deviations is less than 10⁻²⁰⁰

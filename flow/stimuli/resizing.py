@@ -1,9 +1,9 @@
-"""Fewer, larger pixels: spatial pooling as in the thesis, and as in a sensor.
+"""Resizing to fewer, larger pixels: spatial pooling as in the thesis, and as in a sensor.
 
 `nearest` takes, for each new pixel, the old pixel at its center, index ⌊(i + 0.5)·old/new⌋
-(MATLAB's imresize, thesis §4.2). It subsamples: values stay, light is thrown away. `area` hands
-the light of every old pixel to the new pixels it overlaps, in proportion: the total stays.
-Pooling along x with a triangular kernel keeps the width but for the ends.
+(MATLAB's imresize, thesis §4.2). It subsamples: values stay, light is lost. `area` distributes
+the light of every old pixel over the new pixels that it overlaps: the total stays. Pooling along x
+with a triangular kernel keeps the width except at the ends.
 """
 
 from typing import Any, Literal
@@ -19,10 +19,10 @@ ResizeKind = Literal["nearest", "area"]
 def resized_shape(shape: tuple[int, int], size: int | tuple[int, int]) -> tuple[int, int]:
     """Return the shape (H, W) that frames of another shape are resized to.
 
-    `shape` (rows, columns) before; `size` int or (rows, columns): a single number is the rows; the
-    columns follow in proportion.
+    `shape` (rows, columns) before; `size` int or (rows, columns): a single number is the rows, with
+    columns in proportion.
 
-    Raises ValueError when it has no pixels or more pixels along a side than before.
+    Raises ValueError if it has no pixels or more pixels along a side than before.
     """
     rows, columns = size if isinstance(size, tuple) else (size, round(shape[1] * size / shape[0]))
     if not (1 <= rows <= shape[0] and 1 <= columns <= shape[1]):
@@ -39,7 +39,7 @@ def resize(
     """Return frames (..., H, W) with fewer pixels, of a size as in `resized_shape`.
 
     "nearest" keeps values and type; "area" keeps the sum over each frame, as float64. Raises
-    ValueError when the new size is not between 1 px and the old one.
+    ValueError if the new size is not between 1 px and the old one.
     """
     rows, columns = resized_shape((frames.shape[-2], frames.shape[-1]), size)
     if kind == "area":
@@ -55,9 +55,9 @@ def resize(
 def triangular_pool(frames: NDArray[Any], taps: int = 5) -> Floats:
     """Return frames (..., W − taps + 1), each pixel a weighted mean of `taps` pixels along x.
 
-    As before the detectors of the thesis's bench (§2.4.8), where weights 1, 2, 3, 2, 1 turn rows of
-    16 pixels into 12: less shot noise, and less of what tells neighboring pixels apart, for a
-    blurred image. Only pixels with all of their neighbors are kept, so nothing is invented.
+    As in the thesis's bench (§2.4.8), where weights 1, 2, 3, 2, 1 pool rows of 16 pixels to 12:
+    less shot noise, and less contrast between neighboring pixels. Only pixels with all of their
+    neighbors are kept.
 
     `frames` (..., W): counts or intensities. `taps`: length of the kernel, odd, so that pixels stay
     in place: the new column j is centered on the old column j + (taps − 1)/2. Raises ValueError
@@ -75,7 +75,7 @@ def triangular_pool(frames: NDArray[Any], taps: int = 5) -> Floats:
 
 
 def _shares(old: int, new: int) -> Floats:
-    """Return the share of each old pixel that falls into each new one, (new, old)."""
+    """Return the share of each old pixel in each new one, (new, old)."""
     edges = np.arange(new + 1) * (old / new)
     edges[-1] = old
     pixels = np.arange(old)

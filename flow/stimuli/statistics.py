@@ -1,21 +1,21 @@
-"""Statistics of a template that decide how many photons motion detectors need.
+"""Statistics of a template that determine the photons that motion detectors need.
 
-A template (rows, columns) is a full turn: its columns have no end, its rows have. Natural scenes
+A template (rows, columns) is a full turn: periodic in columns, not in rows. Natural scenes
 have power spectra that fall about as the square of frequency, and gradients with far heavier tails
 than a normal distribution (Ruderman and Bialek, Phys. Rev. Lett. 73, 814, 1994; Simoncelli and
 Olshausen, Annu. Rev. Neurosci. 24, 1193, 2001).
 
-**Logarithms** tell what a view looks like whatever its exposure. Ratios of light are what surfaces
-tell, and the logarithm of natural scenes has much in common from scene to scene (Ruderman and
-Bialek, ibid.; Huang and Mumford, CVPR 1999).
+**Logarithms** are independent of exposure. Ratios of light characterize surfaces, and the logarithm
+of natural scenes has much in common from scene to scene (Ruderman and Bialek, ibid.; Huang and
+Mumford, CVPR 1999).
 
 A rendering has noise, which looks like texture. Of independent renderings of one view, products of
 values from different ones have that of the view itself as their mean: moments are made of those, a
 variance of two of them, a fourth moment of four. The logarithm of a noisy value is too small on
 average, by half of its relative variance to first order, and most in the shade, where paths of
-light vary most. So two renderings a and b make one value, 2·log((a + b)/2) − (log a + log b)/2,
-in which that order is gone (the jackknife: Quenouille, Biometrika 43, 353, 1956). A photograph
-stands for all of its renderings.
+light vary most. So two renderings a and b give one value, 2·log((a + b)/2) − (log a + log b)/2,
+without that order (the jackknife: Quenouille, Biometrika 43, 353, 1956). A photograph replaces all
+renderings.
 """
 
 from collections.abc import Sequence
@@ -36,7 +36,7 @@ PASSES = 8
 """Independent renderings: two for each of the four values of a fourth moment"""
 
 _DARKEST = 1e-4
-"""Of the mean light: what is darker counts as this, since no path of light reached it"""
+"""Share of the mean light below which a pixel counts as this, since no path of light reached it"""
 
 
 @dataclass(frozen=True)
@@ -48,12 +48,12 @@ class ImageStatistics:
     spectrum_slope: float
     """Exponent of the power spectrum over the radial frequency, 0.02 to 0.3 cycles/px"""
     gradient_kurtosis: float
-    """Fourth moment over the squared second of differences along rows; 3 if they are normal"""
+    """Fourth moment over the squared second of differences along rows; 3 if normal"""
     gradient_contrast: float
-    """Root mean square of those differences over the mean"""
+    """RMS of those differences over the mean"""
     flat_share: float
-    """Share of those differences below 1 % of the mean: where a detector has next to nothing to
-    answer to, and an error relative to its answer next to nothing to be divided by"""
+    """Share of those differences below 1 % of the mean: a detector's response there is near zero,
+    and so is the denominator of a relative error"""
 
 
 def image_statistics(template: Floats) -> ImageStatistics:
@@ -72,7 +72,7 @@ def image_statistics(template: Floats) -> ImageStatistics:
 def power_spectrum(template: Floats) -> tuple[Floats, Floats]:
     """Radial frequencies (cycles/px), (N,), and mean power over their rings, of mean 1.
 
-    Rows are weighed with a Hann window, columns are periodic as they are.
+    Rows have a Hann window; columns are periodic.
     """
     rows, columns = template.shape
     window = np.hanning(rows + 2)[1:-1, np.newaxis]
@@ -82,9 +82,9 @@ def power_spectrum(template: Floats) -> tuple[Floats, Floats]:
 
 
 def ring_means(power: Floats, columns: int) -> tuple[Floats, Floats]:
-    """Radial frequencies (cycles/px), (N,), and means over their rings of what belongs to them.
+    """Radial frequencies (cycles/px), (N,), and means over their rings.
 
-    `power` is (H, W//2 + 1) in the order of `numpy.fft.rfft2` of an image of so many columns.
+    `power` is (H, W//2 + 1) in the order of `numpy.fft.rfft2` of an image of `columns` columns.
     """
     rows = len(power)
     radius = np.hypot(np.fft.fftfreq(rows)[:, np.newaxis], np.fft.rfftfreq(columns))
@@ -106,13 +106,13 @@ class LogStatistics:
     """Standard deviation"""
     skewness: float
     kurtosis: float
-    """Fourth moment over the squared second; 3 where normal"""
+    """Fourth moment over the squared second; 3 for a normal distribution"""
     gradient_contrast: float
-    """Root mean square of differences of neighbors along rows"""
+    """RMS of differences of neighbors along rows"""
     gradient_kurtosis: float
-    """Of these differences; 3 where normal"""
+    """Kurtosis of these differences; 3 for a normal distribution"""
     neighbor_correlation: float
-    """Of neighbors along rows"""
+    """Correlation of neighbors along rows"""
     spectrum_slope: float
     """Exponent of the power over the radial frequency, 0.02 to 0.3 cycles/px"""
 
@@ -120,15 +120,15 @@ class LogStatistics:
 def log_statistics(passes: Sequence[Floats]) -> LogStatistics:
     """Return the statistics of a view from eight independent renderings (H, W) of it.
 
-    Of a picture without noise give it eight times.
+    A picture without noise is given eight times.
 
-    Raises ValueError when there are not eight, of one shape, of finite light above 0 on the whole.
+    Raises ValueError if there are not eight, of one shape, of finite light above 0 in total.
     """
     light = np.asarray(passes, np.float64)
     if light.ndim != 3 or len(light) != PASSES or not np.isfinite(light).all() or light.min() < 0:
         raise ValueError(f"passes of shape {light.shape}: give {PASSES} (H, W) of light, 0 or more")
     if not light.any(axis=(1, 2)).all():
-        raise ValueError("a pass is black: there is no logarithm of no light")
+        raise ValueError("a pass is black, without logarithm; give passes with light")
     darkest = _DARKEST * light.mean()
     one, other = light[::2], light[1::2]
     noisy = (np.log(np.maximum(one, darkest)) + np.log(np.maximum(other, darkest))) / 2
@@ -136,7 +136,7 @@ def log_statistics(passes: Sequence[Floats]) -> LogStatistics:
     logs -= logs.mean(axis=(1, 2), keepdims=True)
     steps = np.diff(logs, axis=2)
     variance, of_step = _moment(logs, 2), _moment(steps, 2)
-    # (a − b)² of neighbors is twice the variance less twice their product
+    # (a − b)² of neighbors is twice the variance minus twice their product
     beside = (_moment(logs[..., :-1], 2) + _moment(logs[..., 1:], 2)) / 2
     return LogStatistics(
         contrast=variance**0.5,
@@ -156,7 +156,7 @@ def unlit_share(passes: Sequence[Floats]) -> float:
 
 
 def _moment(values: Floats, order: int) -> float:
-    """Mean product of so many different passes, over all ways to choose them."""
+    """Mean product of `order` different passes, over all ways to choose them."""
     chosen = combinations(values, order)
     return float(np.mean([np.mean(np.prod(each, axis=0)) for each in chosen]))
 

@@ -1,1 +1,1 @@
-"""Motion detectors compared: rankings, scores, boards, thresholds of photons."""
+"""Benchmarks of motion detectors: rankings, scores, boards, photon thresholds."""

@@ -1,7 +1,7 @@
-"""Scenes of the board of whole frames: eight frames of light, and the flow in their middle.
+"""Clips of the board of whole frames: eight frames of light, and the flow in their middle.
 
-Motion is steady. Methods that see two frames get the two in the middle, those that see eight all;
-both are held against the flow between the two in the middle, so that nothing has moved on.
+Motion is steady. Two-frame methods see the two frames in the middle, eight-frame methods all. Both
+are compared with the flow between the two frames in the middle.
 """
 
 import math
@@ -27,13 +27,13 @@ _TEXELS = 2
 _TEXTURE_PX = 320
 _FASTEST_PX = 4.0
 _STEEPEST = 0.008
-"""Largest change of velocity from a pixel to the next, px per frame"""
+"""Largest change of velocity between neighboring pixels, px per frame"""
 
 _DISKS = 3
 _DISK_RADII_PX = (30.0, 55.0)
 
 _ZOOM = 1.25
-"""Focal length over that at which the horizon is seen as sharp as it is"""
+"""Focal length over the one at which the horizon is at its native resolution"""
 
 _HEADINGS = 2
 
@@ -49,12 +49,12 @@ class FlowClip:
     """(H, W, 2), px, between the two frames in the middle, on the pixels of the first"""
 
     def counts(self, flux: float, draw: int, key: tuple[str, ...] = ()) -> Counts:
-        """Return a draw (T, H, W) of so many photons per pixel; the key tells it from others."""
+        """Return a draw (T, H, W) of `flux` photons per pixel; the key seeds it."""
         return draw_counts(self.light * flux, 0, *key, self.name, f"{flux:.6g}", draw)
 
 
 def leaves_clip(seed: int, shape: tuple[int, int] = SHAPE) -> FlowClip:
-    """Return dead leaves that move as one affine field, and three disks of them that do not."""
+    """Return dead leaves in an affine motion, and three disks of them in other motions."""
     rng = generator(seed, "whole frames, leaves")
     side = _TEXTURE_PX * _TEXELS
     smallest, largest = (radius * _TEXELS for radius in RADII_PX)
@@ -75,7 +75,7 @@ def leaves_clips(count: int, shape: tuple[int, int] = SHAPE) -> Iterator[FlowCli
 def panorama_clips(
     templates: Mapping[str, Floats], shape: tuple[int, int] = SHAPE, headings: int = _HEADINGS
 ) -> Iterator[FlowClip]:
-    """Yield views of panoramas (rows, columns) by name, some headings of each, turning steadily.
+    """Yield views of panoramas (rows, columns) by name, at several headings, in steady rotation.
 
     The camera turns about an axis near the vertical, by 1 to 4 px per frame, and rolls.
     """
@@ -98,7 +98,7 @@ def middle(frames: Frames, count: int) -> Frames:
 def _layer(
     rng: np.random.Generator, texture: Floats, disk: tuple[float, float, float] | None
 ) -> Layer:
-    """Return a layer of another part of the texture, with a motion of its own."""
+    """Return a layer of another part of the texture, with its own motion."""
     elsewhere = np.roll(texture, rng.integers(texture.shape), axis=(0, 1))
     speed, angle = rng.uniform(0.5, _FASTEST_PX), rng.uniform(0, 2 * math.pi)
     velocity = speed * math.cos(angle), speed * math.sin(angle)

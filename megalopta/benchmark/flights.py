@@ -1,8 +1,8 @@
-"""How well methods estimate the camera's own motion on flights through forests, over the photons.
+"""Errors of the estimated camera motion on flights through forests, by photons.
 
-A weighted sum of local answers (`flow.egomotion.wide_field`) has to learn what a rotation looks
-like: it learns from light without noise in the first half. Its rates are averaged over the frames
-that the likelihood sees. The likelihood, and the motion that fits flow best, need no learning.
+A weighted sum of local responses (`flow.egomotion.wide_field`) learns its weights from noise-free
+light in the first half. Its rates are averaged over the frames that the likelihood sees. The
+likelihood, and the motion that best fits flow, need no learning.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -32,7 +32,7 @@ POOLED = 8
 """Frames from which the motion in their middle is estimated"""
 
 FLIGHT_FLUXES = (0.3, 1.0, 3.0, 10.0, 30.0, 100.0)
-"""Photons per pixel and frame; beyond, noise of rendering is more than that of photons"""
+"""Photons per pixel and frame; above, rendering noise exceeds photon noise"""
 
 FLIGHT_DRAWS = 2
 YAW, HEADING = "yaw_error_deg", "heading_error_deg"
@@ -42,24 +42,24 @@ _WARM_UP = 16
 _KEY = "forest flight interval"
 
 Motions: TypeAlias = tuple[Floats, Floats | None]
-"""Yaw rates (n,), degrees per frame, and headings (n, 3), or none of ways that give no heading"""
+"""Yaw rates (n,), degrees per frame, and headings (n, 3), or None without heading"""
 
 Way: TypeAlias = Callable[[Frames, float], Motions]
-"""From counts of the whole flight and their photons per pixel to the motion in some middles"""
+"""Maps counts of the flight and their photons per pixel to the motion at some middles"""
 
 
 @dataclass(frozen=True)
 class FlightErrors:
-    """Errors of all ways to estimate the camera's motion, in windows of frames."""
+    """Errors of all estimators of the camera's motion, in windows of frames."""
 
     samples: Samples
-    """(windows, draws): of yaw (degrees per frame) and heading (degrees), by way and photons"""
+    """(windows, draws): yaw (degrees per frame) and heading (degrees), by estimator and photons"""
     true_yaw_deg: Floats
     """(windows,), degrees per frame"""
 
     @property
     def ways(self) -> list[str]:
-        """Names of the ways."""
+        """Names of the estimators."""
         return list(dict.fromkeys(case.method for case in self.samples))
 
     @property
@@ -69,16 +69,16 @@ class FlightErrors:
 
     @property
     def rms_yaw_deg(self) -> float:
-        """Root mean square of the true rate, degrees per frame."""
+        """RMS of the true yaw rate, degrees per frame."""
         return float(np.sqrt(np.mean(self.true_yaw_deg**2)))
 
     def yaw(self, way: str, flux: float) -> Interval:
-        """Return the root mean square error of the yaw rate over that of the rate."""
+        """Return the RMS error of the yaw rate relative to its RMS."""
         samples = self.samples[Case(YAW, way, flux)]
         return bootstrap(samples, lambda each: _rms(each) / self.rms_yaw_deg, _KEY)
 
     def heading(self, way: str, flux: float) -> Interval | None:
-        """Return the median angle between the true heading and that found (degrees)."""
+        """Return the median angle between the true and the estimated heading (degrees)."""
         samples = self.samples.get(Case(HEADING, way, flux))
         if samples is None:
             return None
@@ -86,7 +86,7 @@ class FlightErrors:
 
 
 def together(flights: Sequence[FlightErrors]) -> FlightErrors:
-    """Return the errors of each way over all flights."""
+    """Return the errors of each estimator over all flights."""
     return FlightErrors(
         joined(each.samples for each in flights),
         np.concatenate([each.true_yaw_deg for each in flights]),
@@ -100,14 +100,14 @@ def flight_errors(
     draws: int = FLIGHT_DRAWS,
     after_draw: Callable[[], object] = lambda: None,
 ) -> FlightErrors:
-    """Return the errors of all ways to estimate the camera's motion, on the same photons.
+    """Return the errors of all estimators of the camera's motion, on the same photons.
 
-    Fluxes are photons per pixel and frame, on average over the clip of a flight.
+    Fluxes are mean photons per pixel and frame of the clip of a flight.
     """
     poses = view.trajectory.poses()
     rates = yaw_rates_deg_s(view.trajectory) / view.trajectory.frame_rate_hz
     half = (_WARM_UP + len(rates)) // 2
-    # pairs in the second half, whose windows share no frame
+    # pairs in the second half, with disjoint windows
     middles = np.arange(half, len(rates) - POOLED // 2 + 1, POOLED)
     steps = np.diff(poses[:, :3, 3], axis=0)[middles, np.newaxis] @ poses[middles, :3, :3]
     headings = steps[:, 0] / np.linalg.norm(steps[:, 0], axis=1, keepdims=True)
@@ -132,7 +132,7 @@ def _rms(samples: Floats) -> Floats:
 def _ways(
     camera: Camera, light: Floats, rates: Floats, middles: NDArray[np.intp]
 ) -> Mapping[str, Way]:
-    """Return ways to estimate the motion in the middles; some learn from light and rates."""
+    """Return estimators of the motion at the middles; some learn from light and rates."""
     flows = [summed_frames(velocity_method("DIS"), POOLED), velocity_method("PPF")]
     return {
         **{f"{name}, summed": _summed(METHODS[name], light, rates, middles) for name in _WEIGHTED},
@@ -150,15 +150,15 @@ def _ways(
 
 
 def _fitted(detector: BlockDetector, camera: Camera, counts: Frames) -> CameraMotion:
-    """Return the motion that fits the velocities of blocks best."""
+    """Return the motion that best fits the velocities of blocks."""
     centers = detector.grid((camera.height, camera.width)).centers
-    # a block that answers nothing counts as at rest, as it does in a sum
+    # a block without velocity counts as at rest, as in a sum
     return motion_of_flow(camera, centers, np.nan_to_num(detector.respond(counts)[-1]))
 
 
 def _summed(detector: Detector, light: Floats, rates: Floats, middles: NDArray[np.intp]) -> Way:
-    """Return the weighted sum of a method's answers, its rates averaged over seven pairs."""
-    # of a pair of frames, or of the last of them
+    """Return the weighted sum of a method's responses, its rates averaged over seven pairs."""
+    # for a pair of frames, or its last
     skipped = 0 if detector.gives == "velocity" else 1
     answers = detector.respond(light)[skipped:]
     field = fit_wide_field(answers[_WARM_UP:], rates[_WARM_UP:])
@@ -174,7 +174,7 @@ def _summed(detector: Detector, light: Floats, rates: Floats, middles: NDArray[n
 def _of_windows(
     frames: int, middles: NDArray[np.intp], motion: Callable[[Frames], CameraMotion]
 ) -> Way:
-    """Return the way that finds the motion in so many frames, half of them up to each middle."""
+    """Return the estimator that uses this many frames around each middle."""
 
     def estimate(counts: Frames, _: float) -> Motions:
         firsts = middles + 1 - frames // 2

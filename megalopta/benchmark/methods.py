@@ -1,7 +1,7 @@
-"""The methods that benchmarks measure: those that give velocities of blocks, and their baselines.
+"""Methods that benchmarks measure: those that give velocities of blocks, and their baselines.
 
-Beside the methods as they are stand gray ones after a stretch that makes the noise of all counts
-alike, and two-frame ones on the sums of the first and the second half of eight frames.
+Baselines: gray methods on variance-stabilized counts, and two-frame methods on the sums of the
+first and the second half of eight frames.
 """
 
 import inspect
@@ -19,7 +19,7 @@ from megalopta.flow.detectors.registry import METHODS, VELOCITY_METHODS, Method,
 Methods = Mapping[str, BlockDetector]
 
 BLOCK_PX = 24
-"""Side of the blocks of boards of whole frames"""
+"""Side of the blocks on boards of whole frames"""
 
 _GRAY = ("LK", "FB", "DIS", "TV-L1")
 _BLUR_PX = 0.7
@@ -29,12 +29,12 @@ _MANY = 8
 def velocity_methods(chosen: Iterable[Method]) -> Methods:
     """Return methods by name.
 
-    Raises ValueError when one is unknown, gives no velocities, or has the name of another.
+    Raises ValueError if one is unknown, gives no velocities, or has a duplicate name.
     """
     found: dict[str, BlockDetector] = {}
     for detector in map(velocity_method, chosen):
         if detector.name in found:
-            raise ValueError(f"methods: {detector.name!r} is there twice; give each once")
+            raise ValueError(f"methods: duplicate {detector.name!r}; give each once")
         found[detector.name] = detector
     return found
 
@@ -42,21 +42,21 @@ def velocity_methods(chosen: Iterable[Method]) -> Methods:
 def directional_methods(ranked: Methods, more: Iterable[Method]) -> Mapping[str, Detector]:
     """Return the ranked methods, and others that respond to the direction of motion.
 
-    Raises ValueError when one is unknown, or blind to direction.
+    Raises ValueError if one is unknown, or blind to direction.
     """
     found: dict[str, Detector] = dict(ranked)
     for detector in map(registry.method, more):
         if not detector.tells_direction:
             raise ValueError(
-                f"wide_field: {detector.name!r} is blind to direction, so no yaw rate follows from "
-                "it; leave it out"
+                f"wide_field: {detector.name!r} is blind to direction and gives no yaw rate; "
+                "omit it"
             )
         found[detector.name] = detector
     return found
 
 
 def block_detector(chosen: Method) -> BlockDetector:
-    """Return a method that gives velocities of blocks, or a baseline by its name, as `DIS √`.
+    """Return a method that gives velocities of blocks, or a baseline by name, such as `DIS √`.
 
     Raises ValueError for any other.
     """
@@ -65,16 +65,16 @@ def block_detector(chosen: Method) -> BlockDetector:
 
 
 def stretched(name: str) -> GrayDetector:
-    """Return a gray method that sees Anscombe's roots of the counts, slightly smoothed."""
+    """Return a gray method on Anscombe roots of the counts, slightly smoothed."""
     detector = METHODS[name]
     assert isinstance(detector, GrayDetector)
-    label = f"{detector.label}, roots of counts"
+    label = f"{detector.label}, square roots of counts"
     changes = {"name": f"{name} √", "label": label, "stretch": "anscombe", "blur_px": _BLUR_PX}
     return detector.model_copy(update=changes)
 
 
 def methods_and_baselines(frames: int) -> list[BlockDetector]:
-    """Return all methods that do with so many frames, and the baselines that do."""
+    """Return all methods and baselines that run on this many frames."""
     there = (block_detector(name) for name in VELOCITY_METHODS)
     found = [each for each in there if each.memory_frames < frames]
     found += [stretched(name) for name in _GRAY]
@@ -84,7 +84,7 @@ def methods_and_baselines(frames: int) -> list[BlockDetector]:
 
 
 def identity(detector: Detector) -> str:
-    """Tell a method from others: its parameters, its class, and the file that a function is in."""
+    """Identify a method: its parameters, its class, and the file of a function."""
     function = getattr(detector, "function", None)
     places = type(detector), inspect.unwrap(function) if inspect.isfunction(function) else None
     return digest(detector.model_dump_json(), *(_source(each) for each in places if each))

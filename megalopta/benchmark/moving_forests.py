@@ -1,12 +1,12 @@
-"""Rendered forests past which a camera flies: clips with true parallax, and long flights.
+"""Rendered forests with a moving camera: clips with true parallax, and long flights.
 
-Near plants move faster than far ones and hide them, which neither dead leaves nor a turning camera
-show. Light is baked, so that its remaining error, 6 %, is fixed to surfaces and moves with
-them; what flickers is stated. Clips are kept in the cache folder.
+Near plants move faster than far ones and occlude them, unlike dead leaves or a rotating camera.
+Light is baked, so its remaining error, 6 %, is fixed to surfaces and moves with them; the
+flickering part is reported. Clips are kept in the cache folder.
 
-In a flight the camera turns to the left and to the right by up to 0.7° per frame, nods and rolls by
-up to half a degree, and flies 10 cm per frame, up to 30° aside of where it looks and 8° upward, so
-that neither rotation nor heading stays near an axis. Trees 2 m away pass at some 2 px per frame.
+In a flight the camera yaws left and right by up to 0.7° per frame, pitches and rolls by up to 0.5°,
+and flies 10 cm per frame, up to 30° to the side of its view and 8° upward, so that neither rotation
+nor heading stays near an axis. Trees 2 m away move by about 2 px per frame.
 """
 
 import io
@@ -41,7 +41,7 @@ from megalopta.scenes import (
 Pass = TypeVar("Pass")
 
 _MOST_BYTES = 10**8
-"""Of all clips; one takes 5 MB."""
+"""Size limit of all clips; one takes 5 MB."""
 _ARRAYS = "light", "flow", "noise"
 
 FLIGHT_FRAMES = 80
@@ -63,24 +63,24 @@ VIEW_SETTINGS = RenderSettings(
 
 
 class MovingView(Record, frozen=True):
-    """A forest, its light, and how a camera moves in it."""
+    """A forest, its light, and the camera's path."""
 
     forest: Forest
-    """What grows."""
+    """Plants and ground."""
     light: Light
-    """What lights it; clips have mean 1."""
+    """Light; clips have mean 1."""
     trajectory: CameraPath
-    """Where the camera is in each frame."""
+    """Pose of the camera in each frame."""
     camera: PerspectiveCamera = PerspectiveCamera(width=SHAPE[1], height=SHAPE[0], fov_deg=60)
-    """What sees it."""
+    """Projection and image size."""
     settings: RenderSettings = VIEW_SETTINGS
-    """How it is rendered."""
+    """Rendering settings."""
 
 
 def _view(
     preset: str, velocity_m: tuple[float, float, float], turn_deg: float, **light: float
 ) -> MovingView:
-    """Return a view of a forest from 1.6 m, with the way and the turn from frame to frame."""
+    """Return a view of a forest from 1.6 m, with translation and turn per frame."""
     return MovingView(
         forest=Forest.model_validate({"preset": preset, "seed": 5, "trees": 60}),
         light=Light(level="daylight", **light),
@@ -103,11 +103,11 @@ MOVING_VIEWS: Mapping[str, MovingView] = MappingProxyType(
         "clearing, up and across": _view("clearing", (0, 0.1, 0.06), -0.4, disc_fraction=0.3),
     }
 )
-"""By name: three densities, four kinds of motion. The light of a dense forest would take hours."""
+"""Views by name: three densities, four kinds of motion. A dense forest would take hours."""
 
 
 def forest_flight(preset: str = "open", seed: int = 5) -> MovingView:
-    """Return a flight; it turns both ways in each of its halves."""
+    """Return a flight; it turns both ways in each half."""
     return MovingView(
         forest=Forest.model_validate({"preset": preset, "seed": seed, "trees": 60}),
         light=Light(level="daylight", disc_fraction=0.3),
@@ -118,7 +118,7 @@ def forest_flight(preset: str = "open", seed: int = 5) -> MovingView:
 
 
 def forest_flights(count: int = FLIGHTS) -> dict[str, MovingView]:
-    """Return flights through so many forests, by name."""
+    """Return flights through `count` forests, by name."""
     return {f"flight {number + 1}": forest_flight(seed=5 + number) for number in range(count)}
 
 
@@ -127,10 +127,10 @@ def forest_clips(
     cache: Path | None = None,
     after_frame: Callable[[], object] = lambda: None,
 ) -> Iterator[tuple[FlowClip, float]]:
-    """Yield clips of views by name, and how far a pixel flickers by rendering, σ over the mean.
+    """Yield clips of views by name, and the flicker of a pixel by rendering, σ over the mean.
 
-    Views have an even number of frames each. What is rendered is kept in the cache folder, by
-    default the user's; `after_frame` is called after each frame, also of clips that were there.
+    Each view has an even number of frames. Renderings are kept in the cache folder, by default the
+    user's; `after_frame` is called after each frame, also for cached clips.
     """
     for name, view in views.items():
         text = f"{RENDER_MODEL} {BAKE_MODEL} {TRUTH_MODEL} {view.model_dump_json()}"

@@ -1,10 +1,10 @@
 """Pairs of pictures and true flow on disk, in the layouts of Sintel, KITTI and Middlebury.
 
-A frame is known by its sequence (the folders above its file) and its name. Sintel's submissions
-have a folder for each pass (clean, final) above the sequences; any such folder is scored apart.
-Middlebury keeps NAME/flow10.flo beside or in another folder than NAME/frame10.png and frame11.png.
-A dataset of megalopta is laid out as Sintel. Pictures are read as sRGB and taken back to light; of
-color the luminance counts.
+A frame is identified by its sequence (the folders above its file) and its name. Sintel submissions
+have a folder per pass (clean, final) above the sequences; any such folder is scored separately.
+Middlebury keeps NAME/flow10.flo beside NAME/frame10.png and frame11.png, or in another folder. A
+dataset of megalopta has Sintel's layout. Pictures are read as sRGB and converted to light, colors
+to luminance.
 """
 
 import re
@@ -25,7 +25,7 @@ _NUMBERED = re.compile(r"frame_?(\d{1,9})")
 
 
 class Frame(NamedTuple):
-    """What names a frame: Sintel's `frame0001`, ours `frame_0001`, KITTI's `000000_10`."""
+    """Identity of a frame: Sintel's `frame0001`, megalopta's `frame_0001`, KITTI's `000000_10`."""
 
     sequence: str
     name: str
@@ -36,11 +36,11 @@ class TrueFlow(NamedTuple):
 
     flow: Path
     occlusion: Path | None = None
-    """Mask of what is not seen in the next frame, white; Sintel"""
+    """Mask, white where hidden in the next frame; Sintel"""
     undefined: Path | None = None
-    """Mask of what is not scored, white; Sintel"""
+    """Mask, white where not scored; Sintel"""
     visible: Path | None = None
-    """Flow of what is seen in the next frame only; KITTI"""
+    """Flow of pixels visible in the next frame only; KITTI"""
 
 
 Truths = Mapping[Frame, TrueFlow]
@@ -54,7 +54,7 @@ Pair = TypeVar("Pair")
 def true_flows(root: Path) -> Truths:
     """Find the true flow below a folder: a dataset of megalopta or Sintel, KITTI, or flow files.
 
-    Raises UserError where there is none.
+    Raises UserError if there is none.
     """
     found: dict[Frame, TrueFlow] = {}
     for folder in sorted(path for path in [root, *root.glob("*")] if path.is_dir()):
@@ -78,9 +78,9 @@ def true_flows(root: Path) -> Truths:
 
 
 def submitted_flows(root: Path, truths: Truths) -> Mapping[str, Mapping[Frame, Path]]:
-    """Pair the flow files below a folder with the truth, by pass; "" is that of no folder.
+    """Pair the flow files below a folder with the truth, by pass; "" if there is no pass folder.
 
-    Raises UserError when a frame of the truth has no file, or a file has no frame.
+    Raises UserError if a frame of the truth has no file, or a file has no frame.
     """
     sequences = {frame.sequence for frame in truths}
     passes: dict[str, dict[Frame, Path]] = {}
@@ -99,7 +99,7 @@ def submitted_flows(root: Path, truths: Truths) -> Mapping[str, Mapping[Frame, P
 def pictures_of(truths: Truths) -> Mapping[str, Mapping[Frame, tuple[Path, Path]]]:
     """Find both pictures of every frame, by pass: Sintel's clean and final, KITTI's image_2.
 
-    Raises UserError where there are none.
+    Raises UserError if there are none.
     """
     found: dict[str, dict[Frame, tuple[Path, Path]]] = {"clean": {}, "final": {}, "": {}}
     for frame, files in truths.items():
@@ -109,7 +109,7 @@ def pictures_of(truths: Truths) -> Mapping[str, Mapping[Frame, tuple[Path, Path]
     whole = {name: pairs for name, pairs in found.items() if len(pairs) == len(truths)}
     if not whole:
         raise UserError(
-            "the truth has no pictures of all its frames (clean/, final/, or KITTI's image_2/): "
+            "the truth lacks pictures of some frames (clean/, final/, or KITTI's image_2/): "
             "write the flow to files, and give their folder"
         )
     return whole
@@ -122,7 +122,7 @@ def pairs_below(folder: Path) -> dict[str, Files]:
     if middlebury := dict(_middlebury(folder)):
         return middlebury
     truths = true_flows(folder)
-    pictures = next(iter(pictures_of(truths).values()))  # of Sintel's passes the clean one
+    pictures = next(iter(pictures_of(truths).values()))  # of Sintel's passes, the clean one
     return {
         "/".join(filter(None, frame)): (*pictures[frame], truths[frame].flow)
         for frame in sorted(truths)
@@ -130,7 +130,7 @@ def pairs_below(folder: Path) -> dict[str, Files]:
 
 
 def evenly_spread(pairs: dict[str, Pair], most: int) -> dict[str, Pair]:
-    """Return at most so many pairs, evenly spread over all."""
+    """Return at most `most` pairs, evenly spaced."""
     names = list(pairs)
     chosen = np.unique(np.linspace(0, len(names) - 1, min(most, len(names))).round().astype(int))
     return {names[index]: pairs[names[index]] for index in chosen}
@@ -139,7 +139,7 @@ def evenly_spread(pairs: dict[str, Pair], most: int) -> dict[str, Pair]:
 def read_pair(name: str, files: Sequence[Path]) -> FlowClip:
     """Return a pair as a clip of two frames, from first picture, second picture and flow.
 
-    Raises UserError when a file is not what it should be.
+    Raises UserError if a file is damaged or of the wrong size.
     """
     first, second, truth = files
     try:
@@ -158,7 +158,7 @@ def read_pair(name: str, files: Sequence[Path]) -> FlowClip:
             )
     light = np.stack(frames)
     if not light.any():
-        raise UserError(f"{first} and {second} are black; give pictures with light in them")
+        raise UserError(f"{first} and {second} are black; give brighter pictures")
     return FlowClip(name, light / light.mean(), flow)
 
 
@@ -185,7 +185,7 @@ def _check_pairs(root: Path, found: Mapping[Frame, Path], truths: Truths) -> Non
     if unknown := sorted(found.keys() - truths.keys()):
         sequences = ", ".join(sorted({frame.sequence for frame in truths})[:3])
         raise UserError(
-            f"{found[unknown[0]]} belongs to no frame of the truth, whose sequences are"
+            f"{found[unknown[0]]} matches no frame of the truth, whose sequences are"
             f" {sequences}: remove it, or give the folder above the sequences"
         )
     if missing := sorted(truths.keys() - found.keys()):

@@ -1,10 +1,10 @@
-"""Four forests seen all around: what the natural stimuli of Chapter 4 are made from.
+"""Four forest panoramas, the natural stimuli of Chapter 4.
 
-They stand in for the photographs of Fig. 4.3, which came from the web: forests of four densities in
-four lights, with the same fields of view.
+They replace the photographs of Fig. 4.3, which came from the web: forests of four densities in four
+lights, with the same fields of view.
 
 The cylindrical camera turns about its axis, so that a turn is a shift of columns at every height.
-Its film is as high as makes pixels square at the horizon.
+The height of its film makes pixels square at the horizon.
 """
 
 import hashlib
@@ -38,19 +38,19 @@ if TYPE_CHECKING:
 
 
 ROWS = 251
-"""Rows of every template, and columns of a frame before resizing (thesis, §4.2); a prime."""
+"""Rows of every template, and columns of a frame before resizing (dissertation, §4.2); a prime."""
 
 LUMINANCE_BAND_NM = (507.0, 614.0)
-"""As wide as the photopic V(λ) is when squared off (107 nm), about its centroid of 560 nm."""
+"""Box with the area of the photopic V(λ) (107 nm), around its centroid of 560 nm."""
 
 
 class NaturalPanorama(Record, frozen=True):
-    """A forest, its light, and how it is rendered all around."""
+    """A forest, its light, and the rendering of its panorama."""
 
     forest: Forest
-    """What grows."""
+    """Plants and ground."""
     light: Light
-    """What lights it; only the directions of light matter, since templates have mean 1."""
+    """Light; only its directions matter, since templates have mean 1."""
     frame_fov_deg: Annotated[float, Field(ge=90, le=180)]
     """Field of view of a frame of 251 columns (degrees); the panorama is 2:1 to 4:1."""
     eye_m: Annotated[float, Field(gt=0)] = 1.6
@@ -58,11 +58,11 @@ class NaturalPanorama(Record, frozen=True):
     samples_per_pass: Annotated[int, Field(ge=1)] = 36
     """Light paths per pixel and pass."""
     passes: Annotated[int, Field(ge=2)] = 4
-    """Passes that are averaged; from their scatter the noise is known."""
+    """Passes that are averaged; their scatter gives the noise."""
     max_depth: Annotated[int, Field(ge=2)] = 3
-    """As of `RenderSettings`; 3 misses 0.2 % of the light of a typical pixel."""
+    """As in `RenderSettings`; 3 misses 0.2 % of the light of a typical pixel."""
     seed: Annotated[int, Field(ge=0)] = 0
-    """Of the rendering noise."""
+    """Seed of the rendering noise."""
 
     @property
     def camera(self) -> CylindricalCamera:
@@ -75,7 +75,7 @@ class NaturalPanorama(Record, frozen=True):
 
     @property
     def sha256(self) -> str:
-        """Hash of this configuration and of the version of what it describes."""
+        """Hash of this configuration and of its model version."""
         text = f"{RENDER_MODEL} {self.model_dump_json()}"
         return hashlib.sha256(text.encode()).hexdigest()
 
@@ -108,14 +108,14 @@ NATURAL_PANORAMAS: Mapping[str, NaturalPanorama] = MappingProxyType(
         ),
     }
 )
-"""By name, in the order of Fig. 4.3 a to d."""
+"""Panoramas by name, in the order of Fig. 4.3 a to d."""
 
 
 def render_panorama(
     recipe: NaturalPanorama, after_pass: Callable[[], object]
 ) -> "tuple[NDArray[np.float32], RenderNoise]":
     """Radiance (251, m, 1) in the luminance band, W·m⁻²·sr⁻¹·nm⁻¹, and its noise."""
-    # Mitsuba, for which who takes what is shipped does not wait
+    # Mitsuba is slow to import, and not needed for shipped panoramas
     from megalopta.render import RenderSettings, RunningMean, SceneRenderer, frame_seed
     from megalopta.scenes import build_scene
 
@@ -124,7 +124,7 @@ def render_panorama(
     forest = build_scene(recipe.forest, recipe.light, recipe.camera, stand)
     wavelength_nm = sum(LUMINANCE_BAND_NM) / 2
     scene = under_clouds(forest, recipe.light.lighting(), wavelength_nm, recipe.forest.seed)
-    # Baked light would be looked up once only: it costs more than the paths it replaces.
+    # Baked light would be used only once: it costs more than the paths that it replaces.
     settings = RenderSettings(
         samples_per_pixel=recipe.samples_per_pass,
         max_depth=recipe.max_depth,
@@ -141,17 +141,17 @@ def render_panorama(
 
 SHIPPED = Path(__file__).with_name("data") / "panoramas"
 RECIPE = "configurationSha256"
-"""Name of the header attribute with the hash of the recipe."""
+"""Name of the header attribute with the recipe's hash."""
 WIDEST, NARROWEST = 4.0, 2.0
-"""Columns per row of a panorama, at most and at least."""
+"""Most and fewest columns per row of a panorama."""
 
 
 def natural_templates(
     cache: Path | None = None, panoramas: Mapping[str, NaturalPanorama] = NATURAL_PANORAMAS
 ) -> dict[str, NDArray[np.float64]]:
-    """Templates (251, m) of the natural stimuli by name; what is not there yet is rendered.
+    """Return templates (251, m) of the natural stimuli by name; missing ones are rendered.
 
-    The cache is by default the user's. Raises UserError when it cannot be a folder, or a file in it
+    The cache is by default the user's. Raises UserError if it cannot be a folder, or a file in it
     cannot be read.
     """
     paths = {name: panorama_file(name, recipe, cache) for name, recipe in panoramas.items()}
@@ -164,7 +164,7 @@ def natural_templates(
 
 
 def _render_absent(paths: Mapping[str, Path], panoramas: Mapping[str, NaturalPanorama]) -> None:
-    """Render what is not there, which another process may have done meanwhile."""
+    """Render missing panoramas, unless another process did meanwhile."""
     absent = [name for name, path in paths.items() if not path.exists()]
     passes = sum(panoramas[name].passes for name in absent)
     with progress("Rendering forest panoramas", passes, "exposure") as advance:
@@ -175,9 +175,9 @@ def _render_absent(paths: Mapping[str, Path], panoramas: Mapping[str, NaturalPan
 
 
 def panorama_file(name: str, recipe: NaturalPanorama, cache: Path | None = None) -> Path:
-    """File of a panorama: the shipped one if it shows the recipe, else one in the cache.
+    """File of a panorama: the shipped one if it matches the recipe, else one in the cache.
 
-    The latter may not be there yet.
+    The latter may not exist yet.
     """
     shipped = SHIPPED / f"{name}.exr"
     if shipped.exists() and _recipe_of(shipped) == recipe.sha256:
@@ -186,12 +186,12 @@ def panorama_file(name: str, recipe: NaturalPanorama, cache: Path | None = None)
 
 
 def read_template(path: Path) -> NDArray[np.float64]:
-    """Template (251, m) in a file of a panorama. Raises UserError when it cannot be read."""
+    """Template (251, m) in a file of a panorama. Raises UserError if it cannot be read."""
     try:
         radiance, _ = read_radiance(path)
     except ValueError:
         raise UserError(
-            f"{path} is no panorama as it was written; remove it, and it is rendered again"
+            f"{path} is a damaged panorama; remove it, and it is rendered again"
         ) from None
     light = radiance[..., 0].astype(np.float64)
     return np.asarray(light / light.mean())
@@ -200,9 +200,9 @@ def read_template(path: Path) -> NDArray[np.float64]:
 def write_template(
     path: Path, recipe: NaturalPanorama, radiance: NDArray[np.float32], noise: "RenderNoise"
 ) -> None:
-    """Write what is shipped: (H, W, B) over its mean, in half floats, rounded by 0.05 % at most.
+    """Write a shipped file: (H, W, B) over its mean, in half floats, rounded by 0.05 % at most.
 
-    The mean stands in the header, in the record of the noise.
+    The mean is in the header, in the record of the noise.
     """
     attributes = {**_attributes(recipe, noise), "emissiveUnits": "mean of the panorama"}
     light = radiance / radiance.mean(dtype=np.float64)
@@ -210,12 +210,12 @@ def write_template(
 
 
 def template_from_file(path: Path) -> NDArray[np.float64]:
-    """Template (251, m) of a panorama around the full circle: HDR or EXR, or PNG, read as sRGB.
+    """Template (251, m) of a panorama of the full circle: HDR or EXR, or PNG, read as sRGB.
 
     Rows may be equidistant in elevation (equirectangular) or in its tangent (cylindrical): in
-    either a turn about the vertical is a shift of columns. Light is binned by area; of color the
-    luminance counts. Raises UserError when the file cannot be read, is not 2:1 to 4:1 or too small,
-    or holds values that are no light.
+    either a turn about the vertical is a shift of columns. Light is binned by area, colors are
+    converted to luminance. Raises UserError if the file cannot be read, is not 2:1 to 4:1, is too
+    small, or holds invalid values.
     """
     from megalopta.render import activate, choose_variant, read_picture  # Mitsuba reads it
 
@@ -234,7 +234,7 @@ def template_from_file(path: Path) -> NDArray[np.float64]:
     if rows < ROWS:
         raise UserError(f"{path} has {rows} rows; give a panorama of {ROWS} rows or more")
     if not light.any():
-        raise UserError(f"{path} is black; give a picture with light in it")
+        raise UserError(f"{path} is black; give a brighter picture")
     resized = resize(light, (ROWS, round(columns * ROWS / rows)), "area")
     return np.asarray(resized / resized.mean())
 
@@ -253,4 +253,4 @@ def _recipe_of(path: Path) -> str | None:
     try:
         return read_attributes(path).get(RECIPE)
     except ValueError:
-        return None  # what cannot be read is rendered again
+        return None  # a damaged file is rendered again

@@ -1,9 +1,9 @@
-"""A ranking: the long table of methods on rendered sequences, its record, and what it bears.
+"""A ranking: the long table of methods on rendered sequences, its record, and its conclusions.
 
-For two groups, such as rotation alone and high parallax, two methods change places where one is
-better in the first and the other in the second. The p-value of that is the larger one of the two
-groups' (both must hold). Of all pairs of methods, numbers of photons and pairs of groups those
-count that the rule of Benjamini and Hochberg (1995) leaves: a twentieth is expected to be chance.
+For two groups, such as rotation alone and high parallax, two methods change places if one is better
+in the first and the other in the second. The p-value of this is the larger of the two groups' (both
+must hold). Of all pairs of methods, numbers of photons and pairs of groups, those accepted by the
+rule of Benjamini and Hochberg (1995) count, at a false discovery rate of 5 %.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -22,24 +22,24 @@ from megalopta.core.format_numbers import written
 from megalopta.core.record import Record
 
 RATIO = "epe_ratio"
-"""Of a method to a better one, without pooling, in the groups that are compared"""
+"""Ratio of a method's mean error to a better one's, without pooling, in the compared groups"""
 
 BEST = "surely_best"
-"""1, or 0, of the method with the lowest mean error: every other's interval of the ratio to it lies
-above 1, or not"""
+"""1 if every other method's interval of the ratio to the method with the lowest mean error is above
+1, else 0"""
 
 _FALSE_SHARE = 0.05
 
 
 class RankingRow(Record, frozen=True):
-    """A line of the long table: what was found, and what holds it in 95 % of cases."""
+    """A row of the long table: a value and its 95 % interval."""
 
     metric: str
-    """As in `megalopta.benchmark.sequence_errors`, `epe_ratio` or `surely_best`."""
+    """A metric of `megalopta.benchmark.sequence_errors`, `epe_ratio` or `surely_best`."""
     method: str
     """A method, "zero motion", or the Poisson bound."""
     against: str = ""
-    """The method that a ratio is to."""
+    """Method in the denominator of a ratio."""
     photons_per_frame: PositiveFloat
     group: str
     pixels_pooled: PositiveInt
@@ -49,44 +49,44 @@ class RankingRow(Record, frozen=True):
     low: FiniteFloat | None = None
     high: FiniteFloat | None = None
     p: FiniteFloat | None = None
-    """Two-sided p-value of a ratio being 1."""
+    """Two-sided p-value of a ratio of 1."""
 
     @property
     def case(self) -> Case:
-        """What it is a number of."""
+        """Case that the row belongs to."""
         pooling = self.pixels_pooled, self.frames_pooled
         return Case(self.metric, self.method, self.photons_per_frame, self.group, *pooling)
 
 
 class Ranking(Record, frozen=True):
-    """What was measured, over all sequences."""
+    """Measurements over all sequences."""
 
     format: NonNegativeInt = written("ranking")
-    """Of this file (`format_numbers`)"""
+    """Format of this file (`format_numbers`)"""
     settings: RankingSettings
     sequences: tuple[str, ...]
     frames: PositiveInt
-    """Of all of them."""
+    """Frames of all sequences."""
     photons_per_lux_s: FiniteFloat
-    """Photons of a frame on perfect pixels for each lux and second."""
+    """Photons per frame on perfect pixels, for each lux and second."""
     blocks: Mapping[str, NonNegativeInt]
     """Blocks of each group without pooling, over all pairs of frames."""
     rows: tuple[RankingRow, ...]
 
     def found(self, metric: str, method: str, flux: float, group: str = "all") -> RankingRow | None:
-        """Return the row of a method without pooling; None where there is nothing to be found."""
+        """Return the row of a method without pooling; None if there is none."""
         return self._rows.get((Case(metric, method, flux, group, *self.settings.finest), ""))
 
     def error_of(self, pooling: Pooling, flux: float, group: str, method: str) -> RankingRow | None:
-        """Return the mean error of a method; None where the group has no blocks."""
+        """Return the mean error of a method; None if the group has no blocks."""
         return self._rows.get((Case(ERROR, method, flux, group, *pooling), ""))
 
     def best_of(self, pooling: Pooling, flux: float, group: str) -> RankingRow | None:
-        """Return the best method; None where the group has no blocks."""
+        """Return the best method; None if the group has no blocks."""
         return self._rows.get((Case(BEST, "", flux, group, *pooling), ""))
 
     def order_of(self, flux: float, group: str, one: str, other: str) -> RankingRow | None:
-        """Return the worse one's ratio to the better one; None where units are too few."""
+        """Return the worse one's ratio to the better one; None if units are too few."""
         cases = (Case(RATIO, name, flux, group, *self.settings.finest) for name in (one, other))
         found = (self._rows.get(key) for key in zip(cases, (other, one), strict=True))
         return next(filter(None, found), None)
@@ -101,7 +101,7 @@ class Ranking(Record, frozen=True):
 def ranking_rows(
     parts: Sequence[Mapping[Case, Sums]], settings: RankingSettings, blocks: Mapping[str, int]
 ) -> Iterator[RankingRow]:
-    """Yield the long table, from sums over pairs of frames, or numbers, of each sequence."""
+    """Yield the long table from sums over pairs of frames, or numbers, of each sequence."""
     means: dict[Case, Sums] = {}
     for case in dict.fromkeys(case for part in parts for case in part):
         there = [part[case] for part in parts if case in part]
@@ -134,12 +134,12 @@ class Change(NamedTuple):
     groups: Opposed
     first: RankingRow
     second: RankingRow
-    """The ratio of the same methods the other way round"""
+    """Ratio of the same methods, inverted"""
     p: float
 
 
 def changes(ranking: Ranking) -> list[Change]:
-    """Return the changes of order that the data bear, the surest first."""
+    """Return the significant changes of order, the smallest p-value first."""
     cases = []
     methods, fluxes = ranking.settings.methods, ranking.settings.fluxes
     for groups, flux in product(opposed(ranking.blocks), fluxes):
@@ -163,9 +163,9 @@ def _best(means: Mapping[Case, Sums], methods: Sequence[str]) -> Iterator[Rankin
 
 
 def lowest(sums: Mapping[str, Sums]) -> tuple[str, bool] | None:
-    """Return the method of the lowest mean, and whether all others' ratios to it surely exceed 1.
+    """Return the method of the lowest mean, and True if all others' ratios surely exceed 1.
 
-    None where there are no blocks.
+    None if there are no blocks.
     """
     means = {name: found.value for name, each in sums.items() if (found := interval(each))}
     if not means:

@@ -36,7 +36,7 @@ _KINDS = PALETTE[:3]
 
 @in_style
 def error_curves(ranking: Ranking, pooling: Pooling, group: str) -> Markup:
-    """Mean endpoint error over photons, a curve per method with its interval."""
+    """Draw mean endpoint error over photons, a curve per method with its interval."""
     figure = Figure(figsize=(5.3, 4.2), layout="constrained")
     axes = figure.add_subplot()
     for name in (*ranking.settings.methods, STILL, BOUND):
@@ -56,9 +56,9 @@ def error_curves(ranking: Ranking, pooling: Pooling, group: str) -> Markup:
 
 @in_style
 def error_ratios(ranking: Ranking) -> Markup:
-    """Mean errors over the first method's, by speed and photons, in the groups compared.
+    """Draw mean errors over the first method's, by speed and photons, in the compared groups.
 
-    Empty where no group has an answer of both.
+    Empty if no group has values of both.
     """
     fluxes, shown = sorted(ranking.settings.fluxes), _compared(ranking)
     if not shown:
@@ -84,7 +84,7 @@ def error_ratios(ranking: Ranking) -> Markup:
 
 @in_style
 def pooling_grid(ranking: Ranking) -> Markup:
-    """The best method, and its error, at every pooling and number of photons."""
+    """Draw the best method and its error at every pooling and number of photons."""
     settings, poolings = ranking.settings, ranking.settings.poolings
     fluxes = sorted(settings.fluxes)
     size = (max(4.5, 1.2 + 1.5 * len(poolings)), 1 + 0.55 * len(fluxes))
@@ -108,7 +108,7 @@ def pooling_grid(ranking: Ranking) -> Markup:
 
 @in_style
 def atlas(ranking: Ranking) -> Markup:
-    """The best method over illuminance and exposure, a panel for each speed and parallax."""
+    """Draw the best method over illuminance and exposure, a panel per speed and parallax."""
     figure = Figure(figsize=(8.6, 8.8), layout="constrained")
     panels = figure.subplots(3, 3, sharex=True, sharey=True)
     shown: dict[str, None] = {}
@@ -131,7 +131,7 @@ def atlas(ranking: Ranking) -> Markup:
 def flow_fields(
     fields: Mapping[str, Sequence[Floats]], fluxes: Sequence[float], speed: float
 ) -> Markup:
-    """Velocities of one pair of frames: the truth, and each method at each number of photons."""
+    """Draw velocities of one pair of frames: truth, and each method at each number of photons."""
     rows, columns = len(fields), max(len(each) for each in fields.values())
     figure = Figure(figsize=(0.9 + 1.7 * columns, 1.6 * rows), layout="constrained")
     panels = figure.subplots(rows, columns, squeeze=False)
@@ -167,7 +167,7 @@ def _curve(axes: Axes, ranking: Ranking, pooling: Pooling, group: str, name: str
 
 
 def _compared(ranking: Ranking) -> dict[str, tuple[str, str, str]]:
-    """Return the three groups that are compared at each speed where some method has a ratio."""
+    """Return the three groups compared at each speed where some method has a ratio."""
     most, (first, *others) = max(ranking.settings.fluxes), ranking.settings.methods
     compared = [each for each in opposed(ranking.blocks) if each.what in ("parallax", "occlusion")]
     half, shown = len(compared) // 2, {}
@@ -216,7 +216,7 @@ def _panel(axes: Axes, ranking: Ranking, group: str) -> dict[str, None]:
 
 
 def _shade(best: RankingRow) -> Floats:
-    """Color of a method, paler where the data cannot tell it from the next."""
+    """Color of a method, paler if its lead is not significant."""
     return _tint(best.method, 0.75 if best.value else 0.3)
 
 
@@ -232,55 +232,55 @@ def _range(bounds: tuple[float, float], place: int) -> str:
 
 EXPOSURES_S = (0.001, 0.01, 0.1)
 _NEAR = 3.0
-"""Measurements at up to so many times more or fewer photons stand for a level."""
+"""Factor in photons within which a measurement represents a level."""
 _GROUPS = ("all", "visible", "occluded", "smooth", "depth edge", "parallax low", "parallax high")
 
 _MEASURED = (
-    "On perfect pixels. Errors are those of blocks against the true motion, in px of the full "
-    "image per frame; a block without velocity counts as one that reports zero motion; means "
-    "are over all blocks. Bands hold the mean in 95 % of cases. Speed is low below {:g} px, high "
-    "above {:g} px; parallax, the motion that remains without the camera's rotation, below {:g} "
-    "and above {:g} px; distance below {:g} and above {:g} m."
+    "On perfect pixels. Errors are endpoint errors of blocks against the true motion, in px of the "
+    "full image per frame; a block without velocity counts as zero motion; means are over all "
+    "blocks. Bands are 95 % CI of the mean. Speed is low below {:g} px and high above {:g} px; "
+    "parallax, the motion that remains without the camera's rotation, below {:g} and above {:g} "
+    "px; distance below {:g} and above {:g} m."
 ).format(*metrics.SPEEDS_PX, *metrics.PARALLAX_PX, *metrics.DISTANCES_M)
 _CHANGES = (
-    "Ratios of two methods' mean errors, and what holds them in 95 % of cases: methods change "
-    "places where the ratio is above 1 in one group and below 1 in the other. The table holds the "
-    "pairs that the rule of Benjamini and Hochberg leaves of all: a twentieth is expected to be "
-    "chance. Blocks under rotation alone and of low or high parallax are visible ones; hidden ones "
-    "are hidden in the next frame, of sequences in which more than the camera's rotation moves."
+    "Ratios of two methods' mean errors with 95 % CI. Methods change places if the ratio is above "
+    "1 in one group and below 1 in the other. The table lists significant changes, by the rule of "
+    "Benjamini and Hochberg at a false discovery rate of 5 %. Blocks under rotation alone and of "
+    "low or high parallax are visible; hidden blocks are hidden in the next frame, in sequences "
+    "with more motion than the camera's rotation."
 )
 _ERRORS = (
-    "The Poisson bound is the least error of an unbiased method that sees one block at a time, "
-    "of known texture, or the motion itself where that is less: methods that share evidence "
+    "The Poisson bound is the least error of an unbiased method that sees one block of known "
+    "texture at a time, or the motion itself where that is less. Methods that share evidence "
     "between blocks may lie below it."
 )
 _POOLING = (
-    "Photons added over squares of pixels and over frames. Pale cells: within the noise of the "
-    "measurement another method may be the best."
+    "Photons are added over squares of pixels and over frames. Pale: the best method is not "
+    "significant."
 )
 _ATLAS = (
-    "The best method without pooling. Gray: none beats zero motion. Pale: not sure. White: not "
-    "measured."
+    "Best method without pooling. Gray: no method beats the zero-motion baseline. Pale: not "
+    "significant. White: not measured."
 )
 _LEVELS = (
-    "The best method without pooling on perfect pixels, and the photons per frame, of frames "
-    "exposed for so long. Light keeps the color that was rendered. Measurements at up to "
-    f"{_NEAR:g} times more or fewer photons stand for a level."
+    "Best method without pooling on perfect pixels, and photons per frame, by exposure time. Light "
+    "keeps the rendered color. A level is represented by the nearest measurement within a factor "
+    f"of {_NEAR:g} in photons."
 )
 _FIELDS = (
     "One pair of frames in the middle of the first sequence: hue is direction, saturation speed; "
-    "mid gray is no answer."
+    "mid gray: no estimate."
 )
 _CAMERA = (
-    "Angles between the estimated and the true rotation, and direction of translation, from the "
-    "velocities of all blocks of a pair of frames, or as the motion under which the counts of two "
-    "frames, or of eight around the pair, are most likely: medians over pairs and sequences."
+    "Angles between estimated and true rotation, and between headings, estimated from the "
+    "velocities of all blocks of a pair of frames, or by maximum likelihood from the counts of two "
+    "frames, or of eight around the pair. Medians over pairs and sequences."
 )
 _YAW_RATE = (
-    "Root mean square error (deg/s) of the camera's yaw rate from a weighted sum of all answers, "
-    "in parentheses that without noise, of the true rate; weights are learned from clean answers "
-    "to the first half of a sequence and tried on the second. Methods that are blind to direction "
-    "(NDM, NDS, IM) are not ranked."
+    "RMS error (deg/s) of the camera's yaw rate from a weighted sum of all responses, in "
+    "parentheses without noise, and RMS of the true rate. Weights are learned from noise-free "
+    "responses to the first half of a sequence and tested on the second. Methods that are blind to "
+    "direction (NDM, NDS, IM) are not ranked."
 )
 
 
@@ -305,7 +305,7 @@ def best_methods(ranking: Ranking) -> str:
 
 
 def order_changes(ranking: Ranking) -> list[str]:
-    """Return how often the order of methods changes beyond chance, and of what this holds."""
+    """Return the number of significant changes of order, and their scope."""
     counts = Counter(each.groups.what for each in changes(ranking))
     has_blocks: dict[str, bool] = {}
     for each in opposed(ranking.blocks):
@@ -316,11 +316,11 @@ def order_changes(ranking: Ranking) -> list[str]:
         for what, there in has_blocks.items()
     )
     count = len(ranking.sequences)
-    units = "sequences" if count >= FEWEST_SEQUENCES else "stretches of frames of these alone"
+    units = "sequences" if count >= FEWEST_SEQUENCES else "segments of these sequences only"
     return [
-        f"Changes of the order of two methods beyond chance: {cases}.",
-        f"Sequences: {count}; intervals are over {units} ({FEWEST_SEQUENCES} or more sequences "
-        "stand for others like them).",
+        f"Significant rank changes between two methods: {cases}.",
+        f"Sequences: {count}; confidence intervals are over {units} (over sequences with "
+        "{FEWEST_SEQUENCES} or more).",
     ]
 
 
@@ -330,14 +330,14 @@ def _measured(ranking: Ranking, _: Example) -> Section:
         ("frames", str(ranking.frames)),
         *((f"blocks: {name}", str(n)) for name, n in ranking.blocks.items() if "," not in name),
     )
-    return Section("What was measured", _MEASURED, ("", "number"), rows)
+    return Section("Measurements", _MEASURED, ("", "number"), rows)
 
 
 def _changes(ranking: Ranking, _: Example) -> Section:
     head = ("changes with", "photons", "errors of", "in one group", "in the other")
     rows = tuple(map(_change, changes(ranking)))
     text = f"{' '.join(order_changes(ranking))} {_CHANGES}"
-    return Section("Where the ranking changes", text, head, rows, (error_ratios(ranking),))
+    return Section("Rank changes", text, head, rows, (error_ratios(ranking),))
 
 
 def _change(change: Change) -> tuple[str, ...]:
@@ -361,7 +361,7 @@ def _errors(ranking: Ranking, _: Example) -> Section:
 
 
 def _levels(ranking: Ranking, _: Example) -> Section:
-    """Return the best method at every named level, and at those that were asked for."""
+    """Return the best method at every named level, and at the requested levels."""
     settings = ranking.settings
     levels: dict[str, LightLevel] = {
         level_text(each): each for each in (*LEVELS, *settings.light_levels)
@@ -397,14 +397,14 @@ def _camera(ranking: Ranking, _: Example) -> Section:
         return f"{rotation:.2g}°, {UNDEFINED if heading is None else f'{heading:.2g}°'}"
 
     shown = metrics.ROTATION, metrics.HEADING
-    return _by_photons(ranking, "The camera's motion", _CAMERA, cell, shown)
+    return _by_photons(ranking, "Camera motion", _CAMERA, cell, shown)
 
 
 def _yaw_rate(ranking: Ranking, _: Example) -> Section:
     def cell(counts: float, ideal: float | None, true: float | None) -> str:
         return f"{counts:.2g} ({ideal:.2g}) of {true:.3g}"
 
-    title = "The yaw rate, also of methods without velocities"
+    title = "Yaw rate, with methods without velocities"
     shown = metrics.YAW, metrics.YAW_OF_LIGHT, metrics.TRUE_YAW
     return _by_photons(ranking, title, _YAW_RATE, cell, shown)
 
@@ -426,7 +426,7 @@ SECTIONS: tuple[Callable[[Ranking, Example], Section], ...] = (
 def _by_photons(
     ranking: Ranking, title: str, text: str, cell: Callable[..., str], shown: tuple[str, ...]
 ) -> Section:
-    """Return a table of methods by photons; a cell is made of the values of metrics."""
+    """Return a table of methods by photons; a cell shows the values of metrics."""
     fluxes = sorted(ranking.settings.fluxes)
     methods = dict.fromkeys(row.method for row in ranking.rows if row.metric == shown[0])
 
@@ -440,5 +440,5 @@ def _by_photons(
 
 
 def _named(best: RankingRow) -> str:
-    method = "no method beats zero motion" if best.method == STILL else best.method
-    return method if best.value else f"{method} (not sure)"
+    method = "zero-motion baseline" if best.method == STILL else best.method
+    return method if best.value else f"{method} (not significant)"

@@ -1,4 +1,4 @@
-"""Ranking of the sequences in a folder: from their frames to the long table, its page and files."""
+"""Rank methods on the sequences of a folder: from frames to the long table, its page and files."""
 
 from collections.abc import Mapping, Sequence
 from itertools import product
@@ -24,11 +24,11 @@ from megalopta.flow.detectors.registry import Method
 from megalopta.stages.ledger import Ledger
 
 FOLDER = "ranking"
-"""Where the demo puts it, in the folder of its dataset"""
+"""Folder of the demo's ranking, inside its dataset"""
 
 
 def read_ranking(folder: Path) -> Ranking | None:
-    """Read what `run_ranking` has written to a folder; None where nothing is. Raises UserError."""
+    """Read a ranking written by `run_ranking`; None if there is none. Raises UserError."""
     path = folder / "ranking.json"
     if not path.exists():
         return None
@@ -48,11 +48,11 @@ def run_ranking(
 ) -> Path:
     """Rank flow methods on a rendered dataset, of one sequence or many; return the page.
 
-    Settings are values of `RankingSettings` by name, as YAML. In place of their methods others may
-    be given: names, detectors, or functions of two frames (`megalopta.flow.detector_from` says of
-    what kind). Velocities are kept in OUT/velocities as they are found, so that a broken run, or
-    one with another method more, goes on from there. Raises UserError when frames are missing, too
-    few or too small, or a setting is wrong.
+    Settings are values of `RankingSettings` by name, as YAML. `methods` replaces their methods:
+    names, detectors, or functions of two frames (see `megalopta.flow.detector_from`). Velocities
+    are kept in OUT/velocities, so that an interrupted run, or one with an additional method,
+    continues from there. Raises UserError if frames are missing, too few or too small, or a setting
+    is wrong.
     """
     out, chosen = Path(out), validated(RankingSettings, {}, "settings", dict(settings or {}))
     datasets = sequences_of(Path(root))
@@ -81,7 +81,7 @@ def sequences_of(root: Path) -> list[Dataset]:
 
 
 def _with_levels(settings: RankingSettings, datasets: Sequence[Dataset]) -> RankingSettings:
-    """Add the photons per frame of the light levels to those that are measured."""
+    """Add the photons per frame of the light levels to the fluxes."""
     if not settings.light_levels:
         return settings
     per_lux = float(np.mean([photons_per_lux_s(each) for each in datasets]))
@@ -92,7 +92,7 @@ def _with_levels(settings: RankingSettings, datasets: Sequence[Dataset]) -> Rank
 def _ranked(
     datasets: Sequence[Dataset], settings: RankingSettings, methods: Methods, folder: Path
 ) -> tuple[Ranking, Example]:
-    """Measure every metric on every sequence; velocities are kept in a folder as they are found."""
+    """Measure every metric on every sequence; computed velocities are kept in a folder."""
     work = sum(_work(dataset, settings, methods) for dataset in datasets)
     parts, lights = [], []
     examples: list[Example] = []
@@ -116,7 +116,7 @@ def _ranked(
 
 
 def _work(dataset: Dataset, settings: RankingSettings, methods: Methods) -> int:
-    """Return how many clips are measured, after a check that they can be."""
+    """Return the number of clips to measure, after checking that they can be."""
     frames, fewest = dataset.configuration.trajectory.frames, max(settings.frames_pooled)
     if frames < 3 * fewest:
         raise ValueError(

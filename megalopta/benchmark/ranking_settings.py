@@ -1,4 +1,4 @@
-"""What `megalopta benchmark sequence` measures: methods, photons, and how these are pooled."""
+"""Settings of `megalopta benchmark sequence`: methods, photons, and their pooling."""
 
 from collections.abc import Iterator
 from typing import Annotated, NamedTuple
@@ -18,17 +18,17 @@ Frames = Annotated[int, Field(ge=1)]
 
 
 class Pooling(NamedTuple):
-    """How many pixels along a side, and how many frames, are added."""
+    """Pixels along a side, and frames, that are added."""
 
     pixels: int
     frames: int
 
     def __str__(self) -> str:
-        """Say it in words."""
+        """Describe it as text."""
         return f"{self.pixels} × {self.pixels} px, {self.frames} frame{'s'[: self.frames > 1]}"
 
     def light(self, light: Floats) -> Floats:
-        """Add the light (T, H, W) of neighbors; frames and pixels that are left over are cut."""
+        """Add the light (T, H, W) of neighbors; excess frames and pixels are cut."""
         count = len(light) // self.frames
         kept = light[: count * self.frames].reshape(count, self.frames, *light.shape[1:])
         return resize(kept.sum(axis=1), self.shape((light.shape[1], light.shape[2])), "area")
@@ -53,32 +53,32 @@ class RankingSettings(Record, frozen=True):
     methods: Annotated[tuple[str, ...], Field(min_length=1)] = VELOCITY_METHODS
     """Methods that give velocities: names, `module:function`, or ONNX files."""
     fluxes: tuple[Flux, ...] = (1e3, 1e4, 1e5, 1e6, 1e7, 1e8)
-    """Photons per frame on all pixels (1)."""
+    """Photons per frame, summed over all pixels."""
     light_levels: tuple[LightLevel, ...] = ()
-    """Light levels, by name or in lux, whose photons per frame are measured besides."""
+    """Further light levels, by name or in lux; their photons per frame are added to fluxes."""
     exposure_s: Annotated[float, Field(gt=0, le=1000)] = 0.01
     """Exposure of a frame at these levels (s)."""
     repeats: Annotated[int, Field(ge=1)] = 2
-    """Independent draws of the photons of each sequence."""
+    """Independent photon draws per sequence."""
     pixels_pooled: Annotated[tuple[Frames, ...], Field(min_length=1)] = (1, 2)
     """Sides of the squares of pixels whose photons are added (px)."""
     frames_pooled: Annotated[tuple[Frames, ...], Field(min_length=1)] = (1, 2)
     """Successive frames whose photons are added."""
     camera_pairs: Annotated[int, Field(ge=0)] = 3
-    """Pairs of frames of each sequence from which the camera's motion is estimated."""
+    """Pairs of frames per sequence from which the camera's motion is estimated."""
     wide_field: tuple[str, ...] = ("EMD",)
-    """Methods without velocities that are judged, with the others, by the camera's yaw rate."""
+    """Methods without velocities, ranked with the others by the camera's yaw rate."""
     seed: int = 0
-    """Of the photons."""
+    """Seed of the photons."""
 
     @property
     def finest(self) -> Pooling:
-        """The least pooling."""
+        """Pooling of the fewest pixels and frames."""
         return Pooling(min(self.pixels_pooled), min(self.frames_pooled))
 
     @property
     def poolings(self) -> list[Pooling]:
-        """All of them."""
+        """All poolings."""
         return [Pooling(p, f) for p in self.pixels_pooled for f in self.frames_pooled]
 
     @field_validator("methods", "fluxes", "pixels_pooled", "frames_pooled", "wide_field")
@@ -101,5 +101,5 @@ class RankingSettings(Record, frozen=True):
 
 
 def photons_at(per_lux_s: float, level: LightLevel, exposure_s: float) -> float:
-    """Photons of a mean frame at a level, of the color that was rendered; four digits."""
+    """Photons of a mean frame at a level, in the rendered color; four digits."""
     return float(f"{per_lux_s * illuminance_of(level) * exposure_s:.4g}")

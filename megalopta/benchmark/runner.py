@@ -1,9 +1,9 @@
-"""Trials run side by side, each stored as soon as it is done.
+"""Run trials in parallel, each stored as soon as it is finished.
 
-A result is found again by the hash of all that it depends on: the trial, the pixels of its template
-and the code that measures. So a run that was killed goes on where it stopped, figures share trials,
-and no stale result is ever used. Any `concurrent.futures` executor does: threads (the kernels
-release Python's lock), processes, or that of a Dask cluster, `Client.get_executor()`.
+A result is keyed by a hash of everything that it depends on: the trial, the pixels of its template
+and the code. So a killed run continues where it stopped, figures share trials, and no stale result
+is used. Any `concurrent.futures` executor works: threads (the kernels release the GIL), processes,
+or that of a Dask cluster, `Client.get_executor()`.
 """
 
 import json
@@ -36,17 +36,17 @@ def run_trials(
     executor: Executor,
     on_progress: Callable[[int], object] = lambda work: None,
 ) -> dict[Trial, Curves]:
-    """Return the error curves of all trials; each is run once, however often it comes.
+    """Return the error curves of all trials; duplicates are run once.
 
-    Results are stored in a folder, made if it does not exist; `on_progress` gets the work done
-    since its last call, in the units of `trial_work`. Raises UserError when a template cannot be
-    measured, such as one with a black frame.
+    Results are stored in a folder, created if needed; `on_progress` gets the work done since its
+    last call, in units of `trial_work`. Raises UserError if a template cannot be measured, such as
+    one with a black frame.
     """
     ensure_directory(store)
     results: dict[Trial, Curves] = {}
     running: dict[Future[Curves], tuple[Trial, Path]] = {}
     hashes = {template: digest(pixels.tobytes()) for template, pixels in templates.items()}
-    # the longest first, so that no worker is left alone with one at the end
+    # the longest first, so that no worker runs one alone at the end
     for each in sorted(set(trials), key=lambda trial: (-trial.size, trial.model_dump_json())):
         path = store / f"{_key(each, hashes[each.template])}.json"
         if (stored := _read(path)) is None:
@@ -78,7 +78,7 @@ def run(
     workers: int | None = None,
     scheduler: str | None = None,
 ) -> dict[Trial, Curves]:
-    """`run_trials` by threads, one for each core by default, or a Dask cluster; shows a bar."""
+    """Run `run_trials` on threads, by default one per core, or a Dask cluster; shows progress."""
     if not trials:
         return {}
     with locked(store):
@@ -100,23 +100,23 @@ def _executor(workers: int | None, scheduler: str | None) -> Iterator[Executor]:
     try:
         yield threads
     finally:
-        # who interrupts does not wait for trials that are half done
+        # an interruption does not wait for unfinished trials
         threads.shutdown(wait=False, cancel_futures=True)
 
 
 def trial_work(trials: Iterable[Trial]) -> int:
-    """Return the work of trials: the thousands of pixels in one frame of each."""
+    """Return the work of trials: thousands of pixels in one frame of each."""
     return sum(max(1, each.size**2 // 1000) for each in set(trials))
 
 
 def _key(asked: Trial, template: str) -> str:
-    """Return the hash of all that a result depends on: also code, libraries, and detectors."""
+    """Return the hash of a result's dependencies, with code, libraries and detectors."""
     code = code_digest("megalopta.flow", "megalopta.sensor.sampling", Trial.__module__)
     return digest(asked.model_dump_json(), template, code, *map(identity, asked.detectors))
 
 
 def _read(path: Path) -> Curves | None:
-    """Return what is stored; None where there is nothing, or a file that is damaged."""
+    """Return the stored result; None if it is missing or damaged."""
     try:
         record = json.loads(path.read_text("utf-8"))
         return tuple(ErrorCurve.from_dict(fields) for fields in record["curves"])

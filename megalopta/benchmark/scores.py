@@ -1,6 +1,6 @@
-"""Scores of files of flow, or of a method's answers: by sequence and overall, for every pass.
+"""Scores of flow files, or of a method's flow: by sequence and overall, for every pass.
 
-A leaderboard is a file of JSON lines, one for each program and pass, and its print.
+A leaderboard is a file of JSON lines, one per program and pass.
 """
 
 import math
@@ -35,41 +35,41 @@ from megalopta.flow.metrics.endpoint_error import GROUPS, DenseErrors
 from megalopta.flow.metrics.response_error import for_json
 
 Answers = Mapping[pairs_on_disk.Frame, tuple[str, Callable[[], NDArray[Any]]]]
-"""Where the answer to a frame comes from, and what gives it, (H, W, 2) in px"""
+"""Source of a frame's flow, and a function that returns it, (H, W, 2) in px"""
 
 Groups = Mapping[str, Mapping[str, int | FiniteFloat | None]]
-"""By group of pixels, of `flow.metrics.GROUPS`, the fields of `flow.metrics.DenseError`; None where
-no pixel is of the group"""
+"""Fields of `flow.metrics.DenseError` by group of pixels (`flow.metrics.GROUPS`); None if a group
+has no pixel"""
 
 
 class Entry(Record, frozen=True):
-    """A line of the table of scores: a program's flow over one pass, of all or of one sequence."""
+    """A row of the table of scores: a program's flow over one pass, of all or of one sequence."""
 
     format: NonNegativeInt = written("scores")
-    """Of this line (`format_numbers`)"""
+    """Format of this row (`format_numbers`)"""
     program: str
     pass_name: str
-    """Sintel's "clean" or "final"; empty where there is none"""
+    """Sintel's "clean" or "final"; empty without passes"""
     sequence: str | None = None
-    """None over all of them, which is what a leaderboard holds"""
+    """None: over all sequences, as in a leaderboard"""
     truth: str
     """Name of the folder of the true flow"""
     truth_hash: str
-    """Of all its files: only entries with the same one can be compared"""
+    """Hash of the true flow; only entries with the same one are comparable"""
     frames: PositiveInt
     errors: Groups
 
 
 class Scores(Record, frozen=True):
-    """The table: for each pass an entry for each sequence, then one over all."""
+    """The table: for each pass an entry per sequence, then one over all."""
 
     format: NonNegativeInt = written("scores")
-    """Of this file (`format_numbers`)"""
+    """Format of this file (`format_numbers`)"""
     entries: tuple[Entry, ...]
 
     @property
     def overall(self) -> tuple[Entry, ...]:
-        """Those over all sequences, by pass."""
+        """Entries over all sequences, by pass."""
         return tuple(each for each in self.entries if each.sequence is None)
 
 
@@ -78,20 +78,20 @@ def score_submission(
 ) -> Scores:
     """Score flow against the true flow of a dataset.
 
-    Raises UserError when frames have no file or files no frame, when a file is damaged or of
-    another size.
+    Raises UserError if frames have no file or files no frame, or a file is damaged or of another
+    size.
 
     Parameters
     ----------
     flow
         Folder of `.flo`, `.flo5`, `.pfm`, `.npy` or KITTI's PNG files (px per frame), in the
-        layout of Sintel (with or without a folder for each pass), KITTI or Middlebury. Or what
-        finds the flow between two frames, by name, `module:function`, ONNX file, or as a function
-        from Python: it is asked for that of the truth's own frames.
+        layout of Sintel (with or without a folder for each pass), KITTI or Middlebury. Or a
+        method to run on the truth's own frames: a name, `module:function`, ONNX file, or a
+        function from Python.
     truth
         Folder of a dataset of megalopta, of Sintel, KITTI or Middlebury.
     program
-        Name of what wrote the flow; that of its folder, or of the method, if left out.
+        Name of the program that wrote the flow; default: that of its folder, or of the method.
     """
     truth = Path(truth)
     if not truth.is_dir():
@@ -121,7 +121,7 @@ def score_submission(
 def _answers_of(
     flow: str | Path | Method, truths: pairs_on_disk.Truths
 ) -> tuple[str, Mapping[str, Answers]]:
-    """Return the name of what gave the flow, and the answers to all frames by pass."""
+    """Return the name of the flow's source, and the flow of all frames by pass."""
     if isinstance(flow, str | Path) and (folder := Path(flow)).is_dir():
         return folder.resolve().name, {
             name: {frame: (str(path), partial(read_flow, path)) for frame, path in paths.items()}
@@ -132,7 +132,7 @@ def _answers_of(
     except ValueError as problem:
         raise UserError(f"{flow}: no such folder; {problem}") from None
     if not isinstance(detector, DenseDetector):
-        raise UserError(f"{detector.name} gives no flow at every pixel; give a method that does")
+        raise UserError(f"{detector.name} gives no dense flow; give a method that does")
     pairs = ((name, each.items()) for name, each in pairs_on_disk.pictures_of(truths).items())
     return detector.name, {
         name: {frame: (str(each[0]), partial(_between, detector, *each)) for frame, each in found}
@@ -147,7 +147,7 @@ def _between(detector: DenseDetector, *pair: Path) -> NDArray[Any]:
 def _scored(
     passes: Mapping[str, Answers], truths: pairs_on_disk.Truths, advance: Callable[[int], object]
 ) -> tuple[dict[str, dict[str, DenseErrors]], str]:
-    """Errors by pass and sequence, and a hash of the truth, each frame of which is read once."""
+    """Errors by pass and sequence, and a hash of the truth; each frame of it is read once."""
     found: dict[str, dict[str, DenseErrors]] = {name: {} for name in sorted(passes)}
     hashes = []
     for frame, paths in sorted(truths.items()):
@@ -203,7 +203,7 @@ _COLUMNS: Mapping[str, tuple[str, str]] = {
 
 
 def read_board(path: Path) -> tuple[Entry, ...]:
-    """Read the entries of a leaderboard; none where there is no file. Raises UserError."""
+    """Read the entries of a leaderboard; none without a file. Raises UserError."""
     entries = []
     try:
         for line in bounded.read_text(path).splitlines() if path.exists() else []:
@@ -211,14 +211,14 @@ def read_board(path: Path) -> tuple[Entry, ...]:
             check_format("scores", values, path)
             entries.append(Entry.model_validate(values))
     except (OSError, ValueError, AttributeError):
-        raise UserError(f"{path} is no leaderboard, or damaged; give another file") from None
+        raise UserError(f"{path} is not a leaderboard, or damaged; give another file") from None
     return tuple(entries)
 
 
 def add_entries(path: Path, entries: Iterable[Entry]) -> tuple[Entry, ...]:
-    """Add entries, in the place of those of the same program, pass and truth; return all.
+    """Add entries, replacing those of the same program, pass and truth; return all.
 
-    Raises UserError when the file is something else.
+    Raises UserError if the file is something else.
     """
 
     def key(entry: Entry) -> tuple[str, str, str]:
@@ -233,8 +233,8 @@ def add_entries(path: Path, entries: Iterable[Entry]) -> tuple[Entry, ...]:
 
 
 def score_table(scores: Scores) -> Table:
-    """Return the errors of every sequence and overall, a block for each pass."""
-    title = "Endpoint error over pixels, of those that move 0–10, 10–40, 40+ px per frame"
+    """Return the errors of every sequence and overall, a block per pass."""
+    title = "Endpoint error of pixels: all, and those that move 0–10, 10–40, 40+ px per frame"
     table = _table(title, ("pass", "sequence"))
     for each in scores.entries:
         names = each.pass_name, "overall" if each.sequence is None else each.sequence

@@ -1,9 +1,9 @@
-"""What is measured on one rendered sequence: each metric is a function that adds its cases.
+"""Metrics on one rendered sequence: each is a function that yields its cases.
 
-A block's error is the endpoint error in px of the full image per frame; a block without velocity
-counts as one that reports zero motion. Means are over all blocks of a group. Groups tell where a
-ranking changes: what is hidden in the next frame, edges of depth, speed in the image, distance, and
-parallax, the motion that is left when the camera's rotation is taken away.
+A block's error is its endpoint error in px of the full image per frame; a block without velocity
+counts as zero motion. Means are over all blocks of a group. Groups show where a ranking changes:
+blocks hidden in the next frame, depth edges, image speed, distance, and parallax, the motion that
+remains without the camera's rotation.
 """
 
 import math
@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, partial
 from itertools import product
-from typing import NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,8 +29,10 @@ from megalopta.flow.detectors.blocks import BlockGrid
 from megalopta.flow.egomotion.camera_motion import motion_of_flow
 from megalopta.flow.egomotion.wide_field import YawRateTest, yaw_rates_deg_s
 from megalopta.flow.metrics.endpoint_error import OCCLUDED_SHARE, block_flow, block_share
-from megalopta.render.truth.tracer import Truth
 from megalopta.scenes.cameras.base import Camera
+
+if TYPE_CHECKING:
+    from megalopta.render import Truth
 
 SPEEDS_PX = (1.0, 3.0)
 PARALLAX_PX = (0.3, 1.0)
@@ -39,19 +41,19 @@ _EDGE_RATIO = 1.25
 _EDGE_SHARE = 0.05
 
 _TURNING_PX = 0.01
-"""Parallax below it everywhere: the camera only turns, and nothing moves"""
+"""Largest parallax of a sequence of rotation alone, in which nothing moves"""
 
 Groups: TypeAlias = Mapping[str, NDArray[np.bool_]]
-"""Which blocks are in which group"""
+"""Mask of the blocks of each group"""
 
 RANGES = ("low", "medium", "high")
 ALONE, LITTLE, MUCH, HIDDEN = "rotation alone", "low parallax", "high parallax", "hidden"
-"""Visible blocks of sequences of rotation alone, and of others where parallax is low or high; and
-hidden blocks of others"""
+"""Visible blocks of sequences of rotation alone; visible blocks of other sequences with low or high
+parallax; hidden blocks of other sequences"""
 
 
 class Opposed(NamedTuple):
-    """Two groups between which the order of methods may change, and with what."""
+    """Two groups between which the order of methods may change, and the property that differs."""
 
     one: str
     other: str
@@ -59,10 +61,10 @@ class Opposed(NamedTuple):
 
 
 def opposed(blocks: Mapping[str, int]) -> list[Opposed]:
-    """Return the groups to compare, of equal speed as far as they can be.
+    """Return the groups to compare, of equal speed if possible.
 
-    Parallax and occlusion are compared with rotation alone where sequences of it are there,
-    otherwise with low parallax.
+    Parallax and occlusion are compared with rotation alone if there are such sequences, otherwise
+    with low parallax.
     """
     before = ALONE if any(blocks.get(at_speed(each, ALONE)) for each in RANGES) else LITTLE
     found = [
@@ -72,14 +74,14 @@ def opposed(blocks: Mapping[str, int]) -> list[Opposed]:
     ]
     return [
         *found,
-        Opposed("smooth", "depth edge", "edges of depth"),
+        Opposed("smooth", "depth edge", "depth edges"),
         Opposed("speed low", "speed high", "speed"),
     ]
 
 
 @dataclass(frozen=True, eq=False)
 class BlockTruths:
-    """Truth of the blocks inside (pairs, rows, columns) of a sequence at one pooling."""
+    """Truth of the inner blocks (pairs, rows, columns) of a sequence at one pooling."""
 
     velocities: Floats
     """(..., 2) in px of the full image per frame; NaN where unknown"""
@@ -87,7 +89,7 @@ class BlockTruths:
 
 
 class SequenceTruth:
-    """The truth of a sequence on the finest blocks, read once; `at` pools it over frames."""
+    """Truth of a sequence on the finest blocks, read once; `at` pools it over frames."""
 
     def __init__(self, dataset: Dataset, grid: BlockGrid) -> None:
         self._frames = dataset.configuration.trajectory.frames
@@ -97,7 +99,7 @@ class SequenceTruth:
         self._only_turns = bool((parallax[np.isfinite(parallax)] < _TURNING_PX).all())
 
     def at(self, pooling: Pooling) -> BlockTruths:
-        """Return the truth between frames that are pooled so."""
+        """Return the truth between pooled frames."""
         steps = list(pooling.steps(self._frames))
         mean = {
             name: np.stack([values[each].mean(axis=0) for each in steps])[:, 1:-1, 1:-1]
@@ -106,8 +108,8 @@ class SequenceTruth:
         return BlockTruths(mean["velocity"], _groups(mean, self._only_turns))
 
 
-def _pairs(dataset: Dataset) -> Iterator[tuple[Truth, Floats]]:
-    """Yield the truth of each frame but the last, and the flow that rotation alone would make."""
+def _pairs(dataset: Dataset) -> "Iterator[tuple[Truth, Floats]]":
+    """Yield the truth of each frame but the last, and the flow by rotation alone."""
     camera, poses = dataset.configuration.camera, dataset.configuration.trajectory.poses()
     directions = camera.directions()
     for index, truth in enumerate(read_truth_frames(dataset)):
@@ -116,7 +118,7 @@ def _pairs(dataset: Dataset) -> Iterator[tuple[Truth, Floats]]:
             yield truth, camera.displacement(directions @ turn.T)
 
 
-def _facts(truth: Truth, turned: Floats, grid: BlockGrid) -> dict[str, Floats]:
+def _facts(truth: "Truth", turned: Floats, grid: BlockGrid) -> dict[str, Floats]:
     """Means over the blocks (rows, columns) of one pair of frames."""
     flow, hidden = truth.flow_forward[np.newaxis], truth.occluded_forward[np.newaxis]
     to_full = np.array(truth.depth.shape[::-1]) / np.array(grid.shape[::-1])
@@ -132,7 +134,7 @@ def _facts(truth: Truth, turned: Floats, grid: BlockGrid) -> dict[str, Floats]:
 
 
 def _edges(depth: NDArray[np.float32]) -> NDArray[np.bool_]:
-    """Pixels whose neighbor to the right or below is a quarter farther or nearer."""
+    """Pixels with a right or lower neighbor that is a quarter farther or nearer."""
     log = np.log(np.where(np.isfinite(depth), depth, 1e6))
     edges = np.zeros(depth.shape, np.bool_)
     edges[:, :-1] |= np.abs(np.diff(log, axis=1)) > np.log(_EDGE_RATIO)
@@ -141,10 +143,10 @@ def _edges(depth: NDArray[np.float32]) -> NDArray[np.bool_]:
 
 
 def _typical(depth: NDArray[np.float32], grid: BlockGrid) -> Floats:
-    """Harmonic mean distance of each block, m: that of its mean inverse depth."""
+    """Distance of each block, m: the inverse of its mean inverse depth."""
     inverse = np.where(depth > 0, 1 / depth.astype(np.float64), 0)
     mean = block_flow(np.dstack([inverse, inverse])[np.newaxis], grid)[0, ..., 0]
-    mean *= depth.shape[1] / grid.shape[1]  # which a flow would not be
+    mean *= depth.shape[1] / grid.shape[1]  # unlike a flow
     with np.errstate(divide="ignore"):
         return np.asarray(1 / mean)
 
@@ -196,19 +198,19 @@ ROTATION, HEADING = "rotation_error_deg", "heading_error_deg"
 YAW, YAW_OF_LIGHT, TRUE_YAW = "yaw_error_deg_s", "yaw_error_of_light_deg_s", "true_yaw_deg_s"
 
 STILL = "zero motion"
-"""What a method must beat: no motion anywhere"""
+"""Baseline that a method must beat: no motion anywhere"""
 
 BOUND = "Poisson bound"
 
 _STILL_M = 1e-9
 
 Measured: TypeAlias = Iterator[tuple[Case, Sums]]
-"""Sums over the pairs of frames of a sequence, or one number of it, by case"""
+"""Sums over the pairs of frames of a sequence, or one number for it, by case"""
 
 
 @dataclass(frozen=True)
 class Example:
-    """Velocities (rows, columns, 2) of one pair of frames, not pooled more than any."""
+    """Velocities (rows, columns, 2) of one pair of frames at the finest pooling."""
 
     truth: Floats
     found: Mapping[str, Mapping[float, Floats]]
@@ -216,7 +218,7 @@ class Example:
 
 
 class RankedSequence:
-    """A sequence, the methods on it, and what is true of it."""
+    """A sequence, the methods on it, and its ground truth."""
 
     def __init__(
         self, dataset: Dataset, settings: RankingSettings, methods: Methods, velocities: Velocities
@@ -228,19 +230,19 @@ class RankedSequence:
         """The `BlockTruths` of the blocks of a grid between pooled frames"""
 
     def grid(self, name: str, pixels: int) -> BlockGrid:
-        """Return the blocks of a method on pooled frames; ValueError where these are too small."""
+        """Return the blocks of a method on pooled frames; ValueError if these are too small."""
         camera = self.dataset.configuration.camera
         return self.methods[name].grid(Pooling(pixels, 1).shape((camera.height, camera.width)))
 
     def noisy(self, name: str, pooling: Pooling, flux: float) -> list[Floats]:
-        """Return the velocities that a method finds in each draw of the photons."""
+        """Return the velocities by a method in each photon draw."""
         repeats = range(self.settings.repeats)
         found = (Drawn(pooling, flux, repeat) for repeat in repeats)
         return [self.velocities.of(self.methods[name], drawn) for drawn in found]
 
 
 def endpoint_errors(sequence: RankedSequence) -> Measured:
-    """Yield errors of every method by group, of zero motion, and the least that photons allow."""
+    """Yield errors of every method and of zero motion, by group, and the Poisson bound."""
     for pooling, flux in product(sequence.settings.poolings, sequence.settings.fluxes):
         grids = {name: sequence.grid(name, pooling.pixels) for name in sequence.methods}
         for name, grid in grids.items():
@@ -257,7 +259,7 @@ def endpoint_errors(sequence: RankedSequence) -> Measured:
 
 
 def camera_errors(sequence: RankedSequence) -> Measured:
-    """Yield errors of the camera's rotation and heading, from flow and as the most likely ones."""
+    """Yield errors of the camera's rotation and heading, from flow and by maximum likelihood."""
     settings = sequence.settings
     frames = sequence.dataset.configuration.trajectory.frames
     pairs = _chosen_pairs(frames, settings.camera_pairs).tolist()
@@ -272,7 +274,7 @@ def camera_errors(sequence: RankedSequence) -> Measured:
 def _camera_motions(
     sequence: RankedSequence, flux: float, pairs: Sequence[int]
 ) -> Iterator[tuple[str, Sequence[Floats]]]:
-    """Yield what each way finds in pairs, rotations (°) and headings, (6,) each; NaN if nothing."""
+    """Yield each estimator's rotations (°) and headings of pairs, (6,) each; NaN if it has none."""
     for name in sequence.methods if sequence.settings.finest == NO_POOLING else ():
         flow, grid = sequence.noisy(name, NO_POOLING, flux)[0], sequence.grid(name, 1)
         yield name, [_fitted(sequence.dataset.configuration.camera, grid, flow[at]) for at in pairs]
@@ -282,7 +284,7 @@ def _camera_motions(
 
 
 def yaw_errors(sequence: RankedSequence) -> Measured:
-    """Learn the yaw rate from clean answers to the first half of a sequence; try it on the rest."""
+    """Learn the yaw rate from noise-free responses to half of a sequence; test on the rest."""
     rates = yaw_rates_deg_s(sequence.dataset.configuration.trajectory)
     settings = sequence.settings
     for name, detector in directional_methods(sequence.methods, settings.wide_field).items():
@@ -297,11 +299,11 @@ def yaw_errors(sequence: RankedSequence) -> Measured:
 
 
 METRICS = (endpoint_errors, camera_errors, yaw_errors)
-"""All that is measured: `ERROR` is averaged over blocks, of others the median counts"""
+"""All metrics: `ERROR` is averaged over blocks, of others the median counts"""
 
 
 def example_of(sequence: RankedSequence) -> Example:
-    """Return true and found velocities of the pair in the middle."""
+    """Return true and estimated velocities of the pair in the middle."""
     finest, found = sequence.settings.finest, {}
     for name in sequence.methods:
         truth = sequence.truth(sequence.grid(name, finest.pixels), finest).velocities
@@ -315,7 +317,7 @@ def example_of(sequence: RankedSequence) -> Example:
 
 
 def _distances(velocities: Floats, truth: BlockTruths) -> Floats:
-    """Return the endpoint errors (pairs, rows, columns) of the blocks inside."""
+    """Return the endpoint errors (pairs, rows, columns) of the inner blocks."""
     inside = velocities[:, 1:-1, 1:-1]
     answered = np.isfinite(inside).all(axis=-1, keepdims=True)
     return np.asarray(np.linalg.norm(np.where(answered, inside, 0) - truth.velocities, axis=-1))
@@ -330,9 +332,9 @@ def _by_group(errors: Sequence[Floats], truth: BlockTruths, case: Case) -> Measu
 
 
 def _chosen_pairs(frames: int, count: int) -> NDArray[np.intp]:
-    """Return so many pairs, by their first frames, spread over a sequence of so many frames.
+    """Return `count` pairs, by their first frames, spread over a sequence.
 
-    All have the frames around them that the likelihood sees, if the sequence is long enough.
+    All have the frames around them that the likelihood uses, if the sequence is long enough.
     """
     most = max(LIKELIHOODS.values())
     before = most // 2 - 1 if frames >= most else 0
@@ -340,7 +342,7 @@ def _chosen_pairs(frames: int, count: int) -> NDArray[np.intp]:
 
 
 def _fitted(camera: Camera, grid: BlockGrid, velocities: Floats) -> Floats:
-    """Return the motion that fits the flow (rows, columns, 2) of a pair best, (6,)."""
+    """Return the motion that best fits the flow (rows, columns, 2) of a pair, (6,)."""
     inside = np.s_[1:-1, 1:-1]
     scale = np.array([camera.width / grid.shape[1], camera.height / grid.shape[0]])
     try:
@@ -353,7 +355,7 @@ def _fitted(camera: Camera, grid: BlockGrid, velocities: Floats) -> Floats:
 def _motion_errors(dataset: Dataset, found: Floats, pair: int) -> tuple[float, float]:
     """Return the errors of a motion (6,) between a frame and the next (degrees), NaN if unknown.
 
-    The angle of the rotation that remains to the true one, and that between the headings.
+    They are the angle of the remaining rotation, and the angle between the headings.
     """
     if np.isnan(found).any():
         return math.nan, math.nan

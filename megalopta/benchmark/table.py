@@ -1,16 +1,16 @@
-"""The long table of a benchmark: sources × methods × photons, one value for each and its interval.
+"""The long table of a benchmark: sources × methods × photons, a value and an interval each.
 
-Intervals are of what was measured on units that were sampled independently of each other, such as
-sequences, scenes or windows of frames.
+Intervals are over units that were sampled independently, such as sequences, scenes or windows of
+frames.
 
 The logarithm of a mean, or of the ratio of two means over the same blocks, has the standard error
-of the jackknife that leaves out one unit at a time (Efron and Tibshirani 1993, chapter 11), and
-Student's quantiles. Units hold different numbers of blocks: their effective number (Kish 1965),
-less one, are the degrees of freedom. A ratio of two methods does not inherit how hard the
-units were. Other statistics, such as medians, have the percentiles of a bootstrap over units.
+of the jackknife over units (Efron and Tibshirani 1993, chapter 11), and Student's quantiles. Units
+hold different numbers of blocks: their effective number (Kish 1965), less one, is the number of
+degrees of freedom. A ratio of two methods does not depend on how hard the units were. Other
+statistics, such as medians, have the percentiles of a bootstrap over units.
 
-Pixels and frames of one sequence show the same things, so that its unit is a sequence; where there
-are too few of them, it is a stretch of one, and what is found holds for these sequences alone.
+Pixels and frames of a sequence show the same scene, so the unit is a sequence. With too few
+sequences it is a segment of one, and results hold for these sequences alone.
 """
 
 from collections import defaultdict
@@ -27,24 +27,24 @@ from megalopta.sensor.sampling.streams import generator
 
 
 class Case(NamedTuple):
-    """One metric of one method at one number of photons, and where else it was measured."""
+    """One metric of one method at one number of photons, with its group and pooling."""
 
     metric: str
     method: str
     photons: float
-    """Per frame or per pixel, as the benchmark says"""
+    """Per frame or per pixel, depending on the benchmark"""
     group: str = "all"
-    """Which blocks"""
+    """Group of blocks"""
     pixels_pooled: int = 1
     """Side of the squares of pixels that are added"""
     frames_pooled: int = 1
 
 
 Samples: TypeAlias = Mapping[Case, Floats]
-"""What was measured, (units, draws) of the photons"""
+"""Measured values, (units, photon draws)"""
 
 Estimate: TypeAlias = Callable[[NDArray[Any], float], Iterator[tuple[str, Floats]]]
-"""From counts (T, H, W) and their photons to the values (units,) of each metric"""
+"""Maps counts (T, H, W) and their photons to the values (units,) of each metric"""
 
 
 def measure_samples(
@@ -54,9 +54,9 @@ def measure_samples(
     draws: int,
     after_draw: Callable[[], object] = lambda: None,
 ) -> Samples:
-    """Return what methods make of the same photons of one source.
+    """Return the estimates of methods from the same photons of one source.
 
-    `draw` goes from photons (per frame or per pixel) and the number of a draw to counts (T, H, W).
+    `draw` maps photons (per frame or per pixel) and the number of a draw to counts (T, H, W).
     """
     found = defaultdict(list)
     for number, flux in product(range(draws), fluxes):
@@ -69,7 +69,7 @@ def measure_samples(
 
 
 def joined(sources: Iterable[Samples]) -> Samples:
-    """Return the units of several sources, on which the same cases were measured, as one."""
+    """Join the units of several sources on which the same cases were measured."""
     first, *others = sources
     return {
         case: np.concatenate([values, *(each[case] for each in others)])
@@ -78,24 +78,24 @@ def joined(sources: Iterable[Samples]) -> Samples:
 
 
 FEWEST_SEQUENCES = 5
-"""From so many on, sequences are the units"""
+"""Least number of sequences for sequences to be the units"""
 
 STRETCHES = 10
-"""Of successive pairs of frames, into which each of fewer sequences is divided"""
+"""Segments of successive pairs of frames per sequence, if sequences are fewer"""
 
 _CONFIDENCE = 0.95
 _REPLICATES = 2000
 
 
 class Sums(NamedTuple):
-    """Sum of what was measured and number of blocks, of each pair of frames or each unit, (n,)."""
+    """Sum of the measured values and number of blocks, per pair of frames or unit, (n,)."""
 
     totals: Floats
     blocks: Floats
 
 
 class Interval(NamedTuple):
-    """A value and the bounds that hold it in 95 % of cases; None where units are too few."""
+    """A value and its 95 % interval; None if units are too few."""
 
     value: float
     low: float | None = None
@@ -103,7 +103,7 @@ class Interval(NamedTuple):
 
 
 def units(sequences: Sequence[Sums]) -> Sums:
-    """Sum over the pairs of each unit: each sequence, or each stretch of few sequences."""
+    """Sum over the pairs of each unit: each sequence, or each segment of few sequences."""
     stretches = 1 if len(sequences) >= FEWEST_SEQUENCES else STRETCHES
     sums = (
         [part.sum() for each in pairs for part in np.array_split(each, stretches)]
@@ -113,7 +113,7 @@ def units(sequences: Sequence[Sums]) -> Sums:
 
 
 def interval(sums: Sums) -> Interval | None:
-    """Return the mean over all blocks and its interval; None where there are no blocks."""
+    """Return the mean over all blocks and its interval; None if there are no blocks."""
     if not sums.blocks.any():
         return None
     there = _present(sums)
@@ -122,12 +122,12 @@ def interval(sums: Sums) -> Interval | None:
 
 
 def ratio(one: Sums, other: Sums) -> tuple[Interval, float] | None:
-    """Return the ratio of two means over the same blocks, and the two-sided p-value of its being 1.
+    """Return the ratio of two means over the same blocks, and its two-sided p-value against 1.
 
-    None where units are too few.
+    None if units are too few.
     """
     upper, lower = (_present(each) for each in (one, other))
-    with np.errstate(invalid="ignore"):  # of two infinite ones
+    with np.errstate(invalid="ignore"):  # ratio of two infinities
         left_out = _log_means(upper) - _log_means(lower)
     if (spread := _spread(left_out, upper.blocks)) is None:
         return None
@@ -139,7 +139,7 @@ def ratio(one: Sums, other: Sums) -> tuple[Interval, float] | None:
 def _spread(left_out: Floats, blocks: Floats) -> tuple[float, float] | None:
     """Return standard error and degrees of freedom of a logarithm.
 
-    From its values without each unit; None where units are too few.
+    Computed from its values without each unit; None if units are too few.
     """
     count = len(left_out)
     if count < 2 or not np.isfinite(left_out).all():
@@ -156,13 +156,13 @@ def _around(value: float, error: float, freedom: float) -> Interval:
 
 
 def bootstrap(samples: Floats, statistic: Callable[[Floats], Floats], key: str) -> Interval:
-    """Return a statistic of samples, and what holds it in 95 % of bootstraps over the units.
+    """Return a statistic of samples with its 95 % interval by a bootstrap over units.
 
-    The statistic goes from samples (..., units, draws) to (...,): draws of photons of one unit see
-    the same things, and are drawn together. The key names the random numbers.
+    The statistic maps samples (..., units, draws) to (...,). Photon draws of one unit share a
+    scene, and are resampled together. The key seeds the random numbers.
     """
     value, count = float(statistic(samples)), len(samples)
-    if count == 1:  # which does not tell how much units differ
+    if count == 1:  # one unit says nothing about the spread of units
         return Interval(value)
     chosen = generator(0, key).integers(count, size=(_REPLICATES, count))
     low, high = np.percentile(statistic(samples[chosen]), (2.5, 97.5))

@@ -1,12 +1,12 @@
-"""Textures that drift: the photons that velocities of isolated blocks need, and motion seen at all.
+"""Drifting textures: photons for velocities of isolated blocks, and detection of motion.
 
-Dead leaves of 251 rows drift by 3 columns per frame, are brought to 240 × 240 px by area, and are
-drawn at fluxes of 1e3 to 1e7 photons per frame. Every method sees each 24 × 24 block alone with a
-margin of 7 px (`flow.efficiency`) and is held against the true velocity, 2.87 px per frame.
+Dead leaves of 251 rows drift by 3 columns per frame, are resized to 240 × 240 px by area, and drawn
+at 1e3 to 1e7 photons per frame. Every method sees each 24 × 24 block alone with a margin of 7 px
+(`flow.efficiency`) and is compared with the true velocity, 2.87 px per frame.
 
-How well each method distinguishes motion from rest and right from left is measured on counts of
-other textures, the same for all methods, at the size, speed and dark counts of the dissertation's
-Table 4.1, with one response per block.
+How well a method distinguishes motion from rest and right from left is measured on counts of other
+textures, the same for all methods, at the size, speed and dark counts of the dissertation's Table
+4.1, with one response per block.
 """
 
 import math
@@ -55,29 +55,29 @@ FLUXES = tuple(10 ** (3 + step / 3) for step in range(13))
 
 EFFICIENCY_FLUXES = (3e4, 1e5, 3e5, 1e6, 3e6, 1e7)
 _SEQUENCES = 8
-"""As many textures: what one window shows is not independent of the next."""
+"""Number of textures: windows of one texture are not independent."""
 _TIMING_FLUX = 3e5
 GRID = block_grid((SIZE_PX, SIZE_PX))
 
 
 class Bounds(NamedTuple):
-    """Photons per frame at which blocks can err by 25 %, the median, seen in so many frames."""
+    """Photons per frame at which blocks can have a median error of 25 %, by number of frames."""
 
     known: float
-    """From the block's own pixels, of known texture"""
+    """From the block's own pixels, with known texture"""
     with_margin: float
     """From all pixels seen, block and margin"""
     unknown: float
-    """From the block's own pixels where only the power spectrum of the texture is known"""
+    """From the block's own pixels, with known power spectrum only"""
 
 
 @dataclass(frozen=True)
 class BlockPhotons:
-    """Photons that one method needs; a line of the leaderboard."""
+    """Photons that one method needs; a row of the leaderboard."""
 
     detector: Detector
     needed: MedianPhotons
-    """Photons per frame for a median error of 25 % of the truth; infinite where never"""
+    """Photons per frame for a median error of 25 % of the truth; infinite if never reached"""
     frames: int
     """Frames behind one estimate"""
     bounds: Bounds
@@ -86,7 +86,7 @@ class BlockPhotons:
 
     @property
     def efficiency(self) -> float:
-        """Photons that the bound of the block needs over those that the method needs."""
+        """Photons at the bound of the block over those that the method needs."""
         return self.bounds.known / self.needed.photons if self.needed.photons > 0 else math.inf
 
 
@@ -101,9 +101,9 @@ def sequences(smallest_radius_px: float = 3.0, count: int = _SEQUENCES) -> Float
 
 
 def information(clean: Floats, margin_px: int = 0) -> Floats:
-    """Return J of every block inside at one photon per frame, (n, rows − 2, columns − 2, 2, 2).
+    """Return J of every inner block at one photon per frame, (n, rows − 2, columns − 2, 2, 2).
 
-    A margin of pixels around each block is counted with it.
+    `margin_px` pixels around each block are included.
     """
     pixels = np.stack([fisher_information(each[-1], BlockGrid(GRID.shape, 1)) for each in clean])
     side, step = GRID.block_px + 2 * margin_px, GRID.block_px
@@ -114,7 +114,7 @@ def information(clean: Floats, margin_px: int = 0) -> Floats:
 
 
 def bounds(clean: Floats, frames: int) -> Bounds:
-    """Return the bounds of so many frames of sequences (n, T, H, W)."""
+    """Return the bounds of `frames` frames of sequences (n, T, H, W)."""
     known, with_margin = (
         bound_photons(cramer_rao_covariance(information(clean, margin), frames), SPEED_PX, LEVEL)
         for margin in (0, MARGIN_PX)
@@ -152,14 +152,14 @@ def ranked(clean: Floats, methods: Iterable[Method]) -> list[BlockPhotons]:
 def leaf_counts(
     clean: Floats, flux: float, sequence: int, repeat: int = 0
 ) -> NDArray[np.unsignedinteger]:
-    """Return counts of one sequence at a flux; every (sequence, flux, repeat) has its stream."""
+    """Return counts of a sequence at a flux; each (sequence, flux, repeat) has its own stream."""
     return draw_counts(clean * flux, 0, "leaderboard", sequence, f"{flux:.6g}", repeat)
 
 
 def efficiencies(
     clean: Floats, detector: BlockDetector, fluxes: Sequence[float], draws: int
 ) -> list[float]:
-    """Return bound over variance of one method at each flux, its newest frames seen whole.
+    """Return bound over variance of one method at each flux, with its newest frames in full view.
 
     The variance of each block is over independent draws of each sequence of `clean`, (n, T, H, W).
     """
@@ -182,7 +182,7 @@ SEED = 0
 COLUMNS, SIZE, SPEED_COLUMNS = 251, 60, 5
 VIEWS, SCORED_FRAMES = 4, 4
 LAST_FRAME = 100
-"""Frames are counted from the end: how long others need to settle changes nothing for a method."""
+"""Frames are counted from the end: a method's result does not depend on how long others settle."""
 
 DARK_COUNTS = 0.1 * (COLUMNS / SIZE) ** 2
 CONTRAST = 0.5
@@ -190,12 +190,12 @@ RESPONSES = VIEWS * SCORED_FRAMES * 8 * 8
 DIRECTIONS = {"still": 0, "right": 1, "left": -1}
 
 _BRIGHT = 1e12
-"""Photons per frame of which noise is nothing; methods that take counts must see many."""
+"""Photons per frame without significant noise, for methods that need counts."""
 
 
 @dataclass(frozen=True)
 class Detection:
-    """What one method can distinguish at one flux."""
+    """Discriminability by one method at one flux."""
 
     method: str
     flux: float
@@ -204,13 +204,13 @@ class Detection:
     direction: float
     """d′ of right against left"""
     false_alarms: float
-    """Share of the still scene's blocks beyond half of the median noise-free response to motion"""
+    """Share of the still scene's blocks above half of the median noise-free response to motion"""
     curve: Roc
-    """Of moving against still"""
+    """ROC of moving against still"""
 
 
 def detections(methods: Sequence[Method], flux: float) -> list[Detection]:
-    """Return what each method can distinguish at one flux (photons per frame), on one draw."""
+    """Return the discriminability by each method at one flux (photons per frame), on one draw."""
     detectors = [method(each) for each in methods]
     settling = max(each.memory_frames for each in detectors)
     sequences = {
@@ -240,7 +240,7 @@ def motion_threshold(detector: Detector) -> float:
 
 
 def settled_responses(detector: Detector, sequences: Sequence[NDArray[Any]], flux: float) -> Floats:
-    """Settled responses to all sequences, one after the other."""
+    """Settled responses to all sequences, concatenated."""
     needed = detector.memory_frames + SCORED_FRAMES
     responses = [detector.respond(each[-needed:], SIZE**2 / flux) for each in sequences]
     return np.concatenate([each[-SCORED_FRAMES:] for each in responses])
@@ -255,7 +255,7 @@ def noisy_frames(direction: str, view: int, frames: int, flux: float) -> Counts:
 
 @cache
 def _light(direction: str, view: int, frames: int) -> Floats:
-    """A texture that drifts, (frames, SIZE, SIZE), as shares of the light of a frame."""
+    """A drifting texture, (frames, SIZE, SIZE), as shares of the light of a frame."""
     columns = SPEED_COLUMNS * DIRECTIONS[direction]
     moving = MovingTemplate(_texture(view), columns, SIZE)
     return moving.light(columns * (LAST_FRAME - frames), frames)
@@ -263,7 +263,7 @@ def _light(direction: str, view: int, frames: int) -> Floats:
 
 @cache
 def _texture(view: int) -> Floats:
-    """A log-normal texture without a seam, (COLUMNS, COLUMNS), of mean about 1."""
+    """A seamless log-normal texture, (COLUMNS, COLUMNS), of mean about 1."""
     side = float(COLUMNS)
     rng = streams.generator(SEED, "detection texture", view)
     noise = tileable_noise((COLUMNS, COLUMNS), (side, side), (4.0, side), 1.0, rng)

@@ -1,9 +1,8 @@
-"""One trial of the flow benchmark, and sweeps: what moves how, what is measured, and how closely.
+"""A trial of the flow benchmark, and sweeps: stimulus, metrics and precision.
 
 A trial is plain data that travels to any worker and comes back from YAML. Its template is the
-picture that its stimulus is made of, a grating or a panorama: plain data, too, whose pixels are
-computed, come from the cache or from the user's picture. A sweep is trials that differ in one
-parameter.
+picture of its stimulus, a grating or a panorama: plain data, too, whose pixels are computed or come
+from the cache or the user's picture. A sweep is trials that differ in one parameter.
 """
 
 import operator
@@ -46,10 +45,10 @@ from megalopta.scenes.spectra.color import encode_srgb
 
 
 class GratingTemplate(Record, frozen=True):
-    """The 2-D sine grating of the thesis (§4.2.1), 251 × 251."""
+    """The 2-D sine grating of the dissertation (§4.2.1), 251 × 251."""
 
     kind: Literal["grating"] = "grating"
-    """Which template this is: grating, or panorama, which has the keys name and coding"""
+    """Kind of the template: grating, or panorama, which has the keys name and coding"""
     cycles_per_frame: Annotated[float, Field(gt=0)] = 5.0
     """Spatial frequency f (cycles per frame)"""
     contrast: Annotated[float, Field(gt=0, le=1)] = 0.9
@@ -57,11 +56,11 @@ class GratingTemplate(Record, frozen=True):
     phases_rad: tuple[float, float] = (0.0, 0.0)
     """Phases of its two factors (rad)"""
     variant: GratingVariant = "rot"
-    """rot: as the thesis writes, √2·f moving cycles and a seam; periodic: exactly f, no seam"""
+    """rot: as in the dissertation, √2·f moving cycles and a seam; periodic: exactly f, no seam"""
 
     @property
     def moving_cycles(self) -> float:
-        """Cycles per frame of the part that moves."""
+        """Cycles per frame of the moving part."""
         return moving_cycles(self.cycles_per_frame, self.variant)
 
     def pixels(self) -> Floats:
@@ -73,16 +72,16 @@ class GratingTemplate(Record, frozen=True):
 
 
 class PanoramaTemplate(Record, frozen=True):
-    """A full turn of natural surroundings, 251 × m."""
+    """A panorama of natural surroundings, 251 × m."""
 
     kind: Literal["panorama"] = "panorama"
-    """Which template this is"""
+    """Kind of the template"""
     name: Annotated[str, Field(min_length=1)]
-    """One of the forests rendered by this project, open, dense, understorey and clearing, or the
-    path of an equirectangular picture (EXR, HDR, PNG or JPEG). Paths are relative to the file that
-    they stand in; on the command line, to the working folder"""
+    """A forest rendered by this project, open, dense, understorey or clearing, or the path of an
+    equirectangular picture (EXR, HDR, PNG or JPEG). Paths are relative to the file that contains
+    them; on the command line, to the working folder"""
     coding: Literal["linear", "srgb"] = "linear"
-    """linear: light. srgb: gray values of a photograph of it, with the brightest hundredth white"""
+    """linear: light. srgb: gray values of a photograph of it, with the brightest 1 % white"""
 
     @field_validator("name")
     @classmethod
@@ -91,7 +90,7 @@ class PanoramaTemplate(Record, frozen=True):
 
 
 def path_from_its_file(name: str, validation: ValidationInfo) -> str:
-    """Return a path relative to the file that is being read; a forest's name as it is."""
+    """Return a path relative to the file being read; a forest's name unchanged."""
     if not Path(name).suffix:
         return name
     return str((validation.context or {}).get("folder", Path()) / name)
@@ -101,7 +100,7 @@ Template = Annotated[GratingTemplate | PanoramaTemplate, Field(discriminator="ki
 
 
 def template_names(templates: Sequence[Template]) -> list[str]:
-    """Return short names of templates; those of gratings tell in what they differ."""
+    """Return short names of templates; those of gratings show their differences."""
     gratings = [each for each in templates if isinstance(each, GratingTemplate)]
     differing = [
         field
@@ -119,7 +118,7 @@ def template_names(templates: Sequence[Template]) -> list[str]:
 
 
 def pixels_of(templates: Iterable[Template], cache: Path | None = None) -> dict[Template, Floats]:
-    """Return the pixels, (251, m), of each template. Raises UserError for what is no panorama.
+    """Return the pixels, (251, m), of each template. Raises UserError if one is not a panorama.
 
     Panoramas rendered by this project are in the cache, by default the user's.
     """
@@ -152,7 +151,7 @@ class Trial(Record, frozen=True):
     """One stimulus, and the photons that detectors need on it."""
 
     template: Template = GratingTemplate()
-    """What moves"""
+    """Moving template"""
     velocity_px: Annotated[int, Field(ge=-(ROWS // 2), le=ROWS // 2)] = 5
     """Motion of the template (columns per frame, positive to the right)"""
     size: Annotated[int, Field(ge=3, le=ROWS)] = 60
@@ -160,20 +159,20 @@ class Trial(Record, frozen=True):
     resize: ResizeKind = "nearest"
     """How frames are resized: nearest subsamples as the thesis does, area pools the light"""
     blurred: bool = False
-    """Whether frames are smeared by the motion within a frame"""
+    """Whether the motion within a frame blurs it"""
     methods: Annotated[
         tuple[str | SerializeAsAny[InstanceOf[Detector]], ...],
         Field(min_length=1, description=f"Names of the detectors: {', '.join(METHODS)}"),
     ] = THESIS_METHODS
     search: SearchSettings = SearchSettings()
-    """What is measured, and how closely"""
+    """Metrics and precision of the search"""
     seed: Annotated[int, Field(ge=0)] = 0
-    """Of all random numbers"""
+    """Seed of all random numbers"""
 
     @field_validator("methods", mode="before")
     @classmethod
     def _functions_too(cls, methods: Any) -> Any:
-        """In Python a detector or a function may stand for a name."""
+        """Accept a detector or a function from Python in place of a name."""
         is_list = isinstance(methods, list | tuple)
         return tuple(method(m) if callable(m) else m for m in methods) if is_list else methods
 
@@ -205,7 +204,7 @@ class Trial(Record, frozen=True):
         motion = [each.name for each in self.detectors if each != METHODS["IM"]]
         if self.velocity_px == 0 and motion:
             raise ValueError(
-                f"velocity_px 0: nothing moves, so the errors of {', '.join(motion)} are undefined;"
+                f"velocity_px 0: no motion, so the errors of {', '.join(motion)} are undefined;"
                 " give a velocity, or the method IM alone"
             )
         for each in self.detectors:
@@ -219,12 +218,12 @@ class Trial(Record, frozen=True):
 
     @property
     def detectors(self) -> tuple[Detector, ...]:
-        """The methods."""
+        """Methods of the trial."""
         return tuple(map(method, self.methods))
 
     @property
     def stimulus(self) -> Mapping[str, Any]:
-        """What the light depends on beside the pixels of the template, as plain data."""
+        """Properties of the light beside the pixels of the template, as plain data."""
         return self.model_dump(mode="json", include={"velocity_px", "size", "resize", "blurred"})
 
 
@@ -239,13 +238,13 @@ def measure_trial(trial: Trial, pixels: Floats, name: str) -> tuple[ErrorCurve, 
 
 Value = int | float | bool | str
 MOST_TRIALS = 10_000
-"""In one sweep: more than anybody waits for, and checking them takes a minute."""
+"""Most trials of a sweep; checking this many takes a minute."""
 
 _SHARED = ("methods", "search.metrics", "search.bits")
 
 
 class SweepPoint(NamedTuple):
-    """One trial of a sweep, and where it stands."""
+    """One trial of a sweep, and its place."""
 
     size: int
     value: Value
@@ -255,20 +254,20 @@ class SweepPoint(NamedTuple):
 
 
 class Sweep(Record, frozen=True):
-    """Trials that differ in one parameter; in several sizes, averaged over several templates."""
+    """Trials that differ in one parameter, in several sizes, averaged over several templates."""
 
     title: str = "Photons that motion detectors need"
-    """What is shown, in one line"""
+    """Title, in one line"""
     trial: Trial = Trial()
     """The fixed parameters"""
     vary: str = "velocity_px"
     """Path of the varied parameter in a trial, such as template.contrast or search.dark_counts"""
     values: Annotated[tuple[Value, ...], Field(min_length=1)] = (1, 2, 5, 10)
-    """Its values"""
+    """Values of that parameter"""
     sizes: tuple[int, ...] = ()
-    """Spatial pooling (px), a panel of the figure each; by default that of the trial"""
+    """Spatial pooling (px), a panel of the figure each; default: that of the trial"""
     templates: tuple[Template, ...] = ()
-    """Templates that thresholds are averaged over; by default that of the trial"""
+    """Templates that thresholds are averaged over; default: that of the trial"""
 
     @field_validator("values")
     @classmethod
@@ -290,19 +289,16 @@ class Sweep(Record, frozen=True):
         if count > MOST_TRIALS:
             raise ValueError(f"values: {count} trials; give at most {MOST_TRIALS} in all")
         if self.vary.startswith(_SHARED):
-            raise ValueError(
-                f"vary: {self.vary} is the same for a whole figure; give all that are wanted in "
-                "the trial"
-            )
+            raise ValueError(f"vary: {self.vary} cannot vary within a figure; set it in the trial")
         if self.vary == "size" and self.sizes:
-            raise ValueError("sizes: size is varied already; leave sizes out")
+            raise ValueError("sizes: size is varied already; omit sizes")
         try:
             trials = self.trials
         except UserError as error:
             raise ValueError(str(error).replace("--", "vary: ", 1)) from None
         if len(set(trials)) < len(trials):
             raise ValueError(
-                f"two trials are the same: {self.vary} is varied, so values and templates must"
+                f"duplicate trial: {self.vary} is varied, so values and templates must"
                 " differ in it; give each once"
             )
         return self
@@ -314,7 +310,7 @@ class Sweep(Record, frozen=True):
 
     @cached_property
     def points(self) -> tuple[SweepPoint, ...]:
-        """The trials: sizes, in them values, in them templates."""
+        """Trials by size, value and template, in this order."""
         fixed = {**self.trial.model_dump(mode="json"), "methods": self.trial.methods}
         found: list[tuple[Value, Trial]] = []
         for size, value, template in product(
@@ -323,7 +319,7 @@ class Sweep(Record, frozen=True):
             fields = {**fixed, "size": size, "template": template.model_dump(mode="json")}
             put(fields, self.vary, value)
             trial = checked(Trial, fields)
-            # in quotes a number is text
+            # a quoted number is text
             number = operator.attrgetter(self.vary)(trial) if isinstance(value, str) else value
             found.append((number, trial))
         templates = list(dict.fromkeys(trial.template for _, trial in found))
@@ -343,9 +339,9 @@ def load_sweep(
 ) -> Sweep:
     """Return the sweep of a YAML file with settings of the command line.
 
-    Overrides go from the path of a field to a value in YAML, and may name code; methods of the file
-    may be `module:function` or ONNX files, which are run, only where `allows_code`. Raises
-    UserError when the file cannot be read, or says what is no sweep.
+    Overrides map the path of a field to a value in YAML, and may name code. Methods of the file may
+    be `module:function` or ONNX files, which are run, only if `allows_code`. Raises UserError if
+    the file cannot be read, or is no sweep.
     """
     values = mapping(read_text(path, "sweep; give a YAML file"), str(path))
     return validated(Sweep, values, str(path), overrides, path.parent, allows_code)

@@ -1,8 +1,8 @@
-"""Velocities that methods read from the photons of a sequence, each kept as soon as it is known.
+"""Velocities by methods from the photons of a sequence, each kept as soon as it is computed.
 
-Photons are drawn on perfect pixels from the rendered light, every frame scaled alike; all methods
-see the same draws. From the light itself, at the same number of photons but without their noise,
-the weights are learned that make a yaw rate of velocities.
+Photons are drawn on perfect pixels from the rendered light, with one scale for all frames; all
+methods see the same draws. The weights of a yaw rate are learned from the light itself, at the same
+number of photons but without noise.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -30,29 +30,29 @@ from megalopta.scenes.cameras.base import Camera
 from megalopta.sensor import PRESETS, photon_rate
 
 _MOST_BYTES = 2**62
-"""Of what is kept: any number"""
+"""Size limit of the kept velocities: none"""
 
 
 LIKELIHOODS: Mapping[str, int] = MappingProxyType(
     {"likelihood, 2 frames": 2, "likelihood, 8 frames": 8}
 )
-"""Names of the motion under which counts are most likely, and from how many frames"""
+"""Names of the maximum-likelihood motions, and their numbers of frames"""
 
 
 class Drawn(NamedTuple):
-    """A draw of the photons of a sequence, or the light itself."""
+    """A photon draw of a sequence, or the light itself."""
 
     pooling: Pooling
     flux: float
-    """Photons per frame, before frames are pooled"""
+    """Photons per frame, before pooling of frames"""
     repeat: int | None
-    """None for light without noise"""
+    """None: light without noise"""
 
 
 class Velocities:
     """Velocities of one sequence, computed once and kept in a folder.
 
-    `advance` is called after each method and draw that was not asked for before.
+    `advance` is called after each new method and draw.
     """
 
     def __init__(
@@ -70,12 +70,12 @@ class Velocities:
     def of(self, method: Detector, drawn: Drawn) -> Floats:
         """Velocities (pairs, rows, columns, 2) of all blocks, px of the full image per frame.
 
-        Of a method without velocities its responses (T, H, W).
+        For a method without velocities, its responses (T, H, W).
         """
         return self._kept(drawn, identity(method), lambda: self._measured(method, drawn))
 
     def likely_motions(self, drawn: Drawn, name: str, pairs: Sequence[int]) -> Floats:
-        """Rotations (°) and headings of the camera, (pairs, 6), most likely around each pair."""
+        """Most likely rotations (°) and headings of the camera around each pair, (pairs, 6)."""
         camera = self._dataset.configuration.camera
 
         def measured() -> Floats:
@@ -87,14 +87,14 @@ class Velocities:
 
     @property
     def photons_per_lux_s(self) -> float:
-        """Photons of a mean frame on perfect pixels for each lux and second."""
+        """Photons of a mean frame on perfect pixels, for each lux and second."""
         return photons_per_lux_s(self._dataset, self._light)
 
     def bound(self, grid: BlockGrid, pooling: Pooling, flux: float) -> Floats:
-        """Least mean endpoint error that the photons of a pair allow in each block inside.
+        """Least mean endpoint error that the photons of a pair allow in each inner block.
 
-        (pairs, rows, columns), px of the full image per frame: √(π/4 · trace) of the covariance of
-        Cramér and Rao for two frames, exact where that has no direction.
+        (pairs, rows, columns), px of the full image per frame: √(π/4 · trace) of the Cramér–Rao
+        covariance for two frames, exact if that is isotropic.
         """
         means = self._light_at(pooling) * (flux * pooling.frames)
         least = [cramer_rao_covariance(fisher_information(each, grid)) for each in means[:-1]]
@@ -102,7 +102,7 @@ class Velocities:
         return np.asarray(np.sqrt(np.pi / 4 * trace) * pooling.pixels / pooling.frames)
 
     def _kept(self, drawn: Drawn, name: str, measure: Callable[[], Floats]) -> Floats:
-        """Return what was measured of a draw, now or earlier."""
+        """Return a measurement of a draw, kept or new."""
         what = digest(self._frames, name, repr(drawn), repr(self._settings.seed))
         store = ArrayStore(self._folder / _model(), what, _MOST_BYTES)
         kept = store.read(["found"])
@@ -146,7 +146,7 @@ class Velocities:
 
 
 def photons_per_lux_s(dataset: Dataset, light: Floats | None = None) -> float:
-    """Photons of a mean frame on perfect pixels for each lux and second; reads all frames."""
+    """Photons of a mean frame on perfect pixels, for each lux and second; reads all frames."""
     light = _light(dataset) if light is None else light
     photons_hz = float(light.sum(axis=(1, 2)).mean())
     return photons_hz / dataset.configuration.light.resolved().illuminance_lux
@@ -162,7 +162,7 @@ def _light(dataset: Dataset) -> Floats:
 def _likely_motion(
     camera: Camera, counts: NDArray[Any], frames: int, pair: int
 ) -> tuple[float, ...]:
-    """Return rotation and heading, (6,), most likely in so many frames around a pair, or NaN."""
+    """Return the most likely rotation and heading, (6,), from frames around a pair, or NaN."""
     start = pair - (frames // 2 - 1)
     window = counts[max(start, 0) : start + frames]
     if len(window) < frames or not np.ptp(window):

@@ -1,13 +1,13 @@
-"""Errors of velocity methods on whole frames over the photons per pixel, each with its interval.
+"""Errors of velocity methods on whole frames by photons per pixel, with intervals.
 
-Every method sees frames as they are, all around each block, and gives one velocity per block of
-24 × 24 px, which is held against the mean true flow of the block. The outermost blocks are left
-out. A block for which a method gives no velocity counts as one that it says stands still.
+Every method sees whole frames and gives one velocity per block of 24 × 24 px, which is compared
+with the mean true flow of the block. The outermost blocks are excluded. A block without velocity
+counts as zero motion.
 
-Three measures of the errors of a scene's blocks: their median, their mean, and the share of blocks
-that are off by more than 3 px. A method that is far off in a third of the blocks may have the least
-median and the largest mean, so none of the three stands for the others. That of a method is the
-mean over draws and scenes; its interval is a bootstrap over scenes, where there is more than one.
+Three statistics of the blocks' errors are given: median, mean, and the share of blocks with an
+error over 3 px. A method that is far off in a third of the blocks may have the least median and the
+largest mean, so none replaces another. A method's value is the mean over draws and scenes; its
+interval is a bootstrap over scenes, if there is more than one.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -33,7 +33,7 @@ from megalopta.plotting.picture import write_csv
 
 PHOTONS_PER_PX: tuple[float, ...] = (1.0, 3.0, 10.0, 30.0, 100.0, 1000.0)
 FAR_PX = 3.0
-"""Endpoint error beyond which a block is counted as far off"""
+"""Endpoint error from which a block counts as far off"""
 
 MEDIAN, MEAN, FAR = "median_epe_px", "mean_epe_px", "share_beyond_3_px"
 
@@ -55,7 +55,7 @@ class Board:
         return np.asarray(self.samples[Case(metric, detector.name, flux)].mean(axis=-1))
 
     def over_scenes(self, metric: str, detector: BlockDetector, flux: float) -> Interval:
-        """Return the mean over scenes, and what holds that over infinitely many."""
+        """Return the mean over scenes, with its interval."""
         samples = self.samples[Case(metric, detector.name, flux)]
         return bootstrap(samples, lambda each: each.mean(axis=(-2, -1)), "whole frames interval")
 
@@ -69,8 +69,8 @@ def frame_errors(
 ) -> Board:
     """Return the errors of methods on the same photons of all clips.
 
-    Fluxes are photons per pixel and frame, on average over a clip. Raises ValueError when a method
-    gives no velocity of blocks, sees more frames than a clip has, or a clip is too small.
+    Fluxes are mean photons per pixel and frame of a clip. Raises ValueError if a method gives no
+    velocity of blocks or needs more frames than a clip has, or a clip is too small.
     """
     detectors = tuple(block_detector(each) for each in methods)
     parts = []
@@ -89,9 +89,9 @@ def errors_of_pairs(
     methods: Sequence[Method] | None = None,
     draws: int = 1,
 ) -> Board:
-    """Return the errors of methods, by default of all that do with two frames, on pairs of files.
+    """Return the errors of methods, by default all two-frame methods, on pairs of files.
 
-    Raises UserError when a file cannot be used, or a method not with two frames.
+    Raises UserError if a file cannot be used, or a method does not run on two frames.
     """
     clips = [read_pair(name, files) for name, files in pairs.items()]
     with progress("Drawing photons", len(clips), "pair") as advance:
@@ -103,7 +103,7 @@ def errors_of_pairs(
 
 
 def write_board(path: Path, board: Board) -> None:
-    """Write a line for each pair, method and flux, as CSV: means over the draws of the pair."""
+    """Write a row per pair, method and flux, as CSV: means over the draws of the pair."""
     metrics = MEDIAN, MEAN, FAR
     rows = (
         (
@@ -119,16 +119,16 @@ def write_board(path: Path, board: Board) -> None:
 def _errors(
     detector: BlockDetector, clip: FlowClip, counts: Frames, _: float
 ) -> Iterator[tuple[str, Floats]]:
-    """Yield the measures of one method's endpoint errors in the blocks inside, px per frame."""
+    """Yield statistics of one method's endpoint errors in the inner blocks, px per frame."""
     truth = blocks_of(clip)
     error_px = distances(answers(detector, clip, counts), truth)
     yield from measures(error_px[np.isfinite(truth).all(axis=-1)])
 
 
 def answers(detector: BlockDetector, clip: FlowClip, counts: Frames) -> Floats:
-    """Return velocities of the blocks inside, (rows, columns, 2), 0 where a method gives none.
+    """Return velocities of the inner blocks, (rows, columns, 2), 0 if a method gives none.
 
-    It sees the frames in the middle of counts (T, H, W). Raises ValueError when it needs more.
+    It sees the frames in the middle of counts (T, H, W). Raises ValueError if it needs more.
     """
     needed = detector.memory_frames + 1
     if len(counts) < needed:
@@ -137,14 +137,14 @@ def answers(detector: BlockDetector, clip: FlowClip, counts: Frames) -> Floats:
 
 
 def blocks_of(clip: FlowClip) -> Floats:
-    """Return the mean flow of the blocks inside, (rows, columns, 2); NaN where it is unknown.
+    """Return the mean flow of the inner blocks, (rows, columns, 2); NaN if unknown.
 
-    A block needs flow for half of its pixels. Raises ValueError when no block has it.
+    A block needs flow for half of its pixels. Raises ValueError if no block has it.
     """
     grid = block_grid((clip.light.shape[1], clip.light.shape[2]), BLOCK_PX)
     flow = block_flow(clip.flow[np.newaxis], grid)[0, 1:-1, 1:-1]
     if not np.isfinite(flow).all(axis=-1).any():
-        raise ValueError(f"{clip.name}: the flow is known in half of no block of {BLOCK_PX} px")
+        raise ValueError(f"{clip.name}: no block of {BLOCK_PX} px has half of its flow known")
     return flow
 
 
@@ -154,7 +154,7 @@ def distances(one: Floats, other: Floats) -> Floats:
 
 
 def measures(distances_px: Floats) -> Iterator[tuple[str, Floats]]:
-    """Yield median, mean, and the share beyond `FAR_PX` of the distances of blocks, (n,)."""
+    """Yield median, mean, and the share above `FAR_PX` of the distances of blocks, (n,)."""
     yield MEDIAN, np.array([np.median(distances_px)])
     yield MEAN, np.array([distances_px.mean()])
     yield FAR, np.array([(distances_px > FAR_PX).mean()])

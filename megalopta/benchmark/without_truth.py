@@ -1,12 +1,11 @@
-"""Methods on pictures whose true flow nobody knows: against a stand-in, and against each other.
+"""Methods on pictures of unknown true flow: distances from a stand-in, and from each other.
 
-The stand-in is the flow that one method, the reference, finds in the pictures without photon noise.
-It is no truth: it has the reference's own faults, which the reference and its kin repeat on counts,
-so that it favours them. The other measure favours no method: how far each is from the median of all
-others on the same photons. Methods that agree may be wrong alike, and one that is right alone is
-far from the rest.
+The stand-in is the flow by one method, the reference, between the pictures without photon noise. It
+is not the truth: the reference and similar methods repeat its errors on counts, so it favours them.
+The other measure favours no method: the distance from the median of all others on the same photons.
+Methods that agree may share an error, and one that is right alone is far from the rest.
 
-Both are told as errors are, of blocks of 24 × 24 px, over the photons per pixel and frame.
+Both are given like errors: of blocks of 24 × 24 px, by photons per pixel and frame.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -47,29 +46,29 @@ FROM_STAND_IN = {
     MEAN: "mean_px_from_stand_in",
     FAR: "share_beyond_3_px_from_stand_in",
 }
-"""What is measured against the stand-in, by the measure of an error that it is like."""
+"""Metrics against the stand-in, by the corresponding metric of an error."""
 FROM_OTHERS = {
     MEDIAN: "median_px_from_others",
     MEAN: "mean_px_from_others",
     FAR: "share_beyond_3_px_from_others",
 }
-"""The same against the median of the other methods."""
+"""Metrics against the median of the other methods, likewise."""
 
 _CLEAN_PHOTONS = 1000.0
-"""Light without noise of so many photons per pixel is what the reference sees."""
+"""Photons per pixel of the noise-free light that the reference sees."""
 _PAIR_FRAMES = 2
 _KEY = "pairs without truth"
 
 _Light: TypeAlias = Callable[[], Floats]
-"""Gives the luminance (H, W) of a picture when it is needed."""
+"""Returns the luminance (H, W) of a picture when needed."""
 
 
 def pairs_without_truth(
     stack: ExitStack, paths: Sequence[Path], most: int, unit: Unit | None = None
 ) -> dict[str, tuple[_Light, _Light]]:
-    """Return two pictures, or at most so many pairs of successive frames, evenly spread, by name.
+    """Return two pictures, or at most `most` evenly spaced pairs of successive frames, by name.
 
-    The stack closes what is opened. Raises UserError when there are no two frames.
+    The stack closes opened files. Raises UserError if there are not two frames.
     """
     opened = [stack.enter_context(open_footage(path, unit)) for path in paths]
     for note in dict.fromkeys(note for each in opened for note in each.notes):
@@ -95,11 +94,10 @@ def distances_of_pairs(
     methods: Sequence[Method] | None = None,
     draws: int = 1,
 ) -> Board:
-    """Return how far methods, by default all that do with two frames, are from both.
+    """Return distances of methods, by default all two-frame methods, from both references.
 
-    Metrics are those of `FROM_STAND_IN` and, of two methods or more, of `FROM_OTHERS`. Raises
-    UserError when pictures or methods cannot be used, or no picture has
-    any contrast.
+    Metrics are those of `FROM_STAND_IN` and, for two or more methods, of `FROM_OTHERS`. Raises
+    UserError if pictures or methods cannot be used, or no picture has any contrast.
     """
     with progress("Drawing photons", len(pairs), "pair") as advance:
         try:
@@ -113,12 +111,12 @@ def distances_of_pairs(
         except ValueError as problem:
             raise UserError(str(problem)) from None
     if not found:
-        raise UserError(f"{', '.join(pairs)}: no contrast at all; give pictures of something")
+        raise UserError(f"{', '.join(pairs)}: no contrast; give pictures with texture")
     return Board(tuple(found), detectors, tuple(fluxes), joined(found.values()))
 
 
 def write_distances(path: Path, board: Board, reference: Method) -> None:
-    """Write a line for each pair, method and flux, as CSV: means over the draws of the pair."""
+    """Write a row per pair, method and flux, as CSV: means over the draws of the pair."""
     metrics = [*FROM_STAND_IN.values(), *FROM_OTHERS.values()]
     metrics = metrics if len(board.detectors) > 1 else list(FROM_STAND_IN.values())
     name = block_detector(reference).name
@@ -143,7 +141,7 @@ def _samples(
 
 
 class _Asked:
-    """Methods that answer together, so that each is held against the others' answers."""
+    """Methods that are run together, so that each is compared with the others."""
 
     def __init__(self, clip: FlowClip, detectors: Sequence[BlockDetector]) -> None:
         self._clip, self._detectors, self._stand_in = clip, detectors, blocks_of(clip)
@@ -151,7 +149,7 @@ class _Asked:
         self._answers: Mapping[str, Floats] = {}
 
     def distances(self, name: str, counts: Frames, _: float) -> Iterator[tuple[str, Floats]]:
-        """Yield how far a method's velocities in counts are, px per frame."""
+        """Yield distances of a method's velocities in counts, px per frame."""
         if counts is not self._counts:
             self._answers = {e.name: answers(e, self._clip, counts) for e in self._detectors}
             self._counts = counts
@@ -190,10 +188,10 @@ def _luminance(footage: Footage, index: int) -> Floats:
 
 
 def _clip(name: str, lights: tuple[_Light, _Light], reference: BlockDetector) -> FlowClip | None:
-    """Return a pair with the stand-in for its flow; None, which is said, without any contrast."""
+    """Return a pair with the stand-in for its flow; None, with a message, if it has no contrast."""
     light = np.stack([each() for each in lights])
     if light.min() == light.max():
-        say(f"{name}: both pictures are of one brightness, and left out")
+        say(f"{name}: both pictures are uniform; skipping the pair")
         return None
     light /= light.mean()
     return FlowClip(name, light, reference.dense(*light * _CLEAN_PHOTONS))

@@ -1,1 +1,1 @@
-"""Real cameras: a link to SPADCAM, recordings, calibration, comparison with simulation."""
+"""Real cameras: link to SPADCAM, recordings, calibration, comparison with simulation."""

@@ -1,4 +1,4 @@
-"""`megalopta spadcam calibrate`: recordings to a device file, its maps and its page.
+"""`megalopta spadcam calibrate`: from recordings to a device file, its maps and its page.
 
 `sensors: [DEVICE.yaml]` loads the device file.
 """
@@ -38,35 +38,35 @@ from megalopta.sensor.effects.crosstalk import Crosstalk
 
 _INTERVALS = ("low", "high")
 _SLOWEST_DEAD_TIMES = 5.0
-"""Delay of afterpulses in dead times, which frames do not tell; a shorter one would hide them."""
+"""Assumed delay of afterpulses in dead times; frames do not show it, a shorter one hides them."""
 
 
 def write_device(
     path: Path, device: Device, base: Sensor, wavelength_nm: float | None, preset: str
 ) -> None:
-    """Write a device file, and its maps with their intervals into a folder beside it.
+    """Write a device file, and its maps with intervals to a folder beside it.
 
     Parameters
     ----------
     path : Path
-        Of the YAML file; maps lie in a folder of its name without the suffix.
+        YAML file; maps are in a folder of its name without the suffix.
     device : Device
     base : Sensor
-        What is not measured is its.
+        Supplies everything that is not measured.
     wavelength_nm : float, optional
-        Of the light of flat frames; None: it is relative, and so is the efficiency.
+        Wavelength of flat frames; None: unknown, so efficiency is relative.
     preset : str
-        Name of that sensor.
+        Name of the base sensor.
     """
     folder, fall = path.with_suffix(""), device.offset_v
     maps = {
         "dark_counts": _primary(device.dark_counts_hz, device.kernel),
         "step": device.step_v,
         "leak": device.leak_v_s,
-        "offset": Estimate(-fall.value, -fall.high, -fall.low),  # a fall of the output as its rise
+        "offset": Estimate(-fall.value, -fall.high, -fall.low),  # a voltage drop as a rise
     }
     if device.efficiency is not None:
-        nominal = float(np.nanmean(device.efficiency.value))  # of light of no known wavelength
+        nominal = float(np.nanmean(device.efficiency.value))  # for light of unknown wavelength
         if wavelength_nm is not None:
             nominal = float(base.photon_detection_efficiency(np.array(wavelength_nm)))
         maps["efficiency"] = _primary(device.efficiency, device.kernel).scaled(1 / nominal)
@@ -112,27 +112,27 @@ def _fields(
 
 
 def _crosstalk(kernel: Kernel | None) -> Crosstalk | None:
-    """As the sensor stage takes it, where it is seen."""
+    """Crosstalk for the sensor stage, if there is any."""
     if kernel is None or not kernel.is_seen:
         return None
     shares = np.maximum(kernel.share, 0.0)
     orthogonal, diagonal, two = (float(shares[at : at + 2].mean()) for at in (0, 2, 4))
     return Crosstalk(
-        mean_fired_neighbors=min(float(2 * shares.sum()), 0.8),  # each offset to either side
+        mean_fired_neighbors=min(float(2 * shares.sum()), 0.8),  # each offset in both directions
         diagonal=min(diagonal / orthogonal, 1.0),
         distance_two=min(two / orthogonal, 1.0),
     )
 
 
 def _afterpulsing(kernel: Kernel, dead_time_s: float, base: Sensor) -> dict[str, float]:
-    """Carriers of which as many find the pixel live as were seen."""
+    """Trapped carriers that reproduce the observed afterpulses."""
     delay_s = max(base.afterpulsing.delay_s, _SLOWEST_DEAD_TIMES * dead_time_s)
     carriers = kernel.afterpulses * float(np.exp(dead_time_s / delay_s))
     return {"mean_carriers": min(carriers, 0.95), "delay_s": delay_s}
 
 
 def _primary(estimate: Estimate, kernel: Kernel | None) -> Estimate:
-    """Less what neighbors and traps fire, which the simulation adds again."""
+    """Rate without the events of neighbors and traps, which the simulation adds again."""
     fired = np.zeros_like(estimate.value)
     if kernel is not None and kernel.are_afterpulses_seen:
         fired += kernel.afterpulses * estimate.value
@@ -142,7 +142,7 @@ def _primary(estimate: Estimate, kernel: Kernel | None) -> Estimate:
 
 
 def _filled(values: Floats) -> Floats:
-    """Maps without holes: the median where nothing is known."""
+    """Maps with missing values replaced by the median."""
     return np.where(np.isfinite(values), values, np.nanmedian(values))
 
 
@@ -152,31 +152,30 @@ def _save(path: Path, values: NDArray[Any]) -> None:
 
 
 _FITTED = 2
-"""Efficiency and dead time; dark counts are told by dark frames."""
+"""Fitted parameters, efficiency and dead time; dark counts come from dark frames."""
 _UNKNOWN = "not known"
 _PIXELS = (
-    "Median over the pixels, the range of nine in ten, and the median half width of a pixel's 95 % "
-    "interval. Where read noise hides single events, leak counts as dark counts."
+    "Median over pixels, range of 90 % of them, and median half width of a pixel's 95 % CI. If "
+    "read noise hides single events, leakage counts as dark counts."
 )
 _CURVES = (
-    "A step may change over the swing. Where the saturation curve does not tell the kind of dead "
-    "time, brighter light would."
+    "The step may change over the swing. If the saturation curve does not determine the kind of "
+    "dead time, record brighter light."
 )
 _NEIGHBORS = (
-    "Probability that an event fires a pixel, from coincidences in the dark; afterpulses within "
-    "the exposure, from the variance of dark counts, which read noise may hide. What is seen is in "
-    "the device file. How long after, frames do not tell: five dead times are assumed."
+    "Probability that an event fires a neighbor, from coincidences in the dark; afterpulses within "
+    "the exposure, from the variance of dark counts, which read noise may hide. Detected effects "
+    "are in the device file. Frames do not show the delay: five dead times are assumed."
 )
 _MAPS = (
-    "Grain is the scatter of pixels and of their estimates; gradients are uneven light (in the "
-    "efficiency) or warmth (in the dark counts), rows and columns the readout. What is not known "
-    "is gray."
+    "Grain: scatter of pixels and of their estimates. Gradients: nonuniform light (efficiency) or "
+    "temperature (dark counts). Rows and columns: readout. Gray: unknown."
 )
 _NAMES = "right and left", "below and above", "diagonal", "other diagonal", "two aside", "two above"
 
 
 def write_calibration_report(path: Path, device: Device, name: str, is_relative: bool) -> None:
-    """Write what was found of a device, with pictures; relative is light of no known wavelength."""
+    """Write the calibration of a device, with pictures; relative: light of unknown wavelength."""
     found = _quantities(device, is_relative)
     maps = (
         map_chart(scale * estimate.value, f"map-{at}", f"{title} ({unit})")
@@ -200,7 +199,7 @@ def write_calibration_report(path: Path, device: Device, name: str, is_relative:
 
 
 def calibration_summary(device: Device) -> str:
-    """Return what was found, medians over the pixels, on one line."""
+    """Return the estimates, medians over the pixels, on one line."""
     known = int(np.isfinite(device.step_v.value).sum())
     medians = (
         f"{title} {number(scale * _median(estimate))} {unit}"
@@ -217,7 +216,7 @@ def _median(estimate: Estimate) -> float:
 
 
 def _quantities(device: Device, is_relative: bool) -> list[tuple[str, str, Estimate, float]]:
-    """Return name, unit, estimate and factor to that unit of all that was estimated of pixels."""
+    """Return name, unit, estimate and factor to that unit of all estimates per pixel."""
     found = [
         ("dark counts", "Hz", device.dark_counts_hz, 1.0),
         ("step", "mV", device.step_v, 1e3),
@@ -248,12 +247,12 @@ def _laws(device: Device) -> tuple[tuple[str, str, str], ...]:
     slope, error = 100 * device.curve.slope, 196 * device.slope_error
     is_known = bool(np.isfinite(device.slope_error))
     seen = "changes" if device.is_slope_seen else "no change seen"
-    likely = f"e^{device.kind_ratio:.0f} times as likely as the other"
+    likely = f"likelihood ratio e^{device.kind_ratio:.0f}"
     kind = device.dead_time_kind
     return (
-        ("steps are from", device.method, ""),
+        ("steps estimated by", device.method, ""),
         (
-            "step at the bottom of the swing, less than at its top by",
+            "decrease of the step from top to bottom of the swing",
             f"{slope:+.3g} ± {error:.2g} % (95 %)" if is_known else _UNKNOWN,
             seen if is_known else "",
         ),
@@ -264,23 +263,23 @@ def _laws(device: Device) -> tuple[tuple[str, str, str], ...]:
 def _curves(device: Device) -> Iterator[Markup]:
     yield captioned(
         falls_chart(device),
-        "A point for each pixel and level: where they lie on the line, the noise is that of single "
-        "events; light falls below it where dead time evens events out.",
+        "A point per pixel and level. On the line, noise is that of single events; points of "
+        "bright light lie below it where dead time regularizes events.",
     )
     if device.efficiency is None:
         return
     yield captioned(
         saturation_chart(device),
-        "Counts of the median pixel: how far they stay below the line without dead time is the "
-        "dead time; its kind shows where the two laws part.",
+        "Counts of the median pixel. Their distance below the line without dead time gives the "
+        "dead time; its kind shows where the two models diverge.",
     )
     z = saturation_residuals(device)
     expected = np.sqrt(max(1 - _FITTED / len(z), 0.0))
     yield captioned(
         residual_chart(device),
-        f"What the fits of the saturation curve leave: {np.sqrt(np.nanmean(z**2)):.2f} standard "
-        f"errors, about {expected:.2f} where the law holds ({len(z)} lights, {_FITTED} numbers of "
-        "each pixel fitted to them); more is light that was not even or not steady.",
+        f"RMS residual of the saturation curve: {np.sqrt(np.nanmean(z**2)):.2f} standard errors, "
+        f"about {expected:.2f} if the model holds ({len(z)} light levels, {_FITTED} parameters per "
+        "pixel); more means nonuniform or unsteady light.",
     )
 
 
@@ -310,14 +309,14 @@ def _neighbors(device: Device) -> Iterator[Section]:
 def calibrate_recordings(
     sources: Sequence[Source], out: Path, *, beam: Beam, base: str = "spadcam"
 ) -> str:
-    """Write a device file, its maps and its report; return what was found in a sentence.
+    """Write a device file, its maps and its report; return a summary in a sentence.
 
-    Raises UserError when a recording cannot be read, or all of them cannot support a calibration.
+    Raises UserError if a recording cannot be read, or all of them do not suffice for a calibration.
     """
     if out.suffix not in (".yaml", ".yml"):
         raise UserError(f"--out {out}: give the name of a .yaml file")
     if beam.area_mm2 is not None and beam.wavelength_nm is None:
-        raise UserError("--beam-area-mm2: give --wavelength-nm too, to make photons of watts")
+        raise UserError("--beam-area-mm2: give --wavelength-nm too, to convert watts to photons")
     try:
         sensor = preset(base)
         levels = [_level(source, beam, sensor) for source in sources]
@@ -331,7 +330,7 @@ def calibrate_recordings(
 
 
 def adc_of(sensor: Sensor) -> Adc:
-    """The converter behind the counters of a sensor. Raises ValueError where it has none."""
+    """Return the ADC of a sensor's counters. Raises ValueError if it has none."""
     counter = sensor.counter
     if not isinstance(counter, AnalogCounter) or counter.adc_bits is None:
         raise ValueError(f"{sensor.name}: no analog counter with an ADC; choose spadcam")
@@ -343,7 +342,7 @@ def _level(source: Source, beam: Beam, sensor: Sensor) -> Level:
     recorded = read_recorded(source)
     if recorded.codes is None:
         raise ValueError(
-            f"{source.path}: holds counts, no codes of an ADC; capture it with SPADCAM"
+            f"{source.path}: holds counts, not codes of an ADC; record it with SPADCAM"
         )
     light = beam.photons_hz(source.light, sensor)
     return Level(recorded.codes, source.exposure_s or recorded.exposure_s, light)
@@ -354,7 +353,7 @@ _KINDS: tuple[DeadTimeKind, ...] = ("paralyzable", "nonparalyzable")
 
 @in_style
 def falls_chart(device: Device) -> Markup:
-    """Return variance over mean fall, of all pixels at all levels, with the line of the step."""
+    """Draw variance over mean voltage drop, all pixels at all levels, with the line of the step."""
     figure, axes = new_axes(*CHART_PT)
     used = device.falls.frames > 0
     dark = (device.counts.light_hz == 0)[:, None] & used
@@ -364,14 +363,14 @@ def falls_chart(device: Device) -> Markup:
     ends = np.array([0.0, float(mean[used].max(initial=1.0))])
     step = 1e3 * float(np.nanmedian(device.step_v.value))
     axes.plot(ends, step * ends, color=VERMILION, linewidth=1.5, label=f"{step:.3g} mV per event")
-    axes.set(xlabel="mean fall of the output (mV)", ylabel="variance (mV²)")
+    axes.set(xlabel="mean drop of the output (mV)", ylabel="variance (mV²)")
     description = "Photon transfer: variance of readings over their mean"
     return with_legend(figure, "transfer", description, markerscale=3)
 
 
 @in_style
 def saturation_chart(device: Device) -> Markup:
-    """Return counts over light at the median pixel, with the laws and the line without loss."""
+    """Draw counts over light at the median pixel, with both models and the line without loss."""
     figure, axes = new_axes(*CHART_PT)
     assert device.efficiency is not None and device.dead_time_s is not None
     lit = device.counts.light_hz > 0
@@ -385,14 +384,14 @@ def saturation_chart(device: Device) -> Markup:
     for place, kind in enumerate(_KINDS):
         law = dead_time_moments(rate, exposure.max(), np.full(rate.shape, tau), kind)[0]
         axes.plot(grid, law / exposure.max(), **line_style(place), label=kind)
-    axes.set(xscale="log", yscale="log", xlabel="light (photons/s on a pixel)", ylabel="counts/s")
+    axes.set(xscale="log", yscale="log", xlabel="light (photons/s per pixel)", ylabel="counts/s")
     axes.xaxis.set_minor_formatter(NullFormatter())
     return with_legend(figure, "saturation", "Saturation curve: counts over light")
 
 
 @in_style
 def residual_chart(device: Device) -> Markup:
-    """Return standardized residuals of mean counts at the levels of light."""
+    """Draw standardized residuals of mean counts at the light levels."""
     figure, axes = new_axes(*CHART_PT)
     axes.hist(
         saturation_residuals(device).ravel(), bins=60, range=(-6, 6), density=True, color=BLUE
@@ -400,13 +399,13 @@ def residual_chart(device: Device) -> Markup:
     z = np.linspace(-6, 6, 200)
     axes.plot(z, np.exp(-(z**2) / 2) / np.sqrt(2 * np.pi), color=BLACK, linewidth=1.5)
     axes.set(xlabel="residual (standard errors)", ylabel="density")
-    return to_svg(figure, "residuals", "Residuals of the saturation curve, beside a normal law")
+    return to_svg(figure, "residuals", "Residuals of the saturation curve, with a normal law")
 
 
 def saturation_residuals(device: Device) -> Floats:
-    """Return mean counts less those of the fit, in standard errors; NaN where nothing is fitted.
+    """Return mean counts minus the fit, in standard errors; NaN without a fit.
 
-    Where the curve does not tell the kind of dead time, of the kind that leaves less.
+    If the curve does not determine the kind of dead time, the kind with smaller residuals is used.
     """
     kinds = [kind for kind in _KINDS if device.dead_time_kind in (None, kind)]
     left = [_residuals_of(device, kind) for kind in kinds]

@@ -1,4 +1,4 @@
-"""Settings of a camera, and the sensor that it then is: by name, with its settings and its ADC."""
+"""Settings of a camera, and the sensor that they make: by name, with its settings and its ADC."""
 
 import math
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ _POSSIBLE = {
     "adc_bits": (1, 16),
     "supply_mv": (1000, 6000),
 }
-"""What a camera can say of itself."""
+"""Possible values of the camera's identity."""
 
 
 def named_sensor(name: str) -> Sensor:
@@ -27,14 +27,14 @@ def named_sensor(name: str) -> Sensor:
 
 
 def sensor_as_set(sensor: Sensor, settings: Settings) -> Sensor:
-    """Return a sensor with the camera's exposure, and its step in proportion to the bias (assumed).
+    """Return a sensor with the camera's exposure, and a step proportional to the bias (assumed).
 
-    Raises UserError when the sensor cannot be so, or its counters are not read by an ADC.
+    Raises UserError if the sensor does not allow these values, or its counters have no ADC.
     """
     counter = sensor.counter
     if not isinstance(counter, AnalogCounter) or not 0 < (counter.adc_bits or 0) <= 16:
         raise UserError(
-            f"sensor {sensor.name}: its counters are not read by an ADC of 1 to 16 bits; "
+            f"sensor {sensor.name}: its counters have no ADC of 1 to 16 bits; "
             "choose another, such as spadcam"
         )
     step_v = counter.step_v * settings.step_bias / NOMINAL_STEP_BIAS
@@ -45,14 +45,14 @@ def sensor_as_set(sensor: Sensor, settings: Settings) -> Sensor:
 
 
 def sensor_as_identified(sensor: Sensor, identity: Identity) -> Sensor:
-    """Return a sensor with the ADC and supply that the camera says it has.
+    """Return a sensor with the ADC and supply that the camera reports.
 
-    Raises UserError when the camera says what no SPADCAM has, or the sensor cannot have it.
+    Raises UserError if no SPADCAM has these values, or the sensor does not allow them.
     """
     for name, (least, most) in _POSSIBLE.items():
         if not least <= (value := getattr(identity, name)) <= most:
             raise UserError(
-                f"the camera says {name} {value}, a SPADCAM has {least} to {most}; flash this "
+                f"the camera reports {name} {value}, but SPADCAM has {least} to {most}; flash this "
                 "release's firmware"
             )
     adc = {"adc_bits": identity.adc_bits, "supply_v": identity.supply_mv * 1e-3}
@@ -67,31 +67,31 @@ class CaptureSettings:
     """Settings of a recording."""
 
     sensor: Sensor
-    """The nominal one, through whose step counts are computed."""
+    """Nominal sensor, whose step gives the counts."""
     kind: str
-    """Such as "dark" or "flat"; kept with the recording."""
+    """Kind of recording, such as "dark" or "flat"; stored with it."""
     exposure_s: float
     frame_rate_hz: float
     step_bias: int
     row_window: tuple[int, int]
-    """First row that is read, and the one after the last."""
+    """First row that is read, and the row after the last."""
     frames: int | None = None
-    """How many to take; by default until stopped."""
+    """Number of frames; default: until stopped."""
     seconds: float | None = None
-    """For how long, from the first frame on."""
+    """Duration, from the first frame on."""
 
     def check(self) -> None:
-        """Make sure that the camera can be so. Raises UserError."""
+        """Check that the camera supports the settings. Raises UserError."""
         check_kind(self.kind)
         for name, limit in (("frames", self.frames), ("seconds", self.seconds)):
             if limit is not None and not 0 < limit < math.inf:
-                raise UserError(f"--{name}: {quoted(limit)}; give more than 0, or leave it out")
+                raise UserError(f"--{name}: {quoted(limit)}; give more than 0, or omit it")
         for name, value, least in (
             ("exposure", self.exposure_s, 1e-6),
             ("rate", self.frame_rate_hz, 1e-3),
         ):
             if not least <= value <= 4000:
-                raise UserError(f"--{name}: {value:g}; give one between {least:g} and 4000")
+                raise UserError(f"--{name}: {value:g}; give a value between {least:g} and 4000")
         if self.exposure_us > self.wanted().period_us:
             raise UserError(
                 f"--exposure: {self.exposure_s:g} s is longer than a frame at --rate "
@@ -100,8 +100,8 @@ class CaptureSettings:
         if not self.wanted().are_possible:
             first, end = self.row_window
             raise UserError(
-                f"--step-bias {self.step_bias}, --rows {first} {end}: the bias goes from 0 to "
-                "4095, and 0 <= first row < end <= 16; change them"
+                f"--step-bias {self.step_bias}, --rows {first} {end}: give a bias of 0 to "
+                "4095, and rows 0 <= first < end <= 16"
             )
 
     @property
@@ -110,6 +110,6 @@ class CaptureSettings:
         return round(self.exposure_s * 1e6)
 
     def wanted(self) -> Settings:
-        """As the camera takes them."""
+        """Settings in the camera's format."""
         rate_mhz = round(self.frame_rate_hz * 1e3)
         return Settings(self.exposure_us, rate_mhz, self.step_bias, *self.row_window)

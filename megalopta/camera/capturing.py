@@ -1,6 +1,6 @@
-"""Recording a camera until told to stop, and what it shows meanwhile.
+"""Record a camera until stopped, and show the recording.
 
-The newest frame is shown on a terminal, elsewhere a line now and then.
+A terminal shows the newest frame, other outputs a line now and then.
 """
 
 import sys
@@ -35,12 +35,12 @@ _SWITCHING_S = 0.0002
 _LOOK_AGAIN_S = 0.1
 _LONGEST_WAIT_S = 604_800.0
 PATIENCE_S = 8.0
-"""With a camera that is plugged in and sends no frames, beyond three periods of the frame rate;
-what is no camera does not fill the disk for longer."""
+"""Longest wait for frames of a connected camera, beyond three frame periods; also limits the disk
+space that bytes of another device fill."""
 
 
 class State(NamedTuple):
-    """State of a capture, for whoever looks on."""
+    """State of a capture, for display."""
 
     record: RecordingSettings
     frames: int
@@ -58,11 +58,11 @@ def capture(
     show: Callable[[State], None] = lambda state: None,
     wait_s: float = 0.0,
 ) -> RecordingSettings:
-    """Record into a new folder until there is enough, or `stop` is set.
+    """Record into a new folder until frames or seconds are complete, or `stop` is set.
 
-    For a port that is not there yet it waits up to `wait_s`, and says so. Raises UserError when a
-    setting is impossible, the folder exists, or the camera is not there, does not answer, refuses,
-    sends no frames, or has not answered when it is stopped; frames that came before are kept.
+    It waits up to `wait_s`, with a message, for a port that does not exist yet. Raises UserError if
+    a setting is impossible, the folder exists, or the camera is absent, does not answer, refuses,
+    sends no frames, or has not answered when it is stopped; earlier frames are kept.
     """
     settings.check()
     if out.exists() or out.is_symlink():
@@ -82,19 +82,19 @@ def capture(
             if not frames and (problem or begun is None or begun.recorder is None):
                 remove(out)
     if problem is not None and frames:
-        told = str(problem) if isinstance(problem, UserError) else _reason(problem)
-        raise UserError(f"{told}; the {frames} frames before are kept in {out}") from problem
+        reason = str(problem) if isinstance(problem, UserError) else _reason(problem)
+        raise UserError(f"{reason}; the {frames} earlier frames are kept in {out}") from problem
     if problem is not None:
         raise problem
     if begun is None or begun.recorder is None:
-        raise UserError(f"{out}: not recorded, stopped before the camera answered; try again")
+        raise UserError(f"{out}: no recording, stopped before the camera answered; try again")
     return begun.recorder.record
 
 
 @contextmanager
 def _switching_fast() -> Iterator[None]:
-    # The reader gives the interpreter up several times for every 4 KiB, and waits this long for it
-    # each time while a chunk is written: with the usual 5 ms, 1000 frames/s do not get through.
+    # The reader releases the GIL several times per 4 KiB, and waits this long for it while a chunk
+    # is written: with the default 5 ms, 1000 frames/s are too fast.
     switching_s = sys.getswitchinterval()
     sys.setswitchinterval(_SWITCHING_S)
     try:
@@ -140,22 +140,22 @@ class _Capture:
         self.recorder: Recorder | None = None
 
     def run(self, stop: threading.Event) -> None:
-        """Take what comes."""
+        """Record frames as they arrive."""
         while not stop.is_set() and not self._is_enough():
             self._take(self._link.next(_SHOW_EVERY_S))
             now_s = time.monotonic()
             if self._is_plugged and now_s - self._frame_s > self._patience_s:
                 size = self._link.decoded_bytes - self._came_before
-                told = f"{size} bytes came" if size else "nothing came"
+                arrived = f"{size} bytes came" if size else "nothing came"
                 raise self._link.given_up(
-                    f"no new frame in {self._patience_s:.1f} s, {told} instead"
+                    f"no new frame in {self._patience_s:.1f} s, {arrived} instead"
                 )
             self._look_around(now_s)
 
     def finish(self) -> int:
-        """Take what was read already, of a closed link, make the files whole, and count frames.
+        """Record what a closed link has read, complete the files, and count frames.
 
-        Raises UserError when they cannot be written.
+        Raises UserError if they cannot be written.
         """
         if self.recorder is None:
             return 0
@@ -166,7 +166,7 @@ class _Capture:
             self.recorder.finish(self._link.damaged)
         except OSError as problem:
             raise UserError(
-                f"{_reason(problem)}; make room, then read back what came: "
+                f"{_reason(problem)}; free some space, then recover the frames: "
                 f"{recover_command(self._out)}"
             ) from problem
         return self.recorder.frames
@@ -210,7 +210,7 @@ class _Capture:
         elif identity.serial_number != self.recorder.record.serial_number:
             raise UserError(
                 f"{self._link.path}: camera {identity.serial_number} was plugged in instead of "
-                f"{self.recorder.record.serial_number}; record it on its own"
+                f"{self.recorder.record.serial_number}; record it separately"
             )
         self.recorder.plugged(raw_offset)
         self._is_plugged = True
@@ -220,10 +220,10 @@ class _Capture:
         self._frame_s, self._came_before = time.monotonic(), self._link.decoded_bytes
 
     def _configure(self) -> Settings:
-        """Set the camera; frames whose exposure began before are not taken."""
+        """Configure the camera; frames whose exposure began earlier are skipped."""
         wanted = self._settings.wanted()
         commands = (
-            # As short as can be, every frame rate is possible.
+            # The shortest exposure allows every frame rate.
             command(Kind.SET_EXPOSURE, 1),
             command(Kind.SET_FRAME_RATE, wanted.frame_rate_mhz),
             command(Kind.SET_EXPOSURE, wanted.exposure_us),
@@ -234,7 +234,7 @@ class _Capture:
             reply = self._link.request(kind, payload)
             if Settings.of(reply.payload).refused:
                 raise UserError(
-                    f"{self._link.path}: the camera refuses {kind.name.lower()}; choose "
+                    f"{self._link.path}: the camera refused {kind.name.lower()}; choose "
                     "another --exposure, --rate, --step-bias or --rows"
                 )
         self._check(said := Settings.of(reply.payload))
@@ -247,7 +247,7 @@ class _Capture:
             asked, claimed = getattr(wanted, name), getattr(said, name)
             if asked != claimed:
                 raise UserError(
-                    f"{self._link.path}: the camera says {name} {claimed} where it was set to "
+                    f"{self._link.path}: the camera reports {name} {claimed} after it was set to "
                     f"{asked}; flash this release's firmware, or unplug it and plug it in again"
                 )
 
@@ -269,12 +269,12 @@ class _Capture:
 
 
 _NO_CLOCK_S = 1.0
-"""Mean error of times that no line holds back: only of a clock beyond what a quartz may be off."""
+"""Mean error of times from which the camera's clock is off by more than a quartz can be."""
 _SATURATED = "on rgb(220,60,40)"
 
 
 def status_line(state: State) -> str:
-    """Return the state of a capture in one line."""
+    """Return the state of a capture as one line."""
     record = state.record
     parts = [
         f"{state.frames} frames",
@@ -285,15 +285,15 @@ def status_line(state: State) -> str:
     if state.saturated is not None:
         parts.append(f"{int(state.saturated.sum())} pixels saturated")
     if not state.is_plugged:
-        parts.append("unplugged, waiting for it")
+        parts.append("unplugged, waiting")
     return ", ".join(parts)
 
 
 def recorded_line(path: Path, record: RecordingSettings) -> str:
-    """Return a summary of a recording in one line."""
+    """Return a summary of a recording as one line."""
     return (
         f"{path}: {record.frames} frames of {record.serial_number}, {record.gaps} gaps between "
-        f"the first and the last ({record.missing_frames} frames missing), "
+        f"first and last ({record.missing_frames} frames missing), "
         f"{record.damaged_packets} packets damaged{_how_sure_times_are(record)}"
     )
 
@@ -305,13 +305,13 @@ def _how_sure_times_are(record: RecordingSettings) -> str:
     if not error_s:
         return ""
     if error_s > _NO_CLOCK_S:
-        return ", times by the camera's clock alone: it goes otherwise than this machine's"
+        return ", times by the camera's clock alone, which disagrees with this machine's"
     return f", times to {error_s * 1e3:.2g} ms"
 
 
 @contextmanager
 def viewing() -> Iterator[Callable[[State], None]]:
-    """Yield what shows a state: a picture on a terminal, elsewhere a line every ten seconds."""
+    """Yield a display of states: a picture on a terminal, otherwise a line every ten seconds."""
     if sys.stderr.isatty():
         with _picture() as show:
             yield show
@@ -342,7 +342,7 @@ def _picture() -> Iterator[Callable[[State], None]]:
 
 
 def _styles(counts: NDArray[np.uint16], saturated: NDArray[np.bool_]) -> Iterator[str]:
-    """Background of each pixel, gray by its share of the brightest; "" at the end of a row."""
+    """Yield the background of each pixel, gray by its share of the brightest; "" after each row."""
     brightest = max(int(counts[~saturated].max(initial=1)), 1)
     for row, full in zip(counts, saturated, strict=True):
         for count, is_full in zip(row, full, strict=True):

@@ -1,9 +1,9 @@
-"""`megalopta spadcam compare`: a recording beside what the device's model makes of its stimulus.
+"""`megalopta spadcam compare`: recordings against the device model's simulation of the stimulus.
 
-Stimuli are levels of even light, the moving plate of the motion bench, or a scene. The frames of a
-scene's dataset are a cycle, in which a recording begins anywhere: of shifts by a quarter of a
-frame, that one is taken under which counts follow the cycle best, by the correlation over all
-frames and pixels of what remains of both without the means of pixels.
+Stimuli are levels of uniform light, the moving plate of the motion bench, or a scene. The frames of
+a scene's dataset are a cycle, in which a recording begins anywhere. Of shifts by a quarter of a
+frame, the one with the highest correlation is chosen, over all frames and pixels, after the mean of
+each pixel is subtracted.
 """
 
 from collections.abc import Mapping, Sequence
@@ -52,7 +52,7 @@ _TIE = 1e-9
 
 
 def captured_frames(recorded: Recorded, device: Sensor, light_hz: float) -> Level:
-    """Return counts of a recording: of its codes, by the device's own steps, where it has codes."""
+    """Return counts of a recording; from its codes, if it has any, by the device's own steps."""
     counter, codes = device.counter, recorded.codes
     exposure_s, times_s = recorded.exposure_s, recorded.times_s
     if codes is None or not isinstance(counter, AnalogCounter):
@@ -67,19 +67,19 @@ def captured_frames(recorded: Recorded, device: Sensor, light_hz: float) -> Leve
 
 @dataclass(frozen=True, eq=False)
 class Compared:
-    """Captured recordings, simulated ones of the same stimuli, and how they differ."""
+    """Captured recordings, simulations of the same stimuli, and their differences."""
 
     captured: Sequence[Level]
     simulated: Sequence[Level]
     found: Comparison
     correlation: float = 0.0
-    """Of the frames of a scene with those in which they were found"""
+    """Correlation of the frames of a scene with their aligned simulation"""
 
 
 def compare_levels(
     captured: Sequence[Level], device: Sensor, beam: Beam, margin: float, seed: int
 ) -> Compared:
-    """Compare levels of even light. Raises UserError for light of no known wavelength."""
+    """Compare levels of uniform light. Raises UserError for light of unknown wavelength."""
     rates = [_even_rate(level, device, beam) for level in captured]
     return _compared(captured, rates, device, margin, seed)
 
@@ -90,7 +90,7 @@ def _even_rate(level: Level, device: Sensor, beam: Beam) -> Floats:
     if level.is_dark:
         return np.zeros((1, *shape))
     if beam.wavelength_nm is None:
-        raise UserError("compare: light of what wavelength? give --wavelength-nm")
+        raise UserError("compare: unknown wavelength of the light; give --wavelength-nm")
     own = changed(device, exposure_s=level.exposure_s)
     nominal = float(own.photon_detection_efficiency(np.array(beam.wavelength_nm)))
     factor = draw_fixed_pattern(own, shape).efficiency_factor
@@ -112,7 +112,7 @@ def _compared(
         name = f"comparison, {stimulus}{like.exposure_s:g} s, light {like.light_hz:g}"
         seen = np.broadcast_to(rate, like.readings.shape)
         exposure = expose_rate(seen, own, seed=seed, sequence=name)
-        # where a capture does not tell what is full, full counts are compared as such
+        # if a capture has no saturation mask, saturated counts are compared as they are
         saturated = None if like.saturated is None else exposure.saturated
         simulated.append(replace(like, readings=exposure.counts, saturated=saturated))
     errors = [
@@ -124,7 +124,7 @@ def _compared(
 
 
 def _errors(device: Sensor, rates: Floats) -> Floats:
-    """Standard errors of mean rates (rows, columns) that those of the device's maps make, Hz."""
+    """Standard errors of mean rates (rows, columns) due to those of the device's maps, Hz."""
     maps = device.measured
     dark, efficiency = map_error(maps.dark_counts), map_error(maps.efficiency)
     factor = draw_fixed_pattern(device, (rates.shape[1], rates.shape[2])).efficiency_factor
@@ -132,7 +132,7 @@ def _errors(device: Sensor, rates: Floats) -> Floats:
 
 
 def map_error(file: MapFile | None) -> NDArray[np.float64] | float:
-    """Return standard errors of a map, from the intervals that lie beside it; 0 where none do."""
+    """Return standard errors of a map, from the intervals beside it; 0 without intervals."""
     if file is None:
         return 0.0
     path = Path(file.path)
@@ -146,12 +146,12 @@ def map_error(file: MapFile | None) -> NDArray[np.float64] | float:
 def _interval_end(path: Path) -> NDArray[np.float64]:
     values = plain_array(read_bytes(path, ARRAY_BYTES))
     if values is None or values.ndim != 2:
-        raise UserError(f"{path} is no whole array of numbers; calibrate the device again")
+        raise UserError(f"{path} is not a complete array of numbers; calibrate the device again")
     return values.astype(np.float64)
 
 
 class SpeedResponse(NamedTuple):
-    """Peak responses of one detector at one speed, captured and simulated: crossings."""
+    """Peak responses of one detector at one speed, captured and simulated, per crossing."""
 
     name: str
     speed_mm_s: float
@@ -169,10 +169,10 @@ def plate_responses(
     *,
     own_light: bool = False,
 ) -> list[SpeedResponse]:
-    """Compare responses to a plate at each speed (mm/s), over whole passages of it.
+    """Compare responses to a plate at each speed (mm/s), over complete passages.
 
-    Passages are found by their edges, so that the plate may rest at its ends. Raises UserError when
-    a recording is not of 16 × 16 pixels at 10 frames/s, or has fewer than two whole passages
+    Passages are found by their edges, so that the plate may rest at its ends. Raises UserError if a
+    recording is not of 16 × 16 pixels at 10 frames/s, or has fewer than two complete passages
     without a gap.
     """
     found = []
@@ -193,10 +193,10 @@ def plate_responses(
 
 
 def passages_at(speed_mm_s: float, frames: Level) -> NDArray[Any]:
-    """Cut passages out of a recording of a plate, or frames of one at rest. Raises UserError."""
+    """Cut passages from a recording of a plate, or frames of one at rest. Raises UserError."""
     if frames.readings.shape[1:] != (PIXELS, PIXELS):
         raise UserError(
-            f"plate at {speed_mm_s:g} mm/s: frames of {frames.readings.shape[1:]} pixels; capture "
+            f"plate at {speed_mm_s:g} mm/s: frames of {frames.readings.shape[1:]} pixels; record "
             "all rows"
         )
     times_s = frames.times_s
@@ -208,9 +208,9 @@ def passages_at(speed_mm_s: float, frames: Level) -> NDArray[Any]:
 
 
 def light_at(speed_mm_s: float, counts: NDArray[Any], device: Sensor) -> BenchLight:
-    """Return the light that passages of a plate show. Raises UserError."""
+    """Estimate the light from passages of a plate. Raises UserError."""
     if speed_mm_s == 0:
-        raise UserError("a plate at rest does not tell the light; leave it out or --own-light")
+        raise UserError("a plate at rest does not show the light; omit it or --own-light")
     try:
         return fitted_light(counts, device)
     except ValueError as problem:
@@ -218,7 +218,7 @@ def light_at(speed_mm_s: float, counts: NDArray[Any], device: Sensor) -> BenchLi
 
 
 class Cycle(NamedTuple):
-    """Detection rates that follow each other, then start anew."""
+    """Periodic sequence of detection rates."""
 
     rates_hz: Floats
     """(k, rows, columns)"""
@@ -229,9 +229,9 @@ class Aligned(NamedTuple):
     """Places of captured frames in a cycle."""
 
     frame: NDArray[np.int64]
-    """(n,) frame of the cycle that each one saw as it began."""
+    """(n,) frame of the cycle at the start of each captured frame."""
     correlation: float
-    """Of captured frames with these; 0 where nothing moves."""
+    """Correlation of captured frames with these; 0 without motion."""
 
 
 def dataset_cycle(dataset: Path, lux: float | None, device: Sensor) -> Cycle:
@@ -244,7 +244,7 @@ def dataset_cycle(dataset: Path, lux: float | None, device: Sensor) -> Cycle:
 def rendered_dataset(scene: str, beside: Path) -> Path:
     """Return the folder of a rendered dataset; a configuration is rendered into `beside`.
 
-    Raises UserError when there is neither a dataset nor a configuration of this name.
+    Raises UserError if there is neither a dataset nor a configuration of this name.
     """
     root = Path(scene)
     if not root.is_dir():
@@ -256,12 +256,12 @@ def rendered_dataset(scene: str, beside: Path) -> Path:
 
 
 def align(frames: Level, cycle: Cycle) -> Aligned:
-    """Find where in a cycle captured frames are. Raises UserError when sizes differ."""
+    """Align captured frames with a cycle. Raises UserError if sizes differ."""
     shape = frames.readings.shape[1:]
     if shape != cycle.rates_hz.shape[1:]:
         raise UserError(
             f"compare: frames of {shape} pixels, the scene has {cycle.rates_hz.shape[1:]}; "
-            "capture all rows"
+            "record all rows"
         )
     places = _places(frames, cycle)
     counts, rates = (
@@ -275,7 +275,7 @@ def align(frames: Level, cycle: Cycle) -> Aligned:
     norm = np.sqrt(np.square(counts).sum() * size[places].sum(axis=1))
     score = fit / np.maximum(norm, 1e-300)
     best = np.flatnonzero(score >= score.max() - _TIE)
-    # in the middle of equal shifts, clocks that are not quite alike do least
+    # the middle of equal shifts is the least sensitive to clock differences
     return Aligned(places[best[len(best) // 2]], float(score.max()))
 
 
@@ -293,9 +293,9 @@ def _places(frames: Level, cycle: Cycle) -> NDArray[np.int64]:
 def compare_scene(
     captured: Level, cycle: Cycle, device: Sensor, margin: float, seed: int
 ) -> Compared:
-    """Align captured frames with a scene, and simulate these of its frames.
+    """Align captured frames with a scene, and simulate the matching frames.
 
-    Raises ValueError when there are too few frames or pixels do not fit.
+    Raises ValueError if there are too few frames or pixels do not match.
     """
     aligned = align(captured, cycle)
     rates = cycle.rates_hz[aligned.frame]

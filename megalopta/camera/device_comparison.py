@@ -1,4 +1,4 @@
-"""`megalopta spadcam compare`: pages on even light, a scene or the plate, seen and simulated."""
+"""`megalopta spadcam compare`: pages on uniform light, a scene or the plate."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
@@ -47,22 +47,22 @@ Sources = Sequence[Source]
 _HEAD = ("", "captured", "simulated", "difference", "95 %", "p", "verdict")
 _LARGEST_Z = 6.0
 _TESTS = (
-    "Tests of every pixel at every level; false discovery rate by Benjamini and Hochberg. Where "
-    "some differ, the maps show which."
+    "Tests of every pixel at every level; false discovery rate by Benjamini and Hochberg. The maps "
+    "show the pixels that differ."
 )
 _DISTANCES = (
-    "How far apart the histograms of a pixel are, median over pixels and levels, and how far by "
-    "chance, with the frames of both dealt out anew."
+    "Distance of a pixel's two histograms, median over pixels and levels, and the same by chance, "
+    "after a random permutation of both recordings' frames."
 )
 _MAPS = (
-    "Captured and simulated share a scale. Beside them is how far apart they are, in standard "
-    "errors of counting and calibration, as the tests above take it: pale grain is chance; strong "
-    "colors, rows, columns or patches are a device that differs. Gray pixels are full, or have too "
-    "few counts to tell."
+    "Captured and simulated maps share a scale. The third map is their difference in standard "
+    "errors of counting and calibration, as tested above: pale grain is chance; strong colors, "
+    "rows, columns or patches are a difference of the device. Gray pixels are saturated, or have "
+    "too few counts."
 )
 _TRANSFER = (
-    "The device sees motion as its model does where captured points lie on simulated ones; how "
-    "sure that is, is in the table."
+    "Where captured points lie on simulated ones, device and model respond alike to motion; the "
+    "table gives the significance."
 )
 
 
@@ -71,15 +71,15 @@ Page = tuple[str, str, list[Section]]
 
 
 def _levels_page(name: str, compared: Compared) -> Page:
-    """Return how captured levels differ from simulated ones, with pictures."""
+    """Return the differences of captured from simulated levels, with pictures."""
     found = compared.found
     order = found.arrangement
     rows = f" Rows, top to bottom: {', '.join(map(str, order.rows))}." if order.rows else ""
     device = _differences(
         "The device",
-        f"Alarms are raised in at most {100 * FALSE_ALARMS:g} % of comparisons of a "
-        f"device with itself; less than {100 * found.margin:g} % does not matter: “equivalent” "
-        "is what is surely less (two one-sided tests at 95 %).",
+        f"At most {100 * FALSE_ALARMS:g} % of comparisons of a device with itself raise a "
+        f"false alarm. “Equivalent”: a difference below {100 * found.margin:g} % "
+        "(two one-sided tests at 95 %).",
         found,
     )
     pixels = Section(
@@ -92,18 +92,18 @@ def _levels_page(name: str, compared: Compared) -> Page:
 
 
 def _scene_page(name: str, compared: Compared) -> Page:
-    """Return how a captured scene differs from a simulated one, with pictures."""
+    """Return the differences of a captured from a simulated scene, with pictures."""
     found = compared.found
     in_time = captioned(
         time_chart(compared.captured[0], compared.simulated[0]),
-        "Curves that run together saw the same frames of the scene; one beside the other is "
-        "another moment, one above the other another brightness.",
+        "Coincident curves saw the same frames of the scene; a horizontal shift is a difference "
+        "in time, a vertical one a difference in brightness.",
     )
     scene = _differences(
         "The scene",
-        f"Frames are aligned in time by their correlation, {compared.correlation:.2f}, "
-        "and each is simulated as it was seen. Quantities are compared in blocks of frames; "
-        f"less than {100 * found.margin:g} % does not matter.",
+        f"Frames are aligned in time by correlation ({compared.correlation:.2f}), "
+        "and the matching frames are simulated. Quantities are compared in blocks of frames; "
+        f"differences below {100 * found.margin:g} % are ignored.",
         found,
     )
     title, shown = f"{name}: captured and simulated", Section("In time", charts=(in_time,))
@@ -111,17 +111,17 @@ def _scene_page(name: str, compared: Compared) -> Page:
 
 
 def motion_page(name: str, responses: Sequence[SpeedResponse]) -> Page:
-    """Return how responses to a moving plate differ."""
+    """Return the differences of responses to a moving plate."""
     limit = FALSE_ALARMS / len(responses)
     differences = [each.difference for each in responses]
     real = sorted((each for each in differences if each.p < limit), key=lambda each: -each.size)
-    told = f"Captured: {'; '.join(map(str, real[:3]))}."
+    differs = f"Captured: {'; '.join(map(str, real[:3]))}."
     charts = (captioned(response_chart(responses, method), _TRANSFER) for method in ("NDM", "NDS"))
     sections = [
         Section(
             "Transfer functions",
-            "Mean and standard deviation of crossings. Of captured frames, 32 around each edge "
-            "that passes are taken.",
+            "Mean and standard deviation over crossings, each of 32 captured frames around a "
+            "passing edge.",
             charts=tuple(charts),
         ),
         Section(
@@ -131,7 +131,7 @@ def motion_page(name: str, responses: Sequence[SpeedResponse]) -> Page:
             tuple(_cells(each, each.p < limit) for each in differences),
         ),
     ]
-    sentence = told if real else "Nothing differs beyond chance."
+    sentence = differs if real else "No significant difference."
     return f"{name}: responses to a moving plate", sentence, sections
 
 
@@ -151,12 +151,12 @@ def _cells(each: Difference, differs: bool) -> tuple[str, ...]:
         f"{100 * each.relative:+.2g} %{each.base}",
         f"{100 * each.low:+.2g} to {100 * each.high:+.2g} %",
         f"{each.p:.2g}",
-        " and ".join(word for word, holds in verdicts.items() if holds) or "not told apart",
+        " and ".join(word for word, holds in verdicts.items() if holds) or "inconclusive",
     )
 
 
 def _pixels(compared: Compared) -> Iterator[Section]:
-    """Yield what says how pixels differ, level by level."""
+    """Yield sections on the differences of pixels, level by level."""
     captured, simulated, found = compared.captured, compared.simulated, compared.found
     counted = (
         (name, str(int(np.isfinite(test.p).sum())), str(int(test.differs.sum())))
@@ -184,31 +184,31 @@ def _pixels(compared: Compared) -> Iterator[Section]:
 def _curves(captured: Levels, simulated: Levels, found: Comparison) -> Iterator[Markup]:
     yield captioned(
         transfer_chart(captured, simulated),
-        "Photon transfer, points are pixels at each level: clouds that lie on each other have the "
-        "same step and noise; one that is higher has a larger step or more crosstalk.",
+        "Photon transfer, a point per pixel and level. Coincident clouds have the same step and "
+        "noise; a higher one has a larger step or more crosstalk.",
     )
     yield captioned(
         spectrum_chart(captured[-1], simulated[-1]),
-        "Temporal spectrum of the last recording: level lines are frames that know nothing of each "
-        "other; captured power at low frequencies is drift, a peak is hum or flicker.",
+        "Temporal spectrum of the last recording. Flat: independent frames; power at low "
+        "frequencies: drift; a peak: hum or flicker.",
     )
     dark = [at for at, level in enumerate(captured) if level.is_dark]
     if dark:
         at = max(dark, key=lambda place: captured[place].exposure_s)
         yield captioned(
             dark_chart(captured[at], simulated[at]),
-            "Dark counts of the pixels in order: a curve that is moved sideways is another "
-            "temperature or excess bias; only its end differs where hot pixels do.",
+            "Distribution of dark counts over pixels. A horizontal shift is a difference in "
+            "temperature or excess bias; a difference at the end only is one of hot pixels.",
         )
     yield captioned(
         distance_chart(found),
-        "Distances of the histograms, above: where the curves part, pixels are further apart than "
-        "chance makes them; bright levels may be so by the errors of the calibration alone.",
+        "Distances of the histograms above. Where the curves diverge, pixels differ more than "
+        "by chance; at bright levels, errors of the calibration alone may be the cause.",
     )
 
 
 def _maps(at: int, one: Level, other: Level, found: Comparison) -> Section:
-    """Return maps of mean and variance at one level: captured, simulated, and how far apart."""
+    """Return maps of mean and variance at one level: captured, simulated, and their difference."""
     means, variances = (found.tests[name] for name in ("mean", "variance"))
     both = one.readings, other.readings
     return Section(
@@ -231,7 +231,7 @@ def _map_row(
     for values, label in zip(maps, ("captured", "simulated"), strict=True):
         yield map_chart(values, f"{name}-{label}", f"{quantity}, {label} ({unit})", limits)
     apart = np.sign(maps[0] - maps[1]) * norm.isf(p / 2)
-    title = f"{quantity}, captured less simulated (standard errors)"
+    title = f"{quantity}, captured minus simulated (standard errors)"
     yield map_chart(apart, f"{name}-apart", title, (-_LARGEST_Z, _LARGEST_Z), "PuOr")
 
 
@@ -240,24 +240,24 @@ class CompareSettings:
     """Settings of a comparison."""
 
     scene: str = "levels"
-    """Either "levels", darkness and even light; "plate", the plate of the motion bench; or the
-    folder of a dataset, or a configuration, which is rendered into a folder beside the page."""
+    """"levels": darkness and uniform light; "plate": the plate of the motion bench; or the folder
+    of a dataset, or a configuration, which is rendered into a folder beside the page."""
     beam: Beam = field(default_factory=Beam)
     margin: float = MARGIN
-    """Relative difference that does not matter."""
+    """Relative difference to ignore."""
     seed: int = 0
-    """Of the simulation."""
+    """Seed of the simulation."""
     own_light: bool = False
-    """Of the scene "plate": whether to simulate in the light that each recording shows, instead
-    of the dissertation's."""
+    """For the scene "plate": simulate in the light that each recording shows, instead of the
+    dissertation's."""
 
 
 def compare_captured(sources: Sources, device: Path, out: Path, asked: CompareSettings) -> str:
-    """Write the report, an HTML page; return what differs and by how much in a sentence.
+    """Write the report, an HTML page; return the main differences in a sentence.
 
-    Sources of the scene "levels" come with their light; of "plate" with its speed (mm/s) in place
-    of it; of a dataset with the light level (lux), 0: that of the rendering. Raises UserError when
-    the device file or recordings cannot be read, or do not suit each other.
+    Sources have a light each; for "plate", a speed (mm/s) instead; for a dataset, a light level
+    (lux), 0: that of the rendering. Raises UserError if the device file or recordings cannot be
+    read, or do not match.
     """
     make = {"levels": _with_levels, "plate": _with_plate}.get(asked.scene, _with_scene)
     try:
@@ -300,7 +300,7 @@ def _with_scene(sources: Sources, sensor: Sensor, out: Path, asked: CompareSetti
 
 _FRAMES_SHOWN = 200
 _MOST_POINTS = 2000
-"""Pixels in a picture; of a large array, evenly chosen ones."""
+"""Most points in a picture; of a larger array, evenly spaced pixels."""
 _STYLES = (
     {"label": "captured", "color": BLUE, "marker": "o"},
     {"label": "simulated", "color": VERMILION, "marker": "x"},
@@ -309,7 +309,7 @@ _STYLES = (
 
 @in_style
 def transfer_chart(captured: Levels, simulated: Levels) -> Markup:
-    """Return variance of pixels over their mean."""
+    """Draw variance of pixels over their mean."""
     figure, axes = new_axes(*CHART_PT)
     for levels, style in _beside(captured, simulated):
         for place, level in enumerate(levels):
@@ -322,18 +322,18 @@ def transfer_chart(captured: Levels, simulated: Levels) -> Markup:
 
 @in_style
 def dark_chart(captured: Level, simulated: Level) -> Markup:
-    """Return dark counts of pixels in order."""
+    """Draw the distribution of dark counts over pixels."""
     figure, axes = new_axes(*CHART_PT)
     for level, style in _beside(captured, simulated):
         rates = level.readings.mean(axis=0) / level.exposure_s
         _draw_shares(axes, np.maximum(rates, 1e-3), style)
-    axes.set(xscale="log", xlabel="dark counts (Hz)", ylabel="share of pixels below")
+    axes.set(xscale="log", xlabel="dark counts (Hz)", ylabel="cumulative share of pixels")
     return with_legend(figure, "dark", "Distribution of dark counts over the pixels")
 
 
 @in_style
 def spectrum_chart(captured: Level, simulated: Level) -> Markup:
-    """Return the temporal spectrum of the readings, mean over pixels."""
+    """Draw the temporal spectrum of the readings, mean over pixels."""
     figure, axes = new_axes(*CHART_PT)
     for level, style in _beside(captured, simulated):
         power = segment_spectra(level.readings).mean(axis=0)[1:]
@@ -344,18 +344,18 @@ def spectrum_chart(captured: Level, simulated: Level) -> Markup:
 
 @in_style
 def distance_chart(found: Comparison) -> Markup:
-    """Return energy distances of pixels in order, and those by chance."""
+    """Draw the distribution of energy distances over pixels, and the same by chance."""
     figure, axes = new_axes(*CHART_PT)
     _draw_shares(axes, found.distances.energy, {"label": "captured and simulated", "color": BLUE})
     _draw_shares(axes, found.by_chance.energy, {"label": "by chance", "color": VERMILION})
-    axes.set(xlabel="energy distance (counts$^{1/2}$)", ylabel="share of pixels below")
+    axes.set(xlabel="energy distance (counts$^{1/2}$)", ylabel="cumulative share of pixels")
     axes.set_xlim(left=0)
     return with_legend(figure, "distance", "Energy distances of histograms, over the pixels")
 
 
 @in_style
 def time_chart(captured: Level, simulated: Level) -> Markup:
-    """Return mean counts of frames, one after the other."""
+    """Draw mean counts of frames over time."""
     figure, axes = new_axes(1.5 * CHART_PT[0], 0.8 * CHART_PT[1])
     for frames, style in _beside(captured, simulated):
         axes.plot(frames.readings[:_FRAMES_SHOWN].mean(axis=(1, 2)), **_line(style))
@@ -366,7 +366,7 @@ def time_chart(captured: Level, simulated: Level) -> Markup:
 
 @in_style
 def response_chart(responses: Sequence[SpeedResponse], method: str) -> Markup:
-    """Return a transfer function: peak response over speed, mean and standard deviation."""
+    """Draw a transfer function: peak response over speed, mean and standard deviation."""
     figure, axes = new_axes(*CHART_PT)
     own = [each for each in responses if each.name == method]
     speeds = [each.speed_mm_s for each in own]
@@ -380,7 +380,7 @@ def response_chart(responses: Sequence[SpeedResponse], method: str) -> Markup:
 
 
 def _beside(captured: Any, simulated: Any) -> Iterator[tuple[Any, dict[str, Any]]]:
-    """Yield both, each with its style."""
+    """Yield captured and simulated values, each with its style."""
     return zip((captured, simulated), _STYLES, strict=True)
 
 
@@ -389,7 +389,7 @@ def _line(style: dict[str, Any]) -> dict[str, Any]:
 
 
 def _draw_shares(axes: Axes, values: Floats, style: dict[str, Any]) -> None:
-    """Draw the share of values up to each of them."""
+    """Draw the cumulative distribution of values."""
     shares = (np.arange(values.size) + 0.5) / values.size
     axes.plot(_thinned(np.sort(values, axis=None)), _thinned(shares), **_line(style))
 

@@ -1,7 +1,7 @@
-"""A camera that is not there: the sensor model behind SPADCAM's protocol, on a pseudo-terminal.
+"""An emulated camera: the sensor model behind SPADCAM's protocol, on a pseudo-terminal.
 
-It looks at even light, at the plate of the motion bench or at a rendered dataset; the last two load
-scenes and the renderer when they are first asked. Its line may have faults.
+It sees uniform light, the plate of the motion bench or a rendered dataset; the last two load scenes
+and the renderer on first use. Its line may have faults.
 """
 
 import math
@@ -49,11 +49,11 @@ from megalopta.sensor.formats.protocol import (
 )
 
 BAND_NM = (699.99, 700.01)
-"""Of the flat light: as narrow as a laser, so that its efficiency is that of one wavelength."""
+"""Band of the flat light, narrow like a laser's, so that efficiency is that of one wavelength."""
 
 
 class Stimulus(ABC):
-    """Anything to look at: frames that follow one another, over and over."""
+    """A stimulus: frames in an endless cycle."""
 
     @abstractmethod
     def film(self, sensor: Sensor) -> tuple[float, Floats]:
@@ -62,27 +62,27 @@ class Stimulus(ABC):
     def rates_hz(self, times_s: Floats, sensor: Sensor) -> Floats:
         """Detection rates (n, 16, 16), Hz, of frames that begin at these times."""
         rate_hz, frames = self.film(sensor)
-        # A frame that begins a rounding error early is not the one before.
+        # A frame that begins early by a rounding error is not the previous one.
         return np.asarray(frames[np.floor(times_s * rate_hz + 1e-6).astype(int) % len(frames)])
 
 
 @dataclass(frozen=True)
 class Flat(Stimulus):
-    """The same light on all pixels: none, one level, or levels that follow one another."""
+    """The same light on all pixels: none, one level, or a cycle of levels."""
 
     photons_hz: tuple[float, ...] = (0.0,)
-    """Photons per second on a pixel of pitch × pitch, at 700 nm; after the last the first again."""
+    """Photons per second on a pixel of pitch × pitch, at 700 nm; levels in a cycle."""
     step_s: float = math.inf
-    """How long each lasts, s."""
+    """Duration of each level, s."""
 
     def film(self, sensor: Sensor) -> tuple[float, Floats]:
-        """As of a stimulus."""
+        """Return frame rate and detection rates."""
         return 1 / self.step_s, np.array(self.photons_hz)[:, None, None] * _efficiency(sensor)
 
 
 @cache
 def _efficiency(sensor: Sensor) -> Floats:
-    """Return the share of the photons on each pixel that it detects, (16, 16)."""
+    """Return the detected share of the photons on each pixel, (16, 16)."""
     light = np.ones((1, ROWS, COLUMNS, 1))
     photons = photon_rate(light, (BAND_NM,), sensor)
     return np.asarray((detection_rate(light, (BAND_NM,), sensor) / photons)[0])
@@ -92,13 +92,13 @@ def _efficiency(sensor: Sensor) -> Floats:
 class Plate(Stimulus):
     """The plate of the motion bench (§2.4.8), frame by frame at 10 per second.
 
-    The light is such that an open pixel detects 65 photons in 0.1 s.
+    In its light an open pixel detects 65 photons in 0.1 s.
     """
 
     speed_mm_s: float
 
     def film(self, sensor: Sensor) -> tuple[float, Floats]:
-        """As of a stimulus."""
+        """Return frame rate and detection rates."""
         return _passing(self.speed_mm_s, sensor)
 
 
@@ -116,10 +116,10 @@ class Rendered(Stimulus):
 
     path: Path
     lux: float | None = None
-    """Light level; by default that of the rendering."""
+    """Light level; default: that of the rendering."""
 
     def film(self, sensor: Sensor) -> tuple[float, Floats]:
-        """As of a stimulus; for a dataset that can be read and is large enough."""
+        """Return frame rate and detection rates; the dataset must be readable and large enough."""
         frame_rate_hz, frames, bands = _rendered(self)
         return frame_rate_hz, detection_rate(frames, bands, sensor)
 
@@ -161,9 +161,9 @@ _MOST_AHEAD = 64
 class EmulatedCamera:
     """Frames and replies as a function of sensor, stimulus, seed and commands.
 
-    A frame depends on nothing else but its number, the settings, and how often the camera was
-    plugged in. Raises UserError when the sensor has no analog counters with an ADC, or cannot see
-    the stimulus, or seed or serial number (at most 16 letters of ASCII) cannot be.
+    A frame depends only on these, its number, the settings, and how often the camera was plugged
+    in. Raises UserError if the sensor has no analog counters with an ADC, or cannot see the
+    stimulus, or seed or serial number (at most 16 ASCII characters) are invalid.
     """
 
     settings: Settings
@@ -174,7 +174,7 @@ class EmulatedCamera:
         if not 0 <= seed <= _LARGEST_SEED:
             raise UserError(f"--seed: {quoted(seed)}; give 0 to {_LARGEST_SEED}")
         if not re.fullmatch(r"[!-~]([ -~]{0,14}[!-~])?", serial_number):
-            raise UserError(f"--serial: {quoted(serial_number)!r}; give 1 to 16 letters of ASCII")
+            raise UserError(f"--serial: {quoted(serial_number)!r}; give 1 to 16 ASCII characters")
         self.sensor, self.stimulus, self.seed = sensor, stimulus, seed
         self.serial_number = serial_number
         self._plugged_in = 0
@@ -184,19 +184,19 @@ class EmulatedCamera:
 
     @property
     def due_us(self) -> int:
-        """When the next frame is exposed, by the camera's clock, µs."""
+        """Time of the next exposure by the camera's clock, µs."""
         return self._start_us + self.settings.exposure_us
 
     def restart(self) -> None:
-        """Begin anew, as when plugged in: counter, clock and settings."""
+        """Reset counter, clock and settings, as after plugging in."""
         self._plugged_in += 1
         self._number = self._start_us = 0
         self._set(Settings())
 
     def answer(self, command: Packet, now_us: int) -> Packet:
-        """Do what a command asks for. Raises ValueError when it is no command."""
+        """Execute a command. Raises ValueError if it is not a command."""
         if command.kind < Kind.IDENTIFY:
-            raise ValueError(f"{command.kind.name}: no command")
+            raise ValueError(f"{command.kind.name}: not a command")
         if command.kind == Kind.IDENTIFY:
             return Packet(Kind.IDENTITY, command.sequence, now_us, self._identity().payload())
         settings = self.settings.after(command)
@@ -218,14 +218,14 @@ class EmulatedCamera:
 
     def _set(self, settings: Settings) -> None:
         as_set = sensor_as_set(self.sensor, settings)
-        # Drawn at once: what the sensor cannot do shows now.
+        # Drawn at once, so that errors of the sensor show now.
         self._drawn = deque(self._draw(settings, as_set))
         self._as_set, self.settings = as_set, settings
 
     def _draw(self, settings: Settings, sensor: Sensor) -> NDArray[np.uint16]:
-        """Draw the next frame and those after it, as many as share a stream.
+        """Draw the next frame and those after it that share its stream.
 
-        Streams begin at fixed numbers, so that frames do not depend on when the settings came.
+        Streams begin at fixed numbers, so that frames do not depend on the time of the settings.
         """
         period_us = settings.period_us
         together = int(np.clip(_AHEAD_S * 1e6 / period_us, 1, _MOST_AHEAD))
@@ -256,14 +256,14 @@ class EmulatedCamera:
 
 
 BUFFER_BYTES = 24576 + 65536
-"""Room for what waits to be read, in the firmware and in the host's driver, which for a USB port
-has 64 KiB and for a pseudo-terminal a sixth of it; a frame that finds none is dropped."""
+"""Buffer of unread bytes, in the firmware and in the host's driver, which for a USB port has 64 KiB
+and for a pseudo-terminal a sixth of it; a frame that does not fit is dropped."""
 
 _LONGEST_WAIT_S = 0.05
 _A_DAY_S = 86400.0
 _LIMITS = {"noise": (0.0, 1.0), "lost": (0.0, 1.0), "drift_ppm": (-9e5, 1e8)}
 _TIMES = (1e-3, _A_DAY_S)
-"""Of all other faults, s, where they are not 0."""
+"""Limits of all other faults, s, if not 0."""
 
 
 @dataclass(frozen=True)
@@ -272,20 +272,20 @@ class Faults:
 
     noise: float = 0.0
     lost: float = 0.0
-    """Probability of each byte to have a bit flipped, or not to arrive."""
+    """Probability that a byte has a flipped bit, or is lost."""
     burst_s: float = 0.0
-    """Bytes are held back and come at once, this often, s."""
+    """Interval at which held-back bytes are sent at once, s."""
     drift_ppm: float = 0.0
-    """How much too fast the camera's clock goes, 1e-6."""
+    """Relative error of the camera's clock, positive if fast, 1e-6."""
     stall_every_s: float = 0.0
     stall_s: float = 0.0
-    """How often the camera stops sending, and for how long, s."""
+    """Interval and duration of stops, s."""
     unplug_every_s: float = 0.0
     unplug_s: float = 0.5
-    """How long it is plugged in, and for how long it then is not, s."""
+    """Time plugged in, and time unplugged, s."""
 
     def check(self) -> None:
-        """Make sure that a line can be so. Raises UserError."""
+        """Check the values. Raises UserError."""
         for name, value in vars(self).items():
             least, most = _LIMITS.get(name, _TIMES)
             if value != 0 and not least <= value <= most:
@@ -312,9 +312,9 @@ class Faults:
 class EmulatedPort:
     """A pseudo-terminal with an emulated camera behind it.
 
-    The terminal's name may change when the camera is unplugged and plugged in again; `link` is
-    where a symbolic link shall lead to it. `plugged_in` is told the terminal's path, each time, and
-    `sent` the bytes that left the camera.
+    The terminal's name may change when the camera is unplugged and plugged in again; `link` is a
+    symbolic link to it. `plugged_in` is called with the terminal's path each time, `sent` with the
+    bytes that leave the camera.
     """
 
     def __init__(
@@ -326,18 +326,18 @@ class EmulatedPort:
         sent: Callable[[bytes], None] = lambda data: None,
     ) -> None:
         if link is not None and link.exists() and not link.is_symlink():
-            raise UserError(f"{link}: exists and is no symbolic link; choose another name")
+            raise UserError(f"{link}: exists and is not a symbolic link; choose another name")
         self._camera, self._faults, self._link = camera, faults or Faults(), link
         self._faults.check()
         self._plugged_in, self._sent = plugged_in, sent
         self._waiting, self._start_s = bytearray(), 0.0
         self.dropped = 0
-        """Packets that found no room."""
+        """Packets that did not fit into the buffer."""
 
     def run(self, stop: threading.Event) -> None:
-        """Serve until told to stop, plugged in and out as the faults say."""
+        """Serve until stopped, plugged in and out as the faults define."""
         while not stop.is_set():
-            # As long as somebody has the other end open, writing to this one does not fail.
+            # While the other end is open somewhere, writing to this one does not fail.
             end, other_end = pty.openpty()
             try:
                 tty.setraw(other_end)
@@ -366,7 +366,7 @@ class EmulatedPort:
                 self._post(self._camera.next_frame())
             may_send = bool(self._waiting) and self._may_send()
             due_s = max((self._camera.due_us - self._now_us()) * 1e-6, 0.0)
-            # until the next frame, or until bytes held back may go
+            # until the next frame, or until held-back bytes are due
             pause_s = min(due_s, 2e-3 if self._waiting and not may_send else _LONGEST_WAIT_S)
             can_read, can_write, _ = select.select([end], [end] if may_send else [], [], pause_s)
             for command in parser.feed(os.read(end, 4096)) if can_read else ():
@@ -384,7 +384,7 @@ class EmulatedPort:
         return int(self._elapsed_s() * (1e6 + self._faults.drift_ppm))
 
     def _post(self, packet: Packet) -> None:
-        """Put a packet among those to be sent, if there is room."""
+        """Queue a packet, if it fits into the buffer."""
         line = encode(packet)
         if len(self._waiting) + len(line) <= BUFFER_BYTES:
             self._waiting += self._faults.on(line, self._camera.seed, packet)

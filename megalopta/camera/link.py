@@ -1,8 +1,8 @@
 """The link to a camera: its serial port, a thread that reads it, and its user, who logs.
 
-The thread does nothing but read and note the time, so that neither a disk that is slow nor a user
-who is busy makes it miss anything; what it read is in the log before the user sees it. When the
-camera is unplugged it looks for it until it is back.
+The thread only reads and notes the time, so that neither a slow disk nor a busy user makes it miss
+anything; bytes are in the log before the user sees them. When the camera is unplugged, it waits
+until it is back.
 """
 
 import errno
@@ -27,7 +27,7 @@ UDEV_RULE = (
     'SUBSYSTEM=="tty", ATTRS{idVendor}=="16c0", MODE="0660", GROUP="dialout", '
     'ENV{ID_MM_DEVICE_IGNORE}="1"'
 )
-"""For /etc/udev/rules.d/: who may open the port, and that ModemManager must not."""
+"""For /etc/udev/rules.d/: lets the group open the port, and keeps ModemManager away."""
 
 _LIST = "see megalopta spadcam list"
 _EMULATE = "start an emulated one (megalopta spadcam emulate)"
@@ -38,24 +38,24 @@ _REMEDIES = {
         f"no device behind this port; plug the camera in again, or choose another ({_LIST})",
     ),
     errno.EACCES: (
-        "not permitted; join its group (sudo usermod -aG dialout $USER, then log in again), or put "
+        "no permission; join its group (sudo usermod -aG dialout $USER, then log in again), or put "
         "this rule into /etc/udev/rules.d/49-spadcam.rules and plug the camera in again: "
         f"{UDEV_RULE}"
     ),
     **dict.fromkeys(
         (errno.EBUSY, errno.EAGAIN),
-        "another program has it open; close that one. If it is ModemManager, keep it away: "
+        "another program has it open; close it. To keep ModemManager away: "
         f"sudo systemctl stop ModemManager, or the udev rule {UDEV_RULE}",
     ),
 }
 
 
 class NoPortError(UserError):
-    """There is no such port, yet."""
+    """There is no such port yet."""
 
 
 class UsbPort(NamedTuple):
-    """A serial port of this machine; of a device's texts, control codes are escaped."""
+    """A serial port of this machine; control codes in its texts are escaped."""
 
     path: str
     vendor: int | None
@@ -64,7 +64,7 @@ class UsbPort(NamedTuple):
 
 
 def usb_ports() -> list[UsbPort]:
-    """Serial ports on USB."""
+    """USB serial ports."""
     found = [each for each in list_ports.comports() if each.vid is not None]
     return [
         UsbPort(
@@ -80,7 +80,7 @@ def usb_ports() -> list[UsbPort]:
 def find_port(serial_number: str | None = None) -> str:
     """Path of the camera's port: of a USB serial number, or the only Teensy.
 
-    Raises UserError when there is none (NoPortError), or more than one.
+    Raises UserError if there is none (NoPortError), or more than one.
     """
     teensies = [port for port in usb_ports() if port.vendor == TEENSY_VENDOR]
     fitting = [port for port in teensies if serial_number in (None, port.serial_number)]
@@ -94,9 +94,9 @@ def find_port(serial_number: str | None = None) -> str:
 
 
 def open_port(path: str) -> serial.Serial:
-    """Open a port for nobody else.
+    """Open a port exclusively.
 
-    Raises UserError when it does not open; NoPortError when there is none.
+    Raises UserError if it does not open; NoPortError if there is none.
     """
     try:
         # USB ignores the baud rate.
@@ -108,7 +108,7 @@ def open_port(path: str) -> serial.Serial:
 
 
 def port_lines() -> Iterator[str]:
-    """A line for every serial port on USB: path, serial number, what it is, whether it opens."""
+    """Yield a line per USB serial port: path, serial number, description, whether it opens."""
     for port in usb_ports():
         is_teensy = "Teensy" if port.vendor == TEENSY_VENDOR else "other"
         try:
@@ -123,17 +123,17 @@ _RETRY_S = 0.1
 _REPLY_S = 0.7
 _REPLIES = Kind.IDENTITY, Kind.SETTINGS
 _ASKED = 3
-"""Times; all commands may be repeated."""
+"""Attempts; all commands may be repeated."""
 _MOST_WAITING = 8192
-"""Pieces of bytes, a frame or more each. Further ones wait in the camera."""
+"""Most waiting chunks of bytes, a frame or more each. Further ones wait in the camera."""
 MOST_ELSE = 16 * 1024**2
-"""Bytes that may be no frames, and nine times the frames' beside: `raw.bin` is bounded by both."""
+"""Bytes allowed that are no frames, plus nine times the frames': bounds `raw.bin`."""
 _TIMES = 10
 _GATHER_S = 0.003
 _MUCH = 3000
-"""Pause after whole packets of fewer bytes, in which further ones gather: at 1000 frames/s to wake
-up for each would cost more than to read it. Times rest on the fastest frames (`clock`) and do not
-suffer. A pseudo-terminal holds 4096 bytes; where as many wait, the reader is late."""
+"""Pause after fewer bytes than this, in which further packets gather: at 1000 frames/s waking up
+for each would cost more than reading it. Times rest on the fastest frames (`clock`) and are not
+affected. A pseudo-terminal holds 4096 bytes; as many waiting mean that the reader is late."""
 
 
 class Plugged(NamedTuple):
@@ -143,11 +143,11 @@ class Plugged(NamedTuple):
 
 
 class Unplugged(NamedTuple):
-    """The camera is gone."""
+    """The camera was unplugged."""
 
 
 class Arrived(NamedTuple):
-    """A packet, and when its last bytes were read, by the host's monotonic clock, s."""
+    """A packet, and the time when its last bytes were read, by the host's monotonic clock, s."""
 
     host_s: float
     packet: Packet
@@ -164,8 +164,8 @@ class LinkLostError(Exception):
 class Link:
     """An open link; a context manager that closes it.
 
-    `find` gives the path of the port, at first and after unplugging; the log is a new file for all
-    bytes that come. Raises UserError when the port is not found or does not open.
+    `find` returns the path of the port, at first and after unplugging; the log is a new file for
+    all bytes. Raises UserError if the port is not found or does not open.
     """
 
     def __init__(self, find: Callable[[], str], log: Path) -> None:
@@ -179,7 +179,7 @@ class Link:
             raise
         self._read_bytes = 0
         self.decoded_bytes = 0
-        """Bytes that the user has seen the packets of."""
+        """Bytes whose packets the user has seen."""
         self._allowed_bytes = MOST_ELSE
         self._pieces: queue.Queue[_Piece] = queue.Queue(_MOST_WAITING)
         self._seen: deque[Event] = deque()
@@ -198,7 +198,7 @@ class Link:
         self.close()
 
     def close(self) -> None:
-        """Stop reading; what was read until now can still be had from `next`."""
+        """Stop reading; `next` still returns what was read before."""
         self._stop.set()
         try:
             while self._reader.is_alive() or not self._pieces.empty():
@@ -215,9 +215,9 @@ class Link:
         return self._damaged_before + self._parser.damaged
 
     def next(self, timeout_s: float) -> Event | None:
-        """Return the next event; None when nothing happened.
+        """Return the next event; None if there is none.
 
-        Raises OSError when the log cannot be written; UserError when far more came than frames.
+        Raises OSError if the log cannot be written; UserError if too many bytes are no frames.
         """
         if self.decoded_bytes > self._allowed_bytes:
             raise self.given_up(f"{self.decoded_bytes} bytes came instead of frames")
@@ -227,24 +227,24 @@ class Link:
         return self.read_already()
 
     def read_already(self) -> Event | None:
-        """Return the next event that is decoded already; after `close` there are no others."""
+        """Return the next event that is already decoded; after `close` there are no others."""
         return self._seen.popleft() if self._seen else None
 
     def allow(self, frames: int) -> None:
-        """Let come what goes with so many frames, in all."""
+        """Raise the limit of bytes to that of `frames` frames in all."""
         self._allowed_bytes = MOST_ELSE + _TIMES * frames * (LONGEST + 1)
 
     def given_up(self, why: str) -> UserError:
-        """Log no more, and return what to raise."""
+        """Stop logging, and return the error to raise."""
         self._is_logging = False
         return UserError(
             f"{self.path}: {why}; unplug the camera and plug it in again, or choose another --port"
         )
 
     def request(self, kind: Kind, payload: bytes) -> Packet:
-        """Send a command and return the reply; what comes meanwhile is kept for `next`.
+        """Send a command and return the reply; events meanwhile are kept for `next`.
 
-        Raises UserError when there is no reply: what is there is no SPADCAM; LinkLostError when the
+        Raises UserError if there is no reply: the device is not SPADCAM; LinkLostError if the
         camera was unplugged.
         """
         kept = list(self._seen)
@@ -270,7 +270,7 @@ class Link:
             self._seen.extendleft(reversed(kept))
 
     def identity(self) -> Identity:
-        """Ask who the camera is; errors as `request`."""
+        """Return the camera's identity; errors as `request`."""
         return Identity.of(self.request(Kind.IDENTIFY, b"").payload)
 
     def _silence(self, seen: list[Event]) -> str:
@@ -281,18 +281,18 @@ class Link:
         if any(isinstance(event, Arrived) for event in seen):
             return "sends frames but does not answer; unplug it and plug it in again"
         if self._parser.damaged or self._read_bytes:
-            return f"speaks something else than SPADCAM's protocol; {remedy}"
+            return f"does not speak SPADCAM's protocol; {remedy}"
         return f"is silent; {remedy}, and keep ModemManager away from it"
 
     def _write(self, line: bytes) -> None:
         try:
             self._port.write(line)
-        except (OSError, TypeError):  # of a port that the reader closes, which noticed first
+        except (OSError, TypeError):  # the reader noticed first and closed the port
             time.sleep(_RETRY_S)
 
     def _decode(self, piece: _Piece) -> None:
         if isinstance(piece, Plugged | Unplugged):
-            # Half a packet before does not belong to what comes.
+            # A partial packet from before does not belong to the new bytes.
             self._damaged_before += self._parser.damaged
             self._parser = Parser()
             self._seen.append(piece)
@@ -302,7 +302,7 @@ class Link:
     def _log_and_parse(self, host_s: float, data: bytes) -> None:
         written = 0
         try:
-            while written < len(data):  # a disk that is nearly full takes less than all
+            while written < len(data):  # a nearly full disk may write only a part
                 written += self._log.write(data[written:])
         except OSError:
             self._is_logging = False
@@ -315,7 +315,7 @@ class Link:
     def _read(self) -> None:
         while not self._stop.is_set():
             self._pieces.put(Plugged(self._read_bytes))
-            with suppress(OSError, TypeError):  # of a port that goes away while it is read
+            with suppress(OSError, TypeError):  # the port disappeared during a read
                 self._read_until_unplugged()
             if self._stop.is_set():
                 return

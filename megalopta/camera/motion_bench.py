@@ -1,20 +1,19 @@
 """The motion bench of §2.4.8: a plate's edge crosses SPADCAM and returns, simulated or recorded.
 
 The bench scene is rendered for one row of 16 pixels and exposed by a sensor of 16 such rows, which
-see the same edge: where the dissertation measures one row of its device, here are all. Frames
-follow each other at 10 per second and are open all the time, so a moving edge is blurred by its
-way in a frame. Light is set such that an open pixel detects 65 photons per frame, on average over
-the pixels, and a hidden one 27; dark counts come on top. The preset of SPADCAM has no afterpulsing,
-since none is known.
+see the same edge: the dissertation measures one row of its device, the simulation all. Frames
+follow each other at 10 per second without gaps, so a moving edge is blurred by its motion in a
+frame. Open pixels detect 65 photons per frame, on average over the pixels, hidden ones 27; dark
+counts are added. The preset of SPADCAM has no afterpulsing, since its value is unknown.
 
-Pooled from 16 to 12 pixels, a row goes through NDM and NDS without a low-pass at the output, which
-the dissertation does not mention here. The response of a detector to an edge is its largest value
-while one crossing is recorded, 32 frames at every speed. Standing still, the edge is in the middle.
+Rows are pooled from 16 to 12 pixels and pass through NDM and NDS without a low-pass at the output,
+which the dissertation does not mention here. The response of a detector to an edge is its largest
+value during one crossing, 32 frames at every speed. An edge at rest is in the middle.
 
-A recording begins at any time, and the plate waits at its ends as long as it likes. The mean count
-of the array falls while an edge hides it and rises while one leaves it free; where it is halfway,
-the edge is in the middle. Each such passage is cut out like those that are simulated: 32 frames
-around the edge that hides, then 32 around the next that frees.
+A recording begins at any time, and the plate rests at its ends for any time. The mean count of the
+array falls while an edge hides it and rises while one uncovers it; at the halfway value, the edge
+is in the middle. Each passage is cut like simulated ones: 32 frames around the hiding edge, then 32
+around the next uncovering edge.
 """
 
 import math
@@ -45,13 +44,13 @@ from megalopta.sensor.spad.device import draw_fixed_pattern
 
 FRAME_RATE_HZ = 10.0
 FRAMES = 32
-"""Frames of one crossing; a recording has two of them."""
+"""Frames of one crossing; a recording has two crossings."""
 PIXELS = 16
 OPEN_PHOTONS = 65.0
 SPEEDS_MM_S = tuple(float(speed) for speed in range(11))
 TIME_CONSTANTS_S = MappingProxyType({"NDM": 60e-3, "NDS": 40e-3})
 UNITS = MappingProxyType({"NDM": "counts²", "NDS": "counts"})
-"""Of the responses."""
+"""Units of the responses."""
 SENSORS = MappingProxyType({"Poisson noise only": preset("ideal"), "SPADCAM": preset("spadcam")})
 
 _CAMERA = PerspectiveCamera(width=PIXELS, height=1, fov_deg=20)
@@ -60,19 +59,19 @@ _SAMPLES = 16
 _LUX = 1.0
 _ROWS = 16
 _PHASES = 4
-"""Recordings differ by where the edge is at a frame, in this many equal parts of a frame's way."""
+"""Positions of the edge at a frame, as equal parts of its motion per frame."""
 _REPEATS = 4
-"""Recordings of each phase, which differ by noise."""
+"""Noise realizations of each phase."""
 
 
 class BenchLight(NamedTuple):
-    """Photons that a pixel detects in a frame, on average over the array, without dark counts."""
+    """Detected photons per pixel and frame, mean over the array, without dark counts."""
 
     open_photons: float
     hidden_photons: float
 
     def __str__(self) -> str:
-        """Return both in words."""
+        """Describe both as text."""
         return (
             f"an open pixel detects {self.open_photons:.3g} photons per frame, a hidden one "
             f"{self.hidden_photons:.3g}"
@@ -94,7 +93,7 @@ class Peaks(NamedTuple):
 
     @property
     def deviation(self) -> float:
-        """Standard deviation of one detector over crossings; mean square over the array."""
+        """Standard deviation of one detector over crossings; RMS over the array."""
         return float(np.sqrt(self.noisy.var(axis=0, ddof=1).mean()))
 
     @property
@@ -110,7 +109,7 @@ class Peaks(NamedTuple):
 
 
 def pixels_per_frame(speed_mm_s: float) -> float:
-    """Way of the image in one frame (px)."""
+    """Motion of the image in one frame (px)."""
     return speed_mm_s * 1e3 / (MotionBench().pixel_pitch_um * FRAME_RATE_HZ)
 
 
@@ -130,7 +129,7 @@ def detector(name: str) -> Detector:
 @cache
 def stimulus(speed_mm_s: float) -> Floats:
     """Radiance (phases, 2·FRAMES, 1, 16, 1) of recordings at one speed, W·m⁻²·sr⁻¹·nm⁻¹."""
-    # As many instants in a frame as pixels passed leave no steps in the blur.
+    # As many instants per frame as pixels passed give a smooth blur.
     per_frame = _PHASES * max(1, math.ceil(pixels_per_frame(speed_mm_s) / _PHASES))
     seen = _passing(speed_mm_s, per_frame)
     starts = range(0, per_frame, per_frame // _PHASES)
@@ -141,8 +140,8 @@ def stimulus(speed_mm_s: float) -> Floats:
 
 
 def _passing(speed_mm_s: float, instants_per_frame: int) -> NDArray[np.float32]:
-    """Radiance (instants, 1, 16, 1) while the edge passes; halfway it is in the middle."""
-    # Mitsuba takes a second to load: other figures do without it.
+    """Radiance (instants, 1, 16, 1) during a passage; halfway the edge is in the middle."""
+    # Mitsuba takes a second to load, and other figures do not need it.
     from megalopta.render import RenderSettings, SceneRenderer, frame_seed
 
     path = Trajectory(
@@ -154,7 +153,7 @@ def _passing(speed_mm_s: float, instants_per_frame: int) -> NDArray[np.float32]:
     )
     way_mm = speed_mm_s * path.duration_s
     bench = MotionBench(edge_mm=way_mm / 2, plate_mm=way_mm + 10)
-    # Compiled backends need milliseconds to start an image, more than 16 pixels take.
+    # Compiled backends need milliseconds to start an image, longer than 16 pixels take.
     settings = RenderSettings(
         samples_per_pixel=_SAMPLES, max_depth=2, bands_nm=_BANDS_NM, backend="scalar"
     )
@@ -171,9 +170,9 @@ def _passing(speed_mm_s: float, instants_per_frame: int) -> NDArray[np.float32]:
 def record(
     speed_mm_s: float, sensor: Sensor, light: BenchLight | None = None, seed: int = 0
 ) -> Exposure:
-    """Expose 16 rows, (recordings·2·FRAMES, 16, 16): recordings one after the other.
+    """Expose 16 rows, (recordings·2·FRAMES, 16, 16), recordings concatenated.
 
-    The light is by default that of the dissertation.
+    The light is by default the dissertation's.
     """
     rows = np.tile(_frames(speed_mm_s, sensor, light), (_REPEATS, 1, 1, 1))
     name = f"motion bench, {speed_mm_s:g} mm/s, {sensor.name}"
@@ -181,7 +180,7 @@ def record(
 
 
 def _mean_readings(speed_mm_s: float, sensor: Sensor, light: BenchLight | None) -> Floats:
-    """Mean readings in the frames of `record`, computed once of those that are alike."""
+    """Mean readings in the frames of `record`, computed once for identical frames."""
     frames = _frames(speed_mm_s, sensor, light)
     forth = frames.reshape(_PHASES, 2, FRAMES, *frames.shape[1:])[:, 0]
     seen = forth.reshape(-1, *frames.shape[1:])
@@ -192,12 +191,12 @@ def _mean_readings(speed_mm_s: float, sensor: Sensor, light: BenchLight | None) 
 
 
 def passing_rates(speed_mm_s: float, sensor: Sensor) -> Floats:
-    """Detection rates (recordings·2·FRAMES, 16, 16), Hz, of one recording of each phase."""
+    """Detection rates (recordings·2·FRAMES, 16, 16), Hz, one recording per phase."""
     return detection_rate(_frames(speed_mm_s, sensor), _BANDS_NM, sensor)
 
 
 def _frames(speed_mm_s: float, sensor: Sensor, light: BenchLight | None = None) -> Floats:
-    """Radiance (recordings·2·FRAMES, 16, 16, 1) of one recording of each phase."""
+    """Radiance (recordings·2·FRAMES, 16, 16, 1), one recording per phase."""
     seen = stimulus(speed_mm_s)
     radiance = (seen if light is None else _relit(seen, light)) * _brightness(sensor)
     frames = radiance.reshape(-1, *radiance.shape[2:])
@@ -213,7 +212,7 @@ def _relit(radiance: Floats, light: BenchLight) -> Floats:
 
 
 def pooled(counts: NDArray[Any]) -> Floats:
-    """Exposed frames as recordings of single rows, (2·FRAMES, recordings·16, 12)."""
+    """Reshape exposed frames to recordings of single rows, (2·FRAMES, recordings·16, 12)."""
     recordings = counts.reshape(-1, 2 * FRAMES, *counts.shape[1:]).swapaxes(0, 1)
     return triangular_pool(recordings.reshape(2 * FRAMES, -1, PIXELS))
 
@@ -230,7 +229,7 @@ def peaks(speed_mm_s: float, sensor: Sensor, light: BenchLight | None = None) ->
 
 
 def crossing_peaks(method: Detector, frames: Floats) -> Floats:
-    """Largest response (crossings, rows, detectors) once the filters forgot how they started."""
+    """Largest response (crossings, rows, detectors) after the filters' transient."""
     responses = method.respond(frames)[..., 1:-1]
     crossings = responses.reshape(2, FRAMES, -1, _ROWS, responses.shape[-1])
     largest = crossings[:, method.memory_frames :].max(axis=1)
@@ -239,36 +238,36 @@ def crossing_peaks(method: Detector, frames: Floats) -> Floats:
 
 @cache
 def _brightness(sensor: Sensor) -> float:
-    """Factor on the rendered light that makes open pixels detect 65 photons per frame."""
+    """Factor on the rendered light for 65 detected photons per frame in open pixels."""
     beam = np.full((1, _ROWS, PIXELS, 1), sky_radiance(_LUX))
     return OPEN_PHOTONS / float(detection_rate(beam, _BANDS_NM, sensor).mean() * sensor.exposure_s)
 
 
 LEAST = 2
-"""Passages to and fro; one tells nothing of chance."""
+"""Least number of passages to and fro; one says nothing about chance."""
 _CLEAR = 6.0
-"""Standard deviations of the array's mean count that an edge changes it by, at least."""
+"""Least change of the array's mean count by an edge, in standard deviations."""
 _SHARE_BEYOND = 0.25
 """An edge passes when the mean count goes from this close to one level to this close to the other,
-as a share of what is between them."""
+as a share of their difference."""
 _CLOSEST = FRAMES - 2
-"""Frames between edges: half a frame before its middle, and half after, may be lost to rounding."""
+"""Frames between edges: half a frame before and after the middle may be lost to rounding."""
 
 _BRIGHTEST = 1e6
-"""Photons that a pixel of any light detects in a frame, at most"""
+"""Most photons that a pixel detects in a frame"""
 
 
 class _Edge(NamedTuple):
     middle: float
-    """When half of the array is hidden, in frames from the opening of the first."""
+    """Time when half of the array is hidden, in frames from the opening of the first."""
     hides: bool
 
 
 def cut_passages(counts: NDArray[Any], numbers: NDArray[Any] | None = None) -> NDArray[Any]:
-    """Cut the passages of an edge out of frames (T, rows, columns), one after the other.
+    """Cut the passages of an edge from frames (T, rows, columns).
 
-    Where frames have numbers, (T,), passages of which a frame is missing are left out. Raises
-    ValueError when no edge passes, too few do, or they follow each other too closely.
+    With frame numbers, (T,), passages with a missing frame are skipped. Raises ValueError if
+    no edge passes, too few do, or they follow each other too closely.
 
     Returns
     -------
@@ -279,7 +278,7 @@ def cut_passages(counts: NDArray[Any], numbers: NDArray[Any] | None = None) -> N
     if apart and min(apart) < _CLOSEST:
         raise ValueError(
             f"an edge passes {min(apart):.0f} frames after another; let the plate rest at its ends "
-            f"so that {FRAMES} frames lie between"
+            f"for a gap of {FRAMES} frames"
         )
     starts = [(round(each.middle) - FRAMES // 2, each.hides) for each in edges]
     number = np.arange(len(counts)) if numbers is None else numbers.astype(np.int64)
@@ -299,30 +298,30 @@ def cut_passages(counts: NDArray[Any], numbers: NDArray[Any] | None = None) -> N
 
 
 def cut_rest(counts: NDArray[Any]) -> NDArray[Any]:
-    """Cut frames (T, rows, columns) of a plate at rest into as many as a passage to and fro has.
+    """Cut frames (T, rows, columns) of a plate at rest into segments of a passage to and fro.
 
-    Raises ValueError when they are too few, or an edge passes.
+    Raises ValueError if they are too few, or an edge passes.
     """
     whole = len(counts) // (2 * FRAMES)
     if whole < LEAST:
         raise ValueError(f"{len(counts)} frames; record {LEAST * 2 * FRAMES} or more")
     level = np.asarray(counts.mean(axis=(1, 2)), np.float64)
     if _is_clear(level):
-        raise ValueError("an edge passes, though the plate is said to rest; give its speed")
+        raise ValueError("an edge passes in a recording of a plate at rest; give its speed")
     return counts[: whole * 2 * FRAMES]
 
 
 def _is_clear(level: Floats) -> bool:
     low, high = np.percentile(level, (5, 95))
-    # Of a normal distribution the median distance of neighbors is 0.954 σ.
+    # For a normal distribution the median distance of neighbors is 0.954 σ.
     return bool(high - low > _CLEAR * np.median(np.abs(np.diff(level))) / 0.954)
 
 
 def _edges(level: Floats) -> Iterator[_Edge]:
-    """Find where the level goes down to the lower or up to the upper of its two ends."""
+    """Find the times when the level falls or rises between its two extremes."""
     if not _is_clear(level):
         raise ValueError(
-            f"no edge passes, the array counts {level.mean():.1f} per pixel in every frame; let "
+            f"no edge passes, the mean count is {level.mean():.1f} per pixel in every frame; let "
             "the plate pass, or give speed 0 for one at rest"
         )
     half = np.percentile(level, (5, 95)).mean()
@@ -335,18 +334,18 @@ def _edges(level: Floats) -> Iterator[_Edge]:
             continue
         falling = (share[before : after + 1] - 0.5) * (1 if hides else -1)
         last = np.flatnonzero((falling[:-1] > 0) & (falling[1:] <= 0))[-1]
-        # The level of a frame is that of its middle.
+        # The level of a frame is that at its middle.
         part = falling[last] / (falling[last] - falling[last + 1])
         yield _Edge(float(before + last + part + 0.5), hides)
 
 
 def fitted_light(counts: NDArray[Any], sensor: Sensor) -> BenchLight:
-    """Return the light under which the model of a sensor reads, on average, what a recording has.
+    """Return the light under which the model of a sensor has a recording's mean readings.
 
-    Counts (passages · 2 · FRAMES, rows, columns) are as `cut_passages` cuts them: in the first
-    quarter of a passage all pixels are open, in the last quarter of its first half all are hidden.
-    The sensor, of the same exposure, has the dark counts that it has. Raises ValueError when
-    counters are so full that they do not tell the light.
+    Counts (passages · 2 · FRAMES, rows, columns) are cut by `cut_passages`: in the first quarter of
+    a passage all pixels are open, in the last quarter of its first half all are hidden. Dark counts
+    are those of the sensor, which has the same exposure. Raises ValueError if counters are too
+    saturated to determine the light.
     """
     hiding = counts.reshape(-1, 2, FRAMES, *counts.shape[1:])[:, 0]
     quarter = FRAMES // 4
@@ -361,7 +360,7 @@ def fitted_light(counts: NDArray[Any], sensor: Sensor) -> BenchLight:
 
 
 def _photons(read: Callable[[float], float], level: float) -> float:
-    """Return the photons at which a pixel reads a level on average."""
+    """Return the photons at which a pixel has this mean reading."""
     if level <= read(0.0):
         return 0.0
     most = 2 * level + 1
@@ -369,7 +368,7 @@ def _photons(read: Callable[[float], float], level: float) -> float:
         most *= 2
         if most > _BRIGHTEST:
             raise ValueError(
-                f"an open pixel counts {level:.4g} on average, more than the model does in any "
+                f"an open pixel counts {level:.4g} on average, more than the model in any "
                 "light; record it with less light"
             )
     return float(brentq(lambda each: read(each) - level, 0.0, most, xtol=1e-3))

@@ -1,12 +1,12 @@
-"""Frames of a link, or of `raw.bin`, into a recording that can be opened at any moment.
+"""Frames of a link, or of `raw.bin`, written to a recording that can be opened at any moment.
 
-Times are the camera's by the host's clock, from when frames arrived. A frame arrives after its
-time by a delay that is never negative, often small and sometimes long: a USB hub, or the host, was
-busy. So host time against device time lies above a straight line and touches it again and again.
-That line is the one below all arrivals with the smallest mean distance to them, the edge of their
-lower convex hull over their mean time: no regression, which every burst would draw upwards. The
-hull has O(log n) corners for n arrivals with random delays, so hours of frames take no memory. What
-delay the fastest frame had cannot be known: times are late by it, all alike.
+Times are the camera's in the host's clock, from arrival times of frames. The delay of an arrival is
+never negative, often small and sometimes large: a USB hub, or the host, was busy. So host time over
+device time lies above a straight line and touches it again and again. The estimate is the line
+below all arrivals with the smallest mean distance to them, the edge of their lower convex hull at
+their mean time: not a regression, which every burst would pull upwards. The hull has O(log n)
+corners for n arrivals with random delays, so hours of frames take little memory. The delay of the
+fastest frame is unknown: all times are late by it.
 """
 
 import shutil
@@ -57,7 +57,7 @@ from megalopta.sensor.formats.protocol import (
 from megalopta.sensor.spad.analog import counts_of_codes, nominal_pixels
 
 _LARGEST_DRIFT = 1e-3
-"""No quartz is worse; steeper lines come of few arrivals."""
+"""No quartz is worse; steeper lines are due to few arrivals."""
 
 
 class ClockFit(NamedTuple):
@@ -68,7 +68,7 @@ class ClockFit(NamedTuple):
     rate: float
     """Host seconds per device second."""
     error_s: float | None
-    """Mean distance of the hull of arrivals from the line, s; None where it is not known."""
+    """Mean distance of the hull of arrivals from the line, s; None if unknown."""
 
     def host_s(self, device_us: int) -> float:
         """Host time, s."""
@@ -76,7 +76,7 @@ class ClockFit(NamedTuple):
 
 
 class Clock:
-    """Fits one clock to another, arrival by arrival, unless it is known already."""
+    """Fits one clock to another, arrival by arrival, unless the fit is given."""
 
     def __init__(self, known: ClockFit | None = None) -> None:
         self._known = known
@@ -85,7 +85,7 @@ class Clock:
         self._mean_s = 0.0
 
     def arrived(self, device_s: float, host_s: float) -> None:
-        """Note an arrival, in the order of device times."""
+        """Note an arrival, in order of device times."""
         corners = self._corners
         if corners and device_s <= corners[-1][0]:
             return
@@ -97,12 +97,12 @@ class Clock:
 
     @property
     def fit(self) -> ClockFit | None:
-        """The line; None before the first arrival."""
+        """Return the line; None before the first arrival."""
         if self._known or not self._corners:
             return self._known
         device_s, host_s = np.array(self._corners).T
         rate, edge = 1.0, int(np.searchsorted(device_s, self._mean_s))
-        if edge:  # as far as a clock's rate can be
+        if edge:  # within the possible rates of a clock
             slope = np.diff(host_s)[edge - 1] / np.diff(device_s)[edge - 1]
             rate = float(np.clip(slope, 1 - _LARGEST_DRIFT, 1 + _LARGEST_DRIFT))
         heights = host_s - rate * device_s
@@ -114,7 +114,7 @@ class Clock:
 def _is_above(
     middle: tuple[float, float], left: tuple[float, float], right: tuple[float, float]
 ) -> bool:
-    """Return whether a point lies on or above the line between two others."""
+    """True if a point lies on or above the line between two others."""
     rise = (middle[1] - left[1]) * (right[0] - left[0])
     return rise >= (right[1] - left[1]) * (middle[0] - left[0])
 
@@ -130,7 +130,7 @@ _AT_ONCE = _CODES = 65536
 
 
 class Recorder:
-    """Writes a recording into its folder; `write` makes what was taken readable.
+    """Writes a recording into its folder; `write` makes pending frames readable.
 
     The sensor is the nominal one, with the camera's exposure and step; `start_s` is the host's
     monotonic clock at the start of the recording, s.
@@ -157,7 +157,7 @@ class Recorder:
             step_bias=settings.step_bias,
             row_window=(settings.first_row, settings.end_row),
         )
-        """What recording.yaml will say."""
+        """Content of recording.yaml."""
         origin = Origin(sensor=sensor, seed=0, sequence=kind, extra={"camera": identity._asdict()})
         self._store = GrowingCounts(folder / COUNTS, origin, (ROWS, COLUMNS), EXTRAS)
         self._connections: list[Connection] = []
@@ -172,9 +172,9 @@ class Recorder:
         return self._store.frames + len(self._taken)
 
     def plugged(self, raw_offset: int, clock: Clock | None = None) -> None:
-        """Begin a connection: the camera's counter and clock start anew.
+        """Begin a connection: the camera's counter and clock restart.
 
-        It is noted on the disk at once: where packets begin anew, raw.bin itself does not say.
+        It is written to disk at once: raw.bin itself does not mark it.
         """
         self._append()
         self._close_connection()
@@ -184,16 +184,16 @@ class Recorder:
         self._publish(gaps=gaps)
 
     def note(self, **values: Any) -> None:
-        """Change what recording.yaml will say."""
+        """Change the content of recording.yaml."""
         connections = tuple(self._connections)
         self.record = self.record.model_copy(update={**values, "connections": connections})
 
     def take(self, host_s: float, packet: Packet) -> None:
-        """Take a frame; one that came before is left out."""
+        """Take a frame; one that came before is skipped."""
         skipped = 0 if self._last is None else (packet.sequence - self._last - 1) % _WRAP
         if skipped == _WRAP - 1:
             return
-        if skipped >= _WRAP // 2:  # the camera began anew
+        if skipped >= _WRAP // 2:  # the camera restarted
             self.plugged(self._connections[-1].raw_offset)
         elif skipped:
             missing = self.record.missing_frames + skipped
@@ -203,7 +203,7 @@ class Recorder:
         self._taken.append(packet)
 
     def write(self, damaged_packets: int) -> None:
-        """Make what was taken readable."""
+        """Make pending frames readable."""
         self._append()
         self._store.publish()
         self._close_connection()
@@ -246,7 +246,7 @@ class Recorder:
         return counts[adc], saturated[adc]
 
     def _close_connection(self) -> None:
-        """Note the clocks' fit in the connection under way."""
+        """Record the clocks' fit of the current connection."""
         if self._connections and (fit := self._clock.fit):
             self._connections[-1] = self._connections[-1].model_copy(update=fit._asdict())
 
@@ -257,7 +257,7 @@ class Recorder:
 
 
 def _counts_of_every_code(sensor: Sensor) -> tuple[NDArray[np.uint16], NDArray[np.bool_]]:
-    """Counts, and where they are a lower bound, by the code of the ADC, (65536,)."""
+    """Counts, and mask of lower bounds, by the code of the ADC, (65536,)."""
     counter = sensor.counter
     assert isinstance(counter, AnalogCounter)
     codes = np.arange(_CODES).astype(np.uint16)
@@ -274,7 +274,7 @@ def _times_s(device_us: NDArray[np.uint64], connection: Connection) -> NDArray[n
 
 _LARGEST_BYTES = 2**62
 _LONG_BYTES = 50_000_000
-"""What takes more than some two seconds."""
+"""Size from which reading takes more than two seconds."""
 _PIECE_BYTES = 256 * 1024
 _WRITE_EVERY = 16384
 
@@ -282,16 +282,16 @@ _WRITE_EVERY = 16384
 def recover(
     recording: Path, out: Path | None = None, sensor: str = "spadcam"
 ) -> tuple[Path, RecordingSettings]:
-    """Read the `raw.bin` of a recording back, which is given by its folder or by that file.
+    """Recover a recording from its `raw.bin`, given by its folder or that file.
 
-    Frames go the same way through the same writer as those of a capture. What the bytes do not say,
-    such as clocks and where the camera was plugged in, recording.yaml does: a capture writes it
-    before the first frame, and again whenever the camera is plugged in.
+    Frames take the same way through the same writer as in a capture. Information that is not in the
+    bytes, such as clocks and the places of plugging in, comes from recording.yaml: a capture writes
+    it before the first frame, and again whenever the camera is plugged in.
 
-    It is read into a new folder, by default into the recording's own, whose counts are replaced
-    once the new ones are whole. The sensor is a preset or YAML file of the nominal one, where the
-    recording has lost it. Raises UserError when there is nothing to read back, it is being
-    recorded, or it is whole; nothing is changed then. Returns where it is, and what it says.
+    The output is a new folder, by default the recording's own, whose counts are replaced once the
+    new ones are complete. The sensor, a preset or YAML file, is the nominal one if the recording
+    has lost its own. Raises UserError, without changes, if there is nothing to recover, or the
+    recording is in progress or complete. Returns the folder and its settings.
     """
     folder = recording.parent if recording.name == RAW else recording
     check_folder(folder)
@@ -313,15 +313,15 @@ def _in_place(folder: Path, sensor: str) -> tuple[Path, RecordingSettings]:
     before, held = _settings(folder), _frames_held(folder)
     if before.finished and held == before.frames:
         raise UserError(
-            f"{folder}: is whole, with {held} frames; give --out to read raw.bin back elsewhere"
+            f"{folder}: is complete, with {held} frames; give --out to recover raw.bin elsewhere"
         )
     with TemporaryDirectory(prefix=f".part-{uuid4().hex[:12]}-", dir=folder) as name:
         temporary = Path(name)
         record = _written(folder, sensor, temporary)
         if record.frames < held:
             raise UserError(
-                f"{folder}: holds {held} frames, raw.bin only {record.frames}; give --out to read "
-                "it back elsewhere"
+                f"{folder}: holds {held} frames, raw.bin only {record.frames}; give --out to "
+                "recover it elsewhere"
             )
         remove(folder / COUNTS)
         (temporary / COUNTS).rename(folder / COUNTS)
@@ -347,7 +347,7 @@ def _frames_held(folder: Path) -> int:
 
 
 def _written(folder: Path, sensor: str, out: Path) -> RecordingSettings:
-    """Write counts and recording.yaml of the bytes into another folder."""
+    """Write counts and recording.yaml from the bytes into another folder."""
     raw, before = folder / RAW, _settings(folder)
     size = raw.stat().st_size
     recorder = _recorder(out, before, _nominal(folder, before, sensor))
@@ -376,7 +376,7 @@ def _written(folder: Path, sensor: str, out: Path) -> RecordingSettings:
 
 
 def _reading(size: int) -> AbstractContextManager[Callable[[int], object]]:
-    """Show how far a file is read, where that takes long."""
+    """Show the progress of reading a file, if it takes long."""
     if size < _LONG_BYTES:
         return nullcontext(lambda _: None)
     return progress("recover", size, "byte")
@@ -385,7 +385,7 @@ def _reading(size: int) -> AbstractContextManager[Callable[[int], object]]:
 def _packets(
     raw: Path, begin: int, end: int, advance: Callable[[int], object], parser: Parser
 ) -> Iterator[Packet]:
-    """Yield the packets of a part of a file, until the camera is asked anew who it is."""
+    """Yield the packets of a part of a file, until the camera is identified again."""
     is_set = False
     with raw.open("rb") as file:
         file.seek(begin)
@@ -400,7 +400,7 @@ def _packets(
 
 
 def _times_us(packets: Iterable[Packet]) -> tuple[int, int]:
-    """Return when the first exposure as set may end, and the last one ends, µs of the camera."""
+    """Return the earliest end of the first exposure as set, and the last end, µs of the camera."""
     valid_us = last_us = 0
     for packet in packets:
         if packet.kind == Kind.SETTINGS:
@@ -411,7 +411,7 @@ def _times_us(packets: Iterable[Packet]) -> tuple[int, int]:
 
 
 def _clock(connection: Connection) -> ClockFit | None:
-    """Return the clock that was noted of a connection, where it is one."""
+    """Return the recorded clock of a connection, if there is one."""
     offset_s, rate = connection.offset_s, connection.rate
     if offset_s is None or rate is None or abs(rate - 1) > _LARGEST_DRIFT * (1 + 1e-9):
         return None
@@ -419,7 +419,7 @@ def _clock(connection: Connection) -> ClockFit | None:
 
 
 def _nominal(folder: Path, before: RecordingSettings, sensor: str) -> Sensor:
-    """Return the nominal sensor of the counts, or the named one as the camera was set."""
+    """Return the nominal sensor of the counts, or the named one with the camera's settings."""
     with suppress(ValueError, OSError):
         opened = open_counts(folder / COUNTS)
         if isinstance(opened.sensor, Sensor):

@@ -1,13 +1,13 @@
-"""A recording of the camera, or of another one: what it holds, and how it is named and opened.
+"""A recording of the camera, or of another one: content, name, and opening.
 
     RECORDING/counts.zarr      counts, saturated, adc, times_s, device_us, sequence_number
     RECORDING/raw.bin          every byte that the camera sent
     RECORDING/recording.yaml   the fields of `RecordingSettings`
 
 `counts.zarr` is a counts store: `megalopta.sensor.open_counts` opens it, too. On the command line
-it is named as RECORDING or RECORDING@LIGHT; another camera's file of counts
-(`megalopta.sensor.formats`) as FILE@LIGHT:EXPOSURE_S. Where one holds several lights, each is a
-range of its frames: RECORDING#0-100@LIGHT.
+it is named RECORDING or RECORDING@LIGHT; another camera's file of counts
+(`megalopta.sensor.formats`) is FILE@LIGHT:EXPOSURE_S. A range of frames, for a recording of
+several lights, is RECORDING#0-100@LIGHT.
 """
 
 import shlex
@@ -39,7 +39,7 @@ _MOST_CHUNK_FRAMES = 65536
 _MOST_LETTERS = 100
 
 Text = Annotated[str, AfterValidator(printable)]
-"""Of a camera, or of a file of somebody else: shown without control codes."""
+"""Text of a camera or a foreign file: shown without control codes."""
 
 
 _SHAPES: Mapping[str, tuple[int, ...]] = {
@@ -50,12 +50,12 @@ _SHAPES: Mapping[str, tuple[int, ...]] = {
 
 
 class Connection(Record, frozen=True):
-    """A stretch between plugging and unplugging: host time = offset_s + rate · device time."""
+    """A connection, from plugging to unplugging: host time = offset_s + rate · device time."""
 
     first_frame: int
-    """Number, in the recording, of its first frame."""
+    """Number of its first frame in the recording."""
     raw_offset: int
-    """Where its bytes begin in raw.bin."""
+    """Offset of its bytes in raw.bin."""
     offset_s: float | None = None
     """Host time at device time 0 (s from the recording's start); none: too few frames."""
     rate: float | None = None
@@ -68,45 +68,45 @@ class RecordingSettings(Record, frozen=True):
     """Fields of recording.yaml."""
 
     kind: Text
-    """What was recorded, as told: "dark", "flat", …."""
+    """Kind of recording, as given: "dark", "flat", …."""
     started: Text
     """UTC at the host, ISO 8601; `times_s` counts from here."""
     finished: bool = False
     """Whether the recording was stopped, not killed."""
     recovered: bool = False
-    """Whether it was read back from raw.bin, which knows no host's clock."""
+    """Whether it was recovered from raw.bin, which has no times of the host's clock."""
     serial_number: Text
-    """Of the camera."""
+    """Serial number of the camera."""
     firmware: Text
     exposure_s: float = Field(gt=0)
     frame_rate_hz: float = Field(gt=0)
     step_bias: int
     """Code of the DAC that sets the step of the counters."""
     row_window: tuple[int, int]
-    """First row that was read, and the one after the last; others hold 0 and are saturated."""
+    """First row that was read, and the row after the last; others hold 0 and are saturated."""
     frames: int = 0
     gaps: int = 0
-    """Places where the frame counter skipped or started anew."""
+    """Places where the frame counter skipped or restarted."""
     missing_frames: int = 0
-    """Frames that it skipped there, as far as it tells."""
+    """Frames skipped there, as far as known."""
     damaged_packets: int = 0
     connections: tuple[Connection, ...] = ()
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Recording:
-    """A recording; frames are read when they are sliced."""
+    """A recording; frames are read when sliced."""
 
     path: Path
     settings: RecordingSettings
     sensor: Sensor
-    """The nominal one, through which counts were computed."""
+    """Nominal sensor, from which counts were computed."""
     counts: StoredFrames
     saturated: StoredFrames
     adc: StoredFrames
-    """(T, 16, 16): slice them, `recording.counts[:]`."""
+    """(T, 16, 16); slice it: `recording.counts[:]`."""
     times_s: NDArray[np.float64]
-    """(T,) float64: when each exposure ended, by the host's clock, s from the start."""
+    """(T,) float64: end of each exposure, by the host's clock, s from the start."""
     sequence_number: NDArray[np.uint32]
     """(T,) uint32: the camera's frame counter."""
 
@@ -126,38 +126,35 @@ class Recording:
 
 
 def open_recording(path: str | Path) -> Recording:
-    """Open a recording, one of a capture that was killed included.
+    """Open a recording, even one of a killed capture.
 
-    Raises FileNotFoundError when there is nothing of this name; ValueError when it is no recording,
-    or damaged.
+    Raises FileNotFoundError if it does not exist; ValueError if it is no recording, or damaged.
     """
     path = Path(path)
     check_folder(path)
     settings = read_settings(path)
     if not settings.finished and (path / RAW).exists():
         say(
-            f"{path}: not finished; where its capture was killed, this reads back what is only in "
+            f"{path}: not finished; if its capture was killed, recover frames that are only in "
             f"raw.bin: {recover_command(path)}"
         )
     try:
         return _opened(path, settings)
     except (ValueError, FileNotFoundError) as problem:
         if (path / RAW).exists():
-            raise ValueError(
-                f"{problem}, or read raw.bin back: {recover_command(path)}"
-            ) from problem
+            raise ValueError(f"{problem}, or recover raw.bin: {recover_command(path)}") from problem
         raise
 
 
 def check_folder(path: Path) -> None:
-    """Refuse a folder that holds what no recording does. Raises UserError."""
+    """Refuse a folder with content that no recording has. Raises UserError."""
     for each in path.rglob("*"):
         if each.is_symlink() or not (each.is_file() or each.is_dir()):
             raise UserError(f"{each}: a link, device or pipe in a recording; remove it")
 
 
 def check_kind(kind: str) -> None:
-    """Refuse what is no name of a stimulus. Raises UserError."""
+    """Refuse an invalid name of a stimulus. Raises UserError."""
     if not 0 < len(kind) <= _MOST_LETTERS or kind != printable(kind) or "/" in kind:
         raise UserError(
             f"--kind: {quoted(kind)!r}; give 1 to {_MOST_LETTERS} letters without a slash"
@@ -165,21 +162,21 @@ def check_kind(kind: str) -> None:
 
 
 def recover_command(path: Path) -> str:
-    """Return the command that reads raw.bin back."""
+    """Return the command that recovers raw.bin."""
     return f"megalopta spadcam recover {shlex.quote(str(path))}"
 
 
 def read_settings(folder: Path) -> RecordingSettings:
     """Read recording.yaml.
 
-    Raises FileNotFoundError when it is not there; ValueError, UserError when it is damaged, or
+    Raises FileNotFoundError if it does not exist; ValueError or UserError if it is damaged, or
     newer than this program.
     """
     path = folder / SETTINGS
     if not path.exists():
         remedy = "give the folder of a recording"
         if (folder / RAW).exists():
-            remedy = f"read raw.bin back: {recover_command(folder)}"
+            remedy = f"recover raw.bin: {recover_command(folder)}"
         raise FileNotFoundError(f"{path}: no such file; {remedy}")
     try:
         values = strict_yaml.load(read_text(path, _SETTINGS_BYTES))
@@ -198,7 +195,7 @@ def read_settings(folder: Path) -> RecordingSettings:
 def _opened(path: Path, settings: RecordingSettings) -> Recording:
     opened = open_counts(path / COUNTS)
     if not isinstance(opened.sensor, Sensor):
-        raise ValueError(f"{path / COUNTS}: of no sensor that counts; give a recording of SPADCAM")
+        raise ValueError(f"{path / COUNTS}: not of a counting sensor; give a recording of SPADCAM")
     frames = len(opened["counts"])
     for name, shape in _SHAPES.items():
         if name not in opened.arrays:
@@ -217,14 +214,14 @@ def _opened(path: Path, settings: RecordingSettings) -> Recording:
 
 
 def _check_array(path: Path, frames: StoredFrames, shape: tuple[int, ...]) -> None:
-    """Refuse an array that is not what a capture writes, before it is read."""
+    """Refuse an array that a capture does not write, before it is read."""
     at_once = frames.array.chunks[0]
     if frames.shape != shape or at_once > _MOST_CHUNK_FRAMES:
-        told = f"is {frames.shape} in chunks of {at_once} frames, not {shape}"
-        raise ValueError(f"{path}: {quoted(told)}; give a recording of SPADCAM")
+        found = f"is {frames.shape} in chunks of {at_once} frames, not {shape}"
+        raise ValueError(f"{path}: {quoted(found)}; give a recording of SPADCAM")
     chunks = sum(each.is_file() for each in (path / "c").rglob("*"))
     if chunks < -(-shape[0] // at_once):
-        raise ValueError(f"{path}: chunks are gone; restore them")
+        raise ValueError(f"{path}: chunks are missing; restore them")
 
 
 _PLANCK_TIMES_C = 1.98644586e-25
@@ -232,24 +229,24 @@ _PLANCK_TIMES_C = 1.98644586e-25
 
 @dataclass(frozen=True)
 class Source:
-    """A recording and the light in it."""
+    """A recording and its light."""
 
     path: Path
     light: float = 0.0
-    """As given: photons per second on a pixel, or watts of the beam; 0: in the dark."""
+    """As given: photons per second and pixel, or watts of the beam; 0: dark."""
     exposure_s: float | None = None
     frames: tuple[int, int] | None = None
-    """First frame, and the one after the last; none: all."""
+    """First frame, and the frame after the last; none: all."""
     kind: FrameKind | None = None
-    """Format of another camera's file; none: as its content says, counts or bits of .npy by their
-    type."""
+    """Format of another camera's file; none: by its content, counts or bits of .npy by their type.
+    """
 
     @classmethod
     def parse(cls, text: str, kind: FrameKind | None = None) -> "Source":
         """Parse RECORDING, RECORDING@LIGHT or RECORDING#FIRST-END@LIGHT:EXPOSURE_S.
 
-        Raises UserError when light or exposure is no number, or negative, or a range of frames is
-        none.
+        Raises UserError if light or exposure is not a number, or negative, or a range of frames is
+        invalid.
         """
         name, _, numbers = text.partition("@")
         path, _, range_ = name.partition("#")
@@ -257,9 +254,9 @@ class Source:
         try:
             values = float(light or 0), float(exposure) if exposure else None
         except ValueError:
-            raise UserError(f"{text!r}: give RECORDING@LIGHT, a number after the @") from None
+            raise UserError(f"{text!r}: give RECORDING@LIGHT, with a number after the @") from None
         if not 0 <= values[0] < np.inf or (values[1] is not None and not 0 < values[1] < np.inf):
-            raise UserError(f"{text!r}: light or exposure is impossible; give positive numbers")
+            raise UserError(f"{text!r}: invalid light or exposure; give positive numbers")
         return cls(Path(path), *values, _range(range_, text), kind)
 
 
@@ -274,14 +271,14 @@ def _range(text: str, source: str) -> tuple[int, int] | None:
 
 @dataclass(frozen=True)
 class Beam:
-    """Light of flat frames, where it is known as a beam's power."""
+    """Light of flat frames, if it is known as a beam's power."""
 
     wavelength_nm: float | None = None
     area_mm2: float | None = None
-    """None: light is given as photons per second on a pixel."""
+    """None: light is given as photons per second and pixel."""
 
     def photons_hz(self, light: float, sensor: Sensor) -> float:
-        """Photons per second on a pixel; relative where the wavelength is not known."""
+        """Photons per second and pixel; relative if the wavelength is unknown."""
         if self.area_mm2 is None or self.wavelength_nm is None:
             return light
         photons_hz = light * self.wavelength_nm * 1e-9 / _PLANCK_TIMES_C
@@ -295,15 +292,15 @@ class Recorded:
     counts: NDArray[Any]
     """(n, rows, columns)"""
     codes: NDArray[Any] | None
-    """Of the ADC, where they are recorded."""
+    """Codes of the ADC, if recorded."""
     exposure_s: float
     sensor: Sensor | None
-    """The nominal one."""
+    """Nominal sensor."""
     times_s: Floats
-    """When each exposure began; one after the other where it is not recorded."""
+    """Start of each exposure; consecutive if not recorded."""
 
     def at(self, frames: tuple[int, int] | None) -> "Recorded":
-        """Keep a range of the frames. Raises ValueError when there are fewer."""
+        """Keep a range of the frames. Raises ValueError if there are fewer."""
         if frames is None:
             return self
         if frames[1] > len(self.counts):
@@ -316,7 +313,7 @@ class Recorded:
 def read_recorded(source: Source) -> Recorded:
     """Read a recording.
 
-    Raises UserError when there is none, it is damaged, or its exposure is not known.
+    Raises UserError if there is none, it is damaged, or its exposure is unknown.
     """
     try:
         is_captured = any((source.path / each).exists() for each in ("counts.zarr", "raw.bin"))
@@ -340,7 +337,7 @@ def _of_others(source: Source) -> Recorded:
     frames = read_frames(source.path, source.kind)
     exposure = source.exposure_s or frames.exposure_s
     if exposure is None:
-        raise ValueError(f"{source.path}: it says no exposure; give {source.path}@LIGHT:SECONDS")
+        raise ValueError(f"{source.path}: exposure is unknown; give {source.path}@LIGHT:SECONDS")
     if frames.counts.ndim != 3:
         raise ValueError(f"{source.path}: {frames.counts.ndim} dimensions; give gray frames")
     times_s = exposure * np.arange(len(frames.counts), dtype=np.float64)

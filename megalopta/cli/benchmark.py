@@ -1,4 +1,4 @@
-"""`megalopta benchmark` and its verbs: how well methods find motion, and with how much light."""
+"""`megalopta benchmark`: how well methods estimate motion, and how much light they need."""
 
 from argparse import Namespace
 from contextlib import ExitStack
@@ -26,67 +26,67 @@ if TYPE_CHECKING:
     from megalopta.benchmark.whole_frames import Board
     from megalopta.config.settings import Settings
 
-_WIDTH = 150  # of tables, whatever the terminal's
+_WIDTH = 150  # width of tables, on any terminal
 _FLUXES = "1,3,10,30,100,1000"
 _DRAWS_OF_ONE = 5
 _REFERENCE = "DIS"
 _OF_SWEEPS = ("allow_code", "out", "cache")
 
-VERBS["benchmark"] = Verb("measure how well methods find motion, and with how much light")
+VERBS["benchmark"] = Verb("measure how well methods estimate motion, and how much light they need")
 
 
 @verb(
     "benchmark pairs",
-    "rank flow methods on photographs with true flow, or on yours without, over photons",
+    "rank flow methods over photon levels on photographs, with or without true flow",
     option(
         "paths",
-        "two pictures and their flow (.flo or another format); or a folder in the layout of"
-        " Middlebury, Sintel, KITTI or a dataset; with --no-truth two pictures, a folder of"
-        " pictures, or a video",
+        "two pictures and their flow (.flo or another format); or a folder in the layout"
+        " of Middlebury, Sintel, KITTI or a dataset; with --no-truth: two pictures, a folder"
+        " of pictures, or a video",
         type=Path,
         nargs="+",
         metavar="PATH",
     ),
     option(
         "--methods",
-        "names, module:function or ONNX files; DIS √ is DIS on roots of counts (default: all"
-        " that do with two frames)",
+        "names, module:function or ONNX files; DIS √ is DIS on square roots of counts"
+        " (default: all two-frame methods)",
         metavar="A,B",
     ),
     option(
         "--photons",
-        f"photons per pixel and frame, on average (default: {_FLUXES})",
+        f"mean photons per pixel and frame (default: {_FLUXES})",
         type=numbers,
         default=_FLUXES,
         metavar="N,N",
     ),
     option(
         "--pairs",
-        "of a folder or a video, at most so many pairs, evenly spread (default: 20)",
+        "most pairs of a folder or video, evenly spaced (default: 20)",
         type=at_least(1),
         default=20,
         metavar="N",
     ),
     option(
         "--draws",
-        f"draws of the photons of each pair (default: 1; of one pair {_DRAWS_OF_ONE})",
+        f"photon draws per pair (default: 1; {_DRAWS_OF_ONE} for a single pair)",
         type=at_least(1),
         metavar="N",
     ),
     switch(
         "--no-truth",
-        "nobody knows the flow: compare methods with the flow of the noise-free pictures, and"
+        "true flow is unknown: compare methods with the flow of the noise-free pictures and"
         " with each other",
     ),
     option(
         "--reference",
-        f"without truth, the method whose flow of the noise-free pictures stands in for it"
+        f"with --no-truth: method whose flow of the noise-free pictures replaces true flow"
         f" (default: {_REFERENCE})",
         metavar="METHOD",
     ),
     option(
         "--unit",
-        "without truth, what the numbers of arrays or pictures of 16 bits are",
+        "with --no-truth: meaning of the values of arrays and 16-bit pictures",
         choices=("srgb", "linear", "cd/m2"),
     ),
     out("pairs.csv", "file of the errors"),
@@ -97,7 +97,7 @@ def _pairs(options: Namespace) -> None:
         return
     for name in ("reference", "unit"):
         if getattr(options, name):
-            raise UserError(f"benchmark pairs: --{name} is for --no-truth; leave it out, or add it")
+            raise UserError(f"benchmark pairs: --{name} needs --no-truth; add that, or omit it")
     _pairs_with_truth(options)
 
 
@@ -113,11 +113,11 @@ def _pairs_with_truth(options: Namespace) -> None:
     else:
         raise UserError(
             f"benchmark pairs: {len(options.paths)} paths; give a folder, or two pictures and"
-            " their flow (--no-truth if nobody knows it)"
+            " their flow (without flow: --no-truth)"
         )
     errors = errors_of_pairs(pairs, options.photons, *_methods_and_draws(options, len(pairs)))
     write_board(options.out, errors)
-    print(f"Errors of blocks of {BLOCK_PX} px over photons per pixel{_over(errors)}:")
+    print(f"Errors of blocks of {BLOCK_PX} px by photons per pixel{_over(errors)}:")
     _print_tables(errors, (MEDIAN, MEAN, FAR))
     print(options.out)
 
@@ -135,15 +135,15 @@ def _pairs_without_truth(options: Namespace) -> None:
     without_truth.write_distances(options.out, found, reference)
     name = block_detector(reference).name
     print(
-        f"NO TRUE FLOW, so none of these is an error. Blocks of {BLOCK_PX} px, over photons per "
-        f"pixel{_over(found)}.\n\nDistance from a stand-in, the flow that {name} finds in the "
-        f"pictures without noise; it favours {name} and what resembles it:"
+        f"NO TRUE FLOW: these are distances, not errors. Blocks of {BLOCK_PX} px by photons per "
+        f"pixel{_over(found)}.\n\nDistance from the flow of the noise-free pictures by {name}, "
+        f"which favours {name} and similar methods:"
     )
     _print_tables(found, tuple(without_truth.FROM_STAND_IN.values()))
     if len(found.detectors) > 1:
         print(
             "\nDistance from the median of the other methods on the same photons; methods that "
-            "agree may be wrong alike:"
+            "agree may share an error:"
         )
         _print_tables(found, (without_truth.FROM_OTHERS[MEAN],))
     print(options.out)
@@ -156,11 +156,11 @@ def _methods_and_draws(options: Namespace, pairs: int) -> tuple[list[str] | None
 
 def _over(board: "Board") -> str:
     pairs = len(board.scenes)
-    return f", mean over {pairs} pairs with 95 % over pairs" if pairs > 1 else ""
+    return f", mean over {pairs} pairs, 95 % CI over pairs" if pairs > 1 else ""
 
 
 def _print_tables(board: "Board", metrics: tuple[str, ...]) -> None:
-    """Print a table of each metric: a line for each method, a column for each flux."""
+    """Print a table per metric: a row per method, a column per flux."""
     from rich.console import Console
     from rich.table import Table
 
@@ -179,7 +179,7 @@ def _print_tables(board: "Board", metrics: tuple[str, ...]) -> None:
 
 
 def _cell(found: "Interval", factor: float, digits: int) -> str:
-    """Return the mean over pairs, with its interval where there are several."""
+    """Return the mean over pairs, with its interval if there are several."""
     if found.low is None or found.high is None:
         return f"{factor * found.value:.{digits}f}"
     mean, low, high = (
@@ -196,7 +196,7 @@ def _photon_settings() -> "Settings":
 
 @verb(
     "benchmark photons",
-    "find how much light detectors need to agree with themselves, on a dataset or in a sweep",
+    "find the light that detectors need for repeatable answers, on a dataset or in a sweep",
     option(
         "dataset",
         "dataset folder; or a sweep's YAML file: trial, vary, values, sizes, templates",
@@ -206,7 +206,7 @@ def _photon_settings() -> "Settings":
     REDO,
     switch(
         "--allow-code",
-        "run what a sweep names as module:function or ONNX file; otherwise it is refused",
+        "allow a sweep to run the module:function or ONNX file that it names",
     ),
     option("--out", "folder of a sweep's figure (default: out/sweeps)", type=Path),
     *THREADS,
@@ -218,9 +218,7 @@ def _photons(options: Namespace) -> None:
     for name in unused:
         if getattr(options, name):
             kind = "a dataset" if is_sweep else "a sweep"
-            raise UserError(
-                f"benchmark photons: --{name.replace('_', '-')} is for {kind}; leave it out"
-            )
+            raise UserError(f"benchmark photons: --{name.replace('_', '-')} is for {kind}; omit it")
     if is_sweep:
         _run_sweep(options)
     else:
@@ -240,7 +238,7 @@ def _run_sweep(options: Namespace) -> None:
 
 @verb(
     "benchmark sequence",
-    "rank flow methods on rendered sequences against the true motion, over the photons",
+    "rank flow methods on rendered sequences against the true motion, over photon levels",
     DATASET,
     out("out/ranking"),
     settings=settings_of("benchmark.ranking_settings", "RankingSettings"),
@@ -253,12 +251,12 @@ def _sequence(options: Namespace) -> None:
 
 @verb(
     "benchmark submit",
-    "score flow that any program wrote, or methods, on pictures as they are: no photons",
+    "score methods, or flow files of any program, on pictures as they are, without photons",
     option(
         "flow",
         "folder of flow files (.flo, .flo5, .pfm, .npy or KITTI's PNG, px per frame), laid "
-        "out as the truth is; or a method, such as DIS, module:function or an ONNX file, that is "
-        "asked for the flow of the truth's pictures",
+        "out as the truth is; or a method to run on the truth's pictures: a name such as DIS, "
+        "module:function or an ONNX file",
     ),
     option(
         "--truth",
@@ -266,8 +264,8 @@ def _sequence(options: Namespace) -> None:
         type=Path,
         required=True,
     ),
-    option("--program", "name of what wrote it (default: that of its folder)"),
-    option("--leaderboard", "add the scores to this file, and show it", type=Path, metavar="FILE"),
+    option("--program", "name of the program that wrote it (default: its folder's name)"),
+    option("--leaderboard", "add the scores to this file and show it", type=Path, metavar="FILE"),
     out("scores.json", "file of the scores"),
 )
 def _submit(options: Namespace) -> None:
@@ -283,7 +281,7 @@ def _submit(options: Namespace) -> None:
     from megalopta.core import files
 
     if options.leaderboard:
-        read_board(options.leaderboard)  # a damaged one is refused before the work
+        read_board(options.leaderboard)  # refuses a damaged one before the work
     scores = score_submission(options.flow, options.truth, options.program)
     files.write_text(options.out, scores.model_dump_json(indent=1) + "\n")
     console = Console(width=_WIDTH, markup=False, emoji=False)

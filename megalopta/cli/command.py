@@ -1,7 +1,7 @@
-"""Verbs of the command line: what each takes and does, and how it tells a mistake.
+"""Verbs of the command line: options, actions and errors.
 
-A verb is a function below `verb` in any file of this folder. The parser loads these with every
-command, `--help` and `--version` included: what is slow to import is imported where it runs.
+A verb is a function decorated with `verb` in any file of this folder. The parser loads these for
+every command, even `--help`: import slow modules where they run.
 """
 
 import argparse
@@ -11,6 +11,7 @@ import signal
 import threading
 from collections.abc import Callable, Mapping
 from contextlib import suppress
+from difflib import get_close_matches
 from functools import partial
 from importlib import import_module
 from pathlib import Path
@@ -25,50 +26,59 @@ if TYPE_CHECKING:
 
 Run: TypeAlias = Callable[[argparse.Namespace], None]
 Option: TypeAlias = tuple[str, Mapping[str, Any]]
-"""What `argparse.ArgumentParser.add_argument` takes."""
+"""Arguments of `argparse.ArgumentParser.add_argument`."""
 
 
 class Verb(NamedTuple):
-    """A verb: a line of help, what it does, its options, and what can be set beside them."""
+    """A verb: its line of help, action, options and settings."""
 
     purpose: str
     run: Run | None = None
-    """None of a verb that has verbs of its own"""
+    """None if the verb has verbs of its own"""
     options: tuple[Option, ...] = ()
     settings: "Callable[[], Settings] | None" = None
 
 
 VERBS: dict[str, Verb] = {}
-"""By name, such as "dataset make"."""
+"""Verbs by name, such as "dataset make"."""
 
 
 class Command(argparse.ArgumentParser):
-    """Tells a mistake as one sentence, without the usage, which fills a screen."""
+    """Parser that reports an error as one sentence, without the usage."""
 
     settings: "Callable[[], Settings] | None" = None
-    """What can be set beside its own options, loaded when it is asked for."""
+    """Loads the settings of the verb."""
     verbs: "Mapping[str, Command]" = MappingProxyType({})
-    """Its own verbs, where it has any."""
+    """Verbs below this one."""
 
     @property
     def options(self) -> tuple[str, ...]:
-        """Its own, such as "--out"."""
+        """Option strings, such as "--out"."""
         return tuple(self._option_string_actions)
 
+    def below(self, word: str) -> "Command":
+        """Return the command of a verb; itself for other words. Raises UserError if unknown."""
+        if not self.verbs or word.startswith("-") or word in self.verbs:
+            return self.verbs.get(word, self)
+        near = get_close_matches(word, self.verbs, 1)
+        remedy = f"did you mean {near[0]!r}?" if near else f"use one of {', '.join(self.verbs)}"
+        verb = f"{self.prog} {quoted(word)}".removeprefix("megalopta ")
+        raise UserError(f"{verb}: no such verb; {remedy}")
+
     def takes(self, path: str) -> "Words":
-        """How many words a setting takes. Raises UserError where nothing can be set."""
+        """Number of words that a setting takes. Raises UserError if the verb has no settings."""
         if self.settings is None:
             self.error(f"no setting --{path}")
         return self.settings().takes(path)
 
     def format_help(self) -> str:
-        """Settings follow the options."""
+        """Return the help, with the settings after the options."""
         if self.settings:
             self.epilog = self.settings().help()
         return super().format_help()
 
     def error(self, message: str) -> NoReturn:
-        """Refuse what was typed."""
+        """Refuse the arguments."""
         verb = self.prog.removeprefix("megalopta").strip()
         raise UserError(f"{verb}: {message}; see {self.prog} --help".removeprefix(": "))
 
@@ -79,7 +89,7 @@ def verb(
     *options: Option,
     settings: "Callable[[], Settings] | None" = None,
 ) -> Callable[[Run], Run]:
-    """Declare that a function does a verb."""
+    """Declare a function as the action of a verb."""
 
     def declared(run: Run) -> Run:
         VERBS[name] = Verb(purpose, run, options, settings)
@@ -89,22 +99,22 @@ def verb(
 
 
 def option(name: str, text: str, **how: Any) -> Option:
-    """Return an option or an argument with its help, described as argparse takes it."""
+    """Return an option or argument with its help; `how` goes to argparse."""
     return name, {"help": text, **how}
 
 
 def switch(name: str, text: str) -> Option:
-    """Return an option without a value, with its help."""
+    """Return an option without a value."""
     return option(name, text, action="store_true")
 
 
 def out(default: str, what: str = "folder") -> Option:
-    """Return the option of what a verb writes to."""
+    """Return the option for a verb's output path."""
     return option("--out", f"{what} (default: {default})", type=Path, default=Path(default))
 
 
 def settings_of(module: str, model: str) -> "Callable[[], Settings]":
-    """Return what loads the settings that a model of a module has by default."""
+    """Return a loader of a model's default settings."""
 
     def loaded() -> "Settings":
         from megalopta.config.settings import Settings
@@ -115,7 +125,7 @@ def settings_of(module: str, model: str) -> "Callable[[], Settings]":
 
 
 def whole(text: str, least: int | None = None) -> int:
-    """Type of an option that is a whole number of at most 18 digits, so much or more."""
+    """Parse a whole number of at most 18 digits, at least `least`."""
     if re.fullmatch(r"[+-]?[0-9]{1,18}", text) and (least is None or int(text) >= least):
         return int(text)
     limit = " of at most 18 digits" if least is None else f", {least} or more"
@@ -123,12 +133,12 @@ def whole(text: str, least: int | None = None) -> int:
 
 
 def at_least(least: int) -> Callable[[str], int]:
-    """Type of an option that is a whole number, so much or more."""
+    """Return a parser of whole numbers from `least` up."""
     return partial(whole, least=least)
 
 
 def finite(text: str, above: float = -math.inf) -> float:
-    """Type of an option that is a finite number."""
+    """Parse a finite number."""
     with suppress(ValueError):
         if above < (value := float(text)) < math.inf:
             return value
@@ -137,49 +147,51 @@ def finite(text: str, above: float = -math.inf) -> float:
 
 
 def positive(text: str) -> float:
-    """Type of an option that is a finite number above 0."""
+    """Parse a finite number above 0."""
     return finite(text, 0)
 
 
 def numbers(text: str) -> tuple[float, ...]:
-    """Type of an option that is one number or several, above 0 and up to a billion."""
+    """Parse one or more comma-separated numbers above 0, at most 1e9."""
     try:
         found = tuple(float(word) for word in text.split(","))
     except ValueError:
         found = ()
     if not found or not all(0 < number <= 1e9 for number in found):
         raise argparse.ArgumentTypeError(
-            f"{quoted(text)!r}; give numbers above 0 and commas, such as 1,3,10"
+            f"{quoted(text)!r}; give comma-separated numbers above 0, such as 1,3,10"
         )
     return found
 
 
 DATASET = option("dataset", "dataset folder", type=Path)
+FRAME_KINDS = ("npy", "spad512", "swissspad2", "swissspad2_whole", "spc3", "tiff")
+"""Formats of frames, as `megalopta.sensor.formats.reading` knows them."""
 _SCHEDULER = option(
     "--scheduler",
-    "Dask cluster to work on, such as tcp://host:8786; its workers must see the same files",
+    "Dask cluster, such as tcp://host:8786; its workers must see the same files",
     metavar="ADDRESS",
 )
 CLUSTER = (
     option(
         "--workers",
-        "processes that work side by side on this machine (default: all in this one)",
+        "parallel processes on this machine (default: none but this one)",
         type=at_least(1),
         metavar="N",
     ),
     _SCHEDULER,
 )
-"""Processes that work, here or of a Dask cluster."""
+"""Options for parallel processes, here or on a Dask cluster."""
 THREADS = (
     option("--workers", "threads (default: one for each core)", type=at_least(1), metavar="N"),
     _SCHEDULER,
     option("--cache", "folder of rendered panoramas (default: the user's)", type=Path),
 )
-"""How many threads work, or which cluster, and where they find rendered panoramas."""
+"""Options for threads or a cluster, and for the cache of rendered panoramas."""
 
 
 def stopped_by_signals() -> threading.Event:
-    """Return an event that an interruption, or a request to end, sets."""
+    """Return an event that SIGINT or SIGTERM sets."""
     stop = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.set())

@@ -1,4 +1,4 @@
-"""`megalopta dataset` and its verbs: make, check and show a dataset of many sequences."""
+"""`megalopta dataset`: make, check and preview a dataset of many sequences."""
 
 import sys
 from argparse import Namespace
@@ -23,14 +23,14 @@ VERBS["dataset"] = Verb("make, check and show a dataset of many sequences")
 
 @verb(
     "dataset make",
-    "make a dataset of any size from a plan; what is there already is kept",
-    option("plan", "YAML file with the plan, or a dataset's folder to go on with", type=Path),
+    "make a dataset of any size from a plan; finished sequences are kept",
+    option("plan", "YAML file of the plan, or folder of a dataset to continue", type=Path),
     out("out/dataset", "dataset folder"),
-    option("--only", "sequences, such as 731 or 0-9,20", metavar="N"),
-    switch("--retry", "only those that failed before"),
+    option("--only", "only these sequences, such as 731 or 0-9,20", metavar="N"),
+    switch("--retry", "only sequences that failed before"),
     switch(
         "--dry-run",
-        "tell sequences, frames, gigabytes and time from a short measurement, and make nothing",
+        "estimate sequences, frames, gigabytes and time from a short measurement; make nothing",
     ),
     *CLUSTER,
     settings=settings_of("config.recipe", "Plan"),
@@ -60,7 +60,7 @@ def _make(options: Namespace) -> None:
 
 @verb(
     "dataset expose",
-    "put other sensors, exposures and light levels on the light of a made dataset",
+    "add sensors, exposures and light levels to a finished dataset",
     DATASET,
     *CLUSTER,
     settings=settings_of("generation.adding", "Exposing"),
@@ -73,11 +73,11 @@ def _expose(options: Namespace) -> None:
 
 @verb(
     "dataset check",
-    "verify a dataset: hashes, shapes, wholeness, and the truth derived another way",
+    "verify a dataset: hashes, shapes, completeness, and flow derived independently",
     DATASET,
     option(
         "--truth",
-        "sequences of which flow is derived again from depth and poses (default: 3)",
+        "sequences whose flow is rederived from depth and poses (default: 3)",
         type=at_least(0),
         default=3,
         metavar="N",
@@ -91,7 +91,7 @@ def _check(options: Namespace) -> None:
 
 
 @verb(
-    "dataset card", "write README.md: what a dataset holds, with statistics and pictures", DATASET
+    "dataset card", "write README.md: contents of a dataset, with statistics and pictures", DATASET
 )
 def _card(options: Namespace) -> None:
     from megalopta.report.dataset_card import write_card
@@ -105,13 +105,13 @@ def _card(options: Namespace) -> None:
     DATASET,
     option(
         "--sequences",
-        "sequences to show, spread evenly (default: 24)",
+        "sequences to show, evenly spaced (default: 24)",
         type=at_least(1),
         default=24,
         metavar="N",
     ),
 )
 def _view(options: Namespace) -> None:
-    from megalopta.report.dataset_card import write_view
+    from megalopta.report.dataset_card import write_contact_sheet
 
-    print(write_view(options.dataset, options.sequences))
+    print(write_contact_sheet(options.dataset, options.sequences))

@@ -1,7 +1,7 @@
-"""Parse, run, and how it ends.
+"""Entry point of the command line, and its exit codes.
 
-Exit codes: 0 done, 2 the user's mistake told in one sentence, 130 interrupted. A traceback means
-that the mistake is ours.
+0: done. 2: a user's mistake, reported in one sentence. 130: interrupted. A traceback is a bug of
+megalopta.
 """
 
 import atexit
@@ -20,12 +20,12 @@ from megalopta.core.progress import say, working
 
 try:
     import resource
-except ImportError:  # Windows, which has no such limits
+except ImportError:  # Windows has no such limits
     resource = None  # type: ignore[assignment]
 
 _LEAST_BYTES, _BYTES_PER_CORE = 10**9, 10**8
-"""Of address space that the libraries take before anything is computed, and for the threads of each
-core; measured: 0.76 GB with two cores."""
+"""Address space that the libraries reserve, and per core for threads; measured: 0.76 GB on two
+cores."""
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -44,42 +44,42 @@ def main(arguments: Sequence[str] | None = None) -> None:
             raise
         _refuse(problem)
     except MemoryError as error:
-        _refuse(f"the memory is too small ({error}); ask for less, or free some".replace(" ()", ""))
+        _refuse(f"out of memory ({error}); ask for less, or free some".replace(" ()", ""))
     except BrokenPipeError:
-        os._exit(141)  # as if killed by the pipe that nobody reads any more
+        os._exit(141)  # as if killed by SIGPIPE
     except OSError as error:
         if (problem := machine_problem(error)) is None:
             raise
         _refuse(problem)
     except KeyboardInterrupt:
-        say("megalopta: interrupted; every file is whole, and the same command goes on from there")
+        say("megalopta: interrupted; every file is complete, and the same command continues")
         sys.stdout.flush()
-        os._exit(130)  # threads that still compute are not waited for
+        os._exit(130)  # does not wait for threads that still compute
 
 
 def _collect_seldom() -> None:
-    """Look for garbage seldom, and not at the end: half a second of a command that loads much."""
+    """Collect garbage rarely, and not at exit: saves half a second of a large command."""
     gc.set_threshold(50_000, 20, 20)
     atexit.register(gc.freeze)
 
 
 def _print_anything() -> None:
-    """Spell out characters that the terminal's locale or a file's name has no letters for."""
+    """Escape characters that the terminal's locale cannot encode."""
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
 
 
 def _check_address_space() -> None:
-    """Refuse a limit (ulimit -v) under which OpenBLAS waits for ever for threads to start."""
+    """Refuse a limit (ulimit -v) under which OpenBLAS hangs while starting threads."""
     if resource is None:
         return
     limit, _ = resource.getrlimit(resource.RLIMIT_AS)
     needed = _LEAST_BYTES + _BYTES_PER_CORE * (os.cpu_count() or 1)
     if limit != resource.RLIM_INFINITY and limit < needed:
         raise UserError(
-            f"the address space is limited to {limit / 1e9:.2g} GB, {needed / 1e9:.2g} GB are "
-            f"needed on this machine; raise it: ulimit -v {needed // 1024}"
+            f"the address space is limited to {limit / 1e9:.2g} GB, this machine needs "
+            f"{needed / 1e9:.2g} GB; raise it: ulimit -v {needed // 1024}"
         )
 
 
@@ -89,19 +89,19 @@ def _refuse(message: str) -> NoReturn:
 
 
 def _check_letters(words: Sequence[str]) -> None:
-    """Refuse what is no UTF-8: the libraries that write pictures cannot write to such a name."""
+    """Refuse arguments that are not UTF-8: the image libraries cannot write to such names."""
     for word in words:
         if any("\ud800" <= each <= "\udfff" for each in word):
-            raise UserError(f"{word}: not in UTF-8; rename the file or folder, or give another")
+            raise UserError(f"{word}: not UTF-8; rename the file or folder")
 
 
 def _run(words: Sequence[str]) -> None:
     if words and words[0] in RENAMED:
-        raise UserError(f"{words[0]}: this verb is now {RENAMED[words[0]]}; give that")
+        raise UserError(f"{words[0]}: renamed; use {RENAMED[words[0]]}")
     parser = program()
     command = parser
     for word in words:
-        command = command.verbs.get(word, command)
+        command = command.below(word)
     own, overrides = split_overrides(words, {*parser.options, *command.options}, command.takes)
     options = parser.parse_args(own, Namespace(overrides=overrides))
     with working(options.verb):

@@ -1,6 +1,6 @@
-"""The whole command line: every verb that a file of this folder declares, and settings.
+"""The command-line parser: every verb that a file of this folder declares, and settings.
 
-Settings, such as `--scene.trees 200`, are told from a verb's own options.
+Settings, such as `--scene.trees 200`, are separated from a verb's own options.
 """
 
 import argparse
@@ -19,19 +19,19 @@ if TYPE_CHECKING:
     from megalopta.config.settings import Words
 
 RENAMED = {"sweep": "benchmark photons"}
-"""Verbs of former versions, and what they are now"""
+"""Verbs of former versions, and their present names"""
 _SIMILAR = 0.8
-"""From here on a word is an option mistyped; no setting is as similar to one."""
+"""Least similarity of a mistyped option to an option; no setting reaches it."""
 
 
 def program() -> Command:
-    """The parser, with all verbs."""
+    """Return the parser with all verbs."""
     for found in iter_modules([str(Path(__file__).parent)]):
         import_module(f"megalopta.cli.{found.name}")
     parser = Command(
         prog="megalopta",
-        description="Scenes with exactly known motion, photon counts, and how well motion can be "
-        "read from them.",
+        description="Scenes with exactly known motion, photon counts, and benchmarks of motion "
+        "detectors.",
     )
     parser.add_argument("--version", action="version", version=f"megalopta {__version__}")
     branches = {"": _branch(parser, "verb")}
@@ -62,26 +62,25 @@ def _branch(command: Command, name: str) -> "argparse._SubParsersAction[Command]
 def split_overrides(
     arguments: Sequence[str], options: Collection[str], takes: "Callable[[str], Words]"
 ) -> tuple[list[str], dict[str, str]]:
-    """Separate the program's own options and words from settings: path to a value in YAML.
+    """Separate a verb's own options and words from settings: path to a value in YAML.
 
-    A setting that holds one value takes one word, a list takes all words up to the next option, a
-    switch only "true" or "false", so that `render --scene.trees 200 my.yaml` renders my.yaml. Any
-    "--path" that is none of the options starts a setting; `takes` says how many words it takes.
-    Raises UserError for an option that is mistyped, a setting without a value, or one that is given
-    twice.
+    A setting of one value takes one word, a list all words up to the next option, a switch only
+    "true" or "false", so that `render --scene.trees 200 my.yaml` renders my.yaml. Any "--path" that
+    is no option starts a setting; `takes` returns how many words it takes. Raises UserError for a
+    mistyped option, a setting without a value, or a duplicate setting.
     """
     own: list[str] = []
     found: dict[str, list[str]] = {}
-    taker, words = "", "one"  # the setting that takes the words that follow, and how many
+    taker, words = "", "one"  # the setting that takes the next words, and how many
     for argument in arguments:
         name, equals, value = argument.partition("=")
-        if value == "--":  # which argparse drops in silence
-            raise UserError(f"{name}: '--' is no value; give one")
+        if value == "--":  # argparse would drop it silently
+            raise UserError(f"{name}: '--' is not a value; give one")
         if argument.startswith("--") and name not in options:
             taker = _path_of(name, options)
             words = takes(taker)
             if taker in found:
-                raise UserError(f"{name}: given twice; several values follow one another")
+                raise UserError(f"{name}: given twice; give all its values at once")
             found[taker] = [value] if equals else ["true"] if words == "switch" else []
             taker = "" if equals and words != "all" else taker
             continue
@@ -98,14 +97,14 @@ def split_overrides(
 def _path_of(name: str, options: Collection[str]) -> str:
     path = name.removeprefix("--").replace("-", "_")
     if not path:
-        raise UserError("--: no setting; give its path, such as --camera.width")
+        raise UserError("--: not a setting; give its path, such as --camera.width")
     if near := get_close_matches(path, [each[2:] for each in options], 1, _SIMILAR):
         raise UserError(f"{name}: no such option; did you mean --{near[0]}?")
     return path
 
 
 def _as_yaml(path: str, values: Sequence[str]) -> str:
-    """The values of a setting; several make a list."""
+    """YAML of the values of a setting; several make a list."""
     if not values:
-        raise UserError(f"--{path}: needs a value")
+        raise UserError(f"--{path}: missing value; give one")
     return values[0] if len(values) == 1 else f"[{', '.join(values)}]"

@@ -1,15 +1,22 @@
-"""The verbs that show or prove what is there: `info`, `report`, `reproduce`, `gallery`, `check`."""
+"""Verbs that show or verify results, from `info` to `check`."""
 
 import sys
 from argparse import Namespace
 from pathlib import Path
 
-from megalopta.cli.command import DATASET, THREADS, option, out, switch, verb
+from megalopta.cli.command import (
+    DATASET,
+    FRAME_KINDS,
+    THREADS,
+    at_least,
+    option,
+    out,
+    positive,
+    switch,
+    verb,
+)
 from megalopta.core.errors import UserError
 from megalopta.verification import GROUPS
-
-_SHOWN = 24
-"""Sequences of many."""
 
 
 @verb("info", "show versions, the rendering variant and what would make it faster")
@@ -21,26 +28,81 @@ def _info(options: Namespace) -> None:
 
 @verb(
     "report",
-    "write report.html from what a dataset holds, one file without outside links; of many "
-    "sequences README.md and index.html",
+    "write report.html of a dataset, one self-contained file; of many sequences, README.md "
+    "and index.html",
     DATASET,
 )
 def _report(options: Namespace) -> None:
     from megalopta.dataset.layout import is_of_many
     from megalopta.dataset.store import open_sequence
-    from megalopta.report.dataset_card import write_card, write_view
+    from megalopta.report.dataset_card import SHOWN, write_card, write_contact_sheet
     from megalopta.report.page import write_report
 
     if is_of_many(options.dataset):
         print(write_card(options.dataset))
-        print(write_view(options.dataset, _SHOWN))
+        print(write_contact_sheet(options.dataset, SHOWN))
     else:
         print(write_report(open_sequence(options.dataset)))
 
 
 @verb(
+    "view",
+    "write film.mp4, film.gif and view.html, a page with sliders: light, counts, flow and truth of "
+    "a dataset, a recording or a file of frames or events; of many sequences index.html",
+    option(
+        "thing",
+        "dataset folder, recording, or frames or events of any camera: .npy of packed bits or "
+        "counts, .spc3, TIFF, .bin of SPAD512 or SwissSPAD2, events in .h5 or .npz",
+        type=Path,
+    ),
+    out("out/view"),
+    option("--sum", "frames to sum (default: 1)", type=at_least(1), default=1, metavar="K"),
+    switch(
+        "--invert",
+        "invert the sensor's response to mean detections per frame: sums of binary frames by "
+        "−ln(1 − p), counts corrected for dead time; saturated pixels are orange",
+    ),
+    option(
+        "--bad-pixels",
+        "mask (.npy of bool) of bad pixels, which get the mean of their good neighbors",
+        type=Path,
+        metavar="MASK",
+    ),
+    option(
+        "--fps",
+        "frames per second of the film (default: real time, if that can be followed)",
+        type=positive,
+        metavar="HZ",
+    ),
+    option(
+        "--format",
+        f"format of the frames, one of {', '.join(FRAME_KINDS)} (default: by content, .bin: "
+        "spad512)",
+        choices=FRAME_KINDS,
+        metavar="KIND",
+    ),
+    switch(
+        "--rerun", "also write view.rrd for Rerun's viewer: camera, points, light, counts, flow"
+    ),
+)
+def _view(options: Namespace) -> None:
+    from megalopta.report.view import Asked, view
+
+    asked = Asked(
+        summed=options.sum,
+        is_inverted=options.invert,
+        bad_pixels=options.bad_pixels,
+        fps=options.fps,
+        kind=options.format,
+        with_rerun=options.rerun,
+    )
+    for path in view(options.thing, options.out, asked):
+        print(path)
+
+
+@verb(
     "reproduce",
-    "draw figures and tables of the dissertation again, as PNG, SVG, CSV and JSON",
+    "reproduce figures and tables of the dissertation as PNG, SVG, CSV and JSON",
     option(
         "figures", "such as fig-2.9 or table-3.1, chapter-4, or all", nargs="+", metavar="FIGURE"
     ),
@@ -58,15 +120,13 @@ def _reproduce(options: Namespace) -> None:
 
 @verb(
     "gallery",
-    "render every scene preset at every light level, beside photon counts of it",
-    switch("--views", "render larger views of the forests under natural skies instead, views.html"),
-    switch(
-        "--statistics", "measure statistics of views of the forests instead, image-statistics.png"
-    ),
+    "render every scene preset at every light level, with its photon counts",
+    switch("--views", "instead render large views of the forests under natural skies: views.html"),
+    switch("--statistics", "instead measure image statistics of the forests: image-statistics.png"),
     option(
         "--panorama",
-        "a photographed panorama (HDR, EXR or PNG, 2:1); with --views shown beside a forest "
-        "in its light, with --statistics measured beside them, all at two of its pixels or more",
+        "photographed panorama (HDR, EXR or PNG, 2:1); with --views a forest is shown in its "
+        "light, with --statistics it is compared with the forests, at two of its pixels or more",
         type=Path,
         metavar="FILE",
     ),
@@ -76,9 +136,9 @@ def _gallery(options: Namespace) -> None:
     from megalopta.report.gallery import write_gallery, write_statistics, write_views
 
     if options.views and options.statistics:
-        raise UserError("gallery: --views and --statistics are two things; give one")
+        raise UserError("gallery: --views and --statistics exclude each other; give one")
     if options.panorama and not (options.views or options.statistics):
-        raise UserError("gallery: --panorama goes with --views or --statistics; give one")
+        raise UserError("gallery: --panorama needs --views or --statistics; add one")
     try:
         if options.views:
             print(write_views(options.out, options.panorama))
@@ -87,19 +147,19 @@ def _gallery(options: Namespace) -> None:
             print(*write_statistics(options.out, photographs), sep="\n")
         else:
             print(write_gallery(options.out))
-    except ValueError as problem:  # a panorama that is none
+    except ValueError as problem:  # not a panorama
         raise UserError(str(problem)) from None
 
 
 @verb(
     "check",
-    "prove every sensor effect against theory, a dataset's truth another way, or that its files "
-    "are as they were written",
-    option("what", "what to prove", choices=["physics", "truth", "files", "panoramas"]),
+    "verify sensor effects against theory, a dataset's truth by a second method, or its files "
+    "by their hashes",
+    option("what", "what to verify", choices=["physics", "truth", "files", "panoramas"]),
     option(
         "subjects",
-        "dataset folder, for truth and files; folder for new panoramas, for panoramas; for "
-        f"physics any of {', '.join(GROUPS)}, by default all",
+        "truth, files: dataset folder; panoramas: folder for new panoramas; physics: any of "
+        f"{', '.join(GROUPS)} (default: all)",
         nargs="*",
         metavar="FOLDER or GROUP",
     ),
@@ -121,7 +181,7 @@ def _passes(what: str, subjects: list[str]) -> bool:
     if what == "panoramas":
         return panoramas.run_check_panoramas(folder)
     if folder is None:
-        raise UserError(f"check {what}: which dataset? give its folder")
+        raise UserError(f"check {what}: no dataset; give its folder")
     if what == "files":
         return files.run_check_files(folder)
     return truth.run_check_truth(open_sequence(folder))

@@ -1,4 +1,4 @@
-"""`megalopta spadcam` and its verbs: record, calibrate, compare and emulate the camera."""
+"""`megalopta spadcam`: record, calibrate, compare and emulate the camera."""
 
 from argparse import Namespace
 from datetime import datetime
@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from megalopta.cli.command import (
+    FRAME_KINDS,
     VERBS,
     Verb,
     at_least,
@@ -33,52 +34,52 @@ _LIMITS = {
     "device_seed": (0, 2**32 - 1),
 }
 _FAULTS = {
-    "noise": "probability of a byte to have a bit flipped",
-    "lost": "probability of a byte to be lost",
-    "burst_s": "hold bytes back, and send them together this often (s)",
-    "drift_ppm": "how much too fast the camera's clock goes (1e-6)",
-    "stall_every_s": "stop sending this often (s)",
-    "stall_s": "for how long (s)",
-    "unplug_every_s": "unplug the camera after this time (s), and plug it in again",
-    "unplug_s": "for how long it is unplugged (s, default: 0.5)",
+    "noise": "probability that a bit of a byte is flipped",
+    "lost": "probability that a byte is lost",
+    "burst_s": "send bytes in bursts at this interval (s)",
+    "drift_ppm": "relative error of the camera's clock, positive if fast (1e-6)",
+    "stall_every_s": "stop sending at this interval (s)",
+    "stall_s": "duration of a stop (s)",
+    "unplug_every_s": "unplug the camera at this interval (s)",
+    "unplug_s": "time unplugged (s, default: 0.5)",
 }
 _RECORDINGS = (
     option(
         "recordings",
-        "folders of recordings, or of each some frames, such as steps#0-100@1e7; LIGHT in "
-        "photons per second on a pixel, none: in the dark",
+        "folders of recordings, optionally some frames, such as steps#0-100@1e7; LIGHT in "
+        "photons per second and pixel; without LIGHT: dark",
         nargs="+",
         metavar="RECORDING[#FIRST-END][@LIGHT]",
     ),
-    option("--wavelength-nm", "wavelength of the light; without, it is relative", type=positive),
+    option("--wavelength-nm", "wavelength of the light; without: relative", type=positive),
     option(
-        "--beam-area-mm2", "area of an even beam; LIGHT is then its power in watts", type=positive
+        "--beam-area-mm2", "area of a uniform beam; LIGHT is then its power in watts", type=positive
     ),
 )
-"""Recordings and what is known of their light."""
+"""Options for recordings and their light."""
 
 VERBS["spadcam"] = Verb("record, calibrate and emulate the camera SPADCAM")
 
 
-@verb("spadcam list", "list serial ports on USB, and whether they can be opened")
+@verb("spadcam list", "list USB serial ports, and whether they can be opened")
 def _list(options: Namespace) -> None:
     from megalopta.camera.link import port_lines
 
     lines = list(port_lines())
-    print("\n".join(lines) or "no serial port on USB; plug the camera in")
+    print("\n".join(lines) or "no USB serial port; plug the camera in")
 
 
 @verb(
     "spadcam capture",
-    "record the camera until interrupted, or until there is enough",
+    "record the camera until interrupted, or for --frames or --seconds",
     option("--port", "serial port (default: the only Teensy on USB)"),
-    option("--usb-serial", "USB serial number of the camera, instead"),
-    option("--wait", "for a port to appear (s, default: 30)", type=finite, default=30.0),
+    option("--usb-serial", "USB serial number of the camera, instead of --port"),
+    option("--wait", "time to wait for the port (s, default: 30)", type=finite, default=30.0),
     option("--out", "new folder (default: recordings/KIND-DATE-TIME)", type=Path),
-    option("--kind", "what is recorded: dark, flat, … (default: scene)", default="scene"),
-    option("--frames", "stop after so many", type=whole),
+    option("--kind", "content: dark, flat, … (default: scene)", default="scene"),
+    option("--frames", "stop after this many", type=whole),
     option("--seconds", "stop after this time (s)", type=finite),
-    option("--exposure", "of a frame (s, default: 0.05)", type=finite, default=0.05),
+    option("--exposure", "exposure of a frame (s, default: 0.05)", type=finite, default=0.05),
     option("--rate", "frames per second (default: 10)", type=finite, default=10.0),
     option(
         "--step-bias",
@@ -88,7 +89,7 @@ def _list(options: Namespace) -> None:
     ),
     option(
         "--rows",
-        "rows that are read (default: 0 16, all)",
+        "rows to read (default: 0 16, all)",
         type=whole,
         nargs=2,
         default=(0, 16),
@@ -128,12 +129,12 @@ def _capture(options: Namespace) -> None:
 
 @verb(
     "spadcam recover",
-    "read raw.bin of a broken recording back into a recording",
+    "recover a broken recording from its raw.bin",
     option("raw", "folder of the recording, or its raw.bin", type=Path),
-    option("--out", "new folder (default: the recording's own, whose counts it makes)", type=Path),
+    option("--out", "new folder (default: the recording's own, rewriting its counts)", type=Path),
     option(
         "--sensor",
-        "preset or YAML file with the counters' nominal step, where counts.zarr is lost "
+        "preset or YAML file with the counters' nominal step, if counts.zarr is lost "
         "(default: spadcam)",
         default="spadcam",
     ),
@@ -147,10 +148,10 @@ def _recover(options: Namespace) -> None:
 
 @verb(
     "spadcam calibrate",
-    "a device file from recordings in the dark and under even light",
+    "write a device file from dark recordings and recordings under uniform light",
     *_RECORDINGS,
     option("--out", "device file (default: device.yaml)", type=Path, default=Path("device.yaml")),
-    option("--preset", "sensor whose other fields hold (default: spadcam)", default="spadcam"),
+    option("--preset", "sensor for all other fields (default: spadcam)", default="spadcam"),
 )
 def _calibrate(options: Namespace) -> None:
     from megalopta.camera.calibration import calibrate_recordings
@@ -165,33 +166,33 @@ def _calibrate(options: Namespace) -> None:
 
 @verb(
     "spadcam compare",
-    "recordings beside what the device's model makes of the same stimulus",
+    "compare recordings with the device model's simulation of the same stimulus",
     *_RECORDINGS,
     option("--device", "device file of the model", type=Path, required=True),
     option(
         "--scene",
-        "levels: darkness and even light (default); plate: the moving plate, LIGHT is then "
-        "its speed in mm/s; or a dataset's folder, or a configuration, which is rendered "
-        "beside the page: LIGHT is then the light level in lux, none: that of the rendering",
+        "levels: darkness and uniform light (default); plate: the moving plate, LIGHT is then "
+        "its speed in mm/s; or a dataset's folder, or a configuration to render: LIGHT is "
+        "then the light level in lux (without: that of the rendering)",
         default="levels",
     ),
     option(
         "--format",
-        "of recordings of other cameras (default: as their content says, .bin: spad512); "
-        "their exposure follows: FILE@LIGHT:SECONDS",
-        choices=["npy", "spad512", "swissspad2", "swissspad2_whole", "spc3", "tiff"],
+        "format of other cameras' recordings (default: by content, .bin: spad512); "
+        "append their exposure: FILE@LIGHT:SECONDS",
+        choices=FRAME_KINDS,
     ),
     option(
         "--margin",
-        "relative difference that does not matter (default: 0.05)",
+        "relative difference to ignore (default: 0.05)",
         type=positive,
         default=0.05,
     ),
-    option("--seed", "of the simulation (default: 0)", type=at_least(0), default=0),
+    option("--seed", "seed of the simulation (default: 0)", type=at_least(0), default=0),
     switch(
         "--own-light",
-        "of plate: simulate in the light that the recording's open and hidden pixels show "
-        "(default: that of the dissertation, 65 photons per frame and pixel)",
+        "plate: estimate the light from the recording's open and covered pixels "
+        "(default: the dissertation's 65 photons per frame and pixel)",
     ),
     out("comparison.html", "page"),
 )
@@ -208,23 +209,23 @@ def _compare(options: Namespace) -> None:
 
 @verb(
     "spadcam figures",
-    "the dissertation's figures 2.14 to 2.19 from recordings of the moving plate",
+    "draw the dissertation's figures 2.14 to 2.19 from recordings of the moving plate",
     option(
         "recordings",
-        "folders of recordings (--rate 10 --exposure 0.1), and the plate's speed in mm/s; "
-        "without, it rests with its edge in the middle",
+        "folders of recordings (--rate 10 --exposure 0.1), with the plate's speed in mm/s; "
+        "without a speed, the plate rests with its edge in the middle",
         nargs="+",
         metavar="RECORDING@SPEED",
     ),
     option(
         "--device",
-        "device file that simulates beside them (default: the recordings' nominal sensor)",
+        "device file to simulate with (default: the recordings' nominal sensor)",
         type=Path,
     ),
     switch(
         "--own-light",
-        "simulate in the light that open and hidden pixels of the recording of the slowest "
-        "plate show (default: that of the dissertation, 65 photons per frame and pixel)",
+        "estimate the light from open and covered pixels of the slowest plate's recording "
+        "(default: the dissertation's 65 photons per frame and pixel)",
     ),
     out("out/plate"),
 )
@@ -241,29 +242,28 @@ def _figures(options: Namespace) -> None:
 
 @verb(
     "spadcam emulate",
-    "emulate the camera on a pseudo-terminal, whose path is printed, until interrupted",
+    "emulate the camera on a pseudo-terminal until interrupted; prints the terminal's path",
     option(
         "--stimulus",
-        "what it looks at: dark, flat, steps, plate, or the folder of a rendered dataset "
-        "(default: flat)",
+        "stimulus: dark, flat, steps, plate, or the folder of a rendered dataset (default: flat)",
         default="flat",
     ),
     option(
         "--photons",
-        "photons per second on a pixel at 700 nm, of flat (default: 5e6) or one after the "
-        "other of steps (default: 0 to 2e7)",
+        "photons per second and pixel at 700 nm: of flat (default: 5e6), or of each of "
+        "steps (default: 0 to 2e7)",
         type=finite,
         nargs="+",
         metavar="HZ",
     ),
-    option("--step-s", "how long each of steps lasts (s, default: 5)", type=finite, default=5.0),
-    option("--speed", "of the plate (mm/s, default: 5)", type=finite, default=5.0),
-    option("--lux", "of a dataset: light level (lux)", type=finite),
+    option("--step-s", "duration of each of steps (s, default: 5)", type=finite, default=5.0),
+    option("--speed", "speed of the plate (mm/s, default: 5)", type=finite, default=5.0),
+    option("--lux", "light level of a dataset (lux)", type=finite),
     option("--sensor", "preset or YAML file (default: spadcam)", default="spadcam"),
-    option("--device-seed", "which device of this kind", type=whole),
-    option("--seed", "of photons, noise and faults", type=whole, default=0),
+    option("--device-seed", "seed of the device's fixed pattern", type=whole),
+    option("--seed", "seed of photons, noise and faults", type=whole, default=0),
     option("--serial", "the camera's serial number", default="EMULATED"),
-    option("--link", "symbolic link to keep to the terminal", type=Path),
+    option("--link", "symbolic link to the terminal", type=Path),
     *(option(f"--{name.replace('_', '-')}", text, type=finite) for name, text in _FAULTS.items()),
 )
 def _emulate(options: Namespace) -> None:
@@ -277,8 +277,8 @@ def _emulate(options: Namespace) -> None:
     )
     port.run(stopped_by_signals())
     say(
-        f"emulate: stopped; {port.dropped} packets were dropped while nothing read the line fast"
-        " enough; a capture counts as missing only those between its first frame and its last"
+        f"emulate: stopped; {port.dropped} packets were dropped because nothing read them in"
+        " time; a capture counts as missing only those between its first and last frame"
     )
 
 

@@ -1,4 +1,4 @@
-"""What is asked for: configurations of a sequence, recipes of datasets, YAML."""
+"""Configurations of a sequence, recipes of datasets, YAML."""
 
 from pathlib import Path
 
@@ -6,10 +6,10 @@ _FOLDER = Path(__file__).parent / "presets"
 
 
 def built_in_names() -> list[str]:
-    """Names of the configurations that come with the program."""
+    """Names of the built-in configurations."""
     return sorted(path.stem for path in _FOLDER.glob("*.yaml"))
 
 
 def built_in_text(name: str) -> str:
-    """One of them, as YAML."""
+    """YAML text of a built-in configuration."""
     return (_FOLDER / f"{name}.yaml").read_text("utf-8")

@@ -1,4 +1,4 @@
-"""A sequence of a plan, from seed and index alone."""
+"""Draw a sequence of a plan from seed and index alone."""
 
 from collections.abc import Mapping
 from itertools import product
@@ -17,22 +17,22 @@ _PLACES = (0.0, 0.5, 1 - 2**-53)
 
 
 def sequence_name(index: int) -> str:
-    """Name of a sequence, and of its folders, such as "000731"."""
+    """Name of a sequence and of its folders, such as "000731"."""
     return f"{index:06d}"
 
 
 def configuration_of(plan: Plan, index: int) -> Configuration:
-    """Configuration of a sequence. Raises UserError where what was drawn does not fit together."""
+    """Configuration of a sequence. Raises UserError if the drawn values do not fit together."""
     return configuration_at(plan, index, stream(plan.seed, index))
 
 
 def check_plan(plan: Plan) -> list[Configuration]:
-    """Draw sequences at the lower end, in the middle and at the upper end of every range.
+    """Draw sequences at the lower end, the middle and the upper end of every range.
 
-    Every entry is drawn at least once. Raises UserError where one does not fit.
+    Every entry is drawn at least once. Raises UserError if one does not fit.
     """
     counts = {name: len(getattr(plan, name)) for name in _DRAWN}
-    # what may not fit is a path to a scene: all pairs of these, and the rest in turn
+    # only a trajectory may not fit a scene: all pairs of these, the rest in turn
     pairs = list(product(range(counts["scenes"]), range(max(1, counts["trajectories"]))))
     made = []
     for step in range(max(len(pairs), *counts.values())):
@@ -49,7 +49,7 @@ def _fixed(chosen: Mapping[str, float], place: float) -> Stream:
 
 
 def configuration_at(plan: Plan, index: int, at: Stream) -> Configuration:
-    """Configuration of a sequence that is drawn by some stream."""
+    """Configuration of a sequence, drawn from a stream."""
     scene = _drawn(plan, "scenes", at)
     fields = dict(scene) if isinstance(scene, Mapping) else {"preset": scene}
     preset = fields.pop("preset")
@@ -69,14 +69,14 @@ def configuration_at(plan: Plan, index: int, at: Stream) -> Configuration:
     made = validated(Configuration, values, f"sequence {index} (scene {preset})")
     if not made.scene.has_truth:
         raise UserError(
-            f"sequence {index} (scene {preset}): a plan renders, and pictures are not rendered; "
-            "make each of them a dataset with megalopta sense"
+            f"sequence {index} (scene {preset}): a plan renders its scenes; make a dataset of "
+            "these pictures with megalopta sense"
         )
     return repeated(made, plan.repeats)
 
 
 def repeated(configuration: Configuration, repeats: int) -> Configuration:
-    """Every sensor so many times: the same device, with independent noise."""
+    """Repeat every sensor: the same device with independent noise."""
     sensors = [
         repeated_name(sensor, number)
         for sensor in configuration.sensors
@@ -86,12 +86,12 @@ def repeated(configuration: Configuration, repeats: int) -> Configuration:
 
 
 def repeated_name(sensor: ImageSensor, number: int) -> ImageSensor:
-    """A device under the name of its repeat, by which its noise goes; 0 is the device itself."""
+    """Return a device named after its repeat, which seeds its noise; repeat 0 is the device."""
     return sensor.model_copy(update={"name": f"{sensor.name}-r{number + 1}"}) if number else sensor
 
 
 def split_of(plan: Plan, index: int) -> str:
-    """Split of a sequence."""
+    """Split that a sequence belongs to."""
     shares = sorted((name, share) for name, share in plan.splits.items() if share)
     place = stream(plan.seed, index)("split") * sum(share for _, share in shares)
     for name, share in shares:

@@ -1,4 +1,4 @@
-"""From the light that was rendered to the light at which a sensor looks."""
+"""Scale from rendered light to the light level of an exposure."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,8 +11,8 @@ from megalopta.scenes.spectra.spectrum import Spectrum
 def light_scale(configuration: Configuration, level: LightLevel) -> NDArray[np.float64]:
     """Factor (B,) per band from the rendered light to a level.
 
-    A named level has its own spectrum (taken as flat within a band); a level in lux, and a scene
-    that glows by itself, keep the color that was rendered.
+    A named level has its own spectrum, constant within a band. A level in lux, and a self-luminous
+    scene, keep the rendered color.
     """
     light, scene = configuration.light, configuration.scene
     bands = configuration.render.bands_nm
@@ -27,5 +27,5 @@ def light_scale(configuration: Configuration, level: LightLevel) -> NDArray[np.f
 
 
 def _band_mean(spectrum: Spectrum, band: tuple[float, float]) -> float:
-    grid = np.linspace(*band, 1025)  # airglow has a corner every 20 nm
+    grid = np.linspace(*band, 1025)  # airglow is piecewise linear, with a node every 20 nm
     return float(np.trapezoid(spectrum(grid), grid) / (band[1] - band[0]))

@@ -1,4 +1,4 @@
-"""One frozen configuration for a sequence: YAML file, command line, provenance record.
+"""The frozen configuration of a sequence: YAML file, command line, provenance record.
 
 A YAML file gives any part of it; the rest has defaults. On the command line a field is named by its
 path, `--scene.trees 200`, and its value is read as YAML.
@@ -38,39 +38,39 @@ from megalopta.sensor.spad.presets import load_sensor, with_files
 
 LightLevel = float | str
 
-# Longer ones, such as a recorded path, are cut where two configurations are compared.
+# Longer values, such as a recorded path, are cut in comparisons of two configurations.
 _LONGEST_VALUE = 60
-# Files are named by sensor, repeat, level and product, and have a prefix while they are written:
-# 255 bytes are the most that file systems allow.
+# File names hold sensor, repeat, level, product, and a prefix during writing; file systems allow
+# 255 bytes.
 _LONGEST_NAME = 100
 
 
 class Configuration(Record, frozen=True):
-    """A sequence: what is seen, how it is rendered, sensed and measured."""
+    """A sequence: its scene, rendering, sensors and measurements."""
 
     name: str = "forest"
-    """Name of the sequence and of its folders: letters, digits, dash and underscore."""
+    """Name of the sequence and its folders: letters, digits, dash and underscore."""
 
     seed: Annotated[int, Field(ge=0)] = 0
-    """Seed of rendering noise and photon arrivals; 0 is a seed like any other."""
+    """Seed of rendering noise and photon arrivals."""
 
     scene: AnyScene = Forest()
-    """What stands there."""
+    """Scene to render."""
 
     objects: tuple[MovingObject, ...] = ()
-    """Boxes and balls put into the scene, at rest or on paths of their own."""
+    """Boxes and balls added to the scene, at rest or on paths of their own."""
 
     light: Light = Light()
-    """The light that the scene is rendered under."""
+    """Light that the scene is rendered under."""
 
     camera: AnyCamera = PerspectiveCamera()
     """Projection, image size and field of view."""
 
     trajectory: CameraPath = Trajectory()
-    """How the camera moves."""
+    """Camera motion."""
 
     shutter: Shutter = Shutter()
-    """Motion blur and rolling shutter of the frames that sensors see."""
+    """Motion blur and rolling shutter of the sensors' frames."""
 
     render: RenderSettings = RenderSettings()
     """Samples, depth, bands and backend."""
@@ -81,17 +81,17 @@ class Configuration(Record, frozen=True):
         "quarter_moon",
         "starlight",
     )
-    """Levels to sense at, by name or in lux: the rendered light is scaled, its color kept."""
+    """Levels to sense at, by name or in lux: the rendered light is scaled and keeps its color."""
 
     sensors: Annotated[
         tuple[ImageSensor, ...],
         Field(
             min_length=1,
-            description=f"Sensors to expose, of {', '.join(IMAGE_SENSORS)}. In YAML a preset's "
+            description=f"Sensors to expose, from {', '.join(IMAGE_SENSORS)}. In YAML: a preset's "
             "name, a mapping with `preset` and changes to it, one of `kind` spad or ctia with all "
-            "of its fields, or the path of a measured device's YAML file; `efficiency: {path: "
-            "FILE.csv}` is a curve, `measured: {dark_counts: FILE.npy}` a map. Paths are relative "
-            "to the file that they stand in; on the command line, to the working folder.",
+            "fields, or the path of a measured device's YAML file; `efficiency: {path: FILE.csv}` "
+            "is a curve, `measured: {dark_counts: FILE.npy}` a map. Paths are relative to the file "
+            "that contains them; on the command line, to the working folder.",
         ),
     ] = (
         IMAGE_SENSORS["spadcam"],
@@ -99,31 +99,30 @@ class Configuration(Record, frozen=True):
     )
 
     products: tuple[ProductName, ...] = ("counts",)
-    """What `sense` writes of every sensor at every level: `counts`, which must be among them, and
-    `events_hdf5`, `events_npz`, `binary_npy`, `binary_spad512`, `burst_npy`, `tiff`
-    (docs/file-formats.md)."""
+    """Output of `sense` for every sensor and level: `counts` (required), `events_hdf5`,
+    `events_npz`, `binary_npy`, `binary_spad512`, `burst_npy`, `tiff` (docs/file-formats.md)."""
 
     sub_frames: Annotated[int, Field(ge=1, le=1000)] = 1
-    """Equal parts of an exposure in each of which the light stands still. From 2 on, what `sense`
-    writes carries motion within a frame: light moves along the true flow from one rendered frame to
-    the next, and in the last one on as it came. With 1 it is that of the frame all through."""
+    """Equal parts of an exposure with still light in each. From 2 on, readings contain motion
+    within a frame: light moves along the true flow to the next rendered frame, and after the last
+    one continues as before. With 1, light is still during a frame."""
 
     burst_hz: Annotated[float, Field(gt=0, le=1e9)] = 100_000.0
-    """Binary frames per second of the product `burst_npy`, a whole multiple of the frame rate: they
-    fill the time from each rendered frame to the next, which has `sub_frames` steps of light."""
+    """Binary frames per second of the product `burst_npy`, a whole multiple of the frame rate. They
+    fill the time between rendered frames, which has `sub_frames` steps of light."""
 
     free_running: bool = False
-    """Whether a SPAD array runs on from frame to frame: dead times and trapped carriers reach from
-    one frame, or binary frame of a burst, into the next, and counts, events and bits of a frame are
-    the same avalanches. Exposures must fill the frames. By default pixels are reset in every frame,
-    as `dead_time.start` says."""
+    """Expose SPAD arrays continuously: dead times and trapped carriers reach into the next frame,
+    or binary frame of a burst; counts, events and bits of a frame are the same avalanches.
+    Exposures must fill the frames. By default pixels are reset in every frame, as `dead_time.start`
+    says."""
 
     correct: bool = False
-    """Whether `sense` corrects the readings of SPAD arrays too: dark counts, dead time and counter,
-    flat field, hot pixels. Detectors then see both."""
+    """Also correct readings of SPAD arrays for dark counts, dead time and counter, flat field and
+    hot pixels. Detectors then run on both."""
 
     calibration: CalibrationFrames = CalibrationFrames()
-    """What the correction rests on."""
+    """Calibration frames of the correction."""
 
     methods: Annotated[
         tuple[str, ...],
@@ -131,14 +130,14 @@ class Configuration(Record, frozen=True):
     ] = THESIS_METHODS
 
     flow: FlowSettings = FlowSettings()
-    """What the responses of detectors are compared with."""
+    """References of the detectors' responses."""
 
     expectation: bool = True
-    """Whether `sense` states mean and variance of every reading, which `flow` and `report` need;
-    they take most of the time and nine tenths of the disk."""
+    """Store mean and variance of every reading, which `flow` and `report` need; they take most of
+    the time and nine tenths of the disk."""
 
     benchmark: SequenceBenchmark = SequenceBenchmark(sizes=(60,))
-    """The search for the photons that each detector needs."""
+    """Search for the photons that each detector needs."""
 
     @field_validator("name")
     @classmethod
@@ -148,7 +147,7 @@ class Configuration(Record, frozen=True):
     @field_validator("light_levels", mode="before")
     @classmethod
     def _lux_are_numbers(cls, levels: Any) -> Any:
-        # In quotes a number is text.
+        # A quoted number is text.
         if isinstance(levels, str) or not isinstance(levels, Sequence):
             return levels
         return tuple(_number_if_it_is_one(level) for level in levels)
@@ -159,7 +158,7 @@ class Configuration(Record, frozen=True):
         for level in levels:
             illuminance_of(level)
         if len(set(map(level_text, levels))) < len(levels):
-            raise ValueError(f"{list(levels)}: each level once")
+            raise ValueError(f"{list(levels)}: duplicate level; give each once")
         return levels
 
     @field_validator("sensors", mode="before")
@@ -174,7 +173,7 @@ class Configuration(Record, frozen=True):
     @classmethod
     def _counts_are_made(cls, products: tuple[ProductName, ...]) -> tuple[ProductName, ...]:
         if "counts" not in products:
-            raise ValueError("counts are what the motion detectors see: name them, too")
+            raise ValueError("counts are missing, and motion detectors need them; add counts")
         return each_once(products)
 
     @field_validator("methods")
@@ -198,25 +197,25 @@ class Configuration(Record, frozen=True):
         if self.light.asks_for_a_sky and not self.scene.is_lit_from_outside:
             raise ValueError(
                 f"light.{'panorama' if self.light.panorama else 'sky'}: a scene of kind "
-                f"{self.scene.kind!r} has its own light; leave it out, or take a forest"
+                f"{self.scene.kind!r} has its own light; omit it, or use a forest"
             )
         if self.scene.is_hazy and self.render.integrator == "baked":
             raise ValueError(
-                "render.integrator 'baked': baked light knows no haze; use 'auto' or 'path', or "
-                "leave out scene.haze"
+                "render.integrator 'baked': baked light has no haze; use 'auto' or 'path', or "
+                "omit scene.haze"
             )
         return self
 
     @property
     def exposures(self) -> list[tuple[ImageSensor, LightLevel]]:
-        """Every sensor at every light level."""
+        """Pairs of every sensor and every light level."""
         return list(product(self.sensors, self.light_levels))
 
     def _check_pictures(self) -> None:
-        """Refuse what only rendered scenes have."""
+        """Refuse settings that only rendered scenes have."""
         for name, usual in ("objects", ()), ("shutter", Shutter()):
             if getattr(self, name) != usual:
-                raise ValueError(f"{name}: pictures are not rendered; leave it out")
+                raise ValueError(f"{name}: pictures are not rendered; omit it")
 
     def _check_shutter(self, period_s: float) -> None:
         shutter = self.shutter
@@ -267,10 +266,10 @@ def _resolve_sensor(sensor: Any, folder: Path) -> Any:
 
 
 def load(source: str, overrides: Mapping[str, str] | None = None) -> Configuration:
-    """Read a configuration by its source, and apply overrides. Raises UserError.
+    """Read a configuration and apply overrides. Raises UserError.
 
-    The source is the name of a built-in one, a YAML file or a dataset's folder; overrides map the
-    path of a field, such as "scene.trees", to a value in YAML.
+    The source is the name of a built-in configuration, a YAML file or a dataset's folder. Overrides
+    map the path of a field, such as "scene.trees", to a value in YAML.
     """
     if source in built_in_names():
         return parse(built_in_text(source), source, overrides)

@@ -1,8 +1,8 @@
-"""A plan: a dataset of any size, in one file, with values that differ from sequence to sequence.
+"""A plan: a dataset of any size in one file, with values drawn for each sequence.
 
-{uniform: [1, 5]}         a number from 1 to 5, any as likely as another
-{log_uniform: [1, 100]}   a number whose logarithm is
-{integer: [0, 9]}         a whole number from 0 to 9, both included
+{uniform: [1, 5]}         a number from 1 to 5, uniformly distributed
+{log_uniform: [1, 100]}   a number whose logarithm is uniformly distributed
+{integer: [0, 9]}         a whole number from 0 to 9, inclusive
 {one_of: [a, b, c]}       one of these, which may be mappings with ranges of their own
 """
 
@@ -24,7 +24,7 @@ from megalopta.sensor import generator
 from megalopta.sensor.formats.products import ProductName
 
 Stream: TypeAlias = Callable[[str], float]
-"""Number in [0, 1) of the value at a path, such as "scenes.0.scene.trees"."""
+"""Number in [0, 1) for the value at a path, such as "scenes.0.scene.trees"."""
 
 FlowFile = Literal["kitti_png", "flo5"]
 _LONGEST_SPLIT = 60
@@ -35,68 +35,68 @@ Entry = str | float | dict[str, Any]
 
 
 class Plan(Record, frozen=True):
-    """Sequences to draw; each is a function of seed and index alone.
+    """Sequences to draw; each depends on seed and index alone.
 
     Any value inside `scenes`, `lights`, `cameras`, `trajectories`, `every`, `sensors` and
-    `light_levels` may be a range: `{uniform: [1, 5]}`, `{log_uniform: [1, 100]}`,
-    `{integer: [0, 9]}`, `{one_of: [a, b]}`.
+    `light_levels` may be a range: `{uniform: [1, 5]}`, `{log_uniform: [1, 100]}`, `{integer: [0,
+    9]}`, `{one_of: [a, b]}`.
     """
 
     name: str = "Low-light optical flow"
     """Title of the dataset"""
 
     description: str = (
-        "Rendered sequences with exact optical flow, and what photon-counting sensors read of them"
+        "Rendered sequences with exact optical flow, and the readings of photon-counting sensors"
     )
-    """What it is, in a sentence or two"""
+    """Description in a sentence or two"""
 
     sequences: Annotated[int, Field(ge=1, le=10_000_000)] = 10
-    """How many; more may be asked for later, and those that are there stay as they are"""
+    """Number of sequences; a larger number later keeps the finished ones"""
 
     seed: Annotated[int, Field(ge=0)] = 0
-    """Of all that is drawn"""
+    """Seed of all draws"""
 
     scenes: Annotated[tuple[Entry, ...], Field(min_length=1)] = ("demo",)
-    """What a sequence starts from, one for each at random: a built-in configuration's name, or a
-    mapping with `preset`, its name, and fields to change"""
+    """Scenes, one drawn per sequence: a built-in configuration's name, or a mapping with `preset`,
+    its name, and fields to change"""
 
     lights: tuple[Entry, ...] = ()
-    """Light, one for each sequence at random: a level's name, or fields of `light`; none leaves the
-    preset's"""
+    """Lights, one drawn per sequence: a level's name, or fields of `light`; default: the preset's
+    """
 
     cameras: tuple[dict[str, Any], ...] = ()
-    """Cameras, one for each at random: fields of `camera`; none leaves the preset's"""
+    """Cameras, one drawn per sequence: fields of `camera`; default: the preset's"""
 
     trajectories: tuple[dict[str, Any], ...] = ()
-    """Camera paths, one for each at random: fields of `trajectory`; none leaves the preset's"""
+    """Camera paths, one drawn per sequence: fields of `trajectory`; default: the preset's"""
 
     every: dict[str, Any] = Field(default={})
-    """Fields of a configuration that are put into every sequence last"""
+    """Fields of the configuration set in every sequence, after all others"""
 
     sensors: Annotated[tuple[Entry, ...], Field(min_length=1)] = ("spadcam",)
     """Sensors that expose every sequence, as in a configuration"""
 
     light_levels: Annotated[tuple[Entry, ...], Field(min_length=1)] = ("twilight",)
-    """Levels, by name or in lux, at which every sensor exposes every sequence"""
+    """Light levels of every sensor, by name or in lux"""
 
     repeats: Annotated[int, Field(ge=1, le=1000)] = 1
-    """Exposures of every sensor at every level, with independent noise; from the second on the
-    sensor's name ends in -r2, -r3, …"""
+    """Exposures per sensor and level, with independent noise; from the second on, the sensor's name
+    ends in -r2, -r3, …"""
 
     products: tuple[ProductName, ...] = ("counts",)
-    """What is written of every exposure, as in a configuration"""
+    """Output per exposure, as in a configuration"""
 
     flow_files: tuple[FlowFile, ...] = ()
-    """Flow in further files beside .flo: kitti_png in training/flow_kitti, 16-bit PNG; flo5 in
-    training/flow_flo5, HDF5"""
+    """Formats of flow beside .flo: kitti_png, 16-bit PNG in training/flow_kitti; flo5, HDF5 in
+    training/flow_flo5"""
 
     splits: dict[str, Annotated[float, Field(ge=0)]] = Field(
         default={"train": 0.8, "validation": 0.1, "test": 0.1}
     )
-    """Shares of the sequences by the name of their split; each is assigned by seed and index"""
+    """Share of the sequences in each split; assignment depends on seed and index"""
 
     sample: Annotated[int, Field(ge=0)] = 2
-    """The first so many sequences are also listed in the split "sample", for a small download"""
+    """The first sequences, this many, are also the split "sample", for a small download"""
 
     @field_validator("scenes", "lights", "cameras", "trajectories", "sensors", "light_levels")
     @classmethod
@@ -111,7 +111,7 @@ class Plan(Record, frozen=True):
         check_ranges(fields, "")
         own = {"name", "seed", "sensors", "light_levels", "products"} & fields.keys()
         if own:
-            raise ValueError(f"{sorted(own)[0]}: the plan has it; take it out of every")
+            raise ValueError(f"{sorted(own)[0]}: the plan sets it; remove it from every")
         return fields
 
     @field_validator("scenes")
@@ -144,28 +144,28 @@ class Plan(Record, frozen=True):
 
 
 def load_plan(path: Path, overrides: Mapping[str, str] | None = None) -> Plan:
-    """Read a plan from a YAML file, or from a dataset's folder, and apply settings.
+    """Read a plan from a YAML file or a dataset's folder, and apply settings.
 
-    Paths in a plan are relative to the folder that the program runs in. Raises UserError when it is
-    none, or a sequence of its entries cannot be made.
+    Paths in a plan are relative to the working folder. Raises UserError if the file is no plan, or
+    a sequence of its entries cannot be made.
     """
     path = path / "dataset.yaml" if path.is_dir() else path
     values = mapping(read_text(path, "plan; give a YAML file"), str(path))
     if "megalopta" in values:
         check_format("dataset", values, path)
         if "plan" not in values:
-            raise UserError(f"{path}: a dataset of one sequence, without a plan; give a YAML file")
+            raise UserError(f"{path}: dataset of one sequence, without a plan; give a YAML file")
         values = values["plan"]
     return validated(Plan, values, str(path), overrides, path.parent)
 
 
 def stream(seed: int, index: int) -> Stream:
-    """Numbers of a sequence: each is a function of seed, index and path alone."""
+    """Return the random numbers of a sequence; each depends on seed, index and path alone."""
     return lambda path: float(generator(seed, "plan", index, path).random())
 
 
 def draw(value: Any, at: Stream, path: str = "") -> Any:
-    """Put one value in the place of every range, also inside mappings and lists."""
+    """Replace every range by a drawn value, also inside mappings and lists."""
     if kind := _kind(value):
         return _drawn(kind, value[kind], at, path)
     if isinstance(value, Mapping):
@@ -176,20 +176,20 @@ def draw(value: Any, at: Stream, path: str = "") -> Any:
 
 
 def choose(values: list[Any], at: Stream, path: str) -> tuple[int, Any]:
-    """Number of one of some values, and the value itself, as it stands."""
+    """Draw one of some values: its index and the value, ranges included."""
     index = min(int(at(path) * len(values)), len(values) - 1)
     return index, values[index]
 
 
 def check_ranges(value: Any, path: str) -> None:
-    """Refuse, with ValueError, a range that is none."""
+    """Check the ranges of a value. Raises ValueError."""
     if kind := _kind(value):
         _check(kind, value[kind], path)
         value = value[kind] if kind == "one_of" else None
     if isinstance(value, Mapping):
         for key, each in value.items():
             if key in _KINDS:
-                raise ValueError(f"{path}: {key} stands alone; take the other keys out")
+                raise ValueError(f"{path}: {key} excludes other keys; remove them")
             check_ranges(each, f"{path}.{key}".strip("."))
     elif isinstance(value, list | tuple):
         for index, each in enumerate(value):
@@ -213,7 +213,7 @@ def _drawn(kind: str, limits: Any, at: Stream, path: str) -> Any:
         return min(low + int(place * (high - low + 1)), high)
     is_log = kind == "log_uniform"
     value = low * (high / low) ** place if is_log else low + place * (high - low)
-    # so many digits as a person reads in a file's name
+    # short enough for a file's name
     return min(max(float(f"{value:.{_DIGITS}g}"), float(low)), float(high))
 
 
@@ -228,7 +228,7 @@ def _check(kind: str, limits: Any, path: str) -> None:
         for each in limits
     ):
         numbers = "whole numbers" if kind == "integer" else "numbers"
-        raise ValueError(f"{path}: {kind} {limits!r}: give two {numbers}, the lower first")
+        raise ValueError(f"{path}: {kind} {limits!r}: give two {numbers}, in ascending order")
     if limits[0] > limits[1]:
         raise ValueError(f"{path}: {kind} {limits!r}: give the lower number first")
     if kind == "log_uniform" and limits[0] <= 0:

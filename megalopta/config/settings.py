@@ -1,4 +1,4 @@
-"""What a verb of the command line can be set to do: every field of a model, by its path."""
+"""Settings of a verb: every field of a model, by its path."""
 
 import shutil
 import textwrap
@@ -12,7 +12,7 @@ from megalopta.core import strict_yaml
 from megalopta.core.validation import inner_types
 
 Words = Literal["switch", "one", "all"]
-"""How many words a setting takes on the command line; all are those up to the next option."""
+"""Words that a setting takes on the command line; "all": up to the next option."""
 
 
 @dataclass(frozen=True)
@@ -21,14 +21,14 @@ class Settings:
 
     model: type[BaseModel]
     default: Callable[[], BaseModel] | None = None
-    """Makes the values that stand where nothing else is asked for; by default those of the model"""
+    """Makes the default values; without it, the model's own"""
     fields: Collection[str] | None = None
-    """Those that its help lists; all by default."""
+    """Fields listed in the help; all by default."""
     others: tuple[type[BaseModel], ...] = ()
-    """More models, whose fields have other names."""
+    """More models, with other field names."""
 
     def takes(self, path: str) -> Words:
-        """How many words the field at a path takes; "all" also where there is none: it is refused.
+        """Number of words that the field at a path takes; "all" for an unknown path, refused later.
 
         A switch takes none, or "true" or "false".
         """
@@ -40,9 +40,9 @@ class Settings:
         return "switch" if types == [bool] else "one"
 
     def help(self) -> str:
-        """List the settings, each with its meaning, unit and value."""
+        """List the settings with meaning, unit and default."""
         width = min(shutil.get_terminal_size().columns, 100)
-        lines = ["settings (also keys of the YAML file; a value is read as YAML):"]
+        lines = ["settings (also keys of the YAML file; values are YAML):"]
         listed = [
             each
             for each in settings_of((self.default or self.model)())

@@ -1,6 +1,6 @@
 """Models from YAML and from settings of the command line, and back to YAML.
 
-Every mistake is told in one sentence that names field, value and remedy.
+An error is one sentence that names field, value and remedy.
 """
 
 from collections.abc import Mapping
@@ -15,29 +15,28 @@ from megalopta.core.validation import Model, checked
 
 
 def read_text(path: Path, what: str) -> str:
-    """Return the text of a file; `what` it should be, and the way out, follow "no such".
+    """Return the text of a file; `what`, its kind and a remedy, ends the message "no such …".
 
-    Raises UserError when there is none, or it is no text.
+    Raises UserError if it does not exist or is not text.
     """
     try:
         return bounded.read_text(path)
     except UnicodeDecodeError:
-        raise UserError(f"{path}: not a text file in UTF-8; give a YAML file") from None
+        raise UserError(f"{path}: not a UTF-8 text file; give a YAML file") from None
     except OSError:
         raise UserError(f"{path}: no such {what}") from None
 
 
 def mapping(text: str, source: str) -> dict[str, Any]:
-    """Return the mapping that a YAML text holds.
+    """Return the mapping in a YAML text.
 
-    Raises UserError when it holds anything else, or nothing: a file that was cut short is no choice
-    of defaults.
+    Raises UserError if it is anything else or empty: a truncated file must not mean defaults.
     """
     values = _plain_data(text, source)
     if values is None:
-        raise UserError(f"{source}: holds nothing; give at least one key, or {{}} for all defaults")
+        raise UserError(f"{source}: empty; give at least one key, or {{}} for all defaults")
     if not isinstance(values, dict):
-        raise UserError(f"{source}: a configuration is a mapping of keys to values")
+        raise UserError(f"{source}: not a mapping; give keys and values")
     return values
 
 
@@ -49,11 +48,11 @@ def validated(
     folder: Path = Path(),
     allows_code: bool = False,
 ) -> Model:
-    """Return the model of some values, as YAML holds them; `source` names them in errors.
+    """Return the model of YAML values; `source` names them in errors.
 
     Overrides map the path of a field, such as "scene.trees", to a value in YAML. Files among the
     values are relative to `folder`, those in overrides to the working folder. Values may name code
-    only where that is allowed; overrides, which the user typed, always may.
+    only if `allows_code`; overrides, which the user typed, always may.
     """
     with refused_as(source):
         record = checked(model, values, {"folder": folder, "allows_code": allows_code})
@@ -67,16 +66,16 @@ def validated(
 
 
 def to_yaml(record: BaseModel) -> str:
-    """Complete YAML of a model; reading it back gives an equal one."""
+    """Complete YAML of a model; reading it back gives an equal model."""
     return strict_yaml.dump(record.model_dump(mode="json"))
 
 
 def put(values: Any, path: str, value: Any) -> None:
     """Set a value inside nested mappings and lists.
 
-    A null on the way becomes a mapping, as does what a mapping with a `kind` or `preset` lacks: a
-    new one of these starts it afresh. A single value for a list makes a list of one. Raises
-    UserError when the path leads into a plain value.
+    A null on the way becomes a mapping, and so does a missing part of a mapping with a `kind` or
+    `preset`. A new `kind` or `preset` resets its mapping. A single value for a list makes a list of
+    one. Raises UserError if the path leads into a plain value.
     """
     *parents, last = path.split(".")
     for step in parents:
@@ -102,7 +101,7 @@ def _plain_data(text: str, source: str) -> Any:
 
 
 def _starts_afresh(path: str) -> int:
-    """Order of a setting: what starts a mapping afresh comes before what changes it."""
+    """Sort key of a setting: `kind` and `preset`, which reset a mapping, come before its fields."""
     return {"kind": 0, "preset": 1}.get(path.rpartition(".")[2], 2)
 
 
@@ -115,5 +114,5 @@ def _child(values: Any, step: str, path: str) -> Any:
         return values[step]
     entries = range(len(values)) if isinstance(values, list) else values
     known = list(map(str, entries)) if isinstance(values, dict | list) else []
-    there_is = f"there is {', '.join(known)}" if known else "there are none"
+    there_is = f"the fields are {', '.join(known)}" if known else "there are none"
     raise UserError(f"--{path}: no field {step!r}; {there_is}")

@@ -1,1 +1,1 @@
-"""What all packages stand on: files, bounded reading, progress, records, formats."""
+"""Core utilities: files, bounded reading, progress, records, formats."""

@@ -1,7 +1,7 @@
-"""Arrays kept on disk under a hash of all that they depend on, for whoever needs them again.
+"""Arrays cached on disk under a hash of everything that they depend on.
 
-A folder may have any number of readers and writers: files appear whole, and what is missing or
-damaged is computed again. Every room may import this module.
+Any number of processes may read and write a folder: files are written atomically, and missing or
+damaged ones are computed again. Every folder may import this module.
 """
 
 import contextlib
@@ -21,8 +21,8 @@ Arrays = Mapping[str, NDArray[Any]]
 class ArrayStore:
     """One set of named arrays in a folder; without a folder nothing is kept.
 
-    The key is a hash of all that the arrays depend on. Beyond the most bytes that may be kept in
-    the folder goes what was used the longest ago.
+    The key is a hash of everything that the arrays depend on. Above the size limit of the folder,
+    the least recently used arrays are removed.
     """
 
     def __init__(self, folder: Path | None, key: str, most_bytes: int) -> None:
@@ -30,7 +30,7 @@ class ArrayStore:
         self._most_bytes = most_bytes
 
     def read(self, names: Iterable[str] | None = None) -> dict[str, NDArray[Any]] | None:
-        """What was kept, by default all; None where nothing was or what is there is damaged."""
+        """Return the kept arrays, all by default; None if none are kept or a file is damaged."""
         if self._path is None:
             return None
         try:
@@ -42,7 +42,7 @@ class ArrayStore:
         return arrays
 
     def write(self, arrays: Arrays) -> None:
-        """Keep arrays if there is room."""
+        """Keep arrays if there is space."""
         if self._path is None:
             return
         with contextlib.suppress(OSError):
@@ -52,7 +52,7 @@ class ArrayStore:
 
 
 def _prune(folder: Path, most_bytes: int) -> None:
-    """Remove what was used the longest ago, beyond what may stay."""
+    """Remove the least recently used files above the size limit."""
     kept = sorted(folder.glob("*.npz"), key=lambda path: -path.stat().st_mtime)
     sizes = np.cumsum([path.stat().st_size for path in kept])
     for path, size in zip(kept[1:], sizes[1:], strict=True):

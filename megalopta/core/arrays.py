@@ -1,4 +1,4 @@
-"""Types of arrays by what is in them, and arrays of files. Every room may import this module."""
+"""Array types by content, and arrays from files. Every folder may import this module."""
 
 import io
 from typing import Any
@@ -12,9 +12,9 @@ Mask = NDArray[np.bool_]
 
 
 def plain_array(content: bytes) -> NDArray[Any] | None:
-    """Return the numbers that the content of a .npy file holds; None where it is no whole one."""
+    """Return the numbers in the content of a .npy file; None if it is damaged or not numeric."""
     try:
         values = np.lib.format.read_array(io.BytesIO(content), allow_pickle=False)
-    except Exception:  # a damaged header can raise anything
+    except Exception:  # a damaged header can raise any exception
         return None
     return values if values.dtype.kind in "fiu" else None

@@ -1,6 +1,6 @@
-"""Files read within bounds. Every room may import this module.
+"""Read files within bounds. Every folder may import this module.
 
-What a file names may be a device, a pipe or endless: only regular files are read, and only so far.
+A file may name a device, a pipe or something endless: only regular files are read, up to a limit.
 """
 
 import json
@@ -13,11 +13,11 @@ from typing import Any
 from megalopta.core.errors import DamagedFileError
 
 TEXT_BYTES = 64 * 1024**2
-"""Most that a text file, such as YAML, JSON or CSV, may hold."""
+"""Largest text file that is read, such as YAML, JSON or CSV."""
 ARRAY_BYTES = 4 * 1024**3
-"""Most that a file of an array or a picture may hold."""
+"""Largest array or picture that is read."""
 QUOTED = 200
-"""Most characters of a value that a message shows."""
+"""Most characters of a value in a message."""
 SENTENCE = 800
 """Most characters of a message."""
 
@@ -25,11 +25,11 @@ SENTENCE = 800
 def read_bytes(path: str | Path, at_most: int = TEXT_BYTES) -> bytes:
     """Return the content of a regular file.
 
-    Raises DamagedFileError when it is no regular file or is larger than `at_most` bytes. Raises
-    OSError when it cannot be read.
+    Raises DamagedFileError if it is no regular file or larger than `at_most` bytes. Raises OSError
+    if it cannot be read.
     """
-    check_file(path, at_most)  # before it is opened, which some devices act upon
-    # Opening a pipe that nobody writes to would wait for ever.
+    check_file(path, at_most)  # before opening, which some devices act on
+    # Opening a pipe without a writer would block.
     descriptor = os.open(
         path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
     )
@@ -42,17 +42,17 @@ def read_bytes(path: str | Path, at_most: int = TEXT_BYTES) -> bytes:
 
 
 def read_text(path: str | Path, at_most: int = TEXT_BYTES) -> str:
-    """Return the text of a regular file; errors as `read_bytes`, and ValueError where not UTF-8."""
+    """Return the text of a regular file; errors as `read_bytes`, ValueError if not UTF-8."""
     return read_bytes(path, at_most).decode("utf-8")
 
 
 def read_json(path: str | Path, at_most: int = TEXT_BYTES) -> Any:
-    """Return what a JSON file holds; errors as `read_text`, ValueError where it is no JSON too."""
+    """Return the content of a JSON file; errors as `read_text`, ValueError if it is not JSON."""
     return from_json(read_text(path, at_most))
 
 
 def from_json(text: str) -> Any:
-    """Return what JSON text holds. Raises ValueError, also where it is nested too deeply."""
+    """Parse JSON text. Raises ValueError, also if it is nested too deeply."""
     try:
         return json.loads(text)
     except RecursionError:
@@ -60,18 +60,18 @@ def from_json(text: str) -> Any:
 
 
 def check_file(path: str | Path, at_most: int = ARRAY_BYTES) -> None:
-    """Refuse, before a library opens it, what is no regular file or too large; errors as above."""
+    """Refuse, before a library opens it, an irregular or too large file; errors as above."""
     _check(path, Path(path).stat(), at_most)
 
 
 def quoted(value: object, at_most: int = QUOTED) -> str:
-    """Return a value for a message, cut where it is long."""
+    """Return a value for a message, shortened if it is long."""
     text = value if isinstance(value, str) else repr(value)
     return text if len(text) <= at_most else f"{text[:at_most]}…"
 
 
 def printable(text: str) -> str:
-    """Return a text of elsewhere for a terminal, a file or a page: one line, no control codes."""
+    """Return untrusted text for a terminal, a file or a page: one line, no control codes."""
     return "".join(
         each if each.isprintable() else each.encode("unicode_escape").decode("ascii")
         for each in text
@@ -79,7 +79,7 @@ def printable(text: str) -> str:
 
 
 def cut(message: str, given: Any) -> str:
-    """Return a message that quotes at most `QUOTED` characters of any text in what was given."""
+    """Return a message that quotes at most `QUOTED` characters of any text in `given`."""
     if len(message) > QUOTED:
         for text in _texts(given):
             message = message.replace(text, quoted(text)) if len(text) > QUOTED else message
@@ -97,9 +97,9 @@ def _texts(values: Any) -> Iterator[str]:
 
 
 def sentence(text: str, at_most: int = SENTENCE) -> str:
-    """Return a message as one line that a terminal only shows: what it would obey is spelled out.
+    """Return a message as one line with control characters escaped.
 
-    A long one lacks its middle: the field stands at its beginning, the remedy at its end.
+    The middle of a long message is cut: its field is at the beginning, its remedy at the end.
     """
     line = printable(" ".join(text.split()))
     half = at_most // 2
@@ -110,10 +110,10 @@ def _check(path: str | Path, status: os.stat_result, at_most: int) -> None:
     if stat.S_ISDIR(status.st_mode):
         raise IsADirectoryError(21, "Is a directory", str(path))
     if not stat.S_ISREG(status.st_mode):
-        raise DamagedFileError(f"{path}: not a regular file; give a file, no device or pipe")
+        raise DamagedFileError(f"{path}: not a regular file; give a file, not a device or pipe")
     if status.st_size > at_most:
         raise DamagedFileError(_too_large(path, at_most))
 
 
 def _too_large(path: str | Path, at_most: int) -> str:
-    return f"{path}: larger than {at_most / 1e6:.0f} MB, the most that is read of such a file"
+    return f"{path}: larger than {at_most / 1e6:.0f} MB, the limit for such a file"

@@ -1,4 +1,4 @@
-"""A user's mistake, or the machine's limits, told in one sentence."""
+"""Errors of users and of the machine, reported in one sentence."""
 
 import errno
 import os
@@ -6,23 +6,23 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 _REMEDIES = {
-    errno.ENOSPC: "the disk is full; make room and run the same command again",
-    errno.EDQUOT: "your share of the disk is full; make room and run the same command again",
-    errno.EFBIG: "the file grows larger than allowed; raise the limit (ulimit -f)",
-    errno.EIO: "the disk fails; use another",
+    errno.ENOSPC: "the disk is full; free some space and run the same command again",
+    errno.EDQUOT: "your disk quota is full; free some space and run the same command again",
+    errno.EFBIG: "the file exceeds the size limit; raise it (ulimit -f)",
+    errno.EIO: "the disk failed; use another",
     errno.EROFS: "the disk is read-only; use another",
-    errno.EACCES: "not permitted; change its permissions, or choose another",
-    errno.EPERM: "not permitted; change its permissions, or choose another",
+    errno.EACCES: "permission denied; change its permissions, or choose another",
+    errno.EPERM: "permission denied; change its permissions, or choose another",
     errno.ENOENT: "no such file or folder; check the path",
     errno.EISDIR: "it is a folder where a file is needed; choose another",
     errno.ENOTDIR: "a file is in the way; give the path of a folder",
     errno.EEXIST: "a file is in the way; give another path",
-    errno.ELOOP: "symbolic links lead in a circle; give the file itself",
+    errno.ELOOP: "circular symbolic links; give the file itself",
     errno.ENAMETOOLONG: "the name is too long; give a shorter one",
     errno.EMFILE: "too many open files; raise the limit (ulimit -n)",
     errno.ENFILE: "too many open files on this machine; close some",
 }
-"""What the machine refuses, and the way out."""
+"""Messages and remedies for errors of the operating system."""
 
 _EXTRAS = {
     **dict.fromkeys(("mitsuba", "drjit", "OpenEXR", "trimesh"), "render"),
@@ -31,21 +31,22 @@ _EXTRAS = {
     "av": "video",
     "torch": "torch",
     "onnxruntime": "onnx",
+    "rerun": "rerun",
 }
-"""Which extra installs a package."""
+"""Extra that installs a package."""
 
 
 class UserError(Exception):
-    """What the user asked for cannot be done; the message says what, and the way out."""
+    """A user's error; the message names the cause and the remedy."""
 
 
 class DamagedFileError(UserError, ValueError):
-    """A file is not what it should be; the message names it, and the way out."""
+    """A file is damaged or of the wrong kind; the message names it and the remedy."""
 
 
 @contextmanager
 def refused_as(what: str) -> Iterator[None]:
-    """Tell the user a ValueError of the work inside, as "what: problem"."""
+    """Raise a ValueError of the work inside as UserError, "what: problem"."""
     try:
         yield
     except ValueError as problem:
@@ -53,7 +54,7 @@ def refused_as(what: str) -> Iterator[None]:
 
 
 def machine_problem(error: OSError) -> str | None:
-    """What the machine refused, as "path: reason; remedy"; None where the fault is ours."""
+    """Return an error of the operating system as "path: reason; remedy"; None for a bug of ours."""
     remedy = _REMEDIES.get(error.errno or 0)
     if remedy is None or error.filename is None:
         return remedy
@@ -61,7 +62,7 @@ def machine_problem(error: OSError) -> str | None:
 
 
 def missing_extra(error: ModuleNotFoundError) -> str | None:
-    """Return which extra is to be installed, in a sentence; None where no extra has the module."""
+    """Return which extra to install, in a sentence; None if no extra has the module."""
     package = (error.name or "").partition(".")[0]
     if package not in _EXTRAS:
         return None

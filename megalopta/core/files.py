@@ -1,7 +1,7 @@
-"""Files and folders that appear whole or not at all. Every room may import this module.
+"""Files and folders written atomically. Every folder may import this module.
 
-What is written has a temporary name of its own until it is whole and on the disk. A process that
-was killed leaves such names behind; `sweep` removes them, once nobody else writes there.
+Output has a temporary name until it is complete and on the disk. A killed process leaves such names
+behind; `sweep` removes them, once nobody else writes there.
 """
 
 import errno
@@ -21,12 +21,12 @@ _NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 @contextmanager
 def atomic_write(path: Path) -> Iterator[Path]:
-    """A temporary path beside `path`, for a file or a folder, that takes its place when whole.
+    """Yield a temporary path for a file or folder, which replaces `path` when complete.
 
-    A file is replaced; a folder of this name must not be there. Raises OSError when it cannot be
-    written; names `path`.
+    A file is replaced; a folder of this name must not exist. Raises OSError, naming `path`, if it
+    cannot be written.
     """
-    # The suffix stays last: image writers choose their format by it.
+    # The suffix stays last: image writers choose the format by it.
     temporary = path.with_name(f".part-{uuid4().hex[:12]}-{path.name}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -43,18 +43,18 @@ def atomic_write(path: Path) -> Iterator[Path]:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a text file whole or not at all."""
+    """Write a text file atomically."""
     with atomic_write(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
 
 
 def write_json(path: Path, value: Any) -> None:
-    """Write JSON whole or not at all."""
+    """Write JSON atomically."""
     write_text(path, json.dumps(value, indent=1, allow_nan=False) + "\n")
 
 
 def remove(path: Path) -> None:
-    """Remove a file, a link or a folder, if it is there."""
+    """Remove a file, a link or a folder, if it exists."""
     if path.is_dir() and not path.is_symlink():
         shutil.rmtree(path)
     else:
@@ -62,18 +62,18 @@ def remove(path: Path) -> None:
 
 
 def sweep(folder: Path) -> None:
-    """Remove from a folder and all below it what writers that were killed have left."""
+    """Remove temporary files of killed writers from a folder and all folders below it."""
     for path in [path for path in folder.rglob(".part-*") if is_temporary(path)]:
         remove(path)
 
 
 def is_temporary(path: Path) -> bool:
-    """Whether a path is, or lies in, something that is not whole yet."""
+    """True if a path is, or lies in, temporary output."""
     return any(_TEMPORARY.match(part) for part in path.parts)
 
 
 def _sync(path: Path) -> None:
-    """Wait until a file, or a folder with all that is in it, is on the disk."""
+    """Wait until a file, or a folder with its content, is on the disk."""
     if path.is_dir():
         for child in path.iterdir():
             _sync(child)

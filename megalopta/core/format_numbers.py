@@ -1,7 +1,7 @@
-"""Format numbers of everything the program writes. Every room may import this module.
+"""Format numbers of everything that the program writes. Every folder may import this module.
 
-A number is raised whenever an older program would misread what is written now. CONTRIBUTING says
-when to raise one and how long older ones are read.
+A number is raised when an older program would misread new output. CONTRIBUTING says when to raise
+one and how long older ones are read.
 """
 
 from collections.abc import Mapping
@@ -11,14 +11,14 @@ from megalopta.core.errors import UserError
 
 
 class Format(NamedTuple):
-    """Number written today, and the oldest still read; 0 is from before there were numbers."""
+    """Number written today, and the oldest one still read; 0 predates format numbers."""
 
     written: int
     oldest_read: int
 
 
 FORMATS: Mapping[str, Format] = {
-    "dataset": Format(2, 2),  # dataset.yaml, of one sequence or of many, and all results there
+    "dataset": Format(2, 2),  # dataset.yaml of one sequence or of many, and its results
     "sequence": Format(2, 2),  # sequences/SEQ.json
     "counts": Format(1, 0),  # SENSOR-LEVEL.zarr and every other Zarr store
     "events": Format(1, 0),  # SENSOR-LEVEL.events.h5 and .events.npz
@@ -26,19 +26,18 @@ FORMATS: Mapping[str, Format] = {
     "ranking": Format(2, 2),  # ranking.json
     "scores": Format(2, 0),  # scores.json, and lines of a leaderboard
 }
-"""Every format by the name that messages use."""
+"""Every format by its name in messages."""
 
 
 def written(kind: str) -> int:
-    """Return the number to write with something of a kind."""
+    """Return the current number of a format."""
     return FORMATS[kind].written
 
 
 def check_format(kind: str, record: Mapping[str, Any], path: object, key: str = "format") -> None:
-    """Refuse what this program cannot read.
+    """Refuse a record of a format that this program cannot read.
 
-    Raises UserError when the number in a record is newer than the program, too old for it, or no
-    number.
+    Raises UserError if the number is newer than the program, too old for it, or missing.
     """
     newest, oldest = FORMATS[kind]
     found = record.get(key, 0)
@@ -48,11 +47,11 @@ def check_format(kind: str, record: Mapping[str, Any], path: object, key: str = 
         )
     if found > newest:
         raise UserError(
-            f"{path}: {kind} format {found} is newer than {newest}, which this program reads; "
-            "update megalopta"
+            f"{path}: {kind} format {found} is newer than {newest}, the newest that this "
+            "program reads; update megalopta"
         )
     if found < oldest:
         raise UserError(
-            f"{path}: {kind} format {found} is older than {oldest}, which this program reads; "
-            "read it with the release that wrote it, or make it again"
+            f"{path}: {kind} format {found} is older than {oldest}, the oldest that this "
+            "program reads; read it with the release that wrote it, or regenerate it"
         )

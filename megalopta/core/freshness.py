@@ -1,8 +1,8 @@
-"""What a result depends on beside its inputs: code or a declared model, and libraries.
+"""Dependencies of a result beside its inputs: code or a declared model, and libraries.
 
-What is quickly made again (detectors, benchmarks) depends on the code itself: any change makes it
-again. What takes long (frames, counts) depends on a version that is raised by whoever changes what
-comes out; tests that render again fail where that was forgotten.
+Results that are cheap to compute (detectors, benchmarks) depend on the code itself: any change
+recomputes them. Expensive ones (frames, counts) depend on a version number, raised by whoever
+changes the output; tests that render again fail if it was forgotten.
 """
 
 import hashlib
@@ -12,19 +12,19 @@ from importlib.util import find_spec
 from pathlib import Path
 
 RENDER_MODEL = 2
-"""Of radiance: plants, ground, light, cameras, sampling; not of where code stands."""
+"""Version of radiance: plants, ground, light, cameras, sampling; not of the place of code."""
 BAKE_MODEL = 9
-"""Of baked light and where it is, frames that an exposure or a shutter blurs, stated errors."""
+"""Version of baked light, frames blurred by exposure or shutter, and stated errors."""
 TRUTH_MODEL = 4
-"""Of ground truth and of pictures, which panoramas have not: what else the render stage writes."""
+"""Version of ground truth and pictures, the other output of the render stage; not of panoramas."""
 SENSOR_MODEL = 7
-"""Of readings: effects, their order, random streams."""
+"""Version of readings: effects, their order, random streams."""
 
 _LIBRARIES = ("numba", "numpy", "opencv-python-headless", "scikit-image", "scipy")
 
 
 def digest(*parts: str | bytes) -> str:
-    """BLAKE2b hash (16 bytes, in hexadecimal) of parts, whose borders count too."""
+    """BLAKE2b hash (16 bytes, hexadecimal) of parts and of the borders between them."""
     found = hashlib.blake2b(digest_size=16)
     for part in parts:
         body = part.encode() if isinstance(part, str) else part
@@ -34,7 +34,7 @@ def digest(*parts: str | bytes) -> str:
 
 @cache
 def code_digest(*modules: str) -> str:
-    """Hash of the sources of modules, of packages with all that is in them, and of libraries."""
+    """Hash of the sources of modules, of packages with their content, and of library versions."""
     versions = [f"{name} {version(name)}" for name in _LIBRARIES]
     return digest(*versions, *(path.read_bytes() for name in modules for path in _sources(name)))
 

@@ -1,4 +1,4 @@
-"""Pictures of files, as arrays. Every room may import this module."""
+"""Read pictures as arrays. Every folder may import this module."""
 
 import warnings
 from collections.abc import Iterator
@@ -14,13 +14,13 @@ from megalopta.core.bounded import check_file
 from megalopta.core.errors import DamagedFileError
 
 _FORMATS = ("PNG", "JPEG", "TIFF", "BMP", "PPM", "WEBP", "GIF")
-"""Pillow hands some others, such as PostScript, to programs that run what the file says."""
+"""Pillow passes some other formats, such as PostScript, to programs that run code in the file."""
 
 
 def read_picture(path: Path, mode: Literal["L", "RGB"]) -> NDArray[np.uint8]:
-    """Return a picture of 8 bits, gray (H, W) or in color (H, W, 3).
+    """Return an 8-bit picture, gray (H, W) or in color (H, W, 3).
 
-    Raises DamagedFileError when it is no picture, has more than 8 bits, or claims more pixels than
+    Raises DamagedFileError if it is no picture, has more than 8 bits, or claims more pixels than
     Pillow trusts.
     """
     with opened_picture(path) as image:
@@ -31,7 +31,7 @@ def read_picture(path: Path, mode: Literal["L", "RGB"]) -> NDArray[np.uint8]:
 
 @contextmanager
 def opened_picture(path: Path) -> Iterator[Image.Image]:
-    """A picture for Pillow to decode; errors, of its decoding inside too, as `readable`."""
+    """Open a picture for Pillow to decode; errors as `readable`, also during decoding inside."""
     with readable(path), _opened(path) as image:
         yield image
 
@@ -39,13 +39,13 @@ def opened_picture(path: Path) -> Iterator[Image.Image]:
 def _opened(path: Path) -> Image.Image:
     check_file(path)
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # what matters raises an error
+        warnings.simplefilter("ignore")  # what matters raises an exception
         return Image.open(path, formats=_FORMATS)
 
 
 @contextmanager
 def readable(path: Path) -> Iterator[None]:
-    """Refuse what cannot be decoded inside, or claims more pixels than Pillow trusts.
+    """Refuse pictures that cannot be decoded inside, or claim more pixels than Pillow trusts.
 
     Raises DamagedFileError.
     """
@@ -55,7 +55,5 @@ def readable(path: Path) -> Iterator[None]:
         raise
     except Image.DecompressionBombError:
         raise DamagedFileError(f"{path} claims too many pixels; give a smaller picture") from None
-    except Exception:  # of a damaged file, anything
-        raise DamagedFileError(
-            f"{path} cannot be read as a picture; give PNG, or another"
-        ) from None
+    except Exception:  # a damaged file can raise any exception
+        raise DamagedFileError(f"{path} cannot be read as a picture; give a PNG") from None

@@ -1,11 +1,11 @@
-"""What other packages add, found by their entry points.
+"""Plug-ins of other packages, found by their entry points.
 
-A package adds a detector by two lines in its pyproject.toml; the object may also be a list of them:
+A package adds a detector, or a list of them, by two lines in its pyproject.toml:
 
     [project.entry-points."megalopta.detectors"]
     mine = "my_package.my_module:MyDetector"
 
-Whatever is wrong with one is told in a sentence, and the rest goes on without it.
+A broken plug-in is reported in one sentence and skipped.
 """
 
 from collections.abc import Callable, Iterable
@@ -26,10 +26,9 @@ AnyNamed = TypeVar("AnyNamed", bound=_Named)
 def plug_ins(
     group: str, made: Callable[[Any], AnyNamed], taken: Iterable[str]
 ) -> dict[str, AnyNamed]:
-    """Return what the entry points of a group, such as "megalopta.detectors", hold, by name.
+    """Return the objects at the entry points of a group, such as "megalopta.detectors", by name.
 
-    `made` makes of what an entry point holds what is wanted, and refuses what it cannot use; no
-    plug-in may have one of the names that are `taken`.
+    `made` converts an object, or refuses it with an error; names in `taken` are refused.
     """
     found: dict[str, AnyNamed] = {}
     for entry in sorted(entry_points(group=group), key=lambda each: (each.name, each.value)):
@@ -38,9 +37,9 @@ def plug_ins(
             listed = loaded if isinstance(loaded, list | tuple) else [loaded]
             for each in map(made, listed):
                 if each.name in {*taken, *found}:
-                    raise ValueError(f"the name {each.name!r} is taken, choose another")
+                    raise ValueError(f"the name {each.name!r} is taken; choose another")
                 found[each.name] = each
-        except Exception as problem:  # somebody else's code can raise anything
-            told = " ".join(str(problem).split())
-            say(f"megalopta: {group}: plug-in {entry.name} ({entry.value}) is left out: {told}")
+        except Exception as problem:  # foreign code can raise any exception
+            reason = " ".join(str(problem).split())
+            say(f"megalopta: {group}: skipped plug-in {entry.name} ({entry.value}): {reason}")
     return found

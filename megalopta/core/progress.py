@@ -1,7 +1,7 @@
-"""Progress: how far, how fast, how long still.
+"""Progress of long work: share done, time left, current step.
 
 A terminal shows it on its last line. Elsewhere it is a line every ten seconds, also while a single
-step takes longer, so that a log tells that something is going on, and which step it is.
+step takes longer, so that a log shows that work continues, and which step.
 """
 
 import shutil
@@ -16,35 +16,35 @@ from typing import Any, Protocol
 from megalopta.core.bounded import sentence
 
 INTERVAL_S = 10.0
-"""Longest silence without a terminal (s)."""
+"""Interval of lines without a terminal (s)."""
 STATUS_S = 1.0
-"""Time between two states on a terminal (s)."""
+"""Interval of updates on a terminal (s)."""
 
 _speakers: list[object] = []
-"""Work under way, the outermost first; only the innermost speaks."""
+"""Work in progress, the outermost first; only the innermost prints."""
 _silences: list[object] = []
-"""Work that says nothing."""
+"""Work that prints nothing."""
 _steps: list[str] = []
-"""Steps under way, the outermost first; the innermost is told."""
+"""Steps in progress, the outermost first; the innermost is shown."""
 _status_stands = threading.Event()
-"""Set where a terminal's last line tells a state."""
+"""Set while a terminal's last line shows progress."""
 _clocks: list[dict[str, "Spent"]] = []
-"""Who counts the time of steps."""
+"""Clocks that count the time of steps."""
 
 
 @dataclass
 class Spent:
-    """Time that a step took, all its runs together."""
+    """Total time of all runs of a step."""
 
     seconds: float = 0.0
     cpu_seconds: float = 0.0
 
 
 class Advance(Protocol):
-    """Counts what is done."""
+    """Counts finished steps."""
 
     def __call__(self, steps: int = 1) -> None:
-        """Count `steps` more as done."""
+        """Count `steps` more as finished."""
 
 
 @contextmanager
@@ -65,14 +65,14 @@ def say(text: str) -> None:
 
 @contextmanager
 def silent() -> Iterator[None]:
-    """Say nothing of the work inside, and show no progress: it is a step of something larger."""
+    """Print no lines and no progress of the work inside, which is a step of something larger."""
     with _held(_silences, object()):
         yield
 
 
 @contextmanager
 def step(name: str) -> Iterator[None]:
-    """Name what is done inside, for lines of progress and for who counts the time of steps."""
+    """Name the work inside, for lines of progress and clocks of steps."""
     wall, cpu = time.monotonic(), time.process_time()
     try:
         with _held(_steps, name):
@@ -86,7 +86,7 @@ def step(name: str) -> Iterator[None]:
 
 @contextmanager
 def times_of_steps() -> Iterator[dict[str, Spent]]:
-    """Count the time of all steps inside, by their names."""
+    """Count the time of all steps inside, by name."""
     clock: dict[str, Spent] = {}
     with _held(_clocks, clock):
         yield clock
@@ -94,7 +94,7 @@ def times_of_steps() -> Iterator[dict[str, Spent]]:
 
 @contextmanager
 def progress(description: str, total: int, unit: str) -> Iterator[Advance]:
-    """Show how many of `total` steps are done, which the yielded function counts; then the time."""
+    """Show the share of `total` steps that the yielded function counted; at the end, the time."""
     if _silences:
         yield lambda steps=1: None
         return
@@ -117,7 +117,7 @@ def progress(description: str, total: int, unit: str) -> Iterator[Advance]:
 
 @contextmanager
 def working(description: str) -> Iterator[None]:
-    """Tell that something is going on, and which step it is, while nothing inside does."""
+    """Show that work continues, and which step, while nothing inside shows progress."""
     start = time.monotonic()
     with speaking(
         lambda: f"{description}: at work for {duration(time.monotonic() - start)}{_step()}"
@@ -126,21 +126,21 @@ def working(description: str) -> Iterator[None]:
 
 
 def progress_line(done: int, total: int, unit: str, elapsed_s: float) -> str:
-    """How much is done, how fast, and how long the rest will take."""
-    text = f"{done} of {total} {unit}s"
+    """Return share done and time left, such as "34 % of 300 frames · 1:24 left"."""
+    text = f"{100 * done // max(total, 1)} % of {total} {unit}s"
     if not done or not elapsed_s:
-        return f"{text} in {duration(elapsed_s)}"
-    left_s = elapsed_s * (total - done) / done
-    return f"{text}, {_rate(done / elapsed_s, unit)}, {duration(left_s)} to go"
+        return f"{text} · {_clock(elapsed_s)} so far"
+    return f"{text} · {_clock(elapsed_s * (total - done) / done)} left"
 
 
-def _rate(per_s: float, unit: str) -> str:
-    """Steps per second, or seconds per step where that reads better."""
-    return f"{per_s:.1f} {unit}s/s" if per_s >= 1 else f"{1 / per_s:.1f} s/{unit}"
+def _clock(seconds: float) -> str:
+    """Format minutes and seconds, or a longer time as `duration`."""
+    minutes, rest = divmod(round(seconds), 60)
+    return f"{minutes}:{rest:02}" if minutes < 120 else duration(seconds)
 
 
 def duration(seconds: float) -> str:
-    """A time for a person, such as "40 s", "9 min", "3 hours" or "12 days"."""
+    """Format a time, such as "40 s", "9 min", "3 hours" or "12 days"."""
     for unit, length, least in (("days", 86400, 2), ("hours", 3600, 2), ("min", 60, 2)):
         if seconds >= least * length:
             return f"{seconds / length:.0f} {unit}"
@@ -148,8 +148,8 @@ def duration(seconds: float) -> str:
 
 
 def _step() -> str:
-    """What is being done, to go on a line with."""
-    return "".join(f"; {name}" for name in _steps[-1:])  # another thread may take the last away
+    """Current step, to append to a line."""
+    return "".join(f"; {name}" for name in _steps[-1:])  # another thread may remove the last
 
 
 def _clear_status() -> None:
@@ -160,10 +160,10 @@ def _clear_status() -> None:
 
 @contextmanager
 def speaking(state: Callable[[], str], is_of_steps: bool = True) -> Iterator[None]:
-    """Tell a state at intervals, from a thread of its own, while this is the innermost work.
+    """Print a state at intervals, from a thread of its own, while this is the innermost work.
 
-    A terminal shows it on its last line; what tells of steps, while one is under way. Elsewhere it
-    is a line each time.
+    A terminal shows it on its last line; if it `is_of_steps`, only during a step. Elsewhere each
+    state is a line.
     """
     if _silences:
         yield

@@ -1,4 +1,4 @@
-"""What every description of a configuration is made of. Every folder may import this module."""
+"""Base class of all configuration records. Every folder may import this module."""
 
 from pydantic import BaseModel
 

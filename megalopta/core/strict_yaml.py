@@ -1,10 +1,10 @@
-"""YAML as plain data, without what YAML lets pass. Every folder may import this module.
+"""Strict YAML as plain data. Every folder may import this module.
 
-Read is the core schema of YAML 1.2, where values are what a person takes them for: `1e-3` is a
-number; `1:30`, `yes` and `2024-01-01` are text, which YAML 1.1 makes 90, true and a date of. Two
-things differ: `<<` merges mappings, as in YAML 1.1, and digits after a leading zero, such as
-`000731`, are text, which a field that asks for a number takes as decimal. Text that either version
-would take for something else is written in quotes.
+It reads the core schema of YAML 1.2, where values mean what a person expects: `1e-3` is a number;
+`1:30`, `yes` and `2024-01-01` are text, which YAML 1.1 reads as 90, true and a date. Two things
+differ: `<<` merges mappings, as in YAML 1.1, and digits after a leading zero, such as `000731`, are
+text, which a numeric field reads as decimal. Text that either version would misread is written in
+quotes.
 """
 
 import re
@@ -22,9 +22,9 @@ except ImportError:
     from yaml import SafeLoader  # type: ignore[assignment]
 
 MOST_NODES = 100_000
-"""Most keys and values of a text; what an alias stands for counts each time."""
+"""Most keys and values of a text; the content of an alias counts each time."""
 DEEPEST = 100
-"""Most mappings and lists inside one another."""
+"""Deepest nesting of mappings and lists."""
 
 _TAG = "tag:yaml.org,2002:"
 _CORE = {
@@ -38,12 +38,12 @@ _CORE = {
     ),
     "merge": (r"<<", "<"),
 }
-"""Plain text that is no text: its pattern, and what it may begin with."""
+"""Plain text of other types: its pattern, and its possible first characters."""
 _KINDS = ("null", "bool", "int", "float", "str", "seq", "map")
 
 
 class _Loader(SafeLoader):
-    """Knows the core schema alone, and refuses a key that comes twice, which YAML overwrites."""
+    """Loads the core schema alone, and refuses duplicate keys, which YAML overwrites."""
 
     yaml_implicit_resolvers = {}  # noqa: RUF012 - a class attribute of PyYAML
     yaml_constructors = {
@@ -58,22 +58,20 @@ class _Loader(SafeLoader):
         for key, _ in node.value:
             if isinstance(key, yaml.ScalarNode):
                 if (key.tag, key.value) in seen:
-                    raise _refused(
-                        f"the key {quoted(repr(key.value))} comes twice; leave one out", key
-                    )
+                    raise _refused(f"duplicate key {quoted(repr(key.value))}; remove one", key)
                 seen.add((key.tag, key.value))
         return super().construct_mapping(node, deep)
 
     def construct_object(self, node: yaml.Node, deep: bool = False) -> Any:
         try:
             return super().construct_object(node, deep)
-        except (ValueError, LookupError, AttributeError, TypeError):  # tags are not checked before
+        except (ValueError, LookupError, AttributeError, TypeError):  # tags are not checked earlier
             kind = node.tag.rpartition(":")[2]
             raise _refused(f"{str(node.value)[:60]!r} is no {kind}", node) from None
 
 
 class _Dumper(yaml.SafeDumper):
-    """Quotes text that YAML 1.1 or 1.2 takes for something else."""
+    """Quotes text that YAML 1.1 or 1.2 would read as another type."""
 
 
 for _kind, (_pattern, _first) in _CORE.items():
@@ -82,27 +80,27 @@ for _kind, (_pattern, _first) in _CORE.items():
 
 
 def load(text: str) -> Any:
-    """Return what YAML holds. Raises ValueError, with the problem and its line."""
+    """Parse YAML. Raises ValueError with the problem and its line."""
     try:
         _check_extent(yaml.parse(text, SafeLoader))
         return yaml.load(text, _Loader)
     except yaml.MarkedYAMLError as problem:
-        told = ", ".join(part for part in (problem.context, problem.problem) if part)
+        reason = ", ".join(part for part in (problem.context, problem.problem) if part)
         line = f" (line {problem.problem_mark.line + 1})" if problem.problem_mark else ""
-        raise ValueError(f"not valid YAML: {sentence(told)}{line}") from None
+        raise ValueError(f"not valid YAML: {sentence(reason)}{line}") from None
     except (yaml.YAMLError, UnicodeError) as problem:
         raise ValueError(f"not valid YAML: {sentence(str(problem))}") from None
 
 
 def dump(values: Any, **style: Any) -> str:
-    """Return YAML that `load` reads back, in the order of the keys; `style` is PyYAML's."""
+    """Return YAML that `load` reads back, keys in order; `style` is PyYAML's."""
     style = {"sort_keys": False, "allow_unicode": True, "width": 100} | style
     return str(yaml.dump(values, Dumper=_Dumper, **style))
 
 
 @dataclass
 class _Extent:
-    """Of a key, a value or a collection, with what its aliases stand for."""
+    """Size of a key, a value or a collection, including the content of its aliases."""
 
     anchor: str | None
     nodes: int = 1
@@ -114,9 +112,9 @@ class _Extent:
 
 
 def _check_extent(events: Iterable[yaml.Event]) -> None:
-    """Refuse what unfolds to too much, before anything is made of it: a few aliases make terabytes.
+    """Refuse YAML that expands to too much, before it is built: a few aliases can make terabytes.
 
-    An alias to a collection that is still open would stand inside what it names.
+    An alias to a collection that is still open would contain itself.
     """
     around, named = [_Extent(None)], dict[str | None, _Extent]()
     for event in events:
@@ -130,15 +128,15 @@ def _check_extent(events: Iterable[yaml.Event]) -> None:
         elif isinstance(event, yaml.AliasEvent):
             if any(each.anchor == event.anchor for each in around):
                 name = quoted(event.anchor)
-                raise _refused(f"*{name} stands inside what it names; write it out", event)
-            part = named.get(event.anchor)  # the loader refuses what has no name
+                raise _refused(f"*{name} contains itself; write it out", event)
+            part = named.get(event.anchor)  # the loader refuses an alias without anchor
         if part:
             around[-1].take(part)
             named[part.anchor] = part
         if len(around) + around[-1].height > DEEPEST:
-            raise _refused("nested too deeply; write it flatter", event)
+            raise _refused("nested too deeply; flatten it", event)
         if around[-1].nodes > MOST_NODES:
-            raise _refused(f"more than {MOST_NODES:,} keys and values; write less", event)
+            raise _refused(f"more than {MOST_NODES:,} keys and values; shorten it", event)
 
 
 def _refused(problem: str, where: yaml.Node | yaml.Event) -> yaml.MarkedYAMLError:

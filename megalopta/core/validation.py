@@ -1,4 +1,4 @@
-"""Models of plain data, such as YAML holds, and what is wrong with it in one sentence.
+"""Validate models of plain data, such as YAML; report an error in one sentence.
 
 Every folder may import this module.
 """
@@ -16,7 +16,7 @@ from megalopta.core.bounded import cut, quoted
 Model = TypeVar("Model", bound=BaseModel)
 _TOLD = {
     "missing": "missing; give a value",
-    "union_tag_not_found": "say which kind it is, with the key 'kind'",
+    "union_tag_not_found": "missing key 'kind'; add it",
     "too_short": "empty; give at least one",
 }
 _EXPECTED = {
@@ -38,12 +38,12 @@ def checked(model: type[Model], values: Any, context: Mapping[str, object] | Non
     except ValidationError as error:
         raise ValueError(_first_problem(error, model)) from None
     for place in _booleans_for_others(values, record):
-        raise ValueError(f"{place}: true and false are no numbers; give a number")
+        raise ValueError(f"{place}: true and false are not numbers; give a number")
     return record
 
 
 def inner_types(outer: Any, step: str) -> Iterator[Any]:
-    """Types of what a step, a key or an index, leads to inside a type; none where to nothing."""
+    """Types of the value at a key or an index inside a type; none if there is no such step."""
     if get_origin(outer) is tuple and step.isdecimal():
         yield from _plain_types(get_args(outer)[0])
     elif get_origin(outer) is dict:
@@ -66,8 +66,8 @@ def _plain_types(annotation: Any) -> Iterator[Any]:
 def _first_problem(error: ValidationError, model: type[BaseModel]) -> str:
     problem = error.errors(include_url=False)[0]
     steps, _ = _place(model, problem["loc"])
-    told = _told(problem, model)
-    return f"{quoted('.'.join(steps))}: {told}" if steps else told
+    reason = _told(problem, model)
+    return f"{quoted('.'.join(steps))}: {reason}" if steps else reason
 
 
 def _told(problem: Any, model: type[BaseModel]) -> str:
@@ -84,14 +84,14 @@ def _told(problem: Any, model: type[BaseModel]) -> str:
         return f"kind {quoted(repr(tag))} is unknown; use {tags}"
     if kind in (*_TOLD, "value_error"):
         return _TOLD.get(kind, message)
-    told = _EXPECTED.get(kind, f"{message[0].lower()}{message[1:]}")
-    return f"{told}, got {_short.repr(given)}"
+    reason = _EXPECTED.get(kind, f"{message[0].lower()}{message[1:]}")
+    return f"{reason}, got {_short.repr(given)}"
 
 
 def _place(model: type[BaseModel], location: Any) -> tuple[list[str], list[Any]]:
-    """A location as a user writes it, and the types there.
+    """Return a location as a user writes it, and the types there.
 
-    Where a union could hold several models, or several types, pydantic adds the tag of one.
+    Where a union allows several models or types, pydantic inserts a tag.
     """
     types, steps = [model], list[str]()
     for step in map(str, location):
@@ -114,7 +114,7 @@ def _fields_at(model: type[BaseModel], location: Any) -> list[str]:
 
 
 def _booleans_for_others(values: Any, record: Any, place: str = "") -> Iterator[str]:
-    """Places where a boolean was given and something else was made of it, such as 1 of true."""
+    """Places where a boolean was converted to another type, such as true to 1."""
     if isinstance(values, bool) and not isinstance(record, bool):
         yield place
     elif isinstance(values, Mapping) and isinstance(record, BaseModel | Mapping):

@@ -1,9 +1,9 @@
-"""What flow.json holds: the errors of one method on one sensor at one light level."""
+"""Content of flow.json: errors of one method on one sensor at one light level."""
 
 from pydantic import BaseModel, FiniteFloat, NonNegativeInt
 
 Number = FiniteFloat | None
-"""None where it is undefined"""
+"""None if undefined"""
 
 
 class _Record(BaseModel, frozen=True, use_attribute_docstrings=True):
@@ -11,14 +11,14 @@ class _Record(BaseModel, frozen=True, use_attribute_docstrings=True):
 
 
 class ResponseErrors(_Record, frozen=True):
-    """Of the responses to counts, against the noise-free ones, by both metrics."""
+    """Errors of the responses to counts against noise-free ones, by both metrics."""
 
     literal: Number
     ratio: Number
 
 
 class BlockErrors(_Record, frozen=True):
-    """Of the velocities of blocks, against the true ones: the fields of `flow.TruthError`."""
+    """Errors of block velocities against the true ones: the fields of `flow.TruthError`."""
 
     blocks: NonNegativeInt
     missing_fraction: Number
@@ -32,16 +32,16 @@ class BlockErrors(_Record, frozen=True):
 
 
 class TruthErrors(_Record, frozen=True):
-    """Of the noise-free velocities and of those from counts."""
+    """Errors of noise-free velocities and of those from counts."""
 
     ideal: BlockErrors
     counts: BlockErrors
     corrected: BlockErrors | None = None
-    """From corrected readings, where there are some"""
+    """Errors from corrected readings, if there are any"""
 
 
 class SplitErrors(_Record, frozen=True):
-    """By true speed, and by how much of a block is hidden in the next frame."""
+    """Errors by true speed, and by the hidden share of a block."""
 
     slow: TruthErrors
     medium: TruthErrors
@@ -51,14 +51,14 @@ class SplitErrors(_Record, frozen=True):
 
 
 class MixtureErrors(_Record, frozen=True):
-    """With the pixels that hold several things, and without."""
+    """Errors with and without mixed pixels."""
 
     all: TruthErrors
     without_mixed: TruthErrors
 
 
 class RotationErrors(_Record, frozen=True):
-    """Of the camera's yaw rate."""
+    """Errors of the camera's yaw rate."""
 
     true_deg_s: FiniteFloat
     ideal_deg_s: Number
@@ -73,23 +73,23 @@ class FlowRecord(_Record, frozen=True):
     method: str
     warm_up_frames: NonNegativeInt
     saturated_fraction: FiniteFloat = 0.0
-    """Of the readings"""
+    """Share of saturated readings"""
 
     error: ResponseErrors
-    """Against the same device without noise"""
+    """Error against the same device without noise"""
 
     error_perfect: ResponseErrors | None = None
-    """Against a sensor that loses and adds nothing: the noise's error and the device's"""
+    """Error against a perfect sensor: that of noise and of the device"""
 
     error_corrected: ResponseErrors | None = None
-    """Of the responses to corrected readings, against the same"""
+    """Error of the responses to corrected readings, against a perfect sensor"""
 
     truth: TruthErrors | None = None
-    """Of methods that give velocities"""
+    """Errors of methods that give velocities"""
 
     truth_by_mixture: MixtureErrors | None = None
-    """However the configuration has mixed pixels counted"""
+    """Both, regardless of the configured treatment of mixed pixels"""
 
     truth_splits: SplitErrors | None = None
     rotation: RotationErrors | None = None
-    """Of methods that tell directions, where the camera turns"""
+    """Errors of direction detectors, if the camera turns"""

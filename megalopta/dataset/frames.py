@@ -1,9 +1,9 @@
-"""Reading a dataset's frames, a chunk at a time."""
+"""Read a dataset's frames, a chunk at a time."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 import zarr
@@ -14,21 +14,23 @@ from megalopta.core.errors import UserError
 from megalopta.dataset.picture_light import clean_flow, light_of
 from megalopta.dataset.store import Dataset
 from megalopta.render import read_radiance, read_truth
-from megalopta.render.truth.tracer import Truth
+
+if TYPE_CHECKING:
+    from megalopta.render import Truth
 
 FRAMES_AT_ONCE = 16
-"""So many are in memory at most, in every stage."""
+"""Most frames in memory, in every stage."""
 _PIXELS_AT_ONCE = 2**24
 
 
 def frames_at_once(settings: Configuration) -> int:
-    """Return how many frames of a sequence are in memory; of large ones, fewer."""
+    """Return the number of frames of a sequence in memory; fewer of large ones."""
     pixels = settings.camera.width * settings.camera.height
     return min(FRAMES_AT_ONCE, settings.trajectory.frames, max(1, _PIXELS_AT_ONCE // pixels))
 
 
 def read_radiance_frames(dataset: Dataset) -> Iterator[tuple[int, NDArray[np.float32]]]:
-    """Yield the first frame's number and radiance (n, H, W, B) of successive chunks.
+    """Yield successive chunks: number of the first frame, and radiance (n, H, W, B).
 
     It is the radiance that sensors see, through the shutter.
     """
@@ -41,10 +43,10 @@ def read_radiance_frames(dataset: Dataset) -> Iterator[tuple[int, NDArray[np.flo
 def write_frames(
     group: zarr.Group, name: str, first: int, values: NDArray[Any], frames: int, **described: Any
 ) -> None:
-    """Write frames (n, ...) into an array of a group, from a number on.
+    """Write frames (n, ...) into an array of a group, from number `first` on.
 
-    The array is created with the first of them: `frames` long, `FRAMES_AT_ONCE` to a chunk, and
-    described by what else `zarr.Group.create_array` takes.
+    The first call creates the array: `frames` long, `FRAMES_AT_ONCE` per chunk, with further
+    arguments of `zarr.Group.create_array`.
     """
     if name not in group:
         chunks = (min(FRAMES_AT_ONCE, frames), *values.shape[1:])
@@ -55,17 +57,17 @@ def write_frames(
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """Motion of a frame to the next: the true one, or of pictures what `clean_flow` finds.
+    """Motion of a frame to the next: the true one, or for pictures the flow by `clean_flow`.
 
-    Of the last of the pictures it is undefined.
+    It is undefined for the last picture.
     """
 
     flow: NDArray[np.floating]
-    """(H, W, 2), px, +x right and +y down; NaN where it is undefined"""
+    """(H, W, 2), px, +x right and +y down; NaN where undefined"""
     hidden: NDArray[np.bool_]
-    """(H, W): pixels that are hidden in the next frame; of pictures it is not known, and none"""
+    """(H, W): pixels hidden in the next frame; for pictures unknown, and none"""
     purity: NDArray[np.floating]
-    """(H, W): share of a pixel that the flow holds for; of pictures it is not known, and 1"""
+    """(H, W): share of a pixel that the flow is true for; for pictures unknown, and 1"""
 
 
 def read_motion(dataset: Dataset, index: int) -> Motion:
@@ -81,13 +83,13 @@ def read_motion(dataset: Dataset, index: int) -> Motion:
     return Motion(flow, np.zeros(shape, np.bool_), np.ones(shape))
 
 
-def read_truth_frames(dataset: Dataset) -> Iterator[Truth]:
+def read_truth_frames(dataset: Dataset) -> "Iterator[Truth]":
     """Yield the ground truth of every frame that sensors see."""
     for index in range(dataset.configuration.trajectory.frames):
         yield read_truth_frame(dataset, index)
 
 
-def read_truth_frame(dataset: Dataset, index: int) -> Truth:
+def read_truth_frame(dataset: Dataset, index: int) -> "Truth":
     """Ground truth of one frame that sensors see. Raises UserError, for pictures always."""
     dataset.require_truth()
     path = dataset.exposed_truth(index)
@@ -95,7 +97,7 @@ def read_truth_frame(dataset: Dataset, index: int) -> Truth:
         truth = read_truth(path)
         camera = dataset.configuration.camera
         if truth.depth.shape != (camera.height, camera.width):
-            raise ValueError(f"{path} has not the image size that dataset.yaml says")
+            raise ValueError(f"{path} differs in image size from dataset.yaml")
     return truth
 
 
@@ -108,7 +110,7 @@ def read_radiance_frame(dataset: Dataset, index: int) -> NDArray[np.float32]:
         radiance, bands = read_radiance(path)
         camera, expected = dataset.configuration.camera, dataset.configuration.render.bands_nm
         if bands != expected or radiance.shape[:2] != (camera.height, camera.width):
-            raise ValueError(f"{path} has not the image size or bands that dataset.yaml says")
+            raise ValueError(f"{path} differs in image size or bands from dataset.yaml")
     return radiance
 
 

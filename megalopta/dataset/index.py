@@ -1,11 +1,11 @@
-"""The index of all that is finished, written anew from the records: manifest, tables and splits.
+"""The index of finished sequences, rebuilt from the records: manifest, tables and splits.
 
-`splits/train/Sintel/training/flow/SEQ` leads to `training/flow/SEQ`, so that loaders of MPI-Sintel
-read one split of a dataset. A copy with what the links lead to (`cp -rL`) stands for itself.
+`splits/train/Sintel/training/flow/SEQ` links to `training/flow/SEQ`, so that loaders of MPI-Sintel
+read one split of a dataset. A copy with resolved links (`cp -rL`) is self-contained.
 
 Tables of frames, sequences and exposures are described in Croissant 1.1,
-https://docs.mlcommons.org/croissant/docs/croissant-spec-1.1.html: JSON-LD that search engines and
-loaders read. The tables are its record sets; frames and counts are sets of files beside them.
+https://docs.mlcommons.org/croissant/docs/croissant-spec-1.1.html: JSON-LD for search engines and
+loaders. The tables are its record sets; frames and counts are sets of files beside them.
 """
 
 import errno
@@ -28,7 +28,7 @@ from megalopta.dataset.record import SequenceRecord
 from megalopta.dataset.store import file_hash
 
 _SAMPLE = "sample"
-"""The split of the first few sequences."""
+"""Split of the first few sequences."""
 _NO_LINKS = (errno.EPERM, errno.ENOTSUP, errno.EOPNOTSUPP)
 _ROWS_AT_ONCE = 10_000
 
@@ -88,7 +88,7 @@ _TERMS = (
     *("jsonPath", "key", "md5", "parentField", "path", "recordSet", "references", "regex"),
     *("repeated", "replace", "samplingRate", "separator", "source", "subField", "transform"),
 )
-"""Of Croissant's vocabulary."""
+"""Terms of Croissant's vocabulary."""
 _CONTEXT: dict[str, Any] = {
     "@language": "en",
     "@vocab": "https://schema.org/",
@@ -139,7 +139,7 @@ class TableWriter:
                 self._write(name)
 
     def finish(self) -> None:
-        """Write what is left."""
+        """Write the remaining rows."""
         for name in TABLES:
             self._write(name)
 
@@ -213,9 +213,9 @@ def croissant(root: Path, plan: Plan) -> dict[str, Any]:
 
 
 def table_path(root: Path, name: str) -> Path:
-    """Return where a table of the index lies, after comparing it with its description.
+    """Return the path of a table of the index, after comparing it with its description.
 
-    Raises UserError when the table or the description is missing, damaged or not as it was written.
+    Raises UserError if the table or the description is missing, damaged or modified.
     """
     described, path = root / "croissant.json", root / "index" / f"{name}.parquet"
     again = f"run: megalopta dataset make {root} --out {root}"
@@ -229,7 +229,7 @@ def table_path(root: Path, name: str) -> Path:
     except OSError:
         raise UserError(f"{path} is missing; {again}") from None
     if found != hashes.get(f"index/{name}.parquet"):
-        raise UserError(f"{path} is not as it was written; {again}")
+        raise UserError(f"{path} differs from its description; {again}")
     return path
 
 
@@ -288,7 +288,7 @@ def _field(table: str, column: pa.Field) -> dict[str, Any]:
 
 
 def write_index(tree: Tree, plan: Plan) -> None:
-    """Write manifest, tables, splits and Croissant file; one record is in memory at a time."""
+    """Write manifest, tables, splits and Croissant file, with one record in memory at a time."""
     names: dict[str, list[str]] = {split: [] for split in plan.splits}
     names |= {_SAMPLE: []} if plan.sample else {}
     with ExitStack() as open_files:
@@ -299,7 +299,7 @@ def write_index(tree: Tree, plan: Plan) -> None:
             if record.split not in names:
                 raise DamagedFileError(
                     f"{tree.record_path(record.sequence)} is damaged (split {record.split!r} is "
-                    "none of the plan); remove it and run megalopta dataset make again"
+                    "not in the plan); remove it and run megalopta dataset make again"
                 )
             tables.add(record)
             line = {
@@ -320,7 +320,7 @@ def write_index(tree: Tree, plan: Plan) -> None:
 
 
 def _link_into_split(root: Path, split: str, record: SequenceRecord) -> None:
-    """Link the Sintel folders of a sequence into a split; where links cannot be made, none is."""
+    """Link the Sintel folders of a sequence into a split; skipped where links are not supported."""
     kinds = {Path(path).parts[1] for path in record.files if path.startswith("training/")}
     for kind in sorted(kinds):
         link = root / "splits" / split / "Sintel" / "training" / kind / record.sequence
@@ -335,13 +335,13 @@ def _link_into_split(root: Path, split: str, record: SequenceRecord) -> None:
 
 
 def read_lists(root: Path, known: Collection[str]) -> dict[str, tuple[str, ...]]:
-    """Return the names of the sequences of every split; others than the known are refused."""
+    """Return the names of the sequences of every split; unknown ones are refused."""
     found, known = {}, set(known)
     for path in sorted((root / "splits").glob("*.txt")):
         try:
             found[path.stem] = tuple(bounded.read_text(path).split())
         except ValueError:
-            raise UserError(f"{path}: not a text file in UTF-8; {_remedy(root)}") from None
+            raise UserError(f"{path}: not a UTF-8 text file; {_remedy(root)}") from None
         if strangers := [name for name in found[path.stem] if name not in known]:
             raise UserError(
                 f"{path}: no sequence {bounded.quoted(strangers[0], 60)!r}; {_remedy(root)}"
@@ -350,4 +350,4 @@ def read_lists(root: Path, known: Collection[str]) -> dict[str, tuple[str, ...]]
 
 
 def _remedy(root: Path) -> str:
-    return f"write it again: megalopta dataset make {root} --out {root}"
+    return f"rewrite it: megalopta dataset make {root} --out {root}"

@@ -1,22 +1,22 @@
-"""A dataset on disk: the tree of `dataset.store`, which all of its sequences share.
+"""A dataset on disk: the tree of `dataset.store`, shared by all sequences.
 
-One sequence is a dataset of one: dataset.yaml holds its configuration. Of many there are besides:
+A single sequence is a dataset of one: dataset.yaml holds its configuration. Datasets of many have:
 
 dataset.yaml          the plan, and the version that began it
 sequences/SEQ.json    also configuration, statistics and poses
-manifest.jsonl        a line for each of them: name, hash of the configuration, hash of its record
-index.parquet         a row for each frame: relative paths, times, poses
-sequences.parquet     a row for each sequence: settings and statistics
-croissant.json        what is in them, for search engines and loaders
+manifest.jsonl        a line per sequence: name, hash of the configuration, hash of its record
+index.parquet         a row per frame: relative paths, times, poses
+sequences.parquet     a row per sequence: settings and statistics
+croissant.json        description for search engines and loaders
 splits/SPLIT/Sintel/  links to the sequences of a split, as an MPI-Sintel tree
 splits/SPLIT.txt      their names
-failed.jsonl          sequences that could not be made, with the reason
-.making/SEQ/          a sequence that is not finished; it appears in the tree whole
+failed.jsonl          failed sequences, with the reason
+.making/SEQ/          an unfinished sequence; it moves into the tree when complete
 
-A sequence belongs to the dataset from the moment its record is there. What the manifest says holds:
-a record of another hash was changed by somebody. There are two exceptions, which a run that was
-killed before it wrote the manifest leaves: a record that it does not know yet, and one that says
-itself that it took the place of the record that it knows.
+A sequence belongs to the dataset once its record exists. The manifest is authoritative: a record
+of another hash was modified. Two exceptions are left by a run that was killed before it wrote the
+manifest: a record that it does not know yet, and a record that names the known one as its
+predecessor.
 """
 
 import json
@@ -35,7 +35,7 @@ from megalopta.dataset.store import Dataset, file_hash, open_sequence, read_head
 
 MANIFEST = "manifest.jsonl"
 BOOKS = ("index", "splits", "sequences", "card")
-"""Folders that hold no sequence's own files."""
+"""Folders without files of sequences."""
 
 
 @dataclass(frozen=True)
@@ -51,12 +51,12 @@ class Tree:
 
     @property
     def staging(self) -> Path:
-        """Folder of sequences that are being made."""
+        """Folder of unfinished sequences."""
         return self.root / ".making"
 
     @property
     def failures(self) -> Path:
-        """List of sequences that could not be made."""
+        """List of failed sequences."""
         return self.root / "failed.jsonl"
 
     def record_path(self, name: str) -> Path:
@@ -65,13 +65,13 @@ class Tree:
 
     @cached_property
     def lone(self) -> Dataset | None:
-        """The one sequence of a dataset of one; None of many, or of nothing. Raises UserError."""
+        """The sequence of a dataset of one; None for many, or an empty folder. Raises UserError."""
         if not os.path.lexists(self.root / "dataset.yaml") or is_of_many(self.root):
             return None
         return open_sequence(self.root)
 
     def names(self) -> list[str]:
-        """Names of the sequences, of many those that are finished, in order."""
+        """Names of the sequences in order; of many, the finished ones."""
         if self.lone:
             return [self.lone.sequence]
         return sorted(
@@ -79,17 +79,17 @@ class Tree:
         )
 
     def record(self, name: str) -> SequenceRecord:
-        """Read the record of a sequence; of a lone one it may be empty. Raises UserError."""
+        """Read the record of a sequence, empty for a new dataset of one. Raises UserError."""
         return (
             read_lone_record(self.lone) if self.lone else read_record(self.record_path(name), name)
         )
 
     def all_records(self) -> Iterator[SequenceRecord]:
-        """Read the records one after another, in order."""
+        """Read the records in order."""
         return map(self.record, self.names())
 
     def dataset(self, record: SequenceRecord) -> Dataset:
-        """One sequence, as the stages know it. Raises UserError for settings that are none."""
+        """One sequence, as the stages use it. Raises UserError for invalid settings."""
         if self.lone:
             settings = self.lone.configuration
         else:
@@ -104,10 +104,10 @@ class Tree:
         return record, self.dataset(record)
 
     def check_record(self, name: str, manifest: Mapping[str, str]) -> None:
-        """Refuse, with UserError and the way out, a record that the program did not write."""
+        """Refuse, with UserError, a record that the program did not write."""
         if not is_record_as_written(path := self.record_path(name), manifest):
             raise UserError(
-                f"{path} is not as it was written; restore it, or remove it and run "
+                f"{path} differs from the manifest; restore it, or remove it and run "
                 f"megalopta dataset make {self.root} --out {self.root}"
             )
 
@@ -123,7 +123,7 @@ class Tree:
             return Plan.model_validate(read_header(self.root)["plan"])
         except (TypeError, KeyError, ValueError, AttributeError):
             raise UserError(
-                f"{path}: no plan in it, or damaged; give a dataset of `megalopta dataset make`"
+                f"{path}: has no plan, or is damaged; give a dataset of `megalopta dataset make`"
             ) from None
 
     def write_plan(self, plan: Plan) -> None:
@@ -131,13 +131,13 @@ class Tree:
         write_header(self.root, plan=plan.model_dump(mode="json"))
 
     def sweep(self) -> None:
-        """Remove what a killed writer left among the books; nobody else may be writing."""
+        """Remove temporary files of killed writers from the index; nobody else may be writing."""
         for folder in (self.root, *(self.root / name for name in BOOKS)):
             for path in filter(files.is_temporary, folder.glob(".part-*")):
                 files.remove(path)
 
     def read_failures(self) -> dict[int, str]:
-        """Sequences that could not be made, by index, with the reason."""
+        """Failed sequences by index, with the reason."""
         try:
             lines = map(bounded.from_json, bounded.read_text(self.failures).splitlines())
             return {int(each["index"]): str(each["reason"]) for each in lines}
@@ -147,7 +147,7 @@ class Tree:
             raise UserError(f"{self.failures} is damaged; remove it") from None
 
     def write_failures(self, failures: dict[int, str]) -> None:
-        """Write the list of failures; without any, there is no file."""
+        """Write the list of failures; no file without any."""
         lines = [{"index": index, "reason": failures[index]} for index in sorted(failures)]
         if lines:
             files.write_text(self.failures, "".join(json.dumps(each) + "\n" for each in lines))
@@ -156,12 +156,12 @@ class Tree:
 
 
 def is_of_many(root: Path) -> bool:
-    """Whether a folder holds a dataset of many sequences, begun or made. Raises UserError."""
+    """True if a folder holds a dataset of many sequences, begun or finished. Raises UserError."""
     return os.path.lexists(root / "dataset.yaml") and "plan" in read_header(root)
 
 
 def read_manifest(root: Path) -> dict[str, str]:
-    """Return the hash of every record by the name of its sequence. Raises UserError."""
+    """Return the hash of every record by sequence name. Raises UserError."""
     path = root / MANIFEST
     try:
         lines = map(bounded.from_json, bounded.read_text(path).splitlines())
@@ -170,18 +170,18 @@ def read_manifest(root: Path) -> dict[str, str]:
         return {}
     except (ValueError, KeyError, TypeError):
         raise UserError(
-            f"{path} is damaged; restore it, or remove it to take the records as they are, and run "
+            f"{path} is damaged; restore it, or remove it to accept the present records, and run "
             f"megalopta dataset make {root} --out {root}"
         ) from None
 
 
 def is_record_known(path: Path, manifest: Mapping[str, str]) -> bool:
-    """Whether the manifest has the record at a path as it is."""
+    """True if the manifest has the record at a path with its present hash."""
     return manifest.get(path.stem) == _hash(path)
 
 
 def is_record_as_written(path: Path, manifest: Mapping[str, str]) -> bool:
-    """Whether the record at a path is what the program wrote. Raises UserError."""
+    """True if the record at a path is unmodified. Raises UserError."""
     known = manifest.get(path.stem)
     return known in (None, _hash(path)) or read_record(path, path.stem).replaced == known
 

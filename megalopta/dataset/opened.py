@@ -1,4 +1,4 @@
-"""A dataset opened: its sequences by number, name or split, and pairs of their frames."""
+"""An opened dataset: its sequences by number, name or split, and pairs of their frames."""
 
 from bisect import bisect_right
 from collections.abc import Callable, Iterator, Sequence as Listed
@@ -24,11 +24,11 @@ Form = Callable[[Pair], Pair]
 
 
 class FlowPairs:
-    """All pairs of frames, so many apart, of some sequences.
+    """All pairs of frames of some sequences, `step` frames apart.
 
     A pair is a dictionary: `first` and `second` (C, H, W) float32, readings, or light of all bands;
-    `flow` (2, H, W) float32, px, 0 where it is undefined; `valid` (H, W), where it is defined;
-    `occluded` (H, W); `sequence`, `frame`.
+    `flow` (2, H, W) float32, px, 0 where undefined; `valid` (H, W), True where defined; `occluded`
+    (H, W); `sequence`, `frame`.
     """
 
     def __init__(
@@ -74,7 +74,7 @@ class FlowPairs:
         return sequence.radiance if is_light else sequence.counts(self._exposure)
 
     def _flow(self, sequence: Sequence, first: int) -> NDArray[np.float32]:
-        if self._step == 1:  # the small file is read in a tenth of the time
+        if self._step == 1:  # the small file is read ten times faster
             return read_flo(sequence.dataset.frame("training/flow", first, "flo"))
         return sequence.flow(first, first + self._step)
 
@@ -88,7 +88,7 @@ class FlowPairs:
 
 
 def _planes(frame: NDArray[Any]) -> NDArray[np.float32]:
-    """A frame (H, W) or (H, W, B) as (C, H, W)."""
+    """Return a frame (H, W) or (H, W, B) as (C, H, W)."""
     planes = frame[np.newaxis] if frame.ndim == 2 else np.moveaxis(frame, -1, 0)
     return np.ascontiguousarray(planes, np.float32)
 
@@ -103,7 +103,7 @@ def _tensors(pair: Pair) -> Pair:
 
 
 class OpenedDataset:
-    """Sequences of a dataset, opened when they are asked for.
+    """Sequences of a dataset, opened on access.
 
         dataset = megalopta.open_dataset("out/dataset")
         dataset[0], dataset["000003"], dataset.of_split("train")
@@ -123,7 +123,7 @@ class OpenedDataset:
         self._open = lru_cache(maxsize=_KEPT)(self._opened)
 
     def __repr__(self) -> str:
-        """Say what it is."""
+        """Describe the dataset."""
         return f"OpenedDataset({str(self.root)!r}, {len(self)} sequences)"
 
     def __len__(self) -> int:
@@ -131,11 +131,11 @@ class OpenedDataset:
         return len(self.names)
 
     def __iter__(self) -> Iterator[Sequence]:
-        """Yield one sequence after another."""
+        """Yield the sequences."""
         return map(self._open, self.names)
 
     def __getitem__(self, key: int | str) -> Sequence:
-        """Return a sequence by its place or name. Raises UserError where there is none."""
+        """Return a sequence by number or name. Raises UserError if there is none."""
         if isinstance(key, int):
             if not -len(self) <= key < len(self):
                 raise IndexError(f"sequence {key} of {len(self)}")
@@ -146,11 +146,11 @@ class OpenedDataset:
 
     @property
     def splits(self) -> dict[str, tuple[str, ...]]:
-        """Names of the sequences of every split, "sample" among them. Raises UserError."""
+        """Names of the sequences of every split, including "sample". Raises UserError."""
         return read_lists(self.root, self.names) or {"all": self.names}
 
     def of_split(self, split: str) -> list[Sequence]:
-        """Return the sequences of a split. Raises UserError where there is none."""
+        """Return the sequences of a split. Raises UserError if there is none."""
         if split not in self.splits:
             raise UserError(f"{self.root}: no split {split!r}; there are {_brief(self.splits)}")
         return [self._open(name) for name in self.splits[split]]
@@ -158,23 +158,23 @@ class OpenedDataset:
     def pairs(
         self, split: str | None = None, exposure: str | None = None, step: int = 1
     ) -> FlowPairs:
-        """Pairs of frames with the flow between them, as NumPy arrays.
+        """Return pairs of frames with the flow between them, as NumPy arrays.
 
         Parameters
         ----------
         split : str or None
-            All sequences by default.
+            Default: all sequences.
         exposure : str or None
-            Readings of that exposure; by default the first. "radiance" gives the light.
+            Exposure to read; default: the first. "radiance" gives the light.
         step : int
-            Frames from the first of a pair to the second.
+            Frames between the first and the second of a pair.
         """
         return self._pairs(split, exposure, step)
 
     def torch(
         self, split: str | None = None, exposure: str | None = None, step: int = 1
     ) -> FlowPairs:
-        """`pairs` of tensors, which a DataLoader takes. Raises UserError without PyTorch."""
+        """Return `pairs` as tensors for a DataLoader. Raises UserError without PyTorch."""
         if find_spec("torch") is None:
             raise UserError("PyTorch is not installed; run: pip install torch")
         return self._pairs(split, exposure, step, _tensors)
@@ -192,9 +192,9 @@ class OpenedDataset:
 
 
 def open_dataset(root: str | Path) -> OpenedDataset:
-    """Open a dataset, of one sequence or of many; nothing is read yet.
+    """Open a dataset, of one sequence or of many, without reading its data.
 
-    Raises UserError when there is none.
+    Raises UserError if there is none.
     """
     return OpenedDataset(Path(root))
 

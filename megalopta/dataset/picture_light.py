@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, cast
+from weakref import finalize
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -39,6 +40,7 @@ class PictureFrames:
 
     def __init__(self, footage: "Footage", settings: Configuration) -> None:
         self.footage, self._settings = footage, settings
+        finalize(self, footage.close)  # light is kept open from frame to frame (`light_of`)
         self._scene, rate_hz = cast(Pictures, settings.scene), settings.trajectory.frame_rate_hz
         times_s = picture_times(footage, self._scene.picture_rate_hz or rate_hz)
         self._places = times_s * rate_hz

@@ -1,10 +1,10 @@
-"""Finished output moved to its place in a dataset, whole however often the move is broken off.
+"""Move finished output into a dataset, complete even if the move is interrupted.
 
-What is made lies in a folder of its own inside the dataset: output that is made again in `.redo`, a
-new sequence, or more output of one, in `.making/SEQ`. `request.json` there says what was asked for,
-and with what it is made: what was begun otherwise is begun again. When all of it is there,
-`publish.json` lists what moves and what goes. From then on whoever works in the dataset completes
-the move first. Every step can be broken off, also by a kill.
+New output is made in a folder of its own inside the dataset: redone output in `.redo`, a new
+sequence, or more output of one, in `.making/SEQ`. `request.json` there records the request and the
+software: output begun with others is begun again. When all is complete, `publish.json` lists what
+moves and what is removed. From then on, whoever works in the dataset completes the move first.
+Every step can be interrupted, even by a kill.
 """
 
 import os
@@ -25,16 +25,16 @@ PLAN, _REQUEST = "publish.json", "request.json"
 
 @dataclass(frozen=True)
 class Staging:
-    """Output that is being made beside what is there."""
+    """Output that is being made beside existing output."""
 
     root: Path
     """The dataset"""
     folder: Path
-    """Where it is made, and lists of what is asked for and what moves lie"""
+    """Folder of the new output, its request and its moves"""
     data: Path
-    """Its files, under the names that they have in the dataset"""
+    """New files, under the names that they have in the dataset"""
     last: tuple[Path, Path]
-    """What moves last, and where to: as long as it is there, something is left to do"""
+    """Source and target of the last move: while the source exists, the move is unfinished"""
 
     def begin(
         self,
@@ -42,31 +42,31 @@ class Staging:
         settings: Configuration,
         prepare: Callable[[], object] = lambda: None,
     ) -> None:
-        """Note what is asked for, once it is prepared; what was begun otherwise is removed."""
+        """Record the request, once it is prepared; output of another request is removed."""
         wanted = {"made_with": made_with, "configuration": settings.model_dump(mode="json")}
         before = self._request()
         if before != wanted:
             if before and (changes := differences(before, wanted)):
-                told = "; ".join(changes[:3])
-                say(f"{self.folder.name}: begun with others ({told}), and begun again")
+                reasons = "; ".join(changes[:3])
+                say(f"{self.folder.name}: begun with other settings ({reasons}); starting again")
             self.clear()
             prepare()
             files.write_json(self.folder / _REQUEST, wanted)
         files.sweep(self.folder)
 
     def announce(self, moves: Iterable[str], goes: Iterable[str] = ()) -> None:
-        """List what moves and what goes: all of it is there."""
+        """List what moves and what is removed, when all is complete."""
         files.write_json(self.folder / PLAN, {"moves": sorted(moves), "goes": sorted(goes)})
 
     @property
     def is_announced(self) -> bool:
-        """Whether all is there, and moves or has moved."""
+        """True if all is complete, and moves or has moved."""
         return os.path.lexists(self.folder / PLAN)
 
     def complete(self, is_output: Callable[[str], bool]) -> None:
-        """Move what is announced, remove what goes; what was moved before is left.
+        """Move and remove everything on the list; earlier moves are skipped.
 
-        Raises UserError when something listed is no output of this dataset.
+        Raises UserError if a listed path is no output of this dataset.
         """
         source, target = self.last
         if not source.exists():
@@ -76,14 +76,14 @@ class Staging:
             _move(self.data / name, self.root / name)
         for name in goes:
             files.remove(self.root / name)
-            with suppress(OSError):  # that holds something else; the dataset itself always does
+            with suppress(OSError):  # with other content; the dataset itself always has some
                 os.removedirs((self.root / name).parent)
         _move(source, target)
 
     def clear(self) -> None:
         """Remove everything but the lock, which its holder removes.
 
-        What says how far it is goes first, so that nobody takes what a kill leaves for whole.
+        The lists are removed first, so that the remains of a kill are not taken for complete.
         """
         for name in (PLAN, self.last[0].name, _REQUEST):
             files.remove(self.folder / name)
@@ -92,7 +92,7 @@ class Staging:
                 files.remove(path)
 
     def _request(self) -> dict[str, Any] | None:
-        """What was asked for when it was begun; None where it cannot be read."""
+        """Request that the output was begun for; None if it cannot be read."""
         try:
             return dict(bounded.read_json(self.folder / _REQUEST))
         except (OSError, ValueError, TypeError):
@@ -104,9 +104,9 @@ class Staging:
             record = bounded.read_json(path)
             moves, goes = ([str(name) for name in record[key]] for key in ("moves", "goes"))
             for name in moves:
-                check_no_links(self.data / name)  # what a link leads to changes with its place
+                check_no_links(self.data / name)  # the target of a link depends on its place
         except UserError as problem:
-            raise UserError(f"{path} cannot be followed ({problem}); {remedy}") from None
+            raise UserError(f"{path} cannot be applied ({problem}); {remedy}") from None
         except (ValueError, KeyError, TypeError):
             raise UserError(f"{path} is damaged; {remedy}") from None
         for name in (*moves, *goes):
@@ -117,7 +117,7 @@ class Staging:
 
 
 def link(root: Path, folder: Path, name: str) -> None:
-    """Link output that is there to where more is made; relative, as either may be moved."""
+    """Link existing output to where more is made; relative, as either may be moved."""
     path, place = root / name, folder / name
     place.parent.mkdir(parents=True, exist_ok=True)
     target = os.path.relpath(path.resolve(), place.parent.resolve())
@@ -125,7 +125,7 @@ def link(root: Path, folder: Path, name: str) -> None:
 
 
 def _is_plain(root: Path, path: Path) -> bool:
-    """Whether no folder between the root and something in it is a link."""
+    """True if no folder between the root and a path in it is a link."""
     real = Path(os.path.realpath(root), path.parent.relative_to(root))
     return Path(os.path.realpath(path.parent)) == real
 
@@ -135,4 +135,4 @@ def _move(source: Path, target: Path) -> None:
         if source.is_dir() or target.is_dir():
             files.remove(target)
         target.parent.mkdir(parents=True, exist_ok=True)
-        source.rename(target)  # of a file at once: a record is never missing
+        source.rename(target)  # a file is replaced atomically: a record is never missing

@@ -1,4 +1,4 @@
-"""What is known of a sequence: of each stage what it was made with, and the hash of every file."""
+"""Record of a sequence: software of each stage, and the hash of every file."""
 
 import json
 import os
@@ -18,13 +18,13 @@ from megalopta.core.validation import checked
 from megalopta.dataset.store import Dataset
 
 MADE = ("render", "sense")
-"""Stages of every sequence of many."""
+"""Stages of every sequence of a plan."""
 STAGE_NAMES = (*MADE, "flow", "benchmark")
 KINDS = (
     *("radiance", "truth", "radiance_shutter", "truth_shutter"),
     *("pictures", "counts", "corrected", "results"),
 )
-"""Folders of a dataset that hold a folder for each sequence, beside those in `training`."""
+"""Folders of a dataset with a folder per sequence, beside those in `training`."""
 _KIND = re.compile(rf"{'|'.join(KINDS)}|training/[a-z][a-z0-9_]*")
 _EXPOSURE = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.+-]*")
 _MATRIX = 16
@@ -33,17 +33,17 @@ _REMEDY = "remove it and run megalopta dataset make again"
 
 
 class ExposureStatistics(BaseModel, frozen=True, use_attribute_docstrings=True):
-    """Of what one sensor read at one light level."""
+    """Statistics of one sensor's readings at one light level."""
 
     name: str
-    """Of its files, such as "spadcam-starlight" """
+    """Base name of the exposure's files, such as "spadcam-starlight"."""
     sensor: str
     level: float | str
     unit: str
-    """Of the readings"""
+    """Unit of the readings"""
     exposure_s: float
     photons_per_pixel: float
-    """Mean of the expected photons on a pixel, an exposure"""
+    """Mean expected photons per pixel and exposure"""
     mean_reading: float
     saturated_fraction: float
 
@@ -56,55 +56,55 @@ class ExposureStatistics(BaseModel, frozen=True, use_attribute_docstrings=True):
 
 
 class SequenceStatistics(BaseModel, frozen=True, use_attribute_docstrings=True):
-    """Of a sequence, over all pixels of all frames."""
+    """Statistics of a sequence, over all pixels of all frames."""
 
     mean_speed_px: float | None
-    """Of the forward flow, px a frame; None where none is defined, as for the next three"""
+    """Speed of the forward flow, px per frame; None if undefined, as for the next three"""
     median_speed_px: float | None
     percentile_99_speed_px: float | None
     unmatched_fraction: float
-    """Of the pixels: hidden in the next frame, or out of view"""
+    """Share of pixels hidden in the next frame, or out of view"""
     sky_fraction: float
     median_depth_m: float | None
-    """Without the sky"""
+    """Median depth without the sky"""
     texture: float
-    """Root mean square difference between neighboring pixels' light, relative to the mean"""
+    """RMS difference of neighboring pixels' light, relative to the mean"""
     exposures: tuple[ExposureStatistics, ...]
 
 
 class StageRecord(BaseModel, frozen=True, use_attribute_docstrings=True):
-    """What is known of one stage of a sequence."""
+    """Record of one stage of a sequence."""
 
     settings: str
     """Hash of the settings that its output depends on"""
     made_with: dict[str, str]
-    """What it depends on besides: model of the program, libraries, what runs them"""
+    """Other dependencies: model of the program, libraries and their back ends"""
     version: str
-    """Of the program"""
+    """Version of the program"""
     files: dict[str, tuple[int, str]] | None = None
     """Every file by its path in the dataset: bytes and BLAKE2b hash (16 bytes, hexadecimal); None
     until the stage is finished"""
 
 
 class SequenceRecord(BaseModel, frozen=True, use_attribute_docstrings=True):
-    """What is known of a sequence; of one of many, also its place, settings and statistics."""
+    """Record of a sequence; for one of many, also its place, settings and statistics."""
 
     format: int
-    """Of this file (`format_numbers`)"""
+    """Format of this file (`format_numbers`)"""
     sequence: str
     """Its name"""
     stages: dict[str, StageRecord] = {}
-    """Of those that were begun"""
+    """Records of the stages that were begun"""
     index: int = Field(default=0, ge=0)
     split: str = "all"
     replaced: str | None = None
-    """Hash of the record in the place of which this one came, with more output"""
+    """Hash of the record that this one replaced, with more output"""
     configuration: dict[str, Any] = {}
-    """Settings of one of many; those of a lone sequence stand in dataset.yaml"""
+    """Settings of one of many; those of a dataset of one are in dataset.yaml"""
     statistics: SequenceStatistics | None = None
     poses: tuple[tuple[FiniteFloat, ...], ...] = ()
-    """Of every frame the matrix (4, 4) from camera axes (+x right, +y down, +z forward) to world
-    meters, row by row"""
+    """Pose of every frame: matrix (4, 4), row by row, from camera axes (+x right, +y down, +z
+    forward) to world meters"""
 
     @field_validator("poses")
     @classmethod
@@ -115,34 +115,34 @@ class SequenceRecord(BaseModel, frozen=True, use_attribute_docstrings=True):
 
     @property
     def files(self) -> dict[str, tuple[int, str]]:
-        """Every file of its finished stages: bytes and hash."""
+        """All files of finished stages: bytes and hash."""
         written = (stage.files or {} for stage in self.stages.values())
         return {path: each for hashes in written for path, each in hashes.items()}
 
     @property
     def exposures(self) -> tuple[ExposureStatistics, ...]:
-        """Statistics of its exposures, where they were measured."""
+        """Statistics of its exposures, if measured."""
         return self.statistics.exposures if self.statistics else ()
 
     @property
     def configuration_hash(self) -> str:
-        """Fingerprint of all settings."""
+        """Hash of all settings."""
         return digest(json.dumps(self.configuration, sort_keys=True))
 
     def to_json(self) -> str:
-        """Return the text of its file."""
+        """Return the text of the file."""
         return self.model_dump_json(indent=1, exclude_unset=True) + "\n"
 
     @property
     def frames(self) -> int:
-        """How many frames it has."""
+        """Number of frames."""
         return int(self.configuration["trajectory"]["frames"])
 
 
 def read_record(path: Path, name: str, is_lone: bool = False) -> SequenceRecord:
-    """Return the record of the sequence of a name, one of many or a lone one.
+    """Return the record of a named sequence, one of many or alone.
 
-    Raises UserError, with the remedy, when it is missing or damaged.
+    Raises UserError, with the remedy, if it is missing or damaged.
     """
     remedy = _LONE_REMEDY if is_lone else _REMEDY
     try:
@@ -162,9 +162,9 @@ def read_record(path: Path, name: str, is_lone: bool = False) -> SequenceRecord:
 
 
 def read_lone_record(dataset: Dataset) -> SequenceRecord:
-    """Return the record of a dataset of one; an empty one where nothing was begun.
+    """Return the record of a dataset of one; an empty one if nothing was begun.
 
-    Raises UserError when it is damaged.
+    Raises UserError if it is damaged.
     """
     path, name = dataset.record_path, dataset.sequence
     if not os.path.lexists(path):
@@ -173,7 +173,7 @@ def read_lone_record(dataset: Dataset) -> SequenceRecord:
 
 
 def is_output(path: str, sequence: str) -> bool:
-    """Whether a path in a dataset is that of output of a sequence, and leads nowhere else."""
+    """True if a path in a dataset is output of a sequence, and does not lead elsewhere."""
     kind, found, rest = f"{path}/".partition(f"/{sequence}/")
     parts = set(rest.removesuffix("/").split("/")) if rest else set()
     is_plain = not parts & {"", "..", "."} and "\0" not in path
@@ -181,39 +181,39 @@ def is_output(path: str, sequence: str) -> bool:
 
 
 def settings_of(record: SequenceRecord, path: Path) -> Configuration:
-    """Return the settings that a record at a path holds. Raises DamagedFileError."""
+    """Return the settings in a record. Raises DamagedFileError."""
     try:
         settings = checked(Configuration, record.configuration)
     except ValueError as problem:
-        told = f"configuration: {problem}"
-        raise _damaged(path, bounded.quoted(told, 400)) from None
+        reason = f"configuration: {problem}"
+        raise _damaged(path, bounded.quoted(reason, 400)) from None
     if settings.name != record.sequence:
-        raise _damaged(path, f"configuration: it is of {bounded.quoted(settings.name, 60)!r}")
+        raise _damaged(path, f"configuration: it belongs to {bounded.quoted(settings.name, 60)!r}")
     if settings.trajectory.frames != len(record.poses):
         raise _damaged(path, f"{len(record.poses)} poses of {settings.trajectory.frames} frames")
     return settings
 
 
 def _check_names(record: SequenceRecord, name: str) -> None:
-    """Refuse, with ValueError, names that are not a sequence's own: they may lead anywhere."""
+    """Refuse, with ValueError, names that are not a sequence's own: they might lead elsewhere."""
     if record.sequence != name:
-        raise ValueError(f"it is of sequence {bounded.quoted(record.sequence, 60)!r}")
+        raise ValueError(f"it belongs to sequence {bounded.quoted(record.sequence, 60)!r}")
     if not record.split.isidentifier():
         raise ValueError(f"{bounded.quoted(record.split, 60)!r} cannot name a split")
     if strangers := record.stages.keys() - STAGE_NAMES:
-        raise ValueError(f"{bounded.quoted(min(strangers), 60)!r} is no stage")
+        raise ValueError(f"{bounded.quoted(min(strangers), 60)!r} is not a stage")
     for path in record.files:
         if not is_output(path, name) or path.endswith(f"/{name}"):
-            raise ValueError(f"{bounded.quoted(path, 60)!r} is no file of this sequence")
+            raise ValueError(f"{bounded.quoted(path, 60)!r} is not a file of this sequence")
 
 
 def _check_is_of_many(record: SequenceRecord) -> None:
-    """Refuse, with ValueError, what lacks anything that one of many has."""
+    """Refuse, with ValueError, an incomplete record of one of many."""
     if sequence_name(record.index) != record.sequence:
-        raise ValueError(f"index {record.index} is of sequence {sequence_name(record.index)!r}")
+        raise ValueError(f"index {record.index} is that of {sequence_name(record.index)!r}")
     is_made = all(name in record.stages and record.stages[name].files for name in MADE)
     if record.statistics is None or not record.configuration or not is_made:
-        raise ValueError("it lacks its stages, configuration or statistics")
+        raise ValueError("missing stages, configuration or statistics")
 
 
 def _damaged(path: Path, why: str, remedy: str = _REMEDY) -> DamagedFileError:

@@ -1,15 +1,15 @@
-"""What is known of the rendering's error, from the headers of the frames that sensors see.
+"""Error of the rendering, from the headers of the frames that sensors see.
 
-Figures are of pixels without sky where there are any, else of the whole image.
+Figures are for pixels without sky if there are any, else for the whole image.
 
 median_relative, rms_over_mean     over the measured frames, median and mean square
-equivalent_photons_per_pixel       Poisson counts that scatter as much as pixels of the median block
-mean, covariance, detail           of bands, of their error and of the scene (`RenderNoise`),
+equivalent_photons_per_pixel       Poisson counts with the scatter of pixels of the median block
+mean, covariance, detail           of bands, their error and the scene (`RenderNoise`),
                                    averaged over measured frames
 surface, sky                       `RegionNoise` of either, over the measured frames: medians of
                                    median and p95, mean squares of other errors, means of shares;
-                                   None where no pixel is of that kind
-measured_frames                    numbers of the frames that were measured, from 0
+                                   None without pixels of that kind
+measured_frames                    numbers of the measured frames, from 0
 samples_per_pixel, median_relative_of_frames, rms_over_mean_of_frames
                                    of every frame; between measured frames, interpolated
 """
@@ -29,7 +29,7 @@ ATTRIBUTE = "monteCarlo"
 
 
 def noise_record(dataset: Dataset, samples_per_pass: int) -> dict[str, Any] | None:
-    """Collect the noise of all frames for the scene record; None where none was measured."""
+    """Collect the noise of all frames for the scene record; None if none was measured."""
     frames = range(dataset.configuration.trajectory.frames)
     found = {index: noise for index in frames if (noise := _noise(dataset, index))}
     if not found:
@@ -57,7 +57,7 @@ def noise_record(dataset: Dataset, samples_per_pass: int) -> dict[str, Any] | No
 
 
 def _region(regions: Sequence[RegionNoise | None]) -> dict[str, Any] | None:
-    """One region over the frames in which there is any of it."""
+    """One region over the frames that contain it."""
     seen = [asdict(each) for each in regions if each]
     if not seen:
         return None

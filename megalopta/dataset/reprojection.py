@@ -1,9 +1,9 @@
-"""Flow and occlusion between any two frames, from depth and poses alone: no renderer.
+"""Flow and occlusion between any two frames, from depth and poses, without the renderer.
 
-Pixels are taken to points by the depth they store, and points to pixels of another frame by its
-pose. Things that move are taken from the place the truth stores to where their motion brings them.
-Conventions: image coordinates of pixel (i, j) are (i + 1/2, j + 1/2), +x right, +y down; camera
-axes are right, down, forward.
+Pixels are projected to points by their stored depth, and points to pixels of another frame by its
+pose. Moving points are taken from their stored place along their motion. Conventions: image
+coordinates of pixel (i, j) are (i + 1/2, j + 1/2), +x right, +y down; camera axes are right, down,
+forward.
 """
 
 import json
@@ -34,7 +34,7 @@ _BEHIND = 1.01
 
 @dataclass(frozen=True)
 class View:
-    """A frame's camera, pose (4, 4), camera to world, and time, as its truth file tells them."""
+    """A frame's camera, pose (4, 4), camera to world, and time, from its truth file."""
 
     camera: Mapping[str, Any]
     pose: Float64
@@ -59,7 +59,7 @@ class View:
         return np.stack([x, y], axis=-1) + 0.5
 
     def directions(self) -> Float64:
-        """What every pixel sees at unit depth (H, W, 3), in world axes."""
+        """Points seen by every pixel at unit depth (H, W, 3), in world axes."""
         x, y = np.moveaxis(self.pixels(), -1, 0)
         x = x - self.camera["width"] / 2
         if self.camera["kind"] == "perspective":
@@ -72,7 +72,7 @@ class View:
         return np.asarray(seen @ self.pose[:3, :3].T)
 
     def _rise(self, y: Float64) -> Float64:
-        """Tangent of the elevation that rows of a panorama see."""
+        """Tangent of the elevation of rows of a panorama."""
         lower, upper = (math.radians(self.camera[f"{end}_deg"]) for end in ("lower", "upper"))
         part = 1 - y / self.camera["height"]
         if self.camera["kind"] == "cylindrical":
@@ -80,7 +80,7 @@ class View:
         return np.asarray(np.tan(lower + part * (upper - lower)))
 
     def image_of(self, points: Float64, at_infinity: NDArray[np.bool_]) -> Float64:
-        """Where points (..., 3) are seen (..., 2); they are directions where at infinity."""
+        """Image coordinates (..., 2) of points (..., 3), which are directions where at infinity."""
         offset = points - np.where(at_infinity[..., None], 0.0, self.pose[:3, 3])
         right, down, ahead = np.moveaxis(offset @ self.pose[:3, :3], -1, 0)
         width, height = self.camera["width"], self.camera["height"]
@@ -100,14 +100,14 @@ class View:
         return np.stack([x, part * height], axis=-1)
 
     def depth_of(self, points: Float64) -> Float64:
-        """Depth (...) of points (..., 3) as the truth stores it, m."""
+        """Depth (...) of points (..., 3) as stored in the truth, m."""
         offset = points - self.pose[:3, 3]
         if self.camera["kind"] == "perspective":
             return np.asarray(offset @ self.pose[:3, 2])
         return np.asarray(np.linalg.norm(offset, axis=-1))
 
     def way_to(self, image: Float64) -> Float64:
-        """Way (H, W, 2) from pixels to image coordinates, the shorter one around a full circle."""
+        """Displacement (H, W, 2) from pixels to image coordinates, in a panorama the shorter."""
         way = image - self.pixels()
         if self.camera["kind"] != "perspective" and self.camera["fov_deg"] == 360:
             half = self.camera["width"] / 2
@@ -116,7 +116,7 @@ class View:
 
 
 def rederived_flow(truth: Truth, view: View, other: View, motions: Mapping[int, Motion]) -> Float64:
-    """Flow (H, W, 2) from one frame to another; `motions` are those of the moving objects by id."""
+    """Flow (H, W, 2) from one frame to another; `motions` are those of moving objects by id."""
     points = carried_points(truth, view, other.time_s, motions)
     return view.way_to(other.image_of(points, np.isinf(truth.depth)))
 
@@ -124,7 +124,7 @@ def rederived_flow(truth: Truth, view: View, other: View, motions: Mapping[int, 
 def carried_points(
     truth: Truth, view: View, time_s: float, motions: Mapping[int, Motion]
 ) -> Float64:
-    """Where the points that a frame sees are at a time (H, W, 3), m; of the sky, directions."""
+    """Positions at a time of the points that a frame sees (H, W, 3), m; directions for the sky."""
     is_sky = np.isinf(truth.depth)
     reach = np.where(is_sky, 1.0, truth.depth)[..., None] * view.directions()
     points = reach + np.where(is_sky[..., None], 0.0, view.pose[:3, 3])
@@ -136,7 +136,7 @@ def carried_points(
 
 
 def _motion_from(record: Mapping[str, Any]) -> Motion:
-    """Make a motion again from the numbers of a scene's record."""
+    """Rebuild a motion from the numbers of a scene's record."""
     values = dict(record)
     if values["kind"] == "sway":
         del values["kind"]
@@ -146,7 +146,7 @@ def _motion_from(record: Mapping[str, Any]) -> Motion:
 
 
 def motions_of(dataset: Dataset) -> dict[int, Motion]:
-    """Motion of each object that moves, by its number. Raises UserError."""
+    """Motion of each moving object, by number. Raises UserError."""
     path = dataset.scene_record
     try:
         motions = bounded.read_json(path)["motions"]
@@ -164,7 +164,7 @@ class _Seen(NamedTuple):
 
 
 class TruthReader:
-    """Truth of the frames of one sequence; some are kept."""
+    """Ground truth of the frames of one sequence, with a cache."""
 
     def __init__(self, dataset: Dataset) -> None:
         self._dataset = dataset
@@ -175,7 +175,7 @@ class TruthReader:
         return self._frame(index).truth
 
     def flow(self, first: int, second: int) -> NDArray[np.float32]:
-        """Flow (H, W, 2), px, from a frame to another."""
+        """Flow (H, W, 2), px, from one frame to another."""
         self._check(first, second)
         if second == first + 1:
             return self.frame(first).flow_forward
@@ -184,7 +184,7 @@ class TruthReader:
         return self._flow_and_depth(first, second)[0].astype(np.float32)
 
     def occlusion(self, first: int, second: int) -> NDArray[np.bool_]:
-        """Where pixels (H, W) of a frame are hidden in another, or out of its view."""
+        """Mask (H, W) of a frame's pixels that are hidden in another, or out of its view."""
         self._check(first, second)
         wraps = self._dataset.configuration.camera.wraps
         if abs(second - first) == 1:
@@ -200,7 +200,7 @@ class TruthReader:
         return motions_of(self._dataset)
 
     def _flow_and_depth(self, first: int, second: int) -> tuple[Float64, Float64]:
-        """Flow to another frame, and the depth (H, W) that its points have there."""
+        """Flow to another frame, and the depth (H, W) of its points there."""
         (truth, view), (_, other) = self._frame(first), self._frame(second)
         points = carried_points(truth, view, other.time_s, self._motions)
         is_sky = np.isinf(truth.depth)
@@ -225,7 +225,7 @@ def _is_behind(
     seen: NDArray[np.float32],
     wraps: bool,
 ) -> NDArray[np.bool_]:
-    """Where points at a depth (H, W) lie behind what is seen in all four pixels around them."""
+    """Mask of points at a depth (H, W) behind everything seen in the four pixels around them."""
     height, width = depth.shape
     target = np.nan_to_num(flow, nan=-1e9)
     x = np.floor(np.arange(width) + target[..., 0]).astype(np.int64)

@@ -1,6 +1,6 @@
 """One sequence of a dataset: its light, its counts, its motion.
 
-Frames are read, or drawn, when they are asked for.
+Frames are read, or drawn, on access.
 """
 
 import operator
@@ -31,7 +31,7 @@ Index = int | slice | list[int] | NDArray[np.integer[Any]]
 
 @dataclass(frozen=True, eq=False)
 class LazyFrames:
-    """An array (T, …) of which only the frames that are asked for are in memory.
+    """An array (T, …) whose frames are read on access.
 
     light[3], light[3:7], light[[0, 5]], light[3:7, 10:20, 10:20], numpy.asarray(light)
     """
@@ -39,11 +39,11 @@ class LazyFrames:
     shape: tuple[int, ...]
     dtype: np.dtype[Any]
     unit: str
-    """What its numbers are"""
+    """Unit of its values"""
     dimensions: tuple[str, ...]
     """Names of its axes"""
     read: Callable[[list[int]], NDArray[Any]]
-    """From the numbers of frames (n,) to an array (n, …)"""
+    """Maps numbers of frames (n,) to an array (n, …)"""
 
     @property
     def ndim(self) -> int:
@@ -55,7 +55,7 @@ class LazyFrames:
         return self.shape[0]
 
     def __getitem__(self, index: Index | tuple[Any, ...]) -> NDArray[Any]:
-        """Read frames; what follows the first index is taken of what was read."""
+        """Read frames; further indices apply to the frames read."""
         first, rest = (index[0], index[1:]) if isinstance(index, tuple) else (index, ())
         if isinstance(first, slice):
             return self._frames(list(range(*first.indices(len(self)))))[(slice(None), *rest)]
@@ -68,7 +68,7 @@ class LazyFrames:
         return np.asarray(self._frames([number % len(self)])[(0, *rest)])
 
     def __array__(self, dtype: DTypeLike | None = None, copy: bool | None = None) -> NDArray[Any]:
-        """Read all of it."""
+        """Read the whole array."""
         return np.asarray(self[:], dtype=dtype)
 
     def _frames(self, numbers: list[int]) -> NDArray[Any]:
@@ -78,7 +78,7 @@ class LazyFrames:
 
 
 def frame_by_frame(read: Callable[[int], ArrayLike]) -> Callable[[list[int]], NDArray[Any]]:
-    """What reads frames, of what reads one."""
+    """Return a reader of frames from a reader of one."""
     return lambda numbers: np.stack([np.asarray(read(number)) for number in numbers])
 
 
@@ -99,11 +99,11 @@ class Sequence:
         self.name = dataset.sequence
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Go to another process without what is open and kept."""
+        """Pickle without open files and caches."""
         return Sequence, (self.dataset, self.split, self._units)
 
     def __repr__(self) -> str:
-        """Say what it is."""
+        """Describe the sequence."""
         size = f"{self.shape[1]} × {self.shape[0]}"
         return f"Sequence({self.name!r}, {len(self)} frames of {size}, split {self.split!r})"
 
@@ -113,7 +113,7 @@ class Sequence:
 
     @property
     def configuration(self) -> Configuration:
-        """Everything that it was made from."""
+        """Complete configuration of the sequence."""
         return self.dataset.configuration
 
     @property
@@ -138,12 +138,12 @@ class Sequence:
 
     @property
     def intrinsics(self) -> NDArray[np.float64] | None:
-        """Pinhole matrix (3, 3), px, pixel centers at half integers; None of a panorama."""
+        """Pinhole matrix (3, 3), px, pixel centers at half integers; None for a panorama."""
         return self.configuration.camera.intrinsics
 
     @property
     def radiance(self) -> LazyFrames:
-        """Spectral radiance (T, H, W, B), W·m⁻²·sr⁻¹·nm⁻¹, as the shutter took it."""
+        """Spectral radiance (T, H, W, B), W·m⁻²·sr⁻¹·nm⁻¹, through the shutter."""
         from megalopta.dataset.frames import read_radiance_frame
 
         read = partial(read_radiance_frame, self.dataset)
@@ -155,18 +155,18 @@ class Sequence:
         return tuple(self._units)
 
     def counts(self, exposure: str | None = None, quantity: str = "counts") -> LazyFrames:
-        """What a sensor read (T, H, W); by default in the first exposure.
+        """Readings of a sensor (T, H, W); by default of the first exposure.
 
-        Quantities besides are "saturated", and of the mean over noise "photons", "mean_reading",
-        "reading_variance". Raises UserError where there is no such exposure.
+        Other quantities are "saturated", and the means "photons", "mean_reading" and
+        "reading_variance" over noise. Raises UserError if there is no such exposure.
         """
         return self._lazy(self._opened(self._exposure(exposure))[quantity], quantity)
 
     def corrected(self, exposure: str | None = None, quantity: str = "detections") -> LazyFrames:
         """Corrected frames of a SPAD array (T, H, W); by default of the first exposure.
 
-        Quantities are "detections", "variance", "filled" and "ambiguous". Raises UserError where
-        the dataset has none (`megalopta sense --correct`).
+        Quantities are "detections", "variance", "filled" and "ambiguous". Raises UserError if the
+        dataset has none (`megalopta sense --correct`).
         """
         from megalopta.sensor import StoredFrames
 
@@ -189,22 +189,22 @@ class Sequence:
         repeat: int = 0,
         **changes: Any,
     ) -> LazyFrames:
-        """What any sensor would read of this light (T, H, W), drawn when it is asked for.
+        """Readings of any sensor in this light (T, H, W), drawn on access.
 
-        Raises UserError when there is no such sensor or level.
+        Raises UserError if there is no such sensor or level.
 
         Parameters
         ----------
         sensor
             A preset's name, fields as in a configuration, or a sensor.
         level : str or float or None
-            Light level by name or in lux; by default the rendered light.
+            Light level by name or in lux; default: the rendered light.
         gain : float
-            Factor on the light besides.
+            Further factor on the light.
         repeat : int
-            Another number draws other noise, independent of it; the device is the same.
+            Number of an independent draw of the noise on the same device.
         **changes
-            Fields of the sensor, such as exposure_s=1e-3.
+            Changed fields of the sensor, such as exposure_s=1e-3.
         """
         from megalopta.config.light_scale import light_scale
         from megalopta.dataset.frames import read_radiance_frame
@@ -238,21 +238,21 @@ class Sequence:
         """Flow (H, W, 2) from a frame to any other, by default the next.
 
         In px of the image, +x right, +y down, NaN where undefined. Between neighbors it is the
-        stored one, otherwise it follows from depth, poses and motions.
+        stored one, otherwise it is computed from depth, poses and motions.
         """
         return self._truth.flow(first, first + 1 if second is None else second)
 
     def occlusion(self, first: int, second: int | None = None) -> NDArray[np.bool_]:
-        """Where a pixel (H, W) of a frame is hidden in another, or out of its view.
+        """Mask (H, W) of a frame's pixels that are hidden in another, or out of its view.
 
-        Between neighbors it is the stored one, traced; otherwise the depth of the other frame
-        tells, to about a pixel at edges.
+        Between neighbors it is the stored, traced one; otherwise it is computed from the depth of
+        the other frame, to about a pixel at edges.
         """
         return self._truth.occlusion(first, first + 1 if second is None else second)
 
     @property
     def depth(self) -> LazyFrames:
-        """Depth (T, H, W), m: along the optical axis, of a panorama along the ray; sky inf."""
+        """Depth (T, H, W), m, along the optical axis, or along the ray in a panorama; sky: inf."""
         return self._by_frame(lambda index: self._truth.frame(index).depth, "m")
 
     @property
@@ -262,13 +262,13 @@ class Sequence:
 
     @property
     def object_ids(self) -> LazyFrames:
-        """Number of the object (T, H, W); 0 is the sky."""
+        """Object number (T, H, W); 0 is the sky."""
         return self._by_frame(lambda index: self._truth.frame(index).object_id, "1", np.uint32)
 
     def to_xarray(self, *exposures: str) -> "xarray.Dataset":
-        """All of it as a lazy xarray.Dataset, with units; counts of all exposures by default.
+        """Return a lazy xarray.Dataset with units; by default with counts of all exposures.
 
-        Raises UserError where xarray is not installed.
+        Raises UserError if xarray is not installed.
         """
         return _labeled(self, exposures or self.exposures)
 
@@ -323,7 +323,7 @@ class Sequence:
 def _exposed(
     settings: Configuration, sensor: Any, changes: Mapping[str, Any], level: LightLevel
 ) -> Configuration:
-    """The configuration with one sensor, a preset's name, fields or a sensor, at one level."""
+    """Configuration with one sensor, a preset's name, fields or a sensor, at one level."""
     if hasattr(sensor, "model_dump"):
         sensor = sensor.model_dump(mode="json")
     fields = {"preset": sensor} if isinstance(sensor, str) else dict(sensor)
@@ -360,7 +360,7 @@ def _labeled(sequence: Sequence, exposures: Iterable[str]) -> "xarray.Dataset":
 
 
 def _flows(sequence: Sequence) -> LazyFrames:
-    """Forward flow of every frame; that of the last is unknown."""
+    """Forward flow of every frame; unknown for the last."""
 
     def read(index: int) -> Any:
         if index + 1 < len(sequence):

@@ -1,10 +1,11 @@
-"""Ground truth in the file formats of MPI-Sintel, so that its loaders read them unmodified.
+"""Ground truth in the file formats of MPI-Sintel, for its unmodified loaders.
 
-Depth (.dpt) and camera (.cam) files start with the float32 tag 202021.25. Sintel counts pixel
-centers at integers, half a pixel less than our continuous image coordinates.
+Depth (.dpt) and camera (.cam) files start with the float32 tag 202021.25. Sintel has pixel centers
+at integers, half a pixel less than our continuous image coordinates.
 """
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,11 +13,13 @@ from PIL import Image
 
 from megalopta.core.files import atomic_write
 from megalopta.flow.formats import write_flo
-from megalopta.render.truth.tracer import Truth, out_of_view
+
+if TYPE_CHECKING:
+    from megalopta.render import Truth
 
 TAG = np.float32(202021.25)
 SKY_DEPTH_M = 1e10
-"""As in the depth of Blender, which rendered Sintel: readers take means, 1/depth or a limit."""
+"""Value of Blender, which rendered Sintel: readers compute means or 1/depth, or apply a limit."""
 
 
 def write_png(path: Path, image: NDArray[np.uint8]) -> None:
@@ -26,7 +29,7 @@ def write_png(path: Path, image: NDArray[np.uint8]) -> None:
 
 
 def write_depth(path: Path, depth: NDArray[np.float32]) -> None:
-    """Write a .dpt file of depth (H, W) in m; that of the sky, infinite here, becomes finite."""
+    """Write a .dpt file of depth (H, W) in m; the sky's infinite depth becomes finite."""
     height, width = depth.shape
     stored = np.where(np.isinf(depth), SKY_DEPTH_M, depth)
     with atomic_write(path) as temporary, temporary.open("wb") as file:
@@ -37,7 +40,7 @@ def write_depth(path: Path, depth: NDArray[np.float32]) -> None:
 
 def write_camera(path: Path, intrinsics: NDArray[np.float64], pose: NDArray[np.float64]) -> None:
     """Write a .cam file: a pinhole's intrinsics (3, 3), and world-to-camera extrinsics (3, 4)."""
-    # There the center of the first pixel is at 0.
+    # In Sintel the center of the first pixel is at 0.
     intrinsics = intrinsics - [[0, 0, 0.5], [0, 0, 0.5], [0, 0, 0]]
     extrinsics = np.linalg.inv(pose)[:3]
     with atomic_write(path) as temporary, temporary.open("wb") as file:
@@ -46,12 +49,14 @@ def write_camera(path: Path, intrinsics: NDArray[np.float64], pose: NDArray[np.f
         file.write(np.ascontiguousarray(extrinsics, "<f8").tobytes())
 
 
-def write_flow(root: Path, sequence: str, index: int, truth: Truth, wraps: bool) -> None:
-    """Write forward flow (.flo) of a frame, with the masks of unmatched and of undefined pixels.
+def write_flow(root: Path, sequence: str, index: int, truth: "Truth", wraps: bool) -> None:
+    """Write forward flow (.flo) of a frame, with masks of unmatched and undefined pixels.
 
-    Unmatched ("occlusions") means hidden in the next frame or outside of it, which an image that
-    wraps around is not to the left or right.
+    Unmatched ("occlusions") means hidden in the next frame or out of view; a panorama has no left
+    or right border.
     """
+    from megalopta.render import out_of_view
+
     name = f"frame_{index + 1:04d}"
     undefined = np.asarray(np.isnan(truth.flow_forward).any(axis=-1))
     unmatched: NDArray[np.bool_] = truth.occluded_forward | out_of_view(truth.flow_forward, wraps)

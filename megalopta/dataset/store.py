@@ -1,14 +1,14 @@
-"""The dataset on disk: one folder, MPI-Sintel's tree with what Sintel lacks beside it.
+"""The dataset on disk: one folder, MPI-Sintel's tree with additions.
 
-dataset.yaml                 the whole configuration and the version that made it
-sequences/SEQ.json           of each stage what it was made with, and every file's hash
-timings.json                 seconds each stage took
+dataset.yaml                 complete configuration and version of the program
+sequences/SEQ.json           software of each stage, and every file's hash
+timings.json                 seconds of each stage
 training/clean|final/SEQ/    tone-mapped radiance | counts, PNG
 training/flow|occlusions|invalid|depth|camdata_left/SEQ/
 radiance|truth/SEQ/          EXR, every frame at its instant
-radiance_shutter/SEQ/        EXR, the same frames blurred and rolling, where a shutter is set
-truth_shutter/SEQ/           EXR, truth of every row at its own time, where rows are read out
-pictures/SEQ/                of pictures in place of EXR and truth: the file, or a folder of files
+radiance_shutter/SEQ/        EXR, the same frames through the shutter, if one is set
+truth_shutter/SEQ/           EXR, truth of every row at its own time, with a rolling shutter
+pictures/SEQ/                for pictures, instead of EXR and truth: a file, or a folder of files
 counts/SEQ/SENSOR-LEVEL.zarr, and other products beside it (docs/file-formats.md)
 results/SEQ/                 detector responses, errors, photon benchmark
 """
@@ -34,46 +34,45 @@ from megalopta.sensor import ImageSensor
 
 LICENSE = "CC0-1.0"
 REDO_FOLDER = ".redo"
-"""Where output is made again while the old one stays."""
+"""Folder of redone output while the old one stays."""
 _HEADER_BYTES = 2**20
-"""Most that dataset.yaml may hold: larger YAML takes seconds to parse."""
+"""Most bytes of dataset.yaml: larger YAML takes seconds to parse."""
 _KEPT_HASHES = 2**17
 
 
 @dataclass(frozen=True)
 class Dataset:
-    """Paths of one sequence; nothing is read that its record knows and that is not as written.
+    """Paths of one sequence; modified files are refused.
 
-    A file is compared with its hash in the record before it is read, once for each dataset: about
-    2 ms of processor time for each megabyte, a third of what decoding an EXR file takes. Of a store
-    of counts, opening compares the sizes of all files and the hashes of its descriptions; the
-    hashes of its numbers are compared a chunk at a time, as they are read. What nobody reads is not
-    compared.
+    A file is compared with its hash in the record before it is read, once per dataset: about 2 ms
+    of processor time per megabyte, a third of decoding an EXR file. For a store of counts, opening
+    compares the sizes of all files and the hashes of its metadata; the hashes of its data are
+    compared a chunk at a time, as they are read. Files that are not read are not compared.
     """
 
     root: Path
     configuration: Configuration
-    """What its content was, or will be, made from"""
+    """Configuration of its content"""
     files: Mapping[str, tuple[int, str]] = field(default_factory=dict, repr=False, compare=False)
-    """Bytes and hash of the files that are compared, by their paths in the dataset"""
+    """Bytes and hash of the files to compare, by their paths in the dataset"""
     _compared: set[str] = field(default_factory=set, init=False, repr=False, compare=False)
 
     @property
     def home(self) -> Path:
-        """The folder that the user knows: what is made again stands in one inside it."""
+        """Folder known to the user; redone output is in a folder inside it."""
         return self.root.parent if self.root.name == REDO_FOLDER else self.root
 
     def require_truth(self) -> None:
-        """Refuse, with UserError, a dataset of pictures, whose motion and depth nobody knows."""
+        """Refuse, with UserError, a dataset of pictures, whose motion and depth are unknown."""
         if not self.configuration.scene.has_truth:
             raise UserError(
-                f"{self.home}: made of pictures, whose true motion and depth are not known; give a "
+                f"{self.home}: made of pictures, whose true motion and depth are unknown; give a "
                 "dataset of rendered frames"
             )
 
     @property
     def record_path(self) -> Path:
-        """Record of what of the sequence is finished."""
+        """Record of the sequence."""
         return self.root / "sequences" / f"{self.sequence}.json"
 
     @property
@@ -84,7 +83,7 @@ class Dataset:
     def frame(self, kind: str, index: int, suffix: str) -> Path:
         """Path of one frame's file, such as frame("radiance", 0, "exr"); files count from 1.
 
-        Raises UserError where it is compared, and is not as it was written; as do all below.
+        Raises UserError if it is compared and was modified; as do all below.
         """
         return self.compared(self.root / kind / self.sequence / f"frame_{index + 1:04d}.{suffix}")
 
@@ -97,22 +96,22 @@ class Dataset:
         return self.frame("truth", index, "exr")
 
     def exposed_radiance(self, index: int) -> Path:
-        """Spectral radiance of a frame as the shutter takes it, which is what sensors see."""
+        """Spectral radiance of a frame through the shutter, as sensors see it."""
         is_instant = self.configuration.shutter.is_instant
         return self.frame("radiance" if is_instant else "radiance_shutter", index, "exr")
 
     def exposed_truth(self, index: int) -> Path:
-        """Ground truth of what sensors see; motion blur has that of its middle."""
+        """Ground truth of the frame that sensors see; with motion blur, at its middle."""
         is_rolling = self.configuration.shutter.readout_s > 0
         return self.frame("truth_shutter" if is_rolling else "truth", index, "exr")
 
     @property
     def scene_record(self) -> Path:
-        """JSON of what was rendered with what: objects, triangles, variant, light and noise."""
+        """JSON of the rendering: objects, triangles, variant, light and noise."""
         return self.root / "radiance" / self.sequence / "scene.json"
 
     def read_scene_record(self) -> dict[str, Any]:
-        """Read what the render stage noted; empty when it did not."""
+        """Read the record of the render stage; empty if there is none."""
         try:
             return dict(bounded.read_json(self.compared(self.scene_record)))
         except (OSError, ValueError):
@@ -124,31 +123,31 @@ class Dataset:
         return self.store(folder / f"{exposure_name(sensor, level)}.zarr")
 
     def result(self, name: str) -> Path:
-        """A file of the measurements."""
+        """File of results."""
         return self.root / "results" / self.sequence / name
 
     def store(self, path: Path) -> Path:
-        """Path of a store whose files are all there and described as they were."""
+        """Path of a store whose files and metadata are complete and unmodified."""
         inside = self._below(path)
         for name in inside:
             self._check(name, is_hashed=name.endswith("zarr.json"))
         return path
 
     def compared(self, path: Path) -> Path:
-        """Path of a file that is as it was written, or of one that the record does not know."""
+        """Path of a file that is unmodified, or unknown to the record."""
         name = path.relative_to(self.root).as_posix()
         if name in self.files:
             self._check(name, is_hashed=True)
         return path
 
     def compare_all(self, start: str) -> None:
-        """Compare all files whose path in the dataset begins so. Raises UserError."""
+        """Compare all files whose path in the dataset begins with `start`. Raises UserError."""
         for name in self.files:
             if name.startswith(start):
                 self._check(name, is_hashed=True)
 
     def compare_chunks(self, array: Path, chunks: Iterable[int]) -> None:
-        """Compare what holds some chunks of frames of an array in a store."""
+        """Compare the files that hold some chunks of frames of an array."""
         for chunk in chunks:
             key = f"{array.relative_to(self.root).as_posix()}/c/{chunk}"
             if key not in self._compared:
@@ -165,7 +164,7 @@ class Dataset:
             return
         if what := difference(self.root / name, *self.files[name], is_hashed=is_hashed):
             raise UserError(
-                f"{self.root / name} {what}; see what else is not with: "
+                f"{self.root / name} {what}; find other damage with: "
                 f"megalopta dataset check {self.root}"
             )
         if is_hashed:
@@ -173,18 +172,18 @@ class Dataset:
 
 
 def open_sequence(root: Path) -> Dataset:
-    """Open an existing dataset with the configuration it was made from; nothing is changed.
+    """Open an existing dataset with its configuration, without changes.
 
-    Raises UserError when there is none, when it is damaged or leads out of its folder, and when new
-    output is on its way to its place.
+    Raises UserError if there is none, it is damaged, leads out of its folder, or an unfinished move
+    of new output.
     """
-    if os.path.lexists(root / "dataset.yaml"):  # elsewhere there may be much to walk
+    if os.path.lexists(root / "dataset.yaml"):  # other folders may be large
         check_enclosed(root)
     dataset = read_dataset(root)
     if os.path.lexists(root / REDO_FOLDER / PLAN):
         raise UserError(
-            f"{root}: the program stopped while it put new output in the place of the old; to "
-            f"finish that, run: megalopta render {root} --out {root}"
+            f"{root}: the program stopped while it replaced old output; to "
+            f"finish, run: megalopta render {root} --out {root}"
         )
     return dataset
 
@@ -196,7 +195,7 @@ def read_header(root: Path) -> dict[str, Any]:
         record = dict(strict_yaml.load(bounded.read_text(path, _HEADER_BYTES)))
     except OSError:
         raise UserError(
-            f"{root}: no dataset here; make one with: megalopta render, or of many sequences with: "
+            f"{root}: no dataset here; make one with: megalopta render, or for many sequences: "
             "megalopta dataset make"
         ) from None
     except (TypeError, ValueError):
@@ -210,7 +209,7 @@ def read_dataset(root: Path) -> Dataset:
     record, path = read_header(root), root / "dataset.yaml"
     if "plan" in record:
         raise UserError(
-            f"{root}: a dataset of many sequences, this needs one; see megalopta dataset --help"
+            f"{root}: a dataset of many sequences, not of one; see megalopta dataset --help"
         )
     try:
         values = dict(record["configuration"])
@@ -220,7 +219,7 @@ def read_dataset(root: Path) -> Dataset:
 
 
 def existing(root: Path) -> Dataset | None:
-    """The dataset in a folder, None where nothing is. Raises UserError for something else."""
+    """Return the dataset in a folder, None if it is empty. Raises UserError for other content."""
     if (root / "dataset.yaml").exists():
         return open_sequence(root)
     refuse_others_folder(root)
@@ -228,13 +227,13 @@ def existing(root: Path) -> Dataset | None:
 
 
 def refuse_others_folder(root: Path) -> None:
-    """Refuse what is neither an empty folder nor one in which a dataset was about to begin."""
+    """Refuse a folder with other content than a dataset that was about to begin."""
 
     def is_others(path: Path) -> bool:
         return path.name != LOCK_NAME and not files.is_temporary(Path(path.name))
 
     if root.exists() and (not root.is_dir() or any(map(is_others, root.iterdir()))):
-        raise UserError(f"{root} exists and is no dataset; choose a new folder")
+        raise UserError(f"{root} exists and is not a dataset; choose a new folder")
 
 
 def exposure_name(sensor: ImageSensor, level: LightLevel) -> str:
@@ -254,7 +253,7 @@ def write_header(root: Path, **body: Any) -> None:
 
 
 def files_in(paths: Iterable[Path]) -> Iterable[Path]:
-    """Files among these paths and in the folders among them, but for half-written ones."""
+    """Files among these paths and in folders among them, except temporary ones."""
     for path in paths:
         inside = path.rglob("*") if path.is_dir() else [path]
         yield from (each for each in inside if each.is_file() and not files.is_temporary(each))
@@ -269,7 +268,7 @@ def hashes_of(root: Path, paths: Iterable[Path]) -> dict[str, tuple[int, str]]:
 
 
 def whole_of(path: Path, root: Path) -> Path:
-    """What is written at once with a file of a dataset: the outermost store around it, or itself.
+    """Return the unit of output that a file belongs to: the outermost store around it, or itself.
 
     Folders above the dataset may have any name.
     """
@@ -279,9 +278,9 @@ def whole_of(path: Path, root: Path) -> Path:
 
 
 def difference(path: Path, size: int, digest: str, is_hashed: bool = True) -> str | None:
-    """Return how a file differs from what was written; None where it does not.
+    """Return how a file differs from its record; None if it does not.
 
-    A hash is computed once in a process, while the file stays as it is.
+    A hash is computed once per process, while the file is unchanged.
     """
     try:
         found = path.stat()
@@ -291,7 +290,7 @@ def difference(path: Path, size: int, digest: str, is_hashed: bool = True) -> st
         return "is missing"
     state = found.st_dev, found.st_ino, found.st_size, found.st_mtime_ns, found.st_ctime_ns
     if found.st_size != size or (is_hashed and _hash_of(path, state) != digest):
-        return "is not as it was written"
+        return "differs from its record"
     return None
 
 
@@ -301,6 +300,6 @@ def _hash_of(path: Path, _state: tuple[int, ...]) -> str:
 
 
 def file_hash(path: Path) -> str:
-    """BLAKE2b hash (16 bytes, in hexadecimal) of a file."""
+    """BLAKE2b hash (16 bytes, hexadecimal) of a file."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, lambda: hashlib.blake2b(digest_size=16)).hexdigest()

@@ -1,1 +1,1 @@
-"""Datasets made from a recipe, by one process or several."""
+"""Make datasets from a recipe, in one process or several."""

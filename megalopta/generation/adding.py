@@ -1,7 +1,7 @@
-"""More output for sequences that are made: new light on them, or what a stage measures.
+"""Add output to finished sequences: new exposures, or a stage's measurements.
 
-It is made beside the tree, as sequences are, from links to what is there; a sequence's record names
-it when all of it is there.
+Output is made beside the tree, as sequences are, from links to existing files; a sequence's record
+names it when it is complete.
 """
 
 from collections.abc import Collection, Mapping
@@ -37,7 +37,7 @@ from megalopta.stages.sense import open_exposure
 
 @dataclass(frozen=True)
 class _Measured:
-    """What a stage measures, such as flow."""
+    """Measurement by a stage, such as flow."""
 
     stage: str
     overrides: Mapping[str, str]
@@ -45,19 +45,19 @@ class _Measured:
     kinds: ClassVar = tuple(kind for kind in KINDS if kind != "results")
 
     def settings(self, tree: Tree, record: SequenceRecord) -> Configuration:
-        """Return what it is made by. Raises UserError."""
+        """Return its settings. Raises UserError."""
         stored = to_yaml(tree.dataset(record).configuration)
         return parse(stored, str(tree.record_path(record.sequence)), self.overrides)
 
     def check(self, tree: Tree, record: SequenceRecord) -> str | None:
-        """Refuse a sequence to which it cannot be added; return what is worth telling."""
+        """Refuse a sequence that it cannot be added to; return a message, if any."""
         settings, made = self.settings(tree, record), tree.dataset(record).configuration
         for earlier in STAGES[self.stage].needs:
             before, now = (stage_configuration(each, earlier) for each in (made, settings))
             if changes := differences(before, now):
                 raise UserError(
-                    f"{tree.root}: {changes[0]} would change what {earlier!r} made; {self.stage} "
-                    f"takes settings of its own: {', '.join(STAGES[self.stage].fields)}"
+                    f"{tree.root}: {changes[0]} would change {earlier!r} output; {self.stage} "
+                    f"takes only its own settings: {', '.join(STAGES[self.stage].fields)}"
                 )
         there = record.stages.get(self.stage)
         if there and there.settings != stage_hash(settings, self.stage) and not self.redo:
@@ -67,23 +67,23 @@ class _Measured:
             )
         check_stage(self.stage, settings, tree.staging)
         is_outdated = Ledger(Dataset(tree.root, settings)).is_outdated(self.stage)
-        told = f"{self.stage}: made by another version of the program, and made again"
-        return told if is_outdated and not self.redo else None
+        note = f"{self.stage}: made by another version of the program; recomputing"
+        return note if is_outdated and not self.redo else None
 
     def is_there(self, tree: Tree, record: SequenceRecord) -> bool:
-        """Whether a sequence has it already."""
+        """True if a sequence already has it."""
         ledger = Ledger(Dataset(tree.root, self.settings(tree, record)))
         is_current = ledger.is_finished(self.stage) and not ledger.is_outdated(self.stage)
         return is_current and not self.redo
 
     def entered(self, record: SequenceRecord, dataset: Dataset) -> SequenceRecord:
-        """Return a sequence's record with what was made."""
+        """Return a sequence's record with the new output."""
         entry = stage_record(dataset, self.stage, STAGES[self.stage].outputs(dataset))
         return record.model_copy(update={"stages": {**record.stages, self.stage: entry}})
 
 
 class Exposing(Record, frozen=True):
-    """What to expose on the light of a dataset."""
+    """Exposures to add to a dataset."""
 
     sensors: Annotated[tuple[str | dict[str, Any], ...], Field(min_length=1)] = ("spadcam",)
     """Sensors, as in a configuration: presets' names, or `{preset: spadcam, exposure_s: 0.01}`"""
@@ -92,15 +92,15 @@ class Exposing(Record, frozen=True):
     """Levels, by name or in lux"""
 
     repeats: Annotated[int, Field(ge=1, le=1000)] = 1
-    """Exposures of each, with independent noise; later ones are of SENSOR-r2, SENSOR-r3, …"""
+    """Exposures of each, with independent noise; later ones are SENSOR-r2, SENSOR-r3, …"""
 
     products: tuple[ProductName, ...] = ("counts",)
-    """What is written of each, as in a configuration"""
+    """Output of each, as in a configuration"""
 
 
 @dataclass(frozen=True)
 class _Exposed:
-    """Other sensors, exposures and levels, nothing rendered."""
+    """Exposures by other sensors, times and levels, without rendering."""
 
     wanted: Exposing
     stage: ClassVar = "sense"
@@ -116,22 +116,22 @@ class _Exposed:
     def check(self, tree: Tree, record: SequenceRecord) -> None:
         """Refuse a sequence that another sensor model exposed before.
 
-        Libraries may be others, as where a dataset was downloaded: new exposures stand for
-        themselves.
+        Libraries may differ, as after a download of a dataset: new exposures are independent of the
+        old ones.
         """
         model = STAGES["sense"].model()
         known = record.stages["sense"].made_with.get("model", model)
         if known != model:
             raise UserError(
-                f"{tree.root}: sequence {record.sequence} was exposed otherwise than it would be "
-                f"here (sense: model: {known} → {model}); expose it with what made it, or make "
-                "the dataset again in another folder"
+                f"{tree.root}: sequence {record.sequence} was exposed by another sensor model "
+                f"(sense: model: {known} → {model}); use the program that made it, or regenerate "
+                "the dataset in another folder"
             )
-        tree.dataset(record)  # refuses settings that are damaged
+        tree.dataset(record)  # refuses damaged settings
         check_stage(self.stage, self.settings(tree, record), tree.staging)
 
     def is_there(self, tree: Tree, record: SequenceRecord) -> bool:
-        """Raise UserError for a name that is taken by other settings."""
+        """Raise UserError for a name that other settings use."""
         there, settings, known = tree.dataset(record), self.settings(tree, record), _known(record)
         missing = []
         for sensor, level in settings.exposures:
@@ -140,7 +140,7 @@ class _Exposed:
                 missing.append(path.stem)
             elif open_exposure(there, sensor, level).sensor != sensor:
                 raise UserError(
-                    f"{path.stem} is there with other settings; give the sensor a name of its own, "
+                    f"{path.stem} exists with other settings; give the sensor another name, "
                     f"such as {{preset: spadcam, name: fast, exposure_s: 0.01}}"
                 )
         return not missing
@@ -166,7 +166,7 @@ def _known(record: SequenceRecord) -> set[str]:
 
 
 Addition: TypeAlias = _Measured | _Exposed
-"""What is added to every sequence for a stage, made from folders of some kinds; picklable."""
+"""Output of a stage to add to every sequence, made from folders of some kinds; picklable."""
 
 
 def add_to_all(
@@ -176,17 +176,16 @@ def add_to_all(
     workers: int | None = None,
     scheduler: str | None = None,
 ) -> Tree:
-    """Add to every finished sequence, after checking all, and write the index anew.
+    """Add to every finished sequence, after checking all, and rebuild the index.
 
-    Raises UserError when there is no dataset of many sequences, and when a check or a sequence
-    fails.
+    Raises UserError if there is no dataset of many sequences, or a check or a sequence fails.
     """
     tree = Tree(root.absolute())
     with at_work(tree, tree.plan(), keep_added=True) as problems:
         records = map(tree.record, tree.names())
         checked = [(record.index, addition.check(tree, record)) for record in records]
-        for told in sorted({each for _, each in checked if each}):
-            say(told)
+        for note in sorted({each for _, each in checked if each}):
+            say(note)
         job = partial(add_to_sequence, tree.root, addition)
         problems += _problems(job, [index for index, _ in checked], title, workers, scheduler)
     if problems:
@@ -195,7 +194,7 @@ def add_to_all(
 
 
 def add_to_sequence(root: Path, addition: Addition, index: int) -> None:
-    """Add to one sequence what it does not have yet."""
+    """Add missing output to one sequence."""
     tree, name = Tree(root), sequence_name(index)
     record = tree.record(name)
     if not addition.is_there(tree, record):
@@ -218,7 +217,7 @@ def _added(
 def _problems(
     job: Job, indices: Collection[int], title: str, workers: int | None, scheduler: str | None
 ) -> list[str]:
-    """The first problem that there is; after it nothing is begun."""
+    """Return the first problem, if any; after it nothing is begun."""
     with (
         progress(title, len(indices), "sequence") as advance,
         closing(run_jobs(job, indices, workers, scheduler)) as outcomes,
@@ -231,7 +230,7 @@ def _problems(
 
 
 def _link(tree: Tree, record: SequenceRecord, dataset: Dataset, kinds: Collection[str]) -> None:
-    """Link what is there to where it is read, after comparing it with the record."""
+    """Link existing output to where it is read, after comparing it with the record."""
     whole, name = tree.dataset(record), record.sequence
     for folder in (f"{kind}/{name}" for kind in kinds):
         whole.compare_all(f"{folder}/")
@@ -247,10 +246,10 @@ def measure(
     workers: int | None = None,
     scheduler: str | None = None,
 ) -> Tree:
-    """Run a stage on every finished sequence on which it is not finished.
+    """Run a stage on every finished sequence that lacks it.
 
-    What another version of the program measured is measured again. Raises UserError when a setting
-    concerns an earlier stage, or the stage was run with others and is not to be run again.
+    Measurements by another version of the program are recomputed. Raises UserError if a setting
+    concerns an earlier stage, or the stage has run with other settings and `redo` is not set.
     """
     title = f"Measuring sequences ({stage})"
     return add_to_all(root, _Measured(stage, overrides, redo), title, workers, scheduler)
@@ -262,10 +261,10 @@ def expose(
     workers: int | None = None,
     scheduler: str | None = None,
 ) -> Tree:
-    """Expose what is not there yet, on every finished sequence.
+    """Add missing exposures to every finished sequence.
 
-    What is wanted may be settings of the command line, too. Raises UserError when there is no
-    dataset, or a sensor cannot expose a sequence.
+    `wanted` may also be settings of the command line. Raises UserError if there is no dataset, or a
+    sensor cannot expose a sequence.
     """
     if not isinstance(wanted, Exposing):
         wanted = validated(Exposing, {}, "dataset expose", wanted)

@@ -1,4 +1,4 @@
-"""Jobs done by the workers of a Dask cluster that runs already."""
+"""Run jobs on the workers of a running Dask cluster."""
 
 from collections.abc import Generator, Iterable, Iterator, Mapping
 from contextlib import contextmanager
@@ -21,11 +21,11 @@ _CERTIFICATES = (
     "…__CLIENT__KEY in the environment"
 )
 _AHEAD = 2
-"""Jobs handed out for each worker, so that none waits."""
+"""Queued jobs per worker, so that none waits."""
 
 
 def by_cluster(scheduler: str, job: Job, indices: Iterable[int]) -> Generator[Outcome, None, None]:
-    """Do a job for every index by the workers of a scheduler, and yield how each ended.
+    """Run a job for every index on a scheduler's workers, and yield the outcomes.
 
     Raises UserError, as `connected`.
     """
@@ -49,7 +49,7 @@ def by_cluster(scheduler: str, job: Job, indices: Iterable[int]) -> Generator[Ou
 
 
 def attempt_alike(job: Job, index: int, wanted: Mapping[str, str]) -> Outcome:
-    """Do a job where the environment is that wanted: elsewhere it might make something else."""
+    """Run a job if the environment is the wanted one: another might give other output."""
     if differing := _differing(environment(), wanted):
         return Outcome(index, f"a worker {differing}", ends_all=True)
     return attempt(job, index)
@@ -57,7 +57,7 @@ def attempt_alike(job: Job, index: int, wanted: Mapping[str, str]) -> Outcome:
 
 @cache
 def environment() -> Mapping[str, str]:
-    """Return all that bytes depend on: versions, models, and what Mitsuba renders with."""
+    """Return everything that output depends on: versions, models, and Mitsuba's back end."""
     models = "-".join(STAGES[stage].model() for stage in MADE)
     variant, llvm = choose_variant().name, llvm_in_use()[1]
     return {**versions(), "models": models, "variant": variant, "LLVM": llvm}
@@ -65,10 +65,9 @@ def environment() -> Mapping[str, str]:
 
 @contextmanager
 def connected(scheduler: str) -> Iterator["Client"]:
-    """Give a client of a cluster.
+    """Yield a client of a cluster.
 
-    Raises UserError when no cluster is to be found there, or one of its workers has another
-    environment.
+    Raises UserError if there is no cluster at the address, or a worker has another environment.
     """
     from distributed import Client  # slow to load
 
@@ -85,31 +84,31 @@ def connected(scheduler: str) -> Iterator["Client"]:
 
 
 def _check_workers(client: "Client") -> None:
-    """Refuse a cluster of which a worker has another environment. Raises UserError."""
+    """Refuse a cluster with a worker of another environment. Raises UserError."""
     for address, there in sorted(client.run(environment, on_error="return").items()):
         if isinstance(there, Exception):
             raise UserError(
                 f"worker {address} has no megalopta {versions()['megalopta']} ({brief(there)}); "
-                "its environment must be that of this program"
+                "install the environment of this program there"
             )
         if differing := _differing(there, environment()):
             raise UserError(f"worker {address} {differing}")
 
 
 def _differing(there: Mapping[str, str], here: Mapping[str, str]) -> str:
-    """What a worker has otherwise, and the way out; nothing where all is the same."""
+    """Return how a worker's environment differs, with the remedy; empty if it does not."""
     names = [name for name in here if there.get(name) != here[name]]
     if not names:
         return ""
     own, others = (
         ", ".join(f"{name} {each.get(name)}" for name in names) for each in (here, there)
     )
-    return f"has {others}, this program {own}; what they make would differ: install the same there"
+    return f"has {others}, this program {own}, so output would differ; install the same there"
 
 
 def _outcome(future: "Future", index: int) -> Outcome:
     try:
         outcome: Outcome = future.result()
-    except Exception as problem:  # of the cluster, not of the job
-        return Outcome(index, f"its workers died or cannot do it ({brief(problem)})")
+    except Exception as problem:  # a problem of the cluster, not of the job
+        return Outcome(index, f"its workers died or cannot run it ({brief(problem)})")
     return outcome

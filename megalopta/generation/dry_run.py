@@ -1,11 +1,10 @@
-"""How large a plan, or one sequence, will be, measured on two small frames of a few sequences.
+"""Estimate the cost of a plan, or of one sequence, from two small frames of a few sequences.
 
-Sequences that take the same code are a group. Of each group one is measured, with few trees: a
-strip of each image is rendered and exposed, as wide as the image, so that its pixels are those of
-the whole, and with as many rows as take a second or two. All others follow by what times go by:
-building by the expected triangles, radiance by the samples, all else by the pixels and frames.
-Baked light that is asked for is baked for the strip; where `auto` may bake, paths are traced, and
-the time told is the most that `auto` takes.
+Sequences that run the same code are a group. One of each group is measured, with few trees: a strip
+of each image is rendered and exposed, as wide as the image, so that its pixels are those of the
+whole, with as many rows as take a second or two. All others are scaled: building by the expected
+triangles, radiance by the samples, all else by the pixels and frames. Requested baked light is
+baked for the strip; where `auto` may bake, paths are traced, and the time is an upper bound.
 """
 
 import math
@@ -36,49 +35,49 @@ from megalopta.stages.registry import STAGES
 from megalopta.stages.render import FrameWriter, build, write_previews
 
 _BUDGET_S = 20.0
-"""Processor time, beyond which nothing more is measured."""
+"""Processor time after which nothing more is measured (s)."""
 _DRAWN = 200
 _BUILT, _FEW = 150, 20
-"""Things in a scene that is built as it is; else in the one from which more are told."""
+"""Most things in a scene that is built as it is; things in the reduced scene otherwise"""
 _SOON_S = 1.5
-"""A first run of less is measured again: it loaded."""
+"""A shorter first run is repeated: it included loading (s)."""
 _FRAMES = 2
 _MOST_PIXELS, _FEWEST_ROWS = 8192, 8
 _PATHS, _DIRECT_PATHS, _BAKED_PIXELS = 60_000, 200_000, 256
-"""In a strip: light paths of a scene with bounces and of one that glows, pixels that are baked"""
+"""Size of a strip: light paths with bounces, light paths of self-luminous scenes, baked pixels"""
 _CLOSING = 200_000
 _ONCE = "counting the rays that baked light takes", "baking light"
 _SETUP = "building the scene", "loading the scene"
 
 _Group: TypeAlias = tuple[object, ...]
 Time = NDArray[np.float64]
-"""Of a clock, and of processors (s), (2,)."""
+"""Wall-clock time and processor time (s), (2,)."""
 Finish = Callable[[Dataset], None]
-"""What follows the rendering of a dataset's frames, such as sensors."""
+"""Work after the rendering of a dataset's frames, such as sensors."""
 
 
 @dataclass(frozen=True)
 class Scale:
-    """What a sequence's cost goes by."""
+    """Quantities that a sequence's cost is proportional to."""
 
     things: int
-    """In the scene, such as trees; 0 where they are not counted."""
+    """Things in the scene, such as trees; 0 if they are not counted."""
     triangles: float
-    """Expected: of scenes of one kind in proportion, within a half."""
+    """Expected triangles, within a factor of 1.5 in proportion to scenes of one kind."""
     pixels: int
     samples: float
-    """Of a pass of a frame."""
+    """Samples of one pass of a frame."""
     frames: int
     passes: int
-    """Over all frames, those by which the error is measured included."""
+    """Passes over all frames, including those that measure the error."""
     closing: int
-    """Light paths that measure the light on the ground, the canopy and what is left out."""
+    """Light paths that measure the light on the ground, the canopy and the truncation bias."""
     most: float
-    """Times as long as paths take, at most, where `auto` bakes; 1 where it does not."""
+    """Largest factor on the time of paths if `auto` bakes; 1 if it does not."""
 
     @classmethod
     def of(cls, settings: Configuration) -> "Scale":
-        """That of a configuration."""
+        """Return the scale of a configuration."""
         camera, shutter = settings.camera, settings.shutter
         pixels = camera.width * camera.height
         passes = 1 if shutter.is_instant else 2
@@ -97,31 +96,31 @@ class Scale:
 
 @dataclass(frozen=True)
 class Probe:
-    """What a short piece of a sequence took."""
+    """Cost of a short piece of a sequence."""
 
     scale: Scale
     setup: Time
-    """Building and loading the scene; its plants are grown before if others share them."""
+    """Building and loading the scene; shared plants are grown before."""
     compiling: Time
-    """What the first frame takes beyond others; what it compiles is kept."""
+    """Additional time of the first frame; compiled code is kept."""
     once: Time
     """Baking light."""
     radiance: Time
-    """Of a pass of a frame."""
+    """Radiance of one pass of a frame."""
     rest: Time
-    """Of a frame: truth, files, sensors."""
+    """Rest of a frame: truth, files, sensors."""
     frame_bytes: float
 
 
 class Foreseen(NamedTuple):
-    """What sequences take: time (s) by the clock and of processors, and bytes on disk."""
+    """Cost of sequences: wall-clock and processor time (s), and bytes on disk."""
 
     time: Time
     bytes: float
 
 
 def probe(settings: Configuration, things: int, finish: Finish, shares_plants: bool) -> Probe:
-    """Measure two frames of a strip, of a scene with at most so many things, and what follows."""
+    """Measure two frames of a strip of a scene with at most `things` things, and `finish`."""
     whole = _small(settings, things)
     path = whole.trajectory.model_copy(update={"frames": min(whole.trajectory.frames, _FRAMES)})
     short = whole.model_copy(update={"trajectory": path})
@@ -142,7 +141,7 @@ def probe(settings: Configuration, things: int, finish: Finish, shares_plants: b
 
 
 def _probe(dataset: Dataset, first: Mapping[str, Spent], steps: Mapping[str, Spent]) -> Probe:
-    """Put together what the first frame took, with all before it, and another that is warm."""
+    """Combine the first frame, including setup, and a second, warm one."""
     scale, once = Scale.of(dataset.configuration), _time(first, *_ONCE)
     passes = 2 if scale.frames == 1 and scale.passes == 2 else 1
     radiance = _time(steps, "rendering radiance") / passes
@@ -161,10 +160,10 @@ def _probe(dataset: Dataset, first: Mapping[str, Spent], steps: Mapping[str, Spe
 
 
 def foresee(scale: Scale, like: Probe, is_first: bool = True) -> Foreseen:
-    """Return what a sequence takes, in proportion to a probe of its like.
+    """Return the cost of a sequence, in proportion to a probe of its group.
 
-    If it is the first of its like it compiles what measures the light on the ground, the canopy and
-    what paths leave out, which takes as long as what the probe compiled of frames.
+    The first of a group also compiles the measurement of light on the ground, canopy and truncation
+    bias, which takes as long as the frames' code in the probe.
     """
     pixels = scale.pixels / like.scale.pixels
     samples = scale.most * scale.passes * scale.samples + scale.closing
@@ -179,7 +178,7 @@ def foresee(scale: Scale, like: Probe, is_first: bool = True) -> Foreseen:
 
 
 def _small(settings: Configuration, things: int) -> Configuration:
-    """A strip of the whole sequence, of a scene with at most so many things."""
+    """Return a strip of the whole sequence, of a scene with at most `things` things."""
     scene, camera, shading = settings.scene, settings.camera, settings.render
     fewer = {
         name: min(count, things)
@@ -215,29 +214,29 @@ def _time(steps: Mapping[str, Spent], *names: str) -> Time:
 
 
 def dry_run(root: Path, plan: Plan, workers: int = 1, only: Sequence[int] | None = None) -> None:
-    """Print what a plan will take, and make nothing of it.
+    """Print the estimated cost of a plan, without making anything.
 
-    The time is that of this machine, with as many sequences side by side as there are workers.
+    The time is that of this machine, with as many parallel sequences as there are workers.
     """
     indices = list(only) if only is not None else range(plan.sequences)
     some = indices[:: max(1, len(indices) // _DRAWN)]
     drawn = [configuration_of(plan, index) for index in some]
     share = len(indices) / len(drawn)
     frames = round(share * sum(each.trajectory.frames for each in drawn))
-    told = _told(drawn, partial(finish_of_plan, plan), share, workers)
-    print(f"{root}: {len(indices)} sequences, {frames} frames, {told}")
-    say("measured on strips of two frames each; all beyond them is extrapolated")
+    cost = _told(drawn, partial(finish_of_plan, plan), share, workers)
+    print(f"{root}: {len(indices)} sequences, {frames} frames, {cost}")
+    say("extrapolated from measured strips of two frames each")
 
 
 def dry_run_of_frames(root: Path, settings: Configuration) -> str:
-    """What rendering one sequence will take, in a line. Raises UserError where that is absurd."""
+    """Return the estimated cost of rendering a sequence, in a line. Raises UserError if absurd."""
     check_stage("render", settings, root)
     camera, frames, shading = settings.camera, settings.trajectory.frames, settings.render
     integrator: str = shading.integrator
     if integrator == "auto":
-        integrator = "path, as these are too few samples to bake light for"
+        integrator = "path, as too few samples are needed for baked light to pay"
         if may_pay(shading, frames, camera.width * camera.height):
-            integrator = "baked, where a look at the whole sequence finds that it pays, else path"
+            integrator = "baked if that pays for the whole sequence, else path"
     costs = _told([settings], lambda _dataset: None)
     return (
         f"{root}: {frames} frames of {camera.width} × {camera.height}, {costs}, "
@@ -248,20 +247,20 @@ def dry_run_of_frames(root: Path, settings: Configuration) -> str:
 def _told(
     drawn: Sequence[Configuration], finish: Finish, share: float = 1.0, workers: int = 1
 ) -> str:
-    """Size and time of sequences, a share of all, for a person."""
+    """Return size and time of sequences, a share of all, as text."""
     costs = costs_of(drawn, finish)
     seconds, cpu_seconds = share * np.sum([each.time for each in costs], axis=0)
     bytes_ = share * sum(each.bytes for each in costs)
     text = f"about {size(bytes_)}, about {duration(seconds / workers)}"
     if workers > 1:
         text += f" with {workers} workers"
-    text += f" ({duration(cpu_seconds)} of processors)"
+    text += f" ({duration(cpu_seconds)} of processor time)"
     is_most = any(Scale.of(each).most > 1 for each in drawn)
     return text + (", at most: baked light takes less" if is_most else "")
 
 
 def costs_of(drawn: Sequence[Configuration], finish: Finish) -> list[Foreseen]:
-    """What each of some sequences takes, by probes of a few."""
+    """Return the cost of each of some sequences, by probes of a few."""
     groups: dict[_Group, list[Configuration]] = defaultdict(list)
     for each in drawn:
         groups[_group(each)].append(each)
@@ -276,7 +275,7 @@ def costs_of(drawn: Sequence[Configuration], finish: Finish) -> list[Foreseen]:
 
 
 def finish_of_plan(plan: Plan, dataset: Dataset) -> None:
-    """What follows the rendering of a sequence."""
+    """Run the work after rendering of a sequence."""
     STAGES["sense"].work(dataset)
     write_flow_files(dataset, plan.flow_files)
 
@@ -284,7 +283,7 @@ def finish_of_plan(plan: Plan, dataset: Dataset) -> None:
 def _measured(
     groups: Mapping[_Group, Sequence[Configuration]], finish: Finish
 ) -> dict[_Group, Probe]:
-    """A probe of every group: of the most frequent first, of the rest that of its like."""
+    """Return a probe of every group: of the most frequent first; the rest use a similar one."""
     until = time.process_time() + _BUDGET_S
     found: dict[_Group, Probe] = {}
     for key in sorted(groups, key=lambda each: -len(groups[each])):
@@ -295,14 +294,14 @@ def _measured(
         alike = [other for other in found if other[0] == key[0]] or list(found)
         found[key] = found[alike[0]]
     if unmeasured:
-        say(f"{len(unmeasured)} kinds of sequences are told by others: time to measure is over")
+        say(f"{len(unmeasured)} kinds of sequences are estimated from others, for lack of time")
     return found
 
 
 def _probed(members: Sequence[Configuration], finish: Finish) -> Probe:
     """Measure the largest image of a group, with few things if these differ or are many.
 
-    What took little, or mostly compiled sensors, is measured again, now that all is loaded.
+    A short run, or one that mostly compiled sensors, is repeated once all is loaded.
     """
     things = [Scale.of(each).things for each in members]
     few = max(things) if max(things) == min(things) <= _BUILT else min(*things, _FEW)
@@ -327,7 +326,7 @@ def _probed(members: Sequence[Configuration], finish: Finish) -> Probe:
 
 
 def _group(settings: Configuration) -> _Group:
-    """What decides which code a sequence takes; its first part is the scene's kind."""
+    """Return the properties that decide which code a sequence runs, the scene's kind first."""
     shutter, shading = settings.shutter, settings.render
     return (
         settings.scene.kind,

@@ -1,7 +1,6 @@
-"""Jobs done here one after another, by processes of this machine, or by a Dask cluster.
+"""Run jobs in this process, in processes of this machine, or on a Dask cluster.
 
-A job is a function of its number that can be pickled. What it writes must not depend on where it is
-done.
+A job is a picklable function of its number. Its output must not depend on where it runs.
 """
 
 import threading
@@ -18,18 +17,18 @@ _one_at_a_time = threading.Lock()
 
 @dataclass(frozen=True)
 class Outcome:
-    """How a job ended."""
+    """Outcome of a job."""
 
     index: int
     problem: str | None = None
-    """Why it failed"""
+    """Reason of failure"""
     ends_all: bool = False
-    """Whether the others would fail alike, such as on a full disk"""
+    """Whether all others would fail alike, such as on a full disk"""
 
 
 def attempt(job: Job, index: int, threads: int | None = None) -> Outcome:
-    """Do a job and return how it ended; what goes wrong is told, not raised."""
-    with _one_at_a_time:  # a process has one renderer
+    """Run a job and return its outcome; errors are reported, not raised."""
+    with _one_at_a_time:  # one renderer per process
         try:
             if threads:
                 _use_threads(threads)
@@ -37,15 +36,15 @@ def attempt(job: Job, index: int, threads: int | None = None) -> Outcome:
         except UserError as problem:
             return Outcome(index, str(problem))
         except OSError as problem:
-            told = machine_problem(problem)
-            return Outcome(index, told or brief(problem), ends_all=told is not None)
+            refused = machine_problem(problem)
+            return Outcome(index, refused or brief(problem), ends_all=refused is not None)
         except Exception as problem:
             return Outcome(index, brief(problem))
     return Outcome(index)
 
 
 def brief(problem: Exception) -> str:
-    """Return what went wrong and where, in one line."""
+    """Return an error and its place, in one line."""
     last = traceback.extract_tb(problem.__traceback__)[-1:]
     place = f" at {last[0].filename}:{last[0].lineno}" if last else ""
     return f"{type(problem).__name__}: {' '.join(str(problem).split())[:500]}{place}"
@@ -61,13 +60,12 @@ def _use_threads(threads: int) -> None:
 def run_jobs(
     job: Job, indices: Iterable[int], workers: int | None = None, scheduler: str | None = None
 ) -> Generator[Outcome, None, None]:
-    """Do a job for every index, in any order, and yield how each ended.
+    """Run a job for every index, in any order, and yield the outcomes.
 
-    `workers` are processes of this machine, of which one that dies is replaced, and its job begun
-    again by another; `scheduler` is the address of a Dask cluster to use instead, such as
-    tcp://host:8786, whose workers see the same files; without both all is done in this process.
-    Raises UserError when processes cannot be started, no cluster is to be found, or it has other
-    versions.
+    `workers` are processes of this machine; a dead one is replaced, and its job restarted.
+    `scheduler` is the address of a Dask cluster to use instead, such as tcp://host:8786, whose
+    workers see the same files. Without both, jobs run in this process. Raises UserError if
+    processes cannot be started, or the cluster does not answer or has other versions.
     """
     if scheduler is not None:
         from megalopta.generation.cluster import by_cluster

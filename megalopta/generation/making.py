@@ -1,7 +1,7 @@
-"""A plan brought to its end: what is missing is made, what is there is kept.
+"""Make the missing sequences of a plan, and keep finished ones.
 
-A sequence is an ordinary dataset in `.making/SEQ/data` until it is whole, so that a run that was
-killed goes on inside it.
+A sequence is an ordinary dataset in `.making/SEQ/data` until it is complete, so that a killed run
+continues inside it.
 """
 
 import re
@@ -31,7 +31,7 @@ from megalopta.stages.pipeline import check_stage, run_stage
 from megalopta.stages.registry import made_with, provenance_changes
 
 _COMPARED = 50
-"""Sequences that are there of which the configuration is compared with the plan's."""
+"""Finished sequences whose configuration is compared with the plan's."""
 _WRITERS: Mapping[FlowFile, tuple[str, str, Callable[[Path, NDArray[Any]], None]]] = {
     "kitti_png": ("training/flow_kitti", "png", write_kitti_png),
     "flo5": ("training/flow_flo5", "flo5", write_flo5),
@@ -47,12 +47,12 @@ def make(
     scheduler: str | None = None,
     retry: bool = False,
 ) -> Tree:
-    """Make the sequences of a plan that are not there yet, or `only` some of these.
+    """Make the missing sequences of a plan, or `only` some of them.
 
     `workers` are processes of this machine, `scheduler` is the address of a Dask cluster; without
-    both all are made in this process. With `retry` only those are made that failed before. Raises
-    UserError when the folder holds something else or sequences of another plan, when the machine
-    refuses, such as a full disk, and after all others are made where sequences failed.
+    both, all are made in this process. With `retry`, only failed ones are made. Raises UserError if
+    the folder holds other files or sequences of another plan, if the machine refuses, such as a
+    full disk, or, after all others are made, if sequences failed.
     """
     tree = Tree(root.absolute())
     for configuration in check_plan(plan):
@@ -75,13 +75,13 @@ def make(
         first = min(failures)
         raise UserError(
             f"{len(failures)} sequences failed, such as {sequence_name(first)}: {failures[first]}; "
-            f"all are listed in {tree.failures}; --retry makes them again"
+            f"all are listed in {tree.failures}; use --retry to try them again"
         )
     return tree
 
 
 def parse_indices(text: str, sequences: int) -> list[int]:
-    """Read numbers of sequences, such as "731" or "0-9,20". Raises UserError."""
+    """Parse numbers of sequences, such as "731" or "0-9,20". Raises UserError."""
     found: set[int] = set()
     for part in text.split(","):
         match = re.fullmatch(r"(\d+)(?:-(\d+))?", part.strip())
@@ -124,9 +124,9 @@ def _make_all(
 
 
 def whole_plan(tree: Tree, plan: Plan) -> Plan:
-    """The plan of a folder: this one, with as many sequences as were ever asked for.
+    """Return the plan of a folder: this one, with the largest number of sequences requested so far.
 
-    Raises UserError for a folder of something else, and one whose sequences another plan made.
+    Raises UserError for a folder of other files, or with sequences of another plan.
     """
     root = tree.root
     if not (root / "dataset.yaml").exists():
@@ -137,26 +137,26 @@ def whole_plan(tree: Tree, plan: Plan) -> Plan:
     if changes := differences({**old, "sequences": 0}, {**new, "sequences": 0}):
         raise UserError(
             f"{root} was made from another plan ({'; '.join(changes[:3])}); choose another folder "
-            "(more sequences may be asked for)"
+            "(only the number of sequences may grow)"
         )
     for record in _some_records(tree):
         drawn = configuration_of(plan, record.index).model_dump(mode="json")
         if changes := differences(record.configuration, drawn):
             raise UserError(
-                f"{root}: the plan, or another version of the program, would make sequence "
-                f"{record.sequence} otherwise now ({'; '.join(changes[:3])}); choose another folder"
+                f"{root}: this plan or version of the program gives another sequence "
+                f"{record.sequence} ({'; '.join(changes[:3])}); choose another folder"
             )
     return plan.model_copy(update={"sequences": max(former.sequences, plan.sequences)})
 
 
 def _check_same_machinery(tree: Tree) -> None:
-    """Refuse to add sequences of other models, libraries or variants to those that are there."""
+    """Refuse to add sequences by other models, libraries or variants than the existing ones."""
     for record in _some_records(tree):
         if changes := other_machinery(record, tree.dataset(record).configuration):
             raise UserError(
-                f"{tree.root}: sequence {record.sequence} was made otherwise than more would be "
-                f"here ({changes}); go on with what made it, choose another folder, or remove "
-                f"{tree.records} to make all again"
+                f"{tree.root}: sequence {record.sequence} was made by other software "
+                f"({changes}); continue with that, choose another folder, or remove "
+                f"{tree.records} to regenerate all"
             )
 
 
@@ -166,20 +166,20 @@ def _some_records(tree: Tree) -> Iterator[SequenceRecord]:
 
 
 def make_sequence(root: Path, plan: Plan, index: int) -> None:
-    """Make a sequence, or what is missing of it. Raises UserError and OSError."""
+    """Make a sequence, or its missing output. Raises UserError and OSError."""
     tree, name = Tree(root), sequence_name(index)
     made = partial(_made, plan, index)
     Staged.of(tree, name).bring_in(configuration_of(plan, index), MADE, made)
 
 
 def other_machinery(record: SequenceRecord, configuration: Configuration, *stages: str) -> str:
-    """Return how stages of a finished sequence were made otherwise than here, or nothing."""
+    """Return the differences in software from that of a finished sequence; empty if none."""
     here = made_with(MADE, configuration)
     found = {
         stage: provenance_changes(record.stages[stage].made_with, here[stage])
         for stage in stages or MADE
     }
-    return "; ".join(f"{stage}: {told}" for stage, told in found.items() if told)
+    return "; ".join(f"{stage}: {change}" for stage, change in found.items() if change)
 
 
 def _made(plan: Plan, index: int, dataset: Dataset) -> SequenceRecord:
@@ -203,7 +203,7 @@ def _made(plan: Plan, index: int, dataset: Dataset) -> SequenceRecord:
 
 
 def write_flow_files(dataset: Dataset, kinds: Sequence[FlowFile]) -> list[Path]:
-    """Write the forward flow in other layouts too; return the folders that they lie in."""
+    """Write the forward flow in other layouts too; return their folders."""
     for index in range(dataset.configuration.trajectory.frames - 1) if kinds else ():
         flow = read_flo(dataset.frame("training/flow", index, "flo"))
         for folder, suffix, write in map(_WRITERS.__getitem__, kinds):

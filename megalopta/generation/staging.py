@@ -1,6 +1,6 @@
-"""What is being made beside the tree: begun again or gone on with, and cleared when it is over.
+"""Output in the making beside the tree: restarted or continued, and finally cleared.
 
-.making/SEQ/            a sequence until it is whole; .making/SEQ-added/ more output of it
+.making/SEQ/            a sequence until it is complete; .making/SEQ-added/ more output of it
     data/               the files
     record.json         the record, which moves last (`dataset.publishing`)
 """
@@ -30,15 +30,15 @@ _STAGED = re.compile(rf"(\d{{6,}})({_ADDED})?")
 
 @dataclass(frozen=True)
 class Staged(Staging):
-    """What is being made of one sequence."""
+    """Output in the making of one sequence."""
 
     sequence: str
     is_added: bool
-    """Whether it is more output of a sequence that is there."""
+    """Whether it is more output of a finished sequence."""
 
     @classmethod
     def of(cls, tree: Tree, sequence: str, is_added: bool = False) -> "Staged":
-        """What is made of a sequence of a tree."""
+        """Return the output in the making of a sequence of a tree."""
         folder = tree.staging / f"{sequence}{_ADDED if is_added else ''}"
         last = folder / "record.json", tree.record_path(sequence)
         return cls(tree.root, folder, folder / "data", last, sequence, is_added)
@@ -49,7 +49,7 @@ class Staged(Staging):
         stages: Sequence[str],
         make: Callable[[Dataset], SequenceRecord],
     ) -> None:
-        """Make it, or what is missing of it, and move it into the tree, unless it is there."""
+        """Make it, or its missing parts, and move it into the tree, unless it is there."""
         with locked(self.folder), silent():
             if self.is_added or not self.last[1].exists():
                 self.begin(made_with(stages, configuration), configuration)
@@ -59,22 +59,22 @@ class Staged(Staging):
             self.clear()
 
     def finish(self, record: SequenceRecord) -> None:
-        """Note that all files of a record are there."""
+        """Declare all files of a record complete."""
         files.write_text(self.last[0], record.to_json())
         self.announce(self._moved(record))
 
     def publish(self) -> None:
-        """Move what is finished into the tree; a move that was broken off is completed."""
+        """Move finished output into the tree; an interrupted move is completed."""
         self.complete(partial(is_output, sequence=self.sequence))
 
     def is_over(self, keep_added: bool) -> bool:
-        """Whether nobody wants it any more."""
+        """True if it is no longer wanted."""
         if not self.is_added:
             return self.last[1].exists()
         return not self._is_wanted() if self.is_announced else not keep_added
 
     def _is_wanted(self) -> bool:
-        """Whether what is added is still of the sequence as it is: it may have been made again."""
+        """True if added output still belongs to the sequence, which may have been remade."""
         finished, there = self.last
         try:
             return read_record(finished, self.sequence).replaced == file_hash(there)
@@ -82,7 +82,7 @@ class Staged(Staging):
             return False
 
     def _moved(self, record: SequenceRecord) -> list[str]:
-        """Folders that hold all files of a sequence and nothing else; of what is added, all."""
+        """Folders that hold all files of a sequence and no others; for added output, all."""
         if self.is_added:
             made = (self.data / kind / self.sequence for kind in KINDS)
             parts = [
@@ -95,10 +95,10 @@ class Staged(Staging):
 
 @contextmanager
 def at_work(tree: Tree, plan: Plan, keep_added: bool = False) -> Iterator[list[str]]:
-    """Keep others out of a tree and settle it; after the work inside, write its index and tidy it.
+    """Lock and settle a tree; after the work inside, rebuild its index and tidy up.
 
-    What is added and not finished is kept where it is asked for, until all the work is done without
-    a problem in the list yielded. Raises UserError when somebody changed a record.
+    Unfinished added output is kept on request, until all work ends without a problem in the list
+    yielded. Raises UserError if a record was modified.
     """
     problems: list[str] = []
     with locked(tree.root):
@@ -110,7 +110,7 @@ def at_work(tree: Tree, plan: Plan, keep_added: bool = False) -> Iterator[list[s
 
 
 def _settle(tree: Tree, plan: Plan) -> None:
-    """Bring a tree to where its manifest knows all its records, after whatever was broken off."""
+    """Settle interrupted work, until the manifest knows all records of a tree."""
     tree.sweep()
     manifest, names = read_manifest(tree.root), tree.names()
     unknown = [name for name in names if not is_record_known(tree.record_path(name), manifest)]
@@ -121,7 +121,7 @@ def _settle(tree: Tree, plan: Plan) -> None:
 
 
 def tidy(tree: Tree, keep_added: bool = False) -> None:
-    """Complete what is finished, and remove what is over, of all that is beside the tree."""
+    """Complete finished output, and remove unwanted output, beside the tree."""
     for staged in staged_sequences(tree):
         with locked(staged.folder):
             if staged.is_over(keep_added):
@@ -136,7 +136,7 @@ def tidy(tree: Tree, keep_added: bool = False) -> None:
 
 
 def staged_sequences(tree: Tree) -> Iterator[Staged]:
-    """Yield what is being made."""
+    """Yield all output in the making."""
     for path in sorted(tree.staging.glob("*")):
         if (found := _STAGED.fullmatch(path.name)) and path.is_dir() and not path.is_symlink():
             yield Staged.of(tree, found[1], bool(found[2]))

@@ -1,4 +1,4 @@
-"""What a finished sequence looks like, in numbers."""
+"""Statistics of a finished sequence."""
 
 from collections.abc import Iterator
 
@@ -15,8 +15,8 @@ _FRAMES_LOOKED_AT = 8
 
 
 def sequence_statistics(dataset: Dataset) -> SequenceStatistics:
-    """Measure flow, depth and texture in a few frames spread evenly, and all of the readings."""
-    last = dataset.configuration.trajectory.frames - 2  # of those with a forward flow
+    """Measure flow, depth and texture in a few evenly spaced frames, and all readings."""
+    last = dataset.configuration.trajectory.frames - 2  # among frames with a forward flow
     frames = np.unique(np.linspace(0, last, min(_FRAMES_LOOKED_AT, last + 1)).astype(int)).tolist()
     speeds, unmatched, depths, sky, textures = [], [], [], [], []
     for index in frames:
@@ -43,7 +43,7 @@ def sequence_statistics(dataset: Dataset) -> SequenceStatistics:
 
 
 def exposure_statistics(dataset: Dataset) -> Iterator[ExposureStatistics]:
-    """Measure what every sensor read at every level."""
+    """Measure the readings of every sensor at every level."""
     for sensor, level in dataset.configuration.exposures:
         opened = open_exposure(dataset, sensor, level)
         yield ExposureStatistics(
@@ -59,12 +59,12 @@ def exposure_statistics(dataset: Dataset) -> Iterator[ExposureStatistics]:
 
 
 def _texture(light: NDArray[np.float32]) -> float:
-    """Root mean square of the differences between neighbors, relative to the mean."""
+    """RMS of the differences between neighbors, relative to the mean."""
     across, down = (np.diff(light.astype(np.float64), axis=axis).ravel() for axis in (1, 0))
     square = np.mean(np.square(np.concatenate([across, down])))
     return float(np.sqrt(square) / max(float(light.mean()), 1e-300))
 
 
 def _rounded(value: float | np.floating) -> float:
-    """Six digits: more would be noise."""
+    """Round to six digits: more would be noise."""
     return float(f"{float(value):.6g}")

@@ -1,4 +1,4 @@
-"""What runs here: versions, the rendering variant and what would make it faster."""
+"""Versions of the software, the rendering variant, and how to speed it up."""
 
 import os
 import platform
@@ -39,7 +39,7 @@ def _version(package: str) -> str:
 
 
 def describe() -> str:
-    """A few lines for a person."""
+    """Return a few lines of text."""
     lines = [f"{name:<{_WIDTH}}{number}" for name, number in versions().items()]
     machine = f"{platform.platform()}, {os.cpu_count()} cores"
     lines.append(f"{'machine':<{_WIDTH}}{machine}")

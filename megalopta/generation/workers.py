@@ -1,8 +1,7 @@
-"""Jobs done by processes of this machine, each replaced when it dies.
+"""Run jobs in processes of this machine, each replaced when it dies.
 
-A worker gets the job and then numbers through a pipe from the process that started it. Nobody else
-can reach it, as it listens at no address; and it ends when the pipe does, however that process
-ended.
+A worker gets the job and then numbers through a pipe from the process that started it. It listens
+at no address, so nobody else can reach it. It ends when the pipe does, however the parent ended.
 """
 
 import ctypes
@@ -23,13 +22,13 @@ from megalopta.core.errors import UserError
 from megalopta.generation.jobs import Job, Outcome, attempt
 
 DEATHS = 30
-"""A job during which so many workers died is given up."""
+"""Deaths of workers after which a job is given up."""
 _START_FAILURES = 10
-"""Workers that end with an error of their own before it is clear that none will ever start."""
+"""Failed starts of workers before it is clear that none will ever start."""
 _PAUSE_S = 0.5
-"""Before a worker that did not come up is started again: the machine may be short of memory."""
+"""Pause before a worker that did not start is started again: memory may be short."""
 _ENVIRONMENT = {
-    "PYTHONSAFEPATH": "1",  # nothing is imported from the working folder, in which anything may lie
+    "PYTHONSAFEPATH": "1",  # imports nothing from the working folder
     **dict.fromkeys(("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1"),
 }
 _PR_SET_PDEATHSIG = 1
@@ -37,9 +36,9 @@ _READY = Outcome(-1)
 
 
 def by_workers(job: Job, indices: Iterable[int], count: int) -> Generator[Outcome, None, None]:
-    """Do a job for every index by so many processes, and yield how each ended.
+    """Run a job for every index in `count` processes, and yield the outcomes.
 
-    Raises UserError when processes end as soon as they start.
+    Raises UserError if processes end as soon as they start.
     """
     crew = _Crew(job, indices, count)
     try:
@@ -62,14 +61,14 @@ class _Worker:
         theirs.close()
 
     def give(self, index: int) -> None:
-        """Let it do a job; that it cannot is seen where its answer is read."""
+        """Assign it a job; a failure to do so shows when its answer is read."""
         self.index = index
         with suppress(OSError):
             self.pipe.send(index)
 
     def end(self) -> int:
-        """End it, and return its exit code; whatever it writes is whole or not at all."""
-        self._process.join(0.1)  # its own code tells more than that of a kill
+        """End it, and return its exit code; its output is complete or absent."""
+        self._process.join(0.1)  # its own exit code says more than that of a kill
         self._process.kill()
         self._process.join()
         self.pipe.close()
@@ -77,7 +76,7 @@ class _Worker:
 
 
 class _Crew:
-    """So many workers, and what is left to do."""
+    """Workers, and the remaining jobs."""
 
     def __init__(self, job: Job, indices: Iterable[int], count: int) -> None:
         self._order, self._left, self._count = pickle.dumps(job), iter(indices), count
@@ -89,7 +88,7 @@ class _Crew:
         self.busy: dict[Connection, _Worker] = {}
 
     def outcomes(self) -> Generator[Outcome, None, None]:
-        """Yield how each job ended. Raises UserError."""
+        """Yield the outcome of each job. Raises UserError."""
         while self._give_out():
             for pipe in wait(list(self.busy)):
                 assert isinstance(pipe, Connection)
@@ -107,7 +106,7 @@ class _Crew:
                     yield outcome
 
     def _give_out(self) -> bool:
-        """Give every worker something to do; return whether anybody works."""
+        """Assign jobs to all idle workers; return True if any works."""
         while len(self.busy) < self._count:
             index = self._again.pop() if self._again else next(self._left, None)
             if index is None:
@@ -118,7 +117,7 @@ class _Crew:
         return bool(self.busy)
 
     def _died(self, worker: _Worker) -> Iterator[Outcome]:
-        """Let another do the job of a worker that died, unless it will die, too."""
+        """Reassign the job of a dead worker, unless it has caused too many deaths."""
         code, index = worker.end(), worker.index
         if worker.is_ready:
             self._deaths[index] += 1
@@ -126,10 +125,10 @@ class _Crew:
                 yield Outcome(index, f"{DEATHS} workers died of it")
                 return
         else:
-            self._failures += code > 0  # below 0 it was killed
+            self._failures += code > 0  # negative: it was killed
             if self._failures >= _START_FAILURES:
                 raise UserError(
-                    "--workers: worker processes end as soon as they start; leave --workers out"
+                    "--workers: worker processes end as soon as they start; omit --workers"
                 )
             time.sleep(_PAUSE_S)
         self._again.append(index)
@@ -137,7 +136,7 @@ class _Crew:
 
 @contextmanager
 def _environment() -> Iterator[None]:
-    """What processes that are started find in their environment, unless it says otherwise."""
+    """Set environment variables for child processes, unless they are set."""
     added = {name: value for name, value in _ENVIRONMENT.items() if name not in os.environ}
     os.environ.update(added)
     try:
@@ -148,13 +147,13 @@ def _environment() -> Iterator[None]:
 
 
 def _work(pipe: Connection, order: bytes, threads: int) -> None:
-    """Do jobs until the process that gives them closes the pipe, or is no more."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # whoever started this one ends it
+    """Run jobs until the parent process closes the pipe or ends."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent ends it
     _end_with_parent()
-    nowhere = os.open(os.devnull, os.O_WRONLY)  # libraries print what they like
+    nowhere = os.open(os.devnull, os.O_WRONLY)  # libraries may print
     for stream in (sys.stdout, sys.stderr):
         os.dup2(nowhere, stream.fileno())
-    job = pickle.loads(order)  # which loads a program: only now, that this process ends in time
+    job = pickle.loads(order)  # loads a program, so after `_end_with_parent`
     orders: SimpleQueue[int] = SimpleQueue()
     threading.Thread(target=_listen, args=(pipe, orders), daemon=True).start()
     answer = _READY
@@ -164,15 +163,15 @@ def _work(pipe: Connection, order: bytes, threads: int) -> None:
 
 
 def _end_with_parent() -> None:
-    """Let Linux end this process at once with the one that started it.
+    """Let Linux end this process at once with its parent.
 
-    Elsewhere the end of the pipe does, once the library that computes lets go of the interpreter:
-    compiling a kernel takes seconds.
+    Elsewhere the end of the pipe ends it, once compiled code releases the GIL: compiling a kernel
+    takes seconds.
     """
     parent = multiprocessing.parent_process()
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
-        if parent and parent.pid != os.getppid():  # which ended while this one started
+        if parent and parent.pid != os.getppid():  # the parent ended while this process started
             os._exit(0)
 
 
@@ -180,4 +179,4 @@ def _listen(pipe: Connection, orders: "SimpleQueue[int]") -> None:
     with suppress(OSError, EOFError):
         while True:
             orders.put(pipe.recv())
-    os._exit(0)  # also in the middle of a job: nobody waits for it
+    os._exit(0)  # even during a job: nobody waits for it

@@ -1,4 +1,4 @@
-"""A figure: its picture, caption and numbers, and its files: a picture twice, numbers twice."""
+"""A figure with its caption and numbers, and its files: two of the picture, two of the numbers."""
 
 import csv
 import math
@@ -24,25 +24,25 @@ class Figure:
     """One reproduced figure or table."""
 
     title: str
-    """What is shown, in one line; of the dissertation's with their number: "Figure 3.2: …"."""
+    """Title, in one line; figures of the dissertation begin with their number: "Figure 3.2: …"."""
     caption: str
-    """What is drawn and how it was made, in at most three sentences."""
+    """Content and method, in at most three sentences."""
     draw: Callable[[Canvas], None]
-    """Adds axes to an empty matplotlib figure of the house style and draws on them."""
+    """Draws axes on an empty matplotlib figure of the house style."""
     numbers: Mapping[str, Sequence[Cell] | NDArray[np.floating | np.integer]]
-    """Those behind the picture: equally long columns by name and unit, as in "time_s"; NaN where
-    there is none."""
+    """Numbers behind the picture: columns of equal length by name and unit, as in "time_s"; NaN if
+    missing."""
     height_in: float = 4.0
-    """Height of the drawing, without title, table and caption (inches); it is 7 inches wide."""
+    """Height of the drawing (inches), without title, table and caption; it is 7 inches wide."""
     printed: Mapping[str, tuple[str, str]] = field(default_factory=dict)
-    """Our number and that which the dissertation prints, with units, by what they are: a small
-    table under the drawing."""
+    """Our number and the dissertation's, with units, by quantity: a small table under the drawing.
+    """
     printed_by: tuple[str, str] = ("Ours", "Dissertation")
-    """Heads of that table's columns, where they are others."""
+    """Column heads of that table."""
     details: Mapping[str, Any] = field(default_factory=dict)
-    """What else belongs to the numbers, ready for JSON: parameters, intervals, error curves."""
+    """Further results, ready for JSON: parameters, intervals, error curves."""
     name: str = ""
-    """That of its recipe, as on the command line and in file names: "fig-3.2", "table-3.1"."""
+    """Name of its recipe, on the command line and in file names: "fig-3.2", "table-3.1"."""
 
     def __post_init__(self) -> None:
         """Refuse columns of unequal length."""
@@ -56,7 +56,7 @@ class Figure:
 
     @property
     def rows(self) -> tuple[tuple[Cell, ...], ...]:
-        """The numbers, row by row."""
+        """Numbers, row by row."""
         plain = (
             each.tolist() if isinstance(each, np.ndarray) else each
             for each in self.numbers.values()
@@ -65,7 +65,7 @@ class Figure:
 
 
 def columns_of(rows: Iterable[Mapping[str, Cell]]) -> dict[str, list[Cell]]:
-    """Return the columns of one row or more, all of the same names."""
+    """Return the columns of one or more rows with the same names."""
     first, *others = rows
     return {name: [value, *(row[name] for row in others)] for name, value in first.items()}
 
@@ -82,16 +82,16 @@ def write_figure(figure: Figure, out: Path) -> list[Path]:
         figure.draw(canvas)
         if layout := canvas.get_layout_engine():
             layout.execute(canvas)
-        canvas.set_layout_engine("none")  # laid out once is enough for both pictures
+        canvas.set_layout_engine("none")  # one layout for both pictures
         title = {"Title": figure.title}
-        # `savefig` would draw each twice, to see where things lie
+        # `savefig` would draw each twice for its layout
         pixels: Any = FigureCanvasAgg(canvas)
         with atomic_write(png) as temporary:
             pixels.print_png(temporary, metadata=title, pil_kwargs={"compress_level": 3})
         lines: Any = FigureCanvasSVG(canvas)
         with atomic_write(svg) as temporary:
             lines.print_svg(temporary, metadata={**title, "Date": None})
-    # nine digits: more would show the rounding of one machine's arithmetic
+    # nine digits: more would show one machine's rounding
     write_csv(numbers, figure.columns, figure.rows, digits=9)
     write_json(record, _record(figure))
     return paths
@@ -120,7 +120,7 @@ def _json(value: Cell) -> Cell | None:
 def write_csv(
     path: Path, head: Iterable[str], rows: Iterable[Iterable[Any]], digits: int = 6
 ) -> None:
-    """Write a table; numbers have so many digits."""
+    """Write a table; numbers have this many digits."""
     with atomic_write(path) as part, part.open("w", newline="", encoding="utf-8") as file:
         lines = csv.writer(file, lineterminator="\n")
         lines.writerow(head)

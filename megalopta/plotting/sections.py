@@ -1,4 +1,4 @@
-"""Pages without outside links: one type of section, one template, one writer."""
+"""Self-contained pages: one type of section, one template, one writer."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
@@ -16,7 +16,7 @@ _NOTHING = Markup("")
 
 @dataclass(frozen=True)
 class Section:
-    """One part of a page, in this order: text, a table, charts in a grid, and HTML of its own."""
+    """One part of a page, in this order: text, a table, a grid of charts, and HTML."""
 
     title: str
     text: str = ""
@@ -25,13 +25,13 @@ class Section:
     charts: tuple[Markup, ...] = field(default=())
     body: Markup = field(default=_NOTHING)
     name: str = ""
-    """Identifier; what has one is linked to at the top of the page."""
+    """Identifier; a section with one is linked at the top of the page."""
     link: str = ""
-    """Text of that link, by default the title"""
+    """Text of that link; default: the title"""
 
     @property
     def table(self) -> Markup:
-        """The table as HTML; nothing without rows."""
+        """Table as HTML; empty without rows."""
         return table(self.title, self.head, self.rows) if self.rows else _NOTHING
 
 
@@ -41,38 +41,38 @@ def captioned(chart: Markup, caption: str) -> Markup:
 
 
 def image(source: str, alt: str) -> Markup:
-    """Return a picture, given by its data URI, and its description."""
+    """Return an image element from a data URI and a description."""
     return Markup('<img src="{}" alt="{}">').format(source, alt)
 
 
 def paragraph(text: str, kind: str = "") -> Markup:
-    """Return a paragraph: plain, a "note" or "warn"; nothing for an empty text."""
+    """Return a paragraph of kind "", "note" or "warn"; empty for empty text."""
     return Markup('<p class="{}">{}</p>').format(kind, text) if text else Markup("")
 
 
 def block(kind: str, *parts: Markup, style: str = "") -> Markup:
-    """Return parts inside a box of this class of the style sheet."""
+    """Return parts inside a box of this style-sheet class."""
     inside = Markup("\n").join(parts)
     return Markup('<div class="{}" style="{}">\n{}\n</div>').format(kind, style, inside)
 
 
 def card(title: str, *parts: Markup, kind: str = "card") -> Markup:
-    """Return parts in a frame, below a title."""
+    """Return parts in a frame below a title."""
     return block(kind, heading(title), *parts)
 
 
 def heading(title: str) -> Markup:
-    """Return a title inside a section."""
+    """Return a heading inside a section."""
     return Markup("<h3>{}</h3>").format(title)
 
 
 def folded(summary: str, inside: Markup) -> Markup:
-    """Return what is seen only once its summary is opened."""
+    """Return content that opens on a click on its summary."""
     return Markup("<details><summary>{}</summary>\n{}</details>").format(summary, inside)
 
 
 def listed(kind: str, words: Iterable[tuple[str, str]]) -> Markup:
-    """Return names and what belongs to each, as a list of this class."""
+    """Return a definition list of this class."""
     pairs = (Markup("<div><dt>{}</dt><dd>{}</dd></div>").format(*each) for each in words)
     return Markup('<dl class="{}">{}</dl>').format(kind, Markup("").join(pairs))
 
@@ -99,16 +99,16 @@ def _cell(tag: str, text: str, scope: str = "") -> Markup:
 def write_sections(
     path: Path, title: str, summary: str, sections: Sequence[Section], **parts: Any
 ) -> None:
-    """Write a page, whole or not at all.
+    """Write a page atomically.
 
-    Further parts are `header`, HTML below the summary, `footer`, and the `film` that a slider
-    moves (`megalopta.report.source.Report.film`).
+    Further parts are `header`, HTML below the summary, `footer`, and the `film` with a slider
+    (`megalopta.report.source.Report.film`).
     """
     write_text(path, page_of(title, summary, sections, **parts))
 
 
 def page_of(title: str, summary: str, sections: Sequence[Section], **parts: Any) -> str:
-    """Return a page as HTML; what is not marked as safe is escaped."""
+    """Return a page as HTML; text that is not marked as safe is escaped."""
     values = {"header": "", "footer": "", "film": None, **parts}
     return _template().render(title=title, summary=escape(summary), sections=sections, **values)
 

@@ -1,8 +1,8 @@
-"""House style of all figures, the report's too: one type size, colors for color-blind readers.
+"""House style of all figures: one type size, colors for color-blind readers.
 
-The colors are those of Okabe and Ito (2008). Curves should differ in marker or dash as well, for
-readers in gray. Everything stays readable when a figure is shown at half of its width. Only the
-object interface of matplotlib is used: no window, no state shared between figures.
+The colors are those of Okabe and Ito (2008). Curves should also differ in marker or dash, for
+readers in gray. Figures stay readable at half their width. Only matplotlib's object interface is
+used: no window, no state shared between figures.
 """
 
 import re
@@ -38,7 +38,7 @@ RULE = "#E3E3E3"
 PALETTE = (BLUE, ORANGE, GREEN, VERMILION, PURPLE, SKY, BLACK)
 MARKERS = ("o", "s", "^", "D", "v", "P", "X")
 GLYPHS = dict(zip(MARKERS, "●■▲◆▼✚✖", strict=True))
-"""The markers in a line of text"""
+"""Markers as characters in text"""
 
 DASHES: tuple[LineStyleType, ...] = ("-", "--", "-.", ":", (0, (5, 1, 1, 1, 1, 1)))
 
@@ -52,7 +52,7 @@ _STYLE: Mapping[Any, Any] = {
     "axes.spines.right": False,
     "axes.spines.top": False,
     "axes.titlesize": 12,
-    "font.family": "DejaVu Sans",  # comes with matplotlib: the same letters on every machine
+    "font.family": "DejaVu Sans",  # ships with matplotlib: the same font on every machine
     "font.size": 11,
     "grid.color": RULE,
     "grid.linewidth": 0.8,
@@ -64,7 +64,7 @@ _STYLE: Mapping[Any, Any] = {
     "path.simplify": True,
     "savefig.dpi": 200,
     "svg.fonttype": "path",
-    "svg.hashsalt": "megalopta",  # names inside an SVG are random otherwise
+    "svg.hashsalt": "megalopta",  # otherwise names inside an SVG are random
     "xtick.color": BLACK,
     "ytick.color": BLACK,
 }
@@ -79,11 +79,11 @@ _TABLE_COLUMNS_IN = (_MARGIN_IN, 3.3, 5.1)
 
 
 def method_style(name: str) -> dict[str, Any]:
-    """Return color, marker and dash of a method: the dissertation's in full lines, others dashed.
+    """Return color, marker and dash of a method: solid for the dissertation's, dashed for others.
 
-    No two known methods share color, marker and dash, and none has another look in another figure.
+    Known methods differ in color, marker or dash, and look the same in all figures.
     """
-    # a function from Python has no place
+    # a Python function is not in the list
     number = list(METHODS).index(name) if name in METHODS else crc32(name.encode())
     lap, place = divmod(number, len(PALETTE))
     return {
@@ -94,13 +94,13 @@ def method_style(name: str) -> dict[str, Any]:
 
 
 def line_style(place: int) -> dict[str, Any]:
-    """Return color and dash of the line in this place among others."""
+    """Return color and dash of the line at this index."""
     return {"color": PALETTE[place], "linestyle": DASHES[place % len(DASHES)]}
 
 
 @contextmanager
 def house_style(changes: Mapping[str, Any] = MappingProxyType({})) -> Iterator[None]:
-    """Matplotlib's settings, with some changes, inside the block; they are as before after it."""
+    """Apply matplotlib settings of the house style, with changes, inside the block."""
     with matplotlib.rc_context():
         matplotlib.rcdefaults()
         for key, value in {**_STYLE, **changes}.items():
@@ -113,8 +113,8 @@ def new_canvas(
 ) -> Canvas:
     """Return an empty matplotlib figure with a title above and a caption below the drawing.
 
-    Title and caption are wrapped to the width; `height_in` is left for the drawing, and below it
-    stands `table`, rows of three texts, the first of which is its head.
+    Title and caption are wrapped to the width. The drawing is `height_in` high; below it is
+    `table`, rows of three texts, the first of which is its head.
     """
     head, lines = wrapped(title, _TITLE_CHARACTERS), wrapped(caption, _CHARACTERS)
     above = _TITLE_LINE_IN * len(head) + 0.16
@@ -144,12 +144,12 @@ def new_canvas(
 def write_at(
     axes: Axes, text: str, at: tuple[float, float], offset: tuple[float, float], **style: Any
 ) -> None:
-    """Write a text so many points beside a place, which is one in data where not said otherwise."""
+    """Write text at an offset in points from a place, in data coordinates unless stated."""
     axes.annotate(text, at, offset, textcoords="offset points", **style)
 
 
 def log_decades(axes: Axes, which: Literal["x", "y"], labels: str | None = None) -> None:
-    """Make an axis logarithmic: labels at decades only, by default with prefixes, such as 10k."""
+    """Make an axis logarithmic, with labels at decades only, by default such as 10k."""
     axes.set(**{f"{which}scale": "log"})
     axis = axes.xaxis if which == "x" else axes.yaxis
     axis.set_major_formatter(EngFormatter(sep="") if labels is None else labels)
@@ -159,26 +159,26 @@ def log_decades(axes: Axes, which: Literal["x", "y"], labels: str | None = None)
 def draw_interval(
     axes: Axes, x: Any, middle: Floats, ends: Sequence[Floats] | Floats, **style: Any
 ) -> None:
-    """Draw a line with whiskers from the lower to the upper ends."""
+    """Draw a line with whiskers between the lower and upper ends."""
     low, high = ends
     axes.errorbar(x, middle, (middle - low, high - middle), **style)
 
 
 def draw_key(axes: Axes, entries: Iterable[tuple[str, str, str]], color: str = BLACK) -> None:
-    """Add markers to a legend that stand for nothing drawn: marker, face color and text of each."""
+    """Add entries to a legend without drawn lines: marker, face color and text of each."""
     for marker, face, text in entries:
         axes.plot([], [], marker, color=color, markerfacecolor=face, label=text)
 
 
 def legend_alone(axes: Axes, labeled: Axes, **style: Any) -> None:
-    """Fill axes with the legend of others."""
+    """Draw the legend of other axes alone in these axes."""
     axes.set_axis_off()
     handles, labels = labeled.get_legend_handles_labels()
     axes.legend(handles, labels, loc="center", **style)
 
 
 def wrapped(text: str, characters: int) -> list[str]:
-    """Return the lines of a text; no number is parted from its unit."""
+    """Wrap text into lines; a number stays with its unit."""
     held = re.sub(r"(?<=[\d×=]) (?=\S)| (?=[×=%])", "\N{NO-BREAK SPACE}", text)
     return textwrap.wrap(held, characters, break_on_hyphens=False)
 
@@ -188,7 +188,7 @@ def draw_table(
 ) -> None:
     """Draw a table of text, with a rule under its head and light rules between its rows.
 
-    Each column has a share of the page in proportion to its width.
+    A column's share of the page is proportional to its width.
     """
     axes = canvas.subplots()
     axes.set_axis_off()

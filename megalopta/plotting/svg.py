@@ -1,6 +1,6 @@
-"""Matplotlib figures as SVG that lives inside a page: its fonts, its colors in light and dark.
+"""Matplotlib figures as SVG inside a page: its fonts, its colors in light and dark.
 
-Figures are drawn in the house style, whose black and grid become colors of the page's style sheet.
+Figures are drawn in the house style; its black and grid become colors of the page's style sheet.
 """
 
 import io
@@ -20,28 +20,28 @@ from megalopta.plotting.style import BLACK, GRAY, RULE, house_style
 _THEMED = {BLACK: "currentColor", RULE: "var(--rule)"}
 _POINTS_PER_INCH = 72
 CHART_PT = 380, 270
-"""Width and height; on a telephone the page is as wide, so that text keeps its size there"""
+"""Width and height (pt); also the width of a page on a telephone, so that text keeps its size"""
 _MAP, _BAR = (0.1, 0.13, 0.68, 0.78), (0.8, 0.17, 0.025, 0.7)
-"""Left, bottom, width and height in the picture: to find them out takes as long as to draw it."""
+"""Left, bottom, width and height in the picture; constants are faster than a layout."""
 
 in_style = house_style({"svg.fonttype": "none", "axes.grid": False})
-"""Lets a function draw in the page's style, lines and markers included."""
+"""Decorator: draw in the page's style, lines and markers included."""
 
 
 def themed(color: str) -> str:
-    """Return a color of the house style for a style sheet."""
+    """Return a style-sheet color for a color of the house style."""
     return _THEMED.get(color, color)
 
 
 def new_axes(width_pt: float, height_pt: float) -> tuple[Figure, Axes]:
-    """Return a figure of this size with one pair of axes; for functions that are `in_style`."""
+    """Return a figure of this size with one pair of axes; for `in_style` functions."""
     size = width_pt / _POINTS_PER_INCH, height_pt / _POINTS_PER_INCH
     figure = Figure(figsize=size, layout="constrained")
     return figure, figure.add_subplot()
 
 
 def logarithmic(axes: Axes, which: Literal["x", "y"], labels: FuncFormatter) -> None:
-    """Make an axis logarithmic, its labels in words, with a faint grid."""
+    """Make an axis logarithmic with written labels and a faint grid."""
     axes.set(**{f"{which}scale": "log"})
     axis = axes.xaxis if which == "x" else axes.yaxis
     axis.set_major_formatter(labels)
@@ -50,10 +50,10 @@ def logarithmic(axes: Axes, which: Literal["x", "y"], labels: FuncFormatter) -> 
 
 
 def to_svg(figure: Figure, name: str, description: str) -> Markup:
-    """Return a figure as an SVG element; for functions that are `in_style`.
+    """Return a figure as an SVG element; for `in_style` functions.
 
     The name, of letters, digits and dashes, makes its identifiers unique on the page; the
-    description is for those who do not see it.
+    description is its text alternative.
     """
     file = io.StringIO()
     with rc_context({"svg.hashsalt": name}):
@@ -73,7 +73,7 @@ def to_svg(figure: Figure, name: str, description: str) -> Markup:
 
 
 def with_legend(figure: Figure, name: str, description: str, **legend: Any) -> Markup:
-    """Return a figure with the legend of its axes as SVG; for functions that are `in_style`."""
+    """Return a figure with the legend of its axes as SVG; for `in_style` functions."""
     figure.axes[0].legend(frameon=False, **legend)
     return to_svg(figure, name, description)
 
@@ -86,7 +86,7 @@ def map_chart(
     limits: tuple[float, float] | None = None,
     colors: str = "viridis",
 ) -> Markup:
-    """Return a map of pixels (rows, columns) with its scale; gray where nothing is known."""
+    """Return a map of pixels (rows, columns) with its color bar; unknown pixels are gray."""
     figure = Figure(figsize=(CHART_PT[0] / _POINTS_PER_INCH, CHART_PT[1] / _POINTS_PER_INCH))
     axes, bar = figure.add_axes(_MAP), figure.add_axes(_BAR)
     low, high = limits or color_limits(values)
@@ -98,7 +98,7 @@ def map_chart(
 
 
 def color_limits(*maps: Floats) -> tuple[float, float]:
-    """Return the ends of a scale that 98 % of the known pixels of maps are within."""
+    """Return the ends of a color scale that holds 98 % of the known pixels."""
     known = np.concatenate([each[np.isfinite(each)] for each in maps])
     low, high = np.percentile(known, (1, 99)) if known.size else (0.0, 1.0)
     return float(low), float(high)

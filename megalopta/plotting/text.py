@@ -1,4 +1,4 @@
-"""Numbers and names in the report as a person writes them."""
+"""Numbers and names as text in the report."""
 
 import math
 
@@ -9,11 +9,11 @@ from megalopta.scenes.lighting.levels import illuminance_of
 UNDEFINED = "–"
 FAILS = "fails"
 SENSELESS = 10.0
-"""Error, in what is asked for, from which on a number says no more than that it fails."""
+"""Relative error from which the report prints "fails" instead of a number."""
 
 
 def number(value: float) -> str:
-    """Three digits, thousands with a prefix (12.3k), small numbers with two digits (0.0012)."""
+    """Format three digits, thousands with a prefix (12.3k), small numbers two digits (0.0012)."""
     if not math.isfinite(value):
         return UNDEFINED
     if value == 0:
@@ -29,7 +29,7 @@ def number(value: float) -> str:
 
 
 def short(value: float) -> str:
-    """A round number without spare digits: 1k, 10M, 0.01."""
+    """Format a round number without trailing digits: 1k, 10M, 0.01."""
     text = number(value)
     digits = text.rstrip("kMGT")
     whole = digits.rstrip("0").rstrip(".") if "." in digits else digits
@@ -37,7 +37,7 @@ def short(value: float) -> str:
 
 
 def percent(fraction: float | None) -> str:
-    """A fraction as a percentage to two digits; 0 only where it is nothing at all."""
+    """Format a fraction as a percentage with two digits; 0 only if it is exactly zero."""
     if fraction is None or not math.isfinite(fraction):
         return UNDEFINED
     if 0 < fraction < 1e-4:
@@ -47,14 +47,14 @@ def percent(fraction: float | None) -> str:
 
 
 def relative_error(value: float | None) -> str:
-    """An error as a percentage; "fails" from ten times on what is asked for."""
+    """Format an error as a percentage; "fails" from ten times the true value."""
     if value is None or not math.isfinite(value):
         return UNDEFINED
     return percent(value) if value < SENSELESS else FAILS
 
 
 def duration(seconds: float) -> str:
-    """Seconds, or minutes and seconds."""
+    """Format seconds, or minutes and seconds."""
     if seconds < 99.95:
         return f"{seconds:.1f} s"
     minutes, rest = divmod(round(seconds), 60)
@@ -62,7 +62,7 @@ def duration(seconds: float) -> str:
 
 
 def level_name(level: LightLevel) -> str:
-    """A light level's name: "full moon", "10 lux"."""
+    """Name of a light level: "full moon", "10 lux"."""
     return level.replace("_", "\u00a0") if isinstance(level, str) else lux(level)
 
 
@@ -73,7 +73,7 @@ def level_title(level: LightLevel) -> str:
 
 
 def lux(illuminance_lux: float) -> str:
-    """An illuminance, to three digits: "10 lux", "0.000314 lux"."""
+    """Format an illuminance with three digits: "10 lux", "0.000314 lux"."""
     return f"{float(f'{illuminance_lux:.3g}'):g}\u00a0lux"
 
 

@@ -1,1 +1,1 @@
-"""Pages about a dataset and about scenes, each in one HTML file."""
+"""Pages about a dataset and about scenes, one HTML file each."""

@@ -1,12 +1,11 @@
-"""`megalopta dataset card` and `view`: README.md with statistics, and a sheet of short clips."""
+"""`megalopta dataset card` and `view`: README.md with statistics, and a page of short films."""
 
-import base64
 import html
-import io
 import re
 from collections import Counter
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -30,43 +29,31 @@ from megalopta.dataset.layout import Tree
 from megalopta.dataset.opened import open_dataset
 from megalopta.dataset.sequence import Sequence
 from megalopta.dataset.store import LICENSE
-from megalopta.flow.color_wheel import flow_to_rgb
 from megalopta.plotting.sections import Section, block, captioned, image, write_sections
 from megalopta.plotting.style import BLUE, house_style
 from megalopta.plotting.text import level_name, number
-from megalopta.report.images import gray_scale, map_scale, write_sheet
+from megalopta.report.film import gif_uri
+from megalopta.report.images import write_sheet
+from megalopta.report.panels import Panel, fastest_of, flow_panel, readings_panel
+from megalopta.report.sequence_panels import (
+    depth_panel,
+    exposure_readings,
+    light_panel,
+    motion_of,
+)
 from megalopta.stages.limits import size
 
+SHOWN = 24
+"""Default number of sequences of a contact sheet"""
 _FRAMES = 12
-"""Frames of a clip, at most; the first ones of the sequence."""
+"""Most frames of a clip, from the first frame of the sequence."""
 _FRAME_MS = 120
-_COLORS = 64
 
 
-@dataclass(frozen=True)
-class ShortClip:
-    """Successive pictures, and what they show."""
+def write_contact_sheet(root: Path, most: int, folder: Path | None = None) -> Path:
+    """Write index.html, with clips of `most` sequences, into the dataset or another folder.
 
-    name: str
-    scale: str
-    """What its colors mean"""
-    frames: list[Image.Image]
-
-    @property
-    def gif(self) -> str:
-        """Data URI of a GIF that repeats."""
-        data = io.BytesIO()
-        reduced = [each.convert("RGB").quantize(_COLORS) for each in self.frames]
-        reduced[0].save(
-            data, "GIF", save_all=True, append_images=reduced[1:], duration=_FRAME_MS, loop=0
-        )
-        return f"data:image/gif;base64,{base64.b64encode(data.getvalue()).decode('ascii')}"
-
-
-def write_view(root: Path, most: int) -> Path:
-    """Write index.html into a dataset, with clips of so many sequences; return its path.
-
-    Raises UserError where no sequence is finished.
+    Returns its path. Raises UserError if no sequence is finished.
     """
     dataset = open_dataset(root)
     if not len(dataset):
@@ -78,18 +65,19 @@ def write_view(root: Path, most: int) -> Path:
             sections.append(_section(dataset[name]))
             advance()
     summary = f"{len(names)} of {len(dataset)} sequences; each clip repeats the first frames."
-    write_sections(root / "index.html", root.resolve().name, summary, sections)
-    return root / "index.html"
+    path = (folder or root) / "index.html"
+    write_sections(path, root.resolve().name, summary, sections)
+    return path
 
 
 def _section(sequence: Sequence) -> Section:
     settings, camera = sequence.configuration, sequence.configuration.camera
     clips = (
         captioned(
-            block("pixels", image(clip.gif, f"{clip.name} of sequence {sequence.name}")),
-            Markup("<b>{}</b>, {}").format(clip.name, clip.scale),
+            block("pixels", image(_clip(sequence, each), f"{each.name} of {sequence.name}")),
+            Markup("<b>{}</b>, {}").format(each.name, each.told),
         )
-        for clip in clips_of(sequence)
+        for each in _panels(sequence)
     )
     scene = settings.scene.kind.replace("_", " ")
     return Section(
@@ -100,56 +88,26 @@ def _section(sequence: Sequence) -> Section:
     )
 
 
-def clips_of(sequence: Sequence) -> Iterator[ShortClip]:
-    """Yield clips of the first frames of a sequence."""
-    frames = range(min(len(sequence), _FRAMES))
-    yield ShortClip(
-        "light", "rendered radiance, exposed for its own light", _light(sequence, frames)
-    )
-    yield _counts(sequence, frames)
-    yield _flow(sequence, frames)
-    yield _depth(sequence, frames)
+def _panels(sequence: Sequence) -> Iterator[Panel]:
+    """Yield panels of the first frames of a sequence."""
+    frames = _first_frames(sequence)
+    yield light_panel(sequence, frames, 1)
+    readings = readings_panel(exposure_readings(sequence), frames, 1)
+    yield replace(readings, told=f"{sequence.exposures[0]}: {readings.told}")
+    flow = partial(motion_of, sequence, step=1)
+    yield flow_panel("flow", flow, fastest_of(map(flow, frames)))
+    if sequence.configuration.scene.has_truth:
+        yield depth_panel(sequence, frames, 1)
 
 
-def _light(sequence: Sequence, frames: range) -> list[Image.Image]:
-    found = []
-    for index in frames:
-        path = sequence.dataset.frame("training/clean", index, "png")
-        try:
-            with Image.open(path) as image:
-                found.append(image.convert("RGB"))
-        except (OSError, ValueError, SyntaxError, Image.DecompressionBombError):
-            raise UserError(f"{path} is missing or no picture; make the sequence again") from None
-    return found
+def _first_frames(sequence: Sequence) -> range:
+    """Return the first frames with a next frame, and so with motion."""
+    return range(min(len(sequence) - 1, _FRAMES))
 
 
-def _counts(sequence: Sequence, frames: range) -> ShortClip:
-    counts = sequence.counts()[frames.start : frames.stop].astype(np.float64)
-    white = max(float(np.percentile(counts, 99)), 1.0)
-    scale = gray_scale(white)
-    unit = sequence.counts().unit
-    told = f"{sequence.exposures[0]}: black 0, white {number(white)} {unit}"
-    return ShortClip("counts", told, [scale.picture(each) for each in counts])
-
-
-def _flow(sequence: Sequence, frames: range) -> ShortClip:
-    flows = [sequence.flow(index) for index in frames if index + 1 < len(sequence)]
-    speed = np.hypot(*np.moveaxis(np.stack(flows), -1, 0))
-    known = speed[~np.isnan(speed)]
-    fastest = max(float(np.percentile(known, 99)) if known.size else 0.0, 1e-3)
-    told = f"hue is direction (red to the right), full color {number(fastest)} px a frame"
-    return ShortClip("flow", told, [Image.fromarray(flow_to_rgb(each, fastest)) for each in flows])
-
-
-def _depth(sequence: Sequence, frames: range) -> ShortClip:
-    depths = sequence.depth[frames.start : frames.stop].astype(np.float64)
-    depths[np.isinf(depths)] = np.nan
-    known = depths[~np.isnan(depths)]
-    near, far = np.percentile(known, [1, 99]).tolist() if known.size else (1.0, 2.0)
-    far = max(far, near * 1.01)
-    scale = map_scale("viridis_r", near, far, logarithmic=True)
-    told = f"yellow {number(near)} m to violet {number(far)} m, the sky gray"
-    return ShortClip("depth", told, [scale.picture(each) for each in depths])
+def _clip(sequence: Sequence, panel: Panel) -> str:
+    """Return the data URI of a short film."""
+    return gif_uri([panel.picture(each) for each in _first_frames(sequence)], _FRAME_MS)
 
 
 Rows = list[dict[str, Any]]
@@ -158,7 +116,7 @@ _BINS, _DECADE = 24, 10
 _STRIP, _WIDTH = 6, 160
 _SPECIAL = re.compile(r"[\\`*_{}\[\]#|~!$]")
 _TEMPLATE = Path(__file__).with_name("dataset_card.md")
-"""What the card of every dataset says; braces are filled in."""
+"""Text of the card of every dataset, with fields in braces."""
 
 
 def write_card(root: Path) -> Path:
@@ -184,12 +142,12 @@ def _rows(root: Path, table: str) -> Rows:
 
 
 _QUANTITIES = {
-    "mean_speed_px": "mean flow, px a frame",
-    "percentile_99_speed_px": "99 % of flow below, px a frame",
+    "mean_speed_px": "mean flow, px per frame",
+    "percentile_99_speed_px": "99th percentile of flow, px per frame",
     "unmatched_fraction": "pixels hidden or out of view in the next frame",
-    "sky_fraction": "pixels of sky",
+    "sky_fraction": "sky pixels",
     "median_depth_m": "median depth, m",
-    "texture": "texture (difference of neighbors, relative)",
+    "texture": "texture (relative difference of neighbors)",
 }
 _COLUMNS = (
     *("sequence", "split", "frames", "width", "height", "bytes", "scene", "light", "trajectory"),
@@ -212,7 +170,7 @@ def _text(plan: Plan, sequences: Rows, exposures: Rows) -> str:
         splits=", ".join(f"`{name}` {splits[name]}" for name in plan.splits),
         sample=plan.sample,
         kinds=_table(("", "sequences"), _kinds(sequences)),
-        statistics=_table(("of a sequence", "5 %", "median", "95 %"), _statistics(sequences)),
+        statistics=_table(("per sequence", "5 %", "median", "95 %"), _statistics(sequences)),
         exposures=_table(
             ("sensor", "exposure, s", "photons per pixel: 5 %", "median", "95 %", "saturated"),
             _of_sensors(exposures),
@@ -235,14 +193,14 @@ def _of_sensors(exposures: Rows) -> Iterable[tuple[str, ...]]:
     for sensor in sorted({row["sensor"] for row in exposures}):
         own = [row for row in exposures if row["sensor"] == sensor]
         times = sorted({row["exposure_s"] for row in own})
-        told = " to ".join(f"{each:g}" for each in dict.fromkeys((times[0], times[-1])))
+        exposed = " to ".join(f"{each:g}" for each in dict.fromkeys((times[0], times[-1])))
         photons = _percentiles(row["photons_per_pixel"] for row in own)
         full = float(np.mean([row["saturated_fraction"] for row in own]))
-        yield plain(sensor), told, *photons, f"{full:.2g}"
+        yield plain(sensor), exposed, *photons, f"{full:.2g}"
 
 
 def plain(text: object) -> str:
-    """Return text of a stranger on one line, of which Markdown and HTML make nothing."""
+    """Return untrusted text on one line, without Markdown or HTML markup."""
     line = printable(" ".join(str(text).split()))
     return html.escape(_SPECIAL.sub(r"\\\g<0>", line), quote=False)
 
@@ -263,8 +221,8 @@ def _table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
 def _draw_statistics(path: Path, sequences: Rows, exposures: Rows) -> None:
     """Draw histograms of flow, photons, texture and occlusion."""
     panels = (
-        ("mean flow (px a frame)", [row["mean_speed_px"] for row in sequences], True),
-        ("photons per pixel, an exposure", [row["photons_per_pixel"] for row in exposures], True),
+        ("mean flow (px per frame)", [row["mean_speed_px"] for row in sequences], True),
+        ("photons per pixel and exposure", [row["photons_per_pixel"] for row in exposures], True),
         ("texture, relative", [row["texture"] for row in sequences], True),
         ("hidden or out of view", [row["unmatched_fraction"] for row in sequences], False),
     )
@@ -295,10 +253,10 @@ def _draw_histogram(
 
 
 def _draw_strip(root: Path, path: Path) -> None:
-    """Draw light, counts, flow and depth of a few sequences, one above the other."""
+    """Draw light, counts, flow and depth of a few sequences in rows."""
     dataset = open_dataset(root)
     names = dataset.names[:: max(1, -(-len(dataset) // _STRIP))]
-    columns = ([_small(clip.frames[0]) for clip in clips_of(dataset[name])] for name in names)
+    columns = ([_small(each.picture(0)) for each in _panels(dataset[name])] for name in names)
     *rows, last = ([("", each) for each in row] for row in zip(*columns, strict=True))
     named = [(name, each) for name, (_, each) in zip(names, last, strict=True)]
     write_sheet(path, [*rows, named])

@@ -1,8 +1,8 @@
-"""Section "What the detectors answer": responses as pictures, errors as tables.
+"""Section "Detector responses": responses as pictures, errors as tables.
 
-A method that gives velocities is compared with the true motion: one that is always wrong in the
-same way repeats itself perfectly. The others give a number without a unit, so all that can be asked
-is whether they answer counts as they answer the noise-free twin.
+A method with velocities is also compared with the true motion: a consistently wrong one is
+perfectly repeatable. The others give a number without a unit, so the only test is whether their
+response to counts equals that to the noise-free readings.
 """
 
 import math
@@ -40,8 +40,8 @@ from megalopta.plotting.text import (
     percent,
     relative_error,
 )
-from megalopta.report.images import ColorScale, data_uri, gray_scale, map_scale, still
-from megalopta.report.motion_section import mixed_share, wheel
+from megalopta.report.images import ColorScale, data_uri, gray_scale, map_scale, still, wheel
+from megalopta.report.motion_section import mixed_share
 from megalopta.report.remarks import absent, key, rendering
 from megalopta.report.source import Report
 from megalopta.sensor import ImageSensor, StoredFrames
@@ -53,19 +53,19 @@ Value = TypeVar("Value")
 Text = TypeVar("Text", bound=str)
 
 ACCURATE = 0.25
-"""The thesis's 2-bit accuracy: an error below 2⁻²."""
+"""The dissertation's 2-bit accuracy: an error below 2⁻²."""
 
 _GROUPS = {
     "slow": f"below {SLOW_PX:g} px",
     "medium": f"{SLOW_PX:g} to {FAST_PX:g} px",
-    "fast": f"{FAST_PX:g} px and more",
+    "fast": f"{FAST_PX:g} px or more",
     "clear": f"hidden: below {OCCLUDED_SHARE:.0%}",
     "occlusion": f"hidden: {OCCLUDED_SHARE:.0%} or more",
 }
 
 
 def crossed(label: str, corner: str, cells: Mapping[tuple[Text, str], str]) -> Markup:
-    """Return a table of texts by row and column, with a dash where there is none."""
+    """Return a table of texts by row and column, with a dash for missing cells."""
     rows = dict.fromkeys(row for row, _ in cells)
     columns = dict.fromkeys(column for _, column in cells)
     lines: list[list[str]] = [
@@ -87,21 +87,21 @@ def response_table(sensor: str, records: Sequence[FlowRecord]) -> Markup:
 
 
 def cost_table(sensor: str, records: Sequence[FlowRecord]) -> Markup:
-    """Return ratio errors of a device: against itself, a perfect sensor, and that corrected."""
+    """Return a device's ratio errors: against itself, a perfect sensor, and that corrected."""
     cells = {}
     for each in records:
         if each.sensor == sensor and each.error_perfect:
             corrected = [each.error_corrected] if each.error_corrected else []
             ratios = (one.ratio for one in (each.error, each.error_perfect, *corrected))
             cells[each.method, level_name(each.level)] = " · ".join(map(relative_error, ratios))
-    label = f"Noise, device and correction on {sensor}"
+    label = f"Errors by noise, device and correction on {sensor}"
     return crossed(label, "Detector", cells) if cells else Markup("")
 
 
 def against_truth(records: Sequence[FlowRecord], settings: FlowSettings) -> Markup:
     """Return errors and shares of outliers, a row per exposure and a column per method.
 
-    The mean error with mixed pixels, without them, and as the configuration has them counted.
+    The mean error is given with mixed pixels, without them, and as configured.
     """
     truths = {_key(each): each.truth for each in records if each.truth}
     mixtures = {_key(each): each.truth_by_mixture for each in records if each.truth_by_mixture}
@@ -112,14 +112,14 @@ def against_truth(records: Sequence[FlowRecord], settings: FlowSettings) -> Mark
         },
     }
     if settings.mixed == "weigh" or not mixtures:
-        weighed = "Mean error (px)" + (", pixels by their purity" if mixtures else "")
+        weighed = "Mean error (px)" + (", pixels weighted by purity" if mixtures else "")
         rows = {weighed: {key: _error(each) for key, each in truths.items()}} | rows
     outliers = "Outliers" + (", without mixed pixels" if settings.mixed == "leave_out" else "")
     rows[outliers] = {
         key: _in_turn([one.outlier_fraction for one in _answers(each)], percent)
         for key, each in truths.items()
     }
-    rows["Median error, of the velocity"] = {
+    rows["Median relative error"] = {
         key: _in_turn([one.relative_error_median for one in _answers(each)], relative_error)
         for key, each in truths.items()
     }
@@ -127,7 +127,7 @@ def against_truth(records: Sequence[FlowRecord], settings: FlowSettings) -> Mark
 
 
 def split_table(records: Sequence[FlowRecord]) -> Markup:
-    """Return mean errors by speed and by occlusion, on the exposure where a method errs least."""
+    """Return mean errors by speed and by occlusion, on the exposure with a method's least error."""
     measured = [each for each in records if each.truth_splits]
     if not measured:
         return Markup("")
@@ -144,7 +144,7 @@ def split_table(records: Sequence[FlowRecord]) -> Markup:
         for name in _GROUPS
         if blocks[name]
     }
-    label = f"Mean error (px) by speed and occlusion where it is smallest: {best}"
+    label = f"Mean error (px) by speed and occlusion on the best exposure: {best}"
     return crossed(label, "Detector", cells)
 
 
@@ -154,7 +154,7 @@ def rotation_table(records: Sequence[FlowRecord]) -> Markup:
     if not rotations:
         return Markup("")
     true = number(next(iter(rotations.values())).true_deg_s)
-    label = f"Error of the yaw rate (deg/s) of {true} deg/s"
+    label = f"Error of the yaw rate (deg/s); true RMS {true} deg/s"
     return crossed(label, label, {key: _yaw(each) for key, each in rotations.items()})
 
 
@@ -195,73 +195,73 @@ def _in_turn(values: Iterable[Value | None], text: Callable[[Value], str]) -> st
 
 
 _BRIGHT_PERCENTILE = 99.0
-# Bright sky and dark ground answer a thousandfold differently: a root shows both.
+# Responses to bright sky and dark ground differ a thousandfold: a root shows both.
 _ROOT = 3.0
-# Paler on the wheel, a velocity cannot be told from white.
+# Velocities closer to the wheel's center look white.
 _PALE = 0.02
 _GUIDE = (
-    "Each detector sees every sequence twice: as counted, and as its noise-free twin, the mean "
-    "that would be counted without the randomness of photons. Frame {} is shown in pairs at each "
-    "light level: on the left the answer to the noise-free twin, on the right that to its {}, in "
-    "the same colors. Where the two look alike, photon noise does no harm."
+    "Each detector runs on every sequence twice: on the readings, and on their noise-free mean. "
+    "Frame {} is shown in pairs at each light level: the response to the noise-free reading on "
+    "the left, that to its {} on the right, in the same colors. Where the two look alike, photon "
+    "noise does no harm."
 )
 _FLICKER = (
-    "This noise is the same in both answers, so it adds no error, but it flickers like texture "
-    "that does not move with the scene, and is in the errors against the true motion."
+    "This noise is the same in both responses, so it adds no error between them. It flickers like "
+    "texture that does not move, and adds to the errors against the true motion."
 )
 _BLOCKS = Markup(
-    "<b>The right answer for block methods</b> in this frame: the {} averaged over their "
-    "blocks, in the colors of the wheel (rim: {:.2g} pixels per frame). The other detectors "
-    "respond to motion without measuring its speed."
+    "<b>Ground truth for block methods</b> in this frame: the {} averaged over their blocks, in "
+    "the colors of the wheel (rim: {:.2g} px per frame). The other detectors respond to motion "
+    "without measuring its speed."
 )
 _ERRORS = Markup(
-    "Readings are brought to a mean of 1 before they are answered; colors spread the cube root of "
-    "the answer. Errors compare the answer to counts with that to the noise-free twin, over all "
-    "frames after the detectors have settled: <b>ratio</b>, all differences over all answers, and "
-    "<b>literal</b> (the thesis's Eq. 4.5), the mean of every single pixel's quotient, which a few "
-    "answers near zero carry. From tenfold on an error reads “fails”; a dash says that the "
-    "noise-free answer holds no motion."
+    "Readings are scaled to a mean of 1; colors show the cube root of the response. Errors compare "
+    "the response to counts with that to the noise-free reading, over all frames after the "
+    "detectors have settled. <b>Ratio</b>: sum of all differences over sum of all responses. "
+    "<b>Literal</b> (the dissertation's Eq. 4.5): mean of each pixel's quotient, dominated by the "
+    "few responses near zero. “fails”: an error of ten times or more. A dash: the noise-free "
+    "response shows no motion."
 )
 _COSTS = Markup(
-    "The same frame as the sensor reads it, corrected where that was asked for (dark counts, dead "
-    "time and counter, flat field, hot pixels), and as a perfect sensor would read it on average. "
-    "In the tables the ratio error of each detector: <b>against itself</b>, the same device "
-    "without noise · <b>raw against perfect</b> · <b>corrected against perfect</b>."
+    "The same frame as read by the sensor, corrected if requested (dark counts, dead time and "
+    "counter, flat field, hot pixels), and as the mean of a perfect sensor. The tables give the "
+    "ratio error of each detector: <b>against itself</b>, the same device without noise · "
+    "<b>raw against perfect</b> · <b>corrected against perfect</b>."
 )
 _TRUTH = (
-    "Block velocities beside these: the mean length of the difference, the share of blocks "
-    "that are off by more than 25 % (outliers), and the median; first noise-free, then on {}, then "
-    "on corrected readings where there are any. {} of the pixels shown lie on outlines, filled to "
-    "less than {:.0%} by what their center sees. {} in everything but the two tables that say "
-    "otherwise; blocks of which less than half is left are not scored."
+    "Errors of block velocities: mean endpoint error, share of outliers (blocks with an error over "
+    "25 %), and median; noise-free, then on {}, then on corrected readings if there are any. "
+    "{} of the pixels shown are mixed: the object at their center fills less than {:.0%}. {} "
+    "except in the two tables that say otherwise; blocks with less than half of their pixels left "
+    "are not scored."
 )
 _STAND_IN = (
-    "The true motion of pictures is not known. Answers are compared with the flow that DIS finds "
-    "between the pictures without photon noise, which has errors of its own and favors DIS. "
+    "The true motion of pictures is unknown. Responses are compared with the flow by DIS between "
+    "the pictures without photon noise, which has errors of its own and favors DIS. "
 )
 _MIXED = {
     "score": "They count like all others",
-    "weigh": "Pixels count by their purity",
-    "leave_out": "They do not count",
+    "weigh": "Pixels are weighted by purity",
+    "leave_out": "They are excluded",
 }
 _SPLITS = (
-    "Blocks by their speed, in pixels per frame, and by the share of their pixels that is "
-    "hidden in the next frame; in brackets the number of blocks, over all frames, on the exposure "
-    "where a method errs least."
+    "Errors by the speed of blocks (px per frame) and by the share of their pixels that is hidden "
+    "in the next frame, on the exposure with a method's least error; number of blocks over all "
+    "frames in brackets."
 )
 _YAW = (
-    "A weighted sum of all local answers, as in a fly’s tangential cells, gives the camera’s yaw "
-    "rate. Weights are learned from the noise-free answers to the first half of the sequence; the "
-    "root mean square error is that of the second half, first noise-free, then on {}."
+    "A weighted sum of all local responses, as in a fly’s tangential cells, gives the camera’s "
+    "yaw rate. Weights are learned from the noise-free responses to the first half of the "
+    "sequence; the table gives the RMS error on the second half, noise-free, then on {}."
 )
 
 
 def detector_section(report: Report) -> Section:
-    """Return the section; where detectors have not run, what to run."""
-    title = "What the detectors answer"
+    """Return the section; if detectors have not run, the command to run."""
+    title = "Detector responses"
     section = Section(title, name="detectors", link="Detectors")
     if not report.flow:
-        missing = absent(report, "flow", "The motion detectors have not been run yet.")
+        missing = absent(report, "flow", "Motion detectors have not run yet.")
         return replace(section, body=missing)
     body = Markup("\n").join([*_responses(report), *_costs(report), *_tables(report)])
     text = _GUIDE.format(report.frame + 1, " or ".join(report.units))
@@ -274,7 +274,7 @@ def _responses(report: Report) -> Iterator[Markup]:
     yield _true_blocks(report)
     for sensor in report.settings.sensors:
         rows = [_row(report, sensor, METHODS[name]) for name in report.settings.methods]
-        errors = heading("Error against the noise-free answer: ratio (literal)")
+        errors = heading("Error against the noise-free response: ratio (literal)")
         yield card(sensor.name, *rows, errors, response_table(sensor.name, report.flow))
     yield paragraph(_ERRORS, "note")
 
@@ -288,7 +288,7 @@ def _tables(report: Report) -> Iterator[Markup]:
     for title, guide, found in (
         (f"Against the {report.motion_name}", text, against_truth(report.flow, settings)),
         ("Errors by speed and occlusion", _SPLITS, split_table(report.flow)),
-        ("How fast the camera turns", _YAW.format(units), rotation_table(report.flow)),
+        ("Yaw rate of the camera", _YAW.format(units), rotation_table(report.flow)),
     ):
         if found:
             yield heading(title) + paragraph(guide) + found
@@ -308,9 +308,9 @@ def _true_blocks(report: Report) -> Markup:
 
 
 def _row(report: Report, sensor: ImageSensor, method: Detector) -> Markup:
-    """Return a method's answers at every level, beside what it is."""
-    colors = Markup("<br>Colors as on the wheel, white is rest.")
-    told = Markup("<b>{}</b> {}<br>{}{}").format(
+    """Return a method's responses at every level, beside its description."""
+    colors = Markup("<br>Colors as on the wheel; white: no motion.")
+    about = Markup("<b>{}</b> {}<br>{}{}").format(
         method.name,
         method.label,
         first_sentence(method),
@@ -319,17 +319,17 @@ def _row(report: Report, sensor: ImageSensor, method: Detector) -> Markup:
     levels = report.settings.light_levels
     pairs = [_pair(report, sensor, level, method) for level in levels]
     width = f"max-width:{260 * len(pairs)}px"
-    return block("response", block("", told), block("pairs", *pairs, style=width))
+    return block("response", block("", about), block("pairs", *pairs, style=width))
 
 
 def first_sentence(method: Detector) -> str:
-    """Return what a method's docstring says of it first."""
+    """Return the first sentence of a method's docstring."""
     text = (type(method).__doc__ or "").strip().split("\n")[0].removeprefix(f"{method.name}: ")
     return text[:1].upper() + text[1:]
 
 
 def _pair(report: Report, sensor: ImageSensor, level: LightLevel, method: Detector) -> Markup:
-    """Return the answers to the noise-free twin and to the counts, in the same colors."""
+    """Return the responses to the noise-free reading and to the counts, in the same colors."""
     path, name = responses_path(report.dataset, sensor, level), level_name(level)
     answers = [_read(path, f"{method.name}{kind}", report.frame) for kind in ("-ideal", "")]
     if method.gives == "velocity":
@@ -359,13 +359,13 @@ def _read(path: Path, name: str, frame: int) -> Floats:
 
 
 def _largest(answer: Floats) -> float:
-    """Return the largest response, or speed, that is defined; 0 where there is none."""
+    """Return the largest finite response or speed; 0 if there is none."""
     size = np.abs(answer) if answer.ndim == 2 else np.hypot(*np.moveaxis(answer, -1, 0))
     return float(np.max(size[np.isfinite(size)], initial=0.0))
 
 
 def _response_scale(ideal: Floats) -> ColorScale:
-    """Return the scale of a pair, from what the noise-free answer spans."""
+    """Return the color scale of a pair, from the range of the noise-free response."""
     known = ideal[np.isfinite(ideal)]
     high = float(np.percentile(np.abs(known), _BRIGHT_PERCENTILE)) if known.size else 0.0
     high = high or 1.0
@@ -375,10 +375,10 @@ def _response_scale(ideal: Floats) -> ColorScale:
 
 
 def _costs(report: Report) -> Iterator[Markup]:
-    """Yield what each device costs, where responses were compared with the perfect sensor."""
+    """Yield the cost of each device, if responses were compared with the perfect sensor."""
     tables = {each.name: cost_table(each.name, report.flow) for each in report.settings.sensors}
     if any(tables.values()):
-        yield heading("What the device costs") + paragraph(_COSTS)
+        yield heading("Loss by the device") + paragraph(_COSTS)
     for sensor in report.settings.sensors:
         if tables[sensor.name]:
             frames = [_forms(report, sensor, level) for level in report.settings.light_levels]
@@ -386,7 +386,7 @@ def _costs(report: Report) -> Iterator[Markup]:
 
 
 def _forms(report: Report, sensor: ImageSensor, level: LightLevel) -> Markup:
-    """Return the frame that is shown: raw, corrected where that was asked for, perfect."""
+    """Return the frame shown: raw, corrected if requested, perfect."""
     opened, frame = open_exposure(report.dataset, sensor, level), report.frame
     forms = {
         "raw": opened["counts"],

@@ -1,16 +1,16 @@
-"""`megalopta gallery`: scene presets at every light level, larger views of forests, and statistics.
+"""`megalopta gallery`: scene presets at every light level, larger forest views, and statistics.
 
-A scene is built once and rendered twice, with and without a disc in the sky, since these cast other
-shadows; the levels of each kind differ by a factor in every band. A view is exposed for its own
-light, which no eye and no camera can do at night; below it stand the counts of a sensor that sees
-nothing but photons. With a photographed panorama there are two more of the larger views: the
-photograph through the same camera, and a forest in its light.
+A scene is built once and rendered twice, with and without a disc in the sky, since their shadows
+differ; the levels of each kind differ by a factor in every band. A view is exposed for its own
+light, which no eye and no camera can do at night; below it are the counts of a sensor without noise
+but that of photons. A photographed panorama adds two of the larger views: the photograph through
+the same camera, and a forest in its light.
 
-For statistics every preset is seen in four directions by a camera of 75° and 0.3° per pixel. Beside
-photographed panoramas all are seen at one coarser angle, so that a pixel is the mean of at least
-two by two of a photograph's: statistics depend on the angle of a pixel, and what a photograph shows
-from pixel to pixel is its lens and its stitching. What a lens would do to the forests is shown by a
-Gaussian blur of their light.
+For statistics every preset is seen in four directions by a camera of 75° and 0.3° per pixel. With
+photographed panoramas, all are seen at one coarser angle, so that a pixel is the mean of at least
+two by two of a photograph's: statistics depend on the angle of a pixel, and the finest detail of a
+photograph is its lens and its stitching. A Gaussian blur of the forests' light shows the effect of
+a lens.
 """
 
 import math
@@ -77,7 +77,7 @@ SCENES: Mapping[str, Mapping[str, Any]] = MappingProxyType(
         },
     }
 )
-"""What the gallery shows, as parts of a configuration."""
+"""Scenes of the gallery, as parts of a configuration."""
 _WIDTH = 196
 
 
@@ -88,11 +88,11 @@ class LitScene:
     scene: str
     level: str
     view: NDArray[np.uint8]
-    """The radiance (H, W, 3), exposed and white-balanced for its own light"""
+    """Radiance (H, W, 3), exposed and white-balanced for its own light"""
     counts: NDArray[np.integer | np.floating]
-    """Of a sensor, in one exposure (H, W)"""
+    """Readings of a sensor in one exposure (H, W)"""
     canopy: str
-    """What a forest holds and lets through, measured; empty where that is not known"""
+    """Measured density and transmission of a forest; empty if unknown"""
 
     @property
     def light(self) -> str:
@@ -101,7 +101,7 @@ class LitScene:
 
     @property
     def photons(self) -> str:
-        """Mean count."""
+        """Mean count per pixel, as text."""
         return f"{number(float(np.mean(self.counts)))} photons per pixel"
 
 
@@ -125,7 +125,7 @@ def cells_of(
     samples_per_pixel: int,
     advance: Advance = lambda work=1: None,
 ) -> Iterator[LitScene]:
-    """Render one scene in all lights; its parts are those of a configuration."""
+    """Render one scene in all lights; `parts` are those of a configuration."""
     values = {
         "camera": _SMALL_CAMERA,
         "trajectory": _PATH,
@@ -137,7 +137,7 @@ def cells_of(
     scene = build(settings)
     rendered: dict[str, tuple[Configuration, NDArray[np.float32], str]] = {}
     for level, light in LEVELS.items():
-        # Under an even sky levels differ by a factor in each band; a disc has a share in each.
+        # Under a uniform sky levels differ by a factor in each band; a disc has its share in each.
         directions = level if light.disc else "sky"
         if directions not in rendered:
             lit = _under(settings, level)
@@ -156,11 +156,11 @@ def _under(settings: Configuration, level: str) -> Configuration:
 
 
 def _radiance(lit: Configuration, scene: Scene) -> tuple[NDArray[np.float32], str]:
-    """First frame (H, W, B) of a scene under the light of a configuration, and of its canopy.
+    """Return the first frame (H, W, B) of a configuration, and a sentence on its canopy.
 
-    A canopy is measured under an even sky; else, and without one, nothing is told.
+    A canopy is measured under a uniform sky; otherwise, and without one, the sentence is empty.
     """
-    # What glows by itself is as bright as the light of its level, so it is built for each.
+    # A self-luminous scene is as bright as its level, so it is built for each.
     scene = replace(scene, lighting=lit.light.lighting()) if scene.lighting else build(lit)
     renderer = SceneRenderer(scene, lit.camera, lit.render)
     poses, ring = lit.trajectory.poses(), lit.scene.canopy_ring_m
@@ -179,7 +179,7 @@ def _counts(
 
 
 def _write_page(path: Path, scenes: Sequence[Sequence[LitScene]]) -> None:
-    """Write all cells as one page, a section for each scene."""
+    """Write all cells as one page, a section per scene."""
     sections = []
     for own in scenes:
         canopies = " ".join(dict.fromkeys(cell.canopy for cell in own if cell.canopy))
@@ -187,9 +187,9 @@ def _write_page(path: Path, scenes: Sequence[Sequence[LitScene]]) -> None:
         name = own[0].scene
         sections.append(Section(name[0].upper() + name[1:], canopies, charts=figures))
     summary = (
-        "Above: the rendered radiance, exposed for its own light, as no eye and no camera sees it "
-        f"at night. Below: what an ideal sensor counts in {1e3 * _EXPOSURE_S:g} ms, from black for "
-        "no photon to white for the brightest hundredth of its pixels."
+        "Above: rendered radiance, exposed for its own light, unlike any eye or camera at night. "
+        f"Below: counts of an ideal sensor in {1e3 * _EXPOSURE_S:g} ms, from black (no photon) to "
+        "white (the brightest 1 % of pixels)."
     )
     write_sections(path, "Scenes and lights", summary, sections)
 
@@ -202,19 +202,19 @@ def _both(cell: LitScene) -> Markup:
 
 
 def _rows(cells: Sequence[LitScene]) -> Iterator[list[tuple[str, Image.Image]]]:
-    """Yield two rows of the sheet for a scene: of its views, and of their counts."""
+    """Yield two rows of the sheet for a scene: its views, and their counts."""
     height, width = cells[0].view.shape[:2]
     size, row = (_WIDTH, round(_WIDTH * height / width)), []
     yield [(each.light, Image.fromarray(each.view).resize(size)) for each in cells]
     for each in cells:
         counts = gray_counts(each.counts).convert("RGB").resize(size, Image.Resampling.BOX)
-        told = f"{each.scene}: {each.photons.removesuffix(' per pixel')}"
-        row.append((told, counts))
+        title = f"{each.scene}: {each.photons.removesuffix(' per pixel')}"
+        row.append((title, counts))
     yield row
 
 
 SAMPLES = 64
-"""Per pixel."""
+"""Samples per pixel."""
 _CAMERA = {"width": 360, "height": 240, "fov_deg": 75}
 _AHEAD = {"frames": 2, "look_at_m": [10, 0, 2.4]}
 _FLOOR = {"frames": 2, "look_at_m": [6, 0, 1.0]}
@@ -222,9 +222,8 @@ _LOW = {"frames": 2, "position_m": [0, 0, 0.7], "look_at_m": [2.5, 0.6, 0.35]}
 _NOON = {"level": "daylight", "sky": "natural", "disc_azimuth_deg": 150}
 _CLOUDY = {"level": "daylight", "sky": "natural", "cloud_cover": 1.0}
 _SUMMARY = (
-    "Rendered radiance, exposed for its own light, as no eye and no camera sees it at night; where "
-    "photons are given, what an ideal sensor counts, from black for none to white for the "
-    "brightest hundredth of its pixels."
+    "Rendered radiance, exposed for its own light, unlike any eye or camera at night. With photons "
+    "given: counts of an ideal sensor, from black (none) to white (the brightest 1 % of pixels)."
 )
 
 
@@ -234,11 +233,11 @@ class GalleryView:
 
     title: str
     parts: Mapping[str, Any]
-    """Of a configuration."""
+    """Parts of a configuration."""
     exposure_s: float | None = None
-    """Of an ideal sensor whose counts are shown, too."""
+    """Exposure of an ideal sensor whose counts are also shown."""
     work: int = 1
-    """Times the samples of other views: light in fog is noisy."""
+    """Samples as a multiple of other views': light in fog is noisy."""
 
 
 def _forest(
@@ -251,7 +250,7 @@ def _forest(
 VIEWS = (
     GalleryView("A clearing at noon", _forest("clearing", _NOON, _AHEAD)),
     GalleryView(
-        "An open forest where the sun went down",
+        "An open forest after sunset",
         _forest("open", {"level": "twilight", "sky": "natural", "disc_azimuth_deg": 0}, _AHEAD),
     ),
     GalleryView("The floor of a rain forest at noon", _forest("rainforest", _NOON, _FLOOR)),
@@ -260,7 +259,7 @@ VIEWS = (
         _forest("rainforest", {"level": "starlight", "sky": "natural"}, _FLOOR),
         exposure_s=0.1,
     ),
-    GalleryView("A trail through a mixed wood at noon", _forest("trail", _NOON, ALONG_THE_TRAIL)),
+    GalleryView("A trail through a mixed forest at noon", _forest("trail", _NOON, ALONG_THE_TRAIL)),
     GalleryView(
         "The same in fog, under a cloud",
         _forest("trail", _CLOUDY, ALONG_THE_TRAIL, haze={"visibility_m": 60.0}),
@@ -271,7 +270,7 @@ VIEWS = (
         {**_forest("understorey", _NOON, _LOW), "camera": {**_CAMERA, "fov_deg": 45}},
     ),
     GalleryView(
-        "All around, in a dense forest",
+        "Panorama of a dense forest",
         {
             **_forest("dense", _NOON, {"frames": 2, "look_at_m": [10, 0, 1.5]}),
             "camera": {"kind": "equirectangular", "width": 480, "height": 240},
@@ -298,8 +297,8 @@ def write_views(
 ) -> Path:
     """Render the views into a folder; return their page, views.html, beside views.jpg.
 
-    Raises UserError when there is no such panorama; ValueError when the panorama cannot be read as
-    a picture.
+    Raises UserError if there is no such panorama; ValueError if the panorama cannot be read as a
+    picture.
     """
     views = [*(of_photograph(panorama) if panorama else ()), *views]
     settings = [_settings(view, samples_per_pixel * view.work) for view in views]
@@ -327,27 +326,27 @@ def _settings(view: GalleryView, samples_per_pixel: int) -> Configuration:
 
 
 def _pictures(view: GalleryView, settings: Configuration) -> Iterator[tuple[str, Image.Image]]:
-    """Yield a view with its title, and where it is asked for its counts."""
+    """Yield a view with its title, and its counts if requested."""
     renderer = SceneRenderer(build(settings), settings.camera, settings.render)
     radiance = renderer.radiance(settings.trajectory.poses()[0], frame_seed(settings.seed, 0))
     white = settings.scene.white(settings.light)
     yield view.title, Image.fromarray(preview(radiance, settings.render.bands_nm, white))
     if view.exposure_s:
         counts = _counts(settings, radiance, "view")
-        told = f"{view.title}: {counts.mean():.2g} photons per pixel in {view.exposure_s:g} s"
-        yield told, gray_counts(counts).convert("RGB")
+        title = f"{view.title}: {counts.mean():.2g} photons per pixel in {view.exposure_s:g} s"
+        yield title, gray_counts(counts).convert("RGB")
 
 
 STATISTICS_PRESETS = "open", "clearing", "dense", "understorey", "rainforest", "trail"
 STATISTICS_SAMPLES = 36
-"""Per pixel and pass"""
+"""Samples per pixel and pass"""
 
 DIRECTIONS = 4
 FINEST_DEG = 0.3
-"""Angle of a pixel without photographs"""
+"""Angle of a pixel without photographs (deg)"""
 
 BLUR_PX = 0.7
-"""Standard deviation of a lens's blur"""
+"""Standard deviation of a lens's blur (px)"""
 
 _FOV_DEG, _EYE_M = 75.0, 1.6
 _STEP_DEG = 0.05
@@ -358,10 +357,10 @@ _TITLES = {
     "neighbor_correlation": "correlation",
     "gradient_contrast": "σ of differences",
     "gradient_kurtosis": "their kurtosis",
-    "spectrum_slope": "exponent of power",
+    "spectrum_slope": "spectral exponent",
 }
 _ALIKE = 1.3
-"""Factor within which a statistic is near that of a photograph"""
+"""Factor within which a statistic counts as near a photograph's"""
 
 
 def write_statistics(
@@ -373,10 +372,10 @@ def write_statistics(
 ) -> list[Path]:
     """Render the views and write image-statistics.png, .svg, .csv and .json into a folder.
 
-    Panoramas are photographs all around: HDR, EXR or PNG files, 2:1. Each of eight renderings of a
-    view of 75° takes so many light paths per pixel; its side is by default that of 0.3° per pixel,
-    or of two pixels of the coarsest photograph. Raises UserError, ValueError when there is no such
-    panorama, or it cannot be read.
+    Panoramas are photographs of the full sphere: HDR, EXR or PNG files, 2:1. Each of eight
+    renderings of a view of 75° takes `samples_per_pixel` light paths per pixel; its side is by
+    default that of 0.3° per pixel, or of two pixels of the coarsest photograph. Raises UserError or
+    ValueError if a panorama does not exist or cannot be read.
     """
     side_px = side_px or round(_FOV_DEG / degrees_per_px(panoramas))
     scenes = {each.stem: {"kind": "panorama", "file": str(each)} for each in panoramas}
@@ -403,7 +402,7 @@ def write_statistics(
 def degrees_per_px(panoramas: Sequence[Path]) -> float:
     """Return the angle of a pixel at which forests and photographs are compared.
 
-    Raises ValueError when a photograph cannot be read.
+    Raises ValueError if a photograph cannot be read.
     """
     coarsest = max((360 / read_picture(str(each)).shape[1] for each in panoramas), default=0.0)
     return max(FINEST_DEG, _STEP_DEG * math.ceil(2 * coarsest / _STEP_DEG))
@@ -453,14 +452,14 @@ def _figure(
     shaded = f"; shaded, within a factor of {_ALIKE:g} of a photograph" if photographs else ""
     return Figure(
         name="image-statistics",
-        title="Statistics of the logarithm of light in views of forests",
+        title="Statistics of log radiance in views of forests",
         caption=(
             f"Mean and standard error over {DIRECTIONS} views of {_FOV_DEG:g}° at "
-            f"{_FOV_DEG / side_px:.3g}° per pixel from {_EYE_M:g} m, in daylight{shaded} (of the "
-            "correlation, its distance from 1); blurred, by "
-            f"{BLUR_PX:g} px as a lens does. Differences and correlation are those of neighbors "
-            "along rows, the exponent that of the power over the radial frequency. Noise is taken "
-            f"out by products of {PASSES} renderings, of whose pixels at most "
+            f"{_FOV_DEG / side_px:.3g}° per pixel from {_EYE_M:g} m, in daylight{shaded} (for the "
+            "correlation: its distance from 1). Blurred: by "
+            f"{BLUR_PX:g} px, as by a lens. Differences and correlation: neighbors along rows; "
+            "exponent: power over radial frequency. Noise is removed by "
+            f"products of {PASSES} renderings, of whose pixels at most "
             f"{100 * unlit:.2g} % met no light."
         ),
         draw=partial(_draw, rows=rows, photographs=photographs),
@@ -479,7 +478,7 @@ def _row(name: str, views: Sequence[LogStatistics]) -> dict[str, Cell]:
 
 
 def _draw(canvas: Canvas, rows: Sequence[dict[str, Any]], photographs: int) -> None:
-    """Draw a panel for each statistic, a line for each scene."""
+    """Draw a panel per statistic, a line per scene."""
     panels = canvas.subplots(2, 4, sharey=True).ravel()
     panels[-1].set_axis_off()
     for axes, (name, title) in zip(panels, _TITLES.items(), strict=False):

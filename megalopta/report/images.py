@@ -1,4 +1,4 @@
-"""Arrays as pictures: PNG data URIs, color scales, their legends, stills and films of a page."""
+"""Arrays as pictures: PNG data URIs, color scales and their legends, stills and films of a page."""
 
 import base64
 import colorsys
@@ -14,39 +14,47 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont, ImageOps
 
 from megalopta.core.files import atomic_write
-from megalopta.plotting.sections import captioned, image
+from megalopta.flow.color_wheel import wheel_legend
+from megalopta.plotting.sections import block, captioned, image, paragraph
 
 Rgb = NDArray[np.uint8]
 Floats = NDArray[np.floating]
 
-# Few colors and few bits make small files; noisy pictures look the same.
+# Few colors and bits make small files; noisy pictures look the same.
 _COLORS = 96
 _ID_COLORS = 89
 _RGB_BITS = 6
 _LEGEND_STEPS = 128
-_GAP, _LINE = 6, 18
-"""Of a sheet (px)"""
+_GAP = 6
+"""Gap between pictures of a sheet (px)"""
 
 ORANGE = (230, 97, 0)
 GRAY = (128, 128, 128)
 _NOTHING = (24, 26, 30)
 
+_WHEEL_PX = 96
+COLORS = Markup(
+    "<b>Motion as color.</b> Hue is direction: red right, yellow down, cyan left, violet up. White "
+    "is no motion; full color, at the rim, is {:.2g} px per frame; darker is faster; gray is "
+    "undefined."
+)
+
 
 @dataclass(frozen=True)
 class ColorScale:
-    """Values to colors; values beyond the ends get the colors of the ends."""
+    """Maps values to colors; values beyond the ends get the colors of the ends."""
 
     low: float
     high: float
     colors: Rgb
     """From low to high, (n, 3)"""
     special: tuple[int, int, int] = GRAY
-    """Color of pixels that are marked, or have no value"""
+    """Color of marked pixels and of NaN"""
     root: float = 1.0
-    """Colors are spread evenly over this root of the value, or of its size on each side of 0 where
-    the scale has two; 2.2 makes the luminance of grays follow the value."""
+    """Colors are uniform in this root of the value, on each side of 0 for a scale with two; 2.2
+    makes the luminance of grays proportional to the value."""
     logarithmic: bool = False
-    """Colors are spread evenly over the value's logarithm instead."""
+    """Colors are uniform in the logarithm of the value instead."""
 
     def picture(self, values: Floats, marked: NDArray[np.bool_] | None = None) -> Image.Image:
         """Return an image of values (H, W), NaN or marked pixels in the special color."""
@@ -57,7 +65,7 @@ class ColorScale:
         return picture
 
     def legend(self, low: str, high: str, special: str = "") -> Markup:
-        """Return the legend: the colors between two texts, and what has the special color."""
+        """Return the legend: the colors between two texts, and the meaning of the special color."""
         steps = (np.arange(_LEGEND_STEPS) + 0.5) / _LEGEND_STEPS
         values = self.low + (self.high - self.low) * steps
         if self.logarithmic:
@@ -80,14 +88,14 @@ class ColorScale:
 
 
 def gray_scale(white: float) -> ColorScale:
-    """Light from black, 0, to white; marked pixels are orange."""
+    """Light from 0 (black) to `white`; marked pixels are orange."""
     ramp = np.linspace(0, 255, _COLORS).astype(np.uint8)
     colors = np.repeat(ramp[:, np.newaxis], 3, axis=1)
     return ColorScale(0.0, white, colors, ORANGE, root=2.2)
 
 
 def gray_counts(counts: NDArray[np.integer | np.floating]) -> Image.Image:
-    """Return counts (H, W) as a picture, from black to the brightest hundredth."""
+    """Return counts (H, W) as a picture, from black to the brightest 1 %."""
     values = np.asarray(counts, dtype=np.float64)
     return gray_scale(max(float(np.percentile(values, 99)), 1.0)).picture(values)
 
@@ -95,7 +103,7 @@ def gray_counts(counts: NDArray[np.integer | np.floating]) -> Image.Image:
 def map_scale(
     name: str, low: float, high: float, root: float = 1.0, logarithmic: bool = False
 ) -> ColorScale:
-    """One of matplotlib's color maps between two values."""
+    """A matplotlib color map between two values."""
     colors = np.asarray(colormaps[name](np.linspace(0, 1, _COLORS), bytes=True))
     return ColorScale(low, high, colors[:, :3], root=root, logarithmic=logarithmic)
 
@@ -106,7 +114,7 @@ def rgb_picture(pixels: Rgb) -> Image.Image:
 
 
 def id_picture(identifiers: NDArray[np.integer]) -> Image.Image:
-    """Return an image of object numbers (H, W), successive ones in unlike colors; 0 is dark."""
+    """Return an image of object numbers (H, W), successive ones in distinct colors; 0 is dark."""
     index = np.where(identifiers == 0, 0, 1 + identifiers % _ID_COLORS)
     picture = Image.fromarray(index.astype(np.uint8))
     picture.putpalette([*_NOTHING, *(part for n in range(_ID_COLORS) for part in _id_color(n))])
@@ -114,7 +122,7 @@ def id_picture(identifiers: NDArray[np.integer]) -> Image.Image:
 
 
 def film_strip(images: Sequence[Image.Image]) -> Image.Image:
-    """Return equally large images as one, above each other."""
+    """Return images of equal size as one, stacked vertically."""
     first = images[0]
     film = Image.new(first.mode, (first.width, first.height * len(images)))
     if first.mode == "P":
@@ -135,38 +143,59 @@ def film(images: Sequence[Image.Image] | None, title: str, alt: str, legend: str
 
 def still(picture: Image.Image, title: str, alt: str, note: str = "") -> Markup:
     """Return one picture; a note is written across it."""
-    told = f"{alt}: {note}" if note else alt
+    description = f"{alt}: {note}" if note else alt
     across = Markup('<span class="nothing" aria-hidden="true">{}</span>').format(note)
     shown = Markup('<div class="frame"><img class="still" src="{}" alt="{}">{}</div>').format(
-        data_uri(picture), told, across if note else ""
+        data_uri(picture), description, across if note else ""
     )
     return captioned(shown, title)
 
 
-def write_sheet(path: Path, rows: Sequence[Sequence[tuple[str, Image.Image]]]) -> None:
-    """Write pictures in rows, each with its title below it, as one PNG of few colors or JPEG."""
-    lines = [_LINE if any(title for title, _ in row) else 0 for row in rows]
+def sheet(
+    rows: Sequence[Sequence[tuple[str, Image.Image]]], letters_px: int = 12, footer: str = ""
+) -> Image.Image:
+    """Return rows of pictures, each with its title below, as one; the footer is below all."""
+    line_px = letters_px * 3 // 2
+    lines = [line_px if any(title for title, _ in row) else 0 for row in rows]
     heights = [max(each.height for _, each in row) + _GAP for row in rows]
     width = max(sum(each.width + _GAP for _, each in row) for row in rows) + _GAP
-    sheet = Image.new("RGB", (width, sum(lines) + sum(heights) + _GAP), "white")
-    draw, font, top = ImageDraw.Draw(sheet), ImageFont.load_default(12), _GAP
+    below = line_px if footer else 0
+    sheet = Image.new("RGB", (width, sum(lines) + sum(heights) + _GAP + below), "white")
+    draw, font, top = ImageDraw.Draw(sheet), ImageFont.load_default(letters_px), _GAP
     for row, line, height in zip(rows, lines, heights, strict=True):
         left = _GAP
         for title, picture in row:
             sheet.paste(picture, (left, top))
-            # the font knows no other spaces
-            draw.text((left, top + picture.height + 1), " ".join(title.split()), "black", font)
+            draw.text((left, top + picture.height + 1), _spaced(title), "black", font)
             left += picture.width + _GAP
         top += line + height
+    draw.text((_GAP, top), _spaced(footer), "black", font)
+    return sheet
+
+
+def _spaced(text: str) -> str:
+    """Return a text with plain spaces: the font has no others."""
+    return " ".join(text.split())
+
+
+def write_sheet(path: Path, rows: Sequence[Sequence[tuple[str, Image.Image]]]) -> None:
+    """Write rows of pictures with titles, as one PNG of few colors or JPEG."""
+    drawn = sheet(rows)
     with atomic_write(path) as temporary:
         if path.suffix == ".png":
-            sheet.quantize(256).save(temporary, "PNG", optimize=True)
+            drawn.quantize(256).save(temporary, "PNG", optimize=True)
         else:
-            sheet.save(temporary, "JPEG", quality=88)
+            drawn.save(temporary, "JPEG", quality=88)
+
+
+def wheel(text: str, *beside: Markup) -> Markup:
+    """Return the color wheel of motion with a text."""
+    drawn = image(data_uri(Image.fromarray(wheel_legend(_WHEEL_PX))), "Color wheel of motion")
+    return block("wheel", *beside, drawn, paragraph(text))
 
 
 def data_uri(picture: Image.Image) -> str:
-    """Return an image as a PNG inside its own address."""
+    """Return an image as a PNG data URI."""
     data = io.BytesIO()
     picture.save(data, "PNG")
     return f"data:image/png;base64,{base64.b64encode(data.getvalue()).decode('ascii')}"

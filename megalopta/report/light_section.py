@@ -1,4 +1,4 @@
-"""Section "From light to counts": what sensors are, the photon budget, and counts as pictures."""
+"""Section "From light to counts": sensors, photon budget, and counts as pictures."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -30,41 +30,41 @@ from megalopta.sensor.spad.digital import LARGEST_CAPACITY
 from megalopta.sensor.spad.model import active_effects
 
 _WHITE_PERCENTILE = 90.0
-"""As of the preview of the radiance: the brightest tenth may be shown as pure white."""
+"""As in the preview of the radiance: the brightest tenth may be pure white."""
 _GUIDE = (
-    "For one exposure per frame, a pixel counts single photons, or gathers the electrons that they "
-    "release. Where N are expected, a reading scatters by about √N, and an integrating pixel by "
-    "its dark current, reset and read noise besides. The same light, brought to each "
-    "level, is exposed on each sensor; a named level has its own color. The pictures show the "
-    "readings of single frames, to the scale below each; full pixels are orange, lower bounds. "
+    "In one exposure per frame, a pixel counts single photons or integrates their electrons. A "
+    "reading with mean N scatters by about √N; an integrating pixel adds dark current, reset and "
+    "read noise. The same light, scaled to each level, is exposed on each sensor; a named level "
+    "has its own spectrum. The pictures show single frames, with the scale below each; orange "
+    "pixels are saturated, their readings lower bounds. "
 )
 _INSTANT = (
-    "Every frame is rendered at one instant: a camera that moves during the exposure does not blur "
-    "the picture as it would in life."
+    "Every frame is rendered at one instant: camera motion during the exposure does not blur the "
+    "picture."
 )
 _PICTURE = (
-    "The light of a picture stands still for an exposure, unless sub_frames says otherwise; blur "
-    "and noise that are in the picture are in the light."
+    "The light of a picture is constant during an exposure, unless sub_frames says otherwise; blur "
+    "and noise of the picture are part of the light."
 )
 _COLUMNS = Markup(
-    "Means over pixels and frames, per pixel and exposure. <b>Photons on the pixel</b> fall on its "
-    "whole area; <b>detected</b> are those that reach the sensitive part and release a pulse or an "
-    "electron; <b>dark</b> readings come without any light; <b>expected</b> is the noise-free mean "
-    "of the two, after dead time. <b>Signal-to-noise</b> (median over pixels) is what the light "
-    "adds to a reading over the reading's standard deviation. <b>Saturated</b> readings stand "
-    "at the counter's capacity or the pixel's full swing. <b>Rendering : shot noise</b> compares "
-    "standard deviations: above 1, the rendering is noisier than the arrival of photons."
+    "Means over pixels and frames, per pixel and exposure. <b>Photons on the pixel</b>: on its "
+    "whole area. <b>Detected</b>: photons that reach the sensitive area and release a pulse or an "
+    "electron. <b>Dark</b>: readings without light. <b>Expected</b>: noise-free mean of both after "
+    "dead time. <b>Signal-to-noise</b> (median over pixels): the light's contribution to a reading "
+    "over the reading's standard deviation. <b>Saturated</b>: readings at a counter's capacity or "
+    "the pixel's full swing. <b>Rendering : shot noise</b>: ratio of standard deviations; above 1, "
+    "the rendering is noisier than the photons."
 )
 _CHART = (
-    "Median over pixels; the shaded band holds the middle 90 % of them. Each tenfold of light "
-    "gains a factor of √10 where photon noise alone is in the way, and a factor of 10 where dark "
-    "readings drown the light. Below 1, motion is read from many pixels or frames only."
+    "Median over pixels; the shaded band holds the middle 90 %. Ten times the light gains a factor "
+    "of √10 where photon noise dominates, and a factor of 10 where dark readings dominate. Below "
+    "1, motion can only be read from many pixels or frames."
 )
 _BIASES = {"fixed": "fixed", "dac": "converter (non-adaptive)", "floating_gate": "floating gate"}
 
 
 def light_section(report: Report) -> Section:
-    """Return the section; of a dataset without counts, what to run."""
+    """Return the section; without counts, the command to run."""
     title = f"From light to {' and '.join(report.units)}"
     section = Section(title, name="light", link=f"Light to {report.units[0]}")
     shown, sensors = report.exposures, report.settings.sensors
@@ -93,19 +93,19 @@ def _shutter(settings: Configuration) -> str:
     if shutter.is_instant:
         return _INSTANT
     return (
-        f"Frames are those of the shutter, blurred by the motion during "
+        f"Frames and true motion are those of the shutter, blurred by the motion during "
         f"{shutter.exposure_s or 0:g} s and read out row by row within {shutter.readout_s or 0:g} "
-        "s; so is the true motion."
+        "s."
     )
 
 
 def _card(sensor: ImageSensor, exposures: Sequence[Budget]) -> Markup:
     shown = by_sensor(exposures)[sensor.name]
     films = [film(None, "radiance", "The scene's light, tone-mapped"), *map(_counts, shown)]
-    told = " · ".join(f"{name} {value}" for name, value in properties(sensor))
+    about = " · ".join(f"{name} {value}" for name, value in properties(sensor))
     return card(
         sensor.name,
-        paragraph(f"{told}.", "note"),
+        paragraph(f"{about}.", "note"),
         _effects(sensor),
         block("strip", *films),
         table(f"Photon budget of {sensor.name}", *budget_table(sensor, shown)),
@@ -113,7 +113,7 @@ def _card(sensor: ImageSensor, exposures: Sequence[Budget]) -> Markup:
 
 
 def properties(sensor: ImageSensor) -> Iterator[tuple[str, str]]:
-    """Yield what a sensor is, by name: pixel, efficiency, exposure, and how it is read."""
+    """Yield properties of a sensor by name: pixel, efficiency, exposure, and readout."""
     curve = sensor.efficiency
     best = int(np.argmax(curve.values))
     yield "pixels of", f"{1e6 * sensor.pitch_m:.3g} µm"
@@ -140,7 +140,7 @@ def _time(seconds: float) -> str:
 
 
 def _effects(sensor: ImageSensor) -> Markup:
-    """Return the name of each effect that is on, in order, and what it does."""
+    """Return the name and description of each active effect, in order."""
     if isinstance(sensor, CtiaSensor):
         return Markup("")
     names = active_effects(sensor)
@@ -152,7 +152,7 @@ def _effects(sensor: ImageSensor) -> Markup:
 def budget_table(
     sensor: ImageSensor, budgets: Sequence[Budget]
 ) -> tuple[list[str], list[tuple[str, ...]]]:
-    """Return head and rows: a light level each."""
+    """Return head and rows of the photon budget, a row per light level."""
     columns = {
         "Light": [level_title(each.level) for each in budgets],
         "Photons on the pixel": [number(each.photons) for each in budgets],
@@ -179,9 +179,9 @@ def _counts(exposure: Budget) -> Markup:
 
 @in_style
 def signal_chart(budgets: Sequence[Budget], sensors: Sequence[str]) -> Markup:
-    """Signal-to-noise ratio of a pixel over illuminance, a line per sensor."""
+    """Draw the signal-to-noise ratio of a pixel over illuminance, a line per sensor."""
     figure, axes = new_axes(*CHART_PT)
-    # Before anything is drawn: with nothing above zero to show, the axes keep their first limits.
+    # Before drawing: with no value above zero, the axes keep their first limits.
     logarithmic(axes, "x", NUMBERS)
     logarithmic(axes, "y", NUMBERS)
     ranked = by_sensor(sorted(budgets, key=lambda each: each.illuminance_lux))

@@ -1,75 +1,70 @@
-"""Section "The true motion": flow, depth, occlusion and objects of the frames shown."""
+"""Section "True motion": flow, depth, occlusion and objects of the frames shown."""
 
 import numpy as np
 from markupsafe import Markup
 from numpy.typing import NDArray
-from PIL import Image
 
-from megalopta.flow.color_wheel import flow_to_rgb, wheel_legend
-from megalopta.plotting.sections import Section, block, card, image, paragraph
+from megalopta.flow.color_wheel import flow_to_rgb
+from megalopta.plotting.sections import Section, block, card, paragraph
 from megalopta.plotting.style import BLACK, BLUE
 from megalopta.plotting.svg import CHART_PT, in_style, new_axes, to_svg
 from megalopta.plotting.text import percent
-from megalopta.report.images import ORANGE, data_uri, film, id_picture, map_scale, rgb_picture
+from megalopta.report.images import (
+    COLORS,
+    ORANGE,
+    film,
+    id_picture,
+    map_scale,
+    rgb_picture,
+    wheel,
+)
 from megalopta.report.source import Report
 
-_WHEEL_PX = 96
 _SPEED_BINS = 48
 _BACKDROP_GRAY = 0.35
-_COLORS = Markup(
-    "<b>Motion as color.</b> The hue is the direction: red to the right, yellow down, cyan left, "
-    "violet up. White is rest; the full color of the rim is {:.2g} pixels per frame; darker is "
-    "faster still; gray is undefined."
-)
 _GUIDE = Markup(
-    "<b>What to look for.</b> When the camera turns, everything moves alike; when it travels, near "
-    "things move faster than far ones. Depth is measured {}, its colors are logarithmic. Orange "
-    "pixels vanish behind something nearer. Every object has a color of its own."
+    "When the camera rotates, everything moves alike; when it travels, near objects move faster "
+    "than far ones. Depth is measured {}; its colors are logarithmic. Orange pixels are occluded "
+    "in the next frame. Every object has its own color."
 )
 
 
 def motion_section(report: Report) -> Section:
-    """Return the section, which every report has; of pictures, that of the stand-in."""
+    """Return the section; for pictures, with the stand-in for true motion."""
     if not report.has_truth:
         return _stand_in(report)
     hidden = np.mean([truth.occluded_forward.mean() for truth in report.truths])
     films = (_flow(report), _depth(report), _hidden(report), _purity(report), _objects(report))
     guide = paragraph(_GUIDE.format(report.settings.camera.depth_meaning), "note")
-    chart = card("How fast the image moves", speed_chart(report.speed, report.median_speed))
+    chart = card("Image speed", speed_chart(report.speed, report.median_speed))
     return Section(
-        "The true motion",
+        "True motion",
         "The renderer knows the exact place of every visible point in the next frame. The median "
-        f"speed of the image is {report.median_speed:.2g} pixels per frame; "
-        f"{percent(float(hidden))} of it is hidden in the next frame behind something nearer.",
+        f"image speed is {report.median_speed:.2g} px per frame; "
+        f"{percent(float(hidden))} of the pixels are occluded in the next frame.",
         body=block("strip", *films)
-        + block("pair", block("", wheel(_COLORS.format(report.fastest)), guide), chart),
+        + block("pair", block("", wheel(COLORS.format(report.fastest)), guide), chart),
         name="motion",
         link="True motion",
     )
 
 
 def _stand_in(report: Report) -> Section:
-    chart = card("How fast the image moves", speed_chart(report.speed, report.median_speed))
+    chart = card("Image speed", speed_chart(report.speed, report.median_speed))
     return Section(
-        "How the pictures move",
-        "The true motion of pictures is not known. This is the flow that DIS finds between them "
-        "without photon noise: a stand-in, wrong where things hide each other or have no texture. "
-        f"Its median speed is {report.median_speed:.2g} pixels per frame.",
+        "Motion of the pictures",
+        "The true motion of pictures is unknown. This is the flow by DIS between them without "
+        "photon noise: a stand-in, wrong at occlusions and without texture. "
+        f"Its median speed is {report.median_speed:.2g} px per frame.",
         body=block("strip", film(None, "radiance", "The pictures"), _flow(report))
-        + block("pair", block("", wheel(_COLORS.format(report.fastest))), chart),
+        + block("pair", block("", wheel(COLORS.format(report.fastest))), chart),
         name="motion",
         link="Motion",
     )
 
 
-def wheel(text: str, *beside: Markup) -> Markup:
-    """Return the color wheel of motion and what is said of it."""
-    drawn = image(data_uri(Image.fromarray(wheel_legend(_WHEEL_PX))), "Color wheel of motion")
-    return block("wheel", *beside, drawn, paragraph(text))
-
-
 def mixed_share(report: Report) -> str:
-    """Return the share of pixels that are mixed, as the flow stage has it."""
+    """Return the share of mixed pixels, as defined by the flow stage."""
     least = report.settings.flow.least_purity
     shares = [(motion.purity < least).mean() for motion in report.motions]
     return percent(float(np.mean(shares)))
@@ -98,32 +93,32 @@ def _depth(report: Report) -> Markup:
 
 
 def _hidden(report: Report) -> Markup:
-    """Return the scene dimmed to gray with the pixels that will be hidden in orange."""
+    """Return the scene in dim gray, with the pixels to be occluded in orange."""
     step, images = report.selection.step, []
     for preview, truth in zip(report.previews, report.truths, strict=True):
         gray = preview[::step, ::step].mean(axis=-1) * _BACKDROP_GRAY
         picture = np.repeat(gray[..., np.newaxis], 3, axis=-1).astype(np.uint8)
         picture[truth.occluded_forward[::step, ::step]] = ORANGE
         images.append(rgb_picture(picture))
-    return film(images, "hidden in the next frame", "Pixels hidden in the next frame, in orange")
+    return film(images, "occluded in the next frame", "Occluded pixels in orange")
 
 
 def _purity(report: Report) -> Markup:
     purity = report.selection.pixels(np.stack([truth.footprint.purity for truth in report.truths]))
     scale = map_scale("viridis", 0.0, 1.0)
-    caption = "Share of each pixel that the object fills which its center sees"
+    caption = "Share of each pixel filled by the object at its center"
     return film([scale.picture(each) for each in purity], "purity", caption, scale.legend("0", "1"))
 
 
 def _objects(report: Report) -> Markup:
     step = report.selection.step
     images = [id_picture(truth.object_id[::step, ::step]) for truth in report.truths]
-    return film(images, "objects", "Each object in a color of its own, the sky dark")
+    return film(images, "objects", "Each object in its own color, the sky dark")
 
 
 @in_style
 def speed_chart(speeds: NDArray[np.floating], median: float) -> Markup:
-    """Histogram of the true image speed (px per frame)."""
+    """Draw the histogram of the true image speed (px per frame)."""
     figure, axes = new_axes(*CHART_PT)
     axes.hist(
         speeds,
@@ -137,6 +132,6 @@ def speed_chart(speeds: NDArray[np.floating], median: float) -> Markup:
     place = ("data", "axes fraction")
     axes.annotate(f" median {median:.2g}", (median, 1), xycoords=place, va="top", fontsize=10.5)
     axes.grid(axis="y")
-    axes.set(xlabel="speed in the image (px per frame)", ylabel="share of pixels (%)")
+    axes.set(xlabel="image speed (px per frame)", ylabel="share of pixels (%)")
     axes.set_xlim(0, None)
-    return to_svg(figure, "speed", "Histogram of the true speed of the image")
+    return to_svg(figure, "speed", "Histogram of the true image speed")

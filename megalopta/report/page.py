@@ -1,4 +1,4 @@
-"""The report: its opening, with what was seen and what came out, and its sections in order."""
+"""The report: its opening with setup and results, and its sections in order."""
 
 import math
 from collections.abc import Callable, Iterator, Sequence
@@ -48,15 +48,15 @@ OUTCOME = (
     "best method",
     "within 25 % down to",
     "median error there",
-    "photons on a pixel",
+    "photons per pixel",
     "signal-to-noise",
-    "more dark readings than light at",
+    "dark readings dominate at",
 )
-"""Heads of the table of what came out; spans go from the brightest light to the darkest."""
+"""Heads of the table of results; ranges go from the brightest light to the darkest."""
 
 
 def title(configuration: Configuration) -> str:
-    """Return the name of the sequence and the light it was seen in."""
+    """Return the name of the sequence and its light levels."""
     name = configuration.name.replace("_", " ").replace("-", " ")
     levels = sorted(configuration.light_levels, key=illuminance_of, reverse=True)
     light = f"at {level_title(levels[0])}"
@@ -66,38 +66,37 @@ def title(configuration: Configuration) -> str:
 
 
 def lead(configuration: Configuration, record: Record) -> str:
-    """Return what the camera saw and what was done with it; `record` is that of the scene."""
+    """Return a paragraph on scene, camera and sensors; `record` is that of the scene."""
     levels = configuration.light_levels
     sensors = ", ".join(sensor.name for sensor in configuration.sensors)
     canopy = f"{record['canopy']} " if record.get("canopy") else ""
     scene, light = configuration.scene, configuration.light
-    told = (
+    about = (
         _assumed(scene, light, record)
         if isinstance(scene, Pictures)
         else f"{canopy}The {configuration.camera} {configuration.trajectory}. Every frame is "
         "rendered as spectral radiance, together with its exact motion. "
     )
     return (
-        f"{scene.describe()} {told}"
+        f"{scene.describe()} {about}"
         f"The light becomes readings of {sensors} at "
-        f"{len(levels)} light level{'s'[: len(levels) != 1]}, and motion detectors try to "
-        "read the motion back."
+        f"{len(levels)} light level{'s'[: len(levels) != 1]}, from which motion detectors estimate "
+        "the motion."
     )
 
 
 def _assumed(scene: Pictures, light: Light, record: Record) -> str:
-    """Return what pictures do not say and is assumed, and what they cannot say."""
+    """Return the assumptions about pictures, and their limits."""
     found = record["pictures"]
     return (
-        f"{found['transfer']} codes are turned back into light; white has the spectrum of "
-        f"{scene.white_name(light)}, and the pictures reflect {percent(scene.reflectance)} of the "
-        f"light on average. {percent(found['saturated'])} of the pixels are as bright as the file "
-        "can tell. "
+        f"{found['transfer']} codes are converted to light; white has the spectrum of "
+        f"{scene.white_name(light)}, and the mean reflectance is {percent(scene.reflectance)}. "
+        f"{percent(found['saturated'])} of the pixels are saturated in the file. "
     )
 
 
 def facts(report: Report) -> Iterator[tuple[str, str]]:
-    """Yield what is counted, and how many there are."""
+    """Yield facts: names and numbers."""
     camera, trajectory = report.settings.camera, report.settings.trajectory
     yield f"frames of {camera.width} × {camera.height} px", f"{trajectory.frames}"
     for what, count in report.settings.scene.counts.items():
@@ -106,18 +105,18 @@ def facts(report: Report) -> Iterator[tuple[str, str]]:
         if noted := report.scene.get(what):
             yield what, f"{noted:,}"
     if light := report.scene.get("illuminance"):
-        yield "measured in the open, as rendered", f"{light['unshaded_lux']:.3g} lux"
+        yield "illuminance in the open, as rendered", f"{light['unshaded_lux']:.3g} lux"
         if ground := [point["lux"] for point in light["ground"]]:
             mean = sum(ground) / len(ground)
-            yield "measured on the ground below the camera", f"{mean:.2g} lux"
+            yield "illuminance on the ground below the camera", f"{mean:.2g} lux"
     if report.has_truth:
-        yield "objects in view, one time or another", f"{report.objects_seen:,}"
+        yield "objects in view at any time", f"{report.objects_seen:,}"
     yield "px per frame, median speed", f"{report.median_speed:.2g}"
     yield "frames per second", f"{trajectory.frame_rate_hz:g}"
 
 
 def outcome(records: Sequence[FlowRecord], budgets: Sequence[Budget]) -> list[tuple[str, ...]]:
-    """Return rows below `OUTCOME`, one for each sensor."""
+    """Return rows below `OUTCOME`, one per sensor."""
     ranked = by_sensor(sorted(budgets, key=lambda each: -each.illuminance_lux))
     names = dict.fromkeys([*ranked, *(each.sensor for each in records)])
     return [(name, *_reach(records, name), *_light(ranked.get(name, []))) for name in names]
@@ -136,7 +135,7 @@ def _light(own: Sequence[Budget]) -> tuple[str, str, str]:
 
 
 def _reach(records: Sequence[FlowRecord], sensor: str) -> tuple[str, str, str]:
-    """Return the method that stays accurate down to the least light, the light, and its error."""
+    """Return the method that is accurate down to the least light, this light, and its error."""
     found = _median_errors(records, sensor)
     if not found:
         return UNDEFINED, UNDEFINED, UNDEFINED
@@ -156,9 +155,9 @@ def _reach(records: Sequence[FlowRecord], sensor: str) -> tuple[str, str, str]:
 def _median_errors(
     records: Sequence[FlowRecord], sensor: str
 ) -> dict[str, list[tuple[LightLevel, float]]]:
-    """Return errors relative to the true velocity, by method, at each level, the brightest first.
+    """Return errors relative to the true velocity, by method and level, the brightest first.
 
-    Corrected readings count as a method of their own.
+    Corrected readings count as a separate method.
     """
     found: dict[str, list[tuple[LightLevel, float]]] = {}
     for each in sorted(records, key=lambda each: -illuminance_of(each.level)):
@@ -171,9 +170,9 @@ def _median_errors(
 
 
 def _last(errors: Sequence[tuple[LightLevel, float]]) -> tuple[LightLevel, float] | None:
-    """Return the darkest level down to which a method is accurate, from the first one that it is.
+    """Return the darkest level down to which a method is accurate, from its first accurate one.
 
-    Brighter levels at which it is not, as where counters are full, are passed over.
+    Brighter levels at which it fails, for example by saturation, are skipped.
     """
     from_first = dropwhile(lambda each: each[1] >= ACCURATE, errors)
     accurate = list(takewhile(lambda each: each[1] < ACCURATE, from_first))
@@ -181,51 +180,50 @@ def _last(errors: Sequence[tuple[LightLevel, float]]) -> tuple[LightLevel, float
 
 
 _GLOSSARY = {
-    "Radiance": "light that comes from a place in a direction, per area, solid angle and "
-    "wavelength (W·m⁻²·sr⁻¹·nm⁻¹); no sensor has a part in it.",
-    "Illuminance": "light on a level surface under the open sky as an eye weighs it (lux).",
-    "Photons": "mean number on a pixel in one exposure, of which its efficiency detects a share.",
-    "Events": "detections that reach a pixel's counter, dark counts, afterpulses and crosstalk "
-    "included, without what dead time loses.",
-    "Reading": "what a counter shows, which may be full, wrap around or have an offset.",
-    "Shot noise": "scatter of photon counts about their mean, the root of which it is.",
-    "Dark counts": "detections without a photon, at a rate of its own in every pixel.",
+    "Radiance": "light from a place in a direction, per area, solid angle and wavelength "
+    "(W·m⁻²·sr⁻¹·nm⁻¹), independent of any sensor.",
+    "Illuminance": "photopic light on a level surface under the open sky (lux).",
+    "Photons": "mean number on a pixel in one exposure; its efficiency is the share detected.",
+    "Events": "detections that reach a pixel's counter, including dark counts, afterpulses and "
+    "crosstalk, after losses by dead time.",
+    "Reading": "output of a counter, which may saturate, wrap around or have an offset.",
+    "Shot noise": "standard deviation of photon counts, the square root of their mean.",
+    "Dark counts": "detections without a photon, at a rate that differs between pixels.",
     "Dead time": "time after a detection in which a pixel detects nothing.",
-    "Saturated": "a full pixel, whose reading is a lower bound.",
-    "Corrected": "readings after dark counts, dead time, counter, flat field and hot pixels were "
-    "taken out.",
-    "True motion": "where the point that a pixel's center sees goes from one frame to the next "
-    "(px of the image, to the right and down).",
+    "Saturated": "a reading at the pixel's limit, a lower bound.",
+    "Corrected": "readings after correction for dark counts, dead time, counter, flat field and "
+    "hot pixels.",
+    "True motion": "displacement of the point at a pixel's center from one frame to the next (px, "
+    "to the right and down).",
     "Occluded": "hidden, or out of view, in the other frame.",
-    "Parallax": "what is left of the motion without the camera's rotation: near things move more.",
+    "Parallax": "motion due to the camera's translation, larger for near objects.",
     "Endpoint error (EPE)": "distance between a velocity and the true one (px).",
-    "N_2b": "photons per frame, on all pixels together, at which a detector's error is 25 %: "
-    "2 bits.",
-    "Standing error": "part of the rendered light's error that is the same in all frames and "
-    "moves with the surfaces.",
+    "N_2b": "photons per frame, summed over all pixels, at which a detector's error is 25 % "
+    "(2 bits).",
+    "Temporally fixed error": "part of the rendered light's error that is the same in all frames "
+    "and moves with the surfaces.",
 }
 
 _STAND_IN = (
-    "Within 25 % of the flow that DIS finds between the clean pictures. It stands in for the true "
-    "motion, which is not known, and favors DIS."
+    "Within 25 % of the flow by DIS between the clean pictures, a stand-in for the unknown true "
+    "motion that favors DIS."
 )
 _RANKING = (
-    "Endpoint error against the true motion, on perfect pixels that get as many photons as "
-    "illuminance and exposure bring. {} {} This holds for this scene, this path and these "
-    "settings; all curves, poolings and the camera’s motion are in {}/ranking.html beside this "
-    "page."
+    "Endpoint error against the true motion, on perfect pixels with the photons of illuminance and "
+    "exposure. {} {} This holds for this scene, path and settings; all curves, poolings and the "
+    "camera’s motion are in {}/ranking.html beside this page."
 )
 _ATLAS = (
-    "Gray: no method beats zero motion. Pale: within the noise of the measurement another may be "
-    "the best. White: not measured."
+    "Gray: no method beats the zero-motion baseline. Pale: the best method is not significant. "
+    "White: not measured."
 )
 _MADE = (
-    "Everything on this page follows from the settings below and the seeds in them. Rendering is "
-    "the only stage whose noise may differ between machines, within its statistics."
+    "The settings below, with their seeds, reproduce everything on this page. Only the noise of "
+    "rendering may differ between machines, within its statistics."
 )
 _FILES = """
 dataset.yaml                 all settings and the version that made it
-sequences/SEQ.json           of each stage what it was made with, and every file's hash
+sequences/SEQ.json           software of each stage, and every file's hash
 timings.json                 seconds each stage took
 training/clean, final        tone-mapped radiance; counts of the first sensor and level (PNG)
 training/flow                true motion to the next frame (.flo, px)
@@ -233,14 +231,14 @@ training/occlusions, invalid pixels without a match, without defined motion (PNG
 training/depth, camdata_left depth (.dpt, m) and camera (.cam)
 radiance                     spectral radiance, W·m⁻²·sr⁻¹·nm⁻¹ per band (EXR)
 truth                        motion both ways, depth, normals, objects, occlusion (EXR)
-radiance_shutter             radiance through the shutter, which sensors see, if it has one (EXR)
-truth_shutter                truth of every row at its own time, if rows have theirs (EXR)
-counts                       counts, noise-free twin and saturation per sensor and level (Zarr)
+radiance_shutter             radiance through the shutter, as sensors see it, if there is one (EXR)
+truth_shutter                truth of every row at its own time, with a rolling shutter (EXR)
+counts                       counts, noise-free mean and saturation per sensor and level (Zarr)
 results                      responses (Zarr), errors and photon benchmark (JSON, CSV)"""
 
 
 def ranking_section(report: Report) -> Section | None:
-    """Return the ranking against the true motion; None where it was not made."""
+    """Return the ranking against the true motion; None if it was not computed."""
     ranking = read_ranking(report.dataset.root / FOLDER)
     if ranking is None:
         return None
@@ -255,8 +253,8 @@ def ranking_section(report: Report) -> Section | None:
 
 def making_section(report: Report) -> Section:
     """Return times, versions, settings and files."""
-    samples = f"Light paths per pixel: {report.settings.render.samples_per_pixel}; four times as "
-    remark = rendering(report.scene, f"{samples}many halve what is new in every frame.")
+    samples = f"Light paths per pixel: {report.settings.render.samples_per_pixel}; four times "
+    remark = rendering(report.scene, f"{samples}as many halve the noise of a frame.")
     variant = ""
     if report.has_truth:
         variant = f"Rendered with Mitsuba’s variant {report.scene.get('variant', 'not noted')}."
@@ -268,7 +266,7 @@ def making_section(report: Report) -> Section:
             "pair",
             card(f"Time spent: {total}", _bars(report), paragraph(variant, "note")),
             card(
-                "Versions where this report was written",
+                "Software that wrote this report",
                 listed("versions", versions.versions().items()),
             ),
         ),
@@ -297,13 +295,13 @@ SECTIONS: tuple[Callable[[Report], Section | None], ...] = (
     lambda _: Section("Glossary", body=listed("words", _GLOSSARY.items()), name="words"),
     making_section,
 )
-"""What the page and its navigation show, in this order; None is passed over."""
+"""Sections of the page and its navigation, in order; None is skipped."""
 
 
 def write_report(dataset: Dataset) -> Path:
-    """Write DATASET/report.html from the stages that are finished; return its path.
+    """Write DATASET/report.html from the finished stages; return its path.
 
-    Raises UserError when nothing was rendered yet, or a file cannot be read.
+    Raises UserError if nothing was rendered yet, or a file cannot be read.
     """
     path = dataset.root / "report.html"
     write_text(path, page(dataset))
@@ -324,24 +322,24 @@ def page(dataset: Dataset) -> str:
         footer=(
             f"Written by megalopta {versions.versions()['megalopta']}. Pictures show one of "
             f"{shown.step} × {shown.step} pixels and {len(shown.frames)} of "
-            f"{settings.trajectory.frames} frames; the last one has no successor and so no motion."
+            f"{settings.trajectory.frames} frames; the last one has no next frame, so no motion."
         ),
     )
 
 
 def _opening(report: Report) -> Markup:
-    """Return key numbers, and what came out."""
+    """Return key numbers and results."""
     counted = list(facts(report))
     many, few = (_columns(len(counted), most) for most in (8, 4))
     tiles = block("", listed("facts", counted), style=f"--many:{many};--few:{few}")
     rows = outcome(report.flow, report.exposures)
     if not rows:
         return tiles
-    told = table("What came out", OUTCOME, rows)
+    results = table("Results", OUTCOME, rows)
     note = "" if report.has_truth else _STAND_IN
-    return tiles + block("outcome", heading("What came out"), told, paragraph(note, "note"))
+    return tiles + block("outcome", heading("Results"), results, paragraph(note, "note"))
 
 
 def _columns(items: int, most: int) -> int:
-    """Return so many a row that rows are nearly alike, and the last holds no single one."""
+    """Return the items per row for rows of nearly equal length, the last of more than one."""
     return math.ceil(items / math.ceil(items / most))

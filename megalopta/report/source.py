@@ -1,13 +1,13 @@
-"""Data of the report: every finished stage, read once, when it is first asked for.
+"""Data of the report: every finished stage, read once, on first use.
 
-JSON files are checked whole before anything is made of them. Of a sequence few enough frames and
-pixels are shown for a small file: frames are spread evenly, pixels are taken, not averaged, so that
-noise looks as strong as it is. The last frame is left out: it has no successor and so no true flow.
+JSON files are validated before use. To keep the file small, few frames and pixels of a sequence are
+shown: frames are evenly spaced, pixels are subsampled, not averaged, so that noise looks as strong
+as it is. The last frame is omitted: it has no next frame and so no true flow.
 
-The photon budget is what reaches a pixel in one exposure and what the sensor makes of it. Readings
-are counts, or electrons of a sensor that integrates. Photons, detections and the signal-to-noise
-ratio are of the frames that the report shows, mean readings and saturation of everything that was
-stored.
+The photon budget lists the light on a pixel in one exposure and the sensor's response to it.
+Readings are counts, or electrons of an integrating sensor. Photons, detections and the
+signal-to-noise ratio are those of the frames shown; mean readings and saturation are those of all
+stored frames.
 """
 
 import math
@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,8 +32,8 @@ from megalopta.dataset.frames import Motion, read_motion, read_radiance_frame, r
 from megalopta.dataset.store import Dataset
 from megalopta.flow.benchmark.sequence import BenchmarkResult
 from megalopta.flow.detectors.registry import METHODS
-from megalopta.render.truth.tracer import Truth
 from megalopta.report.images import data_uri, film_strip, rgb_picture
+from megalopta.report.selection import PLAYBACK_HZ, Selection, frame_label, selection
 from megalopta.scenes import ToneCurve, preview
 from megalopta.scenes.lighting.levels import illuminance_of
 from megalopta.scenes.spectra.color import linear_srgb
@@ -42,6 +42,9 @@ from megalopta.stages.ledger import Ledger
 from megalopta.stages.noise_warning import variances
 from megalopta.stages.registry import STAGES
 from megalopta.stages.sense import open_exposure, require_expectation
+
+if TYPE_CHECKING:
+    from megalopta.render import Truth
 
 Record = Mapping[str, Any]
 _Read = TypeVar("_Read")
@@ -53,7 +56,7 @@ _FLOW = TypeAdapter(list[FlowRecord])
 def read_records(dataset: Dataset) -> list[FlowRecord]:
     """Errors of every method on every sensor at every light level, in the dataset's order.
 
-    Raises UserError when flow.json is damaged or lacks something.
+    Raises UserError if flow.json is damaged or incomplete.
     """
     path, remedy = dataset.result("flow.json"), f"run: megalopta flow {dataset.root} --redo"
     records = {
@@ -93,72 +96,53 @@ def _read(path: Path, check: Callable[[Any], _Read], remedy: str) -> _Read:
 _LONGEST_SIDE_PX = 160
 _MOST_FRAMES = 40
 _MOST_PIXELS_READ = 4_000_000
-_MOST_PIXELS_SHOWN = 8_000_000
 _OTHER_FILMS = 6
 
 
-@dataclass(frozen=True)
-class Selection:
-    """Frames, by their numbers from 0, and pixels that are shown: every so many-th of a line."""
-
-    frames: tuple[int, ...]
-    step: int
-
-    def pixels(self, images: NDArray[Any]) -> NDArray[Any]:
-        """Return the shown pixels of images (..., H, W)."""
-        return images[..., :: self.step, :: self.step]
-
-
 def select(configuration: Configuration) -> Selection:
-    """Choose what is shown of a sequence."""
+    """Choose the frames and pixels of a sequence to show."""
     height, width = configuration.camera.height, configuration.camera.width
-    step = math.ceil(max(height, width) / _LONGEST_SIDE_PX)
     films = len(configuration.sensors) * len(configuration.light_levels) + _OTHER_FILMS
-    most = min(
-        _MOST_FRAMES,
-        _MOST_PIXELS_READ // (height * width),
-        _MOST_PIXELS_SHOWN * step**2 // (height * width * films),
-    )
-    candidates = configuration.trajectory.frames - 1
-    count = min(candidates, max(most, 1))
-    return Selection(tuple(index * candidates // count for index in range(count)), step)
+    most = min(_MOST_FRAMES, _MOST_PIXELS_READ // (height * width))
+    candidates = range(configuration.trajectory.frames - 1)
+    return selection(candidates, (height, width), films, _LONGEST_SIDE_PX, most)
 
 
-# Pixels between these percentiles are drawn as the spread of the signal-to-noise ratio.
+# Percentiles of pixels, drawn as the band of the signal-to-noise ratio.
 _SPREAD_PERCENT = (5, 50, 95)
 _BRIGHTER = 0.01
 
 
 @dataclass(frozen=True, eq=False)
 class Budget:
-    """One sensor at one light level; means over pixels and frames unless said otherwise."""
+    """One sensor at one light level; means over pixels and frames unless stated."""
 
     sensor: ImageSensor
     level: LightLevel
     illuminance_lux: float
     photons: float
-    """That fall on a pixel, per exposure"""
+    """Photons on a pixel per exposure"""
     detected: float
-    """Of these, without dead time"""
+    """Detected photons, without dead time"""
     dark: float
     """Reading of a pixel in the dark"""
     expected: float
-    """Mean reading, what is read in the dark included"""
+    """Mean reading, including dark readings"""
     signal_to_noise: tuple[float, float, float]
-    """Of single pixels of the middle frame: 5th, 50th and 95th percentile"""
+    """Percentiles 5, 50 and 95 of single pixels of the middle frame"""
     saturated_fraction: float
-    """Readings of full pixels"""
+    """Share of saturated readings"""
     photons_per_frame: float
     """Detected photons summed over the frame"""
     rendering_noise: float = math.nan
-    """Of a pixel, over its shot noise (standard deviations); NaN where it was not measured"""
+    """Rendering noise of a pixel over its shot noise (standard deviations); NaN if not measured"""
     counts: NDArray[Any] = field(default_factory=lambda: np.zeros((0, 1, 1)))
     saturated: NDArray[Any] = field(default_factory=lambda: np.zeros((0, 1, 1), np.bool_))
-    """(n, h, w): readings that are shown, and where they are of full pixels"""
+    """(n, h, w): readings shown, and their saturated pixels"""
 
 
 def by_sensor(budgets: Iterable[Budget]) -> dict[str, list[Budget]]:
-    """Budgets by the name of their sensor, in their order."""
+    """Budgets by sensor name, in order."""
     found: dict[str, list[Budget]] = {}
     for each in budgets:
         found.setdefault(each.sensor.name, []).append(each)
@@ -173,7 +157,7 @@ def exposed(report: "Report", sensor: ImageSensor, level: LightLevel) -> Budget:
     frames = list(report.selection.frames)
     try:
         budget = _budget(settings, light, opened, frames, level)
-    except ValueError as problem:  # a measured map is gone
+    except ValueError as problem:  # a measured map is missing
         raise UserError(f"sensor {opened.sensor.name!r}: {problem}") from None
     if "covariance" in noise:
         rendering, shot, _ = variances(noise, settings, opened.sensor, scale)
@@ -219,18 +203,28 @@ def _budget(
     )
 
 
-_PLAYBACK_HZ = (2.0, 25.0)
-"""Faster than this, or slower, a film cannot be followed."""
 _FASTEST_PERCENT = 99.0
 _SMALLEST_SPEED = 1e-3
 _RED_END_NM = 700.0
 
 
-class Report:
-    """A dataset as the report sees it; everything is read once, when it is first asked for.
+def finished_stages(ledger: Ledger) -> list[str]:
+    """Return the finished stages, and report unfinished output, which is not shown.
 
-    Raises UserError, at once where numbers of a finished stage are damaged, else when a file that
-    is asked for cannot be read.
+    Raises UserError if one of them is damaged.
+    """
+    finished = ledger.finished()
+    for stage in STAGES:
+        if stage not in finished and ledger.has(stage):
+            home = ledger.dataset.home
+            say(f"{home}: stage {stage!r} is not finished with this configuration, and not shown")
+    return finished
+
+
+class Report:
+    """A dataset as seen by the report; everything is read once, on first use.
+
+    Raises UserError for damaged numbers of a finished stage at once, for an unreadable file on use.
     """
 
     def __init__(self, dataset: Dataset) -> None:
@@ -240,16 +234,13 @@ class Report:
         ledger.require("render")
         again = f"run: megalopta render {dataset.root} --out {dataset.root} --redo"
         self.scene: Record = _read(dataset.scene_record, dict, again)
-        self.finished = ledger.finished()
+        self.finished = finished_stages(ledger)
         timings = ledger.timings()
         self.timings = {stage: timings[stage] for stage in STAGES if stage in timings}
-        for stage in STAGES:
-            if stage not in self.finished and ledger.has(stage):
-                say(f"report: stage {stage!r} is not finished with this configuration")
-        # before pictures are drawn for seconds
+        # before pictures take seconds to draw
         self.flow: list[FlowRecord] = read_records(dataset) if "flow" in self.finished else []
         self.benchmarks: list[BenchmarkResult] = []
-        """As configured, and by the other normalization where that was measured too"""
+        """Results as configured, and with the other normalization if it was measured"""
         if "benchmark" in self.finished:
             both = self.settings.benchmark.both_normalizations
             names = ("benchmark.json", *(["benchmark-other.json"] if both else []))
@@ -260,46 +251,46 @@ class Report:
 
     @cached_property
     def selection(self) -> Selection:
-        """Numbers and pixels of the frames that are shown, as sensors see them."""
+        """Frames and pixels shown, as sensors see them."""
         return select(self.settings)
 
     @cached_property
     def radiance(self) -> NDArray[np.float32]:
-        """Their light (n, H, W, B)."""
+        """Light of the frames shown (n, H, W, B)."""
         frames = self.selection.frames
         return np.stack([read_radiance_frame(self.dataset, index) for index in frames])
 
     @cached_property
     def previews(self) -> list[NDArray[np.uint8]]:
-        """The same as pictures."""
+        """Light of the frames shown, as pictures."""
         settings, bands = self.settings, self.settings.render.bands_nm
         white = settings.scene.white(settings.light)
         curve = ToneCurve.of(linear_srgb(each, bands, white) for each in self.radiance)
         return [preview(each, bands, white, curve) for each in self.radiance]
 
     @cached_property
-    def truths(self) -> list[Truth]:
-        """What is true of them."""
+    def truths(self) -> "list[Truth]":
+        """Ground truth of the frames shown."""
         return [read_truth_frame(self.dataset, index) for index in self.selection.frames]
 
     @cached_property
     def motions(self) -> list[Motion]:
-        """Their motion to the next frame; of pictures, a stand-in for the true one."""
+        """Motion to the next frame; for pictures, a stand-in for the true one."""
         return [read_motion(self.dataset, index) for index in self.selection.frames]
 
     @property
     def has_truth(self) -> bool:
-        """Whether frames were rendered, so that their true motion is known."""
+        """True if frames were rendered, so that their true motion is known."""
         return self.settings.scene.has_truth
 
     @property
     def motion_name(self) -> str:
-        """What answers are compared with."""
+        """Name of the reference motion."""
         return "true motion" if self.has_truth else "flow of the clean pictures"
 
     @cached_property
     def exposures(self) -> list[Budget]:
-        """Budget and pictures of every sensor at every level; none where nothing was exposed."""
+        """Budget and pictures of every sensor at every level; empty if nothing was exposed."""
         found = self.settings.exposures if "sense" in self.finished else ()
         if found:
             require_expectation(self.dataset)
@@ -307,19 +298,19 @@ class Report:
 
     @cached_property
     def speed(self) -> NDArray[np.floating]:
-        """Speed (px per frame) of all pixels in them where it is defined."""
+        """Speed (px per frame) of all pixels of the frames shown where it is defined."""
         flow = np.stack([motion.flow for motion in self.motions])
         speed = np.linalg.norm(flow, axis=-1)
         return np.asarray(speed[np.isfinite(speed)])
 
     @property
     def median_speed(self) -> float:
-        """Its median; 0 where nothing is known to move."""
+        """Median speed; 0 if no motion is known."""
         return float(np.median(self.speed)) if self.speed.size else 0.0
 
     @cached_property
     def fastest(self) -> float:
-        """Speed that has the full color of the rim of the wheel, two digits."""
+        """Speed (px per frame) at the rim of the color wheel, two digits."""
         fastest = np.percentile(self.speed, _FASTEST_PERCENT) if self.speed.size else 0.0
         return float(f"{max(float(fastest), _SMALLEST_SPEED):.1e}")
 
@@ -330,27 +321,28 @@ class Report:
 
     @property
     def frame(self) -> int:
-        """Frame of the stills: shown, in the second half, and with responses that have settled."""
+        """Frame of the stills: shown, in the second half, and with settled responses."""
         warm_up = max((record.warm_up_frames for record in self.flow), default=0)
         wanted = max(self.settings.trajectory.frames // 2, warm_up)
         frames = self.selection.frames
         return next((frame for frame in frames if frame >= wanted), frames[-1])
 
     def film(self) -> dict[str, Any]:
-        """Return how the films of the page are shown, which follow one slider."""
+        """Return the settings of the page's films, which follow one slider."""
         trajectory, camera = self.settings.trajectory, self.settings.camera
         frames, step = self.selection.frames, self.selection.step
-        slowest, fastest = _PLAYBACK_HZ
+        slowest, fastest = PLAYBACK_HZ
         shown_hz = trajectory.frame_rate_hz * len(frames) / trajectory.frames
         previews = [rgb_picture(each[::step, ::step]) for each in self.previews]
-        note = "The light as a well-lit eye would see it."
+        note = "The light in photopic colors."
         if min(self.settings.render.bands_nm)[0] >= _RED_END_NM:
-            note = "The light, the mean of its bands in gray: no eye sees it."
+            note = "The light, mean of its bands in gray; it is invisible."
+        times = trajectory.times_s
         return {
-            "frames": frames,
+            "labels": [frame_label(each, times) for each in frames],
             "start": frames.index(self.frame),
             "playback_hz": min(max(shown_hz, slowest), fastest),
-            "frame_rate_hz": trajectory.frame_rate_hz,
+            "choices": (),
             "aspect": f"{camera.width}/{camera.height}",
             "radiance": data_uri(film_strip(previews)),
             "note": note,

@@ -1,4 +1,4 @@
-"""Section "Photons that motion needs": error curves and N_2b of the photon benchmark."""
+"""Section "Photons needed": error curves and N_2b of the photon benchmark."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -35,46 +35,46 @@ _ERRORS = FuncFormatter(
 
 _NORMALIZED = {"per_frame": "every frame", "per_sequence": "the mean frame"}
 _GUIDE = Markup(
-    "How many photons must a frame hold for a detector to repeat its noise-free answer to 2 bits, "
-    "within 25 %? Whether that answer is the true motion is not asked here. The sequence is scaled "
-    "to each number of photons, drawn {} times and measured; N<sub>2b</sub> is where the error "
-    "curve falls below 25 %. These pixels detect every photon and have dark counts in proportion "
-    "to their area ({}, per frame)."
+    "How many photons per frame does a detector need to repeat its noise-free response to 2 bits, "
+    "within 25 %? Errors against the true motion are not measured here. The sequence is scaled to "
+    "each number of photons, drawn {} times and measured; N<sub>2b</sub> is where the error curve "
+    "falls below 25 %. These pixels detect every photon and have dark counts in proportion to "
+    "their area ({}, per frame)."
 )
 _FLICKER = Markup(
-    "This noise is the same in both answers: N<sub>2b</sub> says how well a detector repeats its "
-    "answer to this light, flicker of the rendering included."
+    "This noise is the same in both responses: N<sub>2b</sub> measures how well a detector repeats "
+    "its response to this light, including the rendering’s flicker."
 )
 _SUPPLY = (
-    "Markers: filled for the literal error, open for the ratio; bars are {:g} % intervals. The "
-    "diamonds are what each sensor detects per frame at each light level: a marker to the left of "
-    "a light’s line has photons enough, if the sensor’s own dark readings let it."
+    "Markers: filled for the literal error, open for the ratio; bars are {:g} % CI. Diamonds: "
+    "photons that each sensor detects per frame at each light level. A marker left of a light’s "
+    "line means enough photons, apart from the sensor’s dark readings."
 )
 _CURVES = (
-    "Bands are two standard errors to either side; errors of exactly zero and errors beyond the "
-    "axis are not drawn. The first {} frames are not scored, while the filters settle."
+    "Bands are ± 2 standard errors; errors of exactly zero and beyond the axis are not drawn. "
+    "The first {} frames, in which the filters settle, are not scored."
 )
 _NORMALIZATIONS = (
-    "Above it is {}. The dissertation scales every frame; scaling by the mean frame leaves bright "
-    "frames bright, as a camera with a fixed exposure sees them."
+    "Above, it is {}. The dissertation scales every frame; scaling by the mean frame keeps bright "
+    "frames bright, as a camera with a fixed exposure does."
 )
 _UNITS = Markup(
-    "k, M, G, T: thousand to million million. The interval says what another draw of photons might "
-    "have given, not what another scene would. The literal error divides by each single answer: "
-    "where many are near zero, its N<sub>2b</sub> lies far above that of the ratio."
+    "k, M, G, T: 10³, 10⁶, 10⁹, 10¹². Intervals are over draws of photons, not over scenes. The "
+    "literal error divides by each single response: where many are near zero, its N<sub>2b</sub> "
+    "is far above that of the ratio."
 )
 
 
 def threshold_section(report: Report) -> Section:
-    """Return the section; without a benchmark, what to run."""
-    title = "Photons that motion needs"
+    """Return the section; without a benchmark, the command to run."""
+    title = "Photons needed"
     section = Section(title, name="photons", link="Photons needed")
     if not report.benchmarks:
-        what = "The photon benchmark has not been run yet."
+        what = "The photon benchmark has not run yet."
         return replace(section, body=absent(report, "benchmark photons", what))
     benchmark = report.benchmarks[0]
     settings = benchmark.settings
-    # of a pixel at each size: those of the original, by the area ratio
+    # per pixel at each size: those of the original times the area ratio
     counts = settings.dark_counts * math.prod(benchmark.frames[1:])
     shapes = _by_shape(benchmark)
     dark = (f"{short(counts / math.prod(each))} at {_size(each)} px" for each in shapes)
@@ -100,7 +100,7 @@ def _size(shape: Shape) -> str:
 
 
 def _needs(report: Report, benchmark: BenchmarkResult) -> Iterator[Markup]:
-    """Yield the photons that detectors need, beside those that sensors detect."""
+    """Yield the photons that detectors need, with those that sensors detect."""
     if 2 not in benchmark.settings.bits:
         return
     charts = [
@@ -124,7 +124,7 @@ def _needs_chart(curves: Sequence[ErrorCurve], shape: Shape, budgets: Sequence[B
 
 
 def _curves(report: Report, benchmark: BenchmarkResult) -> Iterator[Markup]:
-    """Yield a chart of errors over photons for each size and metric."""
+    """Yield a chart of errors over photons per size and metric."""
     yield heading("Error over photons")
     yield key(report)
     charts = []
@@ -141,10 +141,10 @@ def _curves(report: Report, benchmark: BenchmarkResult) -> Iterator[Markup]:
 
 
 def _thresholds(benchmarks: Sequence[BenchmarkResult]) -> Iterator[Markup]:
-    """Yield tables of N_2b, and of its literal form by both normalizations."""
+    """Yield tables of N_2b, and of its literal form with both normalizations."""
     first = benchmarks[0]
     settings = first.settings
-    yield heading(f"N_2b in photons per frame, with {100 * settings.confidence:g} % intervals")
+    yield heading(f"N_2b in photons per frame, with {100 * settings.confidence:g} % CI")
     yield crossed("N_2b in photons per frame", "Detector", _cells(first.curves))
     if len(benchmarks) > 1:
         beside: dict[tuple[str, str], str] = {}
@@ -152,9 +152,9 @@ def _thresholds(benchmarks: Sequence[BenchmarkResult]) -> Iterator[Markup]:
             what = _NORMALIZED[each.settings.normalization]
             literal = [curve for curve in each.curves if curve.metric == "literal"]
             beside |= _cells(literal, what)
-        yield heading("What is brought to the number of photons")
+        yield heading("Normalization to the number of photons")
         yield paragraph(_NORMALIZATIONS.format(_NORMALIZED[settings.normalization]))
-        yield crossed("N_2b by what is brought to the number of photons", "Detector", beside)
+        yield crossed("N_2b by normalization", "Detector", beside)
     yield paragraph(_UNITS, "note")
 
 
@@ -169,7 +169,7 @@ def _cells(curves: Sequence[ErrorCurve], what: str = "") -> dict[tuple[str, str]
 
 @in_style
 def error_chart(curves: Sequence[ErrorCurve], name: str, level: float, description: str) -> Markup:
-    """Error over photons per frame, a curve per method with its interval; NaN or 0 is a gap."""
+    """Draw error over photons per frame with intervals, a curve per method; NaN or 0 is a gap."""
     figure, axes = new_axes(CHART_PT[0], 300)
     for curve in curves:
         style = method_style(curve.method)
@@ -196,7 +196,7 @@ def error_chart(curves: Sequence[ErrorCurve], name: str, level: float, descripti
 def threshold_chart(
     methods: Needs, budgets: Sequence[Budget], chart: str, description: str
 ) -> Markup:
-    """Photons each method needs, beside the photons each sensor detects at each light level.
+    """Draw photons that each method needs, and photons that each sensor detects at each level.
 
     Filled markers are the first metric, open ones the others.
     """

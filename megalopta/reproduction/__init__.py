@@ -1,1 +1,1 @@
-"""Figures and tables of the dissertation, drawn again; comparisons beyond it."""
+"""Figures and tables of the dissertation, reproduced, and comparisons beyond it."""

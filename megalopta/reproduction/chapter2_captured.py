@@ -1,8 +1,7 @@
-"""`megalopta spadcam figures`: figures 2.14 to 2.19 from what a camera recorded of the plate.
+"""`megalopta spadcam figures`: figures 2.14 to 2.19 from recordings of the moving plate.
 
-They stand beside those simulated directly; both go through the same pooling, detectors and
-statistics. How far responses differ, and how surely, `megalopta spadcam compare --scene plate`
-tells.
+Captured results are drawn beside simulated ones; both pass through the same pooling, detectors and
+statistics. `megalopta spadcam compare --scene plate` tests the differences.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -44,7 +43,7 @@ from megalopta.sensor.calibrate.level import Level
 def captured_figures(
     captured: Mapping[float, NDArray[Any]], sensor: Sensor, light: BenchLight | None = None
 ) -> Iterator[Figure]:
-    """Make the figures, one after the other.
+    """Yield the figures.
 
     Parameters
     ----------
@@ -52,9 +51,9 @@ def captured_figures(
         Frames (passages · 2·FRAMES, 16, 16), as `cut_passages` cuts them, by the
         plate's speed (mm/s), at least one of which is not 0.
     sensor : Sensor
-        What simulates the other half; of the same exposure.
+        Sensor of the simulation, with the same exposure.
     light : BenchLight, optional
-        In which it does; by default that of the dissertation.
+        Light of the simulation; default: the dissertation's.
     """
     speeds = sorted(captured)
     slowest = next(speed for speed in speeds if speed > 0)
@@ -64,7 +63,7 @@ def captured_figures(
     yield _named("2.14", frames_figure(rows, caption, {}, one_scale=True))
     for number, method in (("2.15", "NDM"), ("2.16", "NDS")):
         yield _named(number, responses_figure(number, method, rows, one_scale=True))
-    divided = "Every curve is divided by its largest value; the time between passages is left out."
+    divided = "Every curve is divided by its largest value; the time between passages is omitted."
     yield _named("2.17", transients_figure(rows, f"{caption} {divided}"))
     direct = [peaks(speed, sensor, light) for speed in speeds]
     for number, method in (("2.18", "NDM"), ("2.19", "NDS")):
@@ -88,20 +87,19 @@ def _lit(light: BenchLight | None) -> str:
             f"Simulated in the dissertation's light: an open pixel detects {OPEN_PHOTONS:g} "
             "photons per frame."
         )
-    return f"Simulated in the light of this recording, in which {light}: both agree by that."
+    return f"Simulated in the light fitted to this recording, in which {light}."
 
 
 def reproduce_captured(
     sources: Sequence[Source], out: Path, device: Path | None = None, *, own_light: bool = False
 ) -> Iterator[Path]:
-    """Draw figures 2.14 to 2.19 from recordings beside those simulated; yield their files' paths.
+    """Draw figures 2.14 to 2.19 from recordings and simulations; yield the paths of their files.
 
     Sources are recordings of the plate, with its speed (mm/s) in place of the light; several of one
-    speed are taken together. A device file simulates, and its steps turn codes into counts; by
-    default it is the nominal sensor of the recordings. With `own_light` the light is that which the
-    recording of the slowest plate shows, instead of the dissertation's. Files of the same name are
-    replaced. Raises UserError when device or recordings cannot be read, or show no passages;
-    nothing is written then.
+    speed are joined. A device file simulates, and its steps convert codes to counts; default: the
+    nominal sensor of the recordings. With `own_light`, the light is estimated from the recording of
+    the slowest plate, instead of the dissertation's. Files of the same name are replaced. Raises
+    UserError if device or recordings cannot be read, or show no passages; nothing is written then.
     """
     if not any(source.light > 0 for source in sources):
         raise UserError(
@@ -128,14 +126,14 @@ def _recorded(source: Source) -> Recorded:
     frame_s = float(np.median(np.diff(recorded.times_s))) if len(recorded.times_s) > 1 else 0.1
     if not np.allclose((recorded.exposure_s, frame_s), 1 / FRAME_RATE_HZ, rtol=0.01):
         raise UserError(
-            f"{source.path}: frames of {recorded.exposure_s:g} s every {frame_s:g} s; capture with "
+            f"{source.path}: frames of {recorded.exposure_s:g} s every {frame_s:g} s; record with "
             f"--rate {FRAME_RATE_HZ:g} --exposure {1 / FRAME_RATE_HZ:g}"
         )
     return recorded
 
 
 def _sensor(sources: Sequence[Source], recorded: Sequence[Recorded], device: Path | None) -> Sensor:
-    """Return what simulates: a device file, or the nominal sensor that all recordings share."""
+    """Return the sensor of the simulation: a device file, or the nominal one of all recordings."""
     first = recorded[0]
     if device is not None:
         try:
@@ -145,7 +143,7 @@ def _sensor(sources: Sequence[Source], recorded: Sequence[Recorded], device: Pat
     for source, each in zip(sources, recorded, strict=True):
         if each.sensor is None or each.sensor != first.sensor:
             raise UserError(
-                f"{source.path}: another sensor or step than in {sources[0].path}; give recordings "
+                f"{source.path}: another sensor or step than {sources[0].path}; give recordings "
                 "with the same settings, or --device"
             )
     assert first.sensor is not None

@@ -1,8 +1,8 @@
 """Figures 2.2, 2.7 and 2.8 on dead time and the analog counter, and Table 2.1 of the literature.
 
-The model of the counter is linear but for its leak. How a real one bends toward the bottom of its
-swing is not printed and not modeled. Table 2.1 has what is printed of devices, and what their
-presets measure.
+The model of the counter is linear except for its leakage. The bend of a real one toward the bottom
+of its swing is not printed and not modeled. Table 2.1 lists printed values of devices, and
+measurements of their presets.
 """
 
 from collections.abc import Mapping
@@ -29,17 +29,17 @@ LIGHT_HZ = 300.0
 _SHOWN = 4
 _SAMPLES = 4001
 _ZOOM = 0.06
-"""Part of the exposure in the panel on the right, where single steps can be seen."""
+"""Share of the exposure in the right panel, which shows single steps."""
 _CAPTION = (
     f"{_SHOWN} of {ROW[1]} pixels of a simulated row detect {LIGHT_HZ:g} photons per second "
-    "besides dark counts; the first 20 steps are shown on the right. The straight line of R² ends "
-    "at the bottom of the swing; over events the model bends by its leak alone, over time also by "
-    "the chance of arrivals."
+    "plus dark counts; the first 20 steps are on the right. The straight line of R² ends at the "
+    "bottom of the swing. Over events the model bends by leakage alone, over time also by random "
+    "arrivals."
 )
 
 
 class Transient(NamedTuple):
-    """Output of a row from its reset on: times, s, and events and volts, (pixels, times)."""
+    """Output of a row after its reset: times, s, and events and volts, (pixels, times)."""
 
     time_s: Floats
     events: NDArray[np.int64]
@@ -47,12 +47,12 @@ class Transient(NamedTuple):
 
 
 def spadcam_with_step(step_v: float) -> Sensor:
-    """SPADCAM with another step, exposed until the counters of all pixels of a row are full."""
+    """SPADCAM with another step, exposed until all counters of a row are saturated."""
     return changed(preset("spadcam"), counter={"step_v": step_v}, exposure_s=10e-3 / step_v)
 
 
 def transient(sensor: Sensor) -> Transient:
-    """Output of a row of pixels in low light, without the noise of readout."""
+    """Output of a row of pixels in low light, without readout noise."""
     counter = _counter(sensor)
     stream = expose_events(np.full((1, *ROW), LIGHT_HZ), sensor, seed=0, sequence="transient")
     time_s = np.linspace(0, sensor.exposure_s, _SAMPLES)
@@ -79,7 +79,7 @@ def straightness(row: Transient, bottom_v: float) -> tuple[Floats, Floats]:
 
 
 def volts_per_event(row: Transient, bottom_v: float) -> float:
-    """Mean fall of the output per event, over the row and the swing, V."""
+    """Mean voltage drop per event, over the row and the swing, V."""
     is_up = row.output_v > bottom_v
     last = is_up.sum(1) - 1
     pixels = np.arange(len(last))
@@ -128,16 +128,16 @@ def _counter(sensor: Sensor) -> AnalogCounter:
 
 
 def _floor(share: float) -> str:
-    """Five digits, never rounded up to 1."""
+    """Format five digits, never rounded up to 1."""
     return f"{np.floor(1e5 * share) / 1e5:.5f}"
 
 
 _DEAD_TIMES_S = (1e-9, 1e-8, 1e-7, 1e-6)
 _DASHES = {"nonparalyzable": "-", "paralyzable": "--"}
 _CAPTION_2_2 = (
-    "The curves are stationary means (Eq. 2.5 and 2.6) for four dead times τ. The count rate ends "
-    "at 1/τ without and at 1/(e·τ) with paralysis, at one photon per dead time. The dynamic range "
-    "reaches from 100 Hz of dark counts to that ceiling, for τ = 100 ns."
+    "Curves are stationary means (Eq. 2.5 and 2.6) for four dead times τ. The count rate saturates "
+    "at 1/τ if non-paralyzable; if paralyzable it peaks at 1/(e·τ), at one photon per dead time. "
+    "The dynamic range is from 100 Hz of dark counts to that limit, for τ = 100 ns."
 )
 
 
@@ -190,10 +190,10 @@ def _table(_: Run) -> Figure:
     return Figure(
         title="Table 2.1: SPADs of the literature, as presets",
         caption=(
-            'Columns named "ours" are what the preset of each device measures in 4 s in the dark '
+            'Columns named "ours" are measurements of each device\'s preset in 4 s in the dark '
             "and under 10⁵ photons per second on the active area; the others are printed. Limits "
-            "(<, >) are taken as values, and the efficiency is that of the peak at every "
-            "wavelength. Fill factor and dead time are not in the table and stay the user's."
+            "(<, >) are used as values, and efficiency is the peak value at every wavelength. "
+            "Fill factor and dead time are not in the table and remain those of the user."
         ),
         draw=partial(draw_table, head=_HEAD, rows=[_texts(row) for row in rows], widths=_WIDTHS),
         numbers=columns_of(rows),

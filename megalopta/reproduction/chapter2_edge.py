@@ -1,10 +1,10 @@
-"""Figures of §2.4.8: an edge crosses SPADCAM, and what NDM and NDS make of it.
+"""Figures of §2.4.8: an edge crosses SPADCAM, with the responses of NDM and NDS.
 
-Each shows the bench twice, with the shot noise of the light alone and with all that the model of
-SPADCAM knows. How the experiment is made is said in `motion_bench`. Of peak responses over the
-velocity of the edge the dissertation gives one signal-to-noise ratio per detector and no
-definition. Here it is 20·log10 of the mean peak response of one detector over its standard
-deviation between crossings, averaged over all speeds but standstill.
+Each shows the bench twice, with the shot noise of the light alone and with the full model of
+SPADCAM. `motion_bench` documents the experiment. The dissertation gives one signal-to-noise ratio
+of peak responses over the velocity of the edge per detector, without definition. Here it is
+20·log10 of the mean peak response of one detector over its standard deviation between crossings,
+averaged over all speeds except 0.
 """
 
 from collections.abc import Mapping, Sequence
@@ -44,7 +44,7 @@ _SPEED_MM_S = 1.0
 _SHOWN_DETECTOR = 4
 _CURVES = {"pooled pixel": ("-", GRAY), "NDM": ("-", BLUE), "NDS": ("--", VERMILION)}
 _THEORY_CYCLES = 0.5
-"""Cycles of the theoretical sinusoid along the row; the dissertation says only: below 1."""
+"""Cycles of the theoretical sinusoid along the row; the dissertation states only: below 1."""
 _PRINTED_SNR_DB = {"NDM": 12.6, "NDS": 15.7}
 _SHEET_DARK_COUNTS = 1.77 * 360 * 0.1
 """Hz/µm² (§2.4.7) · µm² · s."""
@@ -52,20 +52,20 @@ _EQUATIONS = {"NDM": "Eq. 4.2", "NDS": "Eq. 4.3, corrected"}
 _MEANS = {"NDM": ndm_mean, "NDS": nds_mean}
 
 Rows: TypeAlias = Mapping[str, Floats]
-"""Pooled frames (2·FRAMES, 12) of the first row in a recording, by what recorded it"""
+"""Pooled frames (2·FRAMES, 12) of the first row of a recording, by sensor"""
 
 Printed: TypeAlias = dict[str, tuple[str, str]]
 
 
 def moves(speed_mm_s: float) -> str:
-    """Return how an edge moves, and its image."""
+    """Return the motion of an edge and of its image, as text."""
     return f"The edge moves by {speed_mm_s:g} mm/s, {pixels_per_frame(speed_mm_s):.2f} px per frame"
 
 
 def frames_figure(
     rows: Rows, caption: str, printed: Mapping[str, tuple[str, str]], *, one_scale: bool = False
 ) -> Figure:
-    """Figure 2.14: frames of a row as an edge passes."""
+    """Draw Figure 2.14: frames of a row as an edge passes."""
     shown = {name: each[:FRAMES] for name, each in rows.items()}
     ends = {
         f"First and last mean, {name}": (f"{each[0].mean():.0f} and {each[-1].mean():.0f}", "—")
@@ -80,7 +80,7 @@ def frames_figure(
 
 
 def responses_figure(number: str, method: str, rows: Rows, *, one_scale: bool = False) -> Figure:
-    """Figure 2.15 or 2.16: responses in the frames of Figure 2.14."""
+    """Draw Figure 2.15 or 2.16: responses in the frames of Figure 2.14."""
     maps = {label: _responses(method, each[:FRAMES]) for label, each in rows.items()}
     before = slice(detector(method).memory_frames, FRAMES // 4)
     return Figure(
@@ -88,8 +88,8 @@ def responses_figure(number: str, method: str, rows: Rows, *, one_scale: bool = 
         caption=(
             "Each panel shows ten detectors with time constants of "
             f"{1e3 * TIME_CONSTANTS_S[method]:.0f} ms at {FRAME_RATE_HZ:g} frames/s. The table has "
-            "the mean of their largest responses, and that of their responses before the edge "
-            "comes; the dissertation gives no numbers."
+            "the means of their largest responses, and of their responses before the edge; the "
+            "dissertation gives no numbers."
         ),
         printed={
             f"Edge and baseline, {label}": (
@@ -103,7 +103,7 @@ def responses_figure(number: str, method: str, rows: Rows, *, one_scale: bool = 
 
 
 def transients_figure(rows: Rows, caption: str) -> Figure:
-    """Figure 2.17: one pooled pixel and its detectors, a panel for each recording."""
+    """Draw Figure 2.17: one pooled pixel and its detectors, a panel per recording."""
     curves = {}
     for name, frames in rows.items():
         answers = {each: _responses(each, frames)[:, _SHOWN_DETECTOR] for each in ("NDM", "NDS")}
@@ -124,7 +124,7 @@ def transients_figure(rows: Rows, caption: str) -> Figure:
 
 
 class OverSpeeds(NamedTuple):
-    """Peaks of one detector over the speed of the plate, of each of two recordings."""
+    """Peaks of one detector over the speed of the plate, for two recordings."""
 
     method: str
     speeds_mm_s: Sequence[float]
@@ -143,7 +143,7 @@ class OverSpeeds(NamedTuple):
 
     @property
     def snr_db(self) -> dict[str, float]:
-        """Signal-to-noise ratio of each recording, the mean over all speeds but standstill."""
+        """Signal-to-noise ratio of each recording, mean over all speeds except 0."""
         moving = [place for place, speed in enumerate(self.speeds_mm_s) if speed > 0]
         return {
             label: float(np.mean([own[place].snr_db for place in moving]))
@@ -151,12 +151,12 @@ class OverSpeeds(NamedTuple):
         }
 
     def theory(self, velocity: Floats) -> Floats:
-        """Return the theoretical curve, as high as the peaks without noise."""
+        """Return the theoretical curve, scaled to the peaks without noise."""
         scale = self.ideal.max() / theory(self.method, self.velocity).max()
         return np.asarray(scale * theory(self.method, velocity))
 
     def figure(self, number: str, noise: str, printed: Mapping[str, tuple[str, str]]) -> Figure:
-        """Figure 2.18 or 2.19; `noise` says what is known of it."""
+        """Draw Figure 2.18 or 2.19; `noise` describes its noise."""
         crossings, rows, detectors = next(iter(self.found.values()))[0].noisy.shape
         one_row = f"{_PRINTED_SNR_DB[self.method]} dB, one row"
         ratios = {f"SNR, {name}": (f"{each:.1f} dB", one_row) for name, each in self.snr_db.items()}
@@ -190,7 +190,7 @@ class OverSpeeds(NamedTuple):
         }
 
     def _draw(self, canvas: Canvas) -> None:
-        """Draw peak responses with their standard deviations, and what they should be."""
+        """Draw peak responses with their standard deviations, and theoretical curves."""
         axes, velocity = canvas.subplots(), self.velocity
         fine = np.linspace(0, velocity[-1], 201)
         curve = self.theory(fine)
@@ -213,7 +213,7 @@ _NOISELESS = "edge without noise"
 
 
 def theory(method: str, velocity: Floats) -> Floats:
-    """Return the mean response to a sinusoid of contrast 1 that moves so many pixels per frame."""
+    """Return the mean response to a sinusoid of contrast 1 at a velocity in pixels per frame."""
     phase = 2 * np.pi * _THEORY_CYCLES / PIXELS
     return _MEANS[method](filter_step(method), phase * velocity, phase, 1.0)
 
@@ -247,8 +247,8 @@ def _figure_2_14(_: Run) -> Figure:
     for how, share in contrast.items():
         printed[f"Contrast, {how}"] = (f"{100 * share:.0f} %", "64 %, undefined")
     caption = (
-        f"{moves(_SPEED_MM_S)}; photons are those detected, and SPADCAM's dark counts come on "
-        f"top. In its 16 rows {full:.1f} % of the counts are full, with a hot pixel's dark counts."
+        f"{moves(_SPEED_MM_S)}; photons are those detected, without SPADCAM's dark counts. "
+        f"In its 16 rows {full:.1f} % of the counts are saturated, by a hot pixel's dark counts."
     )
     return frames_figure(_simulated_rows(), caption, printed)
 
@@ -257,13 +257,13 @@ def _figure_2_17(_: Run) -> Figure:
     return transients_figure(
         _simulated_rows(),
         f"{moves(_SPEED_MM_S)}, as in the dissertation, and every curve is divided by "
-        "its largest value. Dark counts lift SPADCAM's pixel; the high-pass of the detectors "
-        "leaves only the noise of them.",
+        "its largest value. Dark counts raise SPADCAM's pixel; the detectors' high-pass passes "
+        "only their noise.",
     )
 
 
 def _peaks_figure(number: str, method: str) -> Figure:
-    """Also tell NDM behind NDS (a product doubles relative noise: 6 dB), and linearity."""
+    """Draw peaks, the lag of NDM behind NDS (a product doubles relative noise: 6 dB), linearity."""
     over = simulated_peaks(method)
     rows_db = np.mean([each.row_snr_db for each in over.found["SPADCAM"][1:]], axis=0)
     sums, products = simulated_peaks("NDS").snr_db, simulated_peaks("NDM").snr_db
@@ -305,7 +305,7 @@ def _draw_transients(
 def _frame_maps(
     maps: Mapping[str, Floats], across: str, unit: str, one_scale: bool
 ) -> dict[str, Any]:
-    """Drawing, numbers and height of a figure of frames (T, n) side by side."""
+    """Return drawing, numbers and height of a figure of frames (T, n) in a row."""
     ends = [min(each.min() for each in maps.values()), max(each.max() for each in maps.values())]
     numbers = {
         f"{_csv_name(name)}_{across.lower()}_{number}": column
@@ -342,7 +342,7 @@ def _statistics(over_speeds: Sequence[Peaks]) -> dict[str, Floats]:
 
 
 def _csv_name(label: str) -> str:
-    """A label as part of the name of a column."""
+    """Return a label as part of a column name."""
     return label.lower().replace(" ", "_")
 
 

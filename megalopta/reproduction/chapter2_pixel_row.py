@@ -1,10 +1,10 @@
 """Figures 2.9 to 2.12: dark counts and efficiency of a row of SPADCAM over the bias.
 
-The dissertation prints its curves without numbers; what its text gives stands beside ours in a
-table under each figure. The row is a simulated device, made and measured as the real one was:
-500 frames at each bias, in the dark and under 396 photons/µm²/s of 450 nm, through the counter that
-saturates. Over many devices the preset gives what is printed of Figure 2.9 (mean 1.77, median 0.93,
-σ 1.77 Hz/µm²) and 11 quiet pixels of mean 0.76, median 0.73, σ 0.29; one row differs.
+The dissertation prints its curves without numbers; numbers of its text are in a table under each
+figure, with ours. The row is a simulated device, measured like the real one: 500 frames at each
+bias, in the dark and under 396 photons/µm²/s of 450 nm, with a counter that saturates. Over many
+devices the preset has the printed statistics of Figure 2.9 (mean 1.77, median 0.93, σ 1.77 Hz/µm²)
+and 11 quiet pixels of mean 0.76, median 0.73, σ 0.29; a single row differs.
 """
 
 from collections.abc import Mapping
@@ -28,7 +28,7 @@ ANODE_AT_BREAKDOWN_V = 12.40
 """13.40 V at the anode is an excess bias of about 1 V (§2.4.4)."""
 ANODE_V = np.arange(13.40, 13.801, 0.02)
 SHEET_V = 13.58
-"""Anode voltage of the dark counts that are printed as numbers (§2.4.7)."""
+"""Anode voltage of the dark counts printed as numbers (§2.4.7)."""
 FRAMES = 500
 PIXELS = 16
 PHOTONS_HZ_UM2 = 396.0
@@ -40,7 +40,7 @@ FULL_HZ_UM2 = SPADCAM.counter_capacity / (SPADCAM.exposure_s * ACTIVE_UM2)
 
 
 class RowMeasurement(NamedTuple):
-    """Mean counts of a row at each bias, (biases, pixels), and where a counter was ever full."""
+    """Mean counts of a row at each bias, (biases, pixels), and mask of saturated counters."""
 
     dark: Floats
     bright: Floats
@@ -67,13 +67,13 @@ def _measure_at(anode_v: float) -> tuple[Floats, Floats, NDArray[np.bool_]]:
 
 
 def dark_density(row: RowMeasurement) -> Floats:
-    """Dark count rate as measured, Hz/µm², (biases, pixels); NaN where nothing was counted."""
+    """Measured dark count rate, Hz/µm², (biases, pixels); NaN without counts."""
     rate = row.dark / (SPADCAM.exposure_s * ACTIVE_UM2)
     return np.where(rate > 0, rate, np.nan)
 
 
 def measured_efficiency(row: RowMeasurement) -> Floats:
-    """Detection efficiency as measured, (biases, pixels); NaN where a counter was full."""
+    """Measured detection efficiency, (biases, pixels); NaN where a counter saturated."""
     photons = PHOTONS_HZ_UM2 * ACTIVE_UM2 * SPADCAM.exposure_s
     return np.where(row.is_saturated, np.nan, (row.bright - row.dark) / photons)
 
@@ -87,8 +87,8 @@ def _figure_2_9(_: Run) -> Figure:
         title="Figure 2.9: dark count rate over bias, 16 pixels of one row",
         caption=(
             f"One row of the SPADCAM preset is simulated with {FRAMES} frames of 0.1 s at each "
-            f"bias; the rate levels off at {FULL_HZ_UM2:.1f} Hz/µm², where the counter is full. "
-            "The table is for 13.58 V; another simulated row differs, since the preset meets the "
+            f"bias; the rate levels off at {FULL_HZ_UM2:.1f} Hz/µm², where the counter saturates. "
+            "The table is for 13.58 V; other simulated rows differ, since the preset has the "
             "printed statistics over many devices."
         ),
         printed={
@@ -102,7 +102,7 @@ def _figure_2_9(_: Run) -> Figure:
 
 
 def _draw_row(canvas: Canvas, values: Floats, label: str, full: float | None = None) -> None:
-    """Draw curves over the bias; in decades, where counters can be full."""
+    """Draw curves over the bias; on a logarithmic axis if counters can saturate."""
     axes = canvas.subplots()
     if full:
         axes.set_yscale("log")
@@ -133,9 +133,9 @@ def _figure_2_10(_: Run) -> Figure:
     return Figure(
         title="Figure 2.10: cumulative distribution of the dark count rate over one row",
         caption=(
-            "This is the row of Figure 2.9, exposed for 0.1 s at 10 mV a count. The dissertation "
-            "does not say at which step and exposure (above 50 ms) its counters were full. Of "
-            "200 simulated devices 2.2 of 16 are full so on average (0 to 6), and 15.1 after 1 s."
+            "The row of Figure 2.9, exposed for 0.1 s at 10 mV per count. The dissertation does "
+            "not state the step and exposure (above 50 ms) at which its counters saturated. In 200 "
+            "simulated devices, 2.2 of 16 saturate on average (0 to 6), and 15.1 after 1 s."
         ),
         printed={"Counters full at 13.68 V": (f"{full} of {PIXELS}", "nearly all of 16")},
         draw=draw,
@@ -150,9 +150,9 @@ def _figure_2_11(_: Run) -> Figure:
     return Figure(
         title="Figure 2.11: photon detection efficiency over bias, 16 pixels of one row, 450 nm",
         caption=(
-            "The efficiency is the bright less the dark counts over the photons on the active "
-            f"area, at {PHOTONS_HZ_UM2:g} photons/µm²/s in {FRAMES} frames; a curve ends where a "
-            "counter was full. Its height is the preset's, an upper limit."
+            "Efficiency is bright minus dark counts over the photons on the active area, at "
+            f"{PHOTONS_HZ_UM2:g} photons/µm²/s in {FRAMES} frames; a curve ends where a counter "
+            "saturated. Its height is the preset's, an upper limit."
         ),
         printed={
             "Bias for equal efficiency, peak to peak": (
@@ -173,7 +173,7 @@ def _figure_2_11(_: Run) -> Figure:
 def _figure_2_12(_: Run) -> Figure:
     row = measure_row()
     efficiency, dark_hz = measured_efficiency(row), dark_density(row) * ACTIVE_UM2
-    # no logarithm where nothing was detected
+    # no logarithm without detections
     ratio = 10 * np.log10(np.where(efficiency > 0, efficiency, np.nan) * SNR_PHOTONS_HZ / dark_hz)
     order = np.argsort(row.dark[_index_of(SHEET_V)])
     chosen = order[[0, 5, 10, 13]]
@@ -186,8 +186,8 @@ def _figure_2_12(_: Run) -> Figure:
         caption=(
             "The curves are efficiency times photon rate over dark count rate, in power decibels, "
             "of four pixels of Figures 2.9 and 2.11. Without mismatch the ratio is best at "
-            f"{model:.2f} V (dashed); a pixel whose breakdown voltage is higher has its best as "
-            "much higher, at any photon rate."
+            f"{model:.2f} V (dashed); a higher breakdown voltage of a pixel shifts its optimum by "
+            "as much, at any photon rate."
         ),
         printed={
             "Bias of the best ratio": (best, "lower than for efficiency"),

@@ -1,19 +1,19 @@
 """Figures and the table of Chapter 3 on the CTIA pixel: its discharge and its dark current.
 
-The dissertation's measured points are not printed, only some numbers in the text; a table under
-each figure sets ours beside these. No constant here was chosen to meet them, but for the three
-currents that the presets of the photodiodes were made from.
+The dissertation prints no measured points, only some numbers in the text; a table under each figure
+compares them with ours. No constant here is fitted to them, except the three currents that define
+the presets of the photodiodes.
 
-The model allows a rise of the SNR from 20 mV to 1 mV of 23.0 dB to an n = 1 diode and of 26.0 dB to
-a shunt, whatever their size, and to both together something between. An error of the bias would
-explain the rest: one DAC code is 0.81 mV, and the offset could not be measured.
+The model allows a rise of the SNR from 20 mV to 1 mV of 23.0 dB for an n = 1 diode and of 26.0 dB
+for a shunt, whatever their size, and for both together something between. An error of the bias
+would explain the rest: one DAC code is 0.81 mV, and the offset could not be measured.
 
-Of Table 3.1: a non-adaptive pixel has anything from 0 to twice the mean over its offset, so 10.4 fA
+On Table 3.1: a non-adaptive pixel has anything from 0 to twice the mean over its offset, so 10.4 fA
 is a lucky code. The saturation current of the silicon preset comes from the poor state at 15 mV,
-which is no test of it. Made from 170 nA at 100 mV, no InGaAs diode with a shunt falls to 5.8 nA at
-17.5 mV: its current must rise faster than in proportion, by tunneling for instance. The leak of the
-gate sets both fine values, as the dissertation says for Si. The least that a leaking gate allows
-goes as the root of the conductance at zero bias.
+which is no test of it. Given 170 nA at 100 mV, no InGaAs diode with a shunt falls to 5.8 nA at 17.5
+mV: its current must rise faster than linearly, by tunneling for instance. The leakage of the gate
+sets both fine values, as the dissertation states for Si. The least current with a leaking gate is
+proportional to the root of the conductance at zero bias.
 """
 
 from collections.abc import Mapping, Sequence
@@ -56,14 +56,14 @@ BUILT_FARAD, BUILT_GAIN_DB = 10e-12, 130.0
 STEP_V = DacBias().step_v
 BUILT = ("si", "ingaas")
 _LOWEST_A = {"ingaas": 700e-12, "si": 10.4e-15}
-"""As measured"""
+"""Measured values"""
 _CAPTIONS = {
     "3.2": "As in the dissertation, the saturation current is 100 pA, the capacitance 100 fF, and "
-    "there is no light. The less gain, the more the input moves over the swing, and the more the "
-    "dark current grows with it.",
-    "3.6": "Points are 10–90 % estimates at DAC codes with the presets of the diodes, which have "
-    "neither generation nor tunneling, by which real ones rise faster. The lowest current measured "
-    "with Si needs a bias within 0.08 mV of zero, which one offset in ten leaves; ours is that at "
+    "there is no light. With less gain the input moves more over the swing, and the dark current "
+    "grows more.",
+    "3.6": "Points are 10–90 % estimates at DAC codes with the presets of the diodes, which lack "
+    "the generation and tunneling that make real currents rise faster. The lowest measured current "
+    "with Si needs a bias within 0.08 mV of zero, as one offset in ten gives; ours is that at "
     "half a code. At 100 mV InGaAs discharges in {:.2f} ms, which the bench could not sample.",
 }
 NAMES = {"si": "Si", "ingaas": "InGaAs", "ingaas_quiet": "InGaAs"}
@@ -76,14 +76,14 @@ def built_pixel(diode: str, bias_v: float | Floats, drift_v_s: float = 0.0) -> P
 
 
 def ampere(value: float) -> str:
-    """Three digits with a prefix of the unit, on one line: "10.4 fA"."""
+    """Format three digits with a unit prefix, on one line: "10.4 fA"."""
     return str(EngFormatter(unit="A", sep="\u00a0")(float(f"{value:.3g}")))
 
 
 def dac_sweep(largest_v: float) -> Floats:
     """Reverse biases at DAC codes, about evenly spaced in their logarithm, V.
 
-    The bias closest to zero is half a code, the mean of what an unknown offset leaves.
+    The bias closest to zero is half a code, the mean for an unknown offset.
     """
     codes = np.unique(np.rint(np.geomspace(1, largest_v / STEP_V, 40) - 0.5))
     return np.asarray((codes + 0.5) * STEP_V)
@@ -96,7 +96,7 @@ def decades(diode: str, from_v: float, to_v: float) -> float:
 
 
 def over_bias(axes: Axes, label: str, is_current: bool) -> None:
-    """Make the axes those of a quantity, in decades if it is a current, over the reverse bias."""
+    """Set up axes of a quantity over the reverse bias, logarithmic for a current."""
     axes.set(xscale="log", xlabel="Reverse bias (mV)", ylabel=label)
     axes.xaxis.set_major_formatter("{x:g}")
     if is_current:
@@ -153,8 +153,8 @@ def _figure_3_5(_: Run) -> Figure:
         title="Figure 3.5: CTIA pixel discharging in the dark, Si photodiode",
         caption=(
             "The fabricated pixel (10 pF, 130 dB) has the preset of the SFH229FA and DAC codes "
-            "half a code off zero. Past zero the diode is in forward bias and the pixel does not "
-            "discharge. The dissertation prints no number for this figure."
+            "half a code off zero. Beyond zero the diode is in forward bias and the pixel does not "
+            "discharge. The dissertation prints no numbers for this figure."
         ),
         draw=draw,
         numbers={
@@ -209,7 +209,7 @@ def _output(pixel: Pixel, times: Floats) -> Floats:
 def _draw_discharges(
     axes: Axes, pixels: Mapping[str, Pixel], times: Floats, per_second: float
 ) -> None:
-    """Draw outputs over time, each up to the moment at which the lower rail is reached."""
+    """Draw outputs over time, each until it reaches the lower rail."""
     for place, (label, pixel) in enumerate(pixels.items()):
         shown, output, end = times, _output(pixel, times), _swing_time(pixel)
         if end <= times[-1]:
@@ -223,31 +223,31 @@ LED_A: Mapping[str, tuple[float, float]] = {
 }
 _PHOTOCURRENTS = (
     "Each photocurrent is the difference of two 10–90 % estimates; the model's quantum efficiency "
-    "does not depend on bias. LED1 and LED2 are our choice, {}, for none is printed; the InGaAs "
-    "diode, printed only as less noisy, has the 100 pA of Figure 3.2. A diode with a shunt cannot "
-    "fall by more than 1.30 decades, of which Figure {} tells more."
+    "does not depend on bias. LED1 and LED2 are our choice, {}, as none is printed; the InGaAs "
+    "diode, described only as less noisy, has the 100 pA of Figure 3.2. The current of a diode "
+    "with a shunt cannot fall by more than 1.30 decades; see Figure {}."
 )
 _SNR = (
     "The SNR is 20·log10(photocurrent / dark current). The model allows a rise of 23.0 to 26.0 dB "
-    "between the dotted lines, whatever the size of the diode. Were the true bias {:.2f} mV below "
-    "the one read, where one DAC code is 0.81 mV, the rise would be {:.0f} dB (dashed): our "
-    "inference, to which nothing is fitted."
+    "between the dotted lines, for a diode of any size. With a true bias {:.2f} mV below the read "
+    "one (one DAC code is 0.81 mV) the rise would be {:.0f} dB (dashed): our inference, without a "
+    "fit."
 )
 _TABLE = (
-    "Non-adaptive is the mean over an offset that falls anywhere between two DAC codes, and poor "
-    "the state at 15 mV (Si, from which the preset was made) and 17.5 mV (InGaAs, {:.1f} times "
-    "what was measured: made from 170 nA at 100 mV, no diode with a shunt falls so far). Fine is "
-    "the end of the programming loop, from {:.1f} mV in pulses of 500 µV with a leak of 1.5 µV/s, "
-    "which takes {:.1f} h for Si. The last line is the least that the leak allows, {:.1f} and "
-    "{:.1f} times what was measured: the conductance of the real diodes at zero bias must be "
-    "{:.0f} and {:.0f} times smaller than that of the presets."
+    "Non-adaptive: mean over an offset anywhere between two DAC codes. Poor: the state at 15 mV "
+    "(Si, which defines the preset) and 17.5 mV (InGaAs, {:.1f} times the measured value: given "
+    "170 nA at 100 mV, no diode with a shunt falls so far). Fine: the end of the programming loop, "
+    "from {:.1f} mV in pulses of 500 µV with leakage of 1.5 µV/s, which takes {:.1f} h for Si. "
+    "Last line: the least current with leakage, {:.1f} and {:.1f} times the measured values: the "
+    "conductance of the real diodes at zero bias must be {:.0f} and {:.0f} times smaller than "
+    "that of the presets."
 )
 _HEAD = ("", "Si, printed", "Si, ours", "InGaAs, printed", "InGaAs, ours")
 _STATES = ("Non-adaptive (best)", "Adaptive (poor)", "Adaptive (fine)", "Limit set by the leak")
 
 
 def _photocurrents(number: str, diode: str, decades_printed: str) -> Figure:
-    """Return dark current and photocurrents of two LED intensities against bias."""
+    """Draw dark current and photocurrents of two LED intensities over bias."""
     biases = dac_sweep(1.2)
     dark, *light = _bench(diode, biases)
     ppm = 1e6 * max(1e-6, *(np.ptp(one) / np.mean(one) for one in light))
@@ -282,7 +282,7 @@ def _draw_photocurrents(
 
 
 def _snr(number: str, diode: str, printed_db: float, printed: str) -> Figure:
-    """Return the ratio of photocurrent to dark current against bias."""
+    """Draw the ratio of photocurrent to dark current over bias."""
     biases = dac_sweep(1.2)
     gained = 20 * decades(diode, 20e-3, 1e-3)
     error = bias_error(PHOTODIODES[diode], printed_db)
@@ -340,7 +340,7 @@ def _table_3_1(_: Run) -> Figure:
 
 
 def bias_error(diode: Photodiode, rise_db: float) -> float:
-    """Return by how much the true bias must be below the one read for a given rise of the SNR, V.
+    """Return the error of the read bias that gives a rise of the SNR, V.
 
     The rise is that of the photocurrent over the dark current from 20 mV to 1 mV as read.
     """
@@ -354,7 +354,7 @@ def bias_error(diode: Photodiode, rise_db: float) -> float:
 
 
 def _bench(diode: str, biases: Floats) -> list[Floats]:
-    """Dark current and the two photocurrents as §3.4 estimates them, A."""
+    """Dark current and the two photocurrents as estimated in §3.4, A."""
     one = built_pixel(diode, biases)
     dark = estimate_current(one)
     return [dark, *(estimate_current(one, led) - dark for led in LED_A[diode])]

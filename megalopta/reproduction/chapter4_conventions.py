@@ -4,7 +4,7 @@ EMD looks a hundred times worse there because Eq. 4.5 divides by responses near 
 responses have a density at zero, the mean of |ΔR|/|R| has no limit: with denominators floored at ε
 it grows as log(1/ε). The `ratio` Σ|ΔR|/Σ|R| has no such pixels.
 
-Frames are brought to a flux one by one, as in the dissertation, or by their mean, as a camera sees
+Frames are scaled to a flux one by one, as in the dissertation, or by their mean, as a camera sees
 them; responses are compared with those to the mean counts, or to the light without dark counts.
 """
 
@@ -31,15 +31,15 @@ from megalopta.reproduction.sweep_figure import MeanThreshold, mean_threshold, o
 
 FLUX = 1e7
 FLOORS = np.logspace(-7, 0, 29)
-"""In mean responses"""
+"""In units of the mean response"""
 _FRAMES, _WARM_UP = 60, 30
 _SWEEPS = {"synthetic": "fig-4.8", "natural": "fig-4.11"}
 _COLORS = {"synthetic": BLUE, "natural": ORANGE}
 _CAPTION = (
-    f"The left panel has the error of EMD at {FLUX / 1e6:g} million photons per frame of "
-    f"{SIZE} × {SIZE} px, with the denominators of Eq. 4.5 floored at a share of the mean "
-    "response. The right one has N_2b at 5 px per frame, by the mean of quotients (Eq. 4.5, "
-    "filled) and by the quotient of means (open)."
+    f"Left: error of EMD at {FLUX / 1e6:g} million photons per frame of {SIZE} × {SIZE} px, "
+    "with the denominators of Eq. 4.5 floored at a share of the mean response. Right: N_2b at "
+    "5 px per frame, by the mean of quotients (Eq. 4.5, filled) and by the quotient of means "
+    "(open)."
 )
 
 
@@ -51,7 +51,7 @@ def floored_errors(ideal: Floats, noisy: Floats) -> Floats:
 
 
 def _at_five_px(name: str, is_quick: bool) -> list[Trial]:
-    """The trials of a sweep at 60 × 60 px and 5 px per frame."""
+    """Return the trials of a sweep at 60 × 60 px and 5 px per frame."""
     found = SWEEPS[name].trials
     found = [each for each in found if (each.size, each.velocity_px) == (SIZE, 5)]
     return found[: 2 if is_quick else None]
@@ -152,7 +152,7 @@ _CONVENTIONS: Mapping[str, Mapping[str, str]] = {
 
 
 def _of_convention(name: str, is_quick: bool) -> list[Trial]:
-    """The trials of the forests, without motion blur."""
+    """Return the trials of the forests, without motion blur."""
     return [
         trial.model_copy(update={"search": trial.search.model_copy(update=_CONVENTIONS[name])})
         for trial in _at_five_px("fig-4.11", is_quick)
@@ -165,11 +165,11 @@ def _normalizations(run: Run) -> Figure:
     return Figure(
         title="Two conventions of the benchmark, natural scenes",
         caption=(
-            f"N_2b at 5 px per frame and {SIZE} × {SIZE} px when every frame is brought to the "
-            "flux, as in the dissertation and in Table 4.1, and responses are compared with those "
-            "to the mean counts; the mean of the forests, with the 95 % interval of a single one. "
-            "The factors, least to most of the forests, are those of bringing the mean frame to "
-            "the flux, and of comparing with the light without dark counts."
+            f"N_2b at 5 px per frame and {SIZE} × {SIZE} px if every frame is scaled to the flux, "
+            "as in the dissertation and in Table 4.1, and responses are compared with those to the "
+            "mean counts; mean of the forests, with the 95 % CI of a single one. Factors, least to "
+            "most of the forests, are for scaling the mean frame to the flux, and for comparison "
+            "with the light without dark counts."
         ),
         draw=partial(draw_table, head=_HEAD, rows=lines, widths=(0.8, 1.2, 1.6, 1.9)),
         numbers=columns_of(row for each in found.items() for row in _rows(*each)),
@@ -178,7 +178,7 @@ def _normalizations(run: Run) -> Figure:
 
 
 def _found(method: str, run: Run) -> dict[str, list[MeanThreshold]]:
-    """Return what a method needs of each forest, by convention."""
+    """Return the photons that a method needs in each forest, by convention."""
     return {
         name: [
             mean_threshold([threshold_of(run.results, trial, method, "literal", 2)])
@@ -208,7 +208,7 @@ def _line(method: str, found: Mapping[str, Sequence[MeanThreshold]]) -> list[str
 
 
 def _percent(found: Sequence[MeanThreshold]) -> str:
-    """Return half a typical interval."""
+    """Return half the width of a typical interval."""
     widths = [(or_nan(each.high) - or_nan(each.low)) / each.flux / 2 for each in found]
     return f"{100 * np.nanmedian(widths):.0f} %"
 

@@ -1,9 +1,9 @@
-"""Chapter 4: the photons that motion detectors need, over the parameters of §4.4 and §4.5.
+"""Chapter 4: photons that motion detectors need, over the parameters of §4.4 and §4.5.
 
 `SWEEPS` has every fixed parameter: unless a sweep varies it, contrast 90 %, spatial frequency 5
 cycles per frame, 5 px per frame and 0.1 dark counts per pixel and frame. Pooling levels are those
-that text or captions name. Below each figure stand numbers of its curves beside what the
-dissertation reads off its own.
+of text or captions. Below each figure are numbers of its curves, beside the dissertation's readings
+of its own.
 """
 
 import math
@@ -27,7 +27,7 @@ from megalopta.reproduction.sweep_figure import or_nan, sweep_curve, sweep_figur
 POOLING = (60, 120, 180, 240)
 VELOCITIES = tuple(range(1, 11))
 DARK_COUNTS = (0.1, 1.0, 10.0, 100.0, 1000.0)
-"""Per pixel of the template"""
+"""Dark counts per pixel of the template"""
 
 _FIXED = Trial(search=SearchSettings(bits=(2,), phases=3, frames=4))
 _NATURAL = _FIXED.model_copy(
@@ -36,7 +36,7 @@ _NATURAL = _FIXED.model_copy(
 
 
 class _Axis(NamedTuple):
-    """What a sweep varies: its name, its path in a trial, its values, and the sizes."""
+    """The varied parameter of a sweep: name, path in a trial, values, and sizes."""
 
     name: str
     vary: str
@@ -52,7 +52,7 @@ _POOLING = _Axis("spatial pooling", "size", POOLING)
 
 
 def _gratings(heading: str, axis: _Axis, seen: str = "gratings") -> Sweep:
-    """A sweep that is not checked: that makes all its trials, and few sweeps are asked for."""
+    """Return a sweep without checks, which would build all its trials."""
     title = f"{heading} needed over {axis.name}, {seen}"
     return Sweep.model_construct(
         title=title, trial=_FIXED, vary=axis.vary, values=axis.values, sizes=axis.sizes
@@ -90,7 +90,7 @@ SWEEPS: Mapping[str, Sweep] = {
 PHOTOGRAPHED = _forests(
     "Photons", _VELOCITY._replace(sizes=(60,)), "photographs of natural scenes", coding="srgb"
 )
-"""The dissertation's panoramas are pictures from the web, whose gray values are no light."""
+"""The dissertation's panoramas are web pictures, whose gray values are not linear in light."""
 
 
 @cache
@@ -110,22 +110,22 @@ MOTION = tuple(name for name in THESIS_METHODS if name != "IM")
 
 
 class Quantity(NamedTuple):
-    """A number of the curves of a figure: its name, how it is found, and what is printed of it."""
+    """A number of a figure's curves: name, computation, and printed value."""
 
     name: str
     values: Callable[[Sweep, Results], Iterable[float]]
-    """One for each method and size that it is about; NaN where it was not measured"""
+    """Returns one value per method and size; NaN if not measured"""
     printed: str = "—"
 
 
 def curve(sweep: Sweep, results: Results, method: str, size: int = 0) -> Mapping[float, float]:
-    """Return N_2b by Eq. 4.5 over the varied parameter, where there is one, at one size."""
+    """Return N_2b by Eq. 4.5 over the varied parameter, where defined, at one size."""
     found = sweep_curve(sweep, results, size, method, "literal")
     return {float(value): threshold.flux for value, threshold in found if threshold.flux > 0}
 
 
 def decades_moved(*methods: str) -> Callable[[Sweep, Results], list[float]]:
-    """Return how far curves of methods move, at each size."""
+    """Return the range of curves of methods in decades, at each size."""
 
     def moved(sweep: Sweep, results: Results) -> list[float]:
         curves = [curve(sweep, results, name, size) for name in methods for size in sweep.sizes]
@@ -135,14 +135,14 @@ def decades_moved(*methods: str) -> Callable[[Sweep, Results], list[float]]:
 
 
 def exponents(sweep: Sweep, results: Results, places: tuple[int, int] = (0, -1)) -> list[float]:
-    """Return the power of photons between two values, by default the ends, for all detectors."""
+    """Return the exponent of photons between two values, by default the ends, for all detectors."""
     low, high = (float(sweep.values[place]) for place in places)
     curves = (curve(sweep, results, name, size) for name in MOTION for size in sweep.sizes)
     return [math.log(_at(each, high) / _at(each, low)) / math.log(high / low) for each in curves]
 
 
 def spike_of_block_matching(sweep: Sweep, results: Results) -> list[float]:
-    """Return photons of BM halfway between whole pixels over those beside, at N = 60."""
+    """Return photons of BM halfway between whole pixels over those at whole pixels, at N = 60."""
     photons = curve(sweep, results, "BM", 60)
     return [_at(photons, 6) / max(_at(photons, 5), _at(photons, 7))]
 
@@ -209,13 +209,13 @@ QUANTITIES: Mapping[str, tuple[Quantity, ...]] = {
 
 
 def beside_printed(name: str, sweep: Sweep, results: Results) -> dict[str, tuple[str, str]]:
-    """Return numbers of a figure beside the printed ones, as far as they were measured."""
+    """Return numbers of a figure with the printed ones, if measured."""
     found = {each: span(each.values(sweep, results)) for each in QUANTITIES.get(name, ())}
     return {each.name: (text, each.printed) for each, text in found.items() if text != UNDEFINED}
 
 
 def span(values: Iterable[float]) -> str:
-    """Return the least and the most of values in two digits; a dash where one is not known."""
+    """Format the least and the most of values with two digits; a dash if one is unknown."""
     found = list(values)
     if not found or not np.isfinite(found).all():
         return UNDEFINED

@@ -1,10 +1,10 @@
-"""Chapter 4, §4.2: what the detectors look at, and what a photon tells of its motion.
+"""Chapter 4, §4.2: the detectors' scenes, and their information on motion per photon.
 
 The Poisson bound (`flow.translation_bound`) sums J = (∂λ/∂x)²/λ over a block. Per pixel, at one
-photon per pixel, that is a number of the picture, and of the dark counts beside the photons. The
-variances 1/J that the bound leaves are averaged over the blocks: one over their mean tells what a
-method needs of a picture better than contrast does, which a few bright spots raise that help few
-blocks, and better than the median block.
+photon per pixel, it depends on the picture and on dark counts. The variances 1/J of the bound are
+averaged over the blocks. The inverse of their mean predicts the photons that a method needs better
+than contrast, which is dominated by a few bright spots in few blocks, and better than the median
+block.
 """
 
 import math
@@ -40,13 +40,13 @@ from megalopta.scenes import ToneCurve
 from megalopta.scenes.spectra.color import encode_srgb
 
 POOLED, CYCLES = 60, 4.0
-"""Of Fig. 4.2."""
+"""Parameters of Fig. 4.2."""
 _VARIANTS: tuple[GratingVariant, ...] = ("rot", "periodic")
 _LEAVES_COLUMNS = 753
 _CAPTION = (
-    "Four seeded forests in four lights stand in for the photographs of the dissertation, with "
-    "their fields of view, in cylindrical projection, where turning the camera shifts columns. "
-    "They are shown as sRGB, while templates are linear in light."
+    "Four seeded forests in four lights replace the photographs of the dissertation, with their "
+    "fields of view, in cylindrical projection, where a camera rotation shifts columns. They are "
+    "shown as sRGB; templates are linear in light."
 )
 _STATISTICS = {
     "contrast": "Contrast (σ/mean)",
@@ -69,8 +69,8 @@ def _figure_4_2(_: Run) -> Figure:
         title="Figure 4.2: 2-D sine grating, 4 cycles per frame, 60 × 60 px",
         caption=(
             "The grating is S = 1 + C·sin(2πf·xr)·sin(2πf·yr) in coordinates turned by 45°, with "
-            "C = 1 and nearest-neighbor pooling. The dissertation's rotation (rot) moves √2·f "
-            "cycles per frame, no whole number, so that a circular shift drags a seam along; the "
+            "C = 1 and nearest-neighbor pooling. The dissertation's rotation (rot) has √2·f "
+            "cycles per frame, not a whole number, so a circular shift moves a seam along; the "
             "other variant (periodic) has f cycles and no seam."
         ),
         draw=partial(_draw_4_2, frames=frames),
@@ -126,7 +126,7 @@ def _draw_4_3(
 
 
 def _compared(statistics: Mapping[str, ImageStatistics]) -> dict[str, tuple[str, str]]:
-    """Return the least and the most of the forests, and the dead leaves, of each statistic."""
+    """Return the range over the forests, and the dead leaves, of each statistic."""
     leaves = statistics["dead leaves"]
     table = {}
     for name, what in _STATISTICS.items():
@@ -162,10 +162,10 @@ _SOURCES = (PHOTOGRAPHED, SWEEPS["fig-4.11"])
 _COLUMNS_APART = 25
 _ALIKE = ("BM", "NDM", "NDS")
 _NEED_CAPTION = (
-    f"Points are the least photons per frame of {SIZE} × {SIZE} px, of all velocities, over the "
-    "information on motion along x that a photon brings: the harmonic mean over the blocks of "
-    "(∂λ/∂x)²/λ at one photon per pixel, with the dark counts beside it. Lines are inverse to it, "
-    "through the gray values, and stars stand where they meet the printed thresholds."
+    f"Points: least photons per frame of {SIZE} × {SIZE} px, over all velocities, against the "
+    "information on motion along x per photon: the harmonic mean over blocks of (∂λ/∂x)²/λ at "
+    "one photon per pixel, with dark counts. Lines: inverse proportionality through the gray "
+    "values. Stars: where they meet the printed thresholds."
 )
 _KEY = (
     ("o", BLACK, "forests, gray values"),
@@ -175,7 +175,7 @@ _KEY = (
 
 
 class Need(NamedTuple):
-    """Photons that one method needs of one picture."""
+    """Photons that one method needs for one picture."""
 
     method: str
     picture: str
@@ -184,14 +184,14 @@ class Need(NamedTuple):
     """px⁻² per photon"""
 
     photons: float
-    """Per frame, at the velocity where they are fewest"""
+    """Photons per frame, at the velocity where they are fewest"""
 
 
 def information_per_photon(template: Floats, dark_share: float = 0.0) -> float:
     """Return the information on motion along x in 60 × 60 frames, the harmonic mean of the blocks.
 
-    In px⁻² per pixel at one photon per pixel, of a full turn (251, m) with so many dark counts per
-    photon; 0 when a block has no gradient.
+    In px⁻² per pixel at one photon per pixel, for a full turn (251, m) with `dark_share` dark
+    counts per photon; 0 if a block has no gradient.
     """
     grid = block_grid((SIZE, SIZE))
     turning = MovingTemplate(template, _COLUMNS_APART, SIZE)
@@ -202,9 +202,9 @@ def information_per_photon(template: Floats, dark_share: float = 0.0) -> float:
 
 
 def implied_information(seen: Sequence[Need], printed: float) -> float:
-    """Return the information of the picture of which a method would need the printed photons.
+    """Return the information of a picture for which a method needs the printed photons.
 
-    Thresholds are inverse to it, at the (geometric) mean of the pictures given.
+    Thresholds are inverse to it, at the (geometric) mean of the given pictures.
     """
     products = [each.information * each.photons for each in seen]
     return float(np.exp(np.mean(np.log(products)))) / printed
@@ -216,7 +216,7 @@ def _trials(is_quick: bool) -> list[Trial]:
 
 
 def needed_of(method: str, trials: Sequence[Trial], results: Results, templates: Templates) -> Need:
-    """Return what a method needs of the picture that these trials share."""
+    """Return the photons that a method needs for the common picture of these trials."""
     template = trials[0].template
     assert isinstance(template, PanoramaTemplate)
     found = [threshold_of(results, trial, method, "literal", 2).flux for trial in trials]
@@ -229,7 +229,7 @@ def needed_of(method: str, trials: Sequence[Trial], results: Results, templates:
 
 
 def explained(seen: Sequence[Need], stars: Mapping[str, float]) -> dict[str, tuple[str, str]]:
-    """Return how photons vary with pictures, and what pictures the printed thresholds ask for."""
+    """Return the variation of photons with pictures, and information implied by printed values."""
     gray = {method: _of(seen, method, "srgb") for method in PRINTED}
     ranges = [_quotient([each.photons for each in own]) for own in gray.values()]
     spreads = [
@@ -245,8 +245,8 @@ def explained(seen: Sequence[Need], stars: Mapping[str, float]) -> dict[str, tup
     found = {
         "Photons, most over least picture (gray values)": span(ranges),
         "Photons times information, the same": span(spreads),
-        "Information asked by BM, NDM, NDS over forest open": span(shares),
-        "Information asked by IIA over theirs": span([iia]),
+        "Information implied by BM, NDM, NDS over forest open": span(shares),
+        "Information implied by IIA over theirs": span([iia]),
     }
     return {what: (text, "—") for what, text in found.items()}
 

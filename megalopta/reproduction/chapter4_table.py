@@ -1,4 +1,4 @@
-"""Table 4.1, the fewest photons for two bits, the times of §4.6.4, and the page of Chapter 4."""
+"""Table 4.1, the fewest photons for two bits; the times of §4.6.4; the page of Chapter 4."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -37,37 +37,36 @@ PRINTED: Mapping[str, tuple[float, float]] = {
 """Photons per frame on synthetic and natural images."""
 
 NOTE = (
-    "Each line is the least N_2b, in photons per frame of 60 × 60 px, of all spatial frequencies f "
-    "and velocities v (synthetic), or of all velocities with and without motion blur as the mean "
-    "of the forests (natural; photo: in gray values). Brackets hold the 95 % interval of the one "
-    "experiment named, which does not hold for the least of many, or the least and the most of "
-    "the forests. Σ|Δ|/Σ|R| is N_2b by the quotient of means, which does not divide by responses "
-    "near zero."
+    "Each line is the least N_2b, in photons per frame of 60 × 60 px, over all spatial frequencies "
+    "f and velocities v (synthetic), or over all velocities with and without motion blur, mean of "
+    "the forests (natural; photo: in gray values). Brackets: 95 % CI of the named experiment, "
+    "which is not one of the least of many, or range over the forests. Σ|Δ|/Σ|R|: N_2b by the "
+    "quotient of means, which does not divide by responses near zero."
 )
 SIZE = 60
 _HEAD = ("", "Thesis", "Ours", "Ratio", "95 % or forests", "Found at", "Σ|Δ|/Σ|R|")
 _WIDTHS = (1.5, 0.9, 0.9, 0.7, 1.6, 1.6, 1.1)
 TABLE = "table-4.1"
-_TITLE = "How many photons motion detectors need"
+_TITLE = "Photons that motion detectors need"
 _SUMMARY = (
     "Chapter 4 of the dissertation, measured again: N_2b, the photons per frame at which the error "
-    "that photon noise makes falls to 25 %."
+    "by photon noise falls to 25 %."
 )
 _DIFFERENT = {
-    "The numbers to the digit": "The text leaves open how the filters are discretized, whether NDM "
-    "is rectified, which blocks and frames are scored and how a curve is interpolated. The choices "
-    "here were made after the fact, from about fifteen variants; where numbers agree, they are "
-    "consistent with the dissertation, not those of its program.",
+    "The numbers to the digit": "The text does not state how filters are discretized, whether NDM "
+    "is rectified, which blocks and frames are scored, and how a curve is interpolated. These "
+    "choices were made afterwards, from about fifteen variants; matching numbers agree with "
+    "the dissertation, but not those of its program.",
     "The natural column": "The photographs came from the web and are not published. Forests "
-    "rendered by this project take their place, with the same fields of view; the rows “photo” "
-    "take their gray values. What a threshold depends on is measured in the figure "
-    "natural-information: the information on motion that a photon brings.",
-    "Single velocities of IIA": "Interpolation between whole pixels is nearly exact where the "
-    "shift is nearly one pixel of the resized frames, and not elsewhere.",
-    "EMD on natural scenes": "Eq. 4.5 divides by the ideal response of every single pixel, and "
+    "rendered by this project replace them, with the same fields of view; the rows “photo” use "
+    "their gray values. The figure natural-information shows what thresholds depend on: the "
+    "information on motion per photon.",
+    "Single velocities of IIA": "Interpolation between whole pixels is nearly exact only where the "
+    "shift is nearly one pixel of the resized frames.",
+    "EMD on natural scenes": "Eq. 4.5 divides by the ideal response of every pixel, and "
     "EMD's passes through zero: the mean has no limit. The quotient of means in the last column "
     "does not divide by zero.",
-    "Points of BM without N_2b": "At low velocities BM reads rest in most blocks of the clean "
+    "Points of BM without N_2b": "At low velocities BM gives zero in most blocks of the clean "
     "frames, and its error is 0/0.",
 }
 _SOURCES: Mapping[str, tuple[Sweep, ...]] = {
@@ -78,7 +77,7 @@ _SOURCES: Mapping[str, tuple[Sweep, ...]] = {
 
 
 class Least(NamedTuple):
-    """The least N_2b of some sweeps, and where it was found."""
+    """The least N_2b of some sweeps, and its parameters."""
 
     threshold: MeanThreshold
     where: str
@@ -175,7 +174,7 @@ def _fluxes(rows: Sequence[Mapping[str, Any]], images: str, metric: Metric) -> d
 def write_page(out: Path, figures: Sequence[Figure]) -> Path:
     """Write chapter-4.html beside the pictures of some figures, one of them Table 4.1.
 
-    Figures of other chapters are passed over. Returns the path of the page.
+    Figures of other chapters are ignored. Returns the path of the page.
     """
     known = names("chapter-4")
     figures = [figure for figure in figures if figure.name in known]
@@ -192,10 +191,10 @@ def write_page(out: Path, figures: Sequence[Figure]) -> Path:
     sections = [
         Section("Table 4.1", NOTE, _HEAD, tuple(map(tuple, _lines(rows)))),
         Section("This run", "", ("", "ours", "printed"), tuple(compared)),
-        Section("What cannot be matched, and why", body=listed("words", _DIFFERENT.items())),
+        Section("Differences, and their reasons", body=listed("words", _DIFFERENT.items())),
         Section("Figures", body=block("", *pictures)),
     ]
-    quick = " Quick form: fewer values, sizes and forests than the dissertation has."
+    quick = " Quick form: fewer values, sizes and forests than in the dissertation."
     summary = _SUMMARY + (quick if table.details.get("quick") else "")
     write_sections(out / "chapter-4.html", _TITLE, summary, sections)
     return out / "chapter-4.html"
@@ -230,9 +229,9 @@ def _times(run: Run) -> Figure:
     lines = [_times_line(*each) for each in times.items()]
     columns = zip(*times.values(), strict=True)
     return Figure(
-        title="Computing time per frame (ms), beside that of §4.6.4",
-        caption="Ours is the CPU time on this machine of a frame whose predecessors are known, the "
-        "median of three runs, from counts of 10 photons per pixel to responses. The dissertation "
+        title="Computing time per frame (ms), with that of §4.6.4",
+        caption="Ours: CPU time on this machine for a frame with known predecessors, median of "
+        "three runs, from counts of 10 photons per pixel to responses. The dissertation "
         "used MATLAB on an Intel Core i5-5300U at 2.3 GHz.",
         draw=partial(draw_table, head=["", *head], rows=lines, widths=WIDTHS),
         numbers={

@@ -1,13 +1,12 @@
-"""The leaderboard of velocity methods, the limit of Poisson matching, and motion detected at all.
+"""Leaderboard of velocity methods, limit of Poisson matching, and detection of motion.
 
-All bounds take no block as mistaken, which no method can at few photons. One takes the texture as
-known; the other knows its power spectrum alone, so that it says what two or eight frames can tell.
-Methods may draw on the margin of a block, so that the bound of the block alone does not limit them
-strictly; that of block and margin, in the table of numbers, does. The bound holds for unbiased
-methods: one that smooths over its neighbors or leans toward a fixed velocity can exceed an
-efficiency of 1 and still be wrong.
+All bounds assume no outliers, which no method avoids at few photons. One assumes a known texture;
+the other a known power spectrum alone, so that it depends on two or eight frames. Methods may use
+the margin of a block, so that the bound of the block alone is not a strict limit; that of block and
+margin, in the table of numbers, is. The bound holds for unbiased methods: one that smooths over
+neighbors or favors a fixed velocity can exceed an efficiency of 1 and still be wrong.
 
-Textures of the detection of motion have equal contrast in all octaves. Its fluxes do not count dark
+Textures for the detection of motion have equal contrast in all octaves. Fluxes there exclude dark
 counts.
 """
 
@@ -66,22 +65,22 @@ MATCHING = ("PM", "PPM")
 DRAWS = 12
 _BLOCK, _CUT = (f"{side} × {side} px" for side in (GRID.block_px, GRID.block_px + 2 * MARGIN_PX))
 _POOLED_SEQUENCES = 2
-"""Eight frames a draw: fewer sequences do."""
+"""Fewer sequences suffice with eight frames per draw."""
 
 
 _EFFICIENCY = (
     f"Dead leaves of 240 × 240 px drift by {SPEED_PX:.2f} px per frame; the efficiency is "
     f"the bound over the variance, both over x and y, of {DRAWS} draws of the photons, in "
-    "the median block. Each method is held against the bound of the frames that it "
+    "the median block. Each method is compared with the bound of the frames that it "
     f"sees ({{}}) and of the {_BLOCK} of a block alone, though it sees "
-    f"whole frames: the bound of {_CUT} asks for "
-    "{:.2f} times the photons. The variance leaves out "
+    f"whole frames: the bound of {_CUT} needs "
+    "{:.2f} times the photons. The variance excludes "
     "bias, so a biased method can exceed 1 and still be wrong."
 )
 
 
 def leaderboard(_: Run) -> Figure:
-    """Photons, efficiency and time of every method that gives the velocity of blocks."""
+    """Draw photons, efficiency and time of every method that gives the velocity of blocks."""
     clean = sequences()
     entries = ranked(clean, METHODS)
     two, eight = bounds(clean, 2), bounds(clean, 8)
@@ -93,11 +92,11 @@ def leaderboard(_: Run) -> Figure:
         caption=(
             f"In {len(clean)} sequences of dead leaves of 240 × 240 px, which drift by "
             f"{SPEED_PX:.2f} px per frame, each method sees one block of {_BLOCK} with a margin of "
-            f"{MARGIN_PX} px and nothing else; on whole frames and photographs, which this run "
-            "does not measure, another order holds. Beside each bar (whiskers: 95 % of bootstraps; "
-            f"hatched: never below 25 % up to {format_flux(FLUXES[-1])} photons) stand its photons "
-            "per frame, the share of them that the bound of as many frames needs where the texture "
-            "is known (green: only its power spectrum is), and CPU time per frame. "
+            f"{MARGIN_PX} px and nothing else; on whole frames and photographs, which are not "
+            "measured here, the order differs. Beside each bar (whiskers: 95 % CI by bootstrap; "
+            f"hatched: never below 25 % up to {format_flux(FLUXES[-1])} photons): photons per "
+            "frame, the share of them at the bound of as many frames with known texture (green: "
+            "only its power spectrum is known), and CPU time per frame. "
             f"{frames_collected(entries)}"
         ),
         draw=lambda canvas: _draw_board(canvas.subplots(), entries, two, eight),
@@ -136,7 +135,7 @@ def _row(entry: BlockPhotons, two_frame_bound: float) -> dict[str, Cell]:
 
 
 def frames_collected(entries: Sequence[BlockPhotons]) -> str:
-    """Say which methods see more than two frames."""
+    """Return a sentence on methods that see more than two frames."""
     many = []
     for each in entries:
         if each.frames > 2:
@@ -149,7 +148,7 @@ def frames_collected(entries: Sequence[BlockPhotons]) -> str:
 
 
 def efficiency(_: Run) -> Figure:
-    """Bound over variance of Poisson matching in two and in eight frames, against the flux."""
+    """Draw bound over variance of Poisson matching in two and in eight frames, over the flux."""
     clean = sequences()
     curves, two = {}, bounds(clean, 2)
     for name in MATCHING:
@@ -190,7 +189,7 @@ def _draw_board(
     two: Bounds,
     eight: Bounds,
 ) -> None:
-    """Draw a bar for each method, and the bounds of two and eight frames."""
+    """Draw a bar per method, and the bounds of two and eight frames."""
     for place, entry in enumerate(entries):
         _draw_entry(axes, entry, place)
     for color, texture in ((ORANGE, "known"), (GREEN, "unknown")):
@@ -239,8 +238,8 @@ ROC_FLUX = 3e4
 _CAPTION = (
     f"Textures of {100 * CONTRAST:g} % rms contrast move by {SPEED_COLUMNS * SIZE / COLUMNS:.2f} "
     f"px per frame, with {DARK_COUNTS:.2f} dark counts per pixel; each block of {SIZE // 10} × "
-    f"{SIZE // 10} px in frames of {SIZE} × {SIZE} px has one response, a velocity or a mean, but "
-    "PC one for the whole frame. The measure d′ is √2·Φ⁻¹(area under the ROC), which "
+    f"{SIZE // 10} px in frames of {SIZE} × {SIZE} px has one response, a velocity or a mean; PC "
+    "has one for the whole frame. d′ is √2·Φ⁻¹(area under the ROC), which "
     f"{RESPONSES:,} responses limit to {{:.1f}} (dotted); NDM and NDS do not depend on direction. "
     "A false alarm exceeds half of the median noise-free response to motion; the ROC is that at "
     "{} photons per frame."
@@ -250,7 +249,7 @@ _CAPTION = (
 def detection_figure(
     methods: Sequence[Method] | None = None, fluxes: Sequence[float] = DETECTION_FLUXES
 ) -> Figure:
-    """d′ against photons per frame, false alarms, and one ROC, for all methods or some."""
+    """Draw d′ over photons per frame, false alarms, and one ROC, for all methods or some."""
     detectors = [method(each) for each in methods or METHODS if methods or each != "IM"]
     at_flux = [detections(detectors, flux) for flux in fluxes]
     found = dict(zip((each.name for each in detectors), zip(*at_flux, strict=True), strict=True))
@@ -258,7 +257,7 @@ def detection_figure(
 
     return Figure(
         name="detection",
-        title="Detecting motion and its direction, over the photons per frame",
+        title="Detection of motion and its direction by photons per frame",
         caption=_CAPTION.format(_limit(), format_flux(shown)),
         draw=partial(_draw_panels, found=found, roc_flux=shown),
         numbers=columns_of(

@@ -1,6 +1,6 @@
-"""Velocities on whole frames, and the camera's own motion in forests, over the photons per pixel.
+"""Velocities on whole frames, and camera motion in forests, by photons per pixel.
 
-Unlike the leaderboard of isolated blocks, methods see all that is around a block, motion differs
+Unlike on the leaderboard of isolated blocks, methods see everything around a block, motion varies
 from place to place, and it has edges.
 """
 
@@ -46,28 +46,27 @@ from megalopta.reproduction.drawing import FigureRecipe, Run
 _LEAVES, _PANORAMAS = "Dead leaves, four motions", "Forests, a turning camera"
 _PARALLAX = "Forests, a flying camera"
 _DRAWS = {_LEAVES: 1, _PANORAMAS: 1, _PARALLAX: 3}
-"""Of the photons of each scene: there are few flights"""
+"""Photon draws of each scene: there are few flights"""
 
 _FRAMES, _PAIR = 8, 2
 _CAPTION = (
-    "Methods see frames of {} px, of {} scenes, as they are; drawn is the mean over scenes of the "
-    f"median over blocks of {BLOCK_PX} × {BLOCK_PX} px of the distance from their true mean "
-    "velocity, with what holds it in 95 % of bootstraps over scenes. A median does not tell how "
-    "far off the worse half is: the mean over blocks and the share beyond "
-    f"{FAR_PX:g} px stand in the file of numbers. On dead leaves the velocity is affine and "
-    "differs in three disks; forests are panoramas seen by a camera that only turns{}; √ is a "
-    "method that sees roots of counts, 4+4 one that sees sums of four frames."
+    "Methods see whole frames of {} px, of {} scenes. Curves: mean over scenes of the median "
+    f"endpoint error of blocks of {BLOCK_PX} × {BLOCK_PX} px against their true mean velocity, "
+    "with 95 % CI by bootstrap over scenes. A median says nothing about the worse half: the "
+    "file of numbers has the mean over blocks and the share beyond "
+    f"{FAR_PX:g} px. On dead leaves the velocity is affine and differs in three disks; forests "
+    "are panoramas seen by a rotating camera{}. √: on square roots of counts; 4+4: on sums of "
+    "four frames."
 )
 _FLOWN = (
-    ", or rendered with parallax ({} draws of photons each), where up to {:.1f} % of a pixel "
-    "flickers"
+    ", or rendered with parallax ({} photon draws each), with flicker of up to {:.1f} % of a pixel"
 )
 
 
 def whole_frames(run: Run, methods: Sequence[Method] | None = None) -> Figure:
-    """Return median endpoint errors on dead leaves and in forests; in quick form of fewer scenes.
+    """Draw median endpoint errors on dead leaves and in forests; fewer scenes in quick form.
 
-    Forests past which a camera flies take minutes to render, so that quick form is without.
+    Forests with a flying camera take minutes to render and are not part of the quick form.
     """
     clips, flicker = _clips(run)
     chosen = methods or methods_and_baselines(_FRAMES)
@@ -82,7 +81,7 @@ def whole_frames(run: Run, methods: Sequence[Method] | None = None) -> Figure:
     size = " × ".join(map(str, clips[_LEAVES][0].light.shape[1:]))
     return Figure(
         name="whole-frames",
-        title="Median errors of velocity methods on whole frames, over the photons per pixel",
+        title="Median errors of velocity methods on whole frames, by photons per pixel",
         caption=_CAPTION.format(size, number, flown),
         draw=partial(_draw_boards, boards=boards),
         numbers=columns_of(row for kind, board in boards.items() for row in _rows(kind, board)),
@@ -92,7 +91,7 @@ def whole_frames(run: Run, methods: Sequence[Method] | None = None) -> Figure:
 
 
 def _clips(run: Run) -> tuple[dict[str, list[FlowClip]], float]:
-    """Return the scenes of each kind, and by which share a pixel flickers at most."""
+    """Return the scenes of each kind, and the largest flicker of a pixel."""
     templates = natural_templates(run.cache)
     if run.is_quick:
         few = dict(list(templates.items())[:2])
@@ -134,7 +133,7 @@ def _median(board: Board, detector: BlockDetector, flux: float) -> tuple[float, 
 
 
 def _best(kind: str, board: Board) -> Iterator[dict[str, Cell]]:
-    """Yield which has the least mean of medians at each flux, and whose intervals reach it."""
+    """Yield the method of least mean median at each flux, and those whose intervals reach it."""
     for frames, some in _by_frames(board).items():
         for flux in board.fluxes if some else ():
             found = {each.name: _median(board, each, flux) for each in some}
@@ -150,7 +149,7 @@ def _by_frames(board: Board) -> dict[str, list[BlockDetector]]:
 
 
 def _draw_boards(canvas: Canvas, boards: Mapping[str, Board]) -> None:
-    """Draw a row of panels for each kind of scenes, a column for each number of frames."""
+    """Draw a row of panels per kind of scenes, a column per number of frames."""
     panels = canvas.subplots(
         len(boards) + 1, 2, sharex=True, height_ratios=(*[1] * len(boards), 0.42)
     )
@@ -170,18 +169,18 @@ def _draw_boards(canvas: Canvas, boards: Mapping[str, Board]) -> None:
 
 _YAW, _HEADING_DEG = 0.05, 5.0
 _MOTION_CAPTION = (
-    "Root mean square error of the yaw rate over that of the rate ({:.2f}° per frame), and median "
-    "error of the heading, in {} windows of eight frames of {} flights, {} draws of photons each "
-    "({} × {} px, a pixel flickers by {:.0f} % by rendering); whiskers hold 95 % of bootstraps "
-    "over windows. Summed: answers weighted as was learned from a flight's first half without "
-    "noise, averaged over seven pairs; fitted: the motion that fits the flow of blocks; "
-    "likelihood: that under which the counts are most likely. Only sums learn from these forests, "
-    "and nothing but the camera moves in them: what moves by itself would mislead all ways."
+    "RMS error of the yaw rate relative to its RMS ({:.2f}° per frame), and median error of the "
+    "heading, in {} windows of eight frames of {} flights, {} photon draws each ({} × {} px, "
+    "flicker of a pixel by rendering {:.0f} %); whiskers: 95 % CI by bootstrap over windows. "
+    "Summed: responses with weights learned from a flight's noise-free first half, averaged over "
+    "seven pairs; fitted: the motion that best fits the flow of blocks; likelihood: the motion of "
+    "maximum likelihood of the counts. Only sums learn from these forests. Only the camera moves: "
+    "moving objects would mislead all estimators."
 )
 
 
 def camera_motion(run: Run) -> Figure:
-    """Yaw rate and heading from one likelihood, from flow, and from weighted sums of answers."""
+    """Draw yaw rate and heading by likelihood, from flow, and from weighted sums of responses."""
     fluxes, draws = (FLIGHT_FLUXES[::2], 1) if run.is_quick else (FLIGHT_FLUXES, FLIGHT_DRAWS)
     views = forest_flights(1 if run.is_quick else FLIGHTS)
     frames = sum(view.trajectory.frames for view in views.values())
@@ -200,7 +199,7 @@ def camera_motion(run: Run) -> Figure:
     windows = len(board.true_yaw_deg)
     return Figure(
         name="camera-motion",
-        title="Errors of the camera's own motion in forests with parallax",
+        title="Errors of camera motion in forests with parallax",
         caption=_MOTION_CAPTION.format(
             board.rms_yaw_deg, windows, len(views), draws, columns, rows, 100 * flicker
         ),
@@ -224,7 +223,7 @@ def _motion_row(board: FlightErrors, way: str, flux: float) -> Mapping[str, Cell
 
 
 def _reach(board: FlightErrors, way: str) -> tuple[str, str]:
-    """Return the light from which on each error is small."""
+    """Return the light from which each error is small."""
     fluxes = board.fluxes
     yaw = _light_for(fluxes, [board.yaw(way, flux).value for flux in fluxes], _YAW)
     headings = [found.value for flux in fluxes if (found := board.heading(way, flux))]
@@ -259,13 +258,13 @@ def _draw(canvas: Canvas, board: FlightErrors) -> None:
 
 
 def _parts(found: Sequence[Interval]) -> tuple[Floats, Floats]:
-    """Return values, and what holds them, (2, fluxes)."""
+    """Return values and their intervals, (2, fluxes)."""
     middle, *ends = np.array(found, float).T
     return middle, np.array(ends)
 
 
 def _style(name: str) -> Mapping[str, Any]:
-    """Return the look of a way: that of its method, dashed by what is made of it, or black."""
+    """Return the style of an estimator: its method's, dashed by kind, or black."""
     method, _, how = name.partition(", ")
     if how:
         dash = ":" if how == "summed" else "--"

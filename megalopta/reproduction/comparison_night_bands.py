@@ -1,9 +1,9 @@
-"""Figure "night-bands": what a SPAD and an InGaAs CTIA array see of a dark forest's floor.
+"""Figure "night-bands": a dark forest's floor by a SPAD array and an InGaAs CTIA array.
 
-Contrast between neighbors is what motion detectors live on. Of two renderings with independent
-noise the product of differences has the noise-free square as its mean. What a device can tell of
-motion is the Poisson bound's sum over a block, the squared slope over the variance of the reading
-(`flow.metrics`): counts in another band, and in the dark, are noise to the rest.
+Motion detectors rely on contrast between neighbors. The product of differences in two renderings
+with independent noise has the noise-free square as its mean. The information on motion from a
+device is the Poisson bound's sum over a block, the squared slope over the variance of the reading
+(`flow.metrics`): counts in another band, and in the dark, are noise.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -26,18 +26,18 @@ from megalopta.sensor import IMAGE_SENSORS, ImageSensor, expectation
 FLOOR_BANDS_NM = tuple((float(low), float(low + 100)) for low in range(400, 1700, 100))
 FLOOR_LIGHT = Light(level="starlight", sky="natural")
 _DEPTH = 12
-"""Most bounces but one; leaves absorb little beyond 700 nm, and 8 leave 2 % of the light out."""
+"""Path depth; leaves absorb little beyond 700 nm, and 8 would omit 2 % of the light."""
 
 DEVICES = "array-12x4", "ctia_ingaas_quiet"
 EXPOSURE_S = 0.1
-"""Of both."""
+"""Exposure of both."""
 BLOCK_PX = 8
 _CAPTION = (
     "Forest `rainforest` under a natural starlit sky, {0} × {0} px of 60°, in bands of 100 nm; "
     "leaves absorb little beyond 700 nm, so more of the infrared comes down. "
-    f"Events in {EXPOSURE_S:g} s and a band are of the presets {DEVICES[0]} and {DEVICES[1]}, with "
-    "lens, pixel and efficiency of their own; dotted lines are those in the dark. Contrast is the "
-    "root mean square difference of neighbors along rows over the mean, without rendering noise."
+    f"Events in {EXPOSURE_S:g} s per band of the presets {DEVICES[0]} and {DEVICES[1]}, each with "
+    "its lens, pixel and efficiency; dotted: in the dark. Contrast is the RMS difference of "
+    "neighbors along rows over the mean, without rendering noise."
 )
 Reals = NDArray[np.float32]
 _KINDS = "silicon SPAD", "InGaAs CTIA"
@@ -49,13 +49,13 @@ class SeenFloor:
     """Signal and noise of a device that sees the floor for one exposure."""
 
     events: Floats
-    """(B,): of light, mean over the pixels; 0 where the device is blind."""
+    """(B,): events by light, mean over the pixels; 0 where the device is blind."""
     dark: float
-    """The same in the dark."""
+    """Events in the dark."""
     noise: float
     """Root of the mean variance of the reading, in its unit."""
     error_px: float
-    """Least standard error of motion along a row, of a block of 8 × 8 px, two frames."""
+    """Least standard error of motion along a row, for a block of 8 × 8 px, two frames."""
 
 
 @cache
@@ -80,10 +80,10 @@ def floor_passes(
 
 
 def contrast(first: Reals, second: Reals) -> tuple[Floats, Floats]:
-    """Root mean square difference of neighbors along rows over the mean, and its error, (B,).
+    """RMS difference of neighbors along rows over the mean, and its error, (B,).
 
-    Of two renderings (H, W, B). The error is that of finding it with so many pixels, as if rows
-    were independent; both are NaN where noise hides the contrast.
+    From two renderings (H, W, B). The error is for this number of pixels, as if rows were
+    independent; both are NaN where noise hides the contrast.
     """
     light = np.sqrt(first.mean(axis=(0, 1)) * second.mean(axis=(0, 1)))
     products = np.diff(first / light, axis=1) * np.diff(second / light, axis=1)
@@ -94,7 +94,7 @@ def contrast(first: Reals, second: Reals) -> tuple[Floats, Floats]:
 
 
 def seen_by(passes: tuple[Reals, Reals], sensor: ImageSensor) -> SeenFloor:
-    """Return what a device sees of the floor, `passes` of (H, W, B) in `FLOOR_BANDS_NM`."""
+    """Return a device's signal and noise at the floor, `passes` (H, W, B) in `FLOOR_BANDS_NM`."""
     curve = sensor.efficiency
     inside = [
         curve.wavelengths_nm[0] <= low and high <= curve.wavelengths_nm[-1]
@@ -127,7 +127,7 @@ def _figure(run: Run) -> Figure:
     }
     size = len(passes[0])
     return Figure(
-        title="The floor of a rain forest by starlight, seen by silicon and by InGaAs",
+        title="The floor of a rain forest by starlight, with silicon and with InGaAs",
         caption=_CAPTION.format(size),
         draw=partial(_draw, numbers=numbers, dark=[each.dark for each in seen]),
         numbers=numbers,
@@ -145,7 +145,7 @@ def _figure(run: Run) -> Figure:
 
 
 def _numbers(passes: tuple[Reals, Reals]) -> dict[str, Floats]:
-    """Return light and contrast of the bands, of two renderings."""
+    """Return light and contrast of the bands, from two renderings."""
     light = FLOOR_LIGHT.resolved().spectrum()
     sharp, error = contrast(*passes)
     return {

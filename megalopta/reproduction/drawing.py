@@ -1,8 +1,8 @@
-"""Figures and tables of the dissertation, drawn again from the models of this package.
+"""Reproduce figures and tables of the dissertation with the models of this package.
 
-Each becomes a picture to look at (PNG), one to print (SVG) and the numbers behind it (CSV, and JSON
-with parameters and intervals). The bytes depend on the versions of this package, of NumPy and of
-matplotlib only; those of table-4.times and leaderboard on the machine as well.
+Each becomes a picture to look at (PNG), one to print (SVG) and its numbers (CSV, and JSON with
+parameters and intervals). The bytes depend only on the versions of this package, of NumPy and of
+matplotlib; those of table-4.times and leaderboard also on the machine.
 """
 
 import multiprocessing
@@ -35,7 +35,7 @@ _PREFIXES = "chapter2", "chapter3", "chapter4", "comparison"
 GROUPS: dict[str, tuple[str, ...]] = {
     prefix.replace("chapter", "chapter-"): (prefix,) for prefix in _PREFIXES
 }
-"""Names that stand for all figures of some modules"""
+"""Names of groups: all figures of some modules"""
 GROUPS["all"] = _PREFIXES
 
 Templates: TypeAlias = Mapping[Template, Floats]
@@ -43,38 +43,38 @@ Templates: TypeAlias = Mapping[Template, Floats]
 
 @dataclass(frozen=True)
 class Run:
-    """Data that figures are made from, the same for all that are asked for at once."""
+    """Common data of all requested figures."""
 
     is_quick: bool = False
     results: Results = field(default_factory=dict)
-    """Of the trials of all of them"""
+    """Results of all trials"""
 
     templates: Templates = field(default_factory=dict)
-    """The pixels of the trials' templates"""
+    """Pixels of the trials' templates"""
 
     cache: Path | None = None
-    """Folder of rendered panoramas; by default the user's"""
+    """Folder of rendered panoramas; default: the user's"""
 
 
 @dataclass(frozen=True)
 class FigureRecipe:
-    """A figure under its name, with the trials of the flow benchmark that it rests on.
+    """A named figure, with its trials of the flow benchmark.
 
-    These are known before they are run, so that figures share them.
+    Trials are known before they are run, so that figures share them.
     """
 
     name: str
-    """As on the command line and in file names"""
+    """Name, on the command line and in file names"""
 
     figure: Callable[[Run], Figure]
     trials: Callable[[bool], Sequence[Trial]] = lambda is_quick: ()
-    """Whether in quick form, to the trials"""
+    """Maps quick form to the trials"""
 
     page: Callable[[Path, Sequence[Figure]], Path] | None = None
     """Writes a page into a folder, about all figures drawn there"""
 
     def make(self, run: Run) -> Figure:
-        """Return the figure; one that rests on fewer trials says so, in title and numbers."""
+        """Return the figure; one with fewer trials says so, in title and numbers."""
         made = replace(self.figure(run), name=self.name)
         if not (run.is_quick and self.trials(True)):
             return made
@@ -83,20 +83,20 @@ class FigureRecipe:
 
 
 def find(name: str) -> list[FigureRecipe]:
-    """Return the recipe of this name, or all of a group; imports no more modules than it needs.
+    """Return the recipe of a name, or all of a group; imports only the modules needed.
 
-    Raises UserError when there is none.
+    Raises UserError if there is none.
     """
     if name in GROUPS:
         return sorted(_recipes(*GROUPS[name]), key=_place)
-    # fig-2.9 is in chapter2, most likely
+    # fig-2.9 is most likely in chapter2
     likely = sorted(_PREFIXES, key=lambda prefix: f"-{prefix[-1]}." not in name)
     for recipe in _recipes(*likely):
         if recipe.name == name:
             return [recipe]
     known = (*GROUPS, *names())
     near = get_close_matches(name, known, n=3, cutoff=0.4)
-    hint = f"did you mean {' or '.join(near)}?" if near else f"there are {', '.join(known)}"
+    hint = f"did you mean {' or '.join(near)}?" if near else f"the figures are {', '.join(known)}"
     raise UserError(f"reproduce: no figure {name!r}; {hint}")
 
 
@@ -121,19 +121,19 @@ def _place(recipe: FigureRecipe) -> list[str | int]:
 Result = TypeVar("Result")
 
 _tasks: Sequence[Callable[[], Any]] = ()
-"""Those of the processes that are forked next."""
+"""Tasks of the processes to be forked next."""
 
 
 @dataclass(frozen=True)
 class Means:
-    """Means to measure trials of the flow benchmark with; they change no number."""
+    """Resources for trials of the flow benchmark; they change no number."""
 
     workers: int | None = None
-    """Threads that measure; by default one for each core."""
+    """Threads; default: one per core."""
     cache: Path | None = None
-    """Folder of rendered panoramas; by default the user's."""
+    """Folder of rendered panoramas; default: the user's"""
     scheduler: str | None = None
-    """Address of a Dask cluster that measures instead of threads."""
+    """Address of a Dask cluster to use instead of threads."""
 
 
 _THREADS = Means()
@@ -142,13 +142,12 @@ _THREADS = Means()
 def reproduce(
     figures: Sequence[str], out: Path, is_quick: bool = False, means: Means = _THREADS
 ) -> list[Path]:
-    """Write NAME.png, NAME.svg, NAME.csv and NAME.json of every figure named; return their paths.
+    """Write NAME.png, NAME.svg, NAME.csv and NAME.json of every named figure; return their paths.
 
     Names may be those of `GROUPS`. Results of the flow benchmark are kept in the folder `trials` of
-    `out`, and are not measured again. Quick forms of the figures of Chapter 4 are drawn into its
-    folder `quick`: whole ones stay as they are. With Table 4.1 comes a page, chapter-4.html. Raises
-    UserError when a name is unknown, none is given or the folder is a file; nothing is written
-    then.
+    `out`, and not measured again. Quick forms of the figures of Chapter 4 go to its folder `quick`:
+    complete ones are kept. Table 4.1 comes with a page, chapter-4.html. Raises UserError if a name
+    is unknown, none is given or the folder is a file; nothing is written then.
     """
     if not figures:
         raise UserError(f"reproduce: name at least one figure of {', '.join(names())}")
@@ -162,7 +161,7 @@ def reproduce(
 
 
 def reproduce_sweep(name: str, sweep: Sweep, out: Path, means: Means = _THREADS) -> list[Path]:
-    """Measure a sweep and write its figure under this name; else as `reproduce`."""
+    """Measure a sweep and write its figure under this name; otherwise as `reproduce`."""
     ensure_directory(out)
     measured = _measure(sweep.trials, out, False, means)
     return write_figure(sweep_figure(name, sweep, measured.results), out)
@@ -184,12 +183,11 @@ def _write_figures(figures: Sequence[Figure], out: Path) -> list[Path]:
 
 
 def side_by_side(tasks: Sequence[Callable[[], Result]]) -> Iterator[Result]:
-    """Yield what tasks return, in their order, done in several processes at once.
+    """Yield the results of tasks, in order, computed in several processes at once.
 
-    Drawing holds Python's lock, and figures hold functions and arrays that cannot be sent to
-    another process; one that is forked has them. Where processes are not forked, or Mitsuba runs,
-    whose threads do not survive it, one thing is done after the other. A process ends with the one
-    that forked it. What tasks return must be fit to be sent.
+    Drawing holds the GIL, and figures hold functions and arrays that cannot be pickled; a forked
+    process has them. Without fork, or if Mitsuba runs, whose threads do not survive it, tasks run
+    one after the other. A process ends with its parent. Results must be picklable.
     """
     global _tasks
     workers = min(os.cpu_count() or 1, len(tasks))
@@ -201,24 +199,24 @@ def side_by_side(tasks: Sequence[Callable[[], Result]]) -> Iterator[Result]:
     pool = ProcessPoolExecutor(workers, multiprocessing.get_context("fork"), _watch)
     try:
         with warnings.catch_warnings():
-            # Python from 3.12 on warns of forking where there are threads; those of NumPy survive.
+            # Since 3.12 Python warns of forking with threads; those of NumPy survive.
             warnings.filterwarnings("ignore", "This process .* is multi-threaded")
             yield from pool.map(_do, range(len(tasks)))
     finally:
-        # who interrupts does not wait for what is half done
+        # an interruption does not wait for unfinished tasks
         pool.shutdown(wait=False, cancel_futures=True)
         _tasks = ()
 
 
 def _watch() -> None:
-    """End this process with the one that forked it, also where that is killed."""
+    """End this process with its parent, even if that is killed."""
     threading.Thread(target=_end_with_parent, daemon=True).start()
 
 
 def _end_with_parent() -> None:
     parent = multiprocessing.parent_process()
     assert parent is not None
-    parent.join()  # reads the end of a pipe that the parent alone holds open
+    parent.join()  # waits for the end of a pipe that only the parent holds open
     os._exit(1)
 
 

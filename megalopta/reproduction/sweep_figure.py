@@ -34,17 +34,17 @@ _MOST_TICKS = 12
 
 
 class MeanThreshold(NamedTuple):
-    """Photons per frame at one value of a sweep; NaN where not all templates have a threshold.
+    """Photons per frame at one value of a sweep; NaN if not all templates have a threshold.
 
-    Of one template the bounds are its confidence interval, of several the least and the most. An
-    end at which the interval is open, beyond the curve, is None.
+    For one template the bounds are its confidence interval, for several the least and the most.
+    None is an open end of an interval, beyond the curve.
     """
 
     flux: float
     low: float | None
     high: float | None
     interval: str
-    """The bounds in print"""
+    """Bounds as text"""
 
 
 def mean_threshold(thresholds: Sequence[Threshold]) -> MeanThreshold:
@@ -63,7 +63,7 @@ def mean_threshold(thresholds: Sequence[Threshold]) -> MeanThreshold:
 def threshold_of(
     results: Results, trial: Trial, method: str, metric: Metric, bits: int
 ) -> Threshold:
-    """Return what one detector needs in one trial."""
+    """Return the threshold of one detector in one trial."""
     for curve in results[trial]:
         if (curve.method, curve.metric) == (method, metric):
             return curve.thresholds[bits]
@@ -73,7 +73,7 @@ def threshold_of(
 def sweep_curve(
     sweep: Sweep, results: Results, size: int, method: str, metric: Metric, bits: int = 2
 ) -> list[tuple[Value, MeanThreshold]]:
-    """Return what one detector needs at each value of a sweep, at one size."""
+    """Return the thresholds of one detector at each value of a sweep, at one size."""
     at_value: dict[Value, list[Threshold]] = {}
     for point in sweep.points:
         if sweep.vary == "size" or point.size == size:
@@ -83,7 +83,7 @@ def sweep_curve(
 
 
 def or_nan(flux: float | None) -> float:
-    """Return a flux or bound as a number; NaN where there is none, or none on that side."""
+    """Return a flux or bound as a number; NaN if there is none."""
     return math.nan if flux is None else flux
 
 
@@ -93,9 +93,9 @@ def sweep_figure(
     results: Results,
     printed: Mapping[str, tuple[str, str]] | None = None,
 ) -> Figure:
-    """Return N_2b, in the first metric, over the varied parameter; a panel for each size.
+    """Draw N_2b, in the first metric, over the varied parameter; a panel per size.
 
-    `printed` are numbers of these results beside those of the dissertation.
+    `printed` are numbers of these results and of the dissertation.
     """
     rows = math.ceil(len(_sizes(sweep)) / 2)
     trials = [
@@ -129,7 +129,7 @@ def _caption(sweep: Sweep, results: Results) -> str:
     metric = {"literal": "Eq. 4.5", "ratio": "the quotient of means"}[search.metrics[0]]
     bars = f"{100 * search.confidence:g} % intervals"
     if len(templates) > 1:
-        bars = f"the least and the most of {len(templates)} templates"
+        bars = f"the range over {len(templates)} templates"
     missing = _missing(sweep, results)
     return (
         f"N_{search.bits[0]}b is the photons per frame at which the error of {metric} falls to "
@@ -140,24 +140,24 @@ def _caption(sweep: Sweep, results: Results) -> str:
 
 
 def _fixed(sweep: Sweep) -> Iterator[str]:
-    """Yield the settings of all trials that are not varied, by their names in a sweep's file."""
+    """Yield the fixed settings of all trials, by their names in a sweep's file."""
     trial, pictures = sweep.trial, sweep.templates or (sweep.trial.template,)
-    told: dict[str, object] = {"velocity_px": trial.velocity_px}
+    fixed: dict[str, object] = {"velocity_px": trial.velocity_px}
     if isinstance(template := pictures[0], GratingTemplate):
         for name in ("cycles_per_frame", "contrast", "variant"):
-            told[f"template.{name}"] = getattr(template, name)
+            fixed[f"template.{name}"] = getattr(template, name)
     else:
         names = dict.fromkeys(point.template.split(",")[0] for point in sweep.points)
-        told |= {"template.coding": template.coding, "template.name": " and ".join(names)}
-    told["search.dark_counts"] = trial.search.dark_counts
-    told |= {"search.summed_frames": trial.search.summed_frames, "blurred": trial.blurred}
+        fixed |= {"template.coding": template.coding, "template.name": " and ".join(names)}
+    fixed["search.dark_counts"] = trial.search.dark_counts
+    fixed |= {"search.summed_frames": trial.search.summed_frames, "blurred": trial.blurred}
     if len(sizes := _sizes(sweep)) == 1:
-        told["size"] = sizes[0]
-    yield from (f"{path} {value}" for path, value in told.items() if path != sweep.vary)
+        fixed["size"] = sizes[0]
+    yield from (f"{path} {value}" for path, value in fixed.items() if path != sweep.vary)
 
 
 def _missing(sweep: Sweep, results: Results) -> Counter[str]:
-    """Return of how many points each method has no threshold, in what is drawn."""
+    """Return the number of points without threshold of each method in the figure."""
     search = sweep.trial.search
     return Counter(
         method
@@ -190,7 +190,7 @@ def _draw_panel(axes: Axes, sweep: Sweep, results: Results, size: int) -> None:
             curve.sort(key=lambda point: float(point[0]))
         values = [value for value, _ in curve]
         flux = np.array([each.flux for _, each in curve])
-        # an open interval reaches to the end of the curve
+        # an open interval extends to the end of the curve
         low = np.array([search.flux_min if each.low is None else each.low for _, each in curve])
         high = np.array([search.flux_max if each.high is None else each.high for _, each in curve])
         x = range(len(values)) if _is_text(values) else values
@@ -207,7 +207,7 @@ def _scale_photons(axes: Axes) -> None:
     log_decades(axes, "y")
     axes.yaxis.set_major_locator(LogLocator(numticks=8))
     bottom, top = axes.get_ylim()
-    if top < 30 * bottom:  # a label per decade alone would not tell a number
+    if top < 30 * bottom:  # labels at decades alone would be too few
         steps = (2.0, 5.0) if top > 4 * bottom else tuple(np.arange(2.0, 10.0))
         axes.yaxis.set_minor_locator(LogLocator(subs=steps))
         axes.yaxis.set_minor_formatter(EngFormatter(sep=""))

@@ -1,1 +1,1 @@
-"""The stages from scene to measurement, one a file."""
+"""Stages from scene to measurement, one per file."""

@@ -1,7 +1,7 @@
-"""The benchmark stage: how many photons per frame each detector needs, on the rendered sequence.
+"""The benchmark stage: photons per frame that each detector needs on the rendered sequence.
 
 The light of the sequence and the sums of every size and repeat are kept in
-results/SEQ/benchmark-parts until all are there: no more than a few frames are in memory.
+results/SEQ/benchmark-parts until all are finished: only a few frames are in memory.
 """
 
 import csv
@@ -30,7 +30,7 @@ from megalopta.stages.declaration import Stage
 
 _PARTS = "benchmark-parts"
 _MOST_BYTES = 2**62
-"""Of what is kept until all is there: any number"""
+"""Size limit of the intermediate results: none"""
 
 _RESULTS = ("benchmark.json", "benchmark-other.json")
 
@@ -38,7 +38,7 @@ _RESULTS = ("benchmark.json", "benchmark-other.json")
 def benchmark(dataset: Dataset) -> None:
     """Measure the photons that each method needs; writes benchmark.json and benchmark.csv.
 
-    By the other normalization, if that is asked for, benchmark-other.json.
+    With the other normalization, if requested, it writes benchmark-other.json.
     """
     settings = dataset.configuration
     parts = dataset.result(_PARTS) / _model()
@@ -65,7 +65,7 @@ def benchmark(dataset: Dataset) -> None:
 
 
 def _part(folder: Path, name: str, work: Callable[[], list[Floats]]) -> list[Floats]:
-    """Return the sums of every method, kept or now summed."""
+    """Return the sums of every method, from the cache or computed."""
     store = ArrayStore(folder, name, _MOST_BYTES)
     if (kept := store.read()) is not None:
         return [kept[str(index)] for index in range(len(kept))]
@@ -89,7 +89,7 @@ def _kept_light(dataset: Dataset, path: Path) -> Clip:
 
 
 def write_photons(dataset: Dataset, path: Path) -> None:
-    """Write photons per second on each pixel (T, H, W) of the ideal sensor: light without noise."""
+    """Write photons per second and pixel (T, H, W) of the ideal sensor: light without noise."""
     settings = dataset.configuration
     shape = settings.trajectory.frames, settings.camera.height, settings.camera.width
     chunk = frames_at_once(settings), *shape[1:]

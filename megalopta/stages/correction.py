@@ -1,7 +1,7 @@
-"""Corrected frames beside the readings: corrected/SEQ/SENSOR-LEVEL.zarr.
+"""Corrected frames: corrected/SEQ/SENSOR-LEVEL.zarr.
 
 Arrays `detections`, `variance`, `filled` and `ambiguous`, each (frame, row, column), as in
-`sensor.correct.Corrected`. A sensor is calibrated once, on dark and flat frames drawn of the same
+`sensor.correct.Corrected`. A sensor is calibrated once, on dark and flat frames drawn from the same
 device.
 """
 
@@ -28,9 +28,9 @@ from megalopta.sensor.expectations import settled
 from megalopta.sensor.formats.counts_store import format_attribute
 
 _UNITS = {
-    "detections": "photons detected per exposure, by pixels of nominal efficiency",
+    "detections": "photons detected per exposure by pixels of nominal efficiency",
     "variance": "photons squared",
-    "filled": "true where neighbors stand in for a hot, dead or full pixel",
+    "filled": "true where neighbors replace a hot, dead or saturated pixel",
     "ambiguous": "true where the pixel may have seen much more light",
 }
 
@@ -42,9 +42,9 @@ def corrected_path(dataset: Dataset, sensor: ImageSensor, level: LightLevel) -> 
 
 
 def open_corrected(dataset: Dataset, sensor: ImageSensor, level: LightLevel) -> StoredFrames | None:
-    """Detections of the corrected frames of an exposure; None where they were not asked for.
+    """Detections of the corrected frames of an exposure; None if there are none.
 
-    Raises UserError when they cannot be read.
+    Raises UserError if they cannot be read.
     """
     path = corrected_path(dataset, sensor, level)
     if not (dataset.configuration.correct and isinstance(sensor, Sensor)):
@@ -58,7 +58,7 @@ def open_corrected(dataset: Dataset, sensor: ImageSensor, level: LightLevel) -> 
 
 
 def write_corrected(dataset: Dataset, sensor: ImageSensor, opened: Sequence[OpenedCounts]) -> None:
-    """Correct what is not corrected yet of the exposures of a sensor at every light level."""
+    """Correct the exposures of a sensor, at every light level, that are not corrected yet."""
     levels = dataset.configuration.light_levels
     missing = {
         path: counts

@@ -1,4 +1,4 @@
-"""What a stage declares of itself."""
+"""Declaration of a stage."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -14,20 +14,20 @@ class Stage:
 
     name: str
     command: str
-    """What runs it, after `megalopta`"""
+    """Its command, after `megalopta`"""
     fields: tuple[str, ...]
     """Parts of the configuration that its output depends on, beside those of the stages it needs"""
     needs: tuple[str, ...]
-    """Stages that must be finished before"""
+    """Stages that must be finished first"""
     outputs: Callable[[Dataset], list[Path]]
     """Files and folders of a dataset that it writes"""
     work: Callable[[Dataset], None]
-    """Adds to a dataset what of the stage is not there yet"""
+    """Adds missing output to a dataset"""
     model: Callable[[], str]
-    """What of the program its output depends on (`freshness`)"""
+    """Program version that its output depends on (`freshness`)"""
     machinery: Callable[[Configuration], Mapping[str, str]] = lambda _: {}
-    """What of the machine its output depends on, by name: libraries, and what runs them"""
+    """Machine properties that its output depends on, by name: libraries and their back ends"""
     is_derived: bool = False
-    """Whether output of another model is made again without being asked"""
+    """True if output of another model is recomputed without request"""
     check: Callable[[Configuration], None] = lambda _: None
-    """Refuses, with ValueError, a configuration that the stage cannot serve"""
+    """Refuses, with ValueError, an unsuitable configuration"""

@@ -1,9 +1,8 @@
 """The flow stage: motion detectors on the readings of every sensor at every light level.
 
-Each detector answers to the readings and to what they would be without noise (`measurement`); the
-difference is the error that noise makes. Detectors that give a velocity are also compared with the
-true flow, or of pictures, whose true flow is not known, with that of the clean frames as DIS finds
-it. Those that tell directions give the camera's yaw rate.
+Each detector runs on the readings and on their noise-free mean (`measurement`); the difference is
+the error due to noise. Velocities are also compared with the true flow, or, for pictures without
+true flow, with DIS on the clean frames. Direction detectors give the camera's yaw rate.
 """
 
 import math
@@ -41,8 +40,8 @@ from megalopta.stages.sense import open_exposure, require_expectation
 def measure_flow(dataset: Dataset) -> None:
     """Run the detectors; writes responses/SENSOR-LEVEL.zarr and results/SEQ/flow.json.
 
-    What is measured on one sensor at one light level is written at once, responses and errors, and
-    is not measured again.
+    Responses and errors of one sensor at one light level are written at once and not measured
+    again.
     """
     require_expectation(dataset)
     pairs = dataset.configuration.exposures
@@ -95,7 +94,7 @@ def _measure_exposure(
         saturated += int(frames.saturated.sum())
         for name, measurement in measurements.items():
             ideal, noisy = measurement.add(frames)
-            missing = name in truths  # velocities are one fewer than frames
+            missing = name in truths  # one velocity fewer than frames
             for key, values in ((name, noisy), (f"{name}-ideal", ideal)):
                 start, length = max(first - missing, 0), shape[0] - missing
                 write_frames(group, key, start, values.astype(np.float32), length)
@@ -107,7 +106,7 @@ def _measure_exposure(
 def _seen_frames(
     opened: OpenedCounts, corrected: StoredFrames | None, settings: Configuration
 ) -> Iterator[tuple[int, SeenFrames]]:
-    """Yield the number of the first frame and the frames of successive chunks."""
+    """Yield chunks of frames, each with the number of its first frame."""
     photons = opened["photons"] if "perfect" in settings.flow.references else None
     seen = opened["mean_reading"], photons, corrected
     to_one, photons_to_one, corrected_to_one = map(_to_one, seen)
@@ -136,7 +135,7 @@ def _to_one(frames: StoredFrames | None) -> float:
 
 
 def _block_truths(dataset: Dataset) -> dict[str, BlockTruth]:
-    """True velocities of the blocks of every method that gives some."""
+    """True velocities of the blocks of every method that returns velocities."""
     settings = dataset.configuration
     shape = settings.camera.height, settings.camera.width
     detectors = [METHODS[name] for name in settings.methods]
@@ -152,7 +151,7 @@ def _block_truths(dataset: Dataset) -> dict[str, BlockTruth]:
 
 
 def _block_truth(motion: Motion, grid: BlockGrid, settings: FlowSettings) -> BlockTruth:
-    """True velocities of one pair of frames, of all pixels and by their purity."""
+    """True velocities of a pair of frames, from all pixels and by purity."""
     flow, occluded = motion.flow[np.newaxis], motion.hidden[np.newaxis]
     purity = motion.purity[np.newaxis]
     every, pure, chosen = (
@@ -176,15 +175,15 @@ def _checked(record: Record) -> Record:
 
 
 def responses_path(dataset: Dataset, sensor: ImageSensor, level: LightLevel) -> Path:
-    """Zarr group with one array METHOD (to counts) and METHOD-ideal (to their mean) per method."""
+    """Zarr group with arrays METHOD (from counts) and METHOD-ideal (from their mean)."""
     return dataset.result("responses") / f"{exposure_name(sensor, level)}.zarr"
 
 
 def _is_there(path: Path) -> bool:
-    """Whether responses are there; those of other code, of which a kill left some, are removed."""
+    """True if responses exist; those of other code, left by a killed process, are removed."""
     try:
         is_current = zarr.open_group(path, mode="r").attrs.get("model") == _model()
-    except (OSError, ValueError, KeyError):  # nothing, or damaged
+    except (OSError, ValueError, KeyError):  # missing or damaged
         is_current = False
     if not is_current:
         files.remove(path)
@@ -214,7 +213,7 @@ def _check(settings: Configuration) -> None:
         if frames - warm_up < 2:
             raise ValueError(
                 f"trajectory.frames {frames} leaves fewer than two to score after the {warm_up} "
-                f"in which {name} settles: use at least {warm_up + 2}, or leave it out of methods"
+                f"in which {name} settles: use at least {warm_up + 2}, or remove it from methods"
             )
 
 

@@ -34,7 +34,7 @@ _USUAL_HZ = 25.0
 _METHODS = ["BM", "LK", "DIS"]
 """Quick ones, which do with two frames"""
 _SOURCE = "source"
-_DIGITS = 6
+_DIGITS = 4
 """Of a light level, which names files"""
 
 
@@ -213,7 +213,7 @@ def import_pictures(dataset: Dataset) -> None:
         if not folder.exists():
             with step("copying the pictures"), files.atomic_write(folder) as temporary:
                 _copy(footage, temporary)
-            scene.file.check()  # afterwards, so that it was this that was copied
+                scene.file.check()  # afterwards, so that it was this that was copied
         record = {
             "files": len(footage.files),
             "pictures": len(footage),

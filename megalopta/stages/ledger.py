@@ -1,4 +1,4 @@
-"""What of a sequence is finished: its record, with the hash of every file, and times."""
+"""Ledger of finished stages: record of the sequence, hash of every file, and times."""
 
 import json
 import os
@@ -24,10 +24,9 @@ from megalopta.stages.registry import (
 
 
 class Ledger:
-    """Bookkeeping of one sequence, whose record is read once.
+    """Ledger of one sequence, whose record is read once.
 
-    Raises UserError when the record is damaged, or names a file that no stage of this dataset
-    writes.
+    Raises UserError if the record is damaged, or names a file that no stage of this dataset writes.
     """
 
     def __init__(self, dataset: Dataset) -> None:
@@ -41,25 +40,25 @@ class Ledger:
         return STAGES[stage].outputs(self.dataset)
 
     def has(self, stage: str) -> bool:
-        """Whether any output of a stage exists, finished or not."""
+        """True if any output of a stage exists, finished or not."""
         return any(path.exists() for path in self.outputs(stage))
 
     def is_finished(self, stage: str) -> bool:
-        """Whether a stage was finished with this configuration and its files are there."""
+        """True if a stage was finished with this configuration and its files exist."""
         return self.entry(stage) is not None and not self.damaged(stage)
 
     def is_outdated(self, stage: str) -> bool:
-        """Whether a stage was finished with this configuration by another model."""
+        """True if a stage was finished with this configuration by another model."""
         entry = self.entry(stage)
         return entry is not None and entry.made_with.get("model") != STAGES[stage].model()
 
     def entry(self, stage: str) -> StageRecord | None:
-        """What is recorded of a stage finished with this configuration."""
+        """Record of a stage finished with this configuration."""
         entry = self._begun(stage)
         return entry if entry and entry.files is not None else None
 
     def mixture(self, stage: str) -> str:
-        """What is other now than when a stage was begun that is to be gone on with, or nothing."""
+        """Changes since an unfinished stage was begun; empty if there are none."""
         entry = self._begun(stage)
         now = provenance(stage, self.dataset.configuration)
         return provenance_changes(entry.made_with, now) if entry else ""
@@ -73,14 +72,14 @@ class Ledger:
             return [path for path, each in written.items() if difference(path, *each)]
 
     def finished(self) -> list[str]:
-        """Return the stages that are finished. Raises UserError where one of them is damaged."""
+        """Return the finished stages. Raises UserError if one of them is damaged."""
         stages = [stage for stage in STAGES if self.entry(stage)]
         for stage in stages:
             self.require(stage)
         return stages
 
     def require(self, stage: str) -> None:
-        """Refuse to go on when a stage is not finished with this configuration, or damaged."""
+        """Refuse to continue if a stage is damaged or not finished with this configuration."""
         home, damaged = self.dataset.home, self.damaged(stage)
         if self.entry(stage) and not damaged:
             return
@@ -93,13 +92,13 @@ class Ledger:
         raise UserError(f"{what}; run first: megalopta {STAGES[stage].command} {target}")
 
     def timings(self) -> dict[str, float]:
-        """Seconds spent on each stage, interrupted runs included."""
+        """Seconds spent on each stage, including interrupted runs."""
         path = self.root / "timings.json"
         try:
             found = dict(bounded.read_json(path)) if path.exists() else {}
             return {str(stage): float(seconds) for stage, seconds in found.items()}
         except (ValueError, TypeError, OverflowError):
-            raise UserError(f"{path} is damaged; remove it, it holds nothing but times") from None
+            raise UserError(f"{path} is damaged; remove it (it holds only times)") from None
 
     def add_time(self, stage: str, seconds: float) -> None:
         """Add to the time spent on a stage."""
@@ -107,21 +106,21 @@ class Ledger:
         self._write_timings({**self.timings(), stage: round(total, 3)})
 
     def begin(self, stage: str) -> None:
-        """Note what the output of a stage is made with, so that it goes on with the same."""
+        """Record what a stage is run with, so that it continues with the same."""
         if not self._begun(stage) or not self.has(stage):
             self._enter(stage, stage_record(self.dataset, stage, None))
 
     def finish(self, stage: str) -> None:
-        """Enter a finished stage, with the hashes of its files, into the record."""
+        """Record a finished stage with the hashes of its files."""
         self._enter(stage, stage_record(self.dataset, stage, self.outputs(stage)))
 
     def withdraw(self, stage: str) -> None:
-        """Forget that a stage was begun of which nothing came."""
+        """Forget a stage that was begun without output."""
         if not self.entry(stage) and not self.has(stage):
             self._remove(stage)
 
     def forget(self, *stages: str) -> None:
-        """Remove the output of stages and of every stage that needs them."""
+        """Remove the output of stages and of all stages that need them."""
         for stage in with_dependents(stages):
             self._remove(stage)
             self._write_timings({name: t for name, t in self.timings().items() if name != stage})
@@ -143,7 +142,7 @@ class Ledger:
         else:
             self.record = self.record.model_copy(update={"stages": {}})
             files.remove(self.dataset.record_path)
-            with suppress(OSError):  # it holds something else, or was never made
+            with suppress(OSError):  # it holds other files, or does not exist
                 self.dataset.record_path.parent.rmdir()
 
     def _write(self, stages: Mapping[str, StageRecord]) -> None:
@@ -155,7 +154,7 @@ class Ledger:
         files.write_json(self.root / "timings.json", timings)
 
     def _check_entry(self, stage: str, entry: StageRecord) -> None:
-        """Refuse what `Ledger` does not write."""
+        """Refuse records that `Ledger` does not write."""
         names = [str(path.relative_to(self.root)) for path in self.outputs(stage)]
         inside = tuple(f"{name}{os.sep}" for name in names)
         for name in entry.files or {}:
@@ -167,7 +166,7 @@ class Ledger:
 
 
 def stage_record(dataset: Dataset, stage: str, outputs: Iterable[Path] | None) -> StageRecord:
-    """What is recorded of a stage: with what it is made, and the hashes of its output if whole."""
+    """Record of a stage: its model and libraries, and the hashes of its output if finished."""
     return StageRecord(
         settings=stage_hash(dataset.configuration, stage),
         made_with=provenance(stage, dataset.configuration),
@@ -177,5 +176,5 @@ def stage_record(dataset: Dataset, stage: str, outputs: Iterable[Path] | None) -
 
 
 def stage_hash(configuration: Configuration, stage: str) -> str:
-    """Fingerprint of every setting that a stage's output depends on."""
+    """Hash of every setting that a stage's output depends on."""
     return digest(json.dumps(stage_configuration(configuration, stage), sort_keys=True))

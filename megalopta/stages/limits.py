@@ -1,7 +1,7 @@
-"""What a stage takes of memory and disk: what cannot fit is refused before anything is built.
+"""Memory and disk that a stage needs; too much is refused before anything is built.
 
 Bytes are right within a factor of two, measured on the demo and the grating; rendering noise does
-not compress. How long a sequence takes is measured, not foreseen (`generation/dry_run.py`).
+not compress. The time of a sequence is measured, not predicted (`generation/dry_run.py`).
 """
 
 import os
@@ -26,13 +26,13 @@ _REMEDIES = {
 def refuse_absurd(settings: Configuration, stage: str, root: Path) -> None:
     """Refuse a stage that exceeds this machine, before anything is built.
 
-    Raises UserError, with what it would take, what there is, and the settings to lower.
+    Raises UserError with the need, the capacity, and the settings to lower.
     """
     camera, (memory, disk) = settings.camera, needed_bytes(settings, stage)
     physical = float(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
     for needed, most, clause in (
         (memory, physical, "of memory, and this machine has"),
-        (disk, _room_bytes(root), f"on disk, and {root} has room for"),
+        (disk, _room_bytes(root), f"on disk, and {root} has space for"),
     ):
         if needed > most:
             raise UserError(
@@ -43,12 +43,12 @@ def refuse_absurd(settings: Configuration, stage: str, root: Path) -> None:
 
 
 def needed_bytes(settings: Configuration, stage: str) -> tuple[float, float]:
-    """Return what a stage takes at most in memory, and on disk."""
+    """Return the most memory and disk space that a stage needs."""
     frames, pixels = settings.trajectory.frames, settings.camera.width * settings.camera.height
     held = pixels * frames_at_once(settings)
     methods, exposures = len(settings.methods), len(settings.sensors) * len(settings.light_levels)
     if not settings.scene.has_truth and stage in ("render", "benchmark"):
-        memory, disk = pixels * 100.0, 0.0  # the file, which is there
+        memory, disk = pixels * 100.0, 0.0  # the file, which exists
     elif stage == "render":
         bands, shutter = len(settings.render.bands_nm), settings.shutter
         memory = pixels * (1000 + 16 * bands) + 1000 * frames
@@ -69,7 +69,7 @@ def needed_bytes(settings: Configuration, stage: str) -> tuple[float, float]:
 
 
 def size(number: float) -> str:
-    """An amount of memory for a person, such as "40 GB"."""
+    """Format an amount of memory, such as "40 GB"."""
     for unit, bytes_ in (("PB", 1e15), ("TB", 1e12), ("GB", 1e9)):
         if number >= bytes_:
             return f"{number / bytes_:.3g} {unit}"
@@ -77,7 +77,7 @@ def size(number: float) -> str:
 
 
 def _room_bytes(root: Path) -> float:
-    """What is free at a folder, made or not, with what is in it: that may be part of the output."""
+    """Free space at a folder, existing or not, plus its content, maybe part of the output."""
     there = next(
         folder for folder in (root.absolute(), *root.absolute().parents) if folder.exists()
     )

@@ -1,10 +1,9 @@
-"""One detector on one exposure, a few frames at a time: its responses and their errors.
+"""Responses and errors of one detector on one exposure, a few frames at a time.
 
-A detector answers to the readings, to their mean (the same device without temporal noise, "self"),
-and to the photons themselves ("perfect": what a sensor that loses and adds nothing would read). To
-corrected readings too, where there are some; those are compared with the perfect sensor only.
-Of what passes through, the sums of errors are kept, and the velocities of blocks: some bytes a
-block, not the frames.
+A detector runs on the readings, on their mean (the same device without temporal noise, "self"), and
+on the photons themselves ("perfect": an ideal sensor). If there are corrected readings it runs on
+them too; these are compared with the perfect sensor only. Only sums of errors and velocities of
+blocks are kept, not the frames.
 """
 
 from dataclasses import asdict, dataclass
@@ -24,12 +23,12 @@ Record = dict[str, Any]
 Scaled = tuple[NDArray[Any], float]
 
 SATURATED_SHARE = 0.1
-"""A block of which more is saturated, in either frame of a pair, is left out where that is asked"""
+"""Blocks with a larger saturated share, in either frame of a pair, are excluded on request"""
 
 
 @dataclass(frozen=True, eq=False)
 class SeenFrames:
-    """The next frames of an exposure, (n, H, W) each, with what brings each to a mean of 1."""
+    """The next frames of an exposure, (n, H, W) each, with the factors to a mean of 1."""
 
     counts: Scaled
     mean_reading: Scaled
@@ -40,18 +39,18 @@ class SeenFrames:
 
 @dataclass(frozen=True, eq=False)
 class BlockTruth:
-    """True velocities (T − 1, rows, columns, 2) of a detector's blocks, and how much is hidden."""
+    """True velocities (T − 1, rows, columns, 2) of a detector's blocks, and their hidden share."""
 
     velocities: Floats
-    """As the configuration has mixed pixels counted."""
+    """Velocities with mixed pixels as configured."""
     of_all_pixels: Floats
     without_mixed: Floats
     hidden: Floats
-    """(T − 1, rows, columns): share of each block."""
+    """(T − 1, rows, columns): hidden share of each block."""
 
 
 class Measurement:
-    """A detector fed with an exposure; `add` gives its responses, `record` their errors.
+    """A detector on an exposure; `add` returns its responses, `record` their errors.
 
     Parameters
     ----------
@@ -88,7 +87,7 @@ class Measurement:
         self._yaw = YawRateTest(detector, rates, warm_up)
 
     def add(self, frames: SeenFrames) -> tuple[Floats, Floats]:
-        """Take in the next frames; return the responses to their means and to the counts."""
+        """Add the next frames; return the responses to their means and to the counts."""
         ideal, noisy = self._to_mean(*frames.mean_reading), self._to_counts(*frames.counts)
         left_out = self._saturated(frames.saturated, ideal)
         answers = {"ideal": ideal, "counts": noisy}
@@ -108,7 +107,7 @@ class Measurement:
         return ideal, noisy
 
     def record(self) -> Record:
-        """Return the errors of what was seen."""
+        """Return the errors of all frames."""
         record: Record = {"method": self._detector.name, "warm_up_frames": self._warm_up}
         record |= {name: self._errors(sums) for name, sums in self._sums.items()}
         if self._truth is not None:
@@ -118,7 +117,7 @@ class Measurement:
         return record
 
     def _saturated(self, saturated: NDArray[np.bool_], ideal: Floats) -> NDArray[np.bool_]:
-        """Which responses rest on saturated readings, of the shape of their first three axes."""
+        """Mask of responses based on saturated readings (shape of their first three axes)."""
         if not self._leaves_out:
             return np.zeros(ideal.shape[:3], np.bool_)
         if not isinstance(self._detector, BlockDetector):

@@ -1,7 +1,7 @@
-"""How stages are run: checked, resumed, timed and recorded.
+"""Run stages: check, resume, time and record.
 
-A stage begins by agreeing with the configuration of everything that is already there; where they
-differ it is refused with the differences, unless the user asks to redo it.
+Everything that a dataset holds must come from one configuration. A stage refuses differences and
+lists them, unless the user asks to redo it.
 """
 
 import time
@@ -29,12 +29,12 @@ from megalopta.stages.registry import STAGES, stage_configuration, with_dependen
 def run_stage(
     root: str | Path, configuration: Configuration, name: str, redo: bool = False
 ) -> Dataset:
-    """Bring one stage of a dataset to its end; what is there already is kept. Raises UserError."""
+    """Complete one stage of a dataset and keep finished output. Raises UserError."""
     return _run(Path(root), configuration, (name,), redo)
 
 
 def run_all(root: str | Path, configuration: Configuration, redo: bool = False) -> Dataset:
-    """Run every stage, after checking that the configuration serves all of them."""
+    """Run every stage, after checking that the configuration suits all of them."""
     return _run(Path(root), configuration, tuple(STAGES), redo)
 
 
@@ -42,7 +42,7 @@ def _run(root: Path, configuration: Configuration, names: Sequence[str], redo: b
     for name in names:
         check_stage(name, configuration, root)
     finish_move(root)
-    is_new = existing(root) is None  # and a folder of something else is refused
+    is_new = existing(root) is None  # and refuses a folder of other files
     try:
         with _opened(root, configuration, names, redo) as dataset:
             for name in names:
@@ -58,7 +58,7 @@ def _run(root: Path, configuration: Configuration, names: Sequence[str], redo: b
 def _opened(
     root: Path, configuration: Configuration, names: Sequence[str], redo: bool
 ) -> Iterator[Dataset]:
-    """Lock a dataset and yield the one to work in: itself, or where its output is made again."""
+    """Lock a dataset and yield the one to work in: itself, or the place of its new output."""
     with locked(root):
         complete_redo(root)
         old, doomed = _begin(root, configuration, names, redo)
@@ -67,7 +67,7 @@ def _opened(
             new = begin_redo(old, configuration, doomed)
             try:
                 yield new
-            except Exception:  # but not by Ctrl-C, after which the same command goes on
+            except Exception:  # but not by Ctrl-C, after which the same command continues
                 discard(root)
                 raise
             publish(old, new, names, doomed)
@@ -80,7 +80,7 @@ def _opened(
 
 @contextmanager
 def _recorded(dataset: Dataset, names: Sequence[str]) -> Iterator[None]:
-    """Record the configuration; where nothing comes of it, the former one, or none, comes back."""
+    """Record the configuration; restore the former one, or none, if there is no output."""
     path = dataset.root / "dataset.yaml"
     before = path.read_text("utf-8") if path.exists() else None
     write_configuration(dataset)
@@ -100,7 +100,7 @@ def _recorded(dataset: Dataset, names: Sequence[str]) -> Iterator[None]:
 def _bring_to_end(dataset: Dataset, name: str) -> None:
     ledger = Ledger(dataset)
     if ledger.is_finished(name):
-        say(f"{name}: {dataset.home} has it already")
+        say(f"{name}: {dataset.home} already has it")
         return
     _remove_damaged(ledger, name)
     ledger.begin(name)
@@ -116,9 +116,9 @@ def _bring_to_end(dataset: Dataset, name: str) -> None:
 
 
 def _remove_damaged(ledger: Ledger, name: str) -> None:
-    """Remove what a finished stage wrote and somebody changed, so that it is made again."""
+    """Remove modified output of a finished stage, so that it is computed again."""
     for path in sorted({whole_of(path, ledger.root) for path in ledger.damaged(name)}):
-        say(f"{name}: {path} is missing or damaged, and is made again")
+        say(f"{name}: {path} is missing or damaged; recomputing")
         files.remove(path)
 
 
@@ -132,11 +132,11 @@ def check_stage(name: str, configuration: Configuration, root: Path) -> None:
 def _begin(
     root: Path, configuration: Configuration, stages: Sequence[str], redo: bool = False
 ) -> tuple[Dataset, list[str]]:
-    """The dataset as it is, and the stages to make again, or a refusal. Nothing is changed here.
+    """Return the dataset and the stages to redo, or refuse. Nothing is changed here.
 
-    Everything already there must come from the same configuration, and the stages that these need
-    must be finished. With `redo`, these stages and whatever disagrees is to be made again, and what
-    depends on them goes. So is, without being asked, what other code has quickly derived.
+    All output must come from the same configuration, and stages that these need must be finished.
+    With `redo`, these stages and whatever disagrees are recomputed, and their dependents removed.
+    So are, without request, quickly derived results of other code.
     """
     new = Dataset(root, configuration)
     old = existing(root) or new
@@ -166,7 +166,7 @@ def _begin(
         if needed in doomed:
             raise UserError(
                 f"{root}: --redo of {stages[0]!r} alone would remove the {needed!r} output, which "
-                f"disagrees ({changes}); run with --redo first: "
+                f"differs ({changes}); run with --redo first: "
                 f"megalopta {STAGES[needed].command}"
             )
         wanted.require(needed)
@@ -179,19 +179,19 @@ def _is_to_be_made_again(ledger: Ledger, stage: str, redo: bool) -> bool:
     if not STAGES[stage].is_derived:
         raise UserError(
             f"{ledger.root}: its {stage!r} output was made by another version of the program, "
-            "which gives other numbers; add --redo to make it again"
+            "which gives other numbers; add --redo to recompute it"
         )
-    say(f"{stage}: made by another version of the program, and made again")
+    say(f"{stage}: made by another version of the program; recomputing")
     return True
 
 
 def _refuse_mixture(ledger: Ledger, stage: str) -> None:
-    """Refuse to add output to that of another renderer or library; nothing may be missing of it."""
+    """Refuse to complete output with another renderer or library than it was begun with."""
     if STAGES[stage].is_derived or not (changes := ledger.mixture(stage)):
         return
     if ledger.has(stage) and not ledger.is_finished(stage):
         raise UserError(
-            f"{ledger.root}: its {stage!r} output is not whole and was made with something else "
-            f"({changes}); go on with that (render.backend chooses the variant), or add --redo to "
-            "make all of it again"
+            f"{ledger.root}: its {stage!r} output is incomplete and was made with other software "
+            f"({changes}); continue with that (render.backend chooses the variant), or add --redo "
+            "to recompute all of it"
         )

@@ -1,8 +1,8 @@
-"""Output made again beside the old one, which stays until the new one is whole.
+"""Recomputed output beside the old one, which stays until the new one is complete.
 
-DATASET/.redo is a dataset of its own: its links lead to the output that stays, its files are the
-new ones. When all of them are there they move (`dataset.publishing`); whoever only reads meanwhile
-is refused, so that a kill at any moment leaves either the old output or the new.
+DATASET/.redo is a dataset of its own: its links lead to unchanged output, its files are new. When
+all are complete they move (`dataset.publishing`). Meanwhile readers are refused, so that a kill at
+any moment leaves either the old output or the new.
 """
 
 import shutil
@@ -24,11 +24,11 @@ from megalopta.stages.ledger import Ledger
 from megalopta.stages.registry import STAGES, made_with
 
 _LAST = "dataset.yaml"
-"""Moves last: as long as it is there, something is left to do."""
+"""Moves last: while it exists, the move is unfinished."""
 
 
 def begin_redo(old: Dataset, configuration: Configuration, stages: Sequence[str]) -> Dataset:
-    """The dataset in which stages of another one are made again; what a kill left of it goes on."""
+    """Return the dataset in which stages of another are redone; continues what a kill left."""
     new = Dataset(old.root / REDO_FOLDER, configuration)
 
     def prepare() -> None:
@@ -46,7 +46,7 @@ def begin_redo(old: Dataset, configuration: Configuration, stages: Sequence[str]
 
 
 def publish(old: Dataset, new: Dataset, stages: Sequence[str], doomed: Sequence[str]) -> None:
-    """Put finished output of stages in the place of the old, of which some stages' is doomed."""
+    """Replace output of stages by the new one; output of some stages is doomed."""
     made = _there(new.root, _outputs(new, (*stages, *doomed)) | _books(new) - {_LAST})
     moves = {name for name in made if not (new.root / name).is_symlink()}
     gone = _outputs(old, doomed) | _books(old) - {_LAST, "timings.json"} | {"report.html"}
@@ -55,9 +55,9 @@ def publish(old: Dataset, new: Dataset, stages: Sequence[str], doomed: Sequence[
 
 
 def complete_redo(root: Path) -> None:
-    """Complete the move of a dataset's new output where it was begun; the caller has locked it.
+    """Complete the move of a dataset's new output; the caller has locked the dataset.
 
-    Raises UserError when what is to move or to go is no output of this dataset.
+    Raises UserError if a file to move or remove is no output of this dataset.
     """
     staging = _staging(root)
     if staging.is_announced:
@@ -70,7 +70,7 @@ def complete_redo(root: Path) -> None:
 
 
 def finish_move(root: Path) -> None:
-    """Complete the move of new output if it was broken off, before a stage works. Raises UserError.
+    """Complete an interrupted move of new output before a stage works. Raises UserError.
 
     Reading does not: `open_sequence` refuses such a folder.
     """
@@ -81,18 +81,18 @@ def finish_move(root: Path) -> None:
 
 
 def open_dataset_whole(root: Path) -> Dataset:
-    """Open a dataset to work on it, after completing a move that was broken off."""
+    """Open a dataset to work on it, after completing an interrupted move."""
     finish_move(root)
     return open_sequence(root)
 
 
 def discard(root: Path) -> None:
-    """Remove what was begun to be made again."""
+    """Remove unfinished new output."""
     files.remove(root / REDO_FOLDER)
 
 
 def _books(dataset: Dataset) -> set[str]:
-    """What a dataset holds beside the output of its stages."""
+    """Files of a dataset that are no output of its stages."""
     return {"timings.json", str(dataset.record_path.relative_to(dataset.root)), _LAST}
 
 

@@ -1,8 +1,8 @@
-"""The stages in their order, and what their output depends on.
+"""The stages in order, and the dependencies of their output.
 
-Beside settings these are models of the program, libraries and what runs them: frames by LLVM and by
-scalar code, or counts of two sensor models, look alike and are not. A stage that was broken off, or
-a dataset of many sequences, goes on with the same or not at all.
+Beside settings, output depends on models of the program, libraries and their back ends: frames by
+LLVM and by scalar code, or counts of two sensor models, look alike and are not. An interrupted
+stage, or a dataset of many sequences, continues with the same or not at all.
 """
 
 from collections.abc import Collection, Iterable, Mapping
@@ -27,28 +27,28 @@ def with_dependents(stages: Collection[str]) -> list[str]:
 
 
 def stage_configuration(configuration: Configuration, *stages: str) -> dict[str, Any]:
-    """The parts of a configuration that the output of stages depends on."""
+    """Parts of the configuration that the output of stages depends on."""
     names = {name for stage in stages for name in (*STAGES[stage].needs, stage)}
     fields = {field for name in names for field in STAGES[name].fields}
-    # The backend changes the speed, and rendering noise within its statistics, but not the content.
+    # The backend changes speed and the draw of rendering noise, but not the content.
     return configuration.model_dump(mode="json", include=fields, exclude={"render": {"backend"}})
 
 
 def provenance(stage: str, configuration: Configuration) -> dict[str, str]:
-    """Return what makes a stage's output here and now: its model, libraries and what runs them."""
+    """Return a stage's dependencies here and now: its model, libraries and their back ends."""
     declared = STAGES[stage]
     return {"model": declared.model(), **declared.machinery(configuration)}
 
 
 def made_with(stages: Iterable[str], configuration: Configuration) -> dict[str, dict[str, str]]:
-    """Return what the output of stages depends on beside the settings, here and now."""
+    """Return the dependencies of stages, beside the settings, here and now."""
     return {stage: provenance(stage, configuration) for stage in stages}
 
 
 def provenance_changes(before: Mapping[str, str], now: Mapping[str, str]) -> str:
-    """Return what differs, such as "variant: llvm_ad_spectral → scalar_spectral", or nothing.
+    """Return the differences, such as "variant: llvm_ad_spectral → scalar_spectral".
 
-    What was not recorded, by an older version of the program, is not compared.
+    Entries that an older version of the program did not record are not compared.
     """
     recorded = {name: value for name, value in now.items() if name in before}
     return "; ".join(differences(before, recorded))

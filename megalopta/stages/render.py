@@ -1,11 +1,11 @@
-"""The render stage: scene to radiance and ground truth of every frame, on disk."""
+"""The render stage: radiance and ground truth of every frame, on disk."""
 
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +23,6 @@ from megalopta.render import (
     MEASURED_EVERY,
     MeasuredPass,
     RenderNoise,
-    SceneRenderer,
     choose_variant,
     frame_seed,
     llvm_in_use,
@@ -39,14 +38,17 @@ from megalopta.scenes.spectra.color import linear_srgb
 from megalopta.stages.declaration import Stage
 from megalopta.stages.importing import check_pictures, import_pictures
 
-# Points below the camera's path where the illuminance is measured.
+if TYPE_CHECKING:
+    from megalopta.render import SceneRenderer
+
+# Points below the camera's path where illuminance is measured.
 _LIGHT_METERS = 9
 _MUCH_LEFT_OUT = 0.01
-"""Of the light of surfaces, in any band"""
+"""Truncated share of the light of surfaces, in any band, from which a warning is given"""
 
 
 def render(dataset: Dataset) -> None:
-    """Render the frames of which any file is not there yet; of pictures, copy the files."""
+    """Render the missing frames; for pictures, copy the files."""
     if not dataset.configuration.scene.has_truth:
         import_pictures(dataset)
         return
@@ -96,14 +98,16 @@ def build(settings: Configuration) -> Scene:
         )
 
 
-def _load(scene: Scene, settings: Configuration, poses: NDArray[np.float64]) -> SceneRenderer:
+def _load(scene: Scene, settings: Configuration, poses: NDArray[np.float64]) -> "SceneRenderer":
+    from megalopta.render import SceneRenderer
+
     kept, camera = cache_folder() / "light", settings.camera
     with refused_as("render"):
         return SceneRenderer(scene, camera, settings.render, poses, settings.seed, kept)
 
 
 class FrameWriter:
-    """Renders single frames of a dataset's sequence, or of a whole one, to their files."""
+    """Renders frames of a dataset's sequence to their files."""
 
     def __init__(self, dataset: Dataset, whole: Configuration | None = None) -> None:
         self._dataset = dataset
@@ -124,11 +128,11 @@ class FrameWriter:
         self.variant, self.integrator = self._renderer.variant, self._renderer.integrator
 
     def record(self) -> dict[str, Any]:
-        """What was rendered: counts, names of kinds, motions by object, light and its noise.
+        """Record of the rendering: counts, names of kinds, motions by object, light and its noise.
 
-        The canopy is a sentence on leaf area, gaps and floor light; None of what is no forest. The
-        light left out is the share of that of surfaces, by band, that takes more hits than paths
-        may have.
+        The canopy is a sentence on leaf area, gaps and floor light; None without a forest. The
+        truncation bias is the share of the light of surfaces, by band, that needs more hits than
+        paths may have.
         """
         settings, middle = self._settings, len(self._poses) // 2
         ring = settings.scene.canopy_ring_m
@@ -147,7 +151,7 @@ class FrameWriter:
         }
 
     def _view(self, index: int) -> dict[str, str]:
-        """Attributes of a truth file: camera, pose, time and names, so that it explains itself."""
+        """Attributes of a truth file: camera, pose, time and names."""
         camera = self._settings.camera
         return {
             "camera": camera.model_dump_json(),
@@ -185,7 +189,7 @@ class FrameWriter:
             self._write_exposed(index, attributes)
 
     def _write_exposed(self, index: int, attributes: Mapping[str, str]) -> None:
-        """Render one frame as the shutter takes it; its seeds are unrelated to the sharp one's."""
+        """Render one frame with the shutter; its seeds are independent of the sharp frame's."""
         dataset, settings = self._dataset, self._settings
         path, shutter = settings.trajectory, settings.shutter
         with step("rendering radiance"):
@@ -204,7 +208,7 @@ class FrameWriter:
             write_truth(file, truth, self._origin_m, {**self._view(index), **times})
 
     def _illuminance(self) -> dict[str, Any] | None:
-        """Measured lux in the open and below the camera's path; None for a scene that glows."""
+        """Measured lux in the open and below the camera's path; None for a self-luminous scene."""
         frames = np.unique(np.linspace(0, len(self._poses) - 1, _LIGHT_METERS).astype(int))
         survey = self._renderer.light_survey(self._poses[frames, :3, 3])
         if survey is None:
@@ -240,7 +244,7 @@ class FrameWriter:
         render_pass: Callable[[int], NDArray[np.float32]],
         measure_pass: Callable[[int], MeasuredPass],
     ) -> tuple[NDArray[np.float32], RenderNoise | None]:
-        """A frame from as many passes as its target takes, and its error where it is measured."""
+        """Render a frame in as many passes as its target needs; return it and its error."""
         settings = self._settings.render
         if settings.target_error is None:
             return render_once(render_pass, None if index % MEASURED_EVERY else measure_pass)
@@ -248,7 +252,7 @@ class FrameWriter:
 
 
 def _all_poses(settings: Configuration) -> NDArray[np.float64]:
-    """Poses that frames look from: with a shutter, also from the ends of their exposures."""
+    """Poses that frames look from; with a shutter, also those at the ends of exposures."""
     path, shutter = settings.trajectory, settings.shutter
     if shutter.is_instant:
         return path.poses()
@@ -278,7 +282,7 @@ def _say_left_out(settings: Configuration, shares: Sequence[float] | None) -> No
     low, high = settings.render.bands_nm[int(np.argmax(shares))]
     say(
         f"render: {max(shares):.1%} of the light of surfaces at {low:g} to {high:g} nm takes more "
-        f"hits than render.max_depth {settings.render.max_depth} allows, and is left out; 16 are "
+        f"hits than render.max_depth {settings.render.max_depth} allows and is missing; 16 are "
         "enough in forests"
     )
 
@@ -292,7 +296,7 @@ def _say_noise(settings: Configuration, noise: Mapping[str, Any] | None) -> None
     else:
         text = f"render: error on surfaces {surface['rms']:.2%} RMS, {surface['median']:.2%} median"
         if surface["standing"]:
-            text += f", of which {surface['standing']:.2%} RMS stands on them in all frames"
+            text += f", of which {surface['standing']:.2%} RMS is the same in all frames"
         say(text)
     target = settings.render.target_error
     errors = noise["rms_over_mean_of_frames"]
@@ -300,13 +304,13 @@ def _say_noise(settings: Configuration, noise: Mapping[str, Any] | None) -> None
         missed = sum(error > target for error in errors)
         say(
             f"render: {missed} of {settings.trajectory.frames} frames did not meet target_error "
-            f"{target:g} in {settings.render.max_passes} passes, the worst has {max(errors):.2g}: "
+            f"{target:g} in {settings.render.max_passes} passes; the worst has {max(errors):.2g}: "
             "raise render.max_passes or render.samples_per_pixel"
         )
 
 
 def write_previews(dataset: Dataset) -> None:
-    """Tone-mapped radiance, all frames by the same curve."""
+    """Write tone-mapped previews of the radiance, with one curve for all frames."""
     configuration = dataset.configuration
     white = configuration.scene.white(configuration.light)
     frames = range(configuration.trajectory.frames)
@@ -320,7 +324,7 @@ def write_previews(dataset: Dataset) -> None:
 def _outputs(dataset: Dataset) -> list[Path]:
     kinds = (
         *("clean", "flow", "occlusions", "invalid", "depth", "camdata_left"),
-        *("flow_kitti", "flow_flo5"),  # where a plan asks for them
+        *("flow_kitti", "flow_flo5"),  # if a plan asks for them
     )
     exr = ("radiance", "truth", "radiance_shutter", "truth_shutter")
     folders = [*(f"training/{kind}" for kind in kinds), *exr, "pictures"]

@@ -1,12 +1,12 @@
-"""The sense stage: radiance to the readings of every sensor at every light level, on disk.
+"""The sense stage: from radiance to the readings of every sensor at every light level, on disk.
 
-A SPAD array reads counts, an array of CTIA pixels electrons. Events, binary frames and TIFF stacks
-are written beside them where `products` asks for it. With `sub_frames` light moves within a frame,
-with `free_running` pixels go on in every frame from what the one before left in them.
+SPAD arrays read counts, CTIA arrays electrons. Events, binary frames and TIFF stacks are written
+too if `products` asks for them. With `sub_frames` light moves within a frame; with `free_running`
+pixels keep their state from frame to frame.
 
-Light is additive, so a scene under the same light made k times as bright has k times the radiance,
-in every band for itself: one rendering serves all levels. What stays is where the light comes from:
-a full moon sensed from a rendering under an overcast sky casts no shadows.
+Light is additive: a scene under the same light, k times as bright, has k times the radiance in
+every band. So one rendering serves all levels. The direction of the light does not change: a full
+moon sensed from a rendering under an overcast sky casts no shadows.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -51,7 +51,7 @@ AnyNext = NextFrames | NextPictures
 
 
 def sense(dataset: Dataset) -> None:
-    """Expose what is not there yet: every frame is read once, for all sensors at all levels."""
+    """Expose what is missing: every frame is read once, for all sensors at all levels."""
     wanted = dataset.configuration.products
     missing = [
         (*pair, products)
@@ -79,7 +79,7 @@ def sense(dataset: Dataset) -> None:
 
 
 def _check_events(dataset: Dataset, films: Sequence["_Film"]) -> None:
-    """Refuse light with more events in a frame than fit into memory, before anything is drawn."""
+    """Refuse light with more events per frame than fit into memory, before anything is drawn."""
     films = [film for film in films if film.has_events]
     for first, radiance in read_radiance_frames(dataset) if films else ():
         for film in films:
@@ -122,7 +122,7 @@ class _Film:
             self._writers.setdefault(kind_of(product), []).append(stores.enter_context(writer))
 
     def expose(self, first: int, radiance: NDArray[np.float32], following: AnyNext | None) -> None:
-        """Expose frames (n, H, W, B) from a number on."""
+        """Expose frames (n, H, W, B), the first of which has number `first`."""
         shot = self._shot(first, radiance, following)
         draws: dict[Kind, Callable[[], Iterable[Any]]] = {
             "readings": lambda: [shot.readings(self._settings.expectation)],
@@ -160,9 +160,9 @@ class _Film:
 
 
 def _next_frames(dataset: Dataset, first: int, radiance: NDArray[np.float32]) -> AnyNext | None:
-    """Return what follows frames (n, H, W, B) from a number on; None where light stands still.
+    """Return the frames that follow frames (n, H, W, B); None if light stands still.
 
-    After the last frame of a rendered sequence the light moves on as it came; pictures stand still.
+    After the last frame of a rendered sequence the light continues as before; pictures stand still.
     """
     settings, end = dataset.configuration, first + len(radiance)
     if settings.sub_frames == 1:
@@ -182,7 +182,7 @@ def _next_frames(dataset: Dataset, first: int, radiance: NDArray[np.float32]) ->
 
 
 def _unusual(settings: Configuration) -> dict[str, Any]:
-    """What a store says of how it was exposed where that is not by default."""
+    """Attributes of a store for settings that differ from the defaults."""
     said: dict[str, Any] = {}
     if settings.sub_frames > 1:
         said |= {"sub_frames": settings.sub_frames, "sub_frames_error": PARTS_ERROR}
@@ -205,7 +205,7 @@ def _warn_of_noise(dataset: Dataset) -> None:
 
 
 def open_exposure(dataset: Dataset, sensor: ImageSensor, level: LightLevel) -> OpenedCounts:
-    """Open what one sensor read at one light level. Raises UserError when it cannot be read."""
+    """Open the readings of a sensor at a light level. Raises UserError if they cannot be read."""
     try:
         return open_counts(dataset.counts(sensor, level))
     except (OSError, ValueError) as problem:
@@ -216,16 +216,16 @@ def open_exposure(dataset: Dataset, sensor: ImageSensor, level: LightLevel) -> O
 
 
 def require_expectation(dataset: Dataset) -> None:
-    """Refuse, with UserError, to go on where readings were stored without what is expected."""
+    """Refuse, with UserError, readings that were stored without their expectation."""
     if not dataset.configuration.expectation:
         raise UserError(
-            f"{dataset.home}: its readings were written without their mean and variance; write "
-            f"them too with: megalopta sense {dataset.home} --expectation true --redo"
+            f"{dataset.home}: its readings have no stored mean and variance; add "
+            f"them with: megalopta sense {dataset.home} --expectation true --redo"
         )
 
 
 def _write_final_images(dataset: Dataset) -> None:
-    """Counts of the first sensor at the first light level as gray images, all exposed alike."""
+    """Write counts of the first sensor at the first light level as gray images, on one scale."""
     configuration = dataset.configuration
     opened = open_exposure(dataset, configuration.sensors[0], configuration.light_levels[0])
     counts = opened["counts"]
@@ -237,14 +237,14 @@ def _write_final_images(dataset: Dataset) -> None:
 
 
 def burst_frames(settings: Configuration) -> int:
-    """Binary frames of a burst from one rendered frame to the next."""
+    """Binary frames of a burst per rendered frame."""
     return max(round(settings.burst_hz / settings.trajectory.frame_rate_hz), 1)
 
 
 def _check_timing(settings: Configuration) -> None:
-    """Refuse exposures, moving light, bursts and free-running arrays that do not fit into frames.
+    """Refuse exposures, moving light, bursts and continuous exposure that do not fit frames.
 
-    Raises ValueError, with one sentence that names the setting, or the sensor.
+    Raises ValueError, one sentence that names the setting or the sensor.
     """
     _check_sub_frames(settings)
     rate_hz = settings.trajectory.frame_rate_hz
@@ -252,13 +252,13 @@ def _check_timing(settings: Configuration) -> None:
         if settings.free_running and not isinstance(sensor, Sensor):
             raise ValueError(
                 f"free_running: sensor {sensor.name!r} integrates and is reset in every frame; "
-                "take the setting or the sensor out"
+                "remove the setting or the sensor"
             )
         if settings.free_running and abs(sensor.exposure_s * rate_hz - 1) > 1e-9:
             raise ValueError(
                 f"free_running: sensor {sensor.name!r} with exposure_s {sensor.exposure_s:g} does "
                 f"not fill frames at trajectory.frame_rate_hz {rate_hz:g}; use exposure_s "
-                f"{1 / rate_hz:.12g}, or leave the setting out"
+                f"{1 / rate_hz:.12g}, or remove the setting"
             )
         if sensor.exposure_s * rate_hz > 1 + 1e-9:
             raise ValueError(
@@ -272,22 +272,22 @@ def _check_sub_frames(settings: Configuration) -> None:
     parts, rate_hz = settings.sub_frames, settings.trajectory.frame_rate_hz
     if parts > 1 and not settings.shutter.is_instant:
         raise ValueError(
-            f"sub_frames {parts}: motion within an exposure is in the frames of shutter already; "
+            f"sub_frames {parts}: shutter already renders the motion within an exposure; "
             "use 1, or shutter.exposure_s 0 and shutter.readout_s 0"
         )
     if "burst_npy" not in settings.products:
         return
     if parts == 1 and settings.scene.has_truth:
-        raise ValueError("burst_npy: needs light between frames; give sub_frames of 2 or more")
+        raise ValueError("burst_npy: needs moving light; use sub_frames of 2 or more")
     if abs(burst_frames(settings) * rate_hz / settings.burst_hz - 1) > 1e-9:
         raise ValueError(
-            f"burst_hz {settings.burst_hz:g}: no whole multiple of trajectory.frame_rate_hz "
+            f"burst_hz {settings.burst_hz:g}: not a whole multiple of trajectory.frame_rate_hz "
             f"{rate_hz:g}; use {burst_frames(settings) * rate_hz:.12g}"
         )
 
 
 def _check(settings: Configuration) -> None:
-    """Refuse sensors that cannot expose the frames, measured devices whose maps are no good too."""
+    """Refuse sensors that cannot expose the frames, and measured devices with unusable maps."""
     _check_timing(settings)
     for sensor in settings.sensors:
         try:

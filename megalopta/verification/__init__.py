@@ -1,7 +1,7 @@
-"""Proofs for users: physics, truth, files."""
+"""Verification by users: physics, truth, files."""
 
 GROUPS = (
     *("counting", "light", "device", "dead-time", "afterpulsing", "crosstalk", "combinations"),
     *("gate", "changing-light", "counters", "frames", "ctia"),
 )
-"""Of what `megalopta check physics` compares"""
+"""Groups of cases of `megalopta check physics`"""

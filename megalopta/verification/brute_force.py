@@ -1,16 +1,16 @@
-"""A sensor by the plainest possible simulation, to hold the real one against.
+"""A sensor by the plainest possible simulation, as a reference for the real one.
 
     light       an integral over the exit pupil of the lens, another over wavelength
-    device      every pixel draws its dark counts, breakdown and mismatch from the stated laws
-    avalanches  arrival after arrival, and of the released carriers whichever comes first, found by
-                looking at all of them
-    counter     event after event: up by one, or a step off a voltage
-    CTIA        electrons one way and the other, in short steps, onto a capacitor
+    device      every pixel draws its dark counts, breakdown and mismatch as the sensor states
+    avalanches  arrival after arrival, with the earliest of all released carriers, found by
+    checking all of them
+    counter     event after event: up by one, or a voltage step
+    CTIA        electrons in both directions, in short steps, onto a capacitor
 
-Nothing is skipped and no law of the counts is used. Light that changes is thinned out of the
-brightest. A closed gate drops what arrives. A stationary start is a live one a long time earlier,
-long enough for dead times to lose their rhythm; frames that follow on each other are cut from one
-run. Slow on purpose. It takes parameters from the sensor and shares no code with it.
+Nothing is skipped and no distribution of counts is used. Changing light is thinned from the
+brightest. A closed gate drops arrivals. A stationary start is a live start long before the
+exposure, so that dead times lose their phase; consecutive frames are cut from one run. It is slow
+by design: it takes parameters from the sensor and shares no code with it.
 """
 
 from collections.abc import Mapping
@@ -33,7 +33,7 @@ _STEPS = 200
 
 
 class PlainPixels(NamedTuple):
-    """Draws of pixels, each (arrays, pixels of an array); rates in Hz, the others are factors."""
+    """Random pixels, each (arrays, pixels of an array); rates in Hz, the others are factors."""
 
     efficiency: Floats
     dark_hz: Floats
@@ -48,7 +48,7 @@ class _Device(NamedTuple):
     strengths: Floats
     """Each (arrays, pixels)"""
     chances: Floats
-    """That an avalanche of the first pixel fires the second"""
+    """Probability that an avalanche of the first pixel fires the second"""
     exposure: float
     run_up: float
     extends: bool
@@ -68,7 +68,7 @@ def brute_force_counts(
     effects: AvalancheEffects | Sensor,
     exposures: int,
 ) -> Counts:
-    """Return the events (exposures,) of one pixel that knows of no other."""
+    """Return the events (exposures,) of one isolated pixel."""
     rates = np.full((exposures, 1, 1), rate_hz)
     return brute_force_events(rng, rates, exposure_s, effects).ravel()
 
@@ -82,18 +82,18 @@ def brute_force_events(
     layout: tuple[int, int] | None = None,
     frames: int = 1,
 ) -> Counts:
-    """Events of arrays of pixels, (arrays, frames, pixels).
+    """Return the events of arrays of pixels, (arrays, frames, pixels).
 
     Parameters
     ----------
     rates_hz : (arrays, S, pixels) float64
         Arrivals per second, constant or in S equal parts of an exposure.
     pixels : PlainPixels, optional
-        Factors on what the effects say; its efficiency and dark counts are not used.
+        Factors on the effects' parameters; its efficiency and dark counts are not used.
     layout : (int, int)
-        Rows and columns of an array; by default pixels lie in a row.
+        Rows and columns of an array; default: a row of pixels.
     frames : int
-        How many exposures follow on each other without a new start.
+        Number of consecutive exposures without a reset.
     """
     arrays, _, size = rates_hz.shape
     pixels = pixels or PlainPixels(*np.ones((5, arrays, size)))
@@ -147,7 +147,7 @@ def _simulate(rng, light, device, counts):  # type: ignore[no-untyped-def]
         brightest = np.array([rates[:, pixel].max() for pixel in range(rates.shape[1])])
         arrivals = np.array([_pause(rng, each) for each in brightest]) - device.run_up
         blind_until = np.full(brightest.size, -np.inf)
-        waiting = [(np.inf, 0)]  # carriers, and arrivals in the twilight of a dead time
+        waiting = [(np.inf, 0)]  # carriers, and arrivals during recovery from a dead time
         while True:
             pixel = int(arrivals.argmin())
             now, is_new = arrivals[pixel], True
@@ -169,7 +169,7 @@ def _simulate(rng, light, device, counts):  # type: ignore[no-untyped-def]
 
 @compiled
 def _strike(rng, device, arrival, blind_until, waiting, counts):  # type: ignore[no-untyped-def]
-    """All that happens at once: the pixel, and those that it fires by its light."""
+    """Process an avalanche: of the pixel, and of those fired by crosstalk."""
     array, now, first = arrival
     struck = [first]
     while len(struck) > 0:
@@ -238,7 +238,7 @@ def plain_light_hz(radiance: float, band_nm: tuple[float, float], sensor: Any) -
 
 
 def plain_falloff(lens: Lens, rows: int, columns: int) -> Floats:
-    """Light in the pixels of an array (rows · columns,) over that on the axis."""
+    """Light in the pixels of an array (rows · columns,) relative to that on the axis."""
     pixel = 2 * np.tan(np.radians((lens.falloff_fov_deg or 0.0) / 2)) / columns
     y, x = np.indices((rows, columns)).reshape(2, -1) - np.array([[rows - 1], [columns - 1]]) / 2
     seen = [_seen_pupil(lens.f_number, *place) for place in zip(x * pixel, y * pixel, strict=True)]
@@ -248,8 +248,8 @@ def plain_falloff(lens: Lens, rows: int, columns: int) -> Floats:
 def _seen_pupil(f_number: float, x: float = 0.0, y: float = 0.0) -> float:
     """Irradiance per radiance, sr, at a point (focal lengths) of the die.
 
-    The pupil is a disc of diameter f/N at the distance f, every point of it as bright as the scene.
-    A piece dA of it at p adds cos²θ·dA/|p − s|², cos θ = f/|p − s|, at the point s of the die.
+    The pupil is a disc of diameter f/N at the distance f, uniformly as bright as the scene. A piece
+    dA of it at p adds cos²θ·dA/|p − s|², cos θ = f/|p − s|, at the point s of the die.
     """
     seen, _ = dblquad(
         lambda r, phi: r / (1 + (r * np.cos(phi) - x) ** 2 + (r * np.sin(phi) - y) ** 2) ** 2,
@@ -264,7 +264,7 @@ def plain_pixels(
     shape: tuple[int, int],
     measured: Mapping[str, Floats] | None = None,
 ) -> PlainPixels:
-    """Draw pixels, each of a device of its own; `measured` (shape) takes the place of a drawing."""
+    """Draw pixels, each of its own device; `measured` (shape) replaces a draw."""
     maps, bias, heat = measured or {}, sensor.bias, sensor.temperature
     rise = heat.celsius - heat.reference_celsius
     offset = maps.get("breakdown", bias.breakdown_sigma_v * rng.standard_normal(shape))
@@ -272,7 +272,7 @@ def plain_pixels(
     live = now > bias.onset_v
 
     def change(name: str, law: Any) -> Floats:
-        """What was measured at the reference bias has the offset of each pixel in it."""
+        """Values measured at the reference bias include the offset of each pixel."""
         return np.asarray(law(now) / law(bias.reference_v - offset * (name in maps)))
 
     efficiency = maps.get("efficiency", np.ones(shape)) * live
@@ -318,7 +318,7 @@ def _log_normal(
 def plain_readings(
     rng: np.random.Generator, events: Counts, sensor: Sensor
 ) -> tuple[Floats, Flags]:
-    """Readings, and which are flagged as perhaps too low, of events; each of a pixel of its own."""
+    """Return readings of events, each of its own pixel, and flags of possible lower bounds."""
     if isinstance(sensor.counter, AnalogCounter):
         return _analog_readings(rng, events, sensor.counter, sensor.exposure_s)
     capacity, wraps = sensor.counter.capacity, sensor.counter.overflow == "wrap"
@@ -356,10 +356,10 @@ def _analog_readings(
 def plain_volts(
     rng: np.random.Generator, sensor: CtiaSensor, light_a: Floats, frame: int
 ) -> tuple[Floats, Flags]:
-    """Discharge, V, and where the swing ended it, of CTIA pixels of any shape at a frame.
+    """Discharge, V, and its saturation at the swing, of CTIA pixels of any shape at a frame.
 
-    Each is of a device of its own and gets its electrons in short steps: those of the light, and
-    those that cross its diode one way and the other.
+    Each belongs to its own device and gets its electrons in short steps: those of the light, and
+    those that cross its diode in both directions.
     """
     diode, noise, normal = sensor.diode, sensor.noise, rng.standard_normal
     step_s, shape = sensor.exposure_s / _STEPS, light_a.shape

@@ -1,4 +1,4 @@
-"""The table of what `megalopta check physics` compares, group by group."""
+"""The table of cases of `megalopta check physics`, by group."""
 
 from typing import Any
 
@@ -27,13 +27,13 @@ from megalopta.verification.comparison import Case
 
 _TAU_S = 5e-3
 _FULL = (1.0, 12.0, 60.0)
-"""Arrivals in an exposure of 20 dead times: from nearly Poisson to nearly always blind"""
+"""Arrivals in an exposure of 20 dead times: from nearly Poisson to nearly always dead"""
 _UNEVEN = (8.0, 3.0, 0.5, 10.0, 20.0, 5.0)
 """Arrivals in the pixels of an array of 2 × 3"""
 
 
 def _spad(term: str, light: Any = _FULL, **changes: Any) -> Case:
-    """A case of an ideal sensor with these changes; names of a case's own fields go there."""
+    """Return a case of an ideal sensor with changes; names of a case's fields go to the case."""
     own = {name: changes.pop(name) for name in Case.__annotations__ if name in changes}
     return Case(term, changed(preset("ideal"), **changes), light, **own)
 
@@ -59,7 +59,7 @@ _TABLE = Afterpulsing(
 _TALK = Crosstalk(mean_fired_neighbors=0.3, diagonal=0.3, distance_two=0.1)
 _GATE = Gate(period_s=17e-3, width_s=11e-3, phase_s=4e-3)
 _SHUT = Gate(period_s=10e-3, width_s=2e-3, phase_s=1e-3)
-"""Mostly closed: carriers come out while it is"""
+"""Mostly closed: carriers are released meanwhile"""
 _BENT = AnalogCounter(
     **{"step_v": 0.1, "swing_v": 1.6, "step_slope": 0.5, "leak_v_s": 1.0},
     **{"step_noise_v": 0.011, "read_noise_v": 0.04},
@@ -190,7 +190,7 @@ CASES: dict[str, tuple[Case, ...]] = {
             (3.0, 14.0, 120.0),
             counter=DigitalCounter(capacity=15, overflow="wrap"),
         ),
-        _spad("analog, steps that shrink and err, read noise", (3.0, 12.0, 40.0), counter=_BENT),
+        _spad("analog, nonlinear and noisy steps, read noise", (3.0, 12.0, 40.0), counter=_BENT),
         _spad("analog, uneven, calibrated", (3.0, 14.0), counter=_SPREAD),
         _spad(
             "analog, uneven, uncalibrated",
@@ -209,13 +209,13 @@ CASES: dict[str, tuple[Case, ...]] = {
         _spad("binary frames", (0.01, 0.3, 3.0), readout="bits"),
         _spad("binary frames, gate", gate=_GATE, readout="bits"),
         _spad(
-            "times of events, gate, jitter, afterpulsing",
+            "event times, gate, jitter, afterpulsing",
             (1.0, 60.0),
             **{"gate": _SHUT, "jitter": Jitter(sigma_s=4e-3), "readout": "times"},
             **{"afterpulsing": _TRAPS, "dead_time": _ACTIVE},
         ),
         _spad(
-            "frames without a gap",
+            "consecutive frames",
             (2.0, 10.0),
             **{"afterpulsing": _TRAPS, "dead_time": _PASSIVE, "exposure_s": 0.02},
             readout="running",

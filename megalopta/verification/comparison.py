@@ -1,10 +1,10 @@
-"""A sensor in some light, as a user draws its readings, against the plainest simulation.
+"""Compare a sensor's readings, as a user draws them, with the plainest simulation.
 
-Mean, variance and law of the readings must agree at every light level, as must the share of those
-flagged, and what is drawn must have the mean and variance that the sensor states. Streams are
-fixed, so the result is always the same; a change of the code that is right draws other numbers.
-Each comparison then fails with a probability of at most 6e-7 (|z| >= 5). A row is the worst of all
-comparisons of a case; `false_alarm` counts them all.
+Mean, variance and distribution of the readings must agree at every light level, as must the share
+of flagged ones, and draws must have the mean and variance that the sensor states. Streams are
+fixed, so the result is reproducible; a correct change of the code draws other numbers. Each
+comparison then fails with a probability of at most 6e-7 (|z| >= 5). A row is the worst comparison
+of a case; `false_alarm` counts them all.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -46,12 +46,12 @@ LARGEST_Z = 5.0
 _BANDS_NM = ((460.0, 480.0), (440.0, 460.0))
 """The first is dark"""
 _FRAMES = {"times": 10, "running": 3}
-"""How many columns a level has: tenths of an exposure, or frames without a gap"""
+"""Columns per level: tenths of an exposure, or consecutive frames"""
 _CTIA_FRAME = 99
 
 Sample = NDArray[Any]
 Drawn = tuple[Sample, Sample | None]
-"""Readings, and which are flagged, (samples, places)"""
+"""Readings, and their flags, (samples, places)"""
 
 
 @dataclass(frozen=True)
@@ -62,27 +62,27 @@ class Case:
     """The effect"""
     sensor: Any
     light: Any
-    """Photons in an exposure that a sensor always live detects, at each level; or those of each of
-    so many equal parts of the exposure; of a CTIA, photocurrents (A)"""
+    """Photons per exposure detected by an always live sensor, at each level; or those of each of
+    equal parts of the exposure; for a CTIA, photocurrents (A)"""
     readout: Literal["counts", "radiance", "bits", "times", "codes", "running", "volts"] = "counts"
-    """How readings are drawn, of `_READ`; "radiance" is counts of light through the lens"""
+    """Readout, of `_READ`; "radiance" is counts of light through the lens"""
     layout: tuple[int, int] | None = None
-    """The levels are the pixels of such an array (rows, columns), and frames are what is
-    independent; without it pixels are"""
+    """Levels are the pixels of such an array (rows, columns), and frames are independent; without
+    it pixels are"""
     samples: int = 20_000
     maps: Mapping[str, Any] = field(default_factory=dict)
-    """Measured maps, as flat as `light`, of an array"""
+    """Measured maps of an array, flat like `light`"""
 
     @property
     def rates(self) -> Floats:
-        """Light of all parts and levels, (S, levels): Hz, of a CTIA A."""
+        """Light of all parts and levels, (S, levels): Hz, for a CTIA A."""
         light = np.atleast_2d(np.array(self.light, np.float64))
         return light if self.readout == "volts" else light * len(light) / self.sensor.exposure_s
 
 
 @dataclass(frozen=True)
 class Row:
-    """The comparison that is farthest off, of one case."""
+    """The worst comparison of one case."""
 
     term: str
     quantity: str
@@ -94,12 +94,12 @@ class Row:
 
     @property
     def passed(self) -> bool:
-        """Whether the difference can be chance."""
+        """True if the difference can be chance."""
         return abs(self.z) < LARGEST_Z
 
 
 def check_case(case: Case) -> Row:
-    """Draw the readings of a case and simulate them plainly; return the comparison farthest off."""
+    """Draw the readings of a case and simulate them plainly; return the worst comparison."""
     with TemporaryDirectory() as folder:
         sensor = _measured(case, Path(folder))
         light = _light(case, sensor)
@@ -118,13 +118,13 @@ def check_case(case: Case) -> Row:
 
 
 def worst(rows: Sequence[Row]) -> Row:
-    """Row farthest off, which stands for all of them."""
+    """Return the worst row, which represents all of them."""
     largest = max(rows, key=lambda row: np.inf if np.isnan(row.z) else abs(row.z))
     return replace(largest, comparisons=sum(row.comparisons for row in rows))
 
 
 def false_alarm(rows: Sequence[Row]) -> float:
-    """Probability, at most, that a right program fails any of the comparisons behind the rows."""
+    """Largest probability that a correct program fails any of the comparisons."""
     return float(2 * norm.sf(LARGEST_Z) * sum(row.comparisons for row in rows))
 
 
@@ -136,7 +136,7 @@ def _measured(case: Case, folder: Path) -> Any:
 
 
 def _light(case: Case, sensor: Any) -> Floats:
-    """Return what falls on (frames, rows, columns), of light in parts on (frames, S, …)."""
+    """Return the light on (frames, rows, columns), or of parts on (frames, S, …)."""
     parts, levels = case.rates.shape
     if case.layout:
         shape = case.samples, parts, *case.layout
@@ -149,7 +149,7 @@ def _light(case: Case, sensor: Any) -> Floats:
 
 
 def _stated(case: Case, light: Floats, sensor: Any) -> tuple[Floats, ...]:
-    """Mean and variance, (samples or 1, places), as far as the sensor states them exactly."""
+    """Mean and variance, (samples or 1, places), if the sensor states them exactly."""
     few = light[:1]
     if case.readout == "volts":
         moments = volt_moments(few, sensor, _CTIA_FRAME)
@@ -197,7 +197,7 @@ def _times(case: Case, light: Floats, sensor: Any) -> Drawn:
 
 
 def _codes(case: Case, light: Floats, sensor: Any) -> Drawn:
-    """Codes of an ADC, turned into counts by the even pixels' steps."""
+    """Codes of an ADC, converted to counts by the uniform pixels' steps."""
     counter = sensor.counter
     assert isinstance(counter, AnalogCounter) and counter.adc_bits is not None
     codes = _columns(case, expose_adc(light, sensor, **_key(case))).astype(np.float64)
@@ -209,7 +209,7 @@ def _codes(case: Case, light: Floats, sensor: Any) -> Drawn:
 
 
 def _running(case: Case, light: Floats, sensor: Any) -> Drawn:
-    """Counts of frames that follow on each other without a gap."""
+    """Counts of consecutive frames."""
     frames = np.tile(light, (_FRAMES["running"], 1, 1))
     counts = expose_rate(frames, sensor, free_running=True, **_key(case)).counts
     return _columns(case, counts.transpose(1, 0, 2)).astype(np.float64), None
@@ -252,19 +252,19 @@ def _simulate(case: Case) -> tuple[Sample, Sample]:
 
 
 def _sample_rows(where: str, plain: Sample, drawn: Sample) -> list[Row]:
-    """Compare mean, variance and law of two samples."""
+    """Compare mean, variance and distribution of two samples."""
     mean_z, variance_z, law = two_sample_z(plain, drawn)
     return [
         Row("", f"mean, {where}", float(plain.mean()), float(drawn.mean()), mean_z),
         Row("", f"variance, {where}", float(plain.var()), float(drawn.var()), variance_z),
-        Row("", f"law as z, {where}", 0.0, law, law),
+        Row("", f"distribution as z, {where}", 0.0, law, law),
     ]
 
 
 def _stated_rows(where: str, drawn: Sample, *moments: Floats) -> list[Row]:
-    """Compare readings with what is stated, to 0.1 % or 0.003 σ of the mean, 1 % of the variance.
+    """Compare readings with the stated moments: 0.1 % or 0.003 σ of the mean, 1 % of the variance.
 
-    Each reading has a mean and variance of its own where pixels differ.
+    Each reading has its own mean and variance if pixels differ.
     """
     if not moments:
         return []
@@ -277,13 +277,13 @@ def _stated_rows(where: str, drawn: Sample, *moments: Floats) -> list[Row]:
 
 
 def _mean_row(quantity: str, expected: float, sample: Sample, allowed: float) -> Row:
-    """Compare the mean of independent draws with a number that may be off by so much itself."""
+    """Compare the mean of independent draws with a number of known tolerance."""
     mean, error = float(sample.mean()), float(sample.std()) / sample.size**0.5
     return Row("", quantity, expected, mean, _z(mean - expected, error, allowed))
 
 
 def two_sample_z(first: Sample, second: Sample) -> tuple[float, float, float]:
-    """Return z of the difference in mean, in variance and in law of two samples (n,)."""
+    """Return z of the differences in mean, variance and distribution of two samples (n,)."""
     n, m = first.size, second.size
     deviations = [(sample - sample.mean()) ** 2 for sample in (first, second)]
     mean_error = (first.var() / n + second.var() / m) ** 0.5
@@ -296,11 +296,11 @@ def two_sample_z(first: Sample, second: Sample) -> tuple[float, float, float]:
 
 
 def law_z(first: Sample, second: Sample) -> float:
-    """Pearson's test of homogeneity, bins of 20 or more, as the z of the same probability."""
+    """Return Pearson's test of homogeneity, bins of 20 or more, as the z of equal probability."""
     values, place = np.unique(np.concatenate([first, second]), return_inverse=True)
     parts = np.split(place, [first.size])
     table = np.array([np.bincount(part, minlength=values.size) for part in parts])
-    # neighboring values share a bin until it holds enough
+    # neighboring values share a bin until it is full enough
     bins = (np.cumsum(table.sum(0)) - table.sum(0)) // 40
     table = np.array([np.bincount(bins, row) for row in table])
     table = table[:, table.sum(0) >= 20]

@@ -1,8 +1,8 @@
 """`megalopta check files` and `dataset check`: a dataset against its records and its plan.
 
-Every file against its hash, shapes against the configuration, and that nothing else is there. Of
-many sequences also the records against the manifest, the index against the Croissant file, and of a
-few sequences the truth derived another way.
+Every file is compared with its hash, shapes with the configuration, and unknown files are reported.
+For many sequences, also the records with the manifest, the index with the Croissant file, and the
+truth of a few sequences with a second derivation.
 """
 
 import json
@@ -49,21 +49,21 @@ _STRANGE = "belongs to no sequence of this dataset"
 
 
 class Fault(NamedTuple):
-    """Something that is not as it was written."""
+    """A damaged, missing or unknown file."""
 
     path: Path
     what: str
     remedy: str
-    """How to mend it."""
+    """Remedy."""
 
 
 Faults = Iterator[Fault]
 
 
 def run_check_files(root: Path, truths: int = 0, console: Console | None = None) -> bool:
-    """Check a dataset, with the truth of so many sequences; print what is wrong, return if nothing.
+    """Check a dataset, with the truth of `truths` sequences; print faults, return True if none.
 
-    Raises UserError where there is no dataset.
+    Raises UserError if there is no dataset.
     """
     console, tree = console or Console(), Tree(root)
     faults = check_files(tree, truths)
@@ -77,25 +77,23 @@ def run_check_files(root: Path, truths: int = 0, console: Console | None = None)
 
 
 def check_files(tree: Tree, truths: int = 0) -> list[Fault]:
-    """Everything that is not as it was written, is missing, or belongs to nothing."""
+    """Return everything that is modified, missing, or unknown."""
     return list(_lone_faults(tree.lone) if tree.lone else _faults_of_many(tree, truths))
 
 
 def _checked(tree: Tree, truths: int) -> str:
-    """What was checked, for a person."""
+    """Return a summary of the checks."""
     if tree.lone:
         ledger = Ledger(tree.lone)
         entries = {stage: entry for stage in STAGES if (entry := ledger.entry(stage))}
         total = sum(len(entry.files or {}) for entry in entries.values())
         return f"{total} files of {', '.join(entries) or 'no finished stage'}"
     made = len(tree.names())
-    return (
-        f"{made} of {tree.plan().sequences} sequences, truth of {min(truths, made)} derived again"
-    )
+    return f"{made} of {tree.plan().sequences} sequences, truth of {min(truths, made)} rederived"
 
 
 def wrong_shape(dataset: Dataset, path: Path) -> str | None:
-    """What is wrong with the size of a file of a dataset; None where nothing is, or it has none."""
+    """Return what is wrong with the shape of a file; None if correct or without shape."""
     camera = dataset.configuration.camera
     size = (camera.height, camera.width)
     try:
@@ -106,13 +104,13 @@ def wrong_shape(dataset: Dataset, path: Path) -> str | None:
             wanted = (dataset.configuration.trajectory.frames, *size)
             if isinstance(counts, zarr.Array) and counts.shape != wanted:
                 return f"has counts of shape {tuple(counts.shape)} instead of {wanted}"
-    except Exception as problem:  # of a file that somebody made up, anything
+    except Exception as problem:  # a forged file can raise any exception
         return f"cannot be read ({problem or type(problem).__name__})"
     return None
 
 
 def _lone_faults(dataset: Dataset) -> Faults:
-    """Those of one sequence. What is not finished has no hashes yet and is not checked."""
+    """Yield faults of one sequence. Unfinished output has no hashes yet and is not checked."""
     ledger, root = Ledger(dataset), dataset.root
     known = set(files_in([dataset.record_path, root / FOLDER]))
     for stage in STAGES:
@@ -137,7 +135,7 @@ def _file_faults(
     remedy: Callable[[Path], str],
     advance: Callable[[], None] = lambda: None,
 ) -> Faults:
-    """Files of a stage that are not as they were written, whole stores once."""
+    """Yield modified files of a stage, each store once."""
     faults: dict[Path, Fault] = {}
     for name, (size, hashed) in (entry.files or {}).items():
         path = dataset.root / name
@@ -149,7 +147,7 @@ def _file_faults(
 
 
 def _unknown(root: Path, known: set[Path], *folders: str) -> Faults:
-    """Files that no sequence wrote, but for those in folders of the dataset's own."""
+    """Yield files that no sequence wrote, except in the dataset's own folders."""
     known = known | {root / name for name in _OWN}
     for top in root.iterdir():
         if top.name not in folders and not files.is_temporary(top):
@@ -185,7 +183,7 @@ def _unmade(tree: Tree, names: list[str], again: str) -> Faults:
     if (missing := wanted - len(names)) > 0:
         there = set(names)
         first = next(n for n in map(sequence_name, range(wanted)) if n not in there)
-        what = f"{missing} sequences of the plan are not made, this is the first"
+        what = f"{missing} sequences of the plan are missing, this is the first"
         yield Fault(tree.record_path(first), what, again)
 
 
@@ -197,31 +195,31 @@ def _manifest_faults(tree: Tree, names: list[str], again: str) -> Faults:
         yield Fault(path, "is damaged", str(problem))
         return
     if sorted(hashes) != names:
-        yield Fault(path, f"lists {len(hashes)} sequences, there are {len(names)}", again)
+        yield Fault(path, f"lists {len(hashes)} sequences, but there are {len(names)}", again)
     for record in map(tree.record_path, set(names) & hashes.keys()):
-        with suppress(UserError):  # which is told where the record is read
+        with suppress(UserError):  # reported where the record is read
             if not is_record_as_written(record, hashes):
-                yield Fault(record, "is not as it was written", f"remove it and {again}")
+                yield Fault(record, "differs from the manifest", f"remove it and {again}")
             elif not is_record_known(record, hashes):
                 yield Fault(record, "has more output than the index knows", again)
 
 
 def _index_faults(tree: Tree, names: list[str], again: str) -> Faults:
-    """Those of tables, and of the lists of splits."""
+    """Yield faults of tables, and of the lists of splits."""
     for name in TABLES:
         try:
             table = table_path(tree.root, name)
             rows = pq.read_metadata(table).num_rows
         except (UserError, OSError, ValueError) as problem:
             path = tree.root / "index" / f"{name}.parquet"
-            yield Fault(path, f"cannot be relied on ({problem})", again)
+            yield Fault(path, f"is unreliable ({problem})", again)
             continue
         if name == "sequences" and rows != len(names):
             yield Fault(table, f"has {rows} rows for {len(names)} sequences", again)
     try:
         read_lists(tree.root, names)
     except UserError as problem:
-        yield Fault(tree.root / "splits", "cannot be relied on", str(problem))
+        yield Fault(tree.root / "splits", "are unreliable", str(problem))
 
 
 def _sequence_faults(tree: Tree, record: SequenceRecord, with_truth: bool, again: str) -> Faults:
@@ -233,26 +231,26 @@ def _sequence_faults(tree: Tree, record: SequenceRecord, with_truth: bool, again
 
 
 def _machinery(record: SequenceRecord) -> str:
-    """With what a sequence was made, and the backend that was asked for: of these it may differ."""
+    """Return the software of a sequence with the requested backend, which may differ."""
     made = {stage: record.stages[stage].made_with for stage in MADE}
     backend = record.configuration.get("render", {}).get("backend")
     return json.dumps({"backend": backend, "made": made}, sort_keys=True)
 
 
 def _mixture(tree: Tree, machinery: Mapping[str, str], again: str) -> Faults:
-    """Sequences that were made otherwise than most: their bytes are not those of one program."""
+    """Yield sequences made by other software than most: their bytes are not of one program."""
     usual: dict[str, dict[str, dict[str, str]]] = {}
     for each, _ in Counter(machinery.values()).most_common():
         usual.setdefault(json.loads(each)["backend"], json.loads(each)["made"])
     for name, each in machinery.items():
         own = json.loads(each)
         most = usual[own["backend"]]
-        told = {stage: provenance_changes(most[stage], own["made"][stage]) for stage in MADE}
-        if what := "; ".join(f"{stage}: {change}" for stage, change in told.items() if change):
+        changes = {stage: provenance_changes(most[stage], own["made"][stage]) for stage in MADE}
+        if what := "; ".join(f"{stage}: {change}" for stage, change in changes.items() if change):
             yield Fault(
                 tree.record_path(name),
-                f"was made otherwise than most sequences ({what})",
-                f"remove it and with the program that made the others {again}",
+                f"was made by other software than most sequences ({what})",
+                f"remove it and, with the program that made the others, {again}",
             )
 
 
@@ -262,22 +260,22 @@ def _truth_faults(dataset: Dataset) -> Faults:
         with silent():
             residuals = check_truth(dataset)
     except (UserError, ValueError) as problem:
-        yield Fault(place, f"cannot be derived again ({problem})", "make the sequence again")
+        yield Fault(place, f"cannot be rederived ({problem})", "regenerate the sequence")
         return
     for each in residuals:
         if not each.passed:
             yield Fault(
                 place,
-                f"flow of {each.name} differs by {each.median:.2g} px from another derivation",
-                "the program has a fault there, tell its authors",
+                f"flow of {each.name} differs by {each.median:.2g} px from a second derivation",
+                "this is a bug of megalopta; report it",
             )
 
 
 def _unfinished(tree: Tree, again: str) -> Faults:
     staged = [each.folder for each in staged_sequences(tree)]
     if staged:
-        yield Fault(tree.staging, "holds sequences that are not finished", again)
+        yield Fault(tree.staging, "holds unfinished sequences", again)
     for path in sorted(set(tree.staging.glob("*")) - set(staged)):
         yield Fault(path, _STRANGE, "move it elsewhere")
     if tree.failures.exists():
-        yield Fault(tree.failures, "lists sequences that could not be made", f"{again} --retry")
+        yield Fault(tree.failures, "lists failed sequences", f"{again} --retry")

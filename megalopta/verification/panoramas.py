@@ -1,8 +1,8 @@
 """`megalopta check panoramas`: the shipped forests rendered again and compared, as a table.
 
 Two renderings of a scene differ by their noise alone. So the RMS of their difference is compared
-with that of the noise, of pixels and of the means of blocks, where noise averages out and a change
-of the scene does not. Rendering with the same seed on a machine of the same kind gives less.
+with that of the noise, for pixels and for means of blocks, where noise averages out and a change of
+the scene does not. The same seed on the same kind of machine gives a smaller difference.
 """
 
 import math
@@ -30,23 +30,23 @@ from megalopta.render import RenderNoise, read_attributes
 BLOCK = 25
 """Side of a block (px)."""
 LIMIT = 2.0
-"""Largest difference over what noise makes. The mean square over some 300 blocks, were twenty of
-them alone to count, exceeds four times its expectation by chance once in 3e8."""
+"""Largest ratio of the difference to noise. The mean square over some 300 blocks, if only twenty of
+them counted, exceeds four times its expectation by chance once in 3e8."""
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """A rendering beside the shipped file, RMS over the mean radiance."""
+    """A rendering and the shipped file, RMS over the mean radiance."""
 
     pixels: float
     blocks: float
     """Difference of pixels, and of the means of blocks."""
     noise: float
-    """What noise makes of the difference of pixels; that of blocks is 1/25 of it."""
+    """Expected difference of pixels by noise; that of blocks is 1/25 of it."""
 
     @property
     def agrees(self) -> bool:
-        """Whether noise explains the difference."""
+        """True if noise explains the difference."""
         return self.pixels < LIMIT * self.noise and self.blocks < LIMIT * self.noise / BLOCK
 
 
@@ -65,9 +65,9 @@ def compare(shipped: Path, radiance: NDArray[np.float32], noise: RenderNoise) ->
 
 
 def run_check_panoramas(out: Path | None = None, console: Console | None = None) -> bool:
-    """Render all shipped panoramas again, print how they differ; return whether noise explains it.
+    """Render the shipped panoramas, print differences; return True if noise explains them.
 
-    What was rendered goes to the folder `out`, as it would be shipped.
+    Renderings go to the folder `out`, in the form of shipped files.
     """
     if out:
         ensure_directory(out)
@@ -93,12 +93,12 @@ def _add_row(
         return False
     found = compare(shipped, radiance, noise)
     is_current = read_attributes(shipped).get(RECIPE) == recipe
-    verdict = "agrees" if found.agrees else "differs: raise RENDER_MODEL and ship it anew"
+    verdict = "agrees" if found.agrees else "differs: raise RENDER_MODEL and ship it again"
     shares = found.pixels, found.noise, found.blocks, found.noise / BLOCK
     table.add_row(
         name,
         *(f"{share:.2%}" for share in shares),
-        verdict if is_current else "shows another recipe: ship it anew",
+        verdict if is_current else "is of another recipe: ship it again",
     )
     return found.agrees and is_current
 

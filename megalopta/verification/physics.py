@@ -13,9 +13,9 @@ from megalopta.verification.comparison import LARGEST_Z, Row, check_case, false_
 
 
 def run_check_physics(groups: Sequence[str] = (), console: Console | None = None) -> bool:
-    """Compare the cases of some groups of `CASES`, or all; print their table, return if all passed.
+    """Compare cases of some groups, or all; print a table, return True if all passed.
 
-    Raises UserError for a name that is none; nothing is checked then.
+    Raises UserError for an unknown name, before any check.
     """
     for group in groups:
         if group not in CASES:
@@ -30,8 +30,8 @@ def run_check_physics(groups: Sequence[str] = (), console: Console | None = None
     failed = sum(not row.passed for row in rows)
     comparisons = sum(row.comparisons for row in rows)
     console.print(
-        f"{len(rows)} rows, {failed} failed; behind them are {comparisons} comparisons, of which a "
-        f"right program fails any with a probability of at most {false_alarm(rows):.0e}",
+        f"{len(rows)} rows, {failed} failed, of {comparisons} comparisons; a correct program fails "
+        f"any with a probability of at most {false_alarm(rows):.0e}",
         highlight=False,
     )
     return failed == 0

@@ -1,18 +1,18 @@
-"""`megalopta check truth`: a dataset's flow against another derivation, and against its images.
+"""`megalopta check truth`: a dataset's flow against a second derivation, and against its images.
 
-Flow is derived again from stored depth, poses and motions by plain formulas (`rederive`), in both
+Flow is rederived from stored depth, poses and motions by plain formulas (`rederive`), in both
 directions. A bending object differs from its motion by the straight edges of its triangles, which
-only shows in the largest percent. Then the next image is warped back along the stored flow, and
-what shift is left between it and this image is estimated by least squares on the gradient (Lucas
-and Kanade, 1981), over the whole image. Aliasing, noise and shadows that move leave a tenth or two
-of a pixel there, a wrong sign or a grid off by half a pixel leave more than the limit.
+only shows in the largest percent. Then the next image is warped back along the stored flow, and the
+remaining shift between it and this image is estimated by least squares on the gradient (Lucas and
+Kanade, 1981), over the whole image. Aliasing, noise and moving shadows leave one or two tenths of a
+pixel; a wrong sign or a grid off by half a pixel leaves more than the limit.
 
-What the truth says of whole pixels is held against what it says of their centers. A center is a
-place like any other of its pixel. Where one thing fills the pixel, its flow is one of those that
-mean and spread are of, and so is rarely farther from the mean than a few spreads. And over the
-image the shares of sky, and of what is hidden, come to as many pixels as have such a center, within
-what chance leaves: a share of s makes a center with a variance of s·(1 − s). Where the centers of
-neighbors see different things, the outline between them crosses one of the two.
+The truth of whole pixels is compared with that of their centers. A center is a place like any other
+of its pixel. Where one object fills the pixel, its flow belongs to the distribution with the given
+mean and spread, and is rarely farther from the mean than a few spreads. Over the image, the shares
+of sky, and of hidden area, sum to the number of pixels with such a center, within chance: a share s
+gives a center with a variance of s·(1 − s). Where the centers of neighbors see different objects,
+the outline between them crosses one of the two.
 """
 
 from collections.abc import Iterator
@@ -45,33 +45,33 @@ _FARTHEST_SPREADS = 4.0
 
 @dataclass(frozen=True)
 class Residual:
-    """What is left of one comparison."""
+    """Residuals of one comparison."""
 
     name: str
     pixels: int
-    """How many values went in."""
+    """Number of values."""
     median: float
     percentile_99: float
-    """Of the residual's length, px; of shares, in standard errors."""
+    """Residual's length, px; for shares, in standard errors."""
     limit: float
-    """Of the median."""
+    """Limit of the median."""
 
     @property
     def passed(self) -> bool:
-        """Whether the median keeps its limit."""
+        """True if the median is below its limit."""
         return self.median < self.limit
 
 
 def run_check_truth(dataset: Dataset, console: Console | None = None) -> bool:
-    """Check all frames of a dataset and print the table; return whether all passed."""
+    """Check all frames of a dataset and print the table; return True if all passed."""
     dataset.require_truth()
     Ledger(dataset).require("render")
     console = console or Console()
     rows = check_truth(dataset)
     console.print(
-        "at rest and sky: from depth and poses; moving: from position and motion; pixel mean: of "
-        "whole pixels, against their centers; shares: likewise, in standard errors; outlines: the "
-        "part that no mixed pixel is on; image: the next one, warped back along the flow",
+        "at rest and sky: from depth and poses; moving: from position and motion; pixel mean: "
+        "whole pixels against their centers; shares: likewise, in standard errors; outlines: share "
+        "without mixed pixels; image: the next one, warped back along the flow",
         highlight=False,
     )
     table = Table(caption="pass: median below its limit")
@@ -90,7 +90,7 @@ def check_truth(dataset: Dataset) -> list[Residual]:
     motions = motions_of(dataset)
     kept: dict[str, list[Floats]] = {}
     frames = dataset.configuration.trajectory.frames
-    with progress("Deriving flow again", frames - 1, "pair") as advance:
+    with progress("Rederiving flow", frames - 1, "pair") as advance:
         for one, two in pairwise(_frame(dataset, index) for index in range(frames)):
             there = rederived_flow(one.truth, one.view, two.view, motions)
             back = rederived_flow(two.truth, two.view, one.view, motions)
@@ -111,9 +111,9 @@ def check_truth(dataset: Dataset) -> list[Residual]:
 
 
 def remaining_shift(image: Floats, following: Floats, truth: Truth) -> float:
-    """Length (px) of the shift left between an image (H, W) and the next one warped along its flow.
+    """Length (px) of the remaining shift of an image (H, W) and the next one, warped by its flow.
 
-    NaN where nothing is seen in both.
+    NaN where nothing is visible in both.
     """
     height, width = image.shape
     x = np.arange(width) + truth.flow_forward[..., 0]
@@ -123,8 +123,8 @@ def remaining_shift(image: Floats, following: Floats, truth: Truth) -> float:
     inside &= ~truth.occluded_forward
     if not inside.any():
         return float("nan")
-    # Smoothing before and after warping: the same filter for both, and gradients that are stable.
-    # Pixels without a partner take this image's value, so that they say nothing.
+    # Smoothing before and after warping gives both the same filter, and stable gradients.
+    # Pixels without a partner take this image's value and have no effect.
     warped = image.copy()
     warped[inside] = map_coordinates(following, [y[inside], x[inside]], order=3, mode="nearest")
     first, second = (gaussian_filter(each, _SMOOTHING_PX) for each in (image, warped))
@@ -164,7 +164,7 @@ def _groups(truth: Truth, moving: list[int]) -> dict[str, NDArray[np.bool_]]:
 
 
 def _distance(stored: NDArray[np.float32], again: Floats) -> Floats:
-    """Lengths of the difference of flows (n, 2), px; infinite where only one of them is defined."""
+    """Lengths of the difference of flows (n, 2), px; infinite if only one of them is defined."""
     length = np.linalg.norm(stored - again, axis=-1)
     undefined = np.isnan(stored).any(axis=-1), np.isnan(again).any(axis=-1)
     length[undefined[0] ^ undefined[1]] = np.inf
@@ -188,27 +188,27 @@ def _limit(name: str) -> float:
 
 
 def footprint_residuals(truth: Truth) -> Iterator[tuple[str, Floats]]:
-    """Yield names and values of what differs in a frame.
+    """Yield names and values of the differences in a frame.
 
-    Means in px, sums of shares in standard errors, of outlines the part that no mixed pixel is on.
+    Means in px, sums of shares in standard errors, outlines as the share without mixed pixels.
     """
     footprint = truth.footprint
     if (missed := _missed_outlines(truth)) is not None:
-        yield "outlines missed, part", np.array([missed])
-    yield "sky share, of error", _standard_errors(footprint.sky, truth.object_id == 0)
+        yield "outlines missed, share", np.array([missed])
+    yield "sky share, in standard errors", _standard_errors(footprint.sky, truth.object_id == 0)
     for way in ("forward", "backward"):
         flow, found = getattr(truth, f"flow_{way}"), getattr(footprint, way)
         if np.isnan(flow).all():
             continue
         hidden = getattr(truth, f"occluded_{way}")
-        yield f"hidden share {way}, of error", _standard_errors(found.hidden, hidden)
+        yield f"hidden share {way}, in standard errors", _standard_errors(found.hidden, hidden)
         pure = ~footprint.is_mixed & np.isfinite(flow).all(axis=-1)
         away = np.linalg.norm(flow[pure] - found.mean[pure], axis=-1)
         yield f"pixel mean, {way}", np.maximum(away - _FARTHEST_SPREADS * found.spread[pure], 0)
 
 
 def _missed_outlines(truth: Truth) -> float | None:
-    """Part of the borders between pixels of different objects that neither neighbor is mixed by."""
+    """Share of the borders between different objects with no mixed pixel on either side."""
     things, mixed = truth.object_id, truth.footprint.is_mixed
     missed = [
         ~(mixed[here] | mixed[there])[things[here] != things[there]]
@@ -219,10 +219,10 @@ def _missed_outlines(truth: Truth) -> float | None:
 
 
 def _standard_errors(share: NDArray[np.float32], center: NDArray[np.bool_]) -> Floats:
-    """How far (1,) the sum of shares (H, W) is from the centers' (H, W), in standard errors."""
+    """Distance (1,) of the sum of shares (H, W) from the centers' (H, W), in standard errors."""
     shares = share.astype(np.float64)
     if (shares < 0).any() or (shares > 1).any() or np.isnan(shares).any():
         return np.array([np.inf])
-    # A ray more or less in one pixel is no error of the whole.
+    # One ray more or less in a pixel is not an error of the whole.
     error = np.sqrt((shares * (1 - shares)).sum() + 1)
     return np.array([abs(shares.sum() - center.sum()) / error])

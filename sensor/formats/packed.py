@@ -123,13 +123,14 @@ def read_binary_npy(
         )
     part = array[wanted(len(array), frames, path)]
     if array.dtype != np.uint8:
-        return _counts(part, path)
+        return _counts(part, path, len(array))
     if width is not None and not 0 <= -width + 8 * array.shape[2] < 8:
         raise ValueError(
             f"{path}: width {width}, but rows have {array.shape[2]} bytes of 8 pixels: give the "
             "width of the sensor; if it is the height, the file is transposed"
         )
-    return RecordedFrames(counts=_unpacked(part, layout, width), bit_depth=1, source="npy")
+    bits = _unpacked(part, layout, width)
+    return RecordedFrames(counts=bits, bit_depth=1, source="npy", total=len(array))
 
 
 def read_raw(
@@ -141,7 +142,7 @@ def read_raw(
     """Read a raw file, or all files of a folder in order of name; raises as `read_frames`."""
     layout = layout or PackedLayout(bit_order="msb" if camera == "spad512" else "lsb")
     rows, columns = _SHAPES[camera]
-    raw = _raw_frames(path, rows * columns // 8, layout, frames)
+    raw, total = _raw_frames(path, rows * columns // 8, layout, frames)
     if camera == "swissspad2_whole":
         quarters = raw.reshape(-1, rows // 2, 4, 2, columns // 32)
         halves = np.moveaxis(quarters, 3, 1).reshape(-1, 2, rows // 2, columns // 8)
@@ -150,7 +151,8 @@ def read_raw(
         packed = raw.reshape(-1, rows, columns // 8)
     else:
         packed = raw.reshape(-1, rows // 8, columns)
-    return RecordedFrames(counts=_unpacked(packed, layout), bit_depth=1, source=camera)
+    bits = _unpacked(packed, layout)
+    return RecordedFrames(counts=bits, bit_depth=1, source=camera, total=total)
 
 
 def _unpacked(packed: Bytes, layout: PackedLayout, width: int | None = None) -> Bytes:
@@ -160,13 +162,13 @@ def _unpacked(packed: Bytes, layout: PackedLayout, width: int | None = None) -> 
     return np.unpackbits(packed, axis=along, count=width, bitorder=order)
 
 
-def _counts(frames: NDArray[Any], path: Path) -> RecordedFrames:
+def _counts(frames: NDArray[Any], path: Path, total: int) -> RecordedFrames:
     """Frames of bits or of wider numbers, as they are."""
     if frames.dtype.kind == "i" and frames.min() < 0:
         raise ValueError(f"{path}: has counts below 0; give raw counts")
     depth = 1 if frames.dtype == np.bool_ else 8 * frames.itemsize
     counts = frames.astype(np.uint8) if depth == 1 else np.array(frames)
-    return RecordedFrames(counts=counts, bit_depth=depth, source="npy")
+    return RecordedFrames(counts=counts, bit_depth=depth, source="npy", total=total)
 
 
 def _mapped(path: Path) -> NDArray[Any]:
@@ -181,18 +183,21 @@ def _mapped(path: Path) -> NDArray[Any]:
         ) from None
 
 
-def _raw_frames(path: Path, frame_bytes: int, layout: PackedLayout, frames: slice) -> Bytes:
-    """Frames of a file or of the `.bin` files of a folder, (T, frame_bytes)."""
+def _raw_frames(
+    path: Path, frame_bytes: int, layout: PackedLayout, frames: slice
+) -> tuple[Bytes, int]:
+    """Frames of a file or of the `.bin` files of a folder, (T, frame_bytes); how many it has."""
     files = sorted(path.glob("*.bin")) if path.is_dir() else [path]
     if not files:
         raise FileNotFoundError(f"{path}: no .bin files in this folder; give that of a recording")
     parts = [_body(file, frame_bytes, layout) for file in files]
-    range_ = wanted(sum(map(len, parts)), frames, path)
+    total = sum(map(len, parts))
+    range_ = wanted(total, frames, path)
     chosen, start = [np.empty((0, frame_bytes), np.uint8)], 0
     for part in parts:
         chosen.append(part[max(range_.start - start, 0) : max(range_.stop - start, 0)])
         start += len(part)
-    return np.concatenate(chosen)
+    return np.concatenate(chosen), total
 
 
 def _body(path: Path, frame_bytes: int, layout: PackedLayout) -> Bytes:

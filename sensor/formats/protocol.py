@@ -16,7 +16,6 @@ from enum import IntEnum
 from typing import NamedTuple, Self
 
 import numpy as np
-from cobs import cobs
 from numpy.typing import NDArray
 
 from megalopta.core.bounded import printable
@@ -91,6 +90,8 @@ def encode(packet: Packet) -> bytes:
 
     Raises ValueError if the payload's length is not that of its kind.
     """
+    from cobs import cobs
+
     if len(packet.payload) != PAYLOAD_BYTES[packet.kind]:
         raise ValueError(
             f"payload: {len(packet.payload)} bytes; {packet.kind.name} has "
@@ -135,6 +136,8 @@ class Parser:
             self._rest, self._is_too_long = b"", True
 
     def _decoded(self, piece: bytes) -> Packet | None:
+        from cobs import cobs
+
         if len(piece) > LONGEST:
             return None
         try:

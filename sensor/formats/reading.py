@@ -154,7 +154,11 @@ def _spc3(path: Path, frames: slice, counter: int) -> RecordedFrames:
     counts = np.ascontiguousarray(np.swapaxes(chosen, 1, 2)).astype(dtype.newbyteorder("="))
     exposure_s = int(header["integration_10ns"]) * int(header["summed_frames"]) * 1e-8
     return RecordedFrames(
-        counts=counts, bit_depth=int(header["bits"]), exposure_s=exposure_s, source="spc3"
+        counts=counts,
+        bit_depth=int(header["bits"]),
+        exposure_s=exposure_s,
+        source="spc3",
+        total=total,
     )
 
 

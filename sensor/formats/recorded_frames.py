@@ -21,6 +21,8 @@ class RecordedFrames:
     """Bits per count; 1 for binary frames"""
     source: str
     """Name of the format"""
+    total: int
+    """Frames of the file, of which fewer may have been asked for"""
     exposure_s: float | None = None
     """Exposure time of a frame, s, if the file states it"""
 

@@ -68,7 +68,9 @@ def read_tiff(path: Path, frames: slice) -> RecordedFrames:
         reason = one_line(problem)
         raise ValueError(f"{path}: damaged, truncated or not a known TIFF ({reason})") from None
     depth = 8 * counts.dtype.itemsize
-    return RecordedFrames(counts=counts, bit_depth=depth, exposure_s=exposure_s, source="tiff")
+    return RecordedFrames(
+        counts=counts, bit_depth=depth, exposure_s=exposure_s, source="tiff", total=total
+    )
 
 
 def _check(path: Path, stack: Any, pages: list[Any], size: int) -> None:

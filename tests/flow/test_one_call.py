@@ -62,7 +62,7 @@ def test_methods_without_a_velocity_are_refused_with_those_that_have_one(name, p
 @pytest.mark.parametrize(
     ("settings", "told"),
     [
-        ({"smooth": 1}, r"PF has no setting smooth \(of value 1\): choose from .*smoothness$"),
+        ({"smooth": 1}, r"PF has no setting smooth \(value 1\): choose from .*smoothness$"),
         ({"smoothness": -1}, "PF: smoothness is -1; it should be greater than 0"),
         ({"smoothness": "much"}, "PF: smoothness is much; it should be a valid number"),
         ({"method": "DIS", "preset": "slow"}, "DIS: preset is slow; it should be 'ultrafast', "),

@@ -72,5 +72,5 @@ def test_what_is_no_flow_network_is_told(tmp_path):
     with pytest.raises(ValueError, match="No such file"):
         method(str(path))
     path.write_text("no network")
-    with pytest.raises(ValueError, match="give an ONNX file from two pictures to their flow"):
+    with pytest.raises(ValueError, match="give an ONNX file that maps two pictures to flow"):
         method(str(path))

@@ -128,7 +128,7 @@ def test_a_function_of_a_module_in_the_working_folder(tmp_path, monkeypatch):
     assert method("reference_flow:known").name == "BM"
     for wrong, told in (
         ("reference_flow:left", "has no attribute 'left'"),
-        ("reference_flow:number", "is no function"),
+        ("reference_flow:number", "is not a function"),
         ("no_such_module:flow", "No module named"),
     ):
         with pytest.raises(ValueError, match=told):

@@ -79,7 +79,7 @@ def test_a_turn_across_the_seam_of_a_panorama(shape):
     [
         (np.ones((8, 80, 90), np.uint16), "80 × 96 px"),
         (np.ones((1, 80, 96), np.uint16), "two or more frames"),
-        (np.zeros((8, 80, 96), np.uint16), "show nothing"),
+        (np.zeros((8, 80, 96), np.uint16), "have no contrast"),
         (np.full((8, 80, 96), np.nan), "0 or more"),
         (np.arange(-2.0, 6).repeat(80 * 96).reshape(8, 80, 96), "0 or more"),
     ],

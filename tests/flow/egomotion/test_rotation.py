@@ -66,7 +66,7 @@ def test_undefined_answers_leave_the_rate_right():
     [
         ((4, 2), np.ones(3), "give one each"),
         ((4, 2), np.zeros(4), "rates other than 0"),
-        ((4, 2), np.ones(4), "no answer depends on the rate"),
+        ((4, 2), np.ones(4), "no response depends on the rate"),
     ],
 )
 def test_what_cannot_be_learned_from_is_refused(answers_shape, rates, words):

@@ -147,7 +147,7 @@ def shipped(tmp_path, monkeypatch):
 def test_the_package_ships_all_forests_in_2_mb():
     assert sum(path.stat().st_size for path in SHIPPED.iterdir()) < 2e6
     for name, recipe in NATURAL_PANORAMAS.items():
-        assert panorama_file(name, recipe) == SHIPPED / f"{name}.exr", "ship it anew"
+        assert panorama_file(name, recipe) == SHIPPED / f"{name}.exr", "ship it again"
 
 
 @pytest.mark.parametrize("change", [{"seed": 1}, {"passes": 9}, {"eye_m": 1.7}])
@@ -197,7 +197,7 @@ def test_what_grows_today_is_what_was_shipped(name):
 def test_a_broken_file_in_the_cache_is_named(rendered, tmp_path):
     natural_templates(tmp_path)
     panorama_file("open", NATURAL_PANORAMAS["open"], tmp_path).write_bytes(b"half a fi")
-    with pytest.raises(UserError, match=r"open-\w+\.exr is no panorama .*remove it"):
+    with pytest.raises(UserError, match=r"open-\w+\.exr is a damaged panorama.*remove it"):
         natural_templates(tmp_path)
 
 

@@ -144,8 +144,8 @@ OTHERS = [order(group, "BM", "DIS") for group in (HIDDEN, "smooth", "depth edge"
 )
 def test_methods_change_places_where_both_groups_say_so_of_all_comparisons(ranked, orders, count):
     said, scope = order_changes(with_orders(ranked, *orders))
-    assert f"parallax {count}, occlusion 0, edges of depth (no such blocks)" in said
-    assert "stretches of frames of these alone" in scope
+    assert f"parallax {count}, occlusion 0, depth edges (no such blocks)" in said
+    assert "segments of these sequences only" in scope
 
 
 def test_a_camera_that_only_turns_is_told_from_one_that_moves(grating, tmp_path):

@@ -33,7 +33,7 @@ def test_sweep_survives_yaml(tmp_path):
     ("text", "sentence"),
     [
         ("vary: template.contrst", r"template.contrst: unknown key; did you mean 'contrast'\?"),
-        ("values: [0, 1]", "velocity_px 0: nothing moves, so the errors of BM"),
+        ("values: [0, 1]", "velocity_px 0: no motion, so the errors of BM"),
         ("values: [1, 1]", "values: 1 is named twice"),
         ("values: []", "empty; give at least one"),
         ("trial: {methods: BM}", "trial.methods: give a list, got 'BM'"),
@@ -41,13 +41,13 @@ def test_sweep_survives_yaml(tmp_path):
         ("{vary: template.cycles_per_frame, values: [50]}", "use at most 21.21, or a larger size"),
         ("{vary: template.contrast, values: [2]}", "template.contrast: input should be less than"),
         ("{vary: size, values: [15, 60]}", "size 15 is too small for BM: frames of 15"),
-        ("{vary: methods, values: [BM, IM]}", "vary: methods is the same for a whole figure"),
-        ("{vary: search.metrics, values: [ratio]}", "vary: search.metrics is the same for a"),
+        ("{vary: methods, values: [BM, IM]}", "vary: methods cannot vary within a figure"),
+        ("{vary: search.metrics, values: [ratio]}", "vary: search.metrics cannot vary"),
         ("{vary: size, values: [60, 120], sizes: [60]}", "sizes: size is varied already"),
         (
             "{vary: template.contrast, values: [0.5],"
             " templates: [{kind: grating}, {kind: grating, contrast: 0.4}]}",
-            "two trials are the same: template.contrast is varied",
+            "duplicate trial: template.contrast is varied",
         ),
     ],
 )

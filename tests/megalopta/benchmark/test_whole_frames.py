@@ -157,7 +157,7 @@ def test_mistakes_are_told_in_a_sentence(clip, tmp_path, capsys):
         tmp_path / "other-gt-flow/Venus/flow10.flo",
     )
     assert "2 paths; give a folder" in run(capsys, picture, truth)[1]
-    assert "give numbers above 0" in run(capsys, tmp_path, "--photons", "1,-3")[1]
+    assert "give comma-separated numbers above 0" in run(capsys, tmp_path, "--photons", "1,-3")[1]
     assert "NDS measures no velocity" in run(capsys, tmp_path, "--methods", "NDS")[1]
     assert "has 2 frames; PPM needs 8" in run(capsys, tmp_path, "--methods", "PPM")[1]
     small = tmp_path / "small.png"

@@ -108,9 +108,9 @@ def test_a_film_becomes_tables_that_say_what_they_are(film, tmp_path, capsys):
     assert all(bright[method] < 0.3 for method in bright)
     assert all(dark[method] > 3 * bright[method] for method in ("DIS", "LK"))
     said = capsys.readouterr()
-    assert "NO TRUE FLOW, so none of these is an error" in said.out
-    assert "mean over 2 pairs with 95 % over pairs" in said.out
-    assert "it favours DIS" in said.out and "may be wrong alike" in said.out
+    assert "NO TRUE FLOW: these are distances, not errors" in said.out
+    assert "mean over 2 pairs, 95 % CI over pairs" in said.out
+    assert "which favours DIS" in said.out and "may share an error" in said.out
     assert "that of BT.709 is used" in said.err
 
 
@@ -144,9 +144,9 @@ def test_what_has_no_pairs_is_refused(folder, film, capsys):
     assert "has one frame" in refused(capsys, one, "--no-truth")
     assert "3 paths; without truth" in refused(capsys, one, one, one, "--no-truth")
     assert "has 6 frames; give it alone" in refused(capsys, one, film, "--no-truth")
-    assert "--reference is for --no-truth" in refused(capsys, folder, "--reference", "LK")
+    assert "--reference needs --no-truth" in refused(capsys, folder, "--reference", "LK")
     assert "NDS measures no velocity" in refused(capsys, folder, "--no-truth", "--reference", "NDS")
-    assert "--no-truth if nobody knows it" in refused(capsys, one, one)
+    assert "without flow: --no-truth" in refused(capsys, one, one)
     small = folder / "small.png"
     Image.fromarray(np.zeros((30, 20), np.uint8)).save(small)
     assert "have 120 × 96 and 20 × 30 px" in refused(capsys, one, small, "--no-truth")
@@ -159,6 +159,6 @@ def test_pairs_without_contrast_are_left_out(folder, capsys):
         pairs = pairs_without_truth(stack, [folder], most=20)
         board = distances_of_pairs(pairs, (1000.0,), "DIS", ["BM"])
         assert board.scenes == ("walk 1", "walk 2")
-        assert "walk 0: both pictures are of one brightness" in capsys.readouterr().err
-        with pytest.raises(UserError, match="no contrast at all"):
+        assert "walk 0: both pictures are uniform" in capsys.readouterr().err
+        with pytest.raises(UserError, match="no contrast; "):
             distances_of_pairs({"walk 0": pairs["walk 0"]}, (1000.0,), "DIS", ["BM"])

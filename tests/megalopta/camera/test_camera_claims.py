@@ -52,7 +52,7 @@ def saying(kind, **fields):
     ],
 )
 def test_what_no_camera_can_be_is_refused(acted, tmp_path, kind, field, value):
-    refused = pytest.raises(UserError, match=f"the camera says {field} {value}.*; flash")
+    refused = pytest.raises(UserError, match=f"the camera reports {field} {value}.*; flash")
     with acted(frames, saying(kind, **{field: value})) as port, refused:
         capture(lambda: port, tmp_path / "a", wanted(frames=5), threading.Event())
     assert not (tmp_path / "a").exists()
@@ -196,7 +196,7 @@ def test_a_capture_that_frames_leave_ends_and_keeps_them(acted, impatient, tmp_p
     ):
         capture(lambda: port, out, wanted(frames=100), threading.Event())
     recording = open_recording(out)
-    assert str(refused.value).endswith(f"; the {len(recording)} frames before are kept in {out}")
+    assert str(refused.value).endswith(f"; the {len(recording)} earlier frames are kept in {out}")
     # The first one was exposed before the settings held.
     assert len(recording) >= 19 and recording.settings.finished
 

@@ -236,7 +236,7 @@ def test_what_says_nothing_or_something_else_is_told(terminal, tmp_path):
     thread = threading.Thread(target=chatter)
     thread.start()
     try:
-        with pytest.raises(UserError, match="something else than SPADCAM's protocol"):
+        with pytest.raises(UserError, match="does not speak SPADCAM's protocol"):
             capture(lambda: path, tmp_path / "a", wanted(frames=1), threading.Event())
     finally:
         stop.set()

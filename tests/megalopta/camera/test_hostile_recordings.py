@@ -60,7 +60,7 @@ def bomb(text):
 DAMAGE = {
     "link": lambda a: replaced(a / "counts.zarr" / "adc", lambda p: p.symlink_to("/etc")),
     "link to settings": lambda a: replaced(a / "recording.yaml", lambda p: p.symlink_to("/dev/zero")),
-    "link in a circle": lambda a: (a / "more").symlink_to(a),
+    "circular symbolic link": lambda a: (a / "more").symlink_to(a),
     "pipe as settings": lambda a: replaced(a / "recording.yaml", os.mkfifo),
     "pipe as a chunk": lambda a: replaced(a / "counts.zarr" / "adc" / "c" / "0" / "0" / "0", os.mkfifo),
     "wrong yaml": lambda a: yaml_of(a, lambda text: "kind: [dark"),

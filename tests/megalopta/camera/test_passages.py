@@ -57,7 +57,7 @@ def test_a_passage_begins_where_the_plate_hides():
 def test_what_shows_no_passages_is_refused():
     # Of a normal distribution 0.9 of the frames are within 3.3 σ, and 6 σ are asked for.
     still = recorded(300, [], 5.0)
-    with pytest.raises(ValueError, match=r"no edge passes, the array counts 12\d"):
+    with pytest.raises(ValueError, match=r"no edge passes, the mean count is 12\d"):
         cut_passages(still)
     with pytest.raises(ValueError, match="1 passages of the plate to and fro in 130 frames"):
         cut_passages(recorded(130, [30, 70], 5.0))

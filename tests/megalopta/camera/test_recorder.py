@@ -174,4 +174,4 @@ def test_a_line_tells_frames_rate_gaps_damage_and_saturated_pixels():
         "120 frames, 10.0 frames/s, 2 gaps (7 frames missing), 1 packets damaged, "
         "5 pixels saturated"
     )
-    assert status_line(state(plugged=False)).endswith("unplugged, waiting for it")
+    assert status_line(state(plugged=False)).endswith("unplugged, waiting")

@@ -78,7 +78,7 @@ def test_beside_recording_yaml_it_is_the_same_recording(captured, tmp_path):
 
 
 def test_a_whole_recording_is_left_as_it_is(captured):
-    with pytest.raises(UserError, match="is whole, with .* frames; give --out"):
+    with pytest.raises(UserError, match="is complete, with .* frames; give --out"):
         recover(captured)
 
 
@@ -187,12 +187,12 @@ def test_without_room_the_command_that_reads_back_is_named_and_works(acted, tmp_
             preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000)),
         )
     told = ended.stderr.splitlines()[-1]
-    assert ended.returncode == 2 and "the file grows larger than allowed" in told
+    assert ended.returncode == 2 and "the file exceeds the size limit" in told
     assert (out / "raw.bin").stat().st_size == 100_000  # to the last byte that there was room for
     if "recover" in told:
-        assert told.endswith(f"read back what came: megalopta spadcam recover '{out}'")
+        assert told.endswith(f"recover the frames: megalopta spadcam recover '{out}'")
         assert_nothing_lost(out)
     else:
-        assert told.endswith(f"frames before are kept in {out}")
+        assert told.endswith(f"earlier frames are kept in {out}")
         # raw.bin may hold one more: the one that was being taken
         assert len(valid_frames(out / "raw.bin")) - len(open_recording(out)) in (0, 1)

@@ -31,15 +31,18 @@ def refused(capsys, *arguments):
         (["reproduce", "fig-2.9", "--workers", "0"], "reproduce: argument --workers: '0'; give a"),
         (["dataset", "check", "x", "--truth=-1"], "--truth: '-1'; give a whole number, 0"),
         (["dataset", "view", "x", "--sequences", "0"], "--sequences: '0'; give a whole number, 1"),
-        (["render", "--"], "--: no setting"),
+        (["render", "--"], "--: not a setting"),
         (["spadcam", "calibrate", "x", "--wavelength-nm", "nan"], "--wavelength-nm: 'nan'; give a"),
         (["spadcam", "calibrate", "x", "--beam-area-mm2=-0.0"], "'-0.0'; give a finite number"),
         (["spadcam", "compare", "x", "--device", "y", "--margin", "inf"], "'inf'; give a finite"),
         (["spadcam", "compare", "x", "--device", "y", "--seed=-1"], "--seed: '-1'; give a whole"),
         (["benchmark", "photons", "x", "--workers", "1" + "0" * 400], "give a whole number, 1 or"),
-        (["benchmark", "photons", "x", "--allow-code"], "--allow-code is for a sweep; leave it"),
-        (["benchmark", "photons", "x.yaml", "--redo"], "--redo is for a dataset; leave it out"),
-        (["sweep", "x"], "sweep: this verb is now benchmark photons; give that"),
+        (["benchmark", "photons", "x", "--allow-code"], "--allow-code is for a sweep; omit it"),
+        (["benchmark", "photons", "x.yaml", "--redo"], "--redo is for a dataset; omit it"),
+        (["sweep", "x"], "sweep: renamed; use benchmark photons"),
+        (["rendr", "demo"], "rendr: no such verb; did you mean 'render'?"),
+        (["dataset", "mak", "--out", "x"], "dataset mak: no such verb; did you mean 'make'?"),
+        (["dataset", "x"], "dataset x: no such verb; use one of card, check, expose"),
         (["render", "--scene.trees", "9", "my.yaml"], "my.yaml: no such configuration"),
         (["render", "--light-levels", "twilight", "airglow"], "airglow: a value of --light_levels, or"),
         (["demo", "--scene.treees", "5"], "unknown key; did you mean 'trees'?"),
@@ -62,12 +65,12 @@ def test_a_mistake_gets_one_sentence_and_makes_nothing(
 @pytest.mark.parametrize(
     ("problem", "message"),
     [
-        (OSError(errno.ENOSPC, "No space left on device", "out/x.exr"), "out/x.exr: the disk is full; make room"),
-        (OSError(errno.ENOSPC, "No space left on device"), "the disk is full; make room"),
-        (PermissionError(errno.EACCES, "Permission denied", "out"), "out: not permitted; change"),
+        (OSError(errno.ENOSPC, "No space left on device", "out/x.exr"), "out/x.exr: the disk is full; free some"),
+        (OSError(errno.ENOSPC, "No space left on device"), "the disk is full; free some"),
+        (PermissionError(errno.EACCES, "Permission denied", "out"), "out: permission denied; change"),
         (FileExistsError(errno.EEXIST, "File exists", "out"), "out: a file is in the way"),
-        (MemoryError("Unable to allocate 74.5 GiB"), "the memory is too small (Unable to allocate 74.5 GiB)"),
-        (MemoryError(), "the memory is too small; ask for less"),
+        (MemoryError("Unable to allocate 74.5 GiB"), "out of memory (Unable to allocate 74.5 GiB)"),
+        (MemoryError(), "out of memory; ask for less"),
     ],
 )  # fmt: skip
 def test_what_the_machine_refuses_is_told_with_file_and_remedy(
@@ -110,7 +113,7 @@ def test_help_is_printed_where_the_locale_has_ascii_only():
 
 def test_a_name_that_is_no_unicode_is_told_in_a_sentence(tmp_path):
     done = run(["render", "--out", os.fsencode(tmp_path / "o") + b"\xff"])
-    assert done.returncode == 2 and b"o\\udcff: not in UTF-8; rename" in done.stderr
+    assert done.returncode == 2 and b"o\\udcff: not UTF-8; rename" in done.stderr
     assert not list(tmp_path.iterdir())
 
 

@@ -86,7 +86,7 @@ def test_ctrl_c_leaves_whole_files_and_the_next_run_goes_on(run, tmp_path):
     process.send_signal(signal.SIGINT)
     _, stderr = process.communicate(timeout=30)
     assert process.returncode == 130, stderr
-    assert "interrupted; every file is whole" in stderr
+    assert "interrupted; every file is complete" in stderr
     assert "Traceback" not in stderr
     assert not files_named(out, ".*")
     truths = files_named(out, "truth/*/frame_*.exr")

@@ -71,7 +71,7 @@ def test_an_own_option_ends_a_setting_also_with_an_equals_sign():
 
 @pytest.mark.parametrize(
     ("words", "told"),
-    [("--seed 1 --seed 2", "--seed: given twice"), ("--scene.trees", "--scene.trees: needs a val")],
+    [("--seed 1 --seed 2", "--seed: given twice"), ("--scene.trees", "--scene.trees: missing val")],
 )
 def test_a_setting_has_one_value(words, told):
     with pytest.raises(UserError, match=told):

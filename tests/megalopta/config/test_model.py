@@ -126,16 +126,16 @@ def test_missing_map_and_missing_device_are_named(measured):
         ("camera: {kind: equirectangular, fov: 90}", r"camera\.fov: unknown key; did you mean 'fov_deg'"),
         ("light: {sky: cloudy}", r"light\.sky: .*'even' or 'natural', got 'cloudy'"),
         ("{scene: {kind: grating}, light: {sky: natural}}", r"light\.sky: a scene of kind 'grating' has its own light"),
-        ("{scene: {kind: forest, haze: {visibility_m: 99}}, render: {integrator: baked}}", "integrator 'baked': baked light knows no haze; use 'auto' or 'path'"),
+        ("{scene: {kind: forest, haze: {visibility_m: 99}}, render: {integrator: baked}}", "integrator 'baked': baked light has no haze; use 'auto' or 'path'"),
         ("scene: {kind: forest, haze: {}}", r"scene\.haze\.visibility_m: missing; give a value"),
         ("light: {panorama: none.hdr}", r"light\.panorama: none\.hdr cannot be read \(no such file"),
         ("light_levels: [dusk]", "'dusk' is unknown: use one of daylight"),
-        ("light_levels: [starlight, starlight]", "each level once"),
+        ("light_levels: [starlight, starlight]", "duplicate level"),
         ("methods: [XX]", "'XX' is unknown: use some of BM"),
         ("methods: [BM, BM]", "methods: BM is named twice"),
         ("trajectory: {frames: 1}", "at least 2 frames"),
         ("sensors: [ideal, ideal]", "name of its own"),
-        ("scene: {trees: 5}", "scene: say which kind it is, with the key 'kind'"),
+        ("scene: {trees: 5}", "scene: missing key 'kind'; add it"),
         ("scene: {kind: desert}", "scene: kind 'desert' is unknown; use 'forest', 'grating'"),
         ("scene: {kind: forest, trees: -1}", r": scene\.trees: .*greater than 0, got -1"),
         ("sensors: []", "sensors: empty; give at least one"),
@@ -144,11 +144,11 @@ def test_missing_map_and_missing_device_are_named(measured):
         (f"name: {'x' * 101}", "at most 100 characters"),
         (f"sensors: [{{preset: ideal, name: {'x' * 300}}}]", "at most 100 characters"),
         ("sensors: [{preset: ideal, name: ../../up}]", "'../../up' cannot name a folder"),
-        ("light_levels: [0.1, 1e-1]", "each level once"),
+        ("light_levels: [0.1, 1e-1]", "duplicate level"),
         ("seed: abc", "seed: .*valid integer.*, got 'abc'"),
-        ("- a", "a configuration is a mapping"),
-        ("", "holds nothing; give at least one key"),
-        ("# name: mine\n", "holds nothing; give at least one key"),
+        ("- a", "not a mapping"),
+        ("", "empty; give at least one key"),
+        ("# name: mine\n", "empty; give at least one key"),
         ("a: !!python/object/apply:os.system [ls]", "not valid YAML"),
     ],
 )  # fmt: skip
@@ -159,7 +159,7 @@ def test_mistakes_get_one_sentence_with_field_and_remedy(text, message):
 
 
 def test_an_override_of_nothing_says_what_there_is():
-    with pytest.raises(UserError, match=r"--sensors\.7\.name: no field '7'; there is 0, 1"):
+    with pytest.raises(UserError, match=r"--sensors\.7\.name: no field '7'; the fields are 0, 1"):
         load("demo", {"sensors.7.name": "x"})
     with pytest.raises(UserError, match="unknown key; did you mean 'trees'"):
         load("demo", {"scene.treess": "3"})

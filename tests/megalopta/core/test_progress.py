@@ -23,8 +23,8 @@ def test_a_single_long_step_is_told_at_intervals(capsys):
         time.sleep(0.2)
         advance(2)
     lines = capsys.readouterr().err.splitlines()
-    assert "Rendering: 0 of 3 frames in 0 s" in lines
-    assert any(line.startswith("Rendering: 1 of 3 frames, ") for line in lines)
+    assert "Rendering: 0 % of 3 frames · 0:00 so far" in lines
+    assert any(line.startswith("Rendering: 33 % of 3 frames · 0:0") for line in lines)
     assert re.fullmatch(r"Rendering: 3 frames in [\d.]+ s", lines[-1])
 
 
@@ -35,7 +35,7 @@ def test_only_the_innermost_work_speaks(capsys):
             advance()
         inner = capsys.readouterr().err
         time.sleep(0.2)
-    assert "Rendering: 0 of 1 frames" in inner
+    assert "Rendering: 0 % of 1 frames" in inner
     assert "at work" not in inner
     assert "render: at work for 0 s" in capsys.readouterr().err
 
@@ -49,10 +49,10 @@ def test_it_is_silent_again_after_a_failure_and_leaves_no_thread(capsys):
     assert threading.active_count() == threads
 
 
-def test_a_line_tells_share_rate_and_what_is_left():
-    assert progress_line(12, 300, "frame", 24) == "12 of 300 frames, 2.0 s/frame, 10 min to go"
-    assert progress_line(30, 60, "pair", 10) == "30 of 60 pairs, 3.0 pairs/s, 10 s to go"
-    assert progress_line(0, 60, "pair", 130) == "0 of 60 pairs in 2 min"
+def test_a_line_shows_share_and_time_left():
+    assert progress_line(12, 300, "frame", 24) == "4 % of 300 frames · 9:36 left"
+    assert progress_line(1, 1001, "pair", 10) == "0 % of 1001 pairs · 3 hours left"
+    assert progress_line(0, 60, "pair", 130) == "0 % of 60 pairs · 2:10 so far"
 
 
 def test_a_line_names_the_innermost_step(capsys):
@@ -69,7 +69,7 @@ def test_a_step_of_silent_work_is_named_by_who_speaks_for_it(capsys):
     with progress.progress("Making", 1, "sequence"), progress.silent(), progress.step("baking"):
         progress.say("not heard")
         time.sleep(0.2)
-    assert "Making: 0 of 1 sequences in 0 s; baking" in capsys.readouterr().err
+    assert "Making: 0 % of 1 sequences · 0:00 so far; baking" in capsys.readouterr().err
 
 
 def test_a_terminal_shows_the_step_and_clears_it(capsys, monkeypatch):

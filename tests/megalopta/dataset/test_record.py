@@ -12,7 +12,7 @@ from megalopta.benchmark.ranking_run import run_ranking
 from megalopta.core.errors import UserError
 from megalopta.dataset.layout import Tree
 from megalopta.dataset.record import STAGE_NAMES, read_record
-from megalopta.report.dataset_card import write_card, write_view
+from megalopta.report.dataset_card import write_card, write_contact_sheet
 from megalopta.stages.registry import STAGES
 
 
@@ -44,21 +44,21 @@ def told(tmp_path, text):
 def test_files_that_are_not_the_sequences_own_are_refused(values, tmp_path, name):
     stages = {**values["stages"]}
     stages["render"] = {**stages["render"], "files": {name: [1, "00"]}}
-    assert "no file of this sequence" in told(tmp_path, json.dumps({**values, "stages": stages}))
+    assert "not a file of this sequence" in told(tmp_path, json.dumps({**values, "stages": stages}))
 
 
 @pytest.mark.parametrize(
     ("change", "problem"),
     [
-        ({"sequence": "../../x"}, "it is of sequence"),
-        ({"index": 7}, "index 7 is of sequence"),
+        ({"sequence": "../../x"}, "it belongs to sequence"),
+        ({"index": 7}, "index 7 is that of"),
         ({"index": -1}, "index"),
         ({"split": "../../x"}, "cannot name a split"),
         ({"poses": [[0.0] * 15]}, "a pose is a matrix of 16 numbers"),
         ({"stages": []}, "stages"),
-        ({"stages": {"x": {"settings": "", "made_with": {}, "version": ""}}}, "'x' is no stage"),
-        ({"statistics": None}, "lacks"),
-        ({"stages": {"sense": {"settings": "", "made_with": {}, "version": ""}}}, "lacks"),
+        ({"stages": {"x": {"settings": "", "made_with": {}, "version": ""}}}, "'x' is not a stage"),
+        ({"statistics": None}, "missing stages"),
+        ({"stages": {"sense": {"settings": "", "made_with": {}, "version": ""}}}, "missing stages"),
         ({"format": 3}, "sequence format 3 is newer than 2"),
         ({"format": 1}, "sequence format 1 is older than 2"),
         ({"format": "x"}, "not a format number"),
@@ -87,7 +87,7 @@ def test_settings_of_another_sequence_are_refused(single_dataset, values):
     tree = Tree(single_dataset)
     record = tree.record("000000")
     for change, problem in (
-        ({"name": "000007"}, "it is of '000007'"),
+        ({"name": "000007"}, "it belongs to '000007'"),
         ({"camera": {"kind": "perspective", "width": -1}}, "configuration: camera.width"),
     ):
         configuration = {**record.configuration, **change}
@@ -137,7 +137,7 @@ def test_reading_a_damaged_file_names_it(copy, name):
     READS[name](sequence)
     damaged(copy / name)
     again = megalopta.open_dataset(copy)[0]
-    with pytest.raises(UserError, match=f"{name} is not as it was written; .*dataset check"):
+    with pytest.raises(UserError, match=f"{name} differs from its record; .*dataset check"):
         READS[name](pickle.loads(pickle.dumps(again)))
 
 
@@ -157,9 +157,9 @@ def test_a_changed_record_is_named_by_all_who_read_it(copy, tmp_path):
     path.write_text(text)
     for read in (
         lambda: megalopta.open_dataset(copy)[0],
-        lambda: write_view(copy, 1),
+        lambda: write_contact_sheet(copy, 1),
         lambda: write_card(copy),
         lambda: run_ranking(copy, tmp_path / "ranking"),
     ):
-        with pytest.raises(UserError, match=r"000000\.json is not as it was written"):
+        with pytest.raises(UserError, match=r"000000\.json differs from the manifest"):
             read()

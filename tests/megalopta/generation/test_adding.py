@@ -47,7 +47,7 @@ def test_what_is_finished_is_kept_and_other_settings_are_refused(copy):
     assert {path: path.stat().st_mtime_ns for path in copy.rglob("results/**/*")} == before
     with pytest.raises(UserError, match="holds flow output of other settings; add --redo"):
         measure(copy, "flow", {"methods": "[LK]"})
-    with pytest.raises(UserError, match="would change what 'render' made; flow takes settings"):
+    with pytest.raises(UserError, match="would change 'render' output; flow takes only"):
         measure(copy, "flow", {"camera.width": "16"})
     measure(copy, "flow", {"methods": "[LK]"}, redo=True)
     assert not check_files(Tree(copy))

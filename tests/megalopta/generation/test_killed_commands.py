@@ -118,6 +118,15 @@ def test_expose_killed_at_random_moments(plan, tmp_path):
     )
 
 
+def test_pictures_killed_at_random_moments(tmp_path):
+    codes = np.random.default_rng(0).integers(0, 255, (40, 96, 128, 3), np.uint8)
+    np.save(tmp_path / "clip.npy", codes)
+    how = ("--unit", "srgb", "--photons", "2", "--products", "counts", "tiff")
+    broken_off_and_gone_on_with(
+        lambda root: ("sense", tmp_path / "clip.npy", *how, "--out", root), None, tmp_path
+    )
+
+
 FEW = {
     "trajectory.frames": "12",
     "sensors": "[spadcam]",

@@ -58,7 +58,7 @@ def test_one_sequence_alone_is_that_of_the_whole(small_plan, small_dataset, tmp_
     assert alone == {name: each for name, each in whole.items() if "000001" in name}
     assert Tree(tmp_path / "alone").names() == ["000001"]
     faults = check_files(Tree(tmp_path / "alone"))
-    assert ["999 sequences of the plan are not made" in each.what for each in faults] == [True]
+    assert ["999 sequences of the plan are missing" in each.what for each in faults] == [True]
 
 
 def test_more_sequences_leave_what_is_there(copy, small_plan):
@@ -91,7 +91,7 @@ def test_a_sequence_that_fails_is_listed_and_retried_alone(copy, small_plan):
         make(copy, more)
     (line,) = (copy / "failed.jsonl").read_text().splitlines()
     assert json.loads(line)["index"] == 3
-    assert any("could not be made" in fault.what for fault in check_files(Tree(copy)))
+    assert any("lists failed sequences" in fault.what for fault in check_files(Tree(copy)))
     blocked.unlink()
     make(copy, more, retry=True)
     assert not (copy / "failed.jsonl").exists()
@@ -125,7 +125,7 @@ def test_an_exposure_of_this_name_with_other_settings_is_refused(copy, capsys):
         capsys, "dataset", "expose", copy, "--sensors", "{preset: spadcam, exposure_s: 0.01}",
         "--light-levels", level,
     )  # fmt: skip
-    assert "give the sensor a name of its own" in told
+    assert "give the sensor another name" in told
 
 
 def test_repeats_of_a_plan_are_of_one_device(small_plan, tmp_path):
@@ -186,7 +186,7 @@ def test_every_kind_of_range_is_drawn_within_its_limits():
 
 def test_a_folder_of_something_else_is_refused(small_plan, tmp_path):
     (tmp_path / "letter.txt").write_text("dear reader")
-    with pytest.raises(UserError, match="no dataset"):
+    with pytest.raises(UserError, match="not a dataset"):
         make(tmp_path, small_plan)
     assert [path.name for path in tmp_path.iterdir()] == ["letter.txt"]
 

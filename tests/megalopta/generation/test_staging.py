@@ -160,10 +160,10 @@ def test_a_changed_record_is_refused_and_not_blessed(copy, single_plan, change):
     changed(copy, **changes)
     before = (copy / "manifest.jsonl").read_bytes()
     for work in (lambda: make(copy, single_plan), lambda: expose(copy, NEW_LIGHT)):
-        with pytest.raises(UserError, match=r"000000\.json is not as it was written; restore it"):
+        with pytest.raises(UserError, match=r"000000\.json differs from the manifest; restore it"):
             work()
     assert (copy / "manifest.jsonl").read_bytes() == before
-    assert any("not as it was written" in fault.what for fault in check_files(Tree(copy)))
+    assert any("differs from the manifest" in fault.what for fault in check_files(Tree(copy)))
 
 
 def test_exposures_that_the_manifest_does_not_know_yet_are_taken(copy, single_plan):
@@ -180,7 +180,9 @@ def test_exposures_that_the_manifest_does_not_know_yet_are_taken(copy, single_pl
 def test_exposures_by_another_sensor_model_are_refused(copy, monkeypatch):
     before = content(copy)
     monkeypatch.setattr("megalopta.stages.sense.SENSOR_MODEL", 99)
-    with pytest.raises(UserError, match=r"000000 was exposed otherwise .*sense: model: \d+ → 99"):
+    with pytest.raises(
+        UserError, match=r"000000 was exposed by another sensor model .*sense: model: \d+ → 99"
+    ):
         expose(copy, NEW_LIGHT)
     assert content(copy) == before
 
@@ -189,5 +191,5 @@ def test_exposures_by_another_sensor_model_are_refused(copy, monkeypatch):
 def test_more_sequences_of_another_model_are_refused(copy, single_plan, monkeypatch, model):
     monkeypatch.setattr(f"megalopta.stages.{model}", 99)
     make(copy, single_plan)  # nothing is missing, and nothing is mixed
-    with pytest.raises(UserError, match=r"000000 was made otherwise .*render: model: .*99"):
+    with pytest.raises(UserError, match=r"000000 was made by other software .*render: model: .*99"):
         make(copy, single_plan.model_copy(update={"sequences": 2}))

@@ -37,8 +37,7 @@ def test_the_contact_sheet_has_four_clips_of_every_sequence(root):
     gifs = re.findall(r'src="data:image/gif;base64,([^"]+)"', text)
     assert len(gifs) == 3 * 4
     frames = [Image.open(io.BytesIO(base64.b64decode(each))).n_frames for each in gifs[:4]]
-    assert frames[0] == 3  # light
-    assert frames[2] == 2  # flow
+    assert set(frames) == {2}  # the third has no successor, and so no motion
     assert "http" not in text
 
 

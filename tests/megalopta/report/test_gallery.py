@@ -71,7 +71,7 @@ def test_a_photograph_stands_beside_a_forest_in_its_light_and_counts_after_their
 def test_what_is_no_panorama_is_refused_before_anything_is_rendered(tmp_path, capsys):
     (tmp_path / "bad.hdr").write_text("nothing")
     for options, message in (
-        (["--panorama", "x.hdr"], "--panorama goes with --views"),
+        (["--panorama", "x.hdr"], "--panorama needs --views"),
         (["--views", "--panorama", str(tmp_path / "none.hdr")], "cannot be read"),
         (["--views", "--panorama", str(tmp_path / "bad.hdr")], "cannot be read as a picture"),
     ):

@@ -113,7 +113,7 @@ def copied_lean(lean, tmp_path):
 def test_a_report_has_all_its_sections(page):
     assert set(SECTIONS) <= set(page.values("id"))
     assert len(page.values("id")) == len(set(page.values("id")))
-    assert "To have it here" not in page.text
+    assert "Run megalopta" not in page.text
     for name in (*CONFIGURATION.methods, SENSOR, "ideal", "0.5 lux", "full moon, 0.25 lux"):
         assert name in page.text
     # 0.1 dark counts per pixel of 36 × 30 are 0.225 on a pixel of 24 × 20.

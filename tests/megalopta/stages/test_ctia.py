@@ -49,7 +49,7 @@ def test_report_speaks_of_electrons(night):
     assert "From light to electrons" in text
     assert "Dark electrons" in text and "Expected electrons" in text
     assert "bias of the diodes floating gate" in text
-    assert "no eye sees it" in text
+    assert "it is invisible" in text
 
 
 def test_a_preset_with_another_kind_of_bias_loses_the_fields_of_the_old_one():

@@ -69,8 +69,8 @@ def test_a_stage_makes_again_what_only_has_the_right_size(whole_copy, capsys):
     path = scrambled(whole_copy / "results/grating/flow.json")
     cli.main(["flow", str(whole_copy)])
     told = capsys.readouterr().err
-    assert f"flow: {path} is missing or damaged, and is made again" in told
-    assert "has it already" not in told
+    assert f"flow: {path} is missing or damaged; recomputing" in told
+    assert "already has it" not in told
     assert content(whole_copy) == before
 
 

@@ -25,7 +25,9 @@ def test_a_newer_dataset_is_refused(whole_copy, capsys):
         with pytest.raises(SystemExit):
             cli.main([*words, str(whole_copy)])
         told = capsys.readouterr().err
-        assert "dataset format 99 is newer than 2, which this program reads; update" in told
+        assert (
+            "dataset format 99 is newer than 2, the newest that this program reads; update" in told
+        )
 
 
 def test_a_newer_store_is_refused(whole_copy):
@@ -45,4 +47,7 @@ def test_an_older_dataset_is_refused_with_the_way_to_its_data(whole_copy, capsys
     with pytest.raises(SystemExit):
         cli.main(["report", str(whole_copy)])
     told = capsys.readouterr().err
-    assert "dataset format 1 is older than 2, which this program reads; read it with the" in told
+    assert (
+        "dataset format 1 is older than 2, the oldest that this program reads; read it with the"
+        in told
+    )

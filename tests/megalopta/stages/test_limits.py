@@ -59,9 +59,12 @@ INFRARED = {"sensors": "[ctia_si]", "render.bands_nm": "[[700, 800], [800, 900]]
             {"render.bands_nm": "[[1000, 1200]]", "sensors": "[spadcam]"},
             "sense: sensor 'spadcam': .*1000–1200 nm reaches outside the efficiency",
         ),
-        ({"sub_frames": "2", "shutter.exposure_s": "0.05"}, "sub_frames 2: motion within"),
-        (BURST, "burst_npy: needs light between frames"),
-        (BURST | {"sub_frames": "2", "burst_hz": "105"}, "burst_hz 105: no whole .* use 100"),
+        (
+            {"sub_frames": "2", "shutter.exposure_s": "0.05"},
+            "sub_frames 2: shutter already renders",
+        ),
+        (BURST, "burst_npy: needs moving light"),
+        (BURST | {"sub_frames": "2", "burst_hz": "105"}, "burst_hz 105: not a whole .* use 100"),
         (BURST | {"sub_frames": "2"} | INFRARED, "no single events"),
         ({"free_running": "true"} | INFRARED, "'ctia_si' integrates"),
         (
@@ -79,7 +82,7 @@ def test_what_cannot_be_done_is_refused_before_anything_is_begun(tmp_path, chang
 def test_more_than_the_disk_holds_is_refused(tmp_path, monkeypatch):
     full = shutil.disk_usage(tmp_path)._replace(free=1000)
     monkeypatch.setattr(shutil, "disk_usage", lambda path: full)
-    with pytest.raises(UserError, match=r"render: .* MB on disk, and .*/out has room for 0 MB"):
+    with pytest.raises(UserError, match=r"render: .* MB on disk, and .*/out has space for 0 MB"):
         refuse_absurd(load("demo"), "render", tmp_path / "out")
 
 

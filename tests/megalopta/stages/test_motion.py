@@ -56,9 +56,13 @@ def test_flow_is_derived_again_for_what_rests_and_what_moves(moving):
     rows = {row.name: row for row in check_truth(moving)}
     assert list(rows) == [
         *("at rest, backward", "at rest, forward"),
-        *("hidden share backward, of error", "hidden share forward, of error", "image, warped"),
-        *("moving, backward", "moving, forward", "outlines missed, part"),
-        *("pixel mean, backward", "pixel mean, forward", "sky share, of error"),
+        *(
+            "hidden share backward, in standard errors",
+            "hidden share forward, in standard errors",
+            "image, warped",
+        ),
+        *("moving, backward", "moving, forward", "outlines missed, share"),
+        *("pixel mean, backward", "pixel mean, forward", "sky share, in standard errors"),
     ]
     assert all(row.passed for row in rows.values())
     assert min(row.pixels for name, row in rows.items() if "moving" in name) > 150
@@ -132,7 +136,7 @@ def test_wrong_truth_of_whole_pixels_fails_the_check(moving, wrong, failing, lim
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["truth"], "check truth: which dataset"),
+        (["truth"], "check truth: no dataset"),
         (["physics", "somewhere"], "no group 'somewhere'"),
         (["truth", "none"], "no dataset here"),
     ],

@@ -266,7 +266,7 @@ def test_damage_is_named_with_its_remedy(copy, capsys):
     assert not run_check_files(copy.root)
     text = capsys.readouterr().out
     assert f"{copy.radiance(3)}: is missing; run: megalopta render {copy.root} --out" in text
-    assert f"{path}: is not as it was written; remove {path.parents[4]} and run" in text
+    assert f"{path}: differs from its record; remove {path.parents[4]} and run" in text
     assert "litter.txt: belongs to no sequence" in text
     assert "3 faults" in text
 
@@ -312,7 +312,7 @@ def test_a_stage_needs_the_ones_before_it(tiny, tmp_path):
 
 def test_a_folder_of_something_else_is_left_alone(tiny, tmp_path):
     (tmp_path / "thesis.tex").write_text("precious")
-    with pytest.raises(UserError, match="exists and is no dataset"):
+    with pytest.raises(UserError, match="exists and is not a dataset"):
         run_stage(tmp_path, tiny, "render")
     assert [path.name for path in tmp_path.iterdir()] == ["thesis.tex"]
 

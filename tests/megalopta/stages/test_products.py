@@ -82,7 +82,7 @@ def test_what_a_sensor_cannot_give_is_refused(tiny, product, changes, message):
 
 @pytest.mark.parametrize(
     ("products", "message"),
-    [("[events_npz]", "counts are what"), ("[counts, counts]", "twice"), ("[raw]", "products")],
+    [("[events_npz]", "counts are missing"), ("[counts, counts]", "twice"), ("[raw]", "products")],
 )
 def test_products_are_checked_with_the_settings(products, message):
     with pytest.raises(UserError, match=message):

@@ -102,7 +102,7 @@ def test_light_and_noise_are_told_and_warned_of(yard, tmp_path, capsys):
     assert "render: error on surfaces" in told
     run_stage(tmp_path / "data", settings, "sense")
     told = " ".join(capsys.readouterr().err.split())
-    assert "sense: the rendering's own noise is more than 0.3 of shot noise and the scene's" in told
+    assert "sense: rendering noise is more than 0.3 of shot noise and the scene's" in told
     assert "detail together in 1 of 1 exposures" in told
 
 
@@ -112,7 +112,7 @@ def test_light_that_takes_too_many_hits_is_recorded_and_told(instead, tmp_path, 
     instead(hollow)
     dataset = run_stage(tmp_path / "data", load("demo", {**SMALL, **FEW}), "render")
     told = " ".join(capsys.readouterr().err.split())
-    assert "takes more hits than render.max_depth 2 allows, and is left out" in told
+    assert "takes more hits than render.max_depth 2 allows and is missing" in told
     shares = json.loads(dataset.scene_record.read_text())["light_left_out"]
     # half of five eighths comes back from a hit; some 2000 paths know it to 3 % (σ)
     assert shares == pytest.approx([0.5 * 0.625] * 2, rel=0.2)

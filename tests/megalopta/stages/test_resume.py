@@ -49,7 +49,7 @@ def test_frames_of_two_variants_are_not_mixed(begun):
     if "llvm" not in STAGES["render"].machinery(begun.configuration):
         pytest.skip("no LLVM here")
     with pytest.raises(
-        UserError, match=r"'render' output is not whole .*variant: llvm_ad_\w+ → scalar_.*--redo"
+        UserError, match=r"'render' output is incomplete .*variant: llvm_ad_\w+ → scalar_.*--redo"
     ):
         run_stage(begun.root, scalar, "render")
     assert content(begun.root) == before
@@ -69,7 +69,7 @@ def test_a_finished_stage_is_kept_whatever_made_it(whole_copy, capsys):
     before = content(whole_copy)
     scalar = with_backend(open_sequence(whole_copy).configuration, "scalar")
     run_stage(whole_copy, scalar, "render")
-    assert "has it already" in capsys.readouterr().err
+    assert "already has it" in capsys.readouterr().err
     assert content(whole_copy).keys() == before.keys()
     assert all(content(whole_copy)[n] == before[n] for n in before if n != "dataset.yaml")
 
@@ -85,7 +85,7 @@ def test_counts_of_two_sensor_models_or_libraries_are_not_mixed(whole_copy, monk
     monkeypatch.setitem(registry.STAGES, "sense", other)
     before = dataset.record_path.read_text("utf-8")
     with pytest.raises(
-        UserError, match=r"'sense' output is not whole .*(model: 7 → 8|numpy: .* → 9)"
+        UserError, match=r"'sense' output is incomplete .*(model: 7 → 8|numpy: .* → 9)"
     ):
         run_stage(whole_copy, dataset.configuration, "sense")
     assert dataset.record_path.read_text("utf-8") == before
@@ -130,7 +130,7 @@ def test_who_only_reads_does_not_finish_a_move(broken, verb, capsys):
     with pytest.raises(SystemExit):
         run(*verb.split(), broken)
     told = capsys.readouterr().err
-    assert f"to finish that, run: megalopta render {broken} --out {broken}" in told
+    assert f"to finish, run: megalopta render {broken} --out {broken}" in told
     assert content(broken) == before
 
 

@@ -42,6 +42,7 @@ def test_spc3_of_eight_bits_may_be_signed(tmp_path):
     (tmp_path / "a.spc3").write_bytes(spc3(counts, signed=1))
     found = read_frames(tmp_path / "a.spc3", frames=slice(1, 3))
     np.testing.assert_array_equal(found.counts, counts[1:3, 0])
+    assert found.total == 4
 
 
 @pytest.mark.parametrize(
@@ -112,6 +113,7 @@ def test_tiff_comes_back(tmp_path, dtype):
     np.testing.assert_array_equal(tifffile.imread(tmp_path / "a.tiff"), frames)
     part = read_frames(tmp_path / "a.tiff", frames=slice(2, 5))
     np.testing.assert_array_equal(part.counts, frames[2:5])
+    assert part.total == len(frames)
 
 
 @pytest.mark.parametrize("options", [{"compression": "zlib"}, {"imagej": True}, {"bigtiff": True}])

@@ -38,6 +38,7 @@ def test_npy_of_a_width_that_is_no_multiple_of_eight(tmp_path):
     written(tmp_path / "a.npy", SPAD512[:, :20, :37])
     found = read_frames(tmp_path / "a.npy", shape=(20, 37), frames=slice(3, 8))
     np.testing.assert_array_equal(found.counts, SPAD512[3:8, :20, :37])
+    assert found.total == len(SPAD512)
 
 
 def test_npy_in_color(tmp_path):
@@ -51,7 +52,7 @@ def test_npy_of_counts_comes_as_it_is(tmp_path):
     np.save(tmp_path / "a.npy", counts)
     found = read_frames(tmp_path / "a.npy")
     np.testing.assert_array_equal(found.counts, counts)
-    assert found.bit_depth == 16
+    assert (found.bit_depth, found.total) == (16, 2)
 
 
 def test_spad512_writes_a_thousand_frames_a_file(tmp_path):
@@ -63,6 +64,7 @@ def test_spad512_writes_a_thousand_frames_a_file(tmp_path):
     assert sizes == {"RAW00000.bin": 1000 * 512 * 64, "RAW00001.bin": 512 * 64}
     found = read_frames(tmp_path / "burst", frames=slice(999, 1001))
     np.testing.assert_array_equal(found.counts, np.repeat(SPAD512[:1], 2, axis=0))
+    assert found.total == 1001
 
 
 def test_spad512_file_with_the_answer_of_the_camera(tmp_path):

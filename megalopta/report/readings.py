@@ -1,0 +1,263 @@
+"""Readings of any sensor as they are shown: summed, the response inverted, bad pixels filled in.
+
+Frames come from a dataset, a recording, or a file of frames or events of any camera, and are read
+when they are asked for.
+"""
+
+import io
+import math
+import shlex
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from megalopta.camera.recording import COUNTS, RAW, open_recording
+from megalopta.core.arrays import Floats, Mask
+from megalopta.core.errors import UserError, refused_as
+from megalopta.render.footage import is_footage
+from megalopta.sensor import ImageSensor, Sensor, file_content, read_events, read_frames
+from megalopta.sensor.calibrate.correction import ResponseCurve, filled_in, response_curve
+from megalopta.sensor.event_stream import Events, histogram
+from megalopta.sensor.formats.events import HDF5_SIGNATURE, NPZ_SIGNATURE
+from megalopta.sensor.formats.reading import FrameKind
+from megalopta.sensor.formats.recorded_frames import file_bytes
+
+_ARRAYS = (".npy", ".npz", ".tif", ".tiff")
+"""Of files that hold readings, or pictures"""
+_COLOR = 3
+_AT_ONCE = 2**23
+"""Readings in memory"""
+_EVENTS = (HDF5_SIGNATURE, NPZ_SIGNATURE)
+
+
+@dataclass(frozen=True, eq=False)
+class Treatment:
+    """What is done to readings before they are shown."""
+
+    summed: int = 1
+    """Frames that are added up"""
+    is_inverted: bool = False
+    """Whether the sensor's response is inverted: readings become mean detections of a frame"""
+    bad: Mask | None = None
+    """(H, W): pixels that take the mean of their good neighbors"""
+
+    def told(self) -> str:
+        """Return what was done, in sentences; nothing where nothing was."""
+        said = []
+        if self.summed > 1:
+            sums = f"Readings are sums of {self.summed} frames."
+            said.append(f"{self.summed} frames are taken together." if self.is_inverted else sums)
+        if self.is_inverted:
+            said.append(
+                "The sensor's response is inverted: gray is the mean number of detections in a "
+                "frame if none were lost, dark counts included; full pixels are orange."
+            )
+        if self.bad is not None:
+            said.append(f"{int(self.bad.sum())} bad pixels are the mean of their good neighbors.")
+        return " ".join(said)
+
+
+@dataclass(frozen=True, eq=False)
+class Readings:
+    """What a sensor read, a few frames at a time."""
+
+    shape: tuple[int, ...]
+    """Frames, rows, columns, and colors where there are three"""
+    read: Callable[[slice], tuple[NDArray[Any], NDArray[np.bool_]]]
+    """From a range of frames to readings and whether a pixel was full, each of `shape`"""
+    unit: str = "counts"
+    sensor: ImageSensor | None = None
+    """Where it is known"""
+    is_binary: bool = False
+    times_s: Floats | None = None
+    """Time of each frame, s, where it is known"""
+    treatment: Treatment = field(default_factory=Treatment)
+
+    def treated(self, treatment: Treatment) -> "Readings":
+        """Return these readings as they are to be shown. Raises UserError where they cannot be."""
+        _check(self, treatment)
+        return replace(self, treatment=treatment)
+
+    def frame(self, number: int) -> tuple[Floats, Mask]:
+        """Return what is shown from a frame on, and which pixels were full, (H, W) or (H, W, 3)."""
+        summed, is_inverted = self.treatment.summed, self.treatment.is_inverted
+        values, is_full = np.zeros(self.shape[1:]), np.zeros(self.shape[1:], np.bool_)
+        for part in self._parts(number):
+            counts, full = self.read(part)
+            if is_inverted and not self.is_binary:
+                counts, full = self._detections(counts, full)
+            values += counts.sum(axis=0, dtype=np.float64)
+            is_full |= full.any(axis=0)
+        if is_inverted:
+            values /= summed
+        if is_inverted and self.is_binary:
+            values, is_full = _flux(values, summed)
+        if self.treatment.bad is None:
+            return values, is_full
+        return _filled(values, self.treatment.bad), is_full & ~_like(self.treatment.bad, is_full)
+
+    def _parts(self, number: int) -> Iterator[slice]:
+        """Yield ranges of the frames that are summed, of which each fits into memory."""
+        end, most = number + self.treatment.summed, max(1, _AT_ONCE // math.prod(self.shape[1:]))
+        yield from (slice(at, min(at + most, end)) for at in range(number, end, most))
+
+    def _detections(self, counts: NDArray[Any], full: Mask) -> tuple[Floats, Mask]:
+        """Return what would have been counted if nothing were lost; beyond the curve it is full."""
+        detections, _ = self._curve.arrivals_of(counts.astype(np.float64))
+        return detections, full | (counts > self._curve.largest)
+
+    @cached_property
+    def _curve(self) -> ResponseCurve:
+        assert isinstance(self.sensor, Sensor)
+        with refused_as("--invert"):
+            return response_curve(self.sensor)
+
+
+def is_recording(path: Path) -> bool:
+    """Whether a folder holds a recording of the camera."""
+    return any((path / each).exists() for each in (COUNTS, RAW))
+
+
+def readings_of(path: Path, kind: FrameKind | None = None) -> Readings:
+    """Return the readings of a recording, or of a file or folder of frames or events.
+
+    Raises UserError where there are none, or they are damaged.
+    """
+    _check_thing(path)
+    try:
+        if is_recording(path):
+            return _recorded(path)
+        if path.is_file() and file_bytes(path)[:8].tobytes().startswith(_EVENTS):
+            return _of_events(path)
+        return _of_frames(path, kind)
+    except (ValueError, OSError) as problem:
+        raise UserError(str(problem)) from None
+
+
+def _check_thing(path: Path) -> None:
+    """Refuse what can hold no readings."""
+    if is_recording(path) or path.suffix.lower() in _ARRAYS or any(path.glob("*.bin")):
+        return
+    if path.exists() and is_footage(path):
+        raise UserError(
+            f"{path}: pictures, no readings; make photons of them first: megalopta sense "
+            f"{shlex.quote(str(path))} --photons 2"
+        )
+    if not path.is_file():
+        raise UserError(f"{path}: no dataset, recording, or file of frames or events; give one")
+
+
+def read_mask(path: Path) -> Mask:
+    """Return the mask of bad pixels of a .npy file, true where bad, (H, W). Raises UserError."""
+    try:
+        content = io.BytesIO(file_content(path, "--bad-pixels"))
+    except ValueError as problem:
+        raise UserError(str(problem)) from None
+    try:
+        mask = np.lib.format.read_array(content, allow_pickle=False)
+    except Exception:  # a damaged header can raise anything
+        raise UserError(f"--bad-pixels: {path} is no array of .npy; give one") from None
+    if mask.dtype != np.bool_ or mask.ndim != 2 or mask.all():
+        raise UserError(
+            f"--bad-pixels: {path} is no mask; give bool (rows, columns), true where a pixel is bad"
+        )
+    return np.asarray(mask)
+
+
+def _flux(share: Floats, frames: int) -> tuple[Floats, Mask]:
+    """Return detections in a frame, and which pixels had one in every frame.
+
+    None falls into a share e⁻ᶠ of the frames, where there are f on average.
+    """
+    most = 1 - 0.5 / frames
+    return -np.log1p(-np.minimum(share, most)), share > most
+
+
+def _check(readings: Readings, treatment: Treatment) -> None:
+    frames, shape = readings.shape[0], readings.shape[1:3]
+    if treatment.summed > frames:
+        raise UserError(f"--sum {treatment.summed}: there are {frames} frames; give that or less")
+    if treatment.bad is not None and treatment.bad.shape != shape:
+        rows, columns = treatment.bad.shape
+        raise UserError(
+            f"--bad-pixels: a mask of {columns} × {rows} pixels, but frames have "
+            f"{shape[1]} × {shape[0]}; give one of their size"
+        )
+    if not treatment.is_inverted:
+        return
+    if readings.is_binary and treatment.summed == 1:
+        raise UserError("--invert: one binary frame tells no flux; add --sum, such as --sum 64")
+    if not readings.is_binary and not isinstance(readings.sensor, Sensor):
+        raise UserError(
+            "--invert: the response of this sensor is not known; leave it out, or give binary "
+            "frames, a recording, or a dataset of a SPAD array"
+        )
+
+
+def _like(mask: Mask, other: Mask) -> Mask:
+    return mask[..., np.newaxis] if other.ndim > mask.ndim else mask
+
+
+def _filled(values: Floats, bad: Mask) -> Floats:
+    planes = np.moveaxis(values, -1, 0) if values.ndim > 2 else values[np.newaxis]
+    filled, _ = filled_in(planes, np.zeros_like(planes), bad)
+    return np.moveaxis(filled, 0, -1) if values.ndim > 2 else filled[0]
+
+
+def _recorded(path: Path) -> Readings:
+    recording = open_recording(path)
+    counts, full = recording.counts, recording.saturated
+    return Readings(
+        counts.shape,
+        lambda part: (counts[part], full[part]),
+        sensor=recording.sensor,
+        times_s=recording.times_s - recording.exposure_s,
+    )
+
+
+def _of_frames(path: Path, kind: FrameKind | None) -> Readings:
+    first = read_frames(path, kind, frames=slice(0, 1))
+    shape = first.counts.shape[1:]
+    if len(shape) > 2 and shape[2] != _COLOR:
+        raise ValueError(f"{path}: {shape[2]} colors of a pixel; give gray frames, or three")
+    whole = read_frames(path, kind).counts if first.source == "tiff" else None
+
+    def read(part: slice) -> tuple[NDArray[Any], NDArray[np.bool_]]:
+        found = read_frames(path, kind, frames=part).counts if whole is None else whole[part]
+        return found, np.zeros(found.shape, np.bool_)
+
+    times_s = None
+    if first.exposure_s is not None:
+        times_s = first.exposure_s * np.arange(first.total, dtype=np.float64)
+    is_binary = first.bit_depth == 1
+    unit = "detections" if is_binary else "counts"
+    return Readings((first.total, *shape), read, unit, is_binary=is_binary, times_s=times_s)
+
+
+def _of_events(path: Path) -> Readings:
+    stored = read_events(path)
+    events, origin = stored.events, stored.origin
+
+    def read(part: slice) -> tuple[NDArray[Any], NDArray[np.bool_]]:
+        counts = histogram(_frames_of(events, part))
+        return counts, np.zeros(counts.shape, np.bool_)
+
+    frames = origin.first_frame + np.arange(origin.shape[0], dtype=np.float64)
+    return Readings(origin.shape, read, "events", times_s=frames * origin.frame_period_s)
+
+
+def _frames_of(events: Events, part: slice) -> Events:
+    """Return the events of a range of frames."""
+    first, end = events.starts[part.start], events.starts[part.stop]
+    return replace(
+        events,
+        time_s=events.time_s[first:end],
+        pixel=events.pixel[first:end],
+        starts=events.starts[part.start : part.stop + 1] - first,
+        shape=(part.stop - part.start, *events.shape[1:]),
+    )

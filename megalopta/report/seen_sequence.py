@@ -1,0 +1,123 @@
+"""What is seen of a dataset of one sequence, as far as its stages are finished."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeAlias
+
+from numpy.typing import NDArray
+
+from megalopta.config.model import LightLevel
+from megalopta.core.errors import UserError
+from megalopta.dataset.opened import open_dataset
+from megalopta.dataset.picture_light import photons_per_lux
+from megalopta.dataset.sequence import Sequence
+from megalopta.dataset.store import exposure_name
+from megalopta.flow.detectors.registry import velocity_method
+from megalopta.plotting.text import level_name, number
+from megalopta.report.page import title
+from megalopta.report.panels import SAMPLED, fastest_of, flow_panel, readings_panel
+from megalopta.report.readings import Treatment
+from megalopta.report.seen import Exposed, Seen, step_of
+from megalopta.report.selection import spread
+from megalopta.report.sequence_panels import (
+    best_method,
+    exposure_readings,
+    found_flow,
+    light_panel,
+    motion_of,
+)
+from megalopta.report.source import finished_stages, read_records
+from megalopta.scenes import Pictures
+from megalopta.scenes.lighting.levels import illuminance_of
+from megalopta.sensor import ImageSensor, StoredFrames
+from megalopta.stages.flow import responses_path
+from megalopta.stages.ledger import Ledger
+
+FlowOf: TypeAlias = Callable[[int], NDArray[Any]]
+"""Flow (h, w, 2) of a frame, px"""
+
+_CAVEAT = " Their true motion is not known; the flow of the clean pictures stands in for it."
+
+
+def seen_sequence(root: Path, treatment: Treatment) -> Seen:
+    """Return what is seen of a dataset of one sequence.
+
+    Raises UserError where it is damaged, not rendered yet, or cannot be treated so.
+    """
+    return _Shown(open_dataset(root)[0], treatment).seen()
+
+
+class _Shown:
+    """A dataset of one sequence, as far as its stages are finished."""
+
+    def __init__(self, sequence: Sequence, treatment: Treatment) -> None:
+        self.sequence, self.treatment = sequence, treatment
+        settings, ledger = sequence.configuration, Ledger(sequence.dataset)
+        if settings.scene.has_truth:
+            ledger.require("render")
+        finished = finished_stages(ledger)
+        pairs = settings.exposures if "sense" in finished else ()
+        self.pairs = sorted(pairs, key=lambda pair: illuminance_of(pair[1]))
+        self.records = read_records(sequence.dataset) if "flow" in finished else []
+        self.step = step_of(sequence.shape)
+        # the last frame has no successor, and so no motion
+        end = min(len(sequence) - 1, len(sequence) - treatment.summed + 1)
+        self.frames = range(0, max(end, 1), treatment.summed)
+
+    def seen(self) -> Seen:
+        """Return what is seen of it."""
+        sequence, settings = self.sequence, self.sequence.configuration
+        has_motion, (height, width) = len(sequence) > 1, sequence.shape
+        rim = fastest_of(map(self._motion, spread(self.frames, SAMPLED))) if has_motion else None
+        name, caveat = "true flow", ""
+        if not settings.scene.has_truth:
+            name, caveat = "flow of the clean pictures", _CAVEAT
+        return Seen(
+            title=title(settings),
+            summary=f"{len(sequence)} frames of {width} × {height} pixels.{caveat}",
+            shape=sequence.shape,
+            frames=self.frames,
+            step=self.step,
+            times_s=sequence.times_s,
+            treatment=self.treatment,
+            light=light_panel(sequence, self.frames, self.step),
+            exposed=tuple(self._exposed(*pair, rim) for pair in self.pairs),
+            motion=flow_panel(name, self._motion, rim) if rim else None,
+            rim=rim,
+            sequence=sequence,
+        )
+
+    def _motion(self, frame: int) -> NDArray[Any]:
+        return motion_of(self.sequence, frame, self.step)
+
+    def _exposed(self, sensor: ImageSensor, level: LightLevel, rim: float | None) -> Exposed:
+        readings = exposure_readings(self.sequence, exposure_name(sensor, level), sensor)
+        drawn = readings_panel(readings.treated(self.treatment), self.frames, self.step)
+        found = self._found(sensor, level)
+        flow = flow_panel(f"flow by {found[0]}", found[1], rim) if found and rim else None
+        return Exposed(drawn, flow, sensor.name, self._level(level))
+
+    def _level(self, level: LightLevel) -> str:
+        """Return the name of a level; of pictures, with the photons that the first sensor gets."""
+        settings = self.sequence.configuration
+        scene, sensor = settings.scene, settings.sensors[0]
+        if not isinstance(scene, Pictures):
+            return level_name(level)
+        mean = self.sequence.dataset.read_scene_record()["pictures"]["mean"]
+        per_lux = photons_per_lux(scene, settings.light, settings.render.bands_nm, sensor, mean)
+        photons = number(per_lux * illuminance_of(level))
+        return f"{level_name(level)}, {photons} photons"
+
+    def _found(self, sensor: ImageSensor, level: LightLevel) -> tuple[str, FlowOf] | None:
+        """Return the best method and the flow that it found in a frame; None where none ran."""
+        own = [each for each in self.records if (each.sensor, each.level) == (sensor.name, level)]
+        method = best_method(own)
+        if method is None:
+            return None
+        path = responses_path(self.sequence.dataset, sensor, level)
+        try:
+            stored = StoredFrames.open(path, method)
+        except (OSError, ValueError, KeyError) as problem:
+            raise UserError(f"{path} cannot be read ({problem}); run flow again") from None
+        grid = velocity_method(method).grid(self.sequence.shape)
+        return method, lambda frame: found_flow(stored, grid, frame)[:: self.step, :: self.step]

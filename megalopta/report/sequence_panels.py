@@ -1,0 +1,117 @@
+"""What is seen of a sequence of a dataset: panels of its light, readings, motion and depth."""
+
+from collections.abc import Iterable
+
+import numpy as np
+from markupsafe import Markup
+from numpy.typing import NDArray
+from PIL import Image
+
+from megalopta.core.arrays import Floats
+from megalopta.core.errors import UserError
+from megalopta.dataset.flow_record import FlowRecord
+from megalopta.dataset.picture_light import clean_flow, light_of
+from megalopta.dataset.sequence import Sequence
+from megalopta.flow.detectors.blocks import BlockGrid
+from megalopta.flow.detectors.registry import METHODS
+from megalopta.flow.formats import read_flo
+from megalopta.plotting.text import number
+from megalopta.report.images import map_scale, rgb_picture
+from megalopta.report.panels import SAMPLED, Panel, kept
+from megalopta.report.readings import Readings
+from megalopta.report.selection import spread
+from megalopta.scenes import ToneCurve
+from megalopta.scenes.spectra.color import encode_srgb, linear_srgb
+from megalopta.sensor import ImageSensor, StoredFrames
+
+
+def light_panel(sequence: Sequence, frames: range, step: int) -> Panel:
+    """Return the light that sensors see, every so many-th pixel of a line.
+
+    Some of the frames give the exposure.
+    """
+    settings, bands = sequence.configuration, sequence.bands_nm
+    white = settings.scene.white(settings.light)
+
+    def linear(frame: int) -> Floats:
+        return linear_srgb(sequence.radiance[frame][::step, ::step], bands, white)
+
+    curve = ToneCurve.of(map(linear, spread(frames, SAMPLED)))
+    told = "as a well-lit eye would see it"
+
+    def picture(frame: int) -> Image.Image:
+        return rgb_picture(encode_srgb(curve(linear(frame))))
+
+    return Panel("light", told, kept(picture), Markup(f", {told}"))
+
+
+def exposure_readings(
+    sequence: Sequence, exposure: str | None = None, sensor: ImageSensor | None = None
+) -> Readings:
+    """Return readings of an exposure of a sequence, by default the first."""
+    counts, full = (sequence.counts(exposure, each) for each in ("counts", "saturated"))
+    unit = counts.unit.split()[0]
+    return Readings(counts.shape, lambda part: (counts[part], full[part]), unit, sensor)
+
+
+def motion_of(sequence: Sequence, frame: int, step: int) -> NDArray[np.floating]:
+    """Return the motion from a frame to the next, px, NaN where undefined.
+
+    That of every so many-th pixel of a line, (h, w, 2): the true motion; of pictures, whose true
+    motion is not known, the flow that is found between them without noise, so much smaller.
+    """
+    if not sequence.configuration.scene.has_truth:
+        frames, shape = light_of(sequence.dataset).frames, sequence.shape
+        small = tuple(-(-size // step) for size in shape)
+        first, second = (_shrunk(frames.at(each), small) for each in (frame, frame + 1))
+        return step * clean_flow(first, second)
+    path = sequence.dataset.frame("training/flow", frame, "flo")
+    try:
+        return read_flo(path)[::step, ::step]
+    except (OSError, ValueError) as problem:
+        raise UserError(f"{problem}; make the sequence again") from None
+
+
+def _shrunk(picture: NDArray[np.float32], shape: tuple[int, ...]) -> NDArray[np.float32]:
+    import cv2
+
+    return np.asarray(cv2.resize(picture, shape[::-1], interpolation=cv2.INTER_AREA), np.float32)
+
+
+def found_flow(found: StoredFrames, grid: BlockGrid, frame: int) -> Floats:
+    """Return the motion that a method found in each block, at all pixels (H, W, 2), px."""
+    blocks = np.asarray(found[[min(frame, len(found) - 1)]][0], np.float64)
+    flow, size = np.full((*grid.shape, 2), np.nan), grid.block_px
+    bottom, right = grid.top + grid.rows * size, grid.left + grid.columns * size
+    flow[grid.top : bottom, grid.left : right] = blocks.repeat(size, axis=0).repeat(size, axis=1)
+    return flow
+
+
+def depth_panel(sequence: Sequence, frames: range, step: int) -> Panel:
+    """Return depth in logarithmic colors, the sky gray."""
+
+    def depth(frame: int) -> NDArray[np.floating]:
+        values = sequence.depth[frame][::step, ::step].astype(np.float64)
+        return np.where(np.isinf(values), np.nan, values)
+
+    known = np.concatenate([depth(each).ravel() for each in spread(frames, SAMPLED)])
+    known = known[~np.isnan(known)]
+    near, far = np.percentile(known, [1, 99]).tolist() if known.size else (1.0, 2.0)
+    far = max(far, near * 1.01)
+    scale = map_scale("viridis_r", near, far, logarithmic=True)
+    told = f"yellow {number(near)} m to violet {number(far)} m, the sky gray"
+    return Panel("depth", told, lambda frame: scale.picture(depth(frame)))
+
+
+def best_method(records: Iterable[FlowRecord]) -> str | None:
+    """Return the method that gives velocities of the least median error, the first without truth.
+
+    None where no method gives velocities.
+    """
+
+    def error(record: FlowRecord) -> float:
+        found = record.truth.counts.relative_error_median if record.truth else None
+        return np.inf if found is None else found
+
+    able = [each for each in records if METHODS[each.method].gives == "velocity"]
+    return min(able, key=error).method if able else None

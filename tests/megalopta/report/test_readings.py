@@ -1,0 +1,210 @@
+"""Readings of files, recordings and events as they are shown."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import yaml
+import zarr
+
+from megalopta.core.errors import UserError
+from megalopta.report.readings import Readings, Treatment, read_mask, readings_of
+from megalopta.sensor import (
+    EventOrigin,
+    Exposure,
+    StoredCounts,
+    changed,
+    expose_events,
+    expose_rate,
+    preset,
+    without,
+    write_counts,
+    write_events_hdf5,
+    write_events_npz,
+)
+from megalopta.sensor.event_stream import histogram
+
+SHAPE = (12, 16)
+FLUX = np.linspace(0.1, 2.0, 16)
+"""Detections in a frame, by column"""
+
+
+@pytest.fixture(scope="module")
+def bits():
+    """Binary frames of a flux that grows from left to right, of which one pixel is stuck."""
+    rng = np.random.default_rng(0)
+    drawn = rng.random((4000, *SHAPE)) < 1 - np.exp(-FLUX)
+    drawn[:, 5, 7] = True
+    return drawn
+
+
+@pytest.fixture(scope="module")
+def cube(bits, tmp_path_factory):
+    """The same as a file of packed bits."""
+    path = tmp_path_factory.mktemp("cube") / "cube.npy"
+    np.save(path, np.packbits(bits, axis=-1))
+    return path
+
+
+def save(path, values):
+    np.save(path, values)
+    return path
+
+
+def test_frames_are_summed_from_a_frame_on(bits, cube):
+    values, full = readings_of(cube).treated(Treatment(summed=8)).frame(16)
+    np.testing.assert_array_equal(values, bits[16:24].sum(axis=0))
+    assert not full.any()
+
+
+def test_long_sums_of_large_frames_are_made_a_few_at_a_time():
+    asked = []
+
+    def read(part):
+        asked.append(part.stop - part.start)
+        counts = np.arange(part.start, part.stop)[:, np.newaxis, np.newaxis]
+        shape = (asked[-1], 2048, 2048)
+        return np.broadcast_to(counts, shape), np.broadcast_to(counts == 4, shape)
+
+    readings = Readings((9, 2048, 2048), read).treated(Treatment(summed=5))
+    values, full = readings.frame(3)
+    assert (values == 3 + 4 + 5 + 6 + 7).all() and full.all()
+    assert sum(asked) == 5 and max(asked) == 2  # 8 million readings
+
+
+def test_flux_follows_from_the_share_of_binary_frames_without_detection(cube):
+    values, full = readings_of(cube).treated(Treatment(4000, is_inverted=True)).frame(0)
+    # −ln q of a share q of n frames scatters by √((1 − q)/(q n))
+    scatter = np.sqrt(np.expm1(FLUX) / 4000)
+    off = np.delete((values - FLUX) / scatter, 5, axis=0)
+    assert abs(off).max() < 4.5 and abs(off.mean()) < 0.35
+    assert np.argwhere(full).tolist() == [[5, 7]]
+    assert values[5, 7] > values.max(initial=0, where=~full)
+
+
+def test_a_bad_pixel_takes_the_mean_of_its_good_neighbors(cube, tmp_path):
+    bad = np.zeros(SHAPE, bool)
+    bad[5, 7:9] = True
+    mask = read_mask(save(tmp_path / "bad.npy", bad))
+    treated = readings_of(cube).treated(Treatment(4000, is_inverted=True, bad=mask))
+    raw, _ = readings_of(cube).treated(Treatment(4000, is_inverted=True)).frame(0)
+    values, full = treated.frame(0)
+    near = [(raw[4, 7], 1), (raw[6, 7], 1), (raw[5, 6], 1)]
+    near += [(raw[row, column], 0.5) for row in (4, 6) for column in (6, 8)]
+    expected = np.average(*np.transpose(near)[[0]], weights=np.transpose(near)[1])
+    assert values[5, 7] == pytest.approx(expected)
+    assert not full.any()
+    np.testing.assert_array_equal(values[~bad], raw[~bad])
+    assert "2 bad pixels" in treated.treatment.told()
+
+
+def write_recording(folder, rates_hz, frames=300):
+    """A recording of even light, whose last row was not read."""
+    dark = without(preset("spadcam"), "dark_counts")
+    sensor = changed(dark, exposure_s=0.01, dead_time={"dead_time_s": 8e-6})
+    counts = expose_rate(
+        np.broadcast_to(rates_hz, (frames, 16, 16)), sensor, seed=1, sequence="flat"
+    ).counts
+    full = np.zeros(counts.shape, bool)
+    full[:, 15] = True
+    folder.mkdir()
+    stored = StoredCounts(sensor=sensor, seed=0, sequence="flat", exposure=Exposure(counts, full))
+    write_counts(folder / "counts.zarr", stored)
+    group = zarr.open_group(folder / "counts.zarr", mode="a")
+    number = np.arange(frames)
+    group.create_array("adc", data=np.ones(counts.shape, np.uint16))
+    group.create_array("times_s", data=0.02 * number + 0.01)
+    group.create_array("device_us", data=20_000 * number)
+    group.create_array("sequence_number", data=number)
+    settings = {
+        **{"kind": "flat", "started": "2026-01-01T00:00:00+00:00", "finished": True},
+        **{"serial_number": "1", "firmware": "1.0", "exposure_s": 0.01, "frame_rate_hz": 50.0},
+        **{"step_bias": 2048, "row_window": [0, 15]},
+    }
+    (folder / "recording.yaml").write_text(yaml.safe_dump(settings), "utf-8")
+    return folder
+
+
+def test_of_a_recording_what_dead_time_lost_comes_back(tmp_path):
+    rate_hz = 12_000.0
+    readings = readings_of(write_recording(tmp_path / "flat", rate_hz))
+    np.testing.assert_allclose(readings.times_s[:2], [0, 0.02])
+    raw, _ = readings.frame(0)
+    values, full = readings.treated(Treatment(300, is_inverted=True)).frame(0)
+    assert raw.mean() < 0.95 * 0.01 * rate_hz  # of 120 arrivals, counts lack some
+    # 240 pixels and 300 frames: 0.04 %; pixels differ in what they read, by up to a percent
+    assert values[:15].mean() == pytest.approx(0.01 * rate_hz, rel=0.02)
+    assert full[15].all() and not full[:15].any()
+
+
+@pytest.mark.parametrize(
+    ("write", "name"), [(write_events_hdf5, "e.h5"), (write_events_npz, "e.npz")]
+)
+def test_events_are_counted_in_every_frame(tmp_path, write, name):
+    events = expose_events(np.full((5, 6, 8), 3e3), preset("ideal"), seed=0, sequence="e")
+    origin = EventOrigin(shape=(5, 6, 8), frame_period_s=0.01, exposure_s=0.002)
+    write(tmp_path / name, events, origin)
+    readings = readings_of(tmp_path / name)
+    whole = histogram(events)
+    assert whole.sum() > 500
+    np.testing.assert_array_equal(readings.frame(3)[0], whole[3])
+    np.testing.assert_array_equal(
+        readings.treated(Treatment(summed=2)).frame(3)[0], whole[3:].sum(axis=0)
+    )
+    np.testing.assert_allclose(readings.times_s, 0.01 * np.arange(5))
+
+
+@pytest.mark.parametrize(
+    ("treatment", "said"),
+    [
+        (Treatment(summed=4001), "--sum 4001: there are 4000 frames"),
+        (Treatment(is_inverted=True), "one binary frame tells no flux; add --sum"),
+        (Treatment(bad=np.zeros((3, 4), bool)), "a mask of 4 × 3 pixels, but frames have 16 × 12"),
+    ],
+)
+def test_what_cannot_be_done_to_frames_is_said(cube, treatment, said):
+    with pytest.raises(UserError, match=said):
+        readings_of(cube).treated(treatment)
+
+
+def test_counts_of_an_unknown_sensor_cannot_be_inverted(tmp_path):
+    counts = readings_of(save(tmp_path / "counts.npy", np.ones((3, *SHAPE), np.uint16)))
+    with pytest.raises(UserError, match="the response of this sensor is not known"):
+        counts.treated(Treatment(is_inverted=True))
+    counter = replace(counts, sensor=preset("spadcam"))
+    assert counter.treated(Treatment(is_inverted=True)).frame(0)[0] == pytest.approx(1, rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("make", "said"),
+    [
+        (lambda path: None, "no dataset, recording, or file of frames or events; give one"),
+        (lambda path: path.mkdir(), "no dataset, recording, or file of frames or events; give one"),
+        (lambda path: path.write_text("hello"), "of no format that is known"),
+        (lambda path: path.write_bytes(b"\x93NUMPYxxxx"), "damaged, cut short"),
+    ],
+)
+def test_what_holds_no_readings_is_told_in_a_sentence(tmp_path, make, said):
+    make(tmp_path / "thing")
+    with pytest.raises(UserError, match=said):
+        readings_of(tmp_path / "thing")
+
+
+def test_of_pictures_the_verb_that_makes_photons_is_named(tmp_path):
+    (tmp_path / "my clip.mp4").write_bytes(b"anything")
+    with pytest.raises(UserError, match=r"sense '.*my clip\.mp4' --photons 2"):
+        readings_of(tmp_path / "my clip.mp4")
+
+
+@pytest.mark.parametrize("values", [np.zeros((3, 3)), np.ones((3, 3), bool), np.zeros(3, bool)])
+def test_a_mask_is_of_bool_and_leaves_good_pixels(tmp_path, values):
+    with pytest.raises(UserError, match=r"--bad-pixels: .*m\.npy is no mask"):
+        read_mask(save(tmp_path / "m.npy", values))
+
+
+def test_a_mask_that_is_no_array_is_told(tmp_path):
+    (tmp_path / "m.npy").write_text("mask")
+    with pytest.raises(UserError, match=r"m\.npy is no array of \.npy"):
+        read_mask(tmp_path / "m.npy")
+    with pytest.raises(UserError, match="--bad-pixels: .*none.npy cannot be read"):
+        read_mask(tmp_path / "none.npy")

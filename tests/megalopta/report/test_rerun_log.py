@@ -1,0 +1,49 @@
+"""What is seen of a sequence, read back as Rerun's own library reads it."""
+
+from collections import defaultdict
+
+import numpy as np
+import pytest
+
+from megalopta.dataset.opened import open_dataset
+from megalopta.report.readings import Treatment
+from megalopta.report.rerun_log import write_rrd
+from megalopta.report.seen_sequence import seen_sequence
+
+chunk = pytest.importorskip("rerun.chunk", reason="no Rerun SDK that reads its files")
+
+
+@pytest.fixture(scope="module")
+def logged(whole, tmp_path_factory):
+    """Columns by place and component, a row for each frame."""
+    path = write_rrd(tmp_path_factory.mktemp("rrd") / "view.rrd", seen_sequence(whole, Treatment()))
+    found = defaultdict(dict)
+    for each in chunk.RrdReader(path).stream().to_chunks():
+        batch = each.to_record_batch()
+        for name, column in zip(batch.schema.names, batch.columns, strict=True):
+            if name != "log_time":
+                found[each.entity_path].setdefault(name, []).extend(column.to_pylist())
+    return found
+
+
+def test_pictures_and_points_stand_in_the_frames_that_they_are_of(logged, whole):
+    names = {"/readings/spadcam/starlight", "/true_flow", "/world/camera/light", "/world/points"}
+    assert names < set(logged)
+    times = open_dataset(whole)[0].times_s[:3]
+    for name in names:
+        assert logged[name]["frame"] == [0, 1, 2]
+        seconds = [each.total_seconds() for each in logged[name]["time"]]
+        np.testing.assert_allclose(seconds, times, atol=1e-6)
+
+
+def test_points_are_seen_by_the_camera_in_the_middle_of_their_pixels(logged):
+    camera = logged["/world/camera"]
+    for frame in range(3):
+        rotation = np.reshape(camera["Transform3D:mat3x3"][frame], (3, 3)).T  # columns first
+        matrix = np.reshape(camera["Pinhole:image_from_camera"][frame], (3, 3)).T
+        points = np.array(logged["/world/points"]["Points3D:positions"][frame])
+        inside = (points - camera["Transform3D:translation"][frame][0]) @ rotation @ matrix.T
+        image = inside[:, :2] / inside[:, 2:]
+        assert len(image) > 500 and (inside[:, 2] > 0).all()
+        np.testing.assert_allclose(image % 1, 0.5, atol=2e-3)
+        assert image.min() > 0 and (image < camera["Pinhole:resolution"][frame][0]).all()

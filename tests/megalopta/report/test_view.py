@@ -1,0 +1,202 @@
+"""`megalopta view`: a film and a page of what there is."""
+
+import json
+import re
+import shutil
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from megalopta.cli import main
+from megalopta.config.model import load
+from megalopta.core.errors import UserError
+from megalopta.report.view import Asked, view
+from megalopta.stages.pipeline import run_stage
+
+from ..accessibility import needs_axe, violations
+
+SMALL = {
+    **{"camera.width": "32", "camera.height": "24", "trajectory.frames": "4"},
+    **{"render.samples_per_pixel": "1", "render.bands_nm": "[[450, 550], [550, 650]]"},
+    **{"scene.cycles_per_frame": "4", "sensors": "[spadcam, ideal]", "methods": "[BM]"},
+    "light_levels": "[starlight, 10]",
+}
+
+
+@pytest.fixture(scope="module")
+def exposed(tmp_path_factory):
+    """A dataset of two sensors at two light levels, in which no motion was looked for yet."""
+    root, settings = tmp_path_factory.mktemp("exposed") / "data", load("grating", SMALL)
+    run_stage(root, settings, "render")
+    run_stage(root, settings, "sense")
+    return root
+
+
+@pytest.fixture(scope="module")
+def page(exposed, tmp_path_factory):
+    out = tmp_path_factory.mktemp("seen")
+    view(exposed, out)
+    return out / "view.html"
+
+
+def panels(path):
+    """Labels of the films of a page, and whether each is shown at first."""
+    text = path.read_text("utf-8")
+    found = re.findall(
+        r'(<div [^>]*>)\s*<figure><div class="film" role="img" aria-label="([^":]+)', text
+    )
+    return [(label, " hidden" not in box) for box, label in found]
+
+
+def state(folder):
+    return {path: path.stat().st_mtime_ns for path in folder.rglob("*")}
+
+
+def test_light_counts_flow_and_truth_stand_side_by_side(whole, tmp_path):
+    before = state(whole)
+    written = view(whole, tmp_path / "out")
+    assert {each.name for each in written} >= {"film.gif", "view.html"}
+    assert [label for label, _ in panels(tmp_path / "out" / "view.html")] in (
+        ["light", "counts", "flow by BM", "true flow"],
+        ["light", "counts", "flow by LK", "true flow"],
+    )
+    with Image.open(tmp_path / "out" / "film.gif") as film:
+        assert film.n_frames == 3  # the fourth has no successor
+    assert state(whole) == before
+
+
+def test_what_was_not_measured_is_not_shown(page):
+    labels = [label for label, _ in panels(page)]
+    assert labels == ["light", *["counts"] * 4, "true flow"]
+
+
+def test_a_stage_of_another_configuration_is_told_and_not_shown(exposed, tmp_path, capsys):
+    root = tmp_path / "data"
+    shutil.copytree(exposed, root)
+    header = root / "dataset.yaml"
+    header.write_text(header.read_text("utf-8").replace("starlight", "twilight"), "utf-8")
+    view(root, tmp_path / "out", Asked(summed=2))
+    assert "stage 'sense' is not finished with this configuration" in capsys.readouterr().err
+    assert [label for label, _ in panels(tmp_path / "out" / "view.html")] == ["light", "true flow"]
+    assert "sums of 2 frames" not in (tmp_path / "out" / "view.html").read_text("utf-8")
+
+
+def test_without_a_script_the_first_sensor_is_seen_in_the_brightest_light(page):
+    text = page.read_text("utf-8")
+    shown = re.findall(r'class="chosen" data-sensor="(\d)" data-level="(\d)">', text)
+    assert shown == [("0", "1")]
+    texts = json.loads(re.search(r'data-texts="([^"]+)"', text)[1].replace("&#34;", '"'))
+    assert texts == ["starlight", "10\xa0lux"]
+    assert re.findall(r"<option value=.\d.>(\w+)", text) == ["spadcam", "ideal"]
+
+
+def test_a_page_needs_nothing_from_outside(page):
+    text = page.read_text("utf-8")
+    assert "://" not in text and "@import" not in text
+    assert all(
+        each.startswith(("data:", "#")) for each in re.findall(r"(?:src|href)=\"([^\"]+)", text)
+    )
+
+
+@pytest.mark.skipif(shutil.which("chromium") is None, reason="chromium is not installed")
+def test_sliders_choose_light_sensor_and_time(page, tmp_path):
+    """As a browser runs it: the darkest light, the second sensor, the last moment."""
+    script = """<script>
+      const set = (at, value) => {
+        at.value = value;
+        at.dispatchEvent(new Event("input", {bubbles: true}));
+      };
+      set(document.querySelector("[data-choice=level]"), 0);
+      set(document.querySelector("[data-choice=sensor]"), 1);
+      set(document.querySelector(".transport input"), 2);
+      const seen = [...document.querySelectorAll(".chosen:not([hidden])")];
+      document.body.insertAdjacentHTML("beforeend", `<pre id="seen">${JSON.stringify([
+        seen.map(each => [each.dataset.sensor, each.dataset.level]),
+        document.documentElement.style.getPropertyValue("--frame"),
+        document.querySelector(".transport output").textContent,
+        document.querySelector(".choices output").textContent])}</pre>`);
+    </script></body>"""
+    copy = tmp_path / "page.html"
+    copy.write_text(page.read_text("utf-8").replace("</body>", script), "utf-8")
+    options = ("--headless", "--no-sandbox", "--disable-gpu", "--dump-dom")
+    profile = f"--user-data-dir={tmp_path / 'profile'}"
+    done = subprocess.run(
+        ["chromium", *options, profile, copy.as_uri()],
+        **{"capture_output": True, "text": True, "timeout": 120, "check": True},
+    )
+    told = json.loads(
+        re.search(r'<pre id="seen">(.*?)</pre>', done.stdout)[1].replace("&nbsp;", " ")
+    )
+    assert told == [[["1", "0"]], "2", "frame 3 · 0.20 s", "starlight"]
+
+
+def test_of_pictures_the_flow_between_the_clean_ones_stands_in_for_the_true(tmp_path):
+    noise = np.random.default_rng(0).integers(0, 256, (24, 48), np.uint8)
+    (tmp_path / "clip").mkdir()
+    for number in range(4):
+        Image.fromarray(noise[:, number : number + 32]).save(tmp_path / "clip" / f"{number}.png")
+    words = ["--photons", "2", "--sensors", "[ideal]", "--out", str(tmp_path / "data")]
+    main.main(["sense", str(tmp_path / "clip"), *words])
+    view(tmp_path / "data", tmp_path / "out")
+    shown = panels(tmp_path / "out" / "view.html")
+    assert [label for label, _ in shown] == ["light", "counts", "flow of the clean pictures"]
+    assert "true motion is not known" in (tmp_path / "out" / "view.html").read_text("utf-8")
+
+
+@needs_axe
+@pytest.mark.slow
+@pytest.mark.parametrize("theme", ["light", "dark"])
+def test_keyboards_and_screen_readers_find_their_way(theme, page, tmp_path):
+    assert violations(page, tmp_path, theme) == []
+
+
+def test_of_many_sequences_there_is_a_contact_sheet(small_dataset, tmp_path):
+    before = state(small_dataset)
+    assert view(small_dataset, tmp_path) == [tmp_path / "index.html"]
+    assert (tmp_path / "index.html").read_text("utf-8").count("data:image/gif") == 3 * 4
+    with pytest.raises(UserError, match="contact sheet; leave --sum and the like out"):
+        view(small_dataset, tmp_path, Asked(summed=2))
+    assert state(small_dataset) == before
+
+
+def test_a_cube_of_packed_bits_is_shown_by_one_command(tmp_path, capsys):
+    bits = np.random.default_rng(0).random((40, 16, 24)) < 0.3
+    np.save(tmp_path / "burst.npy", np.packbits(bits, axis=-1))
+    words = ["--out", str(tmp_path / "out"), "--sum", "4", "--invert", "--fps", "5"]
+    main.main(["view", str(tmp_path / "burst.npy"), *words])
+    assert str(tmp_path / "out" / "view.html") in capsys.readouterr().out.splitlines()
+    text = (tmp_path / "out" / "view.html").read_text("utf-8")
+    assert "40 binary frames of 24 × 16 pixels. 4 frames are taken together." in text
+    assert "frames 21 to 24" in text and panels(tmp_path / "out" / "view.html") == [
+        ("detections", True)
+    ]
+    with Image.open(tmp_path / "out" / "film.gif") as film:
+        assert (film.n_frames, film.info["duration"]) == (10, 200)
+
+
+def test_a_large_thing_makes_a_small_page_that_says_what_it_leaves_out(tmp_path):
+    frames = np.random.default_rng(0).integers(0, 9, (90, 400, 500), np.uint16)
+    np.save(tmp_path / "large.npy", frames)
+    view(tmp_path / "large.npy", tmp_path / "out")
+    page = tmp_path / "out" / "view.html"
+    assert page.stat().st_size < 10e6
+    assert "one of 2 × 2 pixels and 80 of 90 moments; the film has 90." in page.read_text("utf-8")
+
+
+def test_a_thing_that_is_nothing_is_told_in_a_sentence(tmp_path, capsys):
+    with pytest.raises(SystemExit) as end:
+        main.main(["view", str(tmp_path / "none")])
+    assert end.value.code == 2
+    told = capsys.readouterr().err
+    assert told.endswith("none: no dataset, recording, or file of frames or events; give one\n")
+
+
+def test_without_the_sdk_the_extra_is_named(whole, tmp_path, monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, "rerun", None)
+    with pytest.raises(SystemExit):
+        main.main(["view", str(whole), "--out", str(tmp_path / "out"), "--rerun"])
+    assert "rerun is not installed; pip install 'megalopta[rerun]'" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
