@@ -154,7 +154,7 @@ def horizontal(rgb: NDArray[np.floating]) -> Floats:
 def read_picture(path: str) -> Image:
     """Return a picture (H, W, 3) in linear sRGB; PNG is decoded, an alpha channel dropped.
 
-    Resampling filters of picture programs leave slightly negative values beside bright ones: these
+    Resampling filters of picture programs leave slightly negative values next to bright ones: these
     become 0, with a warning. If they exceed `_MOST_NEGATIVE` of the sum of all values, the picture
     is rejected.
 

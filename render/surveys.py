@@ -2,10 +2,10 @@
 
 A light meter traces light paths from a point, in directions distributed as the cosine to the
 vertical, at wavelengths sampled in proportion to V(λ). These paths include everything but the disc
-of sun or moon, whose part comes from visibility rays toward points of the disc. The light has as
-many bounces as in the frames: at a surface, these have spent one segment of their longest path on
-the way from the camera. In haze, light is measured as it arrives through it; above everything is
-above the haze, where the meter reads the requested illuminance.
+of sun or moon, whose part comes from visibility rays toward points of the disc. The path depth is
+that of the frames: at a surface, these have spent one segment of their longest path on the way from
+the camera. In haze, light is measured as it arrives through it; above everything is above the haze,
+where the meter reads the requested illuminance.
 
 Gap fraction is the share of rays at a zenith angle that hit nothing. Rays start one meter above the
 ground, where hemispherical photographs are taken, and ignore materials. For a canopy of randomly

@@ -29,7 +29,7 @@ class SceneDescription(Record, frozen=True):
     """True if it is rendered, so that its motion and depth are known."""
 
     has_bounces: ClassVar[bool] = True
-    """True if light bounces between surfaces, which takes most of the rendering time."""
+    """True if light is reflected between surfaces, which takes most of the rendering time."""
 
     def white(self, light: Light) -> Spectrum:
         """Spectrum of light on a white surface, W·m⁻²·nm⁻¹; flat, in any unit, if self-luminous."""

@@ -67,7 +67,7 @@ class Exposure:
     counts : (T, H, W) uint16 or uint32
         Readings; unreliable where saturated. From an integrating sensor: electrons, float32.
     saturated : (T, H, W) bool
-        True where the pixel was full: the reading is a lower bound, or has wrapped.
+        True where the pixel was saturated: the reading is a lower bound, or has wrapped.
     expectation : Expectation or None
         If requested.
     """

@@ -6,9 +6,9 @@ the mean radiance from cosine-distributed directions. A side of a translucent su
 τ, which minimizes noise if both are lit equally.
 
 Most light comes directly from the sky: this needs only visibility rays, which are five times as
-fast as paths. Every eighth ray is followed as a path and adds the light of surfaces, including
-bounces. Direct light from the disc of sun or moon is left to the frame, which has shadows of pixel
-accuracy.
+fast as paths. Every eighth ray is followed as a path and adds the light reflected by surfaces, with
+further hits. Direct light from the disc of sun or moon is left to the frame, which has shadows of
+pixel accuracy.
 
 The two spectra that a texture mixes have separate band means of ρE/π, not of ρ and E: within a
 band, the correlation of green leaves and green light amounts to several percent.

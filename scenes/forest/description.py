@@ -147,7 +147,7 @@ class Forest(SceneDescription, frozen=True):
     ground: Literal["litter", "meadow", "moss"] = "litter"
     """Ground cover between the plants: litter, meadow or moss."""
     relief_m: Annotated[float, Field(ge=0, le=3)] = 0.6
-    """Root mean square height of the rolling land beside the path (m)."""
+    """Root mean square height of the rolling land along the path (m)."""
     floor_relief_m: Annotated[float, Field(ge=0, le=0.2)] = 0.0
     """Root mean square height of bumps and hollows of the floor, a hand to a stride wide; 0: smooth
     (m)."""

@@ -59,7 +59,7 @@ MOSS_RING_M = 10.0
 BUMPS = (((0.45, 1.3), 0.85), ((0.2, 0.45), 0.47), ((0.11, 0.2), 0.22))
 """Wavelengths of bumps and hollows (m) and their share of the relief."""
 TRODDEN_RELIEF, FLANK_M = 0.35, 0.25
-"""Relief of the path relative to that beside it, and the width of the transition (m)."""
+"""Relief of the path relative to that next to it, and the width of the transition (m)."""
 ON_PATH, ON_MOSS = 0.15, 0.3
 """Share of litter that remains on a trodden path and on moss."""
 CUSHION = 1.2

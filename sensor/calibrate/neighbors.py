@@ -1,4 +1,4 @@
-"""Crosstalk and afterpulsing from coincidences of dark counts beyond chance.
+"""Crosstalk and afterpulsing from excess coincidences of dark counts.
 
 The covariance of two pixels is their coincidences less the expected ones. In a wide array in which
 an avalanche fires a pixel at offset δ with probability k(δ), Poisson primaries make

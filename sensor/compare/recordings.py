@@ -101,13 +101,13 @@ class Comparison:
 
     @property
     def causes(self) -> tuple[Difference, ...]:
-        """Quantities that differ beyond chance and by more than the margin, largest first."""
+        """Quantities that differ significantly and by more than the margin, largest first."""
         real = [each for each in beyond_chance(self.differences) if not each.is_equivalent]
         return tuple(sorted(real, key=lambda each: -each.size))
 
     @property
     def alarms(self) -> tuple[str, ...]:
-        """Sentences on everything that differs beyond chance."""
+        """Sentences on every significant difference."""
         found = []
         if self.arrangement.is_other:
             found.append(f"the captured image is {self.arrangement.name}")
@@ -123,17 +123,17 @@ class Comparison:
         """Summary of the differences and their size."""
         if self.arrangement.is_other:
             return (
-                f"The captured image is {self.arrangement.name}: rank correlation "
-                f"{self.arrangement.correlation:.2f} so, {self.arrangement.as_it_is:.2f} as it is."
+                f"The captured image is {self.arrangement.name}: rank correlation rearranged "
+                f"{self.arrangement.correlation:.2f}, before {self.arrangement.as_it_is:.2f}."
             )
         if self.causes:
             return f"Captured: {'; '.join(map(str, self.causes))}."
         if not self.alarms:
-            return "Nothing differs beyond chance."
+            return "No difference is statistically significant."
         largest = max(self.differences, key=lambda each: each.size, default=None)
         first = self.alarms[0]
         limit = f"; of the device, at most: {largest}" if largest and str(largest) != first else ""
-        return f"Differences are beyond chance but small: {first}{limit}."
+        return f"Differences are statistically significant but small: {first}{limit}."
 
 
 def beyond_chance(tested: Sequence[Difference]) -> list[Difference]:

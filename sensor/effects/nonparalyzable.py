@@ -14,7 +14,7 @@ their Laplace transforms
 
 have a pole at 0 that gives a straight line in T, and complex poles that give terms decaying at
 least as e^(−βT/τ) with β = ½·ln(1 + π²/(a+a²)). Once those are below the rounding of a double, the
-line is the exact answer. With g = a/(1+a) it is, for live start,
+line is the exact result. With g = a/(1+a) it is, for live start,
 
     mean g·T/τ + g²/2            variance g·(1−g)²·T/τ + g²·(3/2 − 8g/3 + 5g²/4)
 

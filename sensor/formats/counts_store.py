@@ -45,7 +45,7 @@ MOMENTS = ("photons", "mean_events", "events_variance", "mean_reading", "reading
 
 _MEANINGS = {
     "counts": "{unit} per exposure",
-    "saturated": "true where the pixel was full",
+    "saturated": "true where the pixel was saturated",
     "photons": "mean photons on the pixel per exposure",
     "mean_events": "mean {event} per exposure",
     "events_variance": "{event}² per exposure",
@@ -189,7 +189,7 @@ def _created(
 
 
 class ExtraArray(NamedTuple):
-    """Array beside the counts: type, description, and True if it has one value per pixel."""
+    """Additional array: type, description, and True if it has one value per pixel."""
 
     dtype: DTypeLike
     unit: str

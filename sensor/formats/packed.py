@@ -186,7 +186,7 @@ def _mapped(path: Path) -> NDArray[Any]:
 def _raw_frames(
     path: Path, frame_bytes: int, layout: PackedLayout, frames: slice
 ) -> tuple[Bytes, int]:
-    """Frames of a file or of the `.bin` files of a folder, (T, frame_bytes); how many it has."""
+    """Frames of a file or of the `.bin` files of a folder, (T, frame_bytes), and their number."""
     files = sorted(path.glob("*.bin")) if path.is_dir() else [path]
     if not files:
         raise FileNotFoundError(f"{path}: no .bin files in this folder; give that of a recording")

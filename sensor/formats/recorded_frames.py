@@ -22,7 +22,7 @@ class RecordedFrames:
     source: str
     """Name of the format"""
     total: int
-    """Frames of the file, of which fewer may have been asked for"""
+    """Number of frames in the file, of which fewer may have been requested"""
     exposure_s: float | None = None
     """Exposure time of a frame, s, if the file states it"""
 

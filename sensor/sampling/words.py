@@ -66,7 +66,7 @@ _AREA = _TAIL * math.exp(-(_TAIL**2) / 2) + math.sqrt(math.pi / 2) * math.erfc(_
 
 
 def _layer_edges() -> NDArray[np.float64]:
-    """Width of each layer, the lowest first with its tail placed beside it; the last is 0."""
+    """Width of each layer, the lowest first with its tail next to it; the last is 0."""
     edges = [_AREA / math.exp(-(_TAIL**2) / 2), _TAIL]
     while len(edges) < _LAYERS:
         height = math.exp(-(edges[-1] ** 2) / 2) + _AREA / edges[-1]

@@ -1,7 +1,7 @@
 """Mean and variance of readings, from the moments or the distribution of event numbers.
 
 Where all likely numbers of events fit into the counter and are read exactly, the reading has the
-moments of the events; where none fits, those of a full counter. Otherwise the distribution is used.
+moments of the events; where none fits, those at saturation. Otherwise the distribution is used.
 
 For N events, a digital counter reads min(N, C) or N mod (C + 1). An analog one reads j or more if
 its output is below the upper edge of the last ADC code for j. With a normal drop F_N of the output
@@ -187,7 +187,7 @@ def _pixel_of(at, pixels, known, volts, is_exact):  # type: ignore[no-untyped-de
 
 @compiled
 def _read_of(events, center, pixel, volts):  # type: ignore[no-untyped-def]
-    """Mean reading of a number of events, mean square about a center, and True if full."""
+    """Mean reading of a number of events, mean square about a center, and True if saturated."""
     supply, swing, slope, step_noise, read_noise, lsb = volts
     fallen = fall(events, pixel.step_v, slope, swing) + pixel.leaked_v
     scatter = spread(events, step_noise, pixel.step_v, swing)

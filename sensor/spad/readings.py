@@ -107,7 +107,7 @@ def _groups(needs_law: NDArray[np.bool_], width: Floats) -> Iterator[tuple[Place
         widths = width.ravel()[places]
         fits = (widths + 1) * np.arange(1, places.size + 1) <= _LARGEST_LAW
         size = max(int(fits.sum()), 1)
-        if widths[0] == 0:  # full
+        if widths[0] == 0:  # saturated
             size = min(size, int((widths == 0).sum()))
         rows, columns = np.unravel_index(places[:size], needs_law.shape)
         yield rows, columns

@@ -119,6 +119,4 @@ def test_slightly_negative_values_become_black_and_are_told(picture, capsys):
     values[3, 4, 0], values[5, 6] = -0.0016, -0.001
     found = read_picture(str(picture(values)))
     np.testing.assert_array_equal(found, np.maximum(values, 0).astype(np.float32))
-    assert (
-        "has 4 values below 0, the lowest -0.0016; they are set to 0" in capsys.readouterr().err
-    )
+    assert "has 4 values below 0, the lowest -0.0016; they are set to 0" in capsys.readouterr().err

@@ -89,8 +89,14 @@ def test_airglow_can_be_stronger_but_not_of_another_color():
         ({"level": "overcast_night", "cloud_cover": 0.5}, "cloud_cover 0.5: .* already overcast"),
         *(({"illuminance_lux": lux}, "illuminance_lux") for lux in (1e308, 1e-300, 0, -1)),
         ({"panorama": ..., "sky": "natural"}, "sky 'natural': a panorama has its own sky and disc"),
-        ({"panorama": ..., "disc_fraction": 0.5}, r"disc_fraction 0\.5: a panorama has its own sky"),
-        ({"panorama": {"path": "a.jpg", "sha256": "0" * 64}}, r"a\.jpg is not an HDR, EXR or PNG file"),
+        (
+            {"panorama": ..., "disc_fraction": 0.5},
+            r"disc_fraction 0\.5: a panorama has its own sky",
+        ),
+        (
+            {"panorama": {"path": "a.jpg", "sha256": "0" * 64}},
+            r"a\.jpg is not an HDR, EXR or PNG file",
+        ),
     ],
 )
 def test_what_does_not_fit_is_refused_with_a_remedy(picture, settings, told):

@@ -218,5 +218,7 @@ def test_a_lost_chunk_is_no_darkness(tmp_path, stored, part):
     write_counts(tmp_path / "s.zarr", stored)
     assert len(read_counts(tmp_path / "s.zarr").exposure.counts)
     (tmp_path / "s.zarr" / part / "c/0/0/0").unlink()
-    with pytest.raises(ValueError, match=rf"chunks of {part} are missing\); write the counts again"):
+    with pytest.raises(
+        ValueError, match=rf"chunks of {part} are missing\); write the counts again"
+    ):
         open_counts(tmp_path / "s.zarr")
