@@ -57,7 +57,7 @@ class RenderSettings(Record, frozen=True):
 
     target_error: Annotated[float, Field(gt=0, lt=1)] | None = None
     """Target RMS error of pixels without sky, over their mean (sum over bands): passes of
-    samples_per_pixel are added up, two at least, until it is reached; None renders one pass. Baked
+    samples_per_pixel are added up, two at least, until it is reached; null renders one pass. Baked
     light's own error is at most half of this."""
 
     max_passes: Annotated[int, Field(ge=2, le=10_000)] = 16

@@ -38,15 +38,15 @@ class Light(Record, frozen=True):
 
     illuminance_lux: Annotated[float, Field(ge=DIMMEST_LUX, le=BRIGHTEST_LUX)] | None = None
     """Illuminance of an unshaded horizontal plane (lux), to which all lights of the level are
-    scaled; None: that of the level, reduced by clouds."""
+    scaled; null: that of the level, reduced by clouds."""
 
     color_temperature_k: Annotated[float, Field(ge=1000, le=40000)] | None = None
     """Color temperature of a Planckian spectrum (K) for all lights of the level, each at its
-    illuminance; None: their own spectra. Not for airglow."""
+    illuminance; null: their own spectra. Not for airglow."""
 
     disc_fraction: Annotated[float, Field(ge=0, le=1)] | None = None
     """Share of the light of sun or moon that comes from the disc instead of the sky that it lights;
-    None: 0.8. Only for levels with a disc."""
+    null: 0.8. Only for levels with a disc."""
 
     disc_azimuth_deg: float = 120.0
     """Direction of the disc, counterclockwise from +x (degrees)."""
@@ -56,7 +56,7 @@ class Light(Record, frozen=True):
 
     cloud_cover: Annotated[float, Field(ge=0, le=1)] | None = None
     """Share of the sky covered by clouds (0 to 1). They block the disc in proportion, and transmit
-    less light, especially infrared; they have no shape. None: clear sky."""
+    less light, especially infrared; they have no shape; null: clear sky."""
 
     sky: Literal["even", "natural"] = "even"
     """Distribution of the sky's light: even, the same from all directions, or natural, as of clear,

@@ -76,11 +76,11 @@ class Pictures(ColorsAsLight, SceneDescription, frozen=True):
     animation or an array."""
 
     unit: Unit | None = None
-    """Unit of the values: `srgb` codes, `linear` in light, or `cd/m2`; None: as stated by the file,
+    """Unit of the values: `srgb` codes, `linear` in light, or `cd/m2`; null: as stated by the file,
     such as a picture or video."""
 
     picture_rate_hz: Annotated[float, Field(gt=0, le=1e9)] | None = None
-    """Pictures per second, for files without times; None: the frame rate."""
+    """Pictures per second, for files without times; null: the frame rate."""
 
     between: Between = "hold"
     """Light between two pictures, also within an exposure: `hold` the earlier picture, `blend` both

@@ -44,7 +44,7 @@ class Photodiode(Record):
     temperature_k: Annotated[float, Field(gt=0)] = 300.0
     """Temperature of the junction (K)."""
     shunt_ohm: Annotated[float, Field(gt=0)] | None = None
-    """Resistance in parallel to the junction (Ω); none: no shunt."""
+    """Resistance in parallel to the junction (Ω); null: no shunt."""
 
     @property
     def slope_v(self) -> float:

@@ -22,7 +22,7 @@ at any flux, and below every bias at which efficiency is largest. δ is normal.
 A measured map already contains each pixel's mismatch. It is multiplied by the factor from the
 reference bias to this one at the pixel's own δ, which is 1 at the reference bias.
 
-Source: dissertation §2.4.4 to §2.4.7. `efficiency_scale_v` or `dark_efold_v` of none disables that
+Source: dissertation §2.4.4 to §2.4.7. `efficiency_scale_v` or `dark_efold_v` of None disables that
 dependence.
 """
 
@@ -54,9 +54,9 @@ class Bias(Effect, frozen=True):
     onset_v: Annotated[float, Field(ge=0)] = 0.0
     """Excess bias below which nothing is counted (V)."""
     efficiency_scale_v: Annotated[float, Field(gt=0)] | None = None
-    """Voltage scale of the saturation of the efficiency (V); none: independent of bias."""
+    """Voltage scale of the saturation of the efficiency (V); null: independent of bias."""
     dark_efold_v: Annotated[float, Field(gt=0)] | None = None
-    """Rise in bias that multiplies dark counts by e (V); none: independent of bias."""
+    """Rise in bias that multiplies dark counts by e (V); null: independent of bias."""
     afterpulsing_slope: Annotated[float, Field(ge=0, le=10)] = 0.0
     """Relative rise of trapped carriers per relative rise of excess bias; 1: as the charge."""
     crosstalk_slope: Annotated[float, Field(ge=0, le=10)] = 0.0

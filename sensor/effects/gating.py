@@ -26,7 +26,7 @@ class Gate(Effect, frozen=True):
     statement: ClassVar[str] = "arrivals outside the window are lost"
 
     period_s: Annotated[float, Field(gt=0)] | None = None
-    """Time from one opening to the next (s); none: not gated."""
+    """Time from one opening to the next (s); null: not gated."""
     width_s: Annotated[float, Field(gt=0)] | None = None
     """Time for which the window is open (s), at most the period."""
     phase_s: Annotated[float, Field(ge=0)] = 0.0

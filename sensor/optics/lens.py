@@ -77,9 +77,9 @@ class Lens(Effect, frozen=True):
     transmission: Annotated[float, Field(gt=0, le=1)] = 1.0
     """Transmitted fraction of the light, the same at every wavelength."""
     transmission_curve: Transmission | None = None
-    """Transmitted fraction over wavelength, on top of `transmission`; none: 1."""
+    """Transmitted fraction over wavelength, on top of `transmission`; null: 1."""
     falloff_fov_deg: Annotated[float, Field(gt=0, lt=180)] | None = None
-    """Horizontal field of view (degrees) for cosine-fourth falloff; none: no falloff."""
+    """Horizontal field of view (degrees) for cosine-fourth falloff; null: no falloff."""
     blur_m: Annotated[float, Field(ge=0, le=0.01)] = 0.0
     """Standard deviation of the Gaussian point spread on the die (m): 0, sharp, or at least half a
     pixel. Diffraction alone: about 0.45 times wavelength and f-number."""

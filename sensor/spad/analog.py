@@ -52,7 +52,7 @@ class AnalogCounter(Effect, frozen=True):
     )
 
     kind: Literal["analog"] = "analog"
-    """Counts in volts."""
+    """Kind of counter: digital or analog."""
     step_v: Annotated[float, Field(gt=0)]
     """Mean voltage step of one event (V)."""
     step_sigma_v: Annotated[float, Field(ge=0)] = 0.0
@@ -74,7 +74,7 @@ class AnalogCounter(Effect, frozen=True):
     read_noise_v: Annotated[float, Field(ge=0)] = 0.0
     """Standard deviation of the read noise (V)."""
     adc_bits: Annotated[int, Field(ge=1, le=24)] | None = None
-    """Resolution of the ADC (bits); none: no rounding."""
+    """Resolution of the ADC (bits); null: no rounding."""
     calibrated: bool = True
     """True if step, leak and offset of every pixel are known; False: only their means."""
 

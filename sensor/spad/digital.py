@@ -30,7 +30,7 @@ class DigitalCounter(Effect, frozen=True):
     )
 
     kind: Literal["digital"] = "digital"
-    """Counts in bits."""
+    """Kind of counter: digital or analog."""
     capacity: Annotated[int, Field(ge=1, le=LARGEST_CAPACITY)] = LARGEST_CAPACITY
     """Largest count: 2ⁿ − 1 for n bits."""
     overflow: Literal["saturate", "wrap"] = "saturate"

@@ -39,7 +39,7 @@ class MapFile(BaseModel, frozen=True, extra="forbid", use_attribute_docstrings=T
     path: str
     """Path of the file."""
     sha256: Annotated[str, Field(pattern="^[0-9a-f]{64}$")] | None = None
-    """Expected SHA-256 hash of the file; another one raises an error. None: not checked."""
+    """Expected SHA-256 hash of the file; another one raises an error; null: not checked."""
 
     @model_validator(mode="before")
     @classmethod
