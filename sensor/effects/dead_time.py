@@ -176,6 +176,6 @@ def check_arrivals(rate_hz: ArrayLike, exposure_s: float) -> Floats:
     if rate.size and not (rate.min() >= 0 and rate.max() * exposure_s <= MOST_ARRIVALS):
         raise ValueError(
             f"rate_hz: from {rate.min():g} to {rate.max():g}; must be finite, not negative, and at "
-            f"most {MOST_ARRIVALS / exposure_s:g} Hz ({MOST_ARRIVALS:g} arrivals an exposure)"
+            f"most {MOST_ARRIVALS / exposure_s:g} Hz ({MOST_ARRIVALS:g} arrivals per exposure)"
         )
     return rate * exposure_s

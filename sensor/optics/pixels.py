@@ -86,7 +86,7 @@ def check_brightness(rate: Floats, exposure_s: float) -> Floats:
     brightest = float(rate.max(initial=0)) * exposure_s
     if not brightest <= MOST_ARRIVALS:
         raise ValueError(
-            f"radiance: so bright that a pixel detects {brightest:g} photons an exposure; at most "
+            f"radiance: so bright that a pixel detects {brightest:g} photons per exposure; at most "
             f"{MOST_ARRIVALS:g} can be drawn: check its unit, W·m⁻²·sr⁻¹·nm⁻¹"
         )
     return rate

@@ -148,7 +148,7 @@ def checked_rate(detections_hz: ArrayLike, sensor: Sensor) -> tuple[Floats, Fixe
     if not _are_within(rate.ravel(), most):
         raise ValueError(
             f"detections_hz: from {rate.min():g} to {rate.max():g}; must be finite, not negative "
-            f"and at most {most:g} Hz ({MOST_ARRIVALS:g} an exposure)"
+            f"and at most {most:g} Hz ({MOST_ARRIVALS:g} per exposure)"
         )
     *_, rows, columns = rate.shape
     return rate, draw_fixed_pattern(sensor, (rows, columns))
