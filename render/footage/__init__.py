@@ -1,1 +1,1 @@
-"""Pictures, films and arrays of users, as frames of linear light."""
+"""Your pictures, videos and arrays as frames of linear light."""
