@@ -34,7 +34,7 @@ class Staged(Staging):
 
     sequence: str
     is_added: bool
-    """Whether it is more output of a finished sequence."""
+    """True if it is more output of a finished sequence."""
 
     @classmethod
     def of(cls, tree: Tree, sequence: str, is_added: bool = False) -> "Staged":

@@ -200,7 +200,7 @@ _GLOSSARY = {
     "Endpoint error (EPE)": "distance between a velocity and the true one (px).",
     "N_2b": "photons per frame, summed over all pixels, at which a detector's error is 25 % "
     "(2 bits).",
-    "Temporally fixed error": "part of the rendered light's error that is the same in all frames "
+    "Fixed error": "part of the rendered light's error that is the same in all frames "
     "and moves with the surfaces.",
 }
 
