@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if (Path(__file__).parents[1] / "render" / "scene_renderer.py").exists():
-    # In a clone the five library folders are beside this one, not in it.
+    # In a clone the five library folders are next to this one, not in it.
     __path__.append(str(Path(__file__).parents[1]))
 
 if TYPE_CHECKING:

@@ -223,7 +223,7 @@ class Trial(Record, frozen=True):
 
     @property
     def stimulus(self) -> Mapping[str, Any]:
-        """Properties of the light beside the pixels of the template, as plain data."""
+        """Properties of the light other than the pixels of the template, as plain data."""
         return self.model_dump(mode="json", include={"velocity_px", "size", "resize", "blurred"})
 
 

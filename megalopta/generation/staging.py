@@ -1,4 +1,4 @@
-"""Output in the making beside the tree: restarted or continued, and finally cleared.
+"""Output in the making, outside the tree: restarted or continued, and finally cleared.
 
 .making/SEQ/            a sequence until it is complete; .making/SEQ-added/ more output of it
     data/               the files
@@ -121,7 +121,7 @@ def _settle(tree: Tree, plan: Plan) -> None:
 
 
 def tidy(tree: Tree, keep_added: bool = False) -> None:
-    """Complete finished output, and remove unwanted output, beside the tree."""
+    """Complete finished output, and remove unwanted output, outside the tree."""
     for staged in staged_sequences(tree):
         with locked(staged.folder):
             if staged.is_over(keep_added):

@@ -211,7 +211,7 @@ _STAND_IN = (
 _RANKING = (
     "Endpoint error against the true motion, on perfect pixels with the photons of illuminance and "
     "exposure. {} {} This holds for this scene, path and settings; all curves, poolings and the "
-    "camera’s motion are in {}/ranking.html beside this page."
+    "camera’s motion are in {}/ranking.html next to this page."
 )
 _ATLAS = (
     "Gray: no method beats the zero-motion baseline. Pale: the best method is not significant. "

@@ -1,4 +1,4 @@
-"""What is seen of a sequence of a dataset: panels of its light, readings, motion and depth."""
+"""Panels of a sequence of a dataset: its light, readings, motion and depth."""
 
 from collections.abc import Iterable
 
@@ -26,9 +26,9 @@ from megalopta.sensor import ImageSensor, StoredFrames
 
 
 def light_panel(sequence: Sequence, frames: range, step: int) -> Panel:
-    """Return the light that sensors see, every so many-th pixel of a line.
+    """Return the light that sensors see, every `step`-th pixel of a line.
 
-    Some of the frames give the exposure.
+    Some of the frames set the exposure.
     """
     settings, bands = sequence.configuration, sequence.bands_nm
     white = settings.scene.white(settings.light)
@@ -57,7 +57,7 @@ def exposure_readings(
 def motion_of(sequence: Sequence, frame: int) -> NDArray[np.floating]:
     """Return the motion from a frame to the next, (H, W, 2), px, NaN where undefined.
 
-    The true one; of pictures, which tell none, what is found in them without noise.
+    For pictures, without true motion, it is the estimate from the noise-free pictures.
     """
     if not sequence.configuration.scene.has_truth:
         return read_motion(sequence.dataset, frame).flow
@@ -65,11 +65,11 @@ def motion_of(sequence: Sequence, frame: int) -> NDArray[np.floating]:
     try:
         return read_flo(path)
     except (OSError, ValueError) as problem:
-        raise UserError(f"{problem}; make the sequence again") from None
+        raise UserError(f"{problem}; regenerate the sequence") from None
 
 
 def found_flow(found: StoredFrames, grid: BlockGrid, frame: int) -> Floats:
-    """Return the motion that a method found in each block, at all pixels (H, W, 2), px."""
+    """Return a method's motion of each block at all pixels (H, W, 2), px."""
     blocks = np.asarray(found[[min(frame, len(found) - 1)]][0], np.float64)
     flow, size = np.full((*grid.shape, 2), np.nan), grid.block_px
     bottom, right = grid.top + grid.rows * size, grid.left + grid.columns * size
@@ -94,9 +94,9 @@ def depth_panel(sequence: Sequence, frames: range, step: int) -> Panel:
 
 
 def best_method(records: Iterable[FlowRecord]) -> str | None:
-    """Return the method that gives velocities of the least median error, the first without truth.
+    """Return the velocity method of least median error, the first one without truth.
 
-    None where no method gives velocities.
+    None if no method gives velocities.
     """
 
     def error(record: FlowRecord) -> float:

@@ -172,7 +172,7 @@ def _fluxes(rows: Sequence[Mapping[str, Any]], images: str, metric: Metric) -> d
 
 
 def write_page(out: Path, figures: Sequence[Figure]) -> Path:
-    """Write chapter-4.html beside the pictures of some figures, one of them Table 4.1.
+    """Write chapter-4.html next to the pictures of some figures, one of them Table 4.1.
 
     Figures of other chapters are ignored. Returns the path of the page.
     """
