@@ -39,6 +39,7 @@ test-all: test test-slow test-scalar
 lint: install
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+	$(BIN)/codespell
 
 # Type checkers do not follow an editable install's import hook: give them a tree of links.
 types: install

@@ -50,10 +50,10 @@ def write_pages(folder: Path) -> None:
     """Write a page for every room and the list of them."""
     folder.mkdir(parents=True, exist_ok=True)
     index = [
-        "Public names",
+        "API reference",
         "=============",
         "",
-        "Import a name from the room that publishes it.",
+        "Import a name from the package that publishes it.",
         "",
     ]
     homes = _homes([name for names in rooms().values() for name in names])
@@ -91,7 +91,7 @@ def _page(name: str, homes: dict[int, str]) -> list[str]:
     lines = [":orphan:", "", name, "=" * len(name), "", f".. automodule:: {name}"]
     lines += [f"   :exclude-members: {', '.join(elsewhere)}"] if elsewhere else []
     links = (f":py:obj:`{each} <{homes[id(getattr(module, each))]}.{each}>`" for each in elsewhere)
-    lines += ["", f"Publishes too: {', '.join(links)}.", ""] if elsewhere else [""]
+    lines += ["", f"Also exported: {', '.join(links)}.", ""] if elsewhere else [""]
     return [*lines, f"Values and types: {', '.join(values)}.", ""] if values else lines
 
 

@@ -211,6 +211,11 @@ def _photon_settings() -> "Settings":
     option("--out", "folder of a sweep's figure (default: out/sweeps)", type=Path),
     *THREADS,
     settings=_photon_settings,
+    often=(
+        *("methods", "benchmark.sizes", "benchmark.flux_min", "benchmark.flux_max"),
+        *("benchmark.fluxes_per_decade", "benchmark.repeats", "vary", "values", "templates"),
+    ),
+    example="megalopta benchmark photons out/night --methods BM DIS PF",
 )
 def _photons(options: Namespace) -> None:
     is_sweep = options.dataset.suffix in (".yaml", ".yml") and not options.dataset.is_dir()
@@ -242,6 +247,7 @@ def _run_sweep(options: Namespace) -> None:
     DATASET,
     out("out/ranking"),
     settings=settings_of("benchmark.ranking_settings", "RankingSettings"),
+    example="megalopta benchmark sequence out/night --methods BM DIS PF --fluxes 1e4 1e6",
 )
 def _sequence(options: Namespace) -> None:
     from megalopta.benchmark.ranking_run import run_ranking

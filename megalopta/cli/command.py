@@ -37,6 +37,9 @@ class Verb(NamedTuple):
     """None if the verb has verbs of its own"""
     options: tuple[Option, ...] = ()
     settings: "Callable[[], Settings] | None" = None
+    often: tuple[str, ...] = ()
+    """Settings that people change; the help lists these, `--help-all` all"""
+    example: str = ""
 
 
 VERBS: dict[str, Verb] = {}
@@ -48,6 +51,9 @@ class Command(argparse.ArgumentParser):
 
     settings: "Callable[[], Settings] | None" = None
     """Loads the settings of the verb."""
+    often: tuple[str, ...] = ()
+    """Settings that the help lists; all if empty."""
+    example: str = ""
     verbs: "Mapping[str, Command]" = MappingProxyType({})
     """Verbs below this one."""
 
@@ -72,9 +78,10 @@ class Command(argparse.ArgumentParser):
         return self.settings().takes(path)
 
     def format_help(self) -> str:
-        """Return the help, with the settings after the options."""
-        if self.settings:
-            self.epilog = self.settings().help()
+        """Return the help, with an example and the settings after the options."""
+        example = f"example:\n  {self.example}" if self.example else ""
+        settings = self.settings().help(self.often) if self.settings else ""
+        self.epilog = "\n\n".join(filter(None, (example, settings)))
         return super().format_help()
 
     def error(self, message: str) -> NoReturn:
@@ -83,16 +90,29 @@ class Command(argparse.ArgumentParser):
         raise UserError(f"{verb}: {message}; see {self.prog} --help".removeprefix(": "))
 
 
+class HelpAll(argparse.Action):
+    """Print the help with all settings."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> NoReturn:
+        """Print it and exit."""
+        assert isinstance(parser, Command)
+        parser.often = ()
+        parser.print_help()
+        parser.exit()
+
+
 def verb(
     name: str,
     purpose: str,
     *options: Option,
     settings: "Callable[[], Settings] | None" = None,
+    often: tuple[str, ...] = (),
+    example: str = "",
 ) -> Callable[[Run], Run]:
-    """Declare a function as the action of a verb."""
+    """Declare a function as the action of a verb; its help lists settings changed `often`."""
 
     def declared(run: Run) -> Run:
-        VERBS[name] = Verb(purpose, run, options, settings)
+        VERBS[name] = Verb(purpose, run, options, settings, often, example)
         return run
 
     return declared

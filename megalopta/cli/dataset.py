@@ -34,6 +34,11 @@ VERBS["dataset"] = Verb("make, check and show a dataset of many sequences")
     ),
     *CLUSTER,
     settings=settings_of("config.recipe", "Plan"),
+    often=(
+        *("sequences", "seed", "scenes", "lights", "cameras", "trajectories", "every"),
+        *("sensors", "light_levels", "repeats", "products", "splits"),
+    ),
+    example="megalopta dataset make plan.yaml --out data --workers 2",
 )
 def _make(options: Namespace) -> None:
     from megalopta.config.recipe import load_plan
@@ -64,6 +69,7 @@ def _make(options: Namespace) -> None:
     DATASET,
     *CLUSTER,
     settings=settings_of("generation.adding", "Exposing"),
+    example="megalopta dataset expose data --sensors ideal --light-levels 0.01",
 )
 def _expose(options: Namespace) -> None:
     from megalopta.generation.adding import expose

@@ -12,7 +12,7 @@ from pkgutil import iter_modules
 from typing import TYPE_CHECKING
 
 from megalopta import __version__
-from megalopta.cli.command import VERBS, Command
+from megalopta.cli.command import VERBS, Command, HelpAll
 from megalopta.core.errors import UserError
 
 if TYPE_CHECKING:
@@ -49,7 +49,10 @@ def program() -> Command:
         for option, how in verb.options:
             command.add_argument(option, **how)
         command.set_defaults(run=verb.run)
-        command.settings = verb.settings
+        command.settings, command.often = verb.settings, verb.often
+        command.example = verb.example
+        if verb.often:
+            command.add_argument("--help-all", action=HelpAll, nargs=0, help="list all settings")
     return parser
 
 

@@ -83,6 +83,12 @@ def settings_of_stage(stage: str, *others: "type[BaseModel]") -> "Settings":
         "tell size, time, memory and integrator from a short measurement, and render nothing",
     ),
     settings=partial(settings_of_stage, "render"),
+    often=(
+        *("scene.kind", "scene.preset", "scene.trees", "light.level", "light.illuminance_lux"),
+        *("camera.width", "camera.height", "camera.fov_deg", "trajectory.frames"),
+        *("trajectory.rotation_deg_s", "trajectory.velocity_m_s", "render.samples_per_pixel"),
+    ),
+    example="megalopta render demo --out out/night --light.level full_moon --scene.trees 300",
 )
 def _render(options: Namespace) -> None:
     from megalopta.dataset.layout import is_of_many
@@ -110,6 +116,11 @@ def _render(options: Namespace) -> None:
     *_FROM_CONFIGURATION,
     switch("--quick", "a small and noisy form of it, in about a minute"),
     settings=partial(settings_of_stage, "demo"),
+    often=(
+        *("scene.trees", "camera.width", "camera.height", "trajectory.frames"),
+        *("render.samples_per_pixel", "light_levels", "sensors", "methods"),
+    ),
+    example="megalopta demo --quick --out out/quick",
 )
 def _demo(options: Namespace) -> None:
     if options.quick:
@@ -150,23 +161,40 @@ verb(
     DATASET,
     *CLUSTER,
     settings=partial(settings_of_stage, "flow"),
+    often=("methods", "flow.saturated"),
+    example="megalopta flow out/night --methods BM DIS PF",
 )(partial(run_later_stage, "flow"))
 
 _OF_PICTURES = (
-    option("--photons", "mean photons on a pixel in a frame, such as 2 or 0.5,10", type=numbers),
-    option("--lux", "or illuminance of the scene, such as 0.25, the full moon's", type=numbers),
-    option("--luminance", "or mean luminance of the pictures, cd/m²", type=numbers),
-    option("--unit", "what values are that do not say so", choices=["srgb", "linear", "cd/m2"]),
+    option(
+        "--photons",
+        "mean photons on a pixel in a frame, such as 2 or 0.5,10",
+        type=numbers,
+        metavar="N",
+    ),
+    option(
+        "--lux",
+        "or illuminance of the scene, lux: 0.25 is full moon, 10 a street, 500 a room",
+        type=numbers,
+        metavar="E",
+    ),
+    option("--luminance", "or mean luminance of the pictures, cd/m²", type=numbers, metavar="L"),
+    option("--unit", "unit of arrays, which do not state it", choices=["srgb", "linear", "cd/m2"]),
     option(
         "--reflectance",
-        "share of the light that the pictures reflect on average, for --lux (default: 0.18)",
+        "mean reflectance of the pictures, for --lux (default: 0.18)",
         type=positive,
+        metavar="R",
     ),
-    option("--spectrum", "of white: D65 (default), equal_energy, or that of a light level"),
-    option("--frame-rate", "frames a second (default: the file's)", type=positive, metavar="HZ"),
+    option(
+        "--spectrum",
+        "spectrum of white: D65 (default), equal_energy, or a light level",
+        metavar="NAME",
+    ),
+    option("--frame-rate", "frames per second (default: the file's)", type=positive, metavar="HZ"),
     option(
         "--picture-rate",
-        "pictures a second, of files that tell no times (default: the frame rate, or 25)",
+        "pictures per second of files without times (default: the frame rate, or 25)",
         type=positive,
         metavar="HZ",
     ),
@@ -174,8 +202,8 @@ _OF_PICTURES = (
     option("--width", "width of the frames (default: the file's)", type=at_least(1), metavar="PX"),
     option(
         "--between",
-        "what a frame shows between two pictures: hold the earlier (default), blend both, or move "
-        "them along the flow estimated",
+        "light between two pictures: hold the earlier one (default), blend both, or move it along "
+        "their estimated flow",
         choices=["hold", "blend", "flow"],
     ),
 )
@@ -183,14 +211,19 @@ _OF_PICTURES = (
 
 @verb(
     "sense",
-    "turn light into photon counts: a video, pictures or an array of your own, or a rendered "
-    "dataset at every light level",
+    "turn a video, pictures, an array or a rendered dataset into photon counts, binary frames or "
+    "events",
     REDO,
     option("input", "video, picture, folder of pictures, array, or dataset folder", type=Path),
-    option("--out", "of pictures, the dataset folder (default: out/NAME)", type=Path),
+    option("--out", "dataset folder for pictures (default: out/NAME)", type=Path),
     *_OF_PICTURES,
     *CLUSTER,
     settings=partial(settings_of_stage, "sense"),
+    often=(
+        *("light_levels", "sensors", "products", "sub_frames", "burst_hz", "free_running"),
+        *("expectation", "correct"),
+    ),
+    example="megalopta sense clip.mp4 --photons 2    # then: megalopta view out/clip",
 )
 def _sense(options: Namespace) -> None:
     from megalopta.render.footage import is_footage

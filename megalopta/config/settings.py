@@ -39,17 +39,18 @@ class Settings:
             return "all"
         return "switch" if types == [bool] else "one"
 
-    def help(self) -> str:
-        """List the settings with meaning, unit and default."""
+    def help(self, often: Collection[str] = ()) -> str:
+        """List the settings with meaning, unit and default.
+
+        If some are changed `often`, list these alone, each in one sentence.
+        """
         width = min(shutil.get_terminal_size().columns, 100)
+        listed = self._listed()
+        chosen = [each for each in listed if each[0] in often] or listed
         lines = ["settings (also keys of the YAML file; values are YAML):"]
-        listed = [
-            each
-            for each in settings_of((self.default or self.model)())
-            if self.fields is None or each[0].partition(".")[0] in self.fields
-        ]
-        listed += [each for other in self.others for each in settings_of(other())]
-        for path, meaning, value in listed:
+        for path, meaning, value in chosen:
+            if often:
+                meaning = f"{meaning.split('. ')[0].rstrip('.')}."
             shown = strict_yaml.dump(value, default_flow_style=True, width=10_000).strip()
             shown = textwrap.shorten(shown.removesuffix("...").strip(), 60)
             lines.append(f"  --{path.replace('_', '-')} {shown}")
@@ -57,7 +58,18 @@ class Settings:
             lines += textwrap.wrap(
                 " ".join(meaning.split()), width, initial_indent=indent, subsequent_indent=indent
             )
+        if len(chosen) < len(listed):
+            lines.append(f"  … and {len(listed) - len(chosen)} more: --help-all")
         return "\n".join(lines)
+
+    def _listed(self) -> list[tuple[str, str, Any]]:
+        """Path, meaning and value of every setting of the verb."""
+        own = [
+            each
+            for each in settings_of((self.default or self.model)())
+            if self.fields is None or each[0].partition(".")[0] in self.fields
+        ]
+        return own + [each for other in self.others for each in settings_of(other())]
 
 
 def settings_of(model: BaseModel, prefix: str = "") -> Iterator[tuple[str, str, Any]]:

@@ -94,9 +94,10 @@ def _panels(sequence: Sequence) -> Iterator[Panel]:
     yield light_panel(sequence, frames, 1)
     readings = readings_panel(exposure_readings(sequence), frames, 1)
     yield replace(readings, told=f"{sequence.exposures[0]}: {readings.told}")
-    flow = partial(motion_of, sequence)
+    flow = partial(motion_of, sequence, step=1)
     yield flow_panel("flow", flow, fastest_of(map(flow, frames)))
-    yield depth_panel(sequence, frames, 1)
+    if sequence.configuration.scene.has_truth:
+        yield depth_panel(sequence, frames, 1)
 
 
 def _first_frames(sequence: Sequence) -> range:

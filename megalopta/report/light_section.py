@@ -101,7 +101,7 @@ def _shutter(settings: Configuration) -> str:
 
 def _card(sensor: ImageSensor, exposures: Sequence[Budget]) -> Markup:
     shown = by_sensor(exposures)[sensor.name]
-    films = [film(None, "radiance", "The scene's light, tone-mapped"), *map(_counts, shown)]
+    films = [film(None, "radiance", "The scene's light, tone-mapped"), *map(counts_film, shown)]
     about = " · ".join(f"{name} {value}" for name, value in properties(sensor))
     return card(
         sensor.name,
@@ -166,7 +166,8 @@ def budget_table(
     return list(columns), list(zip(*columns.values(), strict=True))
 
 
-def _counts(exposure: Budget) -> Markup:
+def counts_film(exposure: Budget) -> Markup:
+    """Return the readings of an exposure as a film, with their scale."""
     level, sensor = exposure.level, exposure.sensor
     counts, full = exposure.counts.astype(np.float64), exposure.saturated
     white = max(math.ceil(np.percentile(counts, _WHITE_PERCENTILE)), 1)

@@ -34,7 +34,7 @@ def motion_section(report: Report) -> Section:
     if not report.has_truth:
         return _stand_in(report)
     hidden = np.mean([truth.occluded_forward.mean() for truth in report.truths])
-    films = (_flow(report), _depth(report), _hidden(report), _purity(report), _objects(report))
+    films = (flow_film(report), _depth(report), _hidden(report), _purity(report), _objects(report))
     guide = paragraph(_GUIDE.format(report.settings.camera.depth_meaning), "note")
     chart = card("Image speed", speed_chart(report.speed, report.median_speed))
     return Section(
@@ -56,7 +56,7 @@ def _stand_in(report: Report) -> Section:
         "The true motion of pictures is unknown. This is the flow by DIS between them without "
         "photon noise: a stand-in, wrong at occlusions and without texture. "
         f"Its median speed is {report.median_speed:.2g} px per frame.",
-        body=block("strip", film(None, "radiance", "The pictures"), _flow(report))
+        body=block("strip", film(None, "radiance", "The pictures"), flow_film(report))
         + block("pair", block("", wheel(COLORS.format(report.fastest))), chart),
         name="motion",
         link="Motion",
@@ -70,7 +70,8 @@ def mixed_share(report: Report) -> str:
     return percent(float(np.mean(shares)))
 
 
-def _flow(report: Report) -> Markup:
+def flow_film(report: Report) -> Markup:
+    """Return the motion that answers are compared with, as a film."""
     step = report.selection.step
     images = [
         rgb_picture(flow_to_rgb(motion.flow[::step, ::step], report.fastest))

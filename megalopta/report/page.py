@@ -20,7 +20,6 @@ from megalopta.plotting.sections import (
     block,
     card,
     folded,
-    heading,
     listed,
     page_of,
     paragraph,
@@ -39,6 +38,7 @@ from megalopta.report.light_section import light_section
 from megalopta.report.motion_section import motion_section
 from megalopta.report.remarks import rendering, rendering_errors
 from megalopta.report.source import Budget, Record, Report, by_sensor
+from megalopta.report.strip import strip
 from megalopta.report.thresholds import threshold_section
 from megalopta.scenes import Light, Pictures
 from megalopta.scenes.lighting.levels import illuminance_of
@@ -139,10 +139,8 @@ def _reach(records: Sequence[FlowRecord], sensor: str) -> tuple[str, str, str]:
     found = _median_errors(records, sensor)
     if not found:
         return UNDEFINED, UNDEFINED, UNDEFINED
-    last = {name: each for name, errors in found.items() if (each := _last(errors))}
-    if last:
-        name = min(last, key=lambda name: (illuminance_of(last[name][0]), last[name][1]))
-        level, error = last[name]
+    if accurate := _least_light(records, sensor):
+        name, (level, error) = accurate
         return name, level_name(level), percent(error)
     error, _, name, level = min(
         (error, -illuminance_of(level), name, level)
@@ -335,9 +333,42 @@ def _opening(report: Report) -> Markup:
     rows = outcome(report.flow, report.exposures)
     if not rows:
         return tiles
+    name, reach = _farthest(report)
     results = table("Results", OUTCOME, rows)
     note = "" if report.has_truth else _STAND_IN
-    return tiles + block("outcome", heading("Results"), results, paragraph(note, "note"))
+    shown = paragraph(reach), strip(report, name), results, paragraph(note, "note")
+    return tiles + block("outcome", Markup("<h2>Results</h2>"), *shown)
+
+
+def _farthest(report: Report) -> tuple[str, str]:
+    """Return the sensor on which motion is seen in the least light, and a sentence on it.
+
+    Without such a sensor, the first.
+    """
+    names = [sensor.name for sensor in report.settings.sensors]
+    if not report.flow:
+        return names[0], ""
+    reached = {name: each for name in names if (each := _least_light(report.flow, name))}
+    if not reached:
+        return names[0], f"No method stays within 25 % of the {report.motion_name} at any level."
+    sensor = min(reached, key=lambda name: illuminance_of(reached[name][1][0]))
+    method, (level, error) = reached[sensor]
+    return sensor, (
+        f"{method} on {sensor} stays within 25 % of the {report.motion_name} down to "
+        f"{level_title(level)} (median error {percent(error)})."
+    )
+
+
+def _least_light(
+    records: Sequence[FlowRecord], sensor: str
+) -> tuple[str, tuple[LightLevel, float]] | None:
+    """Return the method that is accurate down to the least light, this light, and its error."""
+    found = _median_errors(records, sensor)
+    last = {name: each for name, errors in found.items() if (each := _last(errors))}
+    if not last:
+        return None
+    name = min(last, key=lambda name: (illuminance_of(last[name][0]), last[name][1]))
+    return name, last[name]
 
 
 def _columns(items: int, most: int) -> int:

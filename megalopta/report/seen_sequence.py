@@ -88,7 +88,7 @@ class _Shown:
         )
 
     def _motion(self, frame: int) -> NDArray[Any]:
-        return motion_of(self.sequence, frame)[:: self.step, :: self.step]
+        return motion_of(self.sequence, frame, self.step)
 
     def _exposed(self, sensor: ImageSensor, level: LightLevel, rim: float | None) -> Exposed:
         readings = exposure_readings(self.sequence, exposure_name(sensor, level), sensor)

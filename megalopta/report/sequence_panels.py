@@ -10,7 +10,7 @@ from PIL import Image
 from megalopta.core.arrays import Floats
 from megalopta.core.errors import UserError
 from megalopta.dataset.flow_record import FlowRecord
-from megalopta.dataset.frames import read_motion
+from megalopta.dataset.picture_light import clean_flow, light_of
 from megalopta.dataset.sequence import Sequence
 from megalopta.flow.detectors.blocks import BlockGrid
 from megalopta.flow.detectors.registry import METHODS
@@ -54,18 +54,28 @@ def exposure_readings(
     return Readings(counts.shape, lambda part: (counts[part], full[part]), unit, sensor)
 
 
-def motion_of(sequence: Sequence, frame: int) -> NDArray[np.floating]:
-    """Return the motion from a frame to the next, (H, W, 2), px, NaN where undefined.
+def motion_of(sequence: Sequence, frame: int, step: int) -> NDArray[np.floating]:
+    """Return the motion from a frame to the next, px, NaN where undefined.
 
-    For pictures, without true motion, it is the estimate from the noise-free pictures.
+    (h, w, 2), of every `step`-th pixel of a line: the true motion; for pictures, whose true motion
+    is unknown, the flow between the noise-free pictures, reduced by `step`.
     """
     if not sequence.configuration.scene.has_truth:
-        return read_motion(sequence.dataset, frame).flow
+        frames, shape = light_of(sequence.dataset).frames, sequence.shape
+        small = tuple(-(-size // step) for size in shape)
+        first, second = (_shrunk(frames.at(each), small) for each in (frame, frame + 1))
+        return step * clean_flow(first, second)
     path = sequence.dataset.frame("training/flow", frame, "flo")
     try:
-        return read_flo(path)
+        return read_flo(path)[::step, ::step]
     except (OSError, ValueError) as problem:
         raise UserError(f"{problem}; regenerate the sequence") from None
+
+
+def _shrunk(picture: NDArray[np.float32], shape: tuple[int, ...]) -> NDArray[np.float32]:
+    import cv2
+
+    return np.asarray(cv2.resize(picture, shape[::-1], interpolation=cv2.INTER_AREA), np.float32)
 
 
 def found_flow(found: StoredFrames, grid: BlockGrid, frame: int) -> Floats:

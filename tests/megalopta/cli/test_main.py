@@ -53,7 +53,7 @@ def run(capsys):
     ],
 )
 def test_help_of_a_stage_shows_its_own_settings_in_their_order(run, verb, own):
-    lines = run(*verb.split(), "--help").stdout.partition("\nsettings (")[2].splitlines()
+    lines = run(*verb.split(), "--help-all").stdout.partition("\nsettings (")[2].splitlines()
     paths = [line.split()[0].removeprefix("--") for line in lines if line.startswith("  --")]
     assert list(dict.fromkeys(path.partition(".")[0] for path in paths)) == own.split()
 
