@@ -11,7 +11,7 @@ at 10⁴ to 10⁶ photons per frame of 240 × 240 px; a step of √2 changes err
 of the counts, smoothed and aligned by a motion, differ from their mean by noise alone: the sum of
 squares is the log-likelihood of that motion. The gradient is that of the mean of the aligned
 frames: noise in it is then independent of noise in their differences, and biases no velocity
-toward 0. Where aligned frames differ by more, something is occluded or not modelled; evidence there
+toward 0. Where aligned frames differ by more, something is occluded or not modeled; evidence there
 has proportionally less weight.
 
 **Flow.** From the coarsest scale to the finest, Newton steps, each with a new warp, find the flow

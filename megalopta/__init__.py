@@ -10,7 +10,7 @@ from typing import Any
 import lazy_loader
 
 if (Path(__file__).parents[1] / "render" / "scene_renderer.py").exists():
-    # In a clone the five library folders are beside this one, not in it.
+    # In a clone the five library folders are next to this one, not in it.
     __path__.append(str(Path(__file__).parents[1]))
 
 _load, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -37,12 +37,12 @@ class Detector(BaseModel, ABC, frozen=True, extra="forbid", allow_inf_nan=False)
 
     gives: ClassVar[Literal["response", "velocity"]]
     ignores_offset: ClassVar[bool] = True
-    """Whether a constant added to all pixels of all frames leaves the response unchanged."""
+    """True if a constant added to all pixels of all frames leaves the response unchanged."""
     takes_counts: ClassVar[bool] = False
-    """Whether frames must be photon counts: their noise sets the weights, so scaled frames give
+    """True if frames must be photon counts: their noise sets the weights, so scaled frames give
     another response. The scale is then ignored."""
     tells_direction: ClassVar[bool] = False
-    """Whether motion to the right and to the left give different responses."""
+    """True if motion to the right and to the left give different responses."""
     minimum_frames: ClassVar[int] = 1
     place: ClassVar[float] = math.inf
     """Place in lists and legends; methods without one follow, by name"""

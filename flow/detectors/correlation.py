@@ -200,7 +200,7 @@ class NonDirectionalMultiplication(CorrelationDetector, frozen=True):
     filter_step: FilterStep = 0.625
     """Step a of the high-pass and of the delay, 1/(1 + time constant in frames)"""
     rectified: bool = True
-    """Whether the output is the absolute value of the product"""
+    """True if the output is the absolute value of the product"""
 
     @property
     def _kind(self) -> int:

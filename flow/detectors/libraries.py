@@ -201,7 +201,7 @@ class PhaseCorrelation(GrayDetector, frozen=True):
     name: str = "PC"
     label: str = "Phase correlation, global"
     whitened: bool = True
-    """Whether all spatial frequencies have equal weight"""
+    """True if all spatial frequencies have equal weight"""
     steps_per_px: Annotated[int, Field(ge=1)] = 20
     """Inverse step of velocities; default: multiples of 1/20 px per frame"""
 

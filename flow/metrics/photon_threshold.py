@@ -60,7 +60,7 @@ class Threshold:
     """A flux, or the reason why there is none; prints as "41.2k [39.0k, 43.5k]"."""
 
     kind: Literal["crossing", "above", "below", "undefined"]
-    """Whether the curve crosses the level, stays above it, starts below it, or does not exist"""
+    """Kind of curve: it crosses the level, stays above it, starts below it, or does not exist"""
     level: float
     """Error level"""
     range_min: Flux

@@ -2,7 +2,7 @@
 
 A frame is identified by its sequence (the folders above its file) and its name. Sintel submissions
 have a folder per pass (clean, final) above the sequences; any such folder is scored separately.
-Middlebury keeps NAME/flow10.flo beside NAME/frame10.png and frame11.png, or in another folder. A
+Middlebury keeps NAME/flow10.flo with NAME/frame10.png and frame11.png, or in another folder. A
 dataset of megalopta has Sintel's layout. Pictures are read as sRGB and converted to light, colors
 to luminance.
 """

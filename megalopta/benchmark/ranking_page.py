@@ -320,7 +320,7 @@ def order_changes(ranking: Ranking) -> list[str]:
     return [
         f"Significant rank changes between two methods: {cases}.",
         f"Sequences: {count}; confidence intervals are over {units} (over sequences with "
-        "{FEWEST_SEQUENCES} or more).",
+        f"{FEWEST_SEQUENCES} or more).",
     ]
 
 

@@ -64,11 +64,11 @@ class Bounds(NamedTuple):
     """Photons per frame at which blocks can have a median error of 25 %, by number of frames."""
 
     known: float
-    """From the block's own pixels, with known texture"""
+    """Bound of the block's own pixels, with known texture"""
     with_margin: float
-    """From all pixels seen, block and margin"""
+    """Bound of all pixels seen, block and margin"""
     unknown: float
-    """From the block's own pixels, with known power spectrum only"""
+    """Bound of the block's own pixels, with known power spectrum only"""
 
 
 @dataclass(frozen=True)

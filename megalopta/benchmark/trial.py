@@ -157,9 +157,9 @@ class Trial(Record, frozen=True):
     size: Annotated[int, Field(ge=3, le=ROWS)] = 60
     """Spatial pooling: rows and columns of the frames that detectors see (px)"""
     resize: ResizeKind = "nearest"
-    """How frames are resized: nearest subsamples as the thesis does, area pools the light"""
+    """Resizing of frames: nearest subsamples as in the thesis, area pools the light"""
     blurred: bool = False
-    """Whether the motion within a frame blurs it"""
+    """True if the motion within a frame blurs it"""
     methods: Annotated[
         tuple[str | SerializeAsAny[InstanceOf[Detector]], ...],
         Field(min_length=1, description=f"Names of the detectors: {', '.join(METHODS)}"),
@@ -223,7 +223,7 @@ class Trial(Record, frozen=True):
 
     @property
     def stimulus(self) -> Mapping[str, Any]:
-        """Properties of the light beside the pixels of the template, as plain data."""
+        """Properties of the light other than the pixels of the template, as plain data."""
         return self.model_dump(mode="json", include={"velocity_px", "size", "resize", "blurred"})
 
 

@@ -1,8 +1,8 @@
 """Methods on pictures of unknown true flow: distances from a stand-in, and from each other.
 
 The stand-in is the flow by one method, the reference, between the pictures without photon noise. It
-is not the truth: the reference and similar methods repeat its errors on counts, so it favours them.
-The other measure favours no method: the distance from the median of all others on the same photons.
+is not the truth: the reference and similar methods repeat its errors on counts, so it favors them.
+The other measure favors no method: the distance from the median of all others on the same photons.
 Methods that agree may share an error, and one that is right alone is far from the rest.
 
 Both are given like errors: of blocks of 24 × 24 px, by photons per pixel and frame.
@@ -121,7 +121,7 @@ def write_distances(path: Path, board: Board, reference: Method) -> None:
     metrics = [*FROM_STAND_IN.values(), *FROM_OTHERS.values()]
     metrics = metrics if len(board.detectors) > 1 else list(FROM_STAND_IN.values())
     name = block_detector(reference).name
-    stand_in = f"not the truth but {name} on the pictures without noise, which favours {name}"
+    stand_in = f"not the truth but {name} on the pictures without noise, which favors {name}"
     rows = (
         (
             *(pair, each.name, flux, stand_in),

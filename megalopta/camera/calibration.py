@@ -44,7 +44,7 @@ _SLOWEST_DEAD_TIMES = 5.0
 def write_device(
     path: Path, device: Device, base: Sensor, wavelength_nm: float | None, preset: str
 ) -> None:
-    """Write a device file, and its maps with intervals to a folder beside it.
+    """Write a device file, and its maps with intervals to a folder next to it.
 
     Parameters
     ----------

@@ -132,7 +132,7 @@ def _errors(device: Sensor, rates: Floats) -> Floats:
 
 
 def map_error(file: MapFile | None) -> NDArray[np.float64] | float:
-    """Return standard errors of a map, from the intervals beside it; 0 without intervals."""
+    """Return standard errors of a map, from the intervals next to it; 0 without intervals."""
     if file is None:
         return 0.0
     path = Path(file.path)

@@ -241,7 +241,7 @@ class CompareSettings:
 
     scene: str = "levels"
     """"levels": darkness and uniform light; "plate": the plate of the motion bench; or the folder
-    of a dataset, or a configuration, which is rendered into a folder beside the page."""
+    of a dataset, or a configuration, which is rendered into a folder next to the page."""
     beam: Beam = field(default_factory=Beam)
     margin: float = MARGIN
     """Relative difference to ignore."""

@@ -331,7 +331,7 @@ def _in_place(folder: Path, sensor: str) -> tuple[Path, RecordingSettings]:
 
 def _settings(folder: Path) -> RecordingSettings:
     if not (folder / SETTINGS).exists():
-        raise UserError(f"{folder}: no {SETTINGS} beside {RAW}; give the folder of a recording")
+        raise UserError(f"{folder}: no {SETTINGS} next to {RAW}; give the folder of a recording")
     try:
         return read_settings(folder)
     except ValueError as problem:

@@ -72,9 +72,9 @@ class RecordingSettings(Record, frozen=True):
     started: Text
     """UTC at the host, ISO 8601; `times_s` counts from here."""
     finished: bool = False
-    """Whether the recording was stopped, not killed."""
+    """True if the recording was stopped, not killed."""
     recovered: bool = False
-    """Whether it was recovered from raw.bin, which has no times of the host's clock."""
+    """True if it was recovered from raw.bin, which has no times of the host's clock."""
     serial_number: Text
     """Serial number of the camera."""
     firmware: Text

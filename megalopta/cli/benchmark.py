@@ -137,7 +137,7 @@ def _pairs_without_truth(options: Namespace) -> None:
     print(
         f"NO TRUE FLOW: these are distances, not errors. Blocks of {BLOCK_PX} px by photons per "
         f"pixel{_over(found)}.\n\nDistance from the flow of the noise-free pictures by {name}, "
-        f"which favours {name} and similar methods:"
+        f"which favors {name} and similar methods:"
     )
     _print_tables(found, tuple(without_truth.FROM_STAND_IN.values()))
     if len(found.detectors) > 1:

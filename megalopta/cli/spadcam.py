@@ -51,7 +51,9 @@ _RECORDINGS = (
         nargs="+",
         metavar="RECORDING[#FIRST-END][@LIGHT]",
     ),
-    option("--wavelength-nm", "wavelength of the light; without: relative", type=positive),
+    option(
+        "--wavelength-nm", "wavelength of the light (without: relative efficiency)", type=positive
+    ),
     option(
         "--beam-area-mm2", "area of a uniform beam; LIGHT is then its power in watts", type=positive
     ),

@@ -87,7 +87,7 @@ class Plan(Record, frozen=True):
     """Output per exposure, as in a configuration"""
 
     flow_files: tuple[FlowFile, ...] = ()
-    """Formats of flow beside .flo: kitti_png, 16-bit PNG in training/flow_kitti; flo5, HDF5 in
+    """Formats of flow next to .flo: kitti_png, 16-bit PNG in training/flow_kitti; flo5, HDF5 in
     training/flow_flo5"""
 
     splits: dict[str, Annotated[float, Field(ge=0)]] = Field(

@@ -1,4 +1,4 @@
-"""Dependencies of a result beside its inputs: code or a declared model, and libraries.
+"""Dependencies of a result other than its inputs: code or a declared model, and libraries.
 
 Results that are cheap to compute (detectors, benchmarks) depend on the code itself: any change
 recomputes them. Expensive ones (frames, counts) depend on a version number, raised by whoever

@@ -5,7 +5,7 @@ read one split of a dataset. A copy with resolved links (`cp -rL`) is self-conta
 
 Tables of frames, sequences and exposures are described in Croissant 1.1,
 https://docs.mlcommons.org/croissant/docs/croissant-spec-1.1.html: JSON-LD for search engines and
-loaders. The tables are its record sets; frames and counts are sets of files beside them.
+loaders. The tables are its record sets; frames and counts are sets of files next to them.
 """
 
 import errno

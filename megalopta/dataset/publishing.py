@@ -25,7 +25,7 @@ PLAN, _REQUEST = "publish.json", "request.json"
 
 @dataclass(frozen=True)
 class Staging:
-    """Output that is being made beside existing output."""
+    """Output that is being made next to existing output."""
 
     root: Path
     """The dataset"""

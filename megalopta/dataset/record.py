@@ -24,7 +24,7 @@ KINDS = (
     *("radiance", "truth", "radiance_shutter", "truth_shutter"),
     *("pictures", "counts", "corrected", "results"),
 )
-"""Folders of a dataset with a folder per sequence, beside those in `training`."""
+"""Folders of a dataset with a folder per sequence, next to those in `training`."""
 _KIND = re.compile(rf"{'|'.join(KINDS)}|training/[a-z][a-z0-9_]*")
 _EXPOSURE = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.+-]*")
 _MATRIX = 16

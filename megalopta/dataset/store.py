@@ -9,7 +9,7 @@ radiance|truth/SEQ/          EXR, every frame at its instant
 radiance_shutter/SEQ/        EXR, the same frames through the shutter, if one is set
 truth_shutter/SEQ/           EXR, truth of every row at its own time, with a rolling shutter
 pictures/SEQ/                for pictures, instead of EXR and truth: a file, or a folder of files
-counts/SEQ/SENSOR-LEVEL.zarr, and other products beside it (docs/file-formats.md)
+counts/SEQ/SENSOR-LEVEL.zarr, and other products next to it (docs/file-formats.md)
 results/SEQ/                 detector responses, errors, photon benchmark
 """
 

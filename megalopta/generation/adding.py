@@ -1,6 +1,6 @@
 """Add output to finished sequences: new exposures, or a stage's measurements.
 
-Output is made beside the tree, as sequences are, from links to existing files; a sequence's record
+Output is made outside the tree, as sequences are, from links to existing files; a sequence's record
 names it when it is complete.
 """
 

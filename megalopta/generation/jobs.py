@@ -23,7 +23,7 @@ class Outcome:
     problem: str | None = None
     """Reason of failure"""
     ends_all: bool = False
-    """Whether all others would fail alike, such as on a full disk"""
+    """True if all others would fail alike, such as on a full disk"""
 
 
 def attempt(job: Job, index: int, threads: int | None = None) -> Outcome:

@@ -1,4 +1,4 @@
-"""Output in the making beside the tree: restarted or continued, and finally cleared.
+"""Output in the making, outside the tree: restarted or continued, and finally cleared.
 
 .making/SEQ/            a sequence until it is complete; .making/SEQ-added/ more output of it
     data/               the files
@@ -34,7 +34,7 @@ class Staged(Staging):
 
     sequence: str
     is_added: bool
-    """Whether it is more output of a finished sequence."""
+    """True if it is more output of a finished sequence."""
 
     @classmethod
     def of(cls, tree: Tree, sequence: str, is_added: bool = False) -> "Staged":
@@ -121,7 +121,7 @@ def _settle(tree: Tree, plan: Plan) -> None:
 
 
 def tidy(tree: Tree, keep_added: bool = False) -> None:
-    """Complete finished output, and remove unwanted output, beside the tree."""
+    """Complete finished output, and remove unwanted output, outside the tree."""
     for staged in staged_sequences(tree):
         with locked(staged.folder):
             if staged.is_over(keep_added):

@@ -308,7 +308,7 @@ def _true_blocks(report: Report) -> Markup:
 
 
 def _row(report: Report, sensor: ImageSensor, method: Detector) -> Markup:
-    """Return a method's responses at every level, beside its description."""
+    """Return a method's responses at every level, with its description."""
     colors = Markup("<br>Colors as on the wheel; white: no motion.")
     about = Markup("<b>{}</b> {}<br>{}{}").format(
         method.name,

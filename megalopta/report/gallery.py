@@ -108,7 +108,7 @@ class LitScene:
 def write_gallery(
     out: Path, scenes: Mapping[str, Mapping[str, Any]] = SCENES, samples_per_pixel: int = 49
 ) -> Path:
-    """Render the gallery into a folder; return its page, gallery.html, beside gallery.png."""
+    """Render the gallery into a folder; return its page, gallery.html, next to gallery.png."""
     with progress("Rendering the gallery", len(scenes) * len(LEVELS), "view") as advance:
         cells = []
         for name, parts in scenes.items():
@@ -295,7 +295,7 @@ def write_views(
     views: Sequence[GalleryView] = VIEWS,
     samples_per_pixel: int = SAMPLES,
 ) -> Path:
-    """Render the views into a folder; return their page, views.html, beside views.jpg.
+    """Render the views into a folder; return their page, views.html, next to views.jpg.
 
     Raises UserError if there is no such panorama; ValueError if the panorama cannot be read as a
     picture.

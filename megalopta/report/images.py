@@ -47,7 +47,7 @@ class ColorScale:
     low: float
     high: float
     colors: Rgb
-    """From low to high, (n, 3)"""
+    """Colors from low to high, (n, 3)"""
     special: tuple[int, int, int] = GRAY
     """Color of marked pixels and of NaN"""
     root: float = 1.0

@@ -198,7 +198,7 @@ _GLOSSARY = {
     "Endpoint error (EPE)": "distance between a velocity and the true one (px).",
     "N_2b": "photons per frame, summed over all pixels, at which a detector's error is 25 % "
     "(2 bits).",
-    "Temporally fixed error": "part of the rendered light's error that is the same in all frames "
+    "Fixed error": "part of the rendered light's error that is the same in all frames "
     "and moves with the surfaces.",
 }
 
@@ -209,7 +209,7 @@ _STAND_IN = (
 _RANKING = (
     "Endpoint error against the true motion, on perfect pixels with the photons of illuminance and "
     "exposure. {} {} This holds for this scene, path and settings; all curves, poolings and the "
-    "camera’s motion are in {}/ranking.html beside this page."
+    "camera’s motion are in {}/ranking.html next to this page."
 )
 _ATLAS = (
     "Gray: no method beats the zero-motion baseline. Pale: the best method is not significant. "

@@ -1,8 +1,8 @@
-"""What is seen of a thing as a recording for Rerun's viewer, over the timelines "time" and "frame".
+"""Record a view for Rerun's viewer, over the timelines "time" and "frame".
 
-A sequence has its camera and the points that it sees in the world: z is up, meters. Pictures lie
-below the camera and beside it, in the colors of page and film. Frames and pixels are few enough for
-a file of some tens of MB.
+A sequence has its camera and its visible points in the world: z is up, meters. Pictures are below
+the camera and next to it, in the colors of page and film. Frames and pixels are limited to a file
+of some tens of MB.
 """
 
 import io
@@ -25,17 +25,17 @@ if TYPE_CHECKING:
 
 _FRAMES = 60
 _MOST_POINTS = 20_000
-"""Of a frame"""
+"""Most points of a frame"""
 _WORLD, _CAMERA = ["world"], ["world", "camera"]
 
 Place = list[str]
-"""Names of what stands inside each other; the SDK escapes what a path cannot hold"""
+"""Names of nested entities; the SDK escapes what a path cannot hold"""
 
 
 def write_rrd(path: Path, found: Seen) -> Path:
-    """Write what is seen as .rrd; return its path.
+    """Write a view as .rrd; return its path.
 
-    Raises ModuleNotFoundError where the Rerun SDK is not installed.
+    Raises ModuleNotFoundError if the Rerun SDK is not installed.
     """
     import rerun
 
@@ -61,7 +61,7 @@ def _set_time(recording: Any, found: Seen, frame: int) -> None:
 
 
 def _entities(rerun: Any, found: Seen, frame: int) -> Iterator[tuple[Place, Any]]:
-    """Yield what is to be seen in a frame, by where it stands."""
+    """Yield the entities of a frame with their places."""
     for place, panel in _pictures(found):
         yield place, _image(rerun, panel.picture(frame))
     if found.sequence:
@@ -92,7 +92,7 @@ def _image(rerun: Any, picture: Image.Image) -> Any:
 
 
 def _pinhole(rerun: Any, sequence: "Sequence", step: int) -> Iterator[tuple[Place, Any]]:
-    """Yield the pinhole of the pixels that are shown; nothing of a panorama."""
+    """Yield the pinhole of the shown pixels; nothing for a panorama."""
     if sequence.intrinsics is None:
         return
     matrix, (height, width) = sequence.intrinsics.copy(), sequence.shape
@@ -108,7 +108,7 @@ def _pinhole(rerun: Any, sequence: "Sequence", step: int) -> Iterator[tuple[Plac
 
 
 def _points(rerun: Any, sequence: "Sequence", frame: int, step: int, light: Any) -> Any:
-    """Return what the pixels see, where it is, in the color of the light from there."""
+    """Return the points that the pixels see, in the color of their light."""
     from megalopta.dataset.frames import read_truth_frame
 
     position = read_truth_frame(sequence.dataset, frame).position[::step, ::step].reshape(-1, 3)

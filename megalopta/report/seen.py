@@ -1,7 +1,7 @@
-"""What is seen of a thing, side by side: light, readings, the motion that a method found, the true.
+"""A view, side by side: light, readings, the motion by a method, the true motion.
 
-The thing is a dataset of one sequence, a recording, or a file of frames or events. What it lacks is
-not shown.
+It shows a dataset of one sequence, a recording, or a file of frames or events. Missing parts are
+omitted.
 """
 
 import math
@@ -25,7 +25,7 @@ LONGEST_SIDE_PX = 320
 
 @dataclass(frozen=True, eq=False)
 class Exposed:
-    """Readings of one sensor at one light level, and the motion found in them."""
+    """Readings of one sensor at one light level, and the motion estimated from them."""
 
     readings: Panel
     flow: Panel | None = None
@@ -35,30 +35,30 @@ class Exposed:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Seen:
-    """What is seen of a thing."""
+    """Content of a view."""
 
     title: str
     summary: str
     shape: tuple[int, int]
     frames: range
-    """Those that can be shown, by number"""
+    """Frames that can be shown, by number"""
     step: int
-    """Every so many-th pixel of a line is drawn."""
+    """Step between the drawn pixels of a line."""
     times_s: Floats | None
-    """When each frame begins, where it is known"""
+    """Start of each frame, if known"""
     treatment: Treatment
     light: Panel | None = None
     exposed: tuple[Exposed, ...] = ()
     """The darkest light of a sensor first"""
     motion: Panel | None = None
-    """The true one, or what stands in for it"""
+    """The true motion, or its stand-in"""
     rim: float | None = None
-    """Speed of the full color, px a frame, where there is flow"""
+    """Speed of the full color, px per frame, if there is flow"""
     sequence: "Sequence | None" = None
 
     @property
     def rate_hz(self) -> float | None:
-        """Frames a second in life of those that can be shown, where it is known."""
+        """Real frame rate of the frames that can be shown, if known."""
         times = self.times_s
         if times is None or len(times) < 2 or times[-1] <= times[0]:
             return None
@@ -66,9 +66,9 @@ class Seen:
 
 
 def seen_readings(thing: Path, treatment: Treatment, kind: FrameKind | None = None) -> Seen:
-    """Return what is seen of a recording, or of a file or folder of frames or events.
+    """Return the view of a recording, or of a file or folder of frames or events.
 
-    Raises UserError where it is none, is damaged, or cannot be treated so.
+    Raises UserError if it is none of these, is damaged, or does not allow the treatment.
     """
     readings = readings_of(thing, kind).treated(treatment)
     total, rows, columns = readings.shape[:3]
@@ -88,5 +88,5 @@ def seen_readings(thing: Path, treatment: Treatment, kind: FrameKind | None = No
 
 
 def step_of(shape: tuple[int, int]) -> int:
-    """Return which pixels of a line are shown: every so many-th."""
+    """Return the step between the shown pixels of a line."""
     return math.ceil(max(shape) / LONGEST_SIDE_PX)

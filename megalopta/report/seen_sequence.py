@@ -1,4 +1,4 @@
-"""What is seen of a dataset of one sequence, as far as its stages are finished."""
+"""View of a dataset of one sequence, with its finished stages."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -36,19 +36,19 @@ from megalopta.stages.ledger import Ledger
 FlowOf: TypeAlias = Callable[[int], NDArray[Any]]
 """Flow (h, w, 2) of a frame, px"""
 
-_CAVEAT = " Their true motion is not known; the flow of the clean pictures stands in for it."
+_CAVEAT = " Their true motion is unknown; the flow of the clean pictures replaces it."
 
 
 def seen_sequence(root: Path, treatment: Treatment) -> Seen:
-    """Return what is seen of a dataset of one sequence.
+    """Return the view of a dataset of one sequence.
 
-    Raises UserError where it is damaged, not rendered yet, or cannot be treated so.
+    Raises UserError if it is damaged, not rendered yet, or does not allow the treatment.
     """
     return _Shown(open_dataset(root)[0], treatment).seen()
 
 
 class _Shown:
-    """A dataset of one sequence, as far as its stages are finished."""
+    """A dataset of one sequence, with its finished stages."""
 
     def __init__(self, sequence: Sequence, treatment: Treatment) -> None:
         self.sequence, self.treatment = sequence, treatment
@@ -60,12 +60,12 @@ class _Shown:
         self.pairs = sorted(pairs, key=lambda pair: illuminance_of(pair[1]))
         self.records = read_records(sequence.dataset) if "flow" in finished else []
         self.step = step_of(sequence.shape)
-        # the last frame has no successor, and so no motion
+        # the last frame has no next frame, and so no motion
         end = min(len(sequence) - 1, len(sequence) - treatment.summed + 1)
         self.frames = range(0, max(end, 1), treatment.summed)
 
     def seen(self) -> Seen:
-        """Return what is seen of it."""
+        """Return its view."""
         sequence, settings = self.sequence, self.sequence.configuration
         has_motion, (height, width) = len(sequence) > 1, sequence.shape
         rim = fastest_of(map(self._motion, spread(self.frames, SAMPLED))) if has_motion else None
@@ -98,7 +98,7 @@ class _Shown:
         return Exposed(drawn, flow, sensor.name, self._level(level))
 
     def _level(self, level: LightLevel) -> str:
-        """Return the name of a level; of pictures, with the photons that the first sensor gets."""
+        """Return the name of a level; for pictures, with the photons of the first sensor."""
         settings = self.sequence.configuration
         scene, sensor = settings.scene, settings.sensors[0]
         if not isinstance(scene, Pictures):
@@ -109,7 +109,7 @@ class _Shown:
         return f"{level_name(level)}, {photons} photons"
 
     def _found(self, sensor: ImageSensor, level: LightLevel) -> tuple[str, FlowOf] | None:
-        """Return the best method and the flow that it found in a frame; None where none ran."""
+        """Return the best method and its flow as a function of the frame; None if none ran."""
         own = [each for each in self.records if (each.sensor, each.level) == (sensor.name, level)]
         method = best_method(own)
         if method is None:

@@ -1,4 +1,4 @@
-"""Which frames and pixels of much are shown, when each is, and how fast they play."""
+"""Selection of the frames and pixels to show, and their times and playback."""
 
 import math
 from dataclasses import dataclass
@@ -8,14 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 PLAYBACK_HZ = (2.0, 25.0)
-"""Faster than this, or slower, a film cannot be followed."""
+"""Frame rates at which a film can be followed (Hz)."""
 _MOST_PIXELS_SHOWN = 8_000_000
-"""Of all films of a page"""
+"""Limit of all films of a page"""
 
 
 @dataclass(frozen=True)
 class Selection:
-    """Frames, by their numbers from 0, and pixels that are shown: every so many-th of a line."""
+    """Frames shown, by number from 0, and step of the pixels shown."""
 
     frames: tuple[int, ...]
     step: int
@@ -28,20 +28,20 @@ class Selection:
 def selection(
     frames: range, shape: tuple[int, int], films: int, longest_px: int, most_frames: int
 ) -> Selection:
-    """Choose of frames and of their pixels what fits a page that shows so many films."""
+    """Choose the frames and pixels that fit a page with this many films."""
     step = math.ceil(max(shape) / longest_px)
     fitting = _MOST_PIXELS_SHOWN * step**2 // (math.prod(shape) * films)
     return Selection(spread(frames, max(min(most_frames, fitting), 1)), step)
 
 
 def spread(frames: range, most: int) -> tuple[int, ...]:
-    """Return at most so many of the frames, spread evenly, the first among them."""
+    """Return at most `most` of the frames, evenly spaced, starting with the first."""
     count = min(len(frames), most)
     return tuple(frames[index * len(frames) // count] for index in range(count))
 
 
 def frame_label(frame: int, times_s: NDArray[np.float64] | None, summed: int = 1) -> str:
-    """Return which frame is shown, or how many from it on are summed, and its time if known."""
+    """Return the label of a frame, or of a sum of frames, with its time if known."""
     name = f"frame {frame + 1}" if summed == 1 else f"frames {frame + 1} to {frame + summed}"
     if times_s is None:
         return name

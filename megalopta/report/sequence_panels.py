@@ -1,4 +1,4 @@
-"""What is seen of a sequence of a dataset: panels of its light, readings, motion and depth."""
+"""Panels of a sequence of a dataset: its light, readings, motion and depth."""
 
 from collections.abc import Iterable
 
@@ -26,9 +26,9 @@ from megalopta.sensor import ImageSensor, StoredFrames
 
 
 def light_panel(sequence: Sequence, frames: range, step: int) -> Panel:
-    """Return the light that sensors see, every so many-th pixel of a line.
+    """Return the light that sensors see, every `step`-th pixel of a line.
 
-    Some of the frames give the exposure.
+    Some of the frames set the exposure.
     """
     settings, bands = sequence.configuration, sequence.bands_nm
     white = settings.scene.white(settings.light)
@@ -57,8 +57,8 @@ def exposure_readings(
 def motion_of(sequence: Sequence, frame: int, step: int) -> NDArray[np.floating]:
     """Return the motion from a frame to the next, px, NaN where undefined.
 
-    That of every so many-th pixel of a line, (h, w, 2): the true motion; of pictures, whose true
-    motion is not known, the flow that is found between them without noise, so much smaller.
+    (h, w, 2), of every `step`-th pixel of a line: the true motion; for pictures, whose true motion
+    is unknown, the flow between the noise-free pictures, reduced by `step`.
     """
     if not sequence.configuration.scene.has_truth:
         frames, shape = light_of(sequence.dataset).frames, sequence.shape
@@ -69,7 +69,7 @@ def motion_of(sequence: Sequence, frame: int, step: int) -> NDArray[np.floating]
     try:
         return read_flo(path)[::step, ::step]
     except (OSError, ValueError) as problem:
-        raise UserError(f"{problem}; make the sequence again") from None
+        raise UserError(f"{problem}; regenerate the sequence") from None
 
 
 def _shrunk(picture: NDArray[np.float32], shape: tuple[int, ...]) -> NDArray[np.float32]:
@@ -79,7 +79,7 @@ def _shrunk(picture: NDArray[np.float32], shape: tuple[int, ...]) -> NDArray[np.
 
 
 def found_flow(found: StoredFrames, grid: BlockGrid, frame: int) -> Floats:
-    """Return the motion that a method found in each block, at all pixels (H, W, 2), px."""
+    """Return a method's motion of each block at all pixels (H, W, 2), px."""
     blocks = np.asarray(found[[min(frame, len(found) - 1)]][0], np.float64)
     flow, size = np.full((*grid.shape, 2), np.nan), grid.block_px
     bottom, right = grid.top + grid.rows * size, grid.left + grid.columns * size
@@ -104,9 +104,9 @@ def depth_panel(sequence: Sequence, frames: range, step: int) -> Panel:
 
 
 def best_method(records: Iterable[FlowRecord]) -> str | None:
-    """Return the method that gives velocities of the least median error, the first without truth.
+    """Return the velocity method of least median error, the first one without truth.
 
-    None where no method gives velocities.
+    None if no method gives velocities.
     """
 
     def error(record: FlowRecord) -> float:

@@ -1,6 +1,6 @@
 """`megalopta spadcam figures`: figures 2.14 to 2.19 from recordings of the moving plate.
 
-Captured results are drawn beside simulated ones; both pass through the same pooling, detectors and
+Captured results are drawn with simulated ones; both pass through the same pooling, detectors and
 statistics. `megalopta spadcam compare --scene plate` tests the differences.
 """
 

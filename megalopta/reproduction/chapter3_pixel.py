@@ -234,9 +234,9 @@ _SNR = (
     "fit."
 )
 _TABLE = (
-    "Non-adaptive: mean over an offset anywhere between two DAC codes. Poor: the state at 15 mV "
+    "Non-adaptive: mean over an offset anywhere between two DAC codes; poor: the state at 15 mV "
     "(Si, which defines the preset) and 17.5 mV (InGaAs, {:.1f} times the measured value: given "
-    "170 nA at 100 mV, no diode with a shunt falls so far). Fine: the end of the programming loop, "
+    "170 nA at 100 mV, no diode with a shunt falls so far); fine: the end of the programming loop, "
     "from {:.1f} mV in pulses of 500 µV with leakage of 1.5 µV/s, which takes {:.1f} h for Si. "
     "Last line: the least current with leakage, {:.1f} and {:.1f} times the measured values: the "
     "conductance of the real diodes at zero bias must be {:.0f} and {:.0f} times smaller than "

@@ -2,7 +2,7 @@
 
 `SWEEPS` has every fixed parameter: unless a sweep varies it, contrast 90 %, spatial frequency 5
 cycles per frame, 5 px per frame and 0.1 dark counts per pixel and frame. Pooling levels are those
-of text or captions. Below each figure are numbers of its curves, beside the dissertation's readings
+of text or captions. Below each figure are numbers of its curves, with the dissertation's readings
 of its own.
 """
 

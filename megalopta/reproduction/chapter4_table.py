@@ -55,8 +55,8 @@ _SUMMARY = (
 _DIFFERENT = {
     "The numbers to the digit": "The text does not state how filters are discretized, whether NDM "
     "is rectified, which blocks and frames are scored, and how a curve is interpolated. These "
-    "choices were made afterwards, from about fifteen variants; matching numbers agree with "
-    "the dissertation, but not those of its program.",
+    "choices were made afterwards, from about fifteen variants; where numbers agree, they are "
+    "consistent with the dissertation, not those of its program.",
     "The natural column": "The photographs came from the web and are not published. Forests "
     "rendered by this project replace them, with the same fields of view; the rows “photo” use "
     "their gray values. The figure natural-information shows what thresholds depend on: the "
@@ -172,7 +172,7 @@ def _fluxes(rows: Sequence[Mapping[str, Any]], images: str, metric: Metric) -> d
 
 
 def write_page(out: Path, figures: Sequence[Figure]) -> Path:
-    """Write chapter-4.html beside the pictures of some figures, one of them Table 4.1.
+    """Write chapter-4.html next to the pictures of some figures, one of them Table 4.1.
 
     Figures of other chapters are ignored. Returns the path of the page.
     """

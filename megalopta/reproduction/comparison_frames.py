@@ -50,7 +50,7 @@ _DRAWS = {_LEAVES: 1, _PANORAMAS: 1, _PARALLAX: 3}
 
 _FRAMES, _PAIR = 8, 2
 _CAPTION = (
-    "Methods see whole frames of {} px, of {} scenes. Curves: mean over scenes of the median "
+    "Methods see whole frames of {} px, of {} scenes; curves are means over scenes of the median "
     f"endpoint error of blocks of {BLOCK_PX} × {BLOCK_PX} px against their true mean velocity, "
     "with 95 % CI by bootstrap over scenes. A median says nothing about the worse half: the "
     "file of numbers has the mean over blocks and the share beyond "

@@ -16,7 +16,7 @@ class Stage:
     command: str
     """Its command, after `megalopta`"""
     fields: tuple[str, ...]
-    """Parts of the configuration that its output depends on, beside those of the stages it needs"""
+    """Parts of the configuration that its output depends on, other than those of stages it needs"""
     needs: tuple[str, ...]
     """Stages that must be finished first"""
     outputs: Callable[[Dataset], list[Path]]

@@ -1,8 +1,8 @@
-"""Check that rendering noise is small beside shot noise and the scene's detail.
+"""Check that rendering noise is small against shot noise and the scene's detail.
 
 Motion is read from differences between neighboring pixels. They have three sources: the scene's
 detail, shot noise, and rendering noise, which flickers like texture that does not move. Rendering
-noise is harmless where it is small beside either of the others: hidden in shot noise, or faint
+noise is harmless where it is small against either of the others: hidden in shot noise, or faint
 against the detail. In bright light no rendering is as clean as the photons are.
 
 Three variances of a pixel's reading, averaged over the image, are compared: that of the rendering,

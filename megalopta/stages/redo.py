@@ -1,4 +1,4 @@
-"""Recomputed output beside the old one, which stays until the new one is complete.
+"""Recomputed output next to the old one, which stays until the new one is complete.
 
 DATASET/.redo is a dataset of its own: its links lead to unchanged output, its files are new. When
 all are complete they move (`dataset.publishing`). Meanwhile readers are refused, so that a kill at

@@ -41,7 +41,7 @@ def provenance(stage: str, configuration: Configuration) -> dict[str, str]:
 
 
 def made_with(stages: Iterable[str], configuration: Configuration) -> dict[str, dict[str, str]]:
-    """Return the dependencies of stages, beside the settings, here and now."""
+    """Return the dependencies of stages, other than settings, here and now."""
     return {stage: provenance(stage, configuration) for stage in stages}
 
 

@@ -94,7 +94,7 @@ def test_a_film_becomes_tables_that_say_what_they_are(film, tmp_path, capsys):
     assert [row["pair"] for row in rows[::6]] == ["walk 0", "walk 4"]
     assert list(rows[0])[4:] == [*FROM_STAND_IN.values(), *FROM_OTHERS.values()]
     assert all(
-        row["stand_in"] == "not the truth but DIS on the pictures without noise, which favours DIS"
+        row["stand_in"] == "not the truth but DIS on the pictures without noise, which favors DIS"
         for row in rows
     )
     dark, bright = (
@@ -110,7 +110,7 @@ def test_a_film_becomes_tables_that_say_what_they_are(film, tmp_path, capsys):
     said = capsys.readouterr()
     assert "NO TRUE FLOW: these are distances, not errors" in said.out
     assert "mean over 2 pairs, 95 % CI over pairs" in said.out
-    assert "which favours DIS" in said.out and "may share an error" in said.out
+    assert "which favors DIS" in said.out and "may share an error" in said.out
     assert "that of BT.709 is used" in said.err
 
 

@@ -109,7 +109,7 @@ def test_what_holds_no_frames_is_told_and_changes_nothing(captured, tmp_path, co
 
 def test_bytes_alone_are_no_recording(captured, tmp_path):
     shutil.copy(captured / "raw.bin", tmp_path)
-    with pytest.raises(UserError, match=r"no recording\.yaml beside raw\.bin"):
+    with pytest.raises(UserError, match=r"no recording\.yaml next to raw\.bin"):
         recover(tmp_path / "raw.bin")
 
 
