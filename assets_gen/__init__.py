@@ -1,4 +1,4 @@
-"""Shapes and textures grown from a seed, as trimesh meshes and numpy arrays."""
+"""Shapes and textures from a seed, as trimesh meshes and numpy arrays."""
 
 import lazy_loader
 

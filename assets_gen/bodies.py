@@ -1,4 +1,4 @@
-"""Boxes and balls, with texture coordinates in proportion to their surface."""
+"""Boxes and balls, with texture coordinates proportional to their surface."""
 
 import numpy as np
 
@@ -25,7 +25,7 @@ def _side(half: FloatArray, tile_m: float, normal: int, u: int, v: int, sign: in
 
 
 def ball(extent_m: tuple[float, float, float], tile_m: float) -> Surface:
-    """Return a smooth ball, or ellipsoid, around the origin; arguments as of `box`.
+    """Return a smooth ball, or ellipsoid, around the origin; arguments as for `box`.
 
     The texture runs along meridians and parallels and is pinched at the poles (±z).
     """
@@ -36,7 +36,7 @@ def ball(extent_m: tuple[float, float, float], tile_m: float) -> Surface:
     unit = np.stack(
         [np.sin(polar) * np.cos(azimuth), np.sin(polar) * np.sin(azimuth), np.cos(polar)], axis=-1
     ).reshape(-1, 3)
-    # A whole number of tiles around, so that the seam does not show.
+    # An integer number of tiles around, so that the seam is invisible.
     around = max(round(2 * np.pi * float(half[:2].mean()) / tile_m), 1)
     along = np.pi * float(half.mean()) / tile_m
     uv = np.stack([azimuth / (2 * np.pi) * around, (1 - polar / np.pi) * along], axis=-1)

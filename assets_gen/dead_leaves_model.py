@@ -1,9 +1,9 @@
-"""Dead leaves: opaque disks that fall on each other until nothing of the ground is seen.
+"""Dead leaves: opaque disks that fall on each other until they cover the ground.
 
-With radii of density r⁻³ the picture looks alike at all scales and has the statistics of natural
-scenes that matter to motion detectors: occlusion edges, large plain areas, a power spectrum that
-falls as a power of the frequency (Lee, Mumford and Huang, Int. J. Comput. Vision 41, 35, 2001).
-Disks are laid from the front to the back, so each paints only what is still bare.
+With radii of density r⁻³ the image is scale-invariant and has the statistics of natural scenes that
+matter to motion detectors: occlusion edges, large plain areas, a power-law spectrum (Lee, Mumford
+and Huang, Int. J. Comput. Vision 41, 35, 2001). Disks are painted from front to back, so each
+paints only bare parts.
 """
 
 import math
@@ -14,7 +14,7 @@ from megalopta.assets_gen import FloatArray
 from megalopta.core.compiling import compiled
 
 _SAMPLES = 3
-"""Samples along a pixel, so that edges are as soft as a sensor's pixels make them"""
+"""Samples along a pixel, for edges as soft as those of a sensor's pixels"""
 
 
 def dead_leaves(
@@ -25,13 +25,13 @@ def dead_leaves(
 ) -> FloatArray:
     """Return an image (H, W) of disks that tiles without a seam in both directions.
 
-    Radii have density r⁻³ from the smallest to the largest, values are uniform from the darkest to
-    the brightest. Raises ValueError when either are not in growing order above 0, or a disk would
-    be wider than the image.
+    Radii have density r⁻³ between the smallest and the largest, values are uniform between the
+    darkest and the brightest. Raises ValueError if either are not in increasing order above 0, or a
+    disk would be wider than the image.
     """
     for name, (low, high) in (("radii_px", radii_px), ("values", values)):
         if not 0 < low <= high:
-            raise ValueError(f"{name} {low} … {high}: give two in growing order, above 0")
+            raise ValueError(f"{name} {low} … {high}: give two in increasing order, above 0")
     if 2 * radii_px[1] > min(shape):
         raise ValueError(
             f"radii_px up to {radii_px[1]}: the disks are wider than the image of {shape[0]} ×"
@@ -63,9 +63,9 @@ def _cover(
 
 @compiled
 def paint_leaf(image: FloatArray, center: tuple[float, float], radius: float, value: float) -> int:
-    """Paint what is bare (0) of a disk on a torus; return how many samples that were."""
+    """Paint the bare part (0) of a disk on a torus; return its number of samples."""
     (height, width), (row, column), painted = image.shape, center, 0
-    # samples lie at the middle of their squares
+    # samples are at the centers of their squares
     for y in range(math.ceil(row - radius - 0.5), math.ceil(row + radius - 0.5)):
         for x in range(math.ceil(column - radius - 0.5), math.ceil(column + radius - 0.5)):
             seen = (y + 0.5 - row) ** 2 + (x + 0.5 - column) ** 2 < radius**2

@@ -1,12 +1,12 @@
-"""Patterns for motion detectors, and the cylinder and the board that carry them.
+"""Patterns for motion detectors, and the cylinder and board for them.
 
 The 2-D sine grating is the one of the flow benchmark (dissertation §4.2.1): with image coordinates
 x, y in frames, S = 1 + C·sin(2πf·x_r + φ_x)·sin(2πf·y_r + φ_y). Variant "rot" turns the coordinates
-by 45°, x_r = (x + y)/√2 and y_r = (y − x)/√2, as the dissertation writes; its moving part has √2·f
+by 45°, x_r = (x + y)/√2 and y_r = (y − x)/√2, as in the dissertation; its moving part has √2·f
 cycles per frame. Variant "periodic" divides by 2 instead and has exactly f.
 
-Random dots are disks of half a period's diameter that lie anywhere, also on each other, and cover
-half of the plane: a Boolean model, whose covariance has a closed form.
+Random dots are disks of half a period's diameter at random positions, with overlap, that cover half
+of the plane: a Boolean model, whose covariance has a closed form.
 """
 
 from typing import TYPE_CHECKING, Literal
@@ -25,7 +25,7 @@ Pattern = Literal["sine_2d", "sine", "square", "dots"]
 def moving_cycles(
     cycles_per_frame: float, variant: GratingVariant, pattern: Pattern = "sine_2d"
 ) -> float:
-    """Cycles per frame of the part of the pattern that moves with x."""
+    """Cycles per frame of the part of the pattern that moves along x."""
     return cycles_per_frame * (2**0.5 if variant == "rot" and pattern == "sine_2d" else 1.0)
 
 
@@ -76,7 +76,7 @@ def random_dots(
 
 
 def board(low: FloatArray, high: FloatArray, tile: float) -> "trimesh.Trimesh":
-    """Rectangle in the plane z = 0 between two corners (2,), facing −z; a tile is `tile` wide."""
+    """Rectangle in the plane z = 0 between two corners (2,), facing −z, with square tiles."""
     corners = np.array([[low[0], low[1]], [high[0], low[1]], [high[0], high[1]], [low[0], high[1]]])
     vertices = np.column_stack([corners, np.zeros(4)])
     return Surface(vertices, np.array([[0, 2, 1], [0, 3, 2]]), corners / tile).to_mesh()

@@ -19,7 +19,7 @@ def grow_rock(rng: np.random.Generator, sides: int = 28) -> Surface:
     """Return a boulder about 1 m wide, its widest part at the ground; scale it to any size.
 
     In each direction its radius is the soft minimum over a dozen planes, plus weathering; the
-    surface is a grid of `sides` meridians, closed at the top, and open to nothing but the ground.
+    surface is a grid of `sides` meridians, closed at the top, and open only to the ground.
     """
     rings = max(sides // 2, 3)
     elevation = np.linspace(-0.7, np.pi / 2, rings + 1)[:-1]
@@ -48,7 +48,7 @@ def _directions(azimuth: FloatArray, elevation: FloatArray) -> FloatArray:
 
 def _cut(rng: np.random.Generator) -> Callable[[FloatArray], FloatArray]:
     """Return the radius (...) in directions (..., 3) of a solid cut by planes, with dents (m)."""
-    # Evenly spread normals, disturbed: purely random ones would leave some sides uncut.
+    # Evenly spread normals with random deviations: purely random ones would leave some sides uncut.
     level = 1 - (2 * np.arange(14) + 1) / 14
     level_out = np.sqrt(1 - level**2)[:, None] * outward(GOLDEN_ANGLE * np.arange(14))
     even = level_out + np.outer(level, UP)

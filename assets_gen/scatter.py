@@ -1,4 +1,4 @@
-"""Points strewn in the plane with a minimum distance (Poisson disk), by throwing darts."""
+"""Points scattered in the plane with a minimum distance (Poisson disk), by dart throwing."""
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -6,16 +6,16 @@ from scipy.spatial import cKDTree
 from megalopta.assets_gen import FloatArray
 
 JAMMING = 0.547
-"""Share of the plane under disks as wide as the least distance when no further dart fits."""
+"""Covered share of the plane, by disks of the minimum distance, when no further dart fits."""
 
 
 def poisson_disk(
     low: FloatArray, high: FloatArray, count: int, spacing_m: float, rng: np.random.Generator
 ) -> FloatArray:
-    """Return points (count, 2) of a box, from corner to corner (2,), in the order of the throws.
+    """Return points (count, 2) of a box, from corner to corner (2,), in order of the throws.
 
-    A dart that falls nearer than `spacing_m` to an earlier one is lost. Raises ValueError if the
-    points would fill more than nine tenths of what random throwing can fill.
+    A dart nearer than `spacing_m` to an earlier one is rejected. Raises ValueError if the points
+    would fill more than 90 % of the limit of random throwing.
     """
     cover = count * np.pi * spacing_m**2 / 4 / np.prod(high - low)
     if count > 1 and cover > 0.9 * JAMMING:
@@ -33,7 +33,7 @@ def poisson_disk(
 def distance_to(points: cKDTree, places: FloatArray, within: float = np.inf) -> FloatArray:
     """Return the distance (n,) from each place (n, d) to the nearest of the points.
 
-    It is infinite where none is nearer than `within`.
+    It is infinite if none is nearer than `within`.
     """
     distance, _ = points.query(places, distance_upper_bound=within)
     return np.asarray(distance)

@@ -1,4 +1,4 @@
-"""Triangles under construction, and their way to trimesh."""
+"""Triangle meshes under construction, and their conversion to trimesh."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Surface:
-    """A triangle mesh with texture coordinates and normals as arrays."""
+    """Triangle mesh with texture coordinates and normals as arrays."""
 
     vertices: FloatArray
     """(n, 3): meters."""
@@ -24,7 +24,7 @@ class Surface:
     uv: FloatArray
     """(n, 2): texture coordinates; the texture repeats with period 1."""
     normals: FloatArray | None = None
-    """(n, 3): unit vertex normals of a smooth surface; None where faces are flat."""
+    """(n, 3): unit vertex normals of a smooth surface; None for flat faces."""
 
     @property
     def area(self) -> float:
@@ -38,7 +38,7 @@ class Surface:
         return lengths(cross(b - a, c - a)) / 2
 
     def to_mesh(self) -> "trimesh.Trimesh":
-        """Return the mesh; `metadata["smooth"]` tells whether its vertex normals are meant."""
+        """Return the mesh; `metadata["smooth"]` is True if its vertex normals should be used."""
         import trimesh  # slow
 
         return trimesh.Trimesh(
@@ -63,9 +63,9 @@ def grid_corners(rows: int, columns: int) -> tuple[NDArray[np.int64], ...]:
 
 
 def grid_faces(rows: int, columns: int, inward: bool = False) -> NDArray[np.int64]:
-    """Two triangles (2·cells, 3) of each cell of a grid of vertices: all first, then all others.
+    """Two triangles (2·cells, 3) of each cell of a grid of vertices: first ones, then others.
 
-    Inward they are split along the other diagonal, and turned over.
+    If `inward`, cells are split along the other diagonal, and triangles flipped.
     """
     a, b, c, d = grid_corners(rows, columns)
     first, second = ((a, d, b), (b, d, c)) if inward else ((a, b, c), (a, c, d))

@@ -38,14 +38,14 @@ def litter_texture(rng: np.random.Generator) -> NDArray[np.float32]:
     grain = _ground_noise((0.01, 0.06), 0.4, rng)
     soil = -1.3 + 0.5 * grain
     litter = np.where(np.isnan(leaves), soil, leaves - 0.1 + 0.15 * grain)
-    # Litter is thin where the patches' noise is low: soil shows through.
+    # Litter is thin where the patches' noise is low, so that soil is visible.
     floor = np.where(patches + 0.3 * grain > -0.6, litter, soil)
     floor = np.where(np.isnan(twigs), floor, 0.9 * twigs - 0.2)
     return to_weight(1.5 * floor + 0.45 * patches - 0.35)
 
 
 def turf_texture(rng: np.random.Generator) -> NDArray[np.float32]:
-    """Return a tileable short turf or carpet of moss: fine blades on slow patches; 1 is bright."""
+    """Return a tileable short turf or carpet of moss: fine blades on large patches; 1 is bright."""
     blades = _on_ground(1200, Marks((0.03, 0.11), 0.12), rng)
     patches = _ground_noise((0.15, 2.5), 1.0, rng)
     grain = _ground_noise((0.01, 0.06), 0.4, rng)
@@ -77,14 +77,14 @@ def trodden_texture(rng: np.random.Generator) -> NDArray[np.float32]:
 
 
 def _leaf_coordinates() -> tuple[FloatArray, FloatArray]:
-    """Place along the midrib and distance from it, in leaves, of every texel of the atlas."""
+    """Position along the midrib and distance from it, in leaves, of every texel of the atlas."""
     place = (np.arange(ATLAS_TILES * LEAF_TEXELS) + 0.5) / LEAF_TEXELS % 1
     v, u = np.meshgrid(place, place, indexing="ij")
     return v, np.abs(u - 0.5)
 
 
 def _blades(marks: FloatArray, rng: np.random.Generator) -> FloatArray:
-    """Return an atlas of blades with the marks, each of its own shade, and blotches over all."""
+    """Return an atlas of blades with the marks, each with its own shade, and blotches over all."""
     blotches = tileable_noise(marks.shape, (8.0, 8.0), (0.05, 0.8), 1.0, rng)
     tones = rng.uniform(-0.7, 0.7, (ATLAS_TILES, ATLAS_TILES))
     shades = tones.repeat(LEAF_TEXELS, axis=0).repeat(LEAF_TEXELS, axis=1)
@@ -141,4 +141,4 @@ TEXTURES: Mapping[str, Callable[[np.random.Generator], NDArray[np.float32]]] = M
         "mossy": mossy_texture,
     }
 )
-"""Every texture by name: a weight (H, W) in [0, 1]; all but the atlases of leaves tile."""
+"""Textures by name: a weight (H, W) in [0, 1]; all except leaf atlases tile."""

@@ -1,12 +1,11 @@
-"""The ground as a height field over the plane, and its mesh.
+"""Ground as a height field over the plane, and its mesh.
 
 The camera's path runs over level ground (a trail), the land beyond it rolls, and far outside the
-planted stand it rises to a rim, so that the horizon is closed by ground wherever one looks between
-the trunks.
+planted stand it rises to a rim, so that ground closes the horizon between the trunks.
 
-Moss grows in patches with outlines of many sizes, around the feet of trees rather than not: a
-random field with waves from centimeters to meters is cut at the height that leaves the share asked
-for above it. Its finer waves fray the outline down to the mesh.
+Moss grows in patches with outlines of many sizes, preferably around the feet of trees: a random
+field with waves from centimeters to meters is thresholded at the requested share. Its finer waves
+fray the outline down to the mesh.
 """
 
 from dataclasses import dataclass
@@ -20,16 +19,16 @@ from megalopta.assets_gen.scatter import distance_to
 from megalopta.assets_gen.tileable_noise import PlaneWaves, Rough, make_octaves, plane_waves
 
 TRAIL_M = (3.0, 14.0)
-"""The land is level up to the first distance from the path and rolls freely from the second on."""
+"""Distances from the path up to which the land is level, and from which it rolls freely."""
 GROUND_TILE_M = 5.0
 """Size of one tile of the ground's texture (m)."""
 GROWTH = 1.15
-"""Each step of the ground's grid outside its fine part is this many times the one before."""
+"""Growth factor of the ground's grid steps outside its fine part."""
 
 
 @dataclass(frozen=True)
 class Terrain:
-    """Height of the ground: 0, but for bumps of a few centimeters, along the camera's path.
+    """Height of the ground: 0, to a few centimeters, along the camera's path.
 
     It is exactly 0 at the world's origin if the path passes within 3 m of it.
     """
@@ -46,7 +45,7 @@ class Terrain:
     rim_m: tuple[float, float]
     """Distances from the path between which the land rises (m)."""
     rim_height_m: float
-    """How high the rim is on average (m)."""
+    """Mean height of the rim (m)."""
 
     def height(self, points: FloatArray) -> FloatArray:
         """Return the height of the ground (m) at points (n, 2) (m)."""
@@ -56,7 +55,7 @@ class Terrain:
         return rolling + rim + self.bumps(points) - self.bumps(np.zeros(2))
 
     def uv(self, points: FloatArray) -> FloatArray:
-        """Return texture coordinates at points (n, 2) (m); tiles do not quite line up."""
+        """Return texture coordinates at points (n, 2) (m); tiles are slightly distorted."""
         return points / GROUND_TILE_M + np.stack([wave(points) for wave in self.drift], axis=-1)
 
 
@@ -87,9 +86,9 @@ def make_terrain(
 def ground_surface(
     terrain: Terrain, low: FloatArray, high: FloatArray, step_m: float, reach_m: float
 ) -> Surface:
-    """Return the ground as a grid, even with steps of `step_m` between two corners (2,) (m).
+    """Return the ground as a grid, with uniform steps of `step_m` between two corners (2,) (m).
 
-    Beyond it reaches on for `reach_m`, ever coarser.
+    It extends for `reach_m` beyond them, with growing steps.
     """
     x, y = (_graded(low[i], high[i], step_m, reach_m) for i in range(2))
     flat = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
@@ -112,9 +111,9 @@ def _grid_normals(grid: FloatArray) -> FloatArray:
 
 
 MOSS_BANDS = (((1.2, 5.0), 0.8), ((0.3, 1.2), 0.5), ((0.09, 0.3), 0.33))
-"""Wavelengths (m) and contrast of patches of moss, of their outline, of its fringe."""
+"""Wavelengths (m) and contrast of moss patches, of their outline, and of its fringe."""
 AT_TREES, AROUND_M = 1.4, 0.7
-"""How much likelier moss is at the foot of a tree, in units of the contrast, and how far (m)."""
+"""Preference of moss for the feet of trees, in units of the contrast, and its range (m)."""
 
 
 def make_moss(trees: FloatArray, rng: np.random.Generator) -> Rough:
@@ -129,7 +128,7 @@ def make_moss(trees: FloatArray, rng: np.random.Generator) -> Rough:
 
 
 def cut_at(favor: FloatArray, areas: FloatArray, where: NDArray[np.bool_], share: float) -> float:
-    """Return the value of a field (m,) above which lies a share of some triangles' areas (m,)."""
+    """Return the threshold of a field (m,) above which a share of the triangles' areas (m,) is."""
     values = favor[where]
     order = np.argsort(-values)
     covered = np.cumsum(areas[where][order])

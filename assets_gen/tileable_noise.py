@@ -1,8 +1,8 @@
-"""Band-limited noise: tileable images, marks strewn over them, smooth random fields of the plane.
+"""Band-limited noise: tileable images, scattered marks, smooth random fields of the plane.
 
-Leaf-shaped marks strewn over a tileable image, small ones on top of large ones. Objects that hide
-each other ("dead leaves", Matheron 1968; Lee, Mumford & Huang 2001, IJCV 41:35) give images the
-edges and the scale-free spectrum of natural scenes, which filtered noise lacks.
+Leaf-shaped marks are scattered over a tileable image, small ones on top of large ones. Objects that
+occlude each other ("dead leaves", Matheron 1968; Lee, Mumford & Huang 2001, IJCV 41:35) give images
+the edges and the scale-free spectrum of natural scenes, which filtered noise lacks.
 """
 
 from collections.abc import Callable, Sequence
@@ -28,13 +28,13 @@ def tileable_noise(
     Parameters
     ----------
     size_m : (float, float)
-        Extent of the rows' and of the columns' direction (m).
+        Extent in the direction of rows and of columns (m).
     wavelengths_m : (float, float)
         Shortest and longest wavelength present (m).
     exponent : float
         Amplitude falls as frequency to the minus `exponent`; 1 gives all octaves equal contrast.
     stretch : float
-        Features are this many times longer along the rows' index (v) than across.
+        Factor by which features are longer along the row index (v) than across.
     """
     fv = np.fft.fftfreq(shape[0], size_m[0] / shape[0])[:, None] * stretch
     fu = np.fft.rfftfreq(shape[1], size_m[1] / shape[1])[None, :]
@@ -51,12 +51,12 @@ def to_weight(signal: FloatArray) -> NDArray[np.float32]:
 
 
 _AT_ONCE = 1024
-"""Points of a field that are computed together: few enough for the processor's cache."""
+"""Points of a field computed together: few enough for the processor's cache."""
 
 
 @dataclass(frozen=True)
 class PlaneWaves:
-    """A smooth random field of the plane: a sum of cosine waves in random directions."""
+    """Smooth random field of the plane: a sum of cosine waves in random directions."""
 
     wave_vectors: FloatArray
     """(n, 2): rad/m."""
@@ -95,20 +95,20 @@ def plane_waves(
 WAVES = 56
 """Plane waves of a band."""
 SAMPLED = 2.0, 3.5
-"""A band is absent where a mesh has fewer points on its shortest wave than the first, and whole
-from the second on."""
+"""Mesh points per shortest wave of a band below which it is absent, and above which it is
+complete."""
 
 
 Rough = Callable[[FloatArray, FloatArray], FloatArray]
-"""A field (n,) at points (n, 2) of a mesh with steps (n,) (m), of what the mesh can show."""
+"""Field (n,) at points (n, 2) of a mesh with steps (n,) (m), limited to the mesh's resolution."""
 
 
 def make_octaves(
     bands: Sequence[tuple[tuple[float, float], float]], rms: float, rng: np.random.Generator
 ) -> Rough:
-    """Return a random field of bands that add up to a root mean square, where all are shown.
+    """Return a random field of bands with a total root mean square, where all are resolved.
 
-    Bands are shortest and longest wavelength (m) and their part of the contrast.
+    Bands are shortest and longest wavelength (m) and their share of the contrast.
     """
     whole = np.sqrt(sum(part**2 for _, part in bands))
     waves = [plane_waves(lengths, rms * part / whole, WAVES, rng) for lengths, part in bands]
@@ -125,14 +125,14 @@ def make_octaves(
 
 
 CHUNK = 1024
-"""Marks drawn at once; another number draws other marks."""
+"""Marks drawn at once; another number gives other marks."""
 PAINTED = 64
-"""Marks painted at once: of like length, and few enough to stay in the processor's cache."""
+"""Marks painted at once: of similar length, and few enough for the processor's cache."""
 
 
 @dataclass(frozen=True)
 class Marks:
-    """How marks look that are strewn."""
+    """Look of scattered marks."""
 
     lengths_m: tuple[float, float]
     """Shortest and longest mark; lengths are log-uniform."""
@@ -152,7 +152,7 @@ def strew(
     marks: Marks,
     rng: np.random.Generator,
 ) -> FloatArray:
-    """Return an image (H, W) of shaded marks, NaN where none lies; it tiles without a seam.
+    """Return an image (H, W) of shaded marks, NaN where there are none; it tiles without a seam.
 
     Rows and columns extend over `size_m` (m). The generator draws positions, sizes, directions and
     shades, which are standard normal, times 0.5.
@@ -170,13 +170,13 @@ def strew(
         for few in (slice(first, first + PAINTED) for first in range(0, n, PAINTED)):
             chosen = _Laid(center[few], length[few], angle[few], shade[few])
             flat, value = _paint(shape, texel, marks.aspect, chosen)
-            # Repeated indices: numpy keeps the last value, so later marks lie on top.
+            # For repeated indices numpy keeps the last value, so later marks are on top.
             image[flat] = value
     return image.reshape(shape)
 
 
 class _Laid(NamedTuple):
-    """Where n marks lie (n, 2), and their lengths, directions and shades (n,)."""
+    """Positions (n, 2) of n marks, and their lengths, directions and shades (n,)."""
 
     center: FloatArray
     length: FloatArray
@@ -187,7 +187,7 @@ class _Laid(NamedTuple):
 def _paint(
     shape: tuple[int, int], texel: FloatArray, aspect: float, marks: _Laid
 ) -> tuple[NDArray[np.intp], FloatArray]:
-    """Return the texels that each mark covers and their shades, in the order of the marks."""
+    """Return the texels covered by each mark and their shades, in the order of the marks."""
     center, length, angle, shade = marks
     reach = np.ceil(length.max() / 2 / texel).astype(int)
     offsets = np.stack(
@@ -198,7 +198,7 @@ def _paint(
     cosine, sine = np.cos(angle)[:, None], np.sin(angle)[:, None]
     along = 2 * (away[..., 0] * cosine + away[..., 1] * sine) / length[:, None]
     across = 2 * (away[..., 1] * cosine - away[..., 0] * sine) / (aspect * length[:, None])
-    # A lens outline, pointed at both ends; one half darker than the other, like a folded leaf.
+    # Lens outline, pointed at both ends; one half darker than the other, like a folded leaf.
     inside = np.abs(across) < 1 - along**2
     value = shade[:, None] + 0.12 * np.sign(across) + 0.1 * along
     flat = (index[..., 0] % shape[0]) * shape[1] + index[..., 1] % shape[1]

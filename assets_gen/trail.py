@@ -1,4 +1,4 @@
-"""A trodden path: where it runs, how wide it is from place to place, and how far it has sunk."""
+"""Trodden path: its course, local width and depth."""
 
 from dataclasses import dataclass
 
@@ -11,26 +11,26 @@ from megalopta.assets_gen.scatter import distance_to
 from megalopta.assets_gen.tileable_noise import PlaneWaves, plane_waves
 
 STEP_M = 0.2
-"""Points of the middle line are this far apart (m)."""
+"""Distance between points of the middle line (m)."""
 CHORD_M = 0.5
-"""The path goes on in the direction of its last piece of this length (m)."""
+"""Length of the last piece that sets the direction of the extension (m)."""
 TURN_RAD_M = 0.11
-"""Root mean square curvature of the path beyond the camera's way (1/m)."""
+"""Root mean square curvature of the path beyond the camera's path (1/m)."""
 STRAIGHT_M = 8.0
-"""Its windings have set in so far beyond the camera's way (m)."""
+"""Distance beyond the camera's path at which windings are fully developed (m)."""
 SUNK_M = 0.06
-"""How deep feet have worn it (m)."""
+"""Depth of wear (m)."""
 MARGIN_M = 1.0
-"""The margin is uneven up to this far from where it would be straight (m)."""
+"""Range around the mean margin in which the margin is uneven (m)."""
 FRINGE_M = 0.09
-"""Root mean square depth to which its margins fray (m)."""
+"""Root mean square depth of the frayed margins (m)."""
 SHOULDER_M = 0.35
 """Width of its flanks (m)."""
 
 
 @dataclass(frozen=True)
 class Trail:
-    """A trodden path along a line."""
+    """Trodden path along a line."""
 
     line: cKDTree
     """Points of its middle (m)."""
@@ -38,12 +38,12 @@ class Trail:
     """Half of its mean width (m)."""
     margin: PlaneWaves
     fringe: PlaneWaves
-    """Unevenness of its margins, and how far they fray (m)."""
+    """Unevenness of its margins, and depth of fraying (m)."""
 
     def inside(self, points: FloatArray) -> FloatArray:
-        """Return how far points (n, 2) are from the margin (m): positive on the path.
+        """Return the distance of points (n, 2) from the margin (m): positive on the path.
 
-        It is minus infinity farther out than its margins reach, where nobody asks for more.
+        It is minus infinity beyond the reach of the margins.
         """
         away = distance_to(self.line, points, self.half_m + 2 * MARGIN_M)
         inside = self.half_m - away
@@ -52,7 +52,7 @@ class Trail:
         return inside
 
     def covers(self, points: FloatArray) -> NDArray[np.bool_]:
-        """Return where there is bare soil, at points (n, 2) (m)."""
+        """Return True for points (n, 2) (m) on bare soil."""
         inside = self.inside(points)
         near = np.abs(inside) < MARGIN_M
         inside[near] += self.fringe(points[near])
@@ -61,12 +61,12 @@ class Trail:
     def clear_of(
         self, points: FloatArray, from_middle_m: float, from_margin_m: float
     ) -> NDArray[np.bool_]:
-        """Return which points (n, 2) keep distances from its middle and from its margin (m)."""
+        """Return True for points (n, 2) that keep distances from its middle and its margin (m)."""
         is_away = distance_to(self.line, points) >= from_middle_m
         return np.asarray(is_away & (self.inside(points) <= -from_margin_m))
 
     def sunk(self, inside_m: FloatArray) -> FloatArray:
-        """Return how deep the ground is worn where the margin is so far (m)."""
+        """Return the depth of wear at a distance inside the margin (m)."""
         share = np.clip(inside_m / min(SHOULDER_M, self.half_m) + 0.5, 0, 1)
         return SUNK_M * share**2 * (3 - 2 * share)
 
@@ -78,20 +78,20 @@ def make_trail(
     reach_m: float,
     rng: np.random.Generator,
 ) -> Trail:
-    """Return a path along a camera's way, going on beyond both of its ends.
+    """Return a path along a camera's path that extends beyond both of its ends.
 
     Parameters
     ----------
     path_xy : (n, 2)
-        Way of the camera (m).
+        Path of the camera (m).
     heading : (2,)
-        Direction of the path where the camera stays within half a meter.
+        Direction of the path if the camera stays within half a meter.
     width_m : float
         Mean width (m).
     reach_m : float
-        How far it goes on (m).
+        Length of the extensions (m).
     rng : Generator
-        Its windings and margins.
+        Draws windings and margins.
     """
     start, end = (_direction(points, heading) for points in (path_xy[::-1], path_xy))
     if np.linalg.norm(np.ptp(path_xy, axis=0)) < CHORD_M:
@@ -120,11 +120,11 @@ def _direction(points: FloatArray, heading: FloatArray) -> FloatArray:
 def _winding(
     place: FloatArray, direction: FloatArray, reach_m: float, rng: np.random.Generator
 ) -> FloatArray:
-    """Return the points (n, 2) of a line that goes on from a place, swinging to both sides."""
+    """Return the points (n, 2) of a line that continues from a place, swinging to both sides."""
     way = np.arange(STEP_M, reach_m, STEP_M)
     turning = plane_waves((9.0, 25.0), 1.0, 8, rng)(np.column_stack([way, np.zeros_like(way)]))
     swing = TURN_RAD_M * turning * np.clip(way / STRAIGHT_M, 0, 1)
-    # A path swings about its direction: what it has turned by is partly turned back.
+    # A path swings about its direction: part of each turn is reversed.
     angle = np.zeros(len(way))
     for i in range(1, len(way)):
         angle[i] = angle[i - 1] + STEP_M * (swing[i] - 0.12 * angle[i - 1])

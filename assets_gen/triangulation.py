@@ -1,8 +1,8 @@
-"""A triangulated plane, fine along a path and ever coarser away from it.
+"""Triangulated plane, fine along a path and coarser away from it.
 
-Steps grow in proportion to the distance from the path, as what a camera on it makes out does. The
+Steps grow in proportion to the distance from the path, like the resolution of a camera on it. The
 points are a jittered lattice in each ring of distances, joined by a Delaunay triangulation: no
-T-junctions between levels, and no straight lines for edges of what covers the ground to follow.
+T-junctions between levels, and no straight lines along which edges of ground covers could align.
 """
 
 from dataclasses import dataclass
@@ -17,31 +17,31 @@ from megalopta.assets_gen import FloatArray
 from megalopta.assets_gen.scatter import distance_to
 
 JITTER = 0.35
-"""Largest displacement of a point from its lattice, in steps."""
+"""Largest displacement of a point from its lattice position, in steps."""
 TILE_STEPS = 32
-"""Steps of the lattice along the squares that are kept or left out as a whole."""
+"""Size, in lattice steps, of the squares that are kept or omitted as a whole."""
 NEAREST = 6, 48
-"""Triangles around a place of which one holds it, at the first attempt and at the second."""
+"""Candidate triangles around a place, at the first and at the second attempt."""
 ROUNDING = 1e-9
 RING = np.sqrt(2.0)
-"""Steps grow by this factor from ring to ring."""
+"""Growth factor of steps from ring to ring."""
 
 
 @dataclass(frozen=True)
 class Fineness:
-    """How finely the plane is cut at a distance from the path."""
+    """Step of the triangulation by distance from a path."""
 
     finest_m: float
     """Step up to `near_m` from the path (m)."""
     near_m: float
-    """Beyond this distance steps grow in proportion to it (m)."""
+    """Distance beyond which steps grow in proportion to it (m)."""
 
     def step(self, distance_m: ArrayLike) -> FloatArray:
         """Step at distances from the path (m)."""
         return self.finest_m * np.maximum(np.asarray(distance_m) / self.near_m, 1)
 
     def triangles(self, path_m: float, reach_m: float) -> float:
-        """Return about how many there are up to a distance from a straight path."""
+        """Return the approximate number of triangles up to a distance from a straight path."""
         within = min(self.near_m, reach_m)
         inner = (2 * path_m * within + np.pi * within**2) / self.finest_m**2
         slope = self.finest_m / self.near_m
@@ -51,7 +51,7 @@ class Fineness:
 
 @dataclass(frozen=True)
 class Triangulation:
-    """Points of the plane and the triangles between them."""
+    """Points of the plane with the triangles between them."""
 
     points: FloatArray
     """(n, 2): meters."""
@@ -66,7 +66,7 @@ class Triangulation:
 
     @cached_property
     def centers(self) -> FloatArray:
-        """Middle (m, 2) of the triangles (m)."""
+        """Centers (m, 2) of the triangles (m)."""
         return np.asarray(self.points[self.faces].mean(axis=1))
 
     @cached_property
@@ -92,7 +92,7 @@ class Triangulation:
             left = left[~inside]
             if not len(left):
                 return found
-        raise ValueError(f"places: {len(left)} lie outside of the triangles; give others")
+        raise ValueError(f"places: {len(left)} are outside the triangles; give others")
 
 
 def _area(first: FloatArray, second: FloatArray) -> FloatArray:
@@ -122,7 +122,7 @@ def triangulated(
         step_m = float(fineness.step(np.sqrt(near * far)))
         lattices.append(_ring(path, near, min(far, reach_m), step_m, rng))
     points = np.concatenate(lattices)
-    # Relative to the path, so that digits suffice anywhere.
+    # Relative to the path, for precision anywhere.
     faces = Delaunay(points - (path.mins + path.maxes) / 2).simplices.astype(np.int64)
     a, b, c = points[faces].swapaxes(0, 1)
     turned = _area(b - a, c - a) < 0
@@ -133,7 +133,7 @@ def triangulated(
 def _ring(
     path: cKDTree, near_m: float, far_m: float, step_m: float, rng: np.random.Generator
 ) -> FloatArray:
-    """Return the points (n, 2) of a jittered lattice whose distance from a path lies in a ring."""
+    """Return points (n, 2) of a jittered lattice whose distance from a path is within a ring."""
     tile = TILE_STEPS * step_m
     low, high = np.floor((path.mins - far_m) / tile), np.ceil((path.maxes + far_m) / tile)
     corners = np.stack(

@@ -1,4 +1,4 @@
-"""Scene data to spectral radiance and exact ground truth; the only folder that imports mitsuba.
+"""Spectral radiance and exact ground truth of a scene; the only folder that imports mitsuba.
 
 renderer = SceneRenderer(scene, camera, RenderSettings())
 poses = trajectory.poses()

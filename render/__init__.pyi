@@ -7,6 +7,12 @@ from .exr import (
     write_radiance as write_radiance,
     write_truth as write_truth,
 )
+from .footage.frames import Footage as Footage
+from .footage.opening import (
+    SUFFIXES as SUFFIXES,
+    is_footage as is_footage,
+    open_footage as open_footage,
+)
 from .mitsuba_loader import (
     activate as activate,
     dr as dr,

@@ -1,13 +1,13 @@
-"""Panoramas: seen by a camera at infinity, or lighting a scene.
+"""Panoramas at infinity: seen by a camera, or as light of a scene.
 
-Before a camera no paths are traced, the picture is looked up. A pixel is the mean over a square
-grid of points in it, of the picture read bilinearly. That leaves no random noise, only what is lost
-where the grid is coarser than the picture.
+For a camera no paths are traced: the picture is looked up. A pixel is the mean over a square grid
+of points in it, with bilinear interpolation. There is no random noise, only aliasing where the grid
+is coarser than the picture.
 
-As the light of a scene a panorama is an uneven sky of three colors, and a disc. A sun that stands
-in the picture is a few of its pixels and much of its light. It is taken out and made the scene's
-disc, which casts sharp shadows at no noise: what lies within 3° of the brightest pixel, over the
-mean of the ring around it, if that is at least a twentieth of the light of the upper half.
+As the light of a scene a panorama is a non-uniform sky of three colors, and a disc. A sun in the
+picture is a few of its pixels and much of its light. It becomes the scene's disc, which casts sharp
+shadows without noise: the light within 3° of the brightest pixel, above the mean of the ring around
+it, if that is at least 5 % of the light of the upper half.
 """
 
 import math
@@ -34,15 +34,15 @@ POINTS_AT_ONCE = 2**18
 _METER_RAYS = 2**18
 
 _MOST_NEGATIVE = 0.001
-"""Of the sum of a picture's values, that those below 0 may take away. In Blender's forest.exr 784
-of 1.6 million values lie below 0, by 0.0016 at most: by 1.3 in all."""
+"""Largest negative share of the sum of a picture's values. In Blender's forest.exr 784 of 1.6
+million values are below 0, by 0.0016 at most: by 1.3 in total."""
 
 _ENDS_EARLY = re.compile(r"Success|read \d+ out of \d+ bytes")
-"""What Mitsuba says of a file that does."""
+"""Mitsuba's message about a truncated file."""
 
 
 class EnvironmentView:
-    """A camera before a panorama, ready to be turned; samples are rounded up to a square."""
+    """Camera in a panorama, ready to be turned; samples are rounded up to a square."""
 
     def __init__(
         self, environment: Environment, camera: Camera, bands_nm: Bands, samples: int
@@ -61,20 +61,20 @@ class EnvironmentView:
         return self._grid**2
 
     def radiance(self, exposure: Exposure) -> Image:
-        """Mean spectral radiance (H, W, B) from all poses of an exposure; it has no noise."""
+        """Mean spectral radiance (H, W, B) over all poses of an exposure; it has no noise."""
         poses = np.concatenate([part.poses.reshape(-1, 4, 4) for part in exposure.parts])
         return np.asarray(np.mean([self._seen_from(pose) for pose in poses], axis=0), np.float32)
 
     def measured(self, exposure: Exposure) -> MeasuredPass:
-        """The same, without error; no pixel is told to show the sky."""
+        """The same, without error; no pixel is marked as sky."""
         radiance = self.radiance(exposure)
         return MeasuredPass(radiance, np.zeros_like(radiance), np.zeros_like(radiance[..., 0]))
 
     def light_left_out(self, pose: Floats, time_s: float) -> None:
-        """None: light comes without a hit."""
+        """None: there are no surface hits."""
 
     def light_survey(self, positions: Floats) -> LightSurvey:
-        """Illuminance, measured along rays like those of the pixels, the same everywhere."""
+        """Illuminance, measured along rays like those of the pixels; equal everywhere."""
         colors = look_up(self._rgb, cosine_directions(_METER_RAYS), self._turn)
         lux = float(colors.mean(axis=0) @ self._efficacy) * math.pi
         return LightSurvey(Illuminance(tuple(positions.mean(axis=0).tolist()), lux, 0.0), ())
@@ -112,7 +112,7 @@ def look_up(rgb: Image, directions: Image, turn_rad: float = 0.0) -> Image:
 
 
 def cosine_directions(count: int) -> Image:
-    """Unit vectors (count, 3) to the upper hemisphere, as dense as the cosine to the zenith."""
+    """Unit vectors (count, 3) to the upper hemisphere, cosine-distributed about the zenith."""
     index = np.arange(count)
     radius, angle = np.sqrt((index + 0.5) / count), index * math.pi * (3 - math.sqrt(5))
     up = np.sqrt(1 - radius**2)
@@ -120,12 +120,12 @@ def cosine_directions(count: int) -> Image:
 
 
 def load_panorama(environment: Environment) -> Image:
-    """Read the picture (H, W, 3) so that it gives the illuminance with the spectra as they are.
+    """Read the picture (H, W, 3), scaled to give the illuminance with the given spectra.
 
-    Raises ValueError when the file cannot be read, has changed, or is no panorama.
+    Raises ValueError if the file cannot be read, has changed, or is not a panorama.
     """
     path = environment.file.path
-    environment.file.read()  # refuses what is not there or has changed
+    environment.file.read()  # rejects missing or changed files
     rgb = read_picture(path)
     rows, columns = rgb.shape[:2]
     if columns != 2 * rows:
@@ -152,13 +152,13 @@ def horizontal(rgb: NDArray[np.floating]) -> Floats:
 
 
 def read_picture(path: str) -> Image:
-    """Return a picture (H, W, 3) in linear sRGB; PNG is decoded, an alpha channel left out.
+    """Return a picture (H, W, 3) in linear sRGB; PNG is decoded, an alpha channel dropped.
 
-    Filters that picture programs resample with leave slightly negative values beside bright ones:
-    these become 0, which is said. Where they are more than `_MOST_NEGATIVE` of the sum of all
-    values, the picture is refused.
+    Resampling filters of picture programs leave slightly negative values next to bright ones: these
+    become 0, with a warning. If they exceed `_MOST_NEGATIVE` of the sum of all values, the picture
+    is rejected.
 
-    Raises ValueError when it cannot be read, or holds values that are not finite or too negative.
+    Raises ValueError if it cannot be read, or has values that are not finite or too negative.
     """
     try:
         bitmap = mi.Bitmap(path)
@@ -172,9 +172,9 @@ def read_picture(path: str) -> Image:
         ) from None
     rgb = np.array(linear, np.float32)
     if not rgb.size:
-        raise ValueError(f"{path} holds no pixel; give a picture with light in it")
+        raise ValueError(f"{path} has no pixels; give a picture with light in it")
     if not np.isfinite(rgb).all():
-        raise ValueError(f"{path} has values that are not finite; mend it")
+        raise ValueError(f"{path} has values that are not finite; repair it")
     return _without_negatives(rgb, path)
 
 
@@ -186,23 +186,23 @@ def _without_negatives(rgb: Image, path: str) -> Image:
     clipped = np.maximum(rgb, 0)
     if -negative.sum(dtype=np.float64) > _MOST_NEGATIVE * clipped.sum(dtype=np.float64):
         raise ValueError(
-            f"{told}, more than {_MOST_NEGATIVE:.1%} of its light; mend it, or give light, no "
-            "differences"
+            f"{told}, more than {_MOST_NEGATIVE:.1%} of its light; repair it, or give light "
+            "instead of differences"
         )
-    say(f"{told}; they are taken as 0")
+    say(f"{told}; they are set to 0")
     return clipped
 
 
 DISC_DEG, RING_DEG = 3.0, 6.0
-"""Angles from the brightest pixel: what belongs to the disc, and to the sky around it (degrees)."""
+"""Angles from the brightest pixel of the disc, and of the sky around it (degrees)."""
 LEAST_SHARE = 0.05
-"""Of the light of the upper half; less stays in the picture."""
+"""Smallest share of a disc in the light of the upper half; less stays in the picture."""
 
 
 def under_panorama(scene: Scene) -> Scene:
-    """Return the scene with the picture that lights it read, if there is one.
+    """Return the scene with the picture that lights it loaded, if there is one.
 
-    Raises ValueError when it cannot be read.
+    Raises ValueError if it cannot be read.
     """
     if scene.lighting is None or scene.lighting.panorama is None:
         return scene
@@ -241,16 +241,16 @@ def without_disc(
     picture : (H, 2·H, 3)
         Radiance of each color, in the layout of `SkyPattern`.
     weights : (3,)
-        What the colors count.
+        Weights of the colors.
 
     Returns
     -------
     picture : (H, 2·H, 3)
-        With the ring's mean in place of the disc.
+        Picture with the ring's mean in place of the disc.
     direction : (3,)
         Unit vector toward the disc's center.
     irradiance : (3,)
-        Of each color on a plane that faces the disc; zeros where there is none.
+        Irradiance of each color on a plane facing the disc; zeros if there is none.
     """
     rows, columns = picture.shape[:2]
     bright = picture[: rows // 2] @ weights
@@ -275,5 +275,5 @@ def without_disc(
 
 
 def solid_angles(rows: int, columns: int) -> Floats:
-    """Solid angle (H,) of a pixel of each row."""
+    """Solid angle (H,) of a pixel in each row."""
     return np.asarray(-np.diff(np.cos(np.pi * np.arange(rows + 1) / rows)) * 2 * np.pi / columns)

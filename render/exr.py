@@ -1,10 +1,10 @@
-"""Radiance and ground truth to OpenEXR files and back, one part each, float32 throughout, ZIP.
+"""Radiance and ground truth in OpenEXR files: one part each, float32, ZIP.
 
 Radiance follows the spectral layout of Fichet, Pacanowski and Wilkie (JCGT 10(3), 2021): one
-channel `S0.<center>nm` per band, the decimal sign a comma. The band edges, which that layout does
-not know, stand in the header as `bandEdgesNm`, the unit in `emissiveUnits`.
+channel `S0.<center>nm` per band, with a decimal comma. The header holds the band edges, which that
+layout lacks, as `bandEdgesNm`, and the unit in `emissiveUnits`.
 
-A file appears whole or not at all.
+A file is written completely or not at all.
 """
 
 import errno
@@ -71,12 +71,12 @@ def write_radiance(
 ) -> None:
     """Write spectral radiance (H, W, B), W·m⁻²·sr⁻¹·nm⁻¹, with its band edges (nm).
 
-    Half floats are for light that was scaled to about 1 before: night is darker than they reach.
+    Half floats need light scaled to about 1: they cannot represent night.
 
     Raises
     ------
     ValueError
-        When there are not as many bands as edges.
+        If there are not as many bands as edges.
     """
     if radiance.ndim != 3 or radiance.shape[-1] != len(bands_nm):
         raise ValueError(
@@ -102,7 +102,7 @@ def read_radiance(path: Path) -> tuple[NDArray[np.float32], tuple[tuple[float, f
     Raises
     ------
     ValueError
-        When the file is no EXR, not a radiance file of this layout, or holds what is no light.
+        If the file is not an EXR, not a radiance file of this layout, or has invalid values.
     """
     header, channels = _read(path)
     try:
@@ -121,16 +121,16 @@ def read_radiance(path: Path) -> tuple[NDArray[np.float32], tuple[tuple[float, f
 
 
 def read_size(path: Path) -> tuple[int, int]:
-    """Read rows and columns of a file from its header. Raises ValueError when it is no EXR."""
+    """Read rows and columns from a file's header. Raises ValueError if it is not an EXR."""
     header, _ = _read(path, header_only=True)
     (left, top), (right, bottom) = np.asarray(header["dataWindow"])
     return int(bottom - top + 1), int(right - left + 1)
 
 
 def read_attributes(path: Path) -> dict[str, str]:
-    """Read the text in a file's header, of truth camera, pose, time and names of kinds.
+    """Read the text in a file's header: for truth camera, pose, time and names of kinds.
 
-    Raises ValueError when it is no EXR.
+    Raises ValueError if it is not an EXR.
     """
     header, _ = _read(path, header_only=True)
     return {name: value for name, value in header.items() if isinstance(value, str)}
@@ -145,7 +145,7 @@ def write_truth(
     """Write the ground truth of one frame, with attributes for the header.
 
     The origin is a world position near the camera. Positions are stored relative to it, so that
-    their float32 is precise far from the world's origin, too.
+    float32 is precise far from the world's origin.
     """
     origin = np.asarray(origin_m, dtype=np.float64)
     channels: dict[str, NDArray[np.float32] | NDArray[np.uint32]] = {}
@@ -160,7 +160,7 @@ def write_truth(
 
 
 def read_truth(path: Path) -> "Truth":
-    """Read the ground truth of one frame. Raises ValueError for a file that holds none."""
+    """Read the ground truth of one frame. Raises ValueError for a file without one."""
     from megalopta.render.truth.footprint import FlowSpread, Footprint
     from megalopta.render.truth.tracer import Truth
 
@@ -188,7 +188,7 @@ def read_truth(path: Path) -> "Truth":
 
 
 def _under(group: str, values: Mapping[str, Any]) -> dict[str, Any]:
-    """Those that stand right in a group, by the rest of their name."""
+    """Entries directly in a group, by the rest of their name."""
     split = {field: field.rpartition(".") for field in values}
     return {name: values[field] for field, (owner, _, name) in split.items() if owner == group}
 
@@ -211,7 +211,7 @@ def _write(
 
 
 def _os_error(problem: RuntimeError, path: Path) -> OSError:
-    """The error of the system, such as a full disk, that OpenEXR gives the words of."""
+    """System error, such as a full disk, that OpenEXR reports as text."""
     codes = [code for code in errno.errorcode if os.strerror(code) in str(problem)]
     code = codes[0] if codes else errno.EIO
     return OSError(code, os.strerror(code), str(path))
@@ -230,5 +230,5 @@ def _read(
                 return dict(file.header()), {}
             pixels = {name: np.array(channel.pixels) for name, channel in file.channels().items()}
             return dict(file.header()), pixels
-    except Exception as problem:  # OpenEXR raises RuntimeError, TypeError and others alike
+    except Exception as problem:  # OpenEXR raises RuntimeError, TypeError and others
         raise ValueError(f"{path} cannot be read as EXR: {problem}") from problem

@@ -1,10 +1,10 @@
-"""Mitsuba and Dr.Jit, loaded with the libLLVM that was chosen, without a complaint if none is.
+"""Mitsuba and Dr.Jit, loaded with the chosen libLLVM, without a warning if there is none.
 
-Dr.Jit writes a line of its own on import, past Python; the choice of variant says the same, with
-the remedy. So everything here gets the two as `dr` and `mi` from this module.
+Dr.Jit prints its own warning on import, bypassing Python; the choice of variant reports the same,
+with the remedy. So all code in `render` imports the two as `dr` and `mi` from this module.
 
-A class of Mitsuba's exists once in each variant. What is added to it is written as a plain class,
-of which `registered` makes one of the active variant.
+Each Mitsuba class exists once per variant. Plug-ins are written as plain classes, which
+`registered` turns into classes of the active variant.
 """
 
 import os
@@ -44,20 +44,20 @@ def activate(variant: Variant) -> None:
 
 
 def is_scalar() -> bool:
-    """Whether the active variant takes one ray at a time."""
+    """True if the active variant takes one ray at a time."""
     return str(mi.variant()).startswith("scalar")
 
 
 class PlugIn:
-    """What a plug-in of Mitsuba's adds to its class there, in any variant.
+    """Plug-in that adds to a Mitsuba class, in any variant.
 
-    A class of the active variant has that one base alone: what is written here is copied into it.
+    A class of the active variant has only that base: definitions of the plug-in are copied into it.
     """
 
     base: ClassVar[str]
-    """Name of the class, such as "BSDF"."""
+    """Name of the Mitsuba class, such as "BSDF"."""
     above: ClassVar[Any]
-    """The class, in the active variant."""
+    """Class of that name, in the active variant."""
 
     if TYPE_CHECKING:
 

@@ -1,17 +1,17 @@
-"""Error of a frame from the scatter of its passes, and of what stands in all frames alike.
+"""Error of a frame, from the scatter of its passes and from the error fixed in all frames.
 
-Two renderings of a frame with different seeds differ by noise that flickers. Cutting a frame's
-samples in halves to compare these would cost more: multijittered sampling is better than the sum of
+Two renderings of a frame with different seeds differ by flickering noise. Splitting a frame's
+samples into halves for comparison would cost more: multijittered sampling is better than the sum of
 its parts, and a frame of two halves has 1.1 to 1.2 times the error (benchmarks/bench_sampler.py).
-So a frame is one pass, and every 16th frame gets a second one, for comparison only. Where passes
-are added up to a stated error, every frame is measured, from the scatter of its passes.
+So a frame is one pass, and every 16th frame gets a second one, for comparison only. If passes are
+added up to a target error, every frame is measured, from the scatter of its passes.
 
-Baked light has an error that stands on surfaces in all frames alike and moves with them. Some
-pixels of the second pass are compared with paths traced from the same points: that holds all of it,
-bias included. The mean of D², the squared difference, is too large by the variance of the paths,
-which is known from the scatter of the groups that a pixel's paths come in. Pixels are compared in
-pairs of neighbors, so that the gradient of the error is known in the same way. Where few pixels or
-noisy paths bring it to less than the bake's own scatter, it is taken to be the latter.
+Baked light has an error that is fixed on surfaces in all frames and moves with them. Some pixels of
+the second pass are compared with paths from the same points; the difference includes all of it,
+also bias. The mean of D², the squared difference, is too large by the variance of the paths, which
+follows from the scatter of the groups of a pixel's paths. Pixels are compared in pairs of
+neighbors, which also gives the gradient of the error. If few pixels or noisy paths make the
+estimate smaller than the bake's own scatter, the latter is used.
 """
 
 import json
@@ -30,47 +30,47 @@ Image = NDArray[np.float32]
 
 @dataclass(frozen=True)
 class MeasuredPass:
-    """A pass with what is needed to know its error."""
+    """Pass with the data that determines its error."""
 
     radiance: Image
     """(H, W, B)"""
     standing: Image
     """(H, W, B): one draw of the random part of the error that all frames share."""
     sky: NDArray[np.float32]
-    """(H, W): share of each pixel that the sky fills."""
+    """(H, W): share of each pixel filled by the sky."""
     differences: NDArray[np.float32] | None = None
-    """(H, W, G, B): how far the light of some pixels is from that of paths, by G independent groups
-    of paths; NaN of all other pixels. None where nothing stands."""
+    """(H, W, G, B): difference of some pixels' light from that of paths, for G independent groups
+    of paths; NaN for all other pixels. None without a fixed error."""
 
 
 @dataclass(frozen=True)
 class RegionNoise:
-    """Error of the pixels that show nothing but surfaces, or nothing but sky."""
+    """Error of the pixels that show only surfaces, or only sky."""
 
     share: float
-    """Of the image that these pixels are."""
+    """Share of the image that these pixels fill."""
     rms: float
     """RMS error over their mean radiance (sum over bands)."""
     median: float
     """σ/mean of the pixels of a block of 4 × 4, median over blocks (sum over bands)."""
     p95: float
-    """The same, not exceeded in 95 % of the blocks."""
+    """The same at the 95th percentile of the blocks."""
     bands: tuple[float, ...]
     """(B,): RMS error of each band over its mean radiance."""
     gradient: float
-    """Share of the differences between neighbors, squared, that the error makes."""
+    """Share of the squared differences between neighbors that is due to the error."""
     standing: float
-    """Part of `rms` that is alike in all frames and moves with the surfaces."""
+    """Part of `rms` that is the same in all frames and moves with the surfaces."""
     standing_gradient: float = 0.0
-    """Part of `gradient` that is alike in all frames."""
+    """Part of `gradient` that is the same in all frames."""
 
 
 @dataclass(frozen=True)
 class RenderNoise:
-    """Error of one frame: on its surfaces where there are any, else in the whole image."""
+    """Error of one frame: on its surfaces if there are any, otherwise in the whole image."""
 
     passes: int
-    """Averaged in the frame."""
+    """Number of passes averaged in the frame."""
     median_relative: float
     """σ/mean of the pixels of a block of 4 × 4, median over the lit blocks (sum over bands)."""
     rms_over_mean: float
@@ -78,38 +78,38 @@ class RenderNoise:
     mean: tuple[float, ...]
     """(B,): mean radiance of each band, W·m⁻²·sr⁻¹·nm⁻¹."""
     covariance: tuple[tuple[float, ...], ...]
-    """(B, B): of the error of a pixel between bands, mean over pixels, (W·m⁻²·sr⁻¹·nm⁻¹)²."""
+    """(B, B): error covariance of a pixel between bands, mean over pixels, (W·m⁻²·sr⁻¹·nm⁻¹)²."""
     detail: tuple[tuple[float, ...], ...] = ()
-    """(B, B): of the scene, like covariance: half the mean product of the differences between
-    neighbors, less that of the error."""
+    """(B, B): likewise of the scene: half the mean product of the differences between neighbors,
+    minus that of the error."""
     surface: RegionNoise | None = None
-    """None where it is not known which pixels show surfaces, or none do."""
+    """None if pixels of surfaces are unknown, or there are none."""
     sky: RegionNoise | None = None
 
     def to_json(self) -> str:
-        """As text for a file's header."""
+        """Return the error as text for a file's header."""
         return json.dumps(asdict(self))
 
     @classmethod
     def from_json(cls, text: str) -> "RenderNoise":
-        """From what `to_json` wrote. Raises ValueError for anything else."""
+        """Return the error from the text of `to_json`. Raises ValueError for anything else."""
         return TypeAdapter(cls).validate_json(text)
 
 
-# Pixels, or pairs of them, that say more than the scatter of the bake does.
+# Fewest pixels, or pairs, that are more precise than the scatter of the bake.
 _FEWEST = 8
 
 
 @dataclass(frozen=True)
 class Standing:
-    """The error that all frames share."""
+    """Error that all frames share."""
 
     draw: Floats  # (H, W, B)
     differences: Floats  # (H, W, G, B)
 
     @classmethod
     def of(cls, measured: MeasuredPass | None, like: Floats) -> "Standing":
-        """That of a pass; none where there is no such pass."""
+        """Return the error of a pass; zero without one."""
         empty = np.zeros((*like.shape[:2], 0, like.shape[2]))
         if measured is None:
             return cls(np.zeros_like(like), empty)
@@ -125,7 +125,7 @@ class Standing:
         return max(_without_scatter(found), scatter, key=np.sum)
 
     def slope(self, part: Mask) -> float:
-        """Mean square of what the error of neighbors, summed over bands, differs by."""
+        """Mean squared difference between neighbors of the error, summed over bands."""
         draws, found = [], []
         for axis, both in enumerate(pairs(part)):
             draws.append(np.diff(self.draw.sum(axis=-1), axis=axis)[both])
@@ -138,7 +138,7 @@ class Standing:
         return max(float(_without_scatter(compared).sum()), scatter)
 
     def squares(self, part: Mask) -> Floats:
-        """Of each pixel (H, W), summed over bands: those of the draw, with the mean that is due."""
+        """Squared error of each pixel (H, W), summed over bands, scaled to the measured mean."""
         draw = self.draw.sum(axis=-1) ** 2
         mean = draw[part].mean()
         due = max(float(self.covariance(part).sum()), 0.0)
@@ -157,7 +157,7 @@ def _mean_square(values: Floats) -> Floats:
 
 
 def _without_scatter(groups: Floats) -> Floats:
-    """Mean product (B, B) of the means of independent groups (n, G, B), free of their scatter.
+    """Mean product (B, B) of the means of independent groups (n, G, B), without their scatter.
 
     Diagonal elements are not negative.
     """
@@ -170,12 +170,12 @@ def _without_scatter(groups: Floats) -> Floats:
 
 
 def slopes(pixels: Floats) -> list[Floats]:
-    """Differences between neighbors in columns and in rows, of the sum over bands."""
+    """Differences between neighbors in columns and rows, of the sum over bands."""
     return [np.diff(pixels.sum(axis=-1), axis=axis) for axis in (0, 1)]
 
 
 def pairs(part: Mask) -> list[Mask]:
-    """Neighbors in columns and in rows that both lie in a part."""
+    """Neighbors in columns and rows that are both in a part."""
     return [part[1:] & part[:-1], part[:, 1:] & part[:, :-1]]
 
 
@@ -184,7 +184,7 @@ _TAIL = 0.95
 
 
 class RunningMean:
-    """Mean of the passes of a frame so far and their scatter (Welford's method, float64)."""
+    """Mean of a frame's passes so far and their scatter (Welford's method, float64)."""
 
     def __init__(self) -> None:
         self.count = 0
@@ -193,7 +193,7 @@ class RunningMean:
         self._slopes: list[Floats] = []  # of the sum over bands, between neighbors
 
     def add(self, image: Image) -> None:
-        """Take in one pass (H, W, B)."""
+        """Add one pass (H, W, B)."""
         self.count += 1
         if self.count == 1:
             self._mean = image.astype(np.float64)
@@ -213,7 +213,7 @@ class RunningMean:
         return self._mean.astype(np.float32)
 
     def noise(self, averaged: int, measured: MeasuredPass | None = None) -> RenderNoise:
-        """Error of the mean of `averaged` passes like these, of which there must be two or more.
+        """Error of the mean of `averaged` passes like these, which must be two or more.
 
         `measured` is one of them.
         """
@@ -244,7 +244,7 @@ class RunningMean:
 
 @dataclass(frozen=True)
 class _Frame:
-    """Mean (H, W, B) of passes, of which a frame averages some, and what single passes vary by."""
+    """Mean (H, W, B) of a frame's passes, and the variance of single passes."""
 
     mean: Floats
     flicker: Floats  # (H, W, B, B)
@@ -254,16 +254,16 @@ class _Frame:
     averaged: int
 
     def covariance(self, part: Mask, passes: int | None = None) -> Floats:
-        """Of the whole error of the frame, or of the mean of some passes, between bands (B, B)."""
+        """Covariance (B, B) between bands of the frame's error, or of the mean of some passes."""
         flicker = self.flicker[part].mean(axis=0) / (passes or self.averaged)
         return np.asarray(flicker + self.standing.covariance(part))
 
     def detail(self, part: Mask) -> Floats:
-        """Covariance (B, B) of what neighbors differ by without error."""
+        """Covariance (B, B) of differences between neighbors, without error."""
         return neighbor_differences(self.mean, part) - self.covariance(part, self.passes)
 
     def region(self, part: Mask) -> RegionNoise:
-        """What is told of the pixels of a part (H, W)."""
+        """Error of the pixels of a part (H, W)."""
         light, squares = self.mean.sum(axis=-1), self.standing.squares(part)
         flicker = self.flicker.sum(axis=(-2, -1)) / self.averaged
         covariance = self.covariance(part)
@@ -282,9 +282,9 @@ class _Frame:
         )
 
     def _gradient(self, part: Mask) -> tuple[float, float]:
-        """Shares of the squared differences between neighbors that the error makes.
+        """Shares of the squared differences between neighbors that are due to the error.
 
-        First that of what flickers, then that of what stands.
+        First that of the flickering error, then that of the fixed one.
         """
         flicker = still = seen = 0.0
         slope = self.standing.slope(part)
@@ -297,7 +297,7 @@ class _Frame:
 
 
 def neighbor_differences(pixels: Floats, part: Mask) -> Floats:
-    """Half the mean product (B, B) of what neighbors in a part (H, W) differ by."""
+    """Half the mean product (B, B) of the differences between neighbors in a part (H, W)."""
     along = [np.diff(pixels, axis=axis)[both] for axis, both in enumerate(pairs(part))]
     differences = np.concatenate(along)
     return np.asarray(differences.T @ differences / (2 * max(len(differences), 1)))
@@ -306,10 +306,10 @@ def neighbor_differences(pixels: Floats, part: Mask) -> Floats:
 def _relative(
     flicker: Floats, squares: Floats, light: Floats, part: Mask, degrees: int
 ) -> tuple[float, float]:
-    """Median over blocks of σ/mean, and what 95 % of the blocks do not exceed.
+    """Median over blocks of σ/mean, and its 95th percentile.
 
-    A variance from two passes scatters so much that the median of its root over pixels of unlike σ
-    is 13 % below that of σ in a forest; neighbors have nearly the same σ, and blocks know it well.
+    A variance from two passes scatters so much that the median of its root over pixels of different
+    σ is 13 % too low in a forest. Neighbors have nearly the same σ, so blocks estimate it well.
     """
     masked = (np.where(part, each, 0.0) for each in (flicker, squares, light, np.ones_like(light)))
     moving, still, lights, pixels = (_block_sums(each) for each in masked)
@@ -317,7 +317,7 @@ def _relative(
     if not lit.any():
         return 0.0, 0.0
     freedom = degrees * pixels[lit]
-    # The root of an estimated variance has not σ as its median.
+    # The median of the root of an estimated variance is not σ.
     estimated = pixels[lit] * (
         moving[lit] * freedom / (2 * gammaincinv(freedom / 2, 0.5)) + still[lit]
     )
@@ -335,18 +335,18 @@ def _rows(matrix: Floats) -> tuple[tuple[float, ...], ...]:
 
 
 RenderPass = Callable[[int], Image]
-"""Renders the pass of a given number: radiance (H, W, B), independent of the other passes."""
+"""Function that renders the pass of a given number: radiance (H, W, B), independent of others."""
 MeasurePass = Callable[[int], MeasuredPass]
-"""The same pass, with what its error is known by."""
+"""The same pass, with the data that determines its error."""
 
 MEASURED_EVERY = 16
-"""Frames from one that is rendered twice to the next."""
+"""Interval in frames between those that are rendered twice."""
 
 
 def render_once(
     render_pass: RenderPass, measure_pass: MeasurePass | None
 ) -> tuple[Image, RenderNoise | None]:
-    """Pass 0, (H, W, B), and its error by comparison with pass 1 where that is to be measured."""
+    """Pass 0, (H, W, B), and its error by comparison with pass 1 if it is to be measured."""
     image = render_pass(0)
     if measure_pass is None:
         return image, None
@@ -360,9 +360,9 @@ def render_once(
 def render_until(
     render_pass: RenderPass, measure_pass: MeasurePass, target_error: float, most_passes: int
 ) -> tuple[Image, RenderNoise]:
-    """Mean (H, W, B) of as many passes as bring the RMS error on surfaces to the target.
+    """Mean (H, W, B) of enough passes for the target RMS error on surfaces, and its error.
 
-    At least two, at most `most_passes`; the result says how many, and which error they left.
+    There are at least two and at most `most_passes`; the result states their number and error.
     """
     first = measure_pass(0)
     passes = RunningMean()

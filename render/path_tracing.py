@@ -1,11 +1,11 @@
-"""Frames by paths of light, with what their error is measured by.
+"""Path-traced frames, with the data for their error.
 
-One kernel traces paths along rays, however many they are and wherever they come from. It is
-Mitsuba's own path tracer, step by step and random number by random number: next-event estimation,
-multiple importance sampling and roulette from the fifth hit on. Two things differ. Nothing of an
-image's size, a camera, or the longest path is a constant of the code that is compiled, which takes
-seconds: once for a kind of scene and not for each. And rays can meet two scenes, of which each sees
-what is nearer: one at rest and a small one of what moves, which alone is built anew.
+One kernel traces paths along any number of rays of any origin. It is Mitsuba's own path tracer,
+step by step and random number by random number: next-event estimation, multiple importance sampling
+and roulette from the fifth hit on. It differs in two points. Image size, camera and longest path
+are not constants of the compiled code, so compilation, which takes seconds, is needed once per kind
+of scene. And rays can intersect two scenes and use the nearer hit: one at rest, and a small one of
+moving objects, the only one that is rebuilt.
 """
 
 from collections.abc import Iterator, Sequence
@@ -29,8 +29,8 @@ _ROULETTE_DEPTH, _MOST_LIKELY = 5, 0.95
 class LightPaths:
     """Paths of at most `max_depth` hits in a vectorized variant.
 
-    They meet the layers, scenes of meshes of which those that move do not glow; without layers,
-    the scene that lights them.
+    They intersect the layers, scenes of meshes whose moving ones do not emit; without layers, the
+    scene that lights them.
     """
 
     def __init__(self, max_depth: int, *layers: Any) -> None:
@@ -40,9 +40,9 @@ class LightPaths:
     def radiance(
         self, scene: Any, sampler: Any, rays: Any, active: Any | None = None
     ) -> tuple[Any, Any]:
-        """Radiance along N rays at their wavelengths, and which of them meet something.
+        """Radiance along N rays at their wavelengths, and True for those that hit something.
 
-        The sampler is one that was seeded for N.
+        The sampler must be seeded for N.
         """
         active = dr.full(mi.Bool, True, dr.width(rays.d)) if active is None else mi.Bool(active)
         origin = dr.zeros(mi.Point3f, dr.width(rays.d)) + rays.o
@@ -111,7 +111,7 @@ class LightPaths:
 
 
 def _shining(scene: Any, here: Any, before: Any, pdf: Any, delta: Any) -> Any:
-    """What is met shines itself, weighed against having been looked for."""
+    """Emission of the hit itself, weighted against next-event estimation."""
     source = mi.DirectionSample3f(scene, here, before)
     looked = scene.pdf_emitter_direction(before, source, ~delta)
     light: Any = source.emitter.eval(here, pdf > 0)
@@ -126,22 +126,22 @@ def _share(pdf: Any, other: Any) -> Any:
 
 
 SCATTERINGS = 64
-"""What the longest path of clear air grows by in haze: of 80 trees in fog of 50 m visibility, 16
-more miss 0.2 % of the light in the visible and 1.6 % where leaves are bright, 32 miss 0.01 %; of
-10 m, 64 miss some 3 % where leaves are bright."""
-# Rays per pixel that look for the sky in scalar variants, where each takes 10 µs.
+"""Extension of the longest path of clear air in haze. For 80 trees in fog of 50 m visibility, 16
+more miss 0.2 % of the light in the visible and 1.6 % where leaves are bright, 32 miss 0.01 %; at 10
+m, 64 miss some 3 % where leaves are bright."""
+# Rays per pixel that search the sky in scalar variants, where each takes 10 µs.
 _SCALAR_RAYS = 4
 
 
 class PathIntegrator:
-    """Frames of which every path is traced, in clear air or through haze.
+    """Frames by path tracing, in clear air or through haze.
 
-    In haze, scatterings by droplets count as hits of surfaces do.
+    In haze, scattering by droplets counts as a hit.
 
     Attributes
     ----------
     exposing : PathIntegrator
-        That of frames of many poses; itself, unless another is given.
+        Integrator of frames of many poses; itself, unless another is given.
     """
 
     def __init__(
@@ -153,7 +153,7 @@ class PathIntegrator:
         self._trace = self._tracer(max_depth)
 
     def _tracer(self, max_depth: int) -> Any:
-        """Mitsuba's integrators where ours does not do: in haze, and a sample at a time."""
+        """Mitsuba's integrators for cases not covered here: haze, and one sample at a time."""
         if self._air:
             return mi.load_dict({"type": "volpath", "max_depth": max_depth + SCATTERINGS})
         if self._is_scalar:
@@ -161,18 +161,18 @@ class PathIntegrator:
         return LightPaths(max_depth)
 
     def move_to(self, time_s: float) -> None:
-        """Nothing is kept that depends on the time."""
+        """Do nothing: no state depends on the time."""
 
     def render(self, scene: Any, sensor: Any, seed: int, spp: int) -> NDArray[np.float32]:
-        """Radiance (H, W, B) that a sensor sees, W·m⁻²·sr⁻¹·nm⁻¹.
+        """Radiance (H, W, B) at a sensor, W·m⁻²·sr⁻¹·nm⁻¹.
 
-        In haze its scene is that of the air.
+        In haze, the scene is the one with the medium.
         """
         if self._air:
             scene = self._air.scene
         if not self._is_scalar:
             return developed(sensor, seed, spp, partial(self._radiance, scene))
-        if self._air and sensor.get_medium() is None:  # it takes one only once
+        if self._air and sensor.get_medium() is None:  # it accepts one only once
             sensor.set_medium(self._air.medium)
         return np.array(self._trace.render(scene, sensor, seed=seed, spp=spp), np.float32)
 
@@ -210,7 +210,7 @@ class PathIntegrator:
         return light, valid
 
     def measured(self, scene: Any, sensor: Any, seed: int, spp: int) -> NDArray[np.float32]:
-        """Radiance, zeros and the share of the sky (H, W, 2·B + 1): nothing stands."""
+        """Radiance, zeros and the share of the sky (H, W, 2·B + 1): no fixed error."""
         radiance = self.render(scene, sensor, seed, spp)
         if self._is_scalar:
             sky = _scalar_sky(scene, sensor, seed)
@@ -237,11 +237,11 @@ def _scalar_sky(scene: Any, sensor: Any, seed: int) -> NDArray[np.float32]:
 
 
 _LARGEST_MOVING_SHARE = 0.5
-"""Of the triangles, that move: beyond, two scenes are not worth the second look of each ray."""
+"""Share of moving triangles above which two scenes do not pay for intersecting each ray twice."""
 
 
 def is_layered(scene: Scene, meshes: Sequence[MergedMesh]) -> bool:
-    """Whether what moves in clear air is small, does not glow and has something at rest by it."""
+    """True if moving objects in clear air are small, do not emit and come with objects at rest."""
     moving = [mesh for mesh in meshes if isinstance(mesh, MovingMesh)]
     triangles = sum(len(mesh.faces) for mesh in moving)
     return (
@@ -253,9 +253,9 @@ def is_layered(scene: Scene, meshes: Sequence[MergedMesh]) -> bool:
 
 
 class Layers(PathIntegrator):
-    """Traces paths through a scene at rest and through one of what moves, in its own copy.
+    """Path tracer through a scene at rest and one of moving objects, in its own copy.
 
-    What moves has the surfaces of the loaded scene, which lights both.
+    Moving objects have the surfaces of the loaded scene, which lights both.
     """
 
     def __init__(
@@ -270,7 +270,7 @@ class Layers(PathIntegrator):
         self._trace = LightPaths(max_depth, *self._layers)
 
     def move_to(self, time_s: float) -> None:
-        """Put moving objects where they are at a time."""
+        """Move moving objects to a time."""
         move_to(self._layers[1], dict(enumerate(self._meshes)), time_s)
 
     def _sky(self, scene: Any, ray: Any) -> Any:

@@ -1,7 +1,7 @@
-"""Radiance and ground truth of a scene seen along a trajectory.
+"""Radiance and ground truth of a scene along a trajectory.
 
-The scene is loaded once; per frame only the pose and the moving objects change, with a seed of its
-own, since the same seed would give noise that stands still on the sensor and reads as "no motion".
+The scene is loaded once; per frame only the pose and the moving objects change. Every frame has its
+own seed, as equal seeds would give noise that is fixed on the sensor and detected as "no motion".
 """
 
 from pathlib import Path as Files
@@ -32,34 +32,34 @@ from megalopta.scenes.cameras.base import Camera
 from megalopta.scenes.scene import Scene
 from megalopta.scenes.trajectories.base import Path
 
-# Poses of an exposure whose rows all begin at the same time, and of one whose rows do not.
+# Poses of an exposure whose rows all start at the same time, and of one with a rolling shutter.
 _POSES, _ROLLING_POSES = 256, 64
 
 
 class SceneRenderer:
-    """A loaded scene and a camera, ready to be moved along poses.
+    """Loaded scene and camera, to be moved along poses.
 
     Parameters
     ----------
     poses : (T, 4, 4), optional
-        Where the camera will come; light is baked for these, and haze reaches so far. Without them
-        paths are traced.
+        Poses of the camera; light is baked for these, and haze covers them. Without them paths are
+        traced.
     seed : int
-        Seed of the sequence, for what its frames share.
+        Seed of the sequence, for data shared by its frames.
     light_folder : pathlib.Path, optional
-        Where baked light is kept for whoever renders the same again.
+        Cache folder for baked light, for later renderings of the same.
 
     Attributes
     ----------
     samples_per_pixel : int
-        Light paths per pixel as the sampler rounds them.
+        Light paths per pixel, as rounded by the sampler.
     integrator : str
-        "baked" or "path", and why paths are traced.
+        "baked" or "path", with the reason for tracing paths.
 
     Raises
     ------
     ValueError
-        When a panorama cannot be read.
+        If a panorama cannot be read.
     """
 
     def __init__(
@@ -108,30 +108,30 @@ class SceneRenderer:
     def radiance(self, pose: Floats, seed: int, time_s: float = 0.0) -> NDArray[np.float32]:
         """Spectral radiance (H, W, B) seen from a pose (4, 4), W·m⁻²·sr⁻¹·nm⁻¹, band means.
 
-        `time_s` says where the moving objects are. Raises FloatingPointError when the renderer
+        `time_s` sets the positions of moving objects. Raises FloatingPointError if the renderer
         returns a value that is not finite.
         """
         return self._view.radiance(self._at(pose, seed, time_s))
 
     def measured(self, pose: Floats, seed: int, time_s: float = 0.0) -> MeasuredPass:
-        """The same as `radiance`, with what its error is known by."""
+        """The same as `radiance`, with the data that determines its error."""
         return self._view.measured(self._at(pose, seed, time_s))
 
     def exposed(
         self, path: Path, shutter: Shutter, frame: int, seed: int, number: int = 0
     ) -> NDArray[np.float32]:
-        """Spectral radiance (H, W, B) of a frame as a shutter takes it: blurred, rolling or both.
+        """Spectral radiance (H, W, B) of a frame with a shutter: blurred, rolling or both.
 
-        The samples of a sharp frame are spread over the exposure, with noise of their own from the
-        seed of the sequence and the number of the pass. Where objects move they share
-        `shutter.poses` instants, at which the objects are put.
+        The samples of a sharp frame are spread over the exposure, with their own noise from the
+        seed of the sequence and the number of the pass. With moving objects, they share
+        `shutter.poses` instants at which the objects are placed.
         """
         return self._view.radiance(self._exposure(path, shutter, frame, seed, number))
 
     def exposed_measured(
         self, path: Path, shutter: Shutter, frame: int, seed: int, number: int = 0
     ) -> MeasuredPass:
-        """The same as `exposed`, with what its error is known by."""
+        """The same as `exposed`, with the data that determines its error."""
         return self._view.measured(self._exposure(path, shutter, frame, seed, number))
 
     def _at(self, pose: Floats, seed: int, time_s: float) -> Exposure:
@@ -160,13 +160,13 @@ class SceneRenderer:
         return Exposure(tuple(map(Part, poses, instants, seeds)), is_rolling)
 
     def light_survey(self, positions: Floats) -> LightSurvey | None:
-        """Illuminance above and below camera positions (N, 3); None where only surfaces emit."""
+        """Illuminance above and below camera positions (N, 3); None if only surfaces emit."""
         return self._view.light_survey(positions)
 
     def light_left_out(self, pose: Floats, time_s: float = 0.0) -> Floats | None:
-        """Share of the light of surfaces, by band, that takes more hits than paths may have, (B,).
+        """Truncation bias: missing share of surface light, by band, due to the path limit, (B,).
 
-        Seen from a pose (4, 4); None before a panorama.
+        It is for a pose (4, 4); None for a panorama.
         """
         return self._view.light_left_out(self._local(pose), time_s)
 
@@ -177,7 +177,7 @@ class SceneRenderer:
     def truth(self, poses: Floats, frame: int, times_s: ArrayLike | None = None) -> Truth:
         """Ground truth of one frame of a sequence, with flow toward the one after and before.
 
-        Poses (T, 4, 4) are camera to world; times (T,), s, are needed where objects move.
+        Poses (T, 4, 4) are camera to world; times (T,), s, are required if objects move.
         """
         last = len(poses) - 1
         return self._tracer.truth(
@@ -187,15 +187,15 @@ class SceneRenderer:
         )
 
     def flow(self, poses: Floats, frame: int, other: int, times_s: ArrayLike | None = None) -> Flow:
-        """Flow and occlusion from one frame to any other of a sequence; arguments as of `truth`."""
+        """Flow and occlusion between any two frames of a sequence; arguments as for `truth`."""
         return self._tracer.flow(
             self._instant(poses, frame, times_s), self._instant(poses, other, times_s)
         )
 
     def shutter_truth(self, path: Path, shutter: Shutter, frame: int) -> Truth:
-        """Ground truth of one frame of a rolling shutter; every row looks at its own time.
+        """Ground truth of one frame of a rolling shutter; every row has its own time.
 
-        Flow leads to where the point is in the other frame, taken with the same shutter.
+        Flow leads to the point's position in the other frame, with the same shutter.
         """
         if shutter.readout_s:
             self._refuse_panorama(shutter)
@@ -210,8 +210,8 @@ class SceneRenderer:
     def _refuse_panorama(self, shutter: Shutter) -> None:
         if self._scene.environment:
             raise ValueError(
-                f"shutter.readout_s {shutter.readout_s:g}: the scene is a panorama, and a rolling "
-                "shutter needs bodies; use 0"
+                f"shutter.readout_s {shutter.readout_s:g}: the scene is a panorama, but a rolling "
+                "shutter needs surfaces; use 0"
             )
 
     def _instant(self, poses: Floats, frame: int, times_s: ArrayLike | None) -> Instant:
@@ -221,7 +221,7 @@ class SceneRenderer:
         return Instant(time, self._local(poses[frame]))
 
     def _local(self, pose: Floats) -> Floats:
-        """A pose (..., 4, 4) relative to the scene's origin, in the renderer's precision."""
+        """Pose (..., 4, 4) relative to the scene's origin, in the renderer's precision."""
         local = pose.copy()
         local[..., :3, 3] = (pose[..., :3, 3] - self._scene.origin_m).astype(np.float32)
         return local

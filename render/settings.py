@@ -1,4 +1,4 @@
-"""How radiance is computed, as settings, and the seeds of its noise; no renderer is needed here."""
+"""Settings of radiance, and the seeds of its noise; no renderer is needed here."""
 
 from collections.abc import Sequence
 from typing import Annotated, Literal
@@ -12,7 +12,7 @@ Bands = Sequence[tuple[float, float]]
 
 
 def channel_names(bands_nm: Bands) -> list[str]:
-    """Name of the channel of each band, after its center, which must be its own (ValueError)."""
+    """Channel name of each band, after its center, which must be unique (ValueError)."""
     centers = [f"{(lower + upper) / 2:.3f}".replace(".", ",") for lower, upper in bands_nm]
     for number, center in enumerate(centers):
         first = centers.index(center)
@@ -29,21 +29,18 @@ Backend = Literal["auto", "cuda", "llvm", "scalar"]
 
 
 class RenderSettings(Record, frozen=True):
-    """How radiance is computed."""
+    """Settings of radiance."""
 
     samples_per_pixel: Annotated[int, Field(ge=1, le=2**20)] = 25
     """Light paths per pixel and frame. Samplers round up: multijitter to a product of two near
-    factors, orthogonal to the square of a prime, ldsampler to a power of four; independent takes
+    factors, orthogonal to the square of a prime, ldsampler to a power of four; independent accepts
     any number."""
 
     max_depth: Annotated[int, Field(ge=1, le=1000)] = 16
-    """Longest path in surface hits plus one: 2 is direct light, each more one bounce. Of the light
-    that forests' surfaces send to the camera 2, 3, 4, 6, 8 and 16 leave out 10 to 19, 2 to 3, 0.3
-    to 0.7, 0.02, 0 and 0 % at 500 to 600 nm, and 47 to 70, 27 to 46, 16 to 30, 6 to 11, 2 to 4 and
-    0.1 % at 0.8 to 1.3 µm, where leaves are bright; from 8 on paths end by themselves and cost no
-    more, 1.1 to 1.5 times those of 4. The scene record tells what is left out. In haze a scattering
-    counts as a hit, and 64 more are allowed: enough down to a visibility of 20 m; denser fog takes
-    more."""
+    """Longest path in surface hits plus one: 2 is direct light, each more one reflection. 16 omits
+    up to 0.1 % of a forest's light in the near infrared, less in the visible, and costs no more
+    than 8; the scene record states the omitted share. In haze a scattering counts as a hit, and 64
+    more are allowed: enough down to a visibility of 20 m."""
 
     bands_nm: Annotated[tuple[tuple[float, float], ...], Field(min_length=1)] = (
         (400, 475),
@@ -52,48 +49,47 @@ class RenderSettings(Record, frozen=True):
         (625, 700),
     )
     """Spectral bands, lower and upper edge (nm). A path carries four wavelengths: more bands make
-    each band noisier, not their sum."""
+    each band noisier, but not their sum."""
 
     sampler: Literal["independent", "multijitter", "orthogonal", "ldsampler"] = "multijitter"
-    """Mitsuba's sample generator. At 49 samples of the demo's forest multijitter, orthogonal and
-    ldsampler have the same efficiency, 1/(error² · CPU-seconds), 4.3 times that of independent
-    sampling; multijitter wastes the least by rounding (benchmarks/bench_sampler.py)."""
+    """Mitsuba's sample generator. In the demo's forest, at 49 samples, all but independent have 4.3
+    times its efficiency, 1/(error² · CPU-seconds); multijitter wastes least by rounding."""
 
     target_error: Annotated[float, Field(gt=0, lt=1)] | None = None
-    """RMS error to stop at, of pixels without sky, over their mean (sum over bands): passes of
-    samples_per_pixel are added up, two at least, until it is met; None renders one pass. Where
-    light is baked, its own error is at most half of this."""
+    """Target RMS error of pixels without sky, over their mean (sum over bands): passes of
+    samples_per_pixel are added up, two at least, until it is reached; null renders one pass. Baked
+    light's own error is at most half of this."""
 
     max_passes: Annotated[int, Field(ge=2, le=10_000)] = 16
-    """Passes at which a frame is finished even if target_error is not met."""
+    """Passes after which a frame is finished even if target_error is not reached."""
 
     integrator: Literal["auto", "path", "baked"] = "auto"
     """path traces every path of every frame; baked computes the light on each surface once, which
-    all views share, and traces paths for objects that move and what is near them; auto bakes where
-    frames of the same error on surfaces then take less work. Scalar variants, and scenes where more
-    than 16 objects move, always take path; in haze auto does, and baked is refused."""
+    all views share, and traces paths for moving objects and near them; auto bakes if frames of the
+    same error on surfaces then take less work. Scalar variants, and scenes with more than 16 moving
+    objects, always use path; in haze auto does, and baked is rejected."""
 
     bake_error: Annotated[float, Field(gt=0, lt=1)] = 0.022
-    """Noise of baked light, which stands on surfaces in all frames alike: RMS over pixels without
-    sky, relative to their mean (sum over bands). As many rays are traced as bring it about there;
-    the scene record tells what was reached, with what sharing light between neighbors adds."""
+    """Noise of baked light, fixed on surfaces in all frames: RMS over pixels without sky, relative
+    to their mean (sum over bands). It sets the number of rays; the scene record states the error
+    reached, including that of sharing light between neighbors."""
 
     truth_rays: Annotated[int, Field(ge=1, le=1024)] = 16
-    """Rays per pixel, rounded up to a square, from which the truth tells what the whole pixel sees:
-    purity, sky, mean flow, its spread, what is hidden. All else is told of the pixel's center."""
+    """Rays per pixel, rounded up to a square, for the ground truth of whole pixels: purity, sky,
+    mean flow, its spread, occlusion. All other truth is that of the pixel's center."""
 
     backend: Backend = "auto"
-    """Mitsuba variant family; auto takes llvm, else scalar. What cuda gives has not been compared
-    with llvm on a real device yet."""
+    """Mitsuba variant family; auto takes llvm, otherwise scalar. Results of cuda have not been
+    compared with llvm on a real device yet."""
 
     samples_per_pass: Annotated[int, Field(ge=1, le=2**28)] | None = None
     """Most light paths of a frame traced at once: Ctrl-C waits for them. By default one or two
-    seconds' work, 2¹⁹ in scalar, 2²⁰ in llvm and 2²⁴ in cuda mode. How a frame is divided is part
-    of what seeds its noise."""
+    seconds' work, 2¹⁹ in scalar, 2²⁰ in llvm and 2²⁴ in cuda mode. The division of a frame into
+    passes affects the seeds of its noise."""
 
     @property
     def standing_error(self) -> float:
-        """Error of baked light to aim at."""
+        """Target error of baked light."""
         return min(self.bake_error, (self.target_error or 1) / 2)
 
     @model_validator(mode="after")
@@ -109,13 +105,13 @@ class RenderSettings(Record, frozen=True):
 
 
 def frame_seed(seed: int, frame: int, *parts: int) -> int:
-    """Mitsuba's 32-bit seed of one frame, or of a numbered part of it: a pass, an instant of one.
+    """32-bit Mitsuba seed of one frame, or of a numbered part of it: a pass, an instant of one.
 
-    Unrelated between frames, their parts and sequence seeds.
+    Seeds of frames, parts and sequences are unrelated.
     """
     return int(np.random.SeedSequence(seed, spawn_key=(frame, *parts)).generate_state(1)[0])
 
 
 def bake_seed(seed: int) -> int:
-    """Mitsuba's 32-bit seed of a sequence's baked light, unrelated to those of its frames."""
+    """32-bit Mitsuba seed of a sequence's baked light, unrelated to those of its frames."""
     return frame_seed(seed, 0, 0, 0, 0)

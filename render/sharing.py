@@ -1,12 +1,12 @@
-"""How many rows of a rolling shutter share one pose of what moves.
+"""Rows of a rolling shutter that share one pose of moving objects.
 
-To bring a scene to another pose takes as long as some 10⁵ light paths, or more. Rows share one
-where nothing that the camera sees moves by more than `SHARED_PX` between them: each is then taken
-with moving things less than half of that away from where they are at its time. That is found out
-for each frame, from all triangles that move and have a part in the image of its first, middle or
-last row, between moments at most `_STEP_S` apart; `_RESERVE` is for what happens between these.
+Moving a scene to another pose takes as long as at least some 10⁵ light paths. Rows share a pose if
+nothing visible moves by more than `SHARED_PX` between them: moving objects are then less than half
+of that from their position at the row's time. This is determined for each frame, from all moving
+triangles that are visible in its first, middle or last row, between moments at most `_STEP_S`
+apart; `_RESERVE` covers motion between these.
 
-A shadow moves as far as what casts it, in meters: it may move by more in px where it falls nearer.
+A shadow moves as far as its object, in meters: it may move by more in px where it falls nearer.
 """
 
 import math
@@ -24,13 +24,13 @@ SHARED_PX = 0.05
 _STEP_S, _FEWEST_STEPS, _MOST_STEPS = 0.01, 2, 64
 _RESERVE = 1.25
 _MARGIN = 0.1
-"""Around the image, in widths of it: what comes into view meanwhile."""
+"""Margin around the image, in image widths, for objects that enter meanwhile."""
 
 
 def rows_of_a_pose(
     meshes: Sequence[MovingMesh], camera: Camera, pose: Floats, times_s: Sequence[float]
 ) -> int:
-    """Return how many rows may share a pose, of a frame whose rows have times (H,), s.
+    """Return the number of rows that may share a pose, for a frame with row times (H,), s.
 
     The pose (4, 4) of the camera, relative to the scene's origin, is that of the middle row.
     """
@@ -46,7 +46,7 @@ def rows_of_a_pose(
 
 
 def _farthest(mesh: MovingMesh, camera: Camera, pose: Floats, moments: Floats) -> float:
-    """Longest way in the image, px, of a triangle that is seen, from one moment to the next."""
+    """Longest displacement in the image, px, of a visible triangle from one moment to the next."""
     seen = np.zeros(len(mesh.faces), bool)
     for time in moments[[0, len(moments) // 2, -1]].tolist():
         seen |= _seen(mesh.faces, camera, _from_camera(mesh.vertices_at(time), pose))
@@ -60,13 +60,13 @@ def _farthest(mesh: MovingMesh, camera: Camera, pose: Floats, moments: Floats) -
 
 
 def _from_camera(vertices: NDArray[np.float32], pose: Floats) -> Floats:
-    """Ways (n, 3) to vertices (n, 3) in camera axes."""
+    """Vectors (n, 3) from the camera to vertices (n, 3) in camera axes."""
     ways: Floats = np.einsum("ji,nj->ni", pose[:3, :3], vertices - pose[:3, 3])
     return ways
 
 
 def _seen(faces: NDArray[np.uint32], camera: Camera, ways: Floats) -> Mask:
-    """Which triangles (F,) may have a part in the image or in the margin around it."""
+    """True for triangles (F,) that may be visible in the image or the margin around it."""
     if camera.intrinsics is None:
         x, y, depth = *camera.project(ways).T, np.ones(len(ways))
     else:
@@ -75,15 +75,15 @@ def _seen(faces: NDArray[np.uint32], camera: Camera, ways: Floats) -> Mask:
     beyond = [depth <= 0, y < -margin * depth, y > (camera.height + margin) * depth]
     if not camera.wraps:
         beyond += [x < -margin * depth, x > (camera.width + margin) * depth]
-    out = np.packbits(beyond, axis=0)[0]  # of each vertex, a bit for each side
+    out = np.packbits(beyond, axis=0)[0]  # for each vertex, a bit for each side
     a, b, c = faces.T
     return np.asarray(out[a] & out[b] & out[c] == 0)
 
 
 def _longest(camera: Camera, before: Floats, after: Floats) -> float:
-    """Longest way (px) from triangles (n, 3, 3) to others.
+    """Longest displacement (px) from triangles (n, 3, 3) to others.
 
-    Of those that reach out of the image by the angle, from the least distance that they may have.
+    For those that extend out of the image, the angle at their smallest possible distance counts.
     """
     places = camera.project(before)
     with np.errstate(invalid="ignore"):
@@ -98,7 +98,7 @@ def _longest(camera: Camera, before: Floats, after: Floats) -> float:
 
 
 def _px_per_rad(camera: Camera) -> float:
-    """Most pixels of the image's border that an angle takes up."""
+    """Largest number of px of the image's border per angle."""
     columns, rows = np.arange(camera.width + 1.0), np.arange(camera.height + 1.0)
     border = [np.stack([columns, np.full_like(columns, y)], axis=-1) for y in rows[[0, -1]]]
     border += [np.stack([np.full_like(rows, x), rows], axis=-1) for x in columns[[0, -1]]]
@@ -107,6 +107,6 @@ def _px_per_rad(camera: Camera) -> float:
 
 
 def _round_number(least: int) -> int:
-    """Return the next of 1, 2, 3, 4, 6, 8, 12…: for each number of rows kernels are compiled."""
+    """Return the next of 1, 2, 3, 4, 6, 8, 12…: kernels are compiled for each number of rows."""
     power = 1 << (least - 1).bit_length()
     return power * 3 // 4 if power > 2 and power * 3 // 4 >= least else power

@@ -1,7 +1,7 @@
-"""Surfaces seen by a camera: light paths from its pixels, over objects that may move.
+"""Surfaces seen by a camera: light paths from its pixels, with objects that may move.
 
-Light that is left out of frames because it takes more hits than their paths may have. Paths of
-equal seeds begin alike, so what longer ones bring is known from few of them.
+The truncation bias is the light that frames miss because it takes more hits than their paths may
+have. Paths of equal seeds start alike, so few longer ones are enough to measure it.
 """
 
 import math
@@ -25,24 +25,24 @@ from megalopta.render.surveys import LightMeter, LightSurvey
 from megalopta.scenes.cameras.base import Camera
 
 _MORE_HITS = 32
-"""Of leaves at 0.8 to 1.3 µm, the brightest that there are, 16 hits leave out a thousandth."""
+"""Leaves at 0.8 to 1.3 µm are the brightest surfaces: for these, 16 hits miss a thousandth."""
 _LONGER_SEED = 0
 
 
 def share_left_out(
     scene: Any, film: Film, pose: Floats, max_depth: int, air: Air | None = None
 ) -> Floats:
-    """Return the share of the light of surfaces, by band, that more hits would bring, (B,).
+    """Return the share of the light of surfaces, by band, that more hits would add, (B,).
 
     Parameters
     ----------
     scene
-        Loaded.
+        Loaded scene.
     film
-        Of few samples.
+        Film with few samples.
     pose : (4, 4)
     max_depth : int
-        Of the frames.
+        Longest path of the frames.
     air
         The scene's haze.
     """
@@ -58,11 +58,11 @@ def share_left_out(
 
 
 _LONGER_PATHS = 2**15
-"""Of a look at what longer ones would bring; one a pixel at least"""
+"""Number of longer paths for the truncation bias; at least one per pixel"""
 
 
 class SurfaceView:
-    """A camera in a loaded scene, and the integrator that finds its light."""
+    """Camera in a loaded scene, with the integrator that finds its light."""
 
     def __init__(
         self,
@@ -82,11 +82,11 @@ class SurfaceView:
 
     @property
     def samples_per_pixel(self) -> int:
-        """Light paths per pixel as the sampler rounds them."""
+        """Light paths per pixel, as rounded by the sampler."""
         return self._film(1).samples_per_pixel
 
     def move_to(self, time_s: float) -> None:
-        """Put moving objects where they are at a time."""
+        """Move moving objects to a time."""
         if time_s == self._time_s or not self._moving:
             return
         for scene in [self._loaded, *([self._air.scene] if self._air else [])]:
@@ -95,15 +95,15 @@ class SurfaceView:
         self._time_s = time_s
 
     def radiance(self, exposure: Exposure) -> NDArray[np.float32]:
-        """Radiance (H, W, B) as a shutter takes it.
+        """Radiance (H, W, B) of an exposure.
 
-        Raises FloatingPointError when Mitsuba returns a value that is not finite, and ValueError
-        where a pose is outside of the haze.
+        Raises FloatingPointError if Mitsuba returns a value that is not finite, and ValueError if a
+        pose is outside the haze.
         """
         return _finite(self._taken(exposure, is_measured=False))
 
     def measured(self, exposure: Exposure) -> MeasuredPass:
-        """The same, with what its error is known by."""
+        """The same, with the data that determines its error."""
         image = self._taken(exposure, is_measured=True)
         bands = len(self._settings.bands_nm)
         radiance, standing, sky, differences = np.split(
@@ -115,7 +115,7 @@ class SurfaceView:
         )
 
     def light_survey(self, positions: Floats) -> LightSurvey | None:
-        """Illuminance above and below positions (N, 3); None where only surfaces emit."""
+        """Illuminance above and below positions (N, 3); None if only surfaces emit."""
         lighting = self._scene.lighting
         if lighting is None:
             return None
@@ -128,13 +128,13 @@ class SurfaceView:
         wanted = math.ceil(_LONGER_PATHS / (self._camera.width * self._camera.height))
         samples = min(wanted, self._settings.samples_per_pixel)
         self._check(pose)
-        # The sampler of the other looks at light: what traces paths is compiled for each.
+        # The other's sampler serves light: the path tracer is compiled for each.
         settings = self._settings.model_copy(update={"sampler": "independent"})
         film = Film(self._camera, settings, samples)
         return share_left_out(self._loaded, film, pose, self._settings.max_depth, self._air)
 
     def _taken(self, exposure: Exposure, is_measured: bool) -> NDArray[np.float32]:
-        """Mean over the instants at which moving objects are put; the camera never rests.
+        """Mean over the instants at which moving objects are placed; the camera moves continuously.
 
         Rows of a rolling shutter share poses of moving objects (`sharing`).
         """
@@ -162,15 +162,15 @@ class SurfaceView:
         return np.asarray(np.mean(images, axis=0, dtype=np.float64), dtype=np.float32)
 
     def _check(self, poses: Floats) -> None:
-        """Refuse poses (..., 4, 4) from which paths would not start in the haze."""
+        """Reject poses (..., 4, 4) outside the haze, from which paths would not start."""
         if self._air and not self._air.holds(poses[..., :3, 3]):
             raise ValueError(
-                "the camera looks from outside of the haze, which reaches to the poses that were "
-                "foreseen; give SceneRenderer all poses"
+                "the camera is outside the haze, which covers only the given poses; give "
+                "SceneRenderer all poses"
             )
 
     def _film(self, instants: int, is_exposed: bool = False, most_rows: int | None = None) -> Film:
-        """The film of one instant; all instants share the samples of a sharp frame."""
+        """Film of one instant; all instants share the samples of a sharp frame."""
         samples = math.ceil(self._settings.samples_per_pixel / instants)
         key = samples, is_exposed, most_rows
         if key not in self._films:

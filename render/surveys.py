@@ -1,16 +1,16 @@
-"""Surveys of a scene: the illuminance that it gets, and its canopy.
+"""Surveys of a scene: its illuminance and its canopy.
 
-A light meter looks along light paths from a point, in directions distributed as the cosine to the
-vertical, at wavelengths that are likely where V(λ) is large. These paths meet everything but the
-disc of sun or moon, whose part comes from visibility rays toward points of the disc. The light has
-as many bounces as in the frames: at a surface, these have spent one segment of their longest path
-on the way from the camera. In haze, light is measured as it arrives through it; above everything is
-above the haze, where the meter reads the illuminance that was asked for.
+A light meter traces light paths from a point, in directions distributed as the cosine to the
+vertical, at wavelengths sampled in proportion to V(λ). These paths include everything but the disc
+of sun or moon, whose part comes from visibility rays toward points of the disc. The path depth is
+that of the frames: at a surface, these have spent one segment of their longest path on the way from
+the camera. In haze, light is measured as it arrives through it; above everything is above the haze,
+where the meter reads the requested illuminance.
 
 Gap fraction is the share of rays at a zenith angle that hit nothing. Rays start one meter above the
-ground, where hemispherical photographs are taken, and know of no material. Of a canopy of leaves in
-random places it is exp(−G·L/cos θ), with the leaf-area index L and the mean projection G of a unit
-of leaf, one half where leaves face anywhere (Beer–Lambert; Ross 1981, The radiation regime and
+ground, where hemispherical photographs are taken, and ignore materials. For a canopy of randomly
+placed leaves it is exp(−G·L/cos θ), with the leaf-area index L and the mean projection G of a unit
+of leaf, one half for random orientations (Beer–Lambert; Ross 1981, The radiation regime and
 architecture of plant stands).
 """
 
@@ -30,37 +30,37 @@ from megalopta.scenes.forest.canopy import floor_points, plant_area
 from megalopta.scenes.scene import Lighting, Scene
 from megalopta.scenes.spectra.spectrum import MAXIMUM_EFFICACY_LM_W, luminous, luminous_efficiency
 
-# Above what lies below the camera: clear of it, below the blades of grass.
+# Height above the surface below the camera: clear of it, but below the blades of grass.
 _CLEARANCE_M = 0.02
-# Of a point. An even sky needs fewer.
+# Number per point. A uniform sky needs fewer.
 _PATHS, _UNEVEN_PATHS = 64**2, 320**2
 _V_NM = np.arange(380.0, 770.0)
 
 
 @dataclass(frozen=True)
 class Illuminance:
-    """Lux on a horizontal plane."""
+    """Illuminance of a horizontal plane, lux."""
 
     position_m: tuple[float, float, float]
     lux: float
     standard_error_lux: float
-    """Of the light paths."""
+    """Standard error due to the light paths."""
 
 
 @dataclass(frozen=True)
 class LightSurvey:
-    """What a scene gets, in the open and below a camera's path."""
+    """Illuminance of a scene, in the open and below a camera's path."""
 
     unshaded: Illuminance
-    """Above everything, haze too."""
+    """Above everything, including haze."""
     ground: tuple[Illuminance, ...]
-    """Just above what lies below the camera; empty where nothing does."""
+    """Just above the surface below the camera; empty if there is none."""
 
 
 class LightMeter:
-    """Measures in a scene that is loaded in the active variant, a spectral one.
+    """Light meter in a scene that is loaded in the active variant, a spectral one.
 
-    `max_depth` is that of the frames: 2 or more to light anything. `air` is the scene's haze.
+    `max_depth` is that of the frames, at least 2 for any light. `air` is the scene's haze.
     """
 
     def __init__(
@@ -115,7 +115,7 @@ def illuminances(
 ) -> Floats:
     """Illuminance (lux) of horizontal planes at points (n, 3), m, by single light paths (paths,).
 
-    Each starts at any of the points, at four wavelengths that are likely where the eye sees well.
+    Each starts at one of the points, at four wavelengths sampled by the eye's sensitivity.
     """
     rng = np.random.default_rng(seed)
     radius, turn = np.sqrt(rng.random(paths)), 2 * np.pi * rng.random(paths)
@@ -134,16 +134,16 @@ def illuminances(
 
 
 ZENITHS_DEG = (0.0, 30.0, 57.0, 75.0)
-"""At 57 degrees leaves of any inclination project alike (degrees)."""
+"""Zenith angles; at 57 degrees leaves of any inclination project equally (degrees)."""
 HEIGHT_M = 1.0
-"""Of the places where rays start, above the ground (m)."""
+"""Height of the origins of rays above the ground (m)."""
 _PLACES, _AZIMUTHS = 512, 64
 _FLOOR_PATHS, _MAX_DEPTH = 160**2, 12
 
 
 @dataclass(frozen=True)
 class Share:
-    """A mean over places, with its standard error."""
+    """Mean over places, with its standard error."""
 
     value: float
     standard_error: float
@@ -151,19 +151,19 @@ class Share:
 
 @dataclass(frozen=True)
 class Canopy:
-    """What a forest holds around a camera's path, and what comes through it."""
+    """Canopy around a camera's path, and the light through it."""
 
     leaf_area_index: float
     """One-sided leaf area over ground (m²/m²)."""
     wood_share: float
-    """Wood, by half its surface, over wood and leaves (1)."""
+    """Wood, counted with half its surface, over wood and leaves (1)."""
     gaps: dict[float, Share]
     """Gap fraction by zenith angle (degrees)."""
     floor_light: Share | None
-    """Illuminance on the floor over the open's (1); None but under an even sky."""
+    """Illuminance on the floor relative to the open's (1); None unless under a uniform sky."""
 
     def __str__(self) -> str:
-        """All of it in a sentence."""
+        """Summary in a sentence."""
         gaps = ", ".join(f"{_percent(gap)} at {angle:g}°" for angle, gap in self.gaps.items())
         light = self.floor_light
         floor = f"; {_percent(light)} of the sky's light comes to the floor" if light else ""
@@ -181,18 +181,18 @@ def _percent(share: Share) -> str:
 def measure_canopy(
     loaded: Any, scene: Scene, path_xy: ArrayLike, ring_m: tuple[float, float], seed: int = 0
 ) -> Canopy:
-    """Measure a forest as it is built.
+    """Measure a forest as built.
 
     Parameters
     ----------
     loaded
-        The scene as Mitsuba has it, at time 0, in the active variant.
+        Mitsuba's scene, at time 0, in the active variant.
     scene
         The forest; its first object is the ground.
     path_xy : (n, 2)
         Positions of the camera (m).
     ring_m
-        Least and largest distance from the path at which it is measured (m).
+        Smallest and largest distance from the path at which it is measured (m).
     """
     area = plant_area(scene, path_xy, ring_m)
     rng = np.random.default_rng(seed)
@@ -212,7 +212,7 @@ def gap_fraction(
 ) -> Share:
     """Share of rays from points (n, 3) at a zenith angle that hit nothing in a loaded scene.
 
-    The standard error is that of the mean over points, which are to be independent.
+    The standard error is that of the mean over points, which must be independent.
     """
     turn = rng.random((len(points), azimuths))
     azimuth = 2 * np.pi * (np.arange(azimuths) + turn).ravel() / azimuths

@@ -1,14 +1,13 @@
-"""Which Mitsuba variant runs: llvm, else scalar, without ever risking the process.
+"""Choice of the Mitsuba variant: llvm, otherwise scalar, without risk of a crash.
 
 libLLVM 15 and 16 load and then abort the whole process from inside Dr.Jit, which no `except` can
-catch. So a library is let in only after its own `LLVMGetVersion` named a version that was tried
-with Dr.Jit 1.5, and its path is handed to Dr.Jit before that is imported, as it looks for a library
-but then. The user's own `DRJIT_LIBLLVM_PATH` comes first, then the library of the package
-`karellen-llvm-core`, which is installed with this one on Linux x86-64, then those of the system.
+catch. So a library is used only if its own `LLVMGetVersion` reports a version tested with Dr.Jit
+1.5. Its path is passed to Dr.Jit before the import, the only time that Dr.Jit searches for it. The
+user's `DRJIT_LIBLLVM_PATH` comes first, then the library of the package `karellen-llvm-core`, which
+is installed with this one on Linux x86-64, then those of the system.
 
-A CUDA variant runs only where it is asked for by name, until its radiance and truth have been
-compared with LLVM's on a real device: `pytest -m cuda` does that. The driver is asked for a device
-before.
+A CUDA variant runs only if requested by name, until its radiance and truth have been compared with
+LLVM's on a real device: `pytest -m cuda` does that. The driver must report a device first.
 """
 
 import ctypes
@@ -35,8 +34,8 @@ _REMEDY = (
 )
 
 CUDA_NOTE = (
-    "a device answers; auto leaves it alone, as what it gives has not been compared with LLVM's on "
-    "a real one yet (pytest -m cuda); --render.backend cuda takes it all the same"
+    "a device is available; auto does not use it, as its results have not been compared with "
+    "LLVM's on a real one yet (pytest -m cuda); --render.backend cuda uses it"
 )
 
 _LIBRARY_FOLDERS = {
@@ -47,31 +46,31 @@ _LIBRARY_FOLDERS = {
 
 @dataclass(frozen=True)
 class Variant:
-    """The variant in use, why, and what would make it faster."""
+    """Variant in use, the reason, and advice for faster rendering."""
 
     name: str
     """Mitsuba's name, such as "llvm_ad_spectral"."""
     reason: str
-    """One clause for a person."""
+    """Reason, as one clause for readers."""
     advice: str = ""
-    """What would make rendering faster; empty when nothing would."""
+    """Advice for faster rendering; empty if there is none."""
 
     def __str__(self) -> str:
         return f"{self.name} ({self.reason})" + (f"; {self.advice}" if self.advice else "")
 
 
 def choose_variant(backend: Backend = "auto") -> Variant:
-    """Choose the fastest spectral variant that is right and cannot abort the process.
+    """Choose the fastest correct spectral variant that cannot abort the process.
 
-    "auto" takes llvm where it works, else scalar; a named backend is taken or, when it is not
-    usable here, refused with ValueError.
+    "auto" uses llvm if it works, otherwise scalar. Raises ValueError if a named backend is not
+    usable here.
     """
     if backend == "cuda":
         if has_cuda_device():
-            return Variant("cuda_ad_spectral", "as asked; untried on a real device yet")
+            return Variant("cuda_ad_spectral", "as requested; not yet tested on a real device")
         raise ValueError(
-            "render.backend 'cuda': no CUDA driver with a device and OptiX answers here; "
-            "use 'auto', 'llvm' or 'scalar'"
+            "render.backend 'cuda': no CUDA driver with a device and OptiX is available; use "
+            "'auto', 'llvm' or 'scalar'"
         )
     if backend == "scalar":
         return Variant("scalar_spectral", "as asked")
@@ -89,9 +88,9 @@ def choose_variant(backend: Backend = "auto") -> Variant:
 
 @cache
 def llvm_in_use() -> tuple[str, str]:
-    """Library that Dr.Jit has bound, or is to bind, and its version, as `find_llvm` gives them.
+    """Library that Dr.Jit has loaded, or will load, and its version, as from `find_llvm`.
 
-    The first call chooses, if it comes before Dr.Jit is imported; else that has chosen already.
+    The first call chooses, unless Dr.Jit was imported before and has already chosen.
     """
     if "drjit" not in sys.modules:
         library, found = find_llvm()
@@ -109,7 +108,7 @@ def llvm_in_use() -> tuple[str, str]:
 
 
 def find_llvm() -> tuple[str, str]:
-    """Find a libLLVM that Dr.Jit can use: its path and version, or "" and why there is none."""
+    """Find a libLLVM for Dr.Jit: its path and version, or "" and the reason that there is none."""
     asked = os.environ.get("DRJIT_LIBLLVM_PATH")
     refusals = []
     for library in [Path(asked)] if asked else llvm_libraries():
@@ -123,9 +122,9 @@ def find_llvm() -> tuple[str, str]:
 
 
 def llvm_version(library: Path) -> tuple[int, int, int] | None:
-    """Ask a library for its LLVM version.
+    """Return the LLVM version that a library reports.
 
-    None where it cannot be loaded, zeros where it tells none, as before LLVM 16.
+    None if it cannot be loaded, zeros if it reports none, as before LLVM 16.
     """
     numbers = tuple(ctypes.c_uint() for _ in range(3))
     try:
@@ -141,14 +140,14 @@ def _refusal(version: tuple[int, int, int] | None) -> str:
     if version is None:
         return "cannot be loaded as a library"
     if version == (0, 0, 0):
-        return "tells no LLVM version, as before LLVM 16, which would abort the process"
+        return "reports no LLVM version, as before LLVM 16, which would abort the process"
     if version[0] < TRIED_LLVM[0]:
         return f"is LLVM {version[0]}, which would abort the process"
-    return f"is LLVM {version[0]}, which is untried"
+    return f"is LLVM {version[0]}, which is untested"
 
 
 def has_cuda_device() -> bool:
-    """Whether the CUDA driver reports a device and OptiX is installed beside it."""
+    """True if the CUDA driver reports a device and OptiX is installed with it."""
     names = {"linux": ("libcuda.so.1", "libnvoptix.so.1"), "win32": ("nvcuda.dll", "nvoptix.dll")}
     if sys.platform not in names:
         return False
@@ -162,7 +161,7 @@ def has_cuda_device() -> bool:
 
 
 def llvm_libraries() -> Iterator[Path]:
-    """Files that may be libLLVM, the likeliest first: of the installed wheel, then the system's."""
+    """Files that may be libLLVM, the most likely first: of the wheel, then of the system."""
     with suppress(PackageNotFoundError):
         for file in files(_LLVM_PACKAGE) or []:
             if re.fullmatch(r"libLLVM\.so\.[\d.]+", file.name):
@@ -171,7 +170,7 @@ def llvm_libraries() -> Iterator[Path]:
 
 
 def system_libraries() -> set[Path]:
-    """Those that the machine has."""
+    """Candidate libraries on the machine."""
     folders = [f for each in _LIBRARY_FOLDERS.get(sys.platform, ()) for f in Path("/").glob(each)]
     name = re.compile(r"(lib)?LLVM(-C|-\d+)?\.(so|dylib|dll)[\d.]*")
     found = (each for folder in folders for each in folder.glob("*LLVM*"))

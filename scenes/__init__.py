@@ -1,9 +1,9 @@
-"""What stands where, what lights it and how the camera moves, as plain frozen data.
+"""Scenes as plain frozen data: objects, lighting, cameras and their paths.
 
     light, camera, trajectory = Light(level="starlight"), PerspectiveCamera(), Trajectory()
     scene = build_scene(Forest(trees=200), light, camera, trajectory)
 
-World coordinates are right-handed meters with z up. Nothing here knows a renderer.
+World coordinates are right-handed, in meters, with z up. No renderer is needed here.
 """
 
 import lazy_loader

@@ -1,4 +1,4 @@
-"""Any scene, camera and path of a configuration, and a scene from its description."""
+"""Scenes, cameras and paths of a configuration, and a scene from its description."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -24,14 +24,14 @@ if TYPE_CHECKING:
     AnyCamera = Camera
 else:
     AnyCamera = any_of(models_in("megalopta.scenes.cameras", Camera), "perspective")
-    """Any camera in a configuration; `kind` tells which, and without it, it is perspective."""
+    """Any camera in a configuration, by `kind`; without one, perspective."""
 
 
 if TYPE_CHECKING:
     CameraPath = Path
 else:
     CameraPath = any_of(models_in("megalopta.scenes.trajectories", Path), "steady")
-    """Any path of the camera in a configuration; without `kind`, a steady one."""
+    """Any camera path in a configuration, by `kind`; without one, steady."""
 
 
 OWN_SCENES = (Forest, Grating, Plane, MotionBench, Panorama, Pictures)
@@ -58,7 +58,7 @@ if TYPE_CHECKING:
 else:
     _others = plug_ins("megalopta.scenes", _offered, [*map(kind_of, OWN_SCENES)])
     AnyScene = any_of([*OWN_SCENES, *(each.model for each in _others.values())])
-    """Any scene that can be described in a configuration; `kind` tells which."""
+    """Any scene in a configuration, by `kind`."""
 
 
 def build_scene(
@@ -68,6 +68,6 @@ def build_scene(
     trajectory: Path,
     objects: Sequence[MovingObject] = (),
 ) -> Scene:
-    """Build what a camera on a trajectory will see, with objects of the user's own."""
+    """Build the scene that a camera on a trajectory sees, including the user's own objects."""
     scene = description.build(light, camera, trajectory)
     return with_objects(replace(scene, origin_m=trajectory.origin_m), objects)

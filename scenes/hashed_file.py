@@ -1,7 +1,7 @@
-"""A file, or a folder of files, that a scene is made from, with the hash of its content.
+"""File or folder that a scene is made from, with the hash of its content.
 
-The hash is taken when the file is first named, and a file that has changed since is refused, so
-that what was made from it stays what it was.
+The hash is taken when the file is first named. A file that has changed since raises an error, so
+that results stay consistent with it.
 """
 
 import hashlib
@@ -18,13 +18,13 @@ from megalopta.core.record import Record
 
 
 class HashedFile(Record, frozen=True):
-    """A file by path and content; a plain path will do, and gets its hash."""
+    """File by path and content; a plain path is accepted and gets its hash."""
 
     path: str
-    """Where it is, relative to the folder that the program runs in."""
+    """Path, relative to the folder in which the program runs."""
 
     sha256: Annotated[str, Field(pattern="^[0-9a-f]{64}$")]
-    """Hash of its content, filled in; another content is refused."""
+    """SHA-256 hash of its content, filled in; other content raises an error."""
 
     @model_validator(mode="before")
     @classmethod
@@ -36,7 +36,7 @@ class HashedFile(Record, frozen=True):
         return {**values, "sha256": content_hash(str(values["path"]))}
 
     def check(self) -> None:
-        """Refuse, with ValueError, what cannot be read or has changed."""
+        """Raise ValueError if the file cannot be read or has changed."""
         if content_hash(self.path) != self.sha256:
             raise ValueError(_changed(self.path))
 
@@ -46,7 +46,7 @@ class HashedFile(Record, frozen=True):
         Raises
         ------
         ValueError
-            When it cannot be read or has changed.
+            If it cannot be read or has changed.
         """
         content = _content(self.path)
         if hashlib.sha256(content).hexdigest() != self.sha256:
@@ -56,7 +56,7 @@ class HashedFile(Record, frozen=True):
 
 def _named_as_a_picture(file: HashedFile) -> HashedFile:
     if not file.path.lower().endswith((".hdr", ".exr", ".png")):
-        raise ValueError(f"{file.path} is no HDR, EXR or PNG file; give one of these")
+        raise ValueError(f"{file.path} is not an HDR, EXR or PNG file; give one of these")
     return file
 
 
@@ -67,7 +67,7 @@ PictureFile = Annotated[HashedFile, AfterValidator(_named_as_a_picture)]
 def content_hash(path: str) -> str:
     """Return the SHA-256 of a file, or of the names and hashes of the files of a folder.
 
-    Raises ValueError when it cannot be read.
+    Raises ValueError if it cannot be read.
     """
     with _refused(path):
         if not Path(path).is_dir():
@@ -95,10 +95,10 @@ def _refused(path: str) -> Iterator[None]:
     except OSError as problem:
         reason = (problem.strerror or str(problem)).lower()
         raise ValueError(
-            f"{path} cannot be read ({reason}); give the path of a file, relative to the folder "
-            "that the program runs in"
+            f"{path} cannot be read ({reason}); give the path of a file, relative to the folder in "
+            "which the program runs"
         ) from None
 
 
 def _changed(path: str) -> str:
-    return f"{path} has changed since it was first used; restore it, or name it anew"
+    return f"{path} has changed since it was first used; restore it, or omit its sha256"

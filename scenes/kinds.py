@@ -1,4 +1,4 @@
-"""Descriptions told apart by their `kind`, as fields of a configuration."""
+"""Descriptions distinguished by their `kind`, as fields of a configuration."""
 
 import pkgutil
 from collections.abc import Mapping, Sequence
@@ -12,26 +12,26 @@ Model = TypeVar("Model", bound=BaseModel)
 
 
 def any_of(models: Sequence[type[BaseModel]], default: str | None = None) -> Any:
-    """Type of a field that holds any of some models, each with a `kind` of its own.
+    """Return the type of a field that holds any of some models, each with its own `kind`.
 
-    The help of their `kind` lists them all, first the `default` of a mapping that tells none.
+    The help of their `kind` lists them all, first the `default` of a mapping without one.
     """
     models = sorted(models, key=lambda model: kind_of(model) != default)
     kinds = ", ".join(map(kind_of, models))
     for model in models:
-        model.model_fields["kind"].description = f"Which it is: {kinds}."
+        model.model_fields["kind"].description = f"One of: {kinds}."
     union: Any = Union[tuple(models)]  # noqa: UP007
     told_apart: Any = Annotated[union, Field(discriminator="kind")]
     return Annotated[told_apart, kind_unless_told(default)] if default else told_apart
 
 
 def kind_of(model: type[BaseModel]) -> str:
-    """The kind that tells a model from others."""
+    """Kind that distinguishes a model from others."""
     return str(model.model_fields["kind"].default)
 
 
 def kind_unless_told(kind: str) -> BeforeValidator:
-    """Fills in a kind where a mapping tells none."""
+    """Fill in a kind if a mapping has none."""
 
     def filled_in(values: Any) -> Any:
         told = not isinstance(values, Mapping) or "kind" in values
@@ -41,7 +41,7 @@ def kind_unless_told(kind: str) -> BeforeValidator:
 
 
 def models_in(package: str, base: type[Model]) -> list[type[Model]]:
-    """Models of a kind derived from a base in all modules of a package, by the modules' names."""
+    """Models derived from a base in all modules of a package, in order of the modules' names."""
     folder = import_module(package).__path__
     modules = [import_module(f"{package}.{each.name}") for each in pkgutil.iter_modules(folder)]
     named = [value for module in modules for value in vars(module).values()]

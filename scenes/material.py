@@ -1,4 +1,4 @@
-"""What surfaces do with light: reflect it, let it through, or send out their own."""
+"""Surfaces that reflect, transmit or emit light."""
 
 from dataclasses import dataclass
 
@@ -12,53 +12,53 @@ _ROUNDING = 1e-6
 
 @dataclass(frozen=True)
 class Texture:
-    """A second reflectance mixed in: (1 − w)·reflectance + w·texture.reflectance.
+    """Second reflectance mixed in: (1 − w)·reflectance + w·texture.reflectance.
 
-    And so a second transmittance.
+    Transmittances are mixed alike.
     """
 
     weight: NDArray[np.float32]
     """(H, W), 0 to 1: tiles over the uv square; row 0 is v = 0."""
     reflectance: Spectrum
-    """Reached where the weight is 1."""
+    """Reflectance where the weight is 1."""
     transmittance: Spectrum | None = None
-    """Reached where the weight is 1; None lets nothing through there."""
+    """Transmittance where the weight is 1; None: opaque there."""
 
     def __post_init__(self) -> None:
-        """Refuse what would send out more light than it gets."""
+        """Reject a texture that would return more light than it receives."""
         _check_energy("texture", self.reflectance, self.transmittance)
 
 
 @dataclass(frozen=True)
 class Material:
-    """A diffuse surface, alike on both sides, or one that emits.
+    """Diffuse surface, equal on both sides, or an emitter.
 
-    What falls on one side leaves it evenly (Lambert), and the other side too where light comes
-    through.
+    Light that falls on one side leaves it as from a Lambertian surface, and the other side if it
+    transmits.
     """
 
     reflectance: Spectrum
     """Diffuse reflectance, 0 to 1."""
     texture: Texture | None = None
-    """Needs meshes with uv coordinates."""
+    """Mixed-in texture; needs meshes with uv coordinates."""
     emission: "Emission | None" = None
-    """Makes the surface a source; reflectance and transmittance are then ignored."""
+    """Emission of a source; reflectance and transmittance are then ignored."""
     transmittance: Spectrum | None = None
-    """Diffuse transmittance, with the reflectance at most 1; None is opaque."""
+    """Diffuse transmittance, with the reflectance at most 1; None: opaque."""
 
     def __post_init__(self) -> None:
-        """Refuse what would send out more light than it gets."""
+        """Reject a surface that would return more light than it receives."""
         _check_energy("material", self.reflectance, self.transmittance)
 
     @property
     def transmits(self) -> bool:
-        """Whether light comes through anywhere."""
+        """True if it transmits light anywhere."""
         spectra = self.transmittance, self.texture.transmittance if self.texture else None
         return not self.emission and any(each and max(each.values) > 0 for each in spectra)
 
 
 def _check_energy(what: str, reflectance: Spectrum, transmittance: Spectrum | None) -> None:
-    """Raise ValueError where a surface sends out more light than falls on it."""
+    """Raise ValueError if a surface returns more light than falls on it."""
     through = transmittance or flat(0.0)
     # Both are linear between these.
     wavelengths = np.union1d(reflectance.wavelengths_nm, through.wavelengths_nm)
@@ -73,9 +73,9 @@ def _check_energy(what: str, reflectance: Spectrum, transmittance: Spectrum | No
 
 @dataclass(frozen=True)
 class Emission:
-    """Radiance leaving a surface, the same at every wavelength: pattern(u, v) · radiance."""
+    """Radiance that leaves a surface, the same at every wavelength: pattern(u, v) · radiance."""
 
     radiance: float
-    """W·m⁻²·sr⁻¹·nm⁻¹ where the pattern is 1."""
+    """Radiance where the pattern is 1, W·m⁻²·sr⁻¹·nm⁻¹."""
     pattern: NDArray[np.float32] | None = None
     """(H, W): non-negative factor over the uv square; row 0 is v = 0. None means 1."""

@@ -1,6 +1,6 @@
-"""How objects move: rigid bodies on their own paths, and what any motion has to tell.
+"""Motion of objects: rigid bodies on their own paths, and the protocol of any motion.
 
-A motion carries a point of the object as it was placed to where it is at a time, and back.
+A motion maps a point of the object as placed to its position at a time, and back.
 """
 
 from abc import abstractmethod
@@ -21,23 +21,23 @@ Times = float | Floats
 
 
 class Motion(Protocol):
-    """What any motion has to tell; points are in world meters."""
+    """Protocol of any motion; points are in world meters."""
 
     def carry(self, points: Floats, time_s: Times) -> Floats:
-        """Where points (n, 3) of the object as placed are, at one time or each at its own (n,)."""
+        """Return points (n, 3) of the object as placed at one time, or each at its own (n,)."""
 
     def undo(self, points: Floats, time_s: float) -> Floats:
-        """Where points (n, 3) of a time are on the object as placed."""
+        """Return points (n, 3) of a time, moved back to the object as placed."""
 
     def turn(self, normals: Floats, points: Floats, time_s: float) -> Floats:
-        """Unit normals (n, 3) at a time of those at points (n, 3) as placed."""
+        """Return unit normals (n, 3) at a time, from those at points (n, 3) as placed."""
 
     def record(self) -> dict[str, Any]:
-        """The motion in numbers, for a file."""
+        """Return the motion as numbers, for a file."""
 
 
 class _Spinning(Record, frozen=True):
-    """A steady spin of a body about its own center."""
+    """Steady spin of a body about its own center."""
 
     spin_deg_s: float = 0.0
     """Turning rate about the object's center (degrees/s)."""
@@ -58,34 +58,34 @@ class _Spinning(Record, frozen=True):
 
     @abstractmethod
     def shift(self, time_s: Times) -> Floats:
-        """Way (3,) from the place at time 0, m; at times (n,) ways (n, 3)."""
+        """Displacement (3,) since time 0, m; at times (n,) displacements (n, 3)."""
 
 
 class Drift(_Spinning, frozen=True):
     """Steady velocity and spin; both may be zero."""
 
     kind: Literal["steady"] = "steady"
-    """Which motion this is: steady or spline."""
+    """Kind of motion: steady or spline."""
 
     velocity_m_s: Vector = (0.0, 0.0, 0.0)
     """Velocity (x, y, z in m/s)."""
 
     def shift(self, time_s: Times) -> Floats:
-        """Way (3,) from the place at time 0, m; at times (n,) ways (n, 3)."""
+        """Displacement (3,) since time 0, m; at times (n,) displacements (n, 3)."""
         return np.asarray(np.multiply.outer(time_s, self.velocity_m_s))
 
 
 class Tour(_Spinning, frozen=True):
-    """A smooth curve through given ways from the object's place, at rest before and after it."""
+    """Smooth curve through given displacements, at rest before and after it."""
 
     kind: Literal["spline"] = "spline"
-    """Which motion this is: steady or spline."""
+    """Kind of motion: steady or spline."""
 
     times_s: Annotated[tuple[float, ...], Field(min_length=2)]
-    """Times at which the object reaches each way (s)."""
+    """Times at which the object reaches each displacement (s)."""
 
     ways_m: Annotated[tuple[Vector, ...], Field(min_length=2)]
-    """Ways from the object's position, one for each time (x, y, z in m)."""
+    """Displacements from the object's position, one for each time (x, y, z in m)."""
 
     @model_validator(mode="after")
     def _times_fit(self) -> "Tour":
@@ -95,7 +95,7 @@ class Tour(_Spinning, frozen=True):
                 "time for each way"
             )
         if any(np.diff(self.times_s) <= 0):
-            raise ValueError(f"times_s {self.times_s} does not grow; sort by time")
+            raise ValueError(f"times_s {self.times_s} does not increase; sort by time")
         return self
 
     @cached_property
@@ -103,37 +103,37 @@ class Tour(_Spinning, frozen=True):
         return CubicSpline(self.times_s, self.ways_m, bc_type="clamped")
 
     def shift(self, time_s: Times) -> Floats:
-        """Way (3,) from the place at time 0, m; at times (n,) ways (n, 3)."""
+        """Displacement (3,) since time 0, m; at times (n,) displacements (n, 3)."""
         return np.asarray(self._curve(np.clip(time_s, self.times_s[0], self.times_s[-1])))
 
 
 ObjectMotion = Annotated[Drift | Tour, Field(discriminator="kind")]
-"""Any motion of a rigid object in a configuration; `kind` tells which."""
+"""Any motion of a rigid object in a configuration, by `kind`."""
 
 
 @dataclass(frozen=True)
 class RigidMotion:
-    """A body that keeps its shape: it turns about a point of its own, which moves."""
+    """Motion of a rigid body: it turns about a moving point of its own."""
 
     center_m: Vector
-    """(x, y, z): the point, at time 0."""
+    """(x, y, z): that point at time 0."""
     course: Drift | Tour
-    """How it moves, and the body turns about it."""
+    """Motion of that point, and turn of the body about it."""
 
     def carry(self, points: Floats, time_s: Times) -> Floats:
-        """Where points (n, 3) of the object as placed are, at one time or each at its own (n,)."""
+        """Return points (n, 3) of the object as placed at one time, or each at its own (n,)."""
         turned = self.course.rotation(time_s).apply(points - self.center_m)
         return np.asarray(turned + (self.center_m + self.course.shift(time_s)))
 
     def undo(self, points: Floats, time_s: float) -> Floats:
-        """Where points (n, 3) of a time are on the object as placed."""
+        """Return points (n, 3) of a time, moved back to the object as placed."""
         offset = points - (self.center_m + self.course.shift(time_s))
         return np.asarray(self.course.rotation(time_s).inv().apply(offset) + self.center_m)
 
     def turn(self, normals: Floats, points: Floats, time_s: float) -> Floats:
-        """Unit normals (n, 3) at a time."""
+        """Return unit normals (n, 3) at a time."""
         return np.asarray(self.course.rotation(time_s).apply(normals))
 
     def record(self) -> dict[str, Any]:
-        """The motion in numbers, for a file."""
+        """Return the motion as numbers, for a file."""
         return {"center_m": list(self.center_m), **self.course.model_dump(mode="json")}

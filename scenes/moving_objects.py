@@ -1,4 +1,4 @@
-"""Boxes and balls that a configuration puts into a scene, at rest or moving."""
+"""Boxes and balls that a configuration adds to a scene, at rest or moving."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -25,10 +25,10 @@ Reflectance = Annotated[float, Field(ge=0, le=1)]
 
 
 class MovingObject(Record, frozen=True):
-    """A textured box or ball."""
+    """Textured box or ball."""
 
     name: str = "box"
-    """What it is to a person; the kind under which the truth lists it."""
+    """Name of the object; ground truth lists it as the object's kind."""
 
     shape: Literal["box", "ball"] = "box"
     """Shape of the object."""
@@ -43,25 +43,25 @@ class MovingObject(Record, frozen=True):
     """Orientation at the first frame: turns about the world's x, then y, then z (degrees)."""
 
     pattern: Literal["checker", "noise", "plain"] = "noise"
-    """What is painted on it."""
+    """Painted pattern."""
 
     tile_m: Length = 0.25
-    """Size of the pattern's square, which repeats (m)."""
+    """Size of the repeating square of the pattern (m)."""
 
     reflectances: tuple[Reflectance, Reflectance] = (0.1, 0.7)
     """Reflectance of the pattern's dark and bright parts, the same at every wavelength (1)."""
 
     motion: Annotated[ObjectMotion, kind_unless_told("steady")] = Drift()
-    """How it moves, from its position and orientation at the first frame."""
+    """Motion, from position and orientation at the first frame."""
 
     @property
     def is_at_rest(self) -> bool:
-        """Whether it neither goes nor spins."""
+        """True if it neither moves nor spins."""
         return self.motion == Drift(spin_axis=self.motion.spin_axis)
 
 
 def with_objects(scene: Scene, objects: Sequence[MovingObject]) -> Scene:
-    """Add objects to a scene, after those that are there; each has a material of its own."""
+    """Add objects to a scene, after the existing ones, each with its own material."""
     materials, assets = dict(scene.materials), dict(scene.assets)
     placements = list(scene.placements)
     for index, thing in enumerate(objects):

@@ -1,10 +1,10 @@
-"""A scene as plain frozen data: materials, shapes, where they stand and what lights them.
+"""Scene as plain frozen data: materials, shapes, their placements and lighting.
 
-World coordinates are right-handed meters with z up. Nothing here knows the renderer: `render`
-merges the placed meshes by material and keeps the table from a triangle back to its object. It
-computes in float32, so coordinates are handed to it relative to `Scene.origin_m`.
+World coordinates are right-handed, in meters, with z up. Nothing here depends on the renderer:
+`render` merges the placed meshes by material and keeps the table from triangles to objects. It
+computes in float32, so its coordinates are relative to `Scene.origin_m`.
 
-An object id is the position in `Scene.placements` plus one; 0 means that nothing was hit.
+An object id is the index in `Scene.placements` plus one; 0 means no hit.
 """
 
 from collections.abc import Mapping
@@ -27,40 +27,40 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Asset:
-    """A shape made of one mesh per material."""
+    """Shape made of one mesh per material."""
 
     parts: "Mapping[str, trimesh.Trimesh]"
-    """Meters, outward normals. Vertex normals are used as given when the mesh carries them in
-    `metadata["smooth"]`; otherwise faces are flat."""
+    """Meshes in meters, with outward normals. Vertex normals in `metadata["smooth"]` are used as
+    given; otherwise faces are flat."""
 
 
 @dataclass(frozen=True)
 class Placement:
-    """One object: an asset, its species or kind, and its pose."""
+    """Object: an asset, its species or kind, and its pose."""
 
     asset: str
     """Key into `Scene.assets`."""
     kind: str
-    """What it is to a person: "beech", "fern", "ground"."""
+    """Kind of object for readers: "beech", "fern", "ground"."""
     to_world: Floats
     """Rotation, uniform scale and translation (m)."""
     motion: Motion | None = None
-    """How the object, so placed, moves or bends with time; None where it is at rest."""
+    """Motion or bending of the placed object; None: at rest."""
 
 
 @dataclass(frozen=True)
 class Sun:
-    """A distant disc, evenly bright: sun or moon. It casts light and is not itself seen."""
+    """Distant uniform disc: sun or moon. It casts light and is itself invisible."""
 
     direction: tuple[float, float, float]
     """(x, y, z): unit vector from the scene toward the center of the disc."""
     irradiance: Spectrum
-    """On a plane facing the disc, W·m⁻²·nm⁻¹."""
+    """Irradiance of a plane facing the disc, W·m⁻²·nm⁻¹."""
     angular_diameter_deg: float = 0.53
-    """As seen from the scene; 0 is a point. Sun and moon: 0.53."""
+    """Angular diameter seen from the scene; 0: a point. Sun and moon: 0.53."""
 
     def points(self, count: int) -> Floats:
-        """Unit vectors (count, 3) toward points that share the disc evenly, on a sunflower spiral.
+        """Unit vectors (count, 3) toward points spread evenly over the disc, on a sunflower spiral.
 
         References
         ----------
@@ -79,13 +79,13 @@ class Sun:
 
 @dataclass(frozen=True)
 class SkyPattern:
-    """Light from all around that is not alike in all directions."""
+    """Light from all around that depends on direction."""
 
     radiance: Spectrum
-    """Where the pattern is 1, W·m⁻²·sr⁻¹·nm⁻¹."""
+    """Radiance where the pattern is 1, W·m⁻²·sr⁻¹·nm⁻¹."""
     pattern: NDArray[np.float32]
-    """(H, 2·H), not negative: an equirectangular picture, its center column in direction +x,
-    azimuth growing to the left, row 0 at the zenith."""
+    """(H, 2·H), non-negative equirectangular picture: its center column in direction +x, azimuth
+    growing to the left, row 0 at the zenith."""
 
     def mean(self) -> Spectrum:
         """Mean radiance over all directions, W·m⁻²·sr⁻¹·nm⁻¹."""
@@ -107,34 +107,34 @@ def pattern_directions(rows: int) -> Floats:
 
 @dataclass(frozen=True)
 class Environment:
-    """A photographed panorama at infinity, in place of a sky."""
+    """Photographed panorama at infinity, in place of a sky."""
 
     file: HashedFile
-    """Equirectangular picture in linear sRGB (HDR, EXR) or sRGB-coded (PNG): its center column lies
+    """Equirectangular picture in linear sRGB (HDR, EXR) or sRGB-coded (PNG): its center column is
     in direction +x, azimuth grows to the left, row 0 is the zenith."""
     turn_deg: float
-    """Turns it counterclockwise about z."""
+    """Counterclockwise turn about z."""
     spectra: tuple[Spectrum, Spectrum, Spectrum]
     """(red, green, blue): spectrum of one unit of each primary, in any unit."""
     illuminance_lux: float
-    """That its upper half gives to a horizontal plane."""
+    """Illuminance of a horizontal plane from its upper half."""
 
 
 @dataclass(frozen=True)
 class Lighting:
-    """Light from outside the scene: an even sky, what is added to it, and perhaps a disc."""
+    """Light from outside the scene: a uniform sky, patterns added to it, and a panorama or disc."""
 
     sky: Spectrum
-    """Radiance of the even sky, the same from every direction, W·m⁻²·sr⁻¹·nm⁻¹."""
+    """Radiance of the uniform sky, W·m⁻²·sr⁻¹·nm⁻¹."""
     sun: Sun | None = None
     patterns: tuple[SkyPattern, ...] = ()
-    """What shines besides, from some directions more than from others."""
+    """Additional light that depends on direction."""
     panorama: Environment | None = None
-    """A picture that shines besides; the renderer reads it and makes patterns and disc of it."""
+    """Picture of additional light, which the renderer turns into patterns and a disc."""
 
     @property
     def is_even(self) -> bool:
-        """Whether light comes from all directions alike."""
+        """True if light comes equally from all directions."""
         return not (self.sun or self.patterns or self.panorama)
 
     def mean_sky(self) -> Spectrum:
@@ -144,33 +144,33 @@ class Lighting:
 
 @dataclass(frozen=True)
 class Scene:
-    """Everything that is rendered, but for the camera."""
+    """Everything that is rendered, except the camera."""
 
     materials: Mapping[str, Material]
-    """The names are the keys of `Asset.parts`."""
+    """Materials; their names are the keys of `Asset.parts`."""
     assets: Mapping[str, Asset]
-    """Each shape once, however often it is placed."""
+    """Shapes, each once however often it is placed."""
     placements: tuple[Placement, ...]
-    """The objects; object id = index + 1."""
+    """Objects; object id = index + 1."""
     lighting: Lighting | None = None
-    """None where only the surfaces emit."""
+    """Light from outside; None if only surfaces emit."""
     origin_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """(x, y, z): a point near the camera. The renderer's coordinates are relative to it, so that
-    they are precise also far from the world's origin."""
+    """(x, y, z): point near the camera. The renderer's coordinates are relative to it, so that they
+    are precise far from the world's origin, too."""
     environment: Environment | None = None
-    """Seen alone, without noise; one that lights objects is in the lighting."""
+    """Environment seen alone, without noise; one that lights objects belongs to the lighting."""
     haze: Haze | None = None
-    """Fills a box around all objects and the camera; None is clear air."""
+    """Haze that fills a box around all objects and the camera; None: clear air."""
 
     def __post_init__(self) -> None:
-        """Refuse dangling names, objects before a panorama and haze around nothing."""
+        """Reject dangling names, objects before a panorama and haze around nothing."""
         if self.environment and (self.placements or self.lighting):
             raise ValueError(
-                "scene: an environment is seen alone; let Lighting.panorama light the objects"
+                "scene: an environment excludes objects; let Lighting.panorama light them"
             )
         if self.haze and not self.placements:
             raise ValueError(
-                "scene: haze fills the space around objects, and there is none; leave it out"
+                "scene: haze fills the space around objects, and there are none; omit it"
             )
         for placement in self.placements:
             if placement.asset not in self.assets:
@@ -187,12 +187,12 @@ class Scene:
 
     @property
     def is_moving(self) -> bool:
-        """Whether any object moves."""
+        """True if any object moves."""
         return any(placement.motion for placement in self.placements)
 
     @property
     def triangle_count(self) -> int:
-        """Number of triangles as placed."""
+        """Number of triangles, as placed."""
         faces = {
             name: sum(len(mesh.faces) for mesh in asset.parts.values())
             for name, asset in self.assets.items()

@@ -1,9 +1,8 @@
-"""Radiance as a picture for people: white balanced, exposed for the scene, whatever its light.
+"""Radiance as a display picture: white balanced, and exposed for the scene at any light level.
 
-What is no light source must not clip, and the sky is a hundred times as bright as what stands in
-the shade before it. So dark values stay as they are and bright ones are pressed together, up to the
-brightest, which is white: x·(1 + x/w²)/(1 + x), with w of the brightest (Reinhard et al., SIGGRAPH
-2002, Eq. 4).
+Only light sources may clip, but the sky is a hundred times as bright as shaded objects before it.
+So dark values are kept and bright ones compressed, up to the brightest, which is white: x·(1 +
+x/w²)/(1 + x), with w the brightest (Reinhard et al., SIGGRAPH 2002, Eq. 4).
 """
 
 from collections.abc import Iterable
@@ -16,23 +15,23 @@ from megalopta.core.arrays import Floats
 from megalopta.scenes.spectra.color import Bands, encode_srgb, linear_srgb
 from megalopta.scenes.spectra.spectrum import Spectrum
 
-# The level is the brightest tenth, or less where an open sky would leave the ground in the dark.
+# The level is the brightest tenth, or less if an open sky would leave the ground dark.
 _LEVEL_PERCENTILE = 90.0
 _LEVEL_OVER_MEDIAN = 8.0
 
 
 @dataclass(frozen=True)
 class ToneCurve:
-    """How linear values become parts of white."""
+    """Mapping of linear values to fractions of white."""
 
     level: float
-    """Values far below it are divided by it, and no more."""
+    """Values far below it are only divided by it."""
     brightest: float
-    """Comes out white, and so does all above; the level or more."""
+    """Value that becomes white, as do all above; at least the level."""
 
     @classmethod
     def of(cls, images: Iterable[NDArray[np.floating]]) -> "ToneCurve":
-        """Exposed for the first of some images of linear values, with no value of any clipped."""
+        """Return a curve exposed for the first of some linear images that clips no value."""
         level = brightest = 0.0
         for image in images:
             level = level or _level(image)
@@ -41,7 +40,7 @@ class ToneCurve:
         return cls(level, max(level, brightest))
 
     def __call__(self, linear: NDArray[np.floating]) -> Floats:
-        """Parts of white, 0 to 1, of linear values."""
+        """Fractions of white, 0 to 1, of linear values."""
         x, most = np.asarray(linear / self.level, np.float64), self.brightest / self.level
         return np.minimum(x * (1 + x / most**2) / (1 + x), 1)
 
@@ -49,9 +48,9 @@ class ToneCurve:
 def preview(
     radiance: NDArray[np.floating], bands_nm: Bands, white: Spectrum, curve: ToneCurve | None = None
 ) -> NDArray[np.uint8]:
-    """Picture (H, W, 3) of band-mean radiance (H, W, B); the spectrum `white` comes out neutral.
+    """Picture (H, W, 3) of band-mean radiance (H, W, B); the spectrum `white` becomes neutral.
 
-    The curve is by default that of this picture.
+    The curve defaults to that of this picture.
     """
     linear = linear_srgb(radiance, bands_nm, white)
     return encode_srgb((curve or ToneCurve.of([linear]))(linear))

@@ -4,16 +4,16 @@
     exposure = expose(radiance, bands_nm, sensor, seed=0, sequence="forest", expectation=True)
     exposure.counts, exposure.saturated, exposure.expectation.mean_reading
 
-Light to volts, at 0.9 to 1.7 µm: an array of photodiodes with CTIA pixels.
+Light to volts, 0.9 to 1.7 µm: an array of photodiodes with CTIA pixels.
 
     sensor = ctia_preset("ctia_ingaas_quiet")
     reading = expose_ctia(radiance, bands_nm, sensor, seed=0, sequence="forest")
     reading.volts, reading.saturated
 
-`expose` takes either sensor and gives counts or electrons.
+`expose` accepts both sensors and returns counts or electrons.
 
-Radiance is (T, H, W, B), W·m⁻²·sr⁻¹·nm⁻¹, bands_nm is (B, 2). Neither a renderer nor its files are
-needed: any video in these units will do.
+Radiance is (T, H, W, B), W·m⁻²·sr⁻¹·nm⁻¹; bands_nm is (B, 2). No renderer is needed: any video in
+these units works.
 """
 
 import lazy_loader

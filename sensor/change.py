@@ -1,4 +1,4 @@
-"""Changing parameters: what comes out is checked as if it had been written from scratch."""
+"""Changed parameters, validated as if written from scratch."""
 
 from collections.abc import Mapping
 from typing import Any, TypeVar
@@ -18,13 +18,13 @@ def changed(model: AnyModel, **fields: Any) -> AnyModel:
     Raises
     ------
     ValueError
-        When a field is unknown or the result impossible.
+        If a field is unknown or the result is invalid.
     """
     return type(model).model_validate(merged(model.model_dump(), fields))
 
 
 def merged(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
-    """Changes inside a nested mapping keep its other fields, unless `kind` changes."""
+    """Merge changes into a nested mapping, keeping its other fields unless `kind` changes."""
     result = dict(base)
     for name, value in changes.items():
         old = base.get(name)

@@ -1,8 +1,8 @@
 """Event streams: the time and place of every avalanche.
 
-The histogram over the pixels agrees in distribution with the frames of `expose`. Each exposure
-starts as a frame does, so the stream is that of an array which is reset between frames, unless it
-is free-running: then dead times and trapped carriers are carried from one frame into the next.
+The histogram over the pixels agrees in distribution with the frames of `expose`. By default the
+array is reset between frames. With `free_running`, dead times and trapped carriers carry over from
+one frame to the next.
 
 Source: dissertation §2.3.5.
 """
@@ -27,10 +27,10 @@ class Events:
     pixel : (N,) uint32
         row · columns + column.
     starts : (frames + 1,) int64
-        Number of the first event of each frame; N at the end.
+        Index of each frame's first event; N at the end.
     shape : (frames, rows, columns)
     first_frame : int
-        Number in the sequence of the first frame.
+        Sequence number of the first frame.
     """
 
     time_s: NDArray[np.float64]
@@ -41,7 +41,7 @@ class Events:
 
     @property
     def frame(self) -> NDArray[np.int64]:
-        """Number in the sequence of each event's frame, (N,)."""
+        """Sequence number of each event's frame, (N,)."""
         frames = np.arange(self.first_frame, self.first_frame + self.shape[0])
         return np.repeat(frames, np.diff(self.starts))
 
@@ -71,7 +71,7 @@ def joined(
     shape: tuple[int, int, int],
     first_frame: int,
 ) -> Events:
-    """Return the events of frames, of each of which there are times and pixels, in order."""
+    """Return the events of frames from their times and pixels, in order."""
     starts = np.cumsum([0, *(times.size for times, _ in streams)], dtype=np.int64)
     times = np.concatenate([np.empty(0), *(times for times, _ in streams)])
     pixels = np.concatenate([np.empty(0, np.uint32), *(pixels for _, pixels in streams)])
@@ -81,7 +81,7 @@ def joined(
 def in_order_of_time(
     stamps: NDArray[np.float64], pixels: NDArray[np.int64]
 ) -> tuple[NDArray[np.float64], NDArray[np.uint32]]:
-    """Put events in the order of time; those of the same time stay as they were.
+    """Sort events by time; those of the same time keep their order.
 
     NumPy's unstable sort is four times as fast as its stable one, but orders equal times
     differently on different processors.

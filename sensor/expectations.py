@@ -1,4 +1,4 @@
-"""Mean and variance of events and of readings, frame by frame, without drawing any."""
+"""Mean and variance of events and readings, frame by frame, without drawing any."""
 
 from collections.abc import Sequence
 
@@ -29,9 +29,9 @@ PARTS_ERROR = (
     "with afterpulsing by as much over one less mean_carriers, and the carriers that wait; "
     "events_variance by 0.1 counts squared a part, as simulated; exact without either"
 )
-"""What the moments of events are off by where light changes within an exposure. The bound of the
-mean is derived in `count_moments`, and 0.4 of it was found; that of the variance is from simulation
-of light in one of two and of eight parts, and in every other one, at r·τ of 0.1, 1 and 3 in both
+"""Error of the moments of events where light changes within an exposure. `count_moments` derives
+the bound of the mean, of which 0.4 was found. The bound of the variance is from simulations with
+light in one of two and of eight parts, and in every other one, at r·τ of 0.1, 1 and 3 for both
 kinds of dead time, with up to 0.2 carriers."""
 
 RUNNING_ERROR = (
@@ -40,7 +40,7 @@ RUNNING_ERROR = (
     "of time dead; with afterpulsing by as much over one less mean_carriers, and the carriers that "
     "wait; exact without either"
 )
-"""What the moments of events of an array that runs freely are off by."""
+"""Error of the moments of events of an array that runs continuously."""
 
 
 def event_moments(detections_hz: ArrayLike, sensor: Sensor) -> tuple[Floats, Floats]:
@@ -49,8 +49,8 @@ def event_moments(detections_hz: ArrayLike, sensor: Sensor) -> tuple[Floats, Flo
     Parameters
     ----------
     detections_hz : (T, H, W) or (T, S, H, W) array
-        Photons per second that each pixel would detect if always live (`detection_rate`), constant
-        or in S equal parts of the exposure; for what the latter leaves out see `PARTS_ERROR`.
+        Detection rate of always-live pixels, Hz (`detection_rate`), constant or in S equal parts of
+        the exposure; for the error of the latter see `PARTS_ERROR`.
     sensor : Sensor
     """
     mean, variance, _, _ = _all_moments(detections_hz, sensor)
@@ -73,9 +73,9 @@ def expectation(
 ) -> Expectation:
     """Mean and variance of photons, events and readings.
 
-    Parameters are those of `expose`, but for `detections_hz`: where light changes within the
-    exposures of a SPAD array, the rates (T, S, H, W) that it makes in their parts, the radiance
-    being its mean. Effects that change from frame to frame are averaged over time.
+    Parameters are those of `expose`, plus `detections_hz` if light changes within the exposures of
+    a SPAD array: the rates (T, S, H, W) in their parts, of which the radiance is the mean. Effects
+    that change from frame to frame are averaged over time.
     """
     if isinstance(sensor, CtiaSensor):
         return _ctia_expectation(radiance, bands_nm, sensor, first_frame, frame_period_s)
@@ -86,7 +86,7 @@ def expectation(
 
 
 def settled(sensor: Sensor) -> Sensor:
-    """Return the sensor whose pixels have been running for long when an exposure starts."""
+    """Return the sensor with a stationary start of every exposure."""
     return changed(sensor, dead_time={"start": "stationary"})
 
 
@@ -117,7 +117,7 @@ def _frame_moments(rates: FrameRates, sensor: Sensor, device: FixedPattern) -> F
 
 
 def _mixed(chances: Sequence[float], moments: Sequence[Floats]) -> Floats:
-    """Moments of what is drawn from one of several laws by chance."""
+    """Moments of a mixture of distributions."""
     means, variances = np.array(moments)[:, ::2], np.array(moments)[:, 1::2]
     mean = np.tensordot(chances, means, 1)
     variance = np.tensordot(chances, variances + (means - mean) ** 2, 1)

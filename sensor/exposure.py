@@ -1,22 +1,22 @@
-"""One exposure, in the order in which things happen to the light.
+"""One exposure, step by step in physical order.
 
     optics        radiance of a scene → photons per second on every pixel (`optics`)
-    detection     → photons per second that a pixel would detect if always live (`detection_rate`)
-    dark counts   + carriers that are no photons, at a rate that may change with time (`_Frames`)
+    detection     → detection rate of an always-live pixel (`detection_rate`)
+    dark counts   + thermal carriers, at a rate that may change with time (`_Frames`)
     avalanches    → events: gate, dead time, afterpulses, crosstalk (`avalanches`)
-    counter       → counts, as far as it goes (`spad.digital`, `spad.analog`)
+    counter       → counts, up to its capacity (`spad.digital`, `spad.analog`)
     readout       counts, codes of an ADC, bits, or the time of every event
 
 The rate is that of the frame's radiance for the whole exposure, or (T, S, H, W) in S equal parts of
-it; motion blur, if wanted, is in the radiance already. An array of CTIA pixels (`ctia`) integrates
-a photocurrent instead.
+it. Motion blur, if any, is already in the radiance. An array of CTIA pixels (`ctia`) integrates a
+photocurrent instead.
 
-Every frame has its own random streams, named by seed, sequence and frame number, so what is drawn
-of a frame does not depend on which others are drawn with it, nor on the number of threads. Draws
-that must be independent, such as those of two light levels, need different names for `sequence`.
-Counts, events and bits are drawn from different streams: they agree in distribution, not count by
-count. Those of an array that is not reset between frames (`free_running`) and has memory are drawn
-avalanche by avalanche from one set of streams: they are the same events.
+Every frame has its own random streams, named by seed, sequence and frame number. A frame's draws
+thus depend neither on other frames drawn with it, nor on the number of threads. Independent draws,
+such as those of two light levels, need different names for `sequence`. Counts, events and bits are
+drawn from different streams: they agree in distribution, not count by count. For an array with
+memory that is not reset between frames (`free_running`), they are drawn avalanche by avalanche from
+the same streams, and are the same events.
 """
 
 import math
@@ -50,7 +50,7 @@ from megalopta.sensor.spad.frames import over_frames
 from megalopta.sensor.spad.model import Sensor
 
 _FEW_PIXELS = 2**15
-"""Fewer pixels than these, of all frames together, are drawn by one thread."""
+"""Below this number of pixels in all frames, one thread draws them."""
 
 
 def expose(
@@ -64,7 +64,7 @@ def expose(
     frame_period_s: float | None = None,
     expectation: bool = False,
 ) -> Exposure:
-    """Draw what a sensor reads of frames of a scene: counts, or electrons of a CTIA array.
+    """Simulate a sensor's readings of a scene: counts, or electrons of a CTIA array.
 
     Parameters
     ----------
@@ -75,21 +75,21 @@ def expose(
     sensor : Sensor or CtiaSensor
     seed : int
     sequence : str or int
-        Name of what is drawn; the readings of a frame are a function of seed, sequence and frame.
+        Name of the draws; a frame's readings are a function of seed, sequence and frame number.
     first_frame : int
-        Number of the first of these frames in the sequence.
+        Sequence number of the first of these frames.
     frame_period_s : float, optional
-        Time from one frame to the next, for what changes with time; by default the exposure.
+        Time between frames, for effects that change with time; default: the exposure.
     expectation : bool
-        Whether to state mean and variance too, which costs about as much again.
+        True to compute mean and variance too, which about doubles the cost.
 
     Raises
     ------
     ValueError
-        When the radiance is negative, not finite, too bright or of the wrong shape, a band reaches
-        outside the efficiency curve, or the sensor's device cannot be made.
+        If the radiance is negative, not finite, too bright or of the wrong shape, a band reaches
+        outside the efficiency curve, or the sensor's device is impossible.
     TypeError
-        When the sensor is none, or seed or sequence names nothing.
+        If the sensor is not one, or seed or sequence has the wrong type.
     """
     if isinstance(sensor, CtiaSensor):
         reading = expose_photocurrent(
@@ -127,7 +127,7 @@ def expose_rate(
     frame_period_s: float | None = None,
     free_running: bool | FreeRunning = False,
 ) -> Exposure:
-    """Draw the counts of frames whose detection rate is known; other parameters as for `expose`.
+    """Draw the counts of frames of known detection rate; other parameters as for `expose`.
 
     Parameters
     ----------
@@ -136,9 +136,9 @@ def expose_rate(
         gives that of a scene.
     sensor : Sensor
     free_running : bool or FreeRunning
-        Exposures follow on each other without a gap, and what a pixel remembers is kept between
-        them: from the first frame of this call on, or from where an array ended in the call before.
-        Frames then depend on those before.
+        Exposures follow each other without a gap and pixels keep their state: from the first frame
+        of this call, or from the end of the array's previous call. Frames then depend on those
+        before.
     """
     frames = _Frames.of(detections_hz, sensor, seed, sequence, first_frame, frame_period_s)
     array, counter = running_array(free_running, sensor.avalanche_effects), sensor.counter
@@ -175,16 +175,16 @@ def expose_adc(
     first_frame: int = 0,
     together: int = 1,
 ) -> NDArray[np.uint16]:
-    """Draw what the ADC behind analog counters reads, codes (T, H, W); as `expose_rate`.
+    """Draw the ADC codes (T, H, W) of analog counters; as `expose_rate`.
 
-    The same seed, sequence and frame make the same events and noise as there. Several frames may be
-    drawn `together` from the streams of the first: of small arrays, to name a stream costs more
-    than to draw a frame.
+    The same seed, sequence and frame give the same events and noise as there. Several frames may be
+    drawn `together` from the streams of the first: for small arrays, naming a stream costs more
+    than drawing a frame.
 
     Raises
     ------
     ValueError
-        As `expose_rate`, or when the sensor has no analog counter with an ADC of 16 bits or less.
+        As `expose_rate`, or if the sensor has no analog counter with an ADC of 16 bits or less.
     """
     frames = _Frames.of(detections_hz, sensor, seed, sequence, first_frame, None)
     counter, pixels = sensor.counter, frames.device.counters
@@ -214,12 +214,12 @@ def expose_binary(
     frame_period_s: float | None = None,
     free_running: bool | FreeRunning = False,
 ) -> NDArray[np.uint8]:
-    """Draw whether a pixel saw anything, packed (T, H, ceil(W/8)) uint8; as `expose_rate`.
+    """Draw binary frames, packed (T, H, ceil(W/8)) uint8; as `expose_rate`.
 
-    The bit is 1 with probability 1 − exp(−r·T) from a live start, whatever the dead time and the
-    afterpulses, which come after the first event; mean p, variance p·(1−p). Gated, T is the time
-    open, and where light changes within the exposure, r its mean over that time. Bits are packed as
-    visionsim does: `np.packbits` along the width, the last byte of a row filled up with zeros.
+    The bit is 1 with probability p = 1 − exp(−r·T) from a live start; mean p, variance p·(1−p).
+    Dead time and afterpulses act only after the first event. With a gate, T is the open time; if
+    light changes within the exposure, r is its mean over that time. Bits are packed as visionsim
+    does: `np.packbits` along the width, the last byte of a row padded with zeros.
 
     Raises
     ------
@@ -258,7 +258,7 @@ def expose_events(
     frame_period_s: float | None = None,
     free_running: bool | FreeRunning = False,
 ) -> Events:
-    """Draw the time and place of every avalanche, instead of counts.
+    """Draw the time and pixel of every avalanche, instead of counts.
 
     An event-based array reports every avalanche and has no counter. Other parameters, and errors,
     are those of `expose_rate`.
@@ -267,7 +267,7 @@ def expose_events(
     ----------
     detections_hz : (T, H, W) or (T, S, H, W) array
     sensor : Sensor
-        With its jitter, by which time stamps scatter.
+        Its jitter scatters the time stamps.
     """
     frames = _Frames.of(detections_hz, sensor, seed, sequence, first_frame, frame_period_s)
     array = running_array(free_running, sensor.avalanche_effects)
@@ -284,7 +284,7 @@ def expose_events(
 
 
 def check_binary(sensor: Sensor) -> None:
-    """Make sure that a sensor has binary frames: the first event depends on nothing but the rate.
+    """Check that a sensor has binary frames: the first event depends only on the rate.
 
     Raises
     ------
@@ -305,7 +305,7 @@ def check_binary(sensor: Sensor) -> None:
 
 @dataclass(frozen=True, eq=False)
 class _Frames:
-    """Frames of one call: their rates, the device that sees them, and the names of their draws."""
+    """Frames of one call: rates, device, and names of the random streams."""
 
     detections_hz: Floats
     device: FixedPattern
@@ -337,15 +337,15 @@ class _Frames:
 
     @property
     def are_poisson(self) -> bool:
-        """Whether nothing acts on avalanches, and light stands still."""
+        """True if no effect acts on avalanches and light is constant within exposures."""
         return not self.sensor.avalanche_effects.on and self.detections_hz.ndim == 3
 
     def rng(self, purpose: str, index: int) -> np.random.Generator:
-        """Return the random numbers of one frame for one purpose."""
+        """Return the random generator of one frame and purpose."""
         return generator(self.seed, purpose, self.sequence, self.first + index)
 
     def rates(self, index: int) -> tuple[Floats, Floats]:
-        """Detections and dark counts of a frame, Hz, as what changes with time leaves them."""
+        """Detections and dark counts of a frame, Hz, after the effects that change with time."""
         detections_hz, dark_hz = self.detections_hz[index], self.device.dark_counts_hz
         if not self.device.in_time:
             return detections_hz, dark_hz
@@ -355,21 +355,21 @@ class _Frames:
             run = generator(self.seed, name, self.sequence).integers(2**63)
             frame = Frame(number, number * self.period_s, int(run))
             effect.act_on_frame(rates, self.rng(name, index), frame)
-        rates.dark_counts_hz.flags.writeable = False  # as those of the device: compiled once
+        rates.dark_counts_hz.flags.writeable = False  # as in the device: compiled once
         return rates.detections_hz, rates.dark_counts_hz
 
     def events(self, index: int) -> NDArray[np.int64]:
         """Number of avalanches of every pixel in a frame, (H, W)."""
         detections_hz, dark_hz = self.rates(index)
         rng, exposure_s = self.rng("exposure", index), self.sensor.exposure_s
-        if self.are_poisson:  # the same, faster, of rates checked before
+        if self.are_poisson:  # the same, faster, for rates checked before
             drawn = draw_poisson(rng, detections_hz.ravel(), dark_hz.ravel(), exposure_s)
             return drawn.reshape(detections_hz.shape)
         effects, maps = self.sensor.avalanche_effects, self.device.avalanches
         return draw_counts(rng, detections_hz + dark_hz, exposure_s, effects, maps)
 
     def events_together(self, first: int, number: int) -> NDArray[np.int64]:
-        """Avalanches of some frames (n, H, W) from one stream."""
+        """Avalanches of several frames (n, H, W) from one stream."""
         indices = range(first, min(first + number, len(self.detections_hz)))
         arrivals_hz = np.stack([np.add(*self.rates(index)) for index in indices])
         rng, exposure_s = self.rng("exposure", first), self.sensor.exposure_s
@@ -377,7 +377,7 @@ class _Frames:
         if effects.crosstalk.is_on:
             each = [draw_counts(rng, one, exposure_s, effects, maps) for one in arrivals_hz]
             return np.array(each)
-        # Pixels that do not know of each other may as well be those of one tall frame.
+        # Pixels without crosstalk can be treated as those of one tall frame.
         frames, *parts, rows, columns = arrivals_hz.shape
         tall_hz = np.moveaxis(arrivals_hz, 0, -3).reshape(*parts, frames * rows, columns)
         if maps is not None:
@@ -392,7 +392,7 @@ class _Frames:
         rng: np.random.Generator | None = None,
         keep_events: bool = True,
     ) -> SimulatedFrame:
-        """Simulate a frame avalanche by avalanche, from where the array ended before."""
+        """Simulate a frame avalanche by avalanche, from the array's state."""
         arrivals_hz = np.add(*self.rates(index))
         check_arrivals(arrivals_hz, self.sensor.exposure_s)
         return array.expose(
@@ -407,15 +407,15 @@ class _Frames:
     def each(
         self, task: Callable[[int], None], times: int | None = None, in_turn: bool = False
     ) -> None:
-        """Do something for every frame, or so many times, in threads unless in turn."""
+        """Run a task for every frame, or `times` times, in threads unless `in_turn`."""
         times = self.shape[0] if times is None else times
         over_frames(task, times, in_turn or math.prod(self.shape) < _FEW_PIXELS)
 
 
 def _count_poisson(frames: _Frames, exposure: Exposure) -> None:
-    """Draw as `_Frames.events` and read at once: nothing acts but a counter that saturates."""
+    """Draw as `_Frames.events` and read at once: the only effect is a saturating counter."""
     capacity, exposure_s = frames.sensor.counter.capacity, frames.sensor.exposure_s
-    # made in a row, which takes a fifth of the time that they take in threads
+    # allocated in a row, which takes a fifth of the time needed in threads
     sources = [
         poisson_streams(frames.rng("exposure", index)) for index in range(len(exposure.counts))
     ]

@@ -1,7 +1,7 @@
-"""Image sensors that count (`Sensor`) or integrate (`CtiaSensor`), by name.
+"""Image sensors by name: counting (`Sensor`) or integrating (`CtiaSensor`).
 
-A CTIA array reads volts; in `expose` they are electrons, C·V/q, the dark ones included, which stand
-beside the counts of a SPAD array. There is no converter: readings are float32, exact to 16
+A CTIA array reads volts; `expose` converts them to electrons, C·V/q, including dark ones,
+comparable to the counts of a SPAD array. There is no ADC: readings are float32, exact to 16
 electrons at full swing, where shot noise alone is 14 000, and noise can make them negative.
 """
 
@@ -21,31 +21,31 @@ from megalopta.sensor.spad.model import Sensor
 from megalopta.sensor.spad.presets import PRESETS, load_sensor
 
 ImageSensor: TypeAlias = Annotated[Sensor | CtiaSensor, Field(discriminator="kind")]
-"""A sensor of either kind; `kind` tells which."""
+"""Sensor of either kind, distinguished by `kind`."""
 
 
 def _plugged_in(value: Any) -> Sensor | CtiaSensor:
-    """Return the sensor that an entry point holds: itself, or the path of its YAML file."""
+    """Return the sensor of an entry point: itself, or the path of its YAML file."""
     found = load_sensor(value) if isinstance(value, str | Path) else value
     if not isinstance(found, Sensor | CtiaSensor):
-        raise TypeError(f"{value!r} is no Sensor, CtiaSensor or path of a YAML file, give one")
+        raise TypeError(f"{value!r} is not a Sensor, CtiaSensor or path of a YAML file; give one")
     return found
 
 
 _OURS: dict[str, Sensor | CtiaSensor] = {**PRESETS, **CTIA_PRESETS}
 
 IMAGE_SENSORS = _OURS | plug_ins("megalopta.sensors", _plugged_in, _OURS)
-"""Presets of both kinds by name, those of other packages' entry points included."""
+"""Presets of both kinds by name, including entry points of other packages."""
 
 
 def check_sensor(sensor: ImageSensor, bands_nm: ArrayLike, shape: tuple[int, int]) -> None:
-    """Make sure that a sensor can expose images of (rows, columns) pixels in these bands.
+    """Check that a sensor can expose images of (rows, columns) pixels in these bands.
 
     Raises
     ------
     ValueError
-        When a band reaches outside its efficiency curve, or the device cannot be made: a measured
-        map is damaged or does not fit, or its figures lead beyond what is possible.
+        If a band reaches outside its efficiency curve, or the device is impossible: a measured map
+        is damaged or does not fit, or its values exceed the limits.
     """
     band_efficiency(sensor.efficiency, bands_nm)
     if isinstance(sensor, Sensor):
@@ -55,7 +55,7 @@ def check_sensor(sensor: ImageSensor, bands_nm: ArrayLike, shape: tuple[int, int
 
 
 def detected_photons(radiance: ArrayLike, bands_nm: ArrayLike, sensor: ImageSensor) -> Floats:
-    """Photons detected in one exposure if nothing is lost, (T, H, W); as for `expose`."""
+    """Photons detected in one exposure without losses, (T, H, W); parameters as for `expose`."""
     if isinstance(sensor, Sensor):
         return detection_rate(radiance, bands_nm, sensor) * sensor.exposure_s
     return detected_rate(radiance, bands_nm, sensor) * sensor.exposure_s

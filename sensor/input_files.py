@@ -1,4 +1,4 @@
-"""Files that a sensor's description names."""
+"""Files named in a sensor's description."""
 
 from pathlib import Path
 
@@ -7,12 +7,12 @@ from megalopta.core.errors import DamagedFileError
 
 
 def file_content(path: str | Path, field: str) -> bytes:
-    """Content of a file.
+    """Return the content of a file.
 
     Raises
     ------
     ValueError
-        When it cannot be read; names the field that asks for it.
+        If it cannot be read; names the field that refers to it.
     """
     try:
         return read_bytes(path, ARRAY_BYTES)
@@ -22,4 +22,4 @@ def file_content(path: str | Path, field: str) -> bytes:
     except DamagedFileError as problem:
         raise ValueError(f"{field}: {problem}") from None
     except ValueError:  # a null byte
-        raise ValueError(f"{field}: {str(path)!r} is no path; give a file's path") from None
+        raise ValueError(f"{field}: {str(path)!r} is not a path; give a file's path") from None

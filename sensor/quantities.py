@@ -1,11 +1,11 @@
-"""What an exposure is made of: readings, and what they are on average.
+"""Quantities of an exposure: readings, and their mean and variance.
 
-Three quantities are on average what they are for one scene on one device, without temporal noise:
+Three quantities describe one scene on one device, averaged over temporal noise:
 
-- photons: that fall on the pixel during the exposure, on its insensitive area too;
+- photons on the pixel during the exposure, including its insensitive area;
 - events: detections that reach the counter, after efficiency, dark counts, gate, dead time,
-  afterpulsing and crosstalk; electrons collected, dark ones too, of a sensor that integrates;
-- reading: what is read, after the counter (capacity, step, leak, noise, converter) or the rail.
+  afterpulsing and crosstalk; for an integrating sensor, collected electrons, including dark ones;
+- reading: the output after the counter (capacity, step, leak, noise, ADC) or the rail.
 """
 
 from dataclasses import dataclass
@@ -25,11 +25,12 @@ class Expectation:
     Attributes
     ----------
     photons : array
-        Mean number of photons that fall on the pixel. It is its own variance.
+        Mean number of photons on the pixel, equal to its variance.
     mean_events, events_variance : array
-        Of the detections that reach the counter (counts, counts²), or of the electrons collected.
+        Moments of the detections that reach the counter (counts, counts²), or of collected
+        electrons.
     mean_reading, reading_variance : array
-        Of what `Exposure.counts` holds, in its unit and in its square.
+        Moments of `Exposure.counts`, in its unit and the square of it.
     """
 
     photons: Reals
@@ -39,18 +40,18 @@ class Expectation:
     reading_variance: Reals
 
     def signal_to_noise(self, brighter: "Expectation", by: float) -> Floats:
-        """What the light adds to the reading over the reading's standard deviation, (T, H, W).
+        """Signal from the light over the reading's standard deviation, (T, H, W).
 
-        What it adds is taken from the slope of the reading at this light, as in EMVA 1288 (SNR
-        referred to the exposure): next to nothing where the pixel is full, negative where a
-        paralyzable pixel reads less the more it sees, 0 where readings never vary.
+        The signal follows from the slope of the reading at this light, as in EMVA 1288 (SNR
+        referred to the exposure). It is near 0 where the pixel is saturated, negative where a
+        paralyzable pixel reads less in more light, and 0 where readings never vary.
 
         Parameters
         ----------
         brighter : Expectation
-            Of the same sensor in light that is stronger by this share.
+            Expectation of the same sensor in light stronger by this fraction.
         by : float
-            Small against 1, such as 0.01.
+            Much smaller than 1, such as 0.01.
         """
         signal = (np.asarray(brighter.mean_reading, np.float64) - self.mean_reading) / by
         noise = np.sqrt(np.asarray(self.reading_variance, np.float64))
@@ -59,17 +60,16 @@ class Expectation:
 
 @dataclass(frozen=True, eq=False)
 class Exposure:
-    """Frames as the sensor read them.
+    """Frames as read by the sensor.
 
     Attributes
     ----------
     counts : (T, H, W) uint16 or uint32
-        Readings; not to be trusted where saturated. From a sensor that integrates: electrons,
-        float32.
+        Readings; unreliable where saturated. From an integrating sensor: electrons, float32.
     saturated : (T, H, W) bool
-        Where the pixel was full, so that the reading is a lower bound, or has wrapped.
+        True where the pixel was saturated: the reading is a lower bound, or has wrapped.
     expectation : Expectation or None
-        Where it was asked for.
+        If requested.
     """
 
     counts: NDArray[np.uint16] | NDArray[np.uint32] | NDArray[np.float32]

@@ -1,8 +1,8 @@
-"""Frames of light on a sensor, and all that can be drawn of them.
+"""Frames of light on a sensor, and everything drawn from them.
 
-The light of a frame stands still during its exposure, unless the frames that follow are given: then
-it moves on with them, in steps, which readings, events, bits and what is stated of them see (a
-sensor that integrates, their mean).
+The light of a frame is constant during its exposure, unless the following frames are given. Then it
+moves towards them in steps, which affect readings, events, bits and their moments (for an
+integrating sensor, through the mean).
 """
 
 from collections.abc import Iterator, Mapping
@@ -28,14 +28,14 @@ from megalopta.sensor.sub_frames import Following
 Arrays = Mapping[str, FreeRunning]
 
 MOST_EVENTS = 5e7
-"""Of a frame; they take about 3 GB of memory while they are drawn and sorted."""
+"""Limit of events per frame; they take about 3 GB of memory while drawn and sorted."""
 _BITS_AT_ONCE = 16
-"""Binary frames of a burst that are drawn together."""
+"""Binary frames of a burst drawn together."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Shot:
-    """Frames of light that fall on a sensor, and what it makes of them, drawn when asked for.
+    """Frames of light on a sensor; readings, events and bits are drawn on request.
 
     Attributes
     ----------
@@ -46,16 +46,16 @@ class Shot:
     sequence : str or int
     first_frame : int
     frame_period_s : float
-        All as for `expose`.
+        As for `expose`.
     following : Following, optional
-        What the light moves on to; by default it stands still.
+        Following frames, towards which the light moves; default: it is constant.
     sub_frames : int
-        Equal parts of an exposure, and of a burst, in each of which it stands still.
+        Equal parts of an exposure or burst, in each of which the light is constant.
     burst_frames : int
-        Binary frames of a burst, which fill the time to the next frame.
+        Binary frames per burst, which fill the time to the next frame.
     arrays : dict, optional
-        What is left of a free-running array after the shot before (its `arrays_after`), by what is
-        drawn of it; empty in the first shot. By default the array is reset in every frame.
+        State of a continuous array after the previous shot (its `arrays_after`), by the kind of
+        draw; empty in the first shot. By default the array is reset in every frame.
     """
 
     radiance: ArrayLike
@@ -72,7 +72,7 @@ class Shot:
     arrays_after: dict[str, FreeRunning] = field(default_factory=dict, init=False)
 
     def _array(self, of: str) -> FreeRunning | bool:
-        """Return an array that goes on where it was before this shot, however often it is asked."""
+        """Return an array in its state before this shot, however often it is requested."""
         if self.arrays is None:
             return False
         before = self.arrays.get(of, FreeRunning())
@@ -80,7 +80,7 @@ class Shot:
         return self.arrays_after[of]
 
     def readings(self, is_stated: bool = True) -> Exposure:
-        """Draw readings, and state what they are on average if asked for."""
+        """Draw readings, with their mean and variance if requested."""
         if isinstance(self.sensor, Sensor) and (self.following or self.arrays is not None):
             reading = expose_rate(
                 self._detections_hz,
@@ -117,7 +117,7 @@ class Shot:
 
     @cached_property
     def _detections_hz(self) -> Floats:
-        """(T, H, W), or in the parts of an exposure (T, S, H, W)."""
+        """Detection rate (T, H, W), or in the parts of an exposure (T, S, H, W)."""
         if self.following is None:
             return detection_rate(self.radiance, self.bands_nm, self._spad)
         return self._moving[1]
@@ -128,7 +128,7 @@ class Shot:
 
     @cached_property
     def _moving(self) -> tuple[Floats, Floats]:
-        """Mean radiance (T, H, W, B), and of single photons the rate in every part."""
+        """Mean radiance (T, H, W, B), and for single photons the rate in every part."""
         means, rates = [], []
         share = self.sensor.exposure_s / self.frame_period_s
         for frame in range(len(self._frames)):
@@ -150,14 +150,14 @@ class Shot:
         return self.following.between(self._frames, frame, middles * share)
 
     def check_events(self) -> None:
-        """Refuse, with ValueError, light with more events in a frame than fit into memory."""
+        """Raise ValueError for light with more events per frame than fit into memory."""
         for rate in self._detections_hz:
             parts = rate.shape[0] if rate.ndim == 3 else 1
             arrivals = float(rate.sum()) / parts * self.sensor.exposure_s
             if arrivals > MOST_EVENTS:
                 raise ValueError(
-                    f"about {arrivals:.2g} events in a frame, more than {MOST_EVENTS:.0e}; give a "
-                    "darker level, a shorter exposure_s or a smaller image, or no events"
+                    f"about {arrivals:.2g} events in a frame, more than {MOST_EVENTS:.0e}; use a "
+                    "darker level, a shorter exposure_s, a smaller image or no events"
                 )
 
     def events(self) -> Iterator[Events]:
@@ -166,7 +166,7 @@ class Shot:
         Raises
         ------
         ValueError
-            When there would be more of a frame than fit into memory.
+            If a frame has more events than fit into memory.
         """
         self.check_events()
         array = self._array("events")
@@ -191,10 +191,10 @@ class Shot:
         )
 
     def burst(self) -> Iterator[NDArray[np.uint8]]:
-        """Packed binary frames (n, H, ceil(W/8)) that fill the time between frames, some at a time.
+        """Packed binary frames (n, H, ceil(W/8)) that fill the time between frames, in pieces.
 
-        Each is as long as a share of that time, from a live start, or where the array runs freely
-        from the end of the one before.
+        Each takes an equal share of that time, from a live start or, for a continuous array, from
+        the end of the one before.
         """
         array = self._array("burst")
         exposure_s = self.frame_period_s / self.burst_frames
@@ -216,5 +216,5 @@ class Shot:
     @property
     def _spad(self) -> Sensor:
         if not isinstance(self.sensor, Sensor):
-            raise ValueError(f"{self.sensor.name}: a sensor that integrates has no single events")
+            raise ValueError(f"{self.sensor.name}: an integrating sensor has no single events")
         return self.sensor

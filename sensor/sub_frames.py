@@ -1,10 +1,10 @@
 """Light between rendered frames: moved along the true flow, for events and bursts of short frames.
 
-A point that is at x in frame t and at x + F(x) in frame t + 1 is at x + a·F(x) in between, for a
-from 0 to 1. What a pixel sees then is looked up in both frames and mixed with weights 1 − a and a;
-where the point is hidden in the next frame, or leaves it, in the earlier frame alone. What comes
-into view in between is that of frame t + 1. Light is interpolated bilinearly, so that detail finer
-than two pixels is softened, and the flow is taken as straight and even between two frames.
+A point at x in frame t and at x + F(x) in frame t + 1 is at x + a·F(x) in between, for a from 0 to
+1. A pixel's light is looked up in both frames and mixed with weights 1 − a and a; if the point is
+occluded in the next frame, or leaves it, in the earlier frame alone. Newly visible light is that of
+frame t + 1. Light is interpolated bilinearly, which softens detail finer than two pixels. The
+motion is straight and uniform between two frames.
 """
 
 from dataclasses import dataclass, replace
@@ -18,26 +18,26 @@ from megalopta.core.arrays import Floats
 
 
 class Following(Protocol):
-    """What the light of some frames moves on to."""
+    """Frames towards which the light of some frames moves."""
 
     def between(
         self, frames: NDArray[Any], frame: int, shares: NDArray[np.float64]
     ) -> NDArray[np.floating]:
-        """Return the radiance (S, H, W, B) at shares of the way from one of the frames on."""
+        """Return the radiance (S, H, W, B) at fractions of the way from one frame to the next."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class NextFrames:
-    """What comes after each of some frames, and how it moves there.
+    """Next frame of each of some frames, and the flow to it.
 
     Attributes
     ----------
     radiance : (T, H, W, B) array
-        Of the next frame of each.
+        Radiance of each next frame.
     flow : (T, H, W, 2) array
-        Forward flow, px, +x right and +y down; where it is undefined the light stays.
+        Forward flow, px, +x right and +y down; where undefined, the light stays.
     hidden : (T, H, W) bool
-        Pixels that are hidden in the next frame.
+        True for pixels occluded in the next frame.
     """
 
     radiance: NDArray[Any]
@@ -45,11 +45,11 @@ class NextFrames:
     hidden: NDArray[np.bool_]
 
     def scaled(self, factor: NDArray[np.floating]) -> "NextFrames":
-        """The same motion of light so many times as bright, (B,)."""
+        """Return the same motion with light multiplied by a factor per band, (B,)."""
         return replace(self, radiance=self.radiance * factor)
 
     def between(self, frames: NDArray[Any], frame: int, shares: NDArray[np.float64]) -> Floats:
-        """Return the radiance (S, H, W, B) at shares of the way from one of the frames on."""
+        """Return the radiance (S, H, W, B) at fractions of the way from one frame to the next."""
         flow, gone = self.flow[frame], self.hidden[frame].astype(np.float64)
         motion = np.where(np.isfinite(flow).all(axis=-1, keepdims=True), flow, 0.0)
         found = np.empty((len(shares), *frames.shape[1:]))
@@ -66,18 +66,18 @@ def sub_frames(
     parts: int,
     hidden: NDArray[np.bool_] | None = None,
 ) -> Floats:
-    """Return light in the middle of each of the equal parts of the time between frames.
+    """Return light in the middle of each equal part of the time between frames.
 
     Parameters
     ----------
     frames : (T, H, W)
         Light or detection rate, two frames or more.
     flow : (T − 1, H, W, 2)
-        Forward flow, px, +x right and +y down; where it is undefined the light stays.
+        Forward flow, px, +x right and +y down; where undefined, the light stays.
     parts : int
         1 or more.
     hidden : (T − 1, H, W), optional
-        Pixels that are hidden in the next frame.
+        True for pixels occluded in the next frame.
 
     Returns
     -------
@@ -86,7 +86,7 @@ def sub_frames(
     Raises
     ------
     ValueError
-        When the shapes do not match.
+        If the shapes do not match.
     """
     if frames.ndim != 3 or flow.shape != (len(frames) - 1, *frames.shape[1:], 2) or parts < 1:
         raise ValueError(
@@ -103,11 +103,11 @@ def sub_frames(
 
 
 def _at(before: Floats, after: Floats, flow: Floats, gone: Floats, share: float) -> Floats:
-    """Light at a share of the way from one frame to the next."""
+    """Light at a fraction of the way from one frame to the next."""
     grid = np.indices(before.shape, dtype=np.float64)
     along = flow[..., ::-1].transpose(2, 0, 1)  # rows, columns
     moved = along
-    for _ in range(3):  # the flow of the point that is here now, not of the one that was
+    for _ in range(3):  # the flow of the point that is here now, not before
         moved = np.stack([_look_up(each, grid - share * moved) for each in along])
     start, end = grid - share * moved, grid + (1 - share) * moved
     size = np.array(before.shape)[:, None, None] - 1

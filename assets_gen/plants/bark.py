@@ -2,8 +2,8 @@
 
 The patterns imitate appearance, not growth: plates between cracks for spruce, bands of lenticels
 and dark scars on white for birch, gray blotches with fine wrinkles for beech, long ridges that
-split and join for oak. Each has contrast
-from half a meter down to the texel, because motion detectors live on it.
+split and join for oak. Each has contrast from half a meter down to the texel, because motion
+detectors need it.
 """
 
 import numpy as np
@@ -53,10 +53,10 @@ def papery_bark(rng: np.random.Generator) -> NDArray[np.float32]:
 def _plates(
     centers: FloatArray, squeeze: float, warp_m: FloatArray
 ) -> tuple[FloatArray, NDArray[np.intp]]:
-    """Return how far texels are from the border of their plate (m), and which plate is theirs.
+    """Return the distance of texels from the border of their plate (m), and the index of the plate.
 
-    Plates lie around centers (n, 2) (m), and are as many times taller than wide as `squeeze` is
-    less than 1; `warp_m` (H, W, 2) makes their borders ragged.
+    Plates surround centers (n, 2) (m), with a ratio of width to height of `squeeze`; `warp_m` (H,
+    W, 2) makes their borders ragged.
     """
     rows, columns = SHAPE
     size = np.array(TILE_M[::-1])
@@ -100,7 +100,7 @@ def _carvable(
     flakes: tuple[float, float],
     rng: np.random.Generator,
 ) -> NDArray[np.float32]:
-    """Return plates between furrows of some width, with flakes of a contrast and a stretch."""
+    """Return plates between furrows of a width, with flakes of a contrast and a stretch."""
     centers = rng.random((count, 2)) * np.array(TILE_M[::-1])
     along, across = (_noise((0.02, 0.25), 0.9, rng, 2.0) for _ in range(2))
     gap, plate = _plates(centers, squeeze, np.stack([0.03 * along, 0.009 * across], axis=-1))

@@ -1,10 +1,10 @@
-"""The axes of a plant, grown from its species' data: stem, branches and leafy twigs.
+"""Axes of a plant, grown from its species' data: stem, branches and leafy twigs.
 
-Branches grow by space colonization. Points strewn into the crown attract the nearest node of the
-skeleton; a node grows one step toward the mean direction of the points it attracts; a point that
-was reached is removed (Runions, Lane & Prusinkiewicz 2007, "Modeling trees with a space
-colonization algorithm"). The trunk and the first-order branches are set beforehand, which keeps the
-species' branching angle; only branches grow on, never the bare trunk.
+Branches grow by space colonization. Points scattered in the crown attract the nearest node of the
+skeleton; a node grows one step toward the mean direction of the points it attracts; points that are
+reached are removed (Runions, Lane & Prusinkiewicz 2007, "Modeling trees with a space colonization
+algorithm"). The trunk and the first-order branches are set beforehand, which keeps the species'
+branching angle; only branches continue to grow, never the bare trunk.
 """
 
 from dataclasses import dataclass
@@ -18,18 +18,18 @@ from megalopta.assets_gen.plants.skeleton import IndexArray, Skeleton, smoothed,
 from megalopta.assets_gen.plants.species import Colonized, Crown, Species, Whorled
 
 KILL_STEPS = 1.6
-"""A point counts as reached when a node is this many steps away."""
+"""Distance, in steps, at which a node reaches a point."""
 MAX_CHILDREN = 3
-"""A node forks into no more branches than this."""
+"""Largest number of branches at a fork."""
 DEFLECTION = 0.12
-"""Random part of a step's direction, standard deviation in units of the pull."""
+"""Standard deviation of the random part of a step's direction, relative to the pull."""
 
 
 def crown_points(crown: Crown, height_m: float, count: int, rng: np.random.Generator) -> FloatArray:
     """Return attraction points inside the crown, shape (count, 3) (m), stem at x = y = 0.
 
-    They are a little denser toward the outside, where the light is. The crown's radius varies
-    around the stem by two random harmonics, so that no two crowns have the same sides.
+    They are slightly denser toward the outside, where the light is. The crown's radius varies
+    around the stem by two random harmonics, so that all crowns differ.
     """
     levels = np.linspace(0, 1, 256)
     radius = profile_radius(crown, levels)
@@ -44,7 +44,7 @@ def crown_points(crown: Crown, height_m: float, count: int, rng: np.random.Gener
 
 
 def profile_radius(crown: Crown, level: FloatArray) -> FloatArray:
-    """Return the crown's radius (m) at a share `level` of the way from its base to its top."""
+    """Return the crown's radius (m) at a fraction `level` of its height, from base to top."""
     steps = np.linspace(0, 1, len(crown.profile))
     return crown.radius_m * np.interp(level, steps, crown.profile)
 
@@ -62,13 +62,13 @@ def colonize(
     Parameters
     ----------
     buds : (b,)
-        The nodes that may grow.
+        Nodes that may grow.
     points : (p, 3)
         Attraction points (m).
     step_m : float
         Length of an internode (m).
     tropism : float
-        Upward pull, in units of the pull of the points.
+        Upward pull, relative to the pull of the points.
     """
     distance, nearest = np.full(len(points), np.inf), np.zeros(len(points), dtype=np.intp)
     while len(buds) and len(points):
@@ -90,7 +90,7 @@ def _attach(
     positions: FloatArray,
     buds: IndexArray,
 ) -> None:
-    """Hand points over, in place, to new buds that are closer than their nearest node."""
+    """Reassign points, in place, to new buds that are closer than their nearest node."""
     new_distance, which = cKDTree(positions[buds]).query(points)
     closer = np.asarray(new_distance) < distance
     distance[closer] = np.asarray(new_distance)[closer]
@@ -111,18 +111,18 @@ def _pulls(
 GOLDEN_ANGLE = np.pi * (3 - np.sqrt(5))
 UP = np.array([0.0, 0.0, 1.0])
 LEADER = 0.88
-"""Share of the height that the stem itself reaches; the rest is branches that grow from its end."""
+"""Height of the stem relative to the plant; the rest is branches that grow from its end."""
 THIN_TIPS = 3
-"""Branches that supply no more tips than this bear leafy twigs."""
+"""Largest number of tips supplied by a branch with leafy twigs."""
 BURIED_M = 0.35
-"""How far stems reach into the ground, so that none hangs in the air on a slope."""
+"""Depth of stems in the ground, so that none hangs in the air on a slope."""
 FOOT_M = (0.0, 0.1, 0.25, 0.5)
-"""Heights where the stem's widening into roots is resolved."""
+"""Heights at which the stem's widening into roots is resolved."""
 
 
 @dataclass(frozen=True)
 class Branching:
-    """A skeleton, and the axes of it that bear leaves."""
+    """Skeleton with the axes that bear leaves."""
 
     skeleton: Skeleton
     bearing: IndexArray
@@ -199,7 +199,7 @@ def _with_scaffold(
     growth: Colonized,
     rng: np.random.Generator,
 ) -> tuple[Skeleton, IndexArray]:
-    """Add first-order branches; return the nodes that grow on: their ends and the stem's."""
+    """Add first-order branches; return the nodes that keep growing: their ends and the stem's."""
     count = growth.scaffold
     z = skeleton.positions[stem, 2]
     low = species.crown.base * species.height_m
@@ -217,7 +217,7 @@ def _with_scaffold(
 
 
 def _with_shoots(skeleton: Skeleton, growth: Colonized, rng: np.random.Generator) -> Branching:
-    """Put leafy twigs of two internodes on the tips and along the thinnest branches."""
+    """Add leafy twigs of two internodes to the tips and along the thinnest branches."""
     bearers, at_tip = _shoot_bearers(skeleton, growth.shoots, rng)
     ahead = unit(skeleton.internodes()[bearers])
     turn = GOLDEN_ANGLE * np.arange(len(bearers)) + rng.normal(0, 0.3, len(bearers))
@@ -235,7 +235,7 @@ def _with_shoots(skeleton: Skeleton, growth: Colonized, rng: np.random.Generator
 def _shoot_bearers(
     skeleton: Skeleton, count: int, rng: np.random.Generator
 ) -> tuple[IndexArray, NDArray[np.bool_]]:
-    """Return nodes that get twigs, and which are tips: all tips, then thin branches."""
+    """Return nodes that get twigs, and True for tips: all tips, then thin branches."""
     is_tip = skeleton.child_counts() == 0
     is_thin = sum_toward_root(skeleton, is_tip.astype(float)) <= THIN_TIPS
     tips = np.flatnonzero(is_tip)
@@ -277,7 +277,7 @@ def _whorl_buds(
 def _sagging(
     azimuth: FloatArray, angle: FloatArray, length: FloatArray, sag: FloatArray
 ) -> FloatArray:
-    """Return the nodes (n, 4, 3) of branches that sag and turn up again at the tip."""
+    """Return the nodes (n, 4, 3) of branches that sag and rise again at the tip."""
     share = np.array([0.25, 0.5, 0.75, 1.0])
     out = share * np.sin(angle)[:, None]
     up = share * np.cos(angle)[:, None] - sag[:, None] * np.sin(np.pi * share**0.8)

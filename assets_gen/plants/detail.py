@@ -1,9 +1,8 @@
-"""Plants for a distant view: the same individual with fewer, larger leaves and twigs.
+"""Plants for distant views: the same individual with fewer, larger leaves and twigs.
 
 Leaves and twigs are thinned at random and the rest enlarged to the same total area (Cook et al.
-2007, "Stochastic simplification of aggregate detail", ACM TOG 26:3), so that crowns keep their
-place, their outline, their color, the distribution of their leaf angles and, nearly, the share of
-sky that shows through them.
+2007, "Stochastic simplification of aggregate detail", ACM TOG 26:3). Crowns keep their place,
+outline, color, distribution of leaf angles and, nearly, their gap fraction.
 """
 
 from dataclasses import dataclass
@@ -17,16 +16,16 @@ from megalopta.assets_gen.plants.skeleton import IndexArray
 
 @dataclass(frozen=True)
 class Detail:
-    """How coarsely a plant is drawn."""
+    """Coarseness of a drawn plant."""
 
     leaf_m2: float
-    """Neighboring leaves are merged until one has about this area (m²)."""
+    """Area up to which neighboring leaves are merged (m²)."""
     merged: int
-    """Twigs that are merged into one."""
+    """Number of twigs merged into one."""
     thinnest_m: float
-    """Branches of a smaller radius at their base are twigs (m)."""
+    """Radius at the base below which branches count as twigs (m)."""
     chord_m: float
-    """Branches that bend and taper less than this are drawn straight (m)."""
+    """Bend and taper below which branches are drawn straight (m)."""
 
 
 def coarsened(plant: Plant, detail: Detail, rng: np.random.Generator) -> tuple[Surface, Surface]:
@@ -36,12 +35,12 @@ def coarsened(plant: Plant, detail: Detail, rng: np.random.Generator) -> tuple[S
 
 
 def _leaves_in(area_m2: float, leaves: Surface) -> int:
-    """Return how many average leaves have an area, 1 at least."""
+    """Return the number of average leaves in an area, at least 1."""
     return max(round(area_m2 * len(leaves.faces) / 2 / leaves.area), 1)
 
 
 def _wood(plant: Plant, detail: Detail, rng: np.random.Generator) -> Surface:
-    """Return stems and branches drawn straighter, and a few thick twigs instead of many thin."""
+    """Return stems and branches drawn straighter, and few thick twigs instead of many thin."""
     skeleton, radii = plant.branching.skeleton, plant.radii_m
     nodes = plant.axes
     base = np.array([radii[axis[1]] for axis in nodes])
@@ -63,7 +62,7 @@ def _wood(plant: Plant, detail: Detail, rng: np.random.Generator) -> Surface:
 def _one_of_each(
     area: FloatArray, merged: int, rng: np.random.Generator
 ) -> tuple[IndexArray, FloatArray]:
-    """Return one of every `merged` neighbors, at random, and all their area over its own."""
+    """Return a random one of every `merged` neighbors, and their total area over its own."""
     starts = np.arange(0, len(area), merged)
     sizes = np.diff(np.append(starts, len(area)))
     chosen = starts + (rng.random(len(starts)) * sizes).astype(np.intp)
@@ -73,7 +72,7 @@ def _one_of_each(
 def merged_leaves(leaves: Surface, merged: int, rng: np.random.Generator) -> Surface:
     """Return one triangle for every `merged` neighbors among leaves of two triangles each.
 
-    It lies where one of them lies, chosen at random, and has the area of them all.
+    It is at the place of one of them, chosen at random, and has their total area.
     """
     corners = leaves.vertices.reshape(-1, 4, 3)
     area = leaf_areas(corners)
@@ -102,13 +101,13 @@ def leaf_areas(corners: FloatArray) -> FloatArray:
 
 
 def some_leaves(leaves: Surface, share: float, rng: np.random.Generator) -> Surface:
-    """Return a share of the leaves, drawn at random; a smaller share is part of a larger one."""
+    """Return a random share of the leaves; smaller shares are subsets of larger ones."""
     count = len(leaves.vertices) // corners_of(leaves)
     return chosen_leaves(leaves, np.sort(rng.permutation(count)[: round(share * count)]))
 
 
 def corners_of(leaves: Surface) -> int:
-    """Return how many corners each leaf has: of two triangles four or, where merged, three."""
+    """Return the number of corners per leaf: four with two triangles, three if merged."""
     return 4 if len(leaves.vertices) == 2 * len(leaves.faces) else 3
 
 

@@ -10,11 +10,11 @@ from megalopta.assets_gen.plants.skeleton import IndexArray
 from megalopta.assets_gen.plants.species import Foliage
 
 ATLAS_TILES = 8
-"""Leaf textures hold this many leaves in a row and in a column; every leaf shows one of them."""
+"""Number of leaves in a row and a column of leaf textures; every leaf shows one of them."""
 
 
 class Blade(NamedTuple):
-    """Shape of a leaf, as fields of `Foliage` of these names."""
+    """Shape of a leaf, with fields as in `Foliage`."""
 
     length_m: float
     width_m: float
@@ -23,9 +23,9 @@ class Blade(NamedTuple):
 
 
 def leaf_axes(axes: FloatArray, foliage: Foliage, rng: np.random.Generator) -> FloatArray:
-    """Return the side twigs (t, 2, 3) along axes (a, s, 3) (m), or the axes where there are none.
+    """Return the side twigs (t, 2, 3) along axes (a, s, 3) (m), or the axes if there are none.
 
-    Twigs stand as leaves would; one goes on from the end of each axis.
+    Twigs are arranged like leaves; one continues from the end of each axis.
     """
     if foliage.twigs is None:
         return axes
@@ -55,7 +55,7 @@ def place_leaves(axes: FloatArray, foliage: Foliage, rng: np.random.Generator) -
 def _attachments(
     axes: FloatArray, bare: float, per_m: float
 ) -> tuple[IndexArray, FloatArray, IndexArray]:
-    """Return for every leaf its axis, its place along it (share of the length) and its rank."""
+    """Return each leaf's axis, position along it (fraction of the length) and rank."""
     length = np.linalg.norm(np.diff(axes, axis=1), axis=2).sum(axis=1)
     count = np.maximum(np.round(length * (1 - bare) * per_m), 2).astype(np.intp)
     axis = np.repeat(np.arange(len(axes)), count)
@@ -65,7 +65,7 @@ def _attachments(
 
 
 def _along(axes: FloatArray, axis: IndexArray, share: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the point and the direction at a share of the way along each axis."""
+    """Return the point and the direction at a fraction of the length of each axis."""
     place = share * (axes.shape[1] - 1)
     segment = np.minimum(place.astype(np.intp), axes.shape[1] - 2)
     start, end = axes[axis, segment], axes[axis, segment + 1]
@@ -93,7 +93,7 @@ def blades(
     Parameters
     ----------
     base, direction, facing : (n, 3)
-        Attachment (m), unit vector along the midrib, and where the upper side should face.
+        Attachment (m), unit vector along the midrib, and direction that the upper side should face.
     size : (n,)
         Factor on length and width.
     rng : Generator

@@ -1,12 +1,11 @@
-"""The axes of any plant, by the form of its growth; those of palms and lianas.
+"""Axes of any plant, by growth form; axes of palms and lianas.
 
-A palm has a stem that does not branch, and fronds at its end. They leave it at the golden angle
-from one to the next, the oldest lowest, and arch over by their own weight. Leaflets stand in two
-rows along a frond.
+A palm has a stem without branches, and fronds at its end. Successive fronds are at the golden
+angle, the oldest lowest, and arch over by their own weight. A frond has two rows of leaflets.
 
-A liana has ropes that hang between the ground and the crowns. Each goes up from the ground, sags
-sideways in one or two loops between the heights at which it holds on, and bears its leaves in its
-upper half, among the crowns.
+A liana has ropes that hang between the ground and the crowns. Each rises from the ground, sags
+sideways in one or two loops between its holds, and bears its leaves in its upper half, among the
+crowns.
 """
 
 import numpy as np
@@ -30,7 +29,7 @@ NODES = 7
 """Internodes of a frond."""
 STEM_STEP_M = 0.6
 CLUMP_M = 0.5
-"""Stems of one plant stand this far from its middle (m)."""
+"""Distance of a plant's stems from its middle (m)."""
 
 
 def grow_fronded(species: Species, growth: Fronded, rng: np.random.Generator) -> Branching:
@@ -69,7 +68,7 @@ def _fronds(growth: Fronded, rng: np.random.Generator) -> FloatArray:
 
 STEP_M = 0.45
 HOLDS = 4
-"""Places where a rope holds on, its upper end included."""
+"""Number of holds of a rope, including its upper end."""
 
 
 def grow_climbing(species: Species, growth: Climbing, rng: np.random.Generator) -> Branching:
@@ -107,7 +106,7 @@ def _rope(
 
 
 def _hanging(low: FloatArray, high: FloatArray, sag: float, rng: np.random.Generator) -> FloatArray:
-    """Return the nodes (k, 3) from one hold, which is left out, to the next: a slack rope."""
+    """Return the nodes (k, 3) from one hold (excluded) to the next: a slack rope."""
     span = float(np.linalg.norm(high - low))
     share = np.linspace(0, 1, 2 + int(span / STEP_M))[1:, None]
     slack = 4 * share * (1 - share)

@@ -1,7 +1,6 @@
 """Relief of a stem: furrows in its bark, roots and buttresses.
 
-Shape and paint come from one pattern, so that what is deep is dark. Radii change about their mean,
-which stays.
+Shape and texture come from one pattern, so that furrows are dark. The mean radius is unchanged.
 """
 
 from dataclasses import dataclass
@@ -15,13 +14,13 @@ from megalopta.assets_gen.plants.species import Buttresses
 from megalopta.assets_gen.plants.tube import tube_uv
 
 GRAIN_M = (0.012, 0.035)
-"""Steps of the carved mesh around and along the stem (m)."""
+"""Mesh steps of the carved stem, around and along it (m)."""
 SIDES = 24, 112
 """Fewest and most sides of a carved stem."""
 CARVED_M = 2.5, 4.0
-"""Furrows begin to fade at the first height, and end at the second (m)."""
+"""Heights at which furrows begin to fade and end (m)."""
 DEEPEST = 0.25
-"""Furrows are no deeper than this share of the stem's radius."""
+"""Largest depth of furrows, relative to the stem's radius."""
 
 
 @dataclass(frozen=True)
@@ -31,7 +30,7 @@ class Furrows:
     pattern: NDArray[np.float32]
     """(H, W): 0 on ridges to 1 in furrows, over one tile of the bark's texture."""
     depth_m: float
-    """From ridge to furrow (m)."""
+    """Depth of furrows (m)."""
 
     def carved(
         self,
@@ -45,9 +44,9 @@ class Furrows:
         Parameters
         ----------
         axis, profile
-            Of the smooth stem, as `sweep` takes them.
+            Axis and profile of the smooth stem, as for `sweep`.
         tile_m, uv_origin
-            What its texture is laid with; it takes whole tiles around.
+            Tiling of its texture, with an integer number of tiles around.
         """
         radius = float(profile.mean(axis=1).max())
         sides = int(np.clip(np.ceil(2 * np.pi * radius / GRAIN_M[0]), *SIDES))
@@ -65,7 +64,7 @@ class Furrows:
 
 
 def _refined(axis: FloatArray, profile: FloatArray, sides: int) -> tuple[FloatArray, FloatArray]:
-    """Return axis and profile with more rings, where furrows are, and other sides."""
+    """Return axis and profile with more rings, where furrows are, and with `sides` sides."""
     z = axis[:, 2]
     place = np.arange(len(axis), dtype=float)
     top = min(CARVED_M[1], z[-2])
@@ -81,7 +80,7 @@ def _refined(axis: FloatArray, profile: FloatArray, sides: int) -> tuple[FloatAr
 BUTTRESSED_SIDES = 36
 """Sides of a stem with buttresses: enough for their edges."""
 SHARPNESS = 9
-"""Exponent of a buttress's outline around the stem; more is thinner."""
+"""Exponent of a buttress's outline around the stem; larger is thinner."""
 
 
 def root_flare(

@@ -1,4 +1,4 @@
-"""A whole tree or bush: bark around its axes, leaves on its twigs."""
+"""Whole tree or bush: bark around its axes, leaves on its twigs."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -22,12 +22,12 @@ from megalopta.assets_gen.plants.tube import sweep
 
 BREAST_HEIGHT_M = 1.3
 STEM_FINENESS = 0.3
-"""Stems are drawn this much closer to their shape than branches."""
+"""Chord error of stems relative to that of branches."""
 
 
 @dataclass(frozen=True)
 class Plant:
-    """One grown plant, its foot at the origin."""
+    """Grown plant, with its foot at the origin."""
 
     species: Species
     branching: Branching
@@ -38,8 +38,8 @@ class Plant:
     tubes: tuple[Surface, ...]
     """One closed tube per axis."""
     twigs: FloatArray
-    """(a, s, 3): from base to tip, the axes that bear leaves; too thin to be drawn where they are
-    side twigs (m)."""
+    """(a, s, 3): axes that bear leaves, from base to tip; too thin to be drawn if they are side
+    twigs (m)."""
     leaves: Surface
 
     @cached_property
@@ -62,7 +62,7 @@ def grow_plant(
 ) -> Plant:
     """Return one individual of a species, with `fullness` times its leaves on the same wood.
 
-    Furrows are carved into its stems.
+    Its stems have furrows.
     """
     branching = grow_axes(species, rng)
     skeleton = branching.skeleton
@@ -84,15 +84,15 @@ def bark_around(
     rng: np.random.Generator,
     furrows: Furrows | None = None,
 ) -> Surface:
-    """Return the tube around one axis, with no more rings and sides than its chord asks for.
+    """Return the tube around one axis, with only the rings and sides that its chord requires.
 
-    A stem may have furrows, which take more. However few its sides, it is as wide on average as the
-    round branch that it stands for.
+    Furrows of a stem need more. With any number of sides, the tube is as wide on average as the
+    round branch that it represents.
     """
     is_stem, chord_m = skeleton.parents[nodes[0]] < 0, species.chord_m
     positions, radius = skeleton.positions[nodes], radii_m[nodes]
     if not is_stem:
-        radius[0] = radius[1]  # the first node lies inside the bearing axis and has its radius
+        radius[0] = radius[1]  # the first node is inside the bearing axis and has its radius
     walls = species.buttresses if is_stem else None
     sides = BUTTRESSED_SIDES if walls else _sides(radius[0], chord_m)
     profile = np.repeat(radius[:, None] * _as_wide_as_a_circle(sides), sides, axis=1)
@@ -110,7 +110,7 @@ def bark_around(
 
 
 def _sides(radius_m: float, chord_m: float) -> int:
-    """Return how many sides make a tube look round at the detail that `chord_m` asks for."""
+    """Return the number of sides for a tube to look round at the detail of `chord_m`."""
     return int(np.interp(radius_m / chord_m, [0.3, 0.6, 1, 2], [3, 4, 6, 12]))
 
 
@@ -123,7 +123,7 @@ def _as_wide_as_a_circle(sides: int) -> float:
 
 
 def simplified(points: FloatArray, tolerance: float) -> IndexArray:
-    """Return which points of a polyline (k, d) keep it within `tolerance` (Douglas–Peucker)."""
+    """Return the points of a polyline (k, d) that keep it within `tolerance` (Douglas–Peucker)."""
     keep = {0, len(points) - 1}
     spans = [(0, len(points) - 1)]
     while spans:

@@ -1,10 +1,10 @@
-"""The axes of a plant as a tree of nodes, and how thick each of them is.
+"""Axes of a plant as a tree of nodes, with their thickness.
 
 Thickness follows the pipe model (Shinozaki et al. 1964, Jpn. J. Ecol. 14:97), which contains
 Leonardo's rule: every tip is supplied by one pipe of fixed cross-section that runs down to the
-root, so that the areas of the branches above a fork add up to the area below it. Pipes whose leaves
-were shed stay in the wood: each meter of axis adds a little area, which makes trunks taper below
-the crown too.
+root, so that the areas of the branches above a fork add up to the area below it. Pipes of shed
+leaves stay in the wood: each meter of axis adds a little area, which makes trunks taper below the
+crown too.
 """
 
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ IndexArray = NDArray[np.intp]
 
 @dataclass(frozen=True)
 class Skeleton:
-    """Nodes and the node each of them grew from."""
+    """Nodes, and the node from which each grew."""
 
     positions: FloatArray
     """(n, 3): meters, z up."""
@@ -27,7 +27,7 @@ class Skeleton:
     """(n,): index of the parent, always smaller than the node's own; −1 for a root."""
 
     def child_counts(self) -> IndexArray:
-        """Return how many nodes grew from each node, shape (n,)."""
+        """Return the number of nodes that grew from each node, shape (n,)."""
         return np.bincount(self.parents[self.parents >= 0], minlength=len(self.parents))
 
     def internodes(self) -> FloatArray:
@@ -43,14 +43,14 @@ class Skeleton:
         )
 
     def with_chain(self, positions: FloatArray) -> "Skeleton":
-        """Return the skeleton with one more root and the nodes (n, 3) that follow it in a row."""
+        """Return the skeleton with one more root and the nodes (n, 3) of a chain from it."""
         parents = len(self.positions) + np.arange(-1, len(positions) - 1)
         parents[0] = -1
         return self.extended(positions, parents)
 
 
 def sum_toward_root(skeleton: Skeleton, values: FloatArray) -> FloatArray:
-    """Return for every node the sum of `values` (n,) over itself and all that grew from it."""
+    """Return for every node the sum of `values` (n,) over itself and all nodes grown from it."""
     totals = values.astype(float)
     for node in range(len(totals) - 1, 0, -1):
         parent = skeleton.parents[node]

@@ -1,9 +1,9 @@
-"""What distinguishes one species from another, and the young from the old.
+"""Parameters of species, and of younger and older plants.
 
-Younger and older plants of a species, by the share of its height that they have reached. Trees are
-not copies of each other at another scale: stems thicken faster than they rise (elastic similarity
-gives radius ∝ height^1.5, McMahon 1973, Science 179:1201), and number of twigs goes with the
-crown's surface. The young keep their lower branches.
+Plants of different ages have a share of their species' height. Trees are not scaled copies of each
+other: stems thicken faster than they rise (elastic similarity gives radius ∝ height^1.5, McMahon
+1973, Science 179:1201), and the number of twigs is proportional to the crown's surface. Young trees
+keep their lower branches.
 """
 
 from typing import Annotated, Literal, TypeVar
@@ -18,14 +18,14 @@ Angle = Annotated[float, Field(ge=0, le=180)]
 
 
 class Crown(Record, frozen=True):
-    """The space that the branches may fill: a solid of revolution with irregular sides."""
+    """Space that the branches may fill: a solid of revolution with irregular sides."""
 
     base: Fraction
-    """Height of the lowest branches as a share of the tree's height."""
+    """Height of the lowest branches, relative to the tree's height."""
     radius_m: Positive
     """Largest radius (m)."""
     profile: tuple[Fraction, ...]
-    """Radius at equal steps from crown base to top, as a share of the largest."""
+    """Radius at equal steps from crown base to top, relative to the largest."""
 
 
 class Colonized(Record, frozen=True):
@@ -34,21 +34,21 @@ class Colonized(Record, frozen=True):
     kind: Literal["colonized"] = "colonized"
     """Growth by space colonization."""
     points: Annotated[int, Field(gt=0)]
-    """Attraction points strewn into the crown (count)."""
+    """Attraction points scattered in the crown (count)."""
     scaffold: Annotated[int, Field(gt=0)]
-    """First-order branches that the trunk starts with (count)."""
+    """First-order branches of the initial trunk (count)."""
     insertion_deg: Angle
     """Angle between trunk and first-order branch (degrees)."""
     step_m: Positive
     """Length of an internode (m)."""
     tropism: float
-    """Weight of the upward pull against the pull of the attraction points (1)."""
+    """Weight of the upward pull relative to the pull of the attraction points (1)."""
     shoots: Annotated[int, Field(gt=0)]
-    """Leafy twigs put on the thinnest branches (count)."""
+    """Leafy twigs added to the thinnest branches (count)."""
     shoot_m: Positive
     """Length of a leafy twig (m)."""
     shoot_droop: float
-    """How far twigs bend down: 0 straight on, 1 halfway to hanging (1)."""
+    """Downward bend of twigs: 0 straight, 1 halfway to hanging (1)."""
 
 
 class Whorled(Record, frozen=True):
@@ -63,11 +63,11 @@ class Whorled(Record, frozen=True):
     insertion_deg: tuple[Angle, Angle]
     """Angle between trunk and branch in the lowest and in the topmost tier (degrees)."""
     droop: float
-    """How far a branch sags at its middle, as a share of its length."""
+    """Sag of a branch at its middle, relative to its length."""
 
 
 class Fronded(Record, frozen=True):
-    """A tuft of fronds at the end of each stem: palms and tree ferns."""
+    """Tuft of fronds at the end of each stem: palms and tree ferns."""
 
     kind: Literal["fronded"] = "fronded"
     """Growth by fronds."""
@@ -76,9 +76,9 @@ class Fronded(Record, frozen=True):
     frond_m: Positive
     """Length of the longest frond (m)."""
     raised_deg: tuple[Annotated[float, Field(ge=-90, le=90)], Angle]
-    """Elevation at which the oldest and the youngest frond leave the stem (degrees)."""
+    """Elevations at which the oldest and the youngest frond leave the stem (degrees)."""
     bend: float
-    """How far a frond bends down toward its tip: 1 is by about a right angle (1)."""
+    """Downward bend of a frond toward its tip: 1 is about a right angle (1)."""
 
 
 class Climbing(Record, frozen=True):
@@ -87,7 +87,7 @@ class Climbing(Record, frozen=True):
     kind: Literal["climbing"] = "climbing"
     """Growth by ropes."""
     reach_m: Positive
-    """Largest way of a rope to the side (m)."""
+    """Largest sideways distance of a rope (m)."""
     shoots: Annotated[int, Field(gt=0)]
     """Leafy twigs of one rope (count)."""
     shoot_m: Positive
@@ -95,14 +95,14 @@ class Climbing(Record, frozen=True):
 
 
 class Buttresses(Record, frozen=True):
-    """Thin walls of wood that run from the stem out along its roots."""
+    """Thin walls of wood that extend from the stem along its roots."""
 
     count: Annotated[int, Field(ge=2, le=8)]
     """Walls around the stem (count)."""
     height_m: Positive
-    """Height where they have fallen to 1/e of their reach (m)."""
+    """Height at which their reach has fallen to 1/e (m)."""
     reach: Positive
-    """How far they reach at the ground, as a share of the stem's radius there."""
+    """Reach at the ground, relative to the stem's radius there."""
 
 
 class Twigs(Record, frozen=True):
@@ -126,65 +126,65 @@ class Foliage(Record, frozen=True):
     width_m: Positive
     """Width of one leaf polygon (m)."""
     widest: Fraction
-    """Where along its length the leaf is widest."""
+    """Position of the widest part along the leaf's length."""
     per_m: Positive
     """Leaves per meter of bearing twig (1/m)."""
     bare: Fraction
-    """Share of the twig, from its base, that bears nothing."""
+    """Share of the twig, from its base, without leaves."""
     divergence_deg: Angle
-    """Phyllotaxis: angle around the twig from one leaf to the next (degrees)."""
+    """Phyllotaxis: angle around the twig between successive leaves (degrees)."""
     angle_deg: Angle
     """Angle between twig and leaf (degrees)."""
     droop: float
     """Downward pull on the leaf's direction (1)."""
     tilt: Annotated[float, Field(ge=0)]
-    """Random tilt of the blade against lying flat: 0 none, 1 about 45 degrees (1)."""
+    """Random tilt of the blade from horizontal: 0 none, 1 about 45 degrees (1)."""
     fold_deg: Angle
-    """How far each half of the blade is folded up along the midrib (degrees)."""
+    """Angle by which each half of the blade is folded up along the midrib (degrees)."""
     shrink: Fraction
-    """Size of the leaf at the twig's end relative to that at its base."""
+    """Size of the leaf at the twig's end, relative to that at its base."""
     blade: Literal["leaf", "needles"]
     """Texture drawn on the polygon."""
     twigs: Twigs | None = None
-    """Side twigs that bear the leaves; null where the axes bear them themselves."""
+    """Side twigs that bear the leaves; null: the axes bear them."""
 
 
 class BarkRelief(Record, frozen=True):
     """Furrows in the bark of a stem."""
 
     pattern: Literal["papery", "plated", "ridged", "scaly"]
-    """Pattern of the bark where it is carved."""
+    """Pattern of the carved bark."""
     depth_m: Annotated[float, Field(gt=0, le=0.1)]
     """Typical depth of the furrows of a grown stem (m)."""
 
 
 class Species(Record, frozen=True):
-    """Everything that is needed to grow one kind of tree or bush."""
+    """Parameters of one kind of tree or bush."""
 
     height_m: Positive
     """Height (m)."""
     stems: Annotated[int, Field(gt=0)] = 1
-    """Stems that rise from the ground together (count)."""
+    """Number of stems from the ground (count)."""
     radius_m: Positive
     """Radius of the stem at 1.3 m, or at a third of the height of smaller plants (m)."""
     disused_share: Annotated[float, Field(ge=0)]
     """Old wood per meter of axis, in pipes of one living tip (1/m)."""
     wander: Fraction
-    """Sideways drift of the stem as a share of its height."""
+    """Sideways drift of the stem, relative to its height."""
     flare: Annotated[float, Field(ge=0)]
-    """Widening of the stem at the ground as a share of its radius."""
+    """Widening of the stem at the ground, relative to its radius."""
     bark: Literal["furrowed", "papery", "scaly", "smooth"]
     """Pattern of the bark."""
     relief: BarkRelief | None = None
-    """What is carved into the bark of a stem; null is smooth."""
+    """Relief carved into the bark of a stem; null: smooth."""
     chord_m: Positive = 0.05
-    """Branches that bend and taper less than this are drawn straight (m)."""
+    """Bend and taper below which branches are drawn straight (m)."""
     crown: Crown
     """Shape of the crown."""
     buttresses: Buttresses | None = None
-    """Walls at the foot of the stem; null where it has none."""
+    """Walls at the foot of the stem; null: none."""
     growth: Annotated[Colonized | Whorled | Fronded | Climbing, Field(discriminator="kind")]
-    """How the crown is filled with branches."""
+    """Growth form that fills the crown with branches."""
     foliage: Foliage
     """Leaves or needles."""
 
@@ -194,7 +194,7 @@ FEWEST_POINTS, FEWEST_SHOOTS, FEWEST_SCAFFOLD = 30, 30, 6
 
 
 def aged(species: Species, share: float) -> Species:
-    """Return the species when its height is a share of that which it says."""
+    """Return the species at a share of its full height."""
     if share == 1:
         return species
     crown, growth, relief = species.crown, species.growth, species.relief

@@ -1,10 +1,9 @@
 """Round, tapering tubes swept along an axis: trunks, branches and twigs.
 
 The cross-section is carried along by rotation-minimizing frames (double reflection, Wang et al.
-2008, ACM TOG 27:2), so that the bark never twists more than its axis does. Every tube is closed: a
-flat cap at the base, which lies inside the axis that bears it or in the ground, and a point at the
-tip. The column of vertices at the texture's seam is doubled in place; welded by position, a tube is
-watertight.
+2008, ACM TOG 27:2), so that the bark never twists more than its axis. Every tube is closed: a flat
+cap at the base, inside the bearing axis or in the ground, and a point at the tip. The column of
+vertices at the texture's seam is duplicated; welded by position, a tube is watertight.
 """
 
 from functools import lru_cache
@@ -32,7 +31,7 @@ def rotation_minimizing_frames(axis: FloatArray) -> tuple[FloatArray, FloatArray
 
 
 def _reflected(vector: FloatArray, direction: FloatArray) -> FloatArray:
-    """Return a vector mirrored at the plane across `direction`."""
+    """Return a vector mirrored at the plane perpendicular to `direction`."""
     square = direction @ direction
     return vector - 2 / square * (direction @ vector) * direction if square > 1e-20 else vector
 
@@ -55,9 +54,9 @@ def sweep(
     tile_m : (float, float)
         Size of one texture tile around and along the tube (m).
     uv_origin : (2,)
-        Texture coordinates where the tube begins.
+        Texture coordinates at the start of the tube.
     whole_tiles : bool
-        Stretch the texture to a whole number of tiles around the base, which hides the seam.
+        Stretch the texture to an integer number of tiles around the base, which hides the seam.
     """
     rings, sides = profile.shape
     _, normals, binormals = rotation_minimizing_frames(axis)

@@ -1,6 +1,6 @@
-"""What stands and lies on the forest's floor: small plants, loose leaves, fallen trunks.
+"""Forest floor: small plants, loose leaves, fallen trunks.
 
-All small plants but grass are leaves of two triangles each, which `detail.merged_leaves` can merge.
+Except for grass, small plants consist of leaves of two triangles each, for `detail.merged_leaves`.
 """
 
 import numpy as np
@@ -41,7 +41,7 @@ def grow_fern(rng: np.random.Generator) -> Surface:
 def _arches(
     azimuth: FloatArray, length: FloatArray, steep: FloatArray, share: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return points and directions (n, k, 3) along stalks that rise at `steep` (rad) and bend."""
+    """Return points and directions (n, k, 3) along stalks that start at `steep` (rad) and bend."""
     bend = steep[:, None] - 1.5 * share**1.5
     heading = np.cos(bend)[..., None] * outward(azimuth)[:, None] + np.sin(bend)[..., None] * UP
     step = length[:, None] * np.diff(share, prepend=0)
@@ -49,7 +49,7 @@ def _arches(
 
 
 def grow_herbs(rng: np.random.Generator) -> Surface:
-    """Return a patch, 0.9 m wide, of low herbs: rosettes of leaves that rise from the ground."""
+    """Return a patch, 0.9 m wide, of low herbs: rosettes of rising leaves."""
     plants, leaves = 14, 5
     spots = 0.28 * rng.standard_normal((plants, 3)) * (1, 1, 0) - 0.02 * UP
     base = np.repeat(spots, leaves, axis=0)
@@ -123,7 +123,7 @@ def grow_grass(rng: np.random.Generator, merged: int = 1) -> Surface:
 
 
 def strew_litter(rng: np.random.Generator) -> Surface:
-    """Return a patch, 1.2 m wide, of loose leaves lying on level ground."""
+    """Return a patch, 1.2 m wide, of loose leaves on level ground."""
     count = 45
     azimuth, heading = rng.uniform(0, 2 * np.pi, (2, count))
     distance = 0.6 * np.sqrt(rng.random((count, 1)))
@@ -134,13 +134,13 @@ def strew_litter(rng: np.random.Generator) -> Surface:
 
 
 SUNK = 0.25
-"""How deep a log lies in the litter, in units of its radius."""
+"""Depth of a log in the litter, relative to its radius."""
 STUBS = 5
 """Broken branches of a log."""
 
 
 def grow_log(rng: np.random.Generator, sides: int = 14) -> tuple[Surface, Surface]:
-    """Return bark and end faces of a log along x, 3 to 7 m long, lying on level ground."""
+    """Return bark and end faces of a log along x, 3 to 7 m long, on level ground."""
     length, radius = rng.uniform(3, 7), rng.uniform(0.1, 0.2)
     rings = 2 * (sides // 2)
     share = np.linspace(0, 1, rings)

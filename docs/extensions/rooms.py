@@ -14,12 +14,12 @@ if TYPE_CHECKING:
 ROOT = Path(__file__).parents[2]
 FOLDER = "generated/reference"
 FOLDERS = {
+    "megalopta": "Datasets, and pictures of your own as photons",
     "assets_gen": "Shapes and textures from a seed",
     "scenes": "What stands where, what lights it, how it moves",
     "render": "Radiance and truth",
     "sensor": "Light to readings and back",
     "flow": "Readings to motion",
-    "megalopta": "Datasets, experiments, the camera",
 }
 # numpy.typing.NDArray[np.float64], written out.
 ARRAY = re.compile(

@@ -38,8 +38,9 @@ from megalopta.flow.detectors.base import Frames
 from megalopta.flow.detectors.blocks import BlockDetector
 from megalopta.flow.detectors.registry import Method
 from megalopta.plotting.picture import write_csv
-from megalopta.render.footage import Footage, Unit, open_footage
+from megalopta.render import Footage, open_footage
 from megalopta.scenes.spectra.color import LUMINANCE_SHARES
+from megalopta.scenes.stimuli.pictures import Unit
 
 FROM_STAND_IN = {
     MEDIAN: "median_px_from_stand_in",

@@ -226,7 +226,7 @@ _OF_PICTURES = (
     example="megalopta sense clip.mp4 --photons 2    # then: megalopta view out/clip",
 )
 def _sense(options: Namespace) -> None:
-    from megalopta.render.footage import is_footage
+    from megalopta.render import is_footage
 
     asked = {_field(name): getattr(options, name[2:].replace("-", "_")) for name, _ in _OF_PICTURES}
     given = {name: value for name, value in asked.items() if value is not None}

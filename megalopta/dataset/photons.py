@@ -16,7 +16,7 @@ from megalopta.scenes.stimuli.pictures import ColorsAsLight, Unit
 from megalopta.sensor import IMAGE_SENSORS, Expectation, Exposure, expose
 
 if TYPE_CHECKING:
-    from megalopta.render.footage import Footage
+    from megalopta.render import Footage
 
 _MOMENTS = [each.name for each in fields(Expectation)]
 
@@ -39,13 +39,13 @@ def photons_from_images(
         Pictures (T, H, W) or (T, H, W, 3), one of them, or the path of a video, a picture, a folder
         of pictures or an array.
     photons_per_pixel : float
-        Mean photons on a pixel in an exposure, over all pictures; or
-    lux : float
-        illuminance of the scene.
+        Mean photons on a pixel in an exposure, over all pictures.
     sensor
         A preset's name, or a sensor.
+    lux : float
+        Illuminance of the scene, in place of `photons_per_pixel`.
     unit : {"srgb", "linear", "cd/m2"}
-        What the values of arrays are; uint8 and uint16 are sRGB codes by default.
+        Unit of arrays; uint8 and uint16 are sRGB codes by default.
     seed : int
     **colors
         `reflectance` and `spectrum`, as of `megalopta.scenes.Pictures`.
@@ -88,7 +88,7 @@ def photons_from_images(
 
 
 def _opened(images: ArrayLike | str | Path, unit: Unit | None) -> "Footage":
-    from megalopta.render.footage import open_footage
+    from megalopta.render import open_footage
     from megalopta.render.footage.arrays import array_frames
 
     if isinstance(images, str | Path):

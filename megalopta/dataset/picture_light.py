@@ -25,7 +25,7 @@ from megalopta.scenes.stimuli.pictures import ColorsAsLight
 from megalopta.sensor import ImageSensor, photon_rate
 
 if TYPE_CHECKING:
-    from megalopta.render.footage import Footage
+    from megalopta.render import Footage
 
 Float32 = NDArray[np.float32]
 
@@ -190,7 +190,7 @@ def light_of(dataset: Dataset) -> PictureLight:
 
 @lru_cache(maxsize=2)
 def _opened(asked: _Asked) -> PictureLight:
-    from megalopta.render.footage import open_footage
+    from megalopta.render import open_footage
 
     dataset, settings = asked.dataset, asked.dataset.configuration
     folder = picture_folder(dataset)

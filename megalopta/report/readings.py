@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from megalopta.camera.recording import COUNTS, RAW, open_recording
 from megalopta.core.arrays import Floats, Mask
 from megalopta.core.errors import UserError, refused_as
-from megalopta.render.footage import is_footage
+from megalopta.render import is_footage
 from megalopta.sensor import ImageSensor, Sensor, file_content, read_events, read_frames
 from megalopta.sensor.calibrate.correction import ResponseCurve, filled_in, response_curve
 from megalopta.sensor.event_stream import Events, histogram

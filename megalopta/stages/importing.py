@@ -22,10 +22,11 @@ from megalopta.dataset.picture_light import (
     picture_times,
 )
 from megalopta.dataset.store import Dataset
-from megalopta.render.footage import Footage, Unit, open_footage
+from megalopta.render import Footage, open_footage
 from megalopta.scenes import Pictures
 from megalopta.scenes.lighting.levels import LEVELS, illuminance_of
 from megalopta.scenes.spectra.color import LUMINANCE_SHARES
+from megalopta.scenes.stimuli.pictures import Unit
 
 STILL_FRAMES = 16
 """Of a single picture, which does not move"""

@@ -1,1 +1,1 @@
-"""Light on surfaces, computed once and looked up by every frame."""
+"""Light on surfaces, computed once and looked up in every frame."""

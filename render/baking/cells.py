@@ -1,9 +1,9 @@
-"""Every face side cut into cells, small enough that the light on each may be taken as even.
+"""Cells of every face side, small enough for uniform light on each.
 
-A cell is a piece of one side of one triangle. With the corner opposite the longest edge as origin,
-the two edges that meet there are cut into pieces, which lays a grid of parallelograms over the
-triangle. Pieces are a few pixels long, as seen from where the camera comes closest; where vertex
-normals turn they are short enough that the normal turns little within one.
+A cell is a piece of one side of one triangle. The two edges that meet opposite the longest edge are
+divided into pieces, which spans a grid of parallelograms over the triangle. Pieces are a few pixels
+long where the camera comes closest; where vertex normals turn, they are short enough that the
+normal turns little within one.
 """
 
 from collections.abc import Callable, Sequence
@@ -23,15 +23,15 @@ from megalopta.scenes.cameras.base import Camera
 UInt32 = NDArray[np.uint32]
 
 PIECE_PX = 0.5
-"""Longest piece of an edge, in pixels of the camera where it comes closest."""
+"""Longest piece of an edge, in pixels of the camera at its closest."""
 TURN_RAD = 0.25
-"""A shading normal turns by at most this much along a piece that is longer than a pixel (rad)."""
+"""Largest turn of a shading normal along a piece that is longer than a pixel (rad)."""
 MOST_PIECES = 128
-"""Most pieces an edge is cut into."""
+"""Largest number of pieces of an edge."""
 NEAREST_M = 0.3
-"""What comes nearer to the camera than this is cut as if it came no nearer (m)."""
+"""Smallest distance from the camera considered for cutting (m)."""
 MOST_CELLS = 2**30
-"""The table of cells takes four bytes for each."""
+"""Largest number of cells; the table takes four bytes for each."""
 
 
 def pixel_angle(camera: Camera) -> float:
@@ -47,18 +47,18 @@ def pixel_angle(camera: Camera) -> float:
 
 @dataclass(frozen=True)
 class Cells:
-    """How the cells of M meshes with F faces in all, in loading order, are numbered."""
+    """Numbering of the cells of M meshes with F faces in all, in loading order."""
 
     first_face: UInt32
     """(M,): number of the first face of each mesh."""
     first_cell: UInt32
     """(F,): number of the first cell of each face: front side row by row, then back side."""
     origin: UInt32
-    """(F,): corner, 0 to 2, at which both coordinates are 0."""
+    """(F,): corner, 0 to 2, where both coordinates are 0."""
     pieces: UInt32
-    """(2, F): into how many pieces the edges to the next corner and to the one after it are cut."""
+    """(2, F): number of pieces of the edges to the next corner and to the one after it."""
     count: int
-    """All cells."""
+    """Number of all cells."""
 
     @classmethod
     def of(
@@ -67,9 +67,9 @@ class Cells:
         camera: Camera,
         positions: Floats,
     ) -> "Cells":
-        """Cut meshes for a camera that comes to positions (T, 3).
+        """Divide meshes into cells for a camera at positions (T, 3).
 
-        Raises ValueError when there are more cells than a table holds.
+        Raises ValueError if there are more cells than a table holds.
         """
         path, pixel_rad = cKDTree(positions), pixel_angle(camera)
         cuts = [_cut(mesh, path, pixel_rad) for mesh in meshes]
@@ -92,7 +92,7 @@ class Cells:
         )
 
     def patches(self, cell: UInt32) -> "Patches":
-        """Where cells (C,) lie."""
+        """Location of cells (C,)."""
         face = np.searchsorted(self.first_cell, cell, side="right") - 1
         mesh = np.searchsorted(self.first_face, face, side="right") - 1
         pieces = self.pieces[:, face]
@@ -104,9 +104,9 @@ class Cells:
 
 @dataclass(frozen=True)
 class Patches:
-    """Where C cells lie: mesh, triangle in it, side (1 is the back), and place on the triangle.
+    """Location of C cells: mesh, triangle in it, side (1 is the back), and place on the triangle.
 
-    `indices` (2, C) count the pieces from the origin to the cell along the two edges.
+    `indices` (2, C) count the pieces from the origin to the cell along both edges.
     """
 
     mesh: UInt32
@@ -119,13 +119,13 @@ class Patches:
     def barycentric(self, of: Callable[[UInt32], Any], a: Any, b: Any) -> Any:
         """Mitsuba's barycentric coordinates of points (N,) at (a, b), 0 to 1, in cells.
 
-        `of` takes values of cells (C,) to those of points.
+        `of` maps values of cells (C,) to those of points.
         """
         n = [mi.Float(of(pieces)) for pieces in self.pieces]
         index = [mi.Float(of(values)) for values in self.indices]
         u, v = ((i + x) / m for i, x, m in zip(index, (a, b), n, strict=True))
-        # A cell on the longest edge lies half outside: its points there are turned about its
-        # center, and what still lies outside, where pieces differ in number, moves to the edge.
+        # A cell on the longest edge lies half outside: its points there are rotated about its
+        # center, and those still outside, where numbers of pieces differ, are moved to the edge.
         outside = u + v > 1
         u = dr.select(outside, (2 * index[0] + 1) / n[0] - u, u)
         v = dr.select(outside, (2 * index[1] + 1) / n[1] - v, v)
@@ -140,10 +140,10 @@ class Patches:
 
 @dataclass(frozen=True)
 class Sight:
-    """What N rays see, in Mitsuba's types.
+    """Surfaces seen by N rays, in Mitsuba's types.
 
-    `mesh`, `cell` and `place`, where in the cell, mean something where `shaded`: where a surface at
-    rest was hit that does not glow. `moving` is where such a surface was hit that is not at rest.
+    `mesh`, `cell` and `place` in the cell are valid where `shaded`: where a non-emitting surface at
+    rest was hit. `moving` is True where the non-emitting surface hit is not at rest.
     """
 
     point: Any
@@ -156,7 +156,7 @@ class Sight:
 
 
 class CellFinder:
-    """Which cells rays hit, inside Mitsuba."""
+    """Cells that rays hit, inside Mitsuba."""
 
     def __init__(self, cells: Cells, loaded: Any) -> None:
         self._index, self._at_rest = MeshIndex(loaded), len(cells.first_face)
@@ -172,7 +172,7 @@ class CellFinder:
         front = point.wi.z > 0
         dull = point.is_valid() & ~point.shape.is_emitter()
         mesh = self._index.of(hit)
-        # Moving meshes come after those that were cut.
+        # Moving meshes come after those with cells.
         at_rest = mesh < self._at_rest
         active = dull & at_rest
         face = dr.gather(mi.UInt, self._first_face, mesh, active) + hit.prim_index

@@ -1,15 +1,15 @@
-"""Cells that share their light: in clusters, and those with their neighbors.
+"""Cells that share their light: in clusters, and clusters with their neighbors.
 
-Of foliage a pixel sees dozens of leaves at a time, from a sequence that is seen once each: what
-counts is their mean. Cells of one material that face about the same way and lie in the same voxel,
-a quarter to half of a pixel wide from where the camera comes closest, are one cluster. Its light is
-gathered at points drawn as often as the sequence sees their cells.
+In foliage a pixel sees dozens of leaves at a time, each once in a sequence: only their mean
+matters. Cells of one material, of similar orientation and in the same voxel, a quarter to half a
+pixel wide where the camera comes closest, form a cluster. Its light is gathered at points drawn in
+proportion to how often the sequence sees their cells.
 
-Neighboring clusters are told apart only as far as their light differs by more than its noise. In a
-voxel some pixels wide the light of clusters that face the same way varies by τ², and what is known
-of each by its noise v. Of a cluster's distance from their mean the part τ²/(τ² + v) is kept, which
-has the least mean square error (James and Stein, 1961). Half differences then stand for the whole
-error, with what is taken of true contrast.
+Neighboring clusters are distinguished only as far as their light differs by more than its noise. In
+a voxel some pixels wide, the light of clusters of the same orientation varies by τ², and each
+estimate by its noise v. The part τ²/(τ² + v) of a cluster's deviation from their mean is kept,
+which minimizes the mean square error (James and Stein, 1961). Half differences then represent the
+whole error, including lost contrast.
 """
 
 from collections.abc import Sequence
@@ -25,15 +25,15 @@ from megalopta.render.loading.meshes import MergedMesh
 from megalopta.scenes.cameras.base import Camera
 
 VOXEL_PX = 0.5
-"""Widest voxel, in pixels of the camera where it comes closest."""
+"""Widest voxel, in pixels of the camera at its closest."""
 DRAWS = 32
-"""Cells of a cluster at which light is gathered."""
+"""Cells per cluster at which light is gathered."""
 # Odd constants of the hash: golden ratio, and that of the xxHash algorithm.
 _MULTIPLIERS = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F], np.uint64)
 
 
 class Voxels:
-    """Where the cells of meshes lie, for a camera that comes to positions (T, 3)."""
+    """Voxels of the cells of meshes, for a camera at positions (T, 3)."""
 
     def __init__(
         self,
@@ -46,7 +46,7 @@ class Voxels:
         self._path, self._pixel_rad = cKDTree(positions), pixel_angle(camera)
 
     def keys(self, cell: UInt32, octaves: int = 0) -> NDArray[np.uint64]:
-        """Hash (C,) that cells (C,) of one cluster share; of voxels so many times twice as wide."""
+        """Hash (C,) that cells (C,) of one cluster share; each octave doubles the voxel size."""
         patches = self._cells.patches(cell)
         corners = np.empty((len(cell), 3, 3))
         for index in np.unique(patches.mesh):
@@ -72,15 +72,15 @@ class Clusters:
 
     members: UInt32
     first: Ints
-    """(C + 1,): place of the first member of each cluster, and their number."""
+    """(C + 1,): index of the first member of each cluster, and the number of members."""
     weight: Ints
-    """How often each member and all before it were seen, from 1 on."""
+    """Cumulative number of times that members were seen, from 1 on."""
     places: UInt32
-    """Where each member was seen once."""
+    """Place where each member was seen once."""
 
     @classmethod
     def of(cls, cell: UInt32, keys: NDArray[np.uint64], seen: UInt32, places: UInt32) -> "Clusters":
-        """Put cells (N,), in order, together by their keys; `seen` is how often each was."""
+        """Cluster cells (N,) by their keys; `seen` is the number of times each was seen."""
         order = np.argsort(keys, kind="stable")
         ends = np.flatnonzero(np.diff(keys[order])) + 1
         first = np.concatenate([[0], ends, [len(cell)]]) if len(cell) else np.zeros(1)
@@ -97,13 +97,13 @@ class Clusters:
 
     @property
     def seen(self) -> Ints:
-        """(C,): how often members were seen."""
+        """(C,): number of times that members were seen."""
         return np.diff(np.concatenate([[0], self.weight])[self.first])
 
     def draws(self, chosen: Ints) -> tuple[UInt32, UInt32]:
-        """Members (C, DRAWS) of chosen clusters (C,), evenly by how often each was seen.
+        """Members (C, DRAWS) of chosen clusters (C,), in proportion to how often each was seen.
 
-        And where each was seen once.
+        Also the place where each was seen once.
         """
         before = np.concatenate([[0], self.weight])[self.first[chosen]]
         steps = (np.arange(DRAWS) + 0.5) / DRAWS
@@ -113,7 +113,7 @@ class Clusters:
 
 
 def _hashed(columns: Sequence[NDArray[np.generic]]) -> NDArray[np.uint64]:
-    """A hash (N,) of whole numbers in columns (N,)."""
+    """Hash (N,) of integers in columns (N,)."""
     found = np.zeros(len(columns[0]), np.uint64)
     for column in columns:
         found ^= column.astype(np.int64).astype(np.uint64)
@@ -124,9 +124,9 @@ def _hashed(columns: Sequence[NDArray[np.generic]]) -> NDArray[np.uint64]:
 
 
 def smoothed(rows: Floats, neighbors: NDArray[np.uint64], rays: Ints, seen: Ints) -> Floats:
-    """Rows (C, 2·n) of clusters: n values, and half the differences of two halves of each.
+    """Smoothed rows (C, 2·n) of clusters: n values, and half the differences of their two halves.
 
-    Clusters with equal numbers are neighbors; `rays` of each tell how well it is known.
+    Clusters with equal numbers are neighbors; `rays` of each give its precision.
     """
     _, group = np.unique(neighbors, return_inverse=True)
     n = rows.shape[1] // 2
@@ -136,18 +136,18 @@ def smoothed(rows: Floats, neighbors: NDArray[np.uint64], rays: Ints, seen: Ints
         return np.asarray(np.bincount(group, values), np.float64)
 
     count, weight = total(np.ones(len(rows))), total(rays.astype(float))
-    # Of one ray: what halves are apart by has the variance of the mean.
+    # For one ray: the difference of halves has the variance of the mean.
     of_a_ray = total(rays * apart**2) / count
     mean = total(rays * light) / weight
     noise = of_a_ray[group] / rays
-    # As often as pixels show them: what counts is the contrast that is seen.
+    # Weighted by how often pixels show them: visible contrast matters.
     shown = total(seen.astype(float))
     spread = total(seen * ((light - mean[group]) ** 2 - noise * (1 - rays / weight[group]))) / shown
     contrast = np.maximum(spread * count / np.maximum(count - 1, 1), 0)[group]
     kept = np.where(contrast + noise > 0, contrast / np.maximum(contrast + noise, 1e-300), 1.0)
     kept = np.where(count[group] > 1, kept, 1.0)[:, None]
-    # The least mean square error is v·kept: the part of the noise that is kept, and of the contrast
-    # that is not. Half differences are to have it as theirs.
+    # The minimum mean square error is v·kept: the part of the noise that is kept, and of the
+    # contrast that is lost. Half differences should have this error.
     kept = np.concatenate([np.tile(kept, n), np.tile(np.sqrt(kept), n)], axis=1)
     means = np.stack([total(rays * column) / weight for column in rows.T], axis=1)
     return np.asarray(means[group] + kept * (rows - means[group]))

@@ -1,9 +1,8 @@
-"""Error of baked light: foreseen from a few frames, then measured against traced paths.
+"""Error of baked light: predicted from a few frames, then measured against traced paths.
 
-Both look at the same points of some pixels, so that what pixels see of the scene cancels. The paths
-of a pixel come in independent groups, by which their own scatter is known (`render.noise`). There
-are many paths for each pixel rather than many pixels: the scatter that has to be taken off falls
-with their number.
+Both use the same points of some pixels, so that the pixels' content cancels. The paths of a pixel
+come in independent groups, which gives their own scatter (`render.noise`). Many paths per pixel are
+used rather than many pixels: the scatter to be subtracted decreases with their number.
 """
 
 import math
@@ -23,24 +22,24 @@ from megalopta.scenes.cameras.base import Camera
 
 _FRAMES = 3
 _RAYS = 32
-"""Per pixel and frame."""
+"""Rays per pixel and frame."""
 _PIXELS = 2000
-"""Of a frame, about; of a small one all."""
+"""Approximate number of pixels per frame; all pixels of small frames."""
 
 
 def pilot_views(camera: Camera, poses: Floats, seed: int) -> list[list[Any]]:
-    """Views, as of `views`, of each of a few frames of those of a camera at poses (T, 4, 4)."""
+    """Views, as from `views`, of a few frames of a camera at poses (T, 4, 4)."""
     step = max(camera.width * camera.height // _PIXELS, 1)
     frames = poses[np.linspace(0, len(poses) - 1, _FRAMES).round().astype(int)]
     return [list(views(camera, pose[None], _RAYS, seed, step)) for pose in frames]
 
 
 def pilot_errors(frames: list[list[Any]], look: Callable[[Any], list[Any]]) -> tuple[float, float]:
-    """RMS of the standing error, and of one ray's scatter, of pixels of surfaces alone.
+    """RMS of the fixed error, and scatter of one ray, for pixels that show only surfaces.
 
-    Both over the mean radiance. `look` gives what the rays of a frame see: the light of each band,
-    as many draws of its error, and whether it is the sky. All are looked along at once, as tracing
-    paths has a price of its own.
+    Both are relative to the mean radiance. `look` returns, for the rays of a frame, the light of
+    each band, a draw of its error for each, and whether it is the sky. All rays are traced at once,
+    as each launch has a fixed cost.
     """
     squares, scatter, light, pixels = 0.0, 0.0, 0.0, 0
     for frame in frames:
@@ -65,17 +64,17 @@ def pilot_errors(frames: list[list[Any]], look: Callable[[Any], list[Any]]) -> t
 
 GROUPS = 8
 GROUP = 64
-"""Paths of a pixel in each group."""
+"""Paths per pixel and group."""
 _SHARE = 0.03
-"""Of the work of a sequence that comparing takes."""
+"""Share of a sequence's work spent on comparing."""
 _FEWEST = 128
 
 Differences = Callable[[Any, Any, Any], list[Any]]
-"""Baked light less that of paths in each band, given what a `Look` is given."""
+"""Baked light minus that of paths in each band, from the arguments of a `Look`."""
 
 
 def pixels_to_compare(work: float, frames: int) -> int:
-    """How many pixels of each measured frame are compared, for the work of all frames."""
+    """Number of pixels to compare per measured frame, for the work of all frames."""
     measured = -(-frames // MEASURED_EVERY)
     paths = _SHARE * work / (PATH + SAMPLE) / measured
     return max(int(paths / (GROUPS * GROUP)), _FEWEST)
@@ -86,14 +85,14 @@ def compared(
 ) -> NDArray[np.float32]:
     """Differences (H, W, GROUPS·B) at a share of the pixels, NaN elsewhere.
 
-    Pixels are in pairs of neighbors that show no sky, whose share the last channel of the image
-    (H, W, 2·B + 1) tells.
+    Pixels are in pairs of neighbors without sky, whose share is the last channel of the image (H,
+    W, 2·B + 1).
     """
     sky, bands = image[..., -1], image.shape[-1] // 2
     found = np.full((sky.size, GROUPS * bands), np.nan, np.float32)
     chosen = _pairs(sky <= 0, round(share * sky.size / 2))
     if len(chosen):
-        # Each pixel once for each group, with samples of its own.
+        # Each pixel once per group, with its own samples.
         several = np.tile(chosen, GROUPS)
         means = pixel_means(sensor, frame_seed(seed, 0), GROUP, look, several)
         groups = means.reshape(GROUPS, len(chosen), bands)

@@ -1,26 +1,26 @@
-"""Light that clusters of cells send out, gathered by two independent sets of rays.
+"""Radiance of clusters of cells, gathered by two independent sets of rays.
 
-A diffuse surface with reflectance ρ under irradiance E sends out L = ρE/π in all directions, and
-E/π is the mean radiance that arrives from directions distributed as the cosine. A side of a surface
-that lets light through sends out (ρ·E + τ·E′)/π, with the irradiance E′ of the other side: rays are
-shared between the sides about as ρ is to τ, which leaves the least noise where both are lit alike.
+A diffuse surface with reflectance ρ under irradiance E emits L = ρE/π in all directions, and E/π is
+the mean radiance from cosine-distributed directions. A side of a translucent surface emits (ρ·E +
+τ·E′)/π, with the irradiance E′ of the other side: rays are split between the sides roughly as ρ to
+τ, which minimizes noise if both are lit equally.
 
-Most light comes straight from the sky: there only what a ray sees of the sky that nothing blocks
-has to be found, and such rays are five times as quick as paths. Every eighth ray is followed as a
-path and brings the light of surfaces, bounces included; what comes straight from the disc of sun or
-moon is left to the frame, which knows where shadows fall to the pixel.
+Most light comes directly from the sky: this needs only visibility rays, which are five times as
+fast as paths. Every eighth ray is followed as a path and adds the light reflected by surfaces, with
+further hits. Direct light from the disc of sun or moon is left to the frame, which has shadows of
+pixel accuracy.
 
-The two spectra that a texture mixes have their band means of ρE/π apart, and not those of ρ and E:
-green leaves and green light go together within a band by several percent.
+The two spectra that a texture mixes have separate band means of ρE/π, not of ρ and E: within a
+band, the correlation of green leaves and green light amounts to several percent.
 
-A point of a cell that does not see where the cell was seen, such as one below the ground, gives
-way to the latter.
+A point of a cell without view of the place where the cell was seen, such as one below the ground,
+is replaced by the latter.
 
-Cell, position, direction and wavelength of the samples of a cluster follow additive recurrences
-shifted at random, one shift for each half of the samples; the rest of each path is random. All of
-it is drawn from the seed and the cluster's first cell alone, so that a cluster has the same light,
-to the last bit, in whatever order and company it is computed. Half the difference of the halves has
-the error of their mean as its standard deviation.
+Cell, position, direction and wavelength of a cluster's samples follow additive recurrences with a
+random shift for each half of the samples; the rest of each path is random. All is drawn from the
+seed and the cluster's first cell alone, so that a cluster's light is the same, to the last bit, in
+any order and with any other clusters. Half the difference of the halves has the error of their mean
+as its standard deviation.
 """
 
 from collections.abc import Iterator, Sequence
@@ -43,17 +43,17 @@ from megalopta.scenes.spectra.spectrum import Spectrum, flat
 
 @dataclass
 class Places:
-    """Where clusters are sampled: some cells of each, one cluster after the other."""
+    """Sample places of clusters: some cells of each, one cluster after the other."""
 
     patches: Patches
     seen: UInt32
-    """Where in each cell a point was seen."""
+    """Place in each cell where a point was seen."""
     draws: int
 
 
 @dataclass
 class Lanes:
-    """How the samples of both halves of C clusters lie in one launch.
+    """Layout of the samples of both halves of C clusters in one launch.
 
     A half has as many groups as its cluster has shares, of `size` lanes each.
     """
@@ -76,14 +76,14 @@ class Lanes:
         self.half = of_half & 1
         self.cluster = of_half >> 1
         self.samples = dr.gather(mi.UInt, mi.UInt(self._samples.astype(np.uint32)), of_half)
-        """How many samples each lane's half has."""
+        """Number of samples of each lane's half."""
 
     def of_cluster(self, values: UInt32) -> Any:
         """Values of clusters (C,) for lanes."""
         return dr.gather(mi.UInt, mi.UInt(values), self.cluster)
 
     def means(self, values: list[Any]) -> Floats:
-        """Means (2C, n) over the samples of each half of n values of lanes."""
+        """Means (2C, n) over the samples of each half of n values per lane."""
         sums = [dr.block_sum(each, self.size) for each in values]
         dr.eval(sums)
         groups = np.stack([np.array(each, np.float64) for each in sums], axis=1)
@@ -92,13 +92,13 @@ class Lanes:
 
 
 WAVELENGTHS = 2**8
-"""In a band, of which each path takes one."""
+"""Wavelengths in a band, of which each path takes one."""
 _LEAST_SHARE = 0.25
-"""Of the rays that either side of what lets light through gets: bands differ."""
+"""Smallest share of rays for either side of a translucent surface: bands differ."""
 
 
 def scattered(material: Material) -> tuple[Spectrum, Spectrum, Spectrum, Spectrum]:
-    """Reflectance where the texture's weight is 0 and where it is 1, and so transmittance."""
+    """Reflectance and transmittance where the texture's weight is 0 and where it is 1."""
     black, texture = flat(0.0), material.texture
     if material.emission:
         return black, black, black, black
@@ -108,7 +108,7 @@ def scattered(material: Material) -> tuple[Spectrum, Spectrum, Spectrum, Spectru
 
 
 class Scattering:
-    """Of M materials: what B bands get of the light on this side (0) and on the other (1)."""
+    """Response of M materials in B bands to light on this side (0) and on the other (1)."""
 
     def __init__(self, materials: Sequence[Material], bands_nm: Bands) -> None:
         places = (np.arange(WAVELENGTHS) + 0.5) / WAVELENGTHS
@@ -123,24 +123,24 @@ class Scattering:
         through = np.divide(means[:, 1], total, out=np.zeros(len(total)), where=total > 0)
         through = np.where(through > 0, through.clip(_LEAST_SHARE, 1 - _LEAST_SHARE), 0)
         self.through: Floats = through
-        """(M,): share of the rays that leave from the other side."""
+        """(M,): share of rays that leave from the other side."""
         shares = np.stack([1 - through, through], axis=1)
         self._weight = np.divide(1, shares, out=np.zeros_like(shares), where=shares > 0)
 
     def of_rays(self) -> Floats:
-        """What a ray counts (M, 2 sides, 2 spectra, B, WAVELENGTHS) of the light that it brings."""
+        """Weight (M, 2 sides, 2 spectra, B, WAVELENGTHS) of the light that a ray brings."""
         return np.asarray(self._table * self._weight[:, :, None, None, None])
 
     def under(self, skies: Sequence[Spectrum]) -> Floats:
-        """Radiance (M, 2 sides, S, 2 spectra · B) that each side's share of S skies brings.
+        """Radiance (M, 2 sides, S, 2 spectra · B) due to each side's share of S skies.
 
-        Divided by the share of rays that the side gets.
+        It is divided by the side's share of rays.
         """
         each = [self._under(sky) * self._weight[:, :, None] for sky in skies]
         return np.stack(each, axis=2)
 
     def brightness(self, sky: Spectrum) -> Floats:
-        """How bright (M,) materials are under the sky, relative to the brightest; 1 in the dark."""
+        """Brightness (M,) of materials under the sky, relative to the brightest; 1 in the dark."""
         total = self._under(sky).sum(axis=(1, 2))
         return np.asarray(total / total.max() if total.any() else np.ones(len(total)))
 
@@ -150,25 +150,25 @@ class Scattering:
 
 
 STRIDE = 8
-"""Rays for each that is followed as a path."""
+"""Number of rays for each that is followed as a path."""
 _BELOW_ONE = 1 - 2**-24
 
 
 def wavelength_groups(bands_nm: Bands, place: Any) -> Iterator[tuple[int, int, Any]]:
     """Bands in groups that fit Mitsuba's four wavelengths: first band, bands, wavelengths.
 
-    `place` is where in each band the wavelength lies, 0 to 1.
+    `place` is the position of the wavelength in each band, 0 to 1.
     """
     for first in range(0, len(bands_nm), 4):
         group = bands_nm[first : first + 4]
-        # Wavelengths that are left over repeat the last band and are not read.
+        # Unused wavelengths repeat the last band and are not read.
         padded = [*group, *[group[-1]] * (4 - len(group))]
         wavelengths = [lower + (upper - lower) * place for lower, upper in padded]
         yield first, len(group), mi.Spectrum(wavelengths)
 
 
 class Gatherer:
-    """Radiance that clusters of a scene's cells send out; the seed has 32 bits."""
+    """Radiance of clusters of a scene's cells; the seed has 32 bits."""
 
     def __init__(
         self,
@@ -183,7 +183,7 @@ class Gatherer:
         self._shapes = loaded.shapes_dr()
         self._cells = cells
         self._bands = settings.bands_nm
-        # The way from the camera to the cell is the first segment of the path.
+        # The segment from camera to cell is the first of the path.
         self._paths = LightPaths(settings.max_depth - 1)
         self._sampler = cell_sampler()
         self._seed = dr.opaque(mi.UInt, seed)
@@ -201,7 +201,7 @@ class Gatherer:
         self._stride = STRIDE if self._under_sky.any() else 1
 
     def brightness(self, cell: UInt32) -> Floats:
-        """How bright the material of cells (C,) is under the sky, relative to the brightest."""
+        """Brightness of the material of cells (C,) under the sky, relative to the brightest."""
         return np.asarray(self._bright[self._cells.patches(cell).mesh])
 
     def leaving(
@@ -209,9 +209,9 @@ class Gatherer:
     ) -> Floats:
         """Radiance (C, 2 halves, 2·bands) that leaves clusters, first spectrum before second.
 
-        A cluster is seeded by its leader (C,), and its light gathered at its cells (C, n) evenly,
-        where they are in view of the points at which they were seen (C, n).
-        Each half takes `least` rays, a multiple of STRIDE, for each of a cluster's shares (C,).
+        A cluster is seeded by its leader (C,). Its light is gathered uniformly at its cells (C, n),
+        where these are visible from the points at which they were seen (C, n). Each half takes
+        `least` rays, a multiple of STRIDE, for each of a cluster's shares (C,).
         """
         patches = self._cells.patches(cell.ravel())
         places = Places(patches, seen.ravel(), cell.shape[1])
@@ -222,9 +222,9 @@ class Gatherer:
         return np.asarray(sky + followed).reshape(len(leader), 2, -1)
 
     def _in_view(self, leader: UInt32, places: Places, lanes: Lanes) -> Floats:
-        """Share (2C, 2, S) of the rays that see the sky from this side, and from the other.
+        """Share (2C, 2, S) of rays that see the sky from this side, and from the other.
 
-        Of the even sky; then times each pattern where they see it.
+        First for the uniform sky, then weighted with each pattern.
         """
         skies = self._under_sky.shape[2]
         if not self._under_sky.any():
@@ -238,14 +238,14 @@ class Gatherer:
         return lanes.means(parts).reshape(-1, 2, skies)
 
     def _followed(self, leader: UInt32, mesh: UInt32, places: Places, lanes: Lanes) -> Floats:
-        """Radiance (2C, 2·bands) that leaves meshes (C,) because of light from surfaces."""
+        """Radiance (2C, 2·bands) that leaves meshes (C,) due to light from surfaces."""
         bands = len(self._bands)
         key, other = self._keys(leader, lanes)
         sample = lanes.sample * self._stride
         rays, through = self._rays(places, lanes, sample, key)
         blocked = self._scene.ray_test(rays)
         # One wavelength in each of as many parts of the band as there are samples.
-        samples = dr.maximum(lanes.samples, 1)  # 0 in what fills up LLVM's vectors
+        samples = dr.maximum(lanes.samples, 1)  # 0 in padding of LLVM's vectors
         step = (lanes.sample * WAVELENGTHS + other % WAVELENGTHS) // samples
         place = (mi.Float(step) + 0.5) / WAVELENGTHS
         of_side = 2 * lanes.of_cluster(mesh) + dr.select(through, mi.UInt(1), mi.UInt(0))
@@ -262,14 +262,14 @@ class Gatherer:
         return lanes.means(leaving)
 
     def _keys(self, leader: UInt32, lanes: Lanes) -> tuple[Any, Any]:
-        """Two random numbers for each lane, which its cluster and its half of the samples share."""
+        """Two random numbers per lane, shared within its cluster and its half of the samples."""
         of_leader, _ = hashed(lanes.of_cluster(leader), self._seed)
         return hashed(of_leader, lanes.half)
 
     def _rays(self, places: Places, lanes: Lanes, sample: Any, key: Any) -> tuple[Any, Any]:
-        """Rays of samples, from cells of their clusters into cosine-distributed directions.
+        """Rays of samples, from cells of their clusters in cosine-distributed directions.
 
-        And which of them leave from the other side, to bring the light that comes through.
+        Also True for those that leave from the other side, for transmitted light.
         """
         x, y, a, b, draw = recurrence(sample, key)
         drawn = mi.UInt(draw * places.draws) + lanes.cluster * places.draws
@@ -291,7 +291,7 @@ class Gatherer:
 
         wanted = patch.barycentric(of, a, b)
         seen = patch.barycentric(of, *unpacked(of(places.seen)))
-        # Where the ground or another thing comes between, it is not what was seen.
+        # If the ground or another object is in between, this point was not seen.
         ends = [self._above(surface(place), front) for place in (wanted, seen)]
         between: Any = mi.Ray3f(ends[0], ends[1] - ends[0])
         between.maxt = 1.0
@@ -305,5 +305,5 @@ class Gatherer:
 
     @staticmethod
     def _above(point: Any, front: Any) -> Any:
-        """Points (N,) a little above the front or the back of the surface that they lie on."""
+        """Points (N,) slightly above the front or the back of their surface."""
         return point.spawn_ray(dr.select(front, 1.0, -1.0) * point.n).o

@@ -1,10 +1,10 @@
-"""Frames from light that was computed once: primary rays alone, and a look at the sun.
+"""Frames from baked light: primary rays, and a visibility ray to the sun.
 
-Every sample of a pixel looks up what its surface sends out (`light`), weighs the two reflectances
-by the surface's texture, and, where there is a sun or moon, sends one more ray there: shadow edges
-are as sharp as those of the path tracer. What glows, sky included, is seen as it is. Cells that the
-survey of the sequence did not meet have no light that would be right for them alone: there, for
-objects that move, and for what is near these, paths are traced.
+Every sample of a pixel looks up the radiance of its surface (`light`) and weights the two
+reflectances by the surface's texture. If there is a sun or moon, it traces one more ray there:
+shadow edges are as sharp as those of the path tracer. Emitters, including the sky, are seen
+directly. Paths are traced for cells that the survey of the sequence did not meet, as these have no
+light of their own, for moving objects, and near these.
 """
 
 from dataclasses import dataclass, replace
@@ -30,15 +30,15 @@ from megalopta.render.loading.scene import LoadedScene, of_shapes
 from megalopta.render.sensors.primary import pixel_means
 from megalopta.scenes.cameras.base import Camera
 
-# Rays for each time that a cluster is seen, to learn how many the error asked for takes.
+# Rays per view of a cluster, to estimate how many the target error takes.
 _PILOT_DENSITY = 1.0
 
 
 @dataclass(frozen=True)
 class _Found:
-    """What N rays find, of each band: light of what glows, baked light, a draw of its error.
+    """Results of N rays per band: emitted light, baked light, a draw of its error.
 
-    `sky` is 1 where they meet nothing. Where surfaces have no baked light paths are to be traced.
+    `sky` is 1 where they hit nothing. Surfaces without baked light need paths.
     """
 
     emitted: list[Any]
@@ -50,16 +50,16 @@ class _Found:
 
 
 class BakedLightIntegrator:
-    """A scene whose light is baked as cameras see it.
+    """Scene with baked light, as seen by cameras.
 
-    The poses (T, 4, 4) of the sequence are relative to the scene's origin: where it comes close
-    surfaces are cut finely, and what it sees much of gets the most rays. The seed has 32 bits.
-    Light is taken from a folder, where it is kept for others.
+    The poses (T, 4, 4) of the sequence are relative to the scene's origin. Surfaces near them are
+    divided finely, and those often seen get the most rays. The seed has 32 bits. Light is shared
+    through a cache folder.
 
     Attributes
     ----------
     reason : str
-        Why nothing was baked, where that would not pay; else empty.
+        Reason that nothing was baked, if baking would not pay; otherwise empty.
     """
 
     reason = ""
@@ -98,7 +98,7 @@ class BakedLightIntegrator:
         else:
             with step("counting the rays that baked light takes"):
                 scatter = self._prepare(loaded, camera, poses, seed, settings.standing_error)
-        if settings.integrator == "auto":  # alike whether light is kept: frames do not hang on it
+        if settings.integrator == "auto":  # frames must not depend on the cache
             in_all = len(poses) * pixels * samples_of_pixel(settings, scatter)
             self.reason = cost_reason(self._light.total_rays(), in_all, settings)
         if not kept and not self.reason:
@@ -112,7 +112,7 @@ class BakedLightIntegrator:
     def _prepare(
         self, loaded: Any, camera: Camera, poses: Floats, seed: int, error: float
     ) -> float:
-        """Find what is to be baked, and with how many rays; how far a sample is off (RMS)."""
+        """Find the cells to bake and the number of rays; return the error of a sample (RMS)."""
         rays = views(camera, poses, VIEWS, seed)
         seen, places = survey(loaded, self._finder, self._light.cells, rays)
         cell = np.flatnonzero(seen).astype(np.uint32)
@@ -129,29 +129,29 @@ class BakedLightIntegrator:
             frames, lambda rays: self._seen(loaded, rays, mi.Float(0.5), sampler)
         )
         density = self._light.density_for(error / found) if found else 1.0
-        # Anew in any case: the frames of the pilot met cells that the survey did not.
+        # Always start anew: the frames of the pilot met cells that the survey did not.
         self._light.begin(density)
         return scatter
 
     @property
     def exposing(self) -> "BakedLightIntegrator":
-        """The integrator of frames of many poses."""
+        """Integrator of frames of many poses."""
         return self
 
     def move_to(self, time_s: float) -> None:
-        """Take notice of where moving objects are at a time."""
+        """Update the positions of moving objects to a time."""
         self._moving.move_to(time_s)
 
     def render(self, scene: Any, sensor: Any, seed: int, spp: int) -> NDArray[np.float32]:
-        """Radiance (H, W, B) that a sensor sees, band means, W·m⁻²·sr⁻¹·nm⁻¹; as Mitsuba's own."""
+        """Radiance (H, W, B) at a sensor, band means, W·m⁻²·sr⁻¹·nm⁻¹; as Mitsuba's own."""
         return pixel_means(
             sensor, seed, spp, lambda *each: self._seen(scene, *each)[: len(self._bands)]
         )
 
     def measured(self, scene: Any, sensor: Any, seed: int, spp: int) -> NDArray[np.float32]:
-        """Radiance, a draw of its standing error and the share of the sky (H, W, 2·B + 1).
+        """Radiance, a draw of its fixed error and the share of the sky (H, W, 2·B + 1).
 
-        Then the differences from paths of some pixels, in groups (H, W, G·B); NaN of others.
+        Then the differences from paths of some pixels, in groups (H, W, G·B); NaN for others.
         """
         image = pixel_means(sensor, seed, spp, lambda *each: self._seen(scene, *each))
         differences = compared(
@@ -160,16 +160,16 @@ class BakedLightIntegrator:
         return np.concatenate([image, differences], axis=-1)
 
     def _off(self, scene: Any, ray: Any, place: Any, sampler: Any) -> list[Any]:
-        """How far baked light of each band is from that of paths."""
+        """Difference of baked light from that of paths, per band."""
         found = self._look(scene, ray, place, sampler)
         paths = self._paths.radiance(scene, ray, place, sampler, found.baked)
         return [a - b for a, b in zip(found.light, paths, strict=True)]
 
     def _seen(self, scene: Any, ray: Any, place: Any, sampler: Any) -> list[Any]:
-        """Radiance of each band along rays, a draw of its standing error, and whether it is sky.
+        """Radiance of each band along rays, a draw of its fixed error, and True for the sky.
 
-        `place` is that of the wavelength in its band. The sampler chooses the point of the sun's
-        disc, and paths.
+        `place` is the position of the wavelength in its band. The sampler chooses the point of the
+        sun's disc, and paths.
         """
         found = self._look(scene, ray, place, sampler)
         paths = self._paths.radiance(scene, ray, place, sampler, found.traced)
@@ -187,7 +187,7 @@ class BakedLightIntegrator:
         emitted = self._emitted(scene, sight.point, place)
         sky = dr.select(sight.point.is_valid(), 0.0, 1.0)
         surface = sight.moving | sight.shaded
-        # Or the rays would be traced again for each of them.
+        # Otherwise the rays would be traced again for each of them.
         dr.eval(sight.cell, rest, weight, direct, emitted, sky, surface, ray.o, ray.d)
         baked = self._light.find(sight.cell, rest)
         light = self._light.radiance(sight.cell, weight, baked)
@@ -196,7 +196,7 @@ class BakedLightIntegrator:
         return _Found(emitted, light, standing, sky, baked, surface & ~baked)
 
     def _emitted(self, scene: Any, point: Any, place: Any) -> list[Any]:
-        """What sky and glowing surfaces send out themselves."""
+        """Radiance that sky and emitting surfaces emit themselves."""
         emitter = point.emitter(scene)
         emitted = []
         for _, size, wavelengths in wavelength_groups(self._bands, place):

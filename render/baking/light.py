@@ -1,9 +1,9 @@
-"""Baked light: computed, looked up and kept.
+"""Baked light: computed, looked up and cached.
 
-What cells send out, computed once and kept: the part of shading that no view changes. For each
-cluster of cells that is asked for, and each band, the table keeps the radiance that leaves where
-the texture's weight is 0 and where it is 1, and of both how far the halves of the samples are apart
-(`gathering`). With the weight w the surface shows (1 − w) of the one and w of the other.
+Baked light is the radiance of cells, the view-independent part of shading. For each requested
+cluster of cells and each band, the table holds the radiance for a texture weight of 0 and of 1, and
+for both the difference of the halves of the samples (`gathering`). At weight w the surface shows (1
+− w) of the one and w of the other.
 """
 
 import hashlib
@@ -29,7 +29,7 @@ from megalopta.scenes.scene import Scene
 
 NAMES = "density", "cells", "seen", "rows", "scatter"
 MOST_BYTES = 4 * 10**9
-"""Of all stored light: beyond it the oldest goes."""
+"""Size limit of all stored light: beyond it the oldest is deleted."""
 
 
 def key_of(
@@ -40,7 +40,7 @@ def key_of(
     poses: Floats,
     seed: int,
 ) -> str:
-    """Hash of all that baked light depends on."""
+    """Hash of everything on which baked light depends."""
     settled = settings.bands_nm, settings.max_depth, settings.standing_error
     plain: list[object] = [RENDER_MODEL, BAKE_MODEL, mi.variant(), seed, settled, scene.lighting]
     plain.append(camera.model_dump_json())
@@ -62,32 +62,32 @@ def key_of(
 
 
 def light_store(folder: Path | None, key: str) -> ArrayStore:
-    """Return where baked light is kept; without a folder nothing is."""
+    """Return the cache for baked light; without a folder, nothing is cached."""
     return ArrayStore(folder, key, MOST_BYTES)
 
 
 NOT_ASKED, NOT_SURVEYED = 2**32 - 1, 2**32 - 2
-"""In place of the cluster of a cell: not looked for yet, and of none that the survey met."""
+"""Placeholders for the cluster of a cell: not looked up yet, and not met by the survey."""
 LEAST_RAYS = 2 * STRIDE
 """Fewest rays of a cluster, both halves together."""
 _MOST_RAYS = 2**14
 
-# The error falls as a power of 0.42 of the rays: of independent rays it would be 0.5, but the more
-# there are the less clusters share. 20 trees, 32 px: from 7.5 to 2.5 % where 0.5 would give 1.9 %.
+# The error falls as the rays to the power −0.42: for independent rays it would be −0.5, but with
+# more rays clusters share less. 20 trees, 32 px: from 7.5 to 2.5 % where −0.5 would give 1.9 %.
 _EXPONENT = 0.5 / 0.42
 
-# Rays traced at once, in about a second: what they bring is kept until it is summed, and Ctrl-C
-# waits for them.
+# Rays traced at once, in about a second: results are held until they are summed, and Ctrl-C waits
+# for them.
 RAYS_AT_ONCE = 2**20
-# Voxels in which clusters are smoothed, over those of clusters: 2² times as wide.
+# Voxel size for smoothing clusters, over that of clusters: 2² times as wide.
 OCTAVES = 2
 
 
 class BakedLight:
-    """Radiance that the cells of a scene send out, without what the sun's disc adds directly.
+    """Radiance of the cells of a scene, without direct light from the sun's disc.
 
-    A cluster's noise weighs with how much of the frames it fills: a given number of rays leaves
-    the least noise when they are in proportion to that, and to how bright the cluster is.
+    A cluster's noise counts by its area in the frames: a given number of rays leaves the least
+    noise if they are in proportion to that and to the cluster's brightness.
     """
 
     def __init__(self, gatherer: Gatherer, voxels: Voxels, cells: int, bands: int) -> None:
@@ -97,7 +97,7 @@ class BakedLight:
         self.begin(1.0)
 
     def surveyed(self, cell: UInt32, seen: UInt32, places: UInt32) -> None:
-        """Take cells (N,) that were seen so often, once at these places; `begin` has to follow."""
+        """Add cells (N,) with their number of views and places; `begin` must follow."""
         keys = self._voxels.keys(cell)
         self._clusters, self._keys = Clusters.of(cell, keys, seen, places), np.unique(keys)
         self._neighbors = self._voxels.keys(self._clusters.leaders, OCTAVES)
@@ -105,7 +105,7 @@ class BakedLight:
         self._weight = bright * self._clusters.seen
 
     def begin(self, density: float) -> None:
-        """Start anew, with so many rays for each time that a cluster was seen."""
+        """Start anew with a number of rays per view of a cluster."""
         self.density, self._shares = density, self._shares_at(density)
         count = len(self._clusters)
         self._is_known = np.zeros(count, bool)
@@ -113,12 +113,12 @@ class BakedLight:
         self._cluster_of = dr.full(mi.UInt, NOT_ASKED, self.cells)
 
     def _shares_at(self, density: float) -> Ints:
-        """Rays of each cluster, over the fewest."""
+        """Number of rays of each cluster, relative to the fewest."""
         rays = (density * self._weight).clip(1, _MOST_RAYS)
         return np.ceil(rays / LEAST_RAYS).astype(np.int64)
 
     def density_for(self, share: float) -> float:
-        """Rays for each time that a cluster is seen which leave a share of the present error."""
+        """Rays per view of a cluster that reduce the error to a share of the present one."""
 
         def error(density: float) -> float:
             return math.sqrt(np.sum(self._weight**2 / self._shares_at(density)))
@@ -129,11 +129,11 @@ class BakedLight:
         return density
 
     def total_rays(self) -> int:
-        """How many rays all clusters take."""
+        """Total number of rays of all clusters."""
         return int(self._shares.sum()) * LEAST_RAYS
 
     def bake_all(self) -> None:
-        """Compute the light of all clusters, and tell how far it is."""
+        """Compute the light of all clusters, with progress."""
         parts = _launches(self._shares)
         with progress("Computing light on surfaces", len(parts), "part") as advance:
             for part in parts:
@@ -143,7 +143,7 @@ class BakedLight:
         self.smooth()
 
     def smooth(self) -> None:
-        """Let the clusters that have their light share it with their neighbors."""
+        """Let the computed clusters share light with their neighbors."""
         known = np.flatnonzero(self._is_known)
         if len(known):
             rows, seen = self._rows[known].astype(np.float64), self._clusters.seen[known]
@@ -151,7 +151,7 @@ class BakedLight:
         self._show()
 
     def find(self, cell: Any, active: Any) -> Any:
-        """Which cells (N,) have light, once that of clusters without has been computed."""
+        """True for cells (N,) with light; computes that of clusters without it."""
         cluster = dr.gather(mi.UInt, self._cluster_of, cell, active)
         lanes: Any = dr.compress(active & (cluster == NOT_ASKED))
         if dr.width(lanes):
@@ -159,7 +159,7 @@ class BakedLight:
         return active & (dr.gather(mi.UInt, self._cluster_of, cell, active) < NOT_SURVEYED)
 
     def bake(self, cell: UInt32) -> None:
-        """Give cells (N,) the light of their cluster, where the survey met one."""
+        """Give cells (N,) the light of their cluster, if the survey met one."""
         if len(cell):
             cluster = _place(self._keys, self._voxels.keys(cell))
             chosen = np.unique(cluster[cluster >= 0])
@@ -182,22 +182,22 @@ class BakedLight:
         self._is_known[chosen] = True
 
     def radiance(self, cell: Any, weight: Any, active: Any) -> list[Any]:
-        """Radiance of each band leaving cells (N,) where the texture's weight is (N,)."""
+        """Radiance of each band leaving cells (N,) with texture weights (N,)."""
         return self._mixed(0, cell, weight, active)
 
     def standing(self, cell: Any, weight: Any, active: Any) -> list[Any]:
-        """Half the difference of the two halves of `radiance`, with its error as deviation."""
+        """Half the difference of both halves of `radiance`; its deviation is the error."""
         return self._mixed(2 * self._bands, cell, weight, active)
 
     def contents(self) -> dict[str, NDArray[Any]]:
-        """All clusters: their cells, how often each was seen, and the rows (C, 4·bands)."""
+        """All clusters: their cells, numbers of views, and the rows (C, 4·bands)."""
         clusters = self._clusters
         seen = np.diff(clusters.weight, prepend=0).astype(np.uint32)
         density = np.array(self.density)
         return {"density": density, "cells": clusters.members, "seen": seen, "rows": self._rows}
 
     def restore(self, contents: dict[str, NDArray[Any]]) -> None:
-        """Take what `contents` gave."""
+        """Restore the state from `contents`."""
         order = np.argsort(contents["cells"])
         nowhere = np.zeros_like(contents["cells"])  # all of these have their light
         self.surveyed(contents["cells"][order], contents["seen"][order], nowhere)
@@ -215,11 +215,11 @@ class BakedLight:
         return [dr.lerp(a, b, weight) for a, b in zip(*halves, strict=True)]
 
     def _show(self) -> None:
-        """Let frames look up all light that is known."""
+        """Make all computed light available to frames."""
         self._values = mi.Float(self._rows.ravel())
 
     def _point_members(self) -> None:
-        """Let all cells that were surveyed have their clusters."""
+        """Link all surveyed cells to their clusters."""
         clusters = self._clusters
         if len(clusters):
             self._point(
@@ -227,14 +227,14 @@ class BakedLight:
             )
 
     def _point(self, cell: UInt32, cluster: Ints) -> None:
-        """Let cells (N,) have clusters (N,)."""
+        """Link cells (N,) to clusters (N,)."""
         dr.scatter(self._cluster_of, mi.UInt(cluster.astype(np.uint32)), mi.UInt(cell))
         dr.eval(self._cluster_of)
         dr.sync_thread()
 
 
 def _launches(shares: Ints) -> list[Ints]:
-    """Clusters, by the number of each, that are computed at once; they have shares (C,)."""
+    """Clusters, by number, that are computed at once, with shares (C,)."""
     if not len(shares):
         return []
     launch = np.cumsum(LEAST_RAYS * shares) // RAYS_AT_ONCE
@@ -242,7 +242,7 @@ def _launches(shares: Ints) -> list[Ints]:
 
 
 def _place(keys: NDArray[np.uint64], wanted: NDArray[np.uint64]) -> Ints:
-    """Where keys, sorted, hold those wanted (N,); -1 where they do not."""
+    """Index of wanted keys (N,) in sorted keys; -1 if absent."""
     if not len(keys):
         return np.full(len(wanted), -1)
     place = np.searchsorted(keys, wanted).clip(max=len(keys) - 1)

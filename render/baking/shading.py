@@ -1,8 +1,8 @@
-"""What a frame adds to baked light: textures, the sun's disc, and paths.
+"""Parts that a frame adds to baked light: textures, the sun's disc, and paths.
 
-Where moving objects change the light on what is at rest, so that baked light will not do. An object
-inside a sphere of radius r around a center at a distance d takes up at most (r/d)² of the
-irradiance of a point at rest. Nearer than where that is a hundredth, paths are traced.
+Moving objects change the light on objects at rest. An object inside a sphere of radius r at a
+distance d contributes at most (r/d)² to the irradiance of a point at rest. Where this exceeds 0.01,
+paths are traced instead of using baked light.
 """
 
 from collections.abc import Sequence
@@ -22,7 +22,7 @@ from megalopta.render.loading.scene import DISC_POINTS
 from megalopta.render.path_tracing import LightPaths
 from megalopta.scenes.scene import Scene, Sun
 
-# Wavelengths of a band's mean.
+# Wavelengths per band mean.
 _GRID = 2**10
 
 
@@ -40,13 +40,13 @@ class Textures:
         self._weights.append(lambda _point, _active: mi.Float(0.0))
 
     def weight(self, sight: Sight) -> Any:
-        """Weight (N,) at the points that rays see."""
+        """Weight (N,) at the points seen by rays."""
         texture = dr.gather(mi.UInt, self._texture, sight.mesh, sight.shaded)
         return dr.switch(texture, self._weights, sight.point, sight.shaded)
 
 
 class SunLight:
-    """Light that comes straight from the disc of sun or moon, also through a surface."""
+    """Direct light from the disc of sun or moon, also through a surface."""
 
     def __init__(
         self, scene: Scene, meshes: Sequence[MergedMesh], sun: Sun, bands_nm: Bands
@@ -65,10 +65,10 @@ class SunLight:
         self._facing = mi.Float(np.ravel(table).astype(np.float32))
 
     def radiance(self, loaded: Any, sight: Sight, weight: Any, disc: Any) -> list[Any]:
-        """Radiance of each band that leaves the points that rays see toward their origins.
+        """Radiance of each band from the points seen by rays toward the rays' origins.
 
-        `disc` (N,), 0 to 1, chooses the point of the disc that has to be in view. The disc is so
-        small that its center stands for the angle of all of it.
+        `disc` (N,), 0 to 1, selects the point of the disc for the visibility test. The disc is so
+        small that its center gives the angle for all of it.
         """
         cosine = dr.dot(sight.point.sh_frame.n, self._center)
         through = (cosine > 0) != sight.front
@@ -88,7 +88,7 @@ class SunLight:
 
 
 class Paths:
-    """Mitsuba's path tracer, for whichever rays are asked for."""
+    """Mitsuba's path tracer, for selected rays."""
 
     def __init__(self, settings: RenderSettings) -> None:
         self._bands = settings.bands_nm
@@ -97,8 +97,8 @@ class Paths:
     def radiance(self, scene: Any, ray: Any, place: Any, sampler: Any, active: Any) -> list[Any]:
         """Radiance of each band along those of N rays that are active; 0 along others.
 
-        `place` is that of the wavelength in its band. They are traced apart from the others, with
-        random numbers that follow from one of the sampler's.
+        `place` is the position of the wavelength in its band. Active rays are traced separately,
+        with random numbers derived from one of the sampler's.
         """
         key = mi.UInt(sampler.next_1d() * 2.0**32)
         found = [dr.zeros(mi.Float, dr.width(active)) for _ in self._bands]
@@ -117,7 +117,7 @@ class Paths:
 
 
 MOST_OBJECTS = 16
-"""Of which each point looks for the nearest."""
+"""Number of objects among which each point searches the nearest."""
 _LARGEST_SHARE = 0.01
 
 
@@ -133,18 +133,18 @@ class Neighborhood:
         return bool(self._meshes)
 
     def move_to(self, time_s: float) -> None:
-        """Take the objects to where they are at a time."""
+        """Move the objects to a time."""
         self._spheres = []
         for mesh in self._meshes:
             vertices = mesh.vertices_at(time_s)
             for part in mesh.parts:
                 center, reach = _sphere(vertices[part.vertices])
                 sphere = mi.Point3f(center.tolist()), mi.Float(reach**2 / _LARGEST_SHARE)
-                dr.make_opaque(sphere)  # or every time would be compiled anew
+                dr.make_opaque(sphere)  # otherwise every time would be compiled anew
                 self._spheres.append(sphere)
 
     def holds(self, points: Any) -> Any:
-        """Which points (N,) are near."""
+        """True for points (N,) near moving objects."""
         near = mi.Bool(False)
         for center, reach2 in self._spheres:
             near |= dr.squared_norm(points - center) < reach2

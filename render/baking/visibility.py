@@ -1,8 +1,8 @@
-"""How often a sequence sees each cell, and random numbers that follow from a cell alone.
+"""Number of views of each cell in a sequence, and random numbers derived from a cell alone.
 
-A look at the whole sequence before anything is baked: how much of it each cell fills, and where. Of
-a cell that reaches into the ground or into a stone only a part is ever seen, and what arrives at
-the rest is no light of it. So a point is kept of each cell that was seen.
+Before baking, a survey of the whole sequence finds each cell's area in the frames and place. Of a
+cell that extends into the ground or a stone only a part is visible, and light on the rest is
+irrelevant. So one visible point is kept of each cell.
 """
 
 from collections.abc import Iterable, Iterator
@@ -17,8 +17,8 @@ from megalopta.render.baking.cells import CellFinder, UInt32, pixel_angle
 from megalopta.render.mitsuba_loader import PlugIn, registered
 from megalopta.scenes.cameras.base import Camera
 
-# Fractional parts of irrational numbers that are independent over the rationals, times 2³²:
-# 1/p and 1/p² of the plastic number p (Roberts' R₂ sequence), √2, √3 and √5.
+# Fractional parts of irrational numbers that are independent over the rationals, times 2³²: 1/p and
+# 1/p² of the plastic number p (Roberts' R₂ sequence), √2, √3 and √5.
 _STEPS = tuple(
     round(2**32 * x)
     for x in (0.7548776662466927, 0.5698402909980532, 2**0.5 - 1, 3**0.5 - 1, 5**0.5 - 2)
@@ -26,7 +26,7 @@ _STEPS = tuple(
 
 
 def hashed(first: Any, second: Any) -> tuple[Any, Any]:
-    """Two random 32-bit numbers from two."""
+    """Two random 32-bit numbers from two others."""
     values: Any = mi.sample_tea_32(first, second)
     return values[0], values[1]
 
@@ -34,7 +34,7 @@ def hashed(first: Any, second: Any) -> tuple[Any, Any]:
 def recurrence(index: Any, key: Any) -> list[Any]:
     """Points `index` of five additive recurrences modulo 1, shifted by a key.
 
-    They fill the unit hypercube evenly; whole numbers keep them exact.
+    They fill the unit hypercube evenly; integers keep them exact.
     """
     shifts = [shift for salt in (1, 2, 3) for shift in hashed(key, mi.UInt(salt))]
     return [
@@ -49,7 +49,7 @@ def _generator(*state: Any) -> Any:
 
 
 class _CellSampler(PlugIn):
-    """Random numbers, started from a cluster's key and the index of a sample."""
+    """Random numbers seeded by a cluster's key and a sample's index."""
 
     base = "Sampler"
 
@@ -72,23 +72,23 @@ class _CellSampler(PlugIn):
 
 
 def cell_sampler() -> Any:
-    """Mitsuba sampler to be started from a cluster's key and the index of a sample."""
+    """Mitsuba sampler that is seeded by a cluster's key and a sample's index."""
     return mi.load_dict({"type": registered(_CellSampler)})
 
 
 _PLACES = 1024
-"""Of places along a side of a cell."""
+"""Number of places along a side of a cell."""
 _CHANCE_SHIFT = 20
 """Bits of a place."""
 VIEWS = 512
-"""Rays per pixel over the whole sequence, however long. One in twenty of a frame meets what these
-did not."""
+"""Rays per pixel over the whole sequence, of any length. These miss the cells of 1 in 20 rays of a
+frame."""
 
 
 def views(camera: Camera, poses: Floats, count: int, seed: int, step: int = 1) -> Iterator[Any]:
-    """A ray for every `step`-th pixel from each of `count` poses spread over those (T, 4, 4).
+    """Rays for every `step`-th pixel from `count` poses spread over those (T, 4, 4).
 
-    For each view the camera is turned by up to half a pixel at random, so that rays meet what lies
+    For each view the camera is turned by up to half a pixel at random, so that rays also sample
     between pixel centers.
     """
     axes = camera.directions().reshape(-1, 3)[::step]
@@ -97,22 +97,22 @@ def views(camera: Camera, poses: Floats, count: int, seed: int, step: int = 1) -
     for pose, turn in zip(poses[frames], turns, strict=True):
         directions = Rotation.from_rotvec(turn).apply(axes) @ pose[:3, :3].T
         start = mi.Point3f(pose[:3, 3].tolist())
-        dr.make_opaque(start)  # or every view would be compiled anew
+        dr.make_opaque(start)  # otherwise every view would be compiled anew
         yield mi.Ray3f(start, mi.Vector3f(np.ascontiguousarray(directions.T)))
 
 
 def survey(
     loaded: Any, finder: CellFinder, cells: int, rays: Iterable[Any]
 ) -> tuple[UInt32, UInt32]:
-    """How often (cells,) each cell is seen by the rays of some views.
+    """Number of times (cells,) that the rays of some views see each cell.
 
-    And where (cells,) each was seen once, as `unpacked` reads it.
+    Also the place (cells,) where each was seen once, as read by `unpacked`.
     """
     seen, places = dr.zeros(mi.UInt, cells), dr.zeros(mi.UInt, cells)
     for number, each in enumerate(rays):
         sight = finder.look(loaded, each)
         dr.scatter_add(seen, mi.UInt(1), sight.cell, sight.shaded)
-        # The one that chance puts first, whatever the order in which threads come.
+        # Randomly the first, independent of the order of threads.
         chance, _ = hashed(dr.arange(mi.UInt, dr.width(sight.cell)), dr.opaque(mi.UInt, number))
         packed = (chance >> _CHANCE_SHIFT << _CHANCE_SHIFT) | _packed(*sight.place)
         dr.scatter_reduce(dr.ReduceOp.Max, places, packed, sight.cell, sight.shaded)
@@ -121,12 +121,12 @@ def survey(
 
 
 def _packed(a: Any, b: Any) -> Any:
-    """Where in cells, (a, b), in the lower bits of whole numbers."""
+    """Places in cells, (a, b), packed in the lower bits of integers."""
     i, j = (mi.UInt(dr.clip(x, 0, 1) * (_PLACES - 1) + 0.5) for x in (a, b))
     return i * _PLACES + j
 
 
 def unpacked(places: Any) -> tuple[Any, Any]:
-    """Where in cells, (a, b), 0 to 1."""
+    """Places in cells, (a, b), 0 to 1."""
     i, j = (places // _PLACES) % _PLACES, places % _PLACES
     return mi.Float(i) / (_PLACES - 1), mi.Float(j) / (_PLACES - 1)

@@ -1,4 +1,4 @@
-"""Animated GIF, PNG and WebP, through Pillow."""
+"""Animated GIF, PNG and WebP, read with Pillow."""
 
 from contextlib import ExitStack
 from dataclasses import dataclass, field
@@ -15,23 +15,23 @@ from megalopta.render.footage.frames import Footage, check_size, coding_of
 from megalopta.render.footage.pictures import TRANSPARENT, frames_in, over_black
 
 _SHORTEST_MS = 100
-"""What browsers take for a frame that is to last for no time."""
+"""Duration that browsers use for a frame with a duration of zero."""
 
 
 def is_animated(path: Path) -> bool:
-    """Whether a picture has more than one frame. Raises DamagedFileError where it is none."""
+    """True if a picture has more than one frame. Raises DamagedFileError if it is not a picture."""
     with opened_picture(path) as image:
         return frames_in(image) > 1
 
 
 @dataclass(eq=False, kw_only=True)
 class Animation(Footage):
-    """Frames of an animated picture, which the file times."""
+    """Frames of an animated picture, with times from the file."""
 
     image: Image.Image
     opened: ExitStack = field(repr=False)
     first: int = 0
-    """In APNG, 1 where the picture that others show is no part of it."""
+    """In APNG, 1 if the default picture is not part of the animation."""
 
     def __len__(self) -> int:
         """Return the number of frames."""
@@ -43,7 +43,7 @@ class Animation(Footage):
         self.opened.close()
 
     def _numbers(self, index: int) -> NDArray[Any]:
-        if self.first + index < self.image.tell():  # Pillow cannot always go back in APNG
+        if self.first + index < self.image.tell():  # Pillow cannot always seek backwards in APNG
             self.opened.close()
             self.image = self.opened.enter_context(opened_picture(self.path))
         with readable(self.path):
@@ -54,7 +54,7 @@ class Animation(Footage):
 
 
 def open_animation(path: Path) -> Animation:
-    """Return an animated picture, all of which is decoded once. Raises DamagedFileError."""
+    """Return an animated picture, after decoding all of it once. Raises DamagedFileError."""
     with ExitStack() as stack, working(f"frames of {path}"):
         image = stack.enter_context(opened_picture(path))
         check_size(path, image.size[::-1])
@@ -74,7 +74,7 @@ def open_animation(path: Path) -> Animation:
 
 
 def _survey(image: Image.Image, first: int) -> tuple[NDArray[np.float64], bool]:
-    """Return when each frame starts (ms), and whether anything is transparent."""
+    """Return the start of each frame (ms), and True if anything is transparent."""
     lasts_ms, is_transparent = [], False
     for index in range(first, frames_in(image)):
         _, is_frame_transparent = _frame(image, index)
@@ -85,5 +85,5 @@ def _survey(image: Image.Image, first: int) -> tuple[NDArray[np.float64], bool]:
 
 def _frame(image: Image.Image, index: int) -> tuple[NDArray[np.uint8], bool]:
     image.seek(index)
-    image.load()  # of WebP, tells the duration
+    image.load()  # for WebP, sets the duration
     return over_black(image)

@@ -47,7 +47,7 @@ def open_array(path: Path, unit: Unit | None) -> ArrayFrames:
     """Return an array (H, W), (T, H, W), (H, W, 3) or (T, H, W, 3) as frames. Raises UserError."""
     if unit is None:
         raise UserError(
-            f"{path}: an array does not say what its numbers are; give the unit srgb (coded as in "
+            f"{path}: an array does not state its unit; give the unit srgb (coded as in "
             "pictures), linear (proportional to light) or cd/m2 (luminance)"
         )
     values = _zipped(path) if path.suffix.lower() == ".npz" else _mapped(path)
@@ -55,7 +55,7 @@ def open_array(path: Path, unit: Unit | None) -> ArrayFrames:
 
 
 def array_frames(values: NDArray[Any], unit: Unit, path: Path) -> ArrayFrames:
-    """Return an array as frames; a path names it in messages. Raises UserError."""
+    """Return an array as frames; `path` names it in messages. Raises UserError."""
     frames = _frames(path, values)
     check_size(path, frames.shape[1:])
     return ArrayFrames(
@@ -68,12 +68,12 @@ def array_frames(values: NDArray[Any], unit: Unit, path: Path) -> ArrayFrames:
 
 
 def _mapped(path: Path) -> NDArray[Any]:
-    check_file(path, sys.maxsize)  # read a frame at a time
+    check_file(path, sys.maxsize)  # read frame by frame
     try:
         return np.asarray(np.load(path, mmap_mode="r", allow_pickle=False))
     except Exception:  # a damaged header can raise anything
         raise DamagedFileError(
-            f"{path} is no whole array of numbers; write it with numpy.save"
+            f"{path} is not a complete array of numbers; write it with numpy.save"
         ) from None
 
 
@@ -90,10 +90,10 @@ def _zipped(path: Path) -> NDArray[Any]:
             values = plain_array(file.read(entries[0]))
     except DamagedFileError:
         raise
-    except Exception:  # of a damaged archive, too
+    except Exception:  # from a damaged archive, too
         values = None
     if values is None:
-        raise DamagedFileError(f"{path} holds no whole array of numbers; write it with numpy.savez")
+        raise DamagedFileError(f"{path} holds no complete array; write it with numpy.savez")
     return values
 
 

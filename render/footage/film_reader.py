@@ -1,8 +1,8 @@
-"""Frames of a film in their order, with their times, decoded by PyAV.
+"""Frames of a video in order, with their times, decoded by PyAV.
 
-The demuxer is fixed by the suffix and reads an opened file, so that nothing in the file leads to
-another one. How many frames there are, and when, comes from the packets, without decoding; every
-decoded frame is then held against it.
+The suffix fixes the demuxer, which reads an opened file, so that nothing in the file can refer to
+another one. Number and times of frames come from the packets, without decoding; every decoded frame
+is checked against them.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -26,14 +26,14 @@ DEMUXERS: Mapping[str, str] = {
     **dict.fromkeys((".webm", ".mkv"), "matroska"),
     **dict.fromkeys((".avi",), "avi"),
 }
-"""What reads a film, by the suffix of its file."""
+"""Demuxer by the suffix of the file."""
 
-MEND = "mend it with ffmpeg -i IN OUT.mp4, or copy it again"
+MEND = "repair it with ffmpeg -i IN OUT.mp4, or copy it again"
 _ENCRYPTED = ("encryption_info", "encryption_init_info")
 
 
 class FilmReader:
-    """What decodes: `stamps` are the times of all frames, in units of the stream, increasing."""
+    """Decoder: `stamps` are the times of all frames, in units of the stream, increasing."""
 
     def __init__(self, path: Path) -> None:
         self._path, self._is_avi = path, DEMUXERS[path.suffix.lower()] == "avi"
@@ -57,27 +57,27 @@ class FilmReader:
 
     @cached_property
     def times_s(self) -> Floats:
-        """Times of all frames (s), the first 0."""
+        """Times of all frames (s); the first is 0."""
         base_s = float(self._stream.time_base)
         return np.asarray((self.stamps - self.stamps[0]) * base_s)
 
     def notes(self) -> Iterator[str]:
-        """Yield what a user is told of the frames."""
+        """Yield notes on the frames for the user."""
         if self._parted:
             yield (
-                f"{self._path} is cut within a group of frames: the first {self._parted} cannot "
-                "be decoded, and are left out"
+                f"{self._path} is cut within a group of frames: the first {self._parted} cannot be "
+                "decoded and are omitted"
             )
         ends_s = (self._container.duration or 0) / 1e6
         last_s = self.times_s[-1]
         if ends_s > last_s + 1 + 2 * np.diff(self.times_s, prepend=0).max():
             yield (
                 f"{self._path} promises {ends_s:.1f} s, but its frames end at {last_s:.1f} s: it "
-                "may be cut off, or only its sound goes on"
+                "may be truncated, or only its sound continues"
             )
 
     def frame(self, index: int) -> "VideoFrame | None":
-        """Return a decoded frame; None where it is damaged or not there."""
+        """Return a decoded frame; None if it is damaged or missing."""
         for go in self._ways(index):
             go(index)
             frame = self._decode_to(index)
@@ -86,7 +86,7 @@ class FilmReader:
         return None
 
     def _ways(self, index: int) -> Iterator[Callable[[int], None]]:
-        """Yield how to come before a frame, the fastest first."""
+        """Yield methods of seeking to before a frame, the fastest first."""
         key = self._keys[np.searchsorted(self._keys, index, "right") - 1]
         if key <= self._next <= index:
             yield lambda _: None
@@ -125,7 +125,7 @@ class FilmReader:
         self._decoded: Iterator[tuple[int, VideoFrame]] = self._numbered()
 
     def _numbered(self) -> Iterator[tuple[int, "VideoFrame"]]:
-        """Yield frames with their numbers: counted, or found by their times."""
+        """Yield frames with their numbers, counted or derived from their times."""
         for count, frame in enumerate(self._container.decode(self._stream)):
             at = count
             if not self._counts:
@@ -159,7 +159,7 @@ class FilmReader:
     def _film(self) -> Any:
         film = self._container.streams.best("video")
         if film is None or "attached_pic" in str(film.disposition):
-            raise DamagedFileError(f"{self._path} has no film in it, only sound; give a video")
+            raise DamagedFileError(f"{self._path} has only sound; give a video")
         if film.codec_context is None:
             raise DamagedFileError(f"{self._path} has a codec that cannot be decoded; {MEND}")
         check_size(self._path, (film.codec_context.height, film.codec_context.width))
@@ -168,8 +168,8 @@ class FilmReader:
     def _survey(self) -> None:
         packets = [_told_packet(self._path, each) for each in self._container.demux(self._stream)]
         shown = [each for each in packets if each.is_shown]
-        self._check_whole(len(packets) - 1, len(shown))  # the last one ends the film
-        # AVI has no times of pictures that are decoded in another order than shown.
+        self._check_whole(len(packets) - 1, len(shown))  # the last one ends the video
+        # AVI has no times for pictures that are decoded in another order than shown.
         self._counts = any(p.shown_at is None for p in shown) or self._is_avi
         stamps = [p.decoded_at if self._counts else p.shown_at for p in shown]
         known = [each for each in stamps if each is not None]
@@ -179,7 +179,7 @@ class FilmReader:
             self._start_whole(np.array([p.shown_at for p in shown if p.is_key], np.int64))
 
     def _start_whole(self, keys: Ints) -> None:
-        """Leave out what a cut has parted from the picture that it is predicted from."""
+        """Omit frames that a cut separated from the picture that predicts them."""
         first = int(np.searchsorted(self.stamps, keys[0])) if len(keys) else 0
         self.stamps, self._parted = self.stamps[first:], first
         self._keys = np.union1d([0], np.searchsorted(self.stamps, keys))
@@ -187,7 +187,7 @@ class FilmReader:
     def _check_whole(self, packets: int, shown: int) -> None:
         if not shown:
             raise DamagedFileError(f"{self._path} has no frame that can be read; {MEND}")
-        stated = 0 if self._is_avi else self._stream.frames  # AVI counts those that are left out
+        stated = 0 if self._is_avi else self._stream.frames  # AVI counts omitted frames, too
         if packets < stated:
             raise DamagedFileError(
                 f"{self._path} ends too early, with {packets} of {stated} frames; {MEND}"
@@ -208,14 +208,14 @@ class _Packet(NamedTuple):
 
 
 def _told_packet(path: Path, packet: Any) -> _Packet:
-    """Return what a packet says of its frame. Raises DamagedFileError where it cannot be used."""
+    """Return a packet's information on its frame. Raises DamagedFileError if it is unusable."""
     if any(packet.has_sidedata(each) for each in _ENCRYPTED):
         raise DamagedFileError(f"{path} is encrypted; give a copy without protection")
     if packet.is_corrupt:
         raise DamagedFileError(f"{path} ends too early or is damaged; {MEND}")
     is_hidden = packet.is_discard
     if packet.size and packet.stream.codec_context.name == "vp8":
-        is_hidden |= not bytes(packet)[0] & 0x10  # a frame that only others are predicted from
+        is_hidden |= not bytes(packet)[0] & 0x10  # a frame used only to predict others
     is_shown = bool(packet.size) and not is_hidden
     return _Packet(packet.pts, packet.dts, packet.is_keyframe, is_shown)
 

@@ -1,4 +1,4 @@
-"""What all footage has in common: numbers of frames, how they become light, sums over them."""
+"""Base of all footage: values of frames, their conversion to light, sums over them."""
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
@@ -15,24 +15,24 @@ from megalopta.render.footage.transfer import TRANSFERS
 from megalopta.scenes.stimuli.pictures import Unit as Unit
 
 MOST_PIXELS = 2**28
-"""Of one frame."""
+"""Largest number of pixels of a frame."""
 _MOST_NEGATIVE = 0.01
-"""Share of the light that values below 0 may sum to."""
+"""Largest share of the light that values below 0 may sum to."""
 
 
 @dataclass(frozen=True)
 class Coding:
-    """How the numbers of frames become light."""
+    """Conversion of the values of frames to light."""
 
     name: str
-    """For people: the transfer function, or the unit."""
+    """Name for readers: the transfer function, or the unit."""
     unit: Unit = "srgb"
     table: NDArray[np.float32] | None = None
-    """Light of every code; None where the numbers are light."""
+    """Light of every code; None if values are light."""
     white: int = 0
-    """The code of white, from which on a channel is saturated."""
+    """Code of white; channels at or above it are saturated."""
     matrix: Floats | None = None
-    """From the primaries of the file to those of BT.709; None where they are the same."""
+    """Matrix from the primaries of the file to those of BT.709; None if these are equal."""
 
     def light(self, numbers: NDArray[Any]) -> NDArray[np.float32]:
         """Return light (H, W, 3) of codes or light, (H, W) or (H, W, 3)."""
@@ -45,7 +45,7 @@ class Coding:
 
 
 def coding_of(transfer: str, codes: int, black: int = 0, white: int = 0) -> Coding:
-    """Return the coding of `codes` codes by a transfer function, all from `white` (the last) on 1.
+    """Return the coding of `codes` codes by a transfer function; 1 from `white` on (default: last).
 
     Raises KeyError for a transfer function without a formula.
     """
@@ -56,31 +56,31 @@ def coding_of(transfer: str, codes: int, black: int = 0, white: int = 0) -> Codi
 
 @dataclass(eq=False, kw_only=True)
 class Footage(ABC):
-    """Frames of linear light, of one file or of the pictures in a folder.
+    """Frames of linear light, from one file or from the pictures of a folder.
 
-    A frame is quickly there when indices grow. The last one is kept, no other.
+    Access is fast for increasing indices. Only the last frame is cached.
     """
 
     path: Path
     files: tuple[Path, ...]
-    """The file, or those of the folder in their order."""
+    """The file, or those of the folder in order."""
     shape: tuple[int, int]
-    """Rows and columns, as the picture is looked at."""
+    """Rows and columns, as the picture is viewed."""
     coding: Coding
     times_s: Floats | None = None
-    """Of every frame, the first 0; None where the file does not say."""
+    """Time of every frame, the first 0; None if the file does not state it."""
     notes: tuple[str, ...] = ()
-    """Sentences about what was assumed or changed, for the user."""
+    """Notes for the user on assumptions and changes."""
     _kept: tuple[int, NDArray[Any]] | None = field(default=None, init=False, repr=False)
 
     @property
     def transfer(self) -> str:
-        """How codes become light, for people."""
+        """Conversion of codes to light, for readers."""
         return self.coding.name
 
     @property
     def unit(self) -> Unit:
-        """What the numbers in the file are."""
+        """Unit of the values in the file."""
         return self.coding.unit
 
     @abstractmethod
@@ -94,13 +94,13 @@ class Footage(ABC):
     def frame(self, index: int) -> NDArray[np.float32]:
         """Return linear light (H, W, 3) in the primaries of sRGB, finite and never negative.
 
-        1 is the white of the code; of arrays and of pictures in light, what they say. Raises
-        UserError when the frame cannot be read, IndexError when there is none.
+        1 is the white of the code; arrays and pictures in light keep their values. Raises UserError
+        if the frame cannot be read, IndexError if there is none.
         """
         return self.coding.light(self._held(index))
 
     def mean(self, index: int) -> Floats:
-        """Return the mean (3,) of each channel of a frame's light; errors as `frame`."""
+        """Return the mean (3,) of each channel of a frame's light; errors as for `frame`."""
         numbers, coding = self._held(index), self.coding
         if coding.table is None or coding.matrix is not None:  # clipping follows the matrix
             return np.asarray(coding.light(numbers).mean(axis=(0, 1), dtype=np.float64))
@@ -111,7 +111,7 @@ class Footage(ABC):
         return np.array(np.broadcast_to(sums / np.prod(self.shape), 3))
 
     def saturated(self, index: int) -> float:
-        """Return the share of pixels with any channel at white or above; 0 of what has no codes."""
+        """Return the share of pixels with any channel at white or above; 0 without codes."""
         if self.coding.table is None:
             return 0.0
         numbers, below = self._held(index), self.coding.white - 1
@@ -120,7 +120,7 @@ class Footage(ABC):
         return 1 - cv2.countNonZero(is_below) / is_below.size
 
     def close(self) -> None:
-        """Free what decodes, and the frame that is kept."""
+        """Free the decoder and the cached frame."""
         self._kept = None
 
     def __enter__(self) -> Self:
@@ -142,15 +142,15 @@ class Footage(ABC):
         self.notes = self.notes if text in self.notes else (*self.notes, text)
 
     def _as_light(self, values: NDArray[Any], path: Path) -> NDArray[np.float32]:
-        """Return light as float32; values below 0 become 0, which is noted once.
+        """Return light as float32; values below 0 become 0, with one note.
 
-        Raises DamagedFileError when it is not finite, or more than a little of it is negative.
+        Raises DamagedFileError if it is not finite, or too much of it is negative.
         """
         with np.errstate(over="ignore"):
             light = np.ascontiguousarray(values, np.float32)
         if not np.isfinite(light).all():
             raise DamagedFileError(
-                f"{path} has values that are not finite, or beyond float32; mend it"
+                f"{path} has values that are not finite, or beyond float32; repair it"
             )
         if light.min() >= 0:
             return light
@@ -159,14 +159,14 @@ class Footage(ABC):
         if total - light.sum(dtype=np.float64) > _MOST_NEGATIVE * total:
             raise DamagedFileError(
                 f"{path} has values below 0, the lowest {light.min():.2g}, more than "
-                f"{_MOST_NEGATIVE:.0%} of its light; give light, no differences"
+                f"{_MOST_NEGATIVE:.0%} of its light; give light instead of differences"
             )
-        self._note(f"{self.path} has values slightly below 0, which are taken as 0")
+        self._note(f"{self.path} has values slightly below 0, which are set to 0")
         return clipped
 
 
 def check_size(path: Path, shape: tuple[int, ...]) -> None:
-    """Refuse a frame without pixels, or with more than `MOST_PIXELS`. Raises DamagedFileError."""
+    """Raise DamagedFileError for a frame without pixels, or with more than `MOST_PIXELS`."""
     rows, columns = shape[:2]
     if not 0 < rows * columns <= MOST_PIXELS:
         raise DamagedFileError(
@@ -177,6 +177,6 @@ def check_size(path: Path, shape: tuple[int, ...]) -> None:
 def turned(
     numbers: NDArray[Any], transposed: bool, mirrored_x: bool, mirrored_y: bool
 ) -> NDArray[Any]:
-    """Return a picture with rows and columns exchanged, then mirrored left to right, up to down."""
+    """Return a picture, transposed, then mirrored horizontally and vertically."""
     numbers = numbers.swapaxes(0, 1) if transposed else numbers
     return np.ascontiguousarray(numbers[:: -1 if mirrored_y else 1, :: -1 if mirrored_x else 1])

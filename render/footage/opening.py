@@ -1,4 +1,4 @@
-"""Any file or folder of pictures as footage, by its suffix."""
+"""Files and folders of pictures as footage, by suffix."""
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -18,20 +18,20 @@ _ANIMATED = (".gif", ".png", ".webp")
 def open_footage(path: Path, unit: Unit | None = None) -> Footage:
     """Return a picture, a folder of pictures, a video, an animation or an array as frames of light.
 
-    `unit` is what numbers are: needed for arrays, and for pictures of 16 bits or in floating point
-    where they are not what such pictures are. Close what is returned.
+    `unit` is the unit of the values: required for arrays, and for 16-bit or floating-point pictures
+    in an unusual unit. Close the returned footage.
 
     Raises UserError, in one sentence, for what cannot be read.
     """
     try:
         return _opened(path, unit)
     except OSError as problem:
-        told = machine_problem(problem) or f"{path}: cannot be read ({problem.strerror}); mend it"
+        told = machine_problem(problem) or f"{path}: cannot be read ({problem.strerror}); repair it"
         raise UserError(told) from None
 
 
 def is_footage(path: Path) -> bool:
-    """Whether a path is a file with one of `SUFFIXES`, or a folder with a picture in it."""
+    """True for a file with one of `SUFFIXES`, or a folder with a picture."""
     if path.is_dir():
         return any(kind_of(each) and each.is_file() for each in path.iterdir())
     return path.suffix.lower() in SUFFIXES
@@ -40,15 +40,15 @@ def is_footage(path: Path) -> bool:
 def _opened(path: Path, unit: Unit | None) -> Footage:
     if path.is_dir():
         return open_folder(path, unit)
-    check_file(path, at_most=2**63 - 1)  # each reader has a limit of its own
+    check_file(path, at_most=2**63 - 1)  # each reader has its own limit
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES:
         raise UserError(
-            f"{path}: {suffix or 'no suffix'} tells of no picture, video or array that is read; "
-            f"give a folder of pictures, or one of {', '.join(SUFFIXES)}"
+            f"{path}: {suffix or 'no suffix'}, not a supported picture, video or array; give a "
+            f"folder of pictures, or one of {', '.join(SUFFIXES)}"
         )
     if not path.stat().st_size:
-        raise UserError(f"{path} is empty; copy it again, whole")
+        raise UserError(f"{path} is empty; copy it again")
     if suffix in _ANIMATED and is_animated(path):
         return _coded_only(path, unit, open_animation)
     return _OPENERS[suffix](path, unit)
@@ -56,7 +56,7 @@ def _opened(path: Path, unit: Unit | None) -> Footage:
 
 def _coded_only(path: Path, unit: Unit | None, opener: Callable[[Path], Footage]) -> Footage:
     if unit not in (None, "srgb"):
-        raise UserError(f"{path} says itself how its codes become light; leave the unit {unit} out")
+        raise UserError(f"{path} states how its codes become light; omit the unit {unit}")
     return opener(path)
 
 
@@ -71,4 +71,4 @@ _OPENERS: Mapping[str, Callable[[Path, Unit | None], Footage]] = {
 }
 
 SUFFIXES = tuple(_OPENERS)
-"""Of files that are read."""
+"""Suffixes of supported files."""

@@ -1,7 +1,7 @@
 """Single pictures, and pictures in a folder.
 
-Of 8 bits through Pillow; of 16 bits in PNG and TIFF, with all of them, and Radiance through OpenCV;
-EXR through OpenEXR.
+8 bits are read with Pillow; 16-bit PNG and TIFF, in full depth, and Radiance with OpenCV; EXR with
+OpenEXR.
 """
 
 import logging
@@ -46,8 +46,8 @@ _UNITS: Mapping[Depth, tuple[Unit, ...]] = {
     "16 bits": ("srgb", "linear"),
     "light": ("linear", "cd/m2"),
 }
-"""What numbers of a depth may be, first what they are unless told."""
-TRANSPARENT = "transparent parts stand before black"
+"""Possible units of each depth, the default first."""
+TRANSPARENT = "transparent parts are shown over black"
 _ORIENTATION = 0x0112
 _TURNS = {
     2: (False, True, False),
@@ -58,16 +58,16 @@ _TURNS = {
     7: (True, True, True),
     8: (True, False, True),
 }
-"""Arguments of `turned` for an orientation of Exif."""
+"""Arguments of `turned` for an Exif orientation."""
 _PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 _PNG_CHUNKS = (b"IHDR", b"PLTE", b"tRNS", b"IDAT", b"IEND")
 _RADIANCE_SIZE = re.compile(rb"\n\n-Y (\d{1,9}) \+X (\d{1,9})\n")
 
-logging.getLogger("tifffile").addHandler(logging.NullHandler())  # we say ourselves what is wrong
+logging.getLogger("tifffile").addHandler(logging.NullHandler())  # we report errors ourselves
 
 
 class _Header(NamedTuple):
-    """What a file says before its pixels."""
+    """Information in a file's header."""
 
     shape: tuple[int, int]
     depth: Depth
@@ -78,7 +78,7 @@ class _Header(NamedTuple):
 
 @dataclass(eq=False, kw_only=True)
 class Pictures(Footage):
-    """Pictures of one size and kind, a frame each."""
+    """Pictures of equal size and kind, one frame each."""
 
     depth: Depth
 
@@ -107,7 +107,7 @@ class Pictures(Footage):
 
     def _deep(self, path: Path) -> NDArray[Any]:
         numbers = _decoded(path)
-        if kind_of(path) == "PNG":  # of TIFF, OpenCV has turned it
+        if kind_of(path) == "PNG":  # OpenCV has already turned TIFF
             numbers = turned(numbers, *_TURNS.get(_header(path).orientation, (False,) * 3))
         is_transparent = numbers.shape[2:] == (4,) and numbers[..., 3].min() < _top(numbers)
         if is_transparent:
@@ -126,14 +126,14 @@ class Pictures(Footage):
 def open_picture(path: Path, unit: Unit | None) -> Pictures:
     """Return a picture as one frame. Raises UserError."""
     footage = _pictures(path, (path,), unit, _header(path))
-    footage.frame(0)  # tells now what is wrong with it
+    footage.frame(0)  # reports errors of the file now
     return footage
 
 
 def open_folder(path: Path, unit: Unit | None) -> Pictures:
     """Return the pictures of a folder, in the order of the numbers in their names.
 
-    Raises UserError when there is none, or they differ in size or kind.
+    Raises UserError if there are none, or they differ in size or kind.
     """
     visible = [each for each in path.iterdir() if not each.name.startswith(".") and each.is_file()]
     files = tuple(sorted((each for each in visible if kind_of(each)), key=natural_key))
@@ -147,12 +147,12 @@ def open_folder(path: Path, unit: Unit | None) -> Pictures:
 
 
 def kind_of(path: Path) -> str | None:
-    """Return the kind of picture by the suffix; None where it is none."""
+    """Return the kind of picture by the suffix; None if it is not one."""
     return KINDS.get(path.suffix.lower())
 
 
 def natural_key(path: Path) -> list[tuple[int, str]]:
-    """Return what sorts names by the numbers in them: frame 9 before frame 10."""
+    """Return a sort key by the numbers in names: frame 9 before frame 10."""
     parts = re.split("([0-9]+)", path.name)
     return [(int(part), "") if k % 2 else (-1, part) for k, part in enumerate(parts)] + [
         (-2, path.name)
@@ -160,7 +160,7 @@ def natural_key(path: Path) -> list[tuple[int, str]]:
 
 
 def over_black(image: Image.Image) -> tuple[NDArray[np.uint8], bool]:
-    """Return codes, (H, W) of gray or (H, W, 3), and whether anything in them was transparent."""
+    """Return codes, (H, W) of gray or (H, W, 3), and True if any were transparent."""
     if image.has_transparency_data:
         layers = image.convert("RGBA")
         if np.asarray(layers)[..., 3].min() < 255:
@@ -185,7 +185,7 @@ def _coding(path: Path, unit: Unit | None, header: _Header) -> Coding:
     if unit is not None and unit not in units:
         what = header.depth if header.depth != "light" else "light in floating point"
         raise UserError(
-            f"{path} holds {what}, whose unit can be {' or '.join(units)}, not {unit}; leave it out"
+            f"{path} holds {what}, whose unit can be {' or '.join(units)}, not {unit}; omit it"
         )
     unit = unit or units[0]
     if header.depth == "light":
@@ -200,7 +200,7 @@ def _common_header(files: tuple[Path, ...]) -> _Header:
     kinds = {kind_of(each): each for each in files}
     if len(kinds) > 1:
         one, other = list(kinds.values())[:2]
-        raise UserError(f"{one} and {other.name} are of two kinds; give a folder with one kind")
+        raise UserError(f"{one} and {other.name} differ in kind; give a folder with one kind")
     first = _header(files[0])
     for path in files[1:]:
         header = _header(path)
@@ -218,20 +218,20 @@ def _common_header(files: tuple[Path, ...]) -> _Header:
 def _left_out(path: Path, visible: list[Path], files: tuple[Path, ...]) -> Iterator[str]:
     others = sorted({each.name for each in visible} - {each.name for each in files})
     if others:
-        yield f"{path} holds other files, which are left out ({quoted(', '.join(others))})"
+        yield f"{path} holds other files, which are omitted ({quoted(', '.join(others))})"
 
 
 def _order(files: tuple[Path, ...]) -> Iterator[str]:
     names = [each.name for each in files]
     ends = f"{names[0]} first, {names[-1]} last"
     if len(names) > 1 and not all(re.search("[0-9]", each) for each in names):
-        yield f"not all names have a number, the pictures follow the alphabet: {ends}"
+        yield f"not all names have a number, so pictures are in alphabetical order: {ends}"
     elif names != sorted(names):
-        yield f"the pictures follow the numbers in their names, not the alphabet: {ends}"
+        yield f"pictures are in order of the numbers in their names, not alphabetical: {ends}"
 
 
 def _header(path: Path) -> _Header:
-    """Return what a file says of itself. Raises DamagedFileError."""
+    """Return the information in a file's header. Raises DamagedFileError."""
     with readable(path):
         check_file(path)
         if not path.stat().st_size:
@@ -261,7 +261,7 @@ def _pillow_header(path: Path) -> _Header:
 
 
 def frames_in(image: Image.Image) -> int:
-    """Return the number of frames of what may be animated; one of all else."""
+    """Return the number of frames of a possibly animated picture; otherwise 1."""
     return getattr(image, "n_frames", 1) if image.format in ("GIF", "PNG", "WEBP") else 1
 
 
@@ -273,7 +273,7 @@ def _check_colors(path: Path, mode: str) -> None:
 def _colors_left_out(path: Path, profile: bytes) -> tuple[str, ...]:
     if not profile or b"sRGB" in profile or "sRGB".encode("utf-16-be") in profile:
         return ()
-    return (f"{path} has a color profile, which is left out; its colors are taken as sRGB",)
+    return (f"{path} has a color profile, which is ignored; its colors are treated as sRGB",)
 
 
 def _tiff_header(path: Path) -> _Header:
@@ -320,7 +320,7 @@ def _exr_header(path: Path) -> _Header:
         header = dict(file.header())
     names = [str(each.name) for each in header["channels"]]
     if any(name.startswith("S0.") for name in names):
-        raise DamagedFileError(f"{path} holds spectral radiance; give the dataset that it is of")
+        raise DamagedFileError(f"{path} holds spectral radiance; give its dataset")
     if not ({"R", "G", "B"} <= set(names) or names in (["Y"], ["A", "Y"])):
         raise DamagedFileError(
             f"{path} has the channels {quoted(', '.join(names))}; give one with R, G, B, or Y alone"
@@ -366,7 +366,7 @@ def _decoded(path: Path) -> NDArray[Any]:
         if kind_of(path) == "Radiance":  # OpenCV decodes it from files only
             check_file(path)
             numbers = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
-        else:  # not from the file, of which OpenCV 5 cannot turn a TIFF
+        else:  # not from the file: OpenCV 5 cannot turn a TIFF from there
             content = read_bytes(path, ARRAY_BYTES)
             plain = _plain_png(content) if kind_of(path) == "PNG" else content
             numbers = cv2.imdecode(np.frombuffer(plain, np.uint8), cv2.IMREAD_UNCHANGED)
@@ -376,7 +376,7 @@ def _decoded(path: Path) -> NDArray[Any]:
 
 
 def _plain_png(content: bytes) -> bytes:
-    """Return a PNG file with no more than its pixels, of whose other chunks libpng may complain."""
+    """Return a PNG file with only its pixels; libpng may complain about other chunks."""
     kept, at = [_PNG_SIGNATURE], len(_PNG_SIGNATURE)
     while not kept[-1].endswith(b"IEND\xae\x42\x60\x82"):
         length, name = struct.unpack_from(">I4s", content, at)

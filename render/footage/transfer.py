@@ -1,8 +1,8 @@
-"""How codes of pictures and films become linear light, by the standards that fixed them.
+"""Conversion of codes of pictures and videos to linear light, by the standards that define them.
 
-A code is taken as a number from 0 to 1. sRGB: IEC 61966-2-1. BT.709: the inverse of what its camera
-does (ITU-R BT.709-6), which BT.601 and BT.2020 share. PQ and HLG: ITU-R BT.2100-2; of PQ, light of
-the display relative to the white of ITU-R BT.2408; of HLG, light of the scene, 1 its brightest.
+Codes are numbers from 0 to 1. sRGB: IEC 61966-2-1. BT.709: the inverse of its camera curve (ITU-R
+BT.709-6), also for BT.601 and BT.2020. PQ and HLG: ITU-R BT.2100-2; PQ gives light of the display
+relative to the white of ITU-R BT.2408; HLG gives light of the scene, with 1 its brightest.
 """
 
 from collections.abc import Callable, Mapping
@@ -13,7 +13,7 @@ from megalopta.core.arrays import Floats
 from megalopta.scenes.spectra.color import linear_of_srgb
 
 PQ_WHITE_CD_M2 = 203.0
-"""Luminance that is 1 in light of PQ (ITU-R BT.2408)."""
+"""Luminance with a value of 1 in PQ light (ITU-R BT.2408)."""
 _PQ_TOP_CD_M2 = 10000.0
 _M1, _M2 = 2610 / 16384, 2523 / 32
 _C1, _C2, _C3 = 3424 / 4096, 2413 / 128, 2392 / 128

@@ -1,7 +1,7 @@
-"""Films through PyAV: frames at their times, the right way up, in light.
+"""Videos read with PyAV: frames at their times, upright, as light.
 
-libswscale makes RGB. Of 8 bits with full chroma and correct rounding. Of more bits without full
-chroma, which makes wrong colors there (libswscale 9); white is then the code `_DEEP_WHITE`.
+libswscale converts to RGB: for 8 bits with full chroma and correct rounding, for more bits without
+full chroma, which gives wrong colors there (libswscale 9); white is then the code `_DEEP_WHITE`.
 """
 
 import struct
@@ -22,14 +22,14 @@ if TYPE_CHECKING:
 
 _LIMITED, _FULL = 1, 2
 _DEEP_WHITE = 65283
-"""Code of white in RGB of 16 bits that libswscale makes of limited range."""
+"""Code of white in the 16-bit RGB that libswscale makes of limited range."""
 _UNSTATED = 2
 _BT709_MATRIX, _BT601_MATRIX, _BT2020_MATRIX = 1, 5, 9
 _MATRICES = {1: 1, 4: 4, 5: 5, 6: 5, 7: 7, 9: 9}
 """libswscale's number of a color matrix, by that in the file (ITU-T H.273)."""
 _BT2020_PRIMARIES = 9
 _HD_ROWS = 720
-"""From which on a film that does not state its matrix has that of BT.709, not of BT.601."""
+"""Rows from which a video without a stated matrix uses that of BT.709, not of BT.601."""
 _TRANSFERS = {
     **dict.fromkeys((1, 2, 6, 14, 15), "BT.709"),
     4: "gamma 2.2",
@@ -41,7 +41,7 @@ _TRANSFERS = {
 }
 """Transfer functions by their number in the file (ITU-T H.273)."""
 _PRIMARIES = {9: ("BT.2020", BT2020_XY), 12: ("Display P3", P3_XY)}
-"""Those that are converted; the others are near those of BT.709."""
+"""Primaries that are converted; others are close to those of BT.709."""
 _HDR_NOTES = {
     "PQ": f"HDR (PQ): 1 is {PQ_WHITE_CD_M2:g} cd/m², the white of BT.2408; highlights are above 1",
     "HLG": "HDR (HLG): light of the scene, whose brightest is 1; the white of BT.2408 is 0.26",
@@ -50,7 +50,7 @@ _HDR_NOTES = {
 
 @dataclass(eq=False, kw_only=True)
 class Video(Footage):
-    """Frames of a film, decoded as they are asked for."""
+    """Frames of a video, decoded on request."""
 
     reader: FilmReader
     conversion: "_Conversion"
@@ -76,7 +76,7 @@ class Video(Footage):
 
 
 def open_video(path: Path) -> Video:
-    """Return a film as footage. Raises DamagedFileError; ModuleNotFoundError without PyAV."""
+    """Return a video as footage. Raises DamagedFileError; ModuleNotFoundError without PyAV."""
     reader = FilmReader(path)
     try:
         first = reader.frame(0)
@@ -99,7 +99,7 @@ def open_video(path: Path) -> Video:
 
 
 class _Conversion:
-    """How decoded frames like the first become codes in RGB, the right way up, and light."""
+    """Conversion of decoded frames like the first to RGB codes, upright, and to light."""
 
     def __init__(self, path: Path, first: "VideoFrame") -> None:
         from av.video.reformatter import VideoReformatter
@@ -115,7 +115,7 @@ class _Conversion:
         self.coding = self._coding()
 
     def fits(self, frame: "VideoFrame") -> bool:
-        """Whether a frame has the size and format of the first."""
+        """True if a frame has the size and format of the first."""
         first = self._first
         return (frame.width, frame.height, frame.format.name) == (
             first.width,
@@ -140,19 +140,19 @@ class _Conversion:
         return turned(converted.to_ndarray(), *self._turn)
 
     def notes(self) -> Iterator[str]:
-        """Yield what was assumed or changed."""
+        """Yield notes on assumptions and changes."""
         first, path = self._first, self._path
         if first.color_trc == _UNSTATED:
-            yield f"{path} does not state its transfer function; that of BT.709 is taken"
+            yield f"{path} does not state its transfer function; that of BT.709 is used"
         if self.coding.name in _HDR_NOTES:
             yield _HDR_NOTES[self.coding.name]
         if self.coding.matrix is not None:
             name, _ = _PRIMARIES[first.color_primaries]
-            yield f"colors of {name} are converted to those of sRGB; beyond them, channels become 0"
+            yield f"colors of {name} are converted to sRGB; channels outside its gamut become 0"
         if any(self._turn):
-            yield f"frames are turned as {path} says, by {first.rotation % 360}° to the left"
+            yield f"frames are turned as stated by {path}, by {first.rotation % 360}° to the left"
         if any(each.is_alpha for each in first.format.components):
-            yield f"the transparency of {path} is left out"
+            yield f"the transparency of {path} is ignored"
         if first.interlaced_frame:
             yield f"{path} is interlaced: each frame holds two moments; deinterlace it first"
 
@@ -162,7 +162,7 @@ class _Conversion:
         if name is None:
             raise DamagedFileError(
                 f"{self._path} has the transfer function {first.color_trc} of H.273, which is not "
-                "read; convert it to BT.709"
+                "supported; convert it to BT.709"
             )
         self._matrix()
         coding = coding_of(name, 65536 if self._bits > 8 else 256, *self._black_and_white())
@@ -171,26 +171,26 @@ class _Conversion:
         return replace(coding, matrix=to_bt709(_PRIMARIES[first.color_primaries][1]))
 
     def _black_and_white(self) -> tuple[int, int]:
-        """Codes of black and white in the RGB that libswscale makes."""
+        """Codes of black and white in libswscale's RGB."""
         deep = self._bits > 8
         if self._is_rgb:
             return 0, 65535 if deep else 255
         top = (2**self._bits - 1) << (16 - self._bits) if deep else 255
-        if self._is_gray:  # taken as full, whatever is stated
+        if self._is_gray:  # treated as full range, whatever is stated
             unit = 256 if deep else 1
             is_limited = self._first.color_range == _LIMITED
             return (16 * unit, 235 * unit) if is_limited else (0, top)
         return 0, _DEEP_WHITE if deep and not self._is_full else top
 
     def _matrix(self) -> int:
-        """Libswscale's number of the matrix between Y'CbCr and RGB. Raises DamagedFileError."""
+        """Number in libswscale of the matrix between Y'CbCr and RGB. Raises DamagedFileError."""
         stated = self._first.colorspace
         if stated in _MATRICES or self._is_rgb or self._is_gray:
             return _MATRICES.get(stated, _BT709_MATRIX)
         if stated != _UNSTATED:
             raise DamagedFileError(
-                f"{self._path} has the color matrix {stated} of H.273, which is not read; convert "
-                "it to BT.709"
+                f"{self._path} has the color matrix {stated} of H.273, which is not supported; "
+                "convert it to BT.709"
             )
         if self._first.color_primaries == _BT2020_PRIMARIES:
             return _BT2020_MATRIX
@@ -198,7 +198,7 @@ class _Conversion:
 
 
 def _display_turn(frame: "VideoFrame") -> tuple[bool, bool, bool]:
-    """Return the arguments of `turned` that show a frame as the file's display matrix says."""
+    """Return the arguments of `turned` that follow a frame's display matrix."""
     from av.sidedata.sidedata import Type
 
     told: Any = frame.side_data

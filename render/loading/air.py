@@ -1,8 +1,8 @@
-"""Haze as Mitsuba has it: a homogeneous medium in a box around all surfaces and the camera.
+"""Haze in Mitsuba: a homogeneous medium in a box around all surfaces and the camera.
 
-Paths that meet droplets are traced in a scene of its own, of the same shapes and the box; in the
-scene without it nothing is between camera and surface, as truth has it. The box lets light pass as
-it is. What lights the scene shines from outside, through the haze.
+Paths through droplets are traced in a separate scene of the same shapes and the box. The scene
+without the box has nothing between camera and surfaces, as ground truth requires. The box transmits
+light unchanged. The scene's light shines from outside, through the haze.
 """
 
 from collections.abc import Sequence
@@ -21,28 +21,28 @@ from megalopta.scenes.scene import Scene
 from megalopta.scenes.spectra.spectrum import flat
 
 MARGIN_M = 1.0
-"""Of the box, beyond surfaces and camera."""
+"""Margin of the box beyond surfaces and camera."""
 
 
 @dataclass(frozen=True)
 class Air:
-    """The haze of a scene, and the scene in it."""
+    """Haze of a scene, and the scene in it."""
 
     scene: Any
-    """The surfaces and the box."""
+    """Scene of the surfaces and the box."""
     medium: Any
-    """For sensors in the box to start in."""
+    """Medium in which sensors in the box start."""
     extinction_per_m: float
     low: Floats
     high: Floats
     """(3,): corners of the box, m."""
 
     def holds(self, points: Floats) -> bool:
-        """Whether points (..., 3), m, are all in the box."""
+        """True if points (..., 3), m, are all in the box."""
         return bool(((points > self.low) & (points < self.high)).all())
 
     def transmittance(self, point: Floats, toward: Floats) -> Floats:
-        """Share (N,) of what comes from unit directions (N, 3) that reaches a point (3,) unmet."""
+        """Share (N,) of light from unit directions (N, 3) that reaches a point (3,) unscattered."""
         with np.errstate(divide="ignore"):
             ends = np.maximum((self.low - point) / toward, (self.high - point) / toward)
         return np.asarray(np.exp(-self.extinction_per_m * ends.min(axis=1)))
@@ -53,7 +53,7 @@ def fill(
 ) -> Air:
     """Fill a loaded scene of meshes with haze, in a box that holds positions (N, 3) too, m.
 
-    Shapes that move are loaded again: of two scenes that share one, only the first is told.
+    Moving shapes are loaded again: if two scenes share one, only the first is updated.
     """
     box = loaded.bbox()
     corners = np.array([box.min, box.max], np.float64)

@@ -1,6 +1,6 @@
-"""Materials to Mitsuba's surfaces, emitters, textures and spectra.
+"""Conversion of materials to Mitsuba's surfaces, emitters, textures and spectra.
 
-Every spectral quantity is handed over as it is (spectral variants apply no color conversion).
+Every spectral quantity is passed unchanged (spectral variants apply no color conversion).
 """
 
 from collections.abc import Callable
@@ -14,7 +14,7 @@ from megalopta.render.mitsuba_loader import PlugIn, is_scalar, registered
 from megalopta.scenes.material import Emission, Material, Texture
 from megalopta.scenes.spectra.spectrum import Spectrum, flat
 
-# Mitsuba's spectra are zero beyond their table; ours go on at the end values.
+# Mitsuba's spectra are zero beyond their table; here the end values continue.
 _SPECTRUM_LIMITS_NM = (100.0, 4000.0)
 _LEAST_SHARE = 0.1
 
@@ -40,10 +40,10 @@ def _blade(material: Material) -> dict[str, Any]:
 
 
 def _of_parts(material: Material) -> dict[str, Any]:
-    """The same of Mitsuba's own surfaces, since scalar variants are slow with one in Python.
+    """Mitsuba surface composed of Mitsuba's own ones, as scalar variants are slow with Python ones.
 
-    A share of one that reflects that much more and the rest of one that transmits that much more
-    are just that; values above 1 do no harm. Paths go on to either side by these shares.
+    A blend of a reflecting and a transmitting surface, each scaled up by its inverse share, is
+    equivalent; values above 1 are harmless. Paths continue to either side by these shares.
     """
     through = mean(material.transmittance) / (
         mean(material.transmittance) + mean(material.reflectance) or 1.0
@@ -58,7 +58,7 @@ def _of_parts(material: Material) -> dict[str, Any]:
 
 
 def mean(of: Spectrum | None) -> float:
-    """Mean from 400 to 1700 nm, for chances; 0 of nothing."""
+    """Mean from 400 to 1700 nm, for probabilities; 0 without a spectrum."""
     return float(of(np.arange(400, 1700)).mean()) if of else 0.0
 
 
@@ -73,7 +73,7 @@ def _reflecting(material: Material, factor: float) -> dict[str, Any]:
 
 def _transmitting(material: Material, factor: float) -> dict[str, Any]:
     def thin(of: Spectrum | None) -> dict[str, Any]:
-        # With 2 all of the diffuse light goes to the other side, and evenly.
+        # With 2, all of the diffuse light is transmitted, uniformly.
         lobes = {"diff_trans": 2.0, "spec_trans": 0.0}
         return {"type": "principledthin", "base_color": _scaled(of, factor), **lobes}
 
@@ -88,7 +88,7 @@ def _mixed(
     first: Spectrum | None,
     second: Spectrum | None,
 ) -> dict[str, Any]:
-    """Surfaces of two spectra, of the first alone where there is no texture."""
+    """Surfaces of two spectra, or of the first alone without a texture."""
     if texture is None:
         return surface(first)
     weight = bitmap(texture.weight)
@@ -101,7 +101,7 @@ def _mixed(
 
 
 def emission(of: Emission) -> dict[str, Any]:
-    """Mitsuba texture of the radiance that a surface sends out."""
+    """Mitsuba texture of the radiance that a surface emits."""
     if of.pattern is None:
         return {"type": "spectrum", "value": of.radiance}
     return bitmap(of.pattern * np.float32(of.radiance))
@@ -109,7 +109,7 @@ def emission(of: Emission) -> dict[str, Any]:
 
 def bitmap(values: NDArray[np.float32]) -> dict[str, Any]:
     """Mitsuba texture of values (H, W) that tile the uv square, row 0 at v = 0."""
-    # Mitsuba's first row is v = 0, as ours; it takes no array that is read-only.
+    # Mitsuba's first row is v = 0, as here; it accepts no read-only array.
     image = np.array(values[..., None], dtype=np.float32, order="C")
     return {"type": "bitmap", "bitmap": mi.Bitmap(image), "raw": True, "wrap_mode": "repeat"}
 
@@ -119,9 +119,9 @@ def _scaled(of: Spectrum | None, factor: float) -> dict[str, Any]:
 
 
 def spectrum(of: Spectrum) -> dict[str, Any]:
-    """Mitsuba spectrum, with ours' constant values beyond the ends."""
+    """Mitsuba spectrum, with constant values beyond the ends."""
     if not max(of.values):
-        return {"type": "spectrum", "value": 0.0}  # a table without any mass is refused
+        return {"type": "spectrum", "value": 0.0}  # a table without any mass is rejected
     first, last = _SPECTRUM_LIMITS_NM
     table = [
         (first, of.values[0]),
@@ -132,12 +132,12 @@ def spectrum(of: Spectrum) -> dict[str, Any]:
 
 
 class _Blade(PlugIn):
-    """A surface that scatters light evenly to both of its sides.
+    """Surface that scatters light uniformly to both of its sides.
 
-    The bidirectional scattering function of a leaf in nearly all radiative transfer models of
-    canopies: ρ/π toward the side that the light comes from and τ/π toward the other, at any angles.
-    A path goes on to either side with a chance in proportion to ρ and τ, their means over its
-    wavelengths. Mitsuba has none. What it has can be blended to the same, at two thirds of the
+    This is the bidirectional scattering function of a leaf in nearly all radiative transfer models
+    of canopies: ρ/π toward the side of the light and τ/π toward the other, at any angle. A path
+    continues to either side with a probability proportional to the means of ρ and τ over its
+    wavelengths. Mitsuba has no such surface; a blend of its own is equivalent, at two thirds of the
     speed in vectorized variants.
 
     Plugin parameters: `reflectance_0` and `transmittance_0` where the texture `weight` is 0,
@@ -159,7 +159,7 @@ class _Blade(PlugIn):
         self.m_flags = self.m_components[0] | self.m_components[1]
 
     def shares(self, point: Any, active: Any) -> tuple[Any, Any, Any]:
-        """Reflectance, transmittance, and the chance that a path is reflected."""
+        """Reflectance, transmittance, and the probability that a path is reflected."""
         weight = self.weight.eval_1(point, active)
         back, through = (
             dr.lerp(first.eval(point, active), second.eval(point, active), weight)

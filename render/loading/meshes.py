@@ -1,9 +1,9 @@
-"""Placed shapes to one mesh per material, with the table that leads from a triangle to its object.
+"""One mesh per material of all placed shapes, with the table from triangles to objects.
 
-Merging, not instancing: in Mitsuba's vectorized variants every instance is compiled as its own
-callable, and a hundred of them already cost seconds per frame.
+Shapes are merged, not instanced: in Mitsuba's vectorized variants every instance is compiled as its
+own callable, and a hundred of them already cost seconds per frame.
 
-What moves has meshes of its own, after those at rest, whose vertices follow from the time.
+Moving objects have their own meshes, after those at rest, with vertices that depend on time.
 """
 
 from dataclasses import dataclass, replace
@@ -26,7 +26,7 @@ Float32 = NDArray[np.float32]
 
 @dataclass(frozen=True)
 class MovingPart:
-    """A run of vertices that belong to one moving object."""
+    """Range of vertices of one moving object."""
 
     vertices: slice
     motion: Motion
@@ -39,11 +39,11 @@ class MergedMesh:
     material: str
     """Key into `Scene.materials`."""
     vertices: Float32
-    """(V, 3): positions, m; of moving objects at time 0."""
+    """(V, 3): positions, m; for moving objects at time 0."""
     faces: NDArray[np.uint32]
     """(F, 3): vertex indices."""
     normals: Float32 | None
-    """(V, 3): shading normals of smooth parts; None where every face is flat."""
+    """(V, 3): shading normals of smooth parts; None if every face is flat."""
     uv: NDArray[np.float32] | None
     """(V, 2): texture coordinates, for textured materials."""
     object_id: NDArray[np.uint32]
@@ -52,7 +52,7 @@ class MergedMesh:
 
 @dataclass(frozen=True)
 class MovingMesh(MergedMesh):
-    """A merged mesh of objects that move."""
+    """Merged mesh of moving objects."""
 
     placed: Floats
     """(V, 3): world positions of the objects as placed, m."""
@@ -80,7 +80,7 @@ class MovingMesh(MergedMesh):
         return _local(moved, self.origin_m)
 
     def normals_at(self, time_s: float) -> Float32 | None:
-        """Shading normals (V, 3) at a time; None where every face is flat."""
+        """Shading normals (V, 3) at a time; None if every face is flat."""
         if self.placed_normals is None:
             return None
         turned = [
@@ -91,7 +91,7 @@ class MovingMesh(MergedMesh):
 
 
 class _Member(NamedTuple):
-    """A mesh as it stands in the scene."""
+    """Mesh as placed in the scene."""
 
     object_id: int
     placement: Placement
@@ -116,7 +116,7 @@ class _Member(NamedTuple):
 
 
 def merge(scene: Scene) -> list[MergedMesh]:
-    """One mesh per material, smoothness and whether it moves; those at rest come first."""
+    """One mesh per material, smoothness and state of motion; those at rest come first."""
     groups: dict[tuple[bool, str, bool], list[_Member]] = {}
     for index, placement in enumerate(scene.placements):
         for material, mesh in scene.assets[placement.asset].parts.items():

@@ -1,8 +1,8 @@
-"""Scene data to a loaded Mitsuba scene: merged meshes, with their materials, and lights.
+"""Loaded Mitsuba scene of scene data: merged meshes with materials, and lights.
 
-Which mesh of a loaded scene was hit, in every vectorized variant. Embree numbers the shapes of a
-scene, OptiX does not; what both give is the shape itself, as its number in Dr.Jit's registry of all
-shapes of the process.
+`MeshIndex` finds the mesh that was hit in every vectorized variant. Embree numbers the shapes of a
+scene, OptiX does not; both give the shape itself, as its number in Dr.Jit's registry of all shapes
+of the process.
 """
 
 from collections.abc import Mapping, Sequence
@@ -18,18 +18,18 @@ from megalopta.render.loading.sky import uneven_sky
 from megalopta.scenes.material import Material
 from megalopta.scenes.scene import Lighting, Scene
 
-# Points that stand for the disc of sun or moon: at 10 m they blur a shadow's edge in steps of 1 cm.
-# They cost no time, since a path looks at one of them.
+# Points that represent the disc of sun or moon: at 10 m they blur a shadow's edge in steps of 1 cm.
+# They cost no time, since a path samples only one of them.
 DISC_POINTS = 64
 
 
 class LoadedScene(NamedTuple):
-    """A scene, and what it has become for Mitsuba."""
+    """Scene with its loaded Mitsuba version."""
 
     scene: Scene
     meshes: Sequence[MergedMesh]
     loaded: Any
-    """Mitsuba's, of the meshes in their order."""
+    """Mitsuba's scene of the meshes, in order."""
 
 
 def load_scene(scene: Scene, meshes: Sequence[MergedMesh]) -> Any:
@@ -39,14 +39,14 @@ def load_scene(scene: Scene, meshes: Sequence[MergedMesh]) -> Any:
 
 
 def of_shapes(shapes: Sequence[Any], lighting: Lighting | None = None) -> Any:
-    """Return a scene of loaded shapes, in their order, under a light."""
+    """Return a scene of loaded shapes, in order, under a light."""
     lights = _lights(lighting) if lighting else {}
     names = {f"mesh_{index:03d}": shape for index, shape in enumerate(shapes)}
     return mi.load_dict({"type": "scene", **lights, **names})
 
 
 def load_mesh(mesh: MergedMesh, **parts: Any) -> Any:
-    """Load a mesh with parts of Mitsuba's, such as a loaded `mesh_bsdf`."""
+    """Load a mesh with Mitsuba parts, such as a loaded `mesh_bsdf`."""
     properties = mi.Properties()
     for name, part in parts.items():
         properties[name] = part
@@ -100,14 +100,14 @@ def move_meshes(
     vertices: Mapping[int, NDArray[np.float32]],
     normals: Mapping[int, NDArray[np.float32]] | None = None,
 ) -> None:
-    """Give some of a scene's meshes, by their index, other vertices and normals (V, 3)."""
+    """Set new vertices and normals (V, 3) of some of a scene's meshes, by index."""
     shapes = scene.shapes()
     for index, positions in vertices.items():
         buffers = mi.traverse(shapes[index])
         buffers["vertex_positions"] = positions.ravel()
         buffers.update()
     for index, directions in (normals or {}).items():
-        # Only now: with new positions Mitsuba computes normals of its own.
+        # Only now, as Mitsuba computes its own normals for new positions.
         buffers = mi.traverse(shapes[index])
         buffers["vertex_normals"] = directions.ravel()
         buffers.update()
@@ -115,7 +115,7 @@ def move_meshes(
 
 
 def move_to(scene: Any, meshes: Mapping[int, MovingMesh], time_s: float) -> None:
-    """Put moving meshes of a scene, by their index, where they are at a time."""
+    """Move moving meshes of a scene, by index, to a time."""
     normals = {index: mesh.normals_at(time_s) for index, mesh in meshes.items()}
     vertices = {index: mesh.vertices_at(time_s) for index, mesh in meshes.items()}
     turned = {index: each for index, each in normals.items() if each is not None}
@@ -123,16 +123,16 @@ def move_to(scene: Any, meshes: Mapping[int, MovingMesh], time_s: float) -> None
 
 
 class MeshIndex:
-    """The meshes of a loaded scene by their shape; the active variant must be a vectorized one."""
+    """Meshes of a loaded scene by shape; the active variant must be a vectorized one."""
 
     def __init__(self, loaded: Any) -> None:
         registered = np.array(dr.reinterpret_array(mi.UInt, loaded.shapes_dr()))
-        # Entry 0 is what a ray has hit that hit nothing.
+        # Entry 0 is for rays without a hit.
         table = np.zeros(1 + int(registered.max(initial=0)), np.uint32)
         table[registered] = np.arange(len(registered))
         self._table = mi.UInt(table)
 
     def of(self, hit: Any) -> Any:
-        """Index of the mesh, as loaded, of each preliminary intersection (N,); 0 of a miss."""
+        """Index of the mesh, as loaded, of each preliminary intersection (N,); 0 for a miss."""
         shape: Any = dr.reinterpret_array(mi.UInt, hit.shape)
         return dr.gather(mi.UInt, self._table, shape)

@@ -1,9 +1,9 @@
-"""An uneven sky inside Mitsuba: patterns that add, each with a spectrum of its own.
+"""Non-uniform sky inside Mitsuba: a sum of patterns, each with its own spectrum.
 
-Mitsuba's own picture of surroundings has three colors between 360 and 830 nm, and a scene takes no
-two. Here the radiance from a direction is that of the even sky plus, for every pattern, its
-spectrum times what the picture is there, read bilinearly. Paths look for it where it is bright: a
-texel is drawn with a chance in proportion to its brightest neighbor, over solid angle.
+Mitsuba's own environment map has three colors between 360 and 830 nm, and a scene accepts only one.
+Here the radiance from a direction is that of the uniform sky plus, for every pattern, its spectrum
+times the bilinearly interpolated picture. Paths sample it where it is bright: a texel is drawn with
+a probability proportional to its brightest neighbor, per solid angle.
 """
 
 from collections.abc import Sequence
@@ -19,12 +19,12 @@ from megalopta.render.mitsuba_loader import PlugIn, is_scalar, plug_in
 from megalopta.scenes.scene import Lighting, SkyPattern
 
 _DISTANCE_M = 1e6
-"""Of the points that stand for directions."""
+"""Distance of the points that represent directions."""
 _LEAST_SINE = 1e-6
 
 
 class SkyPatterns:
-    """The patterns of a sky, to be read along directions."""
+    """Patterns of a sky, evaluated along directions."""
 
     def __init__(self, patterns: Sequence[SkyPattern]) -> None:
         self._textures = [mi.load_dict(bitmap(each.pattern)) for each in patterns]
@@ -40,13 +40,13 @@ class SkyPatterns:
 
 
 def place_of(direction: Any) -> Any:
-    """Where in a pattern a direction lies, (u, v) from 0 to 1."""
+    """Position of a direction in a pattern, (u, v) from 0 to 1."""
     azimuth = dr.atan2(direction.y, direction.x)
     return mi.Point2f(0.5 - azimuth / dr.two_pi, dr.safe_acos(direction.z) / dr.pi)
 
 
 def read(texture: Any, rows: int, place: Any, active: Any) -> Any:
-    """Value of a pattern; beyond its last rows it stays as there, and does not go round."""
+    """Value of a pattern; constant beyond its first and last row, without wrapping."""
     half = 0.5 / rows
     at = _zeros(mi.SurfaceInteraction3f)
     at.uv = mi.Point2f(place.x, dr.clip(place.y, half, 1 - half))
@@ -54,7 +54,7 @@ def read(texture: Any, rows: int, place: Any, active: Any) -> Any:
 
 
 def _chances(lighting: Lighting) -> NDArray[np.float32]:
-    """How often texels (H, 2·H) are looked at, in any unit."""
+    """Sampling weights of texels (H, 2·H), in arbitrary units."""
     rows = max(len(each.pattern) for each in lighting.patterns)
     chance = np.full((rows, 2 * rows), mean(lighting.sky))
     for each in lighting.patterns:
@@ -75,7 +75,7 @@ def uneven_sky(lighting: Lighting) -> Any:
 
 
 class _UnevenSky(PlugIn):
-    """The sky of a lighting with patterns, as an emitter."""
+    """Sky of a lighting with patterns, as an emitter."""
 
     base = "Emitter"
 
@@ -100,14 +100,14 @@ class _UnevenSky(PlugIn):
         return dr.select(active, found, 0.0)
 
     def chance(self, direction: Any, active: Any) -> Any:
-        """Density of a direction, over solid angle."""
+        """Probability density of a direction, per solid angle."""
         place = place_of(direction)
         column = dr.minimum(mi.UInt32(place.x * self.columns), self.columns - 1)
         row = dr.minimum(mi.UInt32(place.y * self.rows), self.rows - 1)
         return self.texels.pdf(mi.Point2u(column, row), active) * self.texels_per(direction.z)
 
     def texels_per(self, z: Any) -> Any:
-        """Texels per solid angle, at directions of this z."""
+        """Texels per solid angle, for directions with this z."""
         sine = dr.maximum(dr.safe_sqrt(1 - z * z), _LEAST_SINE)
         return self.rows * self.columns / (2 * dr.pi**2 * sine)
 

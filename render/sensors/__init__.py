@@ -1,1 +1,1 @@
-"""What turns a loaded scene into pixels: films, passes and cameras of our own."""
+"""Pixels of a loaded scene: films, passes and custom cameras."""

@@ -1,12 +1,12 @@
-"""A camera's film: takes frames in passes, at an instant or over a time of exposure.
+"""Film of a camera: frames in passes, at an instant or over an exposure.
 
-Passes are strips of rows and, where a row alone is too much, repeats of it. A kernel that runs
-cannot be interrupted, holds its whole strip in memory and numbers its samples with 32 bits; so no
-pass is long. Strips come first because they leave each pixel's stratified samples together: 64 at
-once are a fifth less noisy than four times 16.
+Passes are strips of rows and, if one row is too much, repeats of it. A running kernel cannot be
+interrupted, holds its whole strip in memory and numbers its samples with 32 bits; so passes are
+short. Strips come first because they keep each pixel's stratified samples together: 64 at once are
+a fifth less noisy than four times 16.
 
-A channel is the integral of radiance against a box of height 1/width, so that it reads the band
-mean in W·m⁻²·sr⁻¹·nm⁻¹.
+A channel is the integral of radiance against a box of height 1/width, that is, the band mean in
+W·m⁻²·sr⁻¹·nm⁻¹.
 """
 
 import math
@@ -24,24 +24,24 @@ from megalopta.render.sensors.optics import Rows, cut_strip, plugin, sensor_tran
 from megalopta.scenes.cameras.base import Camera
 
 TraceStrip = Callable[[int, int], NDArray[np.floating]]
-"""Renders the strip (rows, W, B) that begins at a given row, with a given seed."""
+"""Function that renders the strip (rows, W, B) from a given row on, with a given seed."""
 
 
 @dataclass(frozen=True)
 class Passes:
-    """How a frame is divided."""
+    """Division of a frame into passes."""
 
     height: int
     """Rows of the frame."""
     rows: int
-    """Rows of a strip; the last one may reach beyond the frame."""
+    """Rows of a strip; the last one may extend beyond the frame."""
     samples: int
     """Light paths per pixel and pass."""
     repeats: int
-    """Passes over each strip."""
+    """Number of passes over each strip."""
 
     def render(self, trace: TraceStrip, seed: int) -> Floats:
-        """Put a frame (H, W, B) together; the first pass has its seed, others derive theirs."""
+        """Assemble a frame (H, W, B); the first pass has its seed, others derive theirs."""
         strips = [
             sum(
                 trace(first, pass_seed(seed, number * self.repeats + repeat)).astype(np.float64)
@@ -54,9 +54,9 @@ class Passes:
 
 
 def plan_passes(width: int, height: int, samples: int, most: int) -> Passes:
-    """Divide a frame into as few passes as hold at most so many samples each.
+    """Divide a frame into the fewest passes of at most `most` samples each.
 
-    One sample of every pixel of a row is the least that a pass holds.
+    A pass has at least one sample of every pixel of a row.
     """
     strips = math.ceil(height / max(most // (width * samples), 1))
     repeats = math.ceil(samples / max(most // width, 1))
@@ -64,50 +64,50 @@ def plan_passes(width: int, height: int, samples: int, most: int) -> Passes:
 
 
 def pass_seed(seed: int, number: int) -> int:
-    """Mitsuba's 32-bit seed of one pass of a frame; the first keeps the frame's."""
+    """32-bit Mitsuba seed of one pass of a frame; the first keeps the frame's."""
     if number == 0:
         return seed
     return frame_seed(seed, number)
 
 
 Trace = Callable[..., NDArray[np.float32]]
-"""`render` or `measured` of an integrator: an image (H, W, n) of a scene, a sensor, a seed and the
-samples per pixel."""
+"""`render` or `measured` of an integrator: image (H, W, n) of a scene, sensor, seed and samples per
+pixel."""
 
-# A second's work or less on a small machine, so that Ctrl-C is soon answered.
+# At most a second's work on a small machine, so that Ctrl-C acts soon.
 SAMPLES_PER_PASS = {"cuda": 2**24, "llvm": 2**20, "scalar": 2**19}
 
 
 @dataclass(frozen=True)
 class Part:
-    """A part of an exposure, in which moving objects stand still."""
+    """Part of an exposure, in which moving objects are at rest."""
 
     poses: Floats
-    """(K, R, 4, 4): camera to world at K times, for all rows alike (R = 1) or for each (R = H);
-    (4, 4) of an instant."""
+    """(K, R, 4, 4): camera to world at K times, for all rows (R = 1) or for each (R = H); (4, 4)
+    for an instant."""
     row_times_s: list[float]
-    """(R,): in the middle of the part."""
+    """(R,): times in the middle of the part."""
     seed: int
 
 
 @dataclass(frozen=True)
 class Exposure:
-    """A frame as a shutter takes it: from which poses, and when."""
+    """Poses and times of a frame's exposure."""
 
     parts: tuple[Part, ...]
     is_rolling: bool = False
 
     @property
     def is_instant(self) -> bool:
-        """Whether it is taken at once, from one pose."""
+        """True for an instant, with a single pose."""
         return self.parts[0].poses.ndim == 2
 
 
 class Film:
-    """What a sensor of Mitsuba's and the division of frames into passes make together.
+    """Mitsuba sensor with the division of frames into passes.
 
     An exposed film takes the samples of a pixel from many poses. No pass has more than `most_rows`.
-    Its `samples_per_pixel` are those asked for as the sampler rounds them.
+    `samples_per_pixel` is the requested number, as rounded by the sampler.
     """
 
     def __init__(
@@ -146,7 +146,7 @@ class Film:
     ) -> NDArray[np.float32]:
         """Take a frame (H, W, n) from a pose (4, 4), or exposed from poses (times, rows, 4, 4).
 
-        These have one row for all, or H. `before_rows` is called with those of each pass.
+        These have one row for all, or H rows. `before_rows` is called with the rows of each pass.
         """
 
         def take(first_row: int, pass_seed: int) -> NDArray[np.float32]:
@@ -159,13 +159,13 @@ class Film:
 
     def _aim(self, poses: Floats, first_row: int) -> None:
         rows, is_exposed = self._passes.rows, poses.ndim > 2
-        # What is exposed looks through optics at Mitsuba's identity.
+        # An exposed film looks through optics at Mitsuba's identity.
         to_world = np.eye(4) if is_exposed else sensor_transform(poses)
         self._parameters["to_world"] = mi.Transform4f(to_world.tolist())
         cut_strip(self._camera, self._parameters, first_row, rows)
         self._parameters.update()
         if is_exposed:
-            # The last strip may reach beyond the frame.
+            # The last strip may extend beyond the frame.
             strip = np.minimum(np.arange(first_row, first_row + rows), poses.shape[1] - 1)
             self._sensor.move(sensor_transform(poses[:, strip] if poses.shape[1] > 1 else poses))
 

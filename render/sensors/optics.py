@@ -1,9 +1,9 @@
-"""Our cameras as Mitsuba's sensors, and one that is elsewhere for every time and row.
+"""Cameras as Mitsuba sensors, and one with a pose for every time and row.
 
-Mitsuba has a perspective sensor of its own; every other camera looks where its `toward` says.
+Mitsuba has its own perspective sensor; every other camera uses the directions of its `toward`.
 
-Vectorized variants trace sensors written in Python into their kernel once, which costs nothing;
-scalar variants call them for every sample, which takes a few microseconds of one core each.
+Vectorized variants trace sensors written in Python into their kernel once, at no cost; scalar
+variants call them for every sample, at a few microseconds of one core each.
 """
 
 import math
@@ -23,7 +23,7 @@ _MOST_DIRECTIONS, _MOST_PARTS = 2_000_000, 8
 
 
 def plugin(camera: Camera) -> dict[str, Any]:
-    """Mitsuba's sensor of a camera, without film and sampler."""
+    """Mitsuba sensor of a camera, without film and sampler."""
     if isinstance(camera, PerspectiveCamera):
         clip = {"near_clip": 1e-3, "far_clip": 1e5}
         return {"type": "perspective", "fov": camera.fov_deg, "fov_axis": "x", **clip}
@@ -31,7 +31,7 @@ def plugin(camera: Camera) -> dict[str, Any]:
 
 
 def cut_strip(camera: Camera, parameters: Any, first_row: int, rows: int) -> None:
-    """Set a sensor, by its `mi.traverse` parameters, to a strip of rows of the camera's frame."""
+    """Set a sensor, through its `mi.traverse` parameters, to a strip of rows of a frame."""
     if isinstance(camera, PerspectiveCamera):
         parameters["principal_point_offset_y"] = 0.5 - (camera.height / 2 - first_row) / rows
     else:
@@ -39,7 +39,7 @@ def cut_strip(camera: Camera, parameters: Any, first_row: int, rows: int) -> Non
 
 
 def _directions(camera: Camera) -> NDArray[np.float32]:
-    """Where a camera looks through the corners of pixels, or of equal parts of them, (h, w, 3)."""
+    """Directions through the corners of pixels, or of equal parts of them, (h, w, 3)."""
     parts = math.isqrt(_MOST_DIRECTIONS // (camera.width * camera.height))
     parts = min(max(parts, 1), _MOST_PARTS)
     columns, rows = (np.arange(size * parts + 1) / parts for size in (camera.width, camera.height))
@@ -47,19 +47,19 @@ def _directions(camera: Camera) -> NDArray[np.float32]:
 
 
 def sensor_transform(pose: Floats) -> Floats:
-    """The matrix of a pose (..., 4, 4) for Mitsuba, which looks along +z with +x left, +y up."""
+    """Matrix of a pose (..., 4, 4) for Mitsuba, which looks along +z with +x left, +y up."""
     return np.asarray(pose @ np.diag([-1.0, -1.0, 1.0, 1.0]))
 
 
 class PythonSensor(PlugIn):
-    """What sensors that define `sample_ray` have in common."""
+    """Base of sensors that define `sample_ray`."""
 
     base = "Sensor"
 
     def sample_ray_differential(
         self, time: Any, sample1: Any, sample2: Any, sample3: Any, active: Any = True
     ) -> tuple[Any, Any]:
-        """Return a ray as Mitsuba's own integrators ask for it, and its weight."""
+        """Return a ray, as Mitsuba's own integrators request it, and its weight."""
         ray, weight = self.sample_ray(time, sample1, sample2, sample3, active)
         return mi.RayDifferential3f(ray), weight
 
@@ -68,9 +68,8 @@ class Directions(PythonSensor):
     """Rays from one point, in the directions of any camera.
 
     Plugin parameter: `directions` (h, w, 3) at the corners of the film and evenly between them;
-    they are interpolated.
-    Through `mi.traverse` one sets `to_world` and `strip`, the first row and the number of rows that
-    the film has, over those of the camera; that compiles nothing again.
+    they are interpolated. `mi.traverse` sets `to_world` and `strip`, the first row and the number
+    of rows of the film, relative to those of the camera, without recompilation.
     """
 
     def __init__(self, properties: Any) -> None:
@@ -84,14 +83,14 @@ class Directions(PythonSensor):
         self.table = texture(directions, use_accel=False)
 
     def traverse(self, callback: Any) -> None:
-        """Tell Mitsuba what can be set."""
+        """Declare the settable parameters to Mitsuba."""
         self.above.traverse(self, callback)
         for name in ("to_world", "strip"):
             callback.put(name, getattr(self, name), mi.ParamFlags.NonDifferentiable)
 
     def parameters_changed(self, keys: Sequence[str] = ()) -> None:
         """Keep values out of the kernel."""
-        if not is_scalar():  # else the values would be written into the kernel
+        if not is_scalar():  # otherwise the values would be written into the kernel
             dr.make_opaque(self.to_world, self.strip)
 
     def sample_ray(
@@ -101,7 +100,7 @@ class Directions(PythonSensor):
         surface = dr.zeros(mi.SurfaceInteraction3f)
         wavelengths, weight = self.sample_wavelengths(surface, sample1, active)
         height = self.strip.x + self.strip.y * sample2.y
-        # the first texel has its center at the corner of the film, and half of it lies outside
+        # the center of the first texel is at the corner of the film, so half of it is outside
         place = mi.Point2f(
             (sample2.x * (self.columns - 1) + 0.5) / self.columns,
             (height * (self.rows - 1) + 0.5) / self.rows,
@@ -115,10 +114,10 @@ class Directions(PythonSensor):
 
 
 class Rows(PythonSensor):
-    """Rays of `optics`, a sensor at Mitsuba's identity, moved by time and row.
+    """Rays of `optics`, a sensor at Mitsuba's identity, transformed by time and row.
 
-    Loaded with `shutter_open` 0 and `shutter_close` 1, so that samplers spread the samples of a
-    pixel evenly over the times.
+    It is loaded with `shutter_open` 0 and `shutter_close` 1, so that samplers spread the samples of
+    a pixel evenly over the times.
     """
 
     optics: Any = None
@@ -126,7 +125,7 @@ class Rows(PythonSensor):
     to_world: Any = None
 
     def move(self, to_world: Floats) -> None:
-        """Set the transforms (times, rows, 4, 4); one row stands for all of them."""
+        """Set the transforms (times, rows, 4, 4); a single row holds for all."""
         self.times, self.rows = to_world.shape[:2]
         if not is_scalar():
             self.to_world = mi.Float(to_world.astype(np.float32).ravel())
@@ -146,7 +145,7 @@ class Rows(PythonSensor):
     def sample_ray(
         self, time: Any, sample1: Any, sample2: Any, sample3: Any, active: Any = True
     ) -> tuple[Any, Any]:
-        """Return a ray of the optics, moved, and its weight."""
+        """Return a transformed ray of the optics, and its weight."""
         ray, weight = self.optics.sample_ray(time, sample1, sample2, sample3, active)
         transform = self._transform(time, sample2.y)
         ray.o, ray.d = transform @ ray.o, transform @ ray.d

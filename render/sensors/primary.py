@@ -1,4 +1,4 @@
-"""Means over pixels of whatever is found along a sensor's rays; in vectorized variants."""
+"""Means over pixels of quantities along a sensor's rays; in vectorized variants."""
 
 from collections.abc import Callable
 from typing import Any
@@ -8,26 +8,26 @@ from numpy.typing import NDArray
 
 from megalopta.render import dr, mi
 
-# Samples traced at once: what they found is held until it is summed.
+# Samples traced at once: their results are held until they are summed.
 SAMPLES_AT_ONCE = 2**22
 
 _COALESCED = 4
-"""Samples of a pixel that Mitsuba sums before it writes them to the image."""
+"""Samples of a pixel summed by Mitsuba before they are written to the image."""
 
 Look = Callable[[Any, Any, Any], list[Any]]
-"""What rays find, a list of floats each, given rays, the place from 0 to 1 of each sample among
-those of its pixel, and the sampler, which has more random numbers for them."""
+"""Quantities along rays, a list of floats each, given rays, the place from 0 to 1 of each sample
+among those of its pixel, and the sampler, which has more random numbers for them."""
 
 
 Radiance = Callable[[Any, Any], tuple[Any, Any]]
-"""Spectral radiance along rays, given a sampler and these, and which of them meet something."""
+"""Spectral radiance along rays, given a sampler and these, and True for those with a hit."""
 
 
 def developed(sensor: Any, seed: int, samples: int, radiance: Radiance) -> NDArray[np.float32]:
-    """Image (H, W, B) of a sensor with a box filter, to the last bit that of `mi.render`.
+    """Image (H, W, B) of a sensor with a box filter, equal to the last bit to that of `mi.render`.
 
-    But the rays are computed before their radiance is: of an image's size and of the sensor nothing
-    is compiled into what traces paths.
+    Rays are computed before their radiance, so the compiled path tracer depends neither on the
+    image's size nor on the sensor.
     """
     film, sampler = sensor.film(), sensor.sampler()
     width, height = (int(size) for size in film.crop_size())
@@ -61,7 +61,7 @@ def pixel_means(
 ) -> NDArray[np.float32]:
     """Means (H, W, n) over the samples of each pixel.
 
-    Or (P, n) over the multijittered samples of chosen pixels (P,), counted row by row.
+    With chosen pixels (P,), counted row by row: (P, n) over their multijittered samples.
     """
     width, height = (int(size) for size in sensor.film().crop_size())
     sampler, pixels, table = sensor.sampler(), width * height, None

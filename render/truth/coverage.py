@@ -1,15 +1,15 @@
-"""How much of a pixel each of its rays stands for.
+"""Share of a pixel that each of its rays represents.
 
-All alike, but where a pixel holds two things and the outline of the nearer one is known: then its
-triangles that rays hit are clipped to the pixel, which gives its share exactly however few rays
-there are, and the rays on each side divide their side among them. The outline is taken for known if
-every ray of the pixel hits the nearer thing just where one of these triangles is, and only one; but
-for rays on an edge. What a straight outline cuts off a pixel, however little, holds a corner: so
-rays in the corners, which stand for nothing themselves, find it.
+Shares are equal, unless a pixel contains two objects and the outline of the nearer one is known.
+Then the triangles of the nearer object that rays hit are clipped to the pixel, which gives its
+share exactly even for few rays, and the rays on each side divide their side among them. The outline
+counts as known if every ray of the pixel, except on edges, hits the nearer object exactly where one
+of these triangles is, and only one. Any part that a straight outline cuts off a pixel contains a
+corner: so rays in the corners, which have no share themselves, find it.
 
 A triangle covers the directions between the three planes through the camera and its edges, also
-where it reaches behind the camera. In a pinhole's image these planes are straight lines; in a
-panorama they are taken for straight within a pixel.
+where it extends behind the camera. In a pinhole image these planes are straight lines; in a
+panorama they are approximated as straight within a pixel.
 """
 
 from typing import NamedTuple
@@ -27,7 +27,7 @@ from megalopta.scenes.cameras.base import Camera
 # The square clipped by three lines.
 _SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
 _MOST_CORNERS = 8
-# So near to an edge, in px, a ray may be on either side.
+# Within this distance of an edge, in px, a ray may be on either side.
 _ON_EDGE_PX = 1e-4
 
 
@@ -35,9 +35,9 @@ class Probes(NamedTuple):
     """K rays of a pixel."""
 
     offsets: Floats
-    """(K, 2): where in the pixel they are, 0 to 1."""
+    """(K, 2): positions in the pixel, 0 to 1."""
     alike: Floats
-    """(K,): what they stand for where the outline is not known; 0 of mere lookouts."""
+    """(K,): shares if the outline is not known; 0 for rays in corners."""
 
 
 def ray_weights(
@@ -53,9 +53,9 @@ def ray_weights(
     Parameters
     ----------
     eyes
-        Of the P pixels.
+        Eyes of the P pixels.
     surface
-        What the P·K rays see.
+        Surface seen by the P·K rays.
     places : (P, 2)
         Image coordinates of the pixels' corners, upper left.
     probes
@@ -68,7 +68,7 @@ def ray_weights(
     two = np.flatnonzero(_is_two(things))
     triangle = surface.triangle.reshape(-1, rays)[two]
     is_near = _nearer(things[two], surface.distance.reshape(-1, rays)[two])
-    # Some triangles fill many rays: each counts once a pixel.
+    # Some triangles fill many rays: each counts once per pixel.
     row, ray = np.nonzero(is_near)
     count = len(geometry.object_id)
     pixel, of_pixel = np.divmod(np.unique(row * count + triangle[row, ray]), count)
@@ -86,7 +86,7 @@ def ray_weights(
 
 
 def _divided(members: Mask, alike: Floats) -> Floats:
-    """1, divided (P, K) among members (P, K), those in corners only where there are no others."""
+    """1 divided (P, K) among members (P, K); those in corners count only if there are no others."""
     parts = members * alike
     alone = ~parts.any(axis=1, keepdims=True)
     parts = np.where(alone, members, parts)
@@ -94,7 +94,7 @@ def _divided(members: Mask, alike: Floats) -> Floats:
 
 
 def _is_two(things: Ints) -> Mask:
-    """Whether pixels (P, K) hold just two things."""
+    """True for pixels (P, K) that contain exactly two objects."""
     first = things[:, :1]
     differs = things != first
     second = np.take_along_axis(things, differs.argmax(axis=1)[:, None], axis=1)
@@ -102,15 +102,15 @@ def _is_two(things: Ints) -> Mask:
 
 
 def _nearer(things: Ints, distance: Floats) -> Mask:
-    """Which rays (P, K) see the nearer of two things; that of the nearest ray."""
+    """True for rays (P, K) that see the nearer of two objects; that of the nearest ray."""
     nearest = np.take_along_axis(things, distance.argmin(axis=1)[:, None], axis=1)
     return np.asarray(things == nearest)
 
 
 def _corner_directions(camera: Camera, places: Floats) -> Floats:
-    """Directions (P, 3, 3) of the upper left, right and lower left corners of pixels, scaled.
+    """Directions (P, 3, 3) of the upper left, upper right and lower left corners of pixels, scaled.
 
-    They reach a plane, so that directions between them may be added up from their differences.
+    They end on a plane, so that directions between them are linear combinations.
     """
     corners = places[:, None] + np.array([[0, 0], [1, 0], [0, 1], [0.5, 0.5]])
     toward = camera.toward(corners)
@@ -122,9 +122,9 @@ def _corner_directions(camera: Camera, places: Floats) -> Floats:
 def _covered(  # type: ignore[no-untyped-def]
     corners, first, axes, offsets, is_near
 ):
-    """Area (P,) of pixels that triangles cover; NaN where the rays tell otherwise.
+    """Area (P,) of pixels covered by triangles; NaN where the rays contradict it.
 
-    `corners` (M, 3, 3) are in camera axes, those of pixel p from row first[p] to first[p + 1].
+    `corners` (M, 3, 3) are in camera axes; pixel p has rows first[p] to first[p + 1].
     """
     pixels, rays = is_near.shape
     area = np.zeros(pixels)
@@ -152,7 +152,7 @@ def _covered(  # type: ignore[no-untyped-def]
 
 @compiled
 def _edge_lines(triangle, axes, lines):  # type: ignore[no-untyped-def]
-    """Set lines (3, 3): a + b·x + c·y is how far inside of each edge a place is, px."""
+    """Set lines (3, 3): a + b·x + c·y is the distance of a place inside each edge, px."""
     for edge in range(3):
         u, v, rest = triangle[edge], triangle[(edge + 1) % 3], triangle[(edge + 2) % 3]
         x = u[1] * v[2] - u[2] * v[1]

@@ -1,9 +1,9 @@
-"""What the whole of each pixel sees, from rays spread evenly over it.
+"""Ground truth of whole pixels, from rays spread evenly over them.
 
-The truth of a frame is that of the pixel centers; light comes from the whole pixel. K = k² rays lie
-where multi-jittered sampling has its cells, in their middle (Chiu, Shirley and Wang, Graphics Gems
-IV, 1994): one in each of k × k squares, of K columns and of K rows. All pixels and all frames have
-the same ones. Four more in the corners find outlines that only just cross a pixel (`coverage`).
+The truth of a frame is that of the pixel centers, but light comes from whole pixels. K = k² rays
+are in the middle of the cells of multi-jittered sampling (Chiu, Shirley and Wang, Graphics Gems IV,
+1994): one in each of k × k squares, of K columns and of K rows. They are the same for all pixels
+and frames. Four more in the corners find outlines that just cross a pixel (`coverage`).
 """
 
 import math
@@ -23,58 +23,58 @@ from megalopta.scenes.cameras.base import Camera
 
 Float32 = NDArray[np.float32]
 
-# What they see is held in memory, a few hundred bytes a ray. A graphics card wants many at once.
+# Their results take memory, a few hundred bytes per ray. A graphics card needs many at once.
 _RAYS_AT_ONCE = {"cuda": 2**21, "llvm": 2**18, "scalar": 2**16}
 
 
 @dataclass(frozen=True)
 class FlowSpread:
-    """Of the flow over each pixel (H, W) toward another frame."""
+    """Flow over each pixel (H, W) toward another frame."""
 
     mean: Float32
-    """(H, W, 2): mean displacement (x, y) in px; NaN where no part of the pixel has one."""
+    """(H, W, 2): mean displacement (x, y) in px; NaN if no part of the pixel has one."""
     spread: Float32
-    """(H, W): root mean square distance from the mean, px; NaN as the mean."""
+    """(H, W): root mean square deviation from the mean, px; NaN as the mean."""
     hidden: Float32
-    """(H, W): share of the pixel that is hidden from the other frame's camera."""
+    """(H, W): share of the pixel occluded from the other frame's camera."""
 
     @property
     def is_partly_hidden(self) -> Mask:
-        """Pixels (H, W) of which some is hidden and some is not."""
+        """Pixels (H, W) that are partly occluded."""
         return np.asarray((self.hidden > 0) & (self.hidden < 1))
 
     @classmethod
     def of_none(cls, shape: tuple[int, ...]) -> "FlowSpread":
-        """Toward a frame that is not there."""
+        """Return the values for a missing frame."""
         undefined = np.full((*shape, 2), np.nan, np.float32)
         return cls(undefined, undefined[..., 0], np.zeros(shape, np.float32))
 
 
 @dataclass(frozen=True)
 class Footprint:
-    """Of each pixel (H, W)."""
+    """Truth of whole pixels (H, W)."""
 
     purity: Float32
-    """(H, W): share of the pixel that the object fills which its center sees."""
+    """(H, W): share of the pixel filled by the object at its center."""
     sky: Float32
     """(H, W): share of the pixel that is sky."""
     forward: FlowSpread
     backward: FlowSpread
-    """Toward the next frame and the previous one."""
+    """Flow toward the next frame and the previous one."""
 
     @property
     def is_mixed(self) -> Mask:
-        """Pixels (H, W) that hold more than the object which their center sees."""
+        """Pixels (H, W) that contain more than the object at their center."""
         return np.asarray(self.purity < 1)
 
     @property
     def is_sky(self) -> Mask:
-        """Pixels (H, W) that hold nothing but sky."""
+        """Pixels (H, W) that contain only sky."""
         return np.asarray(self.sky == 1)
 
 
 class Footprints:
-    """Looks at whole pixels of a scene, with some rays each, rounded up to a square."""
+    """Truth of whole pixels of a scene, with some rays each, rounded up to a square."""
 
     def __init__(self, geometry: Geometry, camera: Camera, rays: int) -> None:
         self._geometry, self._camera = geometry, camera
@@ -123,7 +123,7 @@ class Footprints:
         weights = ray_weights(self._geometry, camera, eyes, surface, places, self._probes)
         things = self._geometry.object_id[surface.triangle].reshape(weights.shape)
 
-        # Rays that stand for nothing need no flow, which is the dearer part.
+        # Rays without a share need no flow, which is the costlier part.
         used = weights > 0
         pixel = np.nonzero(used)[0]
         seen, places_used = surface.of(used.ravel()), image[used.ravel()]
@@ -156,9 +156,9 @@ class Footprints:
 
 
 def _spread(flow: Floats, hidden: Mask, weights: Floats, pixel: Ints, count: int) -> Floats:
-    """Mean flow (x, y), root mean square distance from it, and share that is hidden (count, 4).
+    """Mean flow (x, y), root mean square deviation from it, and occluded share (count, 4).
 
-    Of rays (n,) of pixels, numbered by `pixel`, some of which have no flow (n, 2).
+    For rays (n,) of pixels, numbered by `pixel`, some of which have no flow (n, 2).
     """
 
     def total(values: Floats) -> Floats:
@@ -176,7 +176,7 @@ def _spread(flow: Floats, hidden: Mask, weights: Floats, pixel: Ints, count: int
 
 
 def _joined(parts: Sequence[Any]) -> Any:
-    """Return strips of rows as one, of arrays or of records of them."""
+    """Return strips of rows joined, for arrays or records of them."""
     kind = type(parts[0])
     if kind is np.ndarray:
         return np.concatenate(parts)

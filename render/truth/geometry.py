@@ -1,13 +1,13 @@
-"""The surfaces of a scene as rays meet them, at any time, and where another frame sees them.
+"""Surfaces of a scene hit by rays, at any time, and their image in another frame.
 
-A ray's hit is found in float32 by the renderer's own tracing; which triangle it names is then
-intersected again in float64, so that the point is exact on the surface as rendered. A point of a
-moving object keeps its barycentric coordinates, and so its place at another time follows from its
-triangle's vertices, for rigid and for bending objects alike.
+A ray's hit is found in float32 by the renderer's own tracing; its triangle is then intersected
+again in float64, so that the point is exact on the surface as rendered. A point of a moving object
+keeps its barycentric coordinates, so its position at another time follows from its triangle's
+vertices, for rigid and bending objects alike.
 
-Only what moves is brought to a time, in a small scene of its own; moments are kept, because a frame
-and its two neighbors need the same ones. Rays of a rolling shutter have a time for each row: they
-meet what moves in float64 (`passing`). All coordinates are relative to the scene's `origin_m`.
+Only moving objects are updated to a time, in a small separate scene; moments are cached, as a frame
+and its two neighbors share them. Rays of a rolling shutter have a time for each row: moving objects
+are hit in float64 (`passing`). Coordinates are relative to the scene's `origin_m`.
 """
 
 from collections.abc import Sequence
@@ -30,28 +30,28 @@ from megalopta.scenes.cameras.base import Camera
 
 @dataclass(frozen=True)
 class Surface:
-    """What N rays see."""
+    """Surface points seen by N rays."""
 
     triangle: Ints
     """(N,): row of the triangle in the geometry's tables; -1 for the sky."""
     points: Floats
-    """(N, 3): place on the surface, m; for the sky the ray's direction."""
+    """(N, 3): point on the surface, m; for the sky the ray's direction."""
     directions: Floats
-    """(N, 3): of the rays."""
+    """(N, 3): directions of the rays."""
     barycentric: Floats
-    """(N, 2): weights of the triangle's second and third vertex, where objects move."""
+    """(N, 2): weights of the triangle's second and third vertex, if objects move."""
     distance: Floats
-    """(N,): along the ray, m; infinite for the sky."""
+    """(N,): distance along the ray, m; infinite for the sky."""
     time_s: Times
-    """When it is seen."""
+    """Times of the rays."""
 
     @property
     def is_sky(self) -> Mask:
-        """Where nothing was hit (N,)."""
+        """True where nothing was hit (N,)."""
         return self.triangle < 0
 
     def of(self, ray: Mask) -> "Surface":
-        """What some of the rays see."""
+        """Return the surface points of some of the rays."""
         return Surface(
             self.triangle[ray],
             self.points[ray],
@@ -64,7 +64,7 @@ class Surface:
 
 @compiled
 def same_side(triangle, at_rest, faces, vertices, seen, way):  # type: ignore[no-untyped-def]
-    """Whether two directions each (N, 3) meet the same side of triangles at rest, or the sky."""
+    """True if both directions (N, 3) hit the same side of triangles at rest, or the sky."""
     found = np.ones(len(triangle), np.bool_)
     u, v = np.empty(3), np.empty(3)
     for ray in range(len(triangle)):
@@ -82,7 +82,7 @@ def same_side(triangle, at_rest, faces, vertices, seen, way):  # type: ignore[no
     return found
 
 
-# A frame, the next and the one before.
+# A frame, the next and the previous one.
 _MOST_MOMENTS = 3
 # Beyond this relative difference the float32 hit is right: the ray grazes its triangle and misses
 # it in float64.
@@ -96,11 +96,11 @@ class _Moment:
 
 
 class Geometry:
-    """Triangles of merged meshes and the loaded scenes that trace them.
+    """Triangles of merged meshes, and the loaded scenes that trace them.
 
-    Meshes come as `merge` gives them, those at rest first, and are loaded in their order.
-    `object_id` (F + 1,) is the object of each triangle; the last, of the sky, is 0. `still` is a
-    loaded scene of what is at rest.
+    Meshes come as from `merge`, those at rest first, and are loaded in order. `object_id` (F + 1,)
+    is the object of each triangle; the last, for the sky, is 0. `still` is a loaded scene of the
+    objects at rest.
     """
 
     def __init__(self, meshes: Sequence[MergedMesh], loaded: Any) -> None:
@@ -117,26 +117,26 @@ class Geometry:
         self._triangles_at_rest = int(self._first[at_rest])
         still = (mesh.vertices for mesh in meshes[:at_rest])
         self._vertices = np.concatenate([np.zeros((0, 3), np.float32), *still])
-        # What is at rest shares its buffers with the scene that is rendered.
+        # Objects at rest share their buffers with the rendered scene.
         self.still = of_shapes(loaded.shapes()[:at_rest]) if self._moving else loaded
         self._moments: dict[float, _Moment] = {}
-        # A surface of its own would be a new kind of surface, and kernels would be compiled anew.
+        # Its own surface would be a new kind of surface, and kernels would be compiled anew.
         self._surface = loaded.shapes()[0].bsdf() if self._moving else None
 
     @property
     def is_moving(self) -> bool:
-        """Whether anything moves."""
+        """True if anything moves."""
         return bool(self._moving)
 
     def seen(self, origin: Floats, directions: Floats, time_s: Times) -> Surface:
-        """What rays from an origin (3,) or (N, 3) along unit directions (N, 3) see.
+        """Surface seen by rays from an origin (3,) or (N, 3) along unit directions (N, 3).
 
-        They look at one time, or each at its own (N,).
+        All have one time, or each its own (N,).
         """
         return self._refined(self.glimpsed(origin, directions, time_s), origin)
 
     def glimpsed(self, origin: Floats, directions: Floats, time_s: Times) -> Surface:
-        """What rays see, as `seen`, to the renderer's own float32 precision."""
+        """Surface seen by rays, as `seen`, to the renderer's own float32 precision."""
         hits = rays.nearest_hits(self.still, origin, directions)
         triangle, distance = self._rows(hits, 0), hits.distance
         if self._moving:
@@ -158,10 +158,10 @@ class Geometry:
         return normal
 
     def faces(self, surface: Surface, way: Floats, time_s: Times) -> Mask:
-        """Whether the side that was seen still faces someone at a time (N,).
+        """True if the seen side still faces a viewer at a time (N,).
 
-        The way (N, 3) leads from there to the surface's points. A leaf has two sides and no
-        thickness: who looks at the other one does not see these points. The sky faces everyone.
+        `way` (N, 3) leads from the viewer to the surface's points. A leaf has two sides and no
+        thickness: a view of the other side does not show these points. The sky faces every viewer.
         """
         seen = same_side(
             surface.triangle, self._triangles_at_rest, self._faces, self._vertices,
@@ -180,10 +180,10 @@ class Geometry:
     def is_hidden(
         self, origin: Floats, directions: Floats, distances: Floats, time_s: Times
     ) -> Mask:
-        """Whether anything is nearer than distances (N,), in units of directions (N, 3).
+        """True if anything is nearer than distances (N,), in units of directions (N, 3).
 
-        The rays start at an origin (3,) or at their own (N, 3) and look at one time, or each at its
-        own (N,).
+        The rays start at an origin (3,) or at their own (N, 3), at one time or each at its own
+        (N,).
         """
         hidden = rays.is_hidden(self.still, origin, directions, distances)
         if not self._moving:
@@ -196,7 +196,7 @@ class Geometry:
         return hidden | (self._passing.nearest(starts, directions, time_s, limits)[1] >= 0)
 
     def carried(self, surface: Surface, time_s: Times) -> Floats:
-        """Where the points of a surface are at another time, or each at its own (N, 3)."""
+        """Positions of a surface's points at another time, or each at its own (N, 3)."""
         moving = self._moves(surface)
         if not moving.any():
             return surface.points
@@ -207,7 +207,7 @@ class Geometry:
         return points
 
     def _moves(self, surface: Surface) -> Mask:
-        """Which points (N,) are of moving objects."""
+        """True for points (N,) of moving objects."""
         return np.asarray(surface.triangle >= self._triangles_at_rest)
 
     @cached_property
@@ -217,7 +217,7 @@ class Geometry:
     def _nearer(
         self, origin: Floats, directions: Floats, time_s: Times, distance: Floats
     ) -> tuple[Floats, Ints]:
-        """Distances (N,) of what moves, and its triangles (N,), nearer than others; else -1."""
+        """Distances (N,) and triangles (N,) of moving objects nearer than others; otherwise -1."""
         if not isinstance(time_s, float):
             starts = np.broadcast_to(origin, directions.shape)
             return self._passing.nearest(starts, directions, time_s, distance)
@@ -271,7 +271,7 @@ class Geometry:
         return self._placed_in_triangles(fine_surface) if self._moving else fine_surface
 
     def _placed_in_triangles(self, surface: Surface) -> Surface:
-        """The same surface with barycentric coordinates of the points of moving objects."""
+        """The same surface with barycentric coordinates for points of moving objects."""
         moving = self._moves(surface)
         barycentric = np.zeros((len(moving), 2))
         corners = self.corners(surface.triangle[moving], of_rays(surface.time_s, moving))
@@ -284,7 +284,7 @@ class Geometry:
         return replace(surface, barycentric=barycentric)
 
     def _at(self, time_s: float) -> _Moment:
-        """What moves, at a time."""
+        """Moving objects at a time."""
         if time_s in self._moments:
             return self._moments[time_s]
         vertices = [mesh.vertices_at(time_s) for mesh in self._moving]
@@ -308,18 +308,18 @@ def _dot(a: Floats, b: Floats) -> Floats:
 
 @dataclass(frozen=True)
 class Correspondence:
-    """Of N rays."""
+    """Correspondence of N rays."""
 
     displacement: Floats
-    """(N, 2): way in px from where a ray starts in the image; NaN where there is none."""
+    """(N, 2): displacement in px from the image position of a ray's start; NaN if undefined."""
     is_hidden: Mask
-    """(N,): whether something, or the surface's own other side, is between point and camera."""
+    """(N,): True if something, or the surface's own other side, is between point and camera."""
 
 
 def correspondence(
     geometry: Geometry, camera: Camera, surface: Surface, image: Floats, other: View
 ) -> Correspondence:
-    """Follow a surface (N) from image coordinates (N, 2) to another frame."""
+    """Follow surface points (N) from image coordinates (N, 2) to another frame."""
 
     def way(eyes: Eyes) -> Floats:
         return eyes.way(geometry.carried(surface, eyes.time_s), surface.is_sky)

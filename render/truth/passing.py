@@ -1,12 +1,12 @@
-"""What moves, as rays meet it that each look at a time of their own, like the rows of a frame.
+"""Hits of moving objects by rays that each have their own time, like the rows of a frame.
 
-To build anew what traces rays through a whole forest, for every row, costs seconds a row; yet a row
-sees a thin slice of it. So the triangles of what moves lie in clusters, of which it is known in
-which box they stay for a while. Rays of one time come in narrow bundles from one point; only
-clusters whose boxes a bundle meets are brought to its time, exactly, and met in float64.
+Rebuilding the ray-tracing structure of a whole forest for every row costs seconds per row, yet a
+row sees only a thin slice of it. So moving triangles are grouped in clusters with a known bounding
+box over a time span. Rays of one time come in narrow bundles from one point; only clusters whose
+boxes a bundle hits are moved exactly to its time and intersected in float64.
 
-A box is that of some moments, widened by the longest way between two of them: nothing that moves
-steadily on the scale of `_STEP_S` leaves it.
+A box is that of some moments, widened by the longest displacement between two of them: nothing that
+moves steadily on the scale of `_STEP_S` leaves it.
 """
 
 import math
@@ -21,20 +21,20 @@ from megalopta.core.compiling import compiled
 from megalopta.render.loading.meshes import MovingMesh
 
 _CLUSTER = 64
-"""Triangles of a cluster."""
+"""Triangles per cluster."""
 _STEP_S, _FEWEST_STEPS, _MOST_STEPS = 0.01, 4, 64
-"""Between the moments of a box, and how many there are."""
+"""Time between the moments of a box, and limits of their number."""
 _PADDING = 0.1
-"""Of a while at both ends, so that it does for similar questions."""
+"""Extension of a time span at both ends, so that it serves similar queries."""
 _WHILES_KEPT = 4
 _NARROW = 0.5
-"""Least cosine between rays of a bundle and its axis."""
+"""Smallest cosine between the rays of a bundle and its axis."""
 _BITS = 10
-"""Of a place along an axis, in the order of clusters."""
+"""Bits of a position along an axis, in the order of clusters."""
 
 
 class _While(NamedTuple):
-    """The boxes (C, 3) that clusters stay in from one time to another, s."""
+    """Bounding boxes (C, 3) of clusters from one time to another, s."""
 
     start_s: float
     end_s: float
@@ -43,10 +43,10 @@ class _While(NamedTuple):
 
 
 class _Bundle(NamedTuple):
-    """Some rays, by what lies in a box about their axis.
+    """Some rays, with a bounding box about their axis.
 
     `axes` (3, 3) are two across and the one along; `low` and `high` (2,) the box, in units of the
-    way along. `sides` (5, 3) are at least 0, times any place in it.
+    distance along. The dot product of `sides` (5, 3) with any place in it is at least 0.
     """
 
     rays: Ints
@@ -56,7 +56,7 @@ class _Bundle(NamedTuple):
 
 
 class Passing:
-    """Triangles of moving meshes, numbered from `first` on in their order."""
+    """Triangles of moving meshes, numbered from `first` on in order."""
 
     def __init__(self, meshes: Sequence[MovingMesh], first: int) -> None:
         motions = {id(part.motion): part.motion for mesh in meshes for part in mesh.parts}
@@ -76,7 +76,7 @@ class Passing:
         starts = _cluster_starts(motion_of)
         self._first_face = np.append(starts, len(order))
         self._motion_of = motion_of[starts]
-        # Each cluster has vertices of its own, in a row.
+        # Each cluster has its own vertices, in sequence.
         cluster = np.repeat(np.arange(len(starts)), np.diff(self._first_face))
         keys = cluster[:, None] * len(placed) + faces[order]
         unique, corner = np.unique(keys, return_inverse=True)
@@ -89,10 +89,10 @@ class Passing:
     def nearest(
         self, origin: Floats, directions: Floats, times_s: Floats, limits: Floats
     ) -> tuple[Floats, Ints]:
-        """Distances (N,) of what rays meet first, in units of directions (N, 3), and its triangles.
+        """Distances (N,) of the first hits, in units of directions (N, 3), and their triangles.
 
-        Rays of one time start at one point of `origin` (N, 3). Triangles (N,) are -1, and distances
-        the limits (N,), where nothing is nearer than these.
+        Rays of one time start at one point of `origin` (N, 3). Where nothing is nearer than the
+        limits (N,), triangles (N,) are -1 and distances the limits.
         """
         distance, triangle = limits.copy(), np.full(len(limits), -1)
         known = np.logical_and.reduce(np.isfinite(directions + origin), axis=1)
@@ -123,7 +123,7 @@ class Passing:
         return moved[self._faces[faces] + shift[:, None]], self._triangle[faces]
 
     def _carried(self, rows: Ints, first: Ints, clusters: Ints, time_s: float) -> Floats:
-        """Vertices (n, 3) at a time, rounded as the renderer's, of clusters from rows `first`."""
+        """Vertices (n, 3) at a time, rounded like the renderer's, of clusters from rows `first`."""
         moved = self._placed[rows]
         motion = self._motion_of[clusters]
         starts = np.flatnonzero(np.diff(motion, prepend=-1))
@@ -134,7 +134,7 @@ class Passing:
         return local
 
     def _while(self, start_s: float, end_s: float) -> _While:
-        """Where clusters are from one time to another."""
+        """Bounding boxes of clusters from one time to another."""
         for each in self._whiles:
             if each.start_s <= start_s and end_s <= each.end_s:
                 return each
@@ -162,7 +162,7 @@ class Passing:
 
 
 def _places_in_order(points: Floats) -> Ints:
-    """Numbers (n,) of points (n, 3) along a curve on which neighbors are near (Morton, 1966)."""
+    """Positions (n,) of points (n, 3) along a curve on which neighbors are close (Morton, 1966)."""
     low, size = points.min(axis=0), np.maximum(np.ptp(points, axis=0).max(), 1e-9)
     cells = ((points - low) / size * (2**_BITS - 1)).astype(np.int64)
     number = np.zeros(len(points), np.int64)
@@ -173,14 +173,14 @@ def _places_in_order(points: Floats) -> Ints:
 
 
 def _cluster_starts(motion_of: Ints) -> Ints:
-    """First triangles of clusters, of triangles in the order of their motions (F,)."""
+    """First triangles of clusters, for triangles in the order of their motions (F,)."""
     begins = np.append(0, np.flatnonzero(np.diff(motion_of)) + 1)
     rank = np.arange(len(motion_of)) - np.repeat(begins, np.diff(np.append(begins, len(motion_of))))
     return np.flatnonzero(rank % _CLUSTER == 0)
 
 
 def _rows_of(first: Ints, clusters: Ints) -> tuple[Ints, Ints]:
-    """Rows of some clusters, of which cluster c has those from first[c], and where each begins."""
+    """Rows of some clusters, where cluster c has those from first[c], and the start of each."""
     counts = first[clusters + 1] - first[clusters]
     begins = np.append(0, np.cumsum(counts))
     shift = np.repeat(first[clusters] - begins[:-1], counts)
@@ -188,14 +188,14 @@ def _rows_of(first: Ints, clusters: Ints) -> tuple[Ints, Ints]:
 
 
 def _of_one_time(times_s: Floats, known: Mask) -> Iterator[Ints]:
-    """Yield which rays look at the same time."""
+    """Yield the rays that share a time."""
     rays = np.flatnonzero(known)
     order = rays[np.argsort(times_s[rays], kind="stable")]
     yield from np.split(order, np.flatnonzero(np.diff(times_s[order])) + 1)
 
 
 def _bundles(directions: Floats, rays: Ints) -> Iterator[_Bundle]:
-    """Yield rays in narrow bundles, those of each in the order of their places across it."""
+    """Yield rays in narrow bundles, each in order of position across the bundle."""
     unit = directions[rays] / np.linalg.norm(directions[rays], axis=1, keepdims=True)
     mean = unit.mean(axis=0)
     across = np.linalg.eigh(np.einsum("ni,nj->ij", unit - mean, unit - mean))[1]
@@ -222,7 +222,7 @@ def _bundles(directions: Floats, rays: Ints) -> Iterator[_Bundle]:
 
 
 def _meets(sides: Floats, stay: _While, start: Floats) -> Mask:
-    """Which boxes (C,) a bundle from a point may meet."""
+    """True for boxes (C,) that a bundle from a point may hit."""
     middle, half = (stay.low + stay.high) / 2 - start, (stay.high - stay.low) / 2
     farthest = np.einsum("sj,cj->cs", sides, middle) + np.einsum("sj,cj->cs", np.abs(sides), half)
     return np.asarray((farthest >= 0).all(axis=1))
@@ -230,10 +230,10 @@ def _meets(sides: Floats, stay: _While, start: Floats) -> Mask:
 
 @compiled
 def _meet(places, ways, axes, sides, corners, distance):  # type: ignore[no-untyped-def]
-    """Bring distances (R,) of rays in order down to those of triangles (n, 3, 3) that they meet.
+    """Lower distances (R,) of ordered rays to those of triangles (n, 3, 3) that they hit.
 
-    Returns which triangles these are (R,), else -1. After Möller and Trumbore, Journal of Graphics
-    Tools 2, 1997; the rays start at the origin.
+    Returns these triangles (R,), otherwise -1. After Möller and Trumbore, Journal of Graphics Tools
+    2, 1997; the rays start at the origin.
     """
     found = np.full(len(ways), -1)
     a, b, q, p = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
@@ -261,7 +261,7 @@ def _meet(places, ways, axes, sides, corners, distance):  # type: ignore[no-unty
 
 @compiled
 def _is_beside(corner, sides):  # type: ignore[no-untyped-def]
-    """Whether a triangle (3, 3) lies wholly beyond one of the sides (5, 3)."""
+    """True if a triangle (3, 3) is entirely beyond one of the sides (5, 3)."""
     for side in sides:
         most = -np.inf
         for n in range(3):
@@ -275,7 +275,7 @@ def _is_beside(corner, sides):  # type: ignore[no-untyped-def]
 
 @compiled
 def _reach(corner, axes):  # type: ignore[no-untyped-def]
-    """Between which places across a bundle a triangle (3, 3) lies; anywhere if partly behind."""
+    """Range of a triangle (3, 3) across a bundle; unlimited if partly behind."""
     low, high = np.inf, -np.inf
     for n in range(3):
         x, y, z = corner[n, 0], corner[n, 1], corner[n, 2]

@@ -1,7 +1,7 @@
-"""Trace our own rays through a loaded scene: nearest hits and visibility, in any variant.
+"""Custom rays through a loaded scene: nearest hits and visibility, in any variant.
 
 Mitsuba's camera samples start on the near plane and are jittered, and its interpolated hit points
-are off by up to 1e-2 px; distances along our own rays keep float32's full accuracy. Scalar variants
+are off by up to 1e-2 px; distances along custom rays keep float32's full accuracy. Scalar variants
 take one ray per call, vectorized ones all at once.
 """
 
@@ -26,7 +26,7 @@ class Hits:
     """Nearest hits of N rays."""
 
     distance: Floats
-    """(N,): in units of the direction; infinite where nothing was hit."""
+    """(N,): distance in units of the direction; infinite without a hit."""
     mesh: Ints
     """(N,): index of the mesh hit, as loaded."""
     triangle: Ints
@@ -38,12 +38,12 @@ def nearest_hits(scene: Any, origin: Floats, directions: Floats) -> Hits:
     if is_scalar():
         return _single_hits(scene, origin, directions)
     hits = scene.ray_intersect_preliminary(_rays(origin, directions), coherent=True)
-    # What a ray that hit nothing holds elsewhere is left over from other work: it is zero here.
+    # Other values of rays without a hit are left over from other work: they are set to zero here.
     valid = hits.is_valid()
     distance = dr.select(valid, hits.t, dr.inf)
     mesh = MeshIndex(scene).of(hits)
     triangle = dr.select(valid, hits.prim_index, 0)
-    # All at once: what is left for later would trace the rays again.
+    # All at once: delayed evaluation would trace the rays again.
     dr.eval(distance, mesh, triangle)
     return Hits(
         np.array(distance, dtype=np.float64),
@@ -53,7 +53,7 @@ def nearest_hits(scene: Any, origin: Floats, directions: Floats) -> Hits:
 
 
 def is_hidden(scene: Any, origin: Floats, directions: Floats, distances: Floats) -> Mask:
-    """Whether anything is nearer than distances (N,), in units of directions (N, 3)."""
+    """True if anything is nearer than distances (N,), in units of directions (N, 3)."""
     limits = visibility_limits(distances)
     if is_scalar():
         return np.array([scene.ray_test(ray) for ray in _single_rays(origin, directions, limits)])
@@ -63,7 +63,7 @@ def is_hidden(scene: Any, origin: Floats, directions: Floats, distances: Floats)
 
 
 def visibility_limits(distances: Floats) -> Floats:
-    """Where rays to targets at distances (N,) stop."""
+    """End of rays to targets at distances (N,)."""
     return np.minimum(distances * (1 - VISIBILITY_MARGIN), np.finfo(np.float32).max)
 
 

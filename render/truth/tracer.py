@@ -1,10 +1,10 @@
-"""Ground truth of one frame from rays through the pixel centers, and of the pixels around them.
+"""Ground truth of a frame, from rays through pixel centers and over whole pixels.
 
-A surface point P is found by the renderer's own geometry, in float64 (`geometry`); its flow is
-where the other camera sees P as it is at the other frame's time, minus the pixel center. Points at
-infinity (the sky) move by rotation alone. Whether the other camera sees P is decided by a
-visibility ray against the geometry of that time, not by comparing depths, which misjudges more
-pixels than are truly hidden. Nor does a camera see a point of a leaf that it has the other side of.
+A surface point P is found with the renderer's own geometry, in float64 (`geometry`). Its flow is
+the image of P in the other camera at the other frame's time, minus the pixel center. Points at
+infinity (the sky) move by rotation alone. A visibility ray against the geometry of that time
+decides whether the other camera sees P; comparing depths would misjudge more pixels than are truly
+occluded. A point of a leaf is also invisible to a camera on the leaf's other side.
 
 Flow is in px of the stored image, +x right, +y down; NaN where the other camera has no image of the
 point, as behind a pinhole. The other frame may be any of the sequence.
@@ -25,25 +25,25 @@ from megalopta.scenes.scene import Scene
 
 @dataclass(frozen=True)
 class Flow:
-    """Where the points that one frame sees are in another (H, W)."""
+    """Displacement of the points of one frame in another (H, W)."""
 
     displacement: NDArray[np.float32]
-    """(H, W, 2): way (x, y) in px; NaN where undefined."""
+    """(H, W, 2): displacement (x, y) in px; NaN where undefined."""
     occluded: Mask
-    """(H, W): whether something, or the leaf that it is on, is between point and other camera."""
+    """(H, W): True if something, or the point's own leaf, is between point and other camera."""
     out_of_view: Mask
-    """(H, W): whether the point leaves the image, or has no flow."""
+    """(H, W): True if the point leaves the image, or has no flow."""
 
 
 @dataclass(frozen=True)
 class Truth:
-    """What is known about one frame (H, W): exactly, of the pixel centers, but for `footprint`."""
+    """Ground truth of one frame (H, W), exact at pixel centers except for `footprint`."""
 
     depth: NDArray[np.float32]
     """(H, W): distance along the optical axis, in panoramas along the ray, m; infinite for the
     sky."""
     position: Floats
-    """(H, W, 3): world position of what the pixel center sees, m; NaN for the sky."""
+    """(H, W, 3): world position at the pixel center, m; NaN for the sky."""
     normal: NDArray[np.float32]
     """(H, W, 3): geometric unit normal in world axes, toward the camera; NaN for the sky."""
     object_id: NDArray[np.uint32]
@@ -53,20 +53,20 @@ class Truth:
     flow_forward: NDArray[np.float32]
     flow_backward: NDArray[np.float32]
     """(H, W, 2): displacement (x, y) in px to the next and to the previous frame; NaN where
-    undefined, everywhere when there is no such frame."""
+    undefined, everywhere if there is no such frame."""
     occluded_forward: Mask
     occluded_backward: Mask
-    """(H, W): whether something, or the leaf that it is on, is between the point and the camera of
+    """(H, W): True if something, or the point's own leaf, is between the point and the camera of
     the next or previous frame."""
     out_of_view_forward: Mask
     out_of_view_backward: Mask
-    """(H, W): whether the point leaves the image, or has no flow."""
+    """(H, W): True if the point leaves the image, or has no flow."""
     footprint: Footprint
-    """What the whole pixels see, from rays spread over them."""
+    """Truth of whole pixels, from rays spread over them."""
 
 
 class TruthTracer:
-    """Traces the truth of a scene's frames, that of whole pixels with some rays for each."""
+    """Tracer of the truth of a scene's frames, with some rays per pixel for whole pixels."""
 
     def __init__(self, scene: Scene, geometry: Geometry, camera: Camera, rays: int) -> None:
         self._geometry = geometry
@@ -104,7 +104,7 @@ class TruthTracer:
         )
 
     def flow(self, view: View, other: View) -> Flow:
-        """Where the points that one frame sees are in another frame."""
+        """Displacement of one frame's points in another frame."""
         return self._flow(self._see(view), other)
 
     def _see(self, view: View) -> Surface:
@@ -123,9 +123,9 @@ class TruthTracer:
 
 
 def out_of_view(flow: NDArray[np.float32], wraps: bool = False) -> Mask:
-    """Whether a pixel's point (H, W) leaves the image along its flow (H, W, 2), or has no flow.
+    """True if a pixel's point (H, W) leaves the image along its flow (H, W, 2), or has no flow.
 
-    An image that wraps around has no left and right edge to leave by.
+    Points cannot leave an image that wraps around at its left and right edge.
     """
     height, width = flow.shape[:2]
     x = np.arange(width) + 0.5 + flow[..., 0]

@@ -1,4 +1,4 @@
-"""From where each pixel looks, and when: all at one instant, or row by row.
+"""Camera poses and times of pixels: all at one instant, or row by row.
 
 Coordinates are relative to the scene's `origin_m`.
 """
@@ -15,32 +15,32 @@ from megalopta.scenes.cameras.base import Camera
 Times = float | Floats
 """One time for all, or one for each."""
 
-# Each step is shorter than the one before by the way of the image during the readout over its
-# height, so the last one is far below this; float32 positions allow no less.
+# Each step is shorter than the previous one by the displacement of the image during the readout
+# over its height, so the last one is far below this; float32 positions allow no less.
 _ITERATIONS, _TOLERANCE_PX = 60, 1e-4
 
 
 @dataclass(frozen=True)
 class Eyes:
-    """Where N rays start, how the camera is turned there, and when."""
+    """Origins, camera rotations and times of N rays."""
 
     origin: Floats
     """(3,) or (N, 3): camera position, m; one for all rays or one for each."""
     rotation: Floats
     """(3, 3) or (N, 3, 3): camera axes to world."""
     time_s: Times
-    """When: one for all rays or one for each (N,)."""
+    """Time: one for all rays or one for each (N,)."""
 
     def to_world(self, vectors: Floats) -> Floats:
-        """Vectors (N, 3) in world axes of those in camera axes."""
+        """Convert vectors (N, 3) from camera axes to world axes."""
         return _times(self.rotation, vectors)
 
     def to_camera(self, vectors: Floats) -> Floats:
-        """Vectors (N, 3) in camera axes of those in world axes."""
+        """Convert vectors (N, 3) from world axes to camera axes."""
         return _times(self.rotation.swapaxes(-1, -2), vectors)
 
     def of(self, ray: slice | Ints, times: int = 1) -> "Eyes":
-        """Eyes of some of the rays, each for so many of a new set."""
+        """Eyes of some of the rays, each repeated for a number of new rays."""
         if isinstance(self.time_s, float):
             return self
         return Eyes(
@@ -48,7 +48,7 @@ class Eyes:
         )
 
     def way(self, points: Floats, is_sky: Mask) -> Floats:
-        """Ways (N, 3) to points (N, 3), which are directions where they are of the sky (N,)."""
+        """Vectors (N, 3) to points (N, 3), which are directions for the sky (N,)."""
         return np.where(is_sky[:, None], points, points - self.origin)
 
 
@@ -59,7 +59,7 @@ def _times(rotation: Floats, vectors: Floats) -> Floats:
 
 
 Ways = Callable[[Eyes], Floats]
-"""Ways (N, 3) of eyes to N points, as these are at their times."""
+"""Vectors (N, 3) from eyes to N points at the eyes' times."""
 
 
 def of_rays(times_s: Times, ray: slice | Ints | Mask) -> Times:
@@ -69,7 +69,7 @@ def of_rays(times_s: Times, ray: slice | Ints | Mask) -> Times:
 
 @dataclass(frozen=True)
 class Instant:
-    """A frame taken at once."""
+    """Frame taken at an instant."""
 
     time_s: float
     pose: Floats
@@ -87,25 +87,25 @@ class Instant:
 
 @dataclass(frozen=True)
 class Rolling:
-    """A frame taken row by row, each with what moves as it is at the row's time."""
+    """Frame taken row by row, with moving objects at each row's time."""
 
     time_s: float
-    """Of the middle row."""
+    """Time of the middle row."""
     shutter: Shutter
     pose_at: Callable[[Floats], Floats]
     """Poses (n, 4, 4) at times (n,), s."""
 
     def pixels(self, camera: Camera) -> Eyes:
-        """Eyes of the H·W pixels: each row has its own."""
+        """Eyes of the H·W pixels, one pose per row."""
         rows = self._eyes(np.arange(camera.height, dtype=float) + 0.5, camera)
         return rows.of(slice(None), camera.width)
 
     def seeing(self, camera: Camera, way: Ways, count: int) -> tuple[Eyes, Eyes]:
         """Eyes that see N points, at the time of their place, and those of the row around it.
 
-        That place is the fixed point of "seen at y at the time of y". Where it is not found,
-        because the image moves by more than the rows do, the rotation is NaN. Points farther out
-        of the image than its height are seen at the time of that place.
+        That place is the fixed point of "seen at y at the time of y". If it is not found, because
+        the image moves by more than the rows do, the rotation is NaN. Points farther out of the
+        image than its height have the time of that place.
         """
         y = np.full(count, camera.height / 2)
         for _ in range(_ITERATIONS):
@@ -128,4 +128,4 @@ class Rolling:
 
 
 View = Instant | Rolling
-"""How a frame is taken."""
+"""View of a frame."""

@@ -1,1 +1,1 @@
-"""Projections."""
+"""Camera projections."""

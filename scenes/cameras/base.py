@@ -1,7 +1,7 @@
-"""What every camera has: pixels, and the way from directions to them and back.
+"""Base of every camera: pixels, and the mapping between pixels and directions.
 
-Camera axes are those of computer vision: +x right, +y down, +z forward. Continuous image
-coordinates put the center of the pixel in column i and row j at (i + 0.5, j + 0.5).
+Camera axes follow computer vision: +x right, +y down, +z forward. In continuous image coordinates
+the center of the pixel in column i and row j is at (i + 0.5, j + 0.5).
 """
 
 from abc import abstractmethod
@@ -14,16 +14,16 @@ from megalopta.core.arrays import Floats
 from megalopta.core.record import Record
 
 SINGULAR_RAD = 1e-5
-"""Points this near to where a projection is singular have no image (rad)."""
+"""Points this close to a singularity of the projection have no image (rad)."""
 
 Pixels = Annotated[int, Field(ge=1, le=2**15)]
 
 
 class Camera(Record, frozen=True):
-    """A projection, its image size and field of view."""
+    """Projection, image size and field of view."""
 
     kind: str
-    """Which camera this is."""
+    """Kind of camera."""
 
     width: Pixels
     """Columns (px)."""
@@ -35,10 +35,10 @@ class Camera(Record, frozen=True):
     """Horizontal field of view (degrees)."""
 
     depth_meaning: ClassVar[str] = "along the ray"
-    """Along what depth is measured."""
+    """Direction of measured depth."""
 
     def __str__(self) -> str:
-        """What it is in a sentence."""
+        """Description of the camera in a sentence."""
         return f"{self.kind} camera"
 
     @property
@@ -48,12 +48,12 @@ class Camera(Record, frozen=True):
 
     @property
     def wraps(self) -> bool:
-        """Whether the left and right edge of the image are the same place."""
+        """True if the left and right edge of the image coincide."""
         return False
 
     @property
     def intrinsics(self) -> Floats | None:
-        """Matrix K (3, 3) of a pinhole; None of other cameras."""
+        """Matrix K (3, 3) of a pinhole; None for other cameras."""
         return None
 
     @property
@@ -64,7 +64,7 @@ class Camera(Record, frozen=True):
     @property
     @abstractmethod
     def steepest_tangent(self) -> float:
-        """Largest |tan(elevation)| that the camera sees when it is level."""
+        """Largest |tan(elevation)| in the image of a level camera."""
 
     @abstractmethod
     def toward(self, image: Floats) -> Floats:
@@ -78,8 +78,8 @@ class Camera(Record, frozen=True):
     def project(self, points: Floats) -> Floats:
         """Image coordinates (..., 2) in px of points (..., 3) in camera axes.
 
-        Only directions count, so a point at infinity is given as its direction. NaN for points that
-        have no image, however large it were.
+        Only directions count, so a point at infinity is given as its direction. NaN for points
+        without an image, regardless of image size.
         """
 
     def pixel_centers(self) -> Floats:
@@ -88,10 +88,10 @@ class Camera(Record, frozen=True):
         return np.stack([x, y], axis=-1)
 
     def displacement(self, points: Floats, image: Floats | None = None) -> Floats:
-        """Way in px (..., 2) from image coordinates to where points (..., 3) are seen.
+        """Displacement in px (..., 2) from image coordinates to the images of points (..., 3).
 
-        Image coordinates (..., 2) are by default the pixel centers, for points (H, W, 3). Around a
-        full circle it goes the shorter way, across the seam if need be.
+        Image coordinates (..., 2) default to the pixel centers, for points (H, W, 3). In full
+        panoramas it goes the shorter way, across the seam if necessary.
         """
         way = self.project(points) - (self.pixel_centers() if image is None else image)
         if self.wraps:
@@ -100,5 +100,5 @@ class Camera(Record, frozen=True):
         return way
 
     def depth(self, distance: Floats) -> Floats:
-        """Depth (H, W), m, of the distances (H, W) along the rays: these themselves."""
+        """Depth (H, W), m, from the distances (H, W) along the rays: equal to these."""
         return distance

@@ -4,8 +4,8 @@ Columns are equidistant in azimuth (0 along +z, growing toward +x). Rows of the 
 camera are equidistant in elevation; the cylindrical camera's film is a cylinder around the vertical
 axis, so its rows are equidistant in the tangent of elevation.
 
-At elevation e a column is only cos(e) columns of the horizon wide: toward the poles horizontal
-motion in px, and any error of it, grows by 1/cos(e).
+At elevation e a column is only cos(e) times as wide as at the horizon: toward the poles, horizontal
+motion in px and its errors grow by 1/cos(e).
 """
 
 import math
@@ -19,7 +19,7 @@ from megalopta.scenes.cameras.base import SINGULAR_RAD, Camera, Pixels
 
 
 class PanoramicCamera(Camera, frozen=True):
-    """What the two panoramic cameras share; they differ in the height that rows are equal in."""
+    """Base of the two panoramic cameras, which differ in the spacing of rows."""
 
     width: Pixels = 720
     """Columns (px)."""
@@ -31,7 +31,7 @@ class PanoramicCamera(Camera, frozen=True):
     """Horizontal field of view (degrees of azimuth); at 360 the image wraps around."""
 
     is_cylinder: ClassVar[bool]
-    """Whether rows are equidistant in the tangent of elevation instead of elevation."""
+    """True if rows are equidistant in the tangent of elevation instead of elevation."""
 
     lower_deg: float
     upper_deg: float
@@ -47,7 +47,7 @@ class PanoramicCamera(Camera, frozen=True):
 
     @property
     def wraps(self) -> bool:
-        """Whether the left and right edge of the image are the same place."""
+        """True if the left and right edge of the image coincide."""
         return self.fov_deg == 360
 
     @property
@@ -57,7 +57,7 @@ class PanoramicCamera(Camera, frozen=True):
 
     @property
     def steepest_tangent(self) -> float:
-        """Largest |tan(elevation)| that the camera sees when it is level."""
+        """Largest |tan(elevation)| in the image of a level camera."""
         return max(abs(math.tan(math.radians(end))) for end in (self.lower_deg, self.upper_deg))
 
     @property

@@ -1,4 +1,4 @@
-"""The pinhole."""
+"""Pinhole camera."""
 
 import math
 from typing import Annotated, Literal
@@ -27,7 +27,7 @@ class PerspectiveCamera(Camera, frozen=True):
     depth_meaning = "along the optical axis"
 
     def __str__(self) -> str:
-        """What it is in a sentence."""
+        """Description of the camera in a sentence."""
         return "camera"
 
     @property
@@ -37,7 +37,7 @@ class PerspectiveCamera(Camera, frozen=True):
 
     @property
     def steepest_tangent(self) -> float:
-        """Largest |tan(elevation)| that the camera sees when it is level."""
+        """Largest |tan(elevation)| in the image of a level camera."""
         return self.height / (2 * self.focal_length_px)
 
     @property
@@ -64,5 +64,5 @@ class PerspectiveCamera(Camera, frozen=True):
         return points[..., :2] / z * self.focal_length_px + [self.width / 2, self.height / 2]
 
     def depth(self, distance: Floats) -> Floats:
-        """Depth (H, W) along the optical axis, m, of the distances (H, W) that pixels see."""
+        """Depth (H, W) along the optical axis, m, from the distances (H, W) along the rays."""
         return distance * self.directions()[..., 2]

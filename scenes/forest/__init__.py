@@ -1,1 +1,1 @@
-"""Forests: what grows where."""
+"""Forests: plants, ground and their layout."""

@@ -1,13 +1,13 @@
-"""How much leaf and wood a forest holds: what it asks for, and what is measured.
+"""Leaf and wood area of a forest: requested and measured.
 
 Leaf-area index is the one-sided area of the leaves of trees, bushes and climbers over the area of
-the ground below them; wood counts with half of its surface, as a leaf with one of its two sides
-(Chen and Black 1992, Plant, Cell and Environment 15:421). Herbs, grass and what lies on the ground
-count as neither, as in the field, where instruments stand a meter above them.
+the ground below them. Wood counts with half of its surface, like one of a leaf's two sides (Chen
+and Black 1992, Plant, Cell and Environment 15:421). Herbs, grass and litter are excluded, as in the
+field, where instruments stand a meter above them.
 
-It is met in a ring around the camera's path: from where trunks may stand to `RING_M` farther out.
-Trees grow with all their leaves, or twice or four times as many on the same twigs, and lose some at
-random; leaves keep their size and their clumps.
+It applies in a ring around the camera's path: from the clearance of trunks to `RING_M` farther out.
+Trees grow with all their leaves, or twice or four times as many on the same twigs, and then lose
+some at random; leaves keep their size and clumping.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -31,13 +31,13 @@ from megalopta.scenes.scene import Placement, Scene
 Specimens = Mapping[str, Organs]
 
 RING_M = 20.0
-"""Width of the ring around the path in which the leaf-area index is met and measured (m)."""
+"""Width of the ring around the path in which the leaf-area index is set and measured (m)."""
 FULLNESS = (1, 2, 4)
-"""Factors on the leaves of a species that trees are grown with."""
+"""Factors on the number of leaves with which trees can grow."""
 SAMPLED = 200
-"""Leaves of a specimen that stand for all of them, when their place is asked for."""
+"""Leaves of a specimen sampled for their positions."""
 GRID_M = 0.2
-"""Step of the grid that ground is measured with (m)."""
+"""Grid step for measuring ground area (m)."""
 
 
 def _is_in(ring_m: tuple[float, float], distance: Floats) -> Mask:
@@ -45,7 +45,7 @@ def _is_in(ring_m: tuple[float, float], distance: Floats) -> Mask:
 
 
 def ground_area(path: cKDTree, ring_m: tuple[float, float]) -> float:
-    """Return the area whose distance from a path lies in a ring (m²)."""
+    """Return the area whose distance from a path is within a ring (m²)."""
     low, high = path.mins - ring_m[1], path.maxes + ring_m[1]
     steps = [np.arange(low[i], high[i], GRID_M) + GRID_M / 2 for i in range(2)]
     distance = distance_to(path, np.stack(np.meshgrid(*steps), axis=-1).reshape(-1, 2))
@@ -64,12 +64,12 @@ def in_leaf(
     Parameters
     ----------
     grow
-        Returns all specimens, with a factor times their species' leaves.
+        Function that returns all specimens for a factor on their species' leaves.
 
     Raises
     ------
     ValueError
-        If the stand cannot carry so many leaves.
+        If the stand cannot carry that many leaves.
     """
     ground = ground_area(path, ring_m)
     reached = 0.0
@@ -107,13 +107,13 @@ def _leaf_area(
 
 
 def _some_places(leaves: Surface) -> Floats:
-    """Return the middles (n, 3) of every so many-th triangle, so that there are few (m)."""
+    """Return the centers (n, 3) of evenly sampled triangles (m)."""
     faces = leaves.faces[:: max(len(leaves.faces) // SAMPLED, 1)]
     return np.asarray(leaves.vertices[faces].mean(axis=1))
 
 
 WIDEST_M = 9.0
-"""No plant reaches farther sideways from its foot than this (m)."""
+"""Largest sideways reach of a plant from its foot (m)."""
 _LEAVES, _WOOD = (
     frozenset(plant.part(organ) for plant in PLANTS.values() if isinstance(plant, Woody))
     for organ in ("leaf", "bark")
@@ -131,20 +131,20 @@ class PlantArea:
 
     @property
     def wood_share(self) -> float:
-        """Wood over all plant area, 0 where nothing grows (1)."""
+        """Wood over total plant area; 0 where nothing grows (1)."""
         whole = self.leaf_area_index + self.wood_area_index
         return self.wood_area_index / whole if whole else 0.0
 
 
 def plant_area(scene: Scene, path_xy: ArrayLike, ring_m: tuple[float, float]) -> PlantArea:
-    """Measure all triangles whose middle is above a ring around a path.
+    """Measure all triangles whose center is above a ring around a path.
 
     Parameters
     ----------
     path_xy : (n, 2)
         Positions of the camera (m).
     ring_m
-        Least and largest distance from the path (m).
+        Smallest and largest distance from the path (m).
     """
     path = _path(path_xy)
     found = dict.fromkeys(_LEAVES | _WOOD, 0.0)
@@ -172,7 +172,7 @@ def floor_points(
     count: int,
     rng: np.random.Generator,
 ) -> Floats:
-    """Return points (count, 3) at a height above the ground, evenly over a ring around a path (m).
+    """Return points (count, 3) at a height above the ground, uniform over a ring around a path (m).
 
     The ground is the scene's first object.
     """
@@ -183,7 +183,7 @@ def floor_points(
         thrown = rng.uniform(low, high, (4 * count, 2))
         kept = np.concatenate([kept, thrown[_is_in(ring_m, distance_to(path, thrown))]])
     parts = scene.assets[scene.placements[0].asset].parts.values()
-    # Corners where two covers meet belong to both.
+    # Corners between two covers belong to both.
     corners = np.unique(np.concatenate([mesh.vertices for mesh in parts]), axis=0)
     height = griddata(corners[:, :2], corners[:, 2], kept[:count])
     return np.column_stack([kept[:count], height + height_m])

@@ -1,4 +1,4 @@
-"""A forest around a camera's path, as scene data, and how large it will be."""
+"""Forest around a camera's path, as scene data, and its size."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -40,21 +40,21 @@ from megalopta.scenes.scene import Asset, Placement, Scene
 from megalopta.scenes.trajectories.base import Path
 
 SMALL_TRIANGLES = 80
-"""Of an average plant of the undergrowth, roughly."""
+"""Approximate triangles of an average plant of the undergrowth."""
 CARVED_TRIANGLES = 20_000
-"""Of the furrows of a stem, roughly."""
+"""Approximate triangles of a stem's furrows."""
 TREE_LEAF_M2, LEAF_M2 = 45.0, 0.004
-"""Leaves of a tree where no leaf-area index is asked for, and one leaf, roughly (m²)."""
+"""Approximate leaf area of a tree without a given leaf-area index, and of one leaf (m²)."""
 CROWN_M = 5.0
-"""Height of the lowest leaves above the camera, roughly (m)."""
+"""Approximate height of the lowest leaves above the camera (m)."""
 CLUMPED = 0.5
-"""Share of the undergrowth that is left between its gaps."""
+"""Share of the undergrowth that remains between its gaps."""
 MOST_TRIANGLES = 40e6
-"""Larger scenes do not fit into the memory of an ordinary machine (some 300 bytes each)."""
+"""Limit for the memory of an ordinary machine (some 300 bytes per triangle)."""
 
 
 def check_size(forest: "Forest", path_m: float) -> None:
-    """Refuse a forest around a path of the given length that would not fit into memory."""
+    """Reject a forest around a path of the given length that would not fit into memory."""
     plants, triangles = foreseen(forest, path_m)
     if triangles > MOST_TRIANGLES:
         raise ValueError(
@@ -65,7 +65,7 @@ def check_size(forest: "Forest", path_m: float) -> None:
 
 
 def foreseen(forest: "Forest", path_m: float) -> tuple[float, float]:
-    """Return how many plants and triangles there will be around a straight path, roughly."""
+    """Return the approximate numbers of plants and triangles around a straight path."""
 
     def area(reach: float) -> float:
         return float(np.pi * reach**2 + 2 * reach * path_m)
@@ -101,68 +101,66 @@ def foreseen(forest: "Forest", path_m: float) -> tuple[float, float]:
 
 
 PIXEL_RAD = 0.0065
-"""Pixels for which the levels of detail are made (rad)."""
+"""Pixel size for which the levels of detail are made (rad)."""
 FINER = 0.7, 1.25
-"""Least and largest factor on the distances of levels of detail for a camera's own pixels."""
+"""Smallest and largest factor that a camera's pixels put on the distances of levels of detail."""
 NARROWEST_M = 0.2
-"""Of a trodden path (m)."""
+"""Smallest width of a trodden path (m)."""
 
 Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
 
 
 class Forest(SceneDescription, frozen=True):
-    """A mixed stand of trees with undergrowth on gently rolling ground."""
+    """Mixed stand of trees with undergrowth on gently rolling ground."""
 
     kind: Literal["forest"] = "forest"
     preset: Literal["open", "dense", "understorey", "clearing", "rainforest", "trail"] | None = None
     """Named forest, open, dense, understorey, clearing, rainforest or trail: sets every field that
     is not given."""
     seed: Annotated[int, Field(ge=0)] = 1
-    """Which forest: every seed grows another one."""
+    """Random seed of the forest."""
     trees: Annotated[int, Field(gt=0, le=1_000_000)] = 150
-    """Trees of the stand, without those of the belt around it (count)."""
+    """Trees of the stand, without those of the surrounding belt (count)."""
     density_per_ha: Annotated[float, Field(ge=10, le=10_000)] = 550.0
-    """Trees per hectare; with the number of trees it sets how far the stand reaches (1/ha)."""
+    """Trees per hectare; with the number of trees it sets the extent of the stand (1/ha)."""
     mix: dict[str, NotNegative] = Field(
         default={"beech": 0.45, "birch": 0.25, "spruce": 0.3},
         description=f"Share of each species, of {', '.join(TREES)}; relative to the sum (1).",
     )
     leaf_area_index: Annotated[float, Field(gt=0, le=12)] | None = None
-    """One-sided area of the leaves of trees, bushes and climbers over the ground's, within 20 m of
-    where trunks may stand beside the path; null is what grows (m²/m²)."""
+    """One-sided leaf area of trees, bushes and climbers over the ground area, within 20 m of the
+    clearance around the path; null: as grown (m²/m²)."""
     age_spread: Annotated[float, Field(ge=0, le=1)] = 0.25
-    """Standard deviation of the heights that trees have reached at their age, over the species'
-    mean, in classes from 0.35 to 1.25 of it (1)."""
+    """Standard deviation of tree heights due to age, relative to the species' mean, in classes from
+    0.35 to 1.25 of it (1)."""
     height_spread: Annotated[float, Field(ge=0, le=0.3)] = 0.1
-    """Standard deviation of tree height over the mean of its class; cut at twice this (1)."""
+    """Standard deviation of tree height relative to its class; truncated at twice this (1)."""
     undergrowth: Annotated[float, Field(ge=0, le=4)] = 1.0
     """Factor on all densities of undergrowth_per_m2 (1)."""
     undergrowth_per_m2: dict[str, NotNegative] = Field(
         default={kind: layer.per_m2 for kind, layer in LAYERS.items()}
     )
-    """Density of each kind of undergrowth where it is densest; kinds not named are absent
-    (1/m²)."""
+    """Density of each kind of undergrowth where it is densest; unnamed kinds are absent (1/m²)."""
     clearance_m: Annotated[float, Field(ge=0.3, le=100)] = 1.2
-    """Least distance from the camera's path to the middle of a trunk (m)."""
+    """Smallest distance from the camera's path to the middle of a trunk (m)."""
     ground: Literal["litter", "meadow", "moss"] = "litter"
-    """What covers the ground between the plants: litter, meadow or moss."""
+    """Ground cover between the plants: litter, meadow or moss."""
     relief_m: Annotated[float, Field(ge=0, le=3)] = 0.6
-    """Root mean square height of the rolling land beside the path (m)."""
+    """Root mean square height of the rolling land along the path (m)."""
     floor_relief_m: Annotated[float, Field(ge=0, le=0.2)] = 0.0
-    """Root mean square height of bumps and hollows of the floor, a hand to a stride wide; 0 leaves
-    it smooth (m)."""
+    """Root mean square height of bumps and hollows of the floor, a hand to a stride wide; 0: smooth
+    (m)."""
     moss_share: Annotated[float, Field(ge=0, le=0.95)] = 0.0
-    """Share of the ground that patches of moss cover, within 10 m of the camera's path and off a
+    """Share of the ground covered by moss patches, within 10 m of the camera's path and off a
     trodden path (1)."""
     path_width_m: Annotated[float, Field(ge=0, le=5)] = 0.0
-    """Mean width of a trodden path of bare soil that follows the camera's and goes on beyond its
-    ends; 0 is none (m)."""
+    """Mean width of a trodden path of bare soil along and beyond the camera's path; 0: none (m)."""
     bark_relief: Annotated[float, Field(ge=0, le=3)] = 0.0
-    """Depth of the furrows in the bark of near stems over their species' typical depth; 0 is
-    smooth (1)."""
+    """Depth of furrows in the bark of near stems, relative to the species' typical depth; 0: smooth
+    (1)."""
     detail: Annotated[float, Field(gt=0, le=1000)] = 1.0
-    """Factor on the distances beyond which plants are drawn coarser, which follow the camera's
+    """Factor on the distances beyond which plants are drawn coarser, which depend on the camera's
     pixels; 1000 draws all in full."""
 
     @model_validator(mode="before")
@@ -172,16 +170,16 @@ class Forest(SceneDescription, frozen=True):
         return {**PRESETS[name], **given} if isinstance(name, str) and name in PRESETS else given
 
     wind: Wind | None = None
-    """Wind that makes trees and bushes sway; null is calm."""
+    """Wind that makes trees and bushes sway; null: calm."""
     haze: Haze | None = None
-    """Mist or fog between the trees and just above them, by its visibility_m; null is clear air."""
+    """Mist or fog between and just above the trees, by its visibility_m; null: clear air."""
 
     @field_validator("mix")
     @classmethod
     def _check_mix(cls, mix: dict[str, float]) -> dict[str, float]:
         unknown = sorted(mix.keys() - TREES.keys())
         if unknown:
-            raise ValueError(f"no species {unknown}; choose from {sorted(TREES)}")
+            raise ValueError(f"unknown species {unknown}; choose from {sorted(TREES)}")
         if sum(mix.values()) <= 0:
             raise ValueError(f"the shares {mix} sum to 0; give one species a positive share")
         return mix
@@ -191,7 +189,7 @@ class Forest(SceneDescription, frozen=True):
     def _check_undergrowth(cls, densities: dict[str, float]) -> dict[str, float]:
         unknown = sorted(densities.keys() - LAYERS.keys())
         if unknown:
-            raise ValueError(f"no kind {unknown}; choose from {sorted(LAYERS)}")
+            raise ValueError(f"unknown kind {unknown}; choose from {sorted(LAYERS)}")
         return densities
 
     @model_validator(mode="after")
@@ -220,7 +218,7 @@ class Forest(SceneDescription, frozen=True):
 
     @property
     def has_floor(self) -> bool:
-        """Whether its ground is more than an even cover."""
+        """True if its ground is more than an even cover."""
         return bool(self.floor_relief_m or self.moss_share or self.path_width_m)
 
     @property
@@ -230,30 +228,30 @@ class Forest(SceneDescription, frozen=True):
 
     @property
     def is_moving(self) -> bool:
-        """Whether it sways in the wind."""
+        """True if it sways in the wind."""
         return self.wind is not None
 
     @property
     def is_hazy(self) -> bool:
-        """Whether there is mist or fog."""
+        """True if there is mist or fog."""
         return self.haze is not None
 
     @property
     def counts(self) -> dict[str, int]:
-        """Its trees, without those of the belt."""
+        """Number of its trees, without those of the belt."""
         return {"trees": self.trees}
 
     def expected_triangles(self, path_m: float) -> float:
-        """Return how many triangles there will be along a path of this length, within a half."""
+        """Return the number of triangles along a path of this length, within a factor of 1.5."""
         return foreseen(self, path_m)[1]
 
     @property
     def canopy_ring_m(self) -> tuple[float, float]:
-        """Where its leaf-area index is met and measured: distances from the camera's path (m)."""
+        """Range of distances from the path in which its leaf-area index is set and measured (m)."""
         return self.clearance_m, self.clearance_m + RING_M
 
     def build(self, light: Light, camera: Camera, trajectory: Path) -> Scene:
-        """The forest around a camera's path, from which trunks keep clear, in the light."""
+        """Return the forest in the light, with trunks clear of the camera's path."""
         detail = min(self.detail * _finer(camera), 1000.0)
         drawn = self.model_copy(update={"detail": detail})
         poses = trajectory.poses()
@@ -261,7 +259,7 @@ class Forest(SceneDescription, frozen=True):
         return replace(stand, lighting=light.lighting(), haze=self.haze)
 
     def describe(self) -> str:
-        """A sentence for the report."""
+        """Sentence for the report."""
         *others, last = [name for name, share in self.mix.items() if share > 0]
         species = f"{', '.join(others)} and {last}" if others else last
         haze = f", in haze with a visibility of {self.haze.visibility_m:g} m" if self.haze else ""
@@ -273,8 +271,8 @@ def build_forest(forest: Forest, path_xy: ArrayLike, heading: ArrayLike = (1.0, 
     """Return the forest around a path of camera positions (n, 2) (m), without light.
 
     Trunks keep `clearance_m` from the line through them, and the ground along it is level, at
-    height 0, but for a few centimeters. Placements are named by species, "ground" is the first.
-    A trodden path follows the camera, or the heading (2,) where the camera stays in place.
+    height 0, to a few centimeters. Placements are named by species, "ground" is the first. A
+    trodden path follows the camera, or the heading (2,) if the camera stays in place.
 
     Raises
     ------
@@ -310,7 +308,7 @@ def build_forest(forest: Forest, path_xy: ArrayLike, heading: ArrayLike = (1.0, 
 
 
 def _grown(forest: Forest, placements: Sequence[Placement], path: cKDTree) -> dict[str, Asset]:
-    """Return the plants' assets, which carry the leaves that the forest asks for."""
+    """Return the plants' assets with the leaves that the forest's leaf-area index requires."""
     names = {placement.asset for placement in placements} & SPECIMENS.keys()
     grow = partial(grow_specimens, forest.seed, names, bark_relief=forest.bark_relief)
     if forest.leaf_area_index is None:
@@ -328,5 +326,5 @@ def _checked_path(path_xy: ArrayLike) -> Floats:
 
 
 def _finer(camera: Camera) -> float:
-    """Return how much farther than with `PIXEL_RAD` a camera tells leaves apart, within limits."""
+    """Return how much farther than with `PIXEL_RAD` a camera resolves leaves, within limits."""
     return float(np.clip(PIXEL_RAD * camera.focal_length_px, *FINER))

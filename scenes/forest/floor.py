@@ -1,8 +1,8 @@
-"""The ground of a forest, and its floor near to: a trodden path, moss, bumps, fallen leaves.
+"""Ground of a forest, and its near floor: a trodden path, moss, bumps, fallen leaves.
 
-A forest that asks for none of these has a grid of even cover for its ground (`description`). It
-depends on the seed, on where the path runs and the trees stand, and on few of the forest's fields,
-not on light, camera or what grows.
+A forest without any of these has a grid of even cover as its ground (`description`). The ground
+depends on the seed, the path, the positions of trees and few of the forest's fields, not on light,
+camera or plants.
 """
 
 from collections.abc import Mapping, Sequence
@@ -30,15 +30,15 @@ if TYPE_CHECKING:
     from megalopta.scenes.forest.description import Forest
 
 RIM_WIDTH_M, RIM_HEIGHT_M = 22.0, 7.0
-"""Behind the stand the land rises over this width by this height (m)."""
+"""Width and height of the rise of the land behind the stand (m)."""
 HORIZON_M = 160.0
-"""The ground reaches this far beyond the stand (m)."""
+"""Extent of the ground beyond the stand (m)."""
 GROUND_STEP_M, GROUND_NEAR_M = 0.4, 10.0
-"""Grid of the ground's mesh up to a distance from the path (m)."""
+"""Grid step of the ground's mesh, and the distance from the path up to which it applies (m)."""
 
 
 def make_land(seed: int, path: cKDTree, relief_m: float, edge_m: float) -> Terrain:
-    """Return the land around a path whose stand reaches up to a distance (m)."""
+    """Return the land around a path, for a stand that reaches up to a distance (m)."""
     rim_m = (edge_m, edge_m + RIM_WIDTH_M)
     return make_terrain(path, relief_m, rim_m, RIM_HEIGHT_M, generator(seed, "terrain"))
 
@@ -51,50 +51,50 @@ def even_ground(cover: str, land: Terrain, edge_m: float) -> Asset:
 
 
 FINEST_M, NEAR_M = 0.032, 2.5
-"""Step of the floor's mesh, and up to which distance from the path (m)."""
+"""Grid step of the floor's mesh, and the distance from the path up to which it applies (m)."""
 COARSEST, WIDEST = 0.1, 2.0
-"""Least and largest factor on that distance, whatever the forest's detail."""
+"""Smallest and largest factor on that distance, whatever the forest's detail."""
 MOSS_RING_M = 10.0
-"""The share of moss is met up to this distance from the camera's path (m)."""
+"""Distance from the camera's path within which the share of moss holds (m)."""
 BUMPS = (((0.45, 1.3), 0.85), ((0.2, 0.45), 0.47), ((0.11, 0.2), 0.22))
-"""Wavelengths of bumps and hollows (m) and their part of the relief."""
+"""Wavelengths of bumps and hollows (m) and their share of the relief."""
 TRODDEN_RELIEF, FLANK_M = 0.35, 0.25
-"""Bumps and hollows of the path against those beside it, and how soon they change (m)."""
+"""Relief of the path relative to that next to it, and the width of the transition (m)."""
 ON_PATH, ON_MOSS = 0.15, 0.3
-"""Share of the litter that is left on a trodden path and on moss."""
+"""Share of litter that remains on a trodden path and on moss."""
 CUSHION = 1.2
-"""How much higher moss stands than the litter around, in units of the floor's relief."""
+"""Height of moss above the surrounding litter, in units of the floor's relief."""
 
 
 def fineness(detail: float) -> Fineness:
-    """Return how fine the mesh is at a forest's detail."""
+    """Return the mesh resolution for a forest's detail."""
     return Fineness(FINEST_M, NEAR_M * float(np.clip(detail, COARSEST, WIDEST)))
 
 
 @dataclass(frozen=True)
 class Floor:
-    """The ground as it is drawn, and where it is trodden."""
+    """Ground mesh, with its covers and litter."""
 
     mesh: Triangulation
     heights: FloatArray
-    """(n,): of the mesh's points (m)."""
+    """(n,): heights of the mesh's points (m)."""
     uv: FloatArray
     """(n, 2): texture coordinates of the points."""
     covers: Mapping[str, Mask]
-    """Which triangles (m,) each cover has."""
+    """Mask (m,) of each cover's triangles."""
     leaves: FloatArray
-    """(n,): share of the litter that has stayed at the points (1)."""
+    """(n,): share of litter that remains at the points (1)."""
 
     def height(self, points: FloatArray) -> FloatArray:
         """Return the height of the mesh (m) at points (n, 2) (m)."""
         return self.mesh.interpolated(self.heights, points)
 
     def litter(self, points: FloatArray) -> FloatArray:
-        """Return which share of the litter has stayed at points (n, 2) (1)."""
+        """Return the share of litter that remains at points (n, 2) (m) (1)."""
         return self.mesh.interpolated(self.leaves, points)
 
     def asset(self) -> Asset:
-        """Return the ground with a part for each cover; light does not tell where these meet."""
+        """Return the ground with a part for each cover; shading hides their borders."""
         vertices = np.column_stack([self.mesh.points, self.heights])
         normals = _vertex_normals(vertices, self.mesh.faces)
         parts = {}
@@ -106,7 +106,7 @@ class Floor:
 
 
 def trail_of(forest: "Forest", way: FloatArray, heading: FloatArray) -> Trail | None:
-    """Return the path that a forest asks for, along the way (n, 2) of a camera."""
+    """Return the trodden path of a forest along the camera's path (n, 2)."""
     if not forest.path_width_m:
         return None
     stand = forest.trees, forest.density_per_ha, forest.clearance_m
@@ -118,7 +118,7 @@ def trail_of(forest: "Forest", way: FloatArray, heading: FloatArray) -> Trail | 
 def make_floor(
     forest: "Forest", land: Terrain, trail: Trail | None, trees: FloatArray, edge_m: float
 ) -> Floor:
-    """Return the floor of a forest with trees at (n, 2), the stand up to a distance (m)."""
+    """Return the floor of a forest with trees at (n, 2) and a stand up to a distance (m)."""
     fine = fineness(forest.detail)
     mesh = triangulated(land.path, fine, edge_m + HORIZON_M, generator(forest.seed, "floor"))
     distance = distance_to(land.path, mesh.points)
@@ -150,7 +150,7 @@ def make_floor(
 
 
 def _vertex_normals(vertices: FloatArray, faces: Ints) -> FloatArray:
-    """Return unit normals (n, 3), those of the faces around weighted by their area."""
+    """Return unit normals (n, 3): area-weighted means of the adjacent faces."""
     a, b, c = vertices[faces].swapaxes(0, 1)
     across = np.cross(b - a, c - a)
     total = np.zeros_like(vertices)
@@ -169,13 +169,13 @@ FIELDS = {
     "moss_share",
     "path_width_m",
 }
-"""Of the forest, that its floor depends on."""
+"""Fields of the forest on which its floor depends."""
 
 
 def kept_floor(
     forest: "Forest", land: Terrain, trail: Trail | None, trees: FloatArray, edge_m: float
 ) -> Floor:
-    """Return the floor that `make_floor` makes, made only once."""
+    """Return the floor from `make_floor`, cached."""
     places = [land.path.data, trees] + ([trail.line.data] if trail else [])
     fields = forest.model_dump_json(include=FIELDS)
     store = store_of("floor", fields, str(edge_m), digest(*(each.tobytes() for each in places)))
@@ -199,15 +199,15 @@ def kept_floor(
 
 
 FLATTENED, LEAST_M = 0.65, 0.001
-"""Leaves rise above the ground by so much of what they do where they were strewn, but no less."""
+"""Factor on the height of litter above the ground, and its smallest height."""
 
 
 def laid(
     seed: int, placements: Sequence[Placement], floor: Floor
 ) -> tuple[tuple[Placement, ...], dict[str, Asset]]:
-    """Return all placements, each of litter with an asset of its own, and these assets.
+    """Return all placements, with an own asset for each piece of litter, and these assets.
 
-    Every corner of a leaf lies over the ground's mesh as high as over level ground, but flatter.
+    Every corner of a leaf is as high above the mesh as above level ground, but flattened.
     """
     lying = {each.asset for each in placements if each.kind == LITTER}
     specimens = grow_specimens(seed, lying)

@@ -1,4 +1,4 @@
-"""What grows and lies in a forest, from the table `flora.yaml` and here."""
+"""Plants and litter of a forest, from the table `flora.yaml` and from here."""
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -42,14 +42,14 @@ _TABLE = strict_yaml.load(Path(__file__).with_name("flora.yaml").read_text("utf-
 _ALL = [_woody(name, entry) for name, entry in _TABLE.items()]
 
 TREES = by_name(*(plant for plant in _ALL if plant.layer is None))
-"""Species that a stand can be mixed from, by name."""
+"""Species for the mix of a stand, by name."""
 
 BUSHES = by_name(*(plant for plant in _ALL if plant.layer))
 """Bushes and saplings, by name."""
 
 
 LITTER = "litter"
-"""The kind of small plant that is loose fallen leaves."""
+"""Small plant that stands for loose fallen leaves."""
 
 Draw = Callable[[LodLevel, np.random.Generator], Organs]
 
@@ -112,7 +112,7 @@ SMALL: Mapping[str, Small] = by_name(
     Small("log", _LOG, Layer(0.008, 40, 2.2, (0.7, 1.1)), _log, lies=True),
     Small("rock", {"": _STONE}, Layer(0.012, 40, 1.6, (0.25, 1.6)), _rock, lies=True),
 )
-"""Small plants and what lies, by name."""
+"""Small plants and litter, by name."""
 
 LAYERS: Mapping[str, Layer] = MappingProxyType(
     {name: bush.layer for name, bush in BUSHES.items() if bush.layer}
@@ -121,7 +121,7 @@ LAYERS: Mapping[str, Layer] = MappingProxyType(
 """The undergrowth, by kind."""
 
 PLANTS: Mapping[str, Plant] = MappingProxyType({**TREES, **BUSHES, **SMALL})
-"""Everything that a forest holds."""
+"""Everything that a forest contains."""
 
 COVERS: Mapping[str, Coat] = MappingProxyType(
     {
@@ -132,4 +132,4 @@ COVERS: Mapping[str, Coat] = MappingProxyType(
         "trodden": _coat("soil * 0.9", "litter * 0.7", "trodden"),
     }
 )
-"""What covers the ground: all of it, or patches and a path."""
+"""Ground covers: for all of the ground, or patches and a path."""

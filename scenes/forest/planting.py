@@ -1,9 +1,9 @@
-"""Where plants stand around a camera's path, and how each of them is turned.
+"""Positions and orientations of plants around a camera's path.
 
-Trees are planted as a Poisson-disk pattern at the stand's density; the ones nearest the path are
-the stand. Behind them a belt of more trees, bushes and saplings on rising ground closes the
-horizon. Undergrowth grows in patches. How coarsely a plant is drawn depends on how far its lowest
-leaves are from the whole path, so nothing changes shape while the camera moves.
+Trees are planted as a Poisson-disk pattern at the stand's density; those nearest the path are the
+stand. Behind them a belt of more trees, bushes and saplings on rising ground closes the horizon.
+Undergrowth grows in patches. A plant's level of detail depends on the distance of its lowest leaves
+from the whole path, so shapes do not change while the camera moves.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -24,27 +24,27 @@ from megalopta.scenes.forest.specimens import INDIVIDUALS, Specimen
 from megalopta.scenes.scene import Placement
 
 REGULARITY = 0.72
-"""Least distance between trees in units of 1/√density; 0.83 is the most that fits."""
+"""Smallest distance between trees in units of 1/√density; 0.83 is the largest possible."""
 LEAST_DEPTH_M = 8.0
-"""The stand reaches at least this far beyond the clearance on all sides."""
+"""Smallest extent of the stand beyond the clearance, on all sides."""
 BELT_M = 16.0
 """Width of the belt of trees, bushes and saplings around the stand (m)."""
 TRUNK_M, SMALL_M = 0.35, 0.1
-"""Least distance of the middle of a trunk, of a small plant from the margin of a trodden path."""
+"""Smallest distance of a trunk's middle, and of a small plant, from the edge of a trodden path."""
 THICKET_PER_M2 = 0.14
 """Bushes and saplings of the belt (1/m²)."""
 THICKET: Mapping[str, float] = {"young spruce": 0.45, "hazel": 0.35, "young beech": 0.2}
-"""Their kinds and shares where no bush stands in the undergrowth."""
+"""Kinds and shares of these if there is no bush in the undergrowth."""
 CLOSING_M = 6.0
-"""Bushes that are higher do not close the view, as lianas (m)."""
+"""Height above which bushes, such as lianas, do not close the view (m)."""
 EYE_M = 1.5
-"""Height from which the camera looks at leaves, roughly (m)."""
+"""Approximate height from which the camera sees leaves (m)."""
 SLOPE_STEP_M = 1.5
-"""The slope under what lies is that between points this far apart in front and behind."""
+"""Distance between points in front and behind from which litter gets its slope (m)."""
 
 
 def dense_path(path_xy: Floats) -> Floats:
-    """Return the path with points at most half a meter apart: they stand for the line."""
+    """Return the path with points at most half a meter apart."""
     gaps = np.linalg.norm(np.diff(path_xy, axis=0), axis=1)
     place = np.concatenate([[0.0], np.cumsum(gaps)])
     every = np.union1d(place, np.arange(0, place[-1], 0.5))
@@ -64,10 +64,9 @@ def tree_positions(
     path: cKDTree,
     trail: Trail | None = None,
 ) -> tuple[Floats, float]:
-    """Return where trees stand (n, 2), nearest to the path first, and the stand's reach (m).
+    """Return tree positions (n, 2), nearest to the path first, and the extent of the stand (m).
 
-    The first `trees` are the stand; behind them it goes on for the width of the belt. None stands
-    on a trodden path.
+    The first `trees` are the stand; the rest fill the belt behind it. None is on a trodden path.
     """
     density_per_m2 = density_per_ha / 1e4
     reach = planted_reach(trees, density_per_ha, clearance_m)
@@ -95,7 +94,7 @@ def _strewn(
     regularity: float,
     rng: np.random.Generator,
 ) -> Floats:
-    """Return Poisson-disk points in a box around the path whose distance from it lies in a ring."""
+    """Return Poisson-disk points around the path whose distance from it is within a ring."""
     low, high = path.mins - margin_m, path.maxes + margin_m
     count = int(per_m2 * np.prod(high - low))
     points = poisson_disk(low, high, count, regularity / np.sqrt(per_m2), rng)
@@ -105,22 +104,22 @@ def _strewn(
 
 @dataclass(frozen=True)
 class Planting:
-    """What every planting step needs to know."""
+    """Data that every planting step needs."""
 
     seed: int
     path: cKDTree
     """Points of the camera's path (m)."""
     height: Callable[[Floats], Floats]
-    """Of the ground (m) at points (n, 2) (m)."""
+    """Height of the ground (m) at points (n, 2) (m)."""
     detail: float
-    """Factor on the distances where plants get coarser."""
+    """Factor on the distances at which plants get coarser."""
     trail: Trail | None = None
-    """A trodden path, on which nothing but litter lies."""
+    """Trodden path, with only litter on it."""
 
     def trees(
         self, mix: Mapping[str, float], age_spread: float, height_spread: float, points: Floats
     ) -> Iterator[Placement]:
-        """Put a tree on every point (n, 2), its species drawn from the mix, of any age."""
+        """Place a tree on every point (n, 2), with random species of the mix and random age."""
         rng = generator(self.seed, "trees")
         names = sorted(mix)
         shares = np.array([mix[name] for name in names])
@@ -134,7 +133,7 @@ class Planting:
     def thicket(self, per_m2: Mapping[str, float], edge_m: float) -> Iterator[Placement]:
         """Close the view between the trunks around a stand that reaches to `edge_m`.
 
-        With bushes in the shares that they have in the undergrowth.
+        Bushes have the same shares as in the undergrowth.
         """
         rng = generator(self.seed, "thicket")
         ring = (edge_m - 7, edge_m + BELT_M)
@@ -147,7 +146,7 @@ class Planting:
         return self._place(plants, points, 0.5 + 1.9 * rng.random(len(points)) ** 1.5, rng)
 
     def undergrowth(self, per_m2: Mapping[str, float], edge_m: float) -> Iterator[Placement]:
-        """Strew every kind at its density."""
+        """Scatter every kind at its density."""
         for kind, density in per_m2.items():
             layer, rng = LAYERS[kind], generator(self.seed, "undergrowth", kind)
             ring = (layer.clearance_m, min(layer.reach_m, edge_m - 2))
@@ -172,9 +171,9 @@ class Planting:
         rng: np.random.Generator,
         shares: Floats | None = None,
     ) -> Iterator[Placement]:
-        """Put one plant per point (n, 2) on the ground, turned at random, leaning slightly.
+        """Place one plant per point (n, 2) on the ground, with random turn and slight lean.
 
-        Its individual is drawn with the shares given, by default evenly.
+        Individuals are drawn with the given shares, by default uniformly.
         """
         finer = np.array([plant.detail_distance for plant in plants])
         lowest = np.array([plant.leaves_from_m for plant in plants]) * scales - EYE_M
@@ -220,7 +219,7 @@ def _shares_of_ages(spread: float) -> Floats:
 
 
 def _random_turns(count: int, rng: np.random.Generator) -> Floats:
-    """Return rotations by any angle about the vertical, then by a degree or so out of it."""
+    """Return rotations by any angle about the vertical, and by about a degree out of it."""
     turn, toward = rng.uniform(0, 2 * np.pi, (2, count))
     lean = np.radians(1.2) * rng.standard_normal(count)
     none = np.zeros(count)
@@ -232,6 +231,6 @@ def _random_turns(count: int, rng: np.random.Generator) -> Floats:
 
 
 def _clumped(points: Floats, rng: np.random.Generator) -> Floats:
-    """Thin points out so that patches and gaps a few meters wide appear."""
+    """Thin out points so that patches and gaps a few meters wide appear."""
     patches = plane_waves((3.0, 14.0), 1.0, 24, rng)
     return points[rng.random(len(points)) < 0.5 + 0.5 * np.tanh(1.2 * patches(points))]

@@ -1,4 +1,4 @@
-"""What a kind of plant carries: how it grows, looks and stands; presets and levels of detail.
+"""Kinds of plants: growth, look and placement; presets and levels of detail.
 
 Stones, logs and fallen leaves are plants here too.
 """
@@ -25,24 +25,24 @@ from megalopta.scenes.spectra.spectrum import Spectrum
 PRESETS: Mapping[str, Mapping[str, Any]] = MappingProxyType(
     strict_yaml.load(Path(__file__).with_name("presets.yaml").read_text("utf-8"))
 )
-"""Fields of a forest by name of the preset; what is not given has its default."""
+"""Fields of a forest by preset name; others have their defaults."""
 
 
 @dataclass(frozen=True)
 class LodLevel:
-    """A level of detail."""
+    """Level of detail."""
 
     name: str
-    """Part of the names of the assets."""
+    """Part of the assets' names."""
     beyond_m: float
-    """Distance from the path where it begins (m)."""
+    """Distance from the path at which it begins (m)."""
     detail: Detail
     wood_triangles: int
-    """Of a tree's wood, roughly; bushes have a fourth."""
+    """Approximate triangles of a tree's wood; bushes have a fourth."""
     sides: int
-    """Of rocks; logs have half as many."""
+    """Sides of rocks; logs have half as many."""
     merged_small: int
-    """Leaves of small plants that are drawn as one."""
+    """Number of small plants' leaves merged into one."""
 
 
 LODS = (
@@ -52,10 +52,10 @@ LODS = (
     LodLevel("far", 32.0, Detail(0.07, 8, 0.03, 0.12), 250, 10, 4),
     LodLevel("horizon", 60.0, Detail(0.16, 16, 0.05, 0.25), 90, 8, 8),
 )
-"""From fine to coarse, for pixels of 0.0065 rad: a leaf is about a pixel wide."""
+"""Levels from fine to coarse, for pixels of 0.0065 rad: a leaf is about a pixel wide."""
 
 HEIGHTS = (0.35, 0.55, 0.75, 0.9, 1.0, 1.0, 1.12, 1.25)
-"""What share of its species' height each individual of a tree has reached."""
+"""Heights of a tree's individuals, relative to the species' height."""
 
 
 Spectra = tuple[Spectrum, Spectrum]
@@ -65,54 +65,54 @@ Organs = Mapping[str, Surface]
 
 @dataclass(frozen=True)
 class Coat:
-    """How a surface looks: two reflectances and the name of the texture between them."""
+    """Look of a surface: two reflectances and the name of the texture between them."""
 
     spectra: Spectra
     texture: str
     transmittances: Spectra | None = None
-    """None is opaque."""
+    """Transmittances; None: opaque."""
 
     @classmethod
     def of_leaves(cls, dark: Leaf, light: Leaf, texture: str) -> "Coat":
-        """Leaves, which let light through."""
+        """Return the coat of leaves, which transmit light."""
         through = dark.transmittance, light.transmittance
         return cls((dark.reflectance, light.reflectance), texture, through)
 
 
 @dataclass(frozen=True)
 class Layer:
-    """How one kind of undergrowth is strewn around the path."""
+    """Distribution of one kind of undergrowth around the path."""
 
     per_m2: float
-    """Plants per square meter where the layer is densest, unless the forest says otherwise."""
+    """Plants per square meter where the layer is densest, unless set by the forest."""
     reach_m: float
-    """Farthest distance from the path (m); smaller plants cannot be made out farther away."""
+    """Largest distance from the path (m); smaller plants are not visible farther away."""
     clearance_m: float
-    """Least distance from the path (m)."""
+    """Smallest distance from the path (m)."""
     scale: tuple[float, float] = (0.6, 1.25)
     """Smallest and largest size, as a factor on the grown plant."""
 
 
 @dataclass(frozen=True)
 class Plant(ABC):
-    """One kind of what stands or lies in a forest."""
+    """Kind of plant or litter in a forest."""
 
     name: str
-    """For people, and for the seeds of its individuals."""
+    """Name for readers and for the seeds of its individuals."""
     coats: Mapping[str, Coat]
-    """How each organ looks."""
+    """Look of each organ."""
 
     detail_distance: ClassVar[float] = 1.0
-    """Factor on the distances from which it is drawn coarser."""
+    """Factor on the distances at which it gets coarser."""
     lies = False
-    """Whether it follows the slope of the ground instead of standing upright."""
+    """True if it follows the slope of the ground instead of standing upright."""
 
     @abstractmethod
     def grow(self, lods: Sequence[LodLevel], rng: np.random.Generator) -> Iterator[Organs]:
-        """One individual's organs at each of some levels of detail."""
+        """Organs of one individual at each of some levels of detail."""
 
     def individual(self, number: int) -> "Plant":
-        """What an individual is grown as: trees are of several ages."""
+        """Return the plant to grow for an individual: trees are of several ages."""
         return self
 
     @property
@@ -127,33 +127,33 @@ class Plant(ABC):
 
 @dataclass(frozen=True)
 class Woody(Plant):
-    """A tree or bush."""
+    """Tree or bush."""
 
     shape: Species
-    """What it is grown from."""
+    """Species from which it grows."""
     layer: Layer | None = None
-    """Where it stands in the undergrowth."""
+    """Its layer in the undergrowth."""
     fullness: int = 1
-    """How many times its species' leaves it bears."""
+    """Factor on its species' number of leaves."""
     furrows: Furrows | None = None
-    """Relief of its bark, drawn in full detail only; None is smooth."""
+    """Relief of its bark, drawn in full detail only; None: smooth."""
 
     @property
     def carved_bark(self) -> Coat | None:
-        """How bark with furrows looks; None where it has none."""
+        """Coat of bark with furrows; None if it has none."""
         relief = self.shape.relief
         return replace(self.coats["bark"], texture=relief.pattern) if relief else None
 
     def carved(self, depth: float, pattern: NDArray[np.float32]) -> "Woody":
-        """The same with furrows where the pattern (H, W) of its relief is dark.
+        """Return the same plant, with furrows where the pattern (H, W) of its relief is dark.
 
-        They are `depth` times as deep as its species' are.
+        They are `depth` times as deep as those of its species.
         """
         relief = self.shape.relief
         return replace(self, furrows=Furrows(pattern, depth * relief.depth_m)) if relief else self
 
     def individual(self, number: int) -> "Woody":
-        """A tree of the height that individuals of this number have reached."""
+        """Tree of the height of individuals of this number."""
         return self if self.layer else replace(self, shape=aged(self.shape, HEIGHTS[number]))
 
     @property
@@ -162,7 +162,7 @@ class Woody(Plant):
         return self.shape.crown.base * self.shape.height_m
 
     def grow(self, lods: Sequence[LodLevel], rng: np.random.Generator) -> Iterator[Organs]:
-        """One individual at each of some levels, all coarsened from one plant."""
+        """Organs of one individual at each of some levels, all coarsened from one plant."""
         plant = grow_plant(self.shape, rng, self.fullness, self.furrows)
         for lod in lods:
             is_full = lod.detail.leaf_m2 == 0
@@ -174,17 +174,17 @@ class Woody(Plant):
 
 @dataclass(frozen=True)
 class Small(Plant):
-    """A plant of the forest's floor, or what lies on it."""
+    """Plant of the forest floor, or litter."""
 
     layer: Layer
     drawn: Callable[[LodLevel, np.random.Generator], Organs]
-    """Organs of an individual at a level of detail, the same individual for the same generator."""
+    """Organs of an individual at a level of detail; the same individual for the same generator."""
     lies: bool = False
 
     detail_distance = 0.4
 
     def grow(self, lods: Sequence[LodLevel], rng: np.random.Generator) -> Iterator[Organs]:
-        """One individual at each of some levels."""
+        """Organs of one individual at each of some levels."""
         key = int(rng.integers(2**63))
         for lod in lods:
             yield self.drawn(lod, np.random.default_rng(key))

@@ -1,10 +1,10 @@
-"""The shapes and surfaces of the plants of one forest, kept for all that have them in common.
+"""Shapes and surfaces of a forest's plants, cached for all that share them.
 
-They depend on the forest's seed, their kind and number alone, not on where they stand: sequences of
-a dataset share them, and so do the processes that render these.
+They depend only on the forest's seed, their kind and number, not on their positions: sequences of a
+dataset and their rendering processes share them.
 
-Of every kind a few individuals grow, each drawn at several levels of detail. An asset is one of
-these, such as "young spruce 3 far".
+A few individuals of every kind grow, each with several levels of detail. An asset is one of these,
+such as "young spruce 3 far".
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -42,8 +42,8 @@ def grown(
 ) -> list[Organs]:
     """Return the organs of an individual at each of some levels of detail.
 
-    What is woody bears `fullness` times its species' leaves, and furrows `bark_relief` times as
-    deep as its species'.
+    Woody plants have `fullness` times their species' leaves, and furrows `bark_relief` times as
+    deep as their species'.
     """
     levels = (lod.name for lod in lods)
     store = store_of("plant", seed, plant.name, number, fullness, str(bark_relief), *levels)
@@ -62,7 +62,7 @@ def grown(
 
 @lru_cache(maxsize=2 * len(TEXTURES))
 def texture(seed: int, pattern: str) -> NDArray[np.float32]:
-    """Return weights that all forests of a seed share; a megabyte or four each."""
+    """Return texture weights that all forests of a seed share; one to four megabytes each."""
     store = store_of("texture", seed, pattern)
     kept = store.read()
     weight = kept["weight"] if kept else TEXTURES[pattern](generator(seed, "texture", pattern))
@@ -73,13 +73,13 @@ def texture(seed: int, pattern: str) -> NDArray[np.float32]:
 
 
 def store_of(*what: str | int) -> ArrayStore:
-    """Where what depends on some values, and on all that makes forests, is kept."""
+    """Return the cache for arrays that depend on some values and on the code that makes forests."""
     return ArrayStore(cache_folder() / "plants", digest(_model(), repr(what)), _MOST_BYTES)
 
 
 @cache
 def _model() -> str:
-    """Hash of all that makes plants, textures and floors."""
+    """Hash of the code that makes plants, textures and floors."""
     table = Path(__file__).with_name("flora.yaml").read_text("utf-8")
     return digest(table, code_digest("megalopta.assets_gen", "megalopta.scenes.forest"))
 
@@ -104,12 +104,12 @@ def _organs(arrays: dict[str, NDArray[np.generic]], levels: int) -> list[Organs]
 
 
 INDIVIDUALS = 5
-"""Distinct grown plants of each kind; turned, leaning and scaled, they do not look repeated. Trees
-have as many as there are classes of height."""
+"""Distinct individuals of each kind; turned, leaning and scaled, they do not look repeated. Trees
+have one for each class of height."""
 
 
 class Specimen(NamedTuple):
-    """An individual at a level of detail."""
+    """Individual at a level of detail."""
 
     plant: Plant
     number: int
@@ -117,7 +117,7 @@ class Specimen(NamedTuple):
 
     @property
     def name(self) -> str:
-        """That of its asset."""
+        """Name of its asset."""
         return f"{self.plant.name} {self.number} {self.lod.name}"
 
 
@@ -144,9 +144,9 @@ _CARVED = MappingProxyType(
 def grow_specimens(
     seed: int, names: Iterable[str], fullness: int = 1, bark_relief: float = 0.0
 ) -> dict[str, Organs]:
-    """Grow the named specimens; every individual grows once, whatever its levels of detail.
+    """Grow the named specimens; every individual grows once for all its levels of detail.
 
-    Trees and bushes bear `fullness` times their leaves, and furrows `bark_relief` times as deep as
+    Trees and bushes have `fullness` times their leaves, and furrows `bark_relief` times as deep as
     their species'.
     """
     ordered = sorted(

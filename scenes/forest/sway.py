@@ -1,11 +1,11 @@
-"""Trees that sway in the wind: bending that grows with the square of the height.
+"""Trees swaying in the wind: bending grows with the square of the height.
 
 A point at height z of a tree of height h is displaced sideways by (z/h)²·d(t), its height stays.
-That is the first mode of a cantilever to a few percent, as long as the top moves by little against
-the height. d(t) is an ellipse: along the wind d_a·sin(ωt + φ), across it less, at a frequency
-slightly off. The frequency falls with the height as observed on conifers (Moore and Maguire,
-Trees 18, 2004, give 0.1 Hz + 3.4 Hz·D/h² with the diameter D in cm and h in m; with D growing as h
-that is nearly 1/h).
+That is the first mode of a cantilever to a few percent, if the top moves little compared with the
+height. d(t) is an ellipse: along the wind d_a·sin(ωt + φ), across it less, at a frequency slightly
+off. The frequency falls with the height as observed on conifers (Moore and Maguire, Trees 18, 2004,
+give 0.1 Hz + 3.4 Hz·D/h² with the diameter D in cm and h in m; with D growing as h that is nearly
+1/h).
 """
 
 from collections.abc import Iterable, Iterator, Mapping
@@ -23,59 +23,59 @@ from megalopta.scenes.scene import Asset, Placement
 FREQUENCY_TIMES_HEIGHT = 6.0
 """Frequency of a tree times its height (Hz·m): 0.3 Hz at 20 m."""
 FREQUENCY_SPREAD = 0.15
-"""Largest relative deviation of a single tree's frequency."""
+"""Largest relative deviation of a tree's frequency."""
 ACROSS, DETUNING = 0.4, 1.13
-"""Amplitude and frequency across the wind, in units of those along it."""
+"""Amplitude and frequency across the wind, relative to those along it."""
 
 
 class Wind(Record, frozen=True):
     """Wind that makes trees and bushes sway."""
 
     amplitude_m: Annotated[float, Field(gt=0, le=3)] = 0.3
-    """Largest way along the wind of the top of a tree 20 m high (m); others in proportion."""
+    """Amplitude of the top of a tree 20 m high along the wind (m); others in proportion."""
 
     direction_deg: float = 0.0
     """Direction of the wind (degrees from +x toward +y)."""
 
     seed: Annotated[int, Field(ge=0)] = 0
-    """Phases and frequencies of the trees."""
+    """Random seed of the phases and frequencies of trees."""
 
 
 @dataclass(frozen=True)
 class Sway:
-    """One tree's bending."""
+    """Bending of one tree."""
 
     foot_m: tuple[float, float, float]
-    """(x, y, z): where it stands."""
+    """(x, y, z): position of its foot."""
     height_m: float
     """Height of its top above the foot."""
     along: tuple[float, float]
     """(x, y): unit vector of the wind."""
     amplitude_m: float
-    """Largest way of the top along the wind."""
+    """Amplitude of the top along the wind."""
     frequency_hz: float
-    """Of the swaying along the wind."""
+    """Frequency along the wind."""
     phases_rad: tuple[float, float]
     """(along, across): at time 0."""
 
     def carry(self, points: Floats, time_s: float | Floats) -> Floats:
-        """Where points (n, 3) of the tree at rest are, at one time or each at its own (n,)."""
+        """Return displaced points (n, 3) of the tree, at one time or each at its own (n,)."""
         return points + self._bend(points, time_s)
 
     def undo(self, points: Floats, time_s: float) -> Floats:
-        """Where points (n, 3) of a time are on the tree at rest."""
+        """Return the points on the tree at rest of points (n, 3) at a time."""
         return points - self._bend(points, time_s)  # heights do not change
 
     def turn(self, normals: Floats, points: Floats, time_s: float) -> Floats:
-        """Unit normals (n, 3) at a time of those at points (n, 3) of the tree at rest."""
-        # Normals go with the inverse transpose of the bending's Jacobian, here I + slope ⊗ z.
+        """Return unit normals (n, 3) at a time, from those at points (n, 3) of the tree at rest."""
+        # Normals transform with the inverse transpose of the bending's Jacobian: I + slope ⊗ z.
         slope = 2 * self._height(points)[:, None] / self.height_m * self._top(time_s)
         turned = normals.copy()
         turned[:, 2] -= (slope * normals[:, :2]).sum(axis=1)
         return np.asarray(turned / np.linalg.norm(turned, axis=1, keepdims=True))
 
     def record(self) -> dict[str, Any]:
-        """The motion in numbers, for a file."""
+        """Return the motion as numbers, for a file."""
         return {"kind": "sway", **asdict(self)}
 
     def _bend(self, points: Floats, time_s: float | Floats) -> Floats:
@@ -84,11 +84,11 @@ class Sway:
         return bend
 
     def _height(self, points: Floats) -> Floats:
-        """Heights (n,) above the foot in units of the tree's; nothing below the foot bends."""
+        """Heights (n,) above the foot relative to the tree's; nothing below the foot bends."""
         return np.maximum(points[:, 2] - self.foot_m[2], 0) / self.height_m
 
     def _top(self, time_s: float | Floats) -> Floats:
-        """Way of the top (2,), m; at times (n,) ways (n, 2)."""
+        """Displacement of the top (2,), m; at times (n,) displacements (n, 2)."""
         angle = 2 * np.pi * self.frequency_hz * time_s
         along = self.amplitude_m * np.sin(angle + self.phases_rad[0])
         across = ACROSS * self.amplitude_m * np.sin(DETUNING * angle + self.phases_rad[1])
@@ -99,7 +99,7 @@ class Sway:
 def swaying(
     placements: Iterable[Placement], assets: Mapping[str, Asset], kinds: Iterable[str], wind: Wind
 ) -> Iterator[Placement]:
-    """Yield placements, those of the named kinds with a motion in the wind, each its own."""
+    """Yield placements; those of the named kinds each with its own motion in the wind."""
     kinds = frozenset(kinds)
     angle = np.radians(wind.direction_deg)
     along = float(np.cos(angle)), float(np.sin(angle))

@@ -1,10 +1,10 @@
-"""Broken clouds over a scene: a dome that glows unevenly, and a sun that is a disc on it.
+"""Broken clouds over a scene: a glowing dome with a texture, and the sun as a disc on it.
 
-A uniform sky has no texture at all; where it is seen a motion detector has nothing to answer to,
-and an error relative to its answer nothing to be divided by. Real skies are hardly ever so.
+A uniform sky has no texture: motion detectors do not respond to it, and errors relative to their
+response are undefined. Real skies are rarely uniform.
 
-The clouds are a thin deck, a random field of the plane at unit height, so they are smaller and
-denser toward the horizon, where haze takes their contrast. The dome gives a horizontal plane the
+The clouds are a thin deck, a random field on a plane at unit height, so they are smaller and denser
+toward the horizon, where haze reduces their contrast. The dome gives a horizontal plane the
 irradiance of the uniform sky that it replaces.
 """
 
@@ -24,13 +24,13 @@ if TYPE_CHECKING:
     import trimesh
 
 DOME_M = 3000.0
-"""Radius of the dome; across 100 m of forest the sun's direction changes by 2°."""
+"""Radius of the dome; over 100 m of forest the sun's direction changes by 2°."""
 LOWEST_DEG = -6.0
-"""Elevation down to which the dome reaches, below the horizon of any forest."""
+"""Lowest elevation of the dome, below the horizon of any forest."""
 
 _CLOUDS = (0.25, 4.0)
 """Wavelengths of the deck, in units of its height; real ones are some hundred meters to several
-kilometers at 1 to 2 km."""
+kilometers at heights of 1 to 2 km."""
 _WAVES = 64
 _CONTRAST = 0.6
 _HAZE = 0.12
@@ -41,9 +41,9 @@ _DISC_FACETS = 48
 
 
 def under_clouds(scene: Scene, lighting: Lighting, wavelength_nm: float, seed: int) -> Scene:
-    """Return the scene lit by clouds and sun alone, in place of its own lighting.
+    """Return the scene lit only by clouds and sun, in place of its own lighting.
 
-    Radiance of the sky and irradiance of the sun are read at one wavelength, for a flat spectrum.
+    Radiance of the sky and irradiance of the sun are taken at one wavelength, for a flat spectrum.
     """
     glowing = {"sky": (_dome(), Emission(float(lighting.sky(wavelength_nm)), clouds(seed)))}
     if lighting.sun:
@@ -80,7 +80,7 @@ def clouds(seed: int) -> NDArray[np.float32]:
 
 
 def _dome() -> "trimesh.Trimesh":
-    """The inside of a sphere above the lowest elevation; its uv square is that of `clouds`."""
+    """Inside of a sphere above the lowest elevation, with the uv square of `clouds`."""
     rows, columns = _FACETS
     v, u = np.meshgrid(np.linspace(0, 1, rows + 1), np.linspace(0, 1, columns + 1), indexing="ij")
     elevation = np.radians(LOWEST_DEG + (90 - LOWEST_DEG) * v)
@@ -94,7 +94,7 @@ def _dome() -> "trimesh.Trimesh":
 
 
 def _disc(sun: Sun, wavelength_nm: float) -> "tuple[trimesh.Trimesh, Emission]":
-    """A regular polygon just inside the dome, facing the scene, and its radiance."""
+    """Regular polygon just inside the dome, facing the scene, with its radiance."""
     import trimesh  # slow
 
     axis = np.asarray(sun.direction)

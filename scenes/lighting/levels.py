@@ -1,13 +1,13 @@
-"""Light levels by name, from daylight to an overcast night, and the lights that they add.
+"""Light levels by name, from daylight to an overcast night, and their components.
 
-Every light has its own spectrum and source. Sun and moon are discs, all else is a sky that is alike
-in all directions.
+Every light has its own spectrum and source. Sun and moon are discs; all other lights are a uniform
+sky.
 
-Each level has an illuminance, after the dissertation, §1.1, and what is stronger than the night sky
-makes up what airglow and starlight leave. Four of five parts of the light of sun or moon come from
-its disc, 0.53° wide. The moonless forest floor is what Kelber et al. (2006, Behav. Ecol. 17, 63)
-give for the dimmest light that *Megalopta* flies in, 1e-4 cd/m² of a white surface: for scenes that
-hold no trees, and for readings. A forest shades itself; give it `starlight`.
+Illuminances follow the dissertation, §1.1; lights stronger than the night sky supply the part
+beyond airglow and starlight. Four fifths of the light of sun or moon come from its disc, 0.53°
+wide. The moonless forest floor is the dimmest light in which *Megalopta* flies (Kelber et al. 2006,
+Behav. Ecol. 17, 63), 1e-4 cd/m² of a white surface: for scenes without trees, and for readings. A
+forest shades itself; use `starlight` for it.
 """
 
 import math
@@ -32,43 +32,43 @@ SOURCES: Mapping[ComponentName, str] = {
     "starlight": "Roach and Gordon 1973; zodiac: Benn and Ellison 1998, Leinert et al. 1998",
     "clouds": "Kasten and Czeplak 1980, color by Meador and Weaver 1980, Hale and Querry 1973",
 }
-"""Where the spectrum of each component comes from; numbers are in `scenes/spectra`."""
+"""Source of each component's spectrum; the numbers are in `scenes/spectra`."""
 
 
 @dataclass(frozen=True)
 class Component:
-    """One of the lights outside, as an unshaded horizontal plane gets it."""
+    """Component of the outdoor light, as received by an unshaded horizontal plane."""
 
     name: ComponentName
-    """Which light it is; `SOURCES` tells where its spectrum comes from."""
+    """Name of the light; `SOURCES` gives the source of its spectrum."""
     irradiance: Spectrum
-    """Of the plane, W·m⁻²·nm⁻¹."""
+    """Irradiance of the plane, W·m⁻²·nm⁻¹."""
 
     @property
     def is_disc(self) -> bool:
-        """Whether it comes from the disc of sun or moon; else from all of the sky."""
+        """True if it comes from the disc of sun or moon, False if from the whole sky."""
         return self.name in ("sun", "moon")
 
     @property
     def illuminance_lux(self) -> float:
-        """Of the plane."""
+        """Illuminance of the plane."""
         return luminous(self.irradiance)
 
     def scaled(self, factor: float) -> "Component":
-        """The same light, so many times as strong."""
+        """Return the light multiplied by a factor."""
         return replace(self, irradiance=self.irradiance.scaled(factor))
 
     def giving(self, illuminance_lux: float, shape: Spectrum | None = None) -> "Component":
-        """The same light at an illuminance, of another spectrum where one is given."""
+        """Return the light scaled to an illuminance, with another spectrum if one is given."""
         found = shape or self.irradiance
         return replace(self, irradiance=found.scaled(illuminance_lux / luminous(found)))
 
 
 AIRGLOW_SKY = Component("airglow", outdoors.AIRGLOW.scaled(math.pi))
 FAINT_STARS = Component("starlight", outdoors.FAINT_STARLIGHT.scaled(math.pi))
-"""Of the darkest part of the sky."""
+"""Starlight of the darkest part of the sky."""
 STARS = Component("starlight", outdoors.STARLIGHT.scaled(math.pi))
-"""Mean of the whole sky."""
+"""Mean starlight of the whole sky."""
 TWILIT_SKY = Component("twilight", outdoors.TWILIGHT.scaled(math.pi))
 DAY = Component("sun", outdoors.SUN), Component("daylit sky", outdoors.CLEAR_SKY)
 FULL, QUARTER = (
@@ -78,11 +78,11 @@ FULL, QUARTER = (
     )
     for disc in (outdoors.FULL_MOON, outdoors.QUARTER_MOON)
 )
-"""Disc and sky of these are in any unit, and not as bright as each other."""
+"""Disc and sky of these are in arbitrary units and differ in brightness."""
 
 
 def overcast(components: tuple[Component, ...]) -> Component:
-    """What a closed layer of cloud makes of lights, as bright as they are together."""
+    """Light through a closed layer of cloud, with the total illuminance of its components."""
     light = total([each.irradiance for each in components])
     wavelengths = sorted({*light.wavelengths_nm, *outdoors.OVERCAST.wavelengths_nm})
     color = Spectrum.of(wavelengths, light(wavelengths) * outdoors.OVERCAST(wavelengths))
@@ -106,12 +106,12 @@ DISC_FRACTION = 0.8
 
 @dataclass(frozen=True)
 class Level:
-    """What a named light level means."""
+    """Definition of a named light level."""
 
     illuminance_lux: float
-    """On an unshaded horizontal plane."""
+    """Illuminance of an unshaded horizontal plane."""
     components: tuple[Component, ...]
-    """The lights that make it up; they give the illuminance together."""
+    """Its components, which together give the illuminance."""
 
     def spectrum(self) -> Spectrum:
         """Irradiance of an unshaded horizontal plane, W·m⁻²·nm⁻¹."""
@@ -119,7 +119,7 @@ class Level:
 
     @property
     def disc(self) -> Component | None:
-        """The light of the disc of sun or moon, where there is one."""
+        """Light of the disc of sun or moon, if any."""
         return next((each for each in self.components if each.is_disc), None)
 
     @property
@@ -129,20 +129,20 @@ class Level:
 
 
 def shared(lights: tuple[Component, Component], lux: float, disc_fraction: float) -> Level:
-    """Disc and sky of sun or moon that give an illuminance together."""
+    """Disc and sky of sun or moon that together give an illuminance."""
     disc, sky = lights
     parts = (disc.giving(lux * disc_fraction), sky.giving(lux * (1 - disc_fraction)))
     return Level(lux, tuple(each for each in parts if max(each.irradiance.values)))
 
 
 def scaled(illuminance_lux: float, components: tuple[Component, ...]) -> Level:
-    """Lights made stronger or weaker alike until they give an illuminance."""
+    """Lights scaled by a common factor to give an illuminance."""
     factor = illuminance_lux / sum(each.illuminance_lux for each in components)
     return Level(illuminance_lux, tuple(each.scaled(factor) for each in components))
 
 
 def _above_night(illuminance_lux: float, *lights: Component) -> Level:
-    """Lights that give what the night sky leaves, disc and sky by their share."""
+    """Lights that supply the part beyond the night sky, disc and sky by their shares."""
     rest = illuminance_lux - sum(each.illuminance_lux for each in _NIGHT)
     if len(lights) == 2:
         parts = shared((lights[0], lights[1]), rest, DISC_FRACTION).components
@@ -153,7 +153,7 @@ def _above_night(illuminance_lux: float, *lights: Component) -> Level:
 
 _STARLIGHT_LUX = 1e-3
 _NIGHT = (AIRGLOW_SKY, STARS.giving(_STARLIGHT_LUX - AIRGLOW_SKY.illuminance_lux))
-"""A moonless sky; its stars are four fifths as bright as published."""
+"""Moonless sky; its stars are scaled to four fifths of the published brightness."""
 _DARKEST = (AIRGLOW_SKY, FAINT_STARS)
 
 LEVELS: Mapping[str, Level] = {
@@ -162,14 +162,14 @@ LEVELS: Mapping[str, Level] = {
     "full_moon": _above_night(0.25, *FULL),
     "quarter_moon": _above_night(1e-2, *QUARTER),
     "starlight": Level(_STARLIGHT_LUX, _NIGHT),
-    # three digits, for people to read: 0.03 % off the table
+    # three digits, for readability: 0.03 % off the table
     "airglow": scaled(8.19e-4, _DARKEST),
     "moonless_forest_floor": scaled(math.pi * 1e-4, _NIGHT),
     "overcast_night": scaled(1e-4, (overcast(_NIGHT),)),
 }
 
 DIMMEST_LUX, BRIGHTEST_LUX = 1e-12, 1e9
-"""Beyond all that there is outdoors, by eight and four orders of magnitude."""
+"""Limits, eight and four orders of magnitude beyond outdoor light."""
 
 
 def illuminance_of(level: str | float) -> float:

@@ -1,18 +1,18 @@
-"""How the light of the sky is spread over it, from direction to direction.
+"""Angular distribution of the sky's light.
 
-Twilight is sunlight scattered once, by air. The sun is below the horizon of the place but still
-shines on the air above it. Along a line of sight every parcel of air sends on what reaches it past
+Twilight is sunlight scattered once, by air. The sun is below the local horizon but still shines on
+the air above it. Along a line of sight every parcel of air scatters the light that reaches it past
 the Earth, in proportion to its density and to Rayleigh's phase function; air and ozone dim it
-before and after. Light that is scattered more than once comes nearly evenly from all over the sky,
-and at this depth of the sun it is about as much at the zenith as the other (round figure; it grows
-from a third at sunset to nearly all at a depth of 10°). Clean air at 550 nm in spherical shells; no
-refraction, no aerosol, which would redden and broaden the glow over where the sun went down.
+before and after. Multiply scattered light is nearly uniform over the sky. At this depth of the sun
+it is about half of the light at the zenith (approximate; it grows from a third at sunset to nearly
+all at a depth of 10°). The model: clean air at 550 nm in spherical shells, without refraction and
+without aerosol, which would redden and broaden the glow above the sunset.
 
 Clear and overcast skies are those of ISO 15469 (CIE S 011), types 12 and 1: a gradation from zenith
-to horizon times, under a disc, the glow around it. Airglow comes from a thin layer, which is longer
-toward the horizon, and dims in the air (Krisciunas and Schaefer 1991, PASP 103, 1033, Eq. 2 and 3);
-so does starlight, which is densest in the plane of the Milky Way: a flat layer of stars, seen from
-inside. Below the horizon all go on as they are there.
+to horizon, times the glow around the disc if there is one. Airglow comes from a thin layer, whose
+path is longer toward the horizon, and is dimmed by air (Krisciunas and Schaefer 1991, PASP 103,
+1033, Eq. 2 and 3). So is starlight, which is brightest in the plane of the Milky Way: a flat layer
+of stars, seen from inside. Below the horizon all keep their value at the horizon.
 """
 
 import math
@@ -26,26 +26,26 @@ from megalopta.scenes.lighting.levels import ComponentName
 from megalopta.scenes.scene import pattern_directions
 
 SUN_DEPTH_DEG = 6.4
-"""Of the sun below the horizon, as when the spectrum of twilight was measured (degrees)."""
+"""Depth of the sun below the horizon at which the twilight spectrum was measured (degrees)."""
 
 _EARTH_KM, _TOP_KM = 6371.0, 80.0
 _AIR_DEPTH, _AIR_SCALE_KM = 0.097, 8.0
 """Rayleigh optical depth of the air at 550 nm (Bodhaine et al. 1999), and its scale height."""
 _OZONE_DEPTH, _OZONE_KM, _OZONE_WIDTH_KM = 0.027, 22.0, 5.0
-"""Of 300 Dobson units, in a Gaussian layer."""
+"""Optical depth of 300 Dobson units, in a Gaussian layer."""
 _EVENLY = 0.5
-"""Share of the zenith's light that was scattered more than once."""
+"""Share of multiply scattered light at the zenith."""
 _STEPS, _SUN_STEPS = 80, 120
 
 
 def twilight_sky(directions: Floats, sun_azimuth_rad: float) -> Floats:
-    """Radiance from directions (n, 3), unit vectors above the horizon, over that of the zenith."""
+    """Radiance from directions (n, 3), unit vectors above the horizon, relative to the zenith."""
     single = _scattered_once(np.vstack([directions, [0.0, 0.0, 1.0]]), sun_azimuth_rad)
     return np.asarray((1 - _EVENLY) * single[:-1] / single[-1] + _EVENLY)
 
 
 def _scattered_once(directions: Floats, sun_azimuth_rad: float) -> Floats:
-    """Radiance (n,) in any unit."""
+    """Radiance (n,) in arbitrary units."""
     depth = np.radians(SUN_DEPTH_DEG)
     level = np.cos(depth)
     sun = np.array(
@@ -53,7 +53,7 @@ def _scattered_once(directions: Floats, sun_azimuth_rad: float) -> Floats:
     )
     up = directions[:, 2:]
     way = np.sqrt((_EARTH_KM * up) ** 2 + 2 * _EARTH_KM * _TOP_KM + _TOP_KM**2) - _EARTH_KM * up
-    # Steps that grow with the distance: most of the air is low.
+    # Steps that grow with distance: most of the air is low.
     edges = np.linspace(0, 1, _STEPS + 1) ** 2
     distance = way * (edges[1:] + edges[:-1]) / 2
     step = way * np.diff(edges)
@@ -69,7 +69,7 @@ def _scattered_once(directions: Floats, sun_azimuth_rad: float) -> Floats:
 
 
 def _extinction(height_km: Floats) -> Floats:
-    """Per kilometer."""
+    """Extinction per kilometer."""
     air = _AIR_DEPTH / _AIR_SCALE_KM * np.exp(-height_km / _AIR_SCALE_KM)
     off = (height_km - _OZONE_KM) / _OZONE_WIDTH_KM
     ozone = _OZONE_DEPTH / (_OZONE_WIDTH_KM * np.sqrt(2 * np.pi)) * np.exp(-(off**2) / 2)
@@ -77,7 +77,7 @@ def _extinction(height_km: Floats) -> Floats:
 
 
 def _sunlight() -> RegularGridInterpolator:
-    """Share of sunlight that reaches a height (km) where the sun is at a sine of elevation."""
+    """Share of sunlight that reaches a height (km), by the sine of the sun's elevation."""
     heights = np.linspace(0, _TOP_KM, 81)
     sines = np.linspace(-0.35, 0.2, 221)
     radius = _EARTH_KM + heights[:, None, None]
@@ -95,22 +95,22 @@ def _sunlight() -> RegularGridInterpolator:
 Shape = Callable[[Floats, Floats], Floats]
 
 ROWS = 90
-"""Of a pattern; it has twice as many columns."""
+"""Rows of a pattern; it has twice as many columns."""
 GALACTIC_POLE = math.cos(math.radians(30)), 0.0, math.sin(math.radians(30))
-"""Where the north pole of the Milky Way stands, so that its band rises to 60°."""
+"""Direction of the north pole of the Milky Way, whose band then rises to 60°."""
 
 _EXTINCTION_MAG = 0.172
-"""In V, of light that crosses the air once (Krisciunas and Schaefer 1991)."""
+"""Extinction in V of light that crosses the air once (Krisciunas and Schaefer 1991)."""
 _STAR_LAYER = 0.15
-"""Height of the layer of stars over how far it is seen: its plane is 3.3 times as bright as the
-mean of the sky, and seven times as bright as its poles."""
+"""Height of the layer of stars relative to the visible range: its plane is 3.3 times as bright as
+the mean of the sky, and seven times as bright as its poles."""
 
 
 def sky_shape(name: ComponentName, disc_azimuth_deg: float, disc_elevation_deg: float) -> Floats:
-    """Pattern (H, 2·H) of a light of the sky, of the layout of `SkyPattern`.
+    """Pattern (H, 2·H) of a sky light, in the layout of `SkyPattern`.
 
     Its mean over the upper hemisphere, weighted with the cosine to the zenith, is 1. The direction
-    is that of the disc of sun or moon; twilight takes its azimuth alone.
+    is that of the disc of sun or moon; twilight uses only its azimuth.
     """
     azimuth, elevation = math.radians(disc_azimuth_deg), math.radians(disc_elevation_deg)
     level = math.cos(elevation)
@@ -134,7 +134,7 @@ def _overcast(directions: Floats, disc: Floats) -> Floats:
 
 
 def _way(directions: Floats) -> Floats:
-    """Length of the way through a thin layer, over that to the zenith."""
+    """Path length through a thin layer, relative to that to the zenith."""
     return np.asarray((1 - 0.96 * (1 - directions[:, 2] ** 2)) ** -0.5)
 
 
@@ -160,4 +160,4 @@ SHAPES: Mapping[ComponentName, Shape] = {
     "starlight": _stars,
     "twilight": _twilight,
 }
-"""Brightness, in any unit, from directions (n, 3) above the horizon, with the disc in one (3,)."""
+"""Brightness, any unit, from directions (n, 3) above the horizon, with the disc in one (3,)."""

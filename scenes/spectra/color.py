@@ -1,15 +1,14 @@
-"""Spectral bands to color for display, and the colors of a picture to spectra.
+"""Spectral bands to display colors, and colors of a picture to spectra.
 
 For display: CIE 1931 matching functions, white balance, sRGB. The matching functions are the
-multi-lobe Gaussian fits of Wyman, Sloan and Shirley (JCGT 2(2), 2013), good to about 1 %: for
-looking at, not for photometry.
+multi-lobe Gaussian fits of Wyman, Sloan and Shirley (JCGT 2(2), 2013), accurate to about 1 %: for
+display, not for photometry.
 
-Three colors of a picture whose white is a given light say little about a spectrum. Here each pixel
-has the light's spectrum times a smooth function of wavelength: red, green and blue take one
-another's place in logistic steps, so that white has the light's spectrum, nothing is negative, and
-no light is lost or gained. The steps lie where each color has the share in the luminance that sRGB
-gives it. Beyond the visible red goes on to the infrared and blue to the ultraviolet, of which the
-picture knows nothing.
+The three colors of a picture whose white is a given light leave its spectrum open. Here each pixel
+has the light's spectrum times a smooth function of wavelength: red, green and blue follow each
+other in logistic steps, so that white has the light's spectrum, nothing is negative, and light is
+conserved. The steps are placed so that each color has its sRGB share of the luminance. Red extends
+into the infrared and blue into the ultraviolet, on which the picture has no information.
 """
 
 from collections.abc import Sequence
@@ -68,7 +67,7 @@ def bands_to_xyz(radiance: NDArray[np.floating], bands_nm: Bands) -> Floats:
 def linear_srgb(radiance: NDArray[np.floating], bands_nm: Bands, white: Spectrum) -> Floats:
     """Linear sRGB (..., 3) of radiance (..., B), up to a common factor.
 
-    What has the spectrum of `white` comes out neutral. Without any visible band the result is gray.
+    The spectrum of `white` becomes neutral. Without any visible band the result is gray.
     """
     band_white = np.array([white(np.linspace(*band, 65)).mean() for band in bands_nm])
     light = bands_to_xyz(band_white, bands_nm)
@@ -79,7 +78,7 @@ def linear_srgb(radiance: NDArray[np.floating], bands_nm: Bands, white: Spectrum
 
 
 def encode_srgb(linear: NDArray[np.floating]) -> NDArray[np.uint8]:
-    """8-bit sRGB of linear values of any shape; 1 is white, brighter is white too."""
+    """8-bit sRGB of linear values of any shape; values of 1 and above are white."""
     bounded = np.clip(linear, 0, 1)
     curved = np.where(bounded <= 0.0031308, 12.92 * bounded, 1.055 * bounded ** (1 / 2.4) - 0.055)
     return np.asarray(curved * 255 + 0.5).astype(np.uint8)
@@ -98,7 +97,7 @@ def linear_of_srgb(curved: NDArray[np.floating]) -> Floats:
 
 
 LUMINANCE_SHARES = (0.2126, 0.7152, 0.0722)
-"""Of red, green and blue in linear sRGB (IEC 61966-2-1)."""
+"""Luminance shares of red, green and blue in linear sRGB (IEC 61966-2-1)."""
 
 _STEP_WIDTH_NM = 12.0
 _GRID_NM = np.concatenate([np.arange(300.0, 800.0, 5.0), np.arange(800.0, 2001.0, 10.0)])

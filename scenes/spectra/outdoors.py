@@ -1,42 +1,42 @@
-"""Spectra of what lights the outdoors, in the daytime and at night, through clear air and clouds.
+"""Spectra of outdoor light, by day and at night, through clear air and clouds.
 
 Sunlight, the moon's disc, the night sky and water are tables: `tables.yaml` has their sources.
 
-Moonlight is what the lunar disc reflects of sunlight, straight or scattered by the sky: the
-atmosphere does to it what it does to sunlight.
+Moonlight is sunlight reflected by the lunar disc, direct or scattered by the sky: the atmosphere
+acts on it as on sunlight.
 
-Twilight is the sky's zenith with the sun 6.4° below the horizon, when the ground gets 1 lux.
+Twilight is the sky's zenith with the sun 6.4° below the horizon, when the ground receives 1 lux.
 Magnitudes in U, B, V, R and I are the fits of Patat, Ugolnikov and Postylyakov (2006, A&A 455, 385,
 Table 1) to the zenith over Paranal, with the wavelengths and zero points of Bessell et al. (1998,
 A&A 333, 231): a sky of that brightness gives 1.0 lux. Beyond I it is sunlight on the ground times
-λ⁻⁴, the scattering of air. So it meets airglow where that was seen to happen: at a depression of
-9.3° in J and 7.4° in H (Dome A, arXiv:2607.01923). The broad bands hide what ozone takes at 600 nm.
-Where the sun went down the sky is several times as bright; here it is the same everywhere.
+λ⁻⁴, the scattering of air. So it equals airglow where that was observed: at a depression of 9.3° in
+J and 7.4° in H (Dome A, arXiv:2607.01923). The broad bands hide the ozone absorption at 600 nm.
+Above the sunset the sky is several times as bright; here it is uniform.
 
 The moonless night sky is starlight, zodiacal light and airglow. Means over the whole sky above the
 atmosphere, in S10, stars of tenth magnitude in V per square degree (27.78 mag·arcsec⁻²):
 
-- all stars and what dust scatters of them: 105 (Roach and Gordon 1973, The Light of the Night Sky),
-  taken to have the color of a black body of 4500 K;
+- all stars and their light scattered by dust: 105 (Roach and Gordon 1973, The Light of the Night
+  Sky), with the assumed color of a black body of 4500 K;
 - zodiacal light: 140 − 90·sin|β| up to an ecliptic latitude β of 60°, and 60 beyond (Benn and
   Ellison 1998, La Palma Technical Note 115), whose mean is 96; sunlight, reddened by
   1 + 0.6·lg(λ/500 nm) (Leinert et al. 1998, A&AS 127, 1, Eq. 22, at an elongation of 90°).
 
-The atmosphere takes from both what it takes from sun and sky together. The Milky Way is three times
-as bright as the mean, the pole of the ecliptic has 60; here it is the same everywhere.
+The atmosphere attenuates both as it does sun and sky together. The Milky Way is three times as
+bright as the mean, the pole of the ecliptic has 60; here the sky is uniform.
 
-Airglow is what is left of the moonless zenith without 75 S10 of zodiacal light and scattered
-starlight (Benn and Ellison 1998; bright stars and the Milky Way were avoided). That is 220 S10 at
-V, where they give 145 to 270, from the least to the most active sun; the table was measured near
-the most. Real airglow changes by a factor of two within a night, grows toward the horizon by up to
-a factor of six (van Rhijn) and has moving waves; here it is the same everywhere.
+Airglow is the moonless zenith without 75 S10 of zodiacal light and scattered starlight (Benn and
+Ellison 1998; bright stars and the Milky Way were avoided). That is 220 S10 at V, where they give
+145 to 270, from minimum to maximum solar activity; the table was measured near maximum. Real
+airglow changes by a factor of two within a night, grows toward the horizon by up to a factor of six
+(van Rhijn) and has moving waves; here it is uniform.
 
-Droplets of water hardly absorb below 1.2 µm. Beyond, light that finds its way through a thick layer
-of cloud has met enough of them to lose much. Two streams of diffuse light, up and down (Meador and
-Weaver 1980, J. Atmos. Sci. 37, 630, quadrature): T = k/(k·cosh kτ + γ₁·sinh kτ), k² = γ₁² − γ₂²,
-γ₁ = √3·(2 − ω·(1 + g))/2, γ₂ = √3·ω·(1 − g)/2. Droplets that are large against the wavelength
-absorb 1 − ω = 0.85·α·r (Bohren and Barkstrom 1974), with the absorption α of water. A stratus:
-τ = 30, r = 8 µm, g = 0.86; nothing comes back from the ground.
+Water droplets hardly absorb below 1.2 µm. At longer wavelengths, light that crosses a thick layer
+of cloud meets enough of them to lose much. Two streams of diffuse light, up and down (Meador and
+Weaver 1980, J. Atmos. Sci. 37, 630, quadrature): T = k/(k·cosh kτ + γ₁·sinh kτ), k² = γ₁² − γ₂², γ₁
+= √3·(2 − ω·(1 + g))/2, γ₂ = √3·ω·(1 − g)/2. Droplets much larger than the wavelength absorb 1 − ω =
+0.85·α·r (Bohren and Barkstrom 1974), with the absorption α of water. A stratus: τ = 30, r = 8 µm, g
+= 0.86; the ground reflects nothing.
 """
 
 import math
@@ -57,14 +57,14 @@ ABOVE_ATMOSPHERE = Spectrum(WAVELENGTHS_NM, _ABOVE)
 """Irradiance of a plane facing the sun above the atmosphere, W·m⁻²·nm⁻¹."""
 
 SUN = Spectrum(WAVELENGTHS_NM, _DIRECT)
-"""Irradiance of a plane facing the sun on the ground, from the sun alone, W·m⁻²·nm⁻¹."""
+"""Direct irradiance of a plane on the ground facing the sun, W·m⁻²·nm⁻¹."""
 
 CLEAR_SKY = Spectrum(WAVELENGTHS_NM, _SKY)
 """Irradiance of a horizontal plane by the clear sky alone, W·m⁻²·nm⁻¹."""
 
 
 def transmission() -> Floats:
-    """Share of the light above the atmosphere that reaches the ground, straight or scattered."""
+    """Share of the light above the atmosphere that reaches the ground, direct or scattered."""
     above = _SUN_HEIGHT * np.array(_ABOVE)
     return np.asarray((_SUN_HEIGHT * np.array(_DIRECT) + np.array(_SKY)) / above)
 
@@ -72,13 +72,13 @@ def transmission() -> Floats:
 FULL_MOON = Spectrum(TABLES["moon nm"], TABLES["full moon"])
 """Reflectance of the disc at a phase of 7°, 1 at 550 nm."""
 QUARTER_MOON = Spectrum(TABLES["moon nm"], TABLES["quarter moon"])
-"""The same at a phase of 90°, where it is a tenth as bright."""
+"""Reflectance of the disc at a phase of 90°, where it is a tenth as bright."""
 
 
 def moonlit(sunlit: Spectrum, disc: Spectrum) -> Spectrum:
-    """Relative spectrum of what the moon lights, of what the sun would and the disc's reflectance.
+    """Relative spectrum of moonlight, from that of sunlight and the disc's reflectance.
 
-    Values at the wavelengths of the first.
+    Values are at the wavelengths of the first.
     """
     wavelengths = sunlit.wavelengths_nm
     return Spectrum.of(wavelengths, np.array(sunlit.values) * disc(wavelengths))
@@ -144,9 +144,9 @@ STARLIGHT = _starlight()
 _FIRST_NM = 890.0
 _STEP_NM = 20.0
 _SI = 1e-8
-"""From nW·cm⁻²·sr⁻¹·µm⁻¹ to W·m⁻²·sr⁻¹·nm⁻¹."""
+"""Factor from nW·cm⁻²·sr⁻¹·µm⁻¹ to W·m⁻²·sr⁻¹·nm⁻¹."""
 
-# A mean holds from edge to edge, but for 1 nm: linear between middles, light would leave bands.
+# A mean holds between edges, except for 1 nm, as interpolation would move light out of bands.
 _HALF_NM = _STEP_NM / 2 - 0.5
 _INFRARED_NM = (
     _FIRST_NM + _STEP_NM * np.arange(len(TABLES["night"]))[:, None] + [-_HALF_NM, _HALF_NM]
@@ -159,7 +159,7 @@ MOONLESS_ZENITH = Spectrum.of(
 """Radiance of the moonless zenith, away from the Milky Way, W·m⁻²·sr⁻¹·nm⁻¹."""
 
 FAINT_STARLIGHT = STARLIGHT.scaled(75 * S10 / float(STARLIGHT(V_NM)))
-"""What of it comes from beyond the atmosphere, W·m⁻²·sr⁻¹·nm⁻¹."""
+"""Part of it from beyond the atmosphere, W·m⁻²·sr⁻¹·nm⁻¹."""
 
 _NIGHT_NM = sorted({*MOONLESS_ZENITH.wavelengths_nm, *FAINT_STARLIGHT.wavelengths_nm})
 AIRGLOW = Spectrum.of(_NIGHT_NM, MOONLESS_ZENITH(_NIGHT_NM) - FAINT_STARLIGHT(_NIGHT_NM))
@@ -172,7 +172,7 @@ _FORWARD = 0.86
 
 
 def _through(absorbed: Floats) -> Floats:
-    """Share that the layer lets through of diffuse light, by the share 1 − ω absorbed."""
+    """Transmitted share of diffuse light, by the absorbed share 1 − ω."""
     scattered = 1 - absorbed
     gamma = math.sqrt(3) * (2 - scattered * (1 + _FORWARD)) / 2
     k = np.sqrt(gamma**2 - (math.sqrt(3) * scattered * (1 - _FORWARD) / 2) ** 2)
@@ -194,6 +194,6 @@ def overcast_share(cover: float) -> float:
     """Share of a clear sky's illuminance under clouds that cover a share of the sky (0 to 1).
 
     1 − 0.75·n^3.4, a mean over years (Kasten and Czeplak 1980, Solar Energy 24, 177); single skies
-    are off by a factor of two.
+    differ by a factor of two.
     """
     return 1 - 0.75 * math.pow(cover, 3.4)

@@ -14,19 +14,19 @@ LEAVES = tuple(_ENTRIES)
 
 
 class Leaf(NamedTuple):
-    """Diffuse reflectance and transmittance of a blade, the same from both sides."""
+    """Diffuse reflectance and transmittance of a blade, equal on both sides."""
 
     reflectance: Spectrum
     transmittance: Spectrum
 
     def scaled(self, factor: float) -> "Leaf":
-        """Return a leaf that is darker by a factor from both sides."""
+        """Return a leaf darkened by a factor on both sides."""
         return Leaf(self.reflectance.scaled(factor), self.transmittance.scaled(factor))
 
 
 @cache
 def leaf_of(description: str) -> Leaf:
-    """Leaf by name, as it is or darker: "needle", "needle * 0.6"."""
+    """Leaf by name, optionally darkened: "needle", "needle * 0.6"."""
     name, _, factor = description.partition(" * ")
     if factor:
         return leaf_of(name).scaled(float(factor))
@@ -37,12 +37,12 @@ def leaf_of(description: str) -> Leaf:
 
 _TABLES = strict_yaml.load(Path(__file__).with_name("reflectance.yaml").read_text("utf-8"))
 REFLECTANCES = {name: table for table in _TABLES for name in table if name != "wavelengths_nm"}
-"""The table that the name of each opaque surface stands in."""
+"""Table that holds each opaque surface's name."""
 
 
 @cache
 def reflectance_of(description: str) -> Spectrum:
-    """Reflectance by name, as it is or scaled: "soil", "soil * 1.6"."""
+    """Reflectance by name, optionally scaled: "soil", "soil * 1.6"."""
     name, _, factor = description.partition(" * ")
     if factor:
         return reflectance_of(name).scaled(float(factor))

@@ -1,4 +1,4 @@
-"""Piecewise linear functions of wavelength, and what the eye makes of them.
+"""Piecewise linear functions of wavelength, and photometry.
 
 V(λ) is the CIE 1924 photopic curve at steps of 10 nm, linear between; its integral is 106.86 nm, so
 a flat spectrum of luminance L_v has L_λ = L_v / (683 · 106.86).
@@ -22,7 +22,7 @@ TABLES: Mapping[str, tuple[float, ...]] = {
         Path(__file__).with_name("tables.yaml").read_text("utf-8")
     ).items()
 }
-"""Numbers of the spectra of this package by name; the file says their units."""
+"""Numbers of this package's spectra by name; the file states their units."""
 
 
 @dataclass(frozen=True)
@@ -30,12 +30,12 @@ class Spectrum:
     """Values at wavelengths, linear between them and constant beyond the first and last."""
 
     wavelengths_nm: tuple[float, ...]
-    """Strictly increasing, nm."""
+    """Strictly increasing wavelengths, nm."""
     values: tuple[float, ...]
-    """Same length; the unit is the owner's (reflectance: 1; radiance: W·m⁻²·sr⁻¹·nm⁻¹)."""
+    """Values, of the same length; the owner sets the unit (reflectance: 1)."""
 
     def __post_init__(self) -> None:
-        """Refuse tables that are not functions."""
+        """Reject tables that are not functions."""
         if len(self.wavelengths_nm) != len(self.values) or not self.values:
             raise ValueError(
                 f"spectrum: {len(self.wavelengths_nm)} wavelengths for {len(self.values)} values; "
@@ -67,14 +67,14 @@ def flat(value: float) -> Spectrum:
 
 
 def total(spectra: Sequence[Spectrum]) -> Spectrum:
-    """Return the sum of spectra, exact at all wavelengths; of none it is 0."""
+    """Return the sum of spectra, exact at all wavelengths; 0 without any."""
     wavelengths = sorted({each for spectrum in spectra for each in spectrum.wavelengths_nm})
     values = sum((spectrum(wavelengths) for spectrum in spectra), np.zeros(len(wavelengths)))
     return Spectrum.of(wavelengths, values) if spectra else flat(0.0)
 
 
 def planckian(temperature_k: float) -> Spectrum:
-    """Relative spectrum of a black body at 300 to 2000 nm, largest value 1 (Planck's law)."""
+    """Relative spectrum of a black body at 300 to 2000 nm, with largest value 1 (Planck's law)."""
     wavelengths_nm = np.concatenate([np.arange(300, 800, 10), np.arange(800, 2001, 50)])
     meters = wavelengths_nm * 1e-9
     values = meters**-5 / np.expm1(h * c / (meters * k * temperature_k))
@@ -104,8 +104,8 @@ def luminous_efficiency(wavelength_nm: Floats) -> Floats:
 def luminous(spectrum: Spectrum) -> float:
     """Photometric value of a spectral quantity: 683 lm/W · ∫ S(λ)·V(λ) dλ.
 
-    Irradiance in W·m⁻²·nm⁻¹ gives lux, radiance in W·m⁻²·sr⁻¹·nm⁻¹ gives cd/m². By the trapezoidal
-    rule in steps of 1 nm, which is exact to 1e-4 for spectra without narrow lines.
+    Irradiance in W·m⁻²·nm⁻¹ gives lux, radiance in W·m⁻²·sr⁻¹·nm⁻¹ gives cd/m². The trapezoidal
+    rule in steps of 1 nm is exact to 1e-4 for spectra without narrow lines.
     """
     grid = np.arange(_V_FIRST_NM, _V_FIRST_NM + _V_STEP_NM * len(_V))
     return float(

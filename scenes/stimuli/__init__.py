@@ -1,1 +1,1 @@
-"""Gratings, boards, the motion bench and panoramas."""
+"""Gratings, boards, the motion bench, panoramas and pictures."""

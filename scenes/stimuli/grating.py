@@ -1,9 +1,9 @@
-"""The camera inside a cylinder whose wall glows with a pattern.
+"""Camera inside a cylinder whose wall glows with a pattern.
 
-One frame of grating spans the horizontal field of view, counted in azimuth along the wall and in
-the same angular measure up the wall. Columns of a perspective image are not equidistant in azimuth,
-so "f cycles per frame" is met over the whole frame and exceeded at its center. The wall is just as
-high as a level camera on the axis sees, so the camera may only turn about the vertical.
+One frame of grating spans the horizontal field of view, in azimuth along the wall and in the same
+angular measure up the wall. Columns of a perspective image are not equidistant in azimuth, so "f
+cycles per frame" holds over the whole frame and is exceeded at its center. The wall is just high
+enough for a level camera on the axis, so the camera may only turn about the vertical.
 """
 
 import math
@@ -50,11 +50,11 @@ PATTERN_NAMES: Mapping[Pattern, str] = MappingProxyType(
         "dots": "Random dots",
     }
 )
-"""Patterns as the beginning of a sentence."""
+"""Patterns, as the beginning of a sentence."""
 
 
 class Grating(SceneDescription, frozen=True):
-    """A pattern on a cylinder around the camera: the 2-D sine grating, bars, or random dots."""
+    """Pattern on a cylinder around the camera: the 2-D sine grating, bars, or random dots."""
 
     kind: Literal["grating"] = "grating"
 
@@ -72,24 +72,24 @@ class Grating(SceneDescription, frozen=True):
     """Phases of the two factors of sine_2d; the first is that of bars (rad)."""
 
     variant: GratingVariant = "periodic"
-    """Of sine_2d. rot: as the dissertation writes, √2·f moving cycles; periodic: exactly f."""
+    """Variant of sine_2d. rot: as in the dissertation, √2·f moving cycles; periodic: exactly f."""
 
     seed: Annotated[int, Field(ge=0)] = 0
-    """Which random dots."""
+    """Random seed of the dots."""
 
     is_self_luminous = True
     has_bounces = False
 
     def build(self, light: Light, camera: Camera, trajectory: Path) -> Scene:
-        """The glowing cylinder around a camera that turns in place.
+        """Return the glowing cylinder around a camera that turns in place.
 
         Its mean luminance is that of a uniform sky of the light's illuminance.
 
         Raises
         ------
         ValueError
-            When the moving part does not close around the cylinder, the camera cannot resolve it,
-            or the trajectory looks past the wall.
+            If the moving part does not close around the cylinder, the camera cannot resolve it, or
+            the trajectory looks past the wall.
         """
         position_m = _position_on_axis(trajectory)
         _check_height(camera)
@@ -102,7 +102,7 @@ class Grating(SceneDescription, frozen=True):
         return glowing("grating", wall, to_world, pattern, light)
 
     def describe(self) -> str:
-        """A sentence for the report."""
+        """Sentence for the report."""
         return (
             f"{PATTERN_NAMES[self.pattern]} of contrast {self.contrast:g}, "
             f"{self.cycles_per_frame:g} cycles across the frame, on a cylinder around the camera."
@@ -110,7 +110,7 @@ class Grating(SceneDescription, frozen=True):
 
 
 def sky_radiance(illuminance_lux: float) -> float:
-    """Radiance (W·m⁻²·sr⁻¹·nm⁻¹) of a uniform sky of flat spectrum that gives the illuminance."""
+    """Radiance (W·m⁻²·sr⁻¹·nm⁻¹) of a uniform sky of flat spectrum and given illuminance."""
     return illuminance_lux / math.pi / luminous(flat(1.0))
 
 
@@ -121,7 +121,7 @@ def glowing(
     pattern: Floats,
     light: Light,
 ) -> Scene:
-    """One mesh that glows, where its pattern is 1, like a sky of the light; flat spectrum."""
+    """Scene of one mesh that glows like a sky of the light where its pattern is 1."""
     emission = Emission(sky_radiance(light.resolved().illuminance_lux), pattern.astype(np.float32))
     return Scene(
         materials={kind: Material(flat(0.0), None, emission)},
@@ -131,8 +131,8 @@ def glowing(
 
 
 def _pattern(grating: Grating, fov: float, half_height: float) -> Floats:
-    """Value 1 ± C on the unrolled wall, row 0 at its foot."""
-    rows = math.ceil(_TEXELS * half_height / math.pi)  # as fine as around
+    """Values 1 ± C on the unrolled wall, row 0 at its foot."""
+    rows = math.ceil(_TEXELS * half_height / math.pi)  # as fine vertically as around
     columns = _TEXELS
     x = -(np.arange(columns) + 0.5) / columns * 2 * math.pi / fov
     y = ((np.arange(rows) + 0.5) / rows - 0.5) * 2 * half_height / fov
@@ -149,7 +149,7 @@ def _pattern(grating: Grating, fov: float, half_height: float) -> Floats:
 
 
 def _position_on_axis(trajectory: Path) -> tuple[float, float, float]:
-    """Where the camera turns in place."""
+    """Position of the camera that turns in place."""
     if not isinstance(trajectory, Trajectory):
         kind = kind_of(type(trajectory))
         raise ValueError(

@@ -1,14 +1,14 @@
-"""The motion bench of the dissertation's SPADCAM (§2.4.8): a plate crosses the beam over a row.
+"""Motion bench of the dissertation's SPADCAM (§2.4.8): a plate crosses the beam over a row.
 
 There a metal plate on a 3-D printer moves at 1 to 10 mm/s between a monochromator and the bare
-array, 16 pixels of 60 µm in a row, read out 10 times a second: 1.67 to 16.7 pixels per frame. The
-pixels it hides still get light around it: 27 photons per pixel and frame against 65.
+array, 16 pixels of 60 µm in a row, read out 10 times a second: 1.67 to 16.7 pixels per frame.
+Hidden pixels still receive stray light: 27 photons per pixel and frame against 65.
 
-Here the camera stands in for the array. Its rays meet the plate's plane one pixel pitch apart, and
-it moves past the resting plate instead of the plate past it, which makes the same images: a camera
-velocity of 0.01 m/s to the right is a plate that moves at 10 mm/s to the left. Its edges
-are sharp; how much the beam's divergence blurred the real ones is not known. The true flow is that
-of the plate, and of the open beam as if it moved with it.
+Here the camera replaces the array. Its rays meet the plate's plane one pixel pitch apart, and it
+moves past the resting plate, which gives the same images: a camera velocity of 0.01 m/s to the
+right is a plate that moves at 10 mm/s to the left. Its edges are sharp; the blur of the real ones
+by the beam's divergence is not known. The true flow is that of the plate, and of the open beam as
+if it moved along.
 """
 
 from itertools import pairwise
@@ -30,7 +30,7 @@ from megalopta.scenes.trajectories.base import Path
 
 
 class MotionBench(SceneDescription, frozen=True):
-    """A plate with straight edges that the sensor moves past."""
+    """Plate with straight edges that the sensor moves past."""
 
     kind: Literal["motion_bench"] = "motion_bench"
 
@@ -41,21 +41,21 @@ class MotionBench(SceneDescription, frozen=True):
     """Width of the plate along the row (mm)."""
 
     edge_mm: float = 1.0
-    """Where its near edge stands at the first frame, right of the middle of the row (mm)."""
+    """Position of its near edge at the first frame, to the right of the row's middle (mm)."""
 
     shade: Annotated[float, Field(ge=0, le=1)] = 27 / 65
-    """Light that reaches a hidden pixel, as a share of what an open one gets (1)."""
+    """Light on a hidden pixel, relative to an open one (1)."""
 
     is_self_luminous = True
     has_bounces = False
 
     def build(self, light: Light, camera: Camera, trajectory: Path) -> Scene:
-        """The plate before the beam; open pixels see a sky of the light's illuminance.
+        """Return the plate before the beam; open pixels see a sky of the light's illuminance.
 
         Raises
         ------
         ValueError
-            When the camera turns so far that it looks past the plate's plane.
+            If the camera turns so far that it looks past the plate's plane.
         """
         poses = trajectory.poses()
         distance_m = self.pixel_pitch_um * 1e-6 * camera.focal_length_px
@@ -79,7 +79,7 @@ class MotionBench(SceneDescription, frozen=True):
         return Scene(materials, assets, tuple(placements))
 
     def describe(self) -> str:
-        """A sentence for the report."""
+        """Sentence for the report."""
         return (
             f"A plate, {self.plate_mm:g} mm wide, that lets {self.shade:.0%} of the light "
             f"through, over pixels {self.pixel_pitch_um:g} µm apart."

@@ -1,11 +1,11 @@
-"""A photographed panorama at infinity around the camera: an HDRI.
+"""Photographed panorama (HDRI) at infinity around the camera.
 
-Points at infinity move by rotation alone, so a camera that also moves along a path sees the same as
-one that turns in place, and so says the truth.
+Points at infinity move by rotation alone. A camera that also moves along a path sees the same as
+one that turns in place, and the ground truth agrees.
 
-The picture's values are relative: they are scaled until the upper half gives the light's
-illuminance to a horizontal plane. The light's direction is the picture's own; `disc_fraction` and
-the disc's angles have no effect. Spectra are those of three primaries of the light's own color
+The picture's values are relative: they are scaled so that the upper half gives a horizontal plane
+the light's illuminance. The light's direction comes from the picture; `disc_fraction` and the
+disc's angles have no effect. Spectra are those of three primaries in the light's own color
 (`scenes/spectra/color.py`).
 """
 
@@ -22,27 +22,26 @@ from megalopta.scenes.trajectories.base import Path
 
 
 class Panorama(SceneDescription, frozen=True):
-    """An equirectangular picture, 2:1, as environment."""
+    """Equirectangular picture, 2:1, as environment."""
 
     kind: Literal["panorama"] = "panorama"
 
     file: PictureFile
-    """HDR, EXR (linear sRGB) or PNG (sRGB) file: the path, relative to the folder that the program
-    runs in."""
+    """Path, relative to the working folder, of an HDR, EXR (linear sRGB) or PNG (sRGB) file."""
 
     turn_deg: float = 0.0
-    """Turns the picture counterclockwise seen from above (degrees); at 0 its center lies toward
+    """Counterclockwise turn of the picture seen from above (degrees); at 0 its center is toward
     +x."""
 
     has_bounces = False
 
     def build(self, light: Light, camera: Camera, trajectory: Path) -> Scene:
-        """Nothing but the panorama, as bright as the light and white as it."""
+        """Return a scene with only the panorama, with the light's brightness and white."""
         level = light.resolved()
         spectra = primaries(level.spectrum())
         environment = Environment(self.file, self.turn_deg, spectra, level.illuminance_lux)
         return Scene({}, {}, (), environment=environment)
 
     def describe(self) -> str:
-        """A sentence for the report."""
+        """Sentence for the report."""
         return f"A photographed panorama, {PurePath(self.file.path).name}."

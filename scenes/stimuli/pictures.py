@@ -1,8 +1,8 @@
-"""Somebody's pictures: a video, a folder of pictures or an array, as the light of a scene.
+"""Your pictures as the light of a scene: a video, a folder of pictures or an array.
 
-Nothing is rendered, and what truly moves is not known. Values are relative: they are scaled until
-the mean of all frames reflects a given share of the light. Spectra are those of three primaries of
-the color of white (`scenes/spectra/color.py`), so that white has a given spectrum.
+Nothing is rendered, and true motion is unknown. Values are relative: they are scaled so that the
+mean of all frames reflects a given share of the light. Spectra are those of three primaries of the
+color of white (`scenes/spectra/color.py`), so that white has a given spectrum.
 """
 
 import math
@@ -25,7 +25,7 @@ from megalopta.scenes.spectra.spectrum import SPECTRA, Spectrum, SpectrumName, l
 from megalopta.scenes.trajectories.base import Path
 
 Unit = Literal["srgb", "linear", "cd/m2"]
-"""What numbers are: coded, proportional to light, or luminance."""
+"""Unit of the values: sRGB codes, linear in light, or luminance."""
 Between = Literal["hold", "blend", "flow"]
 
 _HOW: dict[Between, str] = {
@@ -36,18 +36,17 @@ _HOW: dict[Between, str] = {
 
 
 class ColorsAsLight(Record, frozen=True):
-    """How colors of pictures, linear in light, become spectral radiance."""
+    """Conversion of colors of pictures, linear in light, to spectral radiance."""
 
     reflectance: Annotated[float, Field(gt=0, le=1)] = 0.18
-    """Share of the light that the pictures reflect on average: luminance is this share of
-    illuminance over π."""
+    """Mean reflectance of the pictures: luminance is this share of illuminance over π."""
 
     spectrum: SpectrumName | Literal["light"] = "D65"
-    """Spectrum of white: D65, the standard daylight of the CIE, equal_energy, the same at every
-    wavelength, or that of the light."""
+    """Spectrum of white: D65, the CIE standard daylight; equal_energy, the same at every
+    wavelength; or that of the light."""
 
     def white(self, light: Light) -> Spectrum:
-        """Spectrum of the light on what is white, W·m⁻²·nm⁻¹, at the light's illuminance."""
+        """Spectrum of the light on a white surface, W·m⁻²·nm⁻¹, at the light's illuminance."""
         level = light.resolved()
         if self.spectrum == "light":
             return level.spectrum()
@@ -55,11 +54,11 @@ class ColorsAsLight(Record, frozen=True):
         return color.scaled(level.illuminance_lux / luminous(color))
 
     def white_name(self, light: Light) -> str:
-        """What the spectrum of white is called."""
+        """Name of the spectrum of white."""
         return (light.level if self.spectrum == "light" else self.spectrum).replace("_", " ")
 
     def radiance_of_unit(self, light: Light, bands_nm: Bands, mean_rgb: ArrayLike) -> Floats:
-        """Band means (3, B) of red, green and blue of 1, W·m⁻²·sr⁻¹·nm⁻¹.
+        """Band means (3, B) of red, green and blue with a value of 1, W·m⁻²·sr⁻¹·nm⁻¹.
 
         `mean_rgb` (3,) is the mean over all frames, which reflects `reflectance` of the light.
         """
@@ -68,24 +67,24 @@ class ColorsAsLight(Record, frozen=True):
 
 
 class Pictures(ColorsAsLight, SceneDescription, frozen=True):
-    """Pictures of the user's own, whose motion is not known."""
+    """Your pictures, whose motion is unknown."""
 
     kind: Literal["pictures"] = "pictures"
 
     file: HashedFile
-    """A picture, a folder of pictures, a video, an animation or an array: the path, relative to the
-    folder that the program runs in."""
+    """Path, relative to the working folder, of a picture, a folder of pictures, a video, an
+    animation or an array."""
 
     unit: Unit | None = None
-    """What the values are: `srgb` codes, `linear` in light, or `cd/m2`; None takes what the file
-    says, as pictures and videos do."""
+    """Unit of the values: `srgb` codes, `linear` in light, or `cd/m2`; null: as stated by the file,
+    such as a picture or video."""
 
     picture_rate_hz: Annotated[float, Field(gt=0, le=1e9)] | None = None
-    """Pictures a second, of files that tell no times; None takes the frame rate."""
+    """Pictures per second, for files without times; null: the frame rate."""
 
     between: Between = "hold"
-    """What a frame shows that lies between two pictures, and light does within a frame: `hold` the
-    earlier picture, `blend` both linearly, or move them along the `flow` that DIS estimates."""
+    """Light between two pictures, also within an exposure: `hold` the earlier picture, `blend` both
+    linearly, or move them along the `flow` that DIS estimates."""
 
     has_truth: ClassVar[bool] = False
     has_bounces: ClassVar[bool] = False
@@ -95,5 +94,5 @@ class Pictures(ColorsAsLight, SceneDescription, frozen=True):
         raise ValueError("scene.kind 'pictures' has no geometry to render; use `megalopta sense`")
 
     def describe(self) -> str:
-        """A sentence for the report."""
+        """Sentence for the report."""
         return f"Pictures of {PurePath(self.file.path).name}, {_HOW[self.between]}."

@@ -1,7 +1,7 @@
-"""A board with a pattern, square to the first view of a camera that moves in front of it.
+"""Board with a pattern, square to the first view of a camera that moves in front of it.
 
-Motion in the image has a closed form: a board at distance D shifts by f·s/D everywhere when the
-camera, of focal length f (px), moves by s along it. The board is as large as all views of it.
+Motion in the image has a closed form: a board at distance D shifts by f·s/D everywhere if the
+camera, of focal length f (px), moves by s along it. The board covers all views.
 """
 
 from typing import Annotated, Literal
@@ -27,15 +27,15 @@ from megalopta.scenes.trajectories.base import Path
 
 _TEXELS = 1024
 _DOT_PERIODS = 32
-"""Random dots repeat after this many periods."""
+"""Periods after which random dots repeat."""
 _MARGIN = 0.02
-"""The board reaches beyond what is seen by this share of its size."""
+"""Margin of the board beyond the visible part, relative to its size."""
 _STEEPEST = 0.05
-"""Least cosine between a ray and the board's normal."""
+"""Smallest cosine between a ray and the board's normal."""
 
 
 class Plane(SceneDescription, frozen=True):
-    """A flat board with a pattern in front of the camera."""
+    """Flat board with a pattern in front of the camera."""
 
     kind: Literal["plane"] = "plane"
 
@@ -50,24 +50,24 @@ class Plane(SceneDescription, frozen=True):
     """Period of the pattern on the board (m)."""
 
     phase_rad: float = 0.0
-    """Phase of bars where the first view meets the board (rad)."""
+    """Phase of bars at the center of the first view (rad)."""
 
     distance_m: Annotated[float, Field(gt=0)] = 2.0
-    """From the first camera position to the board, along the first view (m)."""
+    """Distance from the first camera position to the board, along the first view (m)."""
 
     seed: Annotated[int, Field(ge=0)] = 0
-    """Which random dots."""
+    """Random seed of the dots."""
 
     is_self_luminous = True
     has_bounces = False
 
     def build(self, light: Light, camera: Camera, trajectory: Path) -> Scene:
-        """The glowing board; its mean luminance is that of a uniform sky of the light.
+        """Return the glowing board; its mean luminance is that of a uniform sky of the light.
 
         Raises
         ------
         ValueError
-            When a frame looks past the board, or the camera cannot resolve the pattern at first.
+            If a frame looks past the board, or the camera cannot resolve the pattern at first.
         """
         poses = trajectory.poses()
         pixel_m = self.distance_m / camera.focal_length_px
@@ -82,7 +82,7 @@ class Plane(SceneDescription, frozen=True):
         return glowing("plane", board(low, high, tile_m), pose, _tile(self), light)
 
     def describe(self) -> str:
-        """A sentence for the report."""
+        """Sentence for the report."""
         return (
             f"{PATTERN_NAMES[self.pattern]} of contrast {self.contrast:g} and period "
             f"{self.period_m:g} m on a board, {self.distance_m:g} m from the camera at first."
@@ -90,19 +90,19 @@ class Plane(SceneDescription, frozen=True):
 
 
 def board_pose(first: Floats, distance_m: float) -> Floats:
-    """Pose (4, 4) of a board square to a view at a distance: its axes are the camera's."""
+    """Pose (4, 4) of a board square to a view at a distance; its axes are the camera's."""
     forward = np.eye(4)
     forward[2, 3] = distance_m
     return np.asarray(first @ forward)
 
 
 def seen_rectangle(camera: Camera, poses: Floats, distance_m: float) -> tuple[Floats, Floats]:
-    """Two corners (2,), in axes of the first camera (m), of all that the poses see of a board.
+    """Two corners (2,), in axes of the first camera (m), of the part of a board that the poses see.
 
     Raises
     ------
     ValueError
-        When a ray of a frame misses the board, or meets it at a grazing angle.
+        If a ray of a frame misses the board, or meets it at a grazing angle.
     """
     to_first = np.linalg.inv(poses[0]) @ poses
     directions = camera.directions()
@@ -117,7 +117,7 @@ def seen_rectangle(camera: Camera, poses: Floats, distance_m: float) -> tuple[Fl
         )
     points = origins[..., :2] + rays[..., :2] / rays[..., 2:] * ahead[..., None]
     low, high = points.min(axis=(0, 1)), points.max(axis=(0, 1))
-    # A pixel reaches half its width beyond its center, twice that where the board is oblique.
+    # A pixel extends half its width beyond its center, twice that where the board is oblique.
     margin = _MARGIN * (high - low) + 2 * distance_m / camera.focal_length_px
     return low - margin, high + margin
 

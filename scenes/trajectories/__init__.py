@@ -1,1 +1,1 @@
-"""How the camera moves."""
+"""Camera paths."""

@@ -1,8 +1,8 @@
-"""What every path of the camera has: frames, times, and a pose for any time.
+"""Base of every camera path: frames, times, and a pose at any time.
 
 A pose is a (4, 4) matrix from camera axes (+x right, +y down, +z forward) to world meters. The
-renderer computes in float32 about a local origin, `origin_m`; positions are rounded to that, so
-that the stored pose is the pose that was rendered, also a kilometer from the world's origin.
+renderer computes in float32 about a local origin, `origin_m`. Positions are rounded accordingly, so
+that the stored pose is the rendered pose, even a kilometer from the world's origin.
 """
 
 from abc import abstractmethod
@@ -15,13 +15,13 @@ from pydantic import Field, model_validator
 from megalopta.core.arrays import Floats
 from megalopta.core.record import Record
 
-# Beyond, squares of lengths leave no digits for a forest, or overflow.
+# Beyond this, squares of lengths lose precision for a forest, or overflow.
 Coordinate = Annotated[float, Field(ge=-1e12, le=1e12)]
 Vector = tuple[Coordinate, Coordinate, Coordinate]
 
 
 class Path(Record, frozen=True):
-    """Frames at a steady rate along a path that is known at any time."""
+    """Frames at a constant rate along a path that is defined at any time."""
 
     frames: Annotated[int, Field(ge=1, le=1_000_000)] = 32
     """Number of frames."""
@@ -36,14 +36,14 @@ class Path(Record, frozen=True):
 
     @property
     def duration_s(self) -> float:
-        """Time from the first frame to the last; of a single frame, its period (s)."""
+        """Time from the first frame to the last; for a single frame, its period (s)."""
         return max(self.frames - 1, 1) / self.frame_rate_hz
 
     @property
     def origin_m(self) -> Vector:
         """Whole meters near the middle of the frames' positions (x, y, z)."""
         positions, _ = self.course(self.times_s)
-        # Adding 0 makes an ordinary zero of a negative one.
+        # Adding 0 turns negative zero into zero.
         x, y, z = (np.round((positions.min(axis=0) + positions.max(axis=0)) / 2) + 0.0).tolist()
         return x, y, z
 
@@ -65,11 +65,11 @@ class Path(Record, frozen=True):
 
     @abstractmethod
     def __str__(self) -> str:
-        """What the camera does, as the end of a sentence that begins with "The camera"."""
+        """Camera motion, as the end of a sentence that begins with "The camera"."""
 
 
 def rounded_about(positions: Floats, origin_m: ArrayLike) -> Floats:
-    """Positions (..., 3) whose distance from an origin is a float32, as the renderer's are."""
+    """Positions (..., 3) rounded so that their distance from an origin is a float32."""
     origin = np.asarray(origin_m)
     return np.asarray((positions - origin).astype(np.float32) + origin)
 
@@ -86,16 +86,15 @@ def looking(views: Floats, up: ArrayLike) -> Floats:
 
 
 class Aimed(Path, frozen=True):
-    """A path that starts from a view of its own."""
+    """Path that starts from its own view."""
 
     kind: str
 
     position_m: Vector = (0.0, 0.0, 1.5)
-    """Camera position at the first frame; of a camera that trembles, its mean (x, y, z in m; z is
-    up)."""
+    """Camera position at the first frame; with jitter, its mean (x, y, z in m; z is up)."""
 
     look_at_m: Vector = (10.0, 0.0, 1.5)
-    """Point seen at the image center of the first frame, or without jitter (x, y, z in m)."""
+    """Point at the image center of the first frame, or without jitter (x, y, z in m)."""
 
     up: Vector = (0.0, 0.0, 1.0)
     """Direction that is up in the image; also the axis of a steady rotation."""
@@ -116,7 +115,7 @@ class Aimed(Path, frozen=True):
 
 
 def is_upright(views: Floats, up: ArrayLike) -> bool:
-    """Whether any of the views (..., 3) is zero or parallel to `up`, so that it has no horizon."""
+    """True if any of the views (..., 3) is zero or parallel to `up`, so that it has no horizon."""
     across = np.linalg.norm(np.cross(views, np.asarray(up, dtype=float)), axis=-1)
     lengths = np.linalg.norm(views, axis=-1) * np.linalg.norm(up)
     return bool(np.any(across <= 1e-6 * lengths))

@@ -1,4 +1,4 @@
-"""The camera held in place, trembling."""
+"""Camera held in place with jitter."""
 
 from typing import Annotated, Literal
 
@@ -14,10 +14,10 @@ _WAVES = 48
 
 
 class Hover(Aimed, frozen=True):
-    """A fixed pose with random jitter of limited bandwidth, as of a hovering animal or drone.
+    """Fixed pose with random jitter of limited bandwidth, as of a hovering animal or drone.
 
-    Each of the six degrees of freedom is a sum of sines of random phase, their frequencies spread
-    evenly up to the bandwidth: nearly Gaussian, smooth, and known at any time.
+    Each of the six degrees of freedom is a sum of sines of random phase, with frequencies spread
+    evenly up to the bandwidth: nearly Gaussian, smooth, and defined at any time.
     """
 
     kind: Literal["hover"] = "hover"
@@ -32,7 +32,7 @@ class Hover(Aimed, frozen=True):
     """Highest frequency of the jitter (Hz)."""
 
     seed: Annotated[int, Field(ge=0)] = 0
-    """Which jitter."""
+    """Random seed of the jitter."""
 
     def course(self, times_s: Floats) -> tuple[Floats, Floats]:
         """Positions (n, 3), m, and rotations (n, 3, 3), camera axes to world."""
@@ -54,7 +54,7 @@ class Hover(Aimed, frozen=True):
         return np.asarray(np.sqrt(2 / _WAVES) * jitter)
 
     def __str__(self) -> str:
-        """What the camera does."""
+        """Camera motion."""
         return (
             f"hovers in place with a jitter of {100 * self.jitter_m:g} cm and "
             f"{self.jitter_deg:g}° up to {self.bandwidth_hz:g} Hz"

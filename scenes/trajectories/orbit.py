@@ -1,4 +1,4 @@
-"""The camera on a circle around a point that it looks at."""
+"""Camera on a circle around the point at which it looks."""
 
 from typing import Annotated, Literal
 
@@ -10,12 +10,12 @@ from megalopta.scenes.trajectories.base import Path, Vector, looking
 
 
 class Orbit(Path, frozen=True):
-    """A level circle around a point, which stays at the image center."""
+    """Level circle around a point, which stays at the image center."""
 
     kind: Literal["orbit"] = "orbit"
 
     center_m: Vector = (0.0, 0.0, 1.5)
-    """Point that is looked at (x, y, z in m; z is up)."""
+    """Point at the image center (x, y, z in m; z is up)."""
 
     radius_m: Annotated[float, Field(gt=0)] = 5.0
     """Radius of the circle (m)."""
@@ -24,10 +24,10 @@ class Orbit(Path, frozen=True):
     """Height of the circle above the point (m)."""
 
     rate_deg_s: float = 10.0
-    """Way around the circle (degrees/s); positive is counterclockwise seen from above."""
+    """Angular rate (degrees/s); positive is counterclockwise seen from above."""
 
     start_deg: float = 180.0
-    """Where on the circle the first frame is (degrees from +x toward +y)."""
+    """Position of the first frame on the circle (degrees from +x toward +y)."""
 
     def course(self, times_s: Floats) -> tuple[Floats, Floats]:
         """Positions (n, 3), m, and rotations (n, 3, 3), camera axes to world."""
@@ -43,7 +43,7 @@ class Orbit(Path, frozen=True):
         return np.asarray(self.center_m) + outward, looking(-outward, (0, 0, 1))
 
     def __str__(self) -> str:
-        """What the camera does."""
+        """Camera motion."""
         return (
             f"circles a point at {self.radius_m:g} m by {abs(self.rate_deg_s):g}° per second, "
             "looking at it"

@@ -1,4 +1,4 @@
-"""The camera on a path that was recorded: time, position and orientation in a CSV file.
+"""Camera on a recorded path: time, position and orientation in a CSV file.
 
 Positions are interpolated by a cubic spline, orientations by spherical linear interpolation
 (Shoemake, SIGGRAPH 1985).
@@ -25,14 +25,14 @@ _LARGEST_NORM_ERROR = 0.01
 
 
 def content_of(source: object) -> object:
-    """The text of a CSV file, given its path or the text itself."""
+    """Text of a CSV file, given its path or the text itself."""
     if not isinstance(source, str) or "\n" in source:
         return source
     try:
         text = read_text(FilePath(source).expanduser()) + "\n"
         read_recording(text)
     except UnicodeDecodeError:
-        raise ValueError(f"{source} is not a text file in UTF-8; give a CSV file") from None
+        raise ValueError(f"{source} is not a UTF-8 text file; give a CSV file") from None
     except OSError:
         raise ValueError(f"{source}: no such file; give the path of a CSV file") from None
     except ValueError as problem:
@@ -41,17 +41,17 @@ def content_of(source: object) -> object:
 
 
 class Recorded(Path, frozen=True):
-    """Six degrees of freedom from a file; what the file holds becomes part of the configuration."""
+    """Six degrees of freedom from a file, whose content becomes part of the configuration."""
 
     kind: Literal["recorded"] = "recorded"
 
     csv: Annotated[str, BeforeValidator(content_of)]
     """Path of a CSV file with the columns t (s), x, y, z (m) and qx, qy, qz, qw (unit quaternion
-    from camera axes, +x right, +y down, +z forward, to world axes); a first line of names may be
-    there. It is read once: from then on this is the file's text."""
+    from camera axes, +x right, +y down, +z forward, to world axes); a header line is optional. It
+    is read once; from then on this is the file's text."""
 
     start_s: Annotated[float, Field(ge=0)] = 0.0
-    """Time in the recording at which the first frame is taken, counted from its first line (s)."""
+    """Time in the recording of the first frame, counted from the recording's first line (s)."""
 
     @model_validator(mode="after")
     def _recording_lasts(self) -> "Recorded":
@@ -69,7 +69,7 @@ class Recorded(Path, frozen=True):
     def course(self, times_s: Floats) -> tuple[Floats, Floats]:
         """Positions (n, 3), m, and rotations (n, 3, 3), camera axes to world.
 
-        Shortly before and after the recording the motion goes on as it was.
+        Shortly before and after the recording the motion is extrapolated.
         """
         recording = read_recording(self.csv)
         knots = recording[:, 0] - recording[0, 0]
@@ -82,7 +82,7 @@ class Recorded(Path, frozen=True):
         return CubicSpline(knots, recording[:, 1:4])(times), rotations.as_matrix()
 
     def __str__(self) -> str:
-        """What the camera does."""
+        """Camera motion."""
         return "follows a recorded path"
 
 
@@ -93,7 +93,7 @@ def read_recording(text: str) -> Floats:
     Raises
     ------
     ValueError
-        With the first line that is wrong, and why.
+        With the first invalid line and the reason.
     """
     rows: list[list[float]] = []
     for number, fields in enumerate(csv.reader(io.StringIO(text)), 1):
@@ -102,7 +102,7 @@ def read_recording(text: str) -> Floats:
             continue
         rows.append(_numbers(names, number))
         if len(rows) > 1 and rows[-1][0] <= rows[-2][0]:
-            raise ValueError(f"line {number}: t {rows[-1][0]:g} s does not grow; sort by time")
+            raise ValueError(f"line {number}: t {rows[-1][0]:g} s does not increase; sort by time")
     if len(rows) < 2:
         raise ValueError(f"{len(rows)} poses; a path needs at least 2")
     return np.array(rows)

@@ -1,4 +1,4 @@
-"""The camera on a smooth curve through listed points."""
+"""Camera on a smooth curve through listed points."""
 
 from itertools import pairwise
 from typing import Annotated, Literal
@@ -14,9 +14,9 @@ _CHECKED_TIMES = 1000
 
 
 class Spline(Path, frozen=True):
-    """A cubic spline (C²) from the first point at the first frame to the last at the last frame.
+    """Cubic spline (C²) from the first point at the first frame to the last at the last frame.
 
-    The time between points is in proportion to their distance, so the speed is nearly steady.
+    The time between points is proportional to their distance, so the speed is nearly constant.
     """
 
     kind: Literal["spline"] = "spline"
@@ -25,7 +25,7 @@ class Spline(Path, frozen=True):
     """Points to pass through (x, y, z in m; z is up)."""
 
     look_at_m: Vector | None = None
-    """Point that stays at the image center (x, y, z in m); null looks along the curve."""
+    """Point at the image center (x, y, z in m); null: look along the curve."""
 
     up: Vector = (0.0, 0.0, 1.0)
     """Direction that is up in the image."""
@@ -35,7 +35,7 @@ class Spline(Path, frozen=True):
     def _points_differ(cls, points: tuple[Vector, ...]) -> tuple[Vector, ...]:
         for first, second in pairwise(points):
             if first == second:
-                raise ValueError(f"the point {first} follows itself: leave one of them out")
+                raise ValueError(f"the point {first} occurs twice in a row: omit one of them")
         return points
 
     @model_validator(mode="after")
@@ -67,6 +67,6 @@ class Spline(Path, frozen=True):
         return np.asarray(self.look_at_m - curve(times_s))
 
     def __str__(self) -> str:
-        """What the camera does."""
+        """Camera motion."""
         view = "ahead" if self.look_at_m is None else "at one point"
         return f"follows a smooth curve through {len(self.points_m)} points, looking {view}"

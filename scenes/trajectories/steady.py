@@ -1,4 +1,4 @@
-"""The camera turning in place, moving along a line, or both at once."""
+"""Camera that turns in place, moves along a line, or both."""
 
 import math
 from typing import Literal
@@ -31,7 +31,7 @@ class Trajectory(Aimed, frozen=True):
         return positions, turns @ first
 
     def __str__(self) -> str:
-        """What the camera does."""
+        """Camera motion."""
         speed, turn = math.hypot(*self.velocity_m_s), self.rotation_deg_s
         side = "left" if turn > 0 else "right"
         turning = f"turns {side} by {abs(turn):g}° per second" if turn else ""

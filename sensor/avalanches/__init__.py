@@ -1,1 +1,1 @@
-"""How effects act on each other in time: avalanches simulated, counts drawn, their moments."""
+"""Interaction of effects in time: simulated avalanches, drawn counts and their moments."""

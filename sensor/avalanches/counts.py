@@ -1,11 +1,11 @@
-"""Counts of a frame and their mean and variance, by the cheapest exact way.
+"""Counts of a frame with their mean and variance, by the cheapest exact method.
 
-    dead time alone                       its own law (`dead_time`)
+    dead time alone                       closed form (`dead_time`)
     gate alone                            Poisson, in the time the gate is open
     crosstalk alone                       Poisson, then generation after generation (`crosstalk`)
     anything else                         simulated avalanche by avalanche (`simulation`)
 
-The mean and variance of a pixel are those of `moments`, with crosstalk those of `coupled`.
+Mean and variance come from `moments`, with crosstalk from `coupled`.
 """
 
 import numpy as np
@@ -35,12 +35,11 @@ def draw_counts(
     ----------
     rng : numpy.random.Generator
     rate_hz : (rows, columns) or (S, rows, columns) float64
-        Rate of photons that would be detected and of dark counts, together; constant, or in S equal
-        parts of the exposure.
+        Rate of detectable photons plus dark counts; constant, or in S equal parts of the exposure.
     exposure_s : float
     effects : AvalancheEffects
     maps : AvalancheMaps, optional
-        How pixels differ; by default not at all.
+        Differences between pixels; default: none.
     """
     if rate_hz.ndim == 3 and not effects.remembers:
         rate_hz = mean_rate(rate_hz, exposure_s, effects)
@@ -61,13 +60,13 @@ def count_moments(
 ) -> tuple[Floats, Floats]:
     """Mean and variance (rows, columns) of the counts of one exposure; parameters as `draw_counts`.
 
-    Of rates in parts they are those of exposures at the rate of every part, weighed with its share
-    of the time open: exact without dead time and afterpulsing, else but for what a part inherits of
-    the one before. With dead time alone, two pixels under the same arrivals differ by one count at
-    most from any moment on, and by none if both are live then: at each of the S − 1 borders, and by
-    how the exposure starts, the mean is off by no more than the share of time that a part is dead.
-    With afterpulses each of these counts has 1/(1 − p) in all, and the carriers that wait at a
-    border come on top.
+    For rates in parts, the moments of each part's rate are weighted with its share of the open
+    time. This is exact without dead time and afterpulsing; otherwise it neglects what a part
+    inherits from the one before. With dead time alone, two pixels with the same arrivals differ by
+    at most one count from any moment on, and by none if both are live then. So the error of the
+    mean at each of the S − 1 borders, and at the start, is at most the share of time that a part is
+    dead. With afterpulses each of these counts becomes 1/(1 − p) counts, plus the carriers trapped
+    at a border.
     """
     if rate_hz.ndim == 3 and effects.remembers:
         weights = part_weights(effects.gate, exposure_s, len(rate_hz))
@@ -88,7 +87,7 @@ def count_moments(
 
 
 def mean_rate(rate_hz: Floats, exposure_s: float, effects: AvalancheEffects) -> Floats:
-    """Mean over the time open of rates in parts (S, rows, columns), Hz."""
+    """Mean of rates in parts (S, rows, columns) over the open time, Hz."""
     weights = part_weights(effects.gate, exposure_s, len(rate_hz))
     return np.asarray(np.tensordot(weights, rate_hz, 1))
 
@@ -98,5 +97,5 @@ def _strength(maps: AvalancheMaps | None) -> Floats | None:
 
 
 def _is_simple(effects: AvalancheEffects) -> bool:
-    """Whether the counts of a pixel have a law that can be drawn from."""
+    """True if the counts of a pixel follow a distribution that can be drawn from directly."""
     return effects.on <= {"gate", "crosstalk"} or effects.has_law

@@ -1,34 +1,34 @@
-"""Mean and variance of the counts where crosstalk meets dead time, afterpulsing or both.
+"""Mean and variance of counts with crosstalk and dead time, afterpulsing or both.
 
-Light from a neighbor j is an arrival in pixel i at the time of an avalanche in j, and that matters:
-j was silent for a dead time before, so neither has it just fired i nor i it. With c the probability
-that j fires i, ν counts per second and a pixel's own rate λ, i receives from j
+Light from a neighbor j arrives in pixel i at the time of an avalanche in j. For a dead time before,
+j did not fire: it has not just fired i, nor i it. With c the probability that j fires i, ν the
+count rate and λ a pixel's own rate, i receives from j
 
     m_ij = c·(ν_j − c·q_ji·ν_i)
 
-as what i has just fired in j returns while i is dead; an arrival finds i live with q_ij instead of
-the probability ℓ_i at any time. For the two kinds of dead time
+because light from an avalanche that i has just fired in j returns while i is dead. An arrival finds
+i live with probability q_ij, against ℓ_i at any time. For the two kinds of dead time
 
     non-paralyzable   ℓ_i = 1 − ν_i·τ    q_ij = 1/(1 + (1 − c)·b/(1 − b)),  b = dead without j's
                                          light = ν_i·τ − m_ij·q_ij·τ/(1 + λ_i·τ)
     paralyzable       q_ij/ℓ_i = exp(m_ij·τ + c·ν_i·τ)
 
-The counts are those of a pixel alone (`moments`) at r_i = λ_i + Σ_j m_ij·q_ij/ℓ_i; where dead time
-is paralyzable, of one at λ_i + Σ_j m_ij, whose arrivals extend it, times r_i over that. Early in an
-exposure τ is no longer than the time passed.
+The counts are those of a single pixel (`moments`) at r_i = λ_i + Σ_j m_ij·q_ij/ℓ_i. With
+paralyzable dead time they are those at λ_i + Σ_j m_ij, whose arrivals extend it, times r_i over
+that. Early in an exposure τ is at most the time elapsed.
 
-For the variance every pixel answers linearly to what its neighbors send (`crosstalk.
-spread_variance`), with the slope and the ratio of variance to mean of a pixel without the light of
-the one neighbor in question. A pixel with dead time is not fired again by what it fired. Without
-dead time, this is exact in long exposures.
+For the variance every pixel responds linearly to its neighbors' light
+(`crosstalk.spread_variance`), with the slope and Fano factor of a pixel without the light of the
+neighbor in question. A pixel with dead time is not fired again by avalanches that it caused.
+Without dead time, this is exact in long exposures.
 
-Left out: light that reaches a pixel at one instant over two ways, and that what neighbors send is
-less random than a Poisson process also in how it meets dead times.
+Neglected: light that reaches a pixel at one instant by two paths, and that the sub-Poisson
+statistics of neighbors' light also change how it meets dead times.
 
-By simulation of a uniform frame the mean is within .1 % and the variance within .5 % at 0.1 fired
-neighbors, .3 % and .6 % at 0.3, 1.3 % and 2.5 % at 0.6, for r·τ from 1e-3 to 1 in both kinds of
-dead time; so are, to the 1 % of their simulations, a bright pixel alone, its neighbors and the
-border of a dark and a bright half. What the tables of a pixel alone are off comes on top.
+Against simulations of a uniform frame, the mean is within 0.1 % and the variance within 0.5 % at
+0.1 fired neighbors, 0.3 % and 0.6 % at 0.3, 1.3 % and 2.5 % at 0.6, for r·τ from 1e-3 to 1 and both
+kinds of dead time. The same holds, to the 1 % of their simulations, for a bright pixel, its
+neighbors and a border of dark and bright. Errors of the tables of a single pixel add.
 """
 
 import numpy as np
@@ -98,7 +98,7 @@ def _light(
     strength: Floats | None,
     ones: Floats,
 ) -> tuple[Floats, Floats, Floats]:
-    """Arrivals per second from all neighbors, the same weighed with q/ℓ, and the sum of squares."""
+    """Arrivals per second from all neighbors, these weighted with q/ℓ, and the sum of squares."""
     sent = ones if strength is None else strength
     kind = effects.dead_time.kind
     weights = neighborhood(effects.crosstalk)
@@ -129,7 +129,7 @@ def _light(
 def _live(
     kind: str, counts_hz: Floats, own_hz: Floats, light: Floats, back: Floats, dead_s: Floats
 ) -> Floats:
-    """Probability that a pixel is live when a neighbor fires that sends it this light."""
+    """Probability that a pixel is live when a neighbor that sends it this light fires."""
     if kind == "paralyzable":
         return np.exp(-np.minimum((own_hz + np.maximum(light, 0)) * dead_s, 700.0))
     dead = np.maximum(counts_hz - light / (1 + own_hz * dead_s), 0.0) * dead_s
@@ -140,7 +140,7 @@ def _live(
 def _mean_dead_s(
     exposure_s: float, effects: AvalancheEffects, maps: AvalancheMaps | None
 ) -> Floats:
-    """Time, s, that the average moment of an exposure looks back: τ, or less from its start."""
+    """Mean look-back time of an exposure, s: τ, or less near its start."""
     dead = effects.dead_time.dead_time_s * (np.ones((1, 1)) if maps is None else maps.dead_time)
     if effects.dead_time.start == "stationary":
         return dead
@@ -148,7 +148,7 @@ def _mean_dead_s(
 
 
 def _shifted(values: Floats, down: int, right: int) -> Floats:
-    """What lies so far up and left of every pixel; 0 beyond the edge."""
+    """Values shifted down and right; 0 beyond the edge."""
     rows, columns = values.shape
     result = np.zeros_like(values)
     if abs(down) < rows and abs(right) < columns:

@@ -1,10 +1,9 @@
-"""The loop over avalanches: arrivals of all pixels in the order of time.
+"""Event loop over avalanches: arrivals of all pixels in order of time.
 
-An arrival (photon or dark carrier, released carrier, crosstalk light) while the gate is closed does
-nothing. In the dead time it is lost; it extends a paralyzable one, and in the last moments of a
-non-paralyzable one it waits for its end and fires then (a twilight pulse). Else the pixel fires,
-while it recharges with a probability below 1, and then counts, fills traps and lights its
-neighbors.
+An arrival (photon or dark carrier, released carrier, crosstalk light) while the gate is closed has
+no effect. In the dead time it is lost. It extends a paralyzable dead time; at the end of a
+non-paralyzable one it may fire when that ends (a twilight pulse). Otherwise the pixel fires, with a
+probability below 1 while it recharges. It then counts, fills traps and lights its neighbors.
 """
 
 from typing import NamedTuple
@@ -28,20 +27,20 @@ from megalopta.sensor.effects.gating import is_open
 
 PHOTON, CARRIER, CROSSTALK, TWILIGHT = 0, 1, 2, 3
 KINDS = 4
-# Entries that one avalanche may add. More carriers than 32 come once in 10³⁶ avalanches.
+# Entries that one avalanche may add. More than 32 carriers occur once in 10³⁶ avalanches.
 _MOST_CARRIERS = 32
 _ROOM = _MOST_CARRIERS + 18
 
 
 class Parameters(NamedTuple):
-    """What is the same in every pixel; times in s."""
+    """Parameters that all pixels share; times in s."""
 
     exposure_s: float
     start_s: float
     is_paralyzable: bool
     is_stationary: bool
     is_coupled: bool
-    """Whether pixels know of each other: with crosstalk"""
+    """True with crosstalk: pixels affect each other"""
     columns: int
     twilight_s: float
     recharge_s: float
@@ -51,14 +50,14 @@ class Parameters(NamedTuple):
 
 
 class Tables(NamedTuple):
-    """Parameters that are arrays: numba counts a reference to each wherever they are passed."""
+    """Parameters that are arrays; numba counts references to each wherever they are passed."""
 
     rates: Floats
     """Arrivals per second, (S, N), in S equal parts of the exposure"""
     dead_times: Floats
     """s, (N,)"""
     carriers: Floats
-    """Mean number that an avalanche leaves in traps, (N,)"""
+    """Mean number of carriers that an avalanche leaves in traps, (N,)"""
     strengths: Floats
     """Factor on the crosstalk that a pixel sends, (N,)"""
     delays_s: Floats
@@ -68,14 +67,14 @@ class Tables(NamedTuple):
 
 
 class Before(NamedTuple):
-    """What the exposure before has left, times from the start of this one."""
+    """State left by the previous exposure; times from the start of this one."""
 
     is_begun: bool
-    """Whether there was one"""
+    """True if there was a previous exposure"""
     blind_until: Floats
     """End of each pixel's dead time, (N,), changed in place"""
     times: Floats
-    """When carriers will be released and twilight pulses come"""
+    """Times of released carriers and twilight pulses"""
     owners: Ints
     """Pixel and kind of each of these, in the order of pixels"""
 
@@ -83,7 +82,7 @@ class Before(NamedTuple):
 def parameters_of(
     rates: Floats, exposure_s: float, effects: AvalancheEffects, maps: AvalancheMaps
 ) -> tuple[Parameters, Tables]:
-    """What the loop needs of the effects, for rates (S, rows, columns) in Hz."""
+    """Parameters of the loop for effects and rates (S, rows, columns) in Hz."""
     dead_time, afterpulsing = effects.dead_time, effects.afterpulsing
     is_stationary = dead_time.start == "stationary"
     dead_times = dead_time.dead_time_s * maps.dead_time.ravel()
@@ -109,7 +108,7 @@ def parameters_of(
         strengths=maps.crosstalk.ravel(),
         delays_s=np.array(afterpulsing.table_delays_s, np.float64),
         cumulative=np.array(afterpulsing.table_cumulative, np.float64),
-        # in one order of memory always, as numba compiles the loop anew for another
+        # always one memory order, as numba compiles the loop anew for another
         taps=np.ascontiguousarray(
             np.column_stack((places - len(weights) // 2, weights[tuple(places.T)]))
         ),
@@ -125,11 +124,11 @@ def run_frame(
     keep_events: bool,
     before: Before,
 ) -> tuple[Ints, Floats, tuple[Floats, Ints], tuple[Floats, Ints]]:
-    """Counts; tally; times and pixels of events; times and owners of what is left after it.
+    """Counts; tally; times and pixels of events; times and owners of the entries that remain.
 
-    The tally (3, N) is the number of photons and dark carriers that met a live pixel, the mean of
-    that number given how long it was live, and the number of carriers that were trapped. Pixels
-    that know of each other share a queue; the others have one each, in turn.
+    The tally (3, N) is the number of photons and dark carriers that met a live pixel, its mean
+    given the live time, and the number of trapped carriers. Pixels with crosstalk share a queue;
+    others are simulated one by one.
     """
     pixels = tables.dead_times.size
     counts, tally = np.zeros(pixels, np.int64), np.zeros((3, pixels))
@@ -171,7 +170,7 @@ def run_frame(
                 tables.rates, pixel, blind_until[pixel], exposure, part_s, parameters.gate
             )
         for entry in range(size):
-            # photons come without memory, so that the next exposure draws its own
+            # photons are memoryless, so the next exposure draws its own
             if owners[entry] % KINDS != PHOTON:
                 if left == left_times.size:
                     left_times, left_owners = longer(left_times, room), longer(left_owners, room)
@@ -185,10 +184,10 @@ def run_frame(
 def _run(  # type: ignore[no-untyped-def]
     rng, parameters, tables, counts, tally, blind_until, times, owners, size, stamps, places, kept
 ):
-    """Go on to the end of the exposure, or until an array is too short; return size and kept.
+    """Run to the end of the exposure, or until an array is too short; return size and kept.
 
-    `kept` below 0 keeps no events. Arrays are made longer outside, as numba counts references
-    where they may change, and come one by one, as it counts those in tuples.
+    `kept` below 0 keeps no events. Arrays are extended outside and passed one by one: numba counts
+    references where arrays may change, and those in tuples.
     """
     exposure, is_paralyzable = parameters.exposure_s, parameters.is_paralyzable
     twilight, recharge = parameters.twilight_s, parameters.recharge_s
@@ -225,17 +224,17 @@ def _run(  # type: ignore[no-untyped-def]
                 tally[2, pixel] += trapped * (time >= 0)
                 for _ in range(trapped):
                     release = time + draw_delay(rng, parameters.delay_s, delays, cumulative)
-                    # one that is lost without effect need not be kept
+                    # an entry that is lost without effect need not be kept
                     if is_paralyzable or release >= blind_until[pixel] - twilight:
                         size = push(times, owners, size, release, KINDS * pixel + CARRIER)
             if parameters.is_coupled:
                 avalanche = time, pixel, parameters.columns
                 size = _push_crosstalk(rng, tables, times, owners, size, avalanche)
         if kind == PHOTON:
-            # where the dead time is not extended, arrivals in it need not be drawn
+            # unless the dead time is extended, arrivals in it need not be drawn
             since = time if is_paralyzable else max(time, blind_until[pixel] - twilight)
             arrival = next_photon(rng, rates, pixel, since, part_s, gate)
-            # photons that only extend the dead time need not go through the heap
+            # photons that only extend the dead time need not enter the heap
             while is_paralyzable and arrival < min(blind_until[pixel], exposure):
                 blind_until[pixel] = arrival + tau
                 arrival = next_photon(rng, rates, pixel, arrival, part_s, gate)
@@ -245,7 +244,7 @@ def _run(  # type: ignore[no-untyped-def]
 
 @compiled
 def _push_crosstalk(rng, tables, times, owners, size, avalanche):  # type: ignore[no-untyped-def]
-    """Let an avalanche, of a time and a pixel in so many columns, light its neighbors."""
+    """Let an avalanche light its neighbors, given its time, pixel and the number of columns."""
     time, pixel, columns = avalanche
     taps, strength = tables.taps, tables.strengths[pixel]
     rows, row, column = tables.strengths.size // columns, pixel // columns, pixel % columns

@@ -1,25 +1,24 @@
-"""Mean and variance of the counts of one pixel, crosstalk apart.
+"""Mean and variance of the counts of one pixel, without crosstalk.
 
-    dead time alone, gate alone    their laws (`dead_time`)
+    dead time alone, gate alone    closed forms (`dead_time`)
     anything else                  simulated at fixed rates, interpolated
 
-Simulations run once, at 5 rates to the decade, and from fixed streams, so that the moments of a
-rate do not depend on what else is asked for. What is interpolated is the logarithm of the ratio to
-the moments of dead time at the same arrivals, over that of the rate. Of an exposure much longer
-than what a pixel remembers only a beginning is simulated and a piece after it, which is repeated.
+Simulations run once, at 5 rates per decade, from fixed random streams: the moments of a rate do not
+depend on other requests. Interpolated is the logarithm of the ratio to the moments of dead time at
+the same arrivals, over the logarithm of the rate. Of an exposure much longer than a pixel's memory,
+only the beginning and one later piece are simulated; that piece is repeated.
 
-Photons and dark carriers that meet a live pixel, less the mean of their number given the time for
-which it was live, are 0 on average, with the variance of a Poisson number; so are the carriers that
-are trapped, less their mean. What the counts share with these two is therefore known, and only the
-rest has the error of a simulation: up to `MEAN_ERROR`, or .003 standard deviations, and
-`VARIANCE_ERROR`, with up to 0.2 carriers; twice as much with paralyzable dead time, where beyond
-r·τ = 2 they are some percent.
+Two control variates have known moments: the photons and dark carriers that meet a live pixel, less
+their mean given its live time, and the trapped carriers, less their mean. Both have mean 0 and
+Poisson variance. Only the rest has the error of a simulation: up to `MEAN_ERROR`, or 0.003 standard
+deviations, and `VARIANCE_ERROR`, with up to 0.2 carriers. Errors are twice as large with
+paralyzable dead time, and some percent there beyond r·τ = 2.
 
-Where pixels differ (`AvalancheMaps`) ratios are found at some factors between the least and the
-largest, and a polynomial is laid through them.
+Where pixels differ (`AvalancheMaps`), a polynomial interpolates ratios at some factors between the
+smallest and the largest.
 
-Tables lie in the user's cache folder under the hash of the effects, the exposure and the code that
-makes them. A folder that cannot be written to, or a damaged file, costs time and nothing else.
+Tables are cached in the user's cache folder under the hash of effects, exposure and code. A
+read-only folder or a damaged file costs only time.
 """
 
 from collections.abc import Callable
@@ -43,7 +42,7 @@ from megalopta.sensor.effects.gating import open_fraction
 from megalopta.sensor.sampling.streams import generator
 
 MEAN_ERROR, VARIANCE_ERROR = 1e-3, 1e-2
-"""Relative errors of what is interpolated."""
+"""Relative errors of the interpolation."""
 
 _NODES_PER_DECADE = 5
 _FEWEST_ARRIVALS = 0.1
@@ -56,7 +55,7 @@ _DEAD_TIMES_REMEMBERED = 20
 # of the memory for a part in e²⁰, which is more than a covariance needs
 _PART_OF_MEMORY = 0.25
 _MOST_BYTES = 10**8
-"""Of all tables; one takes a few kB."""
+"""Size limit of all tables; one takes a few kB."""
 _CODE = tuple(f"megalopta.sensor.{room}" for room in ("avalanches", "effects", "sampling"))
 _one_at_a_time = Lock()
 
@@ -70,7 +69,7 @@ def pixel_moments(
     effects: AvalancheEffects,
     maps: AvalancheMaps | None = None,
 ) -> Moments:
-    """Return mean and variance of the counts of one exposure, crosstalk apart.
+    """Return mean and variance of the counts of one exposure, without crosstalk.
 
     Parameters
     ----------
@@ -79,7 +78,7 @@ def pixel_moments(
     exposure_s : float
     effects : AvalancheEffects
     maps : AvalancheMaps, optional
-        How pixels differ, of the same shape; by default not at all.
+        Differences between pixels, of the same shape; default: none.
     """
     check_arrivals(rate_hz, exposure_s)
     scale = 1.0 if maps is None else maps.dead_time
@@ -97,7 +96,7 @@ def pixel_moments(
 
 
 def open_rate(rate_hz: Floats, exposure_s: float, effects: AvalancheEffects) -> Floats:
-    """Rate of a pixel without gate that has as many arrivals, Hz."""
+    """Rate of a pixel without a gate that has the same number of arrivals, Hz."""
     return rate_hz * open_fraction(effects.gate, exposure_s) if effects.gate.is_on else rate_hz
 
 
@@ -106,7 +105,7 @@ def _over_factors(
     effects: AvalancheEffects,
     maps: AvalancheMaps | None,
 ) -> Floats:
-    """Ratios (2, ...) where every pixel has its own dead time and number of carriers."""
+    """Ratios (2, ...) for pixels with their own dead time and number of carriers."""
     if maps is None:
         return ratios(effects)
     total = np.zeros((2, *maps.dead_time.shape))
@@ -127,7 +126,7 @@ def _scaled(effect: Any, field: str, factor: float) -> Any:
 
 
 def _factors(factors: Floats, is_on: bool) -> list[tuple[float, Floats]]:
-    """Factors of a polynomial, and what every pixel takes of the value at each (Lagrange)."""
+    """Nodes of a polynomial over a factor, and each pixel's weight of each node (Lagrange)."""
     low, high = float(factors.min(initial=np.inf)), float(factors.max(initial=0))
     if not is_on or not factors.size:
         return [(1.0, np.ones_like(factors))]
@@ -144,9 +143,9 @@ def _factors(factors: Floats, is_on: bool) -> list[tuple[float, Floats]]:
 
 
 def _ratios(arrivals: Floats, exposure_s: float, effects: AvalancheEffects) -> Floats:
-    """Ratios of mean and variance to those of dead time at so many arrivals, (2, ...)."""
+    """Ratios (2, ...) of mean and variance to those of dead time at these arrivals."""
     place = np.log10(np.maximum(arrivals, _FEWEST_ARRIVALS)) * _NODES_PER_DECADE
-    # a slope takes the nodes beside; those beyond them change nothing
+    # a slope uses the adjacent nodes; those beyond change nothing
     ends = int(np.floor(place.min(initial=0))) - 1, int(np.floor(place.max(initial=0))) + 3
     nodes = np.arange(*ends)
     table = _table(tuple(nodes.tolist()), exposure_s, effects)
@@ -154,8 +153,8 @@ def _ratios(arrivals: Floats, exposure_s: float, effects: AvalancheEffects) -> F
 
 
 def _table(nodes: tuple[int, ...], exposure_s: float, effects: AvalancheEffects) -> Floats:
-    """Ratios (N, 2) at 10^(node/5) arrivals an exposure."""
-    # one thread fills the table, which the others would only fill with the same numbers
+    """Ratios (N, 2) at 10^(node/5) arrivals per exposure."""
+    # one thread fills the table: others would repeat its work
     with _one_at_a_time:
         store, table = _stored(effects, exposure_s)
         missing = [node for node in nodes if node not in table]
@@ -186,7 +185,7 @@ def _simulated_ratios(
     laws = np.ravel(dead_time.moments(open_hz, exposure_s, effects.dead_time))
     rng = generator(0, "moments", node)
     found = _simulated_moments(rng, float(rate_hz[0]), exposure_s, effects, laws[0] / exposure_s)
-    # nothing is counted, or always the same, only where light is overwhelming
+    # counts are 0 or constant only under overwhelming light
     mean, variance = (
         ours / law if min(ours, law) > 0 else 1.0 for ours, law in zip(found, laws, strict=True)
     )
@@ -200,9 +199,9 @@ def _simulated_moments(
     effects: AvalancheEffects,
     counts_hz: float,
 ) -> tuple[float, float]:
-    """Simulate a beginning and a piece after it; further pieces are like this one.
+    """Simulate the beginning and one later piece, which represents all further pieces.
 
-    A piece is so long that only neighboring ones are correlated, and holds whole gate periods.
+    A piece is long enough that only adjacent ones are correlated, and holds whole gate periods.
     """
     dead, gate, memory_s = effects.dead_time, effects.gate, effects.memory_s
     remembered_s = _PART_OF_MEMORY * memory_s + _DEAD_TIMES_REMEMBERED * dead.dead_time_s
@@ -213,7 +212,7 @@ def _simulated_moments(
     beginning_s = exposure_s - pieces * piece_s
     simulated_s = exposure_s if pieces == 1 else beginning_s + piece_s
     ns_per_s = _NS_PER_ARRIVAL * rate_hz + _NS_PER_COUNT * counts_hz
-    ns_per_exposure = _NS_PER_EXPOSURE + ns_per_s * simulated_s  # not what runs before a start
+    ns_per_exposure = _NS_PER_EXPOSURE + ns_per_s * simulated_s  # excluding entries before a start
     rates = np.full((max(int(_BUDGET_NS / ns_per_exposure), _FEWEST_EXPOSURES), 1), rate_hz)
     carriers = effects.afterpulsing.mean_carriers
     if pieces == 1:
@@ -231,9 +230,9 @@ def _simulated_moments(
 
 
 def _moments_of(frames: list[SimulatedFrame], mean_carriers: float) -> tuple[Floats, Floats]:
-    """Mean (F,) and covariance (F, F) of the counts of exposures that follow on each other.
+    """Mean (F,) and covariance (F, F) of the counts of consecutive exposures.
 
-    The part that is linear in surpluses, of light met and of carriers trapped, has known moments.
+    The part that is linear in both control variates has known moments.
     """
     counts = np.array([frame.counts.ravel() for frame in frames], np.float64)
     met, expected, trapped = np.array([frame.tally for frame in frames]).swapaxes(0, 1)

@@ -1,15 +1,15 @@
-"""Every avalanche of an exposure, one after the other, in the order of time.
+"""Event-by-event simulation of every avalanche of an exposure, in order of time.
 
-The exact simulation where no law of the counts is known: dead time together with afterpulsing,
-crosstalk or gating, twilight pulses, recharging, light that changes within the exposure, and every
-stream of events. A heap holds what may fire a pixel next (`kernel`). Without crosstalk the pixels
-do not know of each other and are simulated one by one, so that the heap holds hardly more than one
-entry.
+It is exact, and used where the count distribution has no closed form: dead time with afterpulsing,
+crosstalk or gating, twilight pulses, recharging, light that changes within the exposure, and event
+streams. A heap holds the arrivals that may fire a pixel next (`kernel`). Without crosstalk, pixels
+are independent and simulated one by one, so the heap rarely holds more than one entry.
 
-Start: live, charged, with empty traps; stationary, by starting 20 dead times and the traps' memory
-earlier from a dead time in equilibrium without afterpulses; or where another exposure ended, so
-that an array runs freely. At r·τ = a a non-paralyzable pixel forgets as e^(−βt/τ), β = ½·ln(1 +
-π²/(a + a²)): but for a part in e¹⁷ at a = 1, and for 6 % of what gate or carriers disturb at a = 5.
+An exposure starts live, charged and with empty traps; or stationary, by starting 20 dead times plus
+the traps' memory earlier, in equilibrium without afterpulses; or where another exposure ended, so
+that the array runs continuously. At r·τ = a, a non-paralyzable pixel forgets as e^(−βt/τ), β =
+½·ln(1 + π²/(a + a²)). What remains is a part in e¹⁷ at a = 1, and 6 % of a disturbance by gate or
+carriers at a = 5.
 """
 
 from dataclasses import dataclass
@@ -24,12 +24,12 @@ from megalopta.sensor.effects.fields import AvalancheEffects
 
 
 class PixelState(NamedTuple):
-    """What the pixels of an array remember at the end of an exposure; times from that end."""
+    """State of an array's pixels at the end of an exposure; times from that end."""
 
     blind_until_s: Floats
     """End of the last dead time, (N,)"""
     pending_s: Floats
-    """When trapped carriers will be released and twilight pulses come, (M,)"""
+    """Times of released carriers and twilight pulses, (M,)"""
     owners: Ints
     """Pixel and kind of each of these, (M,), in the order of pixels"""
 
@@ -40,14 +40,14 @@ class SimulatedFrame(NamedTuple):
     counts: Ints
     """(rows, columns)"""
     tally: Floats
-    """Photons and dark carriers that met a live pixel, their mean given the time that it was live,
-    and carriers trapped, (3, N)"""
+    """Photons and dark carriers that met a live pixel, their mean given its live time, and trapped
+    carriers, (3, N)"""
     times_s: Floats
-    """Of the counted avalanches, from the start of the exposure; empty unless asked for"""
+    """Times of the counted avalanches from the start of the exposure; empty unless requested"""
     pixels: Ints
-    """Flat index of the pixel of each"""
+    """Flat pixel index of each"""
     state: PixelState
-    """From which `simulate_frame` goes on"""
+    """State from which `simulate_frame` continues"""
 
 
 def simulate_frame(
@@ -60,7 +60,7 @@ def simulate_frame(
     state: PixelState | None = None,
     keep_events: bool = True,
 ) -> SimulatedFrame:
-    """Simulate one exposure, from a start of its own or from where another one ended.
+    """Simulate one exposure, from its own start or from the end of another one.
 
     Parameters
     ----------
@@ -70,12 +70,11 @@ def simulate_frame(
     exposure_s : float
     effects : AvalancheEffects
     maps : AvalancheMaps, optional
-        How pixels differ in dead time, afterpulsing and crosstalk; by default not at all.
+        Differences in dead time, afterpulsing and crosstalk; default: none.
     state : PixelState, optional
-        Of the exposure before; it follows without a gap.
+        State at the end of the previous exposure; this one follows without a gap.
     keep_events : bool
-        Whether times and pixels are wanted: ordered by pixel and then time, or with crosstalk by
-        time.
+        True to return times and pixels, ordered by pixel and then time; by time with crosstalk.
     """
     rates = rate_hz if rate_hz.ndim == 3 else rate_hz[None]
     _, rows, columns = rates.shape
@@ -95,14 +94,14 @@ def simulate_frame(
 
 @dataclass
 class FreeRunning:
-    """An array that is not reset between exposures, which follow on each other without a gap.
+    """Array that is not reset between exposures, which follow each other without a gap.
 
-    `FreeRunning()` has not begun.
+    `FreeRunning()` has no past.
 
     Attributes
     ----------
     state : PixelState, optional
-        What its pixels remember; replaced by every exposure.
+        State of its pixels; replaced by every exposure.
     """
 
     state: PixelState | None = None
@@ -122,13 +121,13 @@ class FreeRunning:
         Raises
         ------
         ValueError
-            When the array had another number of pixels before.
+            If the array had another number of pixels before.
         """
         rows, columns = rate_hz.shape[-2:]
         if self.state is not None and self.state.blind_until_s.size != rows * columns:
             raise ValueError(
                 f"free_running: the array had {self.state.blind_until_s.size} pixels before and "
-                f"has {rows} × {columns} now; give the same frames, or begin anew"
+                f"has {rows} × {columns} now; give frames of the same size or a new FreeRunning"
             )
         frame = simulate_frame(
             rng, rate_hz, exposure_s, effects, maps=maps, state=self.state, keep_events=keep_events
@@ -140,7 +139,7 @@ class FreeRunning:
 def running_array(
     free_running: bool | FreeRunning, effects: AvalancheEffects
 ) -> FreeRunning | None:
-    """The array that goes on, a new one for True; none where frames do not depend on each other."""
+    """Array that continues between frames, new for True; None where frames are independent."""
     if not free_running or not effects.remembers:
         return None
     return FreeRunning() if free_running is True else free_running

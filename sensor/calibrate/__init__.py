@@ -1,1 +1,1 @@
-"""Estimates of a device from dark, flat and stepped-exposure recordings, and corrected frames."""
+"""Estimates of a device from dark, flat and stepped-exposure recordings; corrected frames."""

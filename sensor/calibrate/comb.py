@@ -1,32 +1,32 @@
-"""The comb: readings lie one step apart, and tell offset, leak, step and read noise of each pixel.
+"""Comb fit: readings one step apart give offset, leak, step and read noise of each pixel.
 
-**Period.** The length of the mean phase |Σ exp(2πi·V/s)|/n over trial steps s is largest at the
-step, where read noise r leaves exp(−2π²·r²/s²) of it. Levels have phases of their own (leak), so
-squares are summed. Between the trials the maximum is that of a parabola.
+**Period.** The mean phase |Σ exp(2πi·V/s)|/n over trial steps s is largest at the true step, where
+read noise r reduces it to exp(−2π²·r²/s²). Each level has its own phase (leak), so squares are
+summed. A parabola interpolates the maximum between trials.
 
-**Fit**, by maximum likelihood. A reading shows the fall of the output
+**Fit**, by maximum likelihood. A reading is the voltage drop of the output
 
     y = a + l·T + s·x(N) + r·z       z normal; N events, Poisson at the level's own mean
 
-whose N is not known. Where the step changes over the swing S, of mean step s and slope σ, N events
-make, in steps (`sensor/spad/analog.py`),
+with unknown N. Where the step changes over the swing S, with mean step s and slope σ, N events
+cause a drop of, in steps (`sensor/spad/analog.py`),
 
     x = (1 + σ/2)·(1 − (1 − b)^N)/b       b = σ·s/S        N = log(1 − b·x/(1 + σ/2))/log(1 − b)
 
 Expectation–maximization: given the four parameters, each reading has a posterior over the three
 nearest N; given these, (a, l, s) are a weighted least-squares line and r² its residual. Intervals
-are from the observed information, that of complete data less the information which is missing
-because N is not known (T. A. Louis, J. R. Stat. Soc. B 44, 226, 1982). Where the comb is clear, all
-of this is an ordinary regression on numbers of events.
+use the observed information: that of complete data less what is missing because N is unknown (T. A.
+Louis, J. R. Stat. Soc. B 44, 226, 1982). With a clear comb this is ordinary regression on event
+numbers.
 
-The slope of the step is one for the whole array: what residuals of all pixels have in common with
-the bend of the curve (Gauss–Newton). Where they do not determine it, there is none.
+One slope of the step holds for the whole array: the projection of all pixels' residuals on the bend
+of the curve (Gauss–Newton). If they do not determine it, it is 0.
 
-The start: steps from `comb_period`, the offset from the dark means at short exposures. Readings
-then join by events and exposure, so that leak and slope known so far say which tooth is which.
+Initial values: steps from `comb_period`, offsets from dark means at short exposures. Readings are
+then added in order of events and exposure; leak and slope so far assign them to peaks.
 
-Source: PCH-EM, Hendrickson and Haefner, arXiv 2302.00090 and 2403.04498, which has one level and
-no leak, and starts from the empirical characteristic function, too.
+Source: PCH-EM, Hendrickson and Haefner, arXiv 2302.00090 and 2403.04498, which has one level and no
+leak, and also starts from the empirical characteristic function.
 """
 
 from typing import NamedTuple
@@ -42,7 +42,7 @@ from megalopta.sensor.calibrate.level import Falls
 HIDDEN_AT = 0.36
 """Read noise over step above which the comb is too faint to fit."""
 _CLEAR = 0.12
-"""Read noise over step below which no reading is between two teeth."""
+"""Read noise over step below which no reading is between two peaks."""
 _TRIALS_PER_PEAK = 4
 
 _NUDGE = 1e-4
@@ -54,25 +54,25 @@ _DETERMINED = 1e-9
 _OF_MEDIAN = 1.2533
 """Standard error of a median over that of a mean."""
 _LARGEST_SLOPE_ERROR = 0.02
-"""Beyond, the slope is taken for 0."""
+"""Standard error of the slope above which it is taken as 0."""
 
 
 class Curve(NamedTuple):
-    """Fall of an output over the number of events, where the step changes over the swing."""
+    """Voltage drop over the number of events, where the step changes over the swing."""
 
     swing_v: float
     slope: float = 0.0
-    """How much smaller it is at the bottom than at the top, relative."""
+    """Relative decrease of the step from the top to the bottom of the swing."""
 
     def steps(self, numbers: Floats, step_v: Floats) -> Floats:
-        """Return the fall after so many events, in steps; step_v (V) broadcasts."""
+        """Return the drop after a number of events, in steps; step_v (V) broadcasts."""
         if self.slope == 0:
             return numbers
         b = self.slope * step_v / self.swing_v
         return np.asarray(-(1 + self.slope / 2) / b * np.expm1(numbers * np.log1p(-b)))
 
     def numbers(self, steps: Floats, step_v: Floats) -> Floats:
-        """Return the events after which it has fallen by so many steps, not rounded."""
+        """Return the number of events, not rounded, after which it has dropped by so many steps."""
         if self.slope == 0:
             return steps
         b = self.slope * step_v / self.swing_v
@@ -80,7 +80,7 @@ class Curve(NamedTuple):
         return np.asarray(np.log(left) / np.log1p(-b))
 
     def bend(self, numbers: Floats, step_v: Floats) -> Floats:
-        """Return the derivative of `steps` by the slope."""
+        """Return the derivative of `steps` with respect to the slope."""
         low, high = (
             self._replace(slope=self.slope + way * _NUDGE).steps(numbers, step_v) for way in (-1, 1)
         )
@@ -88,7 +88,7 @@ class Curve(NamedTuple):
 
 
 class CombFit(NamedTuple):
-    """Parameters of each pixel (P, 3): fall without counts V, leak V/s, step V; and noise."""
+    """Parameters of each pixel (P, 3): drop without counts V, leak V/s, step V; and noise."""
 
     solution: Floats
     covariance: Floats
@@ -96,21 +96,21 @@ class CombFit(NamedTuple):
     noise_v: Floats
     """(P,) read noise and rounding together."""
     counts: Floats
-    """(levels, P) sums of events over all frames; 0 where the level is not used."""
+    """(levels, P) sum of events over all frames; 0 where the level is not used."""
     readings: Floats
-    """(P,) readings behind the noise."""
+    """(P,) number of readings behind the noise."""
     curve: Curve
     slope_error: float
-    """Standard error of its slope; infinite: it is not determined, and taken for 0."""
+    """Standard error of the slope; infinite if it is not determined and taken as 0."""
     is_clear: bool
-    """Whether no reading is between two teeth."""
+    """True if no reading is between two peaks."""
 
 
 def comb_period(falls: Falls, around_v: Floats, within: float) -> tuple[Floats, Floats]:
     """Return the period of the readings of each pixel, (P,) in V, and read noise over it, (P,).
 
-    The noise is what the height of the peak says. Periods are looked for around `around_v`, (P,) in
-    V, as far as the relative `within`.
+    The noise follows from the height of the peak. Periods are searched around `around_v`, (P,) in
+    V, within the relative range `within`.
     """
     order = np.argsort(falls.pixel, kind="stable")
     ends = np.searchsorted(falls.pixel[order], np.arange(around_v.size + 1))
@@ -125,7 +125,7 @@ def comb_period(falls: Falls, around_v: Floats, within: float) -> tuple[Floats, 
 def _period_of(
     falls: Falls, own: NDArray[np.intp], around_v: float, within: float
 ) -> tuple[float, float]:
-    """Period and noise of one pixel, of some of the entries."""
+    """Period and noise of one pixel from some of the entries."""
     if not own.size or not around_v > 0:
         return np.nan, np.inf
     fall_v, times = falls.fall_v[own], falls.times[own]
@@ -154,7 +154,7 @@ def _powers(
     times: Floats,
     trials: int,
 ) -> Floats:
-    """Mean over readings of the squared mean phases of levels; a turn from trial to trial."""
+    """Mean over readings of the squared mean phases of levels, one turn per trial."""
     power = np.zeros(trials)
     for at in range(len(ends) - 1):
         own = slice(ends[at], ends[at + 1])
@@ -172,10 +172,9 @@ def _powers(
 
 
 class _Readings(NamedTuple):
-    """Falls of pixels, and how often each was seen, (E,).
+    """Voltage drops of pixels, and how often each was seen, (E,).
 
-    Weights and numbers of events below are (k, E): of each reading, k numbers that it may stand
-    for.
+    Weights and event numbers below are (k, E): k candidate numbers for each reading.
     """
 
     level: NDArray[np.int64]
@@ -184,15 +183,15 @@ class _Readings(NamedTuple):
     times: Floats
     exposure: Floats
     means: Floats
-    """(levels, P) mean falls"""
+    """(levels, P) mean drops"""
     fewest: int
-    """Readings of fewer events do not count for the line."""
+    """Readings of fewer events are excluded from the line."""
 
     def at(self, chosen: Mask) -> "_Readings":
         return self._replace(**{name: getattr(self, name)[chosen] for name in self._fields[:5]})
 
     def sums(self, values: Floats) -> Floats:
-        """Sum of values (k, E) over the readings of each pixel, (P,)."""
+        """Sums of values (k, E) over the readings of each pixel, (P,)."""
         weights = self.times * values.sum(axis=0)
         return np.bincount(self.pixel, weights, self.means.shape[1]).astype(np.float64)
 
@@ -216,30 +215,30 @@ class _State(NamedTuple):
     may_slope: bool = True
 
     def steps(self, readings: _Readings) -> Floats:
-        """Fall of each reading by events, in steps, (E,)."""
+        """Drop of each reading due to events, in steps, (E,)."""
         a, leak, step = self.solution[readings.pixel].T
         return np.asarray((readings.fall - a - leak * readings.exposure) / step)
 
     def nearest(self, readings: _Readings) -> Floats:
-        """Number of events whose tooth is nearest to each reading, (1, E)."""
+        """Number of events of the peak nearest to each reading, (1, E)."""
         step = self.solution[readings.pixel, 2]
         return np.rint(self.curve.numbers(self.steps(readings), step)).clip(0)[np.newaxis]
 
     def columns(self, readings: _Readings, numbers: Floats) -> list[Floats]:
-        """Derivatives of readings by offset, leak, step and slope, each (k, E)."""
+        """Derivatives of readings with respect to offset, leak, step and slope, each (k, E)."""
         step = self.solution[readings.pixel, 2]
         one = np.ones_like(numbers)
         steps, bend = self.curve.steps(numbers, step), self.curve.bend(numbers, step)
         return [one, one * readings.exposure, steps, step * bend]
 
     def residuals(self, readings: _Readings, columns: list[Floats]) -> Floats:
-        """Difference of each fall from the line through the first three columns."""
+        """Difference of each drop from the line through the first three columns."""
         parts = zip(columns[:3], self.solution[readings.pixel].T, strict=True)
         return np.asarray(readings.fall - sum(column * value for column, value in parts))
 
 
 def fit_comb(falls: Falls, step_v: Floats, offset_v: Floats, swing_v: float) -> CombFit:
-    """Fit the comb of each pixel from steps and offsets that are nearly right, each (P,) in V."""
+    """Fit the comb of each pixel from approximate steps and offsets, each (P,) in V."""
     readings = _Readings(
         falls.level,
         falls.pixel,
@@ -257,7 +256,7 @@ def fit_comb(falls: Falls, step_v: Floats, offset_v: Floats, swing_v: float) -> 
         numbers = state.nearest(readings)
         weights = np.ones_like(numbers)
     else:
-        # readings between two teeth would bend the curve
+        # readings between two peaks would bend the curve
         state = _started(readings, start._replace(may_slope=False))
         state, weights, numbers = _maximized(readings, state)
     counts = np.zeros_like(falls.mean_v)
@@ -272,7 +271,7 @@ def fit_comb(falls: Falls, step_v: Floats, offset_v: Floats, swing_v: float) -> 
 
 
 def _started(readings: _Readings, state: _State) -> _State:
-    """Let readings join by events and exposure, each read with what the smaller ones say."""
+    """Add readings by events and exposure, each assigned with the fit of the smaller ones."""
     deepest = max(float((readings.fall / state.solution[readings.pixel, 2]).max()), _FEW_EVENTS)
     most = np.geomspace(_FEW_EVENTS, 2 * deepest, _STAGES)
     longest_s = np.geomspace(readings.exposure.min(), readings.exposure.max(), _STAGES)
@@ -280,13 +279,13 @@ def _started(readings: _Readings, state: _State) -> _State:
         some = readings.at(readings.exposure <= exposure_s)
         for _ in range(_ROUNDS_OF_START):
             numbers = state.nearest(some)
-            # not by falls: of the last tooth only low readings would be left
+            # not by drops: of the last peak only low readings would remain
             state = _regressed(some, (numbers <= events).astype(float), numbers, state)
     return state
 
 
 def _maximized(readings: _Readings, state: _State) -> tuple[_State, Floats, Floats]:
-    """Expectation and maximization in turn, until nothing moves."""
+    """Alternate expectation and maximization until convergence."""
     for _ in range(_MOST_ROUNDS):
         before = state.solution
         state = _regressed(readings, *_posterior(readings, state), state)
@@ -297,7 +296,7 @@ def _maximized(readings: _Readings, state: _State) -> tuple[_State, Floats, Floa
 
 
 def _posterior(readings: _Readings, state: _State) -> tuple[Floats, Floats]:
-    """Probabilities of the numbers of events near each reading, and these, (3, E)."""
+    """Probabilities of the event numbers near each reading, and these numbers, (3, E)."""
     step = state.solution[readings.pixel, 2]
     fallen = state.steps(readings)
     numbers = np.rint(state.curve.numbers(fallen, step)) + _NEIGHBORS[:, None]
@@ -307,7 +306,7 @@ def _posterior(readings: _Readings, state: _State) -> tuple[Floats, Floats]:
     logs += numbers * np.log(mean) - gammaln(numbers.clip(0) + 1)
     logs = np.where(numbers < 0, -np.inf, logs)
     best = logs.max(axis=0)
-    # a reading far above no count at all stands for none
+    # a reading far above the level of no counts has no event number
     lost = ~np.isfinite(best)
     weights = np.exp(logs - np.where(lost, 0, best))
     weights[:, lost], numbers[:, lost] = 1, 0
@@ -324,7 +323,7 @@ def _mean_events(readings: _Readings, state: _State) -> Floats:
 
 
 def _regressed(readings: _Readings, weights: Floats, numbers: Floats, state: _State) -> _State:
-    """Least squares of each pixel, residual noise, and the slope of all."""
+    """Least squares of each pixel, residual noise, and the common slope."""
     weights = weights * (numbers >= readings.fewest)
     columns = state.columns(readings, numbers)[:3]
     normal = readings.normal_matrix(weights, columns)
@@ -343,7 +342,7 @@ def _regressed(readings: _Readings, weights: Floats, numbers: Floats, state: _St
 def _sloped(
     readings: _Readings, weights: Floats, numbers: Floats, state: _State, regular: Mask
 ) -> _State:
-    """Move the slope by what residuals have in common with the bend of the curve."""
+    """Move the slope by the projection of residuals on the bend of the curve."""
     columns = state.columns(readings, numbers)
     information = readings.normal_matrix(weights, columns) / state.noise[:, None, None] ** 2
     score = readings.sums(weights * columns[3] * state.residuals(readings, columns))
@@ -357,7 +356,7 @@ def _sloped(
     before = state.curve.slope
     change = _weighted_median(score[known] / left[known], left[known])
     slope = float(np.clip(before + change, -1, 1))
-    # elsewhere the first step stays what it was
+    # elsewhere the first step is kept
     first = np.zeros_like(influence)
     first[:, 2] = state.solution[:, 2] / (2 + slope)
     moved = np.where(known[:, None], influence, first)
@@ -369,14 +368,14 @@ def _sloped(
 
 
 def _weighted_median(values: Floats, weights: Floats) -> float:
-    """Median that a pixel whose teeth are miscounted does not move."""
+    """Weighted median, robust against pixels with miscounted peaks."""
     order = np.argsort(values)
     total = np.cumsum(weights[order])
     return float(values[order[np.searchsorted(total, total[-1] / 2)]])
 
 
 def _covariance(readings: _Readings, weights: Floats, numbers: Floats, state: _State) -> Floats:
-    """Inverse of the observed information, and what the error of the slope adds, (P, 3, 3)."""
+    """Inverse of the observed information plus the share of the slope's error, (P, 3, 3)."""
     used = weights * (numbers >= readings.fewest)
     columns = state.columns(readings, numbers)
     complete = readings.normal_matrix(used, columns) / state.noise[:, None, None] ** 2
@@ -394,7 +393,7 @@ def _covariance(readings: _Readings, weights: Floats, numbers: Floats, state: _S
 
 
 def _missing(readings: _Readings, weights: Floats, columns: list[Floats], pull: Floats) -> Floats:
-    """Information that is missing because numbers of events are not known, (P, 3, 3)."""
+    """Information missing because event numbers are unknown, (P, 3, 3)."""
     scores = np.stack(columns) * pull
     mean = (weights * scores).sum(axis=1)
     missing = np.empty((readings.means.shape[1], 3, 3))
@@ -405,7 +404,7 @@ def _missing(readings: _Readings, weights: Floats, columns: list[Floats], pull: 
 
 
 def _unit_diagonal(normal: Floats) -> tuple[Floats, Floats]:
-    """Matrices with a diagonal of ones, and what their rows and columns were divided by."""
+    """Matrices scaled to a unit diagonal, and the divisors of their rows and columns."""
     scale = np.sqrt(np.maximum(np.diagonal(normal, axis1=1, axis2=2), 1e-30))
     return normal / scale[:, :, None] / scale[:, None, :], scale
 

@@ -1,17 +1,16 @@
-"""Corrected frames: linearize, subtract the dark, divide by the flat, fill in what cannot be used.
+"""Corrected frames: linearize, subtract dark, divide by flat, fill in unusable pixels.
 
-Dark frames are taken without light, flat frames under even light, as many of each as patience
-allows; both may be captured or simulated. They are linearized frame by frame before they are
-averaged, as everything is.
+Dark frames are taken without light, flat frames under uniform light; both may be captured or
+simulated, and more frames reduce the error. All frames are linearized before they are averaged.
 
-**The response curve** is the reading of a pixel against the arrivals that it had, and back. It is
-that of the device model itself: dead time of either kind, afterpulses, crosstalk under even light,
-gate, and the counter with its capacity and steps. Its inverse undoes all of these at once. Under a
-paralyzable dead time, or a counter that wraps, a reading belongs to two brightnesses or more; the
-dimmest is taken, and what may have been another is flagged.
+**The response curve** is the reading of a pixel over its arrivals. It is that of the device model:
+dead time of either kind, afterpulses, crosstalk under uniform light, gate, and the counter with its
+capacity and steps. Its inverse undoes all of these at once. With paralyzable dead time, or a
+counter that wraps, a reading can stand for several brightnesses; the dimmest is taken, and
+ambiguous readings are flagged.
 
-A reading scatters by σ, so the inverse of the curve, or any function of the reading, is on average
-too large by half its curvature times σ²; that is taken off, of arrivals and of their variance.
+A reading scatters by σ, so any function of it, such as the inverse of the curve, has a bias of half
+its curvature times σ². This is subtracted from arrivals and from their variance.
 """
 
 from collections.abc import Iterable, Iterator
@@ -34,39 +33,39 @@ from megalopta.sensor.spad.model import Sensor, without
 
 _NODES = 400
 _DIMMEST = 1e-3
-"""Arrivals in an exposure; below, the curve is straight."""
+"""Arrivals per exposure below which the curve is straight."""
 _SMALLEST_SLOPE = 0.05
-"""Readings per arrival, of that in the dark: where the curve is flatter, it tells nothing."""
+"""Readings per arrival, relative to the dark, below which the curve is too flat to invert."""
 _BEYOND = 2.0
-"""Of a curve that falls: arrivals up to so many times those at its peak are thought possible."""
+"""For a curve that falls: largest arrivals considered, relative to those at its peak."""
 _WEIGHTS = np.array([[0.5, 1.0, 0.5], [1.0, 0.0, 1.0], [0.5, 1.0, 0.5]])
 _FRAMES_AT_ONCE = 16
 _NEARLY_FULL = 0.95
 _DEADEST = 0.2
-"""Of the median response; a pixel below it is as good as dead."""
+"""Fraction of the median response below which a pixel counts as dead."""
 
 
 @dataclass(frozen=True, eq=False)
 class ResponseCurve:
-    """Mean and variance of readings, over arrivals in an exposure, each (n,)."""
+    """Mean and variance of readings over arrivals per exposure, each (n,)."""
 
     arrivals: Floats
-    """Photons that would be detected and dark counts, as far as readings rise with them"""
+    """Detectable photons plus dark counts, as far as readings rise with them"""
     mean: Floats
     variance: Floats
     ambiguous_from: float
-    """Readings from here on may stand for more than the last arrivals; infinite where none can"""
+    """Reading from which more than the last arrivals are possible; infinite if never"""
 
     @property
     def largest(self) -> float:
-        """The largest reading that tells the arrivals."""
+        """Largest reading that determines the arrivals."""
         return float(self.mean[-1])
 
     def arrivals_of(self, readings: Floats) -> tuple[Floats, Floats]:
         """Return arrivals and their variance, from readings of any shape.
 
-        Readings below that in the dark give negative arrivals, so that means are right; those above
-        `largest` give the last arrivals of the curve.
+        Readings below the dark reading give negative arrivals, so that means are unbiased. Readings
+        above `largest` give the last arrivals of the curve.
         """
         inverse = PchipInterpolator(self.mean, self.arrivals)
         bent = np.clip(readings, self.mean[0], self.mean[-1])
@@ -77,19 +76,19 @@ class ResponseCurve:
         return np.asarray(arrivals), np.maximum(variance, 0)
 
     def _excess(self, values: Floats, readings: Floats) -> Floats:
-        """By how much the mean over the noise of a function of the reading is too large."""
+        """Bias of a function of the reading, averaged over the noise."""
         slopes = np.gradient(values, self.mean)
         excess = 0.5 * np.gradient(slopes, self.mean) * self.variance
         return np.asarray(np.interp(readings, self.mean, excess))
 
 
 def response_curve(sensor: Sensor) -> ResponseCurve:
-    """Return the curve of a pixel that is like the mean of its array, without dark counts.
+    """Return the response curve of the array's mean pixel, without dark counts.
 
-    Raises ValueError when no reading tells the arrivals.
+    Raises ValueError if no reading determines the arrivals.
     """
     plain = _without_pattern(sensor)
-    # neighbors matter under crosstalk only
+    # neighbors matter only with crosstalk
     side = 9 if plain.crosstalk.is_on else 1
     arrivals = np.concatenate(([0.0], np.geomspace(_DIMMEST, _most_arrivals(plain), _NODES)))
     rates = np.broadcast_to(arrivals[:, None, None] / plain.exposure_s, (arrivals.size, side, side))
@@ -112,7 +111,7 @@ def response_curve(sensor: Sensor) -> ResponseCurve:
 
 
 def _without_pattern(sensor: Sensor) -> Sensor:
-    """The sensor with pixels that do not differ, neither as drawn nor as measured."""
+    """Sensor whose pixels do not differ, neither as drawn nor as measured."""
     alike: dict[str, Any] = {
         part: {name: 0.0 for name in type(getattr(sensor, part)).model_fields if "sigma" in name}
         for part in ("counter", "dead_time", "afterpulsing", "crosstalk")
@@ -122,7 +121,7 @@ def _without_pattern(sensor: Sensor) -> Sensor:
 
 
 def _most_arrivals(sensor: Sensor) -> float:
-    """Arrivals beyond which readings rise no more: of the counter, or of the dead time."""
+    """Arrivals beyond which readings no longer rise, due to the counter or the dead time."""
     most = 4.0 * sensor.counter.capacity
     if sensor.dead_time.kind != "ideal" and sensor.dead_time.dead_time_s:
         most = min(most, 20 * sensor.exposure_s / sensor.dead_time.dead_time_s)
@@ -142,9 +141,9 @@ def _ambiguous_from(arrivals: Floats, mean: Floats, variance: Floats, sensor: Se
 
 
 def hot_pixels(dark: Floats, times: float) -> Mask:
-    """Return which pixels have more dark counts than so many times the median, (rows, columns).
+    """Mask of pixels (rows, columns) with more dark counts than `times` the median.
 
-    Raises ValueError when that would be half of them or more.
+    Raises ValueError if half of them or more would be hot.
     """
     hot = dark > times * max(float(np.median(dark)), 0.0)
     if dark.size and 2 * int(hot.sum()) >= dark.size:
@@ -156,10 +155,10 @@ def hot_pixels(dark: Floats, times: float) -> Mask:
 
 
 def filled_in(values: Floats, variance: Floats, bad: Mask) -> tuple[Floats, Floats]:
-    """Return frames in which bad pixels are the mean of their good neighbors, and their variance.
+    """Return frames with bad pixels replaced by the mean of good neighbors, and the variance.
 
-    Neighbors across an edge weigh twice as much as those across a corner. Where all eight are bad,
-    those filled in before stand in for them. A frame without any good pixel stays as it is.
+    Edge neighbors weigh twice as much as corner neighbors. If all eight are bad, those filled in
+    before are used. A frame without any good pixel is unchanged.
 
     `values`, `variance` (T, rows, columns); `bad` (rows, columns) or (T, rows, columns).
     """
@@ -180,14 +179,14 @@ def filled_in(values: Floats, variance: Floats, bad: Mask) -> tuple[Floats, Floa
 
 @dataclass(frozen=True, eq=False)
 class Calibration:
-    """A device, each map (rows, columns)."""
+    """Calibration of a device; each map is (rows, columns)."""
 
     curve: ResponseCurve
     """Readings to arrivals"""
     dark: Floats
-    """Dark counts in an exposure"""
+    """Dark counts per exposure"""
     dark_variance: Floats
-    """Of this estimate"""
+    """Variance of this estimate"""
     gain: Floats
     """Efficiency relative to the sensor's curve, or to the mean of the good pixels"""
     gain_variance: Floats
@@ -203,23 +202,23 @@ def calibrate(
     flat_detections: float | None = None,
     hot_times: float = 10.0,
 ) -> Calibration:
-    """Return what dark and flat frames tell of a device.
+    """Estimate a device's calibration from dark and flat frames.
 
-    Raises ValueError when there are fewer than two frames, shapes differ, or the flat frames are
-    too dark or too bright to tell a gain.
+    Raises ValueError if there are fewer than two frames, shapes differ, or the flat frames are too
+    dark or too bright to determine a gain.
 
     Parameters
     ----------
     dark_frames, flat_frames : (n, rows, columns)
-        Readings without light and under even light, with the exposure of the sensor; arrays, in
+        Readings without light and under uniform light, at the sensor's exposure time; arrays in
         memory or on disk.
     sensor : Sensor
-        Its dead time, afterpulses, counter and so on.
+        Dead time, afterpulses, counter and so on.
     flat_detections : float, optional
-        Photons per exposure that a pixel of nominal efficiency detects of the even light. Without
-        it gains are relative to the mean of the good pixels.
+        Photons per exposure that a pixel of nominal efficiency detects in the flat frames. Default:
+        gains are relative to the mean of the good pixels.
     hot_times : float
-        Pixels with more dark counts than so many times the median are hot.
+        Pixels with more dark counts than this many times the median are hot.
     """
     kinds = {"dark": dark_frames, "flat": flat_frames}
     shapes = {name: np.shape(frames) for name, frames in kinds.items()}
@@ -246,13 +245,13 @@ def simulated_calibration(
     seed: int = 0,
     hot_times: float = 10.0,
 ) -> Calibration:
-    """Calibrate a simulated device on frames drawn in the dark and under light for a half reading.
+    """Calibrate a simulated device from frames in the dark and at half of the largest reading.
 
     Parameters
     ----------
     shape : (rows, columns)
     frames : int
-        Of each kind.
+        Number of frames of each kind.
     hot_times : float
         As for `calibrate`.
     """
@@ -284,7 +283,7 @@ class _Mean(NamedTuple):
     arrivals: Floats
     """Mean over frames"""
     variance: Floats
-    """Of that mean"""
+    """Variance of that mean"""
     readings: Floats
     """Mean over frames"""
 
@@ -311,8 +310,8 @@ def _of_means(
     bad |= light < _DEADEST * np.median(light)
     if bad.all() or not np.median(light) > 0:
         raise ValueError(
-            "flat frames: too dark or too bright to tell how pixels differ; readings well above "
-            f"the dark and below {curve.largest:.4g} are needed"
+            f"flat frames: too dark or too bright to estimate gains; readings well above the dark "
+            f"and below {curve.largest:.4g} are needed"
         )
     even = float(light[~bad].mean()) if flat_detections is None else flat_detections
     gain = np.where(bad, 1.0, light / even)
@@ -322,30 +321,30 @@ def _of_means(
 
 @dataclass(frozen=True, eq=False)
 class Corrected:
-    """Frames (T, H, W) as a perfect array of the same efficiency would detect them, on average."""
+    """Frames (T, H, W) as an ideal array of the same efficiency would detect them, on average."""
 
     detections: Floats
-    """Photons detected in an exposure, without dark counts; below 0 where noise was"""
+    """Detected photons per exposure, without dark counts; noise can make them negative"""
     variance: Floats
-    """Of these: noise of the reading, of the dark and of the flat frames"""
+    """Variance of these, from the noise of the reading, the dark and the flat frames"""
     filled: Mask
-    """Where the pixel is hot, dead or full, and neighbors stand in for it; all of a frame where
-    there are none"""
+    """Pixels that are hot, dead or saturated, replaced by neighbors; all of a frame without good
+    pixels"""
     ambiguous: Mask
-    """Where the pixel may have seen much more light (`ResponseCurve.ambiguous_from`)"""
+    """Pixels that may have received much more light (`ResponseCurve.ambiguous_from`)"""
 
 
 def correct(counts: ArrayLike, saturated: ArrayLike, calibration: Calibration) -> Corrected:
     """Correct frames of readings.
 
-    Raises ValueError when shapes do not match.
+    Raises ValueError if shapes do not match.
 
     Parameters
     ----------
     counts, saturated : (T, H, W)
         As in `Exposure`.
     calibration : Calibration
-        Of the same device.
+        Calibration of the same device.
     """
     readings, full = np.asarray(counts, np.float64), np.asarray(saturated, np.bool_)
     if readings.ndim != 3 or readings.shape[1:] != calibration.dark.shape:

@@ -1,4 +1,4 @@
-"""A device from its recordings: all estimators, one after the other."""
+"""A device from its recordings: all estimators in sequence."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -25,20 +25,20 @@ _95 = 1.959964
 _WIDEST_SEARCH, _NARROWEST_SEARCH = 0.25, 0.15
 _DEVIATIONS_SEARCHED = 5.0
 _SHALLOW = 0.12
-"""Of the swing: over more of it, a step that changes blurs the comb."""
+"""Fraction of the swing above which a changing step blurs the comb."""
 _LOUDEST = 2.0
-"""Times the median residual of the comb; beyond, the fit of a pixel has failed."""
+"""Residual, relative to the comb's median, above which a pixel's fit has failed."""
 _SURELY = 5.0
 _CLEAR_OF_END = 2.0
 _SURE_OFFSET = 0.2
-"""Standard error of the offset, in steps, above which teeth cannot be distinguished."""
+"""Standard error of the offset, in steps, above which peaks cannot be distinguished."""
 _CLEAR_KIND = 6.0
-"""Logarithm of the ratio of likelihoods above which the kind of dead time is named."""
+"""Log-likelihood ratio above which the kind of dead time is named."""
 
 
 @dataclass(frozen=True, eq=False)
 class Estimate:
-    """One quantity of every pixel with its 95 % interval, each (rows, columns); NaN: not known."""
+    """One quantity of every pixel with its 95 % CI, each (rows, columns); NaN: unknown."""
 
     value: Floats
     low: Floats
@@ -52,21 +52,21 @@ class Estimate:
         return cls(*(each.reshape(shape) for each in (value, value - spread, value + spread)))
 
     def with_relative_error(self, error: Floats) -> "Estimate":
-        """Return it where a factor has this relative standard error, too; not below 0."""
+        """Return the estimate times a factor of this relative standard error; at least 0."""
         spread = np.hypot((self.high - self.low) / 2, _95 * error * self.value)
         return Estimate(self.value, np.maximum(self.value - spread, 0), self.value + spread)
 
     def scaled(self, factor: Floats | float) -> "Estimate":
-        """Return it in another unit."""
+        """Return the estimate in another unit."""
         return Estimate(self.value * factor, self.low * factor, self.high * factor)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Device:
-    """Estimates of a device, and what they rest on."""
+    """Estimates of a device, and the data behind them."""
 
     offset_v: Estimate
-    """Fall of the output below the top of the ADC without events or leak: positive lowers it, as
+    """Drop of the output below the top of the ADC without events or leak: positive lowers it, as
     events do. `AnalogPixels.offset_v` and the map `offset` of a device file, which add to the
     output, have the opposite sign."""
     leak_v_s: Estimate
@@ -78,35 +78,35 @@ class Device:
     """Events per unit of light; None without flat frames"""
     dead_time_s: Estimate | None
     dead_time_kind: str | None
-    """None where the saturation curve does not tell it"""
+    """None if the saturation curve does not determine it"""
     kind_ratio: float
-    """Logarithm of the ratio of likelihoods of the two kinds"""
+    """Log-likelihood ratio of the two kinds"""
     kernel: Kernel | None = None
-    """Of crosstalk; None where the comb is hidden"""
+    """Crosstalk kernel; None where the comb is hidden"""
     hot: Mask
     """(rows, columns)"""
     method: str
-    """By which steps were found, "comb" or "photon transfer" """
+    """Method that found the steps, "comb" or "photon transfer" """
     counts: MeanCounts
-    """Behind the saturation curve"""
+    """Mean counts behind the saturation curve"""
     falls: Falls
     curve: Curve
-    """How the step changes over the swing"""
+    """Change of the step over the swing"""
     slope_error: float
-    """Standard error of its slope; infinite where it is not determined"""
+    """Standard error of its slope; infinite if it is not determined"""
 
     @property
     def is_slope_seen(self) -> bool:
-        """True where the step changes over the swing, beyond 3 standard errors."""
+        """True if the step changes over the swing, beyond 3 standard errors."""
         return abs(self.curve.slope) > 3 * self.slope_error
 
     @property
     def levels(self) -> tuple[tuple[float, float], ...]:
-        """Exposure (s) and light of each."""
+        """Exposure (s) and light of each level."""
         return tuple(zip(self.counts.exposure_s, self.counts.light_hz, strict=True))
 
     def counts_of(self, level: Level, adc: Adc) -> Floats:
-        """Counts, not rounded, from the codes of frames (n, rows, columns)."""
+        """Counts, not rounded, from the ADC codes of frames (n, rows, columns)."""
         leak = np.nan_to_num(self.leak_v_s.value) * level.exposure_s
         fall = (adc.top - level.readings) * adc.lsb_v
         steps = (fall - self.offset_v.value - leak) / self.step_v.value
@@ -114,7 +114,7 @@ class Device:
 
 
 class _Recorded(NamedTuple):
-    """Recordings of all levels, and what is asked of them."""
+    """Recordings of all levels, and the requested settings."""
 
     levels: Sequence[Level]
     adc: Adc
@@ -141,24 +141,24 @@ class _Recorded(NamedTuple):
 
 
 def calibrate_device(levels: Sequence[Level], adc: Adc, *, hot_times: float = 10.0) -> Device:
-    """Estimate everything that levels of darkness and of light tell, with 95 % intervals.
+    """Estimate all parameters that dark and lit levels determine, with 95 % CI.
 
     Parameters
     ----------
     levels : sequence of Level
-        Dark frames of three exposures or more; flat frames of two lights or more, or none.
+        Dark frames at three or more exposures; flat frames at two or more light levels, or none.
     hot_times : float
-        Pixels surely above so many times the median dark counts are hot.
+        Pixels significantly above this many times the median dark counts are hot.
 
-    Raises ValueError when the recordings cannot support this (`check_levels`), or when the shortest
-    dark exposure is too long to tell where no count lies.
+    Raises ValueError if the recordings are insufficient (`check_levels`), or the shortest dark
+    exposure is too long to determine the level of no counts.
     """
     check_levels(levels, adc)
     falls = falls_of(levels, adc)
     recorded = _Recorded(levels, adc, hot_times, falls)
     transfer = photon_transfer(falls)
     step, noise = _comb(falls, transfer, adc)
-    # outputs that the ADC cuts off look like a tooth: the variance knows better
+    # outputs that the ADC cuts off look like a peak; the variance reveals them
     louder = np.maximum(noise, np.sqrt(transfer.read_variance_v2) / transfer.step_v)
     if np.median(louder) > HIDDEN_AT:
         clear = _CLEAR_OF_END if falls.is_cut else 0.0
@@ -166,14 +166,14 @@ def calibrate_device(levels: Sequence[Level], adc: Adc, *, hot_times: float = 10
         return _without_comb(recorded, transfer)
     if np.median(transfer.offset_error_v / step) > _SURE_OFFSET:
         raise ValueError(
-            "dark frames: the shortest exposure is too long to tell where no count lies; add "
-            "shorter ones, with a few counts or none in a frame"
+            "dark frames: the shortest exposure is too long to find the reading of no counts; add "
+            "shorter ones, with few or no counts per frame"
         )
     fit = fit_comb(falls, step, transfer.offset_v, adc.swing_v)
     if np.median(fit.noise_v / fit.solution[:, 2]) > _LOUDEST * np.median(louder):
         raise ValueError(
-            "the teeth of the comb cannot be followed through the swing, as where the step changes "
-            "by more than a tenth over it; leave out the levels of most counts"
+            "the peaks of the comb cannot be followed through the swing, as if the step changed by "
+            "more than a tenth over it; omit the levels with most counts"
         )
     return _with_comb(recorded, fit)
 
@@ -202,7 +202,7 @@ def _with_comb(recorded: _Recorded, fit: CombFit) -> Device:
     saturation = _saturation(recorded, counts)
     dark = _dark_counts(counts, fit.counts, shape)
     if saturation["dead_time_kind"]:
-        # what dead time hides, to first order, is the same for both kinds
+        # to first order, both kinds of dead time hide the same counts
         dark = dark.scaled(1 + dark.value * float(np.nanmedian(saturation["dead_time_s"].value)))
     device = Device(
         offset_v=offset,
@@ -222,7 +222,7 @@ def _with_comb(recorded: _Recorded, fit: CombFit) -> Device:
 
 
 def _without_comb(recorded: _Recorded, transfer: PhotonTransfer) -> Device:
-    """A device from photon transfer alone: what leaks counts as dark counts."""
+    """Device from photon transfer alone, where leak counts as dark counts."""
     falls, shape = recorded.falls, recorded.shape
     mean = (falls.mean_v - transfer.offset_v) / transfer.step_v
     counts = recorded.mean_counts(mean, transfer.read_variance_v2 / transfer.step_v**2)
@@ -251,14 +251,14 @@ def _standard_errors(covariance: Floats) -> Floats:
 
 
 def _failed(fit: CombFit, errors: Floats, falls: Falls) -> Mask:
-    """Pixels whose teeth were taken for others: too loud, or with a leak that fills them up."""
+    """Pixels whose peaks were misassigned: too noisy, or with an implausible leak."""
     failed = ~(fit.noise_v <= _LOUDEST * np.median(fit.noise_v))
     failed |= fit.solution[:, 1] < -_SURELY * errors[:, 1]
     return np.asarray(failed | (falls.frames.sum(axis=0) == 0))
 
 
 def garwood_interval(counts: Floats) -> tuple[Floats, Floats]:
-    """Return the Poisson means between which counts, of any shape, lie with 95 % or more.
+    """Return the Poisson means between which counts, of any shape, lie with at least 95 %.
 
     F. Garwood, Biometrika 28, 437 (1936).
     """
@@ -275,14 +275,14 @@ def _dark_counts(counts: MeanCounts, sums: Floats, shape: tuple[int, int]) -> Es
 
 
 def _saturation(recorded: _Recorded, counts: MeanCounts) -> Mapping[str, Any]:
-    """Fields of the device that the saturation curve tells."""
+    """Fields of the device that follow from the saturation curve."""
     names = ("efficiency", "dead_time_s", "dead_time_kind", "kind_ratio")
     if len(np.unique(counts.light_hz)) < 3:
         return dict(zip(names, (None, None, None, 0.0), strict=True))
     fit, ratio = fit_saturation(counts)
     errors = _standard_errors(fit.covariance)
     _, efficiency, dead_time = recorded.estimates(fit.solution, errors)
-    # the kind, where dead time is there at all and the curve tells its kind
+    # name the kind if there is dead time and the curve determines its kind
     known = errors[:, 2] > 0
     seen = np.sum((fit.solution / errors)[known, 2]) / np.sqrt(max(known.sum(), 1))
     kind = fit.kind if ratio > _CLEAR_KIND and seen > 5 else None
@@ -290,20 +290,20 @@ def _saturation(recorded: _Recorded, counts: MeanCounts) -> Mapping[str, Any]:
 
 
 def _with_kernel(device: Device, recorded: _Recorded, is_clear: bool) -> Device:
-    """Add crosstalk and afterpulses, the mean over all dark levels."""
+    """Add crosstalk and afterpulses, averaged over all dark levels."""
     kernels = []
     for level, frames in zip(recorded.levels, device.counts.frames, strict=True):
         if not level.is_dark:
             continue
-        # pixels whose fit has failed have no counts
+        # pixels with a failed fit have no counts
         counts = np.nan_to_num(np.rint(device.counts_of(level, recorded.adc)))
         good = (frames.reshape(recorded.shape) > 0) & (counts.mean(axis=0) > 0)
         try:
             kernels.append(neighbor_kernel(counts, good))
         except ValueError:
-            continue  # too few pixels are left at this exposure
+            continue  # too few pixels remain at this exposure
     if not kernels:
         return device
     kernel = mean_kernel(kernels)
-    # readings that noise puts to the next tooth vary as afterpulses do
+    # readings that noise moves to the next peak vary as afterpulses do
     return replace(device, kernel=kernel if is_clear else kernel.without_afterpulses)

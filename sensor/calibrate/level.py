@@ -1,15 +1,15 @@
-"""Recorded readings at one light and one exposure: what they must have, and what they show.
+"""Recorded readings at one light level and exposure: requirements and photon transfer.
 
-**Photon transfer**: the step of a counter from how the variance of readings grows with their mean.
+**Photon transfer**: a counter's step from the growth of the variance of readings with their mean.
 
 Poisson events of step s on an output of offset a, leak l and read noise r make
 
     mean = a + l·T + s·λ      variance = r² + s²·λ = r² + s·(mean − a − l·T)
 
-so the slope of variance over mean is the step. No comb has to be seen. The leak is neglected, which
-makes the step small by the leak over that of the dark counts, l/(s·d): 0.3 % for SPADCAM. In the
-dark mean and exposure grow together, so that the data could hardly tell it. Of the levels only dim
-ones are used, where dead time has not yet made the counts more regular.
+so the slope of variance over mean is the step. No comb is needed. Neglecting the leak makes the
+step too small by the leak relative to the dark counts, l/(s·d): 0.3 % for SPADCAM. In the dark,
+mean and exposure grow together, so the data hardly determine the leak. Only dim levels are used,
+where dead time does not yet make the counts sub-Poisson.
 
 Source: EMVA 1288 release 4, Linear.
 """
@@ -25,7 +25,7 @@ from megalopta.core.arrays import Floats, Ints, Mask
 
 _DEVIATIONS_ABOVE_BOTTOM = 6.0
 _DEEPEST = 0.95
-"""Of the swing: offsets move the bottom too."""
+"""Fraction of the swing that is used; offsets move the bottom too."""
 _FEWEST_FRAMES = 50
 _FEWEST_DARK_EXPOSURES = 3
 _DRIFT_Z = 6.0
@@ -35,41 +35,41 @@ _DARKEST_Z = 6.0
 
 @dataclass(frozen=True, eq=False)
 class Level:
-    """Frames that were taken alike."""
+    """Frames taken under the same conditions."""
 
     readings: NDArray[Any]
-    """(n, rows, columns): codes of the ADC, lower where more was counted, or counts"""
+    """(n, rows, columns) counts, or codes of the ADC, lower for more counts"""
     exposure_s: float
     light_hz: float = 0.0
-    """Photons per second on a pixel, or, where all levels share it, in any unit; 0: in the dark"""
+    """Photons per second on a pixel, or any unit that all levels share; 0: dark"""
     saturated: NDArray[np.bool_] | None = None
     """(n, rows, columns) readings that are lower bounds"""
     times_s: Floats | None = None
-    """(n,) when each exposure began; one after the other where it is not known"""
+    """(n,) start of each exposure; back to back if not known"""
 
     @property
     def is_dark(self) -> bool:
-        """True in the dark."""
+        """True for a dark level."""
         return self.light_hz == 0
 
     @property
     def usable(self) -> Mask:
-        """Pixels (rows, columns) that are never full."""
+        """Pixels (rows, columns) that are never saturated."""
         if self.saturated is None:
             return np.ones(self.readings.shape[1:], np.bool_)
         return np.asarray(~self.saturated.any(axis=0))
 
     def __str__(self) -> str:
-        """Name it for people."""
+        """Short description for readers."""
         light = "dark" if self.is_dark else f"light of {self.light_hz:g}"
         return f"{light}, exposure of {self.exposure_s:g} s"
 
 
 class Adc(NamedTuple):
-    """Converter of codes into volts below the output after reset."""
+    """Converter of codes to volts below the output after reset."""
 
     lsb_v: float
-    """Between two codes (V)."""
+    """Voltage between two codes (V)."""
     top: float
     """Code of the nominal output after reset."""
     bottom: float
@@ -77,12 +77,12 @@ class Adc(NamedTuple):
 
     @property
     def swing_v(self) -> float:
-        """Largest fall of the output (V)."""
+        """Largest voltage drop of the output (V)."""
         return (self.top - self.bottom) * self.lsb_v
 
 
 class Falls(NamedTuple):
-    """Falls of outputs by level and pixel, how often each was seen (entry), and sums of that.
+    """Voltage drops of outputs by level and pixel, with the number of each (entry) and sums of it.
 
     Entries are (E,), maps (levels, pixels).
     """
@@ -92,7 +92,7 @@ class Falls(NamedTuple):
     fall_v: Floats
     times: Floats
     frames: Floats
-    """0 where a pixel came near its bottom and is not used."""
+    """0 where a pixel came near its bottom and is excluded."""
     mean_v: Floats
     variance_v2: Floats
     exposure_s: Floats
@@ -100,11 +100,11 @@ class Falls(NamedTuple):
     light_hz: Floats
     """(levels,)"""
     is_cut: bool
-    """Whether any output was above what the ADC can read: the noise of readings of no count is cut
-    off."""
+    """True if any output was above the range of the ADC: noise of readings of no counts is
+    clipped."""
 
     def at(self, chosen: NDArray[np.bool_]) -> "Falls":
-        """Keep the entries that are chosen, (E,)."""
+        """Keep the selected entries, (E,)."""
         return self._replace(
             level=self.level[chosen],
             pixel=self.pixel[chosen],
@@ -114,7 +114,7 @@ class Falls(NamedTuple):
 
 
 def falls_of(levels: Sequence[Level], adc: Adc) -> Falls:
-    """Gather how the outputs fell; levels where a pixel may have met its bottom do not count."""
+    """Gather the voltage drops, without levels where a pixel may have reached its bottom."""
     pixels = levels[0].readings[0].size
     lowest = adc.top - _DEEPEST * (adc.top - adc.bottom)
     parts, maps = [], []
@@ -139,10 +139,10 @@ def falls_of(levels: Sequence[Level], adc: Adc) -> Falls:
 
 
 def check_levels(levels: Sequence[Level], adc: Adc) -> None:
-    """Refuse recordings that cannot tell a device.
+    """Reject recordings that cannot determine a device.
 
-    Raises ValueError when levels are of different arrays, have too few frames, drift or are
-    saturated, when no exposures of the dark differ, or light makes no difference.
+    Raises ValueError if levels are of different arrays, have too few frames, drift or are
+    saturated, if all dark exposures are equal, or if light has no effect.
     """
     shapes = sorted({level.readings.shape[1:] for level in levels if level.readings.ndim == 3})
     if len(shapes) != 1 or any(level.readings.ndim != 3 for level in levels):
@@ -175,7 +175,7 @@ def _check_steadiness(level: Level) -> None:
     pixel = float(np.sqrt(level.readings.var(axis=0, dtype=np.float64).mean()))
     if abs(change) > _DRIFT_Z * error and abs(change) > max(_SMALLEST_DRIFT * pixel, 0.05):
         raise ValueError(
-            f"{level}: it drifts, the second half differs from the first by {change:.3g} codes, "
+            f"{level}: drifts; the second half differs from the first by {change:.3g} codes, "
             f"{abs(change) / max(error, 1e-12):.0f} standard errors; let light and temperature "
             "settle and capture again"
         )
@@ -207,25 +207,25 @@ def _check_light(levels: Sequence[Level], adc: Adc) -> None:
 
 _ROUNDS = 6
 _DIMMEST = 3.0
-"""Levels with up to so many times the least light are used, and those in the dark."""
+"""Levels with up to this many times the dimmest light are used, besides those in the dark."""
 
 
 class PhotonTransfer(NamedTuple):
-    """Line of each pixel, (P,)."""
+    """Photon transfer line of each pixel, (P,)."""
 
     step_v: Floats
     step_error_v: Floats
     read_variance_v2: Floats
     offset_v: Floats
-    """Fall of the output without counts at no exposure (V)."""
+    """Voltage drop without counts at zero exposure (V)."""
     offset_error_v: Floats
 
 
 def photon_transfer(falls: Falls, above_noise: float = 0.0) -> PhotonTransfer:
     """Fit variance over mean, and mean over exposure in the dark.
 
-    Levels whose fall is below so many standard deviations are not used: the ADC may cut off part
-    of their readings.
+    Levels whose drop is below this many standard deviations are excluded: the ADC may clip part of
+    their readings.
     """
     light_hz = falls.light_hz
     is_dim = light_hz <= _DIMMEST * light_hz[light_hz > 0].min(initial=np.inf)
@@ -247,7 +247,7 @@ def photon_transfer(falls: Falls, above_noise: float = 0.0) -> PhotonTransfer:
 
 
 def _intercept(falls: Falls, used: NDArray[np.bool_]) -> tuple[Floats, Floats]:
-    """Fall at no exposure in the dark, and its standard error."""
+    """Voltage drop at zero exposure in the dark, and its standard error."""
     variance = falls.variance_v2 / np.maximum(falls.frames, 1) + 1e-18
     weight = np.where(used, 1 / variance, 0)
     times = np.broadcast_to(falls.exposure_s[:, None], falls.mean_v.shape)

@@ -1,13 +1,13 @@
-"""Crosstalk and afterpulsing from dark counts: what goes together more often than by chance.
+"""Crosstalk and afterpulsing from excess coincidences of dark counts.
 
 The covariance of two pixels is their coincidences less the expected ones. In a wide array in which
 an avalanche fires a pixel at offset δ with probability k(δ), Poisson primaries make
 
     C(δ) = Σ_j G(j)·G(j + δ)·D        G = (1 − k)⁻¹, D = m·(1 − Σ k²)
 
-for mean counts m. Pairs of one offset and its opposite give C(δ)/m; solved for k over offsets up to
-two pixels. What pixels far apart share (temperature, light that leaks in) is taken off. A variance
-above that of crosstalk is that of afterpulses. With a mean number p of them, all within the
+for mean counts m. Pairs of one offset and its opposite give C(δ)/m, solved for k over offsets up to
+two pixels. The covariance of distant pixels (temperature, stray light) is subtracted. Variance
+beyond that of crosstalk is due to afterpulses. With a mean number p of them, all within the
 exposure, G is (1 − k − p)⁻¹: covariances and variance are those of k/(1 − p) over (1 − p)².
 
 Source: coincidences, Restelli et al., Proc. SPIE 6372 (2006); the branching process, as in
@@ -30,37 +30,36 @@ _ROUNDS_OF_BOTH = 4
 
 
 class Kernel(NamedTuple):
-    """Probabilities that an avalanche fires a pixel at each of `OFFSETS` (and their opposites)."""
+    """Probabilities that an avalanche fires a pixel at each of `OFFSETS` or its opposite."""
 
     share: Floats
     error: Floats
     """Standard errors."""
     afterpulses: float
-    """Mean number that an avalanche leaves, so far as they fall into the exposure; NaN: not
-    known."""
+    """Mean number of afterpulses within the exposure per avalanche; NaN: unknown."""
     afterpulses_error: float
 
     @property
     def is_seen(self) -> bool:
-        """True where the nearest neighbors show crosstalk, beyond 3 standard errors."""
+        """True if the nearest neighbors show crosstalk beyond 3 standard errors."""
         nearest = self.share[:2].sum()
         return bool(nearest > 3 * np.sqrt(np.square(self.error[:2]).sum()))
 
     @property
     def without_afterpulses(self) -> "Kernel":
-        """The kernel of recordings that do not determine them."""
+        """Kernel of recordings that do not determine afterpulses."""
         return self._replace(afterpulses=np.nan, afterpulses_error=np.nan)
 
     @property
     def are_afterpulses_seen(self) -> bool:
-        """True where there are afterpulses, beyond 3 standard errors."""
+        """True if there are afterpulses beyond 3 standard errors."""
         return self.afterpulses > 3 * self.afterpulses_error
 
 
 def neighbor_kernel(counts: NDArray[Any], good: NDArray[np.bool_]) -> Kernel:
     """Estimate the kernel from dark counts (n, rows, columns) of the good pixels (rows, columns).
 
-    Raises ValueError when too few good pixels have neighbors.
+    Raises ValueError if too few good pixels have neighbors.
     """
     counts = np.asarray(counts, np.float64)
     mean = counts.mean(axis=0)
@@ -71,7 +70,7 @@ def neighbor_kernel(counts: NDArray[Any], good: NDArray[np.bool_]) -> Kernel:
     common = _common(apart, good) / float(mean[good].mean())
     seen, error = ratios - common, errors / 2
     fano = float(variance[good].sum() / mean[good].sum()) - common
-    # of Poisson counts, not as seen: else those of small variance would weigh more
+    # Poisson variance, not the observed one: otherwise counts of small variance would weigh more
     m = mean[good]
     spread = np.sqrt((2 * m**2 + m).sum() / n) / m.sum()
     left = 1.0  # 1 − p
@@ -98,11 +97,11 @@ def _average(values: Sequence[Any], errors: Sequence[Any]) -> tuple[Floats, Floa
 def _pairs(
     apart: Floats, mean: Floats, good: NDArray[np.bool_], offset: tuple[int, int]
 ) -> tuple[float, float]:
-    """Covariance over mean of all pairs of an offset, weighted by their light; standard error."""
+    """Covariance over mean of all pairs of an offset, weighted by light; standard error."""
     first, second = _shifted(good, offset)
     both = good[first] & good[second]
     covariance = (apart[:, *first] * apart[:, *second]).sum(axis=0) / (len(apart) - 1)
-    # a brighter pair says as much per event: weights by inverse variance of the ratio
+    # brighter pairs are more precise per event: weight by inverse variance of the ratio
     total = (mean[first] + mean[second]) / 2
     noise = mean[first] * mean[second] / len(apart)
     weight = np.where(both & (noise > 0), total / np.where(noise > 0, noise, 1), 0)
@@ -143,7 +142,7 @@ def _response(share: Floats) -> Floats:
 
 
 def _solved(seen: Floats) -> Floats:
-    """Shares that make the covariances seen."""
+    """Kernel that produces the observed covariances."""
     share = seen / 2
     for _ in range(_ROUNDS):
         response = _response(share)

@@ -1,10 +1,10 @@
 """Dark counts, efficiency and dead time of each pixel from mean counts over light.
 
-Arrivals of rate r = d + η·φ, d dark counts and φ the light, are counted with the mean M and the
+Arrivals of rate r = d + η·φ, d dark counts and φ the light, give counts with the mean M and the
 variance V of a live start (`sensor/effects`). (d, η, τ) maximize the likelihood of normal means of
-known variance V/n, by Fisher scoring, from the best of a row of dead times. Both kinds are fitted:
-the likelier one is named where the likelihoods, over all pixels, differ by more than a factor e⁶
-(400 to 1).
+known variance V/n, by Fisher scoring from the best of several dead times. Both kinds are fitted:
+the more likely one is named if the likelihoods over all pixels differ by more than a factor e⁶ (400
+to 1).
 
 Source: dissertation §2.3.3, Eq. 2.5 and 2.6; Knoll, Radiation Detection and Measurement, ch. 4.
 """
@@ -36,7 +36,7 @@ class SaturationFit(NamedTuple):
 
 
 class MeanCounts(NamedTuple):
-    """Counts at each level (levels, P); nothing is known where there are no frames."""
+    """Counts at each level (levels, P); unknown where there are no frames."""
 
     mean: Floats
     frames: Floats
@@ -59,9 +59,9 @@ def dead_time_moments(
 
 
 def fit_saturation(counts: MeanCounts) -> tuple[SaturationFit, float]:
-    """Return the likelier kind's fit, and by how much: the logarithm of the likelihoods' ratio.
+    """Return the fit of the more likely kind, and the log-likelihood ratio.
 
-    Raises ValueError when there are fewer than two levels of light.
+    Raises ValueError if there are fewer than two levels of light.
     """
     if len(np.unique(counts.light_hz[counts.light_hz > 0])) < 2:
         raise ValueError("flat frames of fewer than two lights; capture a dim and a bright one")

@@ -1,1 +1,1 @@
-"""Two recordings of one stimulus: whether they differ, by how much, and in what."""
+"""Comparison of two recordings of one stimulus: presence, size and cause of differences."""

@@ -1,18 +1,17 @@
-"""Quantities of a device that do not mix, by blocks of frames; of a scene; and spectra.
+"""Separate quantities of a device, by blocks of frames; quantities of a scene; spectra.
 
     gain          variance over mean of dark and dim counts: 1 where a count is an event
-    crosstalk     neighbors that an event fires: covariance over mean and gain
-    dark counts   mean rate in the dark, in events, less those that crosstalk makes
-    efficiency    events per light, the same way, of dim frames less dark ones
-    dead time     from how far bright frames stay below the line through dim ones
+    crosstalk     neighbors fired per event: covariance over mean and gain
+    dark counts   mean rate in the dark, in events, less those due to crosstalk
+    efficiency    events per light, likewise, of dim frames less dark ones
+    dead time     from the deficit of bright frames below the line through dim ones
 
-Dividing by the gain keeps a step that is wrong from passing for light; dividing out crosstalk keeps
-that from passing for efficiency.
+Dividing by the gain separates a wrong step from light; dividing out crosstalk separates it from
+efficiency.
 
-A scene has no dark and no even light, so that what it says of a device is mixed: how bright it is
-counted, and how much of its changes arrives in the counts, the slope of counts over the light that
-the model expects, which dark counts do not move. Both are of blocks of frames and compared block by
-block, since the scene is the same in both.
+A scene has no dark and no uniform light, so its quantities mix those of the device: brightness, and
+contrast, the slope of counts over the light that the model expects, which dark counts do not
+change. Both are computed and compared block by block, since the scene is the same in both.
 """
 
 from collections.abc import Sequence
@@ -26,10 +25,10 @@ from megalopta.sensor.compare.two_sample import Difference, Quantity, difference
 
 BLOCKS = 20
 SEGMENT = 32
-"""Frames of a spectrum."""
+"""Frames per segment of a spectrum."""
 BANDS = 4
 _BRIGHT = 4.0
-"""Times the dimmest light from which on a level tells the dead time."""
+"""Light, relative to the dimmest, above which a level determines the dead time."""
 _BRIGHTNESS = Quantity("brightness", "counts per second")
 _CONTRAST = Quantity("contrast", "counts per photon detected")
 
@@ -37,10 +36,10 @@ _CONTRAST = Quantity("contrast", "counts per photon detected")
 def block_quantities(
     levels: Sequence[Level], usable: Sequence[Mask], kind: str = "paralyzable"
 ) -> dict[str, Floats]:
-    """Return quantities by name, each (blocks,), as far as the levels tell them.
+    """Return quantities by name, each (blocks,), as far as the levels determine them.
 
-    `usable` are the pixels of each level that are used, (rows, columns); `kind`, "paralyzable" or
-    "nonparalyzable", is that of the dead time.
+    `usable` selects the pixels of each level, (rows, columns); `kind` is the kind of dead time,
+    "paralyzable" or "nonparalyzable".
     """
     blocks = [_of_block(levels, usable, kind, at) for at in range(BLOCKS)]
     return {name: np.array([each[name] for each in blocks]) for name in blocks[0]}
@@ -49,9 +48,9 @@ def block_quantities(
 def unsure_quantities(
     levels: Sequence[Level], usable: Sequence[Mask], errors: Sequence[Floats | float]
 ) -> dict[str, float]:
-    """Return standard errors of quantities that those of mean counts (rows, columns) make.
+    """Return standard errors of quantities due to those of mean counts (rows, columns).
 
-    They are of darkness and of the dimmest light; errors of pixels are independent of each other.
+    Darkness and the dimmest light contribute; errors of pixels are independent.
     """
     found = {}
     for name, is_dark in (("dark counts", True), ("efficiency", False)):
@@ -108,7 +107,7 @@ def _block(counts: NDArray[np.floating], block: int) -> Floats:
 
 
 def _loss(kept: Floats, offered: Floats, good: Mask, gain: float) -> tuple[float, float]:
-    """Mean rates in events: what is counted and what would be without loss, Hz."""
+    """Mean event rates, counted and without loss, Hz."""
     if not good.any():
         return 0.0, 0.0
     return float(kept[good].mean()) / gain, float(offered[good].mean()) / gain
@@ -125,7 +124,7 @@ def _dead_time_s(kept: float, offered: float, kind: str) -> float:
 def _crosstalk(levels: Sequence[tuple[Floats, Floats, Mask]]) -> float:
     """Mean number of neighbors that an event fires, times the gain.
 
-    Of deviations of counts, their means and good pixels of each level.
+    `levels` holds deviations of counts, their means and good pixels of each level.
     """
     together = total = 0.0
     pixels = pairs = 0
@@ -153,11 +152,11 @@ def scene_differences(
     margin: float,
     errors_hz: Floats | float = 0.0,
 ) -> tuple[Difference, ...]:
-    """Compare brightness and contrast, frame by frame of the same sight.
+    """Compare brightness and contrast, frame by frame, of the same scene.
 
-    `light_hz` (n, rows, columns): what pixels detect of the scene in the model, were they always
-    live; `margin`: relative difference that does not matter; `errors_hz` (rows, columns) or float:
-    standard errors of the expected rates, where these are a calibration's.
+    `light_hz` (n, rows, columns): the model's detection rate of always-live pixels; `margin`:
+    negligible relative difference; `errors_hz` (rows, columns) or float: standard errors of
+    expected rates that come from a calibration.
     """
     good = captured.usable & expected.usable
     blocks = np.array_split(np.arange(len(light_hz)), BLOCKS)
@@ -190,7 +189,7 @@ def _slope(counts: Floats, light: Floats) -> float:
 
 
 def band_powers(counts: NDArray[np.floating]) -> Floats:
-    """Return the share of each band in the power of segments of frames, (segments, BANDS).
+    """Return each band's share of the power in segments of frames, (segments, BANDS).
 
     White noise has the same power in each of the `SEGMENT`/2 frequencies.
     """

@@ -1,10 +1,10 @@
-"""A captured recording against a simulated one, in all respects, with one false-alarm rate.
+"""Comparison of a captured and a simulated recording, with one overall false-alarm rate.
 
-**Order of the pixels**: turned, mirrored, or with rows swapped. The pattern of a device is its
-fingerprint. Spearman's rank correlation of two maps says whether a pixel that is bright in one is
-bright in the other; it does not mind gain, offset and hot pixels. Of the 8 symmetries of the
-square, and the order of rows that matches best (assignment of rows by their correlation), the one
-is named under which it is clearly highest.
+**Order of the pixels**: rotated, mirrored, or with rows swapped. The fixed pattern of a device is
+its fingerprint. Spearman's rank correlation of two maps measures whether bright pixels agree; it is
+insensitive to gain, offset and hot pixels. Candidates are the 8 symmetries of the square and the
+best-matching order of rows (assignment by correlation). The one with a clearly higher correlation
+is named.
 """
 
 from collections.abc import Mapping, Sequence
@@ -40,9 +40,9 @@ from megalopta.sensor.compare.two_sample import (
 )
 
 FALSE_ALARMS = 0.01
-"""Share of comparisons of a device with itself that raise an alarm, at most."""
+"""Largest share of comparisons of a device with itself that raise an alarm."""
 MARGIN = 0.05
-"""Relative difference that does not matter."""
+"""Negligible relative difference."""
 _QUANTITIES = (
     Quantity("step", "counts per event"),
     Quantity("crosstalk", "neighbors per event", least=0.02),
@@ -66,19 +66,19 @@ _SYMMETRIES = {
 
 
 class Arrangement(NamedTuple):
-    """Rearrangement by which a map is like another one."""
+    """Rearrangement under which a map resembles another one."""
 
     name: str
     correlation: float
-    """Rank correlation when rearranged."""
+    """Rank correlation after rearranging."""
     as_it_is: float
-    """Rank correlation before."""
+    """Rank correlation before rearranging."""
     rows: tuple[int, ...] | None = None
-    """Row of the captured map that stands in each place, where rows are swapped."""
+    """Row of the captured map at each place, if rows are swapped."""
 
     @property
     def is_other(self) -> bool:
-        """True where anything is swapped."""
+        """True if anything is swapped."""
         return self.name != "as it is"
 
 
@@ -87,27 +87,27 @@ class Comparison:
     """Differences of two recordings."""
 
     arrangement: Arrangement
-    """In which order the captured pixels are"""
+    """Order of the captured pixels"""
     differences: tuple[Difference, ...]
     """Quantities of the device"""
     tests: Mapping[str, PixelTest]
-    """Of mean, variance and histogram of pixels at all levels, (levels, rows, columns)"""
+    """Tests of mean, variance and histogram of pixels at all levels, (levels, rows, columns)"""
     distances: Distances
-    """Between histograms, (levels, rows, columns), and those of samples of one law"""
+    """Distances between histograms, (levels, rows, columns), and of samples of one distribution"""
     by_chance: Distances
     spectrum: tuple[Difference, ...]
-    """Shares of bands of frequency"""
+    """Shares of frequency bands"""
     margin: float
 
     @property
     def causes(self) -> tuple[Difference, ...]:
-        """Quantities that differ beyond chance and by more than the margin, largest first."""
+        """Quantities that differ significantly and by more than the margin, largest first."""
         real = [each for each in beyond_chance(self.differences) if not each.is_equivalent]
         return tuple(sorted(real, key=lambda each: -each.size))
 
     @property
     def alarms(self) -> tuple[str, ...]:
-        """Sentences on everything that differs beyond chance."""
+        """Sentences on every significant difference."""
         found = []
         if self.arrangement.is_other:
             found.append(f"the captured image is {self.arrangement.name}")
@@ -120,24 +120,24 @@ class Comparison:
 
     @property
     def sentence(self) -> str:
-        """Summary: what differs and by how much."""
+        """Summary of the differences and their size."""
         if self.arrangement.is_other:
             return (
-                f"The captured image is {self.arrangement.name}: rank correlation "
-                f"{self.arrangement.correlation:.2f} so, {self.arrangement.as_it_is:.2f} as it is."
+                f"The captured image is {self.arrangement.name}: rank correlation rearranged "
+                f"{self.arrangement.correlation:.2f}, before {self.arrangement.as_it_is:.2f}."
             )
         if self.causes:
             return f"Captured: {'; '.join(map(str, self.causes))}."
         if not self.alarms:
-            return "Nothing differs beyond chance."
+            return "No difference is statistically significant."
         largest = max(self.differences, key=lambda each: each.size, default=None)
         first = self.alarms[0]
         limit = f"; of the device, at most: {largest}" if largest and str(largest) != first else ""
-        return f"Differences are beyond chance but small: {first}{limit}."
+        return f"Differences are statistically significant but small: {first}{limit}."
 
 
 def beyond_chance(tested: Sequence[Difference]) -> list[Difference]:
-    """Return those that differ, of one family of tests."""
+    """Return the significant differences of one family of tests."""
     limit = FALSE_ALARMS / _FAMILIES / max(len(tested), 1)
     return [each for each in tested if each.p < limit]
 
@@ -150,14 +150,14 @@ def compare_recordings(
     margin: float = MARGIN,
     errors: Sequence[Floats | float] | None = None,
 ) -> Comparison:
-    """Compare level by level.
+    """Compare recordings level by level.
 
-    Raises ValueError when levels are not of the same shape, or have too few frames.
+    Raises ValueError if levels differ in shape or have too few frames.
 
-    `captured`, `expected` sequences of Level: the same levels in the same order; numbers of
-    frames may differ; `kind`: dead time of the device; `margin`: relative difference that does not
-    matter; `errors` sequence of (rows, columns): standard errors of the expected mean counts of
-    each level, where these are a calibration's.
+    `captured`, `expected` sequences of Level: the same levels in the same order; numbers of frames
+    may differ; `kind`: kind of dead time; `margin`: negligible relative difference; `errors`
+    sequence of (rows, columns): standard errors of each level's expected mean counts, if from a
+    calibration.
     """
     _check(captured, expected)
     pairs = list(zip(captured, expected, strict=True))
@@ -208,7 +208,7 @@ def _check(captured: Sequence[Level], expected: Sequence[Level]) -> None:
 
 
 def arrangement(captured: Floats, expected: Floats) -> Arrangement:
-    """Find how a map (rows, columns) is arranged, compared with the expected one."""
+    """Find the rearrangement of a map (rows, columns) relative to the expected one."""
     plain = _correlation(captured, expected)
     best = Arrangement("as it is", plain, plain)
     for name, (is_transposed, turns) in _SYMMETRIES.items():
@@ -220,7 +220,7 @@ def arrangement(captured: Floats, expected: Floats) -> Arrangement:
     rows = matching_rows(captured, expected)
     swapped = _correlation(captured[rows], expected)
     moved = int((rows != np.arange(len(rows))).sum())
-    # among so many orders, one fits by chance: the best of n normal correlations of two rows
+    # with so many orders one fits by chance: the best of n normal correlations of two rows
     by_chance = float(np.sqrt(2 * np.log(len(rows)) / max(captured.shape[1] - 1, 1)))
     if (
         moved
@@ -233,7 +233,7 @@ def arrangement(captured: Floats, expected: Floats) -> Arrangement:
 
 
 def matching_rows(captured: Floats, expected: Floats) -> NDArray[np.intp]:
-    """Return the captured row (rows,) that is most like each expected one, each used once."""
+    """Return the captured row (rows,) most similar to each expected one, each used once."""
     ranks = [rankdata(each).reshape(each.shape) for each in (captured, expected)]
     apart = cdist(ranks[1], ranks[0], "sqeuclidean")
     return np.asarray(linear_sum_assignment(apart)[1])
@@ -246,13 +246,13 @@ def _correlation(one: Floats, other: Floats) -> float:
 
 
 def _is_clearly_higher(one: float, other: float, pixels: int) -> bool:
-    """Fisher's z; the pixels of a map of 256 make a standard error of 0.09."""
+    """Fisher's z test; a map of 256 pixels has a standard error of 0.09."""
     z = np.arctanh(np.clip([one, other], -0.999999, 0.999999))
     return bool((z[0] - z[1]) * np.sqrt((pixels - 3) / 2) > _CLEARLY)
 
 
 def _arrangement(pairs: Sequence[tuple[Level, Level]]) -> Arrangement:
-    """Arrangement by the level that shows the pattern best, the one of the most counts."""
+    """Arrangement from the level with the most counts, which shows the pattern best."""
     one, other = max(pairs, key=lambda each: float(each[1].readings.sum()) * each[1].is_dark)
     return arrangement(one.readings.mean(axis=0), other.readings.mean(axis=0))
 

@@ -1,26 +1,25 @@
-"""Two-sample tests: of pixels, with their false alarms, and of one quantity, with a margin.
+"""Two-sample tests: of pixels, with a false discovery rate, and of one quantity, with a margin.
 
-**Means**: Welch's test on the counts of frames; with few counts in all the conditional binomial
-test of two Poisson means, which is exact. **Variances**: the logarithm of their ratio, whose
-variance is that of two Poisson-like samples, 2/(n − 1) + 1/(n·m) each.
+**Means**: Welch's test on the counts of frames; with few counts, the exact conditional binomial
+test of two Poisson means. **Variances**: the logarithm of their ratio, with the variance of two
+Poisson-like samples, 2/(n − 1) + 1/(n·m) each.
 
-**Histograms**: χ² on bins merged until each expects `_FEWEST` readings, less the part of it that
-says that the means differ (the trend over bins, one degree of freedom): means have a test of their
-own, which knows how sure they are. Distances, with F and G the shares of readings up to a value:
+**Histograms**: χ² on bins merged until each expects `_FEWEST` readings, less the part due to
+different means (the trend over bins, one degree of freedom), which have their own test with their
+own uncertainty. Distances, with F and G the cumulative distributions of readings:
 
     total variation   ½·Σ |f − g|
-    Wasserstein       Σ |F − G|           counts by which readings would have to move, on average
+    Wasserstein       Σ |F − G|           mean shift of readings, in counts
     energy            (2·Σ (F − G)²)^½    counts^½; Székely and Rizzo, J. Stat. Plan. Inference 2013
 
-All are above 0 for finite samples of one law: `distances_by_chance` says by how much.
+All are above 0 for finite samples of one distribution; `distances_by_chance` gives by how much.
 
-**False discovery rates**: Benjamini and Hochberg; what differs in no pixel makes an alarm in a
-share of cases that is at most the rate.
+**False discovery rates**: Benjamini and Hochberg; recordings that differ in no pixel raise an alarm
+at most at this rate.
 
-**One quantity**: values are those of blocks of frames, so that whatever links pixels or frames
-within a block is in their scatter. Welch's t test says whether the means differ; two one-sided
-tests (Schuirmann 1987) whether they surely differ by less than a margin, which is so where the 90 %
-interval lies inside.
+**One quantity**: one value per block of frames, so that their scatter includes correlations within
+a block. Welch's t test shows whether the means differ. Two one-sided tests (Schuirmann 1987) show
+whether they differ by less than a margin: the 90 % CI lies inside it.
 """
 
 from typing import NamedTuple
@@ -38,10 +37,10 @@ _ENTRIES_AT_ONCE = 4_000_000
 
 
 class PixelTest(NamedTuple):
-    """P-values of pixels, and which of them differ at a false discovery rate."""
+    """P-values of pixels, and the pixels that differ at a false discovery rate."""
 
     p: Floats
-    """Of any shape; NaN where nothing is tested."""
+    """P-values of any shape; NaN where nothing is tested."""
     differs: Mask
 
 
@@ -55,10 +54,10 @@ def discoveries(p: Floats, rate: float) -> PixelTest:
 
 
 def mean_test(one: Floats, other: Floats, error: Floats | float = 0.0) -> Floats:
-    """Return p-values (rows, columns) that counts (n, rows, columns) have the same means.
+    """Return p-values (rows, columns) of equal means of counts (n, rows, columns).
 
-    `error` is the standard error of what the second sample's mean should have been, where that
-    comes from a calibration.
+    `error` is the standard error of the second sample's expected mean, if it comes from a
+    calibration.
     """
     n, k = len(one), len(other)
     parts = [each.var(axis=0, ddof=1) / len(each) for each in (one, other)]
@@ -78,9 +77,9 @@ def mean_test(one: Floats, other: Floats, error: Floats | float = 0.0) -> Floats
 
 
 def variance_test(one: Floats, other: Floats) -> Floats:
-    """Return p-values (rows, columns) that counts (n, rows, columns) have the same variances.
+    """Return p-values (rows, columns) of equal variances of counts (n, rows, columns).
 
-    NaN where counts are too few to tell.
+    NaN where counts are too few.
     """
     error = np.zeros(one.shape[1:])
     logs, known = [], np.ones(error.shape, np.bool_)
@@ -93,7 +92,7 @@ def variance_test(one: Floats, other: Floats) -> Floats:
 
 
 class Distances(NamedTuple):
-    """Between histograms of pixels, each (rows, columns)."""
+    """Distances between histograms of pixels, each (rows, columns)."""
 
     total_variation: Floats
     wasserstein: Floats
@@ -101,7 +100,7 @@ class Distances(NamedTuple):
 
 
 def histogram_test(one: Floats, other: Floats) -> tuple[Floats, Distances]:
-    """Return p-values that counts (n, rows, columns) are distributed alike, and distances.
+    """Return p-values of equal distributions of counts (n, rows, columns), and distances.
 
     Each (rows, columns); NaN where bins are too few.
     """
@@ -117,7 +116,7 @@ def histogram_test(one: Floats, other: Floats) -> tuple[Floats, Distances]:
 
 
 def distances_by_chance(one: Floats, other: Floats) -> Distances:
-    """Return distances of one law: after frames (n, rows, columns) of both were dealt out anew."""
+    """Return distances within one distribution: frames (n, rows, columns) of both are shuffled."""
     both = np.concatenate([one, other])
     order = np.random.default_rng(0).permutation(len(both))
     return histogram_test(both[order[: len(one)]], both[order[len(one) :]])[1]
@@ -173,12 +172,12 @@ def _chi_square_p(seen: Floats, totals: Floats) -> Floats:
 
 
 class Quantity(NamedTuple):
-    """Name and unit of what is compared."""
+    """Name and unit of a compared quantity."""
 
     name: str
     unit: str = ""
     least: float = 0.0
-    """Differences are relative to the expected value, or to this where that is smaller."""
+    """Differences are relative to the expected value, or to this if larger."""
 
 
 class Difference(NamedTuple):
@@ -189,28 +188,28 @@ class Difference(NamedTuple):
     expected: float
     unit: str
     relative: float
-    """Captured over expected, less 1."""
+    """Captured over expected, minus 1."""
     low: float
     high: float
-    """Its 95 % interval."""
+    """Upper bound of its 95 % CI."""
     p: float
     is_equivalent: bool
-    """Whether it is surely less than the margin."""
+    """True if it is significantly smaller than the margin."""
     scale: float = 0.0
-    """What the difference is relative to, where that is not the expected value."""
+    """Reference of the relative difference, if not the expected value."""
 
     @property
     def size(self) -> float:
-        """Size either way: the absolute logarithm of the ratio."""
+        """Size in either direction: the absolute logarithm of the ratio."""
         return abs(float(np.log(max(1 + self.relative, 1e-6))))
 
     @property
     def base(self) -> str:
-        """Reference of the relative difference, where not the expected value; else empty."""
+        """Reference of the relative difference if it is not the expected value; otherwise empty."""
         return f" of {self.scale:.2g}" if self.scale > abs(self.expected) else ""
 
     def __str__(self) -> str:
-        """Say it in a phrase."""
+        """Describe it in a phrase."""
         way = "higher" if self.relative > 0 else "lower"
         return (
             f"{self.name} {100 * abs(self.relative):.2g} %{self.base} {way} "
@@ -223,8 +222,8 @@ def difference(
 ) -> Difference:
     """Compare the values of blocks, (blocks,) each.
 
-    `margin` is the relative difference that does not matter; `unsure` the standard error of what
-    the expected values should have been, as of a calibration, which no further block makes smaller.
+    `margin` is the negligible relative difference; `unsure` the standard error of the expected
+    values, for example from a calibration, which further blocks do not reduce.
     """
     samples = captured, expected
     means = float(captured.mean()), float(expected.mean())

@@ -4,10 +4,10 @@
     reading      = discharge after the exposure + noise, V
 
 The radiance of a frame holds for the whole exposure. Every frame has its own random stream, named
-by seed, sequence and frame number. With a floating gate that leaks, every frame is that much older
-than the one before.
+by seed, sequence and frame number. With a leaking floating gate, each frame is one frame period
+older than the one before.
 
-Source: dissertation, Chapter 3, for the pixel; the array is ours.
+Source: dissertation, Chapter 3, for the pixel; the array is an extension.
 """
 
 from collections.abc import Iterator
@@ -25,18 +25,18 @@ from megalopta.sensor.ctia.photodiode import ELEMENTARY_CHARGE_C, Reals
 from megalopta.sensor.optics.pixels import check_brightness, detected_rate
 from megalopta.sensor.sampling.streams import generator
 
-# Swings: where the electrons of a full pixel are no longer followed.
+# In swings: electrons of a saturated pixel are tracked up to here.
 _FAR = 1e3
 
 
 @dataclass(frozen=True, eq=False)
 class CtiaExposure:
-    """Frames as the array read them."""
+    """Frames as read by the array."""
 
     volts: Floats
-    """(T, H, W) discharge of each pixel; the swing where saturated. Noise can make it negative."""
+    """(T, H, W) discharge of each pixel; the swing if saturated. Noise can make it negative."""
     saturated: NDArray[np.bool_]
-    """(T, H, W) where the output was at its lower rail: the reading is a lower bound"""
+    """(T, H, W) True where the output was at its lower rail: the reading is a lower bound"""
 
 
 def photocurrent(radiance: ArrayLike, bands_nm: ArrayLike, sensor: CtiaSensor) -> Floats:
@@ -54,7 +54,7 @@ def expose_photocurrent(
     first_frame: int = 0,
     frame_period_s: float | None = None,
 ) -> CtiaExposure:
-    """Read frames whose photocurrent is known, (T, H, W) in A; parameters as for `expose`."""
+    """Read frames of known photocurrent, (T, H, W) in A; parameters as for `expose`."""
     light = _checked(photocurrent_a)
     volts, saturated = np.empty_like(light), np.empty(light.shape, np.bool_)
     for index, now in enumerate(_aging(sensor, light.shape, first_frame, frame_period_s)):
@@ -75,7 +75,7 @@ def volt_moments(
 ) -> tuple[Floats, Floats]:
     """Mean (V) and variance (V²) of readings, each (T, H, W); parameters as `expose_photocurrent`.
 
-    The noise of a pixel near its rail is taken as normal; there a pixel holds 1e8 electrons.
+    The noise of a pixel near its rail is approximated as normal; it holds 1e8 electrons there.
     """
     light = _checked(photocurrent_a)
     moments = np.empty((2, *light.shape))
@@ -92,12 +92,12 @@ def electron_moments(
     first_frame: int = 0,
     frame_period_s: float | None = None,
 ) -> tuple[Floats, Floats]:
-    """Mean and variance (T, H, W) of electrons, of full pixels too; as `volt_moments`."""
+    """Mean and variance (T, H, W) of electrons, also of saturated pixels; as `volt_moments`."""
     light = _checked(photocurrent_a)
     mean, variance = np.empty_like(light), np.empty_like(light)
     arrivals = sensor.noise.model_copy(update={"reset": False, "read_noise_v": 0.0})
     for index, now in enumerate(_aging(sensor, light.shape, first_frame, frame_period_s)):
-        # of pixels that stay within their swing, discharges are quicker to compute with it
+        # for pixels within their swing, discharges are faster to compute with it
         full = discharge(now, light[index], sensor.exposure_s) >= sensor.swing_v
         for pixel, which in ((now, ~full), (replace(now, swing_v=_FAR * now.swing_v), full)):
             if which.any():
@@ -109,12 +109,12 @@ def electron_moments(
 
 
 def reading_electrons(volts: Reals, sensor: CtiaSensor) -> Floats:
-    """Electrons behind readings (V) of any shape, those of the dark current included."""
+    """Electrons behind readings (V) of any shape, including those of the dark current."""
     return np.asarray(volts * sensor.capacitance_f / ELEMENTARY_CHARGE_C)
 
 
 def _held_at(rail_v: float, free_v: Floats, noise: Floats) -> tuple[Floats, Floats]:
-    """Mean and variance of normal numbers that stop at a rail; at it, without noise, they stay."""
+    """Mean and variance of normal numbers clipped at a rail, where noise-free values stay."""
     sigma = np.sqrt(noise)
     below = np.divide(rail_v - free_v, sigma, out=np.full_like(free_v, np.inf), where=sigma > 0)
     chance = ndtr(below)

@@ -1,28 +1,28 @@
-"""The bias of the diode: what sets it, and how close to zero it can get.
+"""Bias of the diode: how it is set, and how close to zero it can be trimmed.
 
 Non-adaptive (Fig. 3.1a): a digital-to-analog converter holds the anode, the amplifier's reference
 V_P and its offset the cathode, so the reverse bias is V_P + offset − code·LSB, 0.81 mV a step.
 
 Adaptive (Fig. 3.1b, §3.3.3): a floating gate in the amplifier trims the offset itself, which is
 then the bias. A tunneling pulse of 1 ms at 14.15 V raises the gate by about 500 µV; the gate leaks
-back at 1.5 µV/s, and the offset moves by about 1 mV per °C (simulated, there). Pulses lower the
-reverse bias, the leak raises it again. Before them the chip is erased by ultraviolet light, which
-puts every gate where pulses are needed; how far is not printed.
+back at 1.5 µV/s, and the offset moves by about 1 mV per °C (simulated in the source). Pulses lower
+the reverse bias, the leak raises it again. Before that, ultraviolet light erases the chip and sets
+every gate to where pulses are needed; the voltage is not published.
 
-Both are trimmed to the smallest reverse bias that is not below a target, for a diode in forward
-bias cannot discharge the pixel. What remains is spread evenly over one step. A gate that starts
-below the target stays there, as no pulse can help it.
+Both are trimmed to the smallest reverse bias not below a target, because a diode in forward bias
+cannot discharge the pixel. The residual is uniform over one step. A gate that starts below the
+target stays there: pulses cannot raise the bias.
 
 Assumed: one volt on the gate is one volt of offset (the dissertation compares the two directly but
-could not measure it), a step does not depend on the gate's voltage, it grows in proportion to the
-length of the pulse, and no pulse differs from another.
+could not measure it); a step is independent of the gate's voltage and proportional to the pulse
+length; all pulses are equal.
 
-Tuning the floating gate, §3.3.2 to §3.3.4: the bias cannot be measured, a probe would leak more
-than the diode. So the dark current is, from the time between 90 % and 10 % of the swing, free of
-noise here (10⁸ electrons), and the gate gets a pulse as long as that lowers the current by more
-than 1 %. The first pulse that takes the diode into forward bias stops the discharge, until the leak
-has brought the bias back to zero; the discharge that follows is as slow as this pixel can get,
-whatever the size of a pulse: with a conductance g at zero bias, a leak r and a swing S
+Tuning the floating gate, §3.3.2 to §3.3.4: the bias cannot be measured, as a probe would leak more
+than the diode. Instead the dark current is measured from the time between 90 % and 10 % of the
+swing, noise-free here (10⁸ electrons). The gate is pulsed while a pulse lowers the current by more
+than 1 %. The first pulse into forward bias stops the discharge until the leak has brought the bias
+back to zero. The next discharge is the slowest possible for this pixel, whatever the pulse size:
+with a conductance g at zero bias, a leak r and a swing S
 
     0.8·S·C / (√1.8 − √0.2) / √(S·C/(g·r))
 """
@@ -42,27 +42,27 @@ WORTHWHILE = 0.99
 
 
 class FixedBias(Record):
-    """No trimming: every pixel keeps the offset of its amplifier on top of a common bias."""
+    """No trimming: every pixel has its amplifier's offset plus a common bias."""
 
     kind: Literal["fixed"] = "fixed"
-    """Names this way of setting the bias."""
+    """Kind of bias circuit."""
     reverse_bias_v: float = 0.0
     """Reverse bias of a pixel without offset (V)."""
 
 
 class DacBias(Record):
-    """Non-adaptive: every pixel's anode has the best code of a digital-to-analog converter."""
+    """Non-adaptive: a digital-to-analog converter sets every pixel's anode to the best code."""
 
     kind: Literal["dac"] = "dac"
-    """Names this way of setting the bias."""
+    """Kind of bias circuit."""
     bits: Annotated[int, Field(ge=1, le=24)] = 12
     """Resolution of the converter (bits)."""
     rail_v: Annotated[float, Field(gt=0)] = 3.3
     """Full scale of the converter (V)."""
     reference_v: Annotated[float, Field(ge=0)] = 1.65
-    """Reference V_P of the amplifier, at the other side of the diode (V)."""
+    """Reference V_P of the amplifier, on the other side of the diode (V)."""
     target_v: float = 0.0
-    """The reverse bias is the smallest that is not below this (V)."""
+    """Lower limit of the reverse bias, which is as small as possible above it (V)."""
 
     @property
     def step_v(self) -> float:
@@ -74,7 +74,7 @@ class FloatingGateBias(Record):
     """Adaptive: every pixel's offset is trimmed by pulses on a floating gate."""
 
     kind: Literal["floating_gate"] = "floating_gate"
-    """Names this way of setting the bias."""
+    """Kind of bias circuit."""
     pulse_rate_v_s: Annotated[float, Field(gt=0)] = 0.5
     """Rise of the gate during a pulse of 14.15 V (V/s); 0.5 is 500 µV in 1 ms."""
     pulse_s: Annotated[float, Field(gt=0)] = 1e-3
@@ -84,9 +84,9 @@ class FloatingGateBias(Record):
     drift_v_k: float = 1e-3
     """Rise of the reverse bias with temperature (V/K)."""
     erased_v: Annotated[float, Field(ge=0)] = 0.1
-    """Reverse bias that the erased gate adds to the offset, before the first pulse (V)."""
+    """Reverse bias of the erased gate on top of the offset, before the first pulse (V)."""
     target_v: float = 0.0
-    """Right after calibration the reverse bias is the smallest that is not below this (V)."""
+    """Lower limit of the reverse bias right after calibration (V)."""
     age_s: Annotated[float, Field(ge=0)] = 0.0
     """Time from calibration to the first frame (s)."""
     warming_k: float = 0.0
@@ -109,7 +109,7 @@ def gate_bias(
     wait_s: float = 0.0,
     warming_k: float = 0.0,
 ) -> Floats:
-    """Reverse bias after so many pulses, so long a wait and so much warming, V."""
+    """Reverse bias after a number of pulses, a wait and a temperature rise, V."""
     moved = gate.leak_v_s * wait_s + gate.drift_v_k * warming_k - gate.step_v * pulses
     return np.asarray(bias_v + moved)
 
@@ -127,7 +127,7 @@ def trimmed_bias(bias: Bias, offset_v: Reals) -> Floats:
 
 
 def _at_best_code(dac: DacBias, offset: Floats) -> Floats:
-    """Smallest reverse bias that is not below the target, V."""
+    """Smallest reverse bias not below the target, V."""
     codes = np.floor((dac.reference_v + offset - dac.target_v) / dac.step_v)
     if np.any((codes < 0) | (codes >= 2**dac.bits)):
         raise ValueError(
@@ -144,16 +144,16 @@ def drift_rate(bias: Bias) -> float:
 
 @dataclass(frozen=True)
 class Measurement:
-    """One turn of the loop."""
+    """One iteration of the calibration loop."""
 
     elapsed_s: float
-    """At the end of the measurement, since the start of the calibration"""
+    """Time at the end of the measurement, since the start of the calibration"""
     pulses: int
-    """Given before it"""
+    """Number of pulses before it"""
     bias_v: float
-    """Reverse bias at its start, which the loop does not know"""
+    """Reverse bias at its start, unknown to the loop"""
     current_a: float
-    """What it sees: the 90–10 % estimate; 0 where the pixel did not discharge in time"""
+    """Current that it sees: the 90–10 % estimate; 0 if the pixel did not discharge in time"""
 
 
 def calibrate(
@@ -162,10 +162,10 @@ def calibrate(
     """Pulse the gate of one pixel until a further pulse no longer lowers the dark current.
 
     The pixel has its reverse bias before the calibration; its drift is set to the gate's leak. A
-    discharge that takes longer than `patience_s` is given up, and with it the calibration. Of what
-    is returned, the last one saw no improvement, the one before it is the result.
+    discharge longer than `patience_s` ends the calibration. The last measurement shows no
+    improvement; the one before it is the result.
 
-    Raises ValueError when the diode is in forward bias from the start, where pulses cannot help.
+    Raises ValueError if the diode is in forward bias from the start, where pulses cannot help.
     """
     bias, elapsed = float(pixel.bias_v), 0.0
     if bias < 0:
@@ -188,7 +188,7 @@ def calibrate(
 
 
 def leak_floor(pixel: Pixel) -> float:
-    """Smallest dark current that a drifting pixel can show between 90 % and 10 %, A.
+    """Smallest measurable dark current of a drifting pixel between 90 % and 10 %, A.
 
     From the conductance at zero bias, for an amplifier of infinite gain.
     """

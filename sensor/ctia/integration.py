@@ -9,11 +9,11 @@ at the start,
 
     s = A·(w·ln(1 + κ·(exp(J·t/(A·w·C)) − 1)) − drift·t)
 
-With a shunt it has none and is integrated by the classical Runge-Kutta method in 64 equal steps of
-each pixel's own, so that a result does not depend on which pixels are computed together. Over a
-full swing at 40 dB the error is below 1e-6 of the swing from 1 mV; from 1 µV, where the current
-grows by ten factors of e, it is 6e-5, and from 1 nV 6e-4. Where bias and current change by less
-than a hundredth, as in an exposure of the built pixel at 130 dB, one step is exact to 1e-10.
+With a shunt there is none. The equation is then integrated by the classical Runge-Kutta method in
+64 equal steps per pixel, so that a result does not depend on which pixels are computed together.
+Over a full swing at 40 dB the error is below 1e-6 of the swing from 1 mV; from 1 µV, where the
+current grows by a factor of e¹⁰, it is 6e-5, and from 1 nV 6e-4. Where bias and current change by
+less than 1 %, as in an exposure of the built pixel at 130 dB, one step is exact to 1e-10.
 
 A diode that starts in forward bias drives the output against the upper rail, where it stays until a
 drift has brought the current back to zero; the lower rail, s = swing, ends the discharge. Source
@@ -34,7 +34,7 @@ from megalopta.sensor.ctia.photodiode import (
 )
 
 EARLY, LATE = 0.1, 0.9
-"""Discharged shares of the swing (the output at 90 % and at 10 %) between which time is taken."""
+"""Discharged fractions of the swing (output at 90 % and 10 %) between which time is measured."""
 
 STEPS = 64
 _NEWTON_STEPS = 100
@@ -45,13 +45,13 @@ _LITTLE = 0.01
 
 @dataclass(frozen=True, eq=False)
 class Pixel:
-    """One pixel, or many: arrays are broadcast against each other."""
+    """One pixel, or many: arrays broadcast against each other."""
 
     diode: Photodiode
     capacitance_f: float
-    """Of the integration capacitor (F)"""
+    """Capacitance of the integration capacitor (F)"""
     swing_v: float
-    """From reset to the lower rail (V)"""
+    """Voltage from reset to the lower rail (V)"""
     gain: Reals
     """Open-loop gain of the amplifier (V/V)"""
     bias_v: Reals
@@ -62,7 +62,7 @@ class Pixel:
     """Factor on the dark current of the diode"""
 
     def __post_init__(self) -> None:
-        """Refuse a drift for which the discharge could turn back."""
+        """Reject a negative drift, for which the discharge could reverse."""
         if not 0 <= self.drift_v_s < np.inf:
             raise ValueError(f"drift_v_s: {self.drift_v_s} V/s; give a rate that is not negative")
 
@@ -73,7 +73,7 @@ def gain_from_db(gain_db: Reals) -> Floats:
 
 
 def discharge(pixel: Pixel, photocurrent_a: Reals, time_s: Reals) -> Floats:
-    """Return how far the output has come down after a time, V, of any shape, up to the swing.
+    """Return the voltage drop of the output after a time, V, of any shape, up to the swing.
 
     `photocurrent_a`: A, not negative; `time_s`: since reset.
     """
@@ -82,12 +82,12 @@ def discharge(pixel: Pixel, photocurrent_a: Reals, time_s: Reals) -> Floats:
 
 
 def discharge_time(pixel: Pixel, photocurrent_a: Reals, discharged_v: Reals) -> Floats:
-    """Time from reset until the output has come down so far, s; infinite where it never does.
+    """Time from reset until the output has dropped by a voltage, s; infinite if it never does.
 
-    Arrays of any shape, by Newton's method: the current only grows, so the discharge is convex
-    in time.
+    Arrays of any shape. Newton's method converges, as the current only grows and the discharge is
+    convex in time.
 
-    Raises ValueError when the discharge asked for is not within the swing.
+    Raises ValueError if the requested discharge is not within the swing.
     """
     target = np.asarray(discharged_v, np.float64)
     if not np.all((target > 0) & (target <= pixel.swing_v)):
@@ -100,7 +100,7 @@ def discharge_time(pixel: Pixel, photocurrent_a: Reals, discharged_v: Reals) -> 
     time = guess + 0 * target
     seeking = np.isfinite(time)
     for _ in range(_NEWTON_STEPS):
-        # each pixel on its own, so that it does not matter which are computed together
+        # each pixel separately, so that results do not depend on which are computed together
         now = np.where(seeking, time, 0.0)
         step = np.where(seeking, _newton_step(pixel, photocurrent_a, now, target), 0.0)
         time = np.where(seeking, np.maximum(time + step, wait), time)
@@ -119,13 +119,13 @@ def _newton_step(pixel: Pixel, photocurrent_a: Reals, time_s: Floats, target: Fl
 
 
 def current(pixel: Pixel, photocurrent_a: Reals, time_s: Reals, discharged_v: Reals) -> Floats:
-    """Current into the capacitor at a time when the output has come down so far, A."""
+    """Current into the capacitor at a time and discharge, A."""
     bias = reverse_bias(pixel, time_s, discharged_v)
     return photocurrent_a + reverse_current(pixel.diode, bias, pixel.dark_scale)
 
 
 def reverse_bias(pixel: Pixel, time_s: Reals, discharged_v: Reals) -> Floats:
-    """Reverse bias of the diode at a time when the output has come down so far, V."""
+    """Reverse bias of the diode at a time and discharge, V."""
     moved = np.asarray(discharged_v) / np.asarray(pixel.gain)
     return np.asarray(pixel.bias_v + pixel.drift_v_s * np.asarray(time_s) + moved)
 
@@ -133,7 +133,7 @@ def reverse_bias(pixel: Pixel, time_s: Reals, discharged_v: Reals) -> Floats:
 def estimate_current(pixel: Pixel, photocurrent_a: Reals = 0.0) -> Floats:
     """Current as measured on the bench, C·ΔV/Δt from 90 % to 10 % of the swing, A.
 
-    Of any shape; 0 where the pixel does not discharge.
+    Any shape; 0 where the pixel does not discharge.
     """
     early, late = (
         discharge_time(pixel, photocurrent_a, share * pixel.swing_v) for share in (EARLY, LATE)
@@ -146,8 +146,8 @@ def estimate_current(pixel: Pixel, photocurrent_a: Reals = 0.0) -> Floats:
 def start(pixel: Pixel, photocurrent_a: Reals) -> tuple[Floats, Floats]:
     """Time at which the output leaves the upper rail, s, and the reverse bias then, V.
 
-    At once where current flows in the right direction; never (infinite) where the diode is in
-    forward bias and nothing drifts.
+    0 if current flows in the right direction; infinite if the diode is in forward bias without
+    drift.
     """
     bias = np.asarray(pixel.bias_v, np.float64)
     if np.all(bias >= 0):  # the balance, which takes a Newton iteration, is never above 0
@@ -161,7 +161,7 @@ def start(pixel: Pixel, photocurrent_a: Reals) -> tuple[Floats, Floats]:
 
 
 def _free_discharge(pixel: Pixel, photocurrent_a: Reals, time_s: Reals) -> Floats:
-    """Discharge as if there were no lower rail; beyond it the current stays what it was there."""
+    """Discharge as if there were no lower rail; beyond it the current stays constant."""
     wait, bias = start(pixel, photocurrent_a)
     elapsed = np.maximum(np.asarray(time_s, np.float64) - wait, 0.0)
     solve = _closed_form if pixel.diode.shunt_ohm is None else _runge_kutta
@@ -178,7 +178,7 @@ def _closed_form(pixel: Pixel, photocurrent_a: Floats, bias: Floats, elapsed: Fl
         share = np.where(total > 0, at_start / total, 0.0)
     exponent = total * elapsed / (gain * slope * pixel.capacitance_f)
     low = np.log1p(share * np.expm1(np.minimum(exponent, _LARGE)))
-    # the same without overflow; ln(0) is not reached: where the share is 0 nothing elapses
+    # overflow-safe form; ln(0) is not reached: where the share is 0 nothing elapses
     high = exponent + np.log(np.maximum(share + (1 - share) * np.exp(-exponent), _TINY))
     risen = slope * np.where(exponent > _LARGE, high, low)
     return np.asarray(gain * (risen - pixel.drift_v_s * elapsed))
@@ -189,12 +189,12 @@ def _runge_kutta(pixel: Pixel, photocurrent_a: Floats, bias: Floats, elapsed: Fl
     volts = _steps(pixel, photocurrent_a, bias, elapsed, 1)
     if brief.all():
         return volts
-    # by pixel, although both are computed for all: no pixel's result depends on its neighbors
+    # per pixel, although both are computed for all: no result depends on its neighbors
     return np.where(brief, volts, _steps(pixel, photocurrent_a, bias, elapsed, STEPS))
 
 
 def _bias_hardly_moves(pixel: Pixel, bias: Floats, elapsed: Floats) -> NDArray[np.bool_]:
-    """True where the diode's law is so straight over the bias covered that one step is enough."""
+    """True where the diode's curve is straight enough over the bias range for one step."""
     diode, gain = pixel.diode, np.asarray(pixel.gain, np.float64)
     junction = diode.saturation_current_a / diode.slope_v * np.exp(-bias / diode.slope_v)
     conductance = np.asarray(pixel.dark_scale) * (junction + diode.shunt_s)
@@ -227,7 +227,7 @@ def _steps(
 
 
 def _first_guess(pixel: Pixel, photocurrent_a: Reals, bias: Floats) -> Floats:
-    """Time for a full swing if the first current stayed, or grew by the drift alone."""
+    """Time for a full swing at the first current, or at one that grows by the drift alone."""
     charge = pixel.capacitance_f * pixel.swing_v
     steady = photocurrent_a + reverse_current(pixel.diode, bias, pixel.dark_scale)
     growth = pixel.diode.zero_bias_s * np.asarray(pixel.dark_scale) * pixel.drift_v_s

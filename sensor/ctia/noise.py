@@ -1,14 +1,13 @@
-"""Noise of a CTIA reading, as volts at the output of the pixel.
+"""Noise of a CTIA reading, in volts at the output of the pixel.
 
 - photon shot noise: the photoelectrons are Poisson, variance q·I_ph·t in C²;
 - dark shot noise: two opposite Poisson currents of the junction (`junction_currents`), and the
   thermal noise of the shunt, variance 2·k·T·t/R (C²). It stays at zero bias, where the net current
   is zero: bias tuning removes the dark current, but not the thermal noise of its conductance;
 - reset (kTC) noise: k·T/C in V², unless the reset level is read too and subtracted;
-- read noise: normal, of all that follows the pixel.
+- read noise: normal, from everything after the pixel.
 
-The bias that counts is that in the middle of the discharge. Source and what is neglected:
-`docs/theory/ctia.md`.
+The bias is taken in the middle of the discharge. Sources and approximations: `docs/theory/ctia.md`.
 """
 
 from typing import Annotated
@@ -28,14 +27,14 @@ from megalopta.sensor.ctia.photodiode import (
 
 
 class CtiaNoise(Record):
-    """Terms of noise of a CTIA reading."""
+    """Noise terms of a CTIA reading."""
 
     photon_shot: bool = True
-    """Whether photoelectrons arrive by chance."""
+    """Photon shot noise."""
     dark_shot: bool = True
-    """Whether the dark diode is noisy: shot noise of its junction, thermal noise of its shunt."""
+    """Noise of the dark diode: shot noise of its junction, thermal noise of its shunt."""
     reset: bool = True
-    """Whether resetting the capacitor leaves kTC noise; off: the reset level is subtracted."""
+    """kTC noise of resetting the capacitor; off: the reset level is subtracted."""
     read_noise_v: Annotated[float, Field(ge=0)] = 0.0
     """Standard deviation of everything after the pixel (V); 0: none."""
 
@@ -93,12 +92,12 @@ def _dark_charge(rng: np.random.Generator, pixel: Pixel, bias: Floats, elapsed: 
 
 
 def poisson_charge(rng: np.random.Generator, charge: Floats) -> Floats:
-    """Charge of a Poisson number of electrons less its mean, C."""
+    """Charge of a Poisson number of electrons minus its mean, C."""
     electrons = charge / ELEMENTARY_CHARGE_C
     return np.asarray(ELEMENTARY_CHARGE_C * (rng.poisson(electrons) - electrons))
 
 
 def reset_variance(noise: CtiaNoise, pixel: Pixel) -> float:
-    """Variance of the voltage that a reset leaves, kT/C, V²."""
+    """Variance of the reset voltage, kT/C, V²."""
     kelvin = pixel.diode.temperature_k
     return noise.reset * BOLTZMANN_J_K * kelvin / pixel.capacitance_f

@@ -1,20 +1,20 @@
-"""The photodiode of a CTIA pixel: ideal diode with a shunt resistance.
+"""Photodiode of a CTIA pixel: an ideal diode with a shunt resistance.
 
     I_D(V) = I_s·(exp(V/(n·k·T/q)) − 1) + V/R_shunt          V = forward bias
 
-The pixel works at a small reverse bias, so functions here take the reverse bias and give the
+The pixel works at a small reverse bias, so functions here take the reverse bias and return the
 current that discharges the pixel: positive in reverse, negative in forward bias, where the pixel
 "can no longer discharge".
 
-Near zero bias the net current vanishes, its noise does not: two currents of single electrons, one
-way and the other, cancel on average only, and the shunt has its thermal noise. Detailed balance
-makes the ratio of the two exp(q·V_r/(k·T)), without n, so the noise is white, and its equivalent
-current, 2·q·I_eq in A²/Hz, is
+Near zero bias the net current vanishes but its noise does not: two opposite currents of single
+electrons cancel only on average, and the shunt has thermal noise. Detailed balance makes the ratio
+of the two exp(q·V_r/(k·T)), without n. The noise is white, 2·q·I_eq in A²/Hz, with the equivalent
+current
 
     I_eq = |I_D|·coth(q·|V_r|/(2·k·T)) + 2·k·T/(q·R_shunt),    I_D that of the junction alone
 
-The saturation current is that at the temperature given and is not scaled with it. Source and what
-is neglected: `docs/theory/ctia.md`.
+The saturation current holds at the given temperature and is not scaled with it. Sources and
+approximations: `docs/theory/ctia.md`.
 """
 
 from typing import Annotated, TypeAlias
@@ -30,21 +30,21 @@ ELEMENTARY_CHARGE_C = 1.602176634e-19
 
 Reals: TypeAlias = float | Floats
 
-# from the smaller of the two bounds below, eight reach double precision at any ratio of currents
+# from the smaller of the two bounds below, eight reach double precision at any current ratio
 _NEWTON_STEPS = 12
 
 
 class Photodiode(Record):
-    """Current law of a photodiode in the dark."""
+    """Dark current of a photodiode."""
 
     saturation_current_a: Annotated[float, Field(ge=0)] = 0.0
-    """Reverse saturation current at the temperature given (A); 0: no junction current."""
+    """Reverse saturation current at the given temperature (A); 0: no junction current."""
     ideality: Annotated[float, Field(ge=1, le=2)] = 1.0
     """Ideality factor n of the junction (1 to 2)."""
     temperature_k: Annotated[float, Field(gt=0)] = 300.0
     """Temperature of the junction (K)."""
     shunt_ohm: Annotated[float, Field(gt=0)] | None = None
-    """Resistance in parallel to the junction (Ω); none: no shunt."""
+    """Resistance in parallel to the junction (Ω); null: no shunt."""
 
     @property
     def slope_v(self) -> float:
@@ -70,19 +70,19 @@ class Photodiode(Record):
 def reverse_current(diode: Photodiode, reverse_bias_v: Reals, scale: Reals = 1.0) -> Floats:
     """Dark current that discharges pixels of any shape, A; negative in forward bias.
 
-    `reverse_bias_v`: V; negative: forward; `scale`: factor on all dark current, each pixel's own.
+    `reverse_bias_v`: V; negative: forward; `scale`: each pixel's factor on its dark current.
     """
     bias = np.asarray(reverse_bias_v, np.float64)
-    # a forward bias of some 0.7 V means more current than any amplifier takes: infinite is right
+    # a forward bias of some 0.7 V exceeds the current of any amplifier: infinity is correct
     with np.errstate(over="ignore"):
         junction = -diode.saturation_current_a * np.expm1(-bias / diode.slope_v)
     return np.asarray(scale * (junction + diode.shunt_s * bias))
 
 
 def junction_currents(diode: Photodiode, reverse_bias_v: Reals) -> tuple[Floats, Floats]:
-    """Currents of electrons that cross the junction in reverse and in forward direction, A.
+    """Currents across the junction in reverse and in forward direction, A.
 
-    Their difference is the junction's part of `reverse_current`, their sum has its shot noise.
+    Their difference is the junction's part of `reverse_current`; their sum gives its shot noise.
     """
     bias = np.asarray(reverse_bias_v, np.float64)
     size = np.abs(bias) / diode.thermal_v
@@ -99,7 +99,7 @@ def junction_currents(diode: Photodiode, reverse_bias_v: Reals) -> tuple[Floats,
 def noise_current(diode: Photodiode, reverse_bias_v: Reals, scale: Reals = 1.0) -> Floats:
     """Current (A, of any shape) whose full shot noise equals the noise of the dark diode.
 
-    As `reverse_current`.
+    Parameters as for `reverse_current`.
     """
     reverse, forward = junction_currents(diode, reverse_bias_v)
     return np.asarray(scale * (reverse + forward + 2 * diode.thermal_v * diode.shunt_s))
@@ -108,8 +108,8 @@ def noise_current(diode: Photodiode, reverse_bias_v: Reals, scale: Reals = 1.0) 
 def open_circuit_voltage(diode: Photodiode, photocurrent_a: Reals, scale: Reals = 1.0) -> Floats:
     """Forward bias at which the diode's own current cancels the photocurrent, V.
 
-    By Newton's method on a convex function from above, which converges from one side. Infinite for
-    a diode that conducts nothing in the dark.
+    Newton's method on a convex function converges from above. Infinite for a diode without dark
+    conduction.
     """
     photocurrent = np.asarray(photocurrent_a, np.float64)
     slope, factor = diode.slope_v, np.asarray(scale, np.float64)

@@ -1,1 +1,1 @@
-"""What a SPAD adds and loses: one effect a file, with its parameters, its law and its sampler."""
+"""Effects of a SPAD, one per file: parameters, count distribution and sampler."""

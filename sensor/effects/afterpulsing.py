@@ -1,14 +1,14 @@
-"""Afterpulsing: carriers that an avalanche leaves in traps and that fire the pixel again later.
+"""Afterpulsing: trapped carriers of an avalanche that fire the pixel again later.
 
 Every counted avalanche fills a Poisson number of traps, of mean p < 1. Each carrier is released
-after a random delay, exponential or tabulated, and fires the pixel if it is live then; a carrier
-released during the dead time is an arrival like any other: lost, and it extends a paralyzable one.
-Outside the gate it is lost without effect. An avalanche fired by a carrier fills traps like any
-other, so afterpulses have afterpulses. Arrivals that only extend a paralyzable dead time fill no
-traps: the pixel is not recharged, little charge flows.
+after a random delay, exponential or tabulated, and fires the pixel if it is live. A carrier
+released during the dead time is lost, and extends a paralyzable one, as any arrival does. Outside
+the gate it is lost without effect. Afterpulses fill traps too, so they have afterpulses. Arrivals
+that only extend a paralyzable dead time fill no traps: the pixel is not recharged and little charge
+flows.
 
-Without dead time this is a Hawkes process, of on average 1/(1−p) counts per primary. Of primaries
-at a rate r, a long exposure has r·T/(1−p) counts on average, of variance r·T/(1−p)³.
+Without dead time this is a Hawkes process with 1/(1−p) counts per primary on average. With
+primaries at a rate r, a long exposure has r·T/(1−p) counts on average, with variance r·T/(1−p)³.
 
 Source: dissertation §2.3.2; Hawkes, Biometrika 58, 83 (1971).
 """
@@ -25,19 +25,19 @@ from megalopta.sensor.effects.base import Effect, PixelRates, Stage
 
 
 class Afterpulsing(Effect, frozen=True):
-    """Trapped carriers and when they come out; off by default."""
+    """Trapped carriers and their release; off by default."""
 
     stage: ClassVar[Stage] = Stage.AVALANCHES
     statement: ClassVar[str] = "avalanches fill traps whose carriers arrive later"
 
     mean_carriers: Annotated[float, Field(ge=0, le=0.95)] = 0.0
-    """Mean number of carriers an avalanche leaves in traps (0: no afterpulsing)."""
+    """Mean number of carriers that an avalanche leaves in traps (0: no afterpulsing)."""
     delay_s: Annotated[float, Field(gt=0)] = 50e-9
-    """Mean of the exponential time to release (s); not used with a table."""
+    """Mean of the exponential release time (s); ignored with a table."""
     table_delays_s: tuple[Annotated[float, Field(ge=0)], ...] = ()
-    """Points of a measured distribution of the delay, increasing (s); empty: exponential."""
+    """Delays of a measured distribution, increasing (s); empty: exponential."""
     table_cumulative: tuple[Annotated[float, Field(ge=0, le=1)], ...] = ()
-    """Fraction of carriers released up to each of these points, from 0 to 1, not decreasing."""
+    """Fraction of carriers released up to each of these delays, rising from 0 to 1."""
     mismatch_sigma: Annotated[float, Field(ge=0, le=1)] = 0.0
     """Relative standard deviation over the pixels of the number of carriers (log-normal)."""
 
@@ -53,7 +53,7 @@ class Afterpulsing(Effect, frozen=True):
             return self
         if any(b <= a for a, b in pairwise(delays)) or any(b < a for a, b in pairwise(cumulative)):
             raise ValueError(
-                "afterpulsing: table_delays_s must increase, table_cumulative not fall"
+                "afterpulsing: table_delays_s must increase, table_cumulative must not fall"
             )
         if len(delays) < 2 or (cumulative[0], cumulative[-1]) != (0, 1):
             raise ValueError(
@@ -63,24 +63,24 @@ class Afterpulsing(Effect, frozen=True):
 
     @property
     def is_on(self) -> bool:
-        """Whether avalanches leave any carriers."""
+        """True if avalanches leave any carriers."""
         return self.mean_carriers > 0
 
     @property
     def memory_s(self) -> float:
-        """Time after which a pixel has forgotten its past but for a part in e²⁰, s."""
+        """Time after which a pixel has forgotten its past except for a part in e²⁰, s."""
         delay = self.table_delays_s[-1] if self.table_delays_s else self.delay_s
         return 20 * delay / (1 - self.mean_carriers)
 
     def act_on_rates(self, rates: PixelRates) -> None:
-        """Let the pixels differ."""
+        """Apply each pixel's factor on the number of carriers."""
         if self.is_on:
             rates.scatter("afterpulsing", self.mismatch_sigma)
 
 
 @compiled
 def draw_carriers(rng: np.random.Generator, mean: float) -> int:
-    """Number of carriers an avalanche leaves in traps (Poisson, small mean)."""
+    """Number of carriers that an avalanche leaves in traps (Poisson, small mean)."""
     carriers, product, limit = 0, rng.random(), np.exp(-mean)
     while product > limit:
         product *= rng.random()
@@ -96,7 +96,7 @@ def draw_delay(
     if table_delays_s.size == 0:
         exponential: float = delay_s * rng.standard_exponential()
         return exponential
-    # as np.interp, which would make arrays for every carrier and takes seconds to compile
+    # as np.interp, which would allocate for every carrier and takes seconds to compile
     chance, low, high = rng.random(), 0, table_cumulative.size - 1
     while high - low > 1:
         middle = (low + high) // 2

@@ -1,11 +1,11 @@
-"""What the parameter models of all effects have in common.
+"""Base of the parameter models of all effects.
 
-An effect is one field of `Sensor`, most of them by `fields`, and acts in the order of its stage;
-within a stage effects act in the order of the fields. Default parameters do nothing.
+An effect is one field of `Sensor`, in most cases through `fields`. Effects act in order of their
+stages, within a stage in order of the fields. Default parameters have no effect.
 
-One on rates overrides `act_on_rates`, one that changes with time `act_on_frame`. One on single
-avalanches, whose stage is `AVALANCHES`, has a part in `avalanches/kernel.py`; wherever no law of
-the counts is known it is simulated. No other file names an effect unless it states a law of it.
+An effect on rates overrides `act_on_rates`; one that changes with time, `act_on_frame`. One on
+single avalanches (stage `AVALANCHES`) has a part in `avalanches/kernel.py` and is simulated where
+the count distribution has no closed form. Only files that hold such a form name effects.
 """
 
 from dataclasses import dataclass, field, replace
@@ -20,7 +20,7 @@ from megalopta.sensor.sampling.streams import pixel_normals
 
 
 class Stage(IntEnum):
-    """Light on the pixels, a device as it was made, what its operation makes of it, then events."""
+    """Order of stages: light on the pixels, the device as made, its operation, then events."""
 
     LIGHT = auto()
     DEVICE = auto()
@@ -31,7 +31,7 @@ class Stage(IntEnum):
 
 @dataclass
 class PixelRates:
-    """What the pixels of a device do to rates; effects on rates change it one after the other."""
+    """Effect of a device's pixels on rates; effects on rates change it in turn."""
 
     shape: tuple[int, int]
     """Rows and columns"""
@@ -47,16 +47,16 @@ class PixelRates:
     """Dark count rate, (H, W)"""
 
     breakdown_offset_v: Floats | None = None
-    """Breakdown voltage above the nominal one, (H, W), where it was measured"""
+    """Breakdown voltage above the nominal one, (H, W), if it was measured"""
 
     breakdown_shift_v: float = 0.0
     """Rise of every breakdown voltage since the reference temperature"""
 
     factors: dict[str, Floats] = field(default_factory=dict)
-    """On the values of dead_time, afterpulsing and crosstalk, (H, W); not named: 1"""
+    """Factors on the values of dead_time, afterpulsing and crosstalk, (H, W); missing: 1"""
 
     measured: set[str] = field(default_factory=set)
-    """What was measured, at the reference bias and temperature"""
+    """Names of values measured at the reference bias and temperature"""
 
     def scale(self, name: str, factor: Floats) -> None:
         """Multiply one of `factors`."""
@@ -71,45 +71,44 @@ class PixelRates:
 
 
 class AvalancheMaps(NamedTuple):
-    """How pixels differ: factors on the values of a sensor's fields, (rows, columns) each."""
+    """Differences between pixels: factors on values of a sensor's fields, each (rows, columns)."""
 
     dead_time: Floats
-    """On `dead_time.dead_time_s`"""
+    """Factor on `dead_time.dead_time_s`"""
     afterpulsing: Floats
-    """On `afterpulsing.mean_carriers`"""
+    """Factor on `afterpulsing.mean_carriers`"""
     crosstalk: Floats
-    """On `crosstalk.mean_fired_neighbors` of avalanches in this pixel"""
+    """Factor on `crosstalk.mean_fired_neighbors` of avalanches in this pixel"""
 
     @classmethod
     def alike(cls, shape: tuple[int, int]) -> "AvalancheMaps":
-        """Pixels that do not differ."""
+        """Maps of identical pixels."""
         return cls(*(np.ones(shape) for _ in cls._fields))
 
     @classmethod
     def of(cls, rates: PixelRates) -> "AvalancheMaps | None":
-        """What the effects on rates have found; none where pixels are as the fields say."""
+        """Maps found by the effects on rates; None if pixels are as the fields state."""
         factors = [rates.factors.get(name, np.ones(rates.shape)) for name in cls._fields]
         return cls(*factors) if any(np.any(factor != 1) for factor in factors) else None
 
 
 class Frame(NamedTuple):
-    """Which exposure it is, for effects that change with time."""
+    """Identity of an exposure, for effects that change with time."""
 
     number: int
-    """In its sequence"""
+    """Frame number in its sequence"""
     time_s: float
-    """From the start of frame 0"""
+    """Time from the start of frame 0"""
     run: int
-    """A random number, the same in all frames of a run: what has memory is a function of it"""
+    """Random number shared by all frames of a run: memory is a function of it"""
 
 
 @dataclass
 class FrameRates:
-    """Rates in one frame; effects that change with time change them one after the other."""
+    """Rates in one frame; effects that change with time change them in turn."""
 
     detections_hz: Floats
-    """Photons that a pixel would detect if always live, (H, W), or in S parts of the exposure
-    (S, H, W)"""
+    """Detection rate of always-live pixels, (H, W), or in S parts of the exposure (S, H, W)"""
 
     dark_counts_hz: Floats
     """Dark count rate, (H, W)"""
@@ -117,7 +116,7 @@ class FrameRates:
     device_seed: int
 
     def with_dark_counts(self, factor: Floats) -> "FrameRates":
-        """Return the rates with so many times the dark counts."""
+        """Return the rates with dark counts multiplied by a factor."""
         return replace(self, dark_counts_hz=self.dark_counts_hz * factor)
 
 
@@ -126,21 +125,21 @@ class Effect(Record):
 
     stage: ClassVar[Stage]
     statement: ClassVar[str]
-    """What it does, for a reader"""
+    """Description for readers"""
 
     @property
     def is_on(self) -> bool:
-        """Whether it does anything."""
+        """True if it has any effect."""
         return self != self.off()
 
     @property
     def memory_s(self) -> float:
-        """Time after which a pixel has forgotten what the effect left of its past, s."""
+        """Time after which a pixel has forgotten the effect's influence, s."""
         return 0.0
 
     @classmethod
     def off(cls) -> "Effect":
-        """Return an effect in its place that does nothing (a lens: a perfect one)."""
+        """Return the same effect switched off (a lens: a perfect one)."""
         return cls()
 
     def act_on_rates(self, rates: PixelRates) -> None:
@@ -149,10 +148,10 @@ class Effect(Record):
     def act_on_frame(self, rates: FrameRates, rng: np.random.Generator, frame: Frame) -> None:
         """Change the rates in one frame, in place; by default nothing.
 
-        `rng` is the frame's own. A frame may be drawn before those that precede it: what the effect
-        remembers must be a function of `frame`.
+        `rng` belongs to the frame. Frames may be drawn in any order, so an effect's memory must be
+        a function of `frame`.
         """
 
     def over_time(self, rates: FrameRates) -> list[tuple[float, FrameRates]]:
-        """Return what `act_on_frame` makes of rates in the long run, each with its chance."""
+        """Return the long-run outcomes of `act_on_frame`, each with its probability."""
         return [(1.0, rates)]

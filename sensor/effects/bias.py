@@ -1,29 +1,29 @@
 """Excess bias and its mismatch: efficiency, dark counts, afterpulsing and crosstalk move together.
 
-A pixel whose breakdown voltage lies δ above the nominal one, at a temperature that moved it by Δ,
-has V = excess_v − δ − Δ. Relative to the values at reference_v,
+A pixel whose breakdown voltage is δ above nominal, at a temperature that shifts it by Δ, has V =
+excess_v − δ − Δ. Relative to the values at reference_v,
 
     efficiency    f(V)/f(reference),   f(V) = 1 − exp(−(V − onset_v)/efficiency_scale_v)
     dark counts   exp((V − reference)/dark_efold_v)
     afterpulsing, crosstalk   1 + slope·(V − reference)/reference, and not below 0
 
-and the first two are 0 below the onset. The charge of an avalanche is the capacitance of the pixel
-times V, and traps and light are in proportion to it: slope 1. A slope above 1 has in it that a
-carrier fires the more likely the higher V is.
+and the first two are 0 below the onset. The charge of an avalanche is the pixel's capacitance times
+V, and traps and light are proportional to it: slope 1. A slope above 1 includes that a carrier is
+more likely to fire at higher V.
 
-The first is the usual saturating probability that a carrier starts an avalanche; `onset_v` is the
-excess bias at which avalanches become large enough to be seen. The second is empirical and holds
-where it was fitted. Their ratio, the thesis's signal-to-noise ratio, is largest at
+The first is the usual saturating avalanche probability; `onset_v` is the excess bias at which
+avalanches become detectable. The second is empirical and holds in the fitted range. Their ratio,
+the dissertation's signal-to-noise ratio, is largest at
 
     V* = onset + efficiency_scale·ln(1 + dark_efold/efficiency_scale)
 
-whatever the flux, and below every bias at which efficiency is largest. δ is normal.
+at any flux, and below every bias at which efficiency is largest. δ is normal.
 
-A map measured on a device holds each pixel's mismatch already. It is multiplied by the factor from
-the reference bias to this one at the pixel's own δ, 1 at the reference bias.
+A measured map already contains each pixel's mismatch. It is multiplied by the factor from the
+reference bias to this one at the pixel's own δ, which is 1 at the reference bias.
 
-Source: dissertation §2.4.4 to §2.4.7. An `efficiency_scale_v` or `dark_efold_v` of none switches
-that dependence off.
+Source: dissertation §2.4.4 to §2.4.7. `efficiency_scale_v` or `dark_efold_v` of None disables that
+dependence.
 """
 
 from collections.abc import Callable
@@ -40,11 +40,11 @@ from megalopta.sensor.sampling.streams import pixel_normals
 
 
 class Bias(Effect, frozen=True):
-    """Excess bias, what depends on it and how it scatters; by default nothing does."""
+    """Excess bias, its mismatch and the quantities that depend on it; by default none do."""
 
     stage: ClassVar[Stage] = Stage.OPERATION
     statement: ClassVar[str] = (
-        "excess bias and its mismatch scale efficiency, dark counts and what avalanches leave"
+        "excess bias and its mismatch scale efficiency, dark counts, afterpulsing and crosstalk"
     )
 
     excess_v: Annotated[float, Field(gt=0)] = 1.0
@@ -54,9 +54,9 @@ class Bias(Effect, frozen=True):
     onset_v: Annotated[float, Field(ge=0)] = 0.0
     """Excess bias below which nothing is counted (V)."""
     efficiency_scale_v: Annotated[float, Field(gt=0)] | None = None
-    """Voltage scale of the saturation of the efficiency (V); none: it does not depend on bias."""
+    """Voltage scale of the saturation of the efficiency (V); null: independent of bias."""
     dark_efold_v: Annotated[float, Field(gt=0)] | None = None
-    """Rise in bias that multiplies dark counts by e (V); none: they do not depend on bias."""
+    """Rise in bias that multiplies dark counts by e (V); null: independent of bias."""
     afterpulsing_slope: Annotated[float, Field(ge=0, le=10)] = 0.0
     """Relative rise of trapped carriers per relative rise of excess bias; 1: as the charge."""
     crosstalk_slope: Annotated[float, Field(ge=0, le=10)] = 0.0
@@ -81,18 +81,18 @@ class Bias(Effect, frozen=True):
 
     @property
     def is_on(self) -> bool:
-        """Whether a pixel is anywhere but at the reference bias."""
+        """True if any pixel is not at the reference bias."""
         return self.excess_v != self.reference_v or self.breakdown_sigma_v > 0
 
     @property
     def matters(self) -> bool:
-        """Whether anything depends on the excess bias."""
+        """True if anything depends on the excess bias."""
         scales = self.efficiency_scale_v, self.dark_efold_v
         slopes = self.onset_v, self.afterpulsing_slope, self.crosstalk_slope
         return scales != (None, None) or any(slopes)
 
     def without_efficiency(self) -> "Bias":
-        """Return the bias with no influence on efficiency but for the onset."""
+        """Return the bias without influence on efficiency, except for the onset."""
         without = self.model_copy(update={"efficiency_scale_v": None})
         return without if without.matters else Bias()
 
@@ -119,7 +119,7 @@ class Bias(Effect, frozen=True):
 
 
 def breakdown_offset(bias: Bias, shape: tuple[int, int], device_seed: int) -> Floats:
-    """Breakdown voltage of every pixel of a device above the nominal one, V, (rows, columns)."""
+    """Breakdown voltage of every pixel relative to the nominal one, V, (rows, columns)."""
     if bias.breakdown_sigma_v == 0:
         return np.zeros(shape)
     return bias.breakdown_sigma_v * pixel_normals(shape, device_seed, "breakdown voltage")
@@ -144,7 +144,7 @@ def dark_count_factor(bias: Bias, breakdown_offset_v: ArrayLike) -> Floats:
     is_sensitive = excess > bias.onset_v
     if bias.dark_efold_v is None:
         return np.asarray(is_sensitive, np.float64)
-    with np.errstate(over="ignore"):  # `draw_fixed_pattern` refuses what is not finite
+    with np.errstate(over="ignore"):  # `draw_fixed_pattern` rejects values that are not finite
         growth = np.exp((excess - bias.reference_v) / bias.dark_efold_v)
     return np.where(is_sensitive, growth, 0.0)
 
@@ -158,9 +158,9 @@ def _charge_factor(slope: float, bias: Bias, breakdown_offset_v: ArrayLike) -> F
 def since_measurement(
     factor: Callable[[Bias, ArrayLike], Floats], bias: Bias, breakdown_offset_v: ArrayLike
 ) -> Floats:
-    """What one of the factors above does to a map measured at the reference bias.
+    """Apply one of the factors above to a map measured at the reference bias.
 
-    The measurement stands, with factor 1, in a pixel that is below the onset at that bias.
+    In a pixel below the onset at that bias the factor is 1.
     """
     at_reference = bias.model_copy(update={"excess_v": bias.reference_v})
     now, then = (factor(each, breakdown_offset_v) for each in (bias, at_reference))
@@ -173,12 +173,12 @@ def best_excess_bias(bias: Bias) -> float:
     Raises
     ------
     ValueError
-        When efficiency or dark counts do not depend on bias.
+        If efficiency or dark counts do not depend on bias.
     """
     scale, efold = bias.efficiency_scale_v, bias.dark_efold_v
     if scale is None or efold is None:
         raise ValueError(
-            f"bias: efficiency_scale_v {scale} and dark_efold_v {efold}; give both, there is no "
-            "best bias without"
+            f"bias: efficiency_scale_v {scale} and dark_efold_v {efold}; give both, as the best "
+            "bias needs both"
         )
     return bias.onset_v + scale * float(np.log1p(efold / scale))

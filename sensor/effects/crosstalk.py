@@ -1,17 +1,17 @@
-"""Crosstalk: an avalanche sends light to its neighbors and may fire them.
+"""Crosstalk: an avalanche emits light that may fire its neighbors.
 
-Every counted avalanche fires each pixel about it at once and independently, with a probability that
-falls with distance: c to a neighbor across an edge and c·diagonal, c·distance_two, c·distance_three
-to one across a corner and to those two and three pixels away along a row or column. An avalanche so
-fired does the same. Beyond the edge of the array there is nothing. Crosstalk light that meets a
-pixel in its dead time is an arrival like any other: lost, and it extends a paralyzable dead time.
+Every counted avalanche fires nearby pixels at once and independently, with a probability that falls
+with distance: c across an edge, c·diagonal across a corner, c·distance_two and c·distance_three to
+pixels two and three away along a row or column. Avalanches fired this way do the same. There are no
+pixels beyond the edge of the array. Crosstalk light that meets a pixel in its dead time is lost,
+and extends a paralyzable one, as any arrival does.
 
-Without dead time the counts are a branching process. C_ij being the probability that an avalanche
-in j fires i, with means N̄ = λ + C·N̄ of Poisson primaries λ and the response G = (1 − C)⁻¹,
+Without dead time the counts are a branching process. With C_ij the probability that an avalanche in
+j fires i, means N̄ = λ + C·N̄ for Poisson primaries λ, and the response G = (1 − C)⁻¹,
 
     Var(N_i) = Σ_j G_ij²·D_j,     D = λ + (C − C∘C)·N̄
 
-for every pixel, those at the border included.
+for every pixel, including those at the border.
 
 Source: dissertation §2.3.2; Rech et al., Optics Express 16, 8381 (2008) for shares by distance.
 """
@@ -29,7 +29,7 @@ from megalopta.core.arrays import Floats
 from megalopta.sensor.effects.base import Effect, PixelRates, Stage
 
 REACH = 3
-"""Largest distance along a row or column that crosstalk goes at once, pixels."""
+"""Largest distance of direct crosstalk along a row or column, pixels."""
 _NEGLIGIBLE, _SMALL_RESPONSE = 1e-15, 1e-6
 _PIXELS_AT_ONCE = 4096
 
@@ -37,7 +37,7 @@ Share = Annotated[float, Field(ge=0, le=1)]
 
 
 class Crosstalk(Effect, frozen=True):
-    """How strongly avalanches fire neighboring pixels; off by default."""
+    """Probabilities that avalanches fire neighboring pixels; off by default."""
 
     stage: ClassVar[Stage] = Stage.AVALANCHES
     statement: ClassVar[str] = "avalanches send light to neighboring pixels"
@@ -45,27 +45,27 @@ class Crosstalk(Effect, frozen=True):
     mean_fired_neighbors: Annotated[float, Field(ge=0, le=0.8)] = 0.0
     """Mean number of pixels that one avalanche inside the array fires (0: no crosstalk)."""
     diagonal: Share = 0.0
-    """Probability to fire a neighbor across a corner, over that of one across an edge."""
+    """Probability to fire a corner neighbor, relative to an edge neighbor."""
     distance_two: Share = 0.0
     """The same for a pixel two away along a row or column."""
     distance_three: Share = 0.0
     """The same for a pixel three away along a row or column."""
     mismatch_sigma: Annotated[float, Field(ge=0, le=1)] = 0.0
-    """Relative standard deviation over the pixels of how many neighbors one fires (log-normal)."""
+    """Relative standard deviation over the pixels of the number of fired neighbors (log-normal)."""
 
     @property
     def is_on(self) -> bool:
-        """Whether any neighbor is fired."""
+        """True if any neighbor is fired."""
         return self.mean_fired_neighbors > 0
 
     def act_on_rates(self, rates: PixelRates) -> None:
-        """Let the pixels differ."""
+        """Apply each pixel's factor on the crosstalk that it sends."""
         if self.is_on:
             rates.scatter("crosstalk", self.mismatch_sigma)
 
 
 def neighborhood(crosstalk: Crosstalk) -> Floats:
-    """Return (7, 7) probabilities that an avalanche in the middle fires a pixel about it."""
+    """Return (7, 7) probabilities that an avalanche in the middle fires each pixel around it."""
     shares = np.zeros((2 * REACH + 1, 2 * REACH + 1))
     at = REACH + np.array([-1, 1])
     shares[np.ix_(at, at)] = crosstalk.diagonal
@@ -81,7 +81,7 @@ def spread(
     crosstalk: Crosstalk,
     strength: Floats | None = None,
 ) -> NDArray[np.int64]:
-    """Draw the counts with crosstalk of one frame.
+    """Draw the counts of one frame with crosstalk.
 
     Parameters
     ----------
@@ -89,7 +89,7 @@ def spread(
     primaries : (rows, columns) int64
     crosstalk : Crosstalk
     strength : (rows, columns) float64, optional
-        How many neighbors a pixel fires, relative to `mean_fired_neighbors`; by default 1.
+        Neighbors that a pixel fires, relative to `mean_fired_neighbors`; default: 1.
     """
     if not crosstalk.is_on:
         return primaries
@@ -117,7 +117,7 @@ def _fired(
 
 
 def fired_mean(counts: Floats, crosstalk: Crosstalk, strength: Floats | None = None) -> Floats:
-    """Mean number of avalanches fired in each pixel by these mean counts of its neighbors."""
+    """Mean number of avalanches fired in each pixel, from mean counts of its neighbors."""
     sent = counts if strength is None else counts * strength
     return np.asarray(convolve(sent, neighborhood(crosstalk), mode="constant"))
 
@@ -132,7 +132,7 @@ def mean(primaries: Floats, crosstalk: Crosstalk, strength: Floats | None = None
 
 
 def variance(primaries: Floats, crosstalk: Crosstalk, strength: Floats | None = None) -> Floats:
-    """Variance of the counts of a frame without dead time, for Poisson primaries of this mean."""
+    """Variance of the counts of a frame without dead time, from mean Poisson primaries."""
     counts = mean(primaries, crosstalk, strength)
     drawn = primaries + fired_mean(counts, crosstalk, strength)
     return spread_variance(drawn, counts, crosstalk, strength)
@@ -146,21 +146,21 @@ def spread_variance(
     answer: Floats | None = None,
     returns: bool = True,
 ) -> Floats:
-    """Variance of counts of which each takes part in those of its neighbors.
+    """Variance of counts that fire, and are fired by, their neighbors.
 
     Parameters
     ----------
     drawn : (rows, columns) float64
-        Variance that each pixel would have if what its neighbors send came as a Poisson process.
+        Variance of each pixel if its neighbors' light were a Poisson process.
     counts : (rows, columns) float64
         Mean counts.
     crosstalk : Crosstalk
     strength : (rows, columns) float64, optional
         As for `spread`.
     answer : (rows, columns) float64, optional
-        Counts that a pixel gains per arrival; by default 1.
+        Counts that a pixel gains per arrival; default: 1.
     returns : bool
-        Whether light that an avalanche has fired elsewhere may fire its pixel again, which is live.
+        True if light from avalanches that a pixel caused elsewhere may fire it again.
     """
     weights = neighborhood(crosstalk)
     sent = np.ones_like(counts) if strength is None else strength
@@ -177,7 +177,7 @@ def spread_variance(
             term.eliminate_zeros()
             response = response + term
         total[rows] = np.asarray(response.power(2) @ noise.ravel())
-        if not returns:  # G_ij is the chance to come to i at all, times G_ii avalanches there
+        if not returns:  # G_ij is the probability to reach i at all, times G_ii avalanches there
             total[rows] /= response.diagonal(first) ** 2
     return total.reshape(counts.shape)
 

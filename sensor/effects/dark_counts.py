@@ -1,12 +1,12 @@
-"""Dark counts: avalanches without a photon, Poisson, at a rate that is each pixel's own.
+"""Dark counts: avalanches without a photon, Poisson, at each pixel's own rate.
 
-The rate per active area is drawn once per device: for most pixels from a normal distribution cut
-off at zero, for the fraction of "hot" pixels from a log-normal one (positive, long tail). The
-pattern belongs to the device seed and to the pixel's row and column, so it is the same in every
-frame and for any image size.
+The rate per active area is drawn once per device: for most pixels from a normal distribution
+truncated at zero, for the fraction of "hot" pixels from a log-normal one (positive, long tail). The
+pattern depends on the device seed and the pixel's row and column, so it is the same in every frame
+and for any image size.
 
-Source: dissertation §2.4.4 and §2.4.7, where the bulk is called normal and hot pixels lie outside
-of it. The log-normal is ours: five hot pixels were measured. The rate is that of one bias and one
+Source: dissertation §2.4.4 and §2.4.7, where the bulk is normal and hot pixels are outliers. The
+log-normal is an assumption: five hot pixels were measured. The rate holds at one bias and one
 temperature.
 """
 
@@ -28,11 +28,11 @@ class DarkCounts(Effect, frozen=True):
 
     stage: ClassVar[Stage] = Stage.DEVICE
     statement: ClassVar[str] = (
-        "carriers that are no photons' arrive too, in every pixel at a rate of its own"
+        "dark carriers arrive in addition to photons, at a rate of each pixel's own"
     )
 
     bulk_mean_hz_um2: Annotated[float, Field(ge=0)] = 0.0
-    """Mean of the normal distribution of ordinary pixels before the cut at zero (Hz/µm²)."""
+    """Mean of the normal distribution of ordinary pixels before truncation at zero (Hz/µm²)."""
     bulk_sigma_hz_um2: Annotated[float, Field(ge=0)] = 0.0
     """Standard deviation of that normal distribution (Hz/µm²)."""
     hot_fraction: Annotated[float, Field(ge=0, le=1)] = 0.0
@@ -53,12 +53,12 @@ class DarkCounts(Effect, frozen=True):
 
     @property
     def is_on(self) -> bool:
-        """Whether there are any."""
+        """True if there are any."""
         bulk = self.hot_fraction < 1 and max(self.bulk_mean_hz_um2, self.bulk_sigma_hz_um2) > 0
         return bulk or self.hot_fraction * self.hot_mean_hz_um2 > 0
 
     def act_on_rates(self, rates: PixelRates) -> None:
-        """Give every pixel its dark count rate."""
+        """Set the dark count rate of every pixel."""
         density = dark_count_density(self, rates.shape, rates.device_seed)
         rates.dark_counts_hz = density * (rates.active_area_m2 * _UM2_PER_M2)
 

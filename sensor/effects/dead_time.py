@@ -1,19 +1,19 @@
-"""Dead time: what a detector misses while it recovers from the event before.
+"""Dead time: arrivals lost while a detector recovers from the previous event.
 
 Three kinds. `ideal`: none, counts are Poisson. `nonparalyzable` and `paralyzable`: see the modules
-of these names for the laws. In all of them τ is the same for every event and the rate is constant
-during the exposure. When the exposure starts, the detector is live and idle, or it has been running
-for long (`stationary`) and may be blind.
+of these names for the distributions. In all of them τ is the same for every event and the rate is
+constant during the exposure. When the exposure starts, the detector is live and idle, or it has
+been running for long (`stationary`) and may be dead.
 
-A non-paralyzable dead time may end in one of two ways other than at once:
+A non-paralyzable dead time may end gradually in one of two ways:
 
-- twilight pulses: an arrival in its last α, when the detector is on its way back, gives a count
-  right at its end. Gaps are τ with probability 1 − e^(−rα), and the mean rate is r/(r·τ + e^(−rα));
-- recharging: the dead time is the hold-off, after it the efficiency grows as 1 − e^(−t/τ_r), and an
-  arrival that fires nothing does nothing.
+- twilight pulses: an arrival in its last α, while the detector recovers, gives a count right at its
+  end. Gaps are τ with probability 1 − e^(−rα), and the mean rate is r/(r·τ + e^(−rα));
+- recharging: the dead time is the hold-off; afterwards the efficiency grows as 1 − e^(−t/τ_r), and
+  an arrival that does not fire has no effect.
 
-These are simulated (`megalopta.sensor.avalanches`). Left out: an avalanche of a pixel that is not
-fully charged holds less charge, and so traps fewer carriers and sends less light.
+These are simulated (`megalopta.sensor.avalanches`). Neglected: an avalanche of a partly charged
+pixel carries less charge, so it traps fewer carriers and emits less light.
 
 Source: Straka et al., J. Lightwave Technol. 38, 4765 (2020), arXiv 2001.10036, for twilight pulses
 with the rate times a constant α for probability; Krause and Walenta, arXiv 2507.10361, for the
@@ -32,7 +32,7 @@ from megalopta.sensor.effects.base import Effect, PixelRates, Stage
 from megalopta.sensor.sampling.poisson import draw_poisson
 
 MOST_ARRIVALS = 1e15
-# Far below any detector's; denormal times have no finite inverse.
+# Far below that of any detector; denormal times have no finite inverse.
 _SHORTEST_S = 1e-15
 LAWS = {"nonparalyzable": nonparalyzable, "paralyzable": paralyzable}
 """Modules with `moments` and `draw` of the counts of each kind."""
@@ -42,27 +42,27 @@ class DeadTime(Effect, frozen=True):
     """Recovery of a pixel after an event."""
 
     stage: ClassVar[Stage] = Stage.AVALANCHES
-    statement: ClassVar[str] = "what arrives while the pixel recovers is lost"
+    statement: ClassVar[str] = "arrivals while the pixel recovers are lost"
 
     kind: Literal["ideal", "nonparalyzable", "paralyzable"] = "ideal"
     """No dead time, active quench (lost arrivals do nothing) or passive quench (they extend it)."""
     dead_time_s: Annotated[float, Field(ge=0)] = 0.0
-    """Time during which the pixel is blind (s), at least 1e-15; 0 with ideal."""
+    """Time during which the pixel is dead (s), at least 1e-15; 0 with ideal."""
     twilight_s: Annotated[float, Field(ge=0)] = 0.0
     """Last part of the dead time (s) in which an arrival gives a count at its end; 0: none."""
     recharge_s: Annotated[float, Field(ge=0)] = 0.0
-    """Time constant with which the efficiency comes back after the dead time (s); 0: at once."""
+    """Time constant of the efficiency's recovery after the dead time (s); 0: at once."""
     mismatch_sigma: Annotated[float, Field(ge=0, le=1)] = 0.0
     """Relative standard deviation of the dead time over the pixels (log-normal)."""
     start: Literal["live", "stationary"] = "live"
-    """Pixel at the start of an exposure: live and idle, or as after running for long."""
+    """State at the start of an exposure: live and idle, or stationary."""
 
     @model_validator(mode="after")
     def _check_dead_time(self) -> Self:
         if self.kind == "ideal" and self.dead_time_s > 0:
             raise ValueError(
-                f"dead_time.dead_time_s: {self.dead_time_s:g} does nothing with kind 'ideal'; use "
-                "kind 'nonparalyzable' or 'paralyzable', or leave the time out"
+                f"dead_time.dead_time_s: {self.dead_time_s:g} has no effect with kind 'ideal'; use "
+                "kind 'nonparalyzable' or 'paralyzable', or omit the time"
             )
         if self.kind != "ideal" and self.dead_time_s < _SHORTEST_S:
             raise ValueError(
@@ -76,12 +76,12 @@ class DeadTime(Effect, frozen=True):
         if self.kind != "nonparalyzable" and not self.has_law:
             raise ValueError(
                 f"dead_time: twilight_s {self.twilight_s:g} and recharge_s {self.recharge_s:g} "
-                f"with kind {self.kind!r}; leave them out or use kind 'nonparalyzable'"
+                f"with kind {self.kind!r}; omit them or use kind 'nonparalyzable'"
             )
         if self.twilight_s > 0 and self.recharge_s > 0:
             raise ValueError(
                 f"dead_time: twilight_s {self.twilight_s:g} and recharge_s {self.recharge_s:g} "
-                "are two ways to come back; give one of them"
+                "are alternatives; give one of them"
             )
         if self.twilight_s > self.dead_time_s / 2:
             raise ValueError(
@@ -92,21 +92,21 @@ class DeadTime(Effect, frozen=True):
 
     @property
     def is_on(self) -> bool:
-        """Whether anything is lost."""
+        """True if anything is lost."""
         return self.kind != "ideal"
 
     @property
     def has_law(self) -> bool:
-        """Whether the counts have a law that can be drawn from, without twilight or recharging."""
+        """True if the counts can be drawn directly: no twilight or recharging."""
         return self.twilight_s == 0 and self.recharge_s == 0
 
     @property
     def memory_s(self) -> float:
-        """Time in which a pixel that recharges forgets, beyond some dead times, s."""
+        """Time in which a recharging pixel forgets, beyond some dead times, s."""
         return 20 * self.recharge_s
 
     def act_on_rates(self, rates: PixelRates) -> None:
-        """Let the pixels differ."""
+        """Apply each pixel's factor on the dead time."""
         if self.is_on:
             rates.scatter("dead_time", self.mismatch_sigma)
 
@@ -114,7 +114,7 @@ class DeadTime(Effect, frozen=True):
 def expected_counts(
     rate_hz: ArrayLike, exposure_s: float, dead_time: DeadTime
 ) -> NDArray[np.float64]:
-    """Exact mean number of counts in one exposure, of the rates' shape; as `moments`."""
+    """Exact mean number of counts in one exposure, in the rates' shape; as `moments`."""
     return moments(rate_hz, exposure_s, dead_time)[0]
 
 
@@ -136,7 +136,7 @@ def moments(
     Raises
     ------
     ValueError
-        When a rate or the exposure is negative or not finite.
+        If a rate or the exposure is negative or not finite.
     """
     arrivals = check_arrivals(rate_hz, exposure_s)
     fractions = _fractions(arrivals, exposure_s, dead_time, scale)
@@ -163,19 +163,19 @@ def draw_counts(
 def _fractions(
     arrivals: Floats, exposure_s: float, dead_time: DeadTime, scale: ArrayLike
 ) -> tuple[Floats, bool]:
-    """Dead time over exposure of every pixel, flat, and whether the start is stationary."""
+    """Dead time over exposure of every pixel, flat, and True for a stationary start."""
     fraction = dead_time.dead_time_s / exposure_s * np.asarray(scale, np.float64).ravel()
     return np.broadcast_to(fraction, arrivals.shape), dead_time.start == "stationary"
 
 
 def check_arrivals(rate_hz: ArrayLike, exposure_s: float) -> Floats:
-    """Mean number of arrivals in the exposure, flat (N,), or refuse them."""
+    """Return the mean number of arrivals per exposure, flat (N,); raise if invalid."""
     if not 0 < exposure_s < np.inf:
         raise ValueError(f"exposure_s: {exposure_s}; must be positive and finite (s)")
     rate = np.asarray(rate_hz, np.float64).ravel()
     if rate.size and not (rate.min() >= 0 and rate.max() * exposure_s <= MOST_ARRIVALS):
         raise ValueError(
             f"rate_hz: from {rate.min():g} to {rate.max():g}; must be finite, not negative, and at "
-            f"most {MOST_ARRIVALS / exposure_s:g} Hz ({MOST_ARRIVALS:g} arrivals an exposure)"
+            f"most {MOST_ARRIVALS / exposure_s:g} Hz ({MOST_ARRIVALS:g} arrivals per exposure)"
         )
     return rate * exposure_s

@@ -1,4 +1,4 @@
-"""What decides which avalanches occur: the effects on single avalanches, together."""
+"""Effects on single avalanches, together: they decide which avalanches occur."""
 
 from functools import cached_property
 
@@ -11,7 +11,7 @@ from megalopta.sensor.effects.gating import Gate
 
 
 class AvalancheEffects(BaseModel, frozen=True, extra="forbid"):
-    """The effects on single avalanches; hashable. Fields are as those of `Sensor`."""
+    """Effects on single avalanches; hashable. Fields are as those of `Sensor`."""
 
     gate: Gate = Gate()
     dead_time: DeadTime = DeadTime()
@@ -20,25 +20,25 @@ class AvalancheEffects(BaseModel, frozen=True, extra="forbid"):
 
     @cached_property
     def on(self) -> frozenset[str]:
-        """Names of those that are on."""
+        """Names of the effects that are on."""
         return frozenset(name for name in type(self).model_fields if getattr(self, name).is_on)
 
     @property
     def has_law(self) -> bool:
-        """Whether dead time acts alone, and the counts have a law that can be drawn from."""
+        """True if dead time acts alone, so that counts can be drawn directly."""
         return self.on == {"dead_time"} and self.dead_time.has_law
 
     @property
     def remembers(self) -> bool:
-        """Whether an exposure leaves anything in the pixels that the next one may meet."""
+        """True if an exposure leaves anything in the pixels that affects the next one."""
         return not self.on <= {"gate", "crosstalk"}
 
     @property
     def memory_s(self) -> float:
-        """Time after which a pixel has forgotten its past, dead times apart, s."""
+        """Time after which a pixel has forgotten its past, s; dead times excluded."""
         return float(sum(getattr(self, name).memory_s for name in self.on))
 
     @property
     def without_crosstalk(self) -> "AvalancheEffects":
-        """The same of pixels that do not know of each other."""
+        """The same effects without crosstalk."""
         return self.model_copy(update={"crosstalk": Crosstalk()})

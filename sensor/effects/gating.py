@@ -1,8 +1,8 @@
 """Gating: the pixel is sensitive only in a periodic window.
 
 Outside the window the bias is below breakdown: photons, dark carriers and trapped carriers fire
-nothing and start no dead time. A dead time that has started runs on. Time spent open is therefore
-the clock of the arrivals; `open_time` and `wall_time` convert between the clocks.
+nothing and start no dead time. A dead time that has started continues. Open time is therefore the
+clock of the arrivals; `open_time` and `wall_time` convert between the clocks.
 
 Without dead time counts are Poisson with mean and variance r·(open time in the exposure).
 
@@ -20,13 +20,13 @@ from megalopta.sensor.effects.base import Effect, Stage
 
 
 class Gate(Effect, frozen=True):
-    """The periodic window; always open by default."""
+    """Periodic window of sensitivity; always open by default."""
 
     stage: ClassVar[Stage] = Stage.AVALANCHES
-    statement: ClassVar[str] = "what arrives outside the window is lost"
+    statement: ClassVar[str] = "arrivals outside the window are lost"
 
     period_s: Annotated[float, Field(gt=0)] | None = None
-    """Time from one opening to the next (s); none: not gated."""
+    """Time from one opening to the next (s); null: not gated."""
     width_s: Annotated[float, Field(gt=0)] | None = None
     """Time for which the window is open (s), at most the period."""
     phase_s: Annotated[float, Field(ge=0)] = 0.0
@@ -47,7 +47,7 @@ class Gate(Effect, frozen=True):
 
     @property
     def is_on(self) -> bool:
-        """Whether the pixel is ever closed."""
+        """True if the pixel is ever closed."""
         return self.width_s != self.period_s
 
     @property
@@ -62,7 +62,7 @@ def open_fraction(gate: Gate, exposure_s: float) -> float:
 
 
 def part_weights(gate: Gate, exposure_s: float, parts: int) -> Floats:
-    """Share of the time open that lies in each of so many equal parts of the exposure, (parts,)."""
+    """Share of the open time in each of a number of equal parts of the exposure, (parts,)."""
     borders = np.linspace(0, exposure_s, parts + 1)
     opened = np.diff([open_time(border, *gate.window) for border in borders])
     return np.asarray(opened / opened.sum())
@@ -70,7 +70,7 @@ def part_weights(gate: Gate, exposure_s: float, parts: int) -> Floats:
 
 @compiled
 def open_time(time_s: float, period_s: float, width_s: float, phase_s: float) -> float:
-    """Time spent open between the first opening and a time, s; period 0: not gated."""
+    """Open time between the first opening and a time, s; period 0: not gated."""
     if period_s == 0:
         return time_s
     cycle = np.floor((time_s - phase_s) / period_s)
@@ -80,7 +80,7 @@ def open_time(time_s: float, period_s: float, width_s: float, phase_s: float) ->
 
 @compiled
 def wall_time(open_s: float, period_s: float, width_s: float, phase_s: float) -> float:
-    """Time at which so much time has been spent open, s: the inverse of `open_time`."""
+    """Time at which this much open time has elapsed, s: the inverse of `open_time`."""
     if period_s == 0:
         return open_s
     cycle = np.floor(open_s / width_s)
@@ -90,5 +90,5 @@ def wall_time(open_s: float, period_s: float, width_s: float, phase_s: float) ->
 
 @compiled
 def is_open(time_s: float, period_s: float, width_s: float, phase_s: float) -> bool:
-    """Whether the window is open."""
+    """True if the window is open."""
     return bool(period_s == 0 or (time_s - phase_s) % period_s < width_s)

@@ -1,10 +1,10 @@
-"""Timing jitter: the time stamp of an event scatters about the arrival of the photon.
+"""Timing jitter: scatter of event time stamps about the arrival of the photon.
 
-Normal, of mean 0, the same for every event and independent between events. It moves time stamps
-only: which avalanches occur is decided before. Stamps may lie outside the exposure, and order may
-change; neither is repaired, as the event belongs to its frame all the same.
+Normal, mean 0, the same for all events and independent between events. It moves time stamps only:
+which avalanches occur is decided before. Stamps may lie outside the exposure, and their order may
+change; neither is corrected, as the event still belongs to its frame.
 
-Source: dissertation §2.3.2; a normal distribution leaves out the diffusion tail of real devices.
+Source: dissertation §2.3.2; a normal distribution has no diffusion tail, unlike real devices.
 """
 
 from typing import Annotated, ClassVar
@@ -29,7 +29,7 @@ class Jitter(Effect, frozen=True):
 def stamp(
     rng: np.random.Generator, times_s: NDArray[np.float64], jitter: Jitter
 ) -> NDArray[np.float64]:
-    """Return time stamps (N,), s, of events at these times, with mean `times_s` and variance σ²."""
+    """Return time stamps (N,), s, of events, with their times as mean and variance σ²."""
     if not jitter.is_on:
         return times_s
     return times_s + jitter.sigma_s * rng.standard_normal(times_s.size)

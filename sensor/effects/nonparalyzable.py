@@ -1,27 +1,27 @@
-"""Non-paralyzable dead time (active quench): every counted event blinds the detector for τ.
+"""Non-paralyzable dead time (active quench): after every counted event the detector is dead for τ.
 
 Poisson arrivals of rate r; an arrival inside the dead time is lost without effect. The detector is
-live and idle when the exposure T starts, unless said otherwise. Everything depends on the mean
+live and idle at the start of the exposure T, unless stated otherwise. The counts depend on the mean
 number of arrivals x = r·T and on a = r·τ. The n-th count comes after n exponential waits and n − 1
 dead times, so
 
     P(N >= n) = P(n, x − (n−1)·a)               P: regularized lower incomplete gamma function
 
-exactly. The moments are sums over it. Their Laplace transforms, f(s) = r·e^(−sτ)/(r+s) being that
-of the time from count to count,
+exactly. The moments are sums over it. With f(s) = r·e^(−sτ)/(r+s) that of the time between counts,
+their Laplace transforms
 
     E[N] ↔ r/(r+s) / (s·(1−f))                  E[N(N−1)/2] ↔ f·r/(r+s) / (s·(1−f)²)
 
 have a pole at 0 that gives a straight line in T, and complex poles that give terms decaying at
 least as e^(−βT/τ) with β = ½·ln(1 + π²/(a+a²)). Once those are below the rounding of a double, the
-line is the exact answer. With g = a/(1+a) it is, for live start,
+line is the exact result. With g = a/(1+a) it is, for live start,
 
     mean g·T/τ + g²/2            variance g·(1−g)²·T/τ + g²·(3/2 − 8g/3 + 5g²/4)
 
 whose leading terms are r·T/(1+r·τ) (dissertation Eq. 2.6) and r·T/(1+r·τ)³.
 
-A detector that has run for long is live at the start with probability 1/(1+a) and else blind for a
-time that is uniform up to τ. Then the mean is g·T/τ for every T, and with the live-start mean m(T)
+A detector that has run for long is live at the start with probability 1/(1+a); otherwise it is dead
+for a time uniform up to τ. Then the mean is g·T/τ for every T, and with the live-start mean m(T)
 
     E[N(N−1)] = 2·(g/τ)·∫₀^(T−τ) m(t) dt ,    settled: variance g·(1−g)²·T/τ + g² − 4g³/3 + g⁴/2
 
@@ -51,7 +51,7 @@ def moments(arrivals: Floats, dead_fraction: Floats, is_stationary: bool) -> tup
     dead_fraction : (N,) float64
         Dead time over exposure, τ/T.
     is_stationary : bool
-        Whether the detector has run for long, rather than being live and idle at the start.
+        True if the detector has run for long; False if it is live and idle at the start.
     """
     a = arrivals * dead_fraction
     settled = _settled_stationary_moments if is_stationary else _settled_moments
@@ -103,10 +103,10 @@ def _summed_stationary_moments(arrivals: Floats, a: Floats, near: Floats) -> tup
 def draw(
     rng: np.random.Generator, arrivals: Floats, dead_fraction: Floats, is_stationary: bool
 ) -> NDArray[np.int64]:
-    """Draw counts from the exact law; parameters as for `moments`.
+    """Draw counts from the exact distribution; parameters as for `moments`.
 
-    Leaps over many counts at a time (the sum of n exponential waits is a gamma variate), so the
-    cost hardly grows with the count. The idea is the gamma method for Poisson variates of Ahrens
+    It leaps over many counts at a time (the sum of n exponential waits is a gamma variate), so the
+    cost hardly grows with the count. This follows the gamma method for Poisson variates of Ahrens
     and Dieter, Computing 12, 223 (1974).
     """
     counts = np.zeros(arrivals.size, np.int64)
@@ -122,7 +122,7 @@ def draw(
 
 @compiled
 def _later_counts(rng: np.random.Generator, left: float, a: float) -> int:
-    """Counts in the time left after a count; all times in mean waits."""
+    """Counts in the remaining time after a count; all times in mean waits."""
     counts = 0
     leap = _safe_leap(left, a)
     while leap >= _SHORTEST_LEAP:
@@ -148,9 +148,9 @@ def _safe_leap(left: float, a: float) -> int:
 
 @compiled
 def _counts_inside(rng: np.random.Generator, left: float, a: float, leap: int, waits: float) -> int:
-    """Counts in the time left, given that count `leap` comes later, after `waits` of waiting.
+    """Counts in the remaining time, given that count `leap` comes later, after `waits` of waiting.
 
-    The waiting up to a count in between is a beta fraction of the whole; narrow down to one gap.
+    The waiting time up to an intermediate count is a beta fraction of the whole; bisect to one gap.
     """
     low, high = 0, leap
     waits_low, waits_high = 0.0, waits

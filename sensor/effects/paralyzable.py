@@ -1,8 +1,8 @@
-"""Paralyzable dead time (passive quench): every arrival, counted or not, blinds the detector for τ.
+"""Paralyzable dead time (passive quench): after every arrival the detector is dead for τ.
 
-Poisson arrivals of rate r; one is counted when the gap to the arrival before it exceeds τ. The
-detector is live and idle when the exposure T starts, so the first arrival always counts. With x =
-r·T, a = r·τ and q = e^(−a), the expected number of sets of k counts, E[C(N, k)], has the Laplace
+Poisson arrivals of rate r; one is counted if the gap to the previous arrival exceeds τ. The
+detector is live and idle at the start of the exposure T, so the first arrival always counts. With x
+= r·T, a = r·τ and q = e^(−a), the expected number of sets of k counts, E[C(N, k)], has the Laplace
 transform r^k·q^(k−1)·e^(−(k−1)sτ)·(s + r·q·e^(−sτ)) / (s^(k+1)·(r+s)). Inverted for k = 1 and 2,
 with x₁ = max(x − a, 0), x₂ = max(x − 2a, 0) and h(x) = x − 1 + e^(−x),
 
@@ -18,21 +18,21 @@ A detector that has run for long saw its last arrival an exponential time before
 
 for every T.
 
-After a count, the chance of another is nothing for one dead time and then λ = r·q per second for
-ever, and this fixes the law of all the gaps between counts. So two rates with the same r·e^(−rτ)
-differ only in the wait for the first arrival, and not at all after running for long. A pixel beyond
-the peak (a > 1) is drawn with the lower rate of its pair, whose arrivals outnumber its counts by at
+After a count, the hazard of another is 0 for one dead time and then λ = r·q per second, which
+determines the distribution of all gaps between counts. So two rates with the same r·e^(−rτ) differ
+only in the wait for the first arrival, and not at all after running for long. A pixel beyond the
+peak (a > 1) is drawn with the lower rate of its pair, whose arrivals outnumber its counts by at
 most e.
 
-Draws are exact up to 100 expected counts: where hardly any arrival is lost (x·a < ½), from the law
-of the number m of close arrivals among n, whose gaps are those of n uniform numbers,
+Draws are exact up to 100 expected counts: where hardly any arrival is lost (x·a < ½), from the
+distribution of the number m of close arrivals among n, whose gaps are those of n uniform numbers,
 
     P(m | n) = C(n−1, m)·Σ_i (−1)^i·C(m, i)·(1 − (n−1−m+i)·τ/T)^n
 
-and else arrival by arrival. Beyond 100, they are normal with the
-exact mean and variance and a Cornish–Fisher term for the third cumulant m·(1 − 3b)², b = a·q, that
-of the large-T law log E[z^N] → (T/τ)·W(b·(z−1)), W being Lambert's function. The total variation
-distance to the exact law is then below 4e-4.
+otherwise arrival by arrival. Beyond 100, they are normal with the exact mean and variance and a
+Cornish–Fisher term for the third cumulant m·(1 − 3b)², b = a·q, from the large-T limit log E[z^N] →
+(T/τ)·W(b·(z−1)), with W Lambert's function. The total variation distance to the exact distribution
+is then below 4e-4.
 """
 
 import numpy as np
@@ -68,7 +68,7 @@ def draw(
 def approximate_count(z: float, mean: float, variance: float, a: float) -> int:
     """Count at the quantile of a normal number z, for means above `EXACT_UP_TO`."""
     third_cumulant = mean * (1 - 3 * a * np.exp(-a)) ** 2
-    sigma = np.sqrt(variance - 1 / 12)  # rounding to integers adds the 1/12 again
+    sigma = np.sqrt(variance - 1 / 12)  # rounding to integers restores the 1/12
     return int(np.rint(mean + sigma * z + third_cumulant / variance * (z**2 - 1) / 6))
 
 
@@ -98,7 +98,7 @@ def _moments(x: float, dead_fraction: float, is_stationary: bool) -> tuple[float
 
 @compiled
 def _at_least_one(x: float) -> float:
-    """Probability of one or more of x expected arrivals; 1 to the last bit beyond 40."""
+    """Probability of at least one of x expected arrivals; 1 to the last bit beyond 40."""
     return 1.0 if x > 40 else float(-np.expm1(-x))
 
 
@@ -158,7 +158,7 @@ def _draw_exactly(
 
 @compiled
 def _draw_by_arrival(rng: np.random.Generator, left: float, dead: float, idle: float) -> int:
-    """Counts in the time left, the last arrival being `idle` ago; times in mean gaps."""
+    """Counts in the remaining time, the last arrival being `idle` ago; times in mean gaps."""
     counts = 0
     gap = rng.standard_exponential()
     while gap <= left:
@@ -171,7 +171,7 @@ def _draw_by_arrival(rng: np.random.Generator, left: float, dead: float, idle: f
 
 @compiled
 def _draw_by_loss(rng: np.random.Generator, arrivals: float, dead_fraction: float) -> int:
-    """Counts from a live start: arrivals less those that come too close after another."""
+    """Counts from a live start: arrivals minus those too close to the previous one."""
     n = rng.poisson(arrivals)
     if n < 2:
         return int(n)

@@ -1,18 +1,18 @@
-"""Random telegraph noise: the dark counts of some pixels switch between levels, at random times.
+"""Random telegraph noise: dark counts of some pixels switch between levels at random times.
 
-A trap near the junction changes its charge now and then, and with it the dark count rate of its
-pixel. Each trap adds `step` times the pixel's own rate while it is active, a share d of the time,
-and forgets its state at a rate of 1/τ: after a waiting time that is exponential with mean τ the
-state is drawn anew. So the autocovariance of the added rate and its one-sided spectrum are
+A trap near the junction changes its charge at times, and with it the pixel's dark count rate. Each
+trap adds `step` times the pixel's own rate while it is active, a share d of the time. Its state is
+redrawn after exponential waiting times of mean τ. So the autocovariance of the added rate and its
+one-sided spectrum are
 
     d·(1 − d)·A²·e^(−|t|/τ)          4·d·(1 − d)·A²·τ / (1 + (2πfτ)²)        A: the step, in Hz
 
 a Lorentzian. τ is drawn for each trap between `fastest_s` and `slowest_s`, uniformly in its
 logarithm: many traps together have a 1/f spectrum between 1/(2π·slowest) and 1/(2π·fastest).
 
-Which pixels have traps, and how fast these are, belongs to the device. The state of a trap is a
-function of run and time, whichever frames are drawn. It holds for a whole exposure, as it is at its
-start: traps that switch within one are too fast for this model.
+The device determines which pixels have traps and how fast these are. The state of a trap is a
+function of run and time, whichever frames are drawn. The state at the start of an exposure holds
+for all of it: traps that switch within one are too fast for this model.
 
 Source: Machlup, J. Appl. Phys. 25, 341 (1954) for the spectrum; McWhorter, in Semiconductor Surface
 Physics (1957), for the mixture; Karami et al., Opt. Eng. 53, 2014, for levels of dark counts in
@@ -34,23 +34,23 @@ from megalopta.sensor.sampling.streams import pixel_uniforms
 from megalopta.sensor.sampling.words import uniform
 
 _NONE_IN_A_BLOCK = np.exp(-1.0)
-"""Chance that a Poisson number of mean 1 is 0."""
+"""Probability that a Poisson number of mean 1 is 0."""
 
 
 class Telegraph(Effect, frozen=True):
     """Dark counts that switch between levels; off by default."""
 
     stage: ClassVar[Stage] = Stage.OPERATION
-    statement: ClassVar[str] = "traps let the dark counts of some pixels switch between levels"
+    statement: ClassVar[str] = "traps switch the dark counts of some pixels between levels"
 
     share: Annotated[float, Field(ge=0, le=1)] = 0.0
     """Fraction of pixels that switch (0: none)."""
     traps: Annotated[int, Field(ge=1, le=16)] = 1
     """Traps of each of these pixels: one makes two levels, n make n + 1."""
     step: Annotated[float, Field(gt=0, le=100)] = 1.0
-    """What an active trap adds to the dark count rate, relative to the pixel's own."""
+    """Dark count rate that an active trap adds, relative to the pixel's own."""
     active_share: Annotated[float, Field(gt=0, lt=1)] = 0.5
-    """Fraction of the time that a trap is active."""
+    """Fraction of time that a trap is active."""
     fastest_s: Annotated[float, Field(gt=0)] = 1.0
     """Correlation time of the fastest traps (s)."""
     slowest_s: Annotated[float, Field(gt=0)] = 1.0
@@ -67,16 +67,16 @@ class Telegraph(Effect, frozen=True):
 
     @property
     def is_on(self) -> bool:
-        """Whether any pixel switches."""
+        """True if any pixel switches."""
         return self.share > 0
 
     def act_on_frame(self, rates: FrameRates, rng: np.random.Generator, frame: Frame) -> None:
-        """Raise the dark counts by what the traps that are active now let in."""
+        """Raise the dark counts by those of active traps."""
         if self.is_on:
             rates.dark_counts_hz *= 1 + self.step * active_traps(self, rates, frame)
 
     def over_time(self, rates: FrameRates) -> list[tuple[float, FrameRates]]:
-        """Each number of active traps, with its chance; neighbors have as many."""
+        """Return rates for each number of active traps, with its probability."""
         if not self.is_on:
             return [(1.0, rates)]
         switches = _traps(self, rates.dark_counts_hz.shape, rates.device_seed)[0]
@@ -88,7 +88,7 @@ class Telegraph(Effect, frozen=True):
 
 
 def active_traps(telegraph: Telegraph, rates: FrameRates, frame: Frame) -> Floats:
-    """Return how many traps of each pixel are active at the start of a frame, (H, W)."""
+    """Return the number of active traps of each pixel at the start of a frame, (H, W)."""
     shape = rates.dark_counts_hz.shape
     _, pixels, times_s = _traps(telegraph, shape, rates.device_seed)
     active = np.zeros(shape)
@@ -101,7 +101,7 @@ def active_traps(telegraph: Telegraph, rates: FrameRates, frame: Frame) -> Float
 def _traps(
     telegraph: Telegraph, shape: tuple[int, int], device_seed: int
 ) -> tuple[NDArray[np.bool_], NDArray[np.int64], Floats]:
-    """Which pixels switch, (H, W); row and column of these, (N, 2), and their times, s, (N, K)."""
+    """Mask of switching pixels, (H, W); their rows and columns, (N, 2), and times, s, (N, K)."""
     switches = pixel_uniforms(shape, device_seed, "telegraph, share") < telegraph.share
     ranks = [
         pixel_uniforms(shape, device_seed, "telegraph, time", trap)[switches]
@@ -121,9 +121,9 @@ def _add_active(
     times_s: Floats,
     active: Floats,
 ) -> None:
-    """Find the last moment at which each trap forgot, among those of a Poisson process.
+    """Find the last time at which each trap was redrawn, from a Poisson process.
 
-    Time is cut into blocks as long as the trap's own, each with random numbers of its own.
+    Time is divided into blocks of the trap's correlation time, each with its own random numbers.
     """
     for at in range(pixels.shape[0]):
         row, column = pixels[at]

@@ -1,1 +1,1 @@
-"""Files of frames, bits and events, as cameras and other programs write them."""
+"""Files of frames, bits and events, in the formats of cameras and other programs."""

@@ -1,15 +1,15 @@
 """Counts on disk: one Zarr v3 group per sequence and sensor.
 
-Arrays `counts`, `saturated` and, where the expectation was asked for, `photons`, `mean_events`,
-`events_variance`, `mean_reading`, `reading_variance` (float32), each (frame, row, column) in chunks
-of whole frames, with its unit as an attribute: counts, or electrons of a sensor that integrates.
-The attributes of the group hold what made them: sensor, exposure, seed, sequence, illuminance. A
-store is written under a temporary name and renamed, so it is there whole or not at all.
+Arrays `counts`, `saturated` and, with the expectation, `photons`, `mean_events`, `events_variance`,
+`mean_reading`, `reading_variance` (float32), each (frame, row, column) in chunks of whole frames,
+with its unit as an attribute: counts, or electrons of an integrating sensor. The attributes of the
+group hold their origin: sensor, exposure, seed, sequence, illuminance. A store is written under a
+temporary name and renamed, so it is never incomplete.
 
-Of a camera that runs the number of frames is not known beforehand. Such a store opens at any
-moment, also after its writer was killed, with the frames of the last `publish`: an array's own
-metadata may be ahead of the others', but readers take all shapes from the metadata of the group,
-which is one file and replaced at once (Zarr's consolidated metadata).
+A running camera's number of frames is not known beforehand. Its store can be opened at any time,
+even after its writer was killed, with the frames of the last `publish`. Readers take all shapes
+from the metadata of the group, one file that is replaced atomically (Zarr's consolidated metadata),
+even if an array's own metadata is ahead.
 """
 
 import json
@@ -45,7 +45,7 @@ MOMENTS = ("photons", "mean_events", "events_variance", "mean_reading", "reading
 
 _MEANINGS = {
     "counts": "{unit} per exposure",
-    "saturated": "true where the pixel was full",
+    "saturated": "true where the pixel was saturated",
     "photons": "mean photons on the pixel per exposure",
     "mean_events": "mean {event} per exposure",
     "events_variance": "{event}² per exposure",
@@ -54,16 +54,15 @@ _MEANINGS = {
 }
 CHUNK_BYTES = 4 * 2**20
 _CHUNK_FRAMES = 16
-"""As many as the stages write at once: of a larger chunk the rest would be read and written
-again."""
+"""As many as the stages write at once: larger chunks would be read and written again."""
 _GROWING_FRAMES = 4096
 _CODEC = BloscCodec(cname="lz4", shuffle="bitshuffle")
-"""Of a camera's readings, smaller than by Zarr's own choice, at half the computing time."""
+"""For a camera's readings: smaller than Zarr's default, at half the computing time."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Origin:
-    """What made an exposure.
+    """Origin of an exposure.
 
     Attributes
     ----------
@@ -71,9 +70,9 @@ class Origin:
     seed : int
     sequence : str or int
     illuminance_lux : float or None
-        Light level of the scene, lux, where it is known.
+        Light level of the scene, lux, if known.
     extra : dict
-        Whatever else the writer noted; JSON values.
+        Further notes of the writer; JSON values.
     """
 
     sensor: ImageSensor
@@ -85,7 +84,7 @@ class Origin:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class StoredCounts(Origin):
-    """An exposure and what made it."""
+    """Exposure with its origin."""
 
     exposure: Exposure
 
@@ -96,7 +95,7 @@ def write_counts(path: str | Path, stored: StoredCounts) -> None:
     Raises
     ------
     FileExistsError
-        When something of this name exists.
+        If the path exists.
     """
     with counts_writer(path, stored, len(stored.exposure.counts)) as write:
         write(stored.exposure)
@@ -106,19 +105,19 @@ def write_counts(path: str | Path, stored: StoredCounts) -> None:
 def counts_writer(
     path: str | Path, origin: Origin, frames: int
 ) -> Iterator[Callable[[Exposure], None]]:
-    """Yield what appends frames to a new store; it appears when all are there.
+    """Yield a function that appends frames to a new store, which appears once complete.
 
     Parameters
     ----------
     path
     origin : Origin
     frames : int
-        How many there will be.
+        Total number of frames.
 
     Raises
     ------
     FileExistsError
-        When something of this name exists.
+        If the path exists.
     """
     path = Path(path)
     check_new(path)
@@ -149,13 +148,13 @@ def _arrays(exposure: Exposure) -> Iterator[tuple[str, NDArray[Any]]]:
 
 
 def _unit(name: str, sensor: ImageSensor) -> str:
-    """What the numbers of an array are."""
+    """Description of an array's numbers."""
     event = "electrons" if sensor.unit == "electrons" else "events"
     return _MEANINGS[name].format(unit=sensor.unit, event=event)
 
 
 def _new_group(path: Path, origin: Origin) -> zarr.Group:
-    """Return a new group that says what made its counts."""
+    """Return a new group whose attributes state its origin."""
     sequence = origin.sequence
     said = {
         "format": FORMAT,
@@ -171,7 +170,7 @@ def _new_group(path: Path, origin: Origin) -> zarr.Group:
 
 
 def format_attribute() -> dict[str, Any]:
-    """Return the attribute that tells the format of a Zarr group."""
+    """Return the attribute with the format of a Zarr group."""
     return {FORMAT_KEY: written("counts")}
 
 
@@ -184,13 +183,13 @@ def _created(
         chunks=(per_chunk, *shape[1:]),
         dimension_names=("frame", "row", "column")[: len(shape)],
         attributes={"unit": unit},
-        config={"write_empty_chunks": True},  # so that a lost one is not read as darkness
+        config={"write_empty_chunks": True},  # so that a missing chunk is not read as darkness
         **how,
     )
 
 
 class ExtraArray(NamedTuple):
-    """An array beside the counts: its type, what its numbers are, and whether of every pixel."""
+    """Additional array: type, description, and True if it has one value per pixel."""
 
     dtype: DTypeLike
     unit: str
@@ -198,7 +197,7 @@ class ExtraArray(NamedTuple):
 
 
 class GrowingCounts:
-    """A new store of counts, frames appended as they come.
+    """New store of counts that grows frame by frame.
 
     Parameters
     ----------
@@ -217,7 +216,7 @@ class GrowingCounts:
         check_new(path)
         self.path = path
         self.frames = 0
-        """So many are published or wait for it."""
+        """Frames published or pending."""
         group = _new_group(path, origin)
         readings = {
             name: ExtraArray(kind, _unit(name, origin.sensor), of_pixels=True)
@@ -268,11 +267,11 @@ class GrowingCounts:
         write_text(self.path / "zarr.json", json.dumps(whole))
 
     def read(self, name: str, first: int, end: int) -> NDArray[Any]:
-        """Published values of one array."""
+        """Read published values of one array."""
         return np.asarray(self._arrays[name][first:end])
 
     def rewrite(self, name: str, first: int, values: NDArray[Any]) -> None:
-        """Replace published values of one array, from a frame on."""
+        """Replace published values of one array from a frame on."""
         self._arrays[name][first : first + len(values)] = values
 
 
@@ -285,7 +284,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, eq=False)
 class StoredFrames:
-    """One array of a store; slicing it reads those frames, as (n, H, W)."""
+    """One array of a store; slicing it reads those frames, (n, H, W)."""
 
     path: Path
     array: "zarr.Array[Any]"
@@ -297,9 +296,9 @@ class StoredFrames:
         Raises
         ------
         OSError, ValueError, KeyError
-            When there is no such array.
+            If there is no such array.
         UserError
-            When another version of the program wrote it, whose format this one does not read.
+            If its format is one that this version of the program does not read.
         """
         group = zarr.open_group(path, mode="r")
         check_format("counts", dict(group.attrs), path, FORMAT_KEY)
@@ -320,7 +319,7 @@ class StoredFrames:
         return _told(self.path, lambda: _finite(np.asarray(self.array.oindex[chosen])))
 
     def mean(self, frames_at_once: int = 64) -> float:
-        """Mean over all frames, of which only so many are in memory."""
+        """Mean over all frames, reading a few at a time."""
         starts = range(0, len(self), frames_at_once)
         total = sum(
             float(self[first : first + frames_at_once].sum(dtype=np.float64)) for first in starts
@@ -330,7 +329,7 @@ class StoredFrames:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class OpenedCounts(Origin):
-    """What made an exposure, and its frames, which are read when they are asked for.
+    """Origin of an exposure, and its frames, read on request.
 
         opened = open_counts(path)
         opened["counts"][first:last], opened["mean_reading"][first:last]
@@ -339,15 +338,14 @@ class OpenedCounts(Origin):
     ----------
     path : Path
     arrays : dict
-        Name to frames: `READINGS`, where they were stored `MOMENTS`, and what else there is of
-        every frame.
+        Name to frames: `READINGS`, `MOMENTS` if stored, and further arrays of every frame.
     """
 
     path: Path
     arrays: Mapping[str, StoredFrames]
 
     def __getitem__(self, name: str) -> StoredFrames:
-        """Return one array. Raises ValueError where it was not stored."""
+        """Return one array. Raises ValueError if it was not stored."""
         if name not in self.arrays:
             raise ValueError(f"{self.path}: holds no {name}; expose with expectation=True")
         return self.arrays[name]
@@ -363,16 +361,16 @@ class OpenedCounts(Origin):
 
 
 def open_counts(path: str | Path) -> OpenedCounts:
-    """Open a store that `write_counts` wrote, without reading frames.
+    """Open a store written by `write_counts`, without reading frames.
 
     Raises
     ------
     FileNotFoundError
-        When there is nothing of this name.
+        If the path does not exist.
     ValueError
-        When it is something else, lacks a part or is damaged.
+        If it is not a store of counts, or is incomplete or damaged.
     UserError
-        When another version of the program wrote it, whose format this one does not read.
+        If its format is one that this version of the program does not read.
     """
     path = Path(path)
     if not path.exists():
@@ -380,10 +378,10 @@ def open_counts(path: str | Path) -> OpenedCounts:
     try:
         group = zarr.open_group(path, mode="r")
         attributes: dict[str, Any] = dict(group.attrs)
-    except Exception as problem:  # of a damaged file, anything
+    except Exception as problem:  # damaged files raise errors of any type
         raise ValueError(f"{path}: not a Zarr group; give a folder of counts") from problem
     if attributes.get("format") != FORMAT:
-        raise ValueError(f"{path}: a Zarr group, but not one of counts; give a folder of counts")
+        raise ValueError(f"{path}: a Zarr group without counts; give a folder of counts")
     check_format("counts", attributes, path, FORMAT_KEY)
     return _told(path, lambda: _opened(path, group, attributes))
 
@@ -403,16 +401,16 @@ def _opened(path: Path, group: zarr.Group, attributes: dict[str, Any]) -> Opened
     for name in names:
         array = group[name]
         if not isinstance(array, zarr.Array) or array.dtype.kind not in _KINDS[name]:
-            raise ValueError(f"{name} is no array of its kind of numbers")
+            raise ValueError(f"{name} has the wrong type of numbers")
         written = sum(each.is_file() for each in (path / name / "c").rglob("*"))
         sizes = zip(array.shape, array.chunks, strict=True)
         lost = math.prod(-(-size // chunk) for size, chunk in sizes) - written
         if lost > 0:
-            raise ValueError(f"{lost} chunks of {name} are gone")
+            raise ValueError(f"{lost} chunks of {name} are missing")
         arrays[name] = StoredFrames(path, array)
     shapes = [array.shape for array in arrays.values()]
     if len(shapes[0]) != 3 or len(set(shapes)) > 1:
-        raise ValueError(f"arrays of shapes {', '.join(map(str, shapes))}")
+        raise ValueError(f"its arrays differ in shape: {', '.join(map(str, shapes))}")
     extras = {
         name: StoredFrames(path, array)
         for name, array in group.arrays()
@@ -433,7 +431,7 @@ def _finite(frames: NDArray[Any]) -> NDArray[Any]:
 
 
 def _told(path: Path, read: Callable[[], T]) -> T:
-    """What reading gives, or one sentence on what is wrong with the store."""
+    """Result of a reader; its errors become one sentence about the store."""
     try:
         return read()
     except KeyError as missing:

@@ -1,14 +1,13 @@
-"""Event streams in HDF5, in the layout that event cameras' data sets have, and in `.npz`.
+"""Event streams in HDF5, in the layout of event-camera data sets, and in `.npz`.
 
-An event is 12 bytes: `t`, int64, picoseconds from the beginning of the sequence, where frame n
-begins at n times the frame's period; `x` and `y`, uint16, column and row. Events are sorted by
-frame and time stamp. `starts` is the number of each frame's first event, int64, as a stamp that is
-shaken by jitter may lie outside of its frame. A time stamp is rounded to a picosecond, far below
-the jitter of any SPAD.
+An event is 12 bytes: `t`, int64, picoseconds from the start of the sequence, where frame n starts
+at n times the frame period; `x` and `y`, uint16, column and row. Events are sorted by frame and
+time stamp. `starts` is the index of each frame's first event, int64, because jitter may move a
+stamp outside its frame. Time stamps are rounded to a picosecond, far below the jitter of any SPAD.
 
 HDF5: group `events` with `t`, `x`, `y` and `p`, which is 1 for every event and takes no space, as
-nothing but its fill value is written; `frame_start` for `starts`; what the frames were, in the
-attributes. Checksums of data (Fletcher) and of structure (HDF5 1.10) betray damage.
+only its fill value is written; `frame_start` for `starts`; the frames' description in the
+attributes. Checksums of data (Fletcher) and of structure (HDF5 1.10) detect damage.
 
 `.npz`, for `numpy.load`: arrays `t`, `x`, `y`, `starts`, and `origin`, which describes the frames,
 as JSON. Uncompressed, never pickled.
@@ -50,22 +49,22 @@ _COPIED_BYTES = 2**22
 
 @dataclass(frozen=True, kw_only=True)
 class EventOrigin:
-    """The frames that the events of a file belong to."""
+    """Frames to which the events of a file belong."""
 
     shape: tuple[int, int, int]
     """Frames, rows, columns"""
     frame_period_s: float
-    """From the beginning of a frame to that of the next, s; kept to a picosecond"""
+    """Time between the starts of consecutive frames, s; rounded to a picosecond"""
     exposure_s: float
     """Exposure time of a frame, s"""
     first_frame: int = 0
-    """Number in the sequence of the first frame"""
+    """Sequence number of the first frame"""
     extra: Mapping[str, Any] = field(default_factory=dict)
-    """Whatever else the writer notes; JSON values"""
+    """Further notes of the writer; JSON values"""
 
     @property
     def frame_starts_ps(self) -> NDArray[np.int64]:
-        """When each frame begins, (T,), picoseconds."""
+        """Start of each frame, (T,), picoseconds."""
         return self._period_ps * (self.first_frame + np.arange(self.shape[0], dtype=np.int64))
 
     @property
@@ -73,7 +72,7 @@ class EventOrigin:
         return round(self.frame_period_s * _PICOSECONDS)
 
     def attributes(self) -> dict[str, Any]:
-        """Return what a file says of its frames."""
+        """Return the description of a file's frames."""
         return {
             "version": written("events"),
             **dict(zip(_NUMBERS, (*self.shape, self.first_frame, self._period_ps), strict=True)),
@@ -84,29 +83,29 @@ class EventOrigin:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class StoredEvents:
-    """Events of a file, and the frames that they belong to."""
+    """Events of a file with the frames to which they belong."""
 
     events: Events
     origin: EventOrigin
 
 
 def write_events_hdf5(path: str | Path, events: Events, origin: EventOrigin) -> None:
-    """Write events as one file."""
+    """Write events to one file."""
     with events_hdf5_writer(path, origin) as write:
         write(events)
 
 
 def write_events_npz(path: str | Path, events: Events, origin: EventOrigin) -> None:
-    """Write events as one file."""
+    """Write events to one file."""
     with events_npz_writer(path, origin) as write:
         write(events)
 
 
 @contextmanager
 def events_hdf5_writer(path: str | Path, origin: EventOrigin) -> Iterator[Callable[[Events], None]]:
-    """Yield what appends events of the next frames; the file appears when all are there.
+    """Yield a function that appends the next frames' events; the file appears once complete.
 
-    Raises ValueError when the events are of other frames than the origin says.
+    Raises ValueError if the events' frames differ from those of the origin.
     """
     with (
         atomic_write(Path(path)) as temporary,
@@ -125,18 +124,18 @@ def events_hdf5_writer(path: str | Path, origin: EventOrigin) -> Iterator[Callab
             yield write
         ones.resize((starts[-1],))
         start = file.create_dataset("frame_start", data=np.array(starts, "<i8"), fletcher32=True)
-        start.attrs["unit"] = "number of a frame's first event"
+        start.attrs["unit"] = "index of a frame's first event"
 
 
 @contextmanager
 def events_npz_writer(path: str | Path, origin: EventOrigin) -> Iterator[Callable[[Events], None]]:
-    """Yield what appends events of the next frames; the file appears when all are there.
+    """Yield a function that appends the next frames' events; the file appears once complete.
 
-    An array's length stands before it, so arrays wait in files of their own until it is known.
-    Raises ValueError when the events are of other frames than the origin says.
+    Arrays wait in separate files until their length, which precedes them, is known. Raises
+    ValueError if the events' frames differ from those of the origin.
     """
     with atomic_write(Path(path)) as temporary, ExitStack() as waiting:
-        # beside the output, on the same disk
+        # next to the output, on the same disk
         folder = temporary.parent
         waiters = {name: waiting.enter_context(TemporaryFile(dir=folder)) for name in _TYPES}
         with _appending(path, origin) as (starts, columns_of):
@@ -159,19 +158,19 @@ def events_npz_writer(path: str | Path, origin: EventOrigin) -> Iterator[Callabl
 
 
 def read_events_hdf5(path: Path) -> StoredEvents:
-    """Read a file that `write_events_hdf5` wrote; raises as `read_events`."""
+    """Read a file written by `write_events_hdf5`; raises as `read_events`."""
     size = file_bytes(path).size
     with _damage_named(path), h5py.File(path, "r") as file:
         attributes = dict(file.attrs)
         if attributes.get("format") != _FORMAT:
-            raise ValueError("no events as megalopta writes them")
+            raise ValueError("no events in megalopta's layout")
         columns = {n: _dataset_in(file, f"events/{n}", each, size) for n, each in _TYPES.items()}
         starts = _dataset_in(file, "frame_start", "<i8", size)
     return _stored(path, attributes, columns, starts)
 
 
 def read_events_npz(path: Path) -> StoredEvents:
-    """Read a file that `write_events_npz` wrote; raises as `read_events`."""
+    """Read a file written by `write_events_npz`; raises as `read_events`."""
     size = file_bytes(path).size
     with _damage_named(path), zipfile.ZipFile(path) as file:
         columns = {name: _array_in(file, name, each, size) for name, each in _TYPES.items()}
@@ -184,7 +183,7 @@ def read_events_npz(path: Path) -> StoredEvents:
 def _appending(
     path: str | Path, origin: EventOrigin
 ) -> Iterator[tuple[list[int], Callable[[Events], dict[str, Column]]]]:
-    """Yield the starts so far, and what adds those of the next events and gives their columns."""
+    """Yield the starts so far, and a function that adds events and returns their columns."""
     starts = [0]
 
     def columns_of(events: Events) -> dict[str, Column]:
@@ -198,7 +197,7 @@ def _appending(
 
 
 def _columns_of(events: Events, origin: EventOrigin) -> dict[str, Column]:
-    """Numbers `t`, `x` and `y` that are stored of events."""
+    """Stored numbers `t`, `x` and `y` of events."""
     begin = events.first_frame - origin.first_frame
     last, end = begin + events.shape[0], origin.shape[0]
     if events.shape[1:] != origin.shape[1:] or not 0 <= begin <= end:
@@ -219,7 +218,7 @@ def _columns_of(events: Events, origin: EventOrigin) -> dict[str, Column]:
 def _stored(
     path: Path, attributes: Mapping[str, Any], columns: Mapping[str, Column], starts: Column
 ) -> StoredEvents:
-    """Events of the numbers of a file, or ValueError where they do not fit together."""
+    """Events from the arrays of a file; ValueError if these are inconsistent."""
     try:
         version = int(attributes.get("version", 0))
         check_format("events", {"version": version}, path, key="version")
@@ -272,7 +271,7 @@ def _check_numbers(origin: EventOrigin, columns: Mapping[str, Column], starts: C
 
 @contextmanager
 def _damage_named(path: Path) -> Iterator[None]:
-    """Turn whatever reading a damaged file raises into a ValueError of one sentence."""
+    """Turn any error from reading a damaged file into a ValueError of one sentence."""
     try:
         yield
     except Exception as problem:
@@ -290,7 +289,7 @@ def _dataset(file: h5py.File, name: str, dtype: str) -> h5py.Dataset:
 
 
 def _dataset_in(file: h5py.File, name: str, dtype: str, size: int) -> Column:
-    """Numbers of a file, if they are in it, of their type and within its size."""
+    """Array of a file, checked for presence, type and size."""
     if not isinstance(file.get(name, getlink=True), h5py.HardLink):
         raise ValueError(f"{name} is missing, or in another file")
     found = file[name]
@@ -304,7 +303,7 @@ def _dataset_in(file: h5py.File, name: str, dtype: str, size: int) -> Column:
 
 
 def _member(name: str) -> zipfile.ZipInfo:
-    """A member of a fixed date, so that the same events are the same bytes."""
+    """Member with a fixed date, so that equal events give equal bytes."""
     return zipfile.ZipInfo(f"{name}.npy")
 
 
@@ -318,11 +317,11 @@ def _add(file: zipfile.ZipFile, name: str, length: int, column: IO[bytes]) -> No
 
 
 def _array_in(file: zipfile.ZipFile, name: str, dtype: str, size: int) -> Column:
-    """Array of a member, if it is of its type and no larger than the file."""
+    """Array of a member, checked for its type and for being no larger than the file."""
     info = file.getinfo(f"{name}.npy")
     if info.compress_type != zipfile.ZIP_STORED or info.file_size > size:
         raise ValueError(f"{name} is compressed, or larger than the file")
-    content = file.read(info)  # checks its sum
+    content = file.read(info)  # verifies its checksum
     array = np.lib.format.read_array(BytesIO(content), allow_pickle=False)
     if array.dtype != np.dtype(dtype) or array.ndim != 1:
         raise ValueError(f"{name} is {array.dtype} {array.shape}")

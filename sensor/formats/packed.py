@@ -2,8 +2,8 @@
 
 - `.npy` as visionsim and the Single Photon Challenge write it: uint8 (T, H, ceil(W/8)), in color
   (T, H, ceil(W/8), C); the most significant bit first, the last byte of a row filled with zeros.
-- Pi Imaging's SPAD512S: a folder of `RAW00000.bin`, `RAW00001.bin`, … without header, each
-  (n, 512, 64) with n up to 1000, the most significant bit first.
+- Pi Imaging's SPAD512S: a folder of `RAW00000.bin`, `RAW00001.bin`, … without header, each (n, 512,
+  64) with n up to 1000, the most significant bit first.
 - SwissSPAD2: `.bin` files of 512 half frames or 256 whole ones, 8 MiB each, without header, the
   least significant bit first. A half frame is 256 × 512. A whole one, 512 × 512, is 256 lines of
   128 bytes: a quarter of a row of the top half, the same quarter of a row of the bottom half,
@@ -34,29 +34,29 @@ _SPAD512 = 512, 512
 _FRAMES_PER_FILE = 1000
 _SHAPES = {"spad512": _SPAD512, "swissspad2": (256, 512), "swissspad2_whole": (512, 512)}
 _FOOTER = b"DONE"
-"""Sent by the SPAD512S after its frames, and kept by programs that write all they receive."""
+"""Sent by the SPAD512S after its frames, and kept by programs that store the whole stream."""
 
 
 class PackedLayout(BaseModel, frozen=True, extra="forbid", use_attribute_docstrings=True):
-    """Layout of files that do not say it themselves."""
+    """Layout of files that do not state it themselves."""
 
     bit_order: Literal["msb", "lsb"] = "msb"
-    """Which bit of a byte is the first pixel: the most or the least significant."""
+    """Bit of a byte that is the first pixel: the most or the least significant."""
     packed_along: Literal["width", "height"] = "width"
-    """Whether a byte holds eight pixels of a row or of a column."""
+    """Direction of the eight pixels of a byte: along a row (width) or a column (height)."""
     header_bytes: Annotated[int, Field(ge=0)] = 0
-    """Skipped at the beginning of every file."""
+    """Bytes to skip at the start of every file."""
     footer_bytes: Annotated[int, Field(ge=0)] = 0
-    """Skipped at the end of every file."""
+    """Bytes to skip at the end of every file."""
 
 
 @contextmanager
 def binary_npy_writer(
     path: str | Path, shape: tuple[int, ...]
 ) -> Iterator[Callable[[Bytes], None]]:
-    """Yield what appends packed frames; the file appears when all (T, H, ceil(W/8)) are there.
+    """Yield a function that appends packed frames; the file appears with all (T, H, ceil(W/8)).
 
-    Raises ValueError when other frames are written than the shape says.
+    Raises ValueError if the frames do not match the shape.
     """
     with atomic_write(Path(path)) as temporary, temporary.open("wb") as file:
         header = {"descr": "|u1", "fortran_order": False, "shape": tuple(shape)}
@@ -77,10 +77,9 @@ def binary_npy_writer(
 
 @contextmanager
 def spad512_writer(folder: str | Path) -> Iterator[Callable[[Bytes], None]]:
-    """Yield what appends packed frames (T, 512, 64); the folder appears when all are there.
+    """Yield a function that appends packed frames (T, 512, 64); the folder appears at the end.
 
-    Raises FileExistsError when something of this name exists, ValueError when frames have another
-    size.
+    Raises FileExistsError if the folder exists, ValueError if frames have another size.
     """
     folder = Path(folder)
     check_new(folder)
@@ -101,7 +100,7 @@ def spad512_writer(folder: str | Path) -> Iterator[Callable[[Bytes], None]]:
 
 
 def check_spad512_size(rows: int, columns: int) -> None:
-    """Make sure that frames are of the camera's size. Raises ValueError."""
+    """Check that frames are of the camera's size. Raises ValueError."""
     if (rows, columns) != _SPAD512:
         raise ValueError(
             f"frames of {columns} × {rows} pixels; files of the SPAD512S have 512 × 512: set the "
@@ -112,9 +111,9 @@ def check_spad512_size(rows: int, columns: int) -> None:
 def read_binary_npy(
     path: Path, frames: slice, layout: PackedLayout | None, width: int | None
 ) -> RecordedFrames:
-    """Read packed frames, as bits; frames of bool, or of numbers wider than a byte, as they are.
+    """Read packed frames as bits; bool frames or wider numbers are returned as they are.
 
-    `width` is the number of pixels of a row, if not a multiple of eight. Raises as `read_frames`.
+    `width` is the number of pixels per row, if not a multiple of eight. Raises as `read_frames`.
     """
     layout, array = layout or PackedLayout(), _mapped(path)
     if array.ndim not in (3, 4) or array.dtype.kind not in "bui" or 0 in array.shape:
@@ -140,7 +139,7 @@ def read_raw(
     frames: slice,
     layout: PackedLayout | None,
 ) -> RecordedFrames:
-    """Read a raw file, or all of a folder in the order of their names; raises as `read_frames`."""
+    """Read a raw file, or all files of a folder in order of name; raises as `read_frames`."""
     layout = layout or PackedLayout(bit_order="msb" if camera == "spad512" else "lsb")
     rows, columns = _SHAPES[camera]
     raw, total = _raw_frames(path, rows * columns // 8, layout, frames)
@@ -166,16 +165,16 @@ def _unpacked(packed: Bytes, layout: PackedLayout, width: int | None = None) -> 
 def _counts(frames: NDArray[Any], path: Path, total: int) -> RecordedFrames:
     """Frames of bits or of wider numbers, as they are."""
     if frames.dtype.kind == "i" and frames.min() < 0:
-        raise ValueError(f"{path}: has counts below 0; give counts as they were read")
+        raise ValueError(f"{path}: has counts below 0; give raw counts")
     depth = 1 if frames.dtype == np.bool_ else 8 * frames.itemsize
     counts = frames.astype(np.uint8) if depth == 1 else np.array(frames)
     return RecordedFrames(counts=counts, bit_depth=depth, source="npy", total=total)
 
 
 def _mapped(path: Path) -> NDArray[Any]:
-    """The array of a file, read where it is used; nothing is unpickled."""
+    """Memory-mapped array of a file; nothing is unpickled."""
     if file_bytes(path)[:6].tobytes() != b"\x93NUMPY":
-        raise ValueError(f"{path}: no .npy file; give one, or the kind that it is")
+        raise ValueError(f"{path}: not a .npy file; give one, or set its kind")
     try:
         return np.asarray(np.load(path, mmap_mode="r", allow_pickle=False))
     except (ValueError, OSError, EOFError, SyntaxError, TypeError, KeyError, OverflowError) as why:
@@ -187,7 +186,7 @@ def _mapped(path: Path) -> NDArray[Any]:
 def _raw_frames(
     path: Path, frame_bytes: int, layout: PackedLayout, frames: slice
 ) -> tuple[Bytes, int]:
-    """Frames of a file or of the `.bin` files of a folder, (T, frame_bytes); how many it has."""
+    """Frames of a file or of the `.bin` files of a folder, (T, frame_bytes), and their number."""
     files = sorted(path.glob("*.bin")) if path.is_dir() else [path]
     if not files:
         raise FileNotFoundError(f"{path}: no .bin files in this folder; give that of a recording")
@@ -208,7 +207,8 @@ def _body(path: Path, frame_bytes: int, layout: PackedLayout) -> Bytes:
         body = body[: -len(_FOOTER)]
     if body.size == 0 or body.size % frame_bytes:
         raise ValueError(
-            f"{path}: {body.size} bytes are no whole number of frames of {frame_bytes}; it is cut "
+            f"{path}: {body.size} bytes are not a whole number of frames of {frame_bytes}; it is "
+            "cut "
             "short or of another format, or give header_bytes and footer_bytes"
         )
     return body.reshape(-1, frame_bytes)

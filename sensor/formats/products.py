@@ -1,6 +1,6 @@
-"""What can be written of an exposure, frame after frame, in flat memory; names of it and of files.
+"""Products of an exposure, written frame by frame in constant memory, and their file names.
 
-Settings need the names: what writes a product is loaded when it is written.
+Settings need only the names; writers are loaded on use.
 """
 
 import math
@@ -20,7 +20,7 @@ ProductName: TypeAlias = Literal[
 PRODUCTS: tuple[ProductName, ...] = get_args(ProductName)
 
 Kind: TypeAlias = Literal["readings", "events", "bits", "burst"]
-"""What is drawn for a product: `Exposure`, `Events`, or packed bits of frames or of bursts."""
+"""Input of a product's writer: `Exposure`, `Events`, or packed bits of frames or bursts."""
 Write: TypeAlias = Callable[[Any], None]
 
 
@@ -41,28 +41,28 @@ _PRODUCTS: Mapping[ProductName, _Product] = {
 
 
 def product_path(counts: Path, product: ProductName) -> Path:
-    """Return where a product lies, given the path of the counts, which ends in `.zarr`."""
+    """Return the path of a product, given that of the counts, which ends in `.zarr`."""
     return counts.with_name(counts.name.removesuffix(".zarr") + _PRODUCTS[product].suffix)
 
 
 def product_stem(path: Path) -> str:
-    """Name of the exposure that a product is of, such as "spadcam-0.1lux"; "" for other files."""
+    """Base name of the exposure's files, such as "spadcam-0.1lux"; "" for other files."""
     suffixes = (each.suffix for each in _PRODUCTS.values() if path.name.endswith(each.suffix))
     return path.name.removesuffix(next(suffixes, path.name))
 
 
 def kind_of(product: ProductName) -> Kind:
-    """What the writer of a product takes."""
+    """Input that the writer of a product takes."""
     return _PRODUCTS[product].kind
 
 
 def check_product(product: ProductName, sensor: "ImageSensor", shape: tuple[int, int]) -> None:
-    """Make sure that a sensor of (rows, columns) pixels can give a product.
+    """Check that a sensor of (rows, columns) pixels can give a product.
 
     Raises
     ------
     ValueError
-        With one sentence that says why not.
+        If not, with the reason in one sentence.
     """
     from megalopta.sensor.exposure import check_binary
     from megalopta.sensor.formats.events import MOST_PIXELS_A_SIDE
@@ -74,8 +74,8 @@ def check_product(product: ProductName, sensor: "ImageSensor", shape: tuple[int,
         return
     if not isinstance(sensor, Sensor):
         raise ValueError(
-            f"{product}: a sensor that integrates has no single events; take the product or the "
-            "sensor out"
+            f"{product}: an integrating sensor has no single events; remove the product or the "
+            "sensor"
         )
     try:
         if kind != "events":
@@ -96,7 +96,7 @@ def product_writer(
     frame_period_s: float,
     burst_frames: int = 1,
 ) -> AbstractContextManager[Write]:
-    """Yield what appends frames to a product, which appears when all are there (see `kind_of`).
+    """Yield a function that appends frames to a product, which appears once complete.
 
     Parameters
     ----------
@@ -104,12 +104,12 @@ def product_writer(
         One of `PRODUCTS`.
     path : Path
     origin : Origin
-        What made the exposure.
+        Origin of the exposure.
     shape : (frames, rows, columns)
     frame_period_s : float
-        From the beginning of a frame to that of the next, s.
+        Time between the starts of consecutive frames, s.
     burst_frames : int
-        Binary frames of a burst in that time.
+        Binary frames per burst in that time.
     """
     from megalopta.sensor.formats import counts_store, events, packed, tiff
 
@@ -130,7 +130,7 @@ def product_writer(
 
 @contextmanager
 def _of_counts(writer: AbstractContextManager[Write]) -> Iterator[Write]:
-    """Yield what appends the counts of exposures."""
+    """Yield a function that appends the counts of exposures."""
     with writer as write:
         yield lambda exposure: write(exposure.counts)
 

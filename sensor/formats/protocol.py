@@ -1,11 +1,11 @@
-"""SPADCAM's serial line: packets, framed and checked, and what is in them.
+"""SPADCAM's serial protocol: framing, checks and contents of packets.
 
-A packet on the line is COBS of its body, then a zero byte, which occurs nowhere else:
+A packet on the line is the COBS encoding of its body, then a zero byte, which occurs nowhere else:
 
     version u8 | kind u8 | sequence u32 | device time u64, µs | payload | Adler-32 | CRC-16
 
-all little-endian. CRC-16 (polynomial 0x1021, from 0xFFFF) finds every burst of 16 bits, every odd
-number of flipped bits and every two; of other damage it lets one in 2¹⁵ pass, which Adler-32 finds.
+all little-endian. CRC-16 (polynomial 0x1021, from 0xFFFF) detects every burst of 16 bits, every odd
+number of flipped bits and every two. It misses one in 2¹⁵ of other errors, which Adler-32 detects.
 """
 
 import binascii
@@ -37,7 +37,7 @@ _IDENTITY = struct.Struct("<BBBBHH16s32s")
 
 
 class Kind(IntEnum):
-    """Kinds of packets; from 16 on, what the host sends."""
+    """Kinds of packets; from 16 on, those sent by the host."""
 
     FRAME = 1
     IDENTITY = 2
@@ -56,7 +56,7 @@ _COMMANDS: dict[Kind, tuple[struct.Struct, tuple[str, ...]]] = {
     Kind.SET_STEP_BIAS: (struct.Struct("<H"), ("step_bias",)),
     Kind.SET_ROW_WINDOW: (struct.Struct("<BB"), ("first_row", "end_row")),
 }
-"""Payload of each command, and the settings that it holds."""
+"""Payload of each command, and its settings."""
 
 PAYLOAD_BYTES = {
     Kind.FRAME: 2 * ROWS * COLUMNS,
@@ -64,7 +64,7 @@ PAYLOAD_BYTES = {
     Kind.SETTINGS: _SETTINGS.size,
     **{kind: payload.size for kind, (payload, _) in _COMMANDS.items()},
 }
-"""A packet of another length is damaged."""
+"""Payload length of each kind; packets of other lengths are damaged."""
 
 _CHECKS = _ADLER.size + _CRC.size
 _BODY_BYTES = {int(kind): _HEADER.size + n + _CHECKS for kind, n in PAYLOAD_BYTES.items()}
@@ -78,17 +78,17 @@ class Packet(NamedTuple):
 
     kind: Kind
     sequence: int
-    """Of a frame: the hardware frame counter, modulo 2³². Of a command: a number that the host
-    chooses. Of a reply: that of its command."""
+    """Frame: hardware frame counter, modulo 2³². Command: a number chosen by the host. Reply: the
+    number of its command."""
     device_us: int
-    """The camera's clock, µs: at the end of the exposure, or when it replied. 0 from the host."""
+    """The camera's clock, µs: at the end of the exposure, or at the reply. 0 from the host."""
     payload: bytes
 
 
 def encode(packet: Packet) -> bytes:
-    """Return a packet as it goes over the line, its zero included.
+    """Return a packet as sent over the line, including its zero.
 
-    Raises ValueError when the payload has not the length of its kind.
+    Raises ValueError if the payload's length is not that of its kind.
     """
     from cobs import cobs
 
@@ -102,14 +102,14 @@ def encode(packet: Packet) -> bytes:
 
 
 class Parser:
-    """Packets out of bytes that come in any pieces.
+    """Parser of packets from bytes that arrive in pieces.
 
     Attributes
     ----------
     damaged : int
         Packets refused so far.
     other_version : int or None
-        Version of the last packet that was whole but not of this one.
+        Version of the last intact packet of another version.
     """
 
     def __init__(self) -> None:
@@ -131,7 +131,7 @@ class Parser:
             else:
                 self.damaged += 1
             self._is_too_long = False
-        # What has no end yet and is too long already need not be kept.
+        # Data without an end that is already too long need not be kept.
         if len(self._rest) > LONGEST:
             self._rest, self._is_too_long = b"", True
 
@@ -157,13 +157,13 @@ class Parser:
 
 
 def _checked(content: bytes) -> bytes:
-    """Content with its checks."""
+    """Content without its verified checksums."""
     summed = content + _ADLER.pack(zlib.adler32(content))
     return summed + _CRC.pack(binascii.crc_hqx(summed, _CRC_START))
 
 
 class Settings(NamedTuple):
-    """Settings that the camera works with; reply to every command that sets something."""
+    """Settings of the camera; reply to every command that changes one."""
 
     exposure_us: int = 50_000
     frame_rate_mhz: int = 10_000
@@ -171,11 +171,11 @@ class Settings(NamedTuple):
     step_bias: int = NOMINAL_STEP_BIAS
     """Code of the 12-bit DAC that sets the step of the counters."""
     first_row: int = 0
-    """Of the row window, the rows that are read."""
+    """First row of the row window, the rows that are read."""
     end_row: int = ROWS
-    """The one after its last."""
+    """Row after the last of the window."""
     refused: bool = False
-    """The command asked for what the camera cannot do, and changed nothing."""
+    """True if the camera could not do what the command requested, and changed nothing."""
 
     @property
     def period_us(self) -> int:
@@ -184,7 +184,7 @@ class Settings(NamedTuple):
 
     @property
     def are_possible(self) -> bool:
-        """True where a frame is exposed before the next begins, and codes and rows exist."""
+        """True if the exposure fits into the frame period and codes and rows exist."""
         return (
             self.frame_rate_mhz > 0
             and 0 < self.exposure_us <= self.period_us
@@ -193,25 +193,25 @@ class Settings(NamedTuple):
         )
 
     def after(self, command: Packet) -> Self:
-        """Return what a command makes of them; with `refused` where it is impossible."""
+        """Return the settings after a command, with `refused` if it is impossible."""
         payload, names = _COMMANDS[command.kind]
         values = dict(zip(names, payload.unpack(command.payload), strict=True))
         wanted = self._replace(**values, refused=False)
         return wanted if wanted.are_possible else self._replace(refused=True)
 
     def payload(self) -> bytes:
-        """Return them as bytes."""
+        """Return the settings as bytes."""
         return _SETTINGS.pack(self.refused, *self[:-1])
 
     @classmethod
     def of(cls, payload: bytes) -> Self:
-        """Return them from bytes."""
+        """Return settings from bytes."""
         refused, *values = _SETTINGS.unpack(payload)
         return cls._make((*values, bool(refused)))
 
 
 class Identity(NamedTuple):
-    """Who the camera is; of its texts, control codes are escaped."""
+    """Identity of the camera; control codes in its texts are escaped."""
 
     rows: int
     columns: int
@@ -221,13 +221,13 @@ class Identity(NamedTuple):
     firmware: str
 
     def payload(self) -> bytes:
-        """Return it as bytes."""
+        """Return the identity as bytes."""
         texts = (text.encode("ascii") for text in (self.serial_number, self.firmware))
         return _IDENTITY.pack(self.rows, self.columns, self.adc_bits, 0, self.supply_mv, 0, *texts)
 
     @classmethod
     def of(cls, payload: bytes) -> Self:
-        """Return it from bytes."""
+        """Return an identity from bytes."""
         rows, columns, bits, _, supply_mv, _, *texts = _IDENTITY.unpack(payload)
         serial, firmware = (
             printable(text.rstrip(b"\0").decode("ascii", "backslashreplace")) for text in texts
@@ -247,5 +247,5 @@ def samples_of(packet: Packet) -> NDArray[np.uint16]:
 
 
 def command(kind: Kind, *values: int) -> tuple[Kind, bytes]:
-    """Return kind and payload of a command that sets these values, in the order of `Settings`."""
+    """Return kind and payload of a command with these values, in the order of `Settings`."""
     return kind, _COMMANDS[kind][0].pack(*values)

@@ -1,9 +1,9 @@
-"""Any file of frames or of events, recognized by what is in it.
+"""Reader of files of frames or events, recognized by content.
 
 **Frames of MPD's SPC3 cameras**, `.spc3` files, from software 1.11 on, are read here. Eight bytes
-of signature, 1024 of header, then frames of 8 or 16 bits, little-endian; with several
-counters, frame 1 of each, frame 2 of each, and so on. A frame is stored as lines of 32 pixels, each
-of which becomes a column, as MPD's own Python reader turns it. Multibyte fields are little-endian.
+of signature, 1024 of header, then frames of 8 or 16 bits, little-endian; with several counters,
+frame 1 of each, frame 2 of each, and so on. A frame is stored as lines of 32 pixels, each of which
+becomes a column, as in MPD's own Python reader. Multibyte fields are little-endian.
 
 Layout: MPD, SPC3 SDK (header `SPC3_SDK.h`).
 """
@@ -52,30 +52,29 @@ def read_frames(
     counter: int = 1,
     frames: slice = slice(None),
 ) -> RecordedFrames:
-    """Read frames of any format that is known.
+    """Read frames of any known format.
 
     Parameters
     ----------
     path
         A file, or a folder of `.bin` files.
     kind : str, optional
-        The format; by default as the content says, `spad512` for files `RAW….bin`.
+        Format; by default detected from the content, `spad512` for files `RAW….bin`.
     layout : PackedLayout, optional
-        Of binary frames, where it is not that of the format.
+        Layout of binary frames, if not that of the format.
     shape : (rows, columns), optional
-        Of the image that is expected; another one is refused.
+        Expected image size; another one raises an error.
     counter : int
-        Which one of a `.spc3` file.
+        Counter to read from a `.spc3` file.
     frames : slice
-        Which frames to read, one after the other; by default all.
+        Consecutive frames to read; default: all.
 
     Raises
     ------
     FileNotFoundError
-        When there is nothing.
+        If the path does not exist.
     ValueError
-        When the file is damaged, cut short, of no format that is known, or its image is not as
-        expected.
+        If the file is damaged, truncated or of an unknown format, or its image is not as expected.
     """
     path = Path(path)
     kind = kind or _kind(path)
@@ -102,16 +101,16 @@ def read_events(path: str | Path) -> StoredEvents:
     Raises
     ------
     FileNotFoundError
-        When there is nothing.
+        If the path does not exist.
     ValueError
-        When the file is of another format, damaged or cut short.
+        If the file is of another format, damaged or truncated.
     """
     path = Path(path)
     beginning = file_bytes(path)[:8].tobytes()
     for signature, read in _EVENTS.items():
         if beginning.startswith(signature):
             return read(path)
-    raise ValueError(f"{path}: no events; give an HDF5 or .npz file that megalopta wrote")
+    raise ValueError(f"{path}: no events; give an HDF5 or .npz file written by megalopta")
 
 
 _LINE = 32
@@ -134,7 +133,7 @@ def _spc3(path: Path, frames: slice, counter: int) -> RecordedFrames:
     """Read the frames of one counter, 1 to 3, as (T, 32, pixels/32) uint8 or uint16.
 
     Counters 1 and 2 are signed after the camera's background subtraction. Raises as `read_frames`,
-    and ValueError where there is no such counter.
+    and ValueError if there is no such counter.
     """
     content = file_bytes(path)
     header = _read_header(path, content)
@@ -147,7 +146,7 @@ def _spc3(path: Path, frames: slice, counter: int) -> RecordedFrames:
     size = total * counters * pixels * dtype.itemsize
     if content.size != _DATA + size:
         raise ValueError(
-            f"{path}: {content.size} bytes, but its header tells of {total} frames, {_DATA + size} "
+            f"{path}: {content.size} bytes, but its header states {total} frames, {_DATA + size} "
             "bytes; it is cut short or its header damaged: copy it again"
         )
     lines = content[_DATA:].view(dtype).reshape(total, counters, pixels // _LINE, _LINE)

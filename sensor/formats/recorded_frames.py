@@ -1,4 +1,4 @@
-"""Frames as every reader returns them, and files as they are opened and made."""
+"""Frames as returned by every reader; opening and creating files."""
 
 import sys
 from dataclasses import dataclass
@@ -18,20 +18,19 @@ class RecordedFrames:
     counts: NDArray[Any]
     """(T, H, W) or (T, H, W, C): counts, or bits as 0 and 1, uint8"""
     bit_depth: int
-    """Of the counts; 1 of binary frames"""
+    """Bits per count; 1 for binary frames"""
     source: str
     """Name of the format"""
     total: int
-    """Frames of the file, of which fewer may have been asked for"""
+    """Number of frames in the file, of which fewer may have been requested"""
     exposure_s: float | None = None
-    """Exposure time of a frame, where the file says it, s"""
+    """Exposure time of a frame, s, if the file states it"""
 
 
 def file_bytes(path: Path) -> NDArray[np.uint8]:
-    """Return the bytes of a file, (N,), read from the disk where they are used.
+    """Return the bytes of a file, (N,), memory-mapped.
 
-    Raises FileNotFoundError when there is no such file, ValueError when it is empty or cannot be
-    read.
+    Raises FileNotFoundError if there is no such file, ValueError if it is empty or unreadable.
     """
     if not path.exists():
         raise FileNotFoundError(f"{path}: no such file; give the path of a recording")
@@ -46,19 +45,19 @@ def file_bytes(path: Path) -> NDArray[np.uint8]:
 
 
 def check_new(path: Path) -> None:
-    """Refuse to write over what is there. Raises FileExistsError."""
+    """Raise FileExistsError if the path exists."""
     if path.exists():
-        raise FileExistsError(f"{path}: exists already; remove it or choose another name")
+        raise FileExistsError(f"{path}: already exists; remove it or choose another name")
 
 
 def wanted(total: int, frames: slice, path: Path) -> slice:
-    """Return the range of frames that are asked for; ValueError where the file has fewer."""
+    """Return the requested range of frames; ValueError if the file has fewer."""
     first, end = frames.start or 0, total if frames.stop is None else frames.stop
     if not 0 <= first <= end <= total:
-        raise ValueError(f"{path}: frames {first} to {end - 1} are asked for; it has {total}")
+        raise ValueError(f"{path}: frames {first} to {end - 1} are requested; it has {total}")
     return slice(first, end)
 
 
 def one_line(problem: Exception, at_most: int = 120) -> str:
-    """Return what an exception says, as one short line."""
+    """Return an exception's message as one short line."""
     return " ".join(str(problem).split())[:at_most]

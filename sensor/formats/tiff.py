@@ -1,6 +1,6 @@
-"""Stacks of frames in TIFF, as of quantitative CMOS cameras; read by ImageJ and tifffile.
+"""Stacks of frames in TIFF, as from quantitative CMOS cameras; ImageJ and tifffile read them.
 
-One page a frame, uncompressed, unsigned integers or float32. Description of the first page: JSON
+One page per frame, uncompressed, unsigned integers or float32. Description of the first page: JSON
 with `shape` and `exposure_s`. BigTIFF from 4 GB on.
 """
 
@@ -19,7 +19,7 @@ from megalopta.core.files import atomic_write
 from megalopta.sensor.formats.recorded_frames import RecordedFrames, file_bytes, one_line, wanted
 
 _LARGEST_TIFF = 4 * 10**9
-# The most that a deflate stream grows by: a file does not justify more memory than that.
+# Largest expansion of a deflate stream: a file does not justify more memory than that.
 _LARGEST_EXPANSION = 1032
 
 
@@ -27,9 +27,9 @@ _LARGEST_EXPANSION = 1032
 def tiff_writer(
     path: str | Path, total_bytes: int, exposure_s: float | None = None
 ) -> Iterator[Callable[[NDArray[Any]], None]]:
-    """Yield what appends frames (T, H, W); the file appears when the writer is left.
+    """Yield a function that appends frames (T, H, W); the file appears when the writer exits.
 
-    `total_bytes` is that of all frames, about; `exposure_s` the exposure time of a frame, s.
+    `total_bytes` is the approximate size of all frames; `exposure_s` the exposure time, s.
     """
     is_big = total_bytes > _LARGEST_TIFF
     metadata = {} if exposure_s is None else {"exposure_s": exposure_s}
@@ -48,7 +48,7 @@ def tiff_writer(
 def read_tiff(path: Path, frames: slice) -> RecordedFrames:
     """Read the first stack of a file, (T, H, W); raises as `read_frames`."""
     size = file_bytes(path).size
-    logging.getLogger("tifffile").setLevel(logging.CRITICAL)  # it reports what the errors here say
+    logging.getLogger("tifffile").setLevel(logging.CRITICAL)  # the errors here report it
     try:
         with tifffile.TiffFile(path) as file:
             stack = file.series[0]
@@ -62,13 +62,11 @@ def read_tiff(path: Path, frames: slice) -> RecordedFrames:
             else:
                 counts = stack.asarray()[range_]
             exposure_s = _exposure_s(file)
-    except Exception as problem:  # of a damaged file, anything
+    except Exception as problem:  # damaged files raise errors of any type
         if str(problem).startswith(str(path)):
             raise
         reason = one_line(problem)
-        raise ValueError(
-            f"{path}: damaged, cut short or no TIFF that is known ({reason})"
-        ) from None
+        raise ValueError(f"{path}: damaged, truncated or not a known TIFF ({reason})") from None
     depth = 8 * counts.dtype.itemsize
     return RecordedFrames(
         counts=counts, bit_depth=depth, exposure_s=exposure_s, source="tiff", total=total
@@ -79,7 +77,7 @@ def _check(path: Path, stack: Any, pages: list[Any], size: int) -> None:
     expansion = 1 if pages[0].compression == 1 else _LARGEST_EXPANSION
     if stack.nbytes > size * expansion:
         raise ValueError(
-            f"{path}: tells of {stack.nbytes} bytes of frames, more than its {size} can hold; it "
+            f"{path}: states {stack.nbytes} bytes of frames, more than its {size} can hold; it "
             "is cut short or damaged: copy it again"
         )
     if stack.ndim not in (2, 3) or stack.dtype.kind not in "uif" or "S" in stack.axes:

@@ -1,1 +1,1 @@
-"""Optics: from radiance to photons on a pixel, and how many of them are detected."""
+"""Optics: from radiance to photons on a pixel and the fraction detected."""

@@ -1,21 +1,19 @@
-"""Photon detection probability (PDP): the share of photons on the active area that are detected.
+"""Photon detection probability (PDP): fraction of the photons on the active area that are detected.
 
 The photon detection efficiency (PDE), of the photons on the whole pixel, is PDP times fill factor.
-A tabulated curve with straight lines between its points; a band's PDP is the mean over its photons,
-for a spectrum that is flat inside the band,
+The curve is tabulated and linear between points. A band's PDP is the mean over its photons, for a
+spectrum that is flat inside the band,
 
     PDP_b = ∫ PDP(λ)·λ dλ / ∫ λ dλ
 
-The integrand is a parabola between the points of the curve, and a cubic where the transmission T(λ)
-of the lens is under the integral too, for which Simpson's rule is exact: no point is lost however
-narrow or wide the band. The curve holds at one operating point; `bias` scales it elsewhere.
+Between points the integrand is a parabola, or a cubic with the transmission T(λ) of the lens.
+Simpson's rule is exact for both: no point is lost however narrow or wide the band. The curve holds
+at one operating point; `bias` scales it elsewhere.
 
-A measured curve of efficiency, or of the lens's transmission, comes from a CSV file, which is read
-once, and whose numbers take its place in the sensor's description:
+A measured curve of efficiency, or of the lens's transmission, comes from a CSV file. The file is
+read once, and its numbers replace its path in the sensor's description:
 
-    # comments and one line of column names may stand first
-    wavelength_nm,efficiency
-    400,0.021
+    # comments and one line of column names may come first wavelength_nm,efficiency 400,0.021
     450,0.034
 """
 
@@ -39,7 +37,7 @@ Point = tuple[float, float]
 
 
 class Efficiency(WavelengthCurve, Effect, frozen=True):
-    """Photon detection probability over wavelength; a constant one is a curve of two points."""
+    """Photon detection probability over wavelength; a constant is a curve of two points."""
 
     field: ClassVar[str] = "efficiency"
     stage: ClassVar[Stage] = Stage.LIGHT
@@ -48,11 +46,11 @@ class Efficiency(WavelengthCurve, Effect, frozen=True):
     )
 
     values: tuple[Annotated[float, Field(ge=0, le=1)], ...]
-    """Detected fraction of the photons on the active area (PDP: PDE over fill factor)."""
+    """Detected fraction of the photons on the active area (PDP = PDE over fill factor)."""
 
     @property
     def is_on(self) -> bool:
-        """True where a photon may be missed."""
+        """True if a photon may be missed."""
         return min(self.values) < 1
 
     @classmethod
@@ -66,8 +64,8 @@ def band_efficiency(
 ) -> Floats:
     """Return the mean PDP over the photons of each band, (B,), from 0 to 1.
 
-    With a lens, of PDP times the lens's curve. Bands (B, 2) are lower and upper edges, nm. Raises
-    ValueError when a band reaches outside a curve.
+    With a lens, PDP is multiplied by the lens's curve. Bands (B, 2) are lower and upper edges, nm.
+    Raises ValueError if a band reaches outside a curve.
     """
     passing = lens.transmission_curve if lens else None
     return _photon_means([efficiency, *([passing] if passing else [])], bands_nm)
@@ -103,9 +101,9 @@ def _photon_mean(curves: Sequence[WavelengthCurve], lower: float, upper: float) 
 
 
 def with_curve(curve: Any, folder: Path, field: str = "efficiency") -> Any:
-    """Return the curve in the file for `{path: FILE}`, and anything else as it is.
+    """Return the curve in the file for `{path: FILE}`, and anything else unchanged.
 
-    Raises ValueError when a path and numbers are both given.
+    Raises ValueError if a path and numbers are both given.
     """
     if not isinstance(curve, Mapping) or not isinstance(curve.get("path"), str):
         return curve
@@ -116,7 +114,7 @@ def with_curve(curve: Any, folder: Path, field: str = "efficiency") -> Any:
 
 
 def with_transmission(lens: Any, folder: Path) -> Any:
-    """Return a lens with the curve in its file, as `with_curve`."""
+    """Return a lens with the curve from its file, as `with_curve`."""
     if not isinstance(lens, Mapping) or "transmission_curve" not in lens:
         return lens
     curve = with_curve(lens["transmission_curve"], folder, "lens.transmission_curve")
@@ -124,16 +122,16 @@ def with_transmission(lens: Any, folder: Path) -> Any:
 
 
 def _read_curve(path: Path, field: str = "efficiency") -> dict[str, tuple[float, ...]]:
-    """Return the fields of `Efficiency` or `Transmission` that a CSV file holds.
+    """Return the fields of `Efficiency` or `Transmission` from a CSV file.
 
-    Raises ValueError when the file cannot be read, or a line is no point of a curve; names the
+    Raises ValueError if the file cannot be read, or a line is not a point of a curve; names the
     line.
     """
     content = file_content(path, field)
     try:
         points = list(_points(content.decode("utf-8-sig"), path, field))
     except (UnicodeDecodeError, csv.Error):
-        raise ValueError(f"{field}: {path} is no text in UTF-8; give a CSV file") from None
+        raise ValueError(f"{field}: {path} is not UTF-8 text; give a CSV file") from None
     if len(points) < 2:
         raise ValueError(f"{field}: {path} has {len(points)} points; give 2 or more")
     wavelengths, values = zip(*points, strict=True)

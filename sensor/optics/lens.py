@@ -1,14 +1,14 @@
-"""The lens: from the radiance of a scene to the photons on the die.
+"""Lens: from the radiance of a scene to the photons on the die.
 
 An object at infinity of spectral radiance L, seen through a lens of f-number N and transmission T,
 gives on the die the irradiance
 
     E(λ) = π·L(λ)·T·cos⁴θ / (4·N² + 1)          W·m⁻²·nm⁻¹
 
-and photons arrive at ∫ E(λ)·λ/(h·c) dλ per second and square meter. Radiance is known as its mean
-over each band; inside a band the spectrum is taken as flat, for which the integral is exact. The
-falloff is off unless the lens knows the horizontal field of view of the camera: a rendered
-pinhole image has no vignetting of its own. Source, check figure and limits: `docs/theory/light.md`.
+and photons arrive at ∫ E(λ)·λ/(h·c) dλ per second and square meter. Radiance is given as its mean
+over each band; the integral is exact for a spectrum that is flat inside the band. The falloff is
+off unless the lens has the camera's horizontal field of view: a rendered pinhole image has no
+vignetting. Source, check value and limits: `docs/theory/light.md`.
 """
 
 from itertools import pairwise
@@ -28,10 +28,10 @@ PLANCK_TIMES_LIGHT_SPEED = 1.98644586e-25
 
 
 class WavelengthCurve(Record):
-    """A fraction of light over wavelength; straight between the points."""
+    """Fraction of light over wavelength, linear between points."""
 
     field: ClassVar[str]
-    """Where it is in a sensor, for messages"""
+    """Field of the sensor that holds the curve, for messages"""
 
     wavelengths_nm: Annotated[tuple[Annotated[float, Field(gt=0)], ...], Field(min_length=2)]
     """Points of the curve, increasing (nm)."""
@@ -58,7 +58,7 @@ class WavelengthCurve(Record):
 
 
 class Transmission(WavelengthCurve, frozen=True):
-    """A curve of transmission over wavelength."""
+    """Transmission over wavelength."""
 
     field: ClassVar[str] = "lens.transmission_curve"
 
@@ -67,7 +67,7 @@ class Transmission(WavelengthCurve, frozen=True):
 
 
 class Lens(Effect, frozen=True):
-    """The lens in front of the pixels."""
+    """Lens in front of the pixels."""
 
     stage: ClassVar[Stage] = Stage.LIGHT
     statement: ClassVar[str] = "radiance becomes photons per second on the pixel"
@@ -75,18 +75,18 @@ class Lens(Effect, frozen=True):
     f_number: Annotated[float, Field(gt=0)] = 1.4
     """Focal length over aperture diameter."""
     transmission: Annotated[float, Field(gt=0, le=1)] = 1.0
-    """Fraction of the light that passes, the same at every wavelength."""
+    """Transmitted fraction of the light, the same at every wavelength."""
     transmission_curve: Transmission | None = None
-    """Fraction that passes by wavelength, on top of `transmission`; none: all of it."""
+    """Transmitted fraction over wavelength, on top of `transmission`; null: 1."""
     falloff_fov_deg: Annotated[float, Field(gt=0, lt=180)] | None = None
-    """Horizontal field of view (degrees) for cosine-fourth falloff; none: no falloff."""
+    """Horizontal field of view (degrees) for cosine-fourth falloff; null: no falloff."""
     blur_m: Annotated[float, Field(ge=0, le=0.01)] = 0.0
-    """Standard deviation of a point's light on the die, a Gaussian along rows and columns (m): 0,
-    sharp, or at least half a pixel. Diffraction alone: about 0.45 times wavelength and f-number."""
+    """Standard deviation of the Gaussian point spread on the die (m): 0, sharp, or at least half a
+    pixel. Diffraction alone: about 0.45 times wavelength and f-number."""
 
     @property
     def is_on(self) -> bool:
-        """True: there is always one."""
+        """True: there is always a lens."""
         return True
 
 
@@ -97,9 +97,9 @@ def image_irradiance(radiance: ArrayLike, lens: Lens) -> Floats:
 
 
 def falloff(lens: Lens, shape: tuple[int, int]) -> Floats:
-    """Return cos⁴θ at the center of every pixel of a (rows, columns) image; 1 where it is off.
+    """Return cos⁴θ at the center of every pixel of a (rows, columns) image; 1 if it is off.
 
-    Square pixels, optical axis through the center of the image.
+    Pixels are square; the optical axis goes through the center of the image.
     """
     if lens.falloff_fov_deg is None:
         return np.ones(shape)
@@ -111,11 +111,11 @@ def falloff(lens: Lens, shape: tuple[int, int]) -> Floats:
 
 
 def blurred(images: Floats, blur_px: float) -> Floats:
-    """Return images (n, H, W) with the light of every pixel spread as a lens spreads a point's.
+    """Return images (n, H, W) blurred by the lens's point spread.
 
-    Beyond the border the scene is taken to go on as at its outermost pixel. Where edges are sharper
-    than pixels, how their light lies within a pixel is not known: images of dead leaves come out
-    with errors of 10, 4, 2 and 0.7 % of their contrast (RMS) at 0.5, 0.7, 1 and 1.5 px.
+    Beyond the border, the outermost pixels are repeated. Where edges are sharper than pixels, the
+    light within a pixel is unknown: images of dead leaves have errors of 10, 4, 2 and 0.7 % of
+    their contrast (RMS) at 0.5, 0.7, 1 and 1.5 px.
 
     `images` (n, H, W): in any unit; `blur_px`: standard deviation of the Gaussian along rows and
     along columns, px; 0 changes nothing.
@@ -129,7 +129,7 @@ def photon_flux(irradiance: ArrayLike, bands_nm: ArrayLike) -> Floats:
     `irradiance` (..., B): band means, W·m⁻²·nm⁻¹; `bands_nm` (B, 2): lower and upper edge of each
     band, nm. Returns (..., B) float64 photons·m⁻²·s⁻¹.
 
-    Raises ValueError when the bands are not B pairs of edges.
+    Raises ValueError if the bands are not B pairs of edges.
     """
     lower, upper = check_bands(bands_nm).T
     wavelength_integral = (upper**2 - lower**2) / 2 * 1e-9
@@ -138,10 +138,10 @@ def photon_flux(irradiance: ArrayLike, bands_nm: ArrayLike) -> Floats:
 
 
 def check_bands(bands_nm: ArrayLike) -> Floats:
-    """Return band edges as (B, 2) float64, nm, or refuse them.
+    """Return band edges as (B, 2) float64, nm.
 
-    Raises ValueError when the shape is not (B, 2), an edge is not positive and finite, a band has
-    no width, or two bands overlap (their light would be counted twice).
+    Raises ValueError if the shape is not (B, 2), an edge is not positive and finite, a band has no
+    width, or two bands overlap (their light would be counted twice).
     """
     bands = np.asarray(bands_nm, np.float64)
     if bands.ndim != 2 or bands.shape[1] != 2 or not len(bands):

@@ -1,4 +1,4 @@
-"""Pixels of any image sensor: from the radiance of a scene to the photons that they detect."""
+"""Pixels of any image sensor: from the radiance of a scene to detected photons."""
 
 from typing import Annotated, Self
 
@@ -20,18 +20,18 @@ from megalopta.sensor.optics.lens import (
 )
 
 BLUR_PX = 0.5, 100.0
-"""Least and largest blur of a lens that is not sharp, px."""
+"""Smallest and largest blur of a lens that is not sharp, px."""
 
 
 class PixelOptics(Record):
-    """Image sensors of all kinds: pixels of some size and efficiency behind a lens."""
+    """Image sensor of any kind: pixels of a given size and efficiency behind a lens."""
 
     kind: str
-    """Names the kind of image sensor."""
+    """Kind of image sensor."""
     name: Annotated[str, Field(min_length=1)]
-    """What the sensor is called in files and reports."""
+    """Name of the sensor in files and reports."""
     source: str = ""
-    """Where its figures come from."""
+    """Source of its parameters."""
     pitch_m: Annotated[float, Field(gt=0)]
     """Distance between the centers of neighboring pixels (m); a pixel is pitch × pitch."""
     fill_factor: Annotated[float, Field(gt=0, le=1)]
@@ -39,7 +39,7 @@ class PixelOptics(Record):
     exposure_s: Annotated[float, Field(gt=0)]
     """Time during which events are counted for one frame (s)."""
     lens: Lens = Lens()
-    """The lens in front of it."""
+    """Lens in front of the pixels."""
     efficiency: Efficiency
     """Photon detection probability (PDP) of the light-sensitive area over wavelength."""
 
@@ -69,33 +69,33 @@ class PixelOptics(Record):
 
 
 def photon_rate(radiance: ArrayLike, bands_nm: ArrayLike, sensor: PixelOptics) -> Floats:
-    """Photons per second that fall on each pixel, (T, H, W); parameters as for `expose`."""
+    """Photons per second on each pixel, (T, H, W); parameters as for `expose`."""
     flux = _flux_per_radiance(bands_nm, sensor) * band_transmission(sensor.lens, bands_nm)
     return _sum_over_bands(radiance, sensor.pixel_area_m2 * flux, sensor)
 
 
 def detected_rate(radiance: ArrayLike, bands_nm: ArrayLike, sensor: PixelOptics) -> Floats:
-    """Photons per second that each pixel detects if all are alike, (T, H, W); as `expose`."""
+    """Photons per second that identical pixels detect, (T, H, W); parameters as for `expose`."""
     detected = band_efficiency(sensor.efficiency, bands_nm, sensor.lens)
     flux = _flux_per_radiance(bands_nm, sensor) * detected
     return _sum_over_bands(radiance, sensor.active_area_m2 * flux, sensor)
 
 
 def check_brightness(rate: Floats, exposure_s: float) -> Floats:
-    """Return rates (Hz) of any shape, or refuse the radiance that they came from."""
+    """Return rates (Hz) of any shape; raise if the radiance behind them is too bright."""
     brightest = float(rate.max(initial=0)) * exposure_s
     if not brightest <= MOST_ARRIVALS:
         raise ValueError(
-            f"radiance: so bright that a pixel detects {brightest:g} photons an exposure; at most "
+            f"radiance: so bright that a pixel detects {brightest:g} photons per exposure; at most "
             f"{MOST_ARRIVALS:g} can be drawn: check its unit, W·m⁻²·sr⁻¹·nm⁻¹"
         )
     return rate
 
 
 def _flux_per_radiance(bands_nm: ArrayLike, sensor: PixelOptics) -> Floats:
-    """Photons·m⁻²·s⁻¹ on the axis for a radiance of 1 in each band, the lens's curve apart."""
+    """Photons·m⁻²·s⁻¹ on the axis for a radiance of 1 in each band, without the lens's curve."""
     if not isinstance(sensor, PixelOptics):
-        raise TypeError(f"sensor: {sensor!r} is no Sensor; give one, such as preset('spadcam')")
+        raise TypeError(f"sensor: {sensor!r} is not a Sensor; give one, such as preset('spadcam')")
     irradiance = image_irradiance(np.ones(len(check_bands(bands_nm))), sensor.lens)
     return photon_flux(irradiance, bands_nm)
 
@@ -104,7 +104,7 @@ def _sum_over_bands(radiance: ArrayLike, weights: Floats, sensor: PixelOptics) -
     radiance = _check_radiance(radiance, weights.size)
     frames, rows, columns, _ = radiance.shape
     total = np.zeros((frames, rows, columns))
-    # band by band rather than as a matrix product, whose rounding depends on the number of frames
+    # band by band, as the rounding of a matrix product depends on the number of frames
     for band, weight in enumerate(weights):
         total += weight * radiance[..., band]
     on_die = blurred(total, sensor.lens.blur_m / sensor.pitch_m)

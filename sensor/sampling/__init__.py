@@ -1,1 +1,1 @@
-"""Random streams with names, and fast draws from them."""
+"""Named random streams, and fast draws from them."""

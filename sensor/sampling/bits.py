@@ -1,8 +1,8 @@
-"""Bits that are 1 where one or more of a Poisson number of events comes, drawn fast and packed.
+"""Packed bits, 1 for at least one event of a Poisson number, drawn fast.
 
-16 random bits are compared with p·2¹⁶, where p = 1 − exp(−mean) is taken in single precision, and,
-in the two cases in 65536 in which that leaves it open, a further uniform number with the rest of
-the exact p: exact to the last bit of p at a quarter of a random word a pixel.
+16 random bits are compared with p·2¹⁶, with p = 1 − exp(−mean) in single precision. In the two
+cases in 65536 where this is undecided, a further uniform number is compared with the rest of the
+exact p. Draws are exact to the last bit of p, at a quarter of a random word per pixel.
 """
 
 import numpy as np
@@ -13,27 +13,27 @@ from megalopta.core.compiling import compiled
 from megalopta.sensor.sampling.words import LANES, fill_words
 
 CHANCE_ERROR = 2e-6
-"""Bound of the error of `chance`; found 1.2e-6."""
+"""Error bound of `chance`; the largest error found is 1.2e-6."""
 
 _LARGEST_MEAN = np.float32(16)
 
-# Of e^(−y), 0 ≤ y ≤ 1, the largest error made least: 3e-8 in exact arithmetic.
+# Minimax polynomial of e^(−y), 0 ≤ y ≤ 1: error 3e-8 in exact arithmetic.
 _C = np.polynomial.chebyshev.Chebyshev.interpolate(lambda y: np.exp(-y), 6, [0, 1])
 _C0, _C1, _C2, _C3, _C4, _C5, _C6 = map(np.float32, _C.convert(kind=np.polynomial.Polynomial).coef)
 
-# Times a word of eight bytes of 0 or 1: these bits in the highest byte, the first one on top.
+# Multiplier that collects eight bytes of 0 or 1 in the highest byte, the first one on top.
 _GATHER = np.uint64(0x8040201008040201)
 
 _OPEN = np.uint8(2)
-"""Instead of a bit that is not decided yet."""
+"""Placeholder for an undecided bit."""
 _ANY_OPEN = np.uint64(0x0202020202020202)
 _LOTS = np.float32(65536)
-# Of p·2¹⁶ in single precision, twice its error; a lot this far from both ends of it is decided.
+# Twice the error of p·2¹⁶ in single precision; a draw this far from both ends is decided.
 _MARGIN = np.float32(2 * CHANCE_ERROR * 65536)
 _CERTAIN = np.float32(1) + _MARGIN
 
 _LANES_AT_ONCE = 128
-"""Random words are made 16 kB at a time, which stay in the processor's first cache."""
+"""Random words are made 16 kB at a time, to stay in the first-level cache."""
 
 
 def unpack(packed: NDArray[np.uint8], width: int) -> NDArray[np.uint8]:
@@ -59,7 +59,7 @@ def fill_bits(
         The mean number of events is (rate_hz + more_hz)·open_s.
     open_s : float
     packed : (rows, ceil(columns/8)) uint8
-        Filled here.
+        Output.
     """
     rows, columns = rate_hz.shape
     bits = np.zeros(8 * packed.shape[1], np.uint8)
@@ -73,8 +73,8 @@ def fill_bits(
         if row % at_once == 0:
             fill_words(streams, words)
         lots = all_lots[row % at_once]
-        # No branches and one array each: these loops become vector instructions, and the second
-        # one of twice the width, as it has nothing in double precision.
+        # No branches and one array each: these loops become vector instructions, the second one
+        # twice as wide, as it has nothing in double precision.
         for column in range(columns):
             means[column] = (rate_hz[row, column] + more_hz[row, column]) * open_s
         for column in range(columns):
@@ -98,7 +98,7 @@ def _settle(
     lots: NDArray[np.uint16],
     bits: NDArray[np.uint8],
 ) -> None:
-    """Draw the bits that single precision leaves open."""
+    """Draw the bits that single precision leaves undecided."""
     words = np.empty((1, LANES), np.uint64)
     for column in range(rate_hz.size):
         if bits[column] == _OPEN:
@@ -110,10 +110,10 @@ def _settle(
 
 @compiled(inline="always")
 def chance(mean: np.float32) -> np.float32:
-    """Chance of one or more of `mean` events on average, 0 or more; error below `CHANCE_ERROR`.
+    """Probability of at least one of `mean` expected events; error below `CHANCE_ERROR`.
 
     1 − e^(−m) for m up to 16, 1 beyond: e^(−m/16) by a polynomial of degree 6, squared four times.
-    No branch and no table: a loop over pixels becomes vector instructions in single precision.
+    Without branches and tables, a loop over pixels vectorizes in single precision.
     """
     y = min(mean, _LARGEST_MEAN) * np.float32(1 / 16)
     e = _C0 + y * (_C1 + y * (_C2 + y * (_C3 + y * (_C4 + y * (_C5 + y * _C6)))))

@@ -1,22 +1,22 @@
-"""Poisson counts, drawn faster than NumPy does.
+"""Poisson counts, drawn faster than by NumPy.
 
-A Poisson count is the sum of independent ones whose means add up. A mean below 4 is cut into a
+A Poisson count is the sum of independent ones whose means add up. A mean below 4 is split into a
 multiple of 1/16 and a rest. The multiples have alias tables, which turn a random word into a count
-by one comparison, to 2⁻⁴⁸: Walker, ACM Trans. Math. Softw. 3, 253 (1977). The rest is the number of
-arrivals of a process of rate one that runs on from draw to draw, so it costs a subtraction as long
-as nothing arrives.
+by one comparison, to 2⁻⁴⁸: Walker, ACM Trans. Math. Softw. 3, 253 (1977). The rest counts the
+arrivals of a process of rate one that continues from draw to draw; without an arrival it costs one
+subtraction.
 
 From 4 on, each count takes one normal number, by vector instructions: z becomes the count n with
-P(N < n) < Φ(z) ≤ P(N ≤ n), which is exact. Where it
-steps from one count to the next, n is ⌊y⌋ of an expansion in 1/√m: Cornish and Fisher, for the
-Poisson law as Giles has it, ACM Trans. Math. Softw. 42, 7 (2016), and two orders more,
+P(N < n) < Φ(z) ≤ P(N ≤ n), which is exact. n is ⌊y⌋ of an expansion in 1/√m: that of Cornish and
+Fisher for the Poisson distribution by Giles, ACM Trans. Math. Softw. 42, 7 (2016), with two more
+orders,
 
     y = m + √m·z + (z² + 2)/6 − z(z² + 2)/(72·√m) + (3z⁴ + 7z² − 16)/(810·m)
         − z(207z⁴ + 548z² − 2684)/(155520·m·√m)
         + (228z⁶ + 675z⁴ − 5189z² − 256)/(408240·m²)
 
-What it leaves out is less than `doubt`. Only where y comes so close to a whole number, six draws in
-a thousand at a mean of 4, one in a thousand at 8 and in 25,000 at 30, are probabilities summed.
+Its truncation error is less than `doubt`. Probabilities are summed only if y is that close to an
+integer: in six draws per thousand at a mean of 4, one per thousand at 8 and one per 25,000 at 30.
 """
 
 import math
@@ -38,24 +38,24 @@ from megalopta.sensor.sampling.words import (
 
 SMALLEST_MEAN = 4.0
 _CERTAIN_FROM = 2.0**20
-"""Mean from which what is left out is less than the rounding of y"""
+"""Mean above which the truncation error is less than the rounding of y"""
 _SMALLEST_TERM = 1e-17
 
 _STEP = 1 / 16
-"""A power of two: sums are exact. The finer, the rarer an arrival, the larger the tables."""
+"""Power of two, so that sums are exact. Finer steps: rarer arrivals, larger tables."""
 _TAIL = 8.0
-"""Standard deviations of a table on each side, and counts beyond them; what is farther out is less
+"""Extent of a table on each side, in standard deviations and further counts; the rest is less
 likely than the rounding of a random word."""
 _TAIL_COUNTS = 20
 
 _CHANCE = np.uint64(2**48 - 1)
 _ALIAS_BITS, _ALIAS = np.uint64(16), np.uint64(2**16 - 1)
 _BLOCK = 1024
-"""Pixels that are drawn together"""
+"""Pixels drawn together"""
 _ONE = np.uint64(1)
 _NO_MORE = np.zeros(1)
 _NO_MORE.flags.writeable = (
-    False  # as dark counts of a device are, for which `_draw` is compiled anyway
+    False  # like dark counts of a device, for which `_draw` is compiled anyway
 )
 _MOST = int(np.iinfo(np.int64).max)
 
@@ -64,11 +64,11 @@ class _Tables(NamedTuple):
     """Alias tables of the multiples of the step."""
 
     heads: NDArray[np.uint64]
-    """Of each table: its first cell; what moves the leading bits of a word, which choose the cell,
-    to its end; the count of its first cell"""
+    """First cell of each table; shift of the leading bits of a word, which choose the cell; count
+    of the first cell"""
 
     cells: NDArray[np.uint64]
-    """Chance of a cell's own count in 48 bits, and the cell that stands for the rest in 16"""
+    """Probability of a cell's own count in 48 bits, and the cell of the alternative in 16"""
 
 
 def draw_poisson(
@@ -83,7 +83,7 @@ def draw_poisson(
     ----------
     rng : numpy.random.Generator
     means, more : (N,) float64
-        Finite and not negative: unchecked.
+        Finite and not negative (not checked).
     factor : float
     """
     counts = np.empty(means.size, np.int64)
@@ -101,14 +101,14 @@ def fill_poisson(
 ) -> None:
     """Draw counts as `draw_poisson` into a contiguous (N,) array, none larger than `most`.
 
-    The streams are `poisson_streams`; of the same, no count depends on those that follow it.
+    The streams are `poisson_streams`; no count depends on those that follow it.
     """
     rates = means, _NO_MORE if more is None else more, factor
     _draw(streams, *rates, _tables(), EDGES, counts, most)
 
 
 def poisson_streams(rng: np.random.Generator) -> NDArray[np.uint64]:
-    """Draw from a generator what `fill_poisson` starts from, (3, 4, LANES)."""
+    """Draw the initial state of `fill_poisson` from a generator, (3, 4, LANES)."""
     return word_streams(rng, 3)
 
 
@@ -124,11 +124,11 @@ def _tables() -> _Tables:
 
 
 def _law(mean: float) -> tuple[int, NDArray[np.float64]]:
-    """Least count, and the probabilities from there on, as many as a power of two."""
+    """Smallest count, and the probabilities from there on; their number is a power of two."""
     reach = _TAIL * math.sqrt(mean) + _TAIL_COUNTS
     first, mode = int(max(mean - reach, 0)), int(mean)
     size = 2 ** int(mean + reach - first).bit_length()
-    # P(n) is P(n − 1)·mean/n, from the most likely count on both ways
+    # P(n) is P(n − 1)·mean/n, from the most likely count in both directions
     below = np.cumprod(np.arange(mode, first, -1) / mean)[::-1]
     above = np.cumprod(mean / np.arange(mode + 1, first + size))
     law = np.concatenate((below, [1.0], above))
@@ -137,7 +137,7 @@ def _law(mean: float) -> tuple[int, NDArray[np.float64]]:
 
 @compiled
 def _alias_cells(law: NDArray[np.float64]) -> NDArray[np.uint64]:
-    """Make every cell as likely: those with too much of it stand in for those with too little."""
+    """Equalize the cells: those with too much probability fill up those with too little."""
     share = law * law.size
     cells = np.empty(law.size, np.uint64)
     poor, rich = list(np.flatnonzero(share < 1)), list(np.flatnonzero(share >= 1))
@@ -148,7 +148,7 @@ def _alias_cells(law: NDArray[np.float64]) -> NDArray[np.uint64]:
         share[alias] -= 1 - share[cell]
         if share[alias] < 1:
             poor.append(rich.pop())
-    for cell in poor + rich:  # full, but for rounding
+    for cell in poor + rich:  # full, except for rounding
         cells[cell] = (_CHANCE << _ALIAS_BITS) | np.uint64(cell)
     return cells
 
@@ -164,7 +164,7 @@ def _draw(
     counts: NDArray[np.integer[Any]],
     most: int,
 ) -> None:
-    """Draw block by block; where means are small and large, all as large, then the small again."""
+    """Draw by block; if means are small and large, all as large, then the small ones again."""
     words = np.empty((2, _BLOCK // LANES, LANES), np.uint64)
     mean, z, drawn = np.empty(_BLOCK), np.empty(_BLOCK), np.empty(_BLOCK)
     small = np.empty(_BLOCK, np.uint64)
@@ -206,13 +206,13 @@ def _scale(
 
 @compiled
 def _list_small(mean: NDArray[np.float64], places: NDArray[np.uint64]) -> int:
-    """List where means are small; return their number."""
+    """List where means are small; return the number."""
     number = np.int64(0)
     for k in range(mean.size):  # counted first, by vector instructions
         number += np.int64(mean[k] < SMALLEST_MEAN)
     if number:
         n = np.int64(0)
-        for k in range(mean.size):  # without a branch, which a processor would guess wrong
+        for k in range(mean.size):  # without a branch, which a processor would mispredict
             places[n] = k
             n += np.int64(mean[k] < SMALLEST_MEAN)
     return int(number)
@@ -230,7 +230,7 @@ def _draw_small(
     counts: NDArray[np.integer[Any]],
     most: int,
 ) -> tuple[int, float]:
-    """Draw at places; return how many words are used, and how long the next arrival is off."""
+    """Draw at places; return the number of used words and the time to the next arrival."""
     word, size = words.reshape(-1), words.size
     for place in places:
         mean = means[place]
@@ -255,17 +255,17 @@ def _draw_small(
 
 @compiled
 def _exponential(word: np.uint64) -> float:
-    """Exponential number, the time between arrivals, from a word."""
+    """Exponential time between arrivals, from a random word."""
     return -math.log(uniform(word))
 
 
 @compiled
 def _multiple(word: np.uint64, table: np.uint64, tables: _Tables) -> np.uint64:
-    """Count of one table, from a word."""
+    """Count from one table and a random word."""
     head = tables.heads[table]
     column = word >> head[1]
     cell = tables.cells[head[0] + column]
-    # no branch, which a processor would guess wrong half of the time
+    # no branch, which a processor would mispredict half of the time
     is_own = np.uint64((word & _CHANCE) < (cell >> _ALIAS_BITS))
     alias = cell & _ALIAS
     return np.uint64(head[2] + alias + is_own * (column - alias))
@@ -277,10 +277,10 @@ def fill_quantiles(
 ) -> None:
     """Turn normal numbers (N,) into Poisson counts (N,) of means (N,).
 
-    Of means below `SMALLEST_MEAN`, which are others' to draw, counts mean nothing.
+    For means below `SMALLEST_MEAN`, drawn elsewhere, counts are meaningless.
     """
     doubtful = np.int64(0)
-    for k in range(z.size):  # without a branch, so that vector instructions do it
+    for k in range(z.size):  # branch-free, so that it vectorizes
         mean = max(means[k], SMALLEST_MEAN)
         y = place(z[k], mean)
         is_near = abs(y - np.rint(y)) < doubt(z[k], mean)
@@ -295,10 +295,10 @@ def fill_quantiles(
 
 @compiled
 def place(z: float, mean: float) -> float:
-    """Return y, whose whole part is the count but where it is nearly whole."""
+    """Return y, whose integer part is the count unless y is close to an integer."""
     sigma, square = math.sqrt(mean), z * z
     inverse = 1 / sigma
-    # terms of y/√m, which fall by √m each
+    # terms of y/√m, which decrease by √m each
     third = -z * (square + 2) / 72
     fourth = ((3 * square + 7) * square - 16) / 810
     fifth = -z * ((207 * square + 548) * square - 2684) / 155520
@@ -309,18 +309,18 @@ def place(z: float, mean: float) -> float:
 
 @compiled
 def doubt(z: float, mean: float) -> float:
-    """Return how near to a whole number y does not tell the count."""
+    """Return the distance of y from an integer within which the count is undecided."""
     square = z * z
     return (0.04 + 0.0015 * square * square * square * abs(z)) / (mean * mean * math.sqrt(mean))
 
 
 @compiled
 def exact_quantile(z: float, mean: float) -> float:
-    """Return the count of z, by sums of probabilities of the smaller tail."""
+    """Return the count of z by summing probabilities of the smaller tail."""
     chance = 0.5 * math.erfc(abs(z) / math.sqrt(2))
     count = max(np.rint(place(z, mean)), 0.0)
     if z < 0:
-        count = min(count, np.floor(mean))  # far down the expansion turns up again
+        count = min(count, np.floor(mean))  # far down, the expansion turns up again
         while _at_most(count, mean) < chance:
             count += 1
         while count > 0 and _at_most(count - 1, mean) >= chance:
@@ -340,7 +340,7 @@ def _probability(count: float, mean: float) -> float:
 
 @compiled
 def _at_most(count: float, mean: float) -> float:
-    """P(N ≤ count), of a count that is not far above the mean."""
+    """P(N ≤ count), for a count not far above the mean."""
     total, term, n = 1.0, 1.0, count
     while n > 0 and term > _SMALLEST_TERM * total:
         term *= n / mean
@@ -351,7 +351,7 @@ def _at_most(count: float, mean: float) -> float:
 
 @compiled
 def _more_than(count: float, mean: float) -> float:
-    """P(N > count), of a count that is not far below the mean."""
+    """P(N > count), for a count not far below the mean."""
     total, term, n = 1.0, 1.0, count + 1
     while term > _SMALLEST_TERM * total:
         n += 1

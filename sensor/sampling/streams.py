@@ -1,10 +1,9 @@
-"""Random streams named by what they are for.
+"""Random streams named by purpose.
 
-A stream is a function of its key alone, (seed, purpose, sequence, frame, …), so a result never
-depends on the order of the draws, on the cutting into chunks or on the number of workers. The key
-is hashed (BLAKE2b, 256 bits) with the type and length of every part, so that (1, "1"), ("1", 1) and
-("11",) are three streams, and the hash is the entropy of a NumPy SeedSequence. Seed 0 is a seed
-like any other.
+A stream is a function of its key alone, (seed, purpose, sequence, frame, …), so results never
+depend on the order of draws, on chunks or on the number of workers. The key is hashed (BLAKE2b, 256
+bits) with the type and length of every part, so that (1, "1"), ("1", 1) and ("11",) are three
+streams. The hash is the entropy of a NumPy SeedSequence. Seed 0 is an ordinary seed.
 """
 
 import hashlib
@@ -26,12 +25,12 @@ def generator(seed: int, *key: str | int) -> np.random.Generator:
     seed : int
         The user's seed; any integer.
     *key : str or int
-        What the stream is for, such as ("exposure", "forest-3", 17).
+        Purpose of the stream, such as ("exposure", "forest-3", 17).
 
     Raises
     ------
     TypeError
-        When a part of the key is neither a string nor an integer.
+        If a part of the key is neither a string nor an integer.
     """
     digest = hashlib.blake2b(b"".join(map(_encode, (seed, *key))), digest_size=32).digest()
     entropy = np.frombuffer(digest, "<u4")  # four times as fast as one large number
@@ -42,7 +41,7 @@ def pixel_uniforms(shape: tuple[int, int], seed: int, *key: str | int) -> NDArra
     """Return one number in [0, 1) per pixel, fixed by the key and the pixel's row and column.
 
     A smaller array is the top left corner of a larger one, so a device keeps its fixed pattern when
-    fewer of its pixels are read.
+    fewer pixels are read.
 
     Parameters
     ----------
@@ -60,7 +59,7 @@ def pixel_uniforms(shape: tuple[int, int], seed: int, *key: str | int) -> NDArra
 
 def pixel_normals(shape: tuple[int, int], seed: int, *key: str | int) -> NDArray[np.float64]:
     """Return a standard normal number per pixel (rows, columns), |z| < 8.3; as `pixel_uniforms`."""
-    # 0 is a possible uniform number and has no quantile; 1 is not
+    # 0 is a possible uniform number without a quantile; 1 is not
     return np.asarray(ndtri(np.maximum(pixel_uniforms(shape, seed, *key), 2.0**-54)))
 
 

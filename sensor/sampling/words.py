@@ -1,13 +1,13 @@
-"""Random words in bulk, and normal numbers made of them, faster than NumPy draws either.
+"""Random words and normal numbers in bulk, faster than by NumPy.
 
 Sixteen SFC64 generators (Chris Doty-Humphrey, PractRand) side by side, as vector instructions.
-Their states, three random words each, come from a NumPy generator, so they share no state but by
-chance (2⁻¹⁸⁴); twelve rounds go before the first word, as in NumPy's own.
+Their states, three random words each, come from a NumPy generator, so they coincide only with a
+probability of 2⁻¹⁸⁴. Twelve rounds precede the first word, as in NumPy's own.
 
 Normal numbers: the ziggurat of Marsaglia and Tsang (J. Stat. Softw. 5(8), 2000): 1024 layers of
 equal area cover the density; a word chooses a layer and a place in it, which lies under the density
-997 times in 1000. The word's highest 53 bits choose the place and its lowest 10 the layer, which
-share no bit.
+997 times in 1000. The word's highest 53 bits choose the place and its lowest 10 the layer; no bit
+is shared.
 """
 
 import math
@@ -47,7 +47,7 @@ def fill_words(state: NDArray[np.uint64], words: NDArray[np.uint64]) -> None:
 
 @compiled
 def uniform(word: np.uint64) -> float:
-    """Return a number within (0, 1) of a random word."""
+    """Return a number within (0, 1) from a random word."""
     return (float(word >> np.uint64(11)) + 0.5) * 2.0**-53
 
 
@@ -60,13 +60,13 @@ def _pass_rounds(states: NDArray[np.uint64]) -> None:
 
 _LAYERS = 1024
 _TAIL = 4.0388498461095045
-"""Where the tail begins that belongs to the lowest layer"""
+"""Start of the tail, which belongs to the lowest layer"""
 
 _AREA = _TAIL * math.exp(-(_TAIL**2) / 2) + math.sqrt(math.pi / 2) * math.erfc(_TAIL / math.sqrt(2))
 
 
 def _layer_edges() -> NDArray[np.float64]:
-    """Width of each layer, the lowest first, whose tail is laid beside it; the last is 0."""
+    """Width of each layer, the lowest first with its tail next to it; the last is 0."""
     edges = [_AREA / math.exp(-(_TAIL**2) / 2), _TAIL]
     while len(edges) < _LAYERS:
         height = math.exp(-(edges[-1] ** 2) / 2) + _AREA / edges[-1]
@@ -88,9 +88,9 @@ def fill_normals(
 ) -> None:
     """Fill (N,) with standard normal numbers.
 
-    Each takes a word of the first streams, and one in some hundred more of the others: the first
-    numbers of many are those of few. `words` (rows, LANES) is room for N words. Compiled code takes
-    `EDGES` as an argument: as a constant it would be stored with each function.
+    Each takes one word of the first streams, and one in some hundreds more from the others, so the
+    first numbers do not depend on N. `words` (rows, LANES) is scratch space for N words. Compiled
+    code takes `EDGES` as an argument: as a constant it would be stored with each function.
     """
     fill_words(streams, words[: -(-numbers.size // LANES)])
     word = words.reshape(-1)
@@ -105,7 +105,7 @@ def fill_normals(
 def _slow_normal(
     streams: NDArray[np.uint64], edges: NDArray[np.float64], layer: np.uint64, z: float
 ) -> float:
-    """Return the number of a place in a layer that may not lie under the density."""
+    """Return the number for a place in a layer that may not lie under the density."""
     words = np.empty((1, LANES), np.uint64)
     while True:
         fill_words(streams, words)

@@ -1,1 +1,1 @@
-"""The SPAD array as a whole: its parameters, presets, the pattern of its pixels, an exposure."""
+"""SPAD arrays: parameters, presets, fixed pattern, counters and moments of readings."""

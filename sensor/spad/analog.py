@@ -1,25 +1,24 @@
-"""The analog counter: every event takes a step off a voltage, which an ADC reads.
+"""Analog counter: every event lowers a voltage by a step; an ADC reads it.
 
-After the reset the output stands at the supply. Each event removes the pixel's step; the output
-leaks downwards at the pixel's rate; it stops at the bottom of its swing. A source follower adds its
-pixel's offset and read noise, an ADC that spans the supply rounds. Three reference readings, per
-pixel, turn volts back into counts: the output without events (offset, leak) and the mean step,
+After the reset the output is at the supply. Each event removes the pixel's step; the output leaks
+downwards at the pixel's rate; it stops at the bottom of its swing. A source follower adds its
+pixel's offset and read noise, and an ADC that spans the supply rounds. Three reference readings per
+pixel convert volts to counts: the output without events (offset, leak) and the mean step,
 
     V     = V_supply + offset − min(F_N + leak·T, swing) + read noise, rounded by the ADC
     count = round((V_supply + offset − leak·T − V) / step)
 
-With `calibrated` off, the nominal ones are used for all pixels, as when only the mean of the array
-is known. A count at the capacity of its pixel is flagged, as is a pixel that noise alone keeps off
-the bottom.
+With `calibrated` off, all pixels use nominal ones, as if only the array's mean were known. A count
+at the capacity of its pixel is flagged, as is a pixel that only noise keeps off the bottom.
 
-The step may change over the swing: taken at a fall F it is step·(1 + slope·(½ − F/swing)), so that
-N events make, with b = slope·step/swing,
+The step may change over the swing: at a voltage drop F it is step·(1 + slope·(½ − F/swing)), so
+that N events cause, with b = slope·step/swing,
 
     F_N = step·(1 + slope/2)·(1 − (1 − b)^N)/b          N·step without slope
 
-A straight line through the whole swing has R² = 1 − slope²/60, nearly: the printed R² > 0.99 allows
-slopes to 0.6. Calibration stays a straight line. Each step may also err, alone, by `step_noise_v`:
-N of them by √N times as much.
+A straight line through the whole swing has R² ≈ 1 − slope²/60: the published R² > 0.99 allows
+slopes up to 0.6. Calibration remains a straight line. Each step may also have independent noise of
+`step_noise_v`; N of them have √N times as much.
 
 The leak between reset and readout is constant and the time to read the array (12.8 µs) is
 neglected.
@@ -40,44 +39,44 @@ from megalopta.sensor.sampling.streams import pixel_normals
 from megalopta.sensor.spad.digital import DigitalCounter
 
 _LARGEST_CAPACITY = 65535
-# More than any `pixel_normals`.
+# Larger than any value of `pixel_normals`.
 _LARGEST_Z = 9
 
 
 class AnalogCounter(Effect, frozen=True):
-    """A counter that keeps its count as a voltage."""
+    """Counter that stores its count as a voltage."""
 
     stage: ClassVar[Stage] = Stage.READOUT
     statement: ClassVar[str] = (
-        "avalanches are counted, as far as the counter goes, and read (frames only)"
+        "avalanches are counted, up to the counter's capacity, and read (frames only)"
     )
 
     kind: Literal["analog"] = "analog"
-    """Counts in volts."""
+    """Kind of counter: digital or analog."""
     step_v: Annotated[float, Field(gt=0)]
-    """Mean voltage that one event takes off (V)."""
+    """Mean voltage step of one event (V)."""
     step_sigma_v: Annotated[float, Field(ge=0)] = 0.0
     """Standard deviation of the step over the pixels (V)."""
     supply_v: Annotated[float, Field(gt=0)] = 3.3
     """Output after reset, and range of the ADC (V)."""
     swing_v: Annotated[float, Field(gt=0)] = 3.2
-    """How far the output can fall (V)."""
+    """Largest voltage drop of the output (V)."""
     step_slope: Annotated[float, Field(ge=-1, le=1)] = 0.0
-    """How much smaller the step is at the bottom of the swing than at its top, relative."""
+    """Relative decrease of the step from the top to the bottom of the swing."""
     step_noise_v: Annotated[float, Field(ge=0)] = 0.0
-    """Standard deviation of a single step about its pixel's (V)."""
+    """Standard deviation of a single step about its pixel's mean step (V)."""
     leak_v_s: Annotated[float, Field(ge=0)] = 0.0
-    """Mean rate at which the output falls by itself (V/s)."""
+    """Mean leakage rate of the output (V/s)."""
     leak_sigma_v_s: Annotated[float, Field(ge=0)] = 0.0
-    """Standard deviation of that rate over the pixels (V/s)."""
+    """Standard deviation of the leakage rate over the pixels (V/s)."""
     offset_sigma_v: Annotated[float, Field(ge=0)] = 0.0
     """Standard deviation of the offset of the source followers over the pixels (V)."""
     read_noise_v: Annotated[float, Field(ge=0)] = 0.0
-    """Standard deviation of the noise of one reading (V)."""
+    """Standard deviation of the read noise (V)."""
     adc_bits: Annotated[int, Field(ge=1, le=24)] | None = None
-    """Resolution of the ADC (bits); none: it does not round."""
+    """Resolution of the ADC (bits); null: no rounding."""
     calibrated: bool = True
-    """Whether step, leak and offset of every pixel are known, or only their means."""
+    """True if step, leak and offset of every pixel are known; False: only their means."""
 
     @model_validator(mode="after")
     def _check_voltages(self) -> Self:
@@ -105,28 +104,28 @@ class AnalogCounter(Effect, frozen=True):
 
     @classmethod
     def off(cls) -> DigitalCounter:
-        """Return a counter that is practically never full."""
+        """Return a counter that practically never saturates."""
         return DigitalCounter()
 
     @property
     def capacity(self) -> int:
-        """Largest count of a pixel of nominal step without leak."""
+        """Largest count of a pixel with nominal step and no leak."""
         return _capacity(self.swing_v, self.step_v)
 
     @property
     def lsb_v(self) -> float:
-        """Voltage between two codes of the ADC, V; 0 where it does not round."""
+        """Voltage between two codes of the ADC, V; 0 without rounding."""
         return 0.0 if self.adc_bits is None else self.supply_v / (2**self.adc_bits - 1)
 
 
 class AnalogPixels(NamedTuple):
-    """Mean steps, fall of the output by leakage in one exposure and offsets, (rows, columns) V."""
+    """Mean steps, voltage drop by leakage in one exposure, and offsets, (rows, columns) V."""
 
     step_v: Floats
     leaked_v: Floats
     offset_v: Floats
-    """What the source follower adds to the output: positive raises it. `calibrate.Device.offset_v`,
-    which is a fall of the output, has the opposite sign."""
+    """Offset of the source follower: positive raises the output. `calibrate.Device.offset_v`, a
+    drop of the output, has the opposite sign."""
 
 
 def analog_pixels(
@@ -137,8 +136,8 @@ def analog_pixels(
     Raises
     ------
     ValueError
-        When leakage alone empties a counter during the exposure, or a pixel's step is so small
-        that its counts cannot be stored.
+        If leakage alone empties a counter during the exposure, or a pixel's step is so small that
+        its counts cannot be stored.
     """
     step = _scattered(counter.step_v, counter.step_sigma_v, shape, device_seed, "counter step")
     leak = _scattered(counter.leak_v_s, counter.leak_sigma_v_s, shape, device_seed, "counter leak")
@@ -158,13 +157,13 @@ def analog_pixels(
 
 
 def nominal_pixels(counter: AnalogCounter, exposure_s: float) -> AnalogPixels:
-    """Return what is assumed of every pixel without calibration."""
+    """Return the pixel values assumed without calibration."""
     leaked_v = counter.leak_v_s * exposure_s
     return AnalogPixels(*(np.array(value) for value in (counter.step_v, leaked_v, 0.0)))
 
 
 def assumed_pixels(counter: AnalogCounter, pixels: AnalogPixels, exposure_s: float) -> AnalogPixels:
-    """Return what turns volts back into counts, in the shape of the pixels."""
+    """Return the values that convert volts to counts, in the shape of the pixels."""
     known = pixels if counter.calibrated else nominal_pixels(counter, exposure_s)
     return AnalogPixels(*(np.full(pixels.step_v.shape, each) for each in known))
 
@@ -188,7 +187,7 @@ def read_analog(
     pixels: AnalogPixels,
     exposure_s: float,
 ) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-    """Counts, and where they are a lower bound, of a (rows, columns) frame of events."""
+    """Counts of a (rows, columns) frame of events, and True where they are a lower bound."""
     output_v, is_empty = _outputs(rng, events, counter, pixels)
     counts, is_full = _counts(output_v, counter, assumed_pixels(counter, pixels, exposure_s))
     return counts.astype(np.int64), is_empty | is_full
@@ -200,12 +199,12 @@ def sample_analog(
     counter: AnalogCounter,
     pixels: AnalogPixels,
 ) -> NDArray[np.uint16]:
-    """Codes of the ADC of a (rows, columns) frame of events; draws what `read_analog` draws.
+    """ADC codes of a (rows, columns) frame of events; uses the same draws as `read_analog`.
 
     Raises
     ------
     ValueError
-        When the counter has no ADC, or one of more than 16 bits.
+        If the counter has no ADC, or one of more than 16 bits.
     """
     if counter.adc_bits is None or counter.adc_bits > 16:
         raise ValueError(f"counter.adc_bits: {counter.adc_bits}; give 1 to 16 to sample its output")
@@ -216,14 +215,14 @@ def sample_analog(
 def counts_of_codes(
     codes: NDArray[np.uint16], counter: AnalogCounter, known: AnalogPixels
 ) -> tuple[NDArray[np.uint16], NDArray[np.bool_]]:
-    """Turn codes of the ADC (…, rows, columns) into counts, and where they are a lower bound.
+    """Convert ADC codes (…, rows, columns) to counts, with True where they are a lower bound.
 
     Parameters
     ----------
     codes : array
     counter : AnalogCounter
     known : AnalogPixels
-        What is known of the pixels: measured, or `nominal_pixels`.
+        Known pixel values: measured ones, or `nominal_pixels`.
     """
     counts, is_full = _counts(np.asarray(codes * counter.lsb_v), counter, known)
     return counts.astype(np.uint16), is_full
@@ -232,7 +231,7 @@ def counts_of_codes(
 def _counts(
     output_v: Floats, counter: AnalogCounter, known: AnalogPixels
 ) -> tuple[Floats, NDArray[np.bool_]]:
-    """Counts that an output stands for, and where it is at the capacity of its pixel."""
+    """Counts for an output, and True where it is at the capacity of its pixel."""
     reference = counter.supply_v + known.offset_v - known.leaked_v
     counts = np.maximum(np.rint((reference - output_v) / known.step_v), 0)
     # As `largest_count`.
@@ -246,21 +245,21 @@ def _outputs(
     counter: AnalogCounter,
     pixels: AnalogPixels,
 ) -> tuple[Floats, NDArray[np.bool_]]:
-    """What is read of a (rows, columns) frame, V, and where the counter is at its bottom."""
+    """Output of a (rows, columns) frame, V, and True where the counter is at its bottom."""
     output_v, is_empty = np.empty(events.shape), np.empty(events.shape, np.bool_)
     _fill_outputs(rng, events, pixels, voltages(counter), output_v, is_empty)
     return output_v, is_empty
 
 
 def voltages(counter: AnalogCounter) -> tuple[float, float, float, float, float, float]:
-    """Supply, swing, slope of the step, its noise, read noise and one code, V but for the slope."""
+    """Supply, swing, slope of the step, its noise, read noise and one code, V except the slope."""
     steps = counter.step_slope, counter.step_noise_v
     return counter.supply_v, counter.swing_v, *steps, counter.read_noise_v, counter.lsb_v
 
 
 @compiled
 def fall(events: float, step_v: float, slope: float, swing_v: float) -> float:
-    """Mean fall of the output after so many events, V, as if it had no bottom."""
+    """Mean drop of the output after a number of events, V, without a bottom."""
     change = slope * step_v / swing_v
     if change == 0:
         return events * step_v
@@ -270,13 +269,13 @@ def fall(events: float, step_v: float, slope: float, swing_v: float) -> float:
 
 @compiled
 def spread(events: float, step_noise_v: float, step_v: float, swing_v: float) -> float:
-    """Standard deviation of that fall, V; at twice the swing nothing is left to be taken off."""
+    """Standard deviation of that drop, V; at twice the swing nothing remains to be removed."""
     return float(step_noise_v * np.sqrt(min(events, 2 * swing_v / step_v)))
 
 
 @compiled
 def largest_count(step_v: float, leaked_v: float, swing_v: float) -> float:
-    """Capacity of a pixel of which this is known."""
+    """Capacity of a pixel with these values."""
     return float(np.floor((swing_v - leaked_v) / step_v * (1 + 1e-9)))
 
 

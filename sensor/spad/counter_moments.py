@@ -1,17 +1,17 @@
-"""Mean and variance of readings, from those or from the law of the number of events.
+"""Mean and variance of readings, from the moments or the distribution of event numbers.
 
-Where all likely numbers of events fit into the counter and are read one for one, the reading has
-the moments of the events; where none fits, that of a full counter. Else the law decides.
+Where all likely numbers of events fit into the counter and are read exactly, the reading has the
+moments of the events; where none fits, those at saturation. Otherwise the distribution is used.
 
-A digital counter makes of N events min(N, C) or N mod (C + 1). An analog one reads j or more where
-its output lies below the upper edge of the last code of the ADC that stands for j. With the fall
-F_N of the output normal (step noise), held at the bottom S of the swing, and read noise r,
+For N events, a digital counter reads min(N, C) or N mod (C + 1). An analog one reads j or more if
+its output is below the upper edge of the last ADC code for j. With a normal drop F_N of the output
+(step noise), clipped at the bottom S of the swing, and read noise r,
 
     P(count >= j | N) = P(min(F_N, S) − r > t_j)          t_j: that edge, from supply and offset
 
-is an integral of the normal law, of two dimensions near the bottom, and the moments are sums over j
-and N. Nothing is approximated, except that a counter which misreads fewer than one of 10⁵ events is
-taken as exact away from its ends: its variance is then off by less than 1e-5 counts².
+is an integral of the normal distribution, two-dimensional near the bottom, and the moments are sums
+over j and N. The only approximation: a counter that misreads fewer than one in 10⁵ events is
+treated as exact away from its ends, with an error of its variance below 1e-5 counts².
 """
 
 import math
@@ -42,7 +42,7 @@ Counter: TypeAlias = DigitalCounter | AnalogCounter
 
 
 class Pixel(NamedTuple):
-    """Step, leakage and offset, V; what is assumed of the step and the output without events."""
+    """Step, leakage and offset, V; assumed step and output without events."""
 
     step_v: float
     leaked_v: float
@@ -51,11 +51,11 @@ class Pixel(NamedTuple):
     reference_v: float
     capacity: float
     exact_below: float
-    """Number of events below which they are read one for one"""
+    """Number of events below which they are read exactly"""
 
 
 def events_until_full(counter: Counter, pixels: AnalogPixels | None) -> Floats:
-    """Number of events from which on readings are the same (rows, columns); infinite if wrapped."""
+    """Number of events above which readings are constant (rows, columns); infinite if wrapped."""
     if isinstance(counter, DigitalCounter):
         return np.array(np.inf if counter.overflow == "wrap" else counter.capacity)
     assert pixels is not None
@@ -67,17 +67,17 @@ def events_until_full(counter: Counter, pixels: AnalogPixels | None) -> Floats:
 def simple_moments(
     counter: Counter, pixels: AnalogPixels | None, moments: tuple[Floats, Floats], reach: Floats
 ) -> tuple[Floats, Floats, NDArray[np.bool_]]:
-    """Mean and variance of readings where no law is needed, and where it is.
+    """Mean and variance of readings without a distribution, and True where one is needed.
 
     Parameters
     ----------
     counter : DigitalCounter or AnalogCounter
     pixels : AnalogPixels, optional
-        Of an analog counter.
+        Pixels of an analog counter.
     moments : (mean, variance)
-        Of the events, arrays of one shape.
+        Moments of the events, arrays of one shape.
     reach : (2, ...) array
-        Least and largest number of events that there may be.
+        Smallest and largest possible number of events.
     """
     (mean, variance), (least, most) = moments, reach
     if isinstance(counter, AnalogCounter):
@@ -90,7 +90,7 @@ def simple_moments(
         is_full = least >= counter.capacity
         needs_law = ~is_full & (most > counter.capacity)
         return np.where(is_full, counter.capacity, mean), np.where(is_full, 0, variance), needs_law
-    # so wide a law leaves any remainder as likely as any other, to 3e-9
+    # with so wide a distribution all remainders are equally likely, to 3e-9
     is_even = variance > size**2
     needs_law = ~is_even & (least // size != most // size)
     return (
@@ -113,12 +113,12 @@ def counter_moments(
     ----------
     counter : DigitalCounter or AnalogCounter
     pixels : AnalogPixels, optional
-        Of an analog counter, each (P,).
+        Pixels of an analog counter, each (P,).
     exposure_s : float
     first : (P,)
-        Number of events that the first column of `probability` stands for.
+        Number of events of the first column of `probability`.
     probability : (P, N)
-        Of that number of events and of the following ones.
+        Probabilities of that number of events and of the following ones.
     """
     if isinstance(counter, DigitalCounter):
         events = first[:, None] + np.arange(probability.shape[1])
@@ -137,7 +137,7 @@ def counter_moments(
 
 
 def misreads(counter: AnalogCounter, pixels: AnalogPixels) -> bool:
-    """Whether events are not read one for one, even away from the ends of the counter."""
+    """True if events are misread even away from the ends of the counter."""
     is_clipped = counter.offset_sigma_v > 0 and counter.adc_bits is not None
     if not counter.calibrated or counter.step_slope or counter.step_noise_v or is_clipped:
         return True
@@ -160,7 +160,7 @@ def _integrate(first, probability, pixels, known, volts, is_exact, mean, varianc
                 once += weight * (events - center)
                 twice += weight * (events - center) ** 2
                 continue
-            if not is_full:  # else as with one event less
+            if not is_full:  # otherwise as with one event less
                 full_mean, full_square, is_full = _read_of(events, center, pixel, volts)
             once += weight * (full_mean - center)
             twice += weight * full_square
@@ -170,7 +170,7 @@ def _integrate(first, probability, pixels, known, volts, is_exact, mean, varianc
 
 @compiled
 def _pixel_of(at, pixels, known, volts, is_exact):  # type: ignore[no-untyped-def]
-    """One of the pixels, and below which number of events it reads one for one."""
+    """Values of one pixel, and the number of events below which it reads exactly."""
     supply, swing, read_noise = volts[0], volts[1], volts[4]
     leaked = pixels.leaked_v[at]
     capacity = largest_count(known.step_v[at], known.leaked_v[at], swing)
@@ -187,7 +187,7 @@ def _pixel_of(at, pixels, known, volts, is_exact):  # type: ignore[no-untyped-de
 
 @compiled
 def _read_of(events, center, pixel, volts):  # type: ignore[no-untyped-def]
-    """Mean reading of a number of events, mean square about a center, and whether it is full."""
+    """Mean reading of a number of events, mean square about a center, and True if saturated."""
     supply, swing, slope, step_noise, read_noise, lsb = volts
     fallen = fall(events, pixel.step_v, slope, swing) + pixel.leaked_v
     scatter = spread(events, step_noise, pixel.step_v, swing)
@@ -217,7 +217,7 @@ def _read_of(events, center, pixel, volts):  # type: ignore[no-untyped-def]
 
 @compiled
 def _edge(below, supply, lsb):  # type: ignore[no-untyped-def]
-    """Output under which what the ADC makes of it is at most `below`; whether always or never."""
+    """Output below which the ADC reads at most `below`; True if always or never."""
     if lsb == 0:
         return below, False, False
     code = np.floor(below / lsb)
@@ -226,9 +226,9 @@ def _edge(below, supply, lsb):  # type: ignore[no-untyped-def]
 
 @compiled
 def _chance(deeper, room, scatter, read_noise):  # type: ignore[no-untyped-def]
-    """Probability that the fall, held at the bottom, and read noise pass a depth.
+    """Probability that the clipped drop plus read noise exceeds a depth.
 
-    `deeper` is how far the mean fall passes it, `room` how far the bottom does.
+    `deeper` is how far the mean drop exceeds it, `room` how far the bottom does.
     """
     noise = math.hypot(scatter, read_noise)
     if noise == 0:
@@ -255,21 +255,21 @@ def _normal(z):  # type: ignore[no-untyped-def]
 
 
 class LawTable(NamedTuple):
-    """Laws of the number of events, one a row, with their sums."""
+    """Distributions of the number of events, one per row, with their sums."""
 
     least: Floats
-    """Number of events that the first column stands for, (K,)"""
+    """Number of events of the first column, (K,)"""
     law: Floats
     """(K, N)"""
     center: Floats
-    """Near the mean, a whole number, (K,)"""
+    """Integer near the mean, (K,)"""
     sums: Floats
-    """Of the law, alone and times the deviation from the center and its square, up to each
-    column, (3, K, N)"""
+    """Cumulative sums of the distribution, alone and times the deviation from the center and its
+    square, (3, K, N)"""
 
     @classmethod
     def of(cls, least: Floats, law: Floats) -> "LawTable":
-        """Sum up laws that begin at these numbers of events."""
+        """Sum up distributions that start at these numbers of events."""
         columns = np.arange(law.shape[1])
         center = np.rint(least + law @ columns)
         deviation = least[:, None] + columns - center[:, None]
@@ -284,10 +284,10 @@ def tabulated_moments(
     rows: NDArray[np.int64],
     weights: Floats,
 ) -> tuple[Floats, Floats]:
-    """Mean and variance of the readings of pixels (P,) that do not misread, from tabulated laws.
+    """Mean and variance of readings of exact pixels (P,), from tabulated distributions.
 
-    What is wanted of a law are sums up to a pixel's own top, and the probabilities of the few
-    numbers there. A pixel mixes those of the nearest entries by weights of its own.
+    Needed are a distribution's sums up to a pixel's own top, and the probabilities of the few
+    numbers there. A pixel mixes those of the nearest entries with its own weights.
 
     Parameters
     ----------
@@ -296,9 +296,9 @@ def tabulated_moments(
     exposure_s : float
     table : LawTable
     rows : (P,) int64
-        First of the rows in a row whose laws a pixel mixes.
+        First of the consecutive rows that a pixel mixes.
     weights : (P, M)
-        Of these.
+        Weights of these rows.
     """
     known = assumed_pixels(counter, pixels, exposure_s)
     mean, variance = np.empty(rows.size), np.empty(rows.size)

@@ -1,7 +1,7 @@
-"""One device of a kind: the fixed pattern of its pixels, the same in every frame, run and machine.
+"""Fixed pattern of a device's pixels, the same in every frame, run and machine.
 
-Drawn from the device seed, or read from measured maps, by the effects that act on rates, one after
-the other (`Effect.act_on_rates`): they say what a pixel is, not what happens in an exposure.
+The effects on rates draw it from the device seed, or read it from measured maps, in turn
+(`Effect.act_on_rates`): they describe pixels, not exposures.
 """
 
 from dataclasses import dataclass
@@ -32,7 +32,7 @@ class FixedPattern:
     counters : AnalogPixels or None
         Steps and leaks of analog counters.
     avalanches : AvalancheMaps or None
-        How pixels differ in dead time, afterpulsing and crosstalk; none where they do not.
+        Differences in dead time, afterpulsing and crosstalk; None if there are none.
     in_time : tuple of (name, Effect)
         Effects that change from frame to frame.
     """
@@ -44,7 +44,7 @@ class FixedPattern:
     in_time: tuple[tuple[str, Effect], ...] = ()
 
     def over_time(self, detections_hz: Floats, device_seed: int) -> list[tuple[float, FrameRates]]:
-        """Rates that a frame may have, each with its chance: one, where none change with time."""
+        """Possible rates of a frame with their probabilities: one, if none change with time."""
         rates = [(1.0, FrameRates(detections_hz, self.dark_counts_hz, device_seed))]
         for _, effect in self.in_time:
             rates = [
@@ -61,8 +61,7 @@ def draw_fixed_pattern(sensor: Sensor, shape: tuple[int, int]) -> FixedPattern:
     Raises
     ------
     ValueError
-        When a measured map does not fit, an efficiency would exceed 1, or dark counts would be
-        beyond all measure.
+        If a measured map does not fit, an efficiency exceeds 1, or dark counts exceed the limit.
     """
     # files may change, drawn patterns cannot
     return (_draw if sensor.measured.is_on else _draw_once)(sensor, shape)
@@ -122,7 +121,7 @@ def _check(sensor: Sensor, rates: PixelRates) -> None:
 
 
 def detection_rate(radiance: ArrayLike, bands_nm: ArrayLike, sensor: Sensor) -> Floats:
-    """Photons per second that each pixel would detect if always live, (T, H, W); as `expose`."""
+    """Detection rate of always-live pixels, (T, H, W), Hz; parameters as for `expose`."""
     _check_sensor(sensor)
     rate = detected_rate(radiance, bands_nm, sensor)
     _, rows, columns = rate.shape
@@ -131,12 +130,12 @@ def detection_rate(radiance: ArrayLike, bands_nm: ArrayLike, sensor: Sensor) -> 
 
 
 def checked_rate(detections_hz: ArrayLike, sensor: Sensor) -> tuple[Floats, FixedPattern]:
-    """Rate as (frames, [parts,] rows, columns) and the device that sees it, or refuse the rate.
+    """Validated rate as (frames, [parts,] rows, columns), and the device.
 
     Raises
     ------
     ValueError
-        When the rate has another shape, is negative, not finite or too high to be drawn.
+        If the rate has another shape, is negative, not finite or too high to be drawn.
     """
     _check_sensor(sensor)
     rate = np.asarray(detections_hz, np.float64)
@@ -149,7 +148,7 @@ def checked_rate(detections_hz: ArrayLike, sensor: Sensor) -> tuple[Floats, Fixe
     if not _are_within(rate.ravel(), most):
         raise ValueError(
             f"detections_hz: from {rate.min():g} to {rate.max():g}; must be finite, not negative "
-            f"and at most {most:g} Hz ({MOST_ARRIVALS:g} an exposure)"
+            f"and at most {most:g} Hz ({MOST_ARRIVALS:g} per exposure)"
         )
     *_, rows, columns = rate.shape
     return rate, draw_fixed_pattern(sensor, (rows, columns))
@@ -157,13 +156,13 @@ def checked_rate(detections_hz: ArrayLike, sensor: Sensor) -> tuple[Floats, Fixe
 
 @compiled
 def _are_within(values: Floats, most: float) -> bool:
-    """Whether all are numbers from 0 to the most, in one pass."""
+    """True if all values are from 0 to `most`, in one pass."""
     within = np.int64(0)
-    for pixel in range(values.size):  # summed, which vector instructions do
+    for pixel in range(values.size):  # summed, which vectorizes
         within += np.int64(values[pixel] >= 0) & np.int64(values[pixel] <= most)
     return bool(within == values.size)
 
 
 def _check_sensor(sensor: Sensor) -> None:
     if not isinstance(sensor, Sensor):
-        raise TypeError(f"sensor: {sensor!r} is no Sensor; give one, such as preset('spadcam')")
+        raise TypeError(f"sensor: {sensor!r} is not a Sensor; give one, such as preset('spadcam')")

@@ -1,8 +1,8 @@
-"""The counter in the pixel: it holds so many events and no more.
+"""Digital counter in the pixel, with limited capacity.
 
-A digital counter of n bits holds 2ⁿ − 1. One more event and it stays there (saturating) or starts
-again at zero (wrapping). A reading that may stand for a larger number is flagged: at capacity where
-it saturates, past it where it wraps. Without that, mean and variance are those of the events.
+A digital counter of n bits holds up to 2ⁿ − 1 events. With one more it stays there (saturating) or
+restarts at zero (wrapping). Readings that may stand for larger numbers are flagged: at capacity if
+saturating, beyond it if wrapping. Below capacity, mean and variance are those of the events.
 
 For the analog counter see `analog`.
 """
@@ -22,30 +22,30 @@ Counts = NDArray[np.uint16] | NDArray[np.uint32]
 
 
 class DigitalCounter(Effect, frozen=True):
-    """A digital counter."""
+    """Digital counter."""
 
     stage: ClassVar[Stage] = Stage.READOUT
     statement: ClassVar[str] = (
-        "avalanches are counted, as far as the counter goes, and read (frames only)"
+        "avalanches are counted, up to the counter's capacity, and read (frames only)"
     )
 
     kind: Literal["digital"] = "digital"
-    """Counts in bits."""
+    """Kind of counter: digital or analog."""
     capacity: Annotated[int, Field(ge=1, le=LARGEST_CAPACITY)] = LARGEST_CAPACITY
-    """Largest count it can hold (counts): 2ⁿ − 1 for n bits."""
+    """Largest count: 2ⁿ − 1 for n bits."""
     overflow: Literal["saturate", "wrap"] = "saturate"
-    """What one event too many does: nothing, or start again at zero."""
+    """Behavior at overflow: stay at capacity (saturate) or restart at zero (wrap)."""
 
     @property
     def is_on(self) -> bool:
-        """Whether it is ever full."""
+        """True if it can saturate."""
         return self.capacity < LARGEST_CAPACITY
 
 
 def read_digital(
     events: NDArray[np.int64], counter: DigitalCounter, out: tuple[Counts, NDArray[np.bool_]]
 ) -> None:
-    """Fill in counts, and where they are not to be trusted, of as many events, of any shape."""
+    """Write counts into `out`, and True where they are unreliable, for events of any shape."""
     counts, saturated = out
     if counter.overflow == "wrap":
         np.remainder(events, counter.capacity + 1, out=counts, casting="unsafe")
@@ -56,7 +56,7 @@ def read_digital(
 
 
 def empty_counts(shape: tuple[int, ...], capacity: int) -> Counts:
-    """Array of a shape for counts, of the smaller unsigned type that holds the capacity."""
+    """Array for counts, of the smaller unsigned type that holds the capacity."""
     if capacity <= np.iinfo(np.uint16).max:
         return np.empty(shape, np.uint16)
     return np.empty(shape, np.uint32)

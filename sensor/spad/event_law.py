@@ -1,4 +1,4 @@
-"""The law of the number of events in an exposure.
+"""Distribution of the number of events in an exposure.
 
     none of the effects, or a gate     Poisson, exact
     non-paralyzable dead time          exact (`effects.nonparalyzable`)
@@ -6,9 +6,9 @@
                                        time, 1e-9 from three on
     anything else                      matched in mean and variance
 
-Matched laws are of Panjer's family, P(n)/P(n−1) = α + β/n with 1 − α = mean/variance, which is
-negative binomial where the variance exceeds the mean. Where it is less they are mixtures of two
-binomials, or of a binomial and the two integers about the mean, of exactly this mean and variance.
+Matched distributions are of Panjer's family, P(n)/P(n−1) = α + β/n with 1 − α = mean/variance:
+negative binomial if the variance exceeds the mean. Otherwise they are mixtures of two binomials, or
+of a binomial and the two integers next to the mean, with exactly this mean and variance.
 """
 
 import numpy as np
@@ -24,7 +24,7 @@ _BRANCHES, _FEW_BRANCHES, _LONG = 8, 1, 20
 
 
 def reach_of_events(mean: Floats, variance: Floats) -> Floats:
-    """Least and largest number of events that there may be, (2, ...); chance of others 1e-12."""
+    """Smallest and largest likely number of events, (2, ...); probability of others 1e-12."""
     sigma = np.sqrt(variance)
     clump = np.maximum(np.divide(variance, mean, out=np.ones_like(mean), where=mean > 0), 1)
     least = np.maximum(np.floor(mean - _SIGMAS * sigma), 0)
@@ -39,20 +39,20 @@ def event_law(
     reach: Floats,
     has_law: bool,
 ) -> Floats:
-    """Probability of each number of events, (P, N), from the least in reach on.
+    """Probability of each number of events, (P, N), from the smallest in reach on.
 
     Parameters
     ----------
     arrivals : (P,)
-        Mean number of photons to be detected and dark counts, the gate apart.
+        Mean number of detectable photons plus dark counts, without the gate.
     moments : (mean, variance)
-        Of the events, each (P,).
+        Moments of the events, each (P,).
     exposure_s : float
     effects : AvalancheEffects
     reach : (2, P)
-        Of `reach_of_events`.
+        Result of `reach_of_events`.
     has_law : bool
-        Whether all pixels have dead time of one length and nothing else.
+        True if all pixels have the same dead time and no other effect.
     """
     size = int((reach[1] - reach[0]).max(initial=0)) + 1
     dead, mean, variance = effects.dead_time, *moments
@@ -75,12 +75,12 @@ def event_law(
 def _nonparalyzable(
     arrivals: Floats, dead_fraction: float, is_stationary: bool, least: Floats, size: int
 ) -> Floats:
-    """Differences of P(N >= n), which gammainc gives."""
+    """Differences of P(N >= n), from gammainc."""
     n = least[:, None] + np.arange(size + 1)
     lost = (arrivals * dead_fraction)[:, None]
     left = np.maximum(arrivals[:, None] - (n - 1) * lost, 0)
     reached = gammainc(np.maximum(n, 1e-9), left)
-    if is_stationary:  # blind at the start for a time that is uniform up to the dead time
+    if is_stationary:  # dead at the start for a time uniform up to the dead time
         blind = _integral(n, left) - _integral(n, np.maximum(left - lost, 0))
         reached = (reached + blind) / (1 + lost)
     reached[n <= 0] = 1.0
@@ -104,7 +104,7 @@ def _paralyzable(
         E[z^N] = Σ_k z·a/(a + W_k)·e^(W_k·T/τ)/(1 + W_k)             live start
         E[z^N] = Σ_k e^(W_k·(T/τ + 1))/(1 + W_k)                     after running for long
     """
-    points = size + 1 - size % 2  # odd, so that −1, where branches may meet, is left out
+    points = size + 1 - size % 2  # odd, so that −1, where branches may meet, is excluded
     z = np.exp(2j * np.pi * np.arange(points // 2 + 1) / points)
     a = arrivals * dead_fraction
     total = np.zeros(z.size, complex)
@@ -163,7 +163,7 @@ def _add_panjer(m, v, share, least, row, spare):  # type: ignore[no-untyped-def]
     for place in range(mode, 0, -1):
         events = least + place
         ratio = alpha * events + beta
-        # the quotient does not wait for the probability before
+        # the quotient does not wait for the previous probability
         spare[place - 1] = spare[place] * (events / ratio) if ratio > 0 else 0.0
         total += spare[place - 1]
     for place in range(mode + 1, row.size):

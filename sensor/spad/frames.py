@@ -1,4 +1,4 @@
-"""Work on frames, several at the same time."""
+"""Parallel work on frames."""
 
 import os
 from collections.abc import Callable
@@ -8,7 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 def over_frames(task: Callable[[int], None], frames: int, in_turn: bool = False) -> None:
     """Run a task for every frame number, in threads unless in turn.
 
-    The task must write to places of its own.
+    Each task must write to its own places.
     """
     workers = min(os.cpu_count() or 1, frames)
     if in_turn or workers <= 1:

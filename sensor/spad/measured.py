@@ -1,4 +1,4 @@
-"""A measured device: a YAML file with the fields of `Sensor`, and maps of its pixels as .npy files.
+"""Measured device: a YAML file with the fields of `Sensor`, and maps of its pixels as .npy files.
 
     preset: spadcam
     name: spadcam-3
@@ -9,8 +9,8 @@
       step: step_v.npy
       fit: center
 
-Paths are relative to the YAML file. The maps are hashed when the file is read, and a map that has
-changed since is refused, so that a fixed pattern on record stays what it was. Pickled objects are
+Paths are relative to the YAML file. The maps are hashed when the file is read. A map that has
+changed since raises an error, so that a recorded fixed pattern stays the same. Pickled objects are
 never loaded.
 """
 
@@ -34,12 +34,12 @@ _SMALLEST_STEP_V = 1e-5
 
 
 class MapFile(BaseModel, frozen=True, extra="forbid", use_attribute_docstrings=True):
-    """One number per pixel, in a .npy file; a plain path will do."""
+    """Map with one number per pixel, in a .npy file; a plain path is also accepted."""
 
     path: str
-    """Where the file is."""
+    """Path of the file."""
     sha256: Annotated[str, Field(pattern="^[0-9a-f]{64}$")] | None = None
-    """Hash of the file; a file with another one is refused. None: not checked."""
+    """Expected SHA-256 hash of the file; another one raises an error; null: not checked."""
 
     @model_validator(mode="before")
     @classmethod
@@ -47,12 +47,12 @@ class MapFile(BaseModel, frozen=True, extra="forbid", use_attribute_docstrings=T
         if isinstance(values, str | Path):
             return {"path": str(values)}
         if not isinstance(values, Mapping | cls):
-            raise ValueError(f"{values!r} is no file; give the path of a .npy file")
+            raise ValueError(f"{values!r} is not a file; give the path of a .npy file")
         return values
 
 
 class MeasuredMaps(Effect, frozen=True):
-    """Maps that take the place of drawn patterns; none by default."""
+    """Maps that replace drawn patterns; none by default."""
 
     stage: ClassVar[Stage] = Stage.DEVICE
     statement: ClassVar[str] = "measured maps replace drawn patterns of the pixels"
@@ -63,14 +63,14 @@ class MeasuredMaps(Effect, frozen=True):
     }
     relative: ClassVar[tuple[str, ...]] = AvalancheMaps._fields
     """Maps of factors on the value of the effect of this name"""
-    """Effects that are on where there is a map of theirs"""
+    """Effects that are on if they have a map"""
 
     dark_counts: MapFile | None = None
     """Dark count rate of every pixel (Hz) at the reference bias and temperature."""
     efficiency: MapFile | None = None
     """Efficiency of every pixel relative to the curve, at the reference bias."""
     breakdown: MapFile | None = None
-    """Breakdown voltage of every pixel above the nominal one (V)."""
+    """Breakdown voltage of every pixel relative to the nominal one (V)."""
     dead_time: MapFile | None = None
     """Dead time of every pixel relative to dead_time.dead_time_s."""
     afterpulsing: MapFile | None = None
@@ -82,18 +82,18 @@ class MeasuredMaps(Effect, frozen=True):
     leak: MapFile | None = None
     """Leak of every pixel's analog counter (V/s)."""
     offset: MapFile | None = None
-    """Output of every pixel's analog counter after reset, above the supply (V)."""
+    """Output of every pixel's analog counter after reset, relative to the supply (V)."""
     fit: Fit = "exact"
-    """Which pixels of a map larger than the image are used: top_left or center takes a window of
-    the image's size there, exact refuses the map."""
+    """Part of a map larger than the image: top_left or center selects a window of the image's size,
+    exact rejects the map."""
 
     @property
     def is_on(self) -> bool:
-        """Whether there is a map."""
+        """True if there is a map."""
         return any(getattr(self, name) for name in type(self).model_fields if name != "fit")
 
     def act_on_rates(self, rates: PixelRates) -> None:
-        """Put maps in the place of what was drawn."""
+        """Replace drawn values by maps."""
         if self.breakdown:
             lowest = -np.finfo(float).max
             rates.breakdown_offset_v = self._load("breakdown", rates, lowest)
@@ -106,7 +106,7 @@ class MeasuredMaps(Effect, frozen=True):
                 rates.scale(name, self._load(name, rates))
 
     def of_counters(self, pixels: AnalogPixels, exposure_s: float) -> AnalogPixels:
-        """Put maps in the place of counters that were drawn.
+        """Replace drawn counters by maps.
 
         Raises
         ------
@@ -143,20 +143,20 @@ def load_map(
     Raises
     ------
     ValueError
-        When the file is missing, has changed, does not fit, holds no plain numbers or impossible
-        ones.
+        If the file is missing, has changed, does not fit, or holds impossible values or no plain
+        numbers.
     """
     content = file_content(file.path, field)
     if file.sha256 is not None and hashlib.sha256(content).hexdigest() != file.sha256:
         raise ValueError(
-            f"{field}: {file.path} has changed since it was first read; restore it, or name it "
-            "anew without a sha256"
+            f"{field}: {file.path} has changed since it was first read; restore it, or remove its "
+            "sha256"
         )
     values = plain_array(content)
     if values is None or values.ndim != 2:
         raise ValueError(
-            f"{field}: {file.path} does not hold one whole array (rows, columns) of plain numbers; "
-            "write it with numpy.save"
+            f"{field}: {file.path} does not hold one complete array (rows, columns) of plain "
+            "numbers; write it with numpy.save"
         )
     if not np.all((values >= lowest) & (values < np.inf)):
         below = "" if lowest < -1e300 else f"below {lowest:g} or "

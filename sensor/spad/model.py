@@ -1,8 +1,7 @@
-"""Everything that describes one image sensor, as plain frozen data, and the order of its effects.
+"""Model of a SPAD image sensor, as plain frozen data, and the order of its effects.
 
-There are rates of arrivals as far as "telegraph", avalanches up to "crosstalk", and a number in a
-counter after that. The effects on avalanches act on each other in time and are simulated together
-wherever more than one is on.
+Effects up to "telegraph" act on arrival rates, those up to "crosstalk" on avalanches, later ones on
+counts. Effects on avalanches interact in time and are simulated together if more than one is on.
 """
 
 from functools import cached_property
@@ -28,25 +27,25 @@ from megalopta.sensor.spad.digital import DigitalCounter
 from megalopta.sensor.spad.measured import MeasuredMaps
 
 MOST_OFFSPRING = 0.95
-"""Avalanches that one may cause, on average, where no dead time ends the cascade."""
+"""Mean number of avalanches caused by one, at most, where no dead time ends the cascade."""
 
 
 class Sensor(PixelOptics, frozen=True):
-    """A single-photon image sensor behind a lens; the number of pixels is that of the image."""
+    """Single-photon image sensor behind a lens; the image sets the number of pixels."""
 
     unit: ClassVar[str] = "counts"
-    """What its readings are in."""
+    """Unit of its readings."""
 
     kind: Literal["spad"] = "spad"
-    """Names this kind of image sensor."""
+    """Kind of image sensor."""
     temperature: Temperature = Temperature()
-    """Temperature, which moves dark counts and breakdown; by default that at which they hold."""
+    """Temperature, which affects dark counts and breakdown; by default that at which they hold."""
     bias: Bias = Bias()
-    """Excess bias and breakdown mismatch, which move efficiency and dark counts; off by default."""
+    """Excess bias and breakdown mismatch, acting on efficiency and dark counts; default: off."""
     dark_counts: DarkCounts = DarkCounts()
     """Events without light; off by default."""
     measured: MeasuredMaps = MeasuredMaps()
-    """Measured maps of the pixels of one device, in place of drawn ones; none by default."""
+    """Measured maps of a device's pixels, in place of drawn ones; none by default."""
     telegraph: Telegraph = Telegraph()
     """Dark counts that switch between levels; off by default."""
     gate: Gate = Gate()
@@ -54,18 +53,18 @@ class Sensor(PixelOptics, frozen=True):
     dead_time: DeadTime = DeadTime()
     """Recovery after an event; none by default."""
     afterpulsing: Afterpulsing = Afterpulsing()
-    """Events fired by carriers of earlier ones; off by default."""
+    """Events fired by trapped carriers of earlier ones; off by default."""
     crosstalk: Crosstalk = Crosstalk()
-    """Events fired by those of neighboring pixels; off by default."""
+    """Events fired by avalanches of neighboring pixels; off by default."""
     jitter: Jitter = Jitter()
     """Scatter of the time stamps of events; none by default."""
     counter: Annotated[DigitalCounter | AnalogCounter, Field(discriminator="kind")] = (
         DigitalCounter()
     )
-    """What counts the events in the pixel; by default one that is practically never full."""
+    """Counter in the pixel; by default one that practically never saturates."""
     device_seed: int = 0
-    """Which device of this kind: fixes the pattern of its pixels (any integer, 0 included). Where
-    two sensors share it, pixels at the same place rank alike in each of their patterns."""
+    """Device seed: fixes the pattern of its pixels (any integer, including 0). In two sensors with
+    the same seed, pixels at the same place have the same rank in each pattern."""
 
     @model_validator(mode="after")
     def _check_gate(self) -> Self:
@@ -118,12 +117,12 @@ class Sensor(PixelOptics, frozen=True):
 
     @property
     def counter_capacity(self) -> int:
-        """Largest count a pixel can hold."""
+        """Largest count of a pixel."""
         return self.counter.capacity
 
     @cached_property
     def avalanche_effects(self) -> AvalancheEffects:
-        """What decides which avalanches occur."""
+        """Effects that decide which avalanches occur."""
         return AvalancheEffects(
             gate=self.gate,
             dead_time=self.dead_time,
@@ -144,19 +143,19 @@ def effects_of(model: type[Sensor]) -> tuple[str, ...]:
 
 
 ORDER_OF_EFFECTS = effects_of(Sensor)
-"""Fields of `Sensor`, first to last."""
+"""Effect fields of `Sensor`, first to last."""
 
 
 def without(sensor: Sensor, field: str) -> Sensor:
     """Return the sensor with one effect switched off.
 
-    Without "efficiency", every photon on the active area is detected, wherever a pixel's bias is
-    above the onset. Without "dark_counts", measured and switching ones are off too.
+    Without "efficiency", every photon on the active area is detected if the pixel's bias is above
+    the onset. Without "dark_counts", measured and switching dark counts are off too.
 
     Raises
     ------
     ValueError
-        When there is no effect of this name.
+        If there is no effect of this name.
     """
     known = effects_of(type(sensor))
     if field not in known:

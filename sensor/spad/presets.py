@@ -1,41 +1,39 @@
 """Sensors by name, as plain data.
 
-`ideal` has the pixel, lens and exposure of `spadcam`, so that what differs is the device alone: all
-the light on the pixel is counted, nothing else is.
+`ideal` has the pixel, lens and exposure of `spadcam`, so that only the device differs: it counts
+every photon on the pixel and nothing else.
 
 `spadcam` follows the device sheet of dissertation §2.4 at 13.58 V anode voltage, which is 1.18 V
 excess bias (13.40 V is about 1 V there). Measured there: pitch, active area, dark counts of one row
 of 16 pixels, "peak efficiency below 1 % at 450 nm", quenching, breakdown spread, counter step and
-leakage. Chosen here, because it is not given:
+leakage. Assumed, because not given:
 
 - the spectral shape: absorption of silicon in 0.4 µm under a dead surface of 0.1 µm. Only the
-  height at 450 nm rests on a measurement, and that is an upper limit. The motion bench of §2.4.8
-  (93 nW at 700 nm, 65 counts in 0.1 s), if its beam covered 100 mm², allows 0.055 % at 700 nm where
-  this curve has 0.11 %; how much light reached the chip there is not known;
+  height at 450 nm is measured, as an upper limit. The motion bench of §2.4.8 (93 nW at 700 nm, 65
+  counts in 0.1 s), if its beam covered 100 mm², allows 0.055 % at 700 nm where this curve has 0.11
+  %; the light that reached the chip there is not known;
 - dead time 1 µs: §2.4.1 says that recovery exceeds this;
-- the lens: the thesis lights the bare die;
-- dependence on bias, which the thesis shows as curves without numbers: counting sets in at 0.87 V
-  excess, 3 σ of mismatch below 1 V, where all 16 pixels of a row were measured; dark counts grow
-  e-fold in 0.12 V, so that breakdown mismatch makes most of the spread of ordinary pixels;
+- the lens: the dissertation illuminates the bare die;
+- dependence on bias, which the dissertation shows as curves without numbers: counting starts at
+  0.87 V excess, 3 σ of mismatch below 1 V, where all 16 pixels of a row were measured; dark counts
+  grow e-fold in 0.12 V, so that breakdown mismatch causes most of the spread of ordinary pixels;
   efficiency saturates over 0.2 V. The best ratio of the two is then at 0.96 V, where the
-  measurements begin. The height of the efficiency is such that it stays below 1 % at any bias;
-- dark counts: five numbers of the row (mean 1.77, median 0.93, σ 1.77 Hz/µm², 11 of 16 pixels
-  below 1.5, σ 0.32 among these), met with mismatch included, fix the mixture;
+  measurements begin. The height of the efficiency keeps it below 1 % at any bias;
+- dark counts: five numbers of the row (mean 1.77, median 0.93, σ 1.77 Hz/µm², 11 of 16 pixels below
+  1.5, σ 0.32 among these), matched including mismatch, fix the mixture;
 - read noise 1 mV and 12 bits of the ADC; the swing follows from 320 counts of 10 mV.
 
-How "nearly all pixels are fully saturated" at 13.68 V (§2.4.4) goes with this:
-`docs/theory/device.md`.
+On "nearly all pixels are fully saturated" at 13.68 V (§2.4.4), see `docs/theory/device.md`.
 
-`array-12x4` has the crosstalk that was measured on such an array, by distance (orthogonal 1.03e-3,
-diagonal 1.62e-4, two away 1.3e-5), and its dark counts: median 159, 90 % below 1125 per second, a
-log-normal law whose largest of 48 is then near 4700, as measured. The rest is assumed: 50 µm discs
+`array-12x4` has the crosstalk measured on such an array, by distance (orthogonal 1.03e-3, diagonal
+1.62e-4, two away 1.3e-5), and its dark counts: median 159, 90 % below 1125 per second, a log-normal
+distribution whose largest of 48 is then near 4700, as measured. The rest is assumed: 50 µm discs
 250 µm apart, a custom-technology curve that peaks at 45 %, active quenching in 120 ns.
 
-The devices of Table 2.1 have the efficiency and dark counts printed there, at the bias printed
-there. Only the peak of the efficiency is given: these presets have it at all wavelengths, so use
-them near that wavelength. Fill factor, dead time, mismatch and counter are not in the table; they
-have fill factor 1 (pitch² is the active area) and no other effect. A limit ("<5k", ">1k") is taken
-as the value.
+The devices of Table 2.1 have its efficiency and dark counts, at its bias. Only the peak of the
+efficiency is given: these presets have it at all wavelengths, so use them near that wavelength.
+Fill factor, dead time, mismatch and counter are not in the table; the presets have fill factor 1
+(pitch² is the active area) and no other effect. A limit ("<5k", ">1k") is used as the value.
 """
 
 from collections.abc import Mapping
@@ -60,25 +58,25 @@ _LENS = Lens(f_number=1.4, transmission=0.9)
 
 
 class TableDevice(NamedTuple):
-    """One column of Table 2.1, as printed."""
+    """Column of Table 2.1, as printed."""
 
     reference: str
-    """First author and number in the thesis's bibliography"""
+    """First author and number in the dissertation's bibliography"""
     node: str
     """CMOS process"""
     dark_counts_hz: float
-    """At room temperature"""
+    """Dark count rate at room temperature"""
     limit: str
-    """`<` or `>` where the table gives a limit of the dark count rate"""
+    """`<` or `>` if the table gives a limit of the dark count rate"""
     excess_bias_v: float
-    """Of both measurements"""
+    """Excess bias of both measurements"""
     active_area_um2: float
     density_hz_um2: float
-    """Dark count rate per area as the table prints it"""
+    """Dark count rate per area, as printed in the table"""
     peak_efficiency: float
     """Largest detection probability, 0 to 1"""
     peak_nm: float
-    """Wavelength of it"""
+    """Wavelength of that peak"""
 
 
 TABLE_2_1: dict[str, TableDevice] = {
@@ -90,7 +88,7 @@ TABLE_2_1: dict[str, TableDevice] = {
     "richardson-130nm": TableDevice("Richardson [75]", "130 nm", 25, "", 1.4, 50, 0.5, 0.28, 500),
     "webster-130nm": TableDevice("Webster [70]", "130 nm", 1e3, ">", 12, 50, 20, 0.72, 560),
 }
-"""Columns of Table 2.1 by the name of their preset."""
+"""Columns of Table 2.1 by preset name."""
 
 
 def _table_preset(name: str, device: TableDevice) -> Sensor:
@@ -189,7 +187,7 @@ def preset(name: str) -> Sensor:
     Raises
     ------
     ValueError
-        When there is none of this name.
+        If there is no preset of this name.
     """
     if not isinstance(name, str) or name not in PRESETS:
         raise ValueError(f"sensor {name!r}: no such preset; choose from {', '.join(PRESETS)}")
@@ -199,13 +197,13 @@ def preset(name: str) -> Sensor:
 def load_sensor(path: str | Path) -> Sensor:
     """Read a sensor, such as a measured device, from a YAML file.
 
-    The file has the fields of `Sensor`; with `preset` the rest is taken from there. Paths in it are
-    relative to the file.
+    The file has the fields of `Sensor`; `preset` supplies missing ones. Paths in it are relative to
+    the file.
 
     Raises
     ------
     ValueError
-        When the file or a map is missing, or a field is unknown or impossible.
+        If the file or a map is missing, or a field is unknown or invalid.
     """
     path = Path(path)
     try:
@@ -228,9 +226,9 @@ def load_sensor(path: str | Path) -> Sensor:
 
 
 def with_files(values: Mapping[str, Any], folder: Path) -> dict[str, Any]:
-    """Make a sensor's fields independent of the folder that the paths among them start from.
+    """Make a sensor's fields independent of the folder to which their paths are relative.
 
-    Maps get absolute paths and hashes, an efficiency curve in a file becomes numbers.
+    Maps get absolute paths and hashes; an efficiency curve in a file becomes numbers.
     """
     resolved = dict(values)
     for name, resolve in (

@@ -1,14 +1,14 @@
-"""Mean and variance of the readings of a frame, by a law of events only where that is needed.
+"""Mean and variance of a frame's readings, from event distributions only where needed.
 
-Where pixels neither talk to each other nor differ in avalanches, and light is steady, what is read
-depends on the mean number of arrivals a and the pixel's counter. A Poisson law moves by its own
-standard deviation while x = 2·√a moves by 1, and laws with dead time and afterpulses no faster, so
-that moments are smooth in x on that scale. They are tabulated at steps of 1/8 and interpolated by
-polynomials through six entries, which is off by less than 2e-6 standard deviations of the reading,
-or with afterpulsing by what its own tables are (`tests/sensor/spad/test_readings.py`).
+Without crosstalk and differences in avalanches between pixels, and in constant light, readings
+depend on the mean number of arrivals a and the pixel's counter. A Poisson distribution moves by its
+own standard deviation while x = 2·√a moves by 1, and distributions with dead time and afterpulses
+no faster, so moments are smooth in x on that scale. They are tabulated at steps of 1/8 and
+interpolated by polynomials through six entries. The error is below 2e-6 standard deviations of the
+reading, or with afterpulsing that of its own tables (`tests/sensor/spad/test_readings.py`).
 
-Of counters that are alike the moments themselves are tabulated, of analog ones that differ the laws
-of events. Tables are kept while the program runs, 64 entries at a time.
+For identical counters the moments are tabulated, for differing analog ones the event distributions.
+Tables are kept while the program runs, 64 entries at a time.
 """
 
 from collections.abc import Iterator
@@ -34,13 +34,13 @@ from megalopta.sensor.spad.counter_moments import (
 from megalopta.sensor.spad.event_law import event_law, reach_of_events
 
 _LARGEST_LAW = 100_000
-"""Probabilities of pixels that are treated together: they stay in a processor's second cache."""
+"""Probabilities of pixels treated together, to stay in the second-level cache."""
 _STEPS = 8
-"""Entries of a table while 2·√a moves by 1."""
+"""Table entries while 2·√a moves by 1."""
 _POINTS = 6
 _BLOCK = 64
 _LARGEST_TABLE = 2_000_000
-"""Probabilities of laws that are tabulated; more are not worth their memory."""
+"""Limit of tabulated probabilities; more are not worth their memory."""
 
 Moments = tuple[Floats, Floats]
 Places = NDArray[np.intp]
@@ -60,12 +60,12 @@ def moments_of_readings(
     Parameters
     ----------
     arrivals : (rows, columns), optional
-        Mean number of arrivals in steady light; none where light changes.
+        Mean number of arrivals in constant light; None if light changes.
     events : (mean, variance)
-        Of the events, each (rows, columns).
+        Moments of the events, each (rows, columns).
     counter : DigitalCounter or AnalogCounter
     pixels : AnalogPixels, optional
-        Of an analog counter.
+        Pixels of an analog counter.
     exposure_s : float
     effects : AvalancheEffects
     maps : AvalancheMaps, optional
@@ -100,14 +100,14 @@ def _at(pixels: AnalogPixels | None, places: tuple[Places, ...]) -> AnalogPixels
 
 
 def _groups(needs_law: NDArray[np.bool_], width: Floats) -> Iterator[tuple[Places, Places]]:
-    """Pixels, in groups of about equal width, whose laws fit into memory."""
+    """Groups of pixels of similar width whose distributions fit into memory."""
     places = np.flatnonzero(needs_law)
     places = places[np.argsort(width.ravel()[places], kind="stable")]
     while places.size:
         widths = width.ravel()[places]
         fits = (widths + 1) * np.arange(1, places.size + 1) <= _LARGEST_LAW
         size = max(int(fits.sum()), 1)
-        if widths[0] == 0:  # full
+        if widths[0] == 0:  # saturated
             size = min(size, int((widths == 0).sum()))
         rows, columns = np.unravel_index(places[:size], needs_law.shape)
         yield rows, columns
@@ -121,7 +121,7 @@ def _tabulated(
     exposure_s: float,
     effects: AvalancheEffects,
 ) -> Moments | None:
-    """Moments of pixels (P,) from tables over the light, where that is possible and cheaper."""
+    """Moments of pixels (P,) from tables over light, where possible and cheaper."""
     first, weights = _entries(arrivals)
     low, high = int(first.min(initial=0)), int(first.max(initial=0)) + _POINTS
     blocks = range(low // _BLOCK, high // _BLOCK + 1)
@@ -143,7 +143,7 @@ def _tabulated(
 
 
 def _entries(arrivals: Floats) -> tuple[Ints, Floats]:
-    """First entry (P,) of each pixel in the table, and what it takes of each (6, P) (Lagrange)."""
+    """First table entry (P,) of each pixel, and its weights of the entries (6, P) (Lagrange)."""
     x = 2 * np.sqrt(arrivals) * _STEPS
     first = x.astype(np.int64) - (_POINTS // 2 - 1)
     points = range(_POINTS)
@@ -155,7 +155,7 @@ def _entries(arrivals: Floats) -> tuple[Ints, Floats]:
 
 
 def _block_arrivals(number: int) -> Floats:
-    """Mean arrivals at the entries of a block; those below none mirror those above."""
+    """Mean arrivals at the entries of a block; those below zero mirror those above."""
     x = (number * _BLOCK + np.arange(_BLOCK)) / _STEPS
     return np.asarray(x**2 / 4)
 
@@ -174,14 +174,14 @@ def _block(
     if pixel is not None:
         pixels = AnalogPixels(*(np.full(arrivals.shape, value) for value in pixel))
     events = count_moments(arrivals / exposure_s, exposure_s, effects)
-    # fewer pixels than would be worth a table: by law
+    # fewer pixels than are worth a table: by distribution
     moments = moments_of_readings(arrivals, events, counter, pixels, exposure_s, effects, None)
     return np.array(moments)[:, 0]
 
 
 @lru_cache(maxsize=4)
 def _laws(blocks: range, exposure_s: float, effects: AvalancheEffects) -> LawTable | None:
-    """Laws of events at the arrivals of blocks; none where they are too large."""
+    """Event distributions at the arrivals of blocks; None if these are too large."""
     arrivals = np.concatenate([_block_arrivals(number) for number in blocks])
     mean, variance = count_moments(arrivals[:, None] / exposure_s, exposure_s, effects)
     moments = mean[:, 0], variance[:, 0]

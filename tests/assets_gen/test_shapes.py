@@ -153,7 +153,7 @@ def test_a_plane_is_interpolated_exactly_and_places_outside_are_refused(mesh):
     places = np.random.default_rng(0).uniform(-15, 15, (2000, 2))
     found = mesh.interpolated(height(mesh.points), places)
     np.testing.assert_allclose(found, height(places), atol=1e-9)
-    with pytest.raises(ValueError, match="places: 1 lie outside"):
+    with pytest.raises(ValueError, match="places: 1 are outside"):
         mesh.interpolated(height(mesh.points), np.array([[500.0, 0.0]]))
 
 

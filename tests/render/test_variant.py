@@ -101,9 +101,9 @@ def test_llvm_is_let_in_by_the_version_it_reports(monkeypatch, unbound, version,
     ("version", "clause"),
     [
         (None, "cannot be loaded as a library"),
-        ((0, 0, 0), "tells no LLVM version.* would abort the process"),
+        ((0, 0, 0), "reports no LLVM version.* would abort the process"),
         ((16, 0, 6), "is LLVM 16, which would abort the process"),
-        ((99, 1, 0), "is LLVM 99, which is untried"),
+        ((99, 1, 0), "is LLVM 99, which is untested"),
     ],
 )
 def test_a_refused_library_is_named_with_what_is_wrong(monkeypatch, unbound, version, clause):

@@ -65,7 +65,7 @@ def test_two_percent_of_a_beam_are_left_at_the_visibility(visibility_m):
 
 def test_haze_around_nothing_or_before_a_panorama_is_refused():
     haze = Haze(visibility_m=100)
-    with pytest.raises(ValueError, match="haze fills the space around objects, and there is none"):
+    with pytest.raises(ValueError, match="haze fills the space around objects, and there are none"):
         Scene({}, {}, (), haze=haze)
     picture = Environment(HashedFile(path="x", sha256="0" * 64), 0, (flat(1.0),) * 3, 1.0)
     with pytest.raises(ValueError, match="haze fills the space around objects"):
@@ -108,7 +108,7 @@ def test_a_tour_passes_its_ways_and_rests_at_its_ends():
     ("motion", "words"),
     [
         ({"kind": "spline", "times_s": (0, 1), "ways_m": ((0, 0, 0),) * 3}, "2 entries and ways"),
-        ({"kind": "spline", "times_s": (1, 1), "ways_m": ((0, 0, 0),) * 2}, "does not grow"),
+        ({"kind": "spline", "times_s": (1, 1), "ways_m": ((0, 0, 0),) * 2}, "does not increase"),
         ({"spin_axis": (0, 0, 0)}, "spin_axis .* has no direction"),
     ],
 )

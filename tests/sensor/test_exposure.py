@@ -167,7 +167,7 @@ def test_a_full_counter_has_no_signal():
     "function", [expose_frames, lambda s: event_moments(np.ones((1, 2, 2)), s)]
 )
 def test_name_in_place_of_a_sensor_is_refused_with_the_remedy(function):
-    with pytest.raises(TypeError, match=r"sensor: 'spadcam' is no Sensor; .*preset"):
+    with pytest.raises(TypeError, match=r"sensor: 'spadcam' is not a Sensor; .*preset"):
         function("spadcam")
 
 

@@ -1,16 +1,16 @@
 // SPADCAM on a Teensy 3.2 (board "Teensy 3.2 / 3.1", USB type "Serial").
 //
 // A frame: a global reset recharges all counters to the supply, they count for the exposure, and the
-// pixels are read one after the other through the ADC. Frames are sent as they come. Commands are
-// drained in every pass and between rows, and a frame for which there is no room is dropped, not
-// waited for: its number is missing, which tells the host.
+// pixels are read one after the other through the ADC. Frames are sent at once. Commands are drained in
+// every pass and between rows. A frame that does not fit into the buffer is dropped without waiting;
+// the host detects its missing number.
 //
-// The pins are examples: fit them to your wiring.
+// The pins are examples: adapt them to your wiring.
 #include "protocol.h"
 
 using namespace spadcam;
 
-constexpr uint8_t RESET_PIN = 2;              // high: all counters stand at the supply
+constexpr uint8_t RESET_PIN = 2;              // high: all counters are at the supply
 constexpr uint8_t ROW_PINS[] = {3, 4, 5, 6};  // row address, lowest bit first
 constexpr uint8_t COLUMN_PINS[] = {7, 8, 9, 10};
 constexpr uint8_t OUTPUT_PIN = A0;  // output of the source followers
@@ -26,7 +26,7 @@ uint16_t samples[ROWS * COLUMNS];
 uint32_t frame_number = 0;
 uint64_t frame_start_us = 0;
 
-// micros() begins anew every 71 minutes; this does not, if it is called more often than that.
+// micros() restarts every 71 minutes; this does not, if it is called more often than that.
 uint64_t now_us() {
   static uint32_t last = 0;
   static uint64_t wraps = 0;
@@ -104,13 +104,13 @@ void setup() {
 
 void loop() {
   serve_line();
-  static Settings taken = settings;  // those with which the exposure under way began
+  static Settings taken = settings;  // settings of the current exposure
   static bool is_exposing = true;
   const uint64_t elapsed_us = now_us() - frame_start_us;
   if (is_exposing && elapsed_us >= taken.exposure_us) {
     const uint64_t end_us = now_us();
     read_out(taken.first_row, taken.end_row);
-    // Little-endian, as the packet is.
+    // Little-endian, like the packet.
     post(FRAME, frame_number++, end_us, reinterpret_cast<const uint8_t *>(samples));
     is_exposing = false;
   } else if (!is_exposing && elapsed_us >= taken.period_us()) {

@@ -60,7 +60,7 @@ size_t cobs(const uint8_t *body, size_t count, uint8_t *line) {
   return out;
 }
 
-// Undoes COBS in place; returns the number of bytes, 0 where it is damaged.
+// Undoes COBS in place; returns the number of bytes, 0 if it is damaged.
 size_t uncobs(uint8_t *bytes, size_t count) {
   size_t in = 0, out = 0;
   while (in < count) {

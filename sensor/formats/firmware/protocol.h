@@ -1,5 +1,5 @@
-// SPADCAM's serial line: packets, settings and what waits to be sent. docs/spadcam-protocol.md says
-// what they are. Plain C++ without Arduino, so that it is tested on the host.
+// SPADCAM's serial protocol: packets, settings and send queue, described in docs/spadcam-protocol.md.
+// Plain C++ without Arduino, so that it can be tested on the host.
 #pragma once
 
 #include <stddef.h>
@@ -39,16 +39,16 @@ struct Packet {
   uint8_t kind;
   uint32_t sequence;
   uint64_t device_us;
-  const uint8_t *payload;  // of what a Parser gave: valid until it takes the next byte
+  const uint8_t *payload;  // from a Parser: valid until it takes the next byte
 };
 
 // Writes a packet with its zero to `line`, which has room for LONGEST + 1; returns the bytes written.
 size_t encode(const Packet &packet, uint8_t *line);
 
-// Finds packets in bytes, damaged or not; never waits, never grows.
+// Finds packets in bytes, damaged or not, without waiting or growing.
 class Parser {
  public:
-  // Takes one byte; true when it completed a packet.
+  // Takes one byte; true if it completes a packet.
   bool take(uint8_t byte, Packet &packet);
   uint32_t damaged = 0;
 
@@ -68,14 +68,14 @@ struct Settings {
 
   uint32_t period_us() const { return 1000000000u / frame_rate_mhz; }
   bool are_possible() const;
-  // Does what a command asks for; false where it is impossible, which changes nothing.
+  // Executes a command; false if it is impossible, without any change.
   bool apply(const Packet &command);
   void write(uint8_t *payload, bool refused) const;
 };
 
 void write_identity(uint8_t *payload, const char *serial_number, const char *firmware);
 
-// Bytes on their way to the host: takes packets whole or not at all, so that nobody waits for room.
+// Send queue to the host: accepts packets completely or not at all, without waiting.
 template <size_t SIZE>
 class Outbox {
  public:
@@ -85,7 +85,7 @@ class Outbox {
     used_ += count;
     return true;
   }
-  // The longest piece that lies in one.
+  // The longest contiguous piece.
   size_t next(const uint8_t *&bytes) const {
     bytes = bytes_ + first_;
     return used_ < SIZE - first_ ? used_ : SIZE - first_;

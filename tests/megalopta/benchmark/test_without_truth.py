@@ -111,7 +111,7 @@ def test_a_film_becomes_tables_that_say_what_they_are(film, tmp_path, capsys):
     assert "NO TRUE FLOW: these are distances, not errors" in said.out
     assert "mean over 2 pairs, 95 % CI over pairs" in said.out
     assert "which favors DIS" in said.out and "may share an error" in said.out
-    assert "that of BT.709 is taken" in said.err
+    assert "that of BT.709 is used" in said.err
 
 
 def test_two_pictures_and_another_reference(folder, tmp_path, capsys):

@@ -45,7 +45,7 @@ def seen(dataset, sensor, frames, first, brighter=1.0):
 
 @pytest.mark.parametrize(
     ("brighter", "words"),
-    [(1.0, "Nothing differs beyond chance."), (1.2, "brightness 20 % higher")],
+    [(1.0, "No difference is statistically significant."), (1.2, "brightness 20 % higher")],
 )
 def test_a_rendered_scene_is_compared_frame_by_frame(forest, tmp_path, brighter, words):
     rate_hz = load("grating", {}).trajectory.frame_rate_hz

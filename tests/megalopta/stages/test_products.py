@@ -63,7 +63,7 @@ def stored(dataset):
 @pytest.mark.parametrize(
     ("product", "changes", "message"),
     [
-        ("events_npz", {}, "a sensor that integrates has no single events"),
+        ("events_npz", {}, "an integrating sensor has no single events"),
         (
             "binary_npy",
             {"crosstalk": Crosstalk(mean_fired_neighbors=0.1)},

@@ -17,7 +17,7 @@ class Corridor(SceneDescription, frozen=True):
     """A corridor without ceiling around the camera's first position."""
 
     kind: Literal["corridor"] = "corridor"
-    """Which scene this is."""
+    """Kind of scene."""
 
     width_m: Annotated[float, Field(gt=0.5)] = 3.0
     """Distance between the walls (m)."""

@@ -197,7 +197,7 @@ def test_paths_are_traced_where_baking_is_not_asked_for_or_cannot_pay(ground):
     assert reason(still, integrator="path") == "as asked"
     assert (
         reason(still, frames=4)
-        == "100 samples per pixel in all frames, of 6400 pixels, are too few to pay for baking"
+        == "100 samples per pixel in all frames, of 6400 pixels, are too few for baking to pay"
     )
     # 10,000 samples of each: the look alone would take longer
     assert "too few" in reason(still, pixels=24**2)

@@ -5,7 +5,7 @@ import pytest
 from PIL import Image
 
 from megalopta.core.errors import UserError
-from megalopta.render.footage import open_footage
+from megalopta.render import open_footage
 from megalopta.scenes.spectra.color import decode_srgb
 
 LEVELS = np.array([0, 60, 120, 180], np.uint8)
@@ -52,7 +52,7 @@ def test_transparency_stands_before_black(tmp_path, suffix):
     with open_footage(write(tmp_path / f"a.{suffix}", alpha=0)) as footage:
         light = footage.frame(2)
         assert not light[:3].any() and light[4:].all()
-        assert footage.notes == ("transparent parts stand before black",)
+        assert footage.notes == ("transparent parts are shown over black",)
 
 
 def test_frames_of_no_time_last_a_tenth_of_a_second_as_in_browsers(tmp_path):
@@ -70,7 +70,7 @@ def test_a_picture_that_is_no_part_of_the_animation_is_left_out(tmp_path):
 
 def test_an_animation_has_no_other_unit_and_stands_alone(tmp_path):
     path = write(tmp_path / "a.gif")
-    with pytest.raises(UserError, match="leave the unit linear out"):
+    with pytest.raises(UserError, match="omit the unit linear"):
         open_footage(path, "linear")
     with pytest.raises(UserError, match="is animated; give it alone"):
         open_footage(tmp_path)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from megalopta.core.errors import UserError
-from megalopta.render.footage import open_footage
+from megalopta.render import open_footage
 from megalopta.scenes.spectra.color import decode_srgb
 
 
@@ -72,7 +72,7 @@ def test_coded_floats_lie_between_0_and_1(tmp_path):
         (np.zeros(5), "has the shape (5,)"),
         (np.zeros((4, 6), np.int64), "holds int64"),
         (np.zeros((4, 6), complex), "holds complex128"),
-        (np.array([[{}]]), "is no whole array of numbers"),
+        (np.array([[{}]]), "is not a complete array of numbers"),
     ],
 )
 def test_other_arrays_are_refused(tmp_path, values, said):
@@ -89,13 +89,13 @@ def test_a_unit_must_be_given(tmp_path):
 def test_files_that_are_damaged_or_hold_several_arrays_are_refused(tmp_path):
     path = saved(tmp_path, np.zeros((40, 60)))
     path.write_bytes(path.read_bytes()[:-100])
-    with pytest.raises(UserError, match="no whole array"):
+    with pytest.raises(UserError, match="complete array"):
         open_footage(path, "linear")
     np.savez(tmp_path / "two.npz", a=np.zeros((4, 4)), b=np.zeros((4, 4)))
     with pytest.raises(UserError, match="holds 2 arrays"):
         open_footage(tmp_path / "two.npz", "linear")
     (tmp_path / "bad.npz").write_bytes(b"PK hello")
-    with pytest.raises(UserError, match="no whole array"):
+    with pytest.raises(UserError, match="complete array"):
         open_footage(tmp_path / "bad.npz", "linear")
 
 

@@ -7,7 +7,7 @@ import pytest
 from PIL import Image
 
 from megalopta.core.errors import UserError
-from megalopta.render.footage import SUFFIXES, is_footage, open_footage
+from megalopta.render import SUFFIXES, is_footage, open_footage
 
 
 def test_what_is_footage(tmp_path):

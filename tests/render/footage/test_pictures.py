@@ -11,8 +11,7 @@ import tifffile
 from PIL import Image
 
 from megalopta.core.errors import UserError
-from megalopta.render import write_radiance
-from megalopta.render.footage import open_footage
+from megalopta.render import open_footage, write_radiance
 from megalopta.scenes.spectra.color import decode_srgb
 
 
@@ -105,7 +104,7 @@ def test_transparency_stands_before_black(tmp_path, codes):
             light = footage.frame(0)
             assert not light[:, :10].any()
             np.testing.assert_allclose(light[:, 10:], decode_srgb(codes[:, 10:]), rtol=1e-6)
-            assert footage.notes == ("transparent parts stand before black",)
+            assert footage.notes == ("transparent parts are shown over black",)
 
 
 def test_light_behind_glass_is_not_rounded(tmp_path):
@@ -162,14 +161,14 @@ def test_light_below_zero(tmp_path):
         assert footage.frame(0).min() == 0 and "slightly below 0" in footage.notes[0]
     values[:5] = -1
     write_exr(tmp_path / "bad.exr", Y=values)
-    assert "no differences" in refused(tmp_path / "bad.exr")
+    assert "instead of differences" in refused(tmp_path / "bad.exr")
     write_exr(tmp_path / "nan.exr", Y=np.full((4, 4), np.nan, np.float32))
     assert "not finite" in refused(tmp_path / "nan.exr")
 
 
 def test_radiance_of_a_dataset_is_refused(tmp_path):
     write_radiance(tmp_path / "a.exr", np.ones((4, 4, 2), np.float32), [(400, 500), (500, 600)])
-    assert "give the dataset that it is of" in refused(tmp_path / "a.exr")
+    assert "give its dataset" in refused(tmp_path / "a.exr")
     write_exr(tmp_path / "depth.exr", Z=np.ones((4, 4), np.float32))
     assert "has the channels Z" in refused(tmp_path / "depth.exr")
 
@@ -264,7 +263,7 @@ def test_pictures_of_a_folder_follow_the_numbers_in_their_names(tmp_path):
 
 def test_names_without_numbers_are_told(tmp_path):
     with open_footage(folder_of(tmp_path / "walk", ["a.png", "b.png"])) as footage:
-        assert "follow the alphabet" in footage.notes[0]
+        assert "in alphabetical order" in footage.notes[0]
 
 
 def test_pictures_that_differ_are_refused_by_name(tmp_path, codes):
@@ -276,7 +275,7 @@ def test_pictures_that_differ_are_refused_by_name(tmp_path, codes):
     assert "f1.png and f3.png differ in bits" in refused(folder)
     (folder / "f3.png").unlink()
     Image.fromarray(codes).save(folder / "f3.jpg")
-    assert "are of two kinds" in refused(folder)
+    assert "differ in kind" in refused(folder)
 
 
 def test_a_folder_without_pictures_is_refused(tmp_path):

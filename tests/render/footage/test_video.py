@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from megalopta.core.errors import UserError
-from megalopta.render.footage import open_footage
+from megalopta.render import open_footage
 
 from .conftest import gray
 
@@ -187,7 +187,7 @@ def test_frames_that_a_cut_parted_from_their_key_are_left_out(film, tmp_path):
             packet.stream = stream
             target.mux(packet)
     with open_footage(whole) as one, open_footage(part) as other:
-        assert len(other) == 16 and any("left out" in note for note in other.notes)
+        assert len(other) == 16 and any("omitted" in note for note in other.notes)
         assert other.times_s[0] == 0
         for k in (0, 15, 9):
             np.testing.assert_array_equal(other.frame(k), one.frame(8 + k))
@@ -285,7 +285,7 @@ def test_memory_does_not_grow_with_the_film(film):
     code = """
 import resource, sys
 from pathlib import Path
-from megalopta.render.footage import open_footage
+from megalopta.render import open_footage
 peaks = []
 with open_footage(Path(sys.argv[1])) as footage:
     for k in range(len(footage)):
@@ -301,5 +301,5 @@ print(peaks[-1] - peaks[40])
 
 def test_the_unit_of_a_film_is_not_chosen(film):
     path = film([gray(100)])
-    with pytest.raises(UserError, match="leave the unit linear out"):
+    with pytest.raises(UserError, match="omit the unit linear"):
         open_footage(path, "linear")

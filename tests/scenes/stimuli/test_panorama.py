@@ -29,7 +29,7 @@ def test_a_file_on_record_need_not_be_there_and_a_new_one_must(tmp_path):
 def test_other_kinds_of_files_are_refused_by_name(tmp_path):
     path = tmp_path / "a.jpg"
     path.write_bytes(b"")
-    with pytest.raises(ValidationError, match="is no HDR, EXR or PNG file"):
+    with pytest.raises(ValidationError, match="is not an HDR, EXR or PNG file"):
         Panorama.model_validate({"file": str(path)})
 
 

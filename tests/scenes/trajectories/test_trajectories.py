@@ -100,7 +100,7 @@ def test_a_recording_is_read_from_its_file_and_kept_in_the_configuration(tmp_pat
     [
         ("0,0,0,0,0,0,0\n1,0,0,0,0,0,0,1", r"line 1: '0,0,0,0,0,0,0' is not the 8 numbers t,x"),
         ("t,x,y,z,qx,qy,qz,qw\n0,0,0,0,0,0,0,1\n1,0,0,nan,0,0,0,1", "line 3: .* is not the 8"),
-        ("0,0,0,0,0,0,0,1\n0,0,0,0,0,0,0,1", "line 2: t 0 s does not grow"),
+        ("0,0,0,0,0,0,0,1\n0,0,0,0,0,0,0,1", "line 2: t 0 s does not increase"),
         ("0,0,0,0,0,0,0,1\n1,0,0,0,0,0,1,1", r"line 2: the quaternion .* has norm 1\.41"),
         ("0,0,0,0,0,0,0,1\n", "1 poses; a path needs at least 2"),
         ("\n", "0 poses"),
@@ -150,7 +150,7 @@ def test_a_path_without_a_kind_is_steady_and_others_are_named():
 @pytest.mark.parametrize(
     ("settings", "words"),
     [
-        ({"points_m": ((0, 0, 0), (0, 0, 0), (1, 0, 0))}, "follows itself"),
+        ({"points_m": ((0, 0, 0), (0, 0, 0), (1, 0, 0))}, "occurs twice in a row"),
         ({"points_m": ((0, 0, 0), (0, 0, 5))}, "parallel to the view somewhere on the way"),
         ({"points_m": ((0, 0, 0), (2, 0, 0)), "look_at_m": (0, 0, 0)}, "the view has no direction"),
     ],

@@ -222,7 +222,7 @@ def test_shape_is_kept_and_the_dark_gives_no_counts(kind):
         *((1.0, exposure_s, {}, "exposure_s") for exposure_s in (0.0, -1.0, np.nan, np.inf)),
         (1.0, 1.0, {"kind": "paralyzable"}, "kind 'paralyzable'; give a time or use kind 'ideal'"),
         (1.0, 1.0, {"kind": "paralyzable", "dead_time_s": 1e-320}, "below 1e-15 s"),
-        (1.0, 1.0, {"dead_time_s": 1e-6}, "1e-06 does nothing with kind 'ideal'; use kind"),
+        (1.0, 1.0, {"dead_time_s": 1e-6}, "1e-06 has no effect with kind 'ideal'; use kind"),
     ],
 )
 def test_impossible_rates_exposures_and_times_are_refused(rate_hz, exposure_s, fields, message):

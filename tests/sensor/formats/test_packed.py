@@ -77,7 +77,7 @@ def test_header_and_footer_are_left_out(tmp_path):
     (tmp_path / "RAW.bin").write_bytes(content)
     layout = PackedLayout(header_bytes=4, footer_bytes=4)
     np.testing.assert_array_equal(read_frames(tmp_path / "RAW.bin", layout=layout).counts, SPAD512)
-    with pytest.raises(ValueError, match="no whole number of frames"):
+    with pytest.raises(ValueError, match="not a whole number of frames"):
         read_frames(tmp_path / "RAW.bin")
 
 
@@ -125,5 +125,5 @@ def test_what_is_written_has_the_camera_s_size(tmp_path):
 
 
 def test_frames_that_are_not_there_are_refused(npy):
-    with pytest.raises(ValueError, match="frames 30 to 49 are asked for; it has 40"):
+    with pytest.raises(ValueError, match="frames 30 to 49 are requested; it has 40"):
         read_frames(npy, frames=slice(30, 50))

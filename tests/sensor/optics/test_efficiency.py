@@ -88,7 +88,7 @@ def test_record_holds_the_numbers_and_needs_no_file(tmp_path):
         ("400;0.1\n500;0.2", "'400;0.1' is not wavelength_nm,efficiency"),
         ("400,0.1\n500,20 %", "line 2 .*'500,20 %' is not"),
         ("400,0.1", "has 1 points; give 2 or more"),
-        (b"\xff\xfe4\x000\x00", "no text in UTF-8"),
+        (b"\xff\xfe4\x000\x00", "is not UTF-8 text"),
         ('400,"0.1\n500,0.2', "is not wavelength_nm"),
     ],
 )

@@ -1,0 +1,4 @@
+from .dataset.opened import open_dataset as open_dataset
+from .dataset.photons import photons_from_images as photons_from_images
+
+__version__: str
