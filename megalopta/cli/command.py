@@ -87,6 +87,8 @@ class Command(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         """Refuse the arguments."""
         verb = self.prog.removeprefix("megalopta").strip()
+        if re.fullmatch(r"unrecognized arguments:[ 0-9.e+-]+", message):
+            message += ", which several values of an option are: join them by commas"
         raise UserError(f"{verb}: {message}; see {self.prog} --help".removeprefix(": "))
 
 

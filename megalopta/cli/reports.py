@@ -55,7 +55,7 @@ def _report(options: Namespace) -> None:
         "counts, .spc3, TIFF, .bin of SPAD512 or SwissSPAD2, events in .h5 or .npz",
         type=Path,
     ),
-    out("out/view"),
+    option("--out", "folder (default: out/view/NAME)", type=Path),
     option("--sum", "frames to sum (default: 1)", type=at_least(1), default=1, metavar="K"),
     switch(
         "--invert",
@@ -96,7 +96,8 @@ def _view(options: Namespace) -> None:
         kind=options.format,
         with_rerun=options.rerun,
     )
-    for path in view(options.thing, options.out, asked):
+    folder = options.out or Path("out/view") / options.thing.resolve().stem
+    for path in view(options.thing, folder, asked):
         print(path)
 
 

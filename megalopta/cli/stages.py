@@ -19,6 +19,7 @@ from megalopta.cli.command import (
 )
 from megalopta.config import built_in_names
 from megalopta.core.errors import UserError
+from megalopta.core.progress import say
 
 if TYPE_CHECKING:
     from pydantic import BaseModel
@@ -230,10 +231,11 @@ def _sense(options: Namespace) -> None:
 
     asked = {_field(name): getattr(options, name[2:].replace("-", "_")) for name, _ in _OF_PICTURES}
     given = {name: value for name, value in asked.items() if value is not None}
-    if (options.input / "dataset.yaml").exists() or not is_footage(options.input):
-        if given or options.out:
+    is_dataset, of_pictures = (options.input / "dataset.yaml").exists(), given or options.out
+    if is_dataset or not (of_pictures or is_footage(options.input)):
+        if of_pictures:
             name = next(iter([*given, "out"])).replace("_", "-").removesuffix("-hz")
-            raise UserError(f"--{name}: for pictures, and {options.input} is none; leave it out")
+            raise UserError(f"--{name}: for pictures, and {options.input} is a dataset; omit it")
         options.dataset = options.input
         run_later_stage("sense", options)
         return
@@ -250,12 +252,14 @@ def _sense_pictures(options: Namespace, given: Mapping[str, Any]) -> None:
     if options.workers or options.scheduler:
         raise UserError(f"{options.input}: pictures are one sequence; leave --workers out")
     from megalopta.stages.importing import Asked, configuration_of
-    from megalopta.stages.pipeline import run_stage
+    from megalopta.stages.pipeline import check_stage, run_stage
 
     settings = configuration_of(options.input, Asked(**given), options.overrides)
     root = options.out or Path("out") / settings.name
+    check_stage("sense", settings, root)  # before the pictures are copied
     for stage in ("render", "sense"):
         run_stage(root, settings, stage, options.redo)
+    say(f"see them with: megalopta view {root}")
     print(root)
 
 

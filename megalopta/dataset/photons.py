@@ -2,18 +2,20 @@
 
 from collections.abc import Sequence
 from dataclasses import fields
+from numbers import Real
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from megalopta.core.errors import UserError
+from megalopta.core.arrays import Floats
+from megalopta.core.errors import UserError, refused_as
 from megalopta.dataset.picture_light import photons_per_lux
 from megalopta.render.settings import RenderSettings
 from megalopta.scenes import Light
 from megalopta.scenes.stimuli.pictures import ColorsAsLight, Unit
-from megalopta.sensor import IMAGE_SENSORS, Expectation, Exposure, expose
+from megalopta.sensor import IMAGE_SENSORS, Expectation, Exposure, ImageSensor, expose
 
 if TYPE_CHECKING:
     from megalopta.render import Footage
@@ -61,30 +63,48 @@ def photons_from_images(
     UserError
         When pictures cannot be read, or nothing says how bright they are.
     """
-    if (photons_per_pixel is None) == (lux is None):
-        raise UserError("photons_from_images: give photons_per_pixel or lux, one of them")
-    device = IMAGE_SENSORS[sensor] if isinstance(sensor, str) else sensor
-    model, light, bands = ColorsAsLight(**colors), Light(), RenderSettings().bands_nm
+    asked = lux if photons_per_pixel is None else photons_per_pixel
+    is_number = isinstance(asked, Real) and 0 < asked < np.inf
+    if not is_number or (photons_per_pixel is None) == (lux is None):
+        raise UserError("photons_from_images: give photons_per_pixel or lux, a number above 0")
+    device, bands = _sensor(sensor), RenderSettings().bands_nm
+    with refused_as("photons_from_images"):
+        model = ColorsAsLight(**colors)
     with _opened(images, unit) as footage:
-        mean = np.mean([footage.mean(index) for index in range(len(footage))], axis=0)
-        per_lux = photons_per_lux(model, light, bands, device, mean)
-        asked_lux = lux if photons_per_pixel is None else photons_per_pixel / per_lux
-        lit = Light(illuminance_lux=asked_lux)
-        of_unit = model.radiance_of_unit(lit, bands, mean)
+        mean = _mean(footage)
+        per_lux = photons_per_lux(model, Light(), bands, device, mean)
+        asked_lux = asked if photons_per_pixel is None else photons_per_pixel / per_lux
+        of_unit = model.radiance_of_unit(Light(illuminance_lux=asked_lux), bands, mean)
         lights = (footage.frame(index) @ of_unit for index in range(len(footage)))
-        exposures = [
-            expose(
-                each[np.newaxis],
-                bands,
-                device,
-                seed=seed,
-                sequence="pictures",
-                first_frame=index,
-                expectation=True,
-            )
-            for index, each in enumerate(lights)
-        ]
-    return _joined(exposures)
+        return _joined([_exposed(*each, bands, device, seed) for each in enumerate(lights)])
+
+
+def _mean(footage: "Footage") -> Floats:
+    mean = np.mean([footage.mean(index) for index in range(len(footage))], axis=0)
+    if not mean.any():
+        raise UserError("photons_from_images: the pictures are black; give pictures with light")
+    return np.asarray(mean)
+
+
+def _exposed(
+    index: int, light: Floats, bands_nm: ArrayLike, sensor: ImageSensor, seed: int
+) -> Exposure:
+    """Expose one picture (H, W, B)."""
+    return expose(
+        light[np.newaxis],
+        bands_nm,
+        sensor,
+        seed=seed,
+        sequence="pictures",
+        first_frame=index,
+        expectation=True,
+    )
+
+
+def _sensor(sensor: Any) -> ImageSensor:
+    if isinstance(sensor, str) and sensor not in IMAGE_SENSORS:
+        raise UserError(f"sensor {sensor!r} is unknown: use one of {', '.join(IMAGE_SENSORS)}")
+    return IMAGE_SENSORS[sensor] if isinstance(sensor, str) else sensor
 
 
 def _opened(images: ArrayLike | str | Path, unit: Unit | None) -> "Footage":
@@ -94,6 +114,8 @@ def _opened(images: ArrayLike | str | Path, unit: Unit | None) -> "Footage":
     if isinstance(images, str | Path):
         return open_footage(Path(images), unit)
     values = np.asarray(images)
+    if unit not in (None, *get_args(Unit)):
+        raise UserError(f"unit {unit!r} is unknown: use one of {', '.join(get_args(Unit))}")
     if unit is None and values.dtype.kind != "u":
         raise UserError(
             f"photons_from_images: pictures of {values.dtype} do not say what their numbers are; "

@@ -108,12 +108,18 @@ class PictureFrames:
 
 
 def clean_flow(first: Float32, second: Float32) -> Floats:
-    """Return the flow (H, W, 2) that DIS finds between two pictures (H, W, 3) without noise."""
+    """Return the flow (H, W, 2) that DIS finds between two pictures (H, W, 3) without noise.
+
+    NaN where pictures are too small for it.
+    """
     from megalopta.flow import optical_flow
 
     brightest = max(float(first.max()), float(second.max())) or 1.0
     shares = np.asarray(LUMINANCE_SHARES, np.float32) / brightest
-    return optical_flow(encode_srgb(first @ shares), encode_srgb(second @ shares), method="DIS")
+    try:
+        return optical_flow(encode_srgb(first @ shares), encode_srgb(second @ shares), method="DIS")
+    except ValueError:
+        return np.full((*first.shape[:2], 2), np.nan)
 
 
 def photons_per_lux(

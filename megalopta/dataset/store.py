@@ -195,8 +195,8 @@ def read_header(root: Path) -> dict[str, Any]:
         record = dict(strict_yaml.load(bounded.read_text(path, _HEADER_BYTES)))
     except OSError:
         raise UserError(
-            f"{root}: no dataset here; make one with: megalopta render, or for many sequences: "
-            "megalopta dataset make"
+            f"{root}: no dataset here; make one with: megalopta render, of pictures: megalopta "
+            "sense, of many sequences: megalopta dataset make"
         ) from None
     except (TypeError, ValueError):
         raise UserError(f"{path} is damaged; make the dataset again in a new folder") from None

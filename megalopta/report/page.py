@@ -58,6 +58,8 @@ OUTCOME = (
 def title(configuration: Configuration) -> str:
     """Return the name of the sequence and its light levels."""
     name = configuration.name.replace("_", " ").replace("-", " ")
+    if not configuration.scene.has_truth:
+        return f"{name[0].upper()}{name[1:]}, as photons"
     levels = sorted(configuration.light_levels, key=illuminance_of, reverse=True)
     light = f"at {level_title(levels[0])}"
     if len(levels) > 1:
@@ -353,10 +355,24 @@ def _farthest(report: Report) -> tuple[str, str]:
         return names[0], f"No method stays within 25 % of the {report.motion_name} at any level."
     sensor = min(reached, key=lambda name: illuminance_of(reached[name][1][0]))
     method, (level, error) = reached[sensor]
+    beyond = _outliers(report.flow, sensor, method, level)
     return sensor, (
         f"{method} on {sensor} stays within 25 % of the {report.motion_name} down to "
-        f"{level_title(level)} (median error {percent(error)})."
+        f"{level_title(level)}: the median error of its blocks is {percent(error)}, and "
+        f"{percent(beyond)} of them are off by more than 25 %."
     )
+
+
+def _outliers(records: Sequence[FlowRecord], sensor: str, answer: str, level: LightLevel) -> float:
+    """Return the share of blocks that are off by more than 25 %."""
+    method, _, corrected = answer.partition(", ")
+    (own,) = (
+        each.truth
+        for each in records
+        if (each.sensor, each.method, each.level) == (sensor, method, level) and each.truth
+    )
+    errors = own.corrected if corrected else own.counts
+    return math.nan if errors is None else errors.outlier_fraction or 0.0
 
 
 def _least_light(

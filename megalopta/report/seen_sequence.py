@@ -36,7 +36,7 @@ from megalopta.stages.ledger import Ledger
 FlowOf: TypeAlias = Callable[[int], NDArray[Any]]
 """Flow (h, w, 2) of a frame, px"""
 
-_CAVEAT = " Their true motion is not known; the flow of the clean pictures stands in for it."
+_CAVEAT = " Their true motion is unknown; the flow of the clean pictures is a stand-in for it."
 
 
 def seen_sequence(root: Path, treatment: Treatment) -> Seen:

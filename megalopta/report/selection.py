@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-PLAYBACK_HZ = (2.0, 25.0)
+PLAYBACK_HZ = (2.0, 30.0)
 """Frame rates at which a film can be followed (Hz)."""
 _MOST_PIXELS_SHOWN = 8_000_000
 """Limit of all films of a page"""

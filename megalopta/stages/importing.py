@@ -26,6 +26,7 @@ from megalopta.render import Footage, open_footage
 from megalopta.scenes import Pictures
 from megalopta.scenes.lighting.levels import LEVELS, illuminance_of
 from megalopta.scenes.spectra.color import LUMINANCE_SHARES
+from megalopta.scenes.spectra.spectrum import SPECTRA
 from megalopta.scenes.stimuli.pictures import Unit
 
 STILL_FRAMES = 16
@@ -34,6 +35,8 @@ _USUAL_HZ = 25.0
 """Pictures a second where a file tells no times"""
 _METHODS = ["BM", "LK", "DIS"]
 """Quick ones, which do with two frames"""
+_LEAST_SIZE = 3
+"""Of frames in the photon benchmark"""
 _SOURCE = "source"
 _DIGITS = 4
 """Of a light level, which names files"""
@@ -81,9 +84,10 @@ def configuration_of(path: Path, asked: Asked, overrides: Mapping[str, str]) -> 
     Raises UserError.
     """
     with open_footage(path, asked.unit) as footage:
-        _check_brightness(path, asked, footage.unit)
+        _check_brightness(path, asked, footage.unit, overrides)
         fields = _fields(path, footage, asked)
         settings = _short_exposures(validated(Configuration, fields, str(path), overrides))
+        _say_still(settings, footage)
         found = measured(settings, footage)
     if asked.unit == "cd/m2":
         lux = _lux(settings, found.luminance)
@@ -98,16 +102,27 @@ def configuration_of(path: Path, asked: Asked, overrides: Mapping[str, str]) -> 
     return settings.model_copy(update={"light_levels": tuple(dict.fromkeys(levels))})
 
 
-def _check_brightness(path: Path, asked: Asked, unit: Unit) -> None:
-    given = [name for name in ("photons", "lux", "luminance") if getattr(asked, name)]
+def _check_brightness(path: Path, asked: Asked, unit: Unit, overrides: Mapping[str, str]) -> None:
+    given = [f"--{name}" for name in ("photons", "lux", "luminance") if getattr(asked, name)]
+    given += ["--light-levels"] if "light_levels" in overrides else []
     if len(given) == 1 or (unit == "cd/m2" and not given):
         return
-    what = f"--{given[0]} and --{given[1]}" if given else "pictures do not say how bright it was"
+    what = " and ".join(given) or "pictures do not say how bright it was"
     raise UserError(
-        f"{path}: {what}; give one of --photons 2 (on a pixel in a frame, on average), --lux 0.25 "
-        "(on the scene: 0.001 by stars, 0.25 by full moon, 10 in a street, 500 in a room, 1e5 in "
-        "the sun), --luminance 0.01 (mean of the pictures, cd/m²)"
+        f"{path}: {what}; give one of --photons 2 (mean on a pixel in a frame), --lux 0.25 (on the "
+        "scene: 0.001 stars, 0.25 full moon, 10 street, 500 room, 1e5 sun), --luminance 0.01 (mean "
+        "of the pictures, cd/m²), --light-levels starlight"
     )
+
+
+def _say_still(settings: Configuration, footage: Footage) -> None:
+    """Say for how long the last picture is held."""
+    rate_hz = settings.trajectory.frame_rate_hz
+    scene = _scene(settings)
+    end_s = float(picture_times(footage, scene.picture_rate_hz or rate_hz)[-1])
+    held_s = settings.trajectory.duration_s - end_s
+    if len(footage) > 1 and held_s * rate_hz >= 1:
+        say(f"pictures: they end after {end_s:.3g} s; the last is held for {held_s:.3g} s")
 
 
 def _fields(path: Path, footage: Footage, asked: Asked) -> dict[str, Any]:
@@ -116,6 +131,9 @@ def _fields(path: Path, footage: Footage, asked: Asked) -> dict[str, Any]:
     width = asked.width or columns
     height = max(1, round(rows * width / columns))
     is_level = asked.spectrum in LEVELS
+    if not is_level and asked.spectrum not in (None, *SPECTRA):
+        names = ", ".join((*SPECTRA, *LEVELS))
+        raise UserError(f"--spectrum {asked.spectrum}: unknown; give one of {names}")
     scene = {
         "unit": asked.unit,
         "between": asked.between,
@@ -133,7 +151,7 @@ def _fields(path: Path, footage: Footage, asked: Asked) -> dict[str, Any]:
         "sensors": ["ideal"],
         "light_levels": [1.0],
         "methods": _METHODS,
-        "benchmark": {"sizes": [min(60, height)]},
+        "benchmark": {"sizes": [max(_LEAST_SIZE, min(60, height))]},
     }
 
 
@@ -164,6 +182,10 @@ def _levels(settings: Configuration, asked: Asked, found: Measured) -> list[floa
     if asked.photons:
         parts = _scene(settings), settings.light, settings.render.bands_nm
         per_lux = photons_per_lux(*parts, settings.sensors[0], found.mean)
+        for sensor in settings.sensors[1:]:
+            share = photons_per_lux(*parts, sensor, found.mean) / per_lux
+            first = settings.sensors[0].name
+            say(f"sense: each photon on a pixel of {first} is {share:.3g} on one of {sensor.name}")
         return [photons / per_lux for photons in asked.photons]
     if asked.luminance:
         return [_lux(settings, luminance) for luminance in asked.luminance]
@@ -242,20 +264,17 @@ def _say(dataset: Dataset, record: Mapping[str, Any]) -> None:
     settings, camera = dataset.configuration, dataset.configuration.camera
     say(
         f"pictures: {settings.trajectory.frames} frames of {camera.width} × {camera.height} px at "
-        f"{settings.trajectory.frame_rate_hz:.6g} Hz from {record['pictures']} pictures, "
-        f"{record['transfer']} turned into light; white has the spectrum of "
-        f"{_scene(settings).white_name(settings.light)}, and pictures reflect "
-        f"{100 * _scene(settings).reflectance:g} % of the light on average"
+        f"{settings.trajectory.frame_rate_hz:.6g} Hz from {record['pictures']} pictures; "
+        f"{record['transfer']} codes become light, white has the spectrum of "
+        f"{_scene(settings).white_name(settings.light)}, and the mean reflectance is "
+        f"{100 * _scene(settings).reflectance:g} %"
     )
     if record["pictures"] == 1:
         say("pictures: it is one picture, which stands still")
     for note in record["notes"]:
         say(f"pictures: {note}")
     if share := record["saturated"]:
-        say(
-            f"pictures: {100 * share:.2g} % of the pixels are as bright as the file can tell; what "
-            "was brighter in life lacks photons"
-        )
+        say(f"pictures: {100 * share:.2g} % of the pixels are saturated in the file, so too dark")
 
 
 def check_pictures(settings: Configuration) -> None:

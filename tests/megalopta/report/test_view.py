@@ -143,7 +143,7 @@ def test_of_pictures_the_flow_between_the_clean_ones_stands_in_for_the_true(tmp_
     view(tmp_path / "data", tmp_path / "out")
     shown = panels(tmp_path / "out" / "view.html")
     assert [label for label, _ in shown] == ["light", "counts", "flow of the clean pictures"]
-    assert "true motion is not known" in (tmp_path / "out" / "view.html").read_text("utf-8")
+    assert "true motion is unknown" in (tmp_path / "out" / "view.html").read_text("utf-8")
 
 
 @needs_axe

@@ -204,6 +204,15 @@ def test_a_burst_holds_its_picture_or_goes_on_to_the_next(here):
     assert rising[80:].mean() > 3 * rising[:20].mean()
 
 
+def test_a_small_picture_is_shown_without_flow(here):
+    main(
+        ["sense", "clip.npy", "--unit", "srgb", "--photons", "2", "--width", "8", "--out", "small"]
+    )
+    main(["view", "small"])
+    main(["report", "small"])
+    assert (here / "out/view/small/view.html").exists() and (here / "small/report.html").exists()
+
+
 def test_size_rate_and_number_of_frames_are_changed(here):
     how = ["--unit", "srgb", "--photons", "2", "--width", "32", "--frames", "4"]
     main(["sense", "clip.npy", *how, "--frame-rate", "50", "--out", "out"])
@@ -220,7 +229,7 @@ def test_what_a_file_cannot_tell_is_said(here, capsys):
         np.repeat(np.uint8([[0, 255], [128, 255]])[None], 2, axis=0).repeat(8, 1).repeat(8, 2),
     )
     main(["sense", "bright.npy", "--unit", "srgb", "--photons", "2", "--out", "out"])
-    assert "50 % of the pixels are as bright as the file can tell" in capsys.readouterr().err
+    assert "50 % of the pixels are saturated in the file" in capsys.readouterr().err
     Image.fromarray(moving_texture()[0]).save("one.png")
     main(["sense", "one.png", "--lux", "0.01", "--out", "one"])
     assert len(open_dataset("one")[0]) == 16
@@ -240,6 +249,9 @@ def test_what_a_file_cannot_tell_is_said(here, capsys):
         (["clip.npy", "--unit", "srgb", "--photons", "2", "--workers", "2"], "leave --workers out"),
         (["clip.npy", "--unit", "srgb", "--photons", "2", "--spectrum", "pink"], "spectrum"),
         (["whole", "--photons", "2"], "--photons: for pictures"),
+        (["clip.npy", "--unit", "srgb", "--lux", "1", "--light-levels", "2"], "--lux and --light-levels"),
+        (["clip.npy", "--unit", "srgb", "--photons", "1", "2"], "join them by commas"),
+        (["clip.npy", "--unit", "srgb", "--photons", "1", "--products", "counts", "burst_npy", "--burst-hz", "90"], "burst_hz 90"),
         (["nothing", "--photons", "2"], "nothing"),
     ],
 )  # fmt: skip
