@@ -75,7 +75,7 @@ class Farneback(DenseDetector, frozen=True):
 
     Around each pixel both frames are approximated by quadratic polynomials; how their linear terms
     differ gives the shift, by least squares over a window. It takes the gray levels unrounded.
-    Where there is no texture the flow tends to 0, which it cannot tell from standstill. Right and
+    Without texture the flow tends to 0, which is indistinguishable from rest. Right and
     lower neighbors beyond the frame count as unmatched texture: two equal frames give a flow of
     exactly 0 only away from the border.
     """

@@ -342,7 +342,7 @@ def _level(source: Source, beam: Beam, sensor: Sensor) -> Level:
     recorded = read_recorded(source)
     if recorded.codes is None:
         raise ValueError(
-            f"{source.path}: holds counts, not codes of an ADC; record it with SPADCAM"
+            f"{source.path}: holds counts, not codes of an ADC; capture it with SPADCAM"
         )
     light = beam.photons_hz(source.light, sensor)
     return Level(recorded.codes, source.exposure_s or recorded.exposure_s, light)

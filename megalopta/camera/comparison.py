@@ -196,7 +196,7 @@ def passages_at(speed_mm_s: float, frames: Level) -> NDArray[Any]:
     """Cut passages from a recording of a plate, or frames of one at rest. Raises UserError."""
     if frames.readings.shape[1:] != (PIXELS, PIXELS):
         raise UserError(
-            f"plate at {speed_mm_s:g} mm/s: frames of {frames.readings.shape[1:]} pixels; record "
+            f"plate at {speed_mm_s:g} mm/s: frames of {frames.readings.shape[1:]} pixels; capture "
             "all rows"
         )
     times_s = frames.times_s
@@ -261,7 +261,7 @@ def align(frames: Level, cycle: Cycle) -> Aligned:
     if shape != cycle.rates_hz.shape[1:]:
         raise UserError(
             f"compare: frames of {shape} pixels, the scene has {cycle.rates_hz.shape[1:]}; "
-            "record all rows"
+            "capture all rows"
         )
     places = _places(frames, cycle)
     counts, rates = (

@@ -14,7 +14,7 @@ from pathlib import Path
 RENDER_MODEL = 2
 """Version of radiance: plants, ground, light, cameras, sampling; not of the place of code."""
 BAKE_MODEL = 9
-"""Version of baked light, frames blurred by exposure or shutter, and stated errors."""
+"""Version of baked light and its places, of blurred frames, and of stated errors."""
 TRUTH_MODEL = 4
 """Version of ground truth and pictures, the other output of the render stage; not of panoramas."""
 SENSOR_MODEL = 7

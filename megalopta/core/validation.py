@@ -91,7 +91,7 @@ def _told(problem: Any, model: type[BaseModel]) -> str:
 def _place(model: type[BaseModel], location: Any) -> tuple[list[str], list[Any]]:
     """Return a location as a user writes it, and the types there.
 
-    Where a union allows several models or types, pydantic inserts a tag.
+    For a union of several models or types, pydantic inserts a tag.
     """
     types, steps = [model], list[str]()
     for step in map(str, location):

@@ -63,7 +63,7 @@ class Scale:
     things: int
     """Things in the scene, such as trees; 0 if they are not counted."""
     triangles: float
-    """Expected triangles, within a factor of 1.5 in proportion to scenes of one kind."""
+    """Expected triangles, proportional among scenes of one kind, within 50 %."""
     pixels: int
     samples: float
     """Samples of one pass of a frame."""

@@ -71,7 +71,7 @@ def mixed_share(report: Report) -> str:
 
 
 def flow_film(report: Report) -> Markup:
-    """Return the motion that answers are compared with, as a film."""
+    """Return the reference motion as a film."""
     step = report.selection.step
     images = [
         rgb_picture(flow_to_rgb(motion.flow[::step, ::step], report.fastest))

@@ -126,7 +126,7 @@ def _recorded(source: Source) -> Recorded:
     frame_s = float(np.median(np.diff(recorded.times_s))) if len(recorded.times_s) > 1 else 0.1
     if not np.allclose((recorded.exposure_s, frame_s), 1 / FRAME_RATE_HZ, rtol=0.01):
         raise UserError(
-            f"{source.path}: frames of {recorded.exposure_s:g} s every {frame_s:g} s; record with "
+            f"{source.path}: frames of {recorded.exposure_s:g} s every {frame_s:g} s; capture with "
             f"--rate {FRAME_RATE_HZ:g} --exposure {1 / FRAME_RATE_HZ:g}"
         )
     return recorded

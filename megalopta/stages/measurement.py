@@ -57,13 +57,13 @@ class Measurement:
     detector
     shape : (rows, columns)
     truth : BlockTruth or None
-        Of a detector that gives velocities.
+        For a detector that gives velocities.
     rates : (T − 1,)
         True yaw rates (deg/s).
     warm_up : int
         Frames in which the detector settles.
     leaves_out_saturated : bool
-        Whether saturated pixels, or blocks with many of them, are not scored.
+        True excludes saturated pixels, or blocks with many of them.
     """
 
     def __init__(

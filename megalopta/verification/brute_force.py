@@ -147,7 +147,7 @@ def _simulate(rng, light, device, counts):  # type: ignore[no-untyped-def]
         brightest = np.array([rates[:, pixel].max() for pixel in range(rates.shape[1])])
         arrivals = np.array([_pause(rng, each) for each in brightest]) - device.run_up
         blind_until = np.full(brightest.size, -np.inf)
-        waiting = [(np.inf, 0)]  # carriers, and arrivals during recovery from a dead time
+        waiting = [(np.inf, 0)]  # carriers, and arrivals in the twilight of a dead time
         while True:
             pixel = int(arrivals.argmin())
             now, is_new = arrivals[pixel], True

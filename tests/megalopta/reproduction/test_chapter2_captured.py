@@ -67,7 +67,7 @@ def test_a_camera_of_half_the_signal_differs_by_half():
     ("words", "problem"),
     [
         (["{0}@0"], "only a plate at rest; give recordings with its speed"),
-        (["{0}@5"], "record with --rate 10 --exposure 0.1"),
+        (["{0}@5"], "capture with --rate 10 --exposure 0.1"),
         (["nothing@5"], "nothing: no such file; give the path of a recording"),
     ],
 )
