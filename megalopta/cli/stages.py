@@ -35,7 +35,7 @@ _RANKED = {
     "frames_pooled": "[1]",
     "camera_pairs": "1",
 }
-"""Of the ranking: little, for the time that a demo has"""
+"""Settings of the demo's ranking: few, for a short demo"""
 _QUICK = {
     "scene.trees": "30",
     "scene.undergrowth": "0.2",

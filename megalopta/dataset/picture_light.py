@@ -161,7 +161,7 @@ class PictureLight:
 
 @dataclass(frozen=True)
 class NextPictures:
-    """How the light of pictures goes on from frame to frame (`sensor.sub_frames.Following`)."""
+    """Light of pictures between two frames (`sensor.sub_frames.Following`)."""
 
     light: PictureLight
     first: int

@@ -20,7 +20,7 @@ from megalopta.report.images import sheet
 _MP4_PX, _GIF_PX = 1280, 640
 """Width of a film, about"""
 _PANEL_PX = 480
-"""Of a panel, at most"""
+"""Longest side of a panel, px"""
 _IN_ONE_ROW = 4
 _GIF_COLORS = 256
 _GIF_FRAMES = 60
@@ -28,17 +28,17 @@ _GIF_BYTES = 4_000_000
 _FEWEST = 8
 """Frames of a GIF that are left, however large it is"""
 _GIF_MS = (20, 600_000)
-"""What a frame of a GIF may last"""
+"""Shortest and longest duration of a GIF frame"""
 _CODECS = {"libx264": {"crf": "20", "preset": "veryfast"}, "mpeg4": {"qscale": "3"}}
-"""Of MP4, the better first, and how each is asked for a good picture"""
+"""MP4 codecs, the better first, with their options for good quality"""
 
 
 @dataclass(frozen=True, eq=False)
 class Moment:
-    """What is seen side by side."""
+    """Panels at one moment."""
 
     told: str
-    """Which moment it is"""
+    """Label of the moment"""
     pictures: Sequence[tuple[str, Image.Image]]
     """With their labels"""
 

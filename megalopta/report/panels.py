@@ -1,4 +1,4 @@
-"""What is seen of something: panels, of readings and of flow, drawn a frame at a time."""
+"""Panels of readings and of flow, drawn a frame at a time."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
@@ -33,12 +33,12 @@ class Panel:
 
     name: str
     told: str
-    """What its colors mean"""
+    """Meaning of its colors"""
     picture: Callable[[int], Image.Image]
-    """Of a frame, by its number"""
+    """Returns the picture of a frame, by its number"""
     legend: Markup = field(default=Markup(""))
     note: str = ""
-    """Of a special color, for a film, which has no legend"""
+    """Note on a special color, for a film, which has no legend"""
 
 
 def readings_panel(readings: Readings, frames: range, step: int) -> Panel:

@@ -37,12 +37,12 @@ _EVENTS = (HDF5_SIGNATURE, NPZ_SIGNATURE)
 
 @dataclass(frozen=True, eq=False)
 class Treatment:
-    """What is done to readings before they are shown."""
+    """Treatment of readings before they are shown."""
 
     summed: int = 1
     """Frames that are added up"""
     is_inverted: bool = False
-    """Whether the sensor's response is inverted: readings become mean detections of a frame"""
+    """True to invert the sensor's response: readings become mean detections per frame"""
     bad: Mask | None = None
     """(H, W): pixels that take the mean of their good neighbors"""
 
@@ -64,12 +64,12 @@ class Treatment:
 
 @dataclass(frozen=True, eq=False)
 class Readings:
-    """What a sensor read, a few frames at a time."""
+    """Readings of a sensor, a few frames at a time."""
 
     shape: tuple[int, ...]
     """Frames, rows, columns, and colors where there are three"""
     read: Callable[[slice], tuple[NDArray[Any], NDArray[np.bool_]]]
-    """From a range of frames to readings and whether a pixel was full, each of `shape`"""
+    """Reads a range of frames: readings and saturation, each of `shape`"""
     unit: str = "counts"
     sensor: ImageSensor | None = None
     """Where it is known"""
@@ -119,7 +119,7 @@ class Readings:
 
 
 def is_recording(path: Path) -> bool:
-    """Whether a folder holds a recording of the camera."""
+    """Return True if a folder holds a recording of the camera."""
     return any((path / each).exists() for each in (COUNTS, RAW))
 
 

@@ -27,17 +27,17 @@ _STRIP_PX = 16_000
 _MOST_EXPOSURES = 4
 """Of a film"""
 _UNTIMED_HZ = 12.0
-"""Of frames that are not known to be of any time"""
+"""Playback rate of frames without times, Hz"""
 
 
 @dataclass(frozen=True)
 class Asked:
-    """What is asked for of a view."""
+    """Options of a view."""
 
     summed: int = 1
     """Frames that are added up"""
     is_inverted: bool = False
-    """Whether the sensor's response is inverted"""
+    """True to invert the sensor's response"""
     bad_pixels: Path | None = None
     """A .npy file, true where a pixel is bad"""
     fps: float | None = None
@@ -45,7 +45,7 @@ class Asked:
     kind: FrameKind | None = None
     """Format of a file that does not say it"""
     with_rerun: bool = False
-    """Whether view.rrd is written for the Rerun viewer"""
+    """True to write view.rrd for the Rerun viewer"""
 
 
 class Choice(NamedTuple):

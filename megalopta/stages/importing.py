@@ -30,21 +30,21 @@ from megalopta.scenes.spectra.spectrum import SPECTRA
 from megalopta.scenes.stimuli.pictures import Unit
 
 STILL_FRAMES = 16
-"""Of a single picture, which does not move"""
+"""Frames of a single picture, which does not move"""
 _USUAL_HZ = 25.0
 """Pictures a second where a file tells no times"""
 _METHODS = ["BM", "LK", "DIS"]
 """Quick ones, which do with two frames"""
 _LEAST_SIZE = 3
-"""Of frames in the photon benchmark"""
+"""Smallest side in the photon benchmark, px"""
 _SOURCE = "source"
 _DIGITS = 4
-"""Of a light level, which names files"""
+"""Digits of a light level, which names files"""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Asked:
-    """What a user says of pictures; None leaves it to the file, or to `Pictures`."""
+    """Options of a user; None leaves them to the file, or to `Pictures`."""
 
     unit: Unit | None = None
     frame_rate_hz: float | None = None
@@ -54,7 +54,7 @@ class Asked:
     between: str | None = None
     reflectance: float | None = None
     spectrum: str | None = None
-    """Of white: a name that `Pictures` knows, or a light level"""
+    """Spectrum of white: a name that `Pictures` knows, or a light level"""
     photons: Sequence[float] = ()
     """Mean photons on a pixel of the first sensor in an exposure; or"""
     lux: Sequence[float] = ()
@@ -65,10 +65,10 @@ class Asked:
 
 @dataclass(frozen=True)
 class Measured:
-    """What is measured of the pictures that a sequence shows."""
+    """Measured light of the pictures that a sequence shows."""
 
     mean: tuple[float, float, float]
-    """Of linear red, green and blue, over all frames"""
+    """Mean of linear red, green and blue over all frames"""
     saturated: float
     """Share of pixels at the largest code of any color"""
 
@@ -126,7 +126,7 @@ def _say_still(settings: Configuration, footage: Footage) -> None:
 
 
 def _fields(path: Path, footage: Footage, asked: Asked) -> dict[str, Any]:
-    """What the configuration has that is not as by default."""
+    """Return the fields of the configuration that differ from the defaults."""
     rows, columns = footage.shape
     width = asked.width or columns
     height = max(1, round(rows * width / columns))

@@ -11,7 +11,7 @@ ROOT = DOCS.parent
 SOURCE_FOLDERS = ("assets_gen", "flow", "megalopta", "render", "scenes", "sensor")
 
 # Lower these numbers whenever docstrings are rewritten; they never rise. The aim of the first is 30.
-FRAGMENTS_ALLOWED = {"docstrings": 10, "attributes": 21}
+FRAGMENTS_ALLOWED = {"docstrings": 2, "attributes": 8}
 FRAGMENT = {"Of", "What", "Whether", "Which", "Where", "How", "That", "From"}
 
 README_WORDS = 900
