@@ -1,6 +1,7 @@
 """Panels of a sequence of a dataset: its light, readings, motion and depth."""
 
 from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
 from markupsafe import Markup
@@ -80,7 +81,8 @@ def _shrunk(picture: NDArray[np.float32], shape: tuple[int, ...]) -> NDArray[np.
 
 def found_flow(found: StoredFrames, grid: BlockGrid, frame: int) -> Floats:
     """Return a method's motion of each block at all pixels (H, W, 2), px."""
-    blocks = np.asarray(found[[min(frame, len(found) - 1)]][0], np.float64)
+    stored: Any = found.array  # NaN where a block has no velocity
+    blocks = np.asarray(stored[min(frame, len(found) - 1)], np.float64)
     flow, size = np.full((*grid.shape, 2), np.nan), grid.block_px
     bottom, right = grid.top + grid.rows * size, grid.left + grid.columns * size
     flow[grid.top : bottom, grid.left : right] = blocks.repeat(size, axis=0).repeat(size, axis=1)

@@ -99,7 +99,7 @@ def test_a_broken_run_goes_on_and_gives_the_same(grating, tmp_path, monkeypatch)
     [
         ('{"format": 3}', "ranking format 3 is newer than 2"),
         ("[" * 100_000, "is damaged"),
-        ('{"format": 1}', "older than 2.*make it again"),
+        ('{"format": 1}', "older than 2.*regenerate it"),
         ('{"format": 2}', "is damaged"),
     ],
 )

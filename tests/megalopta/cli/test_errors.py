@@ -107,7 +107,7 @@ def test_too_small_an_address_space_is_refused_before_libraries_wait_for_ever():
 @pytest.mark.slow
 def test_help_is_printed_where_the_locale_has_ascii_only():
     environment = {**os.environ, "LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONIOENCODING": "ascii"}
-    done = run(["render", "--help"], env=environment)
+    done = run(["render", "--help-all"], env=environment)
     assert done.returncode == 0 and b"\\xb2" in done.stdout and not done.stderr
 
 

@@ -148,7 +148,7 @@ def test_a_missing_stage_leaves_a_sentence_on_what_to_run(copied_lean, forgotten
     page = read(write_report(copied_lean))
     assert set(SECTIONS) <= set(page.values("id"))
     for verb in ("sense", "flow", "benchmark photons"):
-        assert (f"run megalopta {verb} {copied_lean.root}" in page.text) == (verb in missing)
+        assert (f"Run megalopta {verb} {copied_lean.root}" in page.text) == (verb in missing)
 
 
 DAMAGED = ("", "{}", "[1]", '[{"level": 1}]')
