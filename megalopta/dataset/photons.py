@@ -24,7 +24,7 @@ _MOMENTS = [each.name for each in fields(Expectation)]
 
 
 def photons_from_images(
-    images: ArrayLike | str | Path,
+    images: Any,
     photons_per_pixel: float | None = None,
     sensor: Any = "ideal",
     *,
