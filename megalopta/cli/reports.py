@@ -86,9 +86,9 @@ def _report(options: Namespace) -> None:
     ),
 )
 def _view(options: Namespace) -> None:
-    from megalopta.report.view import Asked, view
+    from megalopta.report.view import ViewOptions, view
 
-    asked = Asked(
+    asked = ViewOptions(
         summed=options.sum,
         is_inverted=options.invert,
         bad_pixels=options.bad_pixels,

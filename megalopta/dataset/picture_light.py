@@ -84,13 +84,7 @@ class PictureFrames:
         return found
 
     def _resized(self, index: int) -> Float32:
-        import cv2
-
-        (rows, columns), picture = self._settings.camera.shape, self.footage.frame(index)
-        if picture.shape[:2] == (rows, columns):
-            return picture
-        how = cv2.INTER_AREA if picture.shape[0] > rows else cv2.INTER_LINEAR
-        return np.asarray(cv2.resize(picture, (columns, rows), interpolation=how), np.float32)
+        return resized(self.footage.frame(index), self._settings.camera.shape)
 
     def _moved(self, before: int, share: float) -> Float32:
         from megalopta.sensor.sub_frames import NextFrames
@@ -105,6 +99,16 @@ class PictureFrames:
 
     def _estimated_flow(self, before: int) -> Floats:
         return clean_flow(self._picture(before), self._picture(before + 1))
+
+
+def resized(picture: Float32, shape: tuple[int, int]) -> Float32:
+    """Return a picture (H, W, 3) of a shape; each pixel of a smaller one is a mean."""
+    import cv2
+
+    if picture.shape[:2] == shape:
+        return picture
+    how = cv2.INTER_AREA if picture.shape[0] > shape[0] else cv2.INTER_LINEAR
+    return np.asarray(cv2.resize(picture, shape[::-1], interpolation=how), np.float32)
 
 
 def clean_flow(first: Float32, second: Float32) -> Floats:

@@ -1,18 +1,15 @@
 """View of a dataset of one sequence, with its finished stages."""
 
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any
 
 from numpy.typing import NDArray
 
 from megalopta.config.model import LightLevel
-from megalopta.core.errors import UserError
 from megalopta.dataset.opened import open_dataset
 from megalopta.dataset.picture_light import photons_per_lux
 from megalopta.dataset.sequence import Sequence
 from megalopta.dataset.store import exposure_name
-from megalopta.flow.detectors.registry import velocity_method
 from megalopta.plotting.text import level_name, number
 from megalopta.report.page import title
 from megalopta.report.panels import SAMPLED, fastest_of, flow_panel, readings_panel
@@ -20,21 +17,16 @@ from megalopta.report.readings import Treatment
 from megalopta.report.seen import Exposed, Seen, step_of
 from megalopta.report.selection import spread
 from megalopta.report.sequence_panels import (
-    best_method,
+    best_flow,
     exposure_readings,
-    found_flow,
     light_panel,
     motion_of,
 )
 from megalopta.report.source import finished_stages, read_records
 from megalopta.scenes import Pictures
 from megalopta.scenes.lighting.levels import illuminance_of
-from megalopta.sensor import ImageSensor, StoredFrames
-from megalopta.stages.flow import responses_path
+from megalopta.sensor import ImageSensor
 from megalopta.stages.ledger import Ledger
-
-FlowOf: TypeAlias = Callable[[int], NDArray[Any]]
-"""Flow (h, w, 2) of a frame, px"""
 
 _CAVEAT = " Their true motion is unknown; the flow of the clean pictures is a stand-in for it."
 
@@ -93,7 +85,8 @@ class _Shown:
     def _exposed(self, sensor: ImageSensor, level: LightLevel, rim: float | None) -> Exposed:
         readings = exposure_readings(self.sequence, exposure_name(sensor, level), sensor)
         drawn = readings_panel(readings.treated(self.treatment), self.frames, self.step)
-        found = self._found(sensor, level)
+        dataset = self.sequence.dataset
+        found = best_flow(dataset, self.records, sensor, level, self.step)
         flow = flow_panel(f"flow by {found[0]}", found[1], rim) if found and rim else None
         return Exposed(drawn, flow, sensor.name, self._level(level))
 
@@ -107,17 +100,3 @@ class _Shown:
         per_lux = photons_per_lux(scene, settings.light, settings.render.bands_nm, sensor, mean)
         photons = number(per_lux * illuminance_of(level))
         return f"{level_name(level)}, {photons} photons"
-
-    def _found(self, sensor: ImageSensor, level: LightLevel) -> tuple[str, FlowOf] | None:
-        """Return the best method and its flow as a function of the frame; None if none ran."""
-        own = [each for each in self.records if (each.sensor, each.level) == (sensor.name, level)]
-        method = best_method(own)
-        if method is None:
-            return None
-        path = responses_path(self.sequence.dataset, sensor, level)
-        try:
-            stored = StoredFrames.open(path, method)
-        except (OSError, ValueError, KeyError) as problem:
-            raise UserError(f"{path} cannot be read ({problem}); run flow again") from None
-        grid = velocity_method(method).grid(self.sequence.shape)
-        return method, lambda frame: found_flow(stored, grid, frame)[:: self.step, :: self.step]

@@ -1,11 +1,14 @@
 """Selection of the frames and pixels to show, and their times and playback."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+
+Item = TypeVar("Item")
 
 PLAYBACK_HZ = (2.0, 30.0)
 """Frame rates at which a film can be followed (Hz)."""
@@ -38,6 +41,12 @@ def spread(frames: range, most: int) -> tuple[int, ...]:
     """Return at most `most` of the frames, evenly spaced, starting with the first."""
     count = min(len(frames), most)
     return tuple(frames[index * len(frames) // count] for index in range(count))
+
+
+def with_ends(items: Sequence[Item], most: int) -> list[Item]:
+    """Return at most `most` of some items, evenly spaced, with the first and the last."""
+    last, count = len(items) - 1, min(len(items), most)
+    return [items[round(index * last / max(count - 1, 1))] for index in range(count)]
 
 
 def frame_label(frame: int, times_s: NDArray[np.float64] | None, summed: int = 1) -> str:

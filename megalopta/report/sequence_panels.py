@@ -1,20 +1,22 @@
 """Panels of a sequence of a dataset: its light, readings, motion and depth."""
 
-from collections.abc import Iterable
-from typing import Any
+from collections.abc import Callable, Iterable
+from typing import Any, TypeAlias
 
 import numpy as np
 from markupsafe import Markup
 from numpy.typing import NDArray
 from PIL import Image
 
+from megalopta.config.model import LightLevel
 from megalopta.core.arrays import Floats
 from megalopta.core.errors import UserError
 from megalopta.dataset.flow_record import FlowRecord
-from megalopta.dataset.picture_light import clean_flow, light_of
+from megalopta.dataset.picture_light import clean_flow, light_of, resized
 from megalopta.dataset.sequence import Sequence
+from megalopta.dataset.store import Dataset
 from megalopta.flow.detectors.blocks import BlockGrid
-from megalopta.flow.detectors.registry import METHODS
+from megalopta.flow.detectors.registry import METHODS, velocity_method
 from megalopta.flow.formats import read_flo
 from megalopta.plotting.text import number
 from megalopta.report.images import map_scale, rgb_picture
@@ -24,6 +26,10 @@ from megalopta.report.selection import spread
 from megalopta.scenes import ToneCurve
 from megalopta.scenes.spectra.color import encode_srgb, linear_srgb
 from megalopta.sensor import ImageSensor, StoredFrames
+from megalopta.stages.flow import responses_path
+
+FlowOf: TypeAlias = Callable[[int], NDArray[Any]]
+"""Flow (h, w, 2) of a frame, px"""
 
 
 def light_panel(sequence: Sequence, frames: range, step: int) -> Panel:
@@ -62,9 +68,9 @@ def motion_of(sequence: Sequence, frame: int, step: int) -> NDArray[np.floating]
     is unknown, the flow between the noise-free pictures, reduced by `step`.
     """
     if not sequence.configuration.scene.has_truth:
-        frames, shape = light_of(sequence.dataset).frames, sequence.shape
-        small = tuple(-(-size // step) for size in shape)
-        first, second = (_shrunk(frames.at(each), small) for each in (frame, frame + 1))
+        frames, (rows, columns) = light_of(sequence.dataset).frames, sequence.shape
+        small = -(-rows // step), -(-columns // step)
+        first, second = (resized(frames.at(each), small) for each in (frame, frame + 1))
         return step * clean_flow(first, second)
     path = sequence.dataset.frame("training/flow", frame, "flo")
     try:
@@ -73,13 +79,31 @@ def motion_of(sequence: Sequence, frame: int, step: int) -> NDArray[np.floating]
         raise UserError(f"{problem}; regenerate the sequence") from None
 
 
-def _shrunk(picture: NDArray[np.float32], shape: tuple[int, ...]) -> NDArray[np.float32]:
-    import cv2
+def best_flow(
+    dataset: Dataset,
+    records: Iterable[FlowRecord],
+    sensor: ImageSensor,
+    level: LightLevel,
+    step: int,
+) -> tuple[str, FlowOf] | None:
+    """Return the best method on an exposure and its flow, of every `step`-th pixel of a line.
 
-    return np.asarray(cv2.resize(picture, shape[::-1], interpolation=cv2.INTER_AREA), np.float32)
+    None if no velocity method ran. Raises UserError if its responses cannot be read.
+    """
+    own = [each for each in records if (each.sensor, each.level) == (sensor.name, level)]
+    method = _best_method(own)
+    if method is None:
+        return None
+    path = responses_path(dataset, sensor, level)
+    try:
+        stored = StoredFrames.open(path, method)
+    except (OSError, ValueError, KeyError) as problem:
+        raise UserError(f"{path} cannot be read ({problem}); run flow again") from None
+    grid = velocity_method(method).grid(dataset.configuration.camera.shape)
+    return method, lambda frame: _found_flow(stored, grid, frame)[::step, ::step]
 
 
-def found_flow(found: StoredFrames, grid: BlockGrid, frame: int) -> Floats:
+def _found_flow(found: StoredFrames, grid: BlockGrid, frame: int) -> Floats:
     """Return a method's motion of each block at all pixels (H, W, 2), px."""
     stored: Any = found.array  # NaN where a block has no velocity
     blocks = np.asarray(stored[min(frame, len(found) - 1)], np.float64)
@@ -105,7 +129,7 @@ def depth_panel(sequence: Sequence, frames: range, step: int) -> Panel:
     return Panel("depth", told, lambda frame: scale.picture(depth(frame)))
 
 
-def best_method(records: Iterable[FlowRecord]) -> str | None:
+def _best_method(records: Iterable[FlowRecord]) -> str | None:
     """Return the velocity method of least median error, the first one without truth.
 
     None if no method gives velocities.

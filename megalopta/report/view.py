@@ -18,7 +18,14 @@ from megalopta.report.panels import MOST_FRAMES, Panel
 from megalopta.report.readings import Treatment, read_mask
 from megalopta.report.rerun_log import write_rrd
 from megalopta.report.seen import LONGEST_SIDE_PX, Exposed, Seen, seen_readings
-from megalopta.report.selection import PLAYBACK_HZ, Selection, frame_label, selection, spread
+from megalopta.report.selection import (
+    PLAYBACK_HZ,
+    Selection,
+    frame_label,
+    selection,
+    spread,
+    with_ends,
+)
 from megalopta.sensor.formats.reading import FrameKind
 
 _FILM_FRAMES = 300
@@ -31,7 +38,7 @@ _UNTIMED_HZ = 12.0
 
 
 @dataclass(frozen=True)
-class Asked:
+class ViewOptions:
     """Options of a view."""
 
     summed: int = 1
@@ -58,7 +65,9 @@ class Choice(NamedTuple):
     """It begins at its end."""
 
 
-def view(thing: str | Path, out: str | Path = "out/view", asked: Asked | None = None) -> list[Path]:
+def view(
+    thing: str | Path, out: str | Path = "out/view", asked: ViewOptions | None = None
+) -> list[Path]:
     """Write film.mp4, film.gif and view.html of a thing into a folder; return their paths.
 
     The thing is a dataset, of one sequence or of many, of which a contact sheet is written instead,
@@ -67,7 +76,7 @@ def view(thing: str | Path, out: str | Path = "out/view", asked: Asked | None = 
 
     Raises UserError where it is none of these, is damaged, or cannot be shown as asked.
     """
-    thing, folder, asked = Path(thing), Path(out), asked or Asked()
+    thing, folder, asked = Path(thing), Path(out), asked or ViewOptions()
     is_dataset = (thing / "dataset.yaml").exists()
     if is_dataset and (sheet := _contact_sheet(thing, folder, asked)):
         return [sheet]
@@ -79,14 +88,14 @@ def view(thing: str | Path, out: str | Path = "out/view", asked: Asked | None = 
     return [*_film(found, folder, asked.fps), page, *written]
 
 
-def _contact_sheet(root: Path, folder: Path, asked: Asked) -> Path | None:
+def _contact_sheet(root: Path, folder: Path, asked: ViewOptions) -> Path | None:
     """Write the contact sheet of a dataset of many sequences; None of one."""
     from megalopta.dataset.layout import is_of_many
     from megalopta.report.dataset_card import SHOWN, write_contact_sheet
 
     if not is_of_many(root):
         return None
-    if asked != Asked():
+    if asked != ViewOptions():
         raise UserError(
             f"{root}: of many sequences there is a contact sheet; leave --sum and the like out"
         )
@@ -124,8 +133,7 @@ def _in_film(found: Seen) -> tuple[list[tuple[str, Panel]], list[str]]:
     sensors, levels = _choices(found)
     varied = "level" if len(levels) > 1 else "sensor"
     own = [each for each in found.exposed if varied == "sensor" or each.sensor == sensors[0]][::-1]
-    last, most = len(own) - 1, min(len(own), _MOST_EXPOSURES)
-    chosen = [own[round(index * last / max(most - 1, 1))] for index in range(most)]
+    chosen = with_ends(own, _MOST_EXPOSURES)
     shown = [(found.light, ""), *((each.readings, getattr(each, varied)) for each in chosen)]
     shown += [*((each.flow, getattr(each, varied)) for each in chosen[:1]), (found.motion, "")]
     panels = [(f"{each.name}, {of}".rstrip(", "), each) for each, of in shown if each]

@@ -13,7 +13,7 @@ from PIL import Image
 from megalopta.cli import main
 from megalopta.config.model import load
 from megalopta.core.errors import UserError
-from megalopta.report.view import Asked, view
+from megalopta.report.view import ViewOptions, view
 from megalopta.stages.pipeline import run_stage
 
 from ..accessibility import needs_axe, violations
@@ -78,7 +78,7 @@ def test_a_stage_of_another_configuration_is_told_and_not_shown(exposed, tmp_pat
     shutil.copytree(exposed, root)
     header = root / "dataset.yaml"
     header.write_text(header.read_text("utf-8").replace("starlight", "twilight"), "utf-8")
-    view(root, tmp_path / "out", Asked(summed=2))
+    view(root, tmp_path / "out", ViewOptions(summed=2))
     assert "stage 'sense' is not finished with this configuration" in capsys.readouterr().err
     assert [label for label, _ in panels(tmp_path / "out" / "view.html")] == ["light", "true flow"]
     assert "sums of 2 frames" not in (tmp_path / "out" / "view.html").read_text("utf-8")
@@ -158,7 +158,7 @@ def test_of_many_sequences_there_is_a_contact_sheet(small_dataset, tmp_path):
     assert view(small_dataset, tmp_path) == [tmp_path / "index.html"]
     assert (tmp_path / "index.html").read_text("utf-8").count("data:image/gif") == 3 * 4
     with pytest.raises(UserError, match="contact sheet; leave --sum and the like out"):
-        view(small_dataset, tmp_path, Asked(summed=2))
+        view(small_dataset, tmp_path, ViewOptions(summed=2))
     assert state(small_dataset) == before
 
 
