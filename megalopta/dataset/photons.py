@@ -1,7 +1,5 @@
 """Photon counts of somebody's pictures, in one call."""
 
-from collections.abc import Sequence
-from dataclasses import fields
 from numbers import Real
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_args
@@ -15,12 +13,10 @@ from megalopta.dataset.picture_light import photons_per_lux
 from megalopta.render.settings import RenderSettings
 from megalopta.scenes import Light
 from megalopta.scenes.stimuli.pictures import ColorsAsLight, Unit
-from megalopta.sensor import IMAGE_SENSORS, Expectation, Exposure, ImageSensor, expose
+from megalopta.sensor import IMAGE_SENSORS, Exposure, ImageSensor, expose
 
 if TYPE_CHECKING:
     from megalopta.render import Footage
-
-_MOMENTS = [each.name for each in fields(Expectation)]
 
 
 def photons_from_images(
@@ -75,8 +71,8 @@ def photons_from_images(
         per_lux = photons_per_lux(model, Light(), bands, device, mean)
         asked_lux = asked if photons_per_pixel is None else photons_per_pixel / per_lux
         of_unit = model.radiance_of_unit(Light(illuminance_lux=asked_lux), bands, mean)
-        lights = (footage.frame(index) @ of_unit for index in range(len(footage)))
-        return _joined([_exposed(*each, bands, device, seed) for each in enumerate(lights)])
+        light = np.stack([footage.frame(index) @ of_unit for index in range(len(footage))])
+    return expose(light, bands, device, seed=seed, sequence="pictures", expectation=True)
 
 
 def _mean(footage: "Footage") -> Floats:
@@ -84,21 +80,6 @@ def _mean(footage: "Footage") -> Floats:
     if not mean.any():
         raise UserError("photons_from_images: the pictures are black; give pictures with light")
     return np.asarray(mean)
-
-
-def _exposed(
-    index: int, light: Floats, bands_nm: ArrayLike, sensor: ImageSensor, seed: int
-) -> Exposure:
-    """Expose one picture (H, W, B)."""
-    return expose(
-        light[np.newaxis],
-        bands_nm,
-        sensor,
-        seed=seed,
-        sequence="pictures",
-        first_frame=index,
-        expectation=True,
-    )
 
 
 def _sensor(sensor: Any) -> ImageSensor:
@@ -122,14 +103,3 @@ def _opened(images: ArrayLike | str | Path, unit: Unit | None) -> "Footage":
             "give unit='srgb' (coded, 0 to 1), 'linear' or 'cd/m2'"
         )
     return array_frames(values, unit or "srgb", Path("images"))
-
-
-def _joined(exposures: Sequence[Exposure]) -> Exposure:
-    """Return frames of several exposures as one."""
-    stated = [each.expectation for each in exposures if each.expectation]
-    moments = (np.concatenate([getattr(each, name) for each in stated]) for name in _MOMENTS)
-    counts, saturated = (
-        np.concatenate([getattr(each, name) for each in exposures])
-        for name in ("counts", "saturated")
-    )
-    return Exposure(counts, saturated, Expectation(*moments))
