@@ -25,6 +25,9 @@ class Following(Protocol):
     ) -> NDArray[np.floating]:
         """Return the radiance (S, H, W, B) at fractions of the way from one frame to the next."""
 
+    def scaled(self, factor: NDArray[np.floating]) -> "Following":
+        """Return the same motion of light scaled by a factor, (B,)."""
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class NextFrames:

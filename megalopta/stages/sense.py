@@ -42,12 +42,10 @@ from megalopta.sensor.formats.products import (
     product_writer,
 )
 from megalopta.sensor.shot import Arrays, Shot
-from megalopta.sensor.sub_frames import NextFrames
+from megalopta.sensor.sub_frames import Following, NextFrames
 from megalopta.stages.correction import write_corrected
 from megalopta.stages.declaration import Stage
 from megalopta.stages.noise_warning import noise_share, noise_warning
-
-AnyNext = NextFrames | NextPictures
 
 
 def sense(dataset: Dataset) -> None:
@@ -121,7 +119,9 @@ class _Film:
             )
             self._writers.setdefault(kind_of(product), []).append(stores.enter_context(writer))
 
-    def expose(self, first: int, radiance: NDArray[np.float32], following: AnyNext | None) -> None:
+    def expose(
+        self, first: int, radiance: NDArray[np.float32], following: Following | None
+    ) -> None:
         """Expose frames (n, H, W, B), the first of which has number `first`."""
         shot = self._shot(first, radiance, following)
         draws: dict[Kind, Callable[[], Iterable[Any]]] = {
@@ -143,7 +143,7 @@ class _Film:
         with refused_as(self._what):
             self._shot(first, radiance, None).check_events()
 
-    def _shot(self, first: int, radiance: NDArray[np.float32], following: AnyNext | None) -> Shot:
+    def _shot(self, first: int, radiance: NDArray[np.float32], following: Following | None) -> Shot:
         return Shot(
             radiance=radiance * self._scale,
             bands_nm=self._settings.render.bands_nm,
@@ -159,7 +159,7 @@ class _Film:
         )
 
 
-def _next_frames(dataset: Dataset, first: int, radiance: NDArray[np.float32]) -> AnyNext | None:
+def _next_frames(dataset: Dataset, first: int, radiance: NDArray[np.float32]) -> Following | None:
     """Return the frames that follow frames (n, H, W, B); None if light stands still.
 
     After the last frame of a rendered sequence the light continues as before; pictures stand still.
