@@ -192,12 +192,19 @@ _OF_PICTURES = (
         "spectrum of white: D65 (default), equal_energy, or a light level",
         metavar="NAME",
     ),
-    option("--frame-rate", "frames per second (default: the file's)", type=positive, metavar="HZ"),
+    option(
+        "--frame-rate",
+        "frames per second (default: the file's)",
+        type=positive,
+        metavar="HZ",
+        dest="frame_rate_hz",
+    ),
     option(
         "--picture-rate",
         "pictures per second of files without times (default: the frame rate, or 25)",
         type=positive,
         metavar="HZ",
+        dest="picture_rate_hz",
     ),
     option("--frames", "number of frames (default: all)", type=at_least(2), metavar="N"),
     option("--width", "width of the frames (default: the file's)", type=at_least(1), metavar="PX"),
@@ -229,8 +236,9 @@ _OF_PICTURES = (
 def _sense(options: Namespace) -> None:
     from megalopta.render import is_footage
 
-    asked = {_field(name): getattr(options, name[2:].replace("-", "_")) for name, _ in _OF_PICTURES}
-    given = {name: value for name, value in asked.items() if value is not None}
+    fields = (how.get("dest", name[2:]) for name, how in _OF_PICTURES)
+    asked = {field: getattr(options, field) for field in fields}
+    given = {field: value for field, value in asked.items() if value is not None}
     is_dataset, of_pictures = (options.input / "dataset.yaml").exists(), given or options.out
     if is_dataset or not (of_pictures or is_footage(options.input)):
         if of_pictures:
@@ -242,19 +250,13 @@ def _sense(options: Namespace) -> None:
     _sense_pictures(options, given)
 
 
-def _field(name: str) -> str:
-    """Field of `Asked` that an option fills in."""
-    field = name[2:].replace("-", "_")
-    return f"{field}_hz" if field.endswith("rate") else field
-
-
 def _sense_pictures(options: Namespace, given: Mapping[str, Any]) -> None:
     if options.workers or options.scheduler:
         raise UserError(f"{options.input}: pictures are one sequence; leave --workers out")
-    from megalopta.stages.importing import Asked, configuration_of
+    from megalopta.stages.importing import PictureOptions, configuration_of
     from megalopta.stages.pipeline import check_stage, run_stage
 
-    settings = configuration_of(options.input, Asked(**given), options.overrides)
+    settings = configuration_of(options.input, PictureOptions(**given), options.overrides)
     root = options.out or Path("out") / settings.name
     check_stage("sense", settings, root)  # before the pictures are copied
     for stage in ("render", "sense"):

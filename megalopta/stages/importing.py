@@ -43,7 +43,7 @@ _DIGITS = 4
 
 
 @dataclass(frozen=True, kw_only=True)
-class Asked:
+class PictureOptions:
     """Options of a user; None leaves them to the file, or to `Pictures`."""
 
     unit: Unit | None = None
@@ -78,7 +78,9 @@ class Measured:
         return float(np.dot(self.mean, LUMINANCE_SHARES))
 
 
-def configuration_of(path: Path, asked: Asked, overrides: Mapping[str, str]) -> Configuration:
+def configuration_of(
+    path: Path, asked: PictureOptions, overrides: Mapping[str, str]
+) -> Configuration:
     """Return the configuration of a dataset of pictures; settings that are given override it.
 
     Raises UserError.
@@ -102,7 +104,9 @@ def configuration_of(path: Path, asked: Asked, overrides: Mapping[str, str]) -> 
     return settings.model_copy(update={"light_levels": tuple(dict.fromkeys(levels))})
 
 
-def _check_brightness(path: Path, asked: Asked, unit: Unit, overrides: Mapping[str, str]) -> None:
+def _check_brightness(
+    path: Path, asked: PictureOptions, unit: Unit, overrides: Mapping[str, str]
+) -> None:
     given = [f"--{name}" for name in ("photons", "lux", "luminance") if getattr(asked, name)]
     given += ["--light-levels"] if "light_levels" in overrides else []
     if len(given) == 1 or (unit == "cd/m2" and not given):
@@ -125,7 +129,7 @@ def _say_still(settings: Configuration, footage: Footage) -> None:
         say(f"pictures: they end after {end_s:.3g} s; the last is held for {held_s:.3g} s")
 
 
-def _fields(path: Path, footage: Footage, asked: Asked) -> dict[str, Any]:
+def _fields(path: Path, footage: Footage, asked: PictureOptions) -> dict[str, Any]:
     """Return the fields of the configuration that differ from the defaults."""
     rows, columns = footage.shape
     width = asked.width or columns
@@ -155,7 +159,7 @@ def _fields(path: Path, footage: Footage, asked: Asked) -> dict[str, Any]:
     }
 
 
-def _timing(footage: Footage, asked: Asked) -> dict[str, Any]:
+def _timing(footage: Footage, asked: PictureOptions) -> dict[str, Any]:
     """Frames and their rate: as in the file, unless something else is asked for."""
     count = len(footage)
     times_s = picture_times(footage, asked.picture_rate_hz or asked.frame_rate_hz or _USUAL_HZ)
@@ -177,7 +181,7 @@ def _short_exposures(settings: Configuration) -> Configuration:
     return settings.model_copy(update={"sensors": tuple(sensors)})
 
 
-def _levels(settings: Configuration, asked: Asked, found: Measured) -> list[float]:
+def _levels(settings: Configuration, asked: PictureOptions, found: Measured) -> list[float]:
     """Light levels, lux."""
     if asked.photons:
         parts = _scene(settings), settings.light, settings.render.bands_nm
