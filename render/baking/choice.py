@@ -4,7 +4,7 @@ import math
 
 from megalopta.core.arrays import Floats
 from megalopta.render import RenderSettings
-from megalopta.render.baking.shading import MOST_OBJECTS
+from megalopta.render.baking.neighborhood import MOST_OBJECTS
 from megalopta.scenes.scene import Scene
 
 _FEWEST_SAMPLES = 1000

@@ -94,7 +94,8 @@ def compared(
     if len(chosen):
         # Each pixel once per group, with its own samples.
         several = np.tile(chosen, GROUPS)
-        means = pixel_means(sensor, frame_seed(seed, 0), GROUP, look, several)
+        sampler = mi.load_dict({"type": "multijitter", "sample_count": GROUP})
+        means = pixel_means(sensor, sampler, frame_seed(seed, 0), look, several)
         groups = means.reshape(GROUPS, len(chosen), bands)
         found[chosen] = groups.transpose(1, 0, 2).reshape(len(chosen), -1)
     return found.reshape(*sky.shape, -1)

@@ -8,6 +8,7 @@ light of their own, for moving objects, and near these.
 """
 
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -21,13 +22,16 @@ from megalopta.render.baking.cells import CellFinder, Cells
 from megalopta.render.baking.choice import BAKE, SAMPLE, cost_reason, samples_of_pixel
 from megalopta.render.baking.clusters import Voxels
 from megalopta.render.baking.errors import compared, pilot_errors, pilot_views, pixels_to_compare
-from megalopta.render.baking.gathering import Gatherer, wavelength_groups
+from megalopta.render.baking.gathering import Gatherer
 from megalopta.render.baking.light import NAMES, BakedLight, key_of, light_store
-from megalopta.render.baking.shading import Neighborhood, Paths, SunLight, Textures
+from megalopta.render.baking.neighborhood import Neighborhood
 from megalopta.render.baking.visibility import VIEWS, survey, views
 from megalopta.render.loading.meshes import MovingMesh
 from megalopta.render.loading.scene import LoadedScene, of_shapes
+from megalopta.render.path_tracing import BandPaths
+from megalopta.render.scattering import wavelength_groups
 from megalopta.render.sensors.primary import pixel_means
+from megalopta.render.shading import SunLight, Textures
 from megalopta.scenes.cameras.base import Camera
 
 # Rays per view of a cluster, to estimate how many the target error takes.
@@ -75,7 +79,7 @@ class BakedLightIntegrator:
     ) -> None:
         scene, meshes, loaded = whole
         self._bands = settings.bands_nm
-        self._paths = Paths(settings)
+        self._paths = BandPaths(self._bands, settings.max_depth)
         self._moving = Neighborhood(meshes)
         if self._moving:
             meshes = [mesh for mesh in meshes if not isinstance(mesh, MovingMesh)]
@@ -145,7 +149,10 @@ class BakedLightIntegrator:
     def render(self, scene: Any, sensor: Any, seed: int, spp: int) -> NDArray[np.float32]:
         """Radiance (H, W, B) at a sensor, band means, W·m⁻²·sr⁻¹·nm⁻¹; as Mitsuba's own."""
         return pixel_means(
-            sensor, seed, spp, lambda *each: self._seen(scene, *each)[: len(self._bands)]
+            sensor,
+            sensor.sampler(),
+            seed,
+            lambda *each: self._seen(scene, *each)[: len(self._bands)],
         )
 
     def measured(self, scene: Any, sensor: Any, seed: int, spp: int) -> NDArray[np.float32]:
@@ -153,10 +160,8 @@ class BakedLightIntegrator:
 
         Then the differences from paths of some pixels, in groups (H, W, G·B); NaN for others.
         """
-        image = pixel_means(sensor, seed, spp, lambda *each: self._seen(scene, *each))
-        differences = compared(
-            sensor, seed, image, self._compared, lambda *each: self._off(scene, *each)
-        )
+        image = pixel_means(sensor, sensor.sampler(), seed, partial(self._seen, scene))
+        differences = compared(sensor, seed, image, self._compared, partial(self._off, scene))
         return np.concatenate([image, differences], axis=-1)
 
     def _off(self, scene: Any, ray: Any, place: Any, sampler: Any) -> list[Any]:
