@@ -86,6 +86,7 @@ class Lanes:
 
     def means(self, values: list[Any]) -> Floats:
         """Means (2C, n) over the samples of each half of n values per lane."""
+        dr.eval(values)  # otherwise rays would be traced again for each of them
         sums = [dr.block_sum(each, self.size) for each in values]
         dr.eval(sums)
         groups = np.stack([np.array(each, np.float64) for each in sums], axis=1)
