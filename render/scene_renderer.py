@@ -18,12 +18,12 @@ from megalopta.render.loading.air import Air, fill
 from megalopta.render.loading.layers import MovingLayers, is_layered
 from megalopta.render.loading.meshes import merge
 from megalopta.render.loading.scene import LoadedScene, load_scene
-from megalopta.render.mitsuba_loader import activate, is_scalar
+from megalopta.render.mitsuba_loader import activate
 from megalopta.render.noise import MeasuredPass
 from megalopta.render.path_tracing import PathIntegrator
 from megalopta.render.sensors.film import Exposure, Part
 from megalopta.render.settings import RenderSettings, bake_seed, frame_seed
-from megalopta.render.split_paths import SplitPaths
+from megalopta.render.split_paths import SplitPaths, can_split
 from megalopta.render.surface_view import Integrator, SurfaceView
 from megalopta.render.surveys import Canopy, LightSurvey, measure_canopy
 from megalopta.render.truth.geometry import Geometry
@@ -44,8 +44,7 @@ def _path_tracer(
 ) -> PathIntegrator | SplitPaths:
     """Path tracer of a scene whose objects at rest are also a scene of their own."""
     scene, meshes, loaded = whole
-    glows = any(scene.materials[mesh.material].emission for mesh in meshes)
-    if air or glows or scene.lighting is None or not meshes or is_scalar():
+    if not can_split(scene, meshes):
         return PathIntegrator(settings.max_depth, air)
     if not is_layered(scene, meshes):
         return SplitPaths(whole, settings)

@@ -14,22 +14,43 @@ reflectance are known for each band as a whole.
 """
 
 import math
-from typing import Any
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.render import dr, mi
 from megalopta.render.loading.layers import Layers
+from megalopta.render.loading.meshes import MergedMesh
 from megalopta.render.loading.scene import LoadedScene, MeshIndex
+from megalopta.render.mitsuba_loader import is_scalar
 from megalopta.render.path_tracing import BandPaths
 from megalopta.render.scattering import Scattering
 from megalopta.render.sensors.primary import Look, pixel_means
 from megalopta.render.settings import RenderSettings, frame_seed
 from megalopta.render.shading import Bounces, Sight, SkyLight, SunLight, Textures
+from megalopta.scenes.scene import Scene
 
-SKY_EVERY, FOLLOWED_EVERY = 4, 16
+_SKY_EVERY, _FOLLOWED_EVERY = 4, 16
 """Samples of the sun for each of the sky, and for each of other surfaces."""
+
+
+class Part(NamedTuple):
+    """Part of the light, found for one in so many samples of a pixel.
+
+    `look` returns the radiance of each band, and 1 where a ray meets the sky.
+    """
+
+    every: int
+    look: Look
+
+
+def can_split(scene: Scene, meshes: Sequence[MergedMesh]) -> bool:
+    """True if a scene's light can be split: of surfaces in clear air that do not emit."""
+    glows = any(scene.materials[mesh.material].emission for mesh in meshes)
+    lit = scene.lighting is not None and bool(meshes)
+    return lit and not (glows or scene.haze or is_scalar())
 
 
 class SplitPaths:
@@ -39,6 +60,8 @@ class SplitPaths:
     ----------
     exposing : SplitPaths
         Integrator of frames of many poses; itself, unless another is given.
+    parts : Sequence of Part
+        Parts of the light, which add up.
     """
 
     def __init__(
@@ -63,6 +86,14 @@ class SplitPaths:
         self._sun = SunLight(scene, meshes, sun, self._bands) if sun else None
         self._paths = BandPaths(self._bands, settings.max_depth - 1, self._layers)
 
+        every = _SKY_EVERY if sun else 1
+        parts = (
+            Part(1, self._seen),
+            Part(every, self._skylit),
+            Part(_FOLLOWED_EVERY, self._followed),
+        )
+        self.parts: Sequence[Part] = parts[: settings.max_depth]
+
     def move_to(self, time_s: float) -> None:
         """Move objects to a time, where a copy of theirs is traced."""
         self._layers.move_to(time_s)
@@ -79,34 +110,28 @@ class SplitPaths:
 
     def _taken(self, sensor: Any, seed: int, spp: int) -> NDArray[np.float32]:
         """Radiance and the share of the sky (H, W, B + 1)."""
-
-        def part(number: int, every: int, look: Look) -> NDArray[np.float32]:
-            count = math.ceil(spp / every)
-            sampler = mi.load_dict({"type": self._sampler, "sample_count": count})
-            return pixel_means(sensor, sampler, frame_seed(seed, number) if number else seed, look)
-
-        taken = part(0, 1, self._seen)
-        radiance = taken[..., : len(self._bands)]
-        if self._depth > 1:
-            radiance += part(1, SKY_EVERY if self._sun else 1, self._skylit)
-        if self._depth > 2:
-            radiance += part(2, FOLLOWED_EVERY, self._followed)
-        return taken
+        taken = []
+        for number, part in enumerate(self.parts):
+            samples = {"type": self._sampler, "sample_count": math.ceil(spp / part.every)}
+            own_seed = frame_seed(seed, number) if number else seed
+            taken.append(pixel_means(sensor, mi.load_dict(samples), own_seed, part.look))
+        radiance = sum(each[..., :-1] for each in taken)
+        return np.concatenate([radiance, taken[0][..., -1:]], axis=-1)
 
     def _seen(self, ray: Any, place: Any, sampler: Any) -> list[Any]:
-        """Light of the sky behind the surfaces and of the sun on them; 1 where it is the sky."""
+        """Light of the sky behind the surfaces, and of the sun on them."""
         sight, weight = self._look(ray)
-        sky = ~sight.point.is_valid()
-        light = self._sky.emitted(ray.d, sky)
+        light = self._sky.emitted(ray.d, ~sight.point.is_valid())
         if self._sun and self._depth > 1:
             direct = self._sun.radiance(self._layers, sight, weight, sampler.next_1d())
             light = [a + b for a, b in zip(light, direct, strict=True)]
-        return [*light, dr.select(sky, 1.0, 0.0)]
+        return [*light, _sky(sight)]
 
     def _skylit(self, ray: Any, place: Any, sampler: Any) -> list[Any]:
         """Light of the sky on the surfaces seen."""
         sight, weight = self._look(ray)
-        return self._sky.radiance(self._layers, sight, weight, sampler)
+        light = self._sky.radiance(self._layers, sight, weight, sampler)
+        return [*light, _sky(sight)]
 
     def _followed(self, ray: Any, place: Any, sampler: Any) -> list[Any]:
         """Light of other surfaces on those seen."""
@@ -116,7 +141,8 @@ class SplitPaths:
         place = sampler.next_1d()
         dr.eval(sight, weight, rays, through, blocked, place)
         arriving = self._paths.radiance(self._loaded, rays, place, sampler, blocked)
-        return self._bounces.reflected(sight, through, weight, place, arriving)
+        light = self._bounces.reflected(sight, through, weight, place, arriving)
+        return [*light, _sky(sight)]
 
     def _look(self, ray: Any) -> tuple[Sight, Any]:
         """Surfaces seen along rays, and the weights of their textures."""
@@ -124,3 +150,7 @@ class SplitPaths:
         point = hit.compute_surface_interaction(ray, mi.RayFlags.All)
         sight = Sight(point, point.wi.z > 0, point.is_valid(), self._index.of(hit))
         return sight, self._textures.weight(sight)
+
+
+def _sky(sight: Sight) -> Any:
+    return dr.select(sight.point.is_valid(), 0.0, 1.0)

@@ -7,6 +7,8 @@ directly. Paths are traced for cells that the survey of the sequence did not mee
 light of their own, for moving objects, and near these.
 """
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -19,9 +21,15 @@ from megalopta.core.arrays import Floats
 from megalopta.core.progress import step
 from megalopta.render import RenderSettings, dr, mi
 from megalopta.render.baking.cells import CellFinder, Cells
-from megalopta.render.baking.choice import BAKE, SAMPLE, cost_reason, samples_of_pixel
+from megalopta.render.baking.choice import BAKE, SAMPLE, Scatter, cost_reason
 from megalopta.render.baking.clusters import Voxels
-from megalopta.render.baking.errors import compared, pilot_errors, pilot_views, pixels_to_compare
+from megalopta.render.baking.errors import (
+    compared,
+    pilot,
+    pilot_views,
+    pixels_to_compare,
+    scatter_of_paths,
+)
 from megalopta.render.baking.gathering import Gatherer
 from megalopta.render.baking.light import NAMES, BakedLight, key_of, light_store
 from megalopta.render.baking.neighborhood import Neighborhood
@@ -32,6 +40,7 @@ from megalopta.render.path_tracing import BandPaths
 from megalopta.render.scattering import wavelength_groups
 from megalopta.render.sensors.primary import pixel_means
 from megalopta.render.shading import SunLight, Textures
+from megalopta.render.split_paths import Part, SplitPaths, can_split
 from megalopta.scenes.cameras.base import Camera
 
 # Rays per view of a cluster, to estimate how many the target error takes.
@@ -98,13 +107,15 @@ class BakedLightIntegrator:
         kept = store.read(NAMES)
         if kept:
             self._light.restore(kept)
-            scatter = float(kept["scatter"])
+            scatter = Scatter(*kept["scatter"].tolist())
         else:
             with step("counting the rays that baked light takes"):
-                scatter = self._prepare(loaded, camera, poses, seed, settings.standing_error)
+                parts = SplitPaths(whole, settings).parts if can_split(scene, whole.meshes) else []
+                self._look_around(loaded, camera, poses, seed)
+                scatter = self._prepare(loaded, pilot_views(camera, poses, seed), parts, settings)
         if settings.integrator == "auto":  # frames must not depend on the cache
-            in_all = len(poses) * pixels * samples_of_pixel(settings, scatter)
-            self.reason = cost_reason(self._light.total_rays(), in_all, settings)
+            rays = self._light.total_rays()
+            self.reason = cost_reason(rays, len(poses) * pixels, scatter, settings)
         if not kept and not self.reason:
             with step("baking light"):
                 self._light.bake_all()
@@ -113,29 +124,32 @@ class BakedLightIntegrator:
         work += SAMPLE * len(poses) * pixels * settings.samples_per_pixel
         self._compared = min(1.0, pixels_to_compare(work, len(poses)) / pixels)
 
-    def _prepare(
-        self, loaded: Any, camera: Camera, poses: Floats, seed: int, error: float
-    ) -> float:
-        """Find the cells to bake and the number of rays; return the error of a sample (RMS)."""
+    def _look_around(self, loaded: Any, camera: Camera, poses: Floats, seed: int) -> None:
+        """Find the cells to bake."""
         rays = views(camera, poses, VIEWS, seed)
         seen, places = survey(loaded, self._finder, self._light.cells, rays)
         cell = np.flatnonzero(seen).astype(np.uint32)
         self._light.surveyed(cell, seen[cell], places[cell])
         self._light.begin(_PILOT_DENSITY)
-        frames = pilot_views(camera, poses, seed)
+
+    def _prepare(
+        self, loaded: Any, frames: list[list[Any]], parts: Sequence[Part], settings: RenderSettings
+    ) -> Scatter:
+        """Find the number of rays from some views of a few frames; return the error of a sample."""
         met = sum(survey(loaded, self._finder, self._light.cells, each)[0] for each in frames)
         self._light.bake(np.flatnonzero(met).astype(np.uint32))
         self._light.smooth()
         sampler = mi.load_dict({"type": "independent"})
-        sampler.seed(seed, len(frames[0]) * dr.width(frames[0][0].d))
+        sampler.seed(0, len(frames[0]) * dr.width(frames[0][0].d))
         # Any point of the sun's disc will do.
-        found, scatter = pilot_errors(
-            frames, lambda rays: self._seen(loaded, rays, mi.Float(0.5), sampler)
-        )
-        density = self._light.density_for(error / found) if found else 1.0
+        baked = pilot(frames, lambda rays: self._seen(loaded, rays, mi.Float(0.5), sampler))
+        light = max(baked.mean, 1e-300)
+        found = math.sqrt(baked.standing) / light
+        density = self._light.density_for(settings.standing_error / found) if found else 1.0
         # Always start anew: the frames of the pilot met cells that the survey did not.
         self._light.begin(density)
-        return scatter
+        traced = scatter_of_paths(parts, frames, sampler) if parts else math.nan
+        return Scatter(math.sqrt(baked.variance) / light, traced)
 
     @property
     def exposing(self) -> "BakedLightIntegrator":
