@@ -8,7 +8,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 # Tests start some fifty processes, each of which would compile the package anew without bytecode.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: install demo test test-slow test-scalar test-all lint types docs bench clean
+.PHONY: install demo test test-slow test-scalar test-all lint types docs pictures bench clean
 
 install: $(VENV)/installed
 
@@ -46,13 +46,17 @@ types: install
 	rm -rf build/types && mkdir -p build/types/megalopta
 	ln -s $(CURDIR)/megalopta/* $(addprefix $(CURDIR)/,assets_gen flow render scenes sensor) build/types/megalopta/
 	$(BIN)/mypy --package megalopta
-	$(BIN)/mypy docs/gallery
+	$(BIN)/mypy docs/gallery docs/pictures
 
 # The site, in build/docs; without the network once its tools are installed. Any warning is an error.
 docs: install
 	$(BIN)/python -c 'import furo, myst_parser, numpydoc, sphinx_gallery' 2>/dev/null || $(BIN)/python -m pip install --quiet --editable '.[docs]'
 	$(BIN)/python -m sphinx --quiet --fail-on-warning --keep-going --doctree-dir build/doctrees docs build/docs
 	@echo "open build/docs/index.html"
+
+# Pictures of the docs that show what a scene looks like: minutes each.
+pictures: install
+	for script in docs/pictures/*.py; do $(BIN)/python $$script || exit 1; done
 
 bench: install
 	for script in benchmarks/bench_*.py; do $(BIN)/python $$script || exit 1; done

@@ -32,9 +32,10 @@ class RenderSettings(Record, frozen=True):
     """Settings of radiance."""
 
     samples_per_pixel: Annotated[int, Field(ge=1, le=2**20)] = 25
-    """Light paths per pixel and frame. Samplers round up: multijitter to a product of two near
-    factors, orthogonal to the square of a prime, ldsampler to a power of four; independent accepts
-    any number."""
+    """Camera rays per pixel and frame, each with a ray to sun or moon. One in four (each, without a
+    disc) also looks for the sky, and one in 16 is followed over other surfaces. Samplers round up:
+    multijitter to a product of two near factors, orthogonal to the square of a prime, ldsampler to
+    a power of four; independent accepts any number."""
 
     max_depth: Annotated[int, Field(ge=1, le=1000)] = 16
     """Longest path in surface hits plus one: 2 is direct light, each more one reflection. 16 omits
@@ -48,8 +49,8 @@ class RenderSettings(Record, frozen=True):
         (550, 625),
         (625, 700),
     )
-    """Spectral bands, lower and upper edge (nm). A path carries four wavelengths: more bands make
-    each band noisier, but not their sum."""
+    """Spectral bands, lower and upper edge (nm). Direct light is known for each band as a whole;
+    paths over other surfaces are traced for four bands at a time."""
 
     sampler: Literal["independent", "multijitter", "orthogonal", "ldsampler"] = "multijitter"
     """Mitsuba's sample generator. In the demo's forest, at 49 samples, all but independent have 4.3
@@ -64,10 +65,10 @@ class RenderSettings(Record, frozen=True):
     """Passes after which a frame is finished even if target_error is not reached."""
 
     integrator: Literal["auto", "path", "baked"] = "auto"
-    """path traces every path of every frame; baked computes the light on each surface once, which
-    all views share, and traces paths for moving objects and near them; auto bakes if frames of the
-    same error on surfaces then take less work. Scalar variants, and scenes with more than 16 moving
-    objects, always use path; in haze auto does, and baked is rejected."""
+    """path traces the light of every frame anew; baked computes the light on each surface once,
+    which all views share, and traces paths for moving objects and near them; auto bakes if frames
+    of the same error on surfaces then take less work. Scalar variants, and scenes with more than 16
+    moving objects, always use path; in haze auto does, and baked is rejected."""
 
     bake_error: Annotated[float, Field(gt=0, lt=1)] = 0.022
     """Noise of baked light, fixed on surfaces in all frames: RMS over pixels without sky, relative

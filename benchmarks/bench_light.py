@@ -1,0 +1,300 @@
+"""Where the noise of radiance comes from, what frames of an error cost, and whether that is stated.
+
+- `parts`: of each part of split paths its share of the light, the variance of a sample and the CPU
+  time of one; beside them Mitsuba's path tracer, with its roulette from the fifth hit on.
+- `costs`: CPU-seconds of a frame for median errors on surfaces, of single frames and of 30, by
+  Mitsuba's path tracer, split paths and baked light. Errors of samples fall as the root of their
+  number; costs and variances are those of one frame, measured in the same run.
+- `accuracy`: stated error of baked frames over the true one, against converged split paths.
+
+Errors are those of the sum over bands, on pixels without sky, over the mean (RMS) or the pixel's
+own light (median over blocks).
+"""
+
+import argparse
+import math
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from typing import Any
+from unittest.mock import patch
+
+import numpy as np
+
+from megalopta.config.model import Configuration, load
+from megalopta.render import MeasuredPass, RunningMean, SceneRenderer, frame_seed, mi
+from megalopta.render.baking.gathering import Gatherer
+from megalopta.render.baking.light import BakedLight
+from megalopta.render.noise import RegionNoise
+from megalopta.render.sensors.film import Film
+from megalopta.render.sensors.primary import pixel_means
+from megalopta.scenes.build import build_scene
+from megalopta.scenes.lighting.levels import LEVELS
+
+PRESETS, LIGHTS = ("open", "dense", "rainforest"), ("daylight", "twilight", "starlight")
+FRAMES, SAMPLES, BAKE_ERROR = 30, 64, 0.1
+_REFERENCE = 32
+
+
+def flight(preset: str, level: str, width: int, frames: int) -> Configuration:
+    """Flight of three seconds through a forest, in frames of 4:3."""
+    changes = {
+        "scene": f"{{kind: forest, preset: {preset}, trees: 300}}",
+        "light.level": level,
+        "camera.width": str(width),
+        "camera.height": str(width * 3 // 4),
+        "trajectory.frames": str(frames),
+        "render.samples_per_pixel": str(SAMPLES),
+        "render.bake_error": str(BAKE_ERROR),
+        "render.max_depth": "16",
+    }
+    return load("demo", changes)
+
+
+def renderer(configuration: Configuration, integrator: str, frames: int = 0) -> SceneRenderer:
+    scene = build_scene(
+        configuration.scene, configuration.light, configuration.camera, configuration.trajectory
+    )
+    settings = configuration.render.model_copy(update={"integrator": integrator})
+    poses = configuration.trajectory.poses()[: frames or None]
+    return SceneRenderer(scene, configuration.camera, settings, poses)
+
+
+def cpu_seconds(work: Callable[[], Any]) -> tuple[float, Any]:
+    start = time.process_time()
+    result = work()
+    return time.process_time() - start, result
+
+
+@dataclass
+class Sample:
+    """Error of one sample, as RMS and median, and its CPU-seconds."""
+
+    rms: float
+    median: float
+    cpu_s: float
+
+    def work(self, median: float) -> float:
+        """CPU-seconds of a pixel for a median error."""
+        return self.cpu_s * (self.median / median) ** 2
+
+
+def sampled(take: Callable[[int], Any], seen: MeasuredPass, samples: int) -> Sample:
+    """Error and cost of a sample of frames `take(seed)`, with the sky of a measured one."""
+    take(0)
+    passes, spent = RunningMean(), []
+    for seed in (1, 2, 3, 4):
+        cpu_s, image = cpu_seconds(lambda seed=seed: take(seed))
+        passes.add(image)
+        spent.append(cpu_s)
+    surface = passes.noise(1, without_standing(seen)).surface
+    assert surface is not None
+    cost = float(np.median(spent)) / seen.sky.size / samples
+    return Sample(surface.rms * samples**0.5, surface.median * samples**0.5, cost)
+
+
+def without_standing(seen: MeasuredPass) -> MeasuredPass:
+    return replace(seen, standing=np.zeros_like(seen.standing), differences=None)
+
+
+def mitsubas(rendering: SceneRenderer, samples: int, **settings: Any) -> Callable[[int], Any]:
+    """Frames of Mitsuba's own path tracer, at the first pose."""
+    depth = rendering._view._settings.max_depth
+    path = mi.load_dict({"type": "path", "max_depth": depth, **settings})
+    film = Film(rendering.camera, rendering._view._settings, samples)
+
+    def trace(scene: Any, sensor: Any, seed: int, spp: int) -> Any:
+        return np.array(path.render(scene, sensor, seed=seed, spp=spp), np.float32)
+
+    return lambda seed: film.expose(trace, rendering._loaded, rendering.first_pose, seed)
+
+
+def parts(preset: str, level: str) -> None:
+    """Table of the parts of one forest and light."""
+    configuration = flight(preset, level, 120, 2)
+    rendering = renderer(configuration, "path")
+    pose = rendering.first_pose = rendering._local(configuration.trajectory.poses()[0])
+    view = rendering._view
+    seen = view.measured(rendering._at(configuration.trajectory.poses()[0], 1, 0.0))
+    film = Film(rendering.camera, view._settings, SAMPLES)
+    print(f"{preset}, {level}: {(seen.sky == 0).mean():.0%} surfaces", flush=True)
+    whole = seen.radiance[seen.sky == 0].sum(axis=-1).mean()
+
+    def part(look: Any) -> Callable[[int], Any]:
+        def trace(_: Any, sensor: Any, seed: int, spp: int) -> Any:
+            return pixel_means(sensor, sensor.sampler(), seed, look)[..., :-1]
+
+        return lambda seed: film.expose(trace, rendering._loaded, pose, seed)
+
+    names = ("sky seen, sun on surfaces", "sky on surfaces", "other surfaces")
+    takes = {
+        name: part(each.look) for name, each in zip(names, view._integrator.parts, strict=True)
+    }
+    takes["split paths"] = lambda seed: rendering.radiance(
+        configuration.trajectory.poses()[0], seed
+    )
+    takes["Mitsuba's path, roulette from 5"] = mitsubas(rendering, SAMPLES)
+    takes["Mitsuba's path, roulette from 2"] = mitsubas(rendering, SAMPLES, rr_depth=2)
+    for name, take in takes.items():
+        one = sampled(take, seen, SAMPLES)
+        light = take(9)[seen.sky == 0].sum(axis=-1).mean() / whole
+        print(
+            f"  {name:32} {light:5.1%} of the light; error of a sample "
+            f"{light * one.rms:5.2f} RMS; {1e6 * one.cpu_s:5.2f} CPU-us; variance x cost "
+            f"{1e6 * one.cpu_s * (light * one.rms) ** 2:6.1f}",
+            flush=True,
+        )
+
+
+def costs(preset: str, level: str, width: int) -> None:
+    """Rows of the table of one forest and light."""
+    configuration = flight(preset, level, width, FRAMES)
+    first = configuration.trajectory.poses()[0]
+    path = renderer(configuration, "path")
+    path.first_pose = path._local(first)
+    seen, pixels = path.measured(first, 1), width * (width * 3 // 4)
+    plain = sampled(mitsubas(path, 16), seen, 16)
+    split = sampled(lambda seed: path.radiance(first, seed), seen, SAMPLES)
+    kinds = {number: baked(configuration, first, number) for number in (1, FRAMES)}
+    for error in (0.2, 0.1, 0.05):
+        row = [pixels * each.work(error) for each in (plain, split)]
+        row += [kind.cpu_s(error, pixels) for kind in kinds.values()]
+        shares = "".join(f" {each:8.1f} ({each / row[0]:.3f})" for each in row[1:])
+        print(
+            f"  {preset:10} {level:9} median {error:4.0%}: Mitsuba's path {row[0]:8.1f}; split, "
+            f"baked for 1 frame, for {FRAMES}:{shares}",
+            flush=True,
+        )
+    print(
+        f"    RMS over median: path {plain.rms / plain.median:.2f}, split "
+        f"{split.rms / split.median:.2f}, samples of baked frames "
+        f"{kinds[FRAMES].sample.rms / kinds[FRAMES].sample.median:.2f}",
+        flush=True,
+    )
+
+
+@dataclass
+class Baked:
+    """Cost of baked light for a number of frames."""
+
+    sample: Sample
+    standing: float
+    """Median error that all frames share."""
+    survey_s: float
+    frames: int
+    bake: "Bake"
+
+    def cpu_s(self, error: float, pixels: int) -> float:
+        """CPU-seconds of a frame, with the split between bake and samples that costs least."""
+
+        def cost(share: float) -> float:
+            ray = self.bake.cpu_s / self.bake.rays
+            rays = self.bake.rays_for(error * share / self.standing)
+            samples = pixels * self.sample.work(error * math.sqrt(1 - share**2))
+            return (self.survey_s + ray * rays) / self.frames + samples
+
+        return min(cost(share) for share in (0.3, 0.45, 0.6, 0.75, 0.9))
+
+
+def baked(configuration: Configuration, pose: Any, frames: int) -> Baked:
+    with unbaked() as bakes:
+        begun = time.process_time()
+        rendering = renderer(configuration, "baked", frames)
+        survey_s = time.process_time() - begun
+        spent = bakes[-1].cpu_s
+        seen = rendering.measured(pose, 1)
+        sample = sampled(lambda seed: rendering.radiance(pose, seed), seen, SAMPLES)
+    noise = passes_of(rendering, pose, seen)
+    left = noise.median**2 - sample.median**2 / SAMPLES
+    return Baked(sample, math.sqrt(max(left, 1e-6)), survey_s - spent, frames, bakes[-1])
+
+
+def passes_of(rendering: SceneRenderer, pose: Any, seen: MeasuredPass) -> RegionNoise:
+    passes = RunningMean()
+    passes.add(seen.radiance)
+    passes.add(rendering.radiance(pose, 2))
+    surface = passes.noise(1, seen).surface
+    assert surface is not None
+    return surface
+
+
+class Bake:
+    """Rays of a sequence's baked light, and what those cost that frames asked for."""
+
+    def __init__(self, light: BakedLight) -> None:
+        self._light, self._density = light, light.density
+        self.rays, self.cpu_s = 0, 0.0
+
+    def rays_for(self, share: float) -> int:
+        """Rays of the whole bake for a share of its fixed error; what was baked is lost."""
+        self._light.begin(self._density)
+        self._light.begin(self._light.density_for(share))
+        return self._light.total_rays()
+
+
+@contextmanager
+def unbaked() -> Iterator[list[Bake]]:
+    """Bakes that compute nothing but what frames meet, and count it."""
+    bakes: list[Bake] = []
+    leaving = Gatherer.leaving
+
+    def counted(gatherer: Gatherer, *cells: Any, shares: Any, least: int) -> Any:
+        spent, found = cpu_seconds(lambda: leaving(gatherer, *cells, shares=shares, least=least))
+        if bakes:
+            bakes[-1].cpu_s += spent
+            bakes[-1].rays += 2 * least * int(shares.sum())
+        return found
+
+    with (
+        patch.object(BakedLight, "bake_all", lambda light: bakes.append(Bake(light))),
+        patch.object(BakedLight, "contents", lambda _light: {}),
+        patch.object(Gatherer, "leaving", counted),
+    ):
+        yield bakes
+
+
+def accuracy(preset: str, level: str) -> None:
+    """Stated against true error of a baked frame."""
+    configuration = flight(preset, level, 80, 100)
+    pose = configuration.trajectory.poses()[50]
+    path, quick = (renderer(configuration, name) for name in ("path", "baked"))
+    measured = quick.measured(pose, frame_seed(0, 1))
+    surface, part = passes_of(quick, pose, measured), measured.sky == 0
+    paths, images = (
+        np.array([each.radiance(pose, seed).sum(axis=-1) for seed in range(_REFERENCE)], float)
+        for each in (path, quick)
+    )
+    light, off = paths.mean(axis=0)[part], images.mean(axis=0) - paths.mean(axis=0)
+    left = (images.var(axis=0, ddof=1) + paths.var(axis=0, ddof=1)) / _REFERENCE
+    fixed = np.maximum((off**2 - left)[part], 0)
+    error2 = (off**2 - left)[part] + images.var(axis=0, ddof=1)[part]
+    rms = math.sqrt(error2.mean()) / light.mean()
+    print(
+        f"  {preset:12} {level:15} RMS stated {surface.rms:.2%}, true {rms:.2%}, ratio "
+        f"{surface.rms / rms:.2f} (required: 0.8 to 1.25); fixed: stated {surface.standing:.2%}, "
+        f"true {math.sqrt(fixed.mean()) / light.mean():.2%}; "
+        f"mean {off[part].mean() / light.mean():+.2%}",
+        flush=True,
+    )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("what", nargs="*", default=["parts", "costs", "accuracy"])
+    parser.add_argument("--width", type=int, default=320)
+    given = parser.parse_args()
+    for preset in PRESETS:
+        for level in LIGHTS:
+            if "parts" in given.what:
+                parts(preset, level)
+            if "costs" in given.what:
+                costs(preset, level, given.width)
+    if "accuracy" in given.what:
+        for preset in ("open", "clearing", "understorey", "dense"):
+            for level in LEVELS:
+                accuracy(preset, level)
+
+
+if __name__ == "__main__":
+    main()

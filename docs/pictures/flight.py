@@ -1,0 +1,51 @@
+"""Draw the moving picture of README: a flight through a rain forest, from noon to starlight.
+
+    python docs/pictures/flight.py
+
+renders `flight.yaml` to `out/pictures/flight`, or takes what is finished there, and writes
+`docs/flight.gif`. A few frames of each light level follow each other; the light is rendered once.
+"""
+
+import subprocess
+import sys
+from pathlib import Path
+
+from megalopta.report.film import Moment, composed, gif
+from megalopta.report.readings import Treatment
+from megalopta.report.seen import Seen
+from megalopta.report.seen_sequence import seen_sequence
+
+HERE = Path(__file__).parent
+OUT, PICTURE = Path("out/pictures/flight"), HERE.parent / "flight.gif"
+WIDTH_PX, LETTERS_PX, FRAME_MS = 1040, 15, 200
+
+
+def moment(seen: Seen, index: int) -> Moment:
+    """Return the panels of a frame, at a light level that falls from frame to frame."""
+    brightest_first = seen.exposed[::-1]
+    exposed = brightest_first[index * len(brightest_first) // len(seen.frames)]
+    assert exposed.flow is not None and seen.motion is not None
+    panels = [
+        ("light, as a well-lit eye would see it", seen.light),
+        (f"photons: {exposed.readings.told}", exposed.readings),
+        ("motion found in the photons (PF)", exposed.flow),
+        ("true motion", seen.motion),
+    ]
+    frame = seen.frames[index]
+    return Moment(exposed.level, [(label, panel.picture(frame)) for label, panel in panels])
+
+
+def draw() -> None:
+    """Render, expose, find flow, and write the picture."""
+    for stage in ("render", "sense", "flow"):
+        asked = [stage, str(HERE / "flight.yaml"), "--out", str(OUT)]
+        subprocess.run([sys.executable, "-m", "megalopta", *asked], check=True)
+    seen = seen_sequence(OUT, Treatment())
+    moments = [moment(seen, index) for index in range(len(seen.frames))]
+    images = [composed(each, WIDTH_PX, LETTERS_PX).quantize(128) for each in moments]
+    PICTURE.write_bytes(gif(images, FRAME_MS))
+    print(f"{PICTURE}: {PICTURE.stat().st_size / 1e6:.1f} MB, {len(images)} frames")
+
+
+if __name__ == "__main__":
+    draw()
