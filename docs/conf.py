@@ -18,7 +18,7 @@ extensions = [
     "sphinx_gallery.gen_gallery",
     "mathml",
     "pydantic_fields",
-    "rooms",
+    "packages",
     "keyboard",
 ]
 default_role = "py:obj"

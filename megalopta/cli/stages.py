@@ -175,7 +175,7 @@ _OF_PICTURES = (
     ),
     option(
         "--lux",
-        "or illuminance of the scene, lux: 0.25 is full moon, 10 a street, 500 a room",
+        "or illuminance of the scene, lux: 0.25 is full moon, 10 a street, 500 indoors",
         type=numbers,
         metavar="E",
     ),

@@ -114,8 +114,8 @@ def _check_brightness(
     what = " and ".join(given) or "pictures do not say how bright it was"
     raise UserError(
         f"{path}: {what}; give one of --photons 2 (mean on a pixel in a frame), --lux 0.25 (on the "
-        "scene: 0.001 stars, 0.25 full moon, 10 street, 500 room, 1e5 sun), --luminance 0.01 (mean "
-        "of the pictures, cd/m²), --light-levels starlight"
+        "scene: 0.001 stars, 0.25 full moon, 10 street, 500 indoors, 1e5 sun), --luminance 0.01 "
+        "(mean of the pictures, cd/m²), --light-levels starlight"
     )
 
 
