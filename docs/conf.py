@@ -19,10 +19,11 @@ extensions = [
     "mathml",
     "pydantic_fields",
     "packages",
+    "notebook",
     "keyboard",
 ]
 default_role = "py:obj"
-exclude_patterns = ["gallery", "example_device", "extensions"]
+exclude_patterns = ["gallery", "example_device", "extensions", "generated/gallery/*.ipynb"]
 templates_path = []
 
 myst_enable_extensions = ["colon_fence", "dollarmath", "deflist"]
