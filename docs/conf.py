@@ -58,4 +58,5 @@ sphinx_gallery_conf = {
     "write_computation_times": False,
     "remove_config_comments": True,
     "abort_on_example_error": True,
+    "reset_modules": ("matplotlib", "palette.use_palette"),
 }
