@@ -84,7 +84,7 @@ def _section(sequence: Sequence) -> Section:
         f"{sequence.name} ({sequence.split})",
         f"{scene} in {level_name(settings.light.level)}; the camera {settings.trajectory}; "
         f"{len(sequence)} frames of {camera.width} × {camera.height}",
-        charts=tuple(clips),
+        body=block("clips", *clips),
     )
 
 

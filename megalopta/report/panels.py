@@ -65,7 +65,7 @@ def readings_panel(readings: Readings, frames: range, step: int) -> Panel:
 
 def flow_panel(name: str, flow: Callable[[int], NDArray[np.floating]], fastest: float) -> Panel:
     """Return flow (h, w, 2) of frames as colors; the speed `fastest` has the full one."""
-    caption = f"hue is direction (red to the right), full color {number(fastest)} px a frame"
+    caption = f"hue is direction (red to the right), full color {number(fastest)} px per frame"
     return Panel(name, caption, kept(lambda frame: rgb_picture(flow_to_rgb(flow(frame), fastest))))
 
 
