@@ -274,7 +274,7 @@ def _check_continuous(sensor: ImageSensor, rate_hz: float) -> None:
 
 
 def _check_sub_frames(settings: Configuration) -> None:
-    """Refuse light that would be blurred twice, and bursts that do not fill the time."""
+    """Refuse light that would be blurred twice, and rates of bursts that cannot be met."""
     parts, rate_hz = settings.sub_frames, settings.trajectory.frame_rate_hz
     if parts > 1 and not settings.shutter.is_instant:
         raise ValueError(
@@ -282,6 +282,11 @@ def _check_sub_frames(settings: Configuration) -> None:
             "use 1, or shutter.exposure_s 0 and shutter.readout_s 0"
         )
     if "burst_npy" not in settings.products:
+        if settings.burst_hz != (usual := Configuration.model_fields["burst_hz"].default):
+            raise ValueError(
+                f"burst_hz {settings.burst_hz:g}: products has no burst_npy; add it, or leave "
+                f"burst_hz at {usual:g}"
+            )
         return
     if parts == 1 and settings.scene.has_truth:
         raise ValueError("burst_npy: needs moving light; use sub_frames of 2 or more")
