@@ -208,8 +208,7 @@ def test_a_burst_holds_its_picture_or_goes_on_to_the_next(here):
 def test_a_finished_dataset_is_not_decoded_again(here, monkeypatch, capsys):
     words = ["sense", "clip.npy", "--unit", "srgb", "--photons", "2"]
     main(words)
-    monkeypatch.setattr(importing, "_measured", {})
-    monkeypatch.setattr(importing, "_measure", lambda *_: pytest.fail("decoded"))
+    monkeypatch.setattr(importing, "measured", lambda *_: pytest.fail("decoded"))
     main(words)
     assert "out/clip already has it" in capsys.readouterr().err
     np.save("clip.npy", moving_texture()[::-1])
