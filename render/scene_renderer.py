@@ -5,6 +5,7 @@ own seed, as equal seeds would give noise that is fixed on the sensor and detect
 """
 
 from pathlib import Path as Files
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,15 +14,17 @@ from megalopta.core.arrays import Floats
 from megalopta.render.baking.choice import path_tracing_reason
 from megalopta.render.baking.integrator import BakedLightIntegrator
 from megalopta.render.environment import EnvironmentView, under_panorama
-from megalopta.render.loading.air import fill
+from megalopta.render.loading.air import Air, fill
+from megalopta.render.loading.layers import MovingLayers, is_layered
 from megalopta.render.loading.meshes import merge
 from megalopta.render.loading.scene import LoadedScene, load_scene
 from megalopta.render.mitsuba_loader import activate
 from megalopta.render.noise import MeasuredPass
-from megalopta.render.path_tracing import Layers, PathIntegrator, is_layered
+from megalopta.render.path_tracing import PathIntegrator
 from megalopta.render.sensors.film import Exposure, Part
 from megalopta.render.settings import RenderSettings, bake_seed, frame_seed
-from megalopta.render.surface_view import SurfaceView
+from megalopta.render.split_paths import SplitPaths, can_split
+from megalopta.render.surface_view import Integrator, SurfaceView
 from megalopta.render.surveys import Canopy, LightSurvey, measure_canopy
 from megalopta.render.truth.geometry import Geometry
 from megalopta.render.truth.tracer import Flow, Truth, TruthTracer
@@ -34,6 +37,19 @@ from megalopta.scenes.trajectories.base import Path
 
 # Poses of an exposure whose rows all start at the same time, and of one with a rolling shutter.
 _POSES, _ROLLING_POSES = 256, 64
+
+
+def _path_tracer(
+    whole: LoadedScene, settings: RenderSettings, still: Any, air: Air | None
+) -> PathIntegrator | SplitPaths:
+    """Path tracer of a scene whose objects at rest are also a scene of their own."""
+    scene, meshes, loaded = whole
+    if not can_split(scene, meshes):
+        return PathIntegrator(settings.max_depth, air)
+    if not is_layered(scene, meshes):
+        return SplitPaths(whole, settings)
+    exposing = SplitPaths(whole, settings, MovingLayers(meshes, loaded, still))
+    return SplitPaths(whole, settings, exposing=exposing)
 
 
 class SceneRenderer:
@@ -91,11 +107,7 @@ class SceneRenderer:
         else:
             places = np.zeros((0, 3)) if poses is None else self._local(poses)[:, :3, 3]
             air = fill(scene, scene.haze, loaded, meshes, places) if scene.haze else None
-            many = is_layered(scene, meshes)
-            layers = Layers(settings.max_depth, meshes, loaded, geometry.still) if many else None
-            integrator: PathIntegrator | BakedLightIntegrator = PathIntegrator(
-                settings.max_depth, air, layers
-            )
+            integrator: Integrator = _path_tracer(whole, settings, geometry.still, air)
             if poses is not None and not reason:
                 local, its_seed = self._local(poses), bake_seed(seed)
                 baked = BakedLightIntegrator(whole, camera, settings, local, its_seed, light_folder)

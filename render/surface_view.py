@@ -21,8 +21,11 @@ from megalopta.render.path_tracing import PathIntegrator
 from megalopta.render.sensors.film import Exposure, Film
 from megalopta.render.settings import RenderSettings
 from megalopta.render.sharing import rows_of_a_pose
+from megalopta.render.split_paths import SplitPaths
 from megalopta.render.surveys import LightMeter, LightSurvey
 from megalopta.scenes.cameras.base import Camera
+
+Integrator = PathIntegrator | SplitPaths | BakedLightIntegrator
 
 _MORE_HITS = 32
 """Leaves at 0.8 to 1.3 µm are the brightest surfaces: for these, 16 hits miss a thousandth."""
@@ -69,7 +72,7 @@ class SurfaceView:
         whole: LoadedScene,
         camera: Camera,
         settings: RenderSettings,
-        integrator: PathIntegrator | BakedLightIntegrator,
+        integrator: Integrator,
         air: Air | None = None,
     ) -> None:
         self._scene, self._loaded, self._integrator = whole.scene, whole.loaded, integrator

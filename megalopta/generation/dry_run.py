@@ -28,7 +28,7 @@ from megalopta.core.progress import Spent, duration, say, silent, step, times_of
 from megalopta.dataset.store import Dataset, files_in
 from megalopta.generation.making import write_flow_files
 from megalopta.render import MEASURED_EVERY
-from megalopta.render.baking.choice import AT_EQUAL_ERROR, may_pay
+from megalopta.render.baking.choice import may_pay
 from megalopta.stages.limits import needed_bytes, size
 from megalopta.stages.pipeline import check_stage
 from megalopta.stages.registry import STAGES
@@ -72,8 +72,8 @@ class Scale:
     """Passes over all frames, including those that measure the error."""
     closing: int
     """Light paths that measure the light on the ground, the canopy and the truncation bias."""
-    most: float
-    """Largest factor on the time of paths if `auto` bakes; 1 if it does not."""
+    may_bake: bool
+    """True if `auto` may bake: the cost is then that of baking, if that is more work."""
 
     @classmethod
     def of(cls, settings: Configuration) -> "Scale":
@@ -87,11 +87,9 @@ class Scale:
         triangles = settings.scene.expected_triangles(float(np.linalg.norm(way_m, axis=1).sum()))
         frames, shading = settings.trajectory.frames, settings.render
         measured = 0 if shading.target_error else math.ceil(frames / MEASURED_EVERY)
-        baked = shading.integrator == "auto" and may_pay(shading, frames, pixels)
         closing = _CLOSING if settings.scene.is_lit_from_outside else 0
-        most = AT_EQUAL_ERROR if baked else 1.0
         passes = frames + measured
-        return cls(things, triangles, pixels, samples, frames, passes, closing, most)
+        return cls(things, triangles, pixels, samples, frames, passes, closing, _may_bake(settings))
 
 
 @dataclass(frozen=True)
@@ -166,7 +164,7 @@ def foresee(scale: Scale, like: Probe, is_first: bool = True) -> Foreseen:
     bias, which takes as long as the frames' code in the probe.
     """
     pixels = scale.pixels / like.scale.pixels
-    samples = scale.most * scale.passes * scale.samples + scale.closing
+    samples = scale.passes * scale.samples + scale.closing
     total = (
         like.setup * (scale.triangles / like.scale.triangles)
         + like.once * pixels
@@ -186,7 +184,8 @@ def _small(settings: Configuration, things: int) -> Configuration:
         if name in type(scene).model_fields
     }
     if shading.integrator == "auto":
-        shading = shading.model_copy(update={"integrator": "path"})
+        integrator = "baked" if _may_bake(settings) else "path"
+        shading = shading.model_copy(update={"integrator": integrator})
     rows = math.ceil(_pixels(settings) / camera.width)
     rows = min(max(rows, _FEWEST_ROWS), camera.height)
     return settings.model_copy(
@@ -198,8 +197,20 @@ def _small(settings: Configuration, things: int) -> Configuration:
     )
 
 
+def _may_bake(settings: Configuration) -> bool:
+    """True if `auto` may bake the light of the sequence."""
+    camera, shading = settings.camera, settings.render
+    pixels = camera.width * camera.height
+    bounces = settings.scene.has_bounces and not settings.scene.is_hazy
+    return (
+        bounces
+        and shading.integrator == "auto"
+        and may_pay(shading, settings.trajectory.frames, pixels)
+    )
+
+
 def _pixels(settings: Configuration) -> float:
-    if settings.render.integrator == "baked":
+    if settings.render.integrator == "baked" or _may_bake(settings):
         return _BAKED_PIXELS
     paths = _PATHS if settings.scene.has_bounces else _DIRECT_PATHS
     passes = settings.render.max_passes if settings.render.target_error else 1
@@ -255,8 +266,8 @@ def _told(
     if workers > 1:
         text += f" with {workers} workers"
     text += f" ({duration(cpu_seconds)} of processor time)"
-    is_most = any(Scale.of(each).most > 1 for each in drawn)
-    return text + (", at most: baked light takes less" if is_most else "")
+    is_most = any(_may_bake(each) for each in drawn)
+    return text + (", at most: light is baked only if that takes less work" if is_most else "")
 
 
 def costs_of(drawn: Sequence[Configuration], finish: Finish) -> list[Foreseen]:

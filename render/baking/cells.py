@@ -18,6 +18,7 @@ from megalopta.core.arrays import Floats
 from megalopta.render import dr, mi
 from megalopta.render.loading.meshes import MergedMesh
 from megalopta.render.loading.scene import MeshIndex
+from megalopta.render.shading import Sight
 from megalopta.scenes.cameras.base import Camera
 
 UInt32 = NDArray[np.uint32]
@@ -139,18 +140,11 @@ class Patches:
 
 
 @dataclass(frozen=True)
-class Sight:
-    """Surfaces seen by N rays, in Mitsuba's types.
+class CellSight(Sight):
+    """Surfaces seen, of which those at rest are shaded: these have a cell and a place in it."""
 
-    `mesh`, `cell` and `place` in the cell are valid where `shaded`: where a non-emitting surface at
-    rest was hit. `moving` is True where the non-emitting surface hit is not at rest.
-    """
-
-    point: Any
-    front: Any
-    shaded: Any
     moving: Any
-    mesh: Any
+    """True where the surface hit does not emit and is not at rest."""
     cell: Any
     place: tuple[Any, Any]
 
@@ -165,7 +159,7 @@ class CellFinder:
         self._origin = mi.UInt(cells.origin)
         self._pieces = [mi.UInt(pieces) for pieces in cells.pieces]
 
-    def look(self, loaded: Any, rays: Any) -> Sight:
+    def look(self, loaded: Any, rays: Any) -> CellSight:
         """Trace rays through a loaded scene."""
         hit = loaded.ray_intersect_preliminary(rays, coherent=True)
         point = hit.compute_surface_interaction(rays, mi.RayFlags.All)
@@ -189,7 +183,7 @@ class CellFinder:
         side = dr.select(front, mi.UInt(0), mi.UInt(1))
         place = scaled[0] - mi.Float(i), scaled[1] - mi.Float(j)
         cell = first + (side * pieces[0] + i) * pieces[1] + j
-        return Sight(point, front, active, dull & ~at_rest, mesh, cell, place)
+        return CellSight(point, front, active, mesh, dull & ~at_rest, cell, place)
 
 
 def _cut(mesh: MergedMesh, path: cKDTree, pixel_rad: float) -> tuple[UInt32, UInt32]:

@@ -1,10 +1,11 @@
 """Choice of baked light or path tracing for a sequence."""
 
 import math
+from typing import NamedTuple
 
 from megalopta.core.arrays import Floats
 from megalopta.render import RenderSettings
-from megalopta.render.baking.shading import MOST_OBJECTS
+from megalopta.render.baking.neighborhood import MOST_OBJECTS
 from megalopta.scenes.scene import Scene
 
 _FEWEST_SAMPLES = 1000
@@ -13,14 +14,18 @@ frame; baking pays below 3.4 rays per sample."""
 FEWEST_IN_ALL = 10_000_000
 """Fewest samples in all pixels. A survey takes as long as some millions of samples, for any size:
 it compiles, divides the scene into cells and looks from 512 places."""
-# Work in fifths of a path: for a ray of the bake (every eighth is followed), and for a sample of a
-# baked frame (1 in 25 is a path). From CPU-seconds of 1000 trees with translucent leaves
-# (benchmarks/bench_baked.py). In single passes, path-traced frames have the RMS error of baked ones
-# with 1.35 times the samples there, with 2.2 times in an open forest by day: most noise is from
-# leaves against the sky, in pixels that samples classified as surfaces. To reach a target error,
-# path tracing takes 5 to 9 times as many. The survey of a few frames uses up part of this: its rays
-# are independent, with twice the variance of frames' samples.
-PATH, BAKE, SAMPLE, AT_EQUAL_ERROR, _AT_TARGET_ERROR = 5.0, 2.1, 1.3, 1.7, 4.0
+PATH, BAKE, SAMPLE = 1.5, 1.7, 0.7
+"""Work in CPU-µs: of a sample of split paths, a ray of the bake, and a sample of a baked frame, in
+a dense forest (`benchmarks/bench_light.py`)."""
+
+
+class Scatter(NamedTuple):
+    """RMS error of one sample over the mean, on surfaces."""
+
+    baked: float
+    """Of baked light: that of the sun, and of the pixel's content."""
+    traced: float
+    """Of split paths; NaN where the light cannot be split."""
 
 
 def path_tracing_reason(
@@ -60,6 +65,9 @@ def path_tracing_reason(
     materials = (name for each in moving for name in scene.assets[each.asset].parts)
     if any(scene.materials[name].emission for name in materials):
         return "a glowing object moves, and with it its light on all others"
+    glowing = any(material.emission for material in scene.materials.values())
+    if settings.integrator == "auto" and (glowing or scene.lighting is None):
+        return "surfaces are lit by other surfaces, or not at all"
     if poses is None:
         return "the camera's path is unknown"
     if settings.integrator == "auto" and not may_pay(settings, len(poses), pixels):
@@ -78,33 +86,27 @@ def may_pay(settings: RenderSettings, frames: int, pixels: int) -> bool:
     return samples >= _FEWEST_SAMPLES and samples * pixels >= FEWEST_IN_ALL
 
 
-def samples_of_pixel(settings: RenderSettings, scatter: float) -> int:
-    """Samples per pixel and frame, where one sample has an error of `scatter` (RMS over mean).
-
-    Samples and baked light together reach a target error.
-    """
+def samples_of_pixel(settings: RenderSettings, scatter: Scatter) -> int:
+    """Samples per pixel and frame that reach the target error together with baked light."""
     if settings.target_error is None:
         return settings.samples_per_pixel
     left = settings.target_error**2 - settings.standing_error**2
-    passes = math.ceil(scatter**2 / left / settings.samples_per_pixel)
+    passes = math.ceil(scatter.baked**2 / left / settings.samples_per_pixel)
     return settings.samples_per_pixel * min(max(passes, 2), settings.max_passes)
 
 
-def cost_reason(rays: int, samples: int, settings: RenderSettings) -> str:
-    """Reason that baking with some rays does not pay for frames of some samples; empty if it pays.
+def cost_reason(rays: int, pixels: int, scatter: Scatter, settings: RenderSettings) -> str:
+    """Reason that baking with some rays does not pay; empty if it pays.
 
-    It pays if frames of the same error on surfaces take less work. Work is counted in rays and
-    samples, so that the result is the same on every machine.
+    `pixels` are those of all frames together. It pays if frames of the same error on surfaces take
+    less work. Work is counted in rays and samples, so that the result is the same on every machine.
     """
-    traced = AT_EQUAL_ERROR * samples
-    if settings.target_error:
-        # Samples do not reduce the fixed error.
-        standing = settings.standing_error / settings.target_error
-        traced = _AT_TARGET_ERROR * samples * (1 - standing**2)
-    share = (BAKE * rays + SAMPLE * samples) / (PATH * traced)
+    samples = samples_of_pixel(settings, scatter)
+    error2 = scatter.baked**2 / samples + settings.standing_error**2
+    share = (BAKE * rays / pixels + SAMPLE * samples) / (PATH * scatter.traced**2 / error2)
     if share <= 1:
         return ""
     return (
-        f"baking would take {share:.0%} of the work of path tracing to the same error, for "
-        f"{rays / samples:.1f} rays per sample of all frames"
+        f"baking would take {share:.0%} of the work of path tracing to the same error of "
+        f"{math.sqrt(error2):.1%} on surfaces"
     )

@@ -6,8 +6,8 @@ used rather than many pixels: the scatter to be subtracted decreases with their 
 """
 
 import math
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,7 @@ from megalopta.render.baking.choice import PATH, SAMPLE
 from megalopta.render.baking.visibility import views
 from megalopta.render.noise import pairs
 from megalopta.render.sensors.primary import pixel_means
+from megalopta.render.split_paths import Part
 from megalopta.scenes.cameras.base import Camera
 
 _FRAMES = 3
@@ -34,32 +35,56 @@ def pilot_views(camera: Camera, poses: Floats, seed: int) -> list[list[Any]]:
     return [list(views(camera, pose[None], _RAYS, seed, step)) for pose in frames]
 
 
-def pilot_errors(frames: list[list[Any]], look: Callable[[Any], list[Any]]) -> tuple[float, float]:
-    """RMS of the fixed error, and scatter of one ray, for pixels that show only surfaces.
+class Pilot(NamedTuple):
+    """Light of pixels that show only surfaces, from `_RAYS` rays each, as sums over bands."""
 
-    Both are relative to the mean radiance. `look` returns, for the rays of a frame, the light of
-    each band, a draw of its error for each, and whether it is the sky. All rays are traced at once,
-    as each launch has a fixed cost.
+    mean: float
+    standing: float
+    """Mean square of the fixed error of a pixel."""
+    variance: float
+    """Mean variance of one ray of a pixel."""
+
+
+def pilot(frames: list[list[Any]], look: Callable[[Any], list[Any]]) -> Pilot:
+    """Light of a few frames, given a function of the rays of one.
+
+    `look` returns the light of each band, a draw of its error for each, and whether it is the sky.
+    All rays of a frame are traced at once, as each launch has a fixed cost.
     """
-    squares, scatter, light, pixels = 0.0, 0.0, 0.0, 0
-    for frame in frames:
-        directions = np.concatenate([np.array(rays.d) for rays in frame], axis=1)
-        found = look(mi.Ray3f(frame[0].o, mi.Vector3f(directions)))
-        bands = len(found) // 2
-        total: Any = sum(found[:bands])
-        parts = total, dr.square(total), sum(found[bands:-1]), found[-1]
-        dr.eval(parts)
-        seen = np.array([np.array(each) for each in parts]).reshape(4, _RAYS, -1)
-        radiance, square, standing, sky = seen.sum(axis=1, dtype=np.float64)
-        surface = sky == 0
-        squares += float(np.sum(standing[surface] ** 2))
-        scatter += float(np.sum((_RAYS * square - radiance**2)[surface]))
-        light += float(np.sum(radiance[surface]))
-        pixels += int(np.sum(surface))
-    if not light:
-        return 0.0, 0.0
-    scatter *= _RAYS / (_RAYS - 1)
-    return math.sqrt(squares * pixels) / light, math.sqrt(max(scatter, 0) * pixels) / light
+    found = np.concatenate([_of_pixels(frame, look) for frame in frames], axis=1)
+    light, square, standing, sky = found
+    surface = sky == 0
+    if not surface.any():
+        return Pilot(0.0, 0.0, 0.0)
+    variance = (square - light**2)[surface].mean() * _RAYS / (_RAYS - 1)
+    return Pilot(light[surface].mean(), (standing[surface] ** 2).mean(), max(variance, 0.0))
+
+
+def scatter_of_paths(parts: Sequence[Part], frames: list[list[Any]], sampler: Any) -> float:
+    """RMS error of one sample of split paths over the mean, of pixels that show only surfaces."""
+
+    def found(part: Part) -> Pilot:
+        def look(rays: Any) -> list[Any]:
+            *light, sky = part.look(rays, mi.Float(0.5), sampler)
+            return [*light, *[dr.zeros(mi.Float, dr.width(sky))] * len(light), sky]
+
+        return pilot(frames, look)
+
+    pilots = [(part.every, found(part)) for part in parts]
+    light = sum(each.mean for _, each in pilots)
+    return math.sqrt(sum(every * each.variance for every, each in pilots)) / max(light, 1e-300)
+
+
+def _of_pixels(frame: list[Any], look: Callable[[Any], list[Any]]) -> Floats:
+    """Means over the rays of each pixel: light, its square, error and sky (4, P)."""
+    directions = np.concatenate([np.array(rays.d) for rays in frame], axis=1)
+    found = look(mi.Ray3f(frame[0].o, mi.Vector3f(directions)))
+    bands = len(found) // 2
+    total: Any = sum(found[:bands])
+    parts = total, dr.square(total), sum(found[bands:-1]), found[-1]
+    dr.eval(parts)
+    seen = np.array([np.array(each) for each in parts]).reshape(4, _RAYS, -1)
+    return np.asarray(seen.mean(axis=1, dtype=np.float64))
 
 
 GROUPS = 8
@@ -94,7 +119,8 @@ def compared(
     if len(chosen):
         # Each pixel once per group, with its own samples.
         several = np.tile(chosen, GROUPS)
-        means = pixel_means(sensor, frame_seed(seed, 0), GROUP, look, several)
+        sampler = mi.load_dict({"type": "multijitter", "sample_count": GROUP})
+        means = pixel_means(sensor, sampler, frame_seed(seed, 0), look, several)
         groups = means.reshape(GROUPS, len(chosen), bands)
         found[chosen] = groups.transpose(1, 0, 2).reshape(len(chosen), -1)
     return found.reshape(*sky.shape, -1)

@@ -23,22 +23,24 @@ any order and with any other clusters. Half the difference of the halves has the
 as its standard deviation.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from megalopta.core.arrays import Floats, Ints
-from megalopta.render import Bands, RenderSettings, dr, mi
+from megalopta.render import RenderSettings, dr, mi
 from megalopta.render.baking.cells import Cells, Patches, UInt32
-from megalopta.render.baking.visibility import cell_sampler, hashed, recurrence, unpacked
+from megalopta.render.baking.visibility import unpacked
 from megalopta.render.loading.meshes import MergedMesh
 from megalopta.render.loading.sky import SkyPatterns
+from megalopta.render.numbers import hashed, keyed_sampler, recurrence
 from megalopta.render.path_tracing import LightPaths
-from megalopta.scenes.material import Material
+from megalopta.render.scattering import WAVELENGTHS, Scattering, wavelength_groups
+from megalopta.render.shading import leaving
 from megalopta.scenes.scene import Scene
-from megalopta.scenes.spectra.spectrum import Spectrum, flat
+from megalopta.scenes.spectra.spectrum import flat
 
 
 @dataclass
@@ -84,6 +86,7 @@ class Lanes:
 
     def means(self, values: list[Any]) -> Floats:
         """Means (2C, n) over the samples of each half of n values per lane."""
+        dr.eval(values)  # otherwise rays would be traced again for each of them
         sums = [dr.block_sum(each, self.size) for each in values]
         dr.eval(sums)
         groups = np.stack([np.array(each, np.float64) for each in sums], axis=1)
@@ -91,80 +94,8 @@ class Lanes:
         return np.asarray(totals / self._samples[:, None])
 
 
-WAVELENGTHS = 2**8
-"""Wavelengths in a band, of which each path takes one."""
-_LEAST_SHARE = 0.25
-"""Smallest share of rays for either side of a translucent surface: bands differ."""
-
-
-def scattered(material: Material) -> tuple[Spectrum, Spectrum, Spectrum, Spectrum]:
-    """Reflectance and transmittance where the texture's weight is 0 and where it is 1."""
-    black, texture = flat(0.0), material.texture
-    if material.emission:
-        return black, black, black, black
-    first = material.reflectance, material.transmittance or black
-    second = (texture.reflectance, texture.transmittance or black) if texture else first
-    return first[0], second[0], first[1], second[1]
-
-
-class Scattering:
-    """Response of M materials in B bands to light on this side (0) and on the other (1)."""
-
-    def __init__(self, materials: Sequence[Material], bands_nm: Bands) -> None:
-        places = (np.arange(WAVELENGTHS) + 0.5) / WAVELENGTHS
-        self._grids = [lower + (upper - lower) * places for lower, upper in bands_nm]
-        table = [
-            [[each(grid) for grid in self._grids] for each in scattered(material)]
-            for material in materials
-        ]
-        self._table = np.reshape(table, (len(materials), 2, 2, len(bands_nm), WAVELENGTHS))
-        means = self._table.mean(axis=(2, 3, 4))
-        total = means.sum(axis=1)
-        through = np.divide(means[:, 1], total, out=np.zeros(len(total)), where=total > 0)
-        through = np.where(through > 0, through.clip(_LEAST_SHARE, 1 - _LEAST_SHARE), 0)
-        self.through: Floats = through
-        """(M,): share of rays that leave from the other side."""
-        shares = np.stack([1 - through, through], axis=1)
-        self._weight = np.divide(1, shares, out=np.zeros_like(shares), where=shares > 0)
-
-    def of_rays(self) -> Floats:
-        """Weight (M, 2 sides, 2 spectra, B, WAVELENGTHS) of the light that a ray brings."""
-        return np.asarray(self._table * self._weight[:, :, None, None, None])
-
-    def under(self, skies: Sequence[Spectrum]) -> Floats:
-        """Radiance (M, 2 sides, S, 2 spectra · B) due to each side's share of S skies.
-
-        It is divided by the side's share of rays.
-        """
-        each = [self._under(sky) * self._weight[:, :, None] for sky in skies]
-        return np.stack(each, axis=2)
-
-    def brightness(self, sky: Spectrum) -> Floats:
-        """Brightness (M,) of materials under the sky, relative to the brightest; 1 in the dark."""
-        total = self._under(sky).sum(axis=(1, 2))
-        return np.asarray(total / total.max() if total.any() else np.ones(len(total)))
-
-    def _under(self, sky: Spectrum) -> Floats:
-        light = np.array([sky(grid) for grid in self._grids])
-        return np.asarray(np.mean(self._table * light, axis=-1)).reshape(len(self._table), 2, -1)
-
-
 STRIDE = 8
 """Number of rays for each that is followed as a path."""
-_BELOW_ONE = 1 - 2**-24
-
-
-def wavelength_groups(bands_nm: Bands, place: Any) -> Iterator[tuple[int, int, Any]]:
-    """Bands in groups that fit Mitsuba's four wavelengths: first band, bands, wavelengths.
-
-    `place` is the position of the wavelength in each band, 0 to 1.
-    """
-    for first in range(0, len(bands_nm), 4):
-        group = bands_nm[first : first + 4]
-        # Unused wavelengths repeat the last band and are not read.
-        padded = [*group, *[group[-1]] * (4 - len(group))]
-        wavelengths = [lower + (upper - lower) * place for lower, upper in padded]
-        yield first, len(group), mi.Spectrum(wavelengths)
 
 
 class Gatherer:
@@ -185,7 +116,7 @@ class Gatherer:
         self._bands = settings.bands_nm
         # The segment from camera to cell is the first of the path.
         self._paths = LightPaths(settings.max_depth - 1)
-        self._sampler = cell_sampler()
+        self._sampler = keyed_sampler()
         self._seed = dr.opaque(mi.UInt, seed)
         scattering = Scattering([scene.materials[mesh.material] for mesh in meshes], self._bands)
         self._scattered = mi.Float(scattering.of_rays().astype(np.float32).ravel())
@@ -297,11 +228,8 @@ class Gatherer:
         between.maxt = 1.0
         point = surface(dr.select(self._scene.ray_test(between), seen, wanted))
         share = dr.gather(mi.Float, self._through, of(patch.mesh))
-        through = x < share
-        x = dr.minimum(dr.select(through, x / share, (x - share) / (1 - share)), _BELOW_ONE)
-        upward = point.sh_frame.to_world(mi.warp.square_to_cosine_hemisphere(mi.Point2f(x, y)))
-        side = dr.select(front != through, 1.0, -1.0)
-        return mi.RayDifferential3f(point.spawn_ray(side * upward)), through
+        rays, through = leaving(point, front, share, mi.Point2f(x, y))
+        return mi.RayDifferential3f(rays), through
 
     @staticmethod
     def _above(point: Any, front: Any) -> Any:

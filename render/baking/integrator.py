@@ -7,7 +7,10 @@ directly. Paths are traced for cells that the survey of the sequence did not mee
 light of their own, for moving objects, and near these.
 """
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -18,16 +21,26 @@ from megalopta.core.arrays import Floats
 from megalopta.core.progress import step
 from megalopta.render import RenderSettings, dr, mi
 from megalopta.render.baking.cells import CellFinder, Cells
-from megalopta.render.baking.choice import BAKE, SAMPLE, cost_reason, samples_of_pixel
+from megalopta.render.baking.choice import BAKE, SAMPLE, Scatter, cost_reason
 from megalopta.render.baking.clusters import Voxels
-from megalopta.render.baking.errors import compared, pilot_errors, pilot_views, pixels_to_compare
-from megalopta.render.baking.gathering import Gatherer, wavelength_groups
+from megalopta.render.baking.errors import (
+    compared,
+    pilot,
+    pilot_views,
+    pixels_to_compare,
+    scatter_of_paths,
+)
+from megalopta.render.baking.gathering import Gatherer
 from megalopta.render.baking.light import NAMES, BakedLight, key_of, light_store
-from megalopta.render.baking.shading import Neighborhood, Paths, SunLight, Textures
+from megalopta.render.baking.neighborhood import Neighborhood
 from megalopta.render.baking.visibility import VIEWS, survey, views
 from megalopta.render.loading.meshes import MovingMesh
 from megalopta.render.loading.scene import LoadedScene, of_shapes
+from megalopta.render.path_tracing import BandPaths
+from megalopta.render.scattering import wavelength_groups
 from megalopta.render.sensors.primary import pixel_means
+from megalopta.render.shading import SunLight, Textures
+from megalopta.render.split_paths import Part, SplitPaths, can_split
 from megalopta.scenes.cameras.base import Camera
 
 # Rays per view of a cluster, to estimate how many the target error takes.
@@ -75,7 +88,7 @@ class BakedLightIntegrator:
     ) -> None:
         scene, meshes, loaded = whole
         self._bands = settings.bands_nm
-        self._paths = Paths(settings)
+        self._paths = BandPaths(self._bands, settings.max_depth)
         self._moving = Neighborhood(meshes)
         if self._moving:
             meshes = [mesh for mesh in meshes if not isinstance(mesh, MovingMesh)]
@@ -94,13 +107,15 @@ class BakedLightIntegrator:
         kept = store.read(NAMES)
         if kept:
             self._light.restore(kept)
-            scatter = float(kept["scatter"])
+            scatter = Scatter(*kept["scatter"].tolist())
         else:
             with step("counting the rays that baked light takes"):
-                scatter = self._prepare(loaded, camera, poses, seed, settings.standing_error)
+                parts = SplitPaths(whole, settings).parts if can_split(scene, whole.meshes) else []
+                self._look_around(loaded, camera, poses, seed)
+                scatter = self._prepare(loaded, pilot_views(camera, poses, seed), parts, settings)
         if settings.integrator == "auto":  # frames must not depend on the cache
-            in_all = len(poses) * pixels * samples_of_pixel(settings, scatter)
-            self.reason = cost_reason(self._light.total_rays(), in_all, settings)
+            rays = self._light.total_rays()
+            self.reason = cost_reason(rays, len(poses) * pixels, scatter, settings)
         if not kept and not self.reason:
             with step("baking light"):
                 self._light.bake_all()
@@ -109,29 +124,32 @@ class BakedLightIntegrator:
         work += SAMPLE * len(poses) * pixels * settings.samples_per_pixel
         self._compared = min(1.0, pixels_to_compare(work, len(poses)) / pixels)
 
-    def _prepare(
-        self, loaded: Any, camera: Camera, poses: Floats, seed: int, error: float
-    ) -> float:
-        """Find the cells to bake and the number of rays; return the error of a sample (RMS)."""
+    def _look_around(self, loaded: Any, camera: Camera, poses: Floats, seed: int) -> None:
+        """Find the cells to bake."""
         rays = views(camera, poses, VIEWS, seed)
         seen, places = survey(loaded, self._finder, self._light.cells, rays)
         cell = np.flatnonzero(seen).astype(np.uint32)
         self._light.surveyed(cell, seen[cell], places[cell])
         self._light.begin(_PILOT_DENSITY)
-        frames = pilot_views(camera, poses, seed)
+
+    def _prepare(
+        self, loaded: Any, frames: list[list[Any]], parts: Sequence[Part], settings: RenderSettings
+    ) -> Scatter:
+        """Find the number of rays from some views of a few frames; return the error of a sample."""
         met = sum(survey(loaded, self._finder, self._light.cells, each)[0] for each in frames)
         self._light.bake(np.flatnonzero(met).astype(np.uint32))
         self._light.smooth()
         sampler = mi.load_dict({"type": "independent"})
-        sampler.seed(seed, len(frames[0]) * dr.width(frames[0][0].d))
+        sampler.seed(0, len(frames[0]) * dr.width(frames[0][0].d))
         # Any point of the sun's disc will do.
-        found, scatter = pilot_errors(
-            frames, lambda rays: self._seen(loaded, rays, mi.Float(0.5), sampler)
-        )
-        density = self._light.density_for(error / found) if found else 1.0
+        baked = pilot(frames, lambda rays: self._seen(loaded, rays, mi.Float(0.5), sampler))
+        light = max(baked.mean, 1e-300)
+        found = math.sqrt(baked.standing) / light
+        density = self._light.density_for(settings.standing_error / found) if found else 1.0
         # Always start anew: the frames of the pilot met cells that the survey did not.
         self._light.begin(density)
-        return scatter
+        traced = scatter_of_paths(parts, frames, sampler) if parts else math.nan
+        return Scatter(math.sqrt(baked.variance) / light, traced)
 
     @property
     def exposing(self) -> "BakedLightIntegrator":
@@ -145,7 +163,10 @@ class BakedLightIntegrator:
     def render(self, scene: Any, sensor: Any, seed: int, spp: int) -> NDArray[np.float32]:
         """Radiance (H, W, B) at a sensor, band means, W·m⁻²·sr⁻¹·nm⁻¹; as Mitsuba's own."""
         return pixel_means(
-            sensor, seed, spp, lambda *each: self._seen(scene, *each)[: len(self._bands)]
+            sensor,
+            sensor.sampler(),
+            seed,
+            lambda *each: self._seen(scene, *each)[: len(self._bands)],
         )
 
     def measured(self, scene: Any, sensor: Any, seed: int, spp: int) -> NDArray[np.float32]:
@@ -153,10 +174,8 @@ class BakedLightIntegrator:
 
         Then the differences from paths of some pixels, in groups (H, W, G·B); NaN for others.
         """
-        image = pixel_means(sensor, seed, spp, lambda *each: self._seen(scene, *each))
-        differences = compared(
-            sensor, seed, image, self._compared, lambda *each: self._off(scene, *each)
-        )
+        image = pixel_means(sensor, sensor.sampler(), seed, partial(self._seen, scene))
+        differences = compared(sensor, seed, image, self._compared, partial(self._off, scene))
         return np.concatenate([image, differences], axis=-1)
 
     def _off(self, scene: Any, ray: Any, place: Any, sampler: Any) -> list[Any]:

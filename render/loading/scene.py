@@ -123,10 +123,11 @@ def move_to(scene: Any, meshes: Mapping[int, MovingMesh], time_s: float) -> None
 
 
 class MeshIndex:
-    """Meshes of a loaded scene by shape; the active variant must be a vectorized one."""
+    """Meshes of loaded scenes by shape, one scene after the other, in a vectorized variant."""
 
-    def __init__(self, loaded: Any) -> None:
-        registered = np.array(dr.reinterpret_array(mi.UInt, loaded.shapes_dr()))
+    def __init__(self, *loaded: Any) -> None:
+        numbers = [np.array(dr.reinterpret_array(mi.UInt, each.shapes_dr())) for each in loaded]
+        registered = np.concatenate(numbers)
         # Entry 0 is for rays without a hit.
         table = np.zeros(1 + int(registered.max(initial=0)), np.uint32)
         table[registered] = np.arange(len(registered))

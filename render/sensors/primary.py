@@ -57,16 +57,15 @@ def developed(sensor: Any, seed: int, samples: int, radiance: Radiance) -> NDArr
 
 
 def pixel_means(
-    sensor: Any, seed: int, samples: int, look: Look, chosen: NDArray[np.integer] | None = None
+    sensor: Any, sampler: Any, seed: int, look: Look, chosen: NDArray[np.integer] | None = None
 ) -> NDArray[np.float32]:
-    """Means (H, W, n) over the samples of each pixel.
+    """Means (H, W, n) over as many samples of each pixel as the sampler has.
 
-    With chosen pixels (P,), counted row by row: (P, n) over their multijittered samples.
+    With chosen pixels (P,), counted row by row: (P, n).
     """
     width, height = (int(size) for size in sensor.film().crop_size())
-    sampler, pixels, table = sensor.sampler(), width * height, None
+    samples, pixels, table = int(sampler.sample_count()), width * height, None
     if chosen is not None:
-        sampler = mi.load_dict({"type": "multijitter", "sample_count": samples})
         pixels, table = len(chosen), mi.UInt(chosen.astype(np.uint32))
     most = min(samples, max(1, SAMPLES_AT_ONCE // pixels))
     at_once = max(each for each in range(1, most + 1) if samples % each == 0)
@@ -82,7 +81,9 @@ def pixel_means(
         position = (corner + sampler.next_2d()) / mi.Point2f(width, height)
         time = sampler.next_1d() if sensor.shutter_open_time() > 0 else mi.Float(0.0)
         ray, _ = sensor.sample_ray(time, 0.5, position, mi.Point2f(0.5))
-        found = [dr.block_sum(each, at_once) / samples for each in look(ray, place, sampler)]
+        seen = look(ray, place, sampler)
+        dr.eval(seen)  # otherwise rays would be traced again for each quantity
+        found = [dr.block_sum(each, at_once) / samples for each in seen]
         total = [a + b for a, b in zip(total, found, strict=True)] if total else found
         sampler.advance()
         sampler.schedule_state()

@@ -92,10 +92,12 @@ def test_a_stack_of_leaves_reflects_and_transmits_what_adding_them_gives(integra
     leaves = [(sheet(height, 20.0), material) for height in (0.0, 0.02, 0.04)]
     scene = scene_of(sky if lit_by == "sky" else sun, *leaves, ground)
     for poses, share in zip((DOWN, UP), stack(0.45, 0.4, 3), strict=True):
-        found = mean_radiance(scene, poses, integrator, samples=256, max_depth=50).mean()
-        # A path's value scatters by its own mean or, with the sun, three times that: of 65 000, σ
-        # is 1 % at most. Baked light of a cluster is right to 2 %, and there are dozens in view.
-        assert found == pytest.approx(share * LEVEL, rel=0.05 if lit_by == "sun" else 0.02)
+        samples = 4096 if integrator == "path" else 256
+        found = mean_radiance(scene, poses, integrator, samples=samples, max_depth=50).mean()
+        # The mean of 65 000 followed paths scatters by 0.8 % (measured with 24 seeds). Baked light
+        # of a cluster is right to 2 %, and there are dozens in view.
+        exact = integrator == "baked" and lit_by == "sky"
+        assert found == pytest.approx(share * LEVEL, rel=0.02 if exact else 0.05)
 
 
 def cloud(count, size, seed):

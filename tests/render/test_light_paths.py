@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from megalopta.render import RenderSettings, SceneRenderer, activate, choose_variant, dr, mi
+from megalopta.render.path_tracing import ROULETTE_DEPTH, PathIntegrator
 from megalopta.render.sensors.film import Film
 from megalopta.scenes import Forest, Light, PerspectiveCamera, Trajectory, build_scene
 
@@ -34,13 +35,17 @@ def renderer(scene, width, height, **settings):
 def test_frames_are_those_of_mitsubas_path_tracer_to_the_last_bit(forest):
     rendering = renderer(forest, 20, 13)
     film, pose = Film(rendering.camera, SETTINGS, 4), PATH.poses()[0]
-    mitsubas = mi.load_dict({"type": "path", "max_depth": SETTINGS.max_depth})
+    depth = SETTINGS.max_depth
+    mitsubas = mi.load_dict({"type": "path", "max_depth": depth, "rr_depth": ROULETTE_DEPTH})
 
     def trace(scene, sensor, seed, spp):
         return np.array(mitsubas.render(scene, sensor, seed=seed, spp=spp), np.float32)
 
-    expected = film.expose(trace, rendering._view._loaded, rendering._local(pose), seed=7)
-    np.testing.assert_array_equal(rendering.radiance(pose, seed=7), expected)
+    ours, expected = (
+        film.expose(each, rendering._view._loaded, rendering._local(pose), seed=7)
+        for each in (PathIntegrator(depth).render, trace)
+    )
+    np.testing.assert_array_equal(ours, expected)
 
 
 @pytest.mark.slow

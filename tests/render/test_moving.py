@@ -5,8 +5,8 @@ import pytest
 
 from megalopta.assets_gen.bodies import box
 from megalopta.render import RenderSettings, SceneRenderer
+from megalopta.render.loading.layers import MovingLayers
 from megalopta.render.loading.meshes import MovingMesh, merge
-from megalopta.render.path_tracing import Layers
 from megalopta.render.sharing import SHARED_PX, rows_of_a_pose
 from megalopta.scenes import MovingObject, PerspectiveCamera, Scene, Shutter, Trajectory
 from megalopta.scenes.material import Material
@@ -47,10 +47,10 @@ def local(renderer):
     return renderer._local(WATCH.poses()[1])
 
 
-def test_paths_through_two_scenes_are_mitsubas_own(renderer):
+def test_paths_through_two_scenes_are_those_through_the_whole_one(renderer):
     view, pose = renderer._view, local(renderer)
     layers = view._integrator.exposing
-    assert isinstance(layers, Layers)
+    assert isinstance(layers._layers, MovingLayers)
     film = view._film(1)
     for time in (0.1, 0.3):
         view.move_to(time)

@@ -81,7 +81,8 @@ def test_diffuse_plane_under_the_sun_follows_the_cosine_law(ground):
 
 
 def test_same_seed_gives_same_bytes_and_another_seed_other_noise(ground):
-    scene = scene_of(Lighting(SLOPED), ground)
+    ball = trimesh.creation.icosphere(subdivisions=1), Material(flat(0.3))
+    scene = scene_of(Lighting(SLOPED), ground, ball)
     renderer = SceneRenderer(
         scene, PerspectiveCamera(width=16, height=16), RenderSettings(samples_per_pixel=4)
     )

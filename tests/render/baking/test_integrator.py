@@ -9,7 +9,12 @@ import trimesh
 
 from megalopta.render import RenderSettings, RunningMean, SceneRenderer
 from megalopta.render.baking import light as bake
-from megalopta.render.baking.choice import cost_reason, path_tracing_reason, samples_of_pixel
+from megalopta.render.baking.choice import (
+    Scatter,
+    cost_reason,
+    path_tracing_reason,
+    samples_of_pixel,
+)
 from megalopta.render.baking.gathering import Gatherer
 from megalopta.render.baking.visibility import views
 from megalopta.scenes import PerspectiveCamera, Trajectory
@@ -201,10 +206,13 @@ def test_paths_are_traced_where_baking_is_not_asked_for_or_cannot_pay(ground):
     )
     # 10,000 samples of each: the look alone would take longer
     assert "too few" in reason(still, pixels=24**2)
-    # The path tracer's work at equal error: 2.1 r + 1.3 = 8.5, rays per sample.
-    one_pass = RenderSettings()
-    assert cost_reason(342, 100, one_pass) == ""
-    assert "baking would take 100% of the work" in cost_reason(343, 100, one_pass)
+    # 25 samples and baked light have an error of 10.2 %, for which paths would take 2384 samples:
+    # 1.7 r + 0.7 · 25 = 1.5 · 2384 for each pixel.
+    scatter = Scatter(0.5, 5.0)
+    assert cost_reason(2093, 1, scatter, RenderSettings()) == ""
+    too_many = cost_reason(2095, 1, scatter, RenderSettings())
+    assert too_many.startswith("baking would take 100% of the work of path tracing")
+    assert "to the same error of 10.2%" in too_many
     assert "vectorized" in reason(still, "scalar_spectral", integrator="baked")
     assert "no surface" in reason(dataclasses.replace(still, placements=()))
 
@@ -214,14 +222,13 @@ def test_samples_that_a_target_error_takes_decide_whether_light_is_baked(ground)
     few = RenderSettings(target_error=0.1)
     assert path_tracing_reason(still, "llvm_ad_spectral", np.zeros((4, 4, 4)), few, 80**2) == ""
     # Samples have 0.1² - 0.022² of the squared error, so 0.5² takes 26.3 of them: two passes of 25.
-    assert samples_of_pixel(few, 0.5) == 50
-    assert samples_of_pixel(few, 1.0) == 125
-    assert samples_of_pixel(few, 9.0) == 16 * 25
-    assert samples_of_pixel(RenderSettings(), 9.0) == 25
-    # What is traced to 3 %: 2.1 r + 1.3 = 5 · 4 · (1 - 0.5²), rays per sample. (0.022 > 0.03 / 2)
-    close = RenderSettings(target_error=0.03)
-    assert cost_reason(652, 100, close) == ""
-    assert "baking would take 100% of the work" in cost_reason(653, 100, close)
+    for error, samples in ((0.5, 50), (1.0, 125), (9.0, 16 * 25)):
+        assert samples_of_pixel(few, Scatter(error, 9.0)) == samples
+    assert samples_of_pixel(RenderSettings(), Scatter(9.0, 9.0)) == 25
+    # 50 samples and baked light reach 7.4 %, for which paths would take 4559 samples:
+    # 1.7 r + 0.7 · 50 = 1.5 · 4559 for each pixel.
+    assert cost_reason(4001, 1, Scatter(0.5, 5.0), few) == ""
+    assert "100% of the work" in cost_reason(4003, 1, Scatter(0.5, 5.0), few)
     # 4 frames of 2 passes: a look would take more work than tracing them.
     hurried = RenderSettings(target_error=0.1, max_passes=2)
     assert "too few" in path_tracing_reason(

@@ -1,0 +1,212 @@
+"""Light of the surfaces that rays see, in bands: textures, the sun's disc, and the sky."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from megalopta.core.arrays import Floats
+from megalopta.render import Bands, dr, mi
+from megalopta.render.loading.materials import bitmap
+from megalopta.render.loading.meshes import MergedMesh
+from megalopta.render.loading.scene import DISC_POINTS
+from megalopta.render.loading.sky import SkyPatterns, uneven_sky
+from megalopta.render.scattering import WAVELENGTHS, Scattering, scattered
+from megalopta.scenes.scene import Lighting, Scene, Sun
+from megalopta.scenes.spectra.color import band_means
+
+# Wavelengths per band mean.
+_GRID = 2**10
+_BELOW_ONE = 1 - 2**-24
+
+
+@dataclass(frozen=True)
+class Sight:
+    """Surfaces seen by N rays, in Mitsuba's types."""
+
+    point: Any
+    front: Any
+    """True where the ray meets the front side."""
+    shaded: Any
+    """True where a surface was hit that does not emit: where `mesh` is valid."""
+    mesh: Any
+    """Index of the mesh, as loaded."""
+
+
+def side_of(sight: Sight, through: Any) -> Any:
+    """Row of meshes and their two sides: the first for reflected light."""
+    return 2 * sight.mesh + dr.select(through, mi.UInt(1), mi.UInt(0))
+
+
+class Table:
+    """Values (rows, 2 spectra, B bands, places in a band or 1) on Mitsuba's device."""
+
+    def __init__(self, values: Floats, bands: int) -> None:
+        self._values, self._bands = mi.Float(values.astype(np.float32).ravel()), bands
+        self._places = values.shape[-1] if values.ndim > 4 else 1
+
+    def read(self, row: Any, weight: Any, active: Any, place: Any = 0) -> list[Any]:
+        """Value of each band in rows, between both spectra by the weight of a texture."""
+
+        def of_spectrum(number: int, band: int) -> Any:
+            column = (2 * row + number) * self._bands + band
+            return dr.gather(mi.Float, self._values, column * self._places + place, active)
+
+        ends = ((of_spectrum(0, band), of_spectrum(1, band)) for band in range(self._bands))
+        return [dr.lerp(first, second, weight) for first, second in ends]
+
+
+class Textures:
+    """Weights of the second spectrum on all meshes."""
+
+    def __init__(self, scene: Scene, meshes: Sequence[MergedMesh]) -> None:
+        textures = [scene.materials[mesh.material].texture for mesh in meshes]
+        weights = {id(each.weight): each.weight for each in textures if each}
+        place = {key: index for index, key in enumerate(weights)}
+        plain = len(weights)
+        self._texture = mi.UInt([place[id(each.weight)] if each else plain for each in textures])
+        loaded = [mi.load_dict(bitmap(weight)) for weight in weights.values()]
+        self._weights = [texture.eval_1 for texture in loaded]
+        self._weights.append(lambda _point, _active: mi.Float(0.0))
+
+    def weight(self, sight: Sight) -> Any:
+        """Weight (N,) at the points seen by rays."""
+        texture = dr.gather(mi.UInt, self._texture, sight.mesh, sight.shaded)
+        return dr.switch(texture, self._weights, sight.point, sight.shaded)
+
+
+class SunLight:
+    """Direct light from the disc of sun or moon, also through a surface."""
+
+    def __init__(
+        self, scene: Scene, meshes: Sequence[MergedMesh], sun: Sun, bands_nm: Bands
+    ) -> None:
+        self._bands = len(bands_nm)
+        self._center = mi.Vector3f(*sun.direction)
+        dr.make_opaque(self._center)
+        self._points = mi.Float(sun.points(DISC_POINTS).astype(np.float32).ravel())
+        grids = [np.linspace(*band, _GRID) for band in bands_nm]
+        table = [
+            [np.mean(spectrum(grid) * sun.irradiance(grid)) / np.pi for grid in grids]
+            for mesh in meshes
+            for spectrum in scattered(scene.materials[mesh.material])
+        ]
+        self._transmits = mi.Bool([scene.materials[mesh.material].transmits for mesh in meshes])
+        self._facing = Table(np.array(table), self._bands)
+
+    def radiance(self, loaded: Any, sight: Sight, weight: Any, disc: Any) -> list[Any]:
+        """Radiance of each band from the points seen by rays toward the rays' origins.
+
+        `disc` (N,), 0 to 1, selects the point of the disc for the visibility test. The disc is so
+        small that its center gives the angle for all of it.
+        """
+        cosine = dr.dot(sight.point.sh_frame.n, self._center)
+        through = (cosine > 0) != sight.front
+        place = dr.minimum(mi.UInt(disc * DISC_POINTS), DISC_POINTS - 1)
+        toward = dr.gather(mi.Vector3f, self._points, place)
+        lit = sight.shaded & (cosine != 0)
+        lit &= ~through | dr.gather(mi.Bool, self._transmits, sight.mesh, lit)
+        lit &= ~loaded.ray_test(sight.point.spawn_ray(toward), lit)
+        cosine = dr.select(lit, dr.abs(cosine), 0.0)
+        return [cosine * x for x in self._facing.read(side_of(sight, through), weight, lit)]
+
+
+def leaving(point: Any, front: Any, share: Any, sample: Any) -> tuple[Any, Any]:
+    """Cosine-distributed rays from points on the front or back of surfaces.
+
+    A share of them leaves from the other side; returns also True for these.
+    """
+    x, y = sample
+    through = x < share
+    x = dr.minimum(dr.select(through, x / share, (x - share) / (1 - share)), _BELOW_ONE)
+    upward = point.sh_frame.to_world(mi.warp.square_to_cosine_hemisphere(mi.Point2f(x, y)))
+    side = dr.select(front != through, 1.0, -1.0)
+    return point.spawn_ray(side * upward), through
+
+
+class Bounces:
+    """Rays along which light arrives at the surfaces seen, on both sides of translucent ones."""
+
+    def __init__(self, scattering: Scattering, bands: int) -> None:
+        self._through = mi.Float(scattering.through.astype(np.float32))
+        self._scattered = Table(scattering.of_rays(), bands)
+
+    def rays(self, sight: Sight, sample: Any) -> tuple[Any, Any]:
+        """Cosine-distributed rays for two random numbers each, and True for transmitted light."""
+        return leaving(sight.point, sight.front, self._share(sight), sample)
+
+    def density(self, sight: Sight, directions: Any) -> tuple[Any, Any]:
+        """Probability density of directions per solid angle, and True for transmitted light."""
+        cosine = dr.dot(sight.point.sh_frame.n, directions)
+        through, share = (cosine > 0) != sight.front, self._share(sight)
+        return dr.abs(cosine) / dr.pi * dr.select(through, share, 1 - share), through
+
+    def reflected(
+        self, sight: Sight, through: Any, weight: Any, place: Any, arriving: list[Any]
+    ) -> list[Any]:
+        """Radiance of each band due to light that arrives at a place, 0 to 1, in the band."""
+        step = dr.minimum(mi.UInt(place * WAVELENGTHS), WAVELENGTHS - 1)
+        shares = self._scattered.read(side_of(sight, through), weight, sight.shaded, step)
+        return [light * share for light, share in zip(arriving, shares, strict=True)]
+
+    def _share(self, sight: Sight) -> Any:
+        return dr.gather(mi.Float, self._through, sight.mesh, sight.shaded)
+
+
+class SkyLight:
+    """Light of the sky, seen directly or from a surface along one ray.
+
+    If the sky has patterns, half of the rays go where it is bright; both kinds count by the balance
+    heuristic (Veach, 1997).
+    """
+
+    def __init__(
+        self, lighting: Lighting, scattering: Scattering, bounces: Bounces, bands_nm: Bands
+    ) -> None:
+        skies = [lighting.sky, *(each.radiance for each in lighting.patterns)]
+        self._bands, self._skies, self._bounces = len(bands_nm), len(skies), bounces
+        self._patterns = SkyPatterns(lighting.patterns)
+        self._bright = uneven_sky(lighting) if lighting.patterns else None
+        self._emitted = mi.Float(band_means(skies, bands_nm).astype(np.float32).ravel())
+        # (M, 2 sides, S, 2 spectra · B)
+        self._under = Table(scattering.under(skies), self._bands)
+
+    def emitted(self, directions: Any, active: Any) -> list[Any]:
+        """Radiance of each band from directions."""
+        values = self._values(directions, active)
+        return [
+            sum(
+                value * dr.gather(mi.Float, self._emitted, sky * self._bands + band, active)
+                for sky, value in enumerate(values)
+            )
+            for band in range(self._bands)
+        ]
+
+    def radiance(self, scene: Any, sight: Sight, weight: Any, sampler: Any) -> list[Any]:
+        """Radiance of each band from the points seen, due to light from the sky that meets them."""
+        rays, through, count = self._rays(sight, sampler)
+        free = sight.shaded & ~scene.ray_test(rays, sight.shaded)
+        values = self._values(rays.d, free)
+        light = [mi.Float(0.0)] * self._bands
+        for sky, value in enumerate(values):
+            row = side_of(sight, through) * self._skies + sky
+            shares = self._under.read(row, weight, free)
+            light = [a + count * value * b for a, b in zip(light, shares, strict=True)]
+        return light
+
+    def _rays(self, sight: Sight, sampler: Any) -> tuple[Any, Any, Any]:
+        """Rays, True for transmitted light, and what each counts."""
+        spread, through = self._bounces.rays(sight, sampler.next_2d())
+        if self._bright is None:
+            return spread, through, mi.Float(1.0)
+        found, _ = self._bright.sample_direction(sight.point, sampler.next_2d(), sight.shaded)
+        aimed = sampler.next_1d() < 0.5
+        toward = dr.select(aimed, found.d, spread.d)
+        density, through = self._bounces.density(sight, toward)
+        both = (density + self._bright.chance(toward, sight.shaded)) / 2
+        return sight.point.spawn_ray(toward), through, dr.select(both > 0, density / both, 0.0)
+
+    def _values(self, directions: Any, active: Any) -> list[Any]:
+        values = [mi.Float(1.0), *self._patterns.toward(directions, active)]
+        return [dr.select(active, value, 0.0) for value in values]
