@@ -18,11 +18,12 @@ extensions = [
     "sphinx_gallery.gen_gallery",
     "mathml",
     "pydantic_fields",
-    "rooms",
+    "packages",
+    "notebook",
     "keyboard",
 ]
 default_role = "py:obj"
-exclude_patterns = ["gallery", "example_device", "extensions"]
+exclude_patterns = ["gallery", "example_device", "extensions", "generated/gallery/*.ipynb"]
 templates_path = []
 
 myst_enable_extensions = ["colon_fence", "dollarmath", "deflist"]
@@ -57,4 +58,5 @@ sphinx_gallery_conf = {
     "write_computation_times": False,
     "remove_config_comments": True,
     "abort_on_example_error": True,
+    "reset_modules": ("matplotlib", "palette.use_palette"),
 }

@@ -14,7 +14,7 @@ from megalopta.sensor import changed, expose, photon_rate, preset
 SEED = 1
 FRAMES, SIZE_PX = 12, 32
 
-# What stands where, what lights it, who looks at it
+# Scene, light and camera
 forest = Forest(trees=20, seed=SEED)
 dusk = Light(level="twilight")
 camera = PerspectiveCamera(width=SIZE_PX, height=SIZE_PX, fov_deg=75)

@@ -6,7 +6,7 @@ have. Paths of equal seeds start alike, so few longer ones are enough to measure
 
 import math
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +25,7 @@ from megalopta.render.split_paths import SplitPaths
 from megalopta.render.surveys import LightMeter, LightSurvey
 from megalopta.scenes.cameras.base import Camera
 
-Integrator = PathIntegrator | SplitPaths | BakedLightIntegrator
+Integrator: TypeAlias = PathIntegrator | SplitPaths | BakedLightIntegrator
 
 _MORE_HITS = 32
 """Leaves at 0.8 to 1.3 µm are the brightest surfaces: for these, 16 hits miss a thousandth."""

@@ -1,8 +1,8 @@
 """Event streams: the time and place of every avalanche.
 
 The histogram over the pixels agrees in distribution with the frames of `expose`. By default the
-array is reset between frames. With `free_running`, dead times and trapped carriers carry over from
-one frame to the next.
+array is reset between frames. In a continuous array, dead times and trapped carriers carry over
+from one frame to the next.
 
 Source: dissertation §2.3.5.
 """

@@ -15,8 +15,8 @@ Every frame has its own random streams, named by seed, sequence and frame number
 thus depend neither on other frames drawn with it, nor on the number of threads. Independent draws,
 such as those of two light levels, need different names for `sequence`. Counts, events and bits are
 drawn from different streams: they agree in distribution, not count by count. For an array with
-memory that is not reset between frames (`free_running`), they are drawn avalanche by avalanche from
-the same streams, and are the same events.
+memory that is not reset between frames, they are drawn avalanche by avalanche from the same
+streams, and are the same events.
 """
 
 import math

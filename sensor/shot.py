@@ -85,9 +85,8 @@ class Shot:
             reading = expose_rate(
                 self._detections_hz,
                 self.sensor,
-                **self._named,
+                **self._continuing("counts"),
                 first_frame=self.first_frame,
-                free_running=self._array("counts"),
             )
             if not is_stated:
                 return reading
@@ -114,6 +113,9 @@ class Shot:
             "sequence": self.sequence,
             "frame_period_s": self.frame_period_s,
         }
+
+    def _continuing(self, kind: str) -> dict[str, Any]:
+        return {**self._named, "free_running": self._array(kind)}
 
     @cached_property
     def _detections_hz(self) -> Floats:
@@ -169,25 +171,18 @@ class Shot:
             If a frame has more events than fit into memory.
         """
         self.check_events()
-        array = self._array("events")
+        state = self._continuing("events")
         for index, rate in enumerate(self._detections_hz):
             frame = self.first_frame + index
-            yield expose_events(
-                rate[np.newaxis],
-                self._spad,
-                **self._named,
-                first_frame=frame,
-                free_running=array,
-            )
+            yield expose_events(rate[np.newaxis], self._spad, **state, first_frame=frame)
 
     def bits(self) -> NDArray[np.uint8]:
         """Draw packed binary frames, (T, H, ceil(W/8))."""
         return expose_binary(
             self._detections_hz,
             self._spad,
-            **self._named,
+            **self._continuing("bits"),
             first_frame=self.first_frame,
-            free_running=self._array("bits"),
         )
 
     def burst(self) -> Iterator[NDArray[np.uint8]]:

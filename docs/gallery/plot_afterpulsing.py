@@ -3,7 +3,8 @@ Afterpulses add counts, and more noise than counts
 ==================================================
 
 With a mean of p carriers trapped by an avalanche, long exposures have 1/(1 − p) times the counts
-and 1/(1 − p)³ times the variance (lines; simulated: points). Theory: :doc:`/theory/avalanches`.
+and 1/(1 − p)³ times the variance. Points are simulated, lines are exact. Theory:
+:doc:`/theory/avalanches`.
 """
 
 import matplotlib.pyplot as plt
@@ -25,9 +26,10 @@ for p in traps:
 
 fine = np.linspace(0, 0.5, 100)
 for values, power, name in ((mean, 1, "mean"), (variance, 3, "variance")):
-    (points,) = plt.semilogy(traps, values, "o", label=f"{name} over primaries")
+    (points,) = plt.semilogy(traps, values, "o", label=name)
     plt.semilogy(fine, (1 - fine) ** -power, color=points.get_color())
-plt.xlabel("carriers that an avalanche traps, p")
+plt.xlabel("mean carriers trapped by an avalanche, p")
+plt.ylabel("ratio to the primary counts")
 plt.yticks([1, 2, 4, 8], ["1", "2", "4", "8"])
 plt.minorticks_off()
 plt.legend()

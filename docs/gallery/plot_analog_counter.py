@@ -1,10 +1,9 @@
 """
-An analog counter fills up
-==========================
+An analog counter saturates
+===========================
 
-Readings of a counter that takes a step of 10 mV an event off a swing of 3.2 V: true events below,
-what is read above. Full pixels are flagged, never passed off as measured. Theory:
-:doc:`/theory/counters`.
+Readings of a counter with steps of 10 mV per event and a swing of 3.2 V. Gray points are readings
+of single pixels. Saturated pixels are flagged. Theory: :doc:`/theory/counters`.
 """
 
 import matplotlib.pyplot as plt
@@ -22,8 +21,10 @@ exposure = expose_rate(light, sensor, seed=0, sequence="ramp")
 events = rates_hz * sensor.exposure_s
 plt.plot(events, exposure.counts.reshape(41, -1), ".", color="gray", ms=2)
 plt.plot(events, exposure.counts.mean(axis=(1, 2)), label="mean reading")
-plt.plot(events, events, ":", label="what arrived")
-plt.plot(events, 100 * exposure.saturated.mean(axis=(1, 2)), label="flagged as full (%)")
+plt.plot(events, events, ":", color="black", label="arrivals")
+plt.plot(
+    events, 100 * exposure.saturated.mean(axis=(1, 2)), label="flagged as saturated (% of pixels)"
+)
 plt.xlabel("mean arrivals in 10 ms")
 plt.ylabel("reading (counts)")
 plt.legend()

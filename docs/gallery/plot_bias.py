@@ -2,8 +2,8 @@
 The best bias is not the highest
 ================================
 
-Counts of light and of the dark over the excess bias, simulated (points) and by their laws (lines).
-Both rise; light over dark is largest at the dashed bias, whatever the light. Theory:
+Count rates of light and of dark counts over the excess bias. Points are simulated, lines are in
+closed form. Both rise; their ratio is largest at the dashed bias, at any light. Theory:
 :doc:`/theory/device`.
 """
 
@@ -34,7 +34,7 @@ plt.semilogy(volts, of_light * efficiency, label="light")
 plt.semilogy(volts, 2e12 * sensor.active_area_m2 * np.exp((volts - 1) / 0.3), label="dark counts")
 plt.gca().set_prop_cycle(None)
 plt.semilogy(volts, rates, "o")
-plt.axvline(best_excess_bias(sensor.bias), color="gray", ls="--")
-plt.gca().set(xlabel="excess bias (V)", ylabel="counts (Hz)")
+plt.axvline(best_excess_bias(sensor.bias), color="gray", ls="--", label="best bias")
+plt.gca().set(xlabel="excess bias (V)", ylabel="count rate (Hz)")
 plt.legend()
 plt.show()

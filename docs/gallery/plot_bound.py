@@ -1,10 +1,10 @@
 """
-How far methods are from the Poisson bound
+Distance of methods from the Poisson bound
 ==========================================
 
-Scatter of the velocities of blocks of one texture that moves 1.5 px a frame, over the photons of a
-frame, beside the least that photon noise allows an unbiased method with the photons of the block
-alone (smoothing, as in PM, gathers some from around it). Explanation:
+Median error of the velocities of blocks over the photons of a frame; the texture moves by 1.5 px
+per frame. The dashed line is the least error that photon noise allows an unbiased method that uses
+the block's own photons. PM smooths over neighboring blocks, so it can be below. Explanation:
 :doc:`/explanation/poisson-bound`.
 """
 
@@ -21,13 +21,13 @@ pair = np.stack([texture, shift(texture, (0, 1.5), order=5, mode="grid-wrap")]).
 pair /= pair[0].sum()
 fluxes = np.geomspace(1e4, 1e7, 7)
 
-for name in ("PM", "LK", "BM"):
+for name, marker in zip(("PM", "LK", "BM"), "os^", strict=True):
     errors = []
     for flux in fluxes:
         draws = rng.poisson(flux * pair, (6, *pair.shape)).astype(float)
         found = [METHODS[name].respond(draw)[0, 2:-2, 2:-2, 0] for draw in draws]
         errors.append(np.nanmedian(np.abs(np.array(found) - 1.5)))
-    plt.loglog(fluxes, np.maximum(errors, 1e-3), "o-", label=name)
+    plt.loglog(fluxes, np.maximum(errors, 1e-3), f"{marker}-", label=name)
 information = fisher_information(pair[0], block_grid((120, 120)))[2:-2, 2:-2]  # of one photon
 variance = np.median(cramer_rao_covariance(information)[..., 0, 0])
 least = 0.6745 * np.sqrt(variance / fluxes)  # the median of normal errors

@@ -2,9 +2,9 @@
 The camera's turn from two frames and from eight
 ================================================
 
-A camera that sees all around turns by 1.7° per frame. Its most likely motion is asked of the
-counts of two frames and of eight; in theory their errors differ by √84. Theory:
-:doc:`/theory/camera-motion`.
+A camera that sees all around turns by 1.7° per frame. The most likely motion is estimated from the
+counts of two frames and of eight; in theory the errors differ by √84. Errors are root mean squares
+of five draws. Theory: :doc:`/theory/camera-motion`.
 """
 
 import matplotlib.pyplot as plt
@@ -20,13 +20,13 @@ light = 1 + 0.4 * np.array([np.sin(7 * each + y / 5) + np.sin(4 * each - y / 3) 
 
 rng, photons = np.random.default_rng(0), [3, 10, 30, 100]
 figure, axes = plt.subplots()
-for frames in (2, 8):
+for frames, marker in ((2, "o"), (8, "s")):
     errors_deg = []
     for level in photons:
         drawn = [rng.poisson(level * light[:frames]) for _ in range(5)]
         turns = [likely_camera_motion(counts, camera).rotation_deg[1] for counts in drawn]
         errors_deg.append(np.sqrt(np.mean(np.subtract(turns, turn_deg) ** 2)))
-    axes.loglog(photons, errors_deg, "o-", label=f"{frames} frames")
+    axes.loglog(photons, errors_deg, f"{marker}-", label=f"{frames} frames")
 axes.set(xlabel="photons per pixel and frame", ylabel="error of the turn (° per frame)")
 axes.legend()
 plt.show()

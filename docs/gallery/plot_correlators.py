@@ -1,10 +1,10 @@
 """
-What correlation detectors answer to
-====================================
+What correlation detectors respond to
+=====================================
 
-Mean responses of NDM and NDS to a moving sinusoid over temporal frequency: run on frames (points)
-and in closed form (lines). They answer to temporal frequency and contrast, not to speed. Theory:
-:doc:`/theory/correlators`.
+Mean responses of NDM and NDS to a moving sinusoid over its temporal frequency. Points come from
+frames, lines from the closed form. The detectors respond to temporal frequency and contrast, not to
+speed. Theory: :doc:`/theory/correlators`.
 """
 
 import matplotlib.pyplot as plt

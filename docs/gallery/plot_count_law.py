@@ -1,8 +1,8 @@
 """
-Dead time makes counts quieter than Poisson
-===========================================
+Dead time narrows the distribution of counts
+============================================
 
-The law of the counts of a non-paralyzable pixel, event by event (steps) and exact (points): an
+Distribution of the counts of a non-paralyzable pixel: simulated (steps) and exact (points), an
 incomplete gamma function. Its variance is far below its mean. Theory: :doc:`/theory/dead-time`.
 """
 
@@ -23,10 +23,10 @@ left = np.maximum(RATE_HZ * (EXPOSURE_S - (n - 1) * DEAD_TIME_S), 0)
 at_least = np.where(n == 0, 1, gammainc(np.maximum(n, 1), left))
 exact = at_least - np.append(at_least[1:], 0)
 
-plt.step(n, np.bincount(counts, minlength=60) / counts.size, where="mid", label="event by event")
-plt.plot(n, exact, "o", ms=4, label="exact law")
-plt.plot(n, poisson.pmf(n, exact @ n), ":", label="Poisson of the same mean")
-plt.xlabel("counts of an exposure")
+plt.step(n, np.bincount(counts, minlength=60) / counts.size, where="mid", label="simulated")
+plt.plot(n, exact, "o", ms=4, label="exact")
+plt.plot(n, poisson.pmf(n, exact @ n), "k:", label="Poisson, same mean")
+plt.xlabel("counts in an exposure of 20 µs")
 plt.ylabel("probability")
 plt.legend()
 plt.show()

@@ -1,9 +1,9 @@
 """
-Crosstalk: one lit pixel lights others
-======================================
+Crosstalk from one lit pixel
+============================
 
-One pixel of an otherwise dark array is lit; its avalanches fire neighbors, these others. What each
-pixel counts on average, on a logarithmic scale. Theory: :doc:`/theory/avalanches`.
+One pixel of an otherwise dark array is lit. Its avalanches fire neighbors, which fire theirs. The
+colors are mean counts, on a logarithmic scale. Theory: :doc:`/theory/avalanches`.
 """
 
 import matplotlib.pyplot as plt
@@ -22,7 +22,7 @@ light[:, 7, 7] = 5e6
 counts = expose_rate(light, sensor, seed=0, sequence="one").counts.mean(axis=0)
 
 plt.imshow(np.maximum(counts, 1e-2), norm=LogNorm(1e-2, counts.max()))
-plt.colorbar(label="counts in 1 ms")
+plt.colorbar(label="mean counts in 1 ms")
 plt.xlabel("column")
 plt.ylabel("row")
 plt.show()

@@ -1,9 +1,9 @@
 """
-Noise stays where the dark current goes
-=======================================
+Noise remains where the dark current vanishes
+=============================================
 
-Dark InGaAs pixels over their reverse bias: the mean current falls to nothing at zero bias, its
-noise to twice that of the saturation current. Simulated (points) and by law (lines). Theory:
+Dark InGaAs pixels over their reverse bias. At zero bias the mean current is zero, and the noise is
+that of twice the saturation current. Points are simulated, lines are in closed form. Theory:
 :doc:`/theory/ctia`.
 """
 
@@ -23,7 +23,7 @@ base = changed(
     **dict.fromkeys(("offset_v", "offset_sigma_v", "gain_sigma_db", "dark_sigma"), 0.0),
 )
 to_electrons = base.capacitance_f / e
-for number, what in enumerate(("mean", "variance")):
+for number, what in enumerate(("mean (e⁻)", "variance (e⁻²)")):
     found = []
     for bias_v in biases_v:
         sensor = changed(base, bias={"kind": "fixed", "reverse_bias_v": bias_v})
@@ -34,6 +34,6 @@ for number, what in enumerate(("mean", "variance")):
     plt.plot(1e3 * biases_v, law, label=what)
     plt.plot(1e3 * biases_v, found, f"C{number}o")
 plt.xlabel("reverse bias (mV)")
-plt.ylabel("dark electrons in 10 ms")
+plt.ylabel("dark charge in 10 ms")
 plt.legend()
 plt.show()

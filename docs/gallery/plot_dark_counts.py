@@ -2,8 +2,8 @@
 Dark counts: a quiet bulk, and hot pixels
 =========================================
 
-Dark count rates of the pixels of one simulated SPADCAM, drawn once and the same in every frame.
-Theory: :doc:`/theory/device`.
+Dark count rates of one simulated SPADCAM, constant from frame to frame: 32 × 32 of its pixels, and
+the histogram of all. Theory: :doc:`/theory/device`.
 """
 
 import matplotlib.pyplot as plt
@@ -18,7 +18,8 @@ rates_hz = density_hz_um2 * sensor.active_area_m2 * 1e12
 
 figure, (image, histogram) = plt.subplots(1, 2, figsize=(9, 3.5), layout="constrained")
 shown = image.imshow(rates_hz[:32, :32])
-figure.colorbar(shown, ax=image, label="Hz")
+figure.colorbar(shown, ax=image, label="dark counts (Hz)")
+image.set(xlabel="column", ylabel="row")
 histogram.hist(rates_hz.ravel(), np.geomspace(20, 4000, 60))
 histogram.set_xscale("log")
 histogram.set_xlabel("dark counts (Hz)")

@@ -1,9 +1,10 @@
 """
-Five bits: full, or around the clock
-====================================
+A counter of five bits saturates or wraps
+=========================================
 
-Mean readings of a counter of 31 events that stays full or starts again at zero, over the events
-that arrive: simulated (points), sums over Poisson's law (lines). Theory: :doc:`/theory/counters`.
+Mean reading of a counter with a capacity of 31 over the mean number of events. It saturates, or
+starts again at zero. Points are simulated, lines are sums over the Poisson distribution. Theory:
+:doc:`/theory/counters`.
 """
 
 import matplotlib.pyplot as plt
@@ -16,8 +17,8 @@ CAPACITY = 31
 means = np.linspace(1, 90, 24)
 fine = np.linspace(0.5, 90, 200)
 n = np.arange(250)
-laws = {"saturate": np.minimum(n, CAPACITY), "wrap": n % (CAPACITY + 1)}
-for overflow, read in laws.items():
+readings = {"saturate": np.minimum(n, CAPACITY), "wrap": n % (CAPACITY + 1)}
+for overflow, read in readings.items():
     sensor = changed(
         preset("ideal"), exposure_s=1e-3, counter={"capacity": CAPACITY, "overflow": overflow}
     )
@@ -25,7 +26,7 @@ for overflow, read in laws.items():
     counts = expose_rate(light, sensor, seed=0, sequence=overflow).counts.mean(axis=(1, 2))
     (line,) = plt.plot(fine, poisson.pmf(n, fine[:, None]) @ read, label=overflow)
     plt.plot(means, counts, "o", color=line.get_color())
-plt.xlabel("mean events of an exposure")
-plt.ylabel("mean reading")
+plt.xlabel("mean events per exposure")
+plt.ylabel("mean reading (counts)")
 plt.legend()
 plt.show()

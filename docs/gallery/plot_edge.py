@@ -1,11 +1,10 @@
 """
-Truth at an edge
-================
+Ground truth at a depth edge
+============================
 
-A box passes before a wall: its true flow in color, and in white what is hidden in the next frame.
-Flow jumps at the edge, from pixel center to pixel center; ``truth.footprint`` tells what else a
-pixel holds. Explanation:
-:doc:`/explanation/truth-at-edges`.
+A box passes in front of a wall: its true flow (red: to the right), and in white what is hidden in
+the next frame. Flow jumps at the edge from one pixel to the next; ``truth.footprint`` says what
+else a pixel holds. Explanation: :doc:`/explanation/truth-at-edges`.
 """
 
 import matplotlib.pyplot as plt
@@ -30,10 +29,12 @@ scene = build_scene(Grating(), Light(), camera, trajectory, objects=(box,))
 renderer = SceneRenderer(scene, camera, RenderSettings(samples_per_pixel=1))
 truth = renderer.truth(trajectory.poses(), 0, trajectory.times_s)
 
-image = flow_to_rgb(truth.flow_forward, float(np.nanmax(np.abs(truth.flow_forward))))
+fastest = float(np.nanmax(np.abs(truth.flow_forward)))
 figure, axes = plt.subplots(1, 2, figsize=(8, 4), layout="constrained")
-axes[0].imshow(image)
-axes[0].set_title("flow to the next frame")
+axes[0].imshow(flow_to_rgb(truth.flow_forward, fastest))
+axes[0].set_title(f"flow, up to {fastest:.1f} px per frame")
 axes[1].imshow(truth.occluded_forward, cmap="gray")
 axes[1].set_title("hidden in the next frame")
+for axis in axes:
+    axis.set(xlabel="column (px)", ylabel="row (px)")
 plt.show()

@@ -2,9 +2,9 @@
 Efficiency of a band
 ====================
 
-The curve of SPADCAM's photon detection probability, what each rendered band of 100 nm gets
-(points: its mean over the photons of the band), and how many of 40 000 photons on the active area
-are counted (crosses, with dark counts off). Theory: :doc:`/theory/light`.
+SPADCAM's photon detection probability (line), and its mean over the photons of each rendered band
+of 100 nm (bars). Crosses are the share that is counted of 40 000 photons on the active area,
+without dark counts. Theory: :doc:`/theory/light`.
 """
 
 import matplotlib.pyplot as plt
@@ -20,12 +20,12 @@ ideal = changed(preset("ideal"), exposure_s=1e-3)
 light = 4e7 * np.broadcast_to(of_bands[:, None, None], (len(bands_nm), 60, 60))
 counted = expose_rate(light, ideal, seed=0, sequence="bands").counts.mean(axis=(1, 2)) / 4e4
 
-plt.plot(sensor.efficiency.wavelengths_nm, sensor.efficiency.values, label="curve")
+plt.plot(sensor.efficiency.wavelengths_nm, sensor.efficiency.values, label="SPADCAM")
 middle = [np.mean(band) for band in bands_nm]
-plt.errorbar(middle, of_bands, xerr=50, fmt="o", label="of a band")
-plt.plot(middle, counted, "kx", zorder=3, label="counted of 40 000")
+plt.errorbar(middle, of_bands, xerr=50, fmt="o", label="mean of a band")
+plt.plot(middle, counted, "kx", zorder=3, label="simulated")
 plt.xlim(380, 920)
 plt.xlabel("wavelength (nm)")
-plt.ylabel("detection probability")
+plt.ylabel("photon detection probability")
 plt.legend()
 plt.show()

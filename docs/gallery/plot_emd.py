@@ -1,10 +1,11 @@
 """
-A detector that knows the direction
-===================================
+A detector of direction
+=======================
 
-Mean response of EMD to a sinusoid that moves right (positive temporal frequencies) or left, on
-frames (points) and by the gains of its filters (line). It grows with speed up to the corner of its
-filters, then falls: one response stands for two speeds. Theory: :doc:`/theory/correlators`.
+Mean response of EMD to a sinusoid that moves right (positive temporal frequencies) or left. Points
+come from frames, the line from the gains of its filters. The response grows with speed up to the
+corner of the filters, then falls: one response belongs to two speeds. Theory:
+:doc:`/theory/correlators`.
 """
 
 import matplotlib.pyplot as plt
@@ -25,6 +26,7 @@ fine = np.linspace(-3.1, 3.1, 400)
 step, z = detector.model_dump()["filter_step"], np.exp(-1j * fine)
 delay = step / (1 - (1 - step) * z)
 high_pass = (1 - step) * (1 - z) / (1 - (1 - step) * z)
+plt.figure(layout="constrained")
 plt.plot(fine, -(CONTRAST**2) / 4 * np.abs(high_pass) ** 2 * delay.imag * np.sin(PHASE))
 plt.plot(omegas, found, "o")
 plt.axhline(0, color="gray", lw=0.5)

@@ -2,9 +2,9 @@
 A gate, and the jitter of its edges
 ===================================
 
-Times of events, folded at the period of a gate that is open for 20 of 100 ns: sharp without jitter,
-and smeared by a normal distribution of 4 ns with it. Simulated (steps) and exact (lines). Theory:
-:doc:`/theory/dead-time`, :doc:`/theory/avalanches`.
+Times of events modulo the period of a gate that is open for 20 of 100 ns. Without jitter the edges
+are sharp; a normal distribution of 4 ns smears them. Steps are simulated, dotted lines are exact.
+Theory: :doc:`/theory/dead-time`, :doc:`/theory/avalanches`.
 """
 
 import matplotlib.pyplot as plt
@@ -30,7 +30,7 @@ for sigma_s in (0.0, 4e-9):
     )
     spread = max(1e9 * sigma_s, 1e-9)
     plt.plot(fine, (ndtr((fine - 40) / spread) - ndtr((fine - 60) / spread)) / 20, "k:", lw=1)
-plt.xlabel("time within the period of the gate (ns)")
-plt.ylabel("events per ns, of all")
+plt.xlabel("time since the gate's period began (ns)")
+plt.ylabel("share of events (1/ns)")
 plt.legend()
 plt.show()

@@ -1,9 +1,9 @@
 """
-What a lens and a die make of radiance
-======================================
+From radiance to detections
+===========================
 
-Photons detected in a second by a pixel of 30 µm that sees a gray wall, over the f-number: what the
-sensor computes (points), and π·L/(4N² + 1) times area, efficiency and λ/hc (line). Theory:
+Detections per second of a pixel of 30 µm that sees a gray wall, over the f-number: computed by the
+sensor (points), and π·L/(4N² + 1) times area, efficiency and λ/hc (line). Theory:
 :doc:`/theory/light`.
 """
 
@@ -29,6 +29,8 @@ share = 30e-6**2 * 0.4 * ideal.efficiency.values[0]
 plt.loglog(fine, 0.9 * np.pi * photons / (4 * fine**2 + 1) * share, label="in closed form")
 plt.loglog(numbers, found, "o", label="computed")
 plt.xlabel("f-number")
-plt.ylabel("detections (Hz)")
+plt.ylabel("detection rate (Hz)")
+plt.xticks(numbers, [f"{number:g}" for number in numbers])
+plt.minorticks_off()
 plt.legend()
 plt.show()

@@ -1,10 +1,10 @@
 """
-Lights that add
-===============
+Parts of the light at night
+===========================
 
-What an open plane gets on a twilit evening, under a quarter moon and on a moonless night: the sum
-(gray) and its parts. The moon rules what the eye sees, airglow what an InGaAs array sees.
-Theory: :doc:`/theory/outdoor-light`.
+Irradiance of an open plane in twilight, under a quarter moon and on a moonless night: the sum (wide
+gray line) and its parts. The moon dominates visible light, airglow dominates what an InGaAs array
+sees. Theory: :doc:`/theory/outdoor-light`.
 """
 
 import matplotlib.pyplot as plt
@@ -14,8 +14,8 @@ from megalopta.scenes.lighting.levels import LEVELS
 
 grid = np.arange(400, 1701)
 figure, axes = plt.subplots(1, 3, figsize=(11, 3.8), sharey=True, layout="constrained")
-colors = {"twilight": "tab:red", "moon": "tab:orange", "moonlit sky": "tab:blue"}
-colors |= {"airglow": "tab:green", "starlight": "tab:purple"}
+parts = ("twilight", "moon", "moonlit sky", "airglow", "starlight")
+colors = {name: f"C{number}" for number, name in enumerate(parts)}
 for axis, name in zip(axes, ("twilight", "quarter_moon", "starlight"), strict=True):
     level = LEVELS[name]
     axis.semilogy(grid, level.spectrum()(grid), color="black", linewidth=3, alpha=0.3)

@@ -1,9 +1,11 @@
 """
-Motion of a whole frame at three photons per pixel
-==================================================
+Flow of a whole frame at three photons per pixel
+================================================
 
-A disk moves over a ground that moves otherwise: counts, and what Poisson flow (PF), DIS and Poisson
-matching of blocks (PM) make of two frames of them. Theory: :doc:`/theory/whole-frame-flow`.
+A disk moves in front of a background that moves differently: photon counts, the true flow, and the
+flow that Poisson flow (PF), DIS and Poisson block matching (PM) estimate from two frames. Hue is
+direction (red: to the right), the pure color 1.5 px per frame. Theory:
+:doc:`/theory/whole-frame-flow`.
 """
 
 from typing import Any
@@ -25,16 +27,19 @@ counts = rng.poisson(3 * light / light.mean()).astype(float)
 methods: dict[str, Any] = dict(METHODS)
 blocks = methods["PM"].respond(counts)[0]
 flows = {
-    "true motion": scene.flow(shape, 0.0),
+    "true flow": scene.flow(shape, 0.0),
     "PF": methods["PF"].dense(*counts),
     "DIS": methods["DIS"].dense(*counts),
     "PM, by blocks": zoom(blocks, (168 / len(blocks), 168 / blocks.shape[1], 1), order=0),
 }
 
 figure, axes = plt.subplots(1, 5, figsize=(12, 2.8), layout="constrained")
-axes[0].imshow(counts[0], cmap="gray", vmax=10)
+image = axes[0].imshow(counts[0], cmap="gray", vmax=10)
+figure.colorbar(image, ax=axes[0], label="photons", location="left", shrink=0.7)
 axes[0].set_title("counts")
 for axis, (name, flow) in zip(axes[1:], flows.items(), strict=True):
     axis.imshow(flow_to_rgb(flow, 1.5))
     axis.set_title(name)
+for axis in axes:
+    axis.set_axis_off()
 plt.show()

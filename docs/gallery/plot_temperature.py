@@ -1,9 +1,9 @@
 """
-Cooling by thirty kelvin
-========================
+Cooling lowers dark counts
+==========================
 
-Dark counts double every few kelvin: simulated medians over the pixels of SPADCAM (points), and the
-law (lines) with doubling every 8, 9 and 10 K. Theory: :doc:`/theory/device`.
+Dark counts of SPADCAM over temperature, which double every 8, 9 or 10 K. Points are simulated
+medians over the pixels, lines are exponentials. Theory: :doc:`/theory/device`.
 """
 
 import matplotlib.pyplot as plt
@@ -13,7 +13,7 @@ from megalopta.sensor import changed, expose_rate, preset
 
 celsius = np.arange(-20, 41, 10)
 dark = np.zeros((20, 48, 48))
-for doubling_k in (8, 9, 10):
+for doubling_k, marker in ((8, "o"), (9, "s"), (10, "^")):
     found = []
     for degrees in celsius:
         sensor = changed(
@@ -25,10 +25,10 @@ for doubling_k in (8, 9, 10):
         counts = expose_rate(dark, sensor, seed=0, sequence="dark").counts
         found.append(np.median(counts.mean(axis=0)) / 0.2)
     at_reference = found[np.flatnonzero(celsius == 20)[0]]
-    law = at_reference * 2 ** ((celsius - 20) / doubling_k)
-    (line,) = plt.semilogy(celsius, law, label=f"twice in {doubling_k} K")
-    plt.semilogy(celsius, found, "o", color=line.get_color())
+    doubled = at_reference * 2 ** ((celsius - 20) / doubling_k)
+    (line,) = plt.semilogy(celsius, doubled, label=f"doubles every {doubling_k} K")
+    plt.semilogy(celsius, found, marker, color=line.get_color())
 plt.xlabel("temperature (°C)")
-plt.ylabel("dark counts of a pixel, median (Hz)")
+plt.ylabel("median dark counts (Hz)")
 plt.legend()
 plt.show()

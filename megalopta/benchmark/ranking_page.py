@@ -30,7 +30,8 @@ from megalopta.scenes.lighting.levels import LEVELS, illuminance_of
 
 _LUX = np.logspace(-4, 5, 91)
 _EXPOSURES_S = np.logspace(-4, 0, 41)
-_WHITE = 1.0
+_INK, _BLANK = "#1b1b1b", (0.0, 0.0, 0.0, 0.0)
+"""Text on colors, which is the same on light and dark pages; color where nothing is measured"""
 _KINDS = PALETTE[:3]
 
 
@@ -90,14 +91,15 @@ def pooling_grid(ranking: Ranking) -> Markup:
     size = (max(4.5, 1.2 + 1.5 * len(poolings)), 1 + 0.55 * len(fluxes))
     figure = Figure(figsize=size, layout="constrained")
     axes = figure.add_subplot()
-    colors = np.ones((len(fluxes), len(poolings), 3))
+    colors = np.full((len(fluxes), len(poolings), 4), _BLANK)
     for row, column in np.ndindex(len(fluxes), len(poolings)):
         case = poolings[column], fluxes[row], "all"
         best = ranking.best_of(*case)
         if best and (error := ranking.error_of(*case, best.method)):
             colors[row, column] = _shade(best)
+            ink = _INK if colors[row, column, :3].mean() > 0.4 else "white"
             text = f"{best.method}\n{error.value:.2g} px"
-            axes.text(column, row, text, ha="center", va="center", fontsize=9.5, color=BLACK)
+            axes.text(column, row, text, ha="center", va="center", fontsize=9.5, color=ink)
     axes.imshow(colors, aspect="auto", origin="lower")
     axes.set_xticks(range(len(poolings)), [str(each).replace(", ", "\n") for each in poolings])
     axes.set_yticks(range(len(fluxes)), [number(flux) for flux in fluxes])
@@ -144,9 +146,7 @@ def flow_fields(
                 axes.imshow(flow_to_rgb(flows[column], speed), interpolation="nearest")
             else:
                 axes.set_axis_off()
-            if row == 0 and column == 0:
-                axes.set_title("truth")
-            elif row == 1:
+            if row == 1:
                 axes.set_title(f"{number(fluxes[column])} photons", fontsize=10)
         panels[row, 0].set_ylabel(name)
     return to_svg(figure, "fields", "Flow of one pair of frames: truth, and methods over photons")
@@ -196,7 +196,7 @@ def _ratios(axes: Axes, ranking: Ranking, flux: float, group: str, place: int) -
 def _panel(axes: Axes, ranking: Ranking, group: str) -> dict[str, None]:
     fluxes = np.array(sorted(ranking.settings.fluxes))
     shown: dict[str, None] = {}
-    colors = np.full((len(_LUX), len(_EXPOSURES_S), 3), _WHITE)
+    colors = np.full((len(_LUX), len(_EXPOSURES_S), 4), _BLANK)
     flux = ranking.photons_per_lux_s * np.outer(_LUX, _EXPOSURES_S)
     nearest = np.argmin(np.abs(np.log(flux[..., np.newaxis] / fluxes)), axis=-1)
     half = np.sqrt(fluxes[1] / fluxes[0]) if len(fluxes) > 1 else 3.0
@@ -222,7 +222,7 @@ def _shade(best: RankingRow) -> Floats:
 
 def _tint(method: str, share: float) -> Floats:
     color = np.array(to_rgb(GRAY if method == STILL else method_style(method)["color"]))
-    return np.asarray(share * color + (1 - share))
+    return np.append(share * color + (1 - share), 1.0)
 
 
 def _range(bounds: tuple[float, float], place: int) -> str:
@@ -260,7 +260,7 @@ _POOLING = (
 )
 _ATLAS = (
     "Best method without pooling. Gray: no method beats the zero-motion baseline. Pale: not "
-    "significant. White: not measured."
+    "significant. Blank: not measured."
 )
 _LEVELS = (
     "Best method without pooling on perfect pixels, and photons per frame, by exposure time. Light "
@@ -290,7 +290,8 @@ def write_ranking(folder: Path, ranking: Ranking, example: Example) -> Path:
     write_csv(folder / "ranking.csv", RankingRow.model_fields, rows)
     files.write_text(folder / "ranking.json", ranking.model_dump_json(indent=1) + "\n")
     page = folder / "ranking.html"
-    sections = [section(ranking, example) for section in SECTIONS]
+    written = (section(ranking, example) for section in SECTIONS)
+    sections = [each for each in written if each.rows or each.charts]
     write_sections(page, "Flow methods on rendered sequences", best_methods(ranking), sections)
     return page
 

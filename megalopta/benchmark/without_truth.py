@@ -2,8 +2,9 @@
 
 The stand-in is the flow by one method, the reference, between the pictures without photon noise. It
 is not the truth: the reference and similar methods repeat its errors on counts, so it favors them.
-The other measure favors no method: the distance from the median of all others on the same photons.
-Methods that agree may share an error, and one that is right alone is far from the rest.
+The other measure favors no method: of three or more methods, the distance from the median of all
+others on the same photons. Methods that agree may share an error, and one that is right alone is
+far from the rest.
 
 Both are given like errors: of blocks of 24 × 24 px, by photons per pixel and frame.
 """
@@ -97,7 +98,7 @@ def distances_of_pairs(
 ) -> Board:
     """Return distances of methods, by default all two-frame methods, from both references.
 
-    Metrics are those of `FROM_STAND_IN` and, for two or more methods, of `FROM_OTHERS`. Raises
+    Metrics are those of `FROM_STAND_IN` and, for three or more methods, of `FROM_OTHERS`. Raises
     UserError if pictures or methods cannot be used, or no picture has any contrast.
     """
     with progress("Drawing photons", len(pairs), "pair") as advance:
@@ -116,10 +117,14 @@ def distances_of_pairs(
     return Board(tuple(found), detectors, tuple(fluxes), joined(found.values()))
 
 
+def has_others(board: Board) -> bool:
+    """Return True if each method has several others, which have a median."""
+    return len(board.detectors) > 2
+
+
 def write_distances(path: Path, board: Board, reference: Method) -> None:
     """Write a row per pair, method and flux, as CSV: means over the draws of the pair."""
-    metrics = [*FROM_STAND_IN.values(), *FROM_OTHERS.values()]
-    metrics = metrics if len(board.detectors) > 1 else list(FROM_STAND_IN.values())
+    metrics = [*FROM_STAND_IN.values(), *(FROM_OTHERS.values() if has_others(board) else ())]
     name = block_detector(reference).name
     stand_in = f"not the truth but {name} on the pictures without noise, which favors {name}"
     rows = (
@@ -157,7 +162,7 @@ class _Asked:
         own = self._answers[name]
         yield from self._measures(FROM_STAND_IN, own, self._stand_in)
         others = [each for other, each in self._answers.items() if other != name]
-        if others:
+        if len(others) > 1:
             yield from self._measures(FROM_OTHERS, own, np.median(others, axis=0))
 
     def _measures(

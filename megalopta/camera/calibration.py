@@ -182,13 +182,13 @@ def write_calibration_report(path: Path, device: Device, name: str, is_relative:
         for at, (title, unit, estimate, scale) in enumerate(found)
         if np.isfinite(estimate.value).any()
     )
-    head = ("", "median", "from", "to", "± (95 %)")
+    head = ("", "median", "from", "to", "± (95 % CI)")
     sections = [
         Section("The pixels", _PIXELS, head, tuple(_row(*each) for each in found)),
         Section(
             "Photon transfer and saturation",
             _CURVES,
-            ("", "found", "how sure"),
+            ("", "estimate", "confidence"),
             _laws(device),
             tuple(_curves(device)),
         ),
@@ -302,7 +302,7 @@ def _neighbors(device: Device) -> Iterator[Section]:
             [*names, "afterpulses"], shares, errors, seen, strict=True
         )
     ]
-    head = ("neighbor", "probability", "95 %", "seen")
+    head = ("neighbor", "probability", "95 % CI", "detected")
     yield Section("Crosstalk and afterpulses", _NEIGHBORS, head, tuple(rows))
 
 

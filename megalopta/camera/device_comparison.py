@@ -44,7 +44,7 @@ from megalopta.sensor.compare.two_sample import Difference
 Levels = Sequence[Level]
 Sources = Sequence[Source]
 
-_HEAD = ("", "captured", "simulated", "difference", "95 %", "p", "verdict")
+_HEAD = ("", "captured", "simulated", "difference", "95 % CI", "p", "verdict")
 _LARGEST_Z = 6.0
 _TESTS = (
     "Tests of every pixel at every level; false discovery rate by Benjamini and Hochberg. The maps "
@@ -162,7 +162,7 @@ def _pixels(compared: Compared) -> Iterator[Section]:
         (name, str(int(np.isfinite(test.p).sum())), str(int(test.differs.sum())))
         for name, test in found.tests.items()
     )
-    yield Section("Pixels", _TESTS, ("of", "tested", "differ"), tuple(counted))
+    yield Section("Pixels", _TESTS, ("quantity", "tested", "differ"), tuple(counted))
     distances = zip(found.distances._asdict().items(), ("share", "counts", "counts^½"), strict=True)
     apart = (
         (

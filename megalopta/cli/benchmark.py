@@ -140,7 +140,7 @@ def _pairs_without_truth(options: Namespace) -> None:
         f"which favors {name} and similar methods:"
     )
     _print_tables(found, tuple(without_truth.FROM_STAND_IN.values()))
-    if len(found.detectors) > 1:
+    if without_truth.has_others(found):
         print(
             "\nDistance from the median of the other methods on the same photons; methods that "
             "agree may share an error:"

@@ -88,21 +88,21 @@ def _refuse(message: str) -> NoReturn:
     sys.exit(2)
 
 
-def _check_letters(words: Sequence[str]) -> None:
+def _check_letters(arguments: Sequence[str]) -> None:
     """Refuse arguments that are not UTF-8: the image libraries cannot write to such names."""
-    for word in words:
-        if any("\ud800" <= each <= "\udfff" for each in word):
-            raise UserError(f"{word}: not UTF-8; rename the file or folder")
+    for argument in arguments:
+        if any("\ud800" <= each <= "\udfff" for each in argument):
+            raise UserError(f"{argument}: not UTF-8; rename the file or folder")
 
 
-def _run(words: Sequence[str]) -> None:
-    if words and words[0] in RENAMED:
-        raise UserError(f"{words[0]}: renamed; use {RENAMED[words[0]]}")
+def _run(arguments: Sequence[str]) -> None:
+    if arguments and arguments[0] in RENAMED:
+        raise UserError(f"{arguments[0]}: renamed; use {RENAMED[arguments[0]]}")
     parser = program()
     command = parser
-    for word in words:
-        command = command.below(word)
-    own, overrides = split_overrides(words, {*parser.options, *command.options}, command.takes)
+    for argument in arguments:
+        command = command.below(argument)
+    own, overrides = split_overrides(arguments, {*parser.options, *command.options}, command.takes)
     options = parser.parse_args(own, Namespace(overrides=overrides))
     with working(options.verb):
         options.run(options)

@@ -175,7 +175,7 @@ _OF_PICTURES = (
     ),
     option(
         "--lux",
-        "or illuminance of the scene, lux: 0.25 is full moon, 10 a street, 500 a room",
+        "or illuminance of the scene, lux: 0.25 is full moon, 10 a street, 500 indoors",
         type=numbers,
         metavar="E",
     ),
@@ -253,11 +253,12 @@ def _sense(options: Namespace) -> None:
 def _sense_pictures(options: Namespace, given: Mapping[str, Any]) -> None:
     if options.workers or options.scheduler:
         raise UserError(f"{options.input}: pictures are one sequence; leave --workers out")
-    from megalopta.stages.importing import PictureOptions, configuration_of
+    from megalopta.stages.importing import PictureOptions, configuration_of, usual_folder
     from megalopta.stages.pipeline import check_stage, run_stage
 
-    settings = configuration_of(options.input, PictureOptions(**given), options.overrides)
-    root = options.out or Path("out") / settings.name
+    asked = PictureOptions(**given)
+    settings = configuration_of(options.input, asked, options.overrides, options.out)
+    root = options.out or usual_folder(settings)
     check_stage("sense", settings, root)  # before the pictures are copied
     for stage in ("render", "sense"):
         run_stage(root, settings, stage, options.redo)

@@ -26,6 +26,8 @@ _silences: list[object] = []
 """Work that prints nothing."""
 _steps: list[str] = []
 """Steps in progress, the outermost first; the innermost is shown."""
+_stages: list[str] = []
+"""Stage in progress, as the beginning of a line, of work with several."""
 _status_stands = threading.Event()
 """Set while a terminal's last line shows progress."""
 _clocks: list[dict[str, "Spent"]] = []
@@ -82,6 +84,13 @@ def step(name: str) -> Iterator[None]:
             spent = clock.setdefault(name, Spent())
             spent.seconds += time.monotonic() - wall
             spent.cpu_seconds += time.process_time() - cpu
+
+
+@contextmanager
+def numbered_stage(number: int, total: int) -> Iterator[None]:
+    """Begin lines of progress of the work inside with its number, if there are several stages."""
+    with _held(_stages, f"stage {number} of {total} · " if total > 1 else ""):
+        yield
 
 
 @contextmanager
@@ -147,6 +156,11 @@ def duration(seconds: float) -> str:
     return f"{seconds:.0f} s"
 
 
+def _stage() -> str:
+    """Number of the current stage, to begin a line."""
+    return "".join(_stages[-1:])
+
+
 def _step() -> str:
     """Current step, to append to a line."""
     return "".join(f"; {name}" for name in _steps[-1:])  # another thread may remove the last
@@ -176,10 +190,10 @@ def speaking(state: Callable[[], str], is_of_steps: bool = True) -> Iterator[Non
                 continue
             if is_terminal:
                 _status_stands.set()
-                line = state()[: shutil.get_terminal_size().columns - 1]
+                line = (_stage() + state())[: shutil.get_terminal_size().columns - 1]
                 print(f"\r{line}\x1b[K", end="", file=sys.stderr, flush=True)
             else:
-                print(state(), file=sys.stderr, flush=True)
+                print(_stage() + state(), file=sys.stderr, flush=True)
 
     thread = threading.Thread(target=speak, daemon=True)
     with _held(_speakers, over):

@@ -71,10 +71,10 @@ def folded(summary: str, inside: Markup) -> Markup:
     return Markup("<details><summary>{}</summary>\n{}</details>").format(summary, inside)
 
 
-def listed(kind: str, words: Iterable[tuple[str, str]]) -> Markup:
+def listed(kind: str, pairs: Iterable[tuple[str, str]]) -> Markup:
     """Return a definition list of this class."""
-    pairs = (Markup("<div><dt>{}</dt><dd>{}</dd></div>").format(*each) for each in words)
-    return Markup('<dl class="{}">{}</dl>').format(kind, Markup("").join(pairs))
+    rows = (Markup("<div><dt>{}</dt><dd>{}</dd></div>").format(*each) for each in pairs)
+    return Markup('<dl class="{}">{}</dl>').format(kind, Markup("").join(rows))
 
 
 def table(label: str, head: Sequence[str], rows: Iterable[Sequence[str]]) -> Markup:

@@ -87,7 +87,7 @@ def method_style(name: str) -> dict[str, Any]:
     number = list(METHODS).index(name) if name in METHODS else crc32(name.encode())
     lap, place = divmod(number, len(PALETTE))
     return {
-        "color": PALETTE[place],
+        "color": PALETTE[(place + 3 * (lap // 2)) % len(PALETTE)],
         "marker": MARKERS[(place + lap) % len(MARKERS)],
         "linestyle": "-" if name in THESIS_METHODS else "--",
     }

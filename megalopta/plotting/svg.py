@@ -21,6 +21,9 @@ _THEMED = {BLACK: "currentColor", RULE: "var(--rule)"}
 _POINTS_PER_INCH = 72
 CHART_PT = 380, 270
 """Width and height (pt); also the width of a page on a telephone, so that text keeps its size"""
+_WIDEST_PT = 460
+"""Wider figures scroll on a telephone, where their text would be too small"""
+_LEAST_PX_PER_PT = 0.75
 _MAP, _BAR = (0.1, 0.13, 0.68, 0.78), (0.8, 0.17, 0.025, 0.7)
 """Left, bottom, width and height in the picture; constants are faster than a layout."""
 
@@ -69,7 +72,17 @@ def to_svg(figure: Figure, name: str, description: str) -> Markup:
     svg = re.sub(r'(\sid="|url\(#|href="#)', rf"\g<1>{name}-", svg)
     for color in _THEMED:
         svg = svg.replace(color.lower(), themed(color))
-    return Markup(svg)
+    return _scrolled(Markup(svg), description)
+
+
+def _scrolled(svg: Markup, description: str) -> Markup:
+    """Return a figure; a wide one in a box that scrolls, so that its text stays readable."""
+    found = re.search(r'viewBox="0 0 ([\d.]+)', svg)
+    if found is None or float(found[1]) < _WIDEST_PT:
+        return svg
+    box = '<div class="scroll" role="region" aria-label="{}" tabindex="0">{}</div>'
+    least = f'<svg style="min-width: {_LEAST_PX_PER_PT * float(found[1]):.0f}px"'
+    return Markup(box).format(description, Markup(svg.replace("<svg", Markup(least), 1)))
 
 
 def with_legend(figure: Figure, name: str, description: str, **legend: Any) -> Markup:

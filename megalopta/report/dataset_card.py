@@ -75,7 +75,7 @@ def _section(sequence: Sequence) -> Section:
     clips = (
         captioned(
             block("pixels", image(_clip(sequence, each), f"{each.name} of {sequence.name}")),
-            Markup("<b>{}</b>, {}").format(each.name, each.told),
+            Markup("<b>{}</b>, {}").format(each.name, each.caption),
         )
         for each in _panels(sequence)
     )
@@ -84,7 +84,7 @@ def _section(sequence: Sequence) -> Section:
         f"{sequence.name} ({sequence.split})",
         f"{scene} in {level_name(settings.light.level)}; the camera {settings.trajectory}; "
         f"{len(sequence)} frames of {camera.width} × {camera.height}",
-        charts=tuple(clips),
+        body=block("clips", *clips),
     )
 
 
@@ -93,7 +93,7 @@ def _panels(sequence: Sequence) -> Iterator[Panel]:
     frames = _first_frames(sequence)
     yield light_panel(sequence, frames, 1)
     readings = readings_panel(exposure_readings(sequence), frames, 1)
-    yield replace(readings, told=f"{sequence.exposures[0]}: {readings.told}")
+    yield replace(readings, caption=f"{sequence.exposures[0]}: {readings.caption}")
     flow = partial(motion_of, sequence, step=1)
     yield flow_panel("flow", flow, fastest_of(map(flow, frames)))
     if sequence.configuration.scene.has_truth:

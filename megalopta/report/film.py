@@ -37,8 +37,8 @@ _CODECS = {"libx264": {"crf": "20", "preset": "veryfast"}, "mpeg4": {"qscale": "
 class Moment:
     """Panels at one moment."""
 
-    told: str
-    """Label of the moment"""
+    label: str
+    """Frame and time"""
     pictures: Sequence[tuple[str, Image.Image]]
     """With their labels"""
 
@@ -66,14 +66,14 @@ def write_film(
 def composed(moment: Moment, width_px: int, letters_px: int) -> Image.Image:
     """Return pictures side by side, about so wide, in two rows where there are many.
 
-    Pixels are magnified by a whole number, or left out, so that they are seen as they are.
+    Pixels are magnified by a whole number, or skipped, so that they are seen as they are.
     """
     count = len(moment.pictures)
     columns = count if count <= _IN_ONE_ROW else math.ceil(count / 2)
     panel_px = min(width_px // columns, _PANEL_PX)
     drawn = [(label, magnified(each, panel_px)) for label, each in moment.pictures]
     rows = [drawn[first : first + columns] for first in range(0, count, columns)]
-    return sheet(rows, letters_px, moment.told)
+    return sheet(rows, letters_px, moment.label)
 
 
 def magnified(picture: Image.Image, width_px: int) -> Image.Image:
@@ -114,7 +114,7 @@ def bounded_gif(images: Sequence[Image.Image], frame_ms: float) -> bytes:
 
 @contextmanager
 def _mp4_writer(path: Path, rate_hz: float) -> Iterator[Callable[[Image.Image], None] | None]:
-    """Yield what appends pictures of one size to a film; None without an encoder, which is told."""
+    """Yield a function that appends a picture to a film; without an encoder, say so, yield None."""
     try:
         import av
     except ModuleNotFoundError as error:

@@ -172,7 +172,7 @@ def counts_film(exposure: Budget) -> Markup:
     counts, full = exposure.counts.astype(np.float64), exposure.saturated
     white = max(math.ceil(np.percentile(counts, _WHITE_PERCENTILE)), 1)
     scale = gray_scale(white)
-    legend = scale.legend("0", f"≥ {short(white)} {sensor.unit}", "full" if full.any() else "")
+    legend = scale.legend("0", f"≥ {short(white)} {sensor.unit}", "saturated" if full.any() else "")
     name = level_name(level)
     alt = f"{sensor.unit.capitalize()} of {sensor.name} at {name}"
     return film([*map(scale.picture, counts, full)], name, alt, legend)

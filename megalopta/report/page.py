@@ -215,7 +215,7 @@ _RANKING = (
 )
 _ATLAS = (
     "Gray: no method beats the zero-motion baseline. Pale: the best method is not significant. "
-    "White: not measured."
+    "Blank: not measured."
 )
 _MADE = (
     "The settings below, with their seeds, reproduce everything on this page. Only the noise of "

@@ -32,7 +32,7 @@ class Panel:
     """Pictures of one quantity, drawn when they are asked for."""
 
     name: str
-    told: str
+    caption: str
     """Meaning of its colors"""
     picture: Callable[[int], Image.Image]
     """Returns the picture of a frame, by its number"""
@@ -42,7 +42,7 @@ class Panel:
 
 
 def readings_panel(readings: Readings, frames: range, step: int) -> Panel:
-    """Return readings as grays, full pixels in orange; some of the frames give the white."""
+    """Return readings as grays, saturated pixels in orange; some of the frames give the white."""
     sampled = [readings.frame(each) for each in spread(frames, SAMPLED)]
     white = _white([values for values, _ in sampled], is_inverted=readings.treatment.is_inverted)
     scale = gray_scale(white)
@@ -58,15 +58,15 @@ def readings_panel(readings: Readings, frames: range, step: int) -> Panel:
         unit,
         f"black 0, white {number(white)} {unit}",
         kept(picture),
-        scale.legend("0", f"≥ {short(white)} {unit}", "full" if is_full else ""),
-        "orange: full pixels" if is_full else "",
+        scale.legend("0", f"≥ {short(white)} {unit}", "saturated" if is_full else ""),
+        "orange: saturated pixels" if is_full else "",
     )
 
 
 def flow_panel(name: str, flow: Callable[[int], NDArray[np.floating]], fastest: float) -> Panel:
     """Return flow (h, w, 2) of frames as colors; the speed `fastest` has the full one."""
-    told = f"hue is direction (red to the right), full color {number(fastest)} px a frame"
-    return Panel(name, told, kept(lambda frame: rgb_picture(flow_to_rgb(flow(frame), fastest))))
+    caption = f"hue is direction (red to the right), full color {number(fastest)} px per frame"
+    return Panel(name, caption, kept(lambda frame: rgb_picture(flow_to_rgb(flow(frame), fastest))))
 
 
 def fastest_of(flows: Iterable[NDArray[np.floating]]) -> float:

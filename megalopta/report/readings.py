@@ -46,7 +46,7 @@ class Treatment:
     bad: Mask | None = None
     """(H, W): pixels that take the mean of their good neighbors"""
 
-    def told(self) -> str:
+    def description(self) -> str:
         """Return what was done, in sentences; nothing where nothing was."""
         said = []
         if self.summed > 1:
@@ -55,7 +55,7 @@ class Treatment:
         if self.is_inverted:
             said.append(
                 "The sensor's response is inverted: gray is the mean number of detections in a "
-                "frame if none were lost, dark counts included; full pixels are orange."
+                "frame if none were lost, dark counts included; saturated pixels are orange."
             )
         if self.bad is not None:
             said.append(f"{int(self.bad.sum())} bad pixels are the mean of their good neighbors.")
@@ -84,7 +84,7 @@ class Readings:
         return replace(self, treatment=treatment)
 
     def frame(self, number: int) -> tuple[Floats, Mask]:
-        """Return what is shown from a frame on, and which pixels were full, (H, W) or (H, W, 3)."""
+        """Return what is shown from a frame on, and which were saturated, (H, W) or (H, W, 3)."""
         summed, is_inverted = self.treatment.summed, self.treatment.is_inverted
         values, is_full = np.zeros(self.shape[1:]), np.zeros(self.shape[1:], np.bool_)
         for part in self._parts(number):

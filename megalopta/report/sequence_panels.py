@@ -44,12 +44,12 @@ def light_panel(sequence: Sequence, frames: range, step: int) -> Panel:
         return linear_srgb(sequence.radiance[frame][::step, ::step], bands, white)
 
     curve = ToneCurve.of(map(linear, spread(frames, SAMPLED)))
-    told = "as a well-lit eye would see it"
+    caption = "as a well-lit eye would see it"
 
     def picture(frame: int) -> Image.Image:
         return rgb_picture(encode_srgb(curve(linear(frame))))
 
-    return Panel("light", told, kept(picture), Markup(f", {told}"))
+    return Panel("light", caption, kept(picture), Markup(f", {caption}"))
 
 
 def exposure_readings(
@@ -125,8 +125,8 @@ def depth_panel(sequence: Sequence, frames: range, step: int) -> Panel:
     near, far = np.percentile(known, [1, 99]).tolist() if known.size else (1.0, 2.0)
     far = max(far, near * 1.01)
     scale = map_scale("viridis_r", near, far, logarithmic=True)
-    told = f"yellow {number(near)} m to violet {number(far)} m, the sky gray"
-    return Panel("depth", told, lambda frame: scale.picture(depth(frame)))
+    caption = f"yellow {number(near)} m to violet {number(far)} m, the sky gray"
+    return Panel("depth", caption, lambda frame: scale.picture(depth(frame)))
 
 
 def _best_method(records: Iterable[FlowRecord]) -> str | None:

@@ -116,9 +116,9 @@ def _film(found: Seen, folder: Path, fps: float | None) -> list[Path]:
 
         def moments() -> Iterator[Moment]:
             for frame in frames:
-                told = frame_label(frame, found.times_s, found.treatment.summed)
+                label = frame_label(frame, found.times_s, found.treatment.summed)
                 pictures = [(label, each.picture(frame)) for label, each in panels]
-                yield Moment(" · ".join([told, *notes]), pictures)
+                yield Moment(" · ".join([label, *notes]), pictures)
                 advance()
 
         return write_film(folder, moments, len(frames), _rate(found, len(frames), fps))
@@ -164,7 +164,7 @@ def _page(found: Seen, path: Path, fps: float | None) -> Path:
         body=block("panels", *shown) + legend,
     )
     playback_hz = _rate(found, len(chosen.frames), fps)
-    treated = found.treatment.told() if found.exposed else ""
+    treated = found.treatment.description() if found.exposed else ""
     said = found.summary, treated, _speed(found, chosen, playback_hz)
     write_sections(
         path,
@@ -181,7 +181,7 @@ def _panels(found: Seen, chosen: Selection, advance: Advance) -> Iterator[Markup
     def drawn(panel: Panel) -> Markup:
         pictures = [panel.picture(each) for each in chosen.frames]
         advance()
-        return film(pictures, panel.name, f"{panel.name}: {panel.told}", panel.legend)
+        return film(pictures, panel.name, f"{panel.name}: {panel.caption}", panel.legend)
 
     if found.light:
         yield block("", drawn(found.light))

@@ -21,7 +21,7 @@ from megalopta.dataset.picture_light import (
     picture_folder,
     picture_times,
 )
-from megalopta.dataset.store import Dataset
+from megalopta.dataset.store import Dataset, open_sequence
 from megalopta.render import Footage, open_footage
 from megalopta.scenes import Pictures
 from megalopta.scenes.lighting.levels import LEVELS, illuminance_of
@@ -79,18 +79,18 @@ class Measured:
 
 
 def configuration_of(
-    path: Path, asked: PictureOptions, overrides: Mapping[str, str]
+    path: Path, asked: PictureOptions, overrides: Mapping[str, str], out: Path | None = None
 ) -> Configuration:
     """Return the configuration of a dataset of pictures; settings that are given override it.
 
-    Raises UserError.
+    A dataset of the same pictures in `out` is not measured again. Raises UserError.
     """
     with open_footage(path, asked.unit) as footage:
         _check_brightness(path, asked, footage.unit, overrides)
         fields = _fields(path, footage, asked)
         settings = _short_exposures(validated(Configuration, fields, str(path), overrides))
         _say_still(settings, footage)
-        found = measured(settings, footage)
+        found = _recorded(out or usual_folder(settings), settings) or measured(settings, footage)
     if asked.unit == "cd/m2":
         lux = _lux(settings, found.luminance)
         light = settings.light.model_copy(update={"illuminance_lux": lux})
@@ -114,8 +114,8 @@ def _check_brightness(
     what = " and ".join(given) or "pictures do not say how bright it was"
     raise UserError(
         f"{path}: {what}; give one of --photons 2 (mean on a pixel in a frame), --lux 0.25 (on the "
-        "scene: 0.001 stars, 0.25 full moon, 10 street, 500 room, 1e5 sun), --luminance 0.01 (mean "
-        "of the pictures, cd/m²), --light-levels starlight"
+        "scene: 0.001 stars, 0.25 full moon, 10 street, 500 indoors, 1e5 sun), --luminance 0.01 "
+        "(mean of the pictures, cd/m²), --light-levels starlight"
     )
 
 
@@ -205,9 +205,32 @@ def _scene(settings: Configuration) -> Pictures:
     return cast(Pictures, settings.scene)
 
 
+def usual_folder(settings: Configuration) -> Path:
+    """Return the folder of a dataset of pictures where none is given."""
+    return Path("out") / settings.name
+
+
+def _recorded(root: Path, settings: Configuration) -> Measured | None:
+    """Measured light in the record of a dataset of the same pictures at the same times."""
+    try:
+        dataset = open_sequence(root)
+        record = dataset.read_scene_record()["pictures"]
+        red, green, blue = map(float, record["mean"])
+        found = Measured((red, green, blue), float(record["saturated"]))
+    except (UserError, KeyError, TypeError, ValueError):  # there is none, or it is made again
+        return None
+    is_same = _shown(dataset.configuration) == _shown(settings)
+    return found if is_same and found.luminance > 0 else None
+
+
+def _shown(settings: Configuration) -> str:
+    """Return pictures, with the hash of their file, and the times at which they are shown."""
+    return settings.scene.model_dump_json() + settings.trajectory.model_dump_json()
+
+
 def measured(settings: Configuration, footage: Footage) -> Measured:
     """Measure the pictures that a sequence shows, once in a process. Raises UserError for black."""
-    key = settings.scene.model_dump_json() + settings.trajectory.model_dump_json()
+    key = _shown(settings)
     if key not in _measured:
         _measured[key] = _measure(PictureFrames(footage, settings).weights(), footage)
     return _measured[key]

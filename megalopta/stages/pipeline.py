@@ -13,7 +13,7 @@ from megalopta.config.model import Configuration, differences
 from megalopta.core import files
 from megalopta.core.errors import UserError, refused_as
 from megalopta.core.folders import locked
-from megalopta.core.progress import say
+from megalopta.core.progress import numbered_stage, say
 from megalopta.dataset.store import (
     Dataset,
     existing,
@@ -45,8 +45,9 @@ def _run(root: Path, configuration: Configuration, names: Sequence[str], redo: b
     is_new = existing(root) is None  # and refuses a folder of other files
     try:
         with _opened(root, configuration, names, redo) as dataset:
-            for name in names:
-                _bring_to_end(dataset, name)
+            for number, name in enumerate(names, 1):
+                with numbered_stage(number, len(names)):
+                    _bring_to_end(dataset, name)
     except Exception:
         if is_new and root.is_dir() and not any(root.iterdir()):
             root.rmdir()

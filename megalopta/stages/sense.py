@@ -1,8 +1,8 @@
 """The sense stage: from radiance to the readings of every sensor at every light level, on disk.
 
 SPAD arrays read counts, CTIA arrays electrons. Events, binary frames and TIFF stacks are written
-too if `products` asks for them. With `sub_frames` light moves within a frame; with `free_running`
-pixels keep their state from frame to frame.
+too if `products` asks for them. With `sub_frames` light moves within a frame. SPAD arrays may keep
+their state from frame to frame.
 
 Light is additive: a scene under the same light, k times as bright, has k times the radiance in
 every band. So one rendering serves all levels. The direction of the light does not change: a full
@@ -249,17 +249,8 @@ def _check_timing(settings: Configuration) -> None:
     _check_sub_frames(settings)
     rate_hz = settings.trajectory.frame_rate_hz
     for sensor in settings.sensors:
-        if settings.free_running and not isinstance(sensor, Sensor):
-            raise ValueError(
-                f"free_running: sensor {sensor.name!r} integrates and is reset in every frame; "
-                "remove the setting or the sensor"
-            )
-        if settings.free_running and abs(sensor.exposure_s * rate_hz - 1) > 1e-9:
-            raise ValueError(
-                f"free_running: sensor {sensor.name!r} with exposure_s {sensor.exposure_s:g} does "
-                f"not fill frames at trajectory.frame_rate_hz {rate_hz:g}; use exposure_s "
-                f"{1 / rate_hz:.12g}, or remove the setting"
-            )
+        if settings.free_running:
+            _check_continuous(sensor, rate_hz)
         if sensor.exposure_s * rate_hz > 1 + 1e-9:
             raise ValueError(
                 f"sensor {sensor.name!r}: exposure_s {sensor.exposure_s:g} is longer than a frame "
@@ -267,8 +258,23 @@ def _check_timing(settings: Configuration) -> None:
             )
 
 
+def _check_continuous(sensor: ImageSensor, rate_hz: float) -> None:
+    """Refuse a sensor that cannot expose without a gap."""
+    setting = f"free_running: sensor {sensor.name!r}"
+    if not isinstance(sensor, Sensor):
+        raise ValueError(
+            f"{setting} integrates and is reset in every frame; remove the setting or the sensor"
+        )
+    if abs(sensor.exposure_s * rate_hz - 1) > 1e-9:
+        raise ValueError(
+            f"{setting} with exposure_s {sensor.exposure_s:g} does not fill frames at "
+            f"trajectory.frame_rate_hz {rate_hz:g}; use exposure_s {1 / rate_hz:.12g}, or remove "
+            "the setting"
+        )
+
+
 def _check_sub_frames(settings: Configuration) -> None:
-    """Refuse light that would be blurred twice, and bursts that do not fill the time."""
+    """Refuse light that would be blurred twice, and rates of bursts that cannot be met."""
     parts, rate_hz = settings.sub_frames, settings.trajectory.frame_rate_hz
     if parts > 1 and not settings.shutter.is_instant:
         raise ValueError(
@@ -276,6 +282,11 @@ def _check_sub_frames(settings: Configuration) -> None:
             "use 1, or shutter.exposure_s 0 and shutter.readout_s 0"
         )
     if "burst_npy" not in settings.products:
+        if settings.burst_hz != (usual := Configuration.model_fields["burst_hz"].default):
+            raise ValueError(
+                f"burst_hz {settings.burst_hz:g}: products has no burst_npy; add it, or leave "
+                f"burst_hz at {usual:g}"
+            )
         return
     if parts == 1 and settings.scene.has_truth:
         raise ValueError("burst_npy: needs moving light; use sub_frames of 2 or more")

@@ -29,7 +29,7 @@ PHOTON, CARRIER, CROSSTALK, TWILIGHT = 0, 1, 2, 3
 KINDS = 4
 # Entries that one avalanche may add. More than 32 carriers occur once in 10³⁶ avalanches.
 _MOST_CARRIERS = 32
-_ROOM = _MOST_CARRIERS + 18
+_MOST_ENTRIES = _MOST_CARRIERS + 18
 
 
 class Parameters(NamedTuple):
@@ -136,20 +136,20 @@ def run_frame(
     left_times, left_owners = np.empty(64), np.empty(64, np.int64)
     left, kept = 0, 0 if keep_events else -1
     block = pixels if parameters.is_coupled else 1
-    room = block + _ROOM
+    spare = block + _MOST_ENTRIES
     exposure, part_s = parameters.exposure_s, parameters.exposure_s / len(tables.rates)
-    times, owners = np.empty(room), np.empty(room, np.int64)
+    times, owners = np.empty(spare), np.empty(spare, np.int64)
     blind_until = before.blind_until
     waiting = 0
     for first in range(0, pixels, block):
         size = 0
         while waiting < before.owners.size and before.owners[waiting] < KINDS * (first + block):
-            if size + _ROOM > times.size:
-                times, owners = longer(times, room), longer(owners, room)
+            if size + _MOST_ENTRIES > times.size:
+                times, owners = longer(times, spare), longer(owners, spare)
             size = push(times, owners, size, before.times[waiting], before.owners[waiting])
             waiting += 1
-        if size + room > times.size:
-            times, owners = longer(times, room), longer(owners, room)
+        if size + spare > times.size:
+            times, owners = longer(times, spare), longer(owners, spare)
         if not before.is_begun:
             for pixel in range(first, first + block):
                 blind_until[pixel] = first_blind_until(rng, pixel, parameters, tables)
@@ -157,10 +157,10 @@ def run_frame(
             arrival = first_photon(rng, pixel, parameters, tables, blind_until[pixel])
             size = push(times, owners, size, arrival, KINDS * pixel + PHOTON)
         while size > 0 and times[0] < exposure:
-            if size + _ROOM > times.size:
-                times, owners = longer(times, room), longer(owners, room)
+            if size + _MOST_ENTRIES > times.size:
+                times, owners = longer(times, spare), longer(owners, spare)
             if kept == stamps.size:
-                stamps, places = longer(stamps, room), longer(places, room)
+                stamps, places = longer(stamps, spare), longer(places, spare)
             size, kept = _run(
                 rng, parameters, tables, counts, tally, blind_until, times, owners, size, stamps,
                 places, kept,
@@ -173,7 +173,7 @@ def run_frame(
             # photons are memoryless, so the next exposure draws its own
             if owners[entry] % KINDS != PHOTON:
                 if left == left_times.size:
-                    left_times, left_owners = longer(left_times, room), longer(left_owners, room)
+                    left_times, left_owners = longer(left_times, spare), longer(left_owners, spare)
                 left_times[left], left_owners[left] = times[entry], owners[entry]
                 left += 1
     events = stamps[: max(kept, 0)], places[: max(kept, 0)]
@@ -195,7 +195,7 @@ def _run(  # type: ignore[no-untyped-def]
     gate = parameters.gate
     part_s = exposure / rates.shape[0]
     while size > 0 and times[0] < exposure:
-        if size + _ROOM > times.size or kept == stamps.size:
+        if size + _MOST_ENTRIES > times.size or kept == stamps.size:
             return size, kept
         time, pixel, kind = times[0], owners[0] // KINDS, owners[0] % KINDS
         size = pop(times, owners, size)

@@ -56,7 +56,7 @@ _DEAD_TIMES_REMEMBERED = 20
 _PART_OF_MEMORY = 0.25
 _MOST_BYTES = 10**8
 """Size limit of all tables; one takes a few kB."""
-_CODE = tuple(f"megalopta.sensor.{room}" for room in ("avalanches", "effects", "sampling"))
+_CODE = tuple(f"megalopta.sensor.{package}" for package in ("avalanches", "effects", "sampling"))
 _one_at_a_time = Lock()
 
 Moments = tuple[Floats, Floats]

@@ -136,13 +136,11 @@ class FreeRunning:
         return frame
 
 
-def running_array(
-    free_running: bool | FreeRunning, effects: AvalancheEffects
-) -> FreeRunning | None:
+def running_array(running: bool | FreeRunning, effects: AvalancheEffects) -> FreeRunning | None:
     """Array that continues between frames, new for True; None where frames are independent."""
-    if not free_running or not effects.remembers:
+    if not running or not effects.remembers:
         return None
-    return FreeRunning() if free_running is True else free_running
+    return FreeRunning() if running is True else running
 
 
 def simulate_counts(

@@ -54,7 +54,7 @@ _FAMILIES = 5
 _FEWEST_FRAMES = 3 * BLOCKS
 _CLEARLY = 6.0
 _SYMMETRIES = {
-    "as it is": (False, 0),
+    "neither turned nor mirrored": (False, 0),
     "turned by 90° to the right": (False, 1),
     "turned by 180°": (False, 2),
     "turned by 90° to the left": (False, 3),
@@ -79,7 +79,7 @@ class Arrangement(NamedTuple):
     @property
     def is_other(self) -> bool:
         """True if anything is swapped."""
-        return self.name != "as it is"
+        return self.name != "neither turned nor mirrored"
 
 
 @dataclass(frozen=True, eq=False)
@@ -210,7 +210,7 @@ def _check(captured: Sequence[Level], expected: Sequence[Level]) -> None:
 def arrangement(captured: Floats, expected: Floats) -> Arrangement:
     """Find the rearrangement of a map (rows, columns) relative to the expected one."""
     plain = _correlation(captured, expected)
-    best = Arrangement("as it is", plain, plain)
+    best = Arrangement("neither turned nor mirrored", plain, plain)
     for name, (is_transposed, turns) in _SYMMETRIES.items():
         turned = np.rot90(captured.T if is_transposed else captured, turns)
         if turned.shape == expected.shape:

@@ -176,8 +176,8 @@ def _pixel_of(at, pixels, known, volts, is_exact):  # type: ignore[no-untyped-de
     capacity = largest_count(known.step_v[at], known.leaked_v[at], swing)
     exact_below = 0.0
     if is_exact:
-        room = swing - leaked - _FAR * read_noise
-        exact_below = min(capacity, room / pixels.step_v[at])
+        exact_swing = swing - leaked - _FAR * read_noise
+        exact_below = min(capacity, exact_swing / pixels.step_v[at])
     reference = supply + known.offset_v[at] - known.leaked_v[at]
     return Pixel(
         pixels.step_v[at], leaked, pixels.offset_v[at],
@@ -225,18 +225,18 @@ def _edge(below, supply, lsb):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _chance(deeper, room, scatter, read_noise):  # type: ignore[no-untyped-def]
+def _chance(deeper, clearance, scatter, read_noise):  # type: ignore[no-untyped-def]
     """Probability that the clipped drop plus read noise exceeds a depth.
 
-    `deeper` is how far the mean drop exceeds it, `room` how far the bottom does.
+    `deeper` is how far the mean drop exceeds it, `clearance` how far the bottom does.
     """
     noise = math.hypot(scatter, read_noise)
     if noise == 0:
-        return 1.0 if min(deeper, room) > 0 else 0.0
+        return 1.0 if min(deeper, clearance) > 0 else 0.0
     h = deeper / noise
     if read_noise == 0:
-        return _normal(h) if room > 0 else 0.0
-    k = room / read_noise
+        return _normal(h) if clearance > 0 else 0.0
+    k = clearance / read_noise
     if scatter == 0 or abs(h) > _FAR or abs(k) > _FAR:
         return _normal(min(h, k))
     # Drezner and Wesolowsky, J. Stat. Comput. Simul. 35, 101 (1990), over the angle

@@ -45,7 +45,7 @@ ROOMS = sorted(
 
 
 def public(name):
-    """Classes and functions that a room publishes, by the module that defines them."""
+    """Classes and functions that a package publishes, by the module that defines them."""
     module = importlib.import_module(name)
     things = (getattr(module, each) for each in module.__all__)
     for thing in things:

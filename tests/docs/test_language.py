@@ -41,7 +41,6 @@ BANNED = {
     "put at": "set to",
     "go(?:es|ne|ing)? on": "continue, resume",
     "goes? when": "is deleted once",
-    "free.running": "continuous",
     "front door": "public API",
     "rooms?": "package",
     "beyond chance": "statistically significant",

@@ -5,6 +5,7 @@
 
 import importlib
 import re
+from pathlib import Path
 
 import pytest
 
@@ -66,6 +67,7 @@ def test_every_page_is_in_the_menu():
         for found in ENTRIES.finditer(page.read_text("utf-8")):
             for entry in found["entries"].split():
                 target = (page.parent / entry).resolve()
-                assert str(target.relative_to(DOCS)) in MADE or target.with_suffix(".md").exists()
+                sources = (target.with_suffix(suffix) for suffix in (".md", ".ipynb"))
+                assert str(target.relative_to(DOCS)) in MADE or any(map(Path.exists, sources))
                 listed.add(target.with_suffix(".md"))
     assert set(PAGES) <= listed, set(PAGES) - listed

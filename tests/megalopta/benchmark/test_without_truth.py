@@ -119,13 +119,13 @@ def test_two_pictures_and_another_reference(folder, tmp_path, capsys):
         folder / "f0.png",
         folder / "f2.png",
         "--methods",
-        "BM",
+        "BM,LK",
         "--reference",
         "LK",
         "--photons",
         "1000",
     )
-    (row,) = rows_of(tmp_path / "pairs.csv", *words)
+    row, _ = rows_of(tmp_path / "pairs.csv", *words)
     assert row["pair"] == "f0" and row["stand_in"].startswith("not the truth but LK")
     assert float(row["median_px_from_stand_in"]) < 0.5
     assert "median_px_from_others" not in row

@@ -55,6 +55,16 @@ def test_a_line_shows_share_and_time_left():
     assert progress_line(0, 60, "pair", 130) == "0 % of 60 pairs · 2:10 so far"
 
 
+def test_a_line_begins_with_the_number_of_its_stage(capsys):
+    with progress.numbered_stage(2, 5), progress.progress("Exposing sensors", 300, "frame"):
+        time.sleep(0.2)
+    line = "stage 2 of 5 · Exposing sensors: 0 % of 300 frames · 0:00 so far"
+    assert line in capsys.readouterr().err.splitlines()
+    with progress.numbered_stage(1, 1), working("sense"):
+        time.sleep(0.2)
+    assert capsys.readouterr().err.startswith("sense: at work")
+
+
 def test_a_line_names_the_innermost_step(capsys):
     with working("dataset"), progress.step("sequence 7"):
         with progress.step("building the scene"):

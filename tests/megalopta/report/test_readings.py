@@ -95,7 +95,7 @@ def test_a_bad_pixel_takes_the_mean_of_its_good_neighbors(cube, tmp_path):
     assert values[5, 7] == pytest.approx(expected)
     assert not full.any()
     np.testing.assert_array_equal(values[~bad], raw[~bad])
-    assert "2 bad pixels" in treated.treatment.told()
+    assert "2 bad pixels" in treated.treatment.description()
 
 
 def write_recording(folder, rates_hz, frames=300):

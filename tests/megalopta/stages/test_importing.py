@@ -18,6 +18,7 @@ from megalopta.config.model import load
 from megalopta.core.errors import UserError
 from megalopta.dataset.opened import open_dataset
 from megalopta.sensor import read_frames
+from megalopta.stages import importing
 from megalopta.stages.pipeline import run_stage
 
 
@@ -202,6 +203,17 @@ def test_a_burst_holds_its_picture_or_goes_on_to_the_next(here):
     assert first_bright.mean() > 10 * first_dark.mean()
     rising = rates["blend"][0]
     assert rising[80:].mean() > 3 * rising[:20].mean()
+
+
+def test_a_finished_dataset_is_not_decoded_again(here, monkeypatch, capsys):
+    words = ["sense", "clip.npy", "--unit", "srgb", "--photons", "2"]
+    main(words)
+    monkeypatch.setattr(importing, "measured", lambda *_: pytest.fail("decoded"))
+    main(words)
+    assert "out/clip already has it" in capsys.readouterr().err
+    np.save("clip.npy", moving_texture()[::-1])
+    with pytest.raises(pytest.fail.Exception, match="decoded"):
+        main(words)
 
 
 def test_a_small_picture_is_shown_without_flow(here):

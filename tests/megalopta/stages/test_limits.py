@@ -64,6 +64,7 @@ INFRARED = {"sensors": "[ctia_si]", "render.bands_nm": "[[700, 800], [800, 900]]
             "sub_frames 2: shutter already renders",
         ),
         (BURST, "burst_npy: needs moving light"),
+        ({"burst_hz": "5000"}, "burst_hz 5000: products has no burst_npy; add it, or .* at 100000"),
         (BURST | {"sub_frames": "2", "burst_hz": "105"}, "burst_hz 105: not a whole .* use 100"),
         (BURST | {"sub_frames": "2"} | INFRARED, "no single events"),
         ({"free_running": "true"} | INFRARED, "'ctia_si' integrates"),

@@ -1,4 +1,4 @@
-"""One page of reference for each room: what its `__init__.pyi` publishes, from the docstrings."""
+"""Reference: a page for each package, of what its `__init__.pyi` publishes, from docstrings."""
 
 import importlib
 import inspect
@@ -16,7 +16,7 @@ FOLDER = "generated/reference"
 FOLDERS = {
     "megalopta": "Datasets, and pictures of your own as photons",
     "assets_gen": "Shapes and textures from a seed",
-    "scenes": "What stands where, what lights it, how it moves",
+    "scenes": "Objects, light, cameras and their motion",
     "render": "Radiance and truth",
     "sensor": "Light to readings and back",
     "flow": "Readings to motion",
@@ -36,8 +36,8 @@ def setup(app: "Sphinx") -> dict[str, bool]:
     return {"parallel_read_safe": True, "parallel_write_safe": True}
 
 
-def rooms() -> dict[str, list[str]]:
-    """Names of the rooms by their folder, as they are imported."""
+def packages() -> dict[str, list[str]]:
+    """Return the packages by their folder, as they are imported."""
     found = {}
     for folder in FOLDERS:
         stubs = sorted((ROOT / folder).rglob("__init__.pyi"))
@@ -47,7 +47,7 @@ def rooms() -> dict[str, list[str]]:
 
 
 def write_pages(folder: Path) -> None:
-    """Write a page for every room and the list of them."""
+    """Write a page for every package, and their list."""
     folder.mkdir(parents=True, exist_ok=True)
     index = [
         "API reference",
@@ -56,8 +56,8 @@ def write_pages(folder: Path) -> None:
         "Import a name from the package that publishes it.",
         "",
     ]
-    homes = _homes([name for names in rooms().values() for name in names])
-    for top, names in rooms().items():
+    homes = _homes([name for names in packages().values() for name in names])
+    for top, names in packages().items():
         index += [FOLDERS[top], "-" * len(FOLDERS[top]), ""]
         index += [f"- :doc:`{name}`{_purpose(name)}" for name in names] + [""]
         for name in names:
@@ -71,7 +71,7 @@ def _purpose(name: str) -> str:
 
 
 def _homes(names: list[str]) -> dict[int, str]:
-    """Where each object is explained: of the rooms that publish it, the innermost."""
+    """Return the innermost package that publishes each object, by the object's id."""
     inner_last = sorted(names, key=lambda name: name.count("."))
     modules = [importlib.import_module(name) for name in inner_last]
     return {id(getattr(each, name)): each.__name__ for each in modules for name in each.__all__}
@@ -103,7 +103,7 @@ def write(path: Path, lines: list[str]) -> None:
 
 
 def _shorten(app, what, name, thing, *rest):
-    """Leave out a model's fields, which stand in its table, and say briefly what an array is."""
+    """Omit a model's fields, which are in its table, and shorten the types of arrays."""
     _options, signature, returns = rest
     if isinstance(thing, type) and issubclass(thing, BaseModel):
         return "(...)", returns
