@@ -24,10 +24,10 @@ def moment(seen: Seen, index: int) -> Moment:
     """Return the panels of a frame, at a light level that falls from frame to frame."""
     brightest_first = seen.exposed[::-1]
     exposed = brightest_first[index * len(brightest_first) // len(seen.frames)]
-    assert exposed.flow is not None and seen.motion is not None
+    assert exposed.flow and seen.light and seen.motion
     panels = [
         ("light, as a well-lit eye would see it", seen.light),
-        (f"photons: {exposed.readings.told}", exposed.readings),
+        (f"photons: {exposed.readings.caption}", exposed.readings),
         ("motion found in the photons (PF)", exposed.flow),
         ("true motion", seen.motion),
     ]
