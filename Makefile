@@ -55,7 +55,7 @@ docs: install
 	@echo "open build/docs/index.html"
 
 # Pictures of the docs that show what a scene looks like: minutes each.
-pictures: install
+pictures: demo
 	for script in docs/pictures/*.py; do $(BIN)/python $$script || exit 1; done
 
 bench: install

@@ -94,6 +94,23 @@ def sampled(take: Callable[[int], Any], seen: MeasuredPass, samples: int) -> Sam
     return Sample(surface.rms * samples**0.5, surface.median * samples**0.5, cost)
 
 
+def closely_seen(rendering: SceneRenderer, pose: Any) -> MeasuredPass:
+    """Measured frame at a local pose, with the sky of many samples.
+
+    A pixel that shows a thousandth of sky has an error of its own.
+    """
+    view = rendering._view
+    film = Film(rendering.camera, view._settings, SAMPLES)
+
+    def trace(_: Any, sensor: Any, seed: int, spp: int) -> Any:
+        return view._integrator.measured(rendering._loaded, sensor, seed, spp)
+
+    bands = len(view._settings.bands_nm)
+    taken = np.mean([film.expose(trace, rendering._loaded, pose, seed) for seed in range(16)], 0)
+    radiance = taken[..., :bands].astype(np.float32)
+    return MeasuredPass(radiance, np.zeros_like(radiance), taken[..., 2 * bands])
+
+
 def without_standing(seen: MeasuredPass) -> MeasuredPass:
     return replace(seen, standing=np.zeros_like(seen.standing), differences=None)
 
@@ -116,7 +133,7 @@ def parts(preset: str, level: str) -> None:
     rendering = renderer(configuration, "path")
     pose = rendering.first_pose = rendering._local(configuration.trajectory.poses()[0])
     view = rendering._view
-    seen = view.measured(rendering._at(configuration.trajectory.poses()[0], 1, 0.0))
+    seen = closely_seen(rendering, pose)
     film = Film(rendering.camera, view._settings, SAMPLES)
     print(f"{preset}, {level}: {(seen.sky == 0).mean():.0%} surfaces", flush=True)
     whole = seen.radiance[seen.sky == 0].sum(axis=-1).mean()
@@ -153,10 +170,10 @@ def costs(preset: str, level: str, width: int) -> None:
     first = configuration.trajectory.poses()[0]
     path = renderer(configuration, "path")
     path.first_pose = path._local(first)
-    seen, pixels = path.measured(first, 1), width * (width * 3 // 4)
+    seen, pixels = closely_seen(path, path.first_pose), width * (width * 3 // 4)
     plain = sampled(mitsubas(path, 16), seen, 16)
     split = sampled(lambda seed: path.radiance(first, seed), seen, SAMPLES)
-    kinds = {number: baked(configuration, first, number) for number in (1, FRAMES)}
+    kinds = {number: baked(configuration, first, number, seen.sky) for number in (1, FRAMES)}
     for error in (0.2, 0.1, 0.05):
         row = [pixels * each.work(error) for each in (plain, split)]
         row += [kind.cpu_s(error, pixels) for kind in kinds.values()]
@@ -197,13 +214,13 @@ class Baked:
         return min(cost(share) for share in (0.3, 0.45, 0.6, 0.75, 0.9))
 
 
-def baked(configuration: Configuration, pose: Any, frames: int) -> Baked:
+def baked(configuration: Configuration, pose: Any, frames: int, sky: np.ndarray) -> Baked:
     with unbaked() as bakes:
         begun = time.process_time()
         rendering = renderer(configuration, "baked", frames)
         survey_s = time.process_time() - begun
         spent = bakes[-1].cpu_s
-        seen = rendering.measured(pose, 1)
+        seen = replace(rendering.measured(pose, 1), sky=sky)
         sample = sampled(lambda seed: rendering.radiance(pose, seed), seen, SAMPLES)
     noise = passes_of(rendering, pose, seen)
     left = noise.median**2 - sample.median**2 / SAMPLES

@@ -1,52 +1,17 @@
-"""Make the README's pictures from a demo dataset: python docs/pictures.py out/demo.
+"""Draw photons.png from the demo's dataset: python docs/pictures/demo.py, after `make demo`.
 
 gallery.png comes from `megalopta gallery`, leaderboard.png and natural-information.png from
 `megalopta reproduce`.
 """
 
 import json
-import sys
 from pathlib import Path
 
-import numpy as np
-from matplotlib.colors import PowerNorm
 from matplotlib.figure import Figure
-from skimage.io import imread
 
 from megalopta.dataset.store import Dataset, open_sequence
-from megalopta.flow import flow_to_rgb, wheel_legend
 from megalopta.plotting.style import method_style
-from megalopta.render import read_truth
 from megalopta.sensor import open_counts
-
-FRAME = 15
-
-
-def strip(dataset: Dataset, path: Path) -> None:
-    """One view as light, as counts of two sensors, and as true motion."""
-    spadcam, *_, ideal = dataset.configuration.sensors
-    figure = Figure(figsize=(12, 3.5), layout="constrained")
-    axes = figure.subplots(1, 4)
-    axes[0].imshow(imread(dataset.frame("training/clean", FRAME, "png")))
-    axes[0].set_title("rendered radiance")
-    for axis, sensor, level, title in (
-        (axes[1], spadcam, 10.0, "SPADCAM at 10 lux"),
-        (axes[2], ideal, "starlight", "ideal sensor, starlight"),
-    ):
-        counts = open_counts(dataset.counts(sensor, level))["counts"][FRAME]
-        image = axis.imshow(counts, cmap="gray", norm=PowerNorm(0.5, 0, np.percentile(counts, 97)))
-        figure.colorbar(image, ax=axis, shrink=0.8, label="counts in 0.1 s")
-        axis.set_title(title)
-    flow = read_truth(dataset.truth(FRAME)).flow_forward
-    speed = float(np.nanpercentile(np.hypot(*np.moveaxis(flow, -1, 0)), 99))
-    axes[3].imshow(flow_to_rgb(flow, speed))
-    axes[3].set_title("true motion")
-    wheel = axes[3].inset_axes((1.04, 0.0, 0.3, 0.3))
-    wheel.imshow(wheel_legend(120))
-    wheel.set_title(f"rim {speed:.1f}\npx/frame", fontsize=8)
-    for axis in (*axes, wheel):
-        axis.set_axis_off()
-    figure.savefig(path, dpi=100)
 
 
 def photons(dataset: Dataset, path: Path) -> None:
@@ -80,7 +45,7 @@ def photons(dataset: Dataset, path: Path) -> None:
         "filled: ratio of sums, open: mean of ratios (Eq. 4.5), which near-zero responses dominate"
     )
     axis.set_title(
-        f"The demo's forest of {dataset.configuration.scene.trees} trees; gray: photons that an "
+        f"The demo's forest of {dataset.configuration.scene.counts['trees']} trees; gray: photons that an "
         f"ideal sensor detects in {ideal.exposure_s:g} s",
         loc="left",
         pad=22,
@@ -92,6 +57,4 @@ def photons(dataset: Dataset, path: Path) -> None:
 
 
 if __name__ == "__main__":
-    source, folder = open_sequence(Path(sys.argv[1])), Path(__file__).parent
-    strip(source, folder / "strip.png")
-    photons(source, folder / "photons.png")
+    photons(open_sequence(Path("out/demo")), Path(__file__).parent.parent / "photons.png")
