@@ -11,7 +11,7 @@ from megalopta.render import Bands, dr, mi
 from megalopta.render.loading.materials import bitmap
 from megalopta.render.loading.meshes import MergedMesh
 from megalopta.render.loading.scene import DISC_POINTS
-from megalopta.render.loading.sky import SkyPatterns, uneven_sky
+from megalopta.render.loading.sky import BrightDirections, SkyPatterns
 from megalopta.render.scattering import WAVELENGTHS, Scattering, scattered
 from megalopta.scenes.scene import Lighting, Scene, Sun
 from megalopta.scenes.spectra.color import band_means
@@ -167,7 +167,7 @@ class SkyLight:
         skies = [lighting.sky, *(each.radiance for each in lighting.patterns)]
         self._bands, self._skies, self._bounces = len(bands_nm), len(skies), bounces
         self._patterns = SkyPatterns(lighting.patterns)
-        self._bright = uneven_sky(lighting) if lighting.patterns else None
+        self._bright = BrightDirections(lighting) if lighting.patterns else None
         self._emitted = mi.Float(band_means(skies, bands_nm).astype(np.float32).ravel())
         # (M, 2 sides, S, 2 spectra · B)
         self._under = Table(scattering.under(skies), self._bands)
@@ -200,11 +200,10 @@ class SkyLight:
         spread, through = self._bounces.rays(sight, sampler.next_2d())
         if self._bright is None:
             return spread, through, mi.Float(1.0)
-        found, _ = self._bright.sample_direction(sight.point, sampler.next_2d(), sight.shaded)
-        aimed = sampler.next_1d() < 0.5
-        toward = dr.select(aimed, found.d, spread.d)
+        aimed, _ = self._bright.sample(sampler.next_2d(), sight.shaded)
+        toward = dr.select(sampler.next_1d() < 0.5, aimed, spread.d)
         density, through = self._bounces.density(sight, toward)
-        both = (density + self._bright.chance(toward, sight.shaded)) / 2
+        both = (density + self._bright.density(toward, sight.shaded)) / 2
         return sight.point.spawn_ray(toward), through, dr.select(both > 0, density / both, 0.0)
 
     def _values(self, directions: Any, active: Any) -> list[Any]:

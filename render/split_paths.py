@@ -56,12 +56,7 @@ def can_split(scene: Scene, meshes: Sequence[MergedMesh]) -> bool:
 class SplitPaths:
     """Frames of diffuse surfaces that do not emit, in clear air, by vectorized variants.
 
-    Attributes
-    ----------
-    exposing : SplitPaths
-        Integrator of frames of many poses; itself, unless another is given.
-    parts : Sequence of Part
-        Parts of the light, which add up.
+    Frames of many poses are those of `exposing`, if it is given.
     """
 
     def __init__(
@@ -73,7 +68,7 @@ class SplitPaths:
     ) -> None:
         scene, meshes, loaded = whole
         assert scene.lighting is not None
-        self.exposing = exposing or self
+        self._exposing = exposing
         self._loaded, self._depth = loaded, settings.max_depth
         self._layers = layers or Layers(loaded)
         self._bands, self._sampler = settings.bands_nm, settings.sampler
@@ -86,13 +81,21 @@ class SplitPaths:
         self._sun = SunLight(scene, meshes, sun, self._bands) if sun else None
         self._paths = BandPaths(self._bands, settings.max_depth - 1, self._layers)
 
-        every = _SKY_EVERY if sun else 1
+    # Both are found anew: a scene in a cycle of references would be freed while paths are traced.
+    @property
+    def exposing(self) -> "SplitPaths":
+        """Integrator of frames of many poses."""
+        return self._exposing or self
+
+    @property
+    def parts(self) -> Sequence[Part]:
+        """Parts of the light, which add up."""
         parts = (
             Part(1, self._seen),
-            Part(every, self._skylit),
+            Part(_SKY_EVERY if self._sun else 1, self._skylit),
             Part(_FOLLOWED_EVERY, self._followed),
         )
-        self.parts: Sequence[Part] = parts[: settings.max_depth]
+        return parts[: self._depth]
 
     def move_to(self, time_s: float) -> None:
         """Move objects to a time, where a copy of theirs is traced."""

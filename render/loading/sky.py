@@ -69,6 +69,36 @@ def _zeros(kind: Any) -> Any:
     return kind() if is_scalar() else dr.zeros(kind)
 
 
+class BrightDirections:
+    """Random directions to where a sky with patterns is bright."""
+
+    def __init__(self, lighting: Lighting) -> None:
+        chances = _chances(lighting)
+        self._texels = mi.DiscreteDistribution2D(chances)
+        self._rows, self._columns = chances.shape
+
+    def sample(self, sample: Any, active: Any) -> tuple[Any, Any]:
+        """Return a direction for two random numbers, and its density per solid angle."""
+        texel, chance, within = self._texels.sample(sample, active)
+        azimuth = dr.pi - dr.two_pi * (texel.x + within.x) / self._columns
+        sine, z = dr.sincos(dr.pi * (texel.y + within.y) / self._rows)
+        direction = mi.Vector3f(sine * dr.cos(azimuth), sine * dr.sin(azimuth), z)
+        return direction, chance * self._texels_per(z)
+
+    def density(self, direction: Any, active: Any) -> Any:
+        """Probability density of a direction, per solid angle."""
+        place = place_of(direction)
+        column = dr.minimum(mi.UInt32(place.x * self._columns), self._columns - 1)
+        row = dr.minimum(mi.UInt32(place.y * self._rows), self._rows - 1)
+        texel = mi.Point2u(column, row)
+        return self._texels.pdf(texel, active) * self._texels_per(direction.z)
+
+    def _texels_per(self, z: Any) -> Any:
+        """Texels per solid angle, for directions with this z."""
+        sine = dr.maximum(dr.safe_sqrt(1 - z * z), _LEAST_SINE)
+        return self._rows * self._columns / (2 * dr.pi**2 * sine)
+
+
 def uneven_sky(lighting: Lighting) -> Any:
     """Mitsuba emitter of a lighting with patterns, in the active variant."""
     return plug_in(_UnevenSky)(lighting)
@@ -82,9 +112,7 @@ class _UnevenSky(PlugIn):
     def __init__(self, lighting: Lighting) -> None:
         self.above.__init__(self, mi.Properties())
         self.m_flags = mi.EmitterFlags.Infinite | mi.EmitterFlags.SpatiallyVarying
-        chances = _chances(lighting)
-        self.texels = mi.DiscreteDistribution2D(chances)
-        self.rows, self.columns = chances.shape
+        self.directions = BrightDirections(lighting)
         self.even = mi.load_dict(spectrum(lighting.sky))
         self.spectra = [mi.load_dict(spectrum(each.radiance)) for each in lighting.patterns]
         self.patterns = SkyPatterns(lighting.patterns)
@@ -99,38 +127,22 @@ class _UnevenSky(PlugIn):
             found += color.eval(point, active) * value
         return dr.select(active, found, 0.0)
 
-    def chance(self, direction: Any, active: Any) -> Any:
-        """Probability density of a direction, per solid angle."""
-        place = place_of(direction)
-        column = dr.minimum(mi.UInt32(place.x * self.columns), self.columns - 1)
-        row = dr.minimum(mi.UInt32(place.y * self.rows), self.rows - 1)
-        return self.texels.pdf(mi.Point2u(column, row), active) * self.texels_per(direction.z)
-
-    def texels_per(self, z: Any) -> Any:
-        """Texels per solid angle, for directions with this z."""
-        sine = dr.maximum(dr.safe_sqrt(1 - z * z), _LEAST_SINE)
-        return self.rows * self.columns / (2 * dr.pi**2 * sine)
-
     def eval(self, si: Any, active: Any = True) -> Any:
         return self.toward(si, -si.wi, active)
 
     def sample_direction(self, it: Any, sample: Any, active: Any = True) -> Any:
-        texel, chance, within = self.texels.sample(sample, active)
-        azimuth = dr.pi - dr.two_pi * (texel.x + within.x) / self.columns
-        sine, z = dr.sincos(dr.pi * (texel.y + within.y) / self.rows)
         found = _zeros(mi.DirectionSample3f)
-        found.d = mi.Vector3f(sine * dr.cos(azimuth), sine * dr.sin(azimuth), z)
+        found.d, found.pdf = self.directions.sample(sample, active)
         found.p = it.p + _DISTANCE_M * found.d
         found.n = -found.d
         found.dist, found.time, found.delta = _DISTANCE_M, it.time, False
-        found.pdf = chance * self.texels_per(z)
         found.emitter = self if is_scalar() else mi.EmitterPtr(self)
         active = active & (found.pdf > 0)
         weight = dr.select(active, dr.rcp(found.pdf), 0.0)
         return found, self.toward(it, found.d, active) * weight
 
     def pdf_direction(self, it: Any, ds: Any, active: Any = True) -> Any:
-        return self.chance(ds.d, active)
+        return self.directions.density(ds.d, active)
 
     def eval_direction(self, it: Any, ds: Any, active: Any = True) -> Any:
         return self.toward(it, ds.d, active)

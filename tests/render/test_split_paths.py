@@ -1,5 +1,8 @@
 """Split paths against Mitsuba's path tracer, band by band, in every kind of light."""
 
+import gc
+import weakref
+
 import numpy as np
 import pytest
 
@@ -97,3 +100,16 @@ def test_a_depth_limit_leaves_parts_out(depth):
         more = deeper.measured(PATH.poses()[0], 1).radiance[seen.sky == 0]
         assert (more >= surfaces).all()
         assert more.sum() > surfaces.sum()
+
+
+@vectorized
+def test_a_renderer_is_freed_at_once():
+    # A scene that the garbage collector frees while paths are traced ends the process.
+    renderer = rendering(Light(level="daylight"), RenderSettings(integrator="path"))
+    integrator = weakref.ref(renderer._view._integrator)
+    gc.disable()
+    try:
+        del renderer
+        assert integrator() is None
+    finally:
+        gc.enable()
