@@ -37,8 +37,8 @@ def moment(seen: Seen, index: int) -> Moment:
 
 def draw() -> None:
     """Render, expose, find flow, and write the picture."""
-    for stage in ("render", "sense", "flow"):
-        asked = [stage, str(HERE / "flight.yaml"), "--out", str(OUT)]
+    rendering = ["render", str(HERE / "flight.yaml"), "--out", str(OUT)]
+    for asked in (rendering, ["sense", str(OUT)], ["flow", str(OUT)]):
         subprocess.run([sys.executable, "-m", "megalopta", *asked], check=True)
     seen = seen_sequence(OUT, Treatment())
     moments = [moment(seen, index) for index in range(len(seen.frames))]
