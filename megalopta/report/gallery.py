@@ -338,7 +338,7 @@ def _pictures(view: GalleryView, settings: Configuration) -> Iterator[tuple[str,
 
 
 STATISTICS_PRESETS = "open", "clearing", "dense", "understorey", "rainforest", "trail"
-STATISTICS_SAMPLES = 36
+STATISTICS_SAMPLES = 64
 """Samples per pixel and pass"""
 
 DIRECTIONS = 4

@@ -71,16 +71,22 @@ def pixel_means(
     at_once = max(each for each in range(1, most + 1) if samples % each == 0)
     sampler.set_samples_per_wavefront(at_once)
     sampler.seed(seed, pixels * at_once)
+    # As constants they would have the same code compiled for each image size.
+    columns, each_time, in_all = (dr.opaque(mi.UInt, x) for x in (width, at_once, samples))
+    size = mi.Point2f(columns, dr.opaque(mi.UInt, height))
     total: list[Any] = []
     for first in range(0, samples, at_once):
         lane = dr.arange(mi.UInt, pixels * at_once)
-        number = lane // at_once
+        number = lane // each_time
         pixel = number if table is None else dr.gather(mi.UInt, table, number)
-        corner = mi.Point2f(pixel % width, pixel // width)
-        place = (mi.Float(lane - number * at_once + first) + 0.5) / samples
-        position = (corner + sampler.next_2d()) / mi.Point2f(width, height)
+        corner = mi.Point2f(pixel % columns, pixel // columns)
+        index = lane - number * each_time + dr.opaque(mi.UInt, first)
+        place = (mi.Float(index) + 0.5) / mi.Float(in_all)
+        position = (corner + sampler.next_2d()) / size
         time = sampler.next_1d() if sensor.shutter_open_time() > 0 else mi.Float(0.0)
         ray, _ = sensor.sample_ray(time, 0.5, position, mi.Point2f(0.5))
+        sampler.schedule_state()
+        dr.eval(ray, place)  # so that what is looked at does not depend on the camera
         seen = look(ray, place, sampler)
         dr.eval(seen)  # otherwise rays would be traced again for each quantity
         found = [dr.block_sum(each, at_once) / samples for each in seen]

@@ -49,7 +49,7 @@ def test_frames_are_those_of_mitsubas_path_tracer_to_the_last_bit(forest):
 
 
 @pytest.mark.slow
-def test_another_image_size_and_depth_trace_paths_by_the_same_kernel(forest):
+def test_another_image_size_and_depth_trace_paths_by_the_same_kernels(forest):
     pose = PATH.poses()[0]
     renderer(forest, 8, 8).radiance(pose, seed=1)
     gc.collect()  # code also depends on how many materials there are
@@ -59,5 +59,5 @@ def test_another_image_size_and_depth_trace_paths_by_the_same_kernel(forest):
         other.radiance(pose, seed=1)
         kernels = [each for each in dr.kernel_history() if "ir" in each]
     tracing = [each for each in kernels if len(each["ir"].getvalue()) > KERNEL]
-    assert len(tracing) == 1
+    assert tracing
     assert all(each["cache_hit"] for each in tracing)

@@ -146,7 +146,7 @@ def test_white_open_box_vanishes_in_its_environment():
     box = trimesh.creation.box((2, 2, 2))
     box.update_faces(box.face_normals[:, 0] > -0.5)  # open toward the camera
     # A path stays inside with a chance below 0.8 a bounce: 64 bounces leave less than 1e-6.
-    image = furnace(box, flat(1.0), 65)
+    image = furnace(box, flat(1.0), 65, samples=4096)
     assert image.mean(dtype=np.float64) == pytest.approx(LEVEL, rel=1e-3)
 
 

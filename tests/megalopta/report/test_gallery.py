@@ -84,7 +84,7 @@ def test_what_is_no_panorama_is_refused_before_anything_is_rendered(tmp_path, ca
 @pytest.mark.slow
 def test_a_photograph_is_measured_beside_forests(picture, tmp_path):
     path = picture(np.random.default_rng(0).random((32, 64, 3)))
-    paths = write_statistics(tmp_path / "out", [path], 1, ["open"], 24)
+    paths = write_statistics(tmp_path / "out", [path], 9, ["open"], 24)
     assert [each.suffix for each in paths] == [".png", ".svg", ".csv", ".json"]
     photograph, forest, blurred = csv.DictReader(paths[2].read_text().splitlines())
     assert (photograph["scene"], forest["scene"]) == (path.stem, "open")
