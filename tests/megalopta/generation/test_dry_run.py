@@ -35,7 +35,7 @@ def test_where_auto_may_bake_the_time_told_is_the_most():
     settings = load("demo", {"render.integrator": "auto", "trajectory.frames": "100"})
     scale = Scale.of(settings)
     assert scale.may_bake
-    few = Scale.of(load("demo", {"render.integrator": "auto", "trajectory.frames": "10"}))
+    few = Scale.of(load("demo", {"render.integrator": "auto", "trajectory.frames": "5"}))
     assert not few.may_bake
 
 

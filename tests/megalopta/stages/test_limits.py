@@ -88,7 +88,7 @@ def test_more_than_the_disk_holds_is_refused(tmp_path, monkeypatch):
 
 
 def test_what_is_there_already_takes_no_more_room(tmp_path, monkeypatch):
-    (tmp_path / "part").write_bytes(bytes(50_000_000))
+    (tmp_path / "part").write_bytes(bytes(100_000_000))
     full = shutil.disk_usage(tmp_path)._replace(free=1000)
     monkeypatch.setattr(shutil, "disk_usage", lambda path: full)
     refuse_absurd(load("demo"), "render", tmp_path)

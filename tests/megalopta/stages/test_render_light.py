@@ -46,14 +46,15 @@ def instead(monkeypatch):
 
 @pytest.fixture
 def yard(instead):
-    """A plane."""
-    instead(
-        trimesh.Trimesh(
-            100.0 * np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]),
-            [[0, 1, 2], [0, 2, 3]],
-            process=False,
-        )
+    """A plane with a block on it: a plane alone has no noise."""
+    plane = trimesh.Trimesh(
+        100.0 * np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]),
+        [[0, 1, 2], [0, 2, 3]],
+        process=False,
     )
+    block = trimesh.creation.box((1, 1, 2))
+    block.apply_translation([8, 0, 0])
+    instead(trimesh.util.concatenate([plane, block]))
 
 
 @pytest.fixture
