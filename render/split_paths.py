@@ -3,11 +3,11 @@
 - Light from the disc of sun or moon takes one more ray, nearly parallel to its neighbors'. In a
   forest it is most of the light and most of the noise.
 - Light from the sky takes one ray in a random direction.
-- Light from other surfaces takes a path, ten times as dear, and brings a tenth of the light.
+- Light from other surfaces takes a path, ten times as much work, and brings a tenth of the light.
 
-The best numbers of samples are in proportion to the root of variance over cost. Those below are
-within 10 % of the least cost at equal error in all forests and lights of
-`benchmarks/bench_light.py`. All parts are unbiased, and so is their sum.
+The best numbers of samples are in proportion to the root of variance over cost. Those below suit
+forests of several densities, by day and by night (`benchmarks/bench_light.py`). All parts are
+unbiased, and so is their sum.
 
 Bands need no more paths than one for the first two parts: surfaces are diffuse, so light and
 reflectance are known for each band as a whole.

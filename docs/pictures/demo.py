@@ -31,7 +31,7 @@ def photons(dataset: Dataset, path: Path) -> None:
             axis.plot([low, high], [place, place], color=color, linewidth=5, alpha=0.4)
             axis.plot(found["flux"], place, "o", color=color, markersize=8, markerfacecolor=fill)
     axis.set_yticks(list(places.values()), list(places))
-    ideal = dataset.configuration.sensors[-1]
+    ideal, trees = dataset.configuration.sensors[-1], dataset.configuration.scene.counts["trees"]
     for level in dataset.configuration.light_levels:
         events = open_counts(dataset.counts(ideal, level))["mean_events"]
         flux = events.mean() * events.shape[1] * events.shape[2]
@@ -45,8 +45,8 @@ def photons(dataset: Dataset, path: Path) -> None:
         "filled: ratio of sums, open: mean of ratios (Eq. 4.5), which near-zero responses dominate"
     )
     axis.set_title(
-        f"The demo's forest of {dataset.configuration.scene.counts['trees']} trees; gray: photons that an "
-        f"ideal sensor detects in {ideal.exposure_s:g} s",
+        f"The demo's forest of {trees} trees; gray: photons that an ideal sensor detects in "
+        f"{ideal.exposure_s:g} s",
         loc="left",
         pad=22,
         fontsize=10,
