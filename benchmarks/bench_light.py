@@ -115,8 +115,10 @@ def without_standing(seen: MeasuredPass) -> MeasuredPass:
     return replace(seen, standing=np.zeros_like(seen.standing), differences=None)
 
 
-def mitsubas(rendering: SceneRenderer, samples: int, **settings: Any) -> Callable[[int], Any]:
-    """Frames of Mitsuba's own path tracer, at the first pose."""
+def mitsubas(
+    rendering: SceneRenderer, pose: Any, samples: int, **settings: Any
+) -> Callable[[int], Any]:
+    """Frames of Mitsuba's own path tracer at a local pose."""
     depth = rendering._view._settings.max_depth
     path = mi.load_dict({"type": "path", "max_depth": depth, **settings})
     film = Film(rendering.camera, rendering._view._settings, samples)
@@ -124,14 +126,15 @@ def mitsubas(rendering: SceneRenderer, samples: int, **settings: Any) -> Callabl
     def trace(scene: Any, sensor: Any, seed: int, spp: int) -> Any:
         return np.array(path.render(scene, sensor, seed=seed, spp=spp), np.float32)
 
-    return lambda seed: film.expose(trace, rendering._loaded, rendering.first_pose, seed)
+    return lambda seed: film.expose(trace, rendering._loaded, pose, seed)
 
 
 def parts(preset: str, level: str) -> None:
     """Table of the parts of one forest and light."""
     configuration = flight(preset, level, 120, 2)
     rendering = renderer(configuration, "path")
-    pose = rendering.first_pose = rendering._local(configuration.trajectory.poses()[0])
+    first = configuration.trajectory.poses()[0]
+    pose = rendering._local(first)
     view = rendering._view
     seen = closely_seen(rendering, pose)
     film = Film(rendering.camera, view._settings, SAMPLES)
@@ -148,11 +151,9 @@ def parts(preset: str, level: str) -> None:
     takes = {
         name: part(each.look) for name, each in zip(names, view._integrator.parts, strict=True)
     }
-    takes["split paths"] = lambda seed: rendering.radiance(
-        configuration.trajectory.poses()[0], seed
-    )
-    takes["Mitsuba's path, roulette from 5"] = mitsubas(rendering, SAMPLES)
-    takes["Mitsuba's path, roulette from 2"] = mitsubas(rendering, SAMPLES, rr_depth=2)
+    takes["split paths"] = lambda seed: rendering.radiance(first, seed)
+    takes["Mitsuba's path, roulette from 5"] = mitsubas(rendering, pose, SAMPLES)
+    takes["Mitsuba's path, roulette from 2"] = mitsubas(rendering, pose, SAMPLES, rr_depth=2)
     for name, take in takes.items():
         one = sampled(take, seen, SAMPLES)
         light = take(9)[seen.sky == 0].sum(axis=-1).mean() / whole
@@ -169,9 +170,9 @@ def costs(preset: str, level: str, width: int) -> None:
     configuration = flight(preset, level, width, FRAMES)
     first = configuration.trajectory.poses()[0]
     path = renderer(configuration, "path")
-    path.first_pose = path._local(first)
-    seen, pixels = closely_seen(path, path.first_pose), width * (width * 3 // 4)
-    plain = sampled(mitsubas(path, 16), seen, 16)
+    pose = path._local(first)
+    seen, pixels = closely_seen(path, pose), width * (width * 3 // 4)
+    plain = sampled(mitsubas(path, pose, 16), seen, 16)
     split = sampled(lambda seed: path.radiance(first, seed), seen, SAMPLES)
     kinds = {number: baked(configuration, first, number, seen.sky) for number in (1, FRAMES)}
     for error in (0.2, 0.1, 0.05):

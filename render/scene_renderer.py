@@ -46,7 +46,7 @@ def _path_tracer(
     scene, meshes, loaded = whole
     if not can_split(scene, meshes):
         return PathIntegrator(settings.max_depth, air)
-    if not is_layered(scene, meshes):
+    if not is_layered(meshes):
         return SplitPaths(whole, settings)
     exposing = SplitPaths(whole, settings, MovingLayers(meshes, loaded, still))
     return SplitPaths(whole, settings, exposing=exposing)

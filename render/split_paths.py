@@ -77,7 +77,7 @@ class SplitPaths:
         scattering = Scattering([scene.materials[mesh.material] for mesh in meshes], self._bands)
         self._bounces = Bounces(scattering, len(self._bands))
         self._sky = SkyLight(scene.lighting, scattering, self._bounces, self._bands)
-        sun = scene.lighting.sun
+        sun = scene.lighting.sun if settings.max_depth > 1 else None
         self._sun = SunLight(scene, meshes, sun, self._bands) if sun else None
         self._paths = BandPaths(self._bands, settings.max_depth - 1, self._layers)
 
@@ -125,7 +125,7 @@ class SplitPaths:
         """Light of the sky behind the surfaces, and of the sun on them."""
         sight, weight = self._look(ray)
         light = self._sky.emitted(ray.d, ~sight.point.is_valid())
-        if self._sun and self._depth > 1:
+        if self._sun:
             direct = self._sun.radiance(self._layers, sight, weight, sampler.next_1d())
             light = [a + b for a, b in zip(light, direct, strict=True)]
         return [*light, _sky(sight)]

@@ -72,8 +72,6 @@ class Scale:
     """Passes over all frames, including those that measure the error."""
     closing: int
     """Light paths that measure the light on the ground, the canopy and the truncation bias."""
-    may_bake: bool
-    """True if `auto` may bake: the cost is then that of baking, if that is more work."""
 
     @classmethod
     def of(cls, settings: Configuration) -> "Scale":
@@ -89,7 +87,7 @@ class Scale:
         measured = 0 if shading.target_error else math.ceil(frames / MEASURED_EVERY)
         closing = _CLOSING if settings.scene.is_lit_from_outside else 0
         passes = frames + measured
-        return cls(things, triangles, pixels, samples, frames, passes, closing, _may_bake(settings))
+        return cls(things, triangles, pixels, samples, frames, passes, closing)
 
 
 @dataclass(frozen=True)
@@ -183,9 +181,7 @@ def _small(settings: Configuration, things: int) -> Configuration:
         for name, count in scene.counts.items()
         if name in type(scene).model_fields
     }
-    if shading.integrator == "auto":
-        integrator = "baked" if _may_bake(settings) else "path"
-        shading = shading.model_copy(update={"integrator": integrator})
+    shading = shading.model_copy(update={"integrator": _integrator_of(settings)})
     rows = math.ceil(_pixels(settings) / camera.width)
     rows = min(max(rows, _FEWEST_ROWS), camera.height)
     return settings.model_copy(
@@ -197,20 +193,26 @@ def _small(settings: Configuration, things: int) -> Configuration:
     )
 
 
-def _may_bake(settings: Configuration) -> bool:
-    """True if `auto` may bake the light of the sequence."""
-    camera, shading = settings.camera, settings.render
-    pixels = camera.width * camera.height
-    bounces = settings.scene.has_bounces and not settings.scene.is_hazy
+def may_bake(settings: Configuration) -> bool:
+    """True if `auto` may bake the light of the sequence: where it does not, that is less work."""
+    camera, shading, scene = settings.camera, settings.render, settings.scene
     return (
-        bounces
-        and shading.integrator == "auto"
-        and may_pay(shading, settings.trajectory.frames, pixels)
+        shading.integrator == "auto"
+        and scene.has_bounces
+        and not scene.is_hazy
+        and may_pay(shading, settings.trajectory.frames, camera.width * camera.height)
     )
 
 
+def _integrator_of(settings: Configuration) -> str:
+    """Return the integrator of a probe, of the one with more work if it is not known."""
+    if settings.render.integrator == "auto":
+        return "baked" if may_bake(settings) else "path"
+    return settings.render.integrator
+
+
 def _pixels(settings: Configuration) -> float:
-    if settings.render.integrator == "baked" or _may_bake(settings):
+    if _integrator_of(settings) == "baked":
         return _BAKED_PIXELS
     paths = _PATHS if settings.scene.has_bounces else _DIRECT_PATHS
     passes = settings.render.max_passes if settings.render.target_error else 1
@@ -266,7 +268,7 @@ def _told(
     if workers > 1:
         text += f" with {workers} workers"
     text += f" ({duration(cpu_seconds)} of processor time)"
-    is_most = any(_may_bake(each) for each in drawn)
+    is_most = any(map(may_bake, drawn))
     return text + (", at most: light is baked only if that takes less work" if is_most else "")
 
 
@@ -348,6 +350,6 @@ def _group(settings: Configuration) -> _Group:
         shutter.exposure_s > 0,
         shutter.readout_s > 0,
         len(shading.bands_nm),
-        shading.integrator,
+        _integrator_of(settings),
         shading.target_error is None,
     )

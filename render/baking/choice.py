@@ -9,14 +9,14 @@ from megalopta.render.baking.neighborhood import MOST_OBJECTS
 from megalopta.scenes.scene import Scene
 
 _FEWEST_SAMPLES = 1000
-"""Fewest samples per pixel in a whole sequence. Forests take at least 4000 rays per pixel of a
-frame; baking pays below 3.4 rays per sample."""
+"""Fewest samples per pixel in a whole sequence: forests take some thousand rays per pixel of a
+frame."""
 FEWEST_IN_ALL = 10_000_000
 """Fewest samples in all pixels. A survey takes as long as some millions of samples, for any size:
 it compiles, divides the scene into cells and looks from 512 places."""
-PATH, BAKE, SAMPLE = 1.5, 1.7, 0.7
-"""Work in CPU-µs: of a sample of split paths, a ray of the bake, and a sample of a baked frame, in
-a dense forest (`benchmarks/bench_light.py`)."""
+PATH, WHOLE_PATH, BAKE, SAMPLE = 1.5, 4.0, 1.7, 0.7
+"""Work in CPU-µs: of a sample of split paths, of a path that is not split, of a ray of the bake,
+and of a sample of a baked frame, in a dense forest (`benchmarks/bench_light.py`)."""
 
 
 class Scatter(NamedTuple):

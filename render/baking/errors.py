@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from megalopta.core.arrays import Floats, Ints, Mask
 from megalopta.render import MEASURED_EVERY, dr, frame_seed, mi
-from megalopta.render.baking.choice import PATH, SAMPLE
+from megalopta.render.baking.choice import SAMPLE, WHOLE_PATH
 from megalopta.render.baking.visibility import views
 from megalopta.render.noise import pairs
 from megalopta.render.sensors.primary import pixel_means
@@ -101,7 +101,7 @@ Differences = Callable[[Any, Any, Any], list[Any]]
 def pixels_to_compare(work: float, frames: int) -> int:
     """Number of pixels to compare per measured frame, for the work of all frames."""
     measured = -(-frames // MEASURED_EVERY)
-    paths = _SHARE * work / (PATH + SAMPLE) / measured
+    paths = _SHARE * work / (WHOLE_PATH + SAMPLE) / measured
     return max(int(paths / (GROUPS * GROUP)), _FEWEST)
 
 

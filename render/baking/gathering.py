@@ -1,17 +1,9 @@
 """Radiance of clusters of cells, gathered by two independent sets of rays.
 
-A diffuse surface with reflectance ρ under irradiance E emits L = ρE/π in all directions, and E/π is
-the mean radiance from cosine-distributed directions. A side of a translucent surface emits (ρ·E +
-τ·E′)/π, with the irradiance E′ of the other side: rays are split between the sides roughly as ρ to
-τ, which minimizes noise if both are lit equally.
-
 Most light comes directly from the sky: this needs only visibility rays, which are five times as
 fast as paths. Every eighth ray is followed as a path and adds the light reflected by surfaces, with
 further hits. Direct light from the disc of sun or moon is left to the frame, which has shadows of
 pixel accuracy.
-
-The two spectra that a texture mixes have separate band means of ρE/π, not of ρ and E: within a
-band, the correlation of green leaves and green light amounts to several percent.
 
 A point of a cell without view of the place where the cell was seen, such as one below the ground,
 is replaced by the latter.

@@ -9,8 +9,6 @@ from typing import Any
 from megalopta.render import dr, mi
 from megalopta.render.loading.meshes import MergedMesh, MovingMesh
 from megalopta.render.loading.scene import load_mesh, move_to, of_shapes
-from megalopta.render.mitsuba_loader import is_scalar
-from megalopta.scenes.scene import Scene
 
 _LARGEST_MOVING_SHARE = 0.5
 """Share of moving triangles above which two scenes do not pay for intersecting each ray twice."""
@@ -46,13 +44,10 @@ class Layers:
         return blocked
 
 
-def is_layered(scene: Scene, meshes: Sequence[MergedMesh]) -> bool:
-    """True if moving objects are small, do not emit and come with objects at rest."""
-    moving = [mesh for mesh in meshes if isinstance(mesh, MovingMesh)]
-    triangles = sum(len(mesh.faces) for mesh in moving)
-    return 0 < triangles <= _LARGEST_MOVING_SHARE * sum(
-        len(mesh.faces) for mesh in meshes
-    ) and not (any(scene.materials[mesh.material].emission for mesh in moving) or is_scalar())
+def is_layered(meshes: Sequence[MergedMesh]) -> bool:
+    """True if moving objects are small, and come with objects at rest."""
+    moving = sum(len(mesh.faces) for mesh in meshes if isinstance(mesh, MovingMesh))
+    return 0 < moving <= _LARGEST_MOVING_SHARE * sum(len(mesh.faces) for mesh in meshes)
 
 
 class MovingLayers(Layers):

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from megalopta.config.model import load
-from megalopta.generation.dry_run import Probe, Scale, foresee, probe
+from megalopta.generation.dry_run import Probe, Scale, foresee, may_bake, probe
 
 SMALL = Probe(
-    scale=Scale(60, 700.0, 1100, 1100.0, 2, 3, 0, 1.0),
+    scale=Scale(60, 700.0, 1100, 1100.0, 2, 3, 0),
     setup=np.full(2, 7.0),
     compiling=np.full(2, 5.0),
     once=np.full(2, 2.0),
@@ -16,7 +16,7 @@ SMALL = Probe(
     frame_bytes=12000.0,
 )
 """A probe of one sample a pixel, of 10 triangles a thing and 100 more."""
-LARGE = Scale(1000, 10_500.0, 2200, 2200.0, 10, 11, 550, 1.0)
+LARGE = Scale(1000, 10_500.0, 2200, 2200.0, 10, 11, 550)
 
 
 def test_a_sequence_takes_in_proportion_to_a_probe():
@@ -33,10 +33,9 @@ def test_only_the_first_compiles():
 
 def test_where_auto_may_bake_the_time_told_is_the_most():
     settings = load("demo", {"render.integrator": "auto", "trajectory.frames": "100"})
-    scale = Scale.of(settings)
-    assert scale.may_bake
-    few = Scale.of(load("demo", {"render.integrator": "auto", "trajectory.frames": "5"}))
-    assert not few.may_bake
+    assert may_bake(settings)
+    few = load("demo", {"render.integrator": "auto", "trajectory.frames": "5"})
+    assert not may_bake(few)
 
 
 def test_a_probe_renders_a_strip_of_few_frames_and_leaves_nothing(tmp_path, monkeypatch):
