@@ -6,6 +6,8 @@
   Mitsuba's path tracer, split paths and baked light. Errors of samples fall as the root of their
   number; costs and variances are those of one frame, measured in the same run.
 - `accuracy`: stated error of baked frames over the true one, against converged split paths.
+- `scale`: triangles, memory, time to load, and the cost of a sample, for forests of up to 5000
+  trees and frames of up to 640 x 480 px.
 
 Errors are those of the sum over bands, on pixels without sky, over the mean (RMS) or the pixel's
 own light (median over blocks).
@@ -13,10 +15,12 @@ own light (median over blocks).
 
 import argparse
 import math
+import resource
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from multiprocessing import get_context
 from typing import Any
 from unittest.mock import patch
 
@@ -30,14 +34,26 @@ from megalopta.render.noise import RegionNoise
 from megalopta.render.sensors.film import Film
 from megalopta.render.sensors.primary import pixel_means
 from megalopta.scenes.build import build_scene
-from megalopta.scenes.lighting.levels import LEVELS
 
 PRESETS, LIGHTS = ("open", "dense", "rainforest"), ("daylight", "twilight", "starlight")
 FRAMES, SAMPLES, BAKE_ERROR = 30, 64, 0.1
 _REFERENCE = 32
+UNSEEN = (
+    ("clearing", "daylight"),
+    ("clearing", "full_moon"),
+    ("understorey", "twilight"),
+    ("understorey", "airglow"),
+    ("trail", "daylight"),
+    ("trail", "overcast_night"),
+    ("forest", "daylight"),
+    ("forest", "quarter_moon"),
+    ("rainforest", "full_moon"),
+    ("rainforest", "moonless_forest_floor"),
+)
+"""Presets and lights that nothing was set on."""
 
 
-def flight(preset: str, level: str, width: int, frames: int) -> Configuration:
+def flight(preset: str, level: str, width: int, frames: int, **more: str) -> Configuration:
     """Flight of three seconds through a forest, in frames of 4:3."""
     changes = {
         "scene": f"{{kind: forest, preset: {preset}, trees: 300}}",
@@ -48,6 +64,7 @@ def flight(preset: str, level: str, width: int, frames: int) -> Configuration:
         "render.samples_per_pixel": str(SAMPLES),
         "render.bake_error": str(BAKE_ERROR),
         "render.max_depth": "16",
+        **more,
     }
     return load("demo", changes)
 
@@ -313,9 +330,34 @@ def median_of_blocks(error2: np.ndarray, light: np.ndarray, part: np.ndarray) ->
     return float(np.median(np.sqrt(np.maximum(total * pixels, 0))[lit] / lights[lit]))
 
 
+SIZES = ((100, 320), (1000, 160), (1000, 320), (1000, 640), (5000, 320), (5000, 640))
+
+
+def scale(trees: int, width: int) -> None:
+    """Row of a dense forest by day, in a process of its own for its peak memory."""
+    begun = time.process_time()
+    changes = {"scene": f"{{kind: forest, preset: dense, trees: {trees}}}"}
+    configuration = flight("dense", "daylight", width, 2, **changes)
+    rendering = renderer(configuration, "path")
+    loaded_s = time.process_time() - begun
+    poses = configuration.trajectory.poses()
+    rendering.radiance(poses[0], 0)
+    spent = [cpu_seconds(lambda: rendering.radiance(poses[1], 1))[0] for _ in range(3)]
+    truth_s, _ = cpu_seconds(lambda: rendering.truth(poses, 0))
+    pixels = width * (width * 3 // 4)
+    memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
+    print(
+        f"  {trees:5} trees, {rendering._scene.triangle_count / 1e6:.1f} million triangles, "
+        f"{width} px wide: {memory / 1e9:.2f} GB; loaded in {loaded_s:.0f} CPU-s; "
+        f"{1e6 * float(np.median(spent)) / pixels / SAMPLES:.2f} CPU-us a sample; truth "
+        f"{truth_s:.1f} CPU-s",
+        flush=True,
+    )
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("what", nargs="*", default=["parts", "costs", "accuracy"])
+    parser.add_argument("what", nargs="*", default=["parts", "costs", "accuracy", "scale"])
     parser.add_argument("--width", type=int, default=320)
     given = parser.parse_args()
     for preset in PRESETS:
@@ -325,9 +367,13 @@ def main() -> None:
             if "costs" in given.what:
                 costs(preset, level, given.width)
     if "accuracy" in given.what:
-        for preset in ("open", "clearing", "understorey", "dense"):
-            for level in LEVELS:
-                accuracy(preset, level)
+        for preset, level in UNSEEN:
+            accuracy(preset, level)
+    if "scale" in given.what:
+        for size in SIZES:
+            row = get_context("spawn").Process(target=scale, args=size)
+            row.start()
+            row.join()
 
 
 if __name__ == "__main__":

@@ -31,7 +31,7 @@ Backend = Literal["auto", "cuda", "llvm", "scalar"]
 class RenderSettings(Record, frozen=True):
     """Settings of radiance."""
 
-    samples_per_pixel: Annotated[int, Field(ge=1, le=2**20)] = 25
+    samples_per_pixel: Annotated[int, Field(ge=1, le=2**20)] = 64
     """Camera rays per pixel and frame, each with a ray to sun or moon. One in four (each, without a
     disc) also looks for the sky, and one in 16 is followed over other surfaces. Samplers round up:
     multijitter to a product of two near factors, orthogonal to the square of a prime, ldsampler to

@@ -57,7 +57,8 @@ def pilot(frames: list[list[Any]], look: Callable[[Any], list[Any]]) -> Pilot:
     if not surface.any():
         return Pilot(0.0, 0.0, 0.0)
     variance = (square - light**2)[surface].mean() * _RAYS / (_RAYS - 1)
-    return Pilot(light[surface].mean(), (standing[surface] ** 2).mean(), max(variance, 0.0))
+    fixed = max(standing[surface].mean(), 0.0)
+    return Pilot(light[surface].mean(), fixed, max(variance, 0.0))
 
 
 def scatter_of_paths(parts: Sequence[Part], frames: list[list[Any]], sampler: Any) -> float:
@@ -76,15 +77,22 @@ def scatter_of_paths(parts: Sequence[Part], frames: list[list[Any]], sampler: An
 
 
 def _of_pixels(frame: list[Any], look: Callable[[Any], list[Any]]) -> Floats:
-    """Means over the rays of each pixel: light, its square, error and sky (4, P)."""
+    """Means over the rays of each pixel: light, its square, squared error and sky (4, P).
+
+    A pixel shows many clusters of cells, and each ray the error of one. So the square of the mean
+    error of some rays is too large. The product of those of two halves of the rays is right.
+    """
     directions = np.concatenate([np.array(rays.d) for rays in frame], axis=1)
     found = look(mi.Ray3f(frame[0].o, mi.Vector3f(directions)))
     bands = len(found) // 2
     total: Any = sum(found[:bands])
     parts = total, dr.square(total), sum(found[bands:-1]), found[-1]
     dr.eval(parts)
-    seen = np.array([np.array(each) for each in parts]).reshape(4, _RAYS, -1)
-    return np.asarray(seen.mean(axis=1, dtype=np.float64))
+    seen = np.array([np.array(each) for each in parts]).reshape(4, 2, _RAYS // 2, -1)
+    halves = seen.mean(axis=2, dtype=np.float64)
+    means = halves.mean(axis=1)
+    means[2] = halves[2].prod(axis=0)
+    return np.asarray(means)
 
 
 GROUPS = 8

@@ -5,10 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from megalopta.render import RenderSettings, activate, choose_variant
+from megalopta.render import RenderSettings, activate, choose_variant, dr, mi
 from megalopta.render.baking import cells as cells_module
 from megalopta.render.baking.cells import CellFinder, Cells
 from megalopta.render.baking.clusters import smoothed
+from megalopta.render.baking.errors import pilot
 from megalopta.render.baking.gathering import Scattering
 from megalopta.render.baking.light import key_of
 from megalopta.render.baking.visibility import VIEWS, survey, views
@@ -188,3 +189,23 @@ def key(material):
 )
 def test_light_of_another_surface_is_not_taken_for_its(other):
     assert key(LEAF) == key(replace(LEAF)) != key(other)
+
+
+@vectorized
+def test_the_fixed_error_of_a_pixel_is_not_that_of_the_few_clusters_that_rays_meet():
+    # Each ray meets a cluster of its own, with an error of 1; all of a pixel share 0.1. The square
+    # of the mean of 32 rays would be 0.01 + 1 / 32. Tolerance: 5 standard errors of 3 · 4096 px.
+    activate(choose_variant("auto"))
+    rng = np.random.default_rng(0)
+    pixels = CAMERA.width * CAMERA.height
+    frames = [list(views(CAMERA, np.eye(4)[None], 32, 0, 1))] * 3
+
+    def look(rays):
+        shared = np.tile(0.1 * rng.choice([-1, 1], pixels), 32)
+        error = mi.Float((shared + rng.standard_normal(32 * pixels)).astype(np.float32))
+        light = mi.Float(1.0 + np.zeros(32 * pixels, np.float32))
+        return [light, error, dr.zeros(mi.Float, 32 * pixels)]
+
+    found = pilot(frames, look)
+    assert found.mean == 1
+    assert found.standing == pytest.approx(0.01, abs=5 * (1 / 16) / (3 * pixels) ** 0.5)
