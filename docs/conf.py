@@ -8,7 +8,7 @@ sys.path.insert(0, str(Path(__file__).parent / "extensions"))
 from megalopta import __version__ as release
 
 project = "megalopta"
-html_title = f"megalopta {release}"
+html_title = f"megalopta {release.partition('+')[0]}"
 
 extensions = [
     "myst_parser",

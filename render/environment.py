@@ -182,14 +182,14 @@ def _without_negatives(rgb: Image, path: str) -> Image:
     negative = rgb[rgb < 0]
     if not negative.size:
         return rgb
-    told = f"{path} has {negative.size} values below 0, the lowest {negative.min():.2g}"
+    found = f"{path} has {negative.size} values below 0, the lowest {negative.min():.2g}"
     clipped = np.maximum(rgb, 0)
     if -negative.sum(dtype=np.float64) > _MOST_NEGATIVE * clipped.sum(dtype=np.float64):
         raise ValueError(
-            f"{told}, more than {_MOST_NEGATIVE:.1%} of its light; repair it, or give light "
+            f"{found}, more than {_MOST_NEGATIVE:.1%} of its light; repair it, or give light "
             "instead of differences"
         )
-    say(f"{told}; they are set to 0")
+    say(f"{found}; they are set to 0")
     return clipped
 
 

@@ -25,7 +25,7 @@ from megalopta.render.scattering import wavelength_groups
 from megalopta.render.sensors.primary import developed, pixel_means
 
 ROULETTE_DEPTH, _MOST_LIKELY = 2, 0.95
-"""Hits after which a path goes on by chance. Leaves reflect a tenth of the visible light: 2 in
+"""Hits after which a path continues by chance. Leaves reflect a tenth of the visible light: 2 in
 place of Mitsuba's 5 costs a third and adds a tenth of noise."""
 
 

@@ -166,10 +166,10 @@ class Canopy:
         """Summary in a sentence."""
         gaps = ", ".join(f"{_percent(gap)} at {angle:g}°" for angle, gap in self.gaps.items())
         light = self.floor_light
-        floor = f"; {_percent(light)} of the sky's light comes to the floor" if light else ""
+        floor = f"; {_percent(light)} of the sky's light reaches the floor" if light else ""
         return (
-            f"Leaf-area index {self.leaf_area_index:.2f}, wood {self.wood_share:.0%} of the plant "
-            f"area; gaps {gaps}{floor}."
+            f"Leaf-area index {self.leaf_area_index:.2f}, wood {100 * self.wood_share:.0f} % of "
+            f"the plant area; gaps {gaps}{floor}."
         )
 
 

@@ -34,8 +34,8 @@ def kind_unless_told(kind: str) -> BeforeValidator:
     """Fill in a kind if a mapping has none."""
 
     def filled_in(values: Any) -> Any:
-        told = not isinstance(values, Mapping) or "kind" in values
-        return values if told else {"kind": kind, **values}
+        has_kind = not isinstance(values, Mapping) or "kind" in values
+        return values if has_kind else {"kind": kind, **values}
 
     return BeforeValidator(filled_in)
 

@@ -49,9 +49,9 @@ def write_page(path: Path) -> None:
     lines = [
         *_title("Settings", "="),
         "A setting is a key of the YAML file and an option of the command line, named by its "
-        "path: ``scene: {trees: 300}`` and ``--scene.trees 300``. Tables are made of the program's "
-        "own models. A bound that stands in the meaning only is checked too, and what is refused "
-        "is said in one sentence.",
+        "path: ``scene: {trees: 300}`` and ``--scene.trees 300``. The tables come from the "
+        "program's own models. The program also checks bounds that only the text states. It "
+        "refuses a wrong value in one sentence.",
         "",
     ]
     seen: set[str] = set()

@@ -1,10 +1,10 @@
 """Search for the photons that detectors need on a moving template, with few draws.
 
-**Short sequences.** The thesis's sequence of 400 frames is represented by a few short ones that
-start at places spread around the template. Detectors with memory see clean frames first, so that
-their filters have the right state, and only the noise has yet to reach its strength; frames until
-then are drawn but not scored. Draws are keyed by seed, stimulus, flux, place and repeat, and a
-detector that needs few frames sees the first of those that another one sees.
+**Short sequences.** The dissertation's sequence of 400 frames is represented by a few short ones
+that start at places spread around the template. Detectors with memory see clean frames first, so
+that their filters have the right state, and only the noise has yet to reach its strength; frames
+until then are drawn but not scored. Draws are keyed by seed, stimulus, flux, place and repeat, and
+a detector that needs few frames sees the first of those that another one sees.
 
 **Search.** Errors are measured only at the fluxes of a fixed lattice that a search needs. It starts
 where a single pixel is precise enough, strides up or down by half decades as far as the error
@@ -14,9 +14,9 @@ is open. An error at a flux does not depend on the path of the search, so no res
 other methods of a search, nor on their order. For one method, metrics and bits share their fluxes,
 so further ones may refine an interval.
 
-The crossing is the thesis's first downward one, unless the error falls below its level and rises
-again at a smaller flux, between lattice neighbors that the search has not measured; then another
-crossing may be found.
+The crossing is the dissertation's first downward one, unless the error falls below its level and
+rises again at a smaller flux, between lattice neighbors that the search has not measured; then
+another crossing may be found.
 """
 
 import math

@@ -1,4 +1,4 @@
-"""The photon benchmark: how many photons per frame a detector needs (thesis, Chapter 4).
+"""The photon benchmark: how many photons per frame a detector needs (dissertation, Chapter 4).
 
 A clean sequence is resized, scaled to a photon flux, and drawn. Each detector runs on the counts
 and on the clean sequence, and the error between both responses is measured over the flux. Counts

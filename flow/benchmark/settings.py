@@ -32,8 +32,8 @@ class CurveSettings(
     dark_counts: Annotated[float, Field(ge=0, le=1e12)] = 0.1
     """Dark counts per frame and pixel of the frames before resizing"""
     normalization: Normalization = "per_frame"
-    """Scaled to the flux: every frame, as in the thesis, or (per_sequence) the mean frame, so that
-    frames differ in brightness as they do in the scene"""
+    """Scaled to the flux: every frame, as in the dissertation, or (per_sequence) the mean frame, so
+    that frames differ in brightness as they do in the scene"""
     reference: Literal["self", "perfect"] = "self"
     """Reference of the responses to counts: those to the mean counts with dark counts, or (perfect)
     to the light alone. It matters to detectors that respond to an offset, IM and PM"""
@@ -80,7 +80,7 @@ class BenchmarkSettings(CurveSettings, frozen=True):
     )  # fmt: skip
     """Rows of the resized frames (px); columns are in proportion"""
     resize: ResizeKind = "nearest"
-    """"nearest" subsamples frames as in the thesis, "area" pools the light"""
+    """"nearest" subsamples frames as in the dissertation, "area" pools the light"""
     warm_up: Annotated[int, Field(ge=0)] | None = None
     """Frames not scored at the start; default: 30 of 60 or more, else the longest memory"""
     chunk_frames: Annotated[int, Field(ge=1, le=10_000)] = 16
@@ -120,8 +120,8 @@ def work_units(frames_shape: tuple[int, ...], settings: BenchmarkSettings) -> in
 def default_warm_up(n_frames: int, methods: Sequence[Detector]) -> int:
     """Return the number of frames not to score at the start of a sequence.
 
-    The thesis's 30 if the sequence has at least 60; in a shorter one the smallest number after
-    which the slowest filter of these methods has decayed to 1 %.
+    The dissertation's 30 if the sequence has at least 60; in a shorter one the smallest number
+    after which the slowest filter of these methods has decayed to 1 %.
     """
     if n_frames >= 2 * _THESIS_WARM_UP:
         return _THESIS_WARM_UP

@@ -1,8 +1,8 @@
 """Square blocks of block methods, which give one velocity each, and their common parts.
 
-The thesis cuts an N × N frame into 10 × 10 blocks. A frame that is not square gets square blocks of
-a tenth of its shorter side, as many as fit, centered. Blocks at the border see less of the motion
-(the match may have left the frame), so errors are scored on inner blocks.
+The dissertation cuts an N × N frame into 10 × 10 blocks. A frame that is not square gets square
+blocks of a tenth of its shorter side, as many as fit, centered. Blocks at the border see less of
+the motion (the match may have left the frame), so errors are scored on inner blocks.
 """
 
 from collections.abc import Sequence
@@ -223,7 +223,7 @@ class PooledFrames(BlockDetector, frozen=True):
 def thesis_radius_px(shape: tuple[int, int]) -> int:
     """Return the search radius, which grows with the shorter side N of the frame.
 
-    (75 + N)/45, rounded: the thesis's 3, 4, 6 and 7 px at N = 60, 120, 180 and 240.
+    (75 + N)/45, rounded: the dissertation's 3, 4, 6 and 7 px at N = 60, 120, 180 and 240.
     """
     return round((75 + min(shape)) / 45)
 

@@ -1,4 +1,4 @@
-"""Correlation detectors after insect vision: EMD, NDM and NDS (thesis §4.3.3, Eqs. 4.1 to 4.4).
+"""Correlation detectors after insect vision: EMD, NDM, NDS (dissertation §4.3.3, Eqs. 4.1 to 4.4).
 
 Every pixel is high-passed over the frames, h; a low-pass of h is its delayed copy, g; neighbors
 along x are combined, and the result is low-passed, y. With x the pixel's value in the next frame,
@@ -10,9 +10,9 @@ along x are combined, and the result is low-passed, y. With x the pixel's value 
     NDS: R = |h[j] + g[j−1] + g[j+1]|
 
 Per frame, a = 1/(1 + τ) with the time constant τ in frames. The first frame is taken to have been
-there forever. The thesis states the rectification for NDS only; for NDM it is inferred. Motion
-toward +x has a phase φ < 0 from pixel to pixel and the delay φ2 < 0: EMD is then positive. Mean
-responses to a sinusoid: `docs/theory/correlators.md`.
+there forever. The dissertation states the rectification for NDS only; for NDM it is inferred.
+Motion toward +x has a phase φ < 0 from pixel to pixel and the delay φ2 < 0: EMD is then positive.
+Mean responses to a sinusoid: `docs/theory/correlators.md`.
 """
 
 import math

@@ -2,8 +2,8 @@
 
 Each block of frame t + 1 is written as a linear interpolation between frame t shifted by one pixel
 to either side, and the two coefficients, its velocity, follow by least squares (Srinivasan 1994,
-translation only; thesis §4.3.2). With differences gx = f(x−1) − f(x+1), gy likewise over rows, and
-d = f_{t+1} − f_t, summed over the block,
+translation only; dissertation §4.3.2). With differences gx = f(x−1) − f(x+1), gy likewise over
+rows, and d = f_{t+1} − f_t, summed over the block,
 
     A = Σgx²   B = Σgx·gy   C = Σgy²   D = Σd·gx   E = Σd·gy
     v_x = 2(CD − BE)/(AC − B²)         v_y = 2(AE − BD)/(AC − B²)
@@ -35,7 +35,7 @@ class ImageInterpolation(BlockDetector, frozen=True):
     name: str = "IIA"
     label: str = "Image interpolation"
     scored_components: Literal["x", "xy"] = "x"
-    """Components that the benchmark compares: the thesis's motion is horizontal, so x"""
+    """Components that the benchmark compares: the dissertation's motion is horizontal, so x"""
 
     def start(self, shape: tuple[int, int]) -> Responder:
         """Return the estimator for frames (H, W); see `Detector.start`."""

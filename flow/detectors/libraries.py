@@ -38,9 +38,9 @@ class LucasKanade(GrayDetector, frozen=True):
 
     Bouguet's iterative form: the shift that minimizes the squared difference between a window of
     frame t and frame t + 1, found by Newton steps from the coarsest level of a pyramid down to the
-    frames themselves. Only the finest level decides within a pixel, but the coarser ones see 2, 4,
-    … times as far, and where a texture has one period of a few pixels only they may start it in the
-    wrong one. With `pyramid_levels` 1 an estimate uses the photons of its window alone.
+    frames themselves. The finest level alone decides within a pixel. The coarser levels see 2, 4, …
+    times as far; if the texture repeats after a few pixels, they may start the finest level in the
+    wrong period. With `pyramid_levels` 1 an estimate uses the photons of its window alone.
 
     A window whose gradients have one direction only, or none, has no velocity (NaN): the smaller
     eigenvalue of its structure tensor is below OpenCV's threshold, about a tenth of a squared gray
@@ -187,14 +187,14 @@ class PhaseCorrelation(GrayDetector, frozen=True):
 
     The cross-power spectrum of two frames, whitened so that all spatial frequencies weigh the same,
     is the phase ramp of their shift; its transform peaks there (Kuglin and Hines 1975). The peak is
-    refined by a transform on a finer grid around it (Guizar-Sicairos et al. 2008). The frames are
-    freed of their mean and fade to zero at the edges, for a transform takes them to be periodic.
+    refined by a transform on a finer grid around it (Guizar-Sicairos et al. 2008). Frames lose
+    their mean and fade to zero at the edges, since the transform assumes that they are periodic.
 
-    Whitening makes the peak sharp, but gives frequencies that hold nothing but photon noise, or
-    leakage of the fading where the texture is smooth, as much weight as any other; without it this
-    is plain cross-correlation, which needs fewer photons.
+    Whitening makes the peak sharp. It also gives full weight to frequencies that contain only
+    photon noise or, where the texture is smooth, leakage from the fading. Without whitening this is
+    plain cross-correlation, which needs fewer photons.
 
-    The method sees all photons of a frame, and no parallax.
+    The method uses all photons of a frame, but cannot see parallax.
     """
 
     place: ClassVar[float] = 11

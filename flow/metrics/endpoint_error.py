@@ -1,15 +1,15 @@
 """Errors of velocities of blocks, and of dense flow, against the true flow.
 
-The error rate of the thesis (`error`) compares a method with itself; this compares it with ground
-truth.
+The error rate of the dissertation (`error`) compares a method with itself; this compares it with
+ground truth.
 
 **Blocks.** The true flow is averaged over the blocks of the method, without pixels where it is
 undefined or that are occluded in the next frame, and converted from pixels of the full image to
 pixels of the resized one. Blocks with too few such pixels are skipped, and so is the outermost
-block on every side, as in the error of the thesis: of a dense flow field, whose blocks are pixels,
-that is a border of 1 px. Forward flow is on the pixels of frame t, block matching on the blocks
-of frame t + 1: they differ by the motion itself, which matters where the flow changes much over a
-few pixels.
+block on every side, as in the error of the dissertation: of a dense flow field, whose blocks are
+pixels, that is a border of 1 px. Forward flow is on the pixels of frame t, block matching on the
+blocks of frame t + 1: they differ by the motion itself, which matters where the flow changes much
+over a few pixels.
 
 **Pixels**, in the measures of the public benchmarks. EPE is the length of the difference. A pixel
 counts for the 1, 3 and 5 px rates when its EPE is larger, and for Fl when its EPE is larger than
@@ -45,7 +45,7 @@ GROUPS = ("all", "visible", "occluded", "slow", "medium", "fast")
 40 px, by more"""
 
 _OUTLIER = 0.25
-"""Relative error of a velocity above which it is an outlier: the thesis's 2-bit accuracy."""
+"""Relative error of a velocity above which it is an outlier: the dissertation's 2-bit accuracy."""
 _THRESHOLDS_PX = (1.0, 3.0, 5.0)
 _RELATIVE = 0.05
 _STEPS = 100

@@ -1,7 +1,7 @@
 """Error of a detector over the photon flux, and the flux at which it falls below a level.
 
-N_2b, N_3b, N_4b of the thesis, §4.3.4: n-bit accuracy is an error of 2⁻ⁿ. The threshold is the
-first downward crossing of the measured curve, interpolated linearly in log error over log flux.
+N_2b, N_3b, N_4b of the dissertation, §4.3.4: n-bit accuracy is an error of 2⁻ⁿ. The threshold is
+the first downward crossing of the measured curve, interpolated linearly in log error over log flux.
 
 The standard error of an error comes from the differences between the repeats, which are
 independent draws of the same frames. It is estimated in independent blocks of frames and

@@ -1,4 +1,4 @@
-"""Clean frames of the flow benchmark: a template that moves past a window (thesis, §4.2).
+"""Clean frames of the flow benchmark: a template that moves past a window (dissertation, §4.2).
 
 A template is a full turn of the surroundings, (rows, columns), and a frame is a square window of as
 many columns as rows; frame t sees the template shifted by +v·t columns, around the circle, so its

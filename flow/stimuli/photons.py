@@ -1,9 +1,9 @@
 """Photon counts: clean sequences scaled to a flux, and counts drawn from mean counts.
 
 Thesis §4.2: mean counts λ = F·I/ΣI + dark counts, counts ~ Poisson(λ), with the flux F in photons
-per frame. ΣI is the sum over the frame itself, as in the thesis (`per_frame`), or its mean over the
-sequence (`per_sequence`), which keeps changes of brightness, as a sensor sees them. In a scene of
-constant brightness there is no difference.
+per frame. ΣI is the sum over the frame itself, as in the dissertation (`per_frame`), or its mean
+over the sequence (`per_sequence`), which keeps changes of brightness, as a sensor sees them. In a
+scene of constant brightness there is no difference.
 
 Every frame is drawn from its own stream, keyed by the seed, the caller's key and the number of the
 frame, so the counts of a frame do not depend on the chunks of a sequence. Different fluxes

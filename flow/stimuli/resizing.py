@@ -1,9 +1,9 @@
-"""Resizing to fewer, larger pixels: spatial pooling as in the thesis, and as in a sensor.
+"""Resizing to fewer, larger pixels: spatial pooling as in the dissertation, and as in a sensor.
 
 `nearest` takes, for each new pixel, the old pixel at its center, index ⌊(i + 0.5)·old/new⌋
-(MATLAB's imresize, thesis §4.2). It subsamples: values stay, light is lost. `area` distributes
-the light of every old pixel over the new pixels that it overlaps: the total stays. Pooling along x
-with a triangular kernel keeps the width except at the ends.
+(MATLAB's imresize, dissertation §4.2). It subsamples: values stay, light is lost. `area`
+distributes the light of every old pixel over the new pixels that it overlaps: the total stays.
+Pooling along x with a triangular kernel keeps the width except at the ends.
 """
 
 from typing import Any, Literal
@@ -55,8 +55,8 @@ def resize(
 def triangular_pool(frames: NDArray[Any], taps: int = 5) -> Floats:
     """Return frames (..., W − taps + 1), each pixel a weighted mean of `taps` pixels along x.
 
-    As in the thesis's bench (§2.4.8), where weights 1, 2, 3, 2, 1 pool rows of 16 pixels to 12:
-    less shot noise, and less contrast between neighboring pixels. Only pixels with all of their
+    As in the dissertation's bench (§2.4.8), where weights 1, 2, 3, 2, 1 pool rows of 16 pixels to
+    12: less shot noise, and less contrast between neighboring pixels. Only pixels with all of their
     neighbors are kept.
 
     `frames` (..., W): counts or intensities. `taps`: length of the kernel, odd, so that pixels stay

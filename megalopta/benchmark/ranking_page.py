@@ -236,18 +236,19 @@ _NEAR = 3.0
 _GROUPS = ("all", "visible", "occluded", "smooth", "depth edge", "parallax low", "parallax high")
 
 _MEASURED = (
-    "On perfect pixels. Errors are endpoint errors of blocks against the true motion, in px of the "
-    "full image per frame; a block without velocity counts as zero motion; means are over all "
-    "blocks. Bands are 95 % CI of the mean. Speed is low below {:g} px and high above {:g} px; "
-    "parallax, the motion that remains without the camera's rotation, below {:g} and above {:g} "
-    "px; distance below {:g} and above {:g} m."
+    "All pixels are perfect. Errors are endpoint errors of blocks against the true motion, in px "
+    "of the full image per frame. A block without a velocity counts as zero motion. Means are over "
+    "all blocks, and bands are their 95 % CI. Speed is low below {:g} px and high above {:g} px. "
+    "Parallax is the motion that remains without the camera's rotation: low below {:g} px, high "
+    "above {:g} px. Distance is low below {:g} m and high above {:g} m."
 ).format(*metrics.SPEEDS_PX, *metrics.PARALLAX_PX, *metrics.DISTANCES_M)
 _CHANGES = (
-    "Ratios of two methods' mean errors with 95 % CI. Methods change places if the ratio is above "
-    "1 in one group and below 1 in the other. The table lists significant changes, by the rule of "
-    "Benjamini and Hochberg at a false discovery rate of 5 %. Blocks under rotation alone and of "
-    "low or high parallax are visible; hidden blocks are hidden in the next frame, in sequences "
-    "with more motion than the camera's rotation."
+    "The picture shows ratios of two methods' mean errors with 95 % CI. Methods change places if "
+    "the ratio is above 1 in one group of blocks and below 1 in the other. The table lists "
+    "significant changes, by the rule of Benjamini and Hochberg at a false discovery rate of 5 %. "
+    "Blocks under rotation alone, and those of low or high parallax, are visible in the next "
+    "frame. Hidden blocks are not, and come from sequences with more motion than the camera's "
+    "rotation."
 )
 _ERRORS = (
     "The Poisson bound is the least error of an unbiased method that sees one block of known "

@@ -157,7 +157,7 @@ class Trial(Record, frozen=True):
     size: Annotated[int, Field(ge=3, le=ROWS)] = 60
     """Spatial pooling: rows and columns of the frames that detectors see (px)"""
     resize: ResizeKind = "nearest"
-    """Resizing of frames: nearest subsamples as in the thesis, area pools the light"""
+    """Resizing of frames: nearest subsamples as in the dissertation, area pools the light"""
     blurred: bool = False
     """True if the motion within a frame blurs it"""
     methods: Annotated[

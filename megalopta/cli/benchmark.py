@@ -196,7 +196,7 @@ def _photon_settings() -> "Settings":
 
 @verb(
     "benchmark photons",
-    "find the light that detectors need for repeatable answers, on a dataset or in a sweep",
+    "find the light that detectors need for repeatable responses, on a dataset or in a sweep",
     option(
         "dataset",
         "dataset folder; or a sweep's YAML file: trial, vary, values, sizes, templates",

@@ -81,7 +81,7 @@ def settings_of_stage(stage: str, *others: "type[BaseModel]") -> "Settings":
     *_FROM_CONFIGURATION,
     switch(
         "--dry-run",
-        "tell size, time, memory and integrator from a short measurement, and render nothing",
+        "estimate size, time, memory and integrator from a short measurement; render nothing",
     ),
     settings=partial(settings_of_stage, "render"),
     often=(

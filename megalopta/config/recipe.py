@@ -61,8 +61,7 @@ class Plan(Record, frozen=True):
     its name, and fields to change"""
 
     lights: tuple[Entry, ...] = ()
-    """Lights, one drawn per sequence: a level's name, or fields of `light`; default: the preset's
-    """
+    """Lights, one drawn per sequence: a level's name or fields of `light`; default: the preset's"""
 
     cameras: tuple[dict[str, Any], ...] = ()
     """Cameras, one drawn per sequence: fields of `camera`; default: the preset's"""

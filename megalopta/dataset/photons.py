@@ -29,7 +29,7 @@ def photons_from_images(
     seed: int = 0,
     **colors: Any,
 ) -> Exposure:
-    """Return what a sensor reads of pictures: `counts`, `saturated` and `expectation`.
+    """Return a sensor's readings of pictures: `counts`, `saturated` and `expectation`.
 
     Parameters
     ----------

@@ -66,8 +66,9 @@ def to_svg(figure: Figure, name: str, description: str) -> Markup:
     svg = re.sub(r"(?s)<metadata>.*?</metadata>|<style.*?</style>|<!--.*?-->", "", svg)
     svg = re.sub(r"font-family:[^;]*; ", "", svg)
     view = re.search(r'viewBox="[^"]*"', svg)
-    label = escape(description)
-    head = f'<svg class="plot" role="img" aria-label="{label}" {view[0] if view else ""}>'
+    width = f"--natural: {figure.get_figwidth():g}in"
+    head = f'<svg class="plot" role="img" aria-label="{escape(description)}" style="{width}" '
+    head += f"{view[0] if view else ''}>"
     svg = re.sub(r"<svg[^>]*>", lambda _: head, svg, count=1)
     svg = re.sub(r'(\sid="|url\(#|href="#)', rf"\g<1>{name}-", svg)
     for color in _THEMED:
@@ -81,8 +82,8 @@ def _scrolled(svg: Markup, description: str) -> Markup:
     if found is None or float(found[1]) < _WIDEST_PT:
         return svg
     box = '<div class="scroll" role="region" aria-label="{}" tabindex="0">{}</div>'
-    least = f'<svg style="min-width: {_LEAST_PX_PER_PT * float(found[1]):.0f}px"'
-    return Markup(box).format(description, Markup(svg.replace("<svg", Markup(least), 1)))
+    least = f'style="min-width: {_LEAST_PX_PER_PT * float(found[1]):.0f}px; '
+    return Markup(box).format(description, Markup(svg.replace('style="', Markup(least), 1)))
 
 
 def with_legend(figure: Figure, name: str, description: str, **legend: Any) -> Markup:

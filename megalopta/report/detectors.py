@@ -59,8 +59,8 @@ _GROUPS = {
     "slow": f"below {SLOW_PX:g} px",
     "medium": f"{SLOW_PX:g} to {FAST_PX:g} px",
     "fast": f"{FAST_PX:g} px or more",
-    "clear": f"hidden: below {OCCLUDED_SHARE:.0%}",
-    "occlusion": f"hidden: {OCCLUDED_SHARE:.0%} or more",
+    "clear": f"hidden: below {percent(OCCLUDED_SHARE)}",
+    "occlusion": f"hidden: {percent(OCCLUDED_SHARE)} or more",
 }
 
 
@@ -107,7 +107,7 @@ def against_truth(records: Sequence[FlowRecord], settings: FlowSettings) -> Mark
     mixtures = {_key(each): each.truth_by_mixture for each in records if each.truth_by_mixture}
     rows = {
         "Mean error (px), all pixels": {key: _error(each.all) for key, each in mixtures.items()},
-        f"Mean error (px), without mixed pixels (purity below {settings.least_purity:.0%})": {
+        f"Mean error (px), without mixed pixels (purity below {percent(settings.least_purity)})": {
             key: _error(each.without_mixed) for key, each in mixtures.items()
         },
     }
@@ -231,7 +231,7 @@ _COSTS = Markup(
 _TRUTH = (
     "Errors of block velocities: mean endpoint error, share of outliers (blocks with an error over "
     "25 %), and median; noise-free, then on {}, then on corrected readings if there are any. "
-    "{} of the pixels shown are mixed: the object at their center fills less than {:.0%}. {} "
+    "{} of the pixels shown are mixed: the object at their center fills less than {}. {} "
     "except in the two tables that say otherwise; blocks with less than half of their pixels left "
     "are not scored."
 )
@@ -283,7 +283,7 @@ def _tables(report: Report) -> Iterator[Markup]:
     settings, units = report.settings.flow, " or ".join(report.units)
     stand_in = "" if report.has_truth else _STAND_IN
     text = stand_in + _TRUTH.format(
-        units, mixed_share(report), settings.least_purity, _MIXED[settings.mixed]
+        units, mixed_share(report), percent(settings.least_purity), _MIXED[settings.mixed]
     )
     for title, guide, found in (
         (f"Against the {report.motion_name}", text, against_truth(report.flow, settings)),

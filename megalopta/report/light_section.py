@@ -194,5 +194,5 @@ def signal_chart(budgets: Sequence[Budget], sensors: Sequence[str]) -> Markup:
         axes.fill_between(lux, low, high, color=BLACK, alpha=0.12, linewidth=0)
     axes.axhline(1, color=BLACK, linewidth=1, linestyle=":", label="signal = noise")
     axes.set(xlabel="illuminance (lux)", ylabel="signal-to-noise ratio of a pixel")
-    axes.legend(loc="upper left", frameon=False)
+    axes.legend(loc="lower right", frameon=False)
     return to_svg(figure, "signal", "Signal-to-noise ratio of a pixel over illuminance")

@@ -70,7 +70,8 @@ def title(configuration: Configuration) -> str:
 def lead(configuration: Configuration, record: Record) -> str:
     """Return a paragraph on scene, camera and sensors; `record` is that of the scene."""
     levels = configuration.light_levels
-    sensors = ", ".join(sensor.name for sensor in configuration.sensors)
+    *others, last = (sensor.name for sensor in configuration.sensors)
+    sensors = f"{', '.join(others)} and {last}" if others else last
     canopy = f"{record['canopy']} " if record.get("canopy") else ""
     scene, light = configuration.scene, configuration.light
     about = (
@@ -320,9 +321,10 @@ def page(dataset: Dataset) -> str:
         header=_opening(report),
         film=report.film(),
         footer=(
-            f"Written by megalopta {versions.versions()['megalopta']}. Pictures show one of "
-            f"{shown.step} × {shown.step} pixels and {len(shown.frames)} of "
-            f"{settings.trajectory.frames} frames; the last one has no next frame, so no motion."
+            f"Written by megalopta {versions.versions()['megalopta']}. Pictures show "
+            f"{f'one of {shown.step} × {shown.step} pixels and ' if shown.step > 1 else ''}"
+            f"{len(shown.frames)} of {settings.trajectory.frames} frames; the last one has no next "
+            "frame, so no motion."
         ),
     )
 

@@ -67,16 +67,16 @@ def rendering_errors(record: Record) -> Iterator[tuple[str, str]]:
     """Yield errors of the rendered light, by name."""
     noise = record.get("monte_carlo") or {}
     if noise.get("median_relative"):
-        yield "error (RMS), relative to the mean light", percent(noise["rms_over_mean"])
+        yield "error (RMS) over the mean light", percent(noise["rms_over_mean"])
     if surface := noise.get("surface"):
-        yield "on pixels without sky (RMS)", percent(surface["rms"])
-        yield "of a pixel's light, 95th percentile", f"{percent(surface['p95'])} or less"
-        yield "of squared differences between neighbors", percent(surface["gradient"])
-        yield "of baked light, fixed to surfaces (RMS)", percent(surface["standing"])
+        yield "the same, of pixels without sky", percent(surface["rms"])
+        yield "relative error of 95 % of the pixels", f"{percent(surface['p95'])} or less"
+        yield "share of squared differences of neighbors due to it", percent(surface["gradient"])
+        yield "fixed error of baked light (RMS)", percent(surface["standing"])
         share = percent(surface["standing_gradient"])
-        yield "of that, of squared differences between neighbors", share
+        yield "share of squared differences of neighbors due to that", share
     if sky := noise.get("sky"):
-        yield "in the sky, relative to its light (RMS)", percent(sky["rms"])
+        yield "error of the sky (RMS) over its light", percent(sky["rms"])
     if shares := record.get("light_left_out"):
         yield "truncation bias of path depth, worst band", percent(max(shares))
 

@@ -44,7 +44,7 @@ def light_panel(sequence: Sequence, frames: range, step: int) -> Panel:
         return linear_srgb(sequence.radiance[frame][::step, ::step], bands, white)
 
     curve = ToneCurve.of(map(linear, spread(frames, SAMPLED)))
-    caption = "as a well-lit eye would see it"
+    caption = "as the eye would see it in bright light"
 
     def picture(frame: int) -> Image.Image:
         return rgb_picture(encode_srgb(curve(linear(frame))))

@@ -52,7 +52,7 @@ _SUPPLY = (
 )
 _CURVES = (
     "Bands are ± 2 standard errors; errors of exactly zero and beyond the axis are not drawn. "
-    "Frames in which the filters settle are not scored: the first {}."
+    "Frames in which the filters settle are not scored ({} at the start)."
 )
 _NORMALIZATIONS = (
     "Above, it is {}. The dissertation scales every frame; scaling by the mean frame keeps bright "

@@ -48,7 +48,7 @@ class ViewOptions:
     bad_pixels: Path | None = None
     """A .npy file, true where a pixel is bad"""
     fps: float | None = None
-    """Frames a second; by default as in life, where that can be followed"""
+    """Frames per second; by default real time, where that can be followed"""
     kind: FrameKind | None = None
     """Format of a file that does not say it"""
     with_rerun: bool = False
@@ -172,7 +172,7 @@ def _page(found: Seen, path: Path, fps: float | None) -> Path:
         " ".join(filter(None, said)),
         [section],
         film=_transport(found, chosen, playback_hz),
-        footer=_left_out(found, chosen),
+        footer=_omitted(found, chosen),
     )
     return path
 
@@ -230,16 +230,16 @@ def _speed(found: Seen, chosen: Selection, playback_hz: float) -> str:
         return ""
     slower = found.rate_hz * len(chosen.frames) / len(found.frames) / playback_hz
     if abs(slower - 1) < 0.02:
-        return "It plays as fast as life."
+        return "It plays in real time."
     if slower > 1:
-        return f"It plays {number(slower)} times slower than life."
-    return f"It plays {number(1 / slower)} times faster than life."
+        return f"It plays {number(slower)} times slower than in reality."
+    return f"It plays {number(1 / slower)} times faster than in reality."
 
 
-def _left_out(found: Seen, chosen: Selection) -> str:
+def _omitted(found: Seen, chosen: Selection) -> str:
     step, shown, total = chosen.step, len(chosen.frames), len(found.frames)
     pixels = "all pixels" if step == 1 else f"one of {step} × {step} pixels"
-    moments = f"all {total} moments" if shown == total else f"{shown} of {total} moments"
+    frames = f"all {total} frames" if shown == total else f"{shown} of {total} frames"
     film = min(total, _FILM_FRAMES)
     more = f"; the film has {film}" if film > shown else ""
-    return f"Written by megalopta {__version__}. Shown are {pixels} and {moments}{more}."
+    return f"Written by megalopta {__version__}. The page shows {pixels} and {frames}{more}."

@@ -28,7 +28,7 @@ DEMUXERS: Mapping[str, str] = {
 }
 """Demuxer by the suffix of the file."""
 
-MEND = "repair it with ffmpeg -i IN OUT.mp4, or copy it again"
+REMEDY = "repair it with ffmpeg -i IN OUT.mp4, or copy it again"
 _ENCRYPTED = ("encryption_info", "encryption_init_info")
 
 
@@ -161,7 +161,7 @@ class FilmReader:
         if film is None or "attached_pic" in str(film.disposition):
             raise DamagedFileError(f"{self._path} has only sound; give a video")
         if film.codec_context is None:
-            raise DamagedFileError(f"{self._path} has a codec that cannot be decoded; {MEND}")
+            raise DamagedFileError(f"{self._path} has a codec that cannot be decoded; {REMEDY}")
         check_size(self._path, (film.codec_context.height, film.codec_context.width))
         return film
 
@@ -186,17 +186,17 @@ class FilmReader:
 
     def _check_whole(self, packets: int, shown: int) -> None:
         if not shown:
-            raise DamagedFileError(f"{self._path} has no frame that can be read; {MEND}")
+            raise DamagedFileError(f"{self._path} has no frame that can be read; {REMEDY}")
         stated = 0 if self._is_avi else self._stream.frames  # AVI counts omitted frames, too
         if packets < stated:
             raise DamagedFileError(
-                f"{self._path} ends too early, with {packets} of {stated} frames; {MEND}"
+                f"{self._path} ends too early, with {packets} of {stated} frames; {REMEDY}"
             )
 
     def _even(self, count: int) -> Ints:
         rate, base = self._stream.average_rate, self._stream.time_base
         if not rate or not base:
-            raise DamagedFileError(f"{self._path} has no times of its frames; {MEND}")
+            raise DamagedFileError(f"{self._path} has no times of its frames; {REMEDY}")
         return np.array([round(k / rate / base) for k in range(count)], np.int64)
 
 
@@ -212,7 +212,7 @@ def _told_packet(path: Path, packet: Any) -> _Packet:
     if any(packet.has_sidedata(each) for each in _ENCRYPTED):
         raise DamagedFileError(f"{path} is encrypted; give a copy without protection")
     if packet.is_corrupt:
-        raise DamagedFileError(f"{path} ends too early or is damaged; {MEND}")
+        raise DamagedFileError(f"{path} ends too early or is damaged; {REMEDY}")
     is_hidden = packet.is_discard
     if packet.size and packet.stream.codec_context.name == "vp8":
         is_hidden |= not bytes(packet)[0] & 0x10  # a frame used only to predict others
@@ -226,7 +226,7 @@ def _told(path: Path) -> Iterator[None]:
         yield
     except _av_error() as problem:
         raise DamagedFileError(
-            f"{path} cannot be read as a video ({problem.strerror}); {MEND}"
+            f"{path} cannot be read as a video ({problem.strerror}); {REMEDY}"
         ) from None
 
 

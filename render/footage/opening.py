@@ -26,8 +26,8 @@ def open_footage(path: Path, unit: Unit | None = None) -> Footage:
     try:
         return _opened(path, unit)
     except OSError as problem:
-        told = machine_problem(problem) or f"{path}: cannot be read ({problem.strerror}); repair it"
-        raise UserError(told) from None
+        unreadable = f"{path}: cannot be read ({problem.strerror}); repair it"
+        raise UserError(machine_problem(problem) or unreadable) from None
 
 
 def is_footage(path: Path) -> bool:

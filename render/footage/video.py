@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from numpy.typing import NDArray
 
 from megalopta.core.errors import DamagedFileError
-from megalopta.render.footage.film_reader import MEND, FilmReader
+from megalopta.render.footage.film_reader import REMEDY, FilmReader
 from megalopta.render.footage.frames import Coding, Footage, coding_of, turned
 from megalopta.render.footage.transfer import BT2020_XY, P3_XY, PQ_WHITE_CD_M2, to_bt709
 
@@ -67,7 +67,7 @@ class Video(Footage):
     def _numbers(self, index: int) -> NDArray[Any]:
         frame = self.reader.frame(index)
         if frame is None:
-            raise DamagedFileError(f"{self.path}: frame {index} cannot be decoded; {MEND}")
+            raise DamagedFileError(f"{self.path}: frame {index} cannot be decoded; {REMEDY}")
         if not self.conversion.fits(frame):
             raise DamagedFileError(
                 f"{self.path}: frame {index} differs from the first in size or format; cut it there"
@@ -81,7 +81,7 @@ def open_video(path: Path) -> Video:
     try:
         first = reader.frame(0)
         if first is None:
-            raise DamagedFileError(f"{path}: no frame can be decoded; {MEND}")
+            raise DamagedFileError(f"{path}: no frame can be decoded; {REMEDY}")
         conversion = _Conversion(path, first)
         return Video(
             path=path,
@@ -201,8 +201,8 @@ def _display_turn(frame: "VideoFrame") -> tuple[bool, bool, bool]:
     """Return the arguments of `turned` that follow a frame's display matrix."""
     from av.sidedata.sidedata import Type
 
-    told: Any = frame.side_data
-    found = told.get(Type.DISPLAYMATRIX)
+    side_data: Any = frame.side_data
+    found = side_data.get(Type.DISPLAYMATRIX)
     if found is None:
         return False, False, False
     a, b, _, c, d = struct.unpack_from("=5i", bytes(found))

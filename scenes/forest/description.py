@@ -149,7 +149,7 @@ class Forest(SceneDescription, frozen=True):
     relief_m: Annotated[float, Field(ge=0, le=3)] = 0.6
     """Root mean square height of the rolling land along the path (m)."""
     floor_relief_m: Annotated[float, Field(ge=0, le=0.2)] = 0.0
-    """Root mean square height of bumps and hollows of the floor, a hand to a stride wide; 0: smooth
+    """Root mean square height of bumps and hollows of the floor, 0.1 to 1.3 m wide; 0: smooth
     (m)."""
     moss_share: Annotated[float, Field(ge=0, le=0.95)] = 0.0
     """Share of the ground covered by moss patches, within 10 m of the camera's path and off a

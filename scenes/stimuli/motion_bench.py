@@ -81,6 +81,6 @@ class MotionBench(SceneDescription, frozen=True):
     def describe(self) -> str:
         """Sentence for the report."""
         return (
-            f"A plate, {self.plate_mm:g} mm wide, that lets {self.shade:.0%} of the light "
+            f"A plate, {self.plate_mm:g} mm wide, that lets {100 * self.shade:.0f} % of the light "
             f"through, over pixels {self.pixel_pitch_um:g} µm apart."
         )

@@ -183,7 +183,7 @@ def test_a_large_thing_makes_a_small_page_that_says_what_it_leaves_out(tmp_path)
     view(tmp_path / "large.npy", tmp_path / "out")
     page = tmp_path / "out" / "view.html"
     assert page.stat().st_size < 10e6
-    assert "one of 2 × 2 pixels and 80 of 90 moments; the film has 90." in page.read_text("utf-8")
+    assert "one of 2 × 2 pixels and 80 of 90 frames; the film has 90." in page.read_text("utf-8")
 
 
 def test_a_thing_that_is_nothing_is_told_in_a_sentence(tmp_path, capsys):
