@@ -125,11 +125,11 @@ def closely_seen(rendering: SceneRenderer, pose: Any) -> MeasuredPass:
     bands = len(view._settings.bands_nm)
     taken = np.mean([film.expose(trace, rendering._loaded, pose, seed) for seed in range(16)], 0)
     radiance = taken[..., :bands].astype(np.float32)
-    return MeasuredPass(radiance, np.zeros_like(radiance), taken[..., 2 * bands])
+    return MeasuredPass(radiance, taken[..., bands])
 
 
 def without_standing(seen: MeasuredPass) -> MeasuredPass:
-    return replace(seen, standing=np.zeros_like(seen.standing), differences=None)
+    return replace(seen, standing=None, differences=None)
 
 
 def mitsubas(

@@ -68,7 +68,7 @@ class EnvironmentView:
     def measured(self, exposure: Exposure) -> MeasuredPass:
         """The same, without error; no pixel is marked as sky."""
         radiance = self.radiance(exposure)
-        return MeasuredPass(radiance, np.zeros_like(radiance), np.zeros_like(radiance[..., 0]))
+        return MeasuredPass(radiance, np.zeros_like(radiance[..., 0]))
 
     def light_left_out(self, pose: Floats, time_s: float) -> None:
         """None: there are no surface hits."""

@@ -11,7 +11,8 @@ the second pass are compared with paths from the same points; the difference inc
 also bias. The mean of D², the squared difference, is too large by the variance of the paths, which
 follows from the scatter of the groups of a pixel's paths. Pixels are compared in pairs of
 neighbors, which also gives the gradient of the error. If few pixels or noisy paths make the
-estimate smaller than the bake's own scatter, the latter is used.
+estimate smaller than the bake's own scatter, the latter is used. A pixel shows many clusters of
+cells, of which its samples meet some. So that scatter, too, is seen by independent samples.
 """
 
 import json
@@ -34,10 +35,11 @@ class MeasuredPass:
 
     radiance: Image
     """(H, W, B)"""
-    standing: Image
-    """(H, W, B): one draw of the random part of the error that all frames share."""
     sky: NDArray[np.float32]
     """(H, W): share of each pixel filled by the sky."""
+    standing: NDArray[np.float32] | None = None
+    """(H, W, 2, B): a draw of the random part of the error that all frames share, seen by two
+    independent sets of samples. None without a fixed error."""
     differences: NDArray[np.float32] | None = None
     """(H, W, G, B): difference of some pixels' light from that of paths, for G independent groups
     of paths; NaN for all other pixels. None without a fixed error."""
@@ -104,22 +106,23 @@ _FEWEST = 8
 class Standing:
     """Error that all frames share."""
 
-    draw: Floats  # (H, W, B)
+    draw: Floats  # (H, W, 2, B)
     differences: Floats  # (H, W, G, B)
 
     @classmethod
     def of(cls, measured: MeasuredPass | None, like: Floats) -> "Standing":
         """Return the error of a pass; zero without one."""
-        empty = np.zeros((*like.shape[:2], 0, like.shape[2]))
-        if measured is None:
-            return cls(np.zeros_like(like), empty)
-        found = measured.differences
-        draw = measured.standing.astype(np.float64)
-        return cls(draw, empty if found is None else found.astype(np.float64))
+        height, width, bands = like.shape
+        draw, found = np.zeros((height, width, 2, bands)), np.zeros((height, width, 0, bands))
+        if measured is not None and measured.standing is not None:
+            draw = measured.standing.astype(np.float64)
+        if measured is not None and measured.differences is not None:
+            found = measured.differences.astype(np.float64)
+        return cls(draw, found)
 
     def covariance(self, part: Mask) -> Floats:
         """Mean square between bands (B, B) over a part (H, W) of the pixels."""
-        found, scatter = self._compared(self.differences, part), _mean_square(self.draw[part])
+        found, scatter = self._compared(self.differences, part), _without_scatter(self.draw[part])
         if len(found) < _FEWEST:
             return scatter
         return max(_without_scatter(found), scatter, key=np.sum)
@@ -128,18 +131,18 @@ class Standing:
         """Mean squared difference between neighbors of the error, summed over bands."""
         draws, found = [], []
         for axis, both in enumerate(pairs(part)):
-            draws.append(np.diff(self.draw.sum(axis=-1), axis=axis)[both])
+            draws.append(np.diff(self.draw.sum(axis=-1, keepdims=True), axis=axis)[both])
             each = np.diff(self.differences.sum(axis=-1, keepdims=True), axis=axis)
             found.append(self._compared(each, both))
         compared = np.concatenate(found)
-        scatter = float(_mean_square(np.concatenate(draws)[:, None]).sum())
+        scatter = float(_without_scatter(np.concatenate(draws)).sum())
         if len(compared) < _FEWEST:
             return scatter
         return max(float(_without_scatter(compared).sum()), scatter)
 
     def squares(self, part: Mask) -> Floats:
         """Squared error of each pixel (H, W), summed over bands, scaled to the measured mean."""
-        draw = self.draw.sum(axis=-1) ** 2
+        draw = self.draw.sum(axis=-1).mean(axis=-1) ** 2
         mean = draw[part].mean()
         due = max(float(self.covariance(part).sum()), 0.0)
         return np.asarray(draw * (due / mean) if mean > 0 else np.full_like(draw, due))
@@ -152,10 +155,6 @@ class Standing:
         return np.asarray(inside[np.isfinite(inside).all(axis=(1, 2))])
 
 
-def _mean_square(values: Floats) -> Floats:
-    return np.asarray(values.T @ values / max(len(values), 1))
-
-
 def _without_scatter(groups: Floats) -> Floats:
     """Mean product (B, B) of the means of independent groups (n, G, B), without their scatter.
 
@@ -164,7 +163,7 @@ def _without_scatter(groups: Floats) -> Floats:
     n, count, bands = groups.shape
     sums = groups.sum(axis=1)
     each = groups.reshape(n * count, bands)
-    product = (sums.T @ sums - each.T @ each) / (n * count * (count - 1))
+    product = (sums.T @ sums - each.T @ each) / (max(n, 1) * count * (count - 1))
     scale = np.sqrt(np.maximum(product.diagonal(), 0))
     return np.asarray(np.clip(product, -np.outer(scale, scale), np.outer(scale, scale)))
 

@@ -228,13 +228,13 @@ class PathIntegrator:
         return light, valid
 
     def measured(self, scene: Any, sensor: Any, seed: int, spp: int) -> NDArray[np.float32]:
-        """Radiance, zeros and the share of the sky (H, W, 2·B + 1): no fixed error."""
+        """Radiance and the share of the sky (H, W, B + 1)."""
         radiance = self.render(scene, sensor, seed, spp)
         if self._is_scalar:
             sky = _scalar_sky(scene, sensor, seed)
         else:
             sky = pixel_means(sensor, sensor.sampler(), seed, partial(_sky, scene))
-        return np.concatenate([radiance, np.zeros_like(radiance), sky], axis=-1)
+        return np.concatenate([radiance, sky], axis=-1)
 
 
 def _sky(scene: Any, ray: Any, *_: Any) -> list[Any]:

@@ -103,15 +103,9 @@ class SplitPaths:
 
     def render(self, scene: Any, sensor: Any, seed: int, spp: int) -> NDArray[np.float32]:
         """Radiance (H, W, B) at a sensor, band means, W·m⁻²·sr⁻¹·nm⁻¹."""
-        return self._taken(sensor, seed, spp)[..., : len(self._bands)]
+        return self.measured(scene, sensor, seed, spp)[..., : len(self._bands)]
 
     def measured(self, scene: Any, sensor: Any, seed: int, spp: int) -> NDArray[np.float32]:
-        """Radiance, zeros and the share of the sky (H, W, 2·B + 1): no fixed error."""
-        taken = self._taken(sensor, seed, spp)
-        radiance, sky = np.split(taken, [len(self._bands)], axis=-1)
-        return np.concatenate([radiance, np.zeros_like(radiance), sky], axis=-1)
-
-    def _taken(self, sensor: Any, seed: int, spp: int) -> NDArray[np.float32]:
         """Radiance and the share of the sky (H, W, B + 1)."""
         taken = []
         for number, part in enumerate(self.parts):

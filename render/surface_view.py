@@ -109,13 +109,11 @@ class SurfaceView:
         """The same, with the data that determines its error."""
         image = self._taken(exposure, is_measured=True)
         bands = len(self._settings.bands_nm)
-        radiance, standing, sky, differences = np.split(
-            image, [bands, 2 * bands, 2 * bands + 1], axis=-1
-        )
-        groups = differences.reshape(*sky.shape[:2], -1, bands)
-        return MeasuredPass(
-            _finite(radiance), standing, sky[..., 0], groups if groups.size else None
-        )
+        radiance, sky, fixed = np.split(image, [bands, bands + 1], axis=-1)
+        if not fixed.size:
+            return MeasuredPass(_finite(radiance), sky[..., 0])
+        groups = fixed.reshape(*sky.shape[:2], -1, bands)
+        return MeasuredPass(_finite(radiance), sky[..., 0], groups[:, :, :2], groups[:, :, 2:])
 
     def light_survey(self, positions: Floats) -> LightSurvey | None:
         """Illuminance above and below positions (N, 3); None if only surfaces emit."""

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from megalopta.core.arrays import Floats
 from megalopta.core.progress import step
-from megalopta.render import RenderSettings, dr, mi
+from megalopta.render import RenderSettings, dr, frame_seed, mi
 from megalopta.render.baking.cells import CellFinder, Cells
 from megalopta.render.baking.choice import BAKE, SAMPLE, Scatter, cost_reason
 from megalopta.render.baking.clusters import Voxels
@@ -43,6 +43,8 @@ from megalopta.render.shading import SunLight, Textures
 from megalopta.render.split_paths import Part, SplitPaths, can_split
 from megalopta.scenes.cameras.base import Camera
 
+# Samples of a frame for each that shows its fixed error once more.
+_FIXED_EVERY = 4
 # Rays per view of a cluster, to estimate how many the target error takes.
 _PILOT_DENSITY = 1.0
 
@@ -170,13 +172,22 @@ class BakedLightIntegrator:
         )
 
     def measured(self, scene: Any, sensor: Any, seed: int, spp: int) -> NDArray[np.float32]:
-        """Radiance, a draw of its fixed error and the share of the sky (H, W, 2·B + 1).
+        """Radiance, share of the sky, two views of a draw of the fixed error (H, W, 3·B + 1).
 
         Then the differences from paths of some pixels, in groups (H, W, G·B); NaN for others.
         """
         image = pixel_means(sensor, sensor.sampler(), seed, partial(self._seen, scene))
         differences = compared(sensor, seed, image, self._compared, partial(self._off, scene))
-        return np.concatenate([image, differences], axis=-1)
+        some = {"type": "independent", "sample_count": math.ceil(spp / _FIXED_EVERY)}
+        again = pixel_means(
+            sensor, mi.load_dict(some), frame_seed(seed, 1), partial(self._fixed, scene)
+        )
+        radiance, fixed, sky = np.split(image, [len(self._bands), -1], axis=-1)
+        return np.concatenate([radiance, sky, fixed, again, differences], axis=-1)
+
+    def _fixed(self, scene: Any, *ray: Any) -> list[Any]:
+        """A draw of the fixed error of each band along rays."""
+        return self._look(scene, *ray).standing
 
     def _off(self, scene: Any, ray: Any, place: Any, sampler: Any) -> list[Any]:
         """Difference of baked light from that of paths, per band."""

@@ -321,4 +321,4 @@ def test_a_moving_box_leaves_the_rest_baked():
     part = light.measured(ORBIT[1], 0, 0.4)
     assert least_standing(tracer, light, part.sky == 0, 0.4) < 1.25 * 0.05
     # The box itself is there, and its paths are traced.
-    assert 0 < np.mean((part.standing == 0).all(axis=-1) & (part.sky == 0)) < 0.5
+    assert 0 < np.mean((part.standing == 0).all(axis=(2, 3)) & (part.sky == 0)) < 0.5
