@@ -281,10 +281,14 @@ def _say_left_out(settings: Configuration, shares: Sequence[float] | None) -> No
         return
     low, high = settings.render.bands_nm[int(np.argmax(shares))]
     say(
-        f"render: {max(shares):.1%} of the light of surfaces at {low:g} to {high:g} nm takes more "
-        f"hits than render.max_depth {settings.render.max_depth} allows and is missing; 16 are "
-        "enough in forests"
+        f"render: {_percent(max(shares))} of the light of surfaces at {low:g} to {high:g} nm takes "
+        f"more hits than render.max_depth {settings.render.max_depth} allows and is missing; 16 "
+        "are enough in forests"
     )
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.2g} %"
 
 
 def _say_noise(settings: Configuration, noise: Mapping[str, Any] | None) -> None:
@@ -292,11 +296,12 @@ def _say_noise(settings: Configuration, noise: Mapping[str, Any] | None) -> None
         return
     surface = noise["surface"]
     if surface is None:
-        say(f"render: error of a pixel {noise['rms_over_mean']:.2%} RMS, from two renderings")
+        say(f"render: error of a pixel {_percent(noise['rms_over_mean'])} RMS, from two renderings")
     else:
-        text = f"render: error on surfaces {surface['rms']:.2%} RMS, {surface['median']:.2%} median"
+        rms, median, fixed = (_percent(surface[key]) for key in ("rms", "median", "standing"))
+        text = f"render: error on surfaces {rms} RMS, {median} median"
         if surface["standing"]:
-            text += f", of which {surface['standing']:.2%} RMS is the same in all frames"
+            text += f", of which {fixed} RMS is the same in all frames"
         say(text)
     target = settings.render.target_error
     errors = noise["rms_over_mean_of_frames"]
