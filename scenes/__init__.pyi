@@ -15,6 +15,7 @@ from .forest.description import Forest as Forest
 from .forest.sway import Wind as Wind
 from .haze import Haze as Haze
 from .lighting.light import Light as Light
+from .meshes.description import Meshes as Meshes
 from .moving_objects import MovingObject as MovingObject
 from .scene import Scene as Scene
 from .shutter import Shutter as Shutter

@@ -11,6 +11,7 @@ from megalopta.scenes.cameras.base import Camera
 from megalopta.scenes.forest.description import Forest
 from megalopta.scenes.kinds import any_of, kind_of, models_in
 from megalopta.scenes.lighting.light import Light
+from megalopta.scenes.meshes.description import Meshes
 from megalopta.scenes.moving_objects import MovingObject, with_objects
 from megalopta.scenes.scene import Scene
 from megalopta.scenes.stimuli.grating import Grating
@@ -34,7 +35,7 @@ else:
     """Any camera path in a configuration, by `kind`; without one, steady."""
 
 
-OWN_SCENES = (Forest, Grating, Plane, MotionBench, Panorama, Pictures)
+OWN_SCENES = (Forest, Meshes, Grating, Plane, MotionBench, Panorama, Pictures)
 
 
 class _Offered(NamedTuple):

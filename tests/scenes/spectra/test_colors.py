@@ -72,4 +72,4 @@ def test_mitsubas_own_reflectance_of_a_color_is_a_metamer_and_close_where_eyes_s
     ours = reflectance_of_color(color)(GRID)
     np.testing.assert_allclose(seen(found, observer), seen(ours, observer), atol=0.01)
     visible = (GRID >= 420) & (GRID <= 680)
-    assert np.abs(found - ours)[visible].mean() < 0.03
+    assert np.abs(found - ours)[visible].mean() < 0.05

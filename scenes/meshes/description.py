@@ -1,0 +1,152 @@
+"""Scene of the user's own mesh files: what each of their nodes places is an object.
+
+Surfaces are diffuse and opaque, equal on both sides. Their reflectance comes from the colors of the
+files (`scenes/spectra/colors.py`), which say nothing beyond 360 to 830 nm, or is given by the name
+of the material.
+"""
+
+from collections.abc import Iterable, Mapping
+from pathlib import PurePath
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import BeforeValidator, Field
+from scipy.spatial.transform import Rotation
+
+from megalopta.assets_gen import Surface
+from megalopta.core.arrays import Floats
+from megalopta.core.bounded import printable, quoted
+from megalopta.scenes.base import SceneDescription
+from megalopta.scenes.cameras.base import Camera
+from megalopta.scenes.lighting.light import Light
+from megalopta.scenes.material import Material
+from megalopta.scenes.meshes.model import MeshModel
+from megalopta.scenes.meshes.pieces import Piece
+from megalopta.scenes.meshes.reflectance import Reflectance, Share, surface_of
+from megalopta.scenes.meshes.surfaces import Surfacing
+from megalopta.scenes.scene import Asset, Placement, Scene
+from megalopta.scenes.trajectories.base import Path
+
+Vector = tuple[float, float, float]
+
+_GROUND = "ground"
+_NAME_LENGTH = 60
+_GROUND_SIZE = 50.0
+"""Half width of the ground, over the extent of the meshes."""
+_BELOW = 1e-4
+"""Depth of the ground below the lowest point, over the extent of the meshes."""
+
+
+def pose_of(position_m: Vector, turn_deg: Vector) -> Floats:
+    """Pose (4, 4) of a position (m) and of turns about the world's x, then y, then z (degrees)."""
+    pose = np.eye(4)
+    pose[:3, :3] = Rotation.from_euler("xyz", turn_deg, degrees=True).as_matrix()
+    pose[:3, 3] = position_m
+    return pose
+
+
+class PlacedMesh(MeshModel, frozen=True):
+    """Mesh file at a place in the scene."""
+
+    position_m: Vector = (0.0, 0.0, 0.0)
+    """Place of the file's origin (x, y, z in m; z is up)."""
+
+    turn_deg: Vector = (0.0, 0.0, 0.0)
+    """Turns about the world's x, then y, then z (degrees)."""
+
+
+def _by_path(given: Any) -> Any:
+    return {"file": given} if isinstance(given, str | PurePath) else given
+
+
+def _as_list(given: Any) -> Any:
+    return [given] if isinstance(given, str | PurePath | Mapping) else given
+
+
+class Meshes(SceneDescription, frozen=True):
+    """Your own scene, from files of meshes."""
+
+    kind: Literal["meshes"] = "meshes"
+
+    files: Annotated[
+        tuple[Annotated[PlacedMesh, BeforeValidator(_by_path)], ...],
+        BeforeValidator(_as_list),
+        Field(min_length=1, max_length=1000),
+    ]
+    """Mesh files: paths, or mappings with `file` and its scale, axes and place."""
+
+    materials: dict[str, Reflectance] = Field(
+        default={},
+        description="Reflectances in place of colors, by the name of a material: a number, the "
+        "same at every wavelength (1); a CSV file with wavelength_nm,reflectance; or the name of a "
+        "surface of forests.",
+    )
+
+    reflectance: Share = 0.5
+    """Reflectance, the same at every wavelength, of surfaces that have no color in their file
+    (1)."""
+
+    ground: Reflectance | None = None
+    """Reflectance of a level ground below all files, as in `materials`; null: no ground."""
+
+    def expected_triangles(self, path_m: float) -> float:
+        """Return the number of triangles of the files."""
+        return float(sum(each.triangles() for each in self.files))
+
+    def build(self, light: Light, camera: Camera, trajectory: Path) -> Scene:
+        """Return the objects of all files, in the light."""
+        models = [each.pieces() for each in self.files]
+        self._check_names(models)
+        materials: dict[str, Material] = {}
+        assets: dict[str, Asset] = {}
+        placements: list[Placement] = []
+        for index, (placed, pieces) in enumerate(zip(self.files, models, strict=True)):
+            surfacing = Surfacing(f"file {index}", self.materials, self.reflectance, materials)
+            pose = pose_of(placed.position_m, placed.turn_deg)
+            for number, (name, asset) in enumerate(surfacing.objects(pieces)):
+                label = f"file {index} object {number}"
+                assets[label] = asset
+                placements.append(Placement(label, _kind(name), pose))
+        if self.ground is not None:
+            materials[_GROUND] = surface_of(self.ground)
+            assets[_GROUND] = _ground_below(placements, assets)
+            placements.append(Placement(_GROUND, _GROUND, np.eye(4)))
+        return Scene(materials, assets, tuple(placements), light.lighting())
+
+    def _check_names(self, models: list[list[Piece]]) -> None:
+        names = {piece.paint.name for pieces in models for piece in pieces} - {None}
+        for name in self.materials.keys() - names:
+            known = ", ".join(sorted(map(str, names))) or "none"
+            raise ValueError(
+                f"materials: no material {quoted(name)!r} in the files; there are {quoted(known)}"
+            )
+
+    def describe(self) -> str:
+        """Sentence for the report."""
+        names = ", ".join(PurePath(each.file.path).name for each in self.files)
+        return (
+            f"Meshes of {names}, as opaque, diffuse surfaces: transparency, metal and emission in "
+            "the files have no effect."
+        )
+
+
+def _kind(name: str) -> str:
+    """Name of an object of a file, as the name of its kind."""
+    return printable(quoted(name.strip(), _NAME_LENGTH)) or "object"
+
+
+def _ground_below(placements: Iterable[Placement], assets: Mapping[str, Asset]) -> Asset:
+    """Return a level square around and below all objects."""
+    points = np.concatenate(
+        [
+            mesh.vertices @ each.to_world[:3, :3].T + each.to_world[:3, 3]
+            for each in placements
+            for mesh in assets[each.asset].parts.values()
+        ]
+    )
+    low, high = points.min(axis=0), points.max(axis=0)
+    extent = float((high - low).max())
+    corners = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]) * _GROUND_SIZE * extent
+    corners += [*(low + high)[:2] / 2, low[2] - _BELOW * extent]
+    faces = np.array([[0, 1, 2], [0, 2, 3]])
+    return Asset({_GROUND: Surface(corners, faces, np.zeros((4, 2))).to_mesh()})

@@ -1,0 +1,149 @@
+"""Materials and meshes of a scene from the pieces of a file."""
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from megalopta.assets_gen import Surface, join
+from megalopta.core.arrays import Floats
+from megalopta.scenes.material import ColorTexture, Material
+from megalopta.scenes.meshes.pieces import Color, Piece
+from megalopta.scenes.meshes.reflectance import Curve, surface_of
+from megalopta.scenes.scene import Asset
+from megalopta.scenes.spectra.colors import BLUE, GREEN, KNOWN_NM, RED, reflectance_of_color
+from megalopta.scenes.spectra.spectrum import flat
+
+_WHITE: Color = (1.0, 1.0, 1.0)
+
+
+@dataclass
+class Surfacing:
+    """Makes assets, and collects the materials of their parts."""
+
+    label: str
+    """Beginning of the names of materials, one for each file."""
+    given: Mapping[str, float | Curve | str] = field(default_factory=dict)
+    """Reflectances that replace the colors of materials, by name."""
+    colorless: float = 0.5
+    """Reflectance of surfaces without material and colors."""
+    materials: dict[str, Material] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        # Materials of a file may share a name.
+        self._numbers: dict[int, int] = {}
+
+    def objects(self, pieces: Sequence[Piece]) -> list[tuple[str, Asset]]:
+        """Return name and asset of each object of a file."""
+        found: dict[int, list[tuple[str, Surface]]] = {}
+        names = {piece.number: piece.name for piece in pieces}
+        for piece, part in zip(pieces, self._parts(pieces), strict=True):
+            found.setdefault(piece.number, []).append(part)
+        return [(names[number], _asset(parts)) for number, parts in found.items()]
+
+    def whole(self, pieces: Sequence[Piece]) -> Asset:
+        """Return all objects of a file as one asset."""
+        return _asset(list(self._parts(pieces)))
+
+    def _parts(self, pieces: Sequence[Piece]) -> Iterator[tuple[str, Surface]]:
+        """Name of the material and mesh of each piece."""
+        speckled = [piece for piece in pieces if self._is_speckled(piece)]
+        atlas = _Atlas(sum(len(piece.faces) for piece in speckled))
+        for piece in pieces:
+            if self._is_speckled(piece):
+                yield self._part("colors", _textured(atlas.texels), atlas.painted(piece))
+            elif piece.paint.picture is not None and piece.paint.name not in self.given:
+                yield self._pictured(piece)
+            else:
+                yield self._plain(piece)
+
+    def _is_speckled(self, piece: Piece) -> bool:
+        """True if the colors of its vertices count, and differ."""
+        if piece.colors is None or piece.paint.picture is not None:
+            return False
+        return piece.paint.name not in self.given and bool(
+            np.ptp(_flat(piece.colors), axis=0).any()
+        )
+
+    def _part(self, name: str, material: Material, surface: Surface) -> tuple[str, Surface]:
+        name = f"{self.label} {name}{'' if surface.normals is None else ' smooth'}"
+        return (name if name in self.materials else self._added(name, material)), surface
+
+    def _added(self, name: str, material: Material) -> str:
+        self.materials[name] = material
+        return name
+
+    def _pictured(self, piece: Piece) -> tuple[str, Surface]:
+        paint, uv = piece.paint, piece.uv
+        if uv is None:
+            raise ValueError(
+                f"object {piece.name!r} has material {paint.name!r} with a picture, but no texture "
+                "coordinates; unwrap it, or give the material a reflectance in scene.materials"
+            )
+        picture = (
+            paint.picture if paint.color == _WHITE else paint.picture * np.float32(paint.color)
+        )
+        surface = Surface(piece.vertices, piece.faces, uv, piece.normals)
+        number = self._numbers.setdefault(id(paint), len(self._numbers))
+        return self._part(f"{paint.name} {number}", _textured(picture), surface)
+
+    def _plain(self, piece: Piece) -> tuple[str, Surface]:
+        paint, colors = piece.paint, piece.colors
+        surface = Surface(
+            piece.vertices, piece.faces, np.zeros((len(piece.vertices), 2)), piece.normals
+        )
+        if paint.name in self.given:
+            return self._part(f"{paint.name}", surface_of(self.given[paint.name]), surface)
+        if paint.name is None and colors is None:
+            return self._part("without color", Material(flat(self.colorless)), surface)
+        color = np.array(paint.color) * (1.0 if colors is None else _flat(colors)[0])
+        name = f"{paint.name or 'color'} {' '.join(f'{share:.6f}' for share in color)}"
+        return self._part(name, Material(reflectance_of_color(color), known_nm=KNOWN_NM), surface)
+
+
+def _flat(colors: Floats) -> Floats:
+    return colors.reshape(-1, 3)
+
+
+def _textured(weight: NDArray[np.float32]) -> Material:
+    return Material(flat(0.0), ColorTexture(weight, (RED, GREEN, BLUE)), known_nm=KNOWN_NM)
+
+
+def _asset(parts: Sequence[tuple[str, Surface]]) -> Asset:
+    """Return an asset of surfaces by material."""
+    alike: dict[str, list[Surface]] = {}
+    for name, surface in parts:
+        alike.setdefault(name, []).append(surface)
+    return Asset({name: join(surfaces).to_mesh() for name, surfaces in alike.items()})
+
+
+class _Atlas:
+    """Picture of the colors of triangles, with two by two texels for each.
+
+    Between the centers of four texels that lie on a plane, bilinear interpolation is linear: each
+    triangle is interpolated exactly.
+    """
+
+    def __init__(self, faces: int) -> None:
+        self._side, self._used = math.isqrt(max(faces - 1, 0)) + 1, 0
+        self.texels = np.zeros((2 * self._side, 2 * self._side, 3), np.float32)
+        """(H, W, 3): colors in linear sRGB; the fourth of a triangle may be beyond 0 to 1."""
+
+    def painted(self, piece: Piece) -> Surface:
+        """Return a piece with coordinates of its colors, each triangle with its own vertices."""
+        assert piece.colors is not None
+        corners = piece.colors if piece.colors.ndim > 2 else piece.colors[piece.faces]
+        first, second, third = np.moveaxis(corners * piece.paint.color, 1, 0)
+        row, column = np.divmod(self._used + np.arange(len(corners)), self._side)
+        self._used += len(corners)
+        four = ((0, 0, first), (0, 1, second), (1, 0, third), (1, 1, second + third - first))
+        for down, right, color in four:
+            self.texels[2 * row + down, 2 * column + right] = color
+        lowest = np.stack([column, row], axis=1)[:, None]
+        uv = (lowest + np.array([[0.25, 0.25], [0.75, 0.25], [0.25, 0.75]])) / self._side
+        place = piece.faces.ravel()
+        normals = None if piece.normals is None else piece.normals[place]
+        faces = np.arange(len(place)).reshape(-1, 3)
+        return Surface(piece.vertices[place], faces, uv.reshape(-1, 2), normals)
