@@ -5,7 +5,7 @@ files (`scenes/spectra/colors.py`), which say nothing beyond 360 to 830 nm, or i
 of the material.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import PurePath
 from typing import Annotated, Any, Literal
 
@@ -77,9 +77,9 @@ class Meshes(SceneDescription, frozen=True):
 
     materials: dict[str, Reflectance] = Field(
         default={},
-        description="Reflectances in place of colors, by the name of a material: a number, the "
-        "same at every wavelength (1); a CSV file with wavelength_nm,reflectance; or the name of a "
-        "surface of forests.",
+        description="Reflectances in place of colors, by the name of a material, or of an object "
+        "without one: a number, the same at every wavelength (1); a CSV file with "
+        "wavelength_nm,reflectance; or the name of a surface of forests.",
     )
 
     reflectance: Share = 0.5
@@ -98,27 +98,30 @@ class Meshes(SceneDescription, frozen=True):
         models = [each.pieces() for each in self.files]
         self._check_names(models)
         materials: dict[str, Material] = {}
-        assets: dict[str, Asset] = {}
-        placements: list[Placement] = []
-        for index, (placed, pieces) in enumerate(zip(self.files, models, strict=True)):
-            surfacing = Surfacing(f"file {index}", self.materials, self.reflectance, materials)
-            pose = pose_of(placed.position_m, placed.turn_deg)
-            for number, (name, asset) in enumerate(surfacing.objects(pieces)):
-                label = f"file {index} object {number}"
-                assets[label] = asset
-                placements.append(Placement(label, _kind(name), pose))
+        parts = list(self._objects(models, materials))
         if self.ground is not None:
             materials[_GROUND] = surface_of(self.ground)
-            assets[_GROUND] = _ground_below(placements, assets)
-            placements.append(Placement(_GROUND, _GROUND, np.eye(4)))
-        return Scene(materials, assets, tuple(placements), light.lighting())
+            ground = Placement(_GROUND, _GROUND, np.eye(4))
+            parts.append((_ground_below(parts), ground))
+        assets = {placement.asset: asset for asset, placement in parts}
+        return Scene(materials, assets, tuple(each for _, each in parts), light.lighting())
+
+    def _objects(
+        self, models: list[list[Piece]], materials: dict[str, Material]
+    ) -> Iterator[tuple[Asset, Placement]]:
+        """Yield the objects of all files, and add their materials to others."""
+        for index, (placed, pieces) in enumerate(zip(self.files, models, strict=True)):
+            pose = pose_of(placed.position_m, placed.turn_deg)
+            surfacing = Surfacing(placed.file.path, self.materials, self.reflectance, materials)
+            for number, (name, asset) in enumerate(surfacing.objects(pieces)):
+                yield asset, Placement(f"file {index} object {number}", _kind(name), pose)
 
     def _check_names(self, models: list[list[Piece]]) -> None:
-        names = {piece.paint.name for pieces in models for piece in pieces} - {None}
-        for name in self.materials.keys() - names:
-            known = ", ".join(sorted(map(str, names))) or "none"
+        names = {piece.material for pieces in models for piece in pieces}
+        for name in sorted(self.materials.keys() - names):
             raise ValueError(
-                f"materials: no material {quoted(name)!r} in the files; there are {quoted(known)}"
+                f"materials: no material {quoted(name)!r} in the files; there are "
+                f"{quoted(', '.join(sorted(names)), 400)}"
             )
 
     def describe(self) -> str:
@@ -135,13 +138,13 @@ def _kind(name: str) -> str:
     return printable(quoted(name.strip(), _NAME_LENGTH)) or "object"
 
 
-def _ground_below(placements: Iterable[Placement], assets: Mapping[str, Asset]) -> Asset:
-    """Return a level square around and below all objects."""
+def _ground_below(parts: Iterable[tuple[Asset, Placement]]) -> Asset:
+    """Return a level square around and below placed objects."""
     points = np.concatenate(
         [
             mesh.vertices @ each.to_world[:3, :3].T + each.to_world[:3, 3]
-            for each in placements
-            for mesh in assets[each.asset].parts.values()
+            for asset, each in parts
+            for mesh in asset.parts.values()
         ]
     )
     low, high = points.min(axis=0), points.max(axis=0)

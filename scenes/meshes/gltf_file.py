@@ -30,7 +30,8 @@ def parts_of(content: bytes) -> tuple[Json, bytes]:
     """Return the JSON and the binary part, perhaps empty, of a file. Raises ValueError."""
     if content[:4] != b"glTF":
         return _checked(from_json(content.decode("utf-8"))), b""
-    parts, place = {}, 12
+    parts: dict[int, bytes] = {}
+    place = 12
     while place + 8 <= len(content):
         size, kind = struct.unpack_from("<II", content, place)
         if place + 8 + size > len(content):

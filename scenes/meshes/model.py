@@ -21,6 +21,8 @@ MOST_TRIANGLES = 10**7
 SMALLEST_M, LARGEST_M = 1e-3, 5000.0
 """Smallest and largest extent of a file, m."""
 
+_FARTHEST = 1e300
+
 _READERS: Mapping[str, Callable[[Contents], Iterable[Piece]]] = {
     **dict.fromkeys((".glb", ".gltf"), gltf.pieces_of),
     ".obj": wavefront.pieces_of,
@@ -92,7 +94,7 @@ class MeshModel(Record, frozen=True):
             )
         self._check_count(sum(len(piece.faces) for piece in pieces))
         corners = np.concatenate([piece.vertices[np.unique(piece.faces)] for piece in pieces])
-        extent = float(np.ptp(corners, axis=0).max())
+        extent = min(float(np.ptp(corners, axis=0).max()), _FARTHEST)
         if not SMALLEST_M <= extent <= LARGEST_M:
             better = _nearer(extent, self.scale)
             raise ValueError(

@@ -46,6 +46,11 @@ class Piece:
     """(V, 3): colors of vertices, or (F, 3, 3) of the corners of faces, in linear sRGB; they
     multiply those of the paint."""
 
+    @property
+    def material(self) -> str:
+        """Name of the material, or of the object without one."""
+        return self.name if self.paint.name is None else self.paint.name
+
     def __post_init__(self) -> None:
         """Reject triangles of vertices that are not there, or not at a place."""
         if not np.isfinite(self.vertices).all():

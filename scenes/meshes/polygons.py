@@ -31,8 +31,6 @@ def pieces_of(contents: Mapping[str, bytes]) -> list[Piece]:
         )
     kind = path.suffix.lower().removeprefix(".")
     mesh = trimesh.load_mesh(io.BytesIO(content), file_type=kind, process=False)
-    if not isinstance(mesh, trimesh.Trimesh):
-        raise DamagedFileError("it has points, but no triangles; give a file with faces")
     smooth = re.search(rb"property \w+ nx\s", content[:_HEADER_BYTES]) and kind == "ply"
     normals = np.asarray(mesh.vertex_normals, np.float64) if smooth else None
     vertices, faces = np.asarray(mesh.vertices, np.float64), np.asarray(mesh.faces, np.int64)

@@ -24,7 +24,7 @@ class Surfacing:
     """Makes assets, and collects the materials of their parts."""
 
     label: str
-    """Beginning of the names of materials, one for each file."""
+    """Beginning of the names of materials, different for each file."""
     given: Mapping[str, float | Curve | str] = field(default_factory=dict)
     """Reflectances that replace the colors of materials, by name."""
     colorless: float = 0.5
@@ -32,8 +32,8 @@ class Surfacing:
     materials: dict[str, Material] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        # Materials of a file may share a name.
-        self._numbers: dict[int, int] = {}
+        """Begin without names: materials of a file may share one."""
+        self._alike: dict[str, list[tuple[object, ...]]] = {}
 
     def objects(self, pieces: Sequence[Piece]) -> list[tuple[str, Asset]]:
         """Return name and asset of each object of a file."""
@@ -52,59 +52,66 @@ class Surfacing:
         speckled = [piece for piece in pieces if self._is_speckled(piece)]
         atlas = _Atlas(sum(len(piece.faces) for piece in speckled))
         for piece in pieces:
-            if self._is_speckled(piece):
-                yield self._part("colors", _textured(atlas.texels), atlas.painted(piece))
-            elif piece.paint.picture is not None and piece.paint.name not in self.given:
+            if piece.material in self.given:
+                yield self._part(
+                    piece.material, surface_of(self.given[piece.material]), _bare(piece)
+                )
+            elif piece.paint.picture is not None:
                 yield self._pictured(piece)
+            elif self._is_speckled(piece):
+                yield self._part("colors", _textured(atlas.texels), atlas.painted(piece))
             else:
                 yield self._plain(piece)
 
     def _is_speckled(self, piece: Piece) -> bool:
         """True if the colors of its vertices count, and differ."""
-        if piece.colors is None or piece.paint.picture is not None:
+        if piece.colors is None or piece.paint.picture is not None or piece.material in self.given:
             return False
-        return piece.paint.name not in self.given and bool(
-            np.ptp(_flat(piece.colors), axis=0).any()
-        )
+        return bool(np.ptp(piece.colors.reshape(-1, 3), axis=0).any())
 
     def _part(self, name: str, material: Material, surface: Surface) -> tuple[str, Surface]:
-        name = f"{self.label} {name}{'' if surface.normals is None else ' smooth'}"
-        return (name if name in self.materials else self._added(name, material)), surface
+        name = f"{self.label}: {name}{'' if surface.normals is None else ', smooth'}"
+        self.materials.setdefault(name, material)
+        return name, surface
 
-    def _added(self, name: str, material: Material) -> str:
-        self.materials[name] = material
-        return name
+    def _numbered(self, name: str, *of: object) -> str:
+        """Name of a material, with a number if others of the file have the same."""
+        alike = self._alike.setdefault(name, [])
+        if of not in alike:
+            alike.append(of)
+        number = alike.index(of)
+        return f"{name} ({number + 1})" if number else name
 
     def _pictured(self, piece: Piece) -> tuple[str, Surface]:
-        paint, uv = piece.paint, piece.uv
-        if uv is None:
+        paint, uv, picture = piece.paint, piece.uv, piece.paint.picture
+        if uv is None or picture is None:
             raise ValueError(
                 f"object {piece.name!r} has material {paint.name!r} with a picture, but no texture "
                 "coordinates; unwrap it, or give the material a reflectance in scene.materials"
             )
-        picture = (
-            paint.picture if paint.color == _WHITE else paint.picture * np.float32(paint.color)
-        )
+        name = self._numbered(piece.material, id(paint))
+        if paint.color != _WHITE:
+            picture = picture * np.array(paint.color, np.float32)
         surface = Surface(piece.vertices, piece.faces, uv, piece.normals)
-        number = self._numbers.setdefault(id(paint), len(self._numbers))
-        return self._part(f"{paint.name} {number}", _textured(picture), surface)
+        return self._part(name, _textured(picture), surface)
 
     def _plain(self, piece: Piece) -> tuple[str, Surface]:
         paint, colors = piece.paint, piece.colors
-        surface = Surface(
-            piece.vertices, piece.faces, np.zeros((len(piece.vertices), 2)), piece.normals
-        )
-        if paint.name in self.given:
-            return self._part(f"{paint.name}", surface_of(self.given[paint.name]), surface)
         if paint.name is None and colors is None:
-            return self._part("without color", Material(flat(self.colorless)), surface)
-        color = np.array(paint.color) * (1.0 if colors is None else _flat(colors)[0])
-        name = f"{paint.name or 'color'} {' '.join(f'{share:.6f}' for share in color)}"
-        return self._part(name, Material(reflectance_of_color(color), known_nm=KNOWN_NM), surface)
+            return self._part("no color", Material(flat(self.colorless)), _bare(piece))
+        shade = np.ones(3) if colors is None else colors.reshape(-1, 3)[0]
+        color = np.array(paint.color) * shade
+        name = self._numbered(piece.material, *color.tolist())
+        return self._part(name, _colored(color), _bare(piece))
 
 
-def _flat(colors: Floats) -> Floats:
-    return colors.reshape(-1, 3)
+def _bare(piece: Piece) -> Surface:
+    """Mesh of a surface without texture."""
+    return Surface(piece.vertices, piece.faces, np.zeros((len(piece.vertices), 2)), piece.normals)
+
+
+def _colored(color: Floats) -> Material:
+    return Material(reflectance_of_color(color), known_nm=KNOWN_NM)
 
 
 def _textured(weight: NDArray[np.float32]) -> Material:
