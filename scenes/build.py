@@ -35,7 +35,7 @@ else:
     """Any camera path in a configuration, by `kind`; without one, steady."""
 
 
-OWN_SCENES = (Forest, Meshes, Grating, Plane, MotionBench, Panorama, Pictures)
+OWN_SCENES = (Forest, Grating, Plane, MotionBench, Meshes, Panorama, Pictures)
 
 
 class _Offered(NamedTuple):

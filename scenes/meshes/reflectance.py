@@ -3,6 +3,7 @@
 A curve is read once, and its numbers replace the path of its file.
 """
 
+from collections.abc import Mapping
 from typing import Annotated, Any
 
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
@@ -39,6 +40,11 @@ class Curve(Record, frozen=True):
 
 
 def _read(given: Any) -> Any:
+    is_number = isinstance(given, int | float)
+    if (is_number and not 0 <= given <= 1) or not (
+        is_number or isinstance(given, str | Mapping | Curve)
+    ):
+        raise ValueError(_no_reflectance(given))
     if not isinstance(given, str) or not given.lower().endswith(".csv"):
         return given
     with unreadable(given):
@@ -60,11 +66,15 @@ def _read(given: Any) -> Any:
 
 def _known(given: "float | Curve | str") -> "float | Curve | str":
     if isinstance(given, str) and given not in NAMES:
-        raise ValueError(
-            f"{quoted(given)!r} is no reflectance; give a number from 0 to 1, a CSV file with "
-            f"wavelength_nm,reflectance, or one of {', '.join(NAMES)}"
-        )
+        raise ValueError(_no_reflectance(given))
     return given
+
+
+def _no_reflectance(given: object) -> str:
+    return (
+        f"{quoted(given)!r} is no reflectance; give a number from 0 to 1, a CSV file with "
+        f"wavelength_nm,reflectance, or one of {', '.join(NAMES)}"
+    )
 
 
 Reflectance = Annotated[Share | Curve | str, BeforeValidator(_read), AfterValidator(_known)]
