@@ -16,7 +16,11 @@ from .forest.sway import Wind as Wind
 from .haze import Haze as Haze
 from .lighting.light import Light as Light
 from .meshes.description import Meshes as Meshes
-from .moving_objects import MovingObject as MovingObject
+from .moving_objects import (
+    AnyObject as AnyObject,
+    MovingModel as MovingModel,
+    MovingObject as MovingObject,
+)
 from .scene import Scene as Scene
 from .shutter import Shutter as Shutter
 from .stimuli.grating import Grating as Grating

@@ -12,7 +12,7 @@ from megalopta.scenes.forest.description import Forest
 from megalopta.scenes.kinds import any_of, kind_of, models_in
 from megalopta.scenes.lighting.light import Light
 from megalopta.scenes.meshes.description import Meshes
-from megalopta.scenes.moving_objects import MovingObject, with_objects
+from megalopta.scenes.moving_objects import AnyObject, with_objects
 from megalopta.scenes.scene import Scene
 from megalopta.scenes.stimuli.grating import Grating
 from megalopta.scenes.stimuli.motion_bench import MotionBench
@@ -67,7 +67,7 @@ def build_scene(
     light: Light,
     camera: Camera,
     trajectory: Path,
-    objects: Sequence[MovingObject] = (),
+    objects: Sequence[AnyObject] = (),
 ) -> Scene:
     """Build the scene that a camera on a trajectory sees, including the user's own objects."""
     scene = description.build(light, camera, trajectory)

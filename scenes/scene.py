@@ -189,8 +189,8 @@ class Scene:
                 if first < low or last > high:
                     raise ValueError(
                         f"material {name!r}: its reflectance is known from {low:g} to {high:g} nm, "
-                        f"and bands_nm has {first:g} to {last:g}; give it in scene.materials, or "
-                        "omit the band"
+                        f"and bands_nm has {first:g} to {last:g}; give its reflectance in "
+                        "`materials`, or omit the band"
                     )
 
     @property

@@ -11,23 +11,19 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import BeforeValidator, Field
-from scipy.spatial.transform import Rotation
 
 from megalopta.assets_gen import Surface
-from megalopta.core.arrays import Floats
 from megalopta.core.bounded import printable, quoted
 from megalopta.scenes.base import SceneDescription
 from megalopta.scenes.cameras.base import Camera
 from megalopta.scenes.lighting.light import Light
 from megalopta.scenes.material import Material
-from megalopta.scenes.meshes.model import MeshModel
+from megalopta.scenes.meshes.model import PlacedMesh
 from megalopta.scenes.meshes.pieces import Piece
 from megalopta.scenes.meshes.reflectance import Reflectance, Share, surface_of
-from megalopta.scenes.meshes.surfaces import Surfacing
+from megalopta.scenes.meshes.surfaces import Surfacing, check_names
 from megalopta.scenes.scene import Asset, Placement, Scene
 from megalopta.scenes.trajectories.base import Path
-
-Vector = tuple[float, float, float]
 
 _GROUND = "ground"
 _NAME_LENGTH = 60
@@ -35,24 +31,6 @@ _GROUND_SIZE = 50.0
 """Half width of the ground, over the extent of the meshes."""
 _BELOW = 1e-4
 """Depth of the ground below the lowest point, over the extent of the meshes."""
-
-
-def pose_of(position_m: Vector, turn_deg: Vector) -> Floats:
-    """Pose (4, 4) of a position (m) and of turns about the world's x, then y, then z (degrees)."""
-    pose = np.eye(4)
-    pose[:3, :3] = Rotation.from_euler("xyz", turn_deg, degrees=True).as_matrix()
-    pose[:3, 3] = position_m
-    return pose
-
-
-class PlacedMesh(MeshModel, frozen=True):
-    """Mesh file at a place in the scene."""
-
-    position_m: Vector = (0.0, 0.0, 0.0)
-    """Place of the file's origin (x, y, z in m; z is up)."""
-
-    turn_deg: Vector = (0.0, 0.0, 0.0)
-    """Turns about the world's x, then y, then z (degrees)."""
 
 
 def _by_path(given: Any) -> Any:
@@ -96,7 +74,7 @@ class Meshes(SceneDescription, frozen=True):
     def build(self, light: Light, camera: Camera, trajectory: Path) -> Scene:
         """Return the objects of all files, in the light."""
         models = [each.pieces() for each in self.files]
-        self._check_names(models)
+        check_names(self.materials, [piece for pieces in models for piece in pieces])
         materials: dict[str, Material] = {}
         parts = list(self._objects(models, materials))
         if self.ground is not None:
@@ -111,18 +89,9 @@ class Meshes(SceneDescription, frozen=True):
     ) -> Iterator[tuple[Asset, Placement]]:
         """Yield the objects of all files, and add their materials to others."""
         for index, (placed, pieces) in enumerate(zip(self.files, models, strict=True)):
-            pose = pose_of(placed.position_m, placed.turn_deg)
             surfacing = Surfacing(placed.file.path, self.materials, self.reflectance, materials)
             for number, (name, asset) in enumerate(surfacing.objects(pieces)):
-                yield asset, Placement(f"file {index} object {number}", _kind(name), pose)
-
-    def _check_names(self, models: list[list[Piece]]) -> None:
-        names = {piece.material for pieces in models for piece in pieces}
-        for name in sorted(self.materials.keys() - names):
-            raise ValueError(
-                f"materials: no material {quoted(name)!r} in the files; there are "
-                f"{quoted(', '.join(sorted(names)), 400)}"
-            )
+                yield asset, Placement(f"file {index} object {number}", _kind(name), placed.pose)
 
     def describe(self) -> str:
         """Sentence for the report."""

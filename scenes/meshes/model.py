@@ -5,6 +5,7 @@ from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field
+from scipy.spatial.transform import Rotation
 
 from megalopta.core.arrays import Floats
 from megalopta.core.errors import DamagedFileError
@@ -15,6 +16,8 @@ from megalopta.scenes.meshes.counting import triangles_in
 from megalopta.scenes.meshes.damage import refused_as_damaged
 from megalopta.scenes.meshes.mesh_file import Contents, MeshFile
 from megalopta.scenes.meshes.pieces import Piece
+
+Vector = tuple[float, float, float]
 
 MOST_TRIANGLES = 10**7
 """Most triangles of a file."""
@@ -110,6 +113,29 @@ class MeshModel(Record, frozen=True):
                 f"scene: {self.file.path}: materials are rendered as opaque, diffuse surfaces "
                 f"without light of their own; it has {told}"
             )
+
+
+class PlacedMesh(MeshModel, frozen=True):
+    """Mesh file at a place."""
+
+    position_m: Vector = (0.0, 0.0, 0.0)
+    """Place of the file's origin (x, y, z in m; z is up)."""
+
+    turn_deg: Vector = (0.0, 0.0, 0.0)
+    """Turns about the world's x, then y, then z (degrees)."""
+
+    @property
+    def pose(self) -> Floats:
+        """Pose (4, 4) of the file's origin and axes in the world."""
+        return pose_of(self.position_m, self.turn_deg)
+
+
+def pose_of(position_m: Vector, turn_deg: Vector) -> Floats:
+    """Pose (4, 4) of a position (m) and of turns about the world's x, then y, then z (degrees)."""
+    pose = np.eye(4)
+    pose[:3, :3] = Rotation.from_euler("xyz", turn_deg, degrees=True).as_matrix()
+    pose[:3, 3] = position_m
+    return pose
 
 
 def _nearer(extent: float, scale: float) -> float:

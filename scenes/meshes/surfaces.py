@@ -1,7 +1,7 @@
 """Materials and meshes of a scene from the pieces of a file."""
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from megalopta.assets_gen import Surface, join
 from megalopta.core.arrays import Floats
+from megalopta.core.bounded import quoted
 from megalopta.scenes.material import ColorTexture, Material
 from megalopta.scenes.meshes.pieces import Color, Piece
 from megalopta.scenes.meshes.reflectance import Curve, surface_of
@@ -103,6 +104,16 @@ class Surfacing:
         color = np.array(paint.color) * shade
         name = self._numbered(piece.material, *color.tolist())
         return self._part(name, _colored(color), _bare(piece))
+
+
+def check_names(given: Iterable[str], pieces: Iterable[Piece]) -> None:
+    """Raise ValueError if a name is that of no material in pieces."""
+    names = {piece.material for piece in pieces}
+    for name in sorted({*given} - names):
+        raise ValueError(
+            f"materials: no material {quoted(name)!r} in the files; there are "
+            f"{quoted(', '.join(sorted(names)), 400)}"
+        )
 
 
 def _bare(piece: Piece) -> Surface:

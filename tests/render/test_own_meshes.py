@@ -8,7 +8,14 @@ import trimesh
 from scipy.spatial.transform import Rotation
 
 from megalopta.render import RenderSettings, SceneRenderer
-from megalopta.scenes import Light, Meshes, PerspectiveCamera, Trajectory, build_scene
+from megalopta.scenes import (
+    Light,
+    Meshes,
+    MovingModel,
+    PerspectiveCamera,
+    Trajectory,
+    build_scene,
+)
 from megalopta.scenes.material import ColorTexture, Material
 from megalopta.scenes.scene import Lighting, Sun
 from megalopta.scenes.spectra.colors import BLUE, GREEN, RED, reflectance_of_color
@@ -166,4 +173,54 @@ def test_truth_of_an_own_scene_is_that_of_an_independent_ray_caster(yard):
     points = position + np.where(seen, distance, 1.0)[..., None] * directions
     for flow, other in ((truth.flow_forward, 2), (truth.flow_backward, 0)):
         error = flow - pinhole.displacement(other, points)
+        assert np.abs(error[seen]).max() < 1e-4
+
+
+SPIN, AXIS, VELOCITY = 90.0, np.array([1.0, 2.0, -0.5]), np.array([-1.5, 2.0, 0.8])
+AWAY = np.array([6.0, 0.0, 0.0])
+PLACE, TURN = np.array([-2.0, 0.2, 1.0]), (20.0, -30.0, 60.0)
+
+
+def moved(points, time_s):
+    """Points (..., 3) as placed, at a time: spun about the file's origin, and carried."""
+    axis = AXIS / np.linalg.norm(AXIS)
+    spin = Rotation.from_rotvec(np.radians(SPIN * time_s) * axis).as_matrix()
+    return (points - PLACE) @ spin.T + PLACE + VELOCITY * time_s
+
+
+def test_truth_of_a_moving_file_is_that_of_an_independent_ray_caster(yard):
+    path, triangles, _ = yard
+    scale = 0.3
+    placed = (
+        scale * triangles @ Rotation.from_euler("xyz", TURN, degrees=True).as_matrix().T + PLACE
+    )
+    bird = MovingModel(
+        file=path,
+        name="bird",
+        scale=scale,
+        position_m=tuple(PLACE),
+        turn_deg=TURN,
+        motion={"velocity_m_s": tuple(VELOCITY), "spin_deg_s": SPIN, "spin_axis": tuple(AXIS)},
+    )
+    still = Meshes(files={"file": path, "position_m": tuple(AWAY)})
+    scene = build_scene(still, Light(), CAMERA, VIEW, [bird])
+    assert scene.placements[-1].kind == "bird" and scene.is_moving
+    settings = RenderSettings(samples_per_pixel=1, bands_nm=((500, 600),))
+    truth = SceneRenderer(scene, CAMERA, settings).truth(VIEW.poses(), 1, VIEW.times_s)
+    times, pinhole = VIEW.times_s, Pinhole(CAMERA, VIEW)
+    position, directions = pinhole.rays(1)
+    every = np.concatenate([moved(placed, times[1]), triangles + AWAY])
+    distance, which = hits(position, directions.reshape(-1, 3), every)
+    distance, which = (each.reshape(CAMERA.height, CAMERA.width) for each in (distance, which))
+    seen, is_bird = which >= 0, (which >= 0) & (which < len(placed))
+    assert is_bird.sum() > 100 and (seen & ~is_bird).sum() > 100
+    np.testing.assert_array_equal(truth.object_id == len(scene.placements), is_bird)
+    np.testing.assert_allclose(truth.depth[seen], distance[seen], rtol=2e-6)
+    points = position + np.where(seen, distance, 1.0)[..., None] * directions
+    for flow, other in ((truth.flow_forward, 2), (truth.flow_backward, 0)):
+        shift = moved(np.zeros(3), times[1])
+        turn = moved(np.eye(3), times[1]) - shift
+        as_placed = (points - shift) @ turn.T  # the inverse of a rotation
+        there = np.where(is_bird[..., None], moved(as_placed, times[other]), points)
+        error = flow - pinhole.displacement(other, there)
         assert np.abs(error[seen]).max() < 1e-4

@@ -1,5 +1,6 @@
 """Scenes and objects of the user's own files, as a user of the stages meets them."""
 
+import json
 import shutil
 
 import numpy as np
@@ -57,3 +58,38 @@ def test_a_dataset_elsewhere_is_sensed_and_says_what_rendering_needs(rendered, t
     run_stage(tmp_path / "copy", copy.configuration, "sense")
     with pytest.raises(UserError, match=r"hut\.glb cannot be read \(no such file or directory\)"):
         run_stage(tmp_path / "new", copy.configuration, "render")
+
+
+def test_a_file_moves_over_any_scene_and_its_change_is_another_configuration(tmp_path):
+    trimesh.creation.icosphere(1, 0.5).export(tmp_path / "bird.ply")
+    motion = "{velocity_m_s: [0, 1, 0]}"
+    text = (
+        "scene: {kind: forest, trees: 8, density_per_ha: 100}\n"
+        f"objects: [{{file: {tmp_path / 'bird.ply'}, motion: {motion}, position_m: [-2, 0, 1]}}]"
+    )
+    dataset = run_stage(tmp_path / "data", parse(text, "test", SMALL), "render")
+    record = json.loads(dataset.scene_record.read_text())
+    assert "bird" in record["kinds"] and len(record["motions"]) == 1
+    again = open_sequence(tmp_path / "data").configuration
+    assert again == dataset.configuration and again.objects[0].name is None
+    trimesh.creation.icosphere(1, 0.6).export(tmp_path / "bird.ply")
+    with pytest.raises(UserError, match=r"objects\.0\.file\.sha256"):
+        run_stage(tmp_path / "data", parse(text, "test", SMALL), "render")
+
+
+@pytest.mark.parametrize(
+    ("given", "reason"),
+    [
+        ("{file: none.glb}", r"objects\.0\.file: none\.glb cannot be read"),
+        (
+            "{shape: box, sise_m: [1, 1, 1]}",
+            r"objects\.0\.sise_m: unknown key; did you mean 'size_m'",
+        ),
+        ("{shape: cone}", r"objects\.0\.shape: .*'box' or 'ball', got 'cone'"),
+        ("{file: {path: a.glb, sha256: 0}, shape: box}", r"objects\.0\."),
+    ],
+)
+def test_mistakes_of_objects_are_told_by_their_field(given, reason):
+    with pytest.raises(UserError, match=reason) as problem:
+        parse(f"objects: [{given}]", "test")
+    assert "Moving" not in str(problem.value)
