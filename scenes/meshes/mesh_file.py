@@ -110,6 +110,6 @@ def _beside(path: str, name: str, at_most: int) -> bytes:
         return read_bytes(place, at_most)
     except OSError as problem:
         raise DamagedFileError(
-            f"{path} names {quoted(name)}, which cannot be read "
-            f"({(problem.strerror or str(problem)).lower()}); put that file there"
+            f"{path} names {quoted(name)}, which cannot be read ("
+            f"{(problem.strerror or str(problem)).lower()}); put it there, or do not name it"
         ) from None

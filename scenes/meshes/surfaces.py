@@ -87,8 +87,9 @@ class Surfacing:
         paint, uv, picture = piece.paint, piece.uv, piece.paint.picture
         if uv is None or picture is None:
             raise ValueError(
-                f"object {piece.name!r} has material {paint.name!r} with a picture, but no texture "
-                "coordinates; unwrap it, or give the material a reflectance in scene.materials"
+                f"{self.label}: object {piece.name!r} of material {paint.name!r} has no texture "
+                "coordinates for its picture; unwrap it, or give the material a reflectance in "
+                "`materials`"
             )
         name = self._numbered(piece.material, id(paint))
         if paint.color != _WHITE:

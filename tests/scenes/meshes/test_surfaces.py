@@ -77,7 +77,7 @@ def test_a_picture_is_three_weights_and_needs_coordinates():
     (material,) = surfacing.materials.values()
     assert isinstance(material.texture, ColorTexture)
     np.testing.assert_allclose(material.texture.weight, picture * [1.0, 0.5, 0.25], rtol=1e-6)
-    with pytest.raises(ValueError, match="'thing 0' has material 'bark' with a picture, but no"):
+    with pytest.raises(ValueError, match="'thing 0' of material 'bark' has no texture"):
         Surfacing("a.glb").objects([piece(paint=paint)])
     Surfacing("a.glb", {"bark": 0.3}).objects([piece(paint=paint)])
 
