@@ -4,6 +4,7 @@ Objects are those of `o`, or of `g` where there is none. trimesh reads OBJ, too,
 materials and pictures that are missing, and over objects without a name.
 """
 
+import re
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import PurePosixPath
 
@@ -17,14 +18,17 @@ from megalopta.scenes.meshes.pictures import linear_picture
 from megalopta.scenes.meshes.pieces import Paint, Piece
 from megalopta.scenes.spectra.color import linear_of_srgb
 
+_NAMING = re.compile(rb"^[ \t]*(?:mtllib|map_kd)[ \t]+([^\r\n]+)", re.IGNORECASE | re.MULTILINE)
+_OBJECT = re.compile(rb"^[ \t]*o[ \t]", re.MULTILINE)
+
 Corners = NDArray[np.int64]
 """(F, 3, 3): numbers, from 1 on, of position, coordinates and normal of each corner; 0: none."""
 
 
 def names_in(name: str, content: bytes) -> list[str]:
     """Names of the files that an OBJ or MTL file names, from the folder of the OBJ file."""
-    keys = ("mtllib", "map_kd")
-    return [_beside(name, rest) for key, rest in _lines(content) if key in keys]
+    named = (found[1].decode("utf-8", "replace") for found in _NAMING.finditer(content))
+    return [_beside(name, each.strip()) for each in named]
 
 
 def _lines(content: bytes) -> Iterator[tuple[str, str]]:
@@ -67,7 +71,7 @@ class _ObjFile:
         """Faces, as written, of each object and material."""
         self.libraries: list[str] = []
         lists: dict[str, list[str]] = {"v": [], "vt": [], "vn": []}
-        names_objects = "o" if any(key == "o" for key, _ in _lines(content)) else "g"
+        names_objects = "o" if _OBJECT.search(content) else "g"
         label, material = "", None
         for key, rest in _lines(content):
             if key in lists:
