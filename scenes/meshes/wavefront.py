@@ -77,8 +77,7 @@ class _ObjFile:
             if key in lists:
                 lists[key].append(rest)
             elif key == "f":
-                counts = [len(each) for each in lists.values()]
-                face = _counted(rest, counts) if "-" in rest else rest
+                face = _counted(rest, [*map(len, lists.values())]) if "-" in rest else rest
                 self.faces.setdefault((label, material), []).append(face)
             elif key == names_objects:
                 label = rest
