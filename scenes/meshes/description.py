@@ -10,7 +10,7 @@ from pathlib import PurePath
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BeforeValidator, Field
+from pydantic import BeforeValidator, Field, model_validator
 
 from megalopta.assets_gen import Surface
 from megalopta.core.bounded import printable, quoted
@@ -33,6 +33,19 @@ _BELOW = 1e-4
 """Depth of the ground below the lowest point, over the extent of the meshes."""
 
 
+class SceneFile(PlacedMesh, frozen=True):
+    """Mesh file of a scene."""
+
+    animate: bool = False
+    """Move nodes as the first animation of a glTF file tells, from its start at time 0."""
+
+    @model_validator(mode="after")
+    def _can_move(self) -> "SceneFile":
+        if self.animate and self.file.suffix not in (".glb", ".gltf"):
+            raise ValueError(f"animate: {self.file.path} is no glTF file; omit it")
+        return self
+
+
 def _by_path(given: Any) -> Any:
     return {"file": given} if isinstance(given, str | PurePath) else given
 
@@ -47,7 +60,7 @@ class Meshes(SceneDescription, frozen=True):
     kind: Literal["meshes"] = "meshes"
 
     files: Annotated[
-        tuple[Annotated[PlacedMesh, BeforeValidator(_by_path)], ...],
+        tuple[Annotated[SceneFile, BeforeValidator(_by_path)], ...],
         BeforeValidator(_as_list),
         Field(min_length=1, max_length=1000),
     ]
@@ -67,13 +80,18 @@ class Meshes(SceneDescription, frozen=True):
     ground: Reflectance | None = None
     """Reflectance of a level ground below all files, as in `materials`; null: no ground."""
 
+    @property
+    def is_moving(self) -> bool:
+        """True if nodes of a file move."""
+        return any(each.animate for each in self.files)
+
     def expected_triangles(self, path_m: float) -> float:
         """Return the number of triangles of the files."""
         return float(sum(each.triangles() for each in self.files))
 
     def build(self, light: Light, camera: Camera, trajectory: Path) -> Scene:
         """Return the objects of all files, in the light."""
-        models = [each.pieces() for each in self.files]
+        models = [each.pieces(each.animate) for each in self.files]
         check_names(self.materials, [piece for pieces in models for piece in pieces])
         materials: dict[str, Material] = {}
         parts = list(self._objects(models, materials))
@@ -90,8 +108,10 @@ class Meshes(SceneDescription, frozen=True):
         """Yield the objects of all files, and add their materials to others."""
         for index, (placed, pieces) in enumerate(zip(self.files, models, strict=True)):
             surfacing = Surfacing(placed.file.path, self.materials, self.reflectance, materials)
-            for number, (name, asset) in enumerate(surfacing.objects(pieces)):
-                yield asset, Placement(f"file {index} object {number}", _kind(name), placed.pose)
+            for number, (piece, asset) in enumerate(surfacing.objects(pieces)):
+                label, motion = f"file {index} object {number}", piece.motion
+                motion = motion and motion.moved(placed.pose)
+                yield asset, Placement(label, _kind(piece.name), placed.pose, motion)
 
     def describe(self) -> str:
         """Sentence for the report."""

@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from megalopta.core.arrays import Floats
+from megalopta.core.errors import DamagedFileError
+from megalopta.scenes.meshes.animation import PARTS, Joint, NodeMotion, Track
 from megalopta.scenes.meshes.gltf_file import GltfFile, Json, color_of, image_of
 from megalopta.scenes.meshes.pictures import linear_picture
 from megalopta.scenes.meshes.pieces import Paint, Piece
@@ -25,24 +27,47 @@ _METAL = 0.5
 """Share of metal from which a surface counts as metal."""
 
 
-def pieces_of(contents: Mapping[str, bytes]) -> Iterator[Piece]:
-    """Yield the pieces of a file's nodes. Raises any exception if the file is damaged."""
+class _Look(NamedTuple):
+    """Material, and how its picture lies on surfaces."""
+
+    paint: Paint = Paint()
+    coordinates: int = 0
+    """Number of the set of coordinates."""
+    to_picture: Floats = np.eye(3)
+    """(3, 3): map of coordinates, with v downward."""
+
+
+def pieces_of(contents: Mapping[str, bytes], animated: bool = False) -> Iterator[Piece]:
+    """Yield the pieces of a file's nodes. Raises any exception if the file is damaged.
+
+    If `animated`, they move as the file's first animation tells.
+    """
     file = GltfFile(contents)
+    tracks = _tracks(file) if animated else {}
     nodes, to_world = file.header.get("nodes", []), _poses(file.header)
+    above = {child: each for each in to_world for child in nodes[each].get("children", ())}
     materials = file.header.get("materials", ())
     pictures: dict[int, Picture] = {}
     looks = [_look(file, number, each, pictures) for number, each in enumerate(materials)]
     for number, pose in to_world.items():
-        node = nodes[number]
-        if "mesh" not in node:
-            continue
-        mesh = file.header["meshes"][node["mesh"]]
-        name = str(node.get("name") or mesh.get("name") or f"node {number}")
-        joints = _joints(file, node, to_world) if "skin" in node else None
-        for part in mesh["primitives"]:
-            if part.get("mode", _TRIANGLES) >= _TRIANGLES:
-                piece = _piece(file, part, looks, (number, name))
-                yield piece.moved(pose) if joints is None else _bent(file, part, piece, joints)
+        motion = _motion(nodes, _chain(above, number), pose, tracks)
+        for part, piece in _parts(file, number, looks):
+            if "skin" in nodes[number]:
+                yield _bent(file, part, piece, _joints(file, nodes[number], to_world))
+            else:
+                yield replace(piece.moved(pose), motion=motion)
+
+
+def _parts(file: GltfFile, number: int, looks: Sequence[_Look]) -> Iterator[tuple[Json, Piece]]:
+    """Yield the entry and the piece of each part of a node's mesh with triangles, in its axes."""
+    node = file.header["nodes"][number]
+    if "mesh" not in node:
+        return
+    mesh = file.header["meshes"][node["mesh"]]
+    name = str(node.get("name") or mesh.get("name") or f"node {number}")
+    for part in mesh["primitives"]:
+        if part.get("mode", _TRIANGLES) >= _TRIANGLES:
+            yield part, _piece(file, part, looks, (number, name))
 
 
 def _poses(header: Json) -> dict[int, Floats]:
@@ -73,14 +98,57 @@ def _local(node: Json) -> Floats:
     return pose
 
 
-class _Look(NamedTuple):
-    """Material, and how its picture lies on surfaces."""
+def _tracks(file: GltfFile) -> dict[int, dict[str, Track]]:
+    """Tracks of the first animation, by node and part of its pose."""
+    found: dict[int, dict[str, Track]] = {}
+    for animation in file.header.get("animations", ())[:1]:
+        for channel in animation["channels"]:
+            target, sampler = channel["target"], animation["samplers"][channel["sampler"]]
+            if target["path"] not in PARTS or "node" not in target:
+                continue  # weights of morph targets
+            times = file.values(sampler["input"])[:, 0]
+            values = file.values(sampler["output"]).astype(np.float64)
+            mode = sampler.get("interpolation", "LINEAR")
+            if mode == "CUBICSPLINE":
+                values = values.reshape(len(times), 3, -1)
+            found.setdefault(target["node"], {})[target["path"]] = Track(times, values, mode)
+    if not found:
+        raise DamagedFileError("it has no animation of nodes; omit animate")
+    return found
 
-    paint: Paint = Paint()
-    coordinates: int = 0
-    """Number of the set of coordinates."""
-    to_picture: Floats = np.eye(3)
-    """(3, 3): map of coordinates, with v downward."""
+
+def _chain(above: Mapping[int, int], number: int) -> list[int]:
+    """Numbers of the nodes from the scene's root to a node."""
+    chain = [number]
+    while chain[-1] in above:
+        chain.append(above[chain[-1]])
+    return chain[::-1]
+
+
+def _motion(
+    nodes: Sequence[Json],
+    chain: Sequence[int],
+    pose: Floats,
+    tracks: Mapping[int, Mapping[str, Track]],
+) -> NodeMotion | None:
+    """Motion of the last node of a chain; None if none of it moves."""
+    if not any(each in tracks for each in chain):
+        return None
+    if np.linalg.det(pose[:3, :3]) == 0:
+        raise ValueError(f"node {chain[-1]} moves, but has no size at rest")
+    joints = (
+        Joint(
+            _local(nodes[each]),
+            {part: nodes[each][part] for part in PARTS if part in nodes[each]},
+            tracks.get(each, {}),
+        )
+        for each in chain
+    )
+    motion = NodeMotion(tuple(joints), pose, np.eye(4))
+    keys = [track.times_s for each in chain for track in tracks.get(each, {}).values()]
+    if not np.isfinite(motion.maps(np.unique(np.concatenate(keys)))).all():
+        raise ValueError("its animation leads to places that are not finite")
+    return motion
 
 
 def _look(file: GltfFile, number: int, material: Json, pictures: dict[int, Picture]) -> _Look:

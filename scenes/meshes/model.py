@@ -50,8 +50,8 @@ class MeshModel(Record, frozen=True):
         """Number of triangles, without reading them; errors as `pieces`."""
         return self._counted(self.file.contents())
 
-    def pieces(self) -> list[Piece]:
-        """Return the pieces of the file, with unit normals.
+    def pieces(self, animated: bool = False) -> list[Piece]:
+        """Return the pieces of the file, with unit normals; of glTF, perhaps animated.
 
         Raises
         ------
@@ -61,7 +61,12 @@ class MeshModel(Record, frozen=True):
         contents = self.file.contents()
         self._counted(contents)
         with refused_as_damaged(self.file.path):
-            read = [piece.moved(self._axes) for piece in _READERS[self.file.suffix](contents)]
+            found = (
+                gltf.pieces_of(contents, animated)
+                if animated
+                else _READERS[self.file.suffix](contents)
+            )
+            read = [piece.moved(self._axes) for piece in found]
             pieces = [piece for piece in (each.sound() for each in read) if len(piece.faces)]
         self._check(pieces)
         self._say_ignored(pieces)

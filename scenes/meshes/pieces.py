@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from megalopta.assets_gen import cross, lengths
 from megalopta.core.arrays import Floats
+from megalopta.scenes.meshes.animation import NodeMotion
 
 Color = tuple[float, float, float]
 """Red, green and blue in linear sRGB, 0 to 1."""
@@ -45,6 +46,8 @@ class Piece:
     colors: Floats | None = None
     """(V, 3): colors of vertices, or (F, 3, 3) of the corners of faces, in linear sRGB; they
     multiply those of the paint."""
+    motion: NodeMotion | None = None
+    """Motion with the object's node; None: at rest."""
 
     @property
     def material(self) -> str:
@@ -67,7 +70,8 @@ class Piece:
         if np.linalg.det(linear) < 0:
             faces = faces[:, ::-1]
             colors = colors[:, ::-1] if colors is not None and colors.ndim > 2 else colors
-        return replace(self, vertices=vertices, faces=faces, normals=normals, colors=colors)
+        moved = replace(self, vertices=vertices, faces=faces, normals=normals, colors=colors)
+        return replace(moved, motion=self.motion.moved(matrix)) if self.motion else moved
 
     def sound(self) -> "Piece":
         """Return the piece without faces of no area, and with normals on the side of its faces."""

@@ -36,13 +36,14 @@ class Surfacing:
         """Begin without names: materials of a file may share one."""
         self._alike: dict[str, list[tuple[object, ...]]] = {}
 
-    def objects(self, pieces: Sequence[Piece]) -> list[tuple[str, Asset]]:
-        """Return name and asset of each object of a file."""
+    def objects(self, pieces: Sequence[Piece]) -> list[tuple[Piece, Asset]]:
+        """Return the first piece and the asset of each object of a file."""
         found: dict[int, list[tuple[str, Surface]]] = {}
-        names = {piece.number: piece.name for piece in pieces}
+        first: dict[int, Piece] = {}
         for piece, part in zip(pieces, self._parts(pieces), strict=True):
+            first.setdefault(piece.number, piece)
             found.setdefault(piece.number, []).append(part)
-        return [(names[number], _asset(parts)) for number, parts in found.items()]
+        return [(first[number], _asset(parts)) for number, parts in found.items()]
 
     def whole(self, pieces: Sequence[Piece]) -> Asset:
         """Return all objects of a file as one asset."""

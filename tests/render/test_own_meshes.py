@@ -21,6 +21,7 @@ from megalopta.scenes.scene import Lighting, Sun
 from megalopta.scenes.spectra.colors import BLUE, GREEN, RED, reflectance_of_color
 from megalopta.scenes.spectra.spectrum import Spectrum, flat
 
+from ..scenes.meshes.files import Gltf
 from .conftest import band_means, scene_of, square, vectorized
 from .truth.oracle import Pinhole
 
@@ -222,5 +223,78 @@ def test_truth_of_a_moving_file_is_that_of_an_independent_ray_caster(yard):
         turn = moved(np.eye(3), times[1]) - shift
         as_placed = (points - shift) @ turn.T  # the inverse of a rotation
         there = np.where(is_bird[..., None], moved(as_placed, times[other]), points)
+        error = flow - pinhole.displacement(other, there)
+        assert np.abs(error[seen]).max() < 1e-4
+
+
+KEYS_S = np.array([0.0, 0.05, 0.3], np.float32)
+ANGLES_DEG = np.array([0.0, 20.0, 160.0])
+SLIDES = np.array([[0, 0, 0], [0, 0.5, 0], [1, 0.5, 0]], np.float32)
+
+
+def mill_at(triangles, time_s):
+    """Triangles of a wheel's blade at a time, z up: the wheel turns, the blade slides along it."""
+    slide = np.array([np.interp(time_s, KEYS_S, each) for each in SLIDES.T])
+    angle = np.interp(time_s, KEYS_S, ANGLES_DEG)
+    wheel = Rotation.from_euler("x", angle, degrees=True).as_matrix()
+    x, y, z = np.moveaxis((triangles + slide) @ wheel.T * [1, 1, 2] + [0, 1.2, 0], -1, 0)
+    return np.stack([x, -z, y], axis=-1) + PLACE
+
+
+def written_mill(path):
+    """Write the wheel as an animated file, and return the blade's triangles in its own axes."""
+    file, blade = Gltf(), trimesh.creation.icosphere(2, 1.0)
+    vertices = (blade.vertices * [0.3, 1.0, 0.5]).astype(np.float32)
+    faces = file.accessor(blade.faces.ravel().astype(np.uint32))
+    file.triangle(vertices)
+    file.header["meshes"][0]["primitives"][0]["indices"] = faces
+    turns = Rotation.from_euler("x", ANGLES_DEG[:, None], degrees=True).as_quat()
+    keys = file.accessor(KEYS_S)
+    values = turns.astype(np.float32), SLIDES
+    samplers = [{"input": keys, "output": file.accessor(each)} for each in values]
+    targets = {"node": 1, "path": "rotation"}, {"node": 2, "path": "translation"}
+    file.header["animations"] = [
+        {
+            "channels": [{"sampler": n, "target": target} for n, target in enumerate(targets)],
+            "samplers": samplers,
+        }
+    ]
+    file.header["nodes"] = [
+        {"name": "mast", "children": [1], "scale": [1, 1, 2], "translation": [0, 1.2, 0]},
+        {"name": "wheel", "children": [2]},
+        {"name": "blade", "mesh": 0},
+        {"name": "still", "mesh": 0, "translation": [3, 0, -3]},
+    ]
+    path.write_bytes(file.glb())
+    return vertices[blade.faces].astype(np.float64)
+
+
+def test_truth_of_an_animated_file_is_that_of_an_independent_ray_caster(tmp_path):
+    blade = written_mill(tmp_path / "mill.glb")
+    given = {"file": str(tmp_path / "mill.glb"), "animate": True, "position_m": tuple(PLACE)}
+    described = Meshes(files=given)
+    scene = build_scene(described, Light(), CAMERA, VIEW)
+    assert described.is_moving and scene.is_moving
+    settings = RenderSettings(samples_per_pixel=1, bands_nm=((500, 600),))
+    truth = SceneRenderer(scene, CAMERA, settings).truth(VIEW.poses(), 1, VIEW.times_s)
+    times, pinhole = VIEW.times_s, Pinhole(CAMERA, VIEW)
+    position, directions = pinhole.rays(1)
+    here = mill_at(blade, times[1])
+    distance, which = hits(position, directions.reshape(-1, 3), here)
+    distance, which = (each.reshape(CAMERA.height, CAMERA.width) for each in (distance, which))
+    seen = which >= 0
+    assert seen.sum() > 100
+    np.testing.assert_array_equal(np.array(["", *scene.kinds])[truth.kind_id] == "blade", seen)
+    np.testing.assert_allclose(truth.depth[seen], distance[seen], rtol=2e-6)
+    # The same place of the same triangle, at another time.
+    points = (position + np.where(seen, distance, 1.0)[..., None] * directions)[seen]
+    corner = here[which[seen]]
+    sides = np.stack([corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]], axis=2)
+    shares = np.linalg.pinv(sides) @ (points - corner[:, 0])[..., None]
+    for flow, other in ((truth.flow_forward, 2), (truth.flow_backward, 0)):
+        corner = mill_at(blade, times[other])[which[seen]]
+        sides = np.stack([corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]], axis=2)
+        there = np.zeros((*seen.shape, 3))
+        there[seen] = corner[:, 0] + (sides @ shares)[..., 0]
         error = flow - pinhole.displacement(other, there)
         assert np.abs(error[seen]).max() < 1e-4

@@ -9,10 +9,14 @@ import trimesh
 
 from megalopta.config.model import parse
 from megalopta.core.errors import UserError
+from megalopta.dataset.reprojection import motions_of
 from megalopta.dataset.store import open_sequence
 from megalopta.render import read_truth
 from megalopta.stages.pipeline import run_stage
 
+from ...scenes.meshes.files import Gltf
+
+WAY = np.float32([[0, 0, 0], [0, 2, 0]])
 SMALL = {
     "trajectory.frames": "2",
     "trajectory.position_m": "[-4, 0, 1]",
@@ -93,3 +97,28 @@ def test_mistakes_of_objects_are_told_by_their_field(given, reason):
     with pytest.raises(UserError, match=reason) as problem:
         parse(f"objects: [{given}]", "test")
     assert "Moving" not in str(problem.value)
+
+
+def test_an_animated_file_moves_and_its_record_gives_its_motion_again(tmp_path):
+    file = Gltf()
+    file.triangle(np.float32([[0, -1, 0], [0, 1, -1], [0, 1, 1]]))
+    samplers = [{"input": file.accessor(np.float32([0, 1])), "output": file.accessor(WAY)}]
+    channels = [{"sampler": 0, "target": {"node": 0, "path": "translation"}}]
+    file.header["animations"] = [{"channels": channels, "samplers": samplers}]
+    (tmp_path / "a.glb").write_bytes(file.glb())
+    scene = f"scene: {{kind: meshes, files: {{file: {tmp_path / 'a.glb'}, animate: true}}}}"
+    dataset = run_stage(tmp_path / "data", parse(scene, "test", SMALL), "render")
+    (motion,) = motions_of(dataset).values()
+    np.testing.assert_allclose(motion.carry(np.zeros((1, 3)), 0.5), [[0, 0, 1]], atol=1e-9)
+    # y of the file is up: at a depth of 4 m, objects that rise move upward in the image.
+    flow = read_truth(dataset.truth(0)).flow_forward
+    middle = flow[6, 8]
+    assert middle[1] < -0.1
+
+
+@pytest.mark.parametrize("name", ["a.stl", "a.glb"])
+def test_without_an_animation_nothing_can_move(tmp_path, name):
+    trimesh.creation.box().export(tmp_path / name)
+    scene = f"scene: {{kind: meshes, files: {{file: {tmp_path / name}, animate: true}}}}"
+    with pytest.raises(UserError, match=r"omit (it|animate)"):
+        run_stage(tmp_path / "data", parse(scene, "test", SMALL), "render")
