@@ -75,7 +75,7 @@ class SceneRenderer:
     Raises
     ------
     ValueError
-        If a panorama cannot be read.
+        If a panorama cannot be read, or a band is beyond what is known of a material.
     """
 
     def __init__(
@@ -90,6 +90,7 @@ class SceneRenderer:
         self.camera = camera
         self.variant: Variant = choose_variant(settings.backend)
         activate(self.variant)
+        scene.check_bands(settings.bands_nm)
         scene = under_panorama(scene)
         meshes = merge(scene)
         loaded = load_scene(scene, meshes)

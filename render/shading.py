@@ -1,10 +1,11 @@
 """Light of the surfaces that rays see, in bands: textures, the sun's disc, and the sky."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from megalopta.core.arrays import Floats
 from megalopta.render import Bands, dr, mi
@@ -12,13 +13,16 @@ from megalopta.render.loading.materials import bitmap
 from megalopta.render.loading.meshes import MergedMesh
 from megalopta.render.loading.scene import DISC_POINTS
 from megalopta.render.loading.sky import BrightDirections, SkyPatterns
-from megalopta.render.scattering import WAVELENGTHS, Scattering, scattered
+from megalopta.render.scattering import WAVELENGTHS, Scattering, mixed, scattered, spectra_of
 from megalopta.scenes.scene import Lighting, Scene, Sun
 from megalopta.scenes.spectra.color import band_means
 
 # Wavelengths per band mean.
 _GRID = 2**10
 _BELOW_ONE = 1 - 2**-24
+
+Weights = Sequence[Any]
+"""Weights (N,) of spectra after the first, in Mitsuba's types."""
 
 
 @dataclass(frozen=True)
@@ -40,40 +44,55 @@ def side_of(sight: Sight, through: Any) -> Any:
 
 
 class Table:
-    """Values (rows, 2 spectra, B bands, places in a band or 1) on Mitsuba's device."""
+    """Values (rows, spectra, B bands, places in a band or 1) on Mitsuba's device."""
 
-    def __init__(self, values: Floats, bands: int) -> None:
+    def __init__(self, values: Floats, bands: int, spectra: int) -> None:
         self._values, self._bands = mi.Float(values.astype(np.float32).ravel()), bands
         self._places = values.shape[-1] if values.ndim > 4 else 1
+        self._spectra = spectra
 
-    def read(self, row: Any, weight: Any, active: Any, place: Any = 0) -> list[Any]:
-        """Value of each band in rows, between both spectra by the weight of a texture."""
+    def read(self, row: Any, weights: Weights, active: Any, place: Any = 0) -> list[Any]:
+        """Value of each band in rows, mixed of all spectra by the weights of a texture."""
 
         def of_spectrum(number: int, band: int) -> Any:
-            column = (2 * row + number) * self._bands + band
+            column = (self._spectra * row + number) * self._bands + band
             return dr.gather(mi.Float, self._values, column * self._places + place, active)
 
-        ends = ((of_spectrum(0, band), of_spectrum(1, band)) for band in range(self._bands))
-        return [dr.lerp(first, second, weight) for first, second in ends]
+        numbers = range(self._spectra)
+        return [
+            mixed([of_spectrum(number, band) for number in numbers], weights)
+            for band in range(self._bands)
+        ]
 
 
 class Textures:
-    """Weights of the second spectrum on all meshes."""
+    """Weights of the spectra after the first on all meshes."""
 
     def __init__(self, scene: Scene, meshes: Sequence[MergedMesh]) -> None:
-        textures = [scene.materials[mesh.material].texture for mesh in meshes]
+        materials = [scene.materials[mesh.material] for mesh in meshes]
+        textures = [material.texture for material in materials]
+        self._colors = spectra_of(materials) > 2
         weights = {id(each.weight): each.weight for each in textures if each}
         place = {key: index for index, key in enumerate(weights)}
         plain = len(weights)
         self._texture = mi.UInt([place[id(each.weight)] if each else plain for each in textures])
-        loaded = [mi.load_dict(bitmap(weight)) for weight in weights.values()]
-        self._weights = [texture.eval_1 for texture in loaded]
-        self._weights.append(lambda _point, _active: mi.Float(0.0))
+        self._weights = [self._reader(weight) for weight in weights.values()]
+        self._weights.append(lambda _point, _active: self._weight(0.0))
 
-    def weight(self, sight: Sight) -> Any:
-        """Weight (N,) at the points seen by rays."""
+    def _reader(self, weight: NDArray[np.float32]) -> Callable[[Any, Any], Any]:
+        loaded = mi.load_dict(bitmap(weight))
+        if weight.ndim > 2:
+            return lambda point, active: loaded.eval_3(point, active)
+        return lambda point, active: self._weight(loaded.eval_1(point, active))
+
+    def _weight(self, first: Any) -> Any:
+        return mi.Color3f(first, 0.0, 0.0) if self._colors else mi.Float(first)
+
+    def weights(self, sight: Sight) -> Weights:
+        """Weights (N,) at the points seen by rays: of one spectrum, or of three."""
         texture = dr.gather(mi.UInt, self._texture, sight.mesh, sight.shaded)
-        return dr.switch(texture, self._weights, sight.point, sight.shaded)
+        found = dr.switch(texture, self._weights, sight.point, sight.shaded)
+        return list(found) if self._colors else [found]
 
 
 class SunLight:
@@ -87,15 +106,17 @@ class SunLight:
         dr.make_opaque(self._center)
         self._points = mi.Float(sun.points(DISC_POINTS).astype(np.float32).ravel())
         grids = [np.linspace(*band, _GRID) for band in bands_nm]
+        materials = [scene.materials[mesh.material] for mesh in meshes]
+        spectra = spectra_of(materials)
         table = [
             [np.mean(spectrum(grid) * sun.irradiance(grid)) / np.pi for grid in grids]
-            for mesh in meshes
-            for spectrum in scattered(scene.materials[mesh.material])
+            for material in materials
+            for spectrum in scattered(material, spectra)
         ]
-        self._transmits = mi.Bool([scene.materials[mesh.material].transmits for mesh in meshes])
-        self._facing = Table(np.array(table), self._bands)
+        self._transmits = mi.Bool([material.transmits for material in materials])
+        self._facing = Table(np.array(table), self._bands, spectra)
 
-    def radiance(self, loaded: Any, sight: Sight, weight: Any, disc: Any) -> list[Any]:
+    def radiance(self, loaded: Any, sight: Sight, weights: Weights, disc: Any) -> list[Any]:
         """Radiance of each band from the points seen by rays toward the rays' origins.
 
         `disc` (N,), 0 to 1, selects the point of the disc for the visibility test. The disc is so
@@ -109,7 +130,7 @@ class SunLight:
         lit &= ~through | dr.gather(mi.Bool, self._transmits, sight.mesh, lit)
         lit &= ~loaded.ray_test(sight.point.spawn_ray(toward), lit)
         cosine = dr.select(lit, dr.abs(cosine), 0.0)
-        return [cosine * x for x in self._facing.read(side_of(sight, through), weight, lit)]
+        return [cosine * x for x in self._facing.read(side_of(sight, through), weights, lit)]
 
 
 def leaving(point: Any, front: Any, share: Any, sample: Any) -> tuple[Any, Any]:
@@ -130,7 +151,7 @@ class Bounces:
 
     def __init__(self, scattering: Scattering, bands: int) -> None:
         self._through = mi.Float(scattering.through.astype(np.float32))
-        self._scattered = Table(scattering.of_rays(), bands)
+        self._scattered = Table(scattering.of_rays(), bands, scattering.spectra)
 
     def rays(self, sight: Sight, sample: Any) -> tuple[Any, Any]:
         """Cosine-distributed rays for two random numbers each, and True for transmitted light."""
@@ -143,11 +164,11 @@ class Bounces:
         return dr.abs(cosine) / dr.pi * dr.select(through, share, 1 - share), through
 
     def reflected(
-        self, sight: Sight, through: Any, weight: Any, place: Any, arriving: list[Any]
+        self, sight: Sight, through: Any, weights: Weights, place: Any, arriving: list[Any]
     ) -> list[Any]:
         """Radiance of each band due to light that arrives at a place, 0 to 1, in the band."""
         step = dr.minimum(mi.UInt(place * WAVELENGTHS), WAVELENGTHS - 1)
-        shares = self._scattered.read(side_of(sight, through), weight, sight.shaded, step)
+        shares = self._scattered.read(side_of(sight, through), weights, sight.shaded, step)
         return [light * share for light, share in zip(arriving, shares, strict=True)]
 
     def _share(self, sight: Sight) -> Any:
@@ -169,8 +190,8 @@ class SkyLight:
         self._patterns = SkyPatterns(lighting.patterns)
         self._bright = BrightDirections(lighting) if lighting.patterns else None
         self._emitted = mi.Float(band_means(skies, bands_nm).astype(np.float32).ravel())
-        # (M, 2 sides, S, 2 spectra · B)
-        self._under = Table(scattering.under(skies), self._bands)
+        # (M, 2 sides, S, spectra · B)
+        self._under = Table(scattering.under(skies), self._bands, scattering.spectra)
 
     def emitted(self, directions: Any, active: Any) -> list[Any]:
         """Radiance of each band from directions."""
@@ -183,7 +204,7 @@ class SkyLight:
             for band in range(self._bands)
         ]
 
-    def radiance(self, scene: Any, sight: Sight, weight: Any, sampler: Any) -> list[Any]:
+    def radiance(self, scene: Any, sight: Sight, weights: Weights, sampler: Any) -> list[Any]:
         """Radiance of each band from the points seen, due to light from the sky that meets them."""
         rays, through, count = self._rays(sight, sampler)
         free = sight.shaded & ~scene.ray_test(rays, sight.shaded)
@@ -191,7 +212,7 @@ class SkyLight:
         light = [mi.Float(0.0)] * self._bands
         for sky, value in enumerate(values):
             row = side_of(sight, through) * self._skies + sky
-            shares = self._under.read(row, weight, free)
+            shares = self._under.read(row, weights, free)
             light = [a + count * value * b for a, b in zip(light, shares, strict=True)]
         return light
 

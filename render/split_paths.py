@@ -29,7 +29,7 @@ from megalopta.render.path_tracing import BandPaths
 from megalopta.render.scattering import Scattering
 from megalopta.render.sensors.primary import Look, pixel_means
 from megalopta.render.settings import RenderSettings, frame_seed
-from megalopta.render.shading import Bounces, Sight, SkyLight, SunLight, Textures
+from megalopta.render.shading import Bounces, Sight, SkyLight, SunLight, Textures, Weights
 from megalopta.scenes.scene import Scene
 
 _SKY_EVERY, _FOLLOWED_EVERY = 4, 16
@@ -117,36 +117,36 @@ class SplitPaths:
 
     def _seen(self, ray: Any, place: Any, sampler: Any) -> list[Any]:
         """Light of the sky behind the surfaces, and of the sun on them."""
-        sight, weight = self._look(ray)
+        sight, weights = self._look(ray)
         light = self._sky.emitted(ray.d, ~sight.point.is_valid())
         if self._sun:
-            direct = self._sun.radiance(self._layers, sight, weight, sampler.next_1d())
+            direct = self._sun.radiance(self._layers, sight, weights, sampler.next_1d())
             light = [a + b for a, b in zip(light, direct, strict=True)]
         return [*light, _sky(sight)]
 
     def _skylit(self, ray: Any, place: Any, sampler: Any) -> list[Any]:
         """Light of the sky on the surfaces seen."""
-        sight, weight = self._look(ray)
-        light = self._sky.radiance(self._layers, sight, weight, sampler)
+        sight, weights = self._look(ray)
+        light = self._sky.radiance(self._layers, sight, weights, sampler)
         return [*light, _sky(sight)]
 
     def _followed(self, ray: Any, place: Any, sampler: Any) -> list[Any]:
         """Light of other surfaces on those seen."""
-        sight, weight = self._look(ray)
+        sight, weights = self._look(ray)
         rays, through = self._bounces.rays(sight, sampler.next_2d())
         blocked = sight.shaded & self._layers.ray_test(rays, sight.shaded)
         place = sampler.next_1d()
-        dr.eval(sight, weight, rays, through, blocked, place)
+        dr.eval(sight, weights, rays, through, blocked, place)
         arriving = self._paths.radiance(self._loaded, rays, place, sampler, blocked)
-        light = self._bounces.reflected(sight, through, weight, place, arriving)
+        light = self._bounces.reflected(sight, through, weights, place, arriving)
         return [*light, _sky(sight)]
 
-    def _look(self, ray: Any) -> tuple[Sight, Any]:
+    def _look(self, ray: Any) -> tuple[Sight, Weights]:
         """Surfaces seen along rays, and the weights of their textures."""
         hit = self._layers.ray_intersect_preliminary(ray, coherent=True)
         point = hit.compute_surface_interaction(ray, mi.RayFlags.All)
         sight = Sight(point, point.wi.z > 0, point.is_valid(), self._index.of(hit))
-        return sight, self._textures.weight(sight)
+        return sight, self._textures.weights(sight)
 
 
 def _sky(sight: Sight) -> Any:

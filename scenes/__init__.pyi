@@ -15,7 +15,12 @@ from .forest.description import Forest as Forest
 from .forest.sway import Wind as Wind
 from .haze import Haze as Haze
 from .lighting.light import Light as Light
-from .moving_objects import MovingObject as MovingObject
+from .meshes.description import Meshes as Meshes
+from .moving_objects import (
+    AnyObject as AnyObject,
+    MovingModel as MovingModel,
+    MovingObject as MovingObject,
+)
 from .scene import Scene as Scene
 from .shutter import Shutter as Shutter
 from .stimuli.grating import Grating as Grating

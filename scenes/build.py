@@ -11,7 +11,8 @@ from megalopta.scenes.cameras.base import Camera
 from megalopta.scenes.forest.description import Forest
 from megalopta.scenes.kinds import any_of, kind_of, models_in
 from megalopta.scenes.lighting.light import Light
-from megalopta.scenes.moving_objects import MovingObject, with_objects
+from megalopta.scenes.meshes.description import Meshes
+from megalopta.scenes.moving_objects import AnyObject, with_objects
 from megalopta.scenes.scene import Scene
 from megalopta.scenes.stimuli.grating import Grating
 from megalopta.scenes.stimuli.motion_bench import MotionBench
@@ -34,7 +35,7 @@ else:
     """Any camera path in a configuration, by `kind`; without one, steady."""
 
 
-OWN_SCENES = (Forest, Grating, Plane, MotionBench, Panorama, Pictures)
+OWN_SCENES = (Forest, Grating, Plane, MotionBench, Meshes, Panorama, Pictures)
 
 
 class _Offered(NamedTuple):
@@ -66,7 +67,7 @@ def build_scene(
     light: Light,
     camera: Camera,
     trajectory: Path,
-    objects: Sequence[MovingObject] = (),
+    objects: Sequence[AnyObject] = (),
 ) -> Scene:
     """Build the scene that a camera on a trajectory sees, including the user's own objects."""
     scene = description.build(light, camera, trajectory)

@@ -6,6 +6,7 @@ that results stay consistent with it.
 
 import hashlib
 import sys
+from abc import abstractmethod
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -17,14 +18,19 @@ from megalopta.core.bounded import ARRAY_BYTES, check_file, read_bytes
 from megalopta.core.record import Record
 
 
-class HashedFile(Record, frozen=True):
-    """File by path and content; a plain path is accepted and gets its hash."""
+class Hashed(Record, frozen=True):
+    """Thing by path and content; a plain path is accepted and gets its hash."""
 
     path: str
     """Path, relative to the folder in which the program runs."""
 
     sha256: Annotated[str, Field(pattern="^[0-9a-f]{64}$")]
     """SHA-256 hash of its content, filled in; other content raises an error."""
+
+    @classmethod
+    @abstractmethod
+    def hash_of(cls, path: str) -> str:
+        """Return the hash of what lies at a path. Raises ValueError if it cannot be read."""
 
     @model_validator(mode="before")
     @classmethod
@@ -33,12 +39,35 @@ class HashedFile(Record, frozen=True):
             values = {"path": str(values)}
         if not isinstance(values, dict) or "sha256" in values or "path" not in values:
             return values
-        return {**values, "sha256": content_hash(str(values["path"]))}
+        return {**values, "sha256": cls.hash_of(str(values["path"]))}
 
     def check(self) -> None:
         """Raise ValueError if the file cannot be read or has changed."""
-        if content_hash(self.path) != self.sha256:
-            raise ValueError(_changed(self.path))
+        self.compare(self.hash_of(self.path))
+
+    def compare(self, sha256: str) -> None:
+        """Raise ValueError if a hash is another one."""
+        if sha256 != self.sha256:
+            raise ValueError(
+                f"{self.path} has changed since it was first used; restore it, or omit its sha256"
+            )
+
+
+class HashedFile(Hashed, frozen=True):
+    """File, or folder of files."""
+
+    @classmethod
+    def hash_of(cls, path: str) -> str:
+        """Return the hash of a file, or of the names and hashes of the files of a folder.
+
+        Raises ValueError if it cannot be read.
+        """
+        with unreadable(path):
+            if not Path(path).is_dir():
+                return _file_hash(Path(path))
+            inside = [each for each in sorted(Path(path).iterdir()) if each.is_file()]
+            lines = (f"{each.name}\0{_file_hash(each)}\n" for each in inside)
+            return hashlib.sha256("".join(lines).encode()).hexdigest()
 
     def read(self) -> bytes:
         """Content of the file.
@@ -48,9 +77,9 @@ class HashedFile(Record, frozen=True):
         ValueError
             If it cannot be read or has changed.
         """
-        content = _content(self.path)
-        if hashlib.sha256(content).hexdigest() != self.sha256:
-            raise ValueError(_changed(self.path))
+        with unreadable(self.path):
+            content = read_bytes(self.path, ARRAY_BYTES)
+        self.compare(hashlib.sha256(content).hexdigest())
         return content
 
 
@@ -64,32 +93,15 @@ PictureFile = Annotated[HashedFile, AfterValidator(_named_as_a_picture)]
 """An HDR, EXR or PNG file by its name."""
 
 
-def content_hash(path: str) -> str:
-    """Return the SHA-256 of a file, or of the names and hashes of the files of a folder.
-
-    Raises ValueError if it cannot be read.
-    """
-    with _refused(path):
-        if not Path(path).is_dir():
-            return _file_hash(Path(path))
-        inside = [each for each in sorted(Path(path).iterdir()) if each.is_file()]
-        lines = (f"{each.name}\0{_file_hash(each)}\n" for each in inside)
-        return hashlib.sha256("".join(lines).encode()).hexdigest()
-
-
 def _file_hash(path: Path) -> str:
     check_file(path, sys.maxsize)
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def _content(path: str) -> bytes:
-    with _refused(path):
-        return read_bytes(path, ARRAY_BYTES)
-
-
 @contextmanager
-def _refused(path: str) -> Iterator[None]:
+def unreadable(path: str) -> Iterator[None]:
+    """Raise an OSError of the work inside as ValueError, a sentence with the remedy."""
     try:
         yield
     except OSError as problem:
@@ -98,7 +110,3 @@ def _refused(path: str) -> Iterator[None]:
             f"{path} cannot be read ({reason}); give the path of a file, relative to the folder in "
             "which the program runs"
         ) from None
-
-
-def _changed(path: str) -> str:
-    return f"{path} has changed since it was first used; restore it, or omit its sha256"

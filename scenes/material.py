@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.scenes.spectra.spectrum import Spectrum, flat
+from megalopta.scenes.spectra.spectrum import Spectrum, flat, total
 
 _ROUNDING = 1e-6
 
@@ -28,6 +28,33 @@ class Texture:
         """Reject a texture that would return more light than it receives."""
         _check_energy("texture", self.reflectance, self.transmittance)
 
+    @property
+    def spectra(self) -> "tuple[_Scattered, ...]":
+        """Reflectance and transmittance where the weight is 1."""
+        return ((self.reflectance, self.transmittance),)
+
+
+@dataclass(frozen=True)
+class ColorTexture:
+    """Reflectance that is a sum of three, each with its own weight: red, green and blue."""
+
+    weight: NDArray[np.float32]
+    """(H, W, 3), 0 to 1: tiles over the uv square; row 0 is v = 0."""
+    reflectances: tuple[Spectrum, Spectrum, Spectrum]
+    """Reflectances where the weights are 1."""
+
+    def __post_init__(self) -> None:
+        """Reject a texture that would return more light than it receives."""
+        _check_energy("texture", total(self.reflectances), None)
+
+    @property
+    def spectra(self) -> "tuple[_Scattered, ...]":
+        """Reflectance where each weight is 1; it is opaque."""
+        return tuple((each, None) for each in self.reflectances)
+
+
+_Scattered = tuple[Spectrum, Spectrum | None]
+
 
 @dataclass(frozen=True)
 class Material:
@@ -39,21 +66,30 @@ class Material:
 
     reflectance: Spectrum
     """Diffuse reflectance, 0 to 1."""
-    texture: Texture | None = None
-    """Mixed-in texture; needs meshes with uv coordinates."""
+    texture: Texture | ColorTexture | None = None
+    """Mixed-in texture, or one of colors on a black surface; needs meshes with uv coordinates."""
     emission: "Emission | None" = None
     """Emission of a source; reflectance and transmittance are then ignored."""
     transmittance: Spectrum | None = None
     """Diffuse transmittance, with the reflectance at most 1; None: opaque."""
+    known_nm: tuple[float, float] | None = None
+    """Lowest and highest wavelength at which its spectra are known; None: at all."""
 
     def __post_init__(self) -> None:
         """Reject a surface that would return more light than it receives."""
         _check_energy("material", self.reflectance, self.transmittance)
+        is_bare = not (self.transmits or any(self.reflectance.values))
+        if isinstance(self.texture, ColorTexture) and not is_bare:
+            raise ValueError(
+                "material: a texture of colors has all of the reflectance; use a reflectance of 0 "
+                "and no transmittance"
+            )
 
     @property
     def transmits(self) -> bool:
         """True if it transmits light anywhere."""
-        spectra = self.transmittance, self.texture.transmittance if self.texture else None
+        of_texture = [through for _, through in self.texture.spectra] if self.texture else []
+        spectra = self.transmittance, *of_texture
         return not self.emission and any(each and max(each.values) > 0 for each in spectra)
 
 

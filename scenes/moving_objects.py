@@ -1,13 +1,12 @@
-"""Boxes and balls that a configuration adds to a scene, at rest or moving."""
+"""Boxes, balls and meshes that a configuration adds to a scene, at rest or moving."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field
-from scipy.spatial.transform import Rotation
+from pydantic import Discriminator, Field, Tag
 
 from megalopta.assets_gen import generator
 from megalopta.assets_gen.bodies import ball, box, checkerboard
@@ -15,11 +14,13 @@ from megalopta.assets_gen.tileable_noise import tileable_noise, to_weight
 from megalopta.core.record import Record
 from megalopta.scenes.kinds import kind_unless_told
 from megalopta.scenes.material import Material, Texture
+from megalopta.scenes.meshes.model import PlacedMesh, Vector, pose_of
+from megalopta.scenes.meshes.reflectance import Reflectance as MeshReflectance
+from megalopta.scenes.meshes.surfaces import Surfacing, check_names
 from megalopta.scenes.motion import Drift, ObjectMotion, RigidMotion
 from megalopta.scenes.scene import Asset, Placement, Scene
 from megalopta.scenes.spectra.spectrum import flat
 
-Vector = tuple[float, float, float]
 Length = Annotated[float, Field(gt=0)]
 Reflectance = Annotated[float, Field(ge=0, le=1)]
 
@@ -54,27 +55,66 @@ class MovingObject(Record, frozen=True):
     motion: Annotated[ObjectMotion, kind_unless_told("steady")] = Drift()
     """Motion, from position and orientation at the first frame."""
 
-    @property
-    def is_at_rest(self) -> bool:
-        """True if it neither moves nor spins."""
-        return self.motion == Drift(spin_axis=self.motion.spin_axis)
+
+class MovingModel(PlacedMesh, frozen=True):
+    """Mesh file as one object, at its place at the first frame; it spins about its origin."""
+
+    name: str | None = None
+    """Name of the object; ground truth lists it as the object's kind; null: that of the file."""
+
+    materials: dict[str, MeshReflectance] = Field(
+        default={},
+        description="Reflectances in place of colors, by the name of a material, as in a scene of "
+        "meshes.",
+    )
+
+    motion: Annotated[ObjectMotion, kind_unless_told("steady")] = Drift()
+    """Motion, from position and orientation at the first frame."""
 
 
-def with_objects(scene: Scene, objects: Sequence[MovingObject]) -> Scene:
-    """Add objects to a scene, after the existing ones, each with its own material."""
+def _class_of(given: Any) -> str:
+    is_file = "file" in given if isinstance(given, Mapping) else isinstance(given, MovingModel)
+    return (MovingModel if is_file else MovingObject).__name__
+
+
+if TYPE_CHECKING:
+    AnyObject = MovingObject | MovingModel
+else:
+    AnyObject = Annotated[
+        Annotated[MovingObject, Tag(MovingObject.__name__)]
+        | Annotated[MovingModel, Tag(MovingModel.__name__)],
+        Discriminator(_class_of),
+    ]
+    """Any object that a configuration adds: a mesh if it has a `file`."""
+
+
+def with_objects(scene: Scene, objects: Sequence[AnyObject]) -> Scene:
+    """Add objects to a scene, after the existing ones, each with its own materials."""
     materials, assets = dict(scene.materials), dict(scene.assets)
     placements = list(scene.placements)
     for index, thing in enumerate(objects):
-        name = f"object {index} {thing.name}"
-        materials[name] = _material(thing, index)
-        body = (box if thing.shape == "box" else ball)(thing.size_m, thing.tile_m)
-        assets[name] = Asset({name: body.to_mesh()})
-        to_world = np.eye(4)
-        to_world[:3, :3] = Rotation.from_euler("xyz", thing.turn_deg, degrees=True).as_matrix()
-        to_world[:3, 3] = thing.position_m
-        motion = None if thing.is_at_rest else RigidMotion(thing.position_m, thing.motion)
-        placements.append(Placement(name, thing.name, to_world, motion))
+        if isinstance(thing, MovingModel):
+            kind = thing.name or thing.file.stem
+            name = f"object {index} {kind}"
+            assets[name] = _model(thing, name, materials)
+        else:
+            kind, name = thing.name, f"object {index} {thing.name}"
+            materials[name] = _material(thing, index)
+            body = (box if thing.shape == "box" else ball)(thing.size_m, thing.tile_m)
+            assets[name] = Asset({name: body.to_mesh()})
+        is_at_rest = thing.motion == Drift(spin_axis=thing.motion.spin_axis)
+        motion = None if is_at_rest else RigidMotion(thing.position_m, thing.motion)
+        to_world = pose_of(thing.position_m, thing.turn_deg)
+        placements.append(Placement(name, kind, to_world, motion))
     return replace(scene, materials=materials, assets=assets, placements=tuple(placements))
+
+
+def _model(thing: MovingModel, name: str, materials: dict[str, Material]) -> Asset:
+    """Return the shape of a mesh file, and add its materials to others."""
+    pieces = thing.pieces()
+    check_names(thing.materials, pieces)
+    label = f"{name} {thing.file.path}"
+    return Surfacing(label, thing.materials, materials=materials).whole(pieces)
 
 
 def _material(thing: MovingObject, index: int) -> Material:

@@ -7,7 +7,8 @@ computes in float32, so its coordinates are relative to `Scene.origin_m`.
 An object id is the index in `Scene.placements` plus one; 0 means no hit.
 """
 
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -179,6 +180,18 @@ class Scene:
             missing = asset.parts.keys() - self.materials.keys()
             if missing:
                 raise ValueError(f"asset {name!r}: no material {sorted(missing)} in the scene")
+
+    def check_bands(self, bands_nm: Sequence[tuple[float, float]]) -> None:
+        """Raise ValueError for a band in which the reflectance of a material is not known."""
+        for name, material in self.materials.items():
+            low, high = material.known_nm or (-math.inf, math.inf)
+            for first, last in bands_nm:
+                if first < low or last > high:
+                    raise ValueError(
+                        f"material {name!r}: its reflectance is known from {low:g} to {high:g} nm, "
+                        f"and bands_nm has {first:g} to {last:g}; give its reflectance in "
+                        "`materials`, or omit the band"
+                    )
 
     @property
     def kinds(self) -> tuple[str, ...]:

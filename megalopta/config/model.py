@@ -25,7 +25,7 @@ from megalopta.core.record import Record
 from megalopta.flow.benchmark.settings import each_once
 from megalopta.flow.detectors.registry import METHODS, THESIS_METHODS
 from megalopta.render import RenderSettings
-from megalopta.scenes import AnyScene, MovingObject, Shutter
+from megalopta.scenes import AnyObject, AnyScene, Shutter
 from megalopta.scenes.build import AnyCamera, CameraPath
 from megalopta.scenes.cameras.perspective import PerspectiveCamera
 from megalopta.scenes.forest.description import Forest
@@ -57,8 +57,8 @@ class Configuration(Record, frozen=True):
     scene: AnyScene = Forest()
     """Scene to render."""
 
-    objects: tuple[MovingObject, ...] = ()
-    """Boxes and balls added to the scene, at rest or on paths of their own."""
+    objects: tuple[AnyObject, ...] = ()
+    """Boxes, balls and mesh files (`file`) added to the scene, at rest or on paths of their own."""
 
     light: Light = Light()
     """Light that the scene is rendered under."""

@@ -4,7 +4,7 @@ import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Literal
+from typing import BinaryIO, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,19 +32,27 @@ def read_picture(path: Path, mode: Literal["L", "RGB"]) -> NDArray[np.uint8]:
 @contextmanager
 def opened_picture(path: Path) -> Iterator[Image.Image]:
     """Open a picture for Pillow to decode; errors as `readable`, also during decoding inside."""
-    with readable(path), _opened(path) as image:
-        yield image
-
-
-def _opened(path: Path) -> Image.Image:
-    check_file(path)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # what matters raises an exception
-        return Image.open(path, formats=_FORMATS)
+    with readable(path):
+        check_file(path)
+        with decoded(path, path) as image:
+            yield image
 
 
 @contextmanager
-def readable(path: Path) -> Iterator[None]:
+def decoded(file: Path | BinaryIO, name: object) -> Iterator[Image.Image]:
+    """Open a file for Pillow to decode, as `opened_picture`; its name is for messages."""
+    with readable(name), _opened(file) as image:
+        yield image
+
+
+def _opened(file: Path | BinaryIO) -> Image.Image:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # what matters raises an exception
+        return Image.open(file, formats=_FORMATS)
+
+
+@contextmanager
+def readable(path: object) -> Iterator[None]:
     """Refuse pictures that cannot be decoded inside, or claim more pixels than Pillow trusts.
 
     Raises DamagedFileError.

@@ -104,7 +104,8 @@ def _place(model: type[BaseModel], location: Any) -> tuple[list[str], list[Any]]
 
 def _tag(found: Any) -> Any:
     if isinstance(found, type) and issubclass(found, BaseModel):
-        return found.model_fields["kind"].default if "kind" in found.model_fields else None
+        kind = found.model_fields.get("kind")
+        return kind.default if kind else found.__name__
     return getattr(found, "__name__", None)
 
 

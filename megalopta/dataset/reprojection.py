@@ -23,6 +23,7 @@ from megalopta.dataset.frames import read_truth_frame
 from megalopta.dataset.store import Dataset
 from megalopta.render import Truth, out_of_view, read_attributes
 from megalopta.scenes.forest.sway import Sway
+from megalopta.scenes.meshes.animation import NodeMotion
 from megalopta.scenes.motion import Motion, ObjectMotion, RigidMotion
 
 Float64 = NDArray[np.float64]
@@ -141,6 +142,8 @@ def _motion_from(record: Mapping[str, Any]) -> Motion:
     if values["kind"] == "sway":
         del values["kind"]
         return Sway(**values)
+    if values["kind"] == "nodes":
+        return NodeMotion.of_record(values)
     center = values.pop("center_m")
     return RigidMotion(tuple(center), TypeAdapter(ObjectMotion).validate_python(values))
 

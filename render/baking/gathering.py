@@ -113,6 +113,8 @@ class Gatherer:
         scattering = Scattering([scene.materials[mesh.material] for mesh in meshes], self._bands)
         self._scattered = mi.Float(scattering.of_rays().astype(np.float32).ravel())
         self._through = mi.Float(scattering.through.astype(np.float32))
+        self.spectra = scattering.spectra
+        """Number of spectra that textures mix."""
         # Paths of one segment end at the first surface.
         lit = scene.lighting if settings.max_depth > 1 else None
         patterns = lit.patterns if lit else ()
@@ -130,7 +132,7 @@ class Gatherer:
     def leaving(
         self, leader: UInt32, cell: UInt32, seen: UInt32, *, shares: Ints, least: int
     ) -> Floats:
-        """Radiance (C, 2 halves, 2·bands) that leaves clusters, first spectrum before second.
+        """Radiance (C, 2 halves, spectra·bands) that leaves clusters, one spectrum after the other.
 
         A cluster is seeded by its leader (C,). Its light is gathered uniformly at its cells (C, n),
         where these are visible from the points at which they were seen (C, n). Each half takes
@@ -161,8 +163,8 @@ class Gatherer:
         return lanes.means(parts).reshape(-1, 2, skies)
 
     def _followed(self, leader: UInt32, mesh: UInt32, places: Places, lanes: Lanes) -> Floats:
-        """Radiance (2C, 2·bands) that leaves meshes (C,) due to light from surfaces."""
-        bands = len(self._bands)
+        """Radiance (2C, spectra·bands) that leaves meshes (C,) due to light from surfaces."""
+        bands, columns = len(self._bands), self.spectra * len(self._bands)
         key, other = self._keys(leader, lanes)
         sample = lanes.sample * self._stride
         rays, through = self._rays(places, lanes, sample, key)
@@ -172,15 +174,15 @@ class Gatherer:
         step = (lanes.sample * WAVELENGTHS + other % WAVELENGTHS) // samples
         place = (mi.Float(step) + 0.5) / WAVELENGTHS
         of_side = 2 * lanes.of_cluster(mesh) + dr.select(through, mi.UInt(1), mi.UInt(0))
-        leaving: list[Any] = [None] * (2 * bands)
+        leaving: list[Any] = [None] * columns
         for first, size, wavelengths in wavelength_groups(self._bands, place):
             rays.wavelengths = wavelengths
             self._sampler.start(key, sample)
             arriving, _ = self._paths.radiance(self._scene, self._sampler, rays, blocked)
             for band in range(size):
                 light = dr.select(blocked, arriving[band], 0.0)
-                for column in (first + band, bands + first + band):
-                    entry = (of_side * (2 * bands) + column) * WAVELENGTHS + step
+                for column in range(first + band, columns, bands):
+                    entry = (of_side * columns + column) * WAVELENGTHS + step
                     leaving[column] = light * dr.gather(mi.Float, self._scattered, entry)
         return lanes.means(leaving)
 

@@ -1,6 +1,6 @@
 """Frames from baked light: primary rays, and a visibility ray to the sun.
 
-Every sample of a pixel looks up the radiance of its surface (`light`) and weights the two
+Every sample of a pixel looks up the radiance of its surface (`light`) and weights the
 reflectances by the surface's texture. If there is a sun or moon, it traces one more ray there:
 shadow edges are as sharp as those of the path tracer. Emitters, including the sky, are seen
 directly. Paths are traced for cells that the survey of the sequence did not meet, as these have no
@@ -209,20 +209,20 @@ class BakedLightIntegrator:
     def _look(self, scene: Any, ray: Any, place: Any, sampler: Any) -> "_Found":
         sight = self._finder.look(scene, ray)
         rest = sight.shaded & ~self._moving.holds(sight.point.p)
-        weight = self._textures.weight(sight)
+        weights = self._textures.weights(sight)
         direct = [mi.Float(0.0)] * len(self._bands)
         if self._sun:
             part = replace(sight, shaded=rest)
-            direct = self._sun.radiance(scene, part, weight, sampler.next_1d())
+            direct = self._sun.radiance(scene, part, weights, sampler.next_1d())
         emitted = self._emitted(scene, sight.point, place)
         sky = dr.select(sight.point.is_valid(), 0.0, 1.0)
         surface = sight.moving | sight.shaded
         # Otherwise the rays would be traced again for each of them.
-        dr.eval(sight.cell, rest, weight, direct, emitted, sky, surface, ray.o, ray.d)
+        dr.eval(sight.cell, rest, weights, direct, emitted, sky, surface, ray.o, ray.d)
         baked = self._light.find(sight.cell, rest)
-        light = self._light.radiance(sight.cell, weight, baked)
+        light = self._light.radiance(sight.cell, weights, baked)
         light = [a + dr.select(baked, b, 0.0) for a, b in zip(light, direct, strict=True)]
-        standing = self._light.standing(sight.cell, weight, baked)
+        standing = self._light.standing(sight.cell, weights, baked)
         return _Found(emitted, light, standing, sky, baked, surface & ~baked)
 
     def _emitted(self, scene: Any, point: Any, place: Any) -> list[Any]:

@@ -1,9 +1,9 @@
 """Baked light: computed, looked up and cached.
 
 Baked light is the radiance of cells, the view-independent part of shading. For each requested
-cluster of cells and each band, the table holds the radiance for a texture weight of 0 and of 1, and
-for both the difference of the halves of the samples (`gathering`). At weight w the surface shows (1
-− w) of the one and w of the other.
+cluster of cells and each band, the table holds the radiance of each spectrum that a texture mixes,
+and for each the difference of the halves of the samples (`gathering`). At weight w of the second
+the surface shows (1 − w) of the first and w of the second.
 """
 
 import hashlib
@@ -24,6 +24,8 @@ from megalopta.render.baking.cells import UInt32
 from megalopta.render.baking.clusters import Clusters, Voxels, smoothed
 from megalopta.render.baking.gathering import STRIDE, Gatherer
 from megalopta.render.loading.meshes import MergedMesh
+from megalopta.render.scattering import mixed
+from megalopta.render.shading import Weights
 from megalopta.scenes.cameras.base import Camera
 from megalopta.scenes.scene import Scene
 
@@ -52,7 +54,7 @@ def key_of(
         material = scene.materials[mesh.material]
         glow, texture = material.emission, material.texture
         plain += [material.reflectance, material.transmittance, glow and glow.radiance]
-        plain.append(texture and (texture.reflectance, texture.transmittance))
+        plain.append(texture and texture.spectra)
         arrays += [glow.pattern if glow else None, texture.weight if texture else None]
         arrays += [mesh.vertices, mesh.faces, mesh.normals, mesh.uv]
     found = hashlib.blake2b(repr(plain).encode(), digest_size=16)
@@ -92,7 +94,7 @@ class BakedLight:
 
     def __init__(self, gatherer: Gatherer, voxels: Voxels, cells: int, bands: int) -> None:
         self._gatherer, self._voxels = gatherer, voxels
-        self.cells, self._bands = cells, bands
+        self.cells, self._bands, self._columns = cells, bands, gatherer.spectra * bands
         self.surveyed(*np.zeros((3, 0), np.uint32))
         self.begin(1.0)
 
@@ -109,7 +111,7 @@ class BakedLight:
         self.density, self._shares = density, self._shares_at(density)
         count = len(self._clusters)
         self._is_known = np.zeros(count, bool)
-        self._rows = np.zeros((max(count, 1), 4 * self._bands), np.float32)
+        self._rows = np.zeros((max(count, 1), 2 * self._columns), np.float32)
         self._cluster_of = dr.full(mi.UInt, NOT_ASKED, self.cells)
 
     def _shares_at(self, density: float) -> Ints:
@@ -181,16 +183,16 @@ class BakedLight:
             self._rows[part] = np.concatenate([halves.mean(axis=1), apart], axis=1)
         self._is_known[chosen] = True
 
-    def radiance(self, cell: Any, weight: Any, active: Any) -> list[Any]:
+    def radiance(self, cell: Any, weights: Weights, active: Any) -> list[Any]:
         """Radiance of each band leaving cells (N,) with texture weights (N,)."""
-        return self._mixed(0, cell, weight, active)
+        return self._mixed(0, cell, weights, active)
 
-    def standing(self, cell: Any, weight: Any, active: Any) -> list[Any]:
+    def standing(self, cell: Any, weights: Weights, active: Any) -> list[Any]:
         """Half the difference of both halves of `radiance`; its deviation is the error."""
-        return self._mixed(2 * self._bands, cell, weight, active)
+        return self._mixed(self._columns, cell, weights, active)
 
     def contents(self) -> dict[str, NDArray[Any]]:
-        """All clusters: their cells, numbers of views, and the rows (C, 4·bands)."""
+        """All clusters: their cells, numbers of views, and the rows (C, 2·spectra·bands)."""
         clusters = self._clusters
         seen = np.diff(clusters.weight, prepend=0).astype(np.uint32)
         density = np.array(self.density)
@@ -206,13 +208,12 @@ class BakedLight:
         self._point_members()
         self._show()
 
-    def _mixed(self, column: int, cell: Any, weight: Any, active: Any) -> list[Any]:
-        first = dr.gather(mi.UInt, self._cluster_of, cell, active) * (4 * self._bands) + column
+    def _mixed(self, column: int, cell: Any, weights: Weights, active: Any) -> list[Any]:
+        first = dr.gather(mi.UInt, self._cluster_of, cell, active) * (2 * self._columns) + column
         values = [
-            dr.gather(mi.Float, self._values, first + k, active) for k in range(2 * self._bands)
+            dr.gather(mi.Float, self._values, first + k, active) for k in range(self._columns)
         ]
-        halves = values[: self._bands], values[self._bands :]
-        return [dr.lerp(a, b, weight) for a, b in zip(*halves, strict=True)]
+        return [mixed(values[band :: self._bands], weights) for band in range(self._bands)]
 
     def _show(self) -> None:
         """Make all computed light available to frames."""

@@ -11,12 +11,14 @@ from numpy.typing import NDArray
 
 from megalopta.render import dr, mi
 from megalopta.render.mitsuba_loader import PlugIn, is_scalar, registered
-from megalopta.scenes.material import Emission, Material, Texture
+from megalopta.scenes.material import ColorTexture, Emission, Material, Texture
 from megalopta.scenes.spectra.spectrum import Spectrum, flat
 
 # Mitsuba's spectra are zero beyond their table; here the end values continue.
 _SPECTRUM_LIMITS_NM = (100.0, 4000.0)
 _LEAST_SHARE = 0.1
+
+_Surface = Callable[[Spectrum | None], dict[str, Any]]
 
 
 def bsdf(material: Material) -> dict[str, Any]:
@@ -67,8 +69,25 @@ def _reflecting(material: Material, factor: float) -> dict[str, Any]:
         return {"type": "diffuse", "reflectance": _scaled(of, factor)}
 
     texture = material.texture
-    second = texture.reflectance if texture else None
+    if isinstance(texture, ColorTexture):
+        return {"type": "twosided", "surface": _colored(diffuse, texture)}
+    second = texture.spectra[0][0] if texture else None
     return {"type": "twosided", "surface": _mixed(diffuse, texture, material.reflectance, second)}
+
+
+def _colored(surface: _Surface, texture: ColorTexture) -> dict[str, Any]:
+    """Mitsuba surface of a texture of colors: the mean of three, each three times as bright."""
+    red, green, blue = (
+        {
+            "type": "blendbsdf",
+            "weight": bitmap(np.ascontiguousarray(texture.weight[..., channel])),
+            "first": surface(flat(0.0)),
+            "second": surface(of.scaled(3.0)),
+        }
+        for channel, of in enumerate(texture.reflectances)
+    )
+    others = {"type": "blendbsdf", "weight": 0.5, "first": green, "second": blue}
+    return {"type": "blendbsdf", "weight": 2 / 3, "first": red, "second": others}
 
 
 def _transmitting(material: Material, factor: float) -> dict[str, Any]:
@@ -78,13 +97,13 @@ def _transmitting(material: Material, factor: float) -> dict[str, Any]:
         return {"type": "principledthin", "base_color": _scaled(of, factor), **lobes}
 
     texture = material.texture
-    second = texture.transmittance if texture else None
+    second = texture.spectra[0][1] if texture else None
     return _mixed(thin, texture, material.transmittance, second)
 
 
 def _mixed(
-    surface: Callable[[Spectrum | None], dict[str, Any]],
-    texture: Texture | None,
+    surface: _Surface,
+    texture: Texture | ColorTexture | None,
     first: Spectrum | None,
     second: Spectrum | None,
 ) -> dict[str, Any]:
@@ -108,9 +127,9 @@ def emission(of: Emission) -> dict[str, Any]:
 
 
 def bitmap(values: NDArray[np.float32]) -> dict[str, Any]:
-    """Mitsuba texture of values (H, W) that tile the uv square, row 0 at v = 0."""
+    """Mitsuba texture of values (H, W) or (H, W, 3) that tile the uv square, row 0 at v = 0."""
     # Mitsuba's first row is v = 0, as here; it accepts no read-only array.
-    image = np.array(values[..., None], dtype=np.float32, order="C")
+    image = np.array(values.reshape(*values.shape[:2], -1), dtype=np.float32, order="C")
     return {"type": "bitmap", "bitmap": mi.Bitmap(image), "raw": True, "wrap_mode": "repeat"}
 
 

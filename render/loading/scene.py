@@ -40,7 +40,7 @@ def load_scene(scene: Scene, meshes: Sequence[MergedMesh]) -> Any:
 
 def of_shapes(shapes: Sequence[Any], lighting: Lighting | None = None) -> Any:
     """Return a scene of loaded shapes, in order, under a light."""
-    lights = _lights(lighting) if lighting else {}
+    lights = lights_of(lighting) if lighting else {}
     names = {f"mesh_{index:03d}": shape for index, shape in enumerate(shapes)}
     return mi.load_dict({"type": "scene", **lights, **names})
 
@@ -77,7 +77,8 @@ def _with_material(mesh: MergedMesh, material: Material) -> Any:
     return load_mesh(mesh, **parts)
 
 
-def _lights(lighting: Lighting) -> dict[str, Any]:
+def lights_of(lighting: Lighting) -> dict[str, Any]:
+    """Mitsuba emitters of a light from outside, by name."""
     lights: dict[str, Any] = {}
     if lighting.patterns:
         lights["sky"] = uneven_sky(lighting)

@@ -124,7 +124,7 @@ class Film:
             most = min(most, camera.width * samples * most_rows)
         self._camera = camera
         self._passes = plan_passes(camera.width, camera.height, samples, most)
-        parts = _film_and_sampler(
+        parts = film_and_sampler(
             camera, settings.bands_nm, settings.sampler, self._passes.samples, self._passes.rows
         )
         self._optics = self._sensor = mi.load_dict({**plugin(camera), **parts})
@@ -170,9 +170,10 @@ class Film:
             self._sensor.move(sensor_transform(poses[:, strip] if poses.shape[1] > 1 else poses))
 
 
-def _film_and_sampler(
+def film_and_sampler(
     camera: Camera, bands_nm: Bands, sampler: str, samples: int, rows: int
 ) -> dict[str, Any]:
+    """Mitsuba film and sampler of rows of a camera's frames."""
     film: dict[str, Any] = {
         "type": "specfilm",
         "width": camera.width,

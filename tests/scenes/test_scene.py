@@ -9,7 +9,7 @@ from pydantic import ValidationError
 
 from megalopta.scenes import Haze, MovingObject, Scene
 from megalopta.scenes.hashed_file import HashedFile
-from megalopta.scenes.material import Emission, Material, Texture
+from megalopta.scenes.material import ColorTexture, Emission, Material, Texture
 from megalopta.scenes.motion import Tour
 from megalopta.scenes.moving_objects import with_objects
 from megalopta.scenes.scene import Asset, Environment, Placement
@@ -115,3 +115,13 @@ def test_a_tour_passes_its_ways_and_rests_at_its_ends():
 def test_a_motion_that_makes_no_sense_is_refused(motion, words):
     with pytest.raises(ValidationError, match=words):
         MovingObject.model_validate({"motion": motion})
+
+
+def test_a_texture_of_colors_has_all_of_the_reflectance_and_no_more_than_the_light():
+    weight, share = np.zeros((2, 2, 3), np.float32), flat(0.3)
+    colors = ColorTexture(weight, (share, share, share))
+    assert not Material(flat(0.0), colors).transmits
+    with pytest.raises(ValueError, match="use a reflectance of 0"):
+        Material(flat(0.1), colors)
+    with pytest.raises(ValueError, match="add up to 1.05"):
+        ColorTexture(weight, (share, share, flat(0.45)))

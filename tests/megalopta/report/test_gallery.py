@@ -26,7 +26,7 @@ def test_every_scene_is_a_configuration(name):
 def test_every_kind_of_scene_that_is_ours_is_shown():
     kinds = {each.model_fields["kind"].default for each in OWN_SCENES}
     shown = {parts["scene"]["kind"] for parts in gallery.SCENES.values()}
-    assert shown == kinds - {"panorama", "pictures"}  # which are the user's own
+    assert shown == kinds - {"panorama", "pictures", "meshes"}  # which are the user's own
 
 
 def test_every_light_gives_a_view_and_as_many_photons_as_it_is_bright(tmp_path):

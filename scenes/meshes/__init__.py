@@ -1,0 +1,1 @@
+"""Scenes and objects from mesh files."""

@@ -1,0 +1,177 @@
+"""Animation of a glTF file's nodes as motion of its objects.
+
+A node's pose is the product of the translations, rotations and scales above it, each interpolated
+between its own keys as the specification tells: in steps, linearly (rotations at constant speed),
+or by cubic splines. Before its first key and after its last one a value stays.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal
+
+import numpy as np
+from scipy.interpolate import CubicHermiteSpline
+from scipy.spatial.transform import Rotation, Slerp
+
+from megalopta.assets_gen import unit
+from megalopta.core.arrays import Floats
+from megalopta.scenes.motion import Times
+
+Mode = Literal["STEP", "LINEAR", "CUBICSPLINE"]
+_AT_REST: Mapping[str, Sequence[float]] = {
+    "translation": (0, 0, 0),
+    "rotation": (0, 0, 0, 1),
+    "scale": (1, 1, 1),
+}
+PARTS = tuple(_AT_REST)
+"""Parts of a node's pose."""
+
+
+@dataclass(frozen=True)
+class Track:
+    """Values of a part of a node's pose over time."""
+
+    times_s: Floats
+    """(k,): increasing times of the keys."""
+    values: Floats
+    """(k, d): values; of splines (k, 3, d), between the slopes before and after."""
+    mode: Mode = "LINEAR"
+
+    def __post_init__(self) -> None:
+        """Reject tracks that are no functions of time."""
+        if len(self.times_s) != len(self.values) or not len(self.times_s):
+            raise ValueError("an animation has not one value for each of its times")
+        if not (np.diff(self.times_s) > 0).all() or not np.isfinite(self.values).all():
+            raise ValueError("an animation's times do not increase, or its values are not finite")
+
+    def at(self, times_s: Floats, is_rotation: bool) -> Floats:
+        """Values (n, d) at times (n,)."""
+        times = np.clip(times_s, self.times_s[0], self.times_s[-1])
+        if self.mode == "STEP" or len(self.times_s) == 1:
+            of_key = self.values if self.mode != "CUBICSPLINE" else self.values[:, 1]
+            return of_key[np.searchsorted(self.times_s, times, side="right") - 1]
+        if self.mode == "CUBICSPLINE":
+            return self._on_splines(times)
+        if is_rotation:
+            return np.asarray(Slerp(self.times_s, Rotation.from_quat(self.values))(times).as_quat())
+        return np.stack([np.interp(times, self.times_s, each) for each in self.values.T], axis=1)
+
+    def _on_splines(self, times: Floats) -> Floats:
+        """Cubic between keys, whose slope may differ on both sides."""
+        key = np.searchsorted(self.times_s, times, side="right").clip(1, len(self.times_s) - 1) - 1
+        found = np.empty((len(times), self.values.shape[-1]))
+        for first in np.unique(key):
+            mine, ends = key == first, slice(first, first + 2)
+            (_, a, leaving), (arriving, b, _) = self.values[ends]
+            curve = CubicHermiteSpline(self.times_s[ends], [a, b], [leaving, arriving])
+            found[mine] = curve(times[mine])
+        return found
+
+
+@dataclass(frozen=True)
+class Joint:
+    """A node's pose relative to the one above it: at rest, or over time."""
+
+    rest: Floats
+    """(4, 4)."""
+    parts: Mapping[str, Sequence[float]] = field(default_factory=dict)
+    """Parts of the pose at rest, by name."""
+    tracks: Mapping[str, Track] = field(default_factory=dict)
+    """Parts of it over time, by name."""
+
+    def poses(self, times_s: Floats) -> Floats:
+        """Poses (n, 4, 4) at times (n,)."""
+        if not self.tracks:
+            return np.broadcast_to(self.rest, (len(times_s), 4, 4))
+        shift, turn, scale = (self._part(name, usual, times_s) for name, usual in _AT_REST.items())
+        poses = np.tile(np.eye(4), (len(times_s), 1, 1))
+        poses[:, :3, :3] = Rotation.from_quat(turn).as_matrix() * scale[:, None]
+        poses[:, :3, 3] = shift
+        return poses
+
+    def _part(self, name: str, usual: Sequence[float], times_s: Floats) -> Floats:
+        if name in self.tracks:
+            return self.tracks[name].at(times_s, name == "rotation")
+        return np.tile(np.asarray(self.parts.get(name, usual), np.float64), (len(times_s), 1))
+
+
+@dataclass(frozen=True)
+class NodeMotion:
+    """Motion of an object with its node."""
+
+    joints: tuple[Joint, ...]
+    """From the scene's root to the node."""
+    rest: Floats
+    """(4, 4): pose of the node at rest in the file, from which the object is placed."""
+    to_world: Floats
+    """(4, 4): map from the file to the world."""
+
+    def moved(self, matrix: Floats) -> "NodeMotion":
+        """Return the motion of an object that is placed elsewhere by a map (4, 4)."""
+        return replace(self, to_world=matrix @ self.to_world)
+
+    def maps(self, times_s: Floats) -> Floats:
+        """Maps (n, 4, 4) from points as placed to those at times (n,)."""
+        poses = np.tile(np.eye(4), (len(times_s), 1, 1))
+        for joint in self.joints:
+            poses = poses @ joint.poses(times_s)
+        return np.asarray(self.to_world @ poses @ np.linalg.inv(self.to_world @ self.rest))
+
+    def carry(self, points: Floats, time_s: Times) -> Floats:
+        """Return points (n, 3) of the object as placed at one time, or each at its own (n,)."""
+        maps = self.maps(np.atleast_1d(np.asarray(time_s, np.float64)))
+        return _mapped(maps, points)
+
+    def undo(self, points: Floats, time_s: float) -> Floats:
+        """Return points (n, 3) of a time, moved back to the object as placed."""
+        return _mapped(_inverse(self.maps(np.array([time_s]))), points)
+
+    def turn(self, normals: Floats, points: Floats, time_s: float) -> Floats:
+        """Return unit normals (n, 3) at a time."""
+        turned = normals @ _inverse(self.maps(np.array([time_s]))[:, :3, :3])[0]
+        return unit(turned)
+
+    def record(self) -> dict[str, Any]:
+        """Return the motion as numbers, for a file."""
+        joints = [
+            {
+                "rest": joint.rest.tolist(),
+                "parts": {name: list(values) for name, values in joint.parts.items()},
+                "tracks": {
+                    name: [track.times_s.tolist(), track.values.tolist(), track.mode]
+                    for name, track in joint.tracks.items()
+                },
+            }
+            for joint in self.joints
+        ]
+        places = {"rest": self.rest.tolist(), "to_world": self.to_world.tolist()}
+        return {"kind": "nodes", "joints": joints, **places}
+
+    @classmethod
+    def of_record(cls, record: Mapping[str, Any]) -> "NodeMotion":
+        """Return the motion of a record. Raises any exception if it is damaged."""
+        joints = [
+            Joint(
+                np.array(each["rest"]),
+                each["parts"],
+                {
+                    name: Track(np.array(times), np.array(values), mode)
+                    for name, (times, values, mode) in each["tracks"].items()
+                },
+            )
+            for each in record["joints"]
+        ]
+        return cls(tuple(joints), np.array(record["rest"]), np.array(record["to_world"]))
+
+
+def _inverse(maps: Floats) -> Floats:
+    """Inverse maps; of a shape without size, which nobody sees, the nearest there is."""
+    is_flat = np.linalg.det(maps[:, :3, :3]) == 0
+    return np.asarray(np.linalg.pinv(maps) if is_flat.any() else np.linalg.inv(maps))
+
+
+def _mapped(maps: Floats, points: Floats) -> Floats:
+    """Points (n, 3) under one map for all, or one for each, (n, 4, 4)."""
+    if len(maps) == 1:
+        return np.asarray(points @ maps[0, :3, :3].T + maps[0, :3, 3])
+    return np.asarray(np.einsum("nij,nj->ni", maps[:, :3, :3], points) + maps[:, :3, 3])

@@ -1,0 +1,21 @@
+"""Errors of files of strangers: whatever goes wrong inside is one sentence."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from megalopta.core.bounded import quoted
+from megalopta.core.errors import DamagedFileError
+
+
+@contextmanager
+def refused_as_damaged(path: str) -> Iterator[None]:
+    """Raise any error of the reading inside as DamagedFileError, with the path of the file."""
+    try:
+        yield
+    except DamagedFileError as problem:
+        raise DamagedFileError(f"{path}: {problem}") from None
+    except Exception as problem:  # a damaged file can raise any exception
+        told = str(problem) if type(problem) is ValueError else type(problem).__name__
+        raise DamagedFileError(
+            f"{path} cannot be read ({quoted(told)}); repair it, or export it again"
+        ) from None

@@ -1,0 +1,144 @@
+"""Scene of the user's own mesh files: what each of their nodes places is an object.
+
+Surfaces are diffuse and opaque, equal on both sides. Their reflectance comes from the colors of the
+files (`scenes/spectra/colors.py`), which say nothing beyond 360 to 830 nm, or is given by the name
+of the material.
+"""
+
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import PurePath
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import BeforeValidator, Field, model_validator
+
+from megalopta.assets_gen import Surface
+from megalopta.core.bounded import printable, quoted
+from megalopta.scenes.base import SceneDescription
+from megalopta.scenes.cameras.base import Camera
+from megalopta.scenes.lighting.light import Light
+from megalopta.scenes.material import Material
+from megalopta.scenes.meshes.model import PlacedMesh
+from megalopta.scenes.meshes.pieces import Piece
+from megalopta.scenes.meshes.reflectance import Reflectance, Share, surface_of
+from megalopta.scenes.meshes.surfaces import Surfacing, check_names
+from megalopta.scenes.scene import Asset, Placement, Scene
+from megalopta.scenes.trajectories.base import Path
+
+_GROUND = "ground"
+_NAME_LENGTH = 60
+_GROUND_SIZE = 50.0
+"""Half width of the ground, over the extent of the meshes."""
+_BELOW = 1e-4
+"""Depth of the ground below the lowest point, over the extent of the meshes."""
+
+
+class SceneFile(PlacedMesh, frozen=True):
+    """Mesh file of a scene."""
+
+    animate: bool = False
+    """Move nodes as the first animation of a glTF file tells, from its start at time 0."""
+
+    @model_validator(mode="after")
+    def _can_move(self) -> "SceneFile":
+        if self.animate and self.file.suffix not in (".glb", ".gltf"):
+            raise ValueError(f"animate: {self.file.path} is no glTF file; omit it")
+        return self
+
+
+def _by_path(given: Any) -> Any:
+    return {"file": given} if isinstance(given, str | PurePath) else given
+
+
+def _as_list(given: Any) -> Any:
+    return [given] if isinstance(given, str | PurePath | Mapping) else given
+
+
+class Meshes(SceneDescription, frozen=True):
+    """Your own scene, from files of meshes."""
+
+    kind: Literal["meshes"] = "meshes"
+
+    files: Annotated[
+        tuple[Annotated[SceneFile, BeforeValidator(_by_path)], ...],
+        BeforeValidator(_as_list),
+        Field(min_length=1, max_length=1000),
+    ]
+    """Mesh files: paths, or mappings with `file` and its scale, axes and place."""
+
+    materials: dict[str, Reflectance] = Field(
+        default={},
+        description="Reflectances in place of colors, by the name of a material, or of an object "
+        "without one: a number, the same at every wavelength (1); a CSV file with "
+        "wavelength_nm,reflectance; or the name of a surface of forests.",
+    )
+
+    reflectance: Share = 0.5
+    """Reflectance, the same at every wavelength, of surfaces that have no color in their file
+    (1)."""
+
+    ground: Reflectance | None = None
+    """Reflectance of a level ground below all files, as in `materials`; null: no ground."""
+
+    @property
+    def is_moving(self) -> bool:
+        """True if nodes of a file move."""
+        return any(each.animate for each in self.files)
+
+    def expected_triangles(self, path_m: float) -> float:
+        """Return the number of triangles of the files."""
+        return float(sum(each.triangles() for each in self.files))
+
+    def build(self, light: Light, camera: Camera, trajectory: Path) -> Scene:
+        """Return the objects of all files, in the light."""
+        models = [each.pieces(each.animate) for each in self.files]
+        check_names(self.materials, [piece for pieces in models for piece in pieces])
+        materials: dict[str, Material] = {}
+        parts = list(self._objects(models, materials))
+        if self.ground is not None:
+            materials[_GROUND] = surface_of(self.ground)
+            ground = Placement(_GROUND, _GROUND, np.eye(4))
+            parts.append((_ground_below(parts), ground))
+        assets = {placement.asset: asset for asset, placement in parts}
+        return Scene(materials, assets, tuple(each for _, each in parts), light.lighting())
+
+    def _objects(
+        self, models: list[list[Piece]], materials: dict[str, Material]
+    ) -> Iterator[tuple[Asset, Placement]]:
+        """Yield the objects of all files, and add their materials to others."""
+        for index, (placed, pieces) in enumerate(zip(self.files, models, strict=True)):
+            surfacing = Surfacing(placed.file.path, self.materials, self.reflectance, materials)
+            for number, (piece, asset) in enumerate(surfacing.objects(pieces)):
+                label, motion = f"file {index} object {number}", piece.motion
+                motion = motion and motion.moved(placed.pose)
+                yield asset, Placement(label, _kind(piece.name), placed.pose, motion)
+
+    def describe(self) -> str:
+        """Sentence for the report."""
+        names = ", ".join(PurePath(each.file.path).name for each in self.files)
+        return (
+            f"Meshes of {names}, as opaque, diffuse surfaces: transparency, metal and emission in "
+            "the files have no effect."
+        )
+
+
+def _kind(name: str) -> str:
+    """Name of an object of a file, as the name of its kind."""
+    return printable(quoted(name.strip(), _NAME_LENGTH)) or "object"
+
+
+def _ground_below(parts: Iterable[tuple[Asset, Placement]]) -> Asset:
+    """Return a level square around and below placed objects."""
+    points = np.concatenate(
+        [
+            mesh.vertices @ each.to_world[:3, :3].T + each.to_world[:3, 3]
+            for asset, each in parts
+            for mesh in asset.parts.values()
+        ]
+    )
+    low, high = points.min(axis=0), points.max(axis=0)
+    extent = float((high - low).max())
+    corners = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]) * _GROUND_SIZE * extent
+    corners += [*(low + high)[:2] / 2, low[2] - _BELOW * extent]
+    faces = np.array([[0, 1, 2], [0, 2, 3]])
+    return Asset({_GROUND: Surface(corners, faces, np.zeros((4, 2))).to_mesh()})

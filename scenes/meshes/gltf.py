@@ -1,0 +1,245 @@
+"""Meshes of a glTF file: its nodes as objects, in the pose of the file.
+
+trimesh reads glTF, too, but names parts at random, rounds colors to eight bits, and reads sparse,
+quantized and skinned vertices as they are stored. Here they are where the file puts them. Points
+and lines have no surface, and morph targets keep their first shape.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from megalopta.core.arrays import Floats
+from megalopta.core.errors import DamagedFileError
+from megalopta.scenes.meshes.animation import PARTS, Joint, NodeMotion, Track
+from megalopta.scenes.meshes.gltf_file import GltfFile, Json, color_of, image_of
+from megalopta.scenes.meshes.pictures import linear_picture
+from megalopta.scenes.meshes.pieces import Paint, Piece
+
+_TRIANGLES, _STRIP, _FAN = 4, 5, 6
+Picture = NDArray[np.float32]
+
+_METAL = 0.5
+"""Share of metal from which a surface counts as metal."""
+
+
+class _Look(NamedTuple):
+    """Material, and how its picture lies on surfaces."""
+
+    paint: Paint = Paint()
+    coordinates: int = 0
+    """Number of the set of coordinates."""
+    to_picture: Floats = np.eye(3)
+    """(3, 3): map of coordinates, with v downward."""
+
+
+def pieces_of(contents: Mapping[str, bytes], animated: bool = False) -> Iterator[Piece]:
+    """Yield the pieces of a file's nodes. Raises any exception if the file is damaged.
+
+    If `animated`, they move as the file's first animation tells.
+    """
+    file = GltfFile(contents)
+    tracks = _tracks(file) if animated else {}
+    nodes, to_world = file.header.get("nodes", []), _poses(file.header)
+    above = {child: each for each in to_world for child in nodes[each].get("children", ())}
+    materials = file.header.get("materials", ())
+    pictures: dict[int, Picture] = {}
+    looks = [_look(file, number, each, pictures) for number, each in enumerate(materials)]
+    for number, pose in to_world.items():
+        motion = _motion(nodes, _chain(above, number), pose, tracks)
+        for part, piece in _parts(file, number, looks):
+            if "skin" in nodes[number]:
+                yield _bent(file, part, piece, _joints(file, nodes[number], to_world))
+            else:
+                yield replace(piece.moved(pose), motion=motion)
+
+
+def _parts(file: GltfFile, number: int, looks: Sequence[_Look]) -> Iterator[tuple[Json, Piece]]:
+    """Yield the entry and the piece of each part of a node's mesh with triangles, in its axes."""
+    node = file.header["nodes"][number]
+    if "mesh" not in node:
+        return
+    mesh = file.header["meshes"][node["mesh"]]
+    name = str(node.get("name") or mesh.get("name") or f"node {number}")
+    for part in mesh["primitives"]:
+        if part.get("mode", _TRIANGLES) >= _TRIANGLES:
+            yield part, _piece(file, part, looks, (number, name))
+
+
+def _poses(header: Json) -> dict[int, Floats]:
+    """Pose (4, 4) of each node of the scene, by its number."""
+    nodes = header.get("nodes", [])
+    if "scenes" in header:
+        roots = header["scenes"][header.get("scene", 0)].get("nodes", [])
+    else:
+        roots = set(range(len(nodes))) - {i for node in nodes for i in node.get("children", ())}
+    waiting = [(number, np.eye(4)) for number in roots]
+    found: dict[int, Floats] = {}
+    while waiting:
+        number, above = waiting.pop()
+        if number in found:
+            raise ValueError(f"node {number} has two parents")
+        found[number] = above @ _local(nodes[number])
+        waiting += [(each, found[number]) for each in nodes[number].get("children", ())]
+    return dict(sorted(found.items()))
+
+
+def _local(node: Json) -> Floats:
+    if "matrix" in node:
+        return np.reshape(node["matrix"], (4, 4)).astype(np.float64).T
+    pose = np.eye(4)
+    pose[:3, :3] = Rotation.from_quat(node.get("rotation", [0, 0, 0, 1])).as_matrix()
+    pose[:3, :3] *= np.asarray(node.get("scale", [1, 1, 1]), np.float64)
+    pose[:3, 3] = node.get("translation", [0, 0, 0])
+    return pose
+
+
+def _tracks(file: GltfFile) -> dict[int, dict[str, Track]]:
+    """Tracks of the first animation, by node and part of its pose."""
+    found: dict[int, dict[str, Track]] = {}
+    for animation in file.header.get("animations", ())[:1]:
+        for channel in animation["channels"]:
+            target, sampler = channel["target"], animation["samplers"][channel["sampler"]]
+            if target["path"] not in PARTS or "node" not in target:
+                continue  # weights of morph targets
+            times = file.values(sampler["input"])[:, 0]
+            values = file.values(sampler["output"]).astype(np.float64)
+            mode = sampler.get("interpolation", "LINEAR")
+            if mode == "CUBICSPLINE":
+                values = values.reshape(len(times), 3, -1)
+            found.setdefault(target["node"], {})[target["path"]] = Track(times, values, mode)
+    if not found:
+        raise DamagedFileError("it has no animation of nodes; omit animate")
+    return found
+
+
+def _chain(above: Mapping[int, int], number: int) -> list[int]:
+    """Numbers of the nodes from the scene's root to a node."""
+    chain = [number]
+    while chain[-1] in above:
+        chain.append(above[chain[-1]])
+    return chain[::-1]
+
+
+def _motion(
+    nodes: Sequence[Json],
+    chain: Sequence[int],
+    pose: Floats,
+    tracks: Mapping[int, Mapping[str, Track]],
+) -> NodeMotion | None:
+    """Motion of the last node of a chain; None if none of it moves."""
+    if not any(each in tracks for each in chain):
+        return None
+    if np.linalg.det(pose[:3, :3]) == 0:
+        raise ValueError(f"node {chain[-1]} moves, but has no size at rest")
+    joints = (
+        Joint(
+            _local(nodes[each]),
+            {part: nodes[each][part] for part in PARTS if part in nodes[each]},
+            tracks.get(each, {}),
+        )
+        for each in chain
+    )
+    motion = NodeMotion(tuple(joints), pose, np.eye(4))
+    keys = [track.times_s for each in chain for track in tracks.get(each, {}).values()]
+    if not np.isfinite(motion.maps(np.unique(np.concatenate(keys)))).all():
+        raise ValueError("its animation leads to places that are not finite")
+    return motion
+
+
+def _look(file: GltfFile, number: int, material: Json, pictures: dict[int, Picture]) -> _Look:
+    color, texture = color_of(material)
+    red, green, blue = np.clip(color, 0, 1).tolist()
+    name = str(material.get("name") or f"material {number}")
+    paint = Paint(name, (red, green, blue), None, tuple(_ignored(material)))
+    if texture is None:
+        return _Look(paint)
+    image = image_of(file.header, texture)
+    if image not in pictures:
+        pictures[image] = linear_picture(file.image(image), name)
+    change = texture.get("extensions", {}).get("KHR_texture_transform", {})
+    coordinates = change.get("texCoord", texture.get("texCoord", 0))
+    return _Look(replace(paint, picture=pictures[image]), coordinates, _transform(change))
+
+
+def _transform(change: Json) -> Floats:
+    """Map (3, 3) of texture coordinates; of an empty extension, the identity."""
+    turn = change.get("rotation", 0.0)
+    matrix = np.eye(3)
+    matrix[:2, :2] = [[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]]
+    matrix[:2, :2] *= np.asarray(change.get("scale", [1, 1]), np.float64)
+    matrix[:2, 2] = change.get("offset", [0, 0])
+    return matrix
+
+
+def _ignored(material: Json) -> Iterator[str]:
+    extensions = material.get("extensions", {})
+    model = material.get("pbrMetallicRoughness", {})
+    transmits = {"KHR_materials_transmission", "KHR_materials_volume"} & extensions.keys()
+    if material.get("alphaMode", "OPAQUE") != "OPAQUE" or transmits:
+        yield "transparency"
+    if model.get("metallicFactor", 0) >= _METAL and "metallicRoughnessTexture" not in model:
+        yield "metal"
+    if any(material.get("emissiveFactor", ())):
+        yield "emission"
+
+
+def _piece(file: GltfFile, part: Json, looks: Sequence[_Look], of: tuple[int, str]) -> Piece:
+    attributes = part["attributes"]
+
+    def values(name: str) -> Floats | None:
+        return file.values(attributes[name]).astype(np.float64) if name in attributes else None
+
+    vertices = file.values(attributes["POSITION"]).astype(np.float64)
+    corners = file.values(part["indices"])[:, 0] if "indices" in part else np.arange(len(vertices))
+    look = looks[part["material"]] if "material" in part else _Look()
+    uv, colors = values(f"TEXCOORD_{look.coordinates}"), values("COLOR_0")
+    if uv is not None:
+        uv = uv @ look.to_picture[:2, :2].T + look.to_picture[:2, 2]
+        uv[:, 1] = 1 - uv[:, 1]
+    faces = _faces(corners.astype(np.int64), part.get("mode", _TRIANGLES))
+    colors = None if colors is None else colors[:, :3].clip(0, 1)
+    return Piece(*of, vertices, faces, look.paint, values("NORMAL"), uv, colors)
+
+
+def _faces(corners: NDArray[np.int64], mode: int) -> NDArray[np.int64]:
+    """Triangles (F, 3) of vertex indices (n,), in a list, a strip or a fan."""
+    if mode == _STRIP:
+        strip = np.stack([corners[:-2], corners[1:-1], corners[2:]], axis=1)
+        strip[1::2] = strip[1::2, [1, 0, 2]]
+        return strip
+    if mode == _FAN:
+        first = np.full(max(len(corners) - 2, 0), corners[0] if len(corners) else 0)
+        return np.stack([first, corners[1:-1], corners[2:]], axis=1)
+    return corners.reshape(-1, 3)
+
+
+def _joints(file: GltfFile, node: Json, to_world: Mapping[int, Floats]) -> Floats:
+    """Maps (J, 4, 4) of a skin's joints from the mesh to the world."""
+    skin = file.header["skins"][node["skin"]]
+    poses = np.stack([to_world[joint] for joint in skin["joints"]])
+    if "inverseBindMatrices" not in skin:
+        return poses
+    back = file.values(skin["inverseBindMatrices"]).reshape(-1, 4, 4).transpose(0, 2, 1)
+    return np.asarray(poses @ back[: len(poses)])
+
+
+def _bent(file: GltfFile, part: Json, piece: Piece, joints: Floats) -> Piece:
+    """Return a piece whose vertices follow the joints of its skin."""
+    attributes = part["attributes"]
+    chosen = file.values(attributes["JOINTS_0"]).astype(np.int64)
+    weights = file.values(attributes["WEIGHTS_0"]).astype(np.float64)
+    total = weights.sum(axis=1)
+    maps = np.zeros((len(weights), 4, 4))
+    for column in range(chosen.shape[1]):
+        share = np.divide(weights[:, column], total, out=np.zeros_like(total), where=total > 0)
+        maps += share[:, None, None] * joints[chosen[:, column]]
+    vertices = np.einsum("nij,nj->ni", maps[:, :3, :3], piece.vertices) + maps[:, :3, 3]
+    normals = piece.normals
+    if normals is not None:
+        normals = np.einsum("nij,nj->ni", maps[:, :3, :3], normals)
+    return replace(piece, vertices=vertices, normals=normals)

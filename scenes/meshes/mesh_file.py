@@ -1,0 +1,115 @@
+"""Mesh file with the files that it names: buffers, materials and textures.
+
+All of them are in its folder, regular and bounded. They are read at once, and the hash is that of
+all: of the file alone, that of its content.
+"""
+
+import hashlib
+from collections.abc import Iterable, Mapping
+from pathlib import Path, PurePosixPath
+
+from pydantic import model_validator
+
+from megalopta.core.bounded import quoted, read_bytes
+from megalopta.core.errors import DamagedFileError
+from megalopta.scenes.hashed_file import Hashed, unreadable
+from megalopta.scenes.meshes import gltf_file, wavefront
+from megalopta.scenes.meshes.damage import refused_as_damaged
+
+MESH_BYTES = 2 * 10**9
+"""Most bytes of a mesh file and all that it names."""
+SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl")
+"""Suffixes of supported files."""
+
+Contents = Mapping[str, bytes]
+"""Content of a file and of those that it names, by name; the file itself is first."""
+
+
+class MeshFile(Hashed, frozen=True):
+    """GLB, glTF, OBJ, PLY or STL file."""
+
+    @model_validator(mode="after")
+    def _is_of_a_known_kind(self) -> "MeshFile":
+        if self.suffix not in SUFFIXES:
+            raise ValueError(f"{self.path} is not a {', '.join(SUFFIXES)} file; give one of these")
+        return self
+
+    @classmethod
+    def hash_of(cls, path: str) -> str:
+        """Return the hash of a file and of those that it names; errors as `contents`."""
+        return _hash(_contents(path))
+
+    @property
+    def suffix(self) -> str:
+        """Suffix of the file, in lower case."""
+        return Path(self.path).suffix.lower()
+
+    @property
+    def stem(self) -> str:
+        """Name of the file without its suffix."""
+        return Path(self.path).stem
+
+    def contents(self) -> Contents:
+        """Content of the file and of those that it names.
+
+        Raises
+        ------
+        ValueError
+            If one of them cannot be read, is too large, or lies elsewhere, or if they have changed.
+        """
+        found = _contents(self.path)
+        self.compare(_hash(found))
+        return found
+
+
+def _hash(contents: Contents) -> str:
+    hashes = {name: hashlib.sha256(content).hexdigest() for name, content in contents.items()}
+    if len(hashes) == 1:
+        return next(iter(hashes.values()))
+    lines = (f"{name}\0{each}\n" for name, each in hashes.items())
+    return hashlib.sha256("".join(lines).encode()).hexdigest()
+
+
+def _contents(path: str) -> Contents:
+    own = Path(path).name
+    with unreadable(path):
+        found = {own: read_bytes(path, MESH_BYTES)}
+    left = MESH_BYTES - len(found[own])
+    waiting = [own]
+    while waiting:
+        name = waiting.pop()
+        if name not in found:
+            found[name] = _beside(path, name, left)
+            left -= len(found[name])
+        waiting += [each for each in _names_in(path, name, found[name]) if each not in found]
+    return found
+
+
+def _names_in(path: str, name: str, content: bytes) -> Iterable[str]:
+    """Names of the files that a file, or one that it names, names."""
+    with refused_as_damaged(path):
+        match PurePosixPath(name).suffix.lower():
+            case ".glb" | ".gltf":
+                return gltf_file.names_in(content)
+            case ".obj" | ".mtl":
+                return wavefront.names_in(name, content)
+    return ()
+
+
+def _beside(path: str, name: str, at_most: int) -> bytes:
+    """Content of a file in the folder of another one, which names it."""
+    folder, named = Path(path).parent, PurePosixPath(name)
+    place = folder / named
+    is_inside = not named.is_absolute() and place.resolve().is_relative_to(folder.resolve())
+    if not is_inside or ":" in name:
+        raise DamagedFileError(
+            f"{path} names {quoted(name)}, which is not in its folder; put that file next to it, "
+            "and let it name only that"
+        )
+    try:
+        return read_bytes(place, at_most)
+    except OSError as problem:
+        raise DamagedFileError(
+            f"{path} names {quoted(name)}, which cannot be read ("
+            f"{(problem.strerror or str(problem)).lower()}); put it there, or do not name it"
+        ) from None

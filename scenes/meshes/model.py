@@ -1,0 +1,151 @@
+"""Model of a mesh file: its pieces in meters, with z up."""
+
+from collections.abc import Callable, Iterable, Mapping
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field
+from scipy.spatial.transform import Rotation
+
+from megalopta.core.arrays import Floats
+from megalopta.core.errors import DamagedFileError
+from megalopta.core.progress import say
+from megalopta.core.record import Record
+from megalopta.scenes.meshes import gltf, polygons, wavefront
+from megalopta.scenes.meshes.counting import triangles_in
+from megalopta.scenes.meshes.damage import refused_as_damaged
+from megalopta.scenes.meshes.mesh_file import Contents, MeshFile
+from megalopta.scenes.meshes.pieces import Piece
+
+Vector = tuple[float, float, float]
+
+MOST_TRIANGLES = 10**7
+"""Most triangles of a file."""
+SMALLEST_M, LARGEST_M = 1e-3, 5000.0
+"""Smallest and largest extent of a file, m."""
+
+_FARTHEST = 1e300
+
+_READERS: Mapping[str, Callable[[Contents], Iterable[Piece]]] = {
+    **dict.fromkeys((".glb", ".gltf"), gltf.pieces_of),
+    ".obj": wavefront.pieces_of,
+    **dict.fromkeys((".ply", ".stl"), polygons.pieces_of),
+}
+_Y_UP = ".glb", ".gltf", ".obj"
+
+
+class MeshModel(Record, frozen=True):
+    """Mesh file, with its unit and its axes."""
+
+    file: MeshFile
+    """Path, relative to the working folder, of a GLB, glTF, OBJ, PLY or STL file."""
+
+    scale: Annotated[float, Field(gt=0)] = 1.0
+    """Length of the file's unit (m): 0.001 for millimeters."""
+
+    up: Literal["y", "z"] | None = None
+    """Axis of the file that is up; null: y for glTF and OBJ, z for PLY and STL."""
+
+    def triangles(self) -> int:
+        """Number of triangles, without reading them; errors as `pieces`."""
+        return self._counted(self.file.contents())
+
+    def pieces(self, animated: bool = False) -> list[Piece]:
+        """Return the pieces of the file, with unit normals; of glTF, perhaps animated.
+
+        Raises
+        ------
+        ValueError
+            If the file is damaged, changed, too large or too small.
+        """
+        contents = self.file.contents()
+        self._counted(contents)
+        with refused_as_damaged(self.file.path):
+            found = (
+                gltf.pieces_of(contents, animated)
+                if animated
+                else _READERS[self.file.suffix](contents)
+            )
+            read = [piece.moved(self._axes) for piece in found]
+            pieces = [piece for piece in (each.sound() for each in read) if len(piece.faces)]
+        self._check(pieces)
+        self._say_ignored(pieces)
+        return pieces
+
+    @property
+    def _axes(self) -> Floats:
+        """Map (4, 4) from the file to meters with z up."""
+        up = self.up or ("y" if self.file.suffix in _Y_UP else "z")
+        axes = np.eye(4)
+        axes[:3, :3] *= self.scale
+        if up == "y":
+            axes[:3, :3] = self.scale * np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]])
+        return axes
+
+    def _counted(self, contents: Contents) -> int:
+        with refused_as_damaged(self.file.path):
+            count = triangles_in(contents)
+        self._check_count(count)
+        return count
+
+    def _check_count(self, count: int) -> None:
+        if count > MOST_TRIANGLES:
+            raise ValueError(
+                f"{self.file.path} has {count:.3g} triangles, more than {MOST_TRIANGLES:.0e}; "
+                "simplify it, or split it into several files"
+            )
+
+    def _check(self, pieces: list[Piece]) -> None:
+        if not pieces:
+            raise DamagedFileError(
+                f"{self.file.path} has no triangle with an area; give a file with surfaces"
+            )
+        self._check_count(sum(len(piece.faces) for piece in pieces))
+        corners = np.concatenate([piece.vertices[np.unique(piece.faces)] for piece in pieces])
+        extent = min(float(np.ptp(corners, axis=0).max()), _FARTHEST)
+        if not SMALLEST_M <= extent <= LARGEST_M:
+            better = _nearer(extent, self.scale)
+            raise ValueError(
+                f"{self.file.path} extends over {extent:.3g} m at a scale of {self.scale:g}; give "
+                f"the length of its unit in meters, such as `scale: {better:g}`"
+            )
+
+    def _say_ignored(self, pieces: list[Piece]) -> None:
+        paints = {piece.paint.name: piece.paint for piece in pieces if piece.paint.ignored}
+        if paints:
+            told = ", ".join(f"{name} ({' and '.join(p.ignored)})" for name, p in paints.items())
+            say(
+                f"scene: {self.file.path}: materials are rendered as opaque, diffuse surfaces "
+                f"without light of their own; it has {told}"
+            )
+
+
+class PlacedMesh(MeshModel, frozen=True):
+    """Mesh file at a place."""
+
+    position_m: Vector = (0.0, 0.0, 0.0)
+    """Place of the file's origin (x, y, z in m; z is up)."""
+
+    turn_deg: Vector = (0.0, 0.0, 0.0)
+    """Turns about the world's x, then y, then z (degrees)."""
+
+    @property
+    def pose(self) -> Floats:
+        """Pose (4, 4) of the file's origin and axes in the world."""
+        return pose_of(self.position_m, self.turn_deg)
+
+
+def pose_of(position_m: Vector, turn_deg: Vector) -> Floats:
+    """Pose (4, 4) of a position (m) and of turns about the world's x, then y, then z (degrees)."""
+    pose = np.eye(4)
+    pose[:3, :3] = Rotation.from_euler("xyz", turn_deg, degrees=True).as_matrix()
+    pose[:3, 3] = position_m
+    return pose
+
+
+def _nearer(extent: float, scale: float) -> float:
+    """Scale in steps of a thousand, such as millimeters, that makes an extent possible."""
+    step = 1e-3 if extent > LARGEST_M else 1e3
+    while not SMALLEST_M <= extent <= LARGEST_M:
+        extent, scale = extent * step, scale * step
+    return scale

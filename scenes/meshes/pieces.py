@@ -1,0 +1,110 @@
+"""Meshes of a file in one form, whatever the format: pieces of one object and one material."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from megalopta.assets_gen import cross, lengths
+from megalopta.core.arrays import Floats
+from megalopta.scenes.meshes.animation import NodeMotion
+
+Color = tuple[float, float, float]
+"""Red, green and blue in linear sRGB, 0 to 1."""
+
+
+@dataclass(frozen=True)
+class Paint:
+    """Material of a file, as far as it is a diffuse color."""
+
+    name: str | None = None
+    """Its name; None: the surface has no material."""
+    color: Color = (1.0, 1.0, 1.0)
+    picture: NDArray[np.float32] | None = None
+    """(H, W, 3): colors in linear sRGB that multiply the color; row 0 is v = 0."""
+    ignored: tuple[str, ...] = ()
+    """What else the material has: transparency, metal, emission."""
+
+
+@dataclass(frozen=True)
+class Piece:
+    """Triangles of one object and one material, in the axes and units of the file."""
+
+    number: int
+    """Number of the object in the file."""
+    name: str
+    """Name of the object."""
+    vertices: Floats
+    """(V, 3)."""
+    faces: NDArray[np.int64]
+    """(F, 3): vertex indices."""
+    paint: Paint = Paint()
+    normals: Floats | None = None
+    """(V, 3): normals of a smooth surface, of any length; None: flat faces."""
+    uv: Floats | None = None
+    """(V, 2): coordinates of the picture."""
+    colors: Floats | None = None
+    """(V, 3): colors of vertices, or (F, 3, 3) of the corners of faces, in linear sRGB; they
+    multiply those of the paint."""
+    motion: NodeMotion | None = None
+    """Motion with the object's node; None: at rest."""
+
+    @property
+    def material(self) -> str:
+        """Name of the material, or of the object without one."""
+        return self.name if self.paint.name is None else self.paint.name
+
+    def __post_init__(self) -> None:
+        """Reject triangles of vertices that are not there, or not at a place."""
+        if not np.isfinite(self.vertices).all():
+            raise ValueError(f"object {self.name!r} has vertices that are not finite")
+        if len(self.faces) and not 0 <= self.faces.min() <= self.faces.max() < len(self.vertices):
+            raise ValueError(f"object {self.name!r} has triangles of vertices that are not there")
+
+    def moved(self, matrix: Floats) -> "Piece":
+        """Return the piece after a linear map (4, 4), which may mirror."""
+        linear = matrix[:3, :3]
+        vertices = self.vertices @ linear.T + matrix[:3, 3]
+        normals = None if self.normals is None else self.normals @ _cofactors(linear).T
+        faces, colors = self.faces, self.colors
+        if np.linalg.det(linear) < 0:
+            faces = faces[:, ::-1]
+            colors = colors[:, ::-1] if colors is not None and colors.ndim > 2 else colors
+        moved = replace(self, vertices=vertices, faces=faces, normals=normals, colors=colors)
+        return replace(moved, motion=self.motion.moved(matrix)) if self.motion else moved
+
+    def sound(self) -> "Piece":
+        """Return the piece without faces of no area, and with normals on the side of its faces."""
+        a, b, c = (self.vertices[corner] for corner in self.faces.T)
+        facing = cross(b - a, c - a)
+        solid = lengths(facing) > 0
+        faces, facing = self.faces[solid], facing[solid]
+        colors = self.colors
+        if colors is not None and colors.ndim > 2:
+            colors = colors[solid]
+        normals = self.normals
+        if normals is not None:
+            normals = _on_the_side(normals, _vertex_sums(faces, facing, len(self.vertices)))
+        return replace(self, faces=faces, colors=colors, normals=normals)
+
+
+def _cofactors(linear: Floats) -> Floats:
+    """Map (3, 3) of normals, up to sign and length: the inverse transpose, if there is one."""
+    x, y, z = linear
+    return np.stack([np.cross(y, z), np.cross(z, x), np.cross(x, y)])
+
+
+def _vertex_sums(faces: NDArray[np.int64], values: Floats, count: int) -> Floats:
+    """Sums (V, 3) over the faces at each vertex of values (F, 3)."""
+    corners, each = faces.ravel(), np.repeat(values, 3, axis=0)
+    return np.stack([np.bincount(corners, axis, count) for axis in each.T], axis=1)
+
+
+def _on_the_side(normals: Floats, facing: Floats) -> Floats:
+    """Unit normals (V, 3), turned to the side of others, which replace any without a direction."""
+    size = np.linalg.norm(normals, axis=1)
+    known = np.isfinite(size) & (size > 0)
+    chosen = np.where(known[:, None], normals, facing)
+    chosen = np.where((chosen * facing).sum(axis=1)[:, None] < 0, -chosen, chosen)
+    size = np.linalg.norm(chosen, axis=1, keepdims=True)
+    return np.where(size > 0, chosen / np.where(size > 0, size, 1), [0.0, 0.0, 1.0])

@@ -1,0 +1,46 @@
+"""Meshes of PLY and STL files, which trimesh reads: one object, colors of vertices or faces."""
+
+import io
+import re
+from collections.abc import Mapping
+from pathlib import PurePosixPath
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from megalopta.core.arrays import Floats
+from megalopta.core.errors import DamagedFileError
+from megalopta.scenes.meshes.pieces import Piece
+from megalopta.scenes.spectra.color import decode_srgb
+
+if TYPE_CHECKING:
+    import trimesh
+
+_HEADER_BYTES = 2**16
+
+
+def pieces_of(contents: Mapping[str, bytes]) -> list[Piece]:
+    """Return the piece of a file. Raises any exception if the file is damaged."""
+    import trimesh  # slow
+
+    name, content = next(iter(contents.items()))
+    path = PurePosixPath(name)
+    if b"comment TextureFile" in content[:_HEADER_BYTES]:
+        raise DamagedFileError(
+            "it names a picture, which PLY has no standard for; export it as GLB"
+        )
+    kind = path.suffix.lower().removeprefix(".")
+    mesh = trimesh.load_mesh(io.BytesIO(content), file_type=kind, process=False)
+    smooth = re.search(rb"property \w+ nx\s", content[:_HEADER_BYTES]) and kind == "ply"
+    normals = np.asarray(mesh.vertex_normals, np.float64) if smooth else None
+    vertices, faces = np.asarray(mesh.vertices, np.float64), np.asarray(mesh.faces, np.int64)
+    return [Piece(0, path.stem, vertices, faces, normals=normals, colors=_colors(mesh))]
+
+
+def _colors(mesh: "trimesh.Trimesh") -> Floats | None:
+    """Colors of vertices, or of the corners of faces, in linear sRGB."""
+    if mesh.visual.kind == "vertex":
+        return decode_srgb(np.asarray(mesh.visual.vertex_colors)[:, :3])
+    if mesh.visual.kind == "face":
+        return decode_srgb(np.asarray(mesh.visual.face_colors)[:, None, :3].repeat(3, axis=1))
+    return None

@@ -1,0 +1,89 @@
+"""Reflectance of a material as a configuration gives it: a number, a name, or a curve of a file.
+
+A curve is read once, and its numbers replace the path of its file.
+"""
+
+from collections.abc import Mapping
+from typing import Annotated, Any
+
+from pydantic import AfterValidator, BeforeValidator, Field, model_validator
+
+from megalopta.core.bounded import quoted, read_text
+from megalopta.core.record import Record
+from megalopta.scenes.hashed_file import unreadable
+from megalopta.scenes.material import Material
+from megalopta.scenes.spectra.reflectance import LEAVES, REFLECTANCES, reflectance_of
+from megalopta.scenes.spectra.spectrum import Spectrum, flat
+
+Share = Annotated[float, Field(ge=0, le=1)]
+NAMES = (*REFLECTANCES, *LEAVES)
+"""Names of reflectances, of the forest's surfaces."""
+
+
+class Curve(Record, frozen=True):
+    """Reflectance over wavelength, linear between points."""
+
+    wavelengths_nm: Annotated[tuple[float, ...], Field(min_length=2)]
+    """Increasing wavelengths (nm)."""
+
+    values: Annotated[tuple[Share, ...], Field(min_length=2)]
+    """Reflectance at each wavelength (1)."""
+
+    @model_validator(mode="after")
+    def _is_a_function(self) -> "Curve":
+        self.spectrum()
+        return self
+
+    def spectrum(self) -> Spectrum:
+        """Return the reflectance as a spectrum. Raises ValueError if it is no function."""
+        return Spectrum(self.wavelengths_nm, self.values)
+
+
+def _read(given: Any) -> Any:
+    is_number = isinstance(given, int | float)
+    if (is_number and not 0 <= given <= 1) or not (
+        is_number or isinstance(given, str | Mapping | Curve)
+    ):
+        raise ValueError(_no_reflectance(given))
+    if not isinstance(given, str) or not given.lower().endswith(".csv"):
+        return given
+    with unreadable(given):
+        lines = [line.partition("#")[0].strip() for line in read_text(given).splitlines()]
+    rows = [line for line in lines if line]
+    if rows and not rows[0][0].isdigit():
+        rows = rows[1:]  # names of the columns
+    try:
+        points = [(float(wavelength), float(value)) for wavelength, value in (
+            row.split(",") for row in rows)]  # fmt: skip
+    except ValueError:
+        raise ValueError(
+            f"{given} has lines that are not wavelength_nm,reflectance; give two numbers in each, "
+            "with a comma between them"
+        ) from None
+    wavelengths, values = zip(*points, strict=True) if points else ((), ())
+    return {"wavelengths_nm": wavelengths, "values": values}
+
+
+def _known(given: "float | Curve | str") -> "float | Curve | str":
+    if isinstance(given, str) and given not in NAMES:
+        raise ValueError(_no_reflectance(given))
+    return given
+
+
+def _no_reflectance(given: object) -> str:
+    return (
+        f"{quoted(given)!r} is no reflectance; give a number from 0 to 1, a CSV file with "
+        f"wavelength_nm,reflectance, or one of {', '.join(NAMES)}"
+    )
+
+
+Reflectance = Annotated[Share | Curve | str, BeforeValidator(_read), AfterValidator(_known)]
+"""A number, the same at every wavelength; the name of a surface of forests; or a curve."""
+
+
+def surface_of(given: "float | Curve | str") -> Material:
+    """Return the surface of a reflectance; a curve says nothing beyond its ends."""
+    if isinstance(given, Curve):
+        ends = given.wavelengths_nm[0], given.wavelengths_nm[-1]
+        return Material(given.spectrum(), known_nm=ends)
+    return Material(reflectance_of(given) if isinstance(given, str) else flat(given))

@@ -1,0 +1,169 @@
+"""Materials and meshes of a scene from the pieces of a file."""
+
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from megalopta.assets_gen import Surface, join
+from megalopta.core.arrays import Floats
+from megalopta.core.bounded import quoted
+from megalopta.scenes.material import ColorTexture, Material
+from megalopta.scenes.meshes.pieces import Color, Piece
+from megalopta.scenes.meshes.reflectance import Curve, surface_of
+from megalopta.scenes.scene import Asset
+from megalopta.scenes.spectra.colors import BLUE, GREEN, KNOWN_NM, RED, reflectance_of_color
+from megalopta.scenes.spectra.spectrum import flat
+
+_WHITE: Color = (1.0, 1.0, 1.0)
+
+
+@dataclass
+class Surfacing:
+    """Makes assets, and collects the materials of their parts."""
+
+    label: str
+    """Beginning of the names of materials, different for each file."""
+    given: Mapping[str, float | Curve | str] = field(default_factory=dict)
+    """Reflectances that replace the colors of materials, by name."""
+    colorless: float = 0.5
+    """Reflectance of surfaces without material and colors."""
+    materials: dict[str, Material] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Begin without names: materials of a file may share one."""
+        self._alike: dict[str, list[tuple[object, ...]]] = {}
+
+    def objects(self, pieces: Sequence[Piece]) -> list[tuple[Piece, Asset]]:
+        """Return the first piece and the asset of each object of a file."""
+        found: dict[int, list[tuple[str, Surface]]] = {}
+        first: dict[int, Piece] = {}
+        for piece, part in zip(pieces, self._parts(pieces), strict=True):
+            first.setdefault(piece.number, piece)
+            found.setdefault(piece.number, []).append(part)
+        return [(first[number], _asset(parts)) for number, parts in found.items()]
+
+    def whole(self, pieces: Sequence[Piece]) -> Asset:
+        """Return all objects of a file as one asset."""
+        return _asset(list(self._parts(pieces)))
+
+    def _parts(self, pieces: Sequence[Piece]) -> Iterator[tuple[str, Surface]]:
+        """Name of the material and mesh of each piece."""
+        speckled = [piece for piece in pieces if self._is_speckled(piece)]
+        atlas = _Atlas(sum(len(piece.faces) for piece in speckled))
+        for piece in pieces:
+            if piece.material in self.given:
+                yield self._part(
+                    piece.material, surface_of(self.given[piece.material]), _bare(piece)
+                )
+            elif piece.paint.picture is not None:
+                yield self._pictured(piece)
+            elif self._is_speckled(piece):
+                yield self._part("colors", _textured(atlas.texels), atlas.painted(piece))
+            else:
+                yield self._plain(piece)
+
+    def _is_speckled(self, piece: Piece) -> bool:
+        """True if the colors of its vertices count, and differ."""
+        if piece.colors is None or piece.paint.picture is not None or piece.material in self.given:
+            return False
+        return bool(np.ptp(piece.colors.reshape(-1, 3), axis=0).any())
+
+    def _part(self, name: str, material: Material, surface: Surface) -> tuple[str, Surface]:
+        name = f"{self.label}: {name}{'' if surface.normals is None else ', smooth'}"
+        self.materials.setdefault(name, material)
+        return name, surface
+
+    def _numbered(self, name: str, *of: object) -> str:
+        """Name of a material, with a number if others of the file have the same."""
+        alike = self._alike.setdefault(name, [])
+        if of not in alike:
+            alike.append(of)
+        number = alike.index(of)
+        return f"{name} ({number + 1})" if number else name
+
+    def _pictured(self, piece: Piece) -> tuple[str, Surface]:
+        paint, uv, picture = piece.paint, piece.uv, piece.paint.picture
+        if uv is None or picture is None:
+            raise ValueError(
+                f"{self.label}: object {piece.name!r} of material {paint.name!r} has no texture "
+                "coordinates for its picture; unwrap it, or give the material a reflectance in "
+                "`materials`"
+            )
+        name = self._numbered(piece.material, id(paint))
+        if paint.color != _WHITE:
+            picture = picture * np.array(paint.color, np.float32)
+        surface = Surface(piece.vertices, piece.faces, uv, piece.normals)
+        return self._part(name, _textured(picture), surface)
+
+    def _plain(self, piece: Piece) -> tuple[str, Surface]:
+        paint, colors = piece.paint, piece.colors
+        if paint.name is None and colors is None:
+            return self._part("no color", Material(flat(self.colorless)), _bare(piece))
+        shade = np.ones(3) if colors is None else colors.reshape(-1, 3)[0]
+        color = np.array(paint.color) * shade
+        name = self._numbered(piece.material, *color.tolist())
+        return self._part(name, _colored(color), _bare(piece))
+
+
+def check_names(given: Iterable[str], pieces: Iterable[Piece]) -> None:
+    """Raise ValueError if a name is that of no material in pieces."""
+    names = {piece.material for piece in pieces}
+    for name in sorted({*given} - names):
+        raise ValueError(
+            f"materials: no material {quoted(name)!r} in the files; there are "
+            f"{quoted(', '.join(sorted(names)), 400)}"
+        )
+
+
+def _bare(piece: Piece) -> Surface:
+    """Mesh of a surface without texture."""
+    return Surface(piece.vertices, piece.faces, np.zeros((len(piece.vertices), 2)), piece.normals)
+
+
+def _colored(color: Floats) -> Material:
+    return Material(reflectance_of_color(color), known_nm=KNOWN_NM)
+
+
+def _textured(weight: NDArray[np.float32]) -> Material:
+    return Material(flat(0.0), ColorTexture(weight, (RED, GREEN, BLUE)), known_nm=KNOWN_NM)
+
+
+def _asset(parts: Sequence[tuple[str, Surface]]) -> Asset:
+    """Return an asset of surfaces by material."""
+    alike: dict[str, list[Surface]] = {}
+    for name, surface in parts:
+        alike.setdefault(name, []).append(surface)
+    return Asset({name: join(surfaces).to_mesh() for name, surfaces in alike.items()})
+
+
+class _Atlas:
+    """Picture of the colors of triangles, with two by two texels for each.
+
+    Between the centers of four texels that lie on a plane, bilinear interpolation is linear: each
+    triangle is interpolated exactly.
+    """
+
+    def __init__(self, faces: int) -> None:
+        self._side, self._used = math.isqrt(max(faces - 1, 0)) + 1, 0
+        self.texels = np.zeros((2 * self._side, 2 * self._side, 3), np.float32)
+        """(H, W, 3): colors in linear sRGB; the fourth of a triangle may be beyond 0 to 1."""
+
+    def painted(self, piece: Piece) -> Surface:
+        """Return a piece with coordinates of its colors, each triangle with its own vertices."""
+        assert piece.colors is not None
+        corners = piece.colors if piece.colors.ndim > 2 else piece.colors[piece.faces]
+        first, second, third = np.moveaxis(corners * piece.paint.color, 1, 0)
+        row, column = np.divmod(self._used + np.arange(len(corners)), self._side)
+        self._used += len(corners)
+        four = ((0, 0, first), (0, 1, second), (1, 0, third), (1, 1, second + third - first))
+        for down, right, color in four:
+            self.texels[2 * row + down, 2 * column + right] = color
+        lowest = np.stack([column, row], axis=1)[:, None]
+        uv = (lowest + np.array([[0.25, 0.25], [0.75, 0.25], [0.25, 0.75]])) / self._side
+        place = piece.faces.ravel()
+        normals = None if piece.normals is None else piece.normals[place]
+        faces = np.arange(len(place)).reshape(-1, 3)
+        return Surface(piece.vertices[place], faces, uv.reshape(-1, 2), normals)

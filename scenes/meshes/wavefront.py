@@ -1,0 +1,171 @@
+"""Meshes of a Wavefront OBJ file, with the materials of its MTL files.
+
+Objects are those of `o`, or of `g` where there is none. trimesh reads OBJ, too, but passes over
+materials and pictures that are missing, and over objects without a name.
+"""
+
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import PurePosixPath
+
+import numpy as np
+from numpy.typing import NDArray
+
+from megalopta.core.arrays import Floats
+from megalopta.core.bounded import quoted
+from megalopta.core.errors import DamagedFileError
+from megalopta.scenes.meshes.pictures import linear_picture
+from megalopta.scenes.meshes.pieces import Paint, Piece
+from megalopta.scenes.spectra.color import linear_of_srgb
+
+_NAMING = re.compile(rb"^[ \t]*(?:mtllib|map_kd)[ \t]+([^\r\n]+)", re.IGNORECASE | re.MULTILINE)
+_OBJECT = re.compile(rb"^[ \t]*o[ \t]", re.MULTILINE)
+
+Corners = NDArray[np.int64]
+"""(F, 3, 3): numbers, from 1 on, of position, coordinates and normal of each corner; 0: none."""
+
+
+def names_in(name: str, content: bytes) -> list[str]:
+    """Names of the files that an OBJ or MTL file names, from the folder of the OBJ file."""
+    named = (found[1].decode("utf-8", "replace") for found in _NAMING.finditer(content))
+    return [_beside(name, each.strip()) for each in named]
+
+
+def _lines(content: bytes) -> Iterator[tuple[str, str]]:
+    """Yield first word, in lower case, and rest of each line."""
+    for line in content.decode("utf-8", "replace").replace("\\\n", " ").splitlines():
+        key, *rest = line.split(None, 1)[:2] or [""]
+        yield key.lower(), rest[0].strip() if rest else ""
+
+
+def _beside(name: str, other: str) -> str:
+    if other.startswith("-"):
+        raise DamagedFileError(
+            f"map_Kd {quoted(other)} in {name}: options are not supported; name the picture alone, "
+            "or export as GLB"
+        )
+    return str(PurePosixPath(name).parent / other.replace("\\", "/"))
+
+
+def pieces_of(contents: Mapping[str, bytes]) -> Iterator[Piece]:
+    """Yield the pieces of a file's objects. Raises any exception if the file is damaged."""
+    name = next(iter(contents))
+    file = _ObjFile(contents[name])
+    paints = {
+        paint.name: paint
+        for library in file.libraries
+        for paint in _paints(_beside(name, library), contents)
+    }
+    numbers: dict[str, int] = {}
+    for (label, material), faces in file.faces.items():
+        number = numbers.setdefault(label, len(numbers))
+        named = label or PurePosixPath(name).stem
+        yield _piece(file, (number, named), _corners(faces), paints.get(material, Paint()))
+
+
+class _ObjFile:
+    """Statements of an OBJ file."""
+
+    def __init__(self, content: bytes) -> None:
+        self.faces: dict[tuple[str, str | None], list[str]] = {}
+        """Faces, as written, of each object and material."""
+        self.libraries: list[str] = []
+        lists: dict[str, list[str]] = {"v": [], "vt": [], "vn": []}
+        names_objects = "o" if _OBJECT.search(content) else "g"
+        label, material = "", None
+        for key, rest in _lines(content):
+            if key in lists:
+                lists[key].append(rest)
+            elif key == "f":
+                face = _counted(rest, [*map(len, lists.values())]) if "-" in rest else rest
+                self.faces.setdefault((label, material), []).append(face)
+            elif key == names_objects:
+                label = rest
+            elif key == "usemtl":
+                material = rest
+            elif key == "mtllib":
+                self.libraries.append(rest)
+        self.positions, self.uv, self.normals = (_table(each) for each in lists.values())
+
+
+def _table(lines: list[str]) -> Floats:
+    """Numbers (n, k) of lines, as many of each as all have."""
+    rows = [line.split() for line in lines]
+    width = min(map(len, rows), default=0)
+    return np.array([row[:width] for row in rows], np.float64).reshape(len(rows), width)
+
+
+def _counted(face: str, counts: list[int]) -> str:
+    """A face whose negative numbers, which count back from it, count from 1 on."""
+
+    def absolute(text: str, count: int) -> str:
+        return str(int(text) + count + 1) if text.startswith("-") else text
+
+    corners = (corner.split("/") for corner in face.split())
+    return " ".join("/".join(map(absolute, each, counts)) for each in corners)
+
+
+def _corners(faces: Iterable[str]) -> Corners:
+    """Triangles of faces as written, each split into a fan."""
+    alike: dict[tuple[int, int, bool], list[str]] = {}
+    for face in faces:
+        words = face.split()
+        alike.setdefault((len(words), words[0].count("/"), "//" in face), []).append(face)
+    return np.concatenate([_fans(lines, *form) for form, lines in alike.items()])
+
+
+def _fans(lines: list[str], corners: int, slashes: int, has_no_uv: bool) -> Corners:
+    """Triangles of faces of the same form."""
+    given = np.array(" ".join(lines).replace("/", " ").split(), np.int64)
+    given = given.reshape(len(lines), corners, -1)
+    columns = (0, 2) if has_no_uv else range(slashes + 1)
+    faces = np.zeros((len(lines), corners, 3), np.int64)
+    faces[..., columns] = given
+    second = np.arange(1, corners - 1)
+    fans = np.stack([np.zeros_like(second), second, second + 1], axis=1)
+    return faces[:, fans].reshape(-1, 3, 3)
+
+
+def _piece(file: _ObjFile, of: tuple[int, str], corners: Corners, paint: Paint) -> Piece:
+    tables = file.positions, file.uv, file.normals
+    sizes = [len(table) + 1 for table in tables]
+    if corners[..., 0].min(initial=1) < 1:
+        raise ValueError("it has faces of vertices that are not there")
+    # One vertex for each combination of position, coordinates and normal; raises beyond the tables.
+    keys = np.ravel_multi_index(tuple(np.moveaxis(corners, -1, 0)), sizes)
+    chosen, faces = np.unique(keys, return_inverse=True)
+    place, of_uv, of_normal = (each - 1 for each in np.unravel_index(chosen, sizes))
+    uv = file.uv[of_uv, :2] if (of_uv >= 0).all() else None
+    normals = file.normals[of_normal] if (of_normal >= 0).all() else None
+    positions = file.positions[place]
+    colors = linear_of_srgb(positions[:, 3:6].clip(0, 1)) if positions.shape[1] >= 6 else None
+    shaped = faces.reshape(-1, 3)
+    return Piece(*of, positions[:, :3], shaped, paint, normals, uv, colors)
+
+
+def _paints(name: str, contents: Mapping[str, bytes]) -> Iterator[Paint]:
+    """Yield the materials of an MTL file."""
+    materials: list[dict[str, str]] = []
+    for key, rest in _lines(contents[name]):
+        if key == "newmtl":
+            materials.append({})
+        if materials:
+            materials[-1][key] = rest
+    for each in materials:
+        red, green, blue = linear_of_srgb(np.clip(_numbers(each.get("kd", "1 1 1")), 0, 1)).tolist()
+        picture = None
+        if "map_kd" in each:
+            picture = linear_picture(contents[_beside(name, each["map_kd"])], each["newmtl"])
+        yield Paint(each["newmtl"], (red, green, blue), picture, tuple(_ignored(each)))
+
+
+def _numbers(text: str) -> Floats:
+    return np.array(text.split()[:3], np.float64).repeat(3 if len(text.split()) == 1 else 1)
+
+
+def _ignored(material: Mapping[str, str]) -> Iterator[str]:
+    opacity = float(material.get("d", "1").split()[-1]), 1 - float(material.get("tr", "0"))
+    if min(opacity) < 1 or "map_d" in material:
+        yield "transparency"
+    if _numbers(material.get("ke", "0")).any():
+        yield "emission"

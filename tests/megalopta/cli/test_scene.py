@@ -1,0 +1,43 @@
+from xml.etree import ElementTree
+
+import pytest
+
+from megalopta.cli import main as cli
+
+SMALL = (
+    *("--scene.kind", "grating", "--trajectory.velocity-m-s", "[0, 0, 0]"),
+    *(
+        "--trajectory.look-at-m",
+        "[9, 0, 1.5]",
+        "--trajectory.frames",
+        "2",
+        "--camera.width",
+        "32",
+        "--camera.height",
+        "24",
+    ),
+)
+
+
+def test_a_frame_is_exported_and_its_file_named(tmp_path, capsys):
+    folder = tmp_path / "out"
+    cli.main(["scene", "export", "demo", "--out", str(folder), "--frame", "1", *SMALL])
+    assert capsys.readouterr().out.strip() == str(folder / "scene.xml")
+    root = ElementTree.parse(folder / "scene.xml").getroot()
+    files = [each.get("value") for each in root.iter("string") if each.get("name") == "filename"]
+    assert len(files) == 2 and all((folder / each).stat().st_size for each in files)
+
+
+@pytest.mark.parametrize(
+    ("words", "reason"),
+    [
+        (["--frame", "2"], "frames are 0 to 1"),
+        (["--camera.kind", "cylindrical", "--camera.upper-deg", "40"], "Mitsuba has none"),
+        (["--scene.contrast", "2"], "scene.contrast"),
+    ],
+)
+def test_what_cannot_be_exported_is_told(tmp_path, capsys, words, reason):
+    with pytest.raises(SystemExit, match="2"):
+        cli.main(["scene", "export", "demo", "--out", str(tmp_path / "out"), *SMALL, *words])
+    assert reason in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()

@@ -1,0 +1,184 @@
+"""Animation against the formulas of the specification, written here again."""
+
+import json
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from megalopta.scenes.meshes.animation import NodeMotion, Track
+from megalopta.scenes.meshes.gltf import pieces_of
+from megalopta.scenes.meshes.model import MeshModel
+
+from .files import Gltf, pose
+
+KEYS = np.array([0.5, 1.0, 2.5], np.float32)
+TIMES = np.array([0.0, 0.5, 0.6, 0.99, 1.0, 1.7, 2.5, 9.0])
+RNG = np.random.default_rng(8)
+
+
+def test_steps_keep_a_value_until_the_next_key():
+    values = np.array([[1.0], [2.0], [3.0]])
+    found = Track(KEYS, values, "STEP").at(TIMES, False)[:, 0]
+    assert found.tolist() == [1, 1, 1, 1, 2, 2, 3, 3]
+
+
+def test_lines_join_keys():
+    values = RNG.normal(size=(3, 3))
+    for time, found in zip(TIMES, Track(KEYS, values).at(TIMES, False), strict=True):
+        x = np.clip(time, 0.5, 2.5)
+        first, span = (0, 0.5) if x < 1 else (1, 1.5)
+        share = (x - KEYS[first]) / span
+        np.testing.assert_allclose(found, (1 - share) * values[first] + share * values[first + 1])
+
+
+def test_rotations_turn_at_constant_speed_the_shorter_way():
+    first, second = Rotation.random(2, random_state=3)
+    quaternions = np.array([first.as_quat(), -second.as_quat()])
+    half = Track(np.array([0.0, 2.0]), quaternions).at(np.array([0.5]), True)
+    way = (second * first.inv()).as_rotvec()
+    expected = Rotation.from_rotvec(0.25 * way) * first
+    np.testing.assert_allclose(Rotation.from_quat(half).as_matrix()[0], expected.as_matrix())
+
+
+def test_splines_follow_the_formula_of_the_specification():
+    values = RNG.normal(size=(3, 3, 4))  # key; slope before, value, slope after
+    for time, found in zip(TIMES, Track(KEYS, values, "CUBICSPLINE").at(TIMES, False), strict=True):
+        x = np.clip(time, 0.5, 2.5)
+        k = 0 if x < 1 else 1
+        span = float(KEYS[k + 1] - KEYS[k])
+        t = (x - KEYS[k]) / span
+        expected = (
+            (2 * t**3 - 3 * t**2 + 1) * values[k, 1]
+            + span * (t**3 - 2 * t**2 + t) * values[k, 2]
+            + (-2 * t**3 + 3 * t**2) * values[k + 1, 1]
+            + span * (t**3 - t**2) * values[k + 1, 0]
+        )
+        np.testing.assert_allclose(found, expected, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("times", "values", "reason"),
+    [
+        ([0, 0], [1, 2], "do not increase"),
+        ([0], [1, 2], "one value"),
+        ([0, 1], [1, np.nan], "not finite"),
+    ],
+)
+def test_what_is_no_function_of_time_is_refused(times, values, reason):
+    with pytest.raises(ValueError, match=reason):
+        Track(np.array(times, float), np.array(values, float)[:, None])
+
+
+TURNS = Rotation.from_euler("z", [[0], [90], [200]], degrees=True).as_quat().astype(np.float32)
+SHIFTS = np.array([[0, 0, 0], [1, 2, 3], [0, -1, 0]], np.float32)
+
+
+def mill(**changes):
+    """A wheel that turns below a mast, whose blade slides along; the mast is stretched."""
+    file = Gltf()
+    file.triangle(NORMAL=file.accessor(np.float32([[0, 0, 1]] * 3)))
+    file.header["nodes"] = [
+        {"name": "mast", "children": [1], "scale": [1, 2, 1], "translation": [0, 0, 1]},
+        {"name": "wheel", "children": [2], "translation": [1, 0, 0]},
+        {"name": "blade", "mesh": 0, "translation": [3, 0, 0], "rotation": [0.6, 0, 0, 0.8]},
+        {"name": "still", "mesh": 0},
+    ]
+    keys = file.accessor(KEYS)
+    samplers = [{"input": keys, "output": file.accessor(each)} for each in (TURNS, SHIFTS)]
+    channels = [
+        {"sampler": 0, "target": {"node": 1, "path": "rotation"}},
+        {"sampler": 1, "target": {"node": 2, "path": "translation"}},
+        {"sampler": 1, "target": {"node": 2, "path": "weights"}},
+    ]
+    file.header |= {"animations": [{"channels": channels, "samplers": samplers}], **changes}
+    return file
+
+
+def world(time_s):
+    """Pose of the blade at a time between the keys, by hand."""
+    x = np.clip(time_s, 0.5, 2.5)
+    angle = np.interp(x, KEYS, [0, 90, 200])
+    slide = np.array([np.interp(x, KEYS, each) for each in SHIFTS.T])
+    mast = pose(shift=(0, 0, 1)) @ np.diag([1, 2, 1, 1.0])
+    wheel = pose(angle, (0, 0, 1), (1, 0, 0))
+    blade = pose(2 * np.degrees(np.arctan2(0.6, 0.8)), (1, 0, 0), slide)
+    return mast @ wheel @ blade
+
+
+@pytest.fixture
+def blade():
+    return next(each for each in pieces_of({"a.glb": mill().glb()}, True) if each.name == "blade")
+
+
+def test_a_node_moves_with_all_above_it(blade):
+    local = np.array([[0, 0, 0, 1], [1, 0, 0, 1], [0, 1, 0, 1.0]])
+    for time in TIMES:
+        expected = (local @ world(time).T)[:, :3]
+        np.testing.assert_allclose(blade.motion.carry(blade.vertices, time), expected, atol=1e-6)
+
+
+def test_points_at_their_own_times_go_as_one_by_one_and_back(blade):
+    points = RNG.normal(size=(len(TIMES), 3))
+    together = blade.motion.carry(points, TIMES)
+    for point, time, found in zip(points, TIMES, together, strict=True):
+        np.testing.assert_allclose(found, blade.motion.carry(point[None], time)[0])
+        np.testing.assert_allclose(blade.motion.undo(found[None], time)[0], point, atol=1e-9)
+
+
+def test_normals_stay_at_right_angles_to_the_surface(blade):
+    flat = blade.sound()
+    for time in TIMES:
+        a, b, c = blade.motion.carry(flat.vertices, time)
+        (normal, *_) = blade.motion.turn(flat.normals, flat.vertices, time)
+        facing = np.cross(b - a, c - a)
+        np.testing.assert_allclose(normal, facing / np.linalg.norm(facing), atol=1e-6)
+
+
+def test_a_motion_elsewhere_is_the_same_seen_from_there(blade):
+    place = pose(30, (1, 1, 0), (5, -2, 1), 0.5)
+    there = blade.moved(place)
+    for time in TIMES:
+        expected = blade.motion.carry(blade.vertices, time) @ place[:3, :3].T + place[:3, 3]
+        np.testing.assert_allclose(there.motion.carry(there.vertices, time), expected, atol=1e-9)
+
+
+def test_the_record_of_a_motion_gives_it_again(blade):
+    again = NodeMotion.of_record(json.loads(json.dumps(blade.motion.record())))
+    np.testing.assert_array_equal(again.maps(TIMES), blade.motion.maps(TIMES))
+
+
+def test_what_does_not_move_has_no_motion_and_without_animation_nothing_has():
+    moving = {piece.name: piece.motion for piece in pieces_of({"a.glb": mill().glb()}, True)}
+    assert moving["still"] is None and moving["blade"] is not None
+    assert all(piece.motion is None for piece in pieces_of({"a.glb": mill().glb()}))
+    with pytest.raises(ValueError, match="no animation of nodes; omit animate"):
+        list(pieces_of({"a.glb": mill(animations=[]).glb()}, True))
+
+
+def test_a_shape_that_shrinks_to_nothing_is_carried_and_brought_back():
+    file = mill()
+    sizes = file.accessor(np.float32([[1, 1, 1], [0, 0, 0], [1, 1, 1]]))
+    animation = file.header["animations"][0]
+    animation["samplers"].append({**animation["samplers"][0], "output": sizes})
+    animation["channels"].append({"sampler": 2, "target": {"node": 2, "path": "scale"}})
+    (blade, _) = pieces_of({"a.glb": file.glb()}, True)
+    points = RNG.normal(size=(4, 3))
+    assert np.ptp(blade.motion.carry(points, 1.0), axis=0).max() < 1e-9
+    assert np.isfinite(blade.motion.undo(points, 1.0)).all()
+    assert np.isfinite(blade.motion.turn(points, points, 1.0)).all()
+
+
+def test_a_damaged_animation_is_one_sentence(tmp_path):
+    rng, whole, refused = np.random.default_rng(11), mill().glb(), 0
+    for _ in range(150):
+        content = bytearray(whole)
+        for place in rng.integers(len(content), size=1):
+            content[place] = rng.integers(256)
+        (tmp_path / "a.glb").write_bytes(content)
+        try:
+            MeshModel.model_validate({"file": str(tmp_path / "a.glb")}).pieces(animated=True)
+        except ValueError as problem:
+            assert "a.glb" in str(problem)
+            refused += 1
+    assert 20 < refused < 150

@@ -1,0 +1,102 @@
+import numpy as np
+import pytest
+import trimesh
+from pydantic import ValidationError
+
+from megalopta.scenes import Light, Meshes, PerspectiveCamera, Trajectory
+from megalopta.scenes.spectra.reflectance import reflectance_of
+
+from .files import pose
+
+CAMERA, PATH = PerspectiveCamera(), Trajectory(frames=2)
+
+
+@pytest.fixture
+def files(tmp_path):
+    """Paths of a room of two boxes and of a stone without color."""
+    room = trimesh.Scene()
+    for name, shift in ("table", (1, 0, 0)), ("chair\x1b[31m", (0, 2, 0)):
+        box = trimesh.creation.box((1, 2, 3))
+        look = trimesh.visual.material.PBRMaterial(name="wood", baseColorFactor=[99, 51, 0, 255])
+        box.visual = trimesh.visual.TextureVisuals(material=look)
+        room.add_geometry(box, name, transform=pose(shift=shift))
+    room.export(tmp_path / "room.glb")
+    trimesh.creation.icosphere(1).export(tmp_path / "stone.stl")
+    return str(tmp_path / "room.glb"), str(tmp_path / "stone.stl")
+
+
+def built(**given):
+    return Meshes.model_validate(given).build(Light(), CAMERA, PATH)
+
+
+def corners(scene, number):
+    """Corners (2, 3) of the box around an object."""
+    placement = scene.placements[number]
+    meshes = scene.assets[placement.asset].parts.values()
+    points = np.concatenate([mesh.vertices for mesh in meshes])
+    placed = points @ placement.to_world[:3, :3].T + placement.to_world[:3, 3]
+    return np.array([placed.min(axis=0), placed.max(axis=0)])
+
+
+def test_nodes_are_objects_of_kinds_by_name_without_control_characters(files):
+    scene = built(files=files)
+    assert [each.kind for each in scene.placements] == ["table", r"chair\x1b[31m", "stone"]
+    assert scene.triangle_count == 12 + 12 + 80 == Meshes(files=files).expected_triangles(9.0)
+    assert scene.lighting == Light().lighting()
+
+
+def test_a_file_is_placed_by_scale_turn_and_position(files):
+    placed = {"scale": 2.0, "turn_deg": [0, 0, 90], "position_m": [10, 20, 30]}
+    scene = built(files=[{"file": files[0], **placed}])
+    # y of the file is up, and x becomes y.
+    np.testing.assert_allclose(corners(scene, 0), [[7, 21, 28], [13, 23, 32]], atol=1e-6)
+
+
+@pytest.mark.parametrize("alone", [0, 1])
+def test_one_file_may_be_given_alone(files, alone):
+    given = files[1] if alone else {"file": files[1], "scale": 1.0}
+    assert Meshes(files=given) == Meshes(files=[files[1]])
+
+
+def test_the_same_file_may_be_placed_again(files):
+    both = [files[0], {"file": files[0], "position_m": [9, 9, 9]}]
+    scene = built(files=both)
+    assert len(scene.placements) == 4 and len(scene.materials) == 1
+    np.testing.assert_allclose(corners(scene, 2) - corners(scene, 0), 9)
+
+
+def test_the_ground_lies_just_below_everything(files):
+    scene = built(files=files, ground="soil")
+    ground, others = corners(scene, 3), [corners(scene, number) for number in range(3)]
+    lowest = min(each[0, 2] for each in others)
+    assert lowest - 1e-3 < ground[0, 2] == ground[1, 2] < lowest
+    assert (ground[1, :2] - ground[0, :2] > 399).all()
+    assert scene.placements[3].kind == "ground"
+    assert scene.materials["ground"].reflectance == reflectance_of("soil")
+
+
+def test_a_material_that_is_not_there_is_told_with_those_that_are(files):
+    with pytest.raises(ValueError, match=r"no material 'wod' in the files; there are stone, wood"):
+        built(files=files, materials={"wod": 0.4})
+    scene = built(files=files, materials={"wood": 0.4, "stone": 0.2})
+    assert {max(each.reflectance.values) for each in scene.materials.values()} == {0.4, 0.2}
+
+
+def test_bands_beyond_what_a_color_says_are_refused_by_the_name_of_the_material(files):
+    bands = ((400.0, 500.0), (800.0, 900.0))
+    built(files=files).check_bands(bands[:1])
+    with pytest.raises(ValueError, match=r"room\.glb: wood': .* 360 to 830 nm, .* 800 to 900"):
+        built(files=files).check_bands(bands)
+    built(files=files, materials={"wood": 0.4}).check_bands(bands)
+
+
+def test_no_file_and_unknown_files_are_refused(files, tmp_path):
+    with pytest.raises(ValidationError, match="at least 1 item"):
+        Meshes(files=[])
+    with pytest.raises(ValidationError, match=r"none\.glb cannot be read"):
+        Meshes(files=str(tmp_path / "none.glb"))
+
+
+def test_the_report_names_files_and_what_has_no_effect(files):
+    told = Meshes(files=files).describe()
+    assert "room.glb, stone.stl" in told and "emission" in told

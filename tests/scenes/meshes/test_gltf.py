@@ -1,0 +1,192 @@
+"""glTF against trimesh's own reader, and against arrays written by hand where trimesh gives up."""
+
+import io
+import json
+
+import numpy as np
+import pytest
+import trimesh
+
+from megalopta.scenes.meshes.gltf import pieces_of
+
+from .files import TRIANGLE, Gltf, png, pose
+
+
+def read(content):
+    return list(pieces_of({"a.glb": content}))
+
+
+def tree():
+    """Nodes within nodes, turned, stretched and mirrored, one shape placed twice."""
+    scene = trimesh.Scene()
+    ball = trimesh.creation.icosphere(1)
+    scene.add_geometry(ball, "moon", "ball", transform=pose(40, (1, 2, 3), (1, 2, 3), 0.5))
+    scene.graph.update(
+        "arm", "world", matrix=pose(25, (0, 1, 0), (5, 0, 0)) @ np.diag([1, 3, 1, 1])
+    )
+    scene.graph.update("earth", "arm", matrix=np.diag([-1, 1, 1, 1.0]), geometry="ball")
+    box = trimesh.creation.box((1, 2, 3))
+    scene.add_geometry(box, "hut", "box", "arm", transform=pose(10, (1, 0, 0), (0, 1, 0)))
+    return scene
+
+
+@pytest.mark.parametrize("kind", ["glb", "gltf"])
+def test_nodes_are_where_trimesh_puts_them(kind):
+    scene = tree()
+    written = scene.export(file_type=kind)
+    contents = {"a.glb": written} if kind == "glb" else written
+    if kind == "gltf":
+        contents = {"model.gltf": written["model.gltf"], **written}
+    pieces = {piece.name: piece for piece in pieces_of(contents)}
+    assert sorted(pieces) == ["earth", "hut", "moon"]
+    for name, piece in pieces.items():
+        matrix, geometry = scene.graph[name]
+        theirs = scene.geometry[geometry].copy().apply_transform(matrix)
+        ours = trimesh.Trimesh(piece.vertices, piece.faces, process=False)
+        # glTF holds float32.
+        np.testing.assert_allclose(ours.bounds, theirs.bounds, atol=1e-5)
+        assert ours.area == pytest.approx(theirs.area, rel=1e-5)
+        # Mirrored, too, faces look outward: the volume is positive.
+        assert ours.volume == pytest.approx(abs(theirs.volume), rel=1e-5)
+
+
+def test_normals_stay_at_right_angles_to_a_stretched_surface():
+    file = Gltf()
+    rng = np.random.default_rng(0)
+    vertices = rng.normal(size=(3, 3)).astype(np.float32)
+    normal = np.cross(vertices[1] - vertices[0], vertices[2] - vertices[0])
+    file.triangle(vertices, NORMAL=file.accessor(np.tile(normal, (3, 1)).astype(np.float32)))
+    scale = [3.0, -0.5, 1.0]  # mirrored, too
+    file.header["nodes"] = [{"mesh": 0, "scale": scale, "rotation": [0.6, 0, 0, 0.8]}]
+    (piece,) = (each.sound() for each in read(file.glb()))
+    edges = piece.vertices[1:] - piece.vertices[0]
+    np.testing.assert_allclose(piece.normals @ edges.T, 0, atol=1e-6)
+    a, b, c = piece.vertices[piece.faces[0]]
+    assert np.dot(np.cross(b - a, c - a), piece.normals[0]) > 0
+
+
+def test_sparse_and_quantized_values_are_those_of_the_specification():
+    file = Gltf()
+    whole = np.array([[0, 0, 0], [32767, 0, 0], [0, -32767, 0]], np.int16)
+    sparse = {
+        "count": 1,
+        "indices": {"bufferView": file.view(np.uint8([1]).tobytes()), "componentType": 5121},
+        "values": {"bufferView": file.view(np.int16([[0, 0, 32767]]).tobytes())},
+    }
+    padded = np.zeros((3, 4), np.int16)  # rows of eight bytes
+    padded[:, :3] = whole
+    at = file.accessor(whole, normalized=True, sparse=sparse)
+    file.header["accessors"][at]["bufferView"] = file.view(padded.tobytes())
+    file.header["bufferViews"][-1]["byteStride"] = 8
+    file.header["extensionsRequired"] = ["KHR_mesh_quantization"]
+    file.header["meshes"] = [{"primitives": [{"attributes": {"POSITION": at}}]}]
+    (piece,) = read(file.glb())
+    np.testing.assert_array_equal(piece.vertices, [[0, 0, 0], [0, 0, 1], [0, -1, 0]])
+
+
+@pytest.mark.parametrize(
+    ("mode", "faces"),
+    [(5, [[0, 1, 2], [2, 1, 3], [2, 3, 4]]), (6, [[0, 1, 2], [0, 2, 3], [0, 3, 4]]), (0, None)],
+)
+def test_strips_and_fans_are_triangles_and_points_are_not(mode, faces):
+    file = Gltf()
+    file.triangle(np.random.default_rng(1).random((5, 3)).astype(np.float32))
+    file.header["meshes"][0]["primitives"][0]["mode"] = mode
+    pieces = read(file.glb())
+    assert [piece.faces.tolist() for piece in pieces] == ([] if faces is None else [faces])
+
+
+def test_a_skin_in_its_first_pose_moves_vertices_with_their_joints():
+    file = Gltf()
+    back = np.stack([np.eye(4), pose(shift=(0, 0, -2))]).astype(np.float32)
+    back = file.accessor(back.transpose(0, 2, 1))
+    joints = file.accessor(np.uint8([[0, 1, 0, 0], [1, 0, 0, 0], [0, 1, 0, 0]]))
+    weights = file.accessor(np.float32([[1, 0, 0, 0], [1, 0, 0, 0], [0.25, 0.75, 0, 0]]))
+    file.triangle(JOINTS_0=joints, WEIGHTS_0=weights)
+    file.header["skins"] = [{"joints": [1, 2], "inverseBindMatrices": back}]
+    file.header["nodes"] = [
+        {"mesh": 0, "skin": 0, "translation": [9, 9, 9]},  # has no effect on a skinned mesh
+        {"translation": [1, 0, 0], "children": [2]},
+        {"translation": [0, 0, 2], "scale": [2, 2, 2]},
+    ]
+    (piece,) = read(file.glb())
+    first = TRIANGLE[0] + [1, 0, 0]
+    second = [1 + 2 * TRIANGLE[1][0], 0, 2 - 4]
+    third = 0.25 * (TRIANGLE[2] + [1, 0, 0]) + 0.75 * (2 * TRIANGLE[2] + [1, 0, -2])
+    np.testing.assert_allclose(piece.vertices, [first, second, third], atol=1e-6)
+
+
+def test_colors_are_linear_and_the_picture_is_turned_and_shifted_as_told():
+    file = Gltf()
+    codes = np.random.default_rng(3).integers(0, 256, (4, 6, 3))
+    image = file.view(png(codes))
+    uv = np.float32([[0.1, 0.2], [0.9, 0.2], [0.1, 0.8]])
+    file.triangle(material=0, TEXCOORD_1=file.accessor(uv))
+    change = {"offset": [0.5, 0.25], "rotation": 0.3, "scale": [2, 3], "texCoord": 1}
+    texture = {"index": 0, "extensions": {"KHR_texture_transform": change}}
+    model = {"baseColorFactor": [0.5, 0.25, 1, 1], "baseColorTexture": texture}
+    file.header |= {
+        "images": [{"bufferView": image, "mimeType": "image/png"}],
+        "textures": [{"source": 0}],
+        "materials": [
+            {
+                "name": "bark",
+                "pbrMetallicRoughness": {**model, "metallicFactor": 1.0},
+                "emissiveFactor": [0, 0, 1],
+                "alphaMode": "MASK",
+            }
+        ],
+    }
+    (piece,) = read(file.glb())
+    paint = piece.paint
+    assert (paint.name, paint.color) == ("bark", (0.5, 0.25, 1.0))
+    assert paint.ignored == ("transparency", "metal", "emission")
+    coded = codes[::-1] / 255
+    linear = np.where(coded <= 0.04045, coded / 12.92, ((coded + 0.055) / 1.055) ** 2.4)
+    np.testing.assert_allclose(paint.picture, linear, atol=1e-6)
+    # As in the extension's text, with v downward.
+    cos, sin = np.cos(0.3), np.sin(0.3)
+    x, y = (uv * [2, 3]).T
+    expected = np.stack([0.5 + cos * x + sin * y, 1 - (0.25 - sin * x + cos * y)], axis=1)
+    np.testing.assert_allclose(piece.uv, expected, atol=1e-6)
+
+
+def test_colors_of_vertices_keep_sixteen_bits():
+    file = Gltf()
+    colors = np.uint16([[0, 1000, 65535, 65535], [1, 2, 3, 0], [65535, 0, 0, 65535]])
+    file.triangle(COLOR_0=file.accessor(colors, normalized=True))
+    (piece,) = read(file.glb())
+    np.testing.assert_allclose(piece.colors, colors[:, :3] / 65535)
+
+
+def test_trimesh_reads_a_color_alike():
+    box = trimesh.creation.box()
+    color = trimesh.visual.material.PBRMaterial(name="red", baseColorFactor=[51, 102, 255, 255])
+    box.visual = trimesh.visual.TextureVisuals(material=color)
+    (piece,) = read(trimesh.Scene(box).export(file_type="glb"))
+    np.testing.assert_allclose(piece.paint.color, [0.2, 0.4, 1.0], atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        ({"extensionsRequired": ["KHR_draco_mesh_compression"]}, "needs the extension KHR_draco"),
+        ({"asset": {"version": "1.0"}}, "version 1.0 of glTF"),
+        ({"nodes": [{"children": [1, 1]}, {"mesh": 0}]}, "node 1 has two parents"),
+        ({"nodes": [{"children": [0]}], "scenes": [{"nodes": [0]}]}, "node 0 has two parents"),
+        ({"accessors": [{"count": 10**9, "type": "VEC3", "componentType": 5126}]}, "1e.09 values"),
+    ],
+)
+def test_what_is_not_supported_or_would_not_end_is_told(change, reason):
+    file = Gltf()
+    file.triangle()
+    file.header |= change
+    with pytest.raises(ValueError, match=reason):
+        read(file.glb())
+
+
+def test_a_text_with_its_buffer_inside_is_read():
+    written = trimesh.Scene(trimesh.creation.box()).export(file_type="gltf", embed_buffers=True)
+    (piece,) = pieces_of({"a.gltf": written["model.gltf"]})
+    assert len(piece.faces) == 12
+    assert json.load(io.BytesIO(written["model.gltf"]))["buffers"][0]["uri"].startswith("data:")

@@ -1,0 +1,151 @@
+import re
+
+import numpy as np
+import pytest
+import trimesh
+
+from megalopta.scenes.meshes import model
+from megalopta.scenes.meshes.model import MeshModel
+
+from .files import Gltf, png
+
+BOX = trimesh.creation.box((1, 2, 3))
+
+
+@pytest.fixture
+def write(tmp_path):
+    """Writes a file and returns its model."""
+
+    def written(content, name="a.glb", **more):
+        path = tmp_path / name
+        path.write_bytes(content.encode() if isinstance(content, str) else content)
+        return MeshModel.model_validate({"file": str(path), **more})
+
+    return written
+
+
+def exported(name):
+    return BOX.export(file_type=name.rpartition(".")[2])
+
+
+def extent(pieces):
+    return np.ptp(np.concatenate([piece.vertices for piece in pieces]), axis=0)
+
+
+@pytest.mark.parametrize(
+    ("name", "up", "expected"),
+    [
+        ("a.glb", None, [1, 3, 2]),
+        ("a.obj", None, [1, 3, 2]),
+        ("a.ply", None, [1, 2, 3]),
+        ("a.stl", None, [1, 2, 3]),
+        ("a.glb", "z", [1, 2, 3]),
+        ("a.stl", "y", [1, 3, 2]),
+    ],
+)
+def test_the_axis_that_is_up_becomes_z(write, name, up, expected):
+    given = write(exported(name), name, up=up, scale=0.1)
+    np.testing.assert_allclose(extent(given.pieces()), np.multiply(0.1, expected), rtol=1e-6)
+    assert given.triangles() == 12
+
+
+def test_up_is_up_and_the_shape_is_not_mirrored(write):
+    mark = trimesh.Trimesh([[0, 0, 0], [1, 0, 0], [0, 5, 0], [0, 0, 1]], [[0, 1, 2], [0, 2, 3]])
+    (piece,) = write(mark.export(file_type="glb")).pieces()
+    assert piece.vertices[:, 2].max() == pytest.approx(5)
+    # The cross product of the first edges turns as they do.
+    a, b, c = piece.vertices[piece.faces[0]]
+    assert np.cross(b - a, c - a) == pytest.approx([0, -5, 0])
+
+
+@pytest.mark.parametrize(
+    ("factor", "better"), [(1e4, "0.001"), (1e8, "1e-06"), (1e-4, "1000"), (1e-7, "1e\\+06")]
+)
+def test_wrong_units_are_told_with_a_better_scale(write, factor, better):
+    shape = trimesh.creation.box((factor, factor, factor))
+    given = write(shape.export(file_type="stl"), "a.stl")
+    with pytest.raises(
+        ValueError, match=rf"extends over {re.escape(f'{factor:.3g}')} m .*`scale: {better}`"
+    ):
+        given.pieces()
+    scale = float(better.replace("\\", ""))
+    given.model_copy(update={"scale": scale}).pieces()
+
+
+def test_faces_without_area_are_left_out_and_nothing_else_is_a_scene(write):
+    flat = "v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\nf 1 1 2\n"
+    with pytest.raises(ValueError, match="has no triangle with an area"):
+        write(flat, "a.obj").pieces()
+    (piece,) = write(f"{flat}v 0 1 0\nf 1 2 4\n", "a.obj").pieces()
+    assert len(piece.faces) == 1
+
+
+@pytest.mark.parametrize("name", ["a.glb", "a.obj", "a.ply", "a.stl"])
+def test_too_many_triangles_are_refused(write, monkeypatch, name):
+    given = write(exported(name), name)
+    monkeypatch.setattr(model, "MOST_TRIANGLES", 12)
+    assert given.pieces()
+    monkeypatch.setattr(model, "MOST_TRIANGLES", 11)
+    with pytest.raises(ValueError, match="has 12 triangles, more than 1e.01; simplify it"):
+        given.pieces()
+
+
+def test_nodes_that_place_a_mesh_many_times_count_as_often(write):
+    file = Gltf()
+    file.triangle()
+    file.header["nodes"] = [{"mesh": 0}] * 7
+    assert write(file.glb()).triangles() == 7
+
+
+@pytest.mark.parametrize("name", ["a.glb", "a.gltf", "a.obj", "a.ply", "a.stl"])
+def test_a_damaged_file_is_one_sentence(tmp_path, name):
+    """Cut, flipped and exchanged bytes: read, or refused with the path of the file."""
+    rng = np.random.default_rng(7)
+    if name == "a.gltf":
+        whole = trimesh.Scene(BOX).export(file_type="gltf", embed_buffers=True)["model.gltf"]
+    else:
+        whole = exported(name)
+        whole = whole.encode() if isinstance(whole, str) else whole
+    path, refused = tmp_path / name, 0
+    for case in range(150):
+        content = bytearray(whole)
+        if case % 2:
+            content = content[: rng.integers(len(whole))]
+        for place in rng.integers(len(content) or 1, size=rng.integers(1, 9) if content else 0):
+            content[place] = rng.integers(256)
+        path.write_bytes(content)
+        try:
+            MeshModel.model_validate({"file": str(path)}).pieces()
+        except ValueError as problem:
+            assert name in str(problem)
+            refused += 1
+    assert refused > 20
+
+
+def test_a_picture_that_is_none_or_too_large_is_refused(write):
+    for content, reason in (
+        (b"GIF8", "cannot be read as a picture"),
+        (png(np.zeros((1, 1, 3))), None),
+    ):
+        file = Gltf()
+        image = file.view(content)
+        texture = {"baseColorTexture": {"index": 0}}
+        file.triangle(material=0)
+        file.header |= {
+            "images": [{"bufferView": image}],
+            "textures": [{"source": 0}],
+            "materials": [{"pbrMetallicRoughness": texture}],
+        }
+        if reason:
+            with pytest.raises(ValueError, match=rf"a\.glb: .*'material 0' {reason}"):
+                write(file.glb()).pieces()
+        else:
+            assert write(file.glb()).pieces()
+
+
+def test_what_has_no_effect_is_told(write, capsys):
+    file = Gltf()
+    file.triangle(material=0)
+    file.header["materials"] = [{"name": "lamp", "emissiveFactor": [1, 1, 1], "alphaMode": "BLEND"}]
+    write(file.glb()).pieces()
+    assert "it has lamp (transparency and emission)" in capsys.readouterr().err

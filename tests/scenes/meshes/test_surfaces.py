@@ -1,0 +1,129 @@
+import numpy as np
+import pytest
+
+from megalopta.scenes.material import ColorTexture
+from megalopta.scenes.meshes.pieces import Paint, Piece
+from megalopta.scenes.meshes.reflectance import Curve
+from megalopta.scenes.meshes.surfaces import Surfacing
+from megalopta.scenes.spectra.colors import reflectance_of_color
+from megalopta.scenes.spectra.reflectance import reflectance_of
+from megalopta.scenes.spectra.spectrum import flat
+
+RNG = np.random.default_rng(6)
+GRID = np.arange(360.0, 831.0)
+RED = Paint("red", (0.5, 0.1, 0.0))
+
+
+def piece(number=0, faces=5, **more):
+    vertices = RNG.normal(size=(2 * faces, 3))
+    return Piece(
+        number, f"thing {number}", vertices, RNG.integers(0, 2 * faces, (faces, 3)), **more
+    )
+
+
+def bilinear(texels, uv):
+    """Values of a picture (H, W, 3), row 0 at v = 0, between the centers of its texels."""
+    place = uv * texels.shape[1::-1] - 0.5
+    low = np.floor(place).astype(int)
+    x, y = (place - low).T[..., None]
+    (left, below), (right, above) = low.T, low.T + 1
+    lower = (1 - x) * texels[below, left] + x * texels[below, right]
+    return (1 - y) * lower + y * ((1 - x) * texels[above, left] + x * texels[above, right])
+
+
+@pytest.mark.parametrize("of", ["vertices", "corners"])
+def test_colors_are_interpolated_over_each_triangle(of):
+    given = [piece(faces=7), piece(number=1, faces=4, paint=RED)]
+    shapes = [(len(p.vertices), 3) if of == "vertices" else (len(p.faces), 3, 3) for p in given]
+    given = [
+        Piece(**{**vars(p), "colors": RNG.random(shape)})
+        for p, shape in zip(given, shapes, strict=True)
+    ]
+    surfacing = Surfacing("a.ply")
+    for p, (_, asset) in zip(given, surfacing.objects(given), strict=True):
+        ((name, mesh),) = asset.parts.items()
+        texels = surfacing.materials[name].texture.weight
+        shares = RNG.dirichlet([1, 1, 1], len(p.faces))
+        corners = p.colors if of == "corners" else p.colors[p.faces]
+        expected = np.einsum("fc,fcx->fx", shares, corners) * p.paint.color
+        uv = np.einsum("fc,fcx->fx", shares, mesh.visual.uv[mesh.faces])
+        np.testing.assert_allclose(bilinear(texels, uv), expected, atol=1e-5)
+        points = np.einsum("fc,fcx->fx", shares, mesh.vertices[mesh.faces])
+        there = np.einsum("fc,fcx->fx", shares, p.vertices[p.faces])
+        np.testing.assert_allclose(points, there)
+
+
+def test_a_color_is_a_reflectance_and_knows_where_it_ends():
+    surfacing = Surfacing("a.obj")
+    surfacing.objects([piece(paint=RED)])
+    (material,) = surfacing.materials.values()
+    np.testing.assert_allclose(material.reflectance(GRID), reflectance_of_color(RED.color)(GRID))
+    assert material.known_nm == (360, 830)
+
+
+def test_one_color_of_all_vertices_needs_no_picture():
+    surfacing = Surfacing("a.obj")
+    surfacing.objects([piece(colors=np.full((10, 3), 0.5), paint=RED)])
+    (material,) = surfacing.materials.values()
+    expected = reflectance_of_color(np.multiply(0.5, RED.color))
+    np.testing.assert_allclose(material.reflectance(GRID), expected(GRID))
+
+
+def test_a_picture_is_three_weights_and_needs_coordinates():
+    picture = RNG.random((3, 4, 3)).astype(np.float32)
+    paint = Paint("bark", (1.0, 0.5, 0.25), picture)
+    surfacing = Surfacing("a.glb")
+    surfacing.objects([piece(paint=paint, uv=RNG.random((10, 2)))])
+    (material,) = surfacing.materials.values()
+    assert isinstance(material.texture, ColorTexture)
+    np.testing.assert_allclose(material.texture.weight, picture * [1.0, 0.5, 0.25], rtol=1e-6)
+    with pytest.raises(ValueError, match="'thing 0' of material 'bark' has no texture"):
+        Surfacing("a.glb").objects([piece(paint=paint)])
+    Surfacing("a.glb", {"bark": 0.3}).objects([piece(paint=paint)])
+
+
+def test_given_reflectances_replace_colors_by_the_name_of_the_material_or_object():
+    curve = Curve(wavelengths_nm=(400, 900), values=(0.1, 0.6))
+    given = {"red": curve, "thing 1": 0.25, "thing 2": "soil"}
+    surfacing = Surfacing("a.ply", given)
+    colored = {"colors": RNG.random((10, 3))}
+    surfacing.objects([piece(paint=RED), piece(1, **colored), piece(2, **colored)])
+    first, second, third = surfacing.materials.values()
+    assert first.reflectance(650.0) == pytest.approx(0.35) and first.known_nm == (400, 900)
+    assert second.reflectance == flat(0.25) and second.known_nm is None
+    assert third.reflectance == reflectance_of("soil")
+
+
+def test_without_material_and_colors_the_reflectance_is_that_of_the_configuration():
+    surfacing = Surfacing("a.stl", colorless=0.125)
+    surfacing.objects([piece()])
+    assert [each.reflectance for each in surfacing.materials.values()] == [flat(0.125)]
+
+
+def test_materials_of_one_name_stay_apart():
+    other = Paint("red", (0.0, 0.0, 1.0))
+    pictures = [Paint("bark", picture=RNG.random((2, 2, 3)).astype(np.float32)) for _ in range(2)]
+    uv = RNG.random((10, 2))
+    given = [piece(paint=RED), piece(paint=other), *(piece(paint=p, uv=uv) for p in pictures)]
+    surfacing = Surfacing("a.glb")
+    surfacing.objects(given)
+    names = ["a.glb: red", "a.glb: red (2)", "a.glb: bark", "a.glb: bark (2)"]
+    assert list(surfacing.materials) == names
+
+
+def test_pieces_of_an_object_and_a_material_are_one_mesh_and_smooth_ones_apart():
+    smooth = RNG.normal(size=(10, 3))
+    given = [
+        piece(paint=RED),
+        piece(1, paint=RED),
+        piece(paint=RED),
+        piece(paint=RED, normals=smooth),
+    ]
+    (_, first), (_, second) = Surfacing("a").objects(given)
+    assert {name: len(mesh.faces) for name, mesh in first.parts.items()} == {
+        "a: red": 10,
+        "a: red, smooth": 5,
+    }
+    assert len(second.parts["a: red"].faces) == 5
+    whole = Surfacing("a").whole(given)
+    assert len(whole.parts["a: red"].faces) == 15

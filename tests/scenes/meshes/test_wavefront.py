@@ -1,0 +1,107 @@
+"""OBJ and MTL against trimesh, and against files written by hand."""
+
+import numpy as np
+import pytest
+import trimesh
+
+from megalopta.scenes.meshes.wavefront import names_in, pieces_of
+
+from .files import png
+
+CORNERS = "".join(f"v {x} {y} {z}\n" for x in (0, 1) for y in (0, 1) for z in (0, 1))
+YARD = f"""# a comment \\
+over two lines
+mtllib colors.mtl
+{CORNERS}
+vt 0 0
+vt 1 0
+vt 1 1
+vn 0 0 2
+o cube
+usemtl brick
+f 1/1 3/2 4/3 2/2
+f 5//1 6//1 8//1 7//1
+o roof
+usemtl tin
+f 1/1/1 2/2/1 3/3/1
+f 5 6 7 8 4
+v 9 9 9
+f -1 -2 -3
+"""
+COLORS = b"""newmtl brick
+Kd 0.5 0.25 1
+map_Kd tex\\brick.png
+newmtl tin
+Kd 0.5
+Ke 0 0 3
+d 0.5
+"""
+
+
+def read(text, **files):
+    return list(pieces_of({"yard.obj": text.encode(), **files}))
+
+
+def yard():
+    picture = png(np.full((2, 2, 3), 188))
+    return read(YARD, **{"colors.mtl": COLORS, "tex/brick.png": picture})
+
+
+def triangles(piece):
+    return sorted(piece.vertices[piece.faces].tolist())
+
+
+def test_polygons_of_any_form_become_fans_of_their_object_and_material():
+    cube, roof = yard()
+    v = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)] + [[9, 9, 9]], float)
+    fans = [[0, 2, 3], [0, 3, 1], [4, 5, 7], [4, 7, 6]]
+    assert triangles(cube) == sorted(v[fans].tolist())
+    fans = [[0, 1, 2], [4, 5, 6], [4, 6, 7], [4, 7, 3], [8, 7, 6]]
+    assert triangles(roof) == sorted(v[fans].tolist())
+    assert [(piece.number, piece.name) for piece in (cube, roof)] == [(0, "cube"), (1, "roof")]
+
+
+def test_materials_are_those_of_the_library():
+    brick, tin = (piece.paint for piece in yard())
+    coded = np.array([0.5, 0.25, 1])
+    np.testing.assert_allclose(brick.color, ((coded + 0.055) / 1.055) ** 2.4, rtol=1e-6)
+    np.testing.assert_allclose(brick.picture, ((188 / 255 + 0.055) / 1.055) ** 2.4, rtol=1e-5)
+    assert np.ptp(tin.color) == 0 and tin.ignored == ("transparency", "emission")
+
+
+def test_coordinates_and_normals_are_used_where_all_corners_have_them():
+    text = CORNERS + "vt 0.25 0.5\nvt 1 0\nvn 0 0 1\ng wall\nf 1/1/1 2/2/1 3/1/1\n"
+    (piece,) = read(text)
+    assert piece.name == "wall"
+    corner = piece.vertices[piece.faces[0]].tolist().index([0, 0, 1])
+    assert piece.uv[piece.faces[0][corner]].tolist() == [1, 0]
+    assert (piece.normals == [0, 0, 1]).all()
+    partly = [piece.uv for piece in yard()]
+    assert partly == [None, None]
+
+
+def test_colors_after_positions_are_those_of_vertices():
+    (piece,) = read("v 0 0 0 1 0 0\nv 1 0 0 0 1 0\nv 0 1 0 0 0 0.5\nf 1 2 3\n")
+    assert piece.name == "yard"
+    np.testing.assert_allclose(piece.colors, np.diag([1, 1, ((0.5 + 0.055) / 1.055) ** 2.4]))
+
+
+def test_trimesh_reads_the_same_surface():
+    shape = trimesh.creation.annulus(0.5, 1, 2, sections=17)
+    (piece,) = read(shape.export(file_type="obj"))
+    ours = trimesh.Trimesh(piece.vertices, piece.faces)
+    assert ours.volume == pytest.approx(shape.volume, rel=1e-6)
+    np.testing.assert_allclose(ours.bounds, shape.bounds, atol=1e-6)
+
+
+def test_libraries_and_pictures_are_named_from_the_folder_of_the_file():
+    assert names_in("a.obj", b"mtllib sub/my colors.mtl\nv 0 0 0\n") == ["sub/my colors.mtl"]
+    assert names_in("sub/x.mtl", b"newmtl a\n  map_Kd ..\\b.png\n") == ["sub/../b.png"]
+    with pytest.raises(ValueError, match="options are not supported"):
+        names_in("x.mtl", b"newmtl a\nmap_Kd -s 1 1 1 b.png\n")
+
+
+@pytest.mark.parametrize("face", ["f 1 2 99", "f 1 2 -9", "f 1/7 2/1 3/1", "f a b c", "f 1 2.5 3"])
+def test_corners_that_are_not_there_are_refused(face):
+    with pytest.raises((ValueError, IndexError)):
+        read(f"{CORNERS}{face}\n")
