@@ -7,7 +7,8 @@ import pytest
 import yaml
 import zarr
 
-from megalopta.camera.calibration import adc_of, calibrate_recordings, write_device
+from megalopta.camera.calibrating import calibrate_recordings
+from megalopta.camera.calibration import adc_of, write_device
 from megalopta.camera.recording import Beam, Source, read_recorded
 from megalopta.core.errors import UserError
 from megalopta.sensor import (
