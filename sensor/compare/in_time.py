@@ -306,11 +306,13 @@ def _chance(power: Floats, series: int) -> Floats:
 
 def _refined(series: Floats, place: int) -> float:
     """Frequency of a line near a bin, in cycles per frame."""
-    n = len(series)
-    trials = (place + np.linspace(-1, 1, 81)) / n
-    waves = np.exp(-2j * np.pi * trials[:, None] * np.arange(n))
-    power = np.square(np.abs(waves @ series)).sum(axis=1)
-    return float(trials[int(np.argmax(power))])
+    n, cycles, width = len(series), float(place), 1.0
+    for _ in range(2):
+        trials = (cycles + width * np.linspace(-1, 1, 61)) / n
+        waves = np.exp(-2j * np.pi * trials[:, None] * np.arange(n))
+        power = np.square(np.abs(waves @ series)).sum(axis=1)
+        cycles, width = float(trials[int(np.argmax(power))]) * n, width / 20
+    return cycles / n
 
 
 def _fitted_line(z: Floats, line: _Line) -> Floats:

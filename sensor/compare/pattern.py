@@ -5,11 +5,12 @@
     line               rows and columns that differ by one voltage (offset), or in proportion to
                        light, dark counts or both
     telegraph noise    readings correlated from frame to frame, over and above other pixels
-    hot, deviating     single pixels far from the parabola through captured and expected means
+    hot, deviating     single pixels far from what the others' means let expect
 
-Differences of pixels from a robust parabola of captured over expected means, in standard errors,
-show lines and pixels in spite of a wrong global parameter. The standard error is that of counting
-and calibration, or the scatter of pixels about that parabola where larger.
+Differences of pixels from a robust fit to their expected means, these squared, and the means of
+their neighbors, in standard errors, show lines and pixels in spite of a wrong global parameter. The
+standard error is that of counting and calibration, or the scatter of pixels about that fit where
+larger.
 """
 
 from collections.abc import Mapping, Sequence
@@ -26,6 +27,8 @@ from megalopta.sensor.compare.in_time import Parts
 _OF_LINE = 0.75
 """Share of a line's pixels above which the fault is the line's."""
 _LINE_Z = 6.0
+_SMALLEST_OF_LINE = (0.03, 0.05)
+"""Smallest relative difference of a line, and smallest offset (counts)."""
 _PIXEL_Z = 8.0
 _LARGE = 0.1
 """Relative difference above which a pixel is listed."""
@@ -91,11 +94,23 @@ def deviations(captured: Level, expected: Level, good: Mask, error: Floats) -> D
         means.append(mean)
     apart, sigma = means[0] - means[1], np.sqrt(parts)
     scale = max(float(np.abs(means[1]).max()), 1e-12)
-    columns = np.stack([(means[1] / scale) ** power for power in range(3)], axis=-1)
-    left = np.where(good, apart - columns @ _robust(columns[good], apart[good], sigma[good]), 0)
+    columns = np.stack(
+        [*((means[1] / scale) ** power for power in range(3)), _neighbors(means[1]) / scale],
+        axis=-1,
+    )
+    trend = columns @ _robust(columns[good], apart[good], sigma[good])
+    # pixels that counted nothing may have counted as much as the trend
+    sigma = np.sqrt(parts + np.abs(trend) / len(captured.readings))
+    left = np.where(good, apart - trend, 0)
     z = left[good] / sigma[good]
     scatter = max(_OF_MEDIAN * float(np.median(np.abs(z))), 1.0) if z.size else 1.0
     return Deviations(left, scatter * sigma)
+
+
+def _neighbors(means: Floats) -> Floats:
+    """Sum of the four neighbors, whose crosstalk is no fault of a pixel; 0 beyond the border."""
+    wide = np.pad(means, 1)
+    return np.asarray(wide[:-2, 1:-1] + wide[2:, 1:-1] + wide[1:-1, :-2] + wide[1:-1, 2:])
 
 
 def _robust(columns: Floats, values: Floats, sigma: Floats) -> Floats:
@@ -133,6 +148,8 @@ def odd_lines(
         for index in np.flatnonzero((np.abs(z) > _LINE_Z).any(axis=0)):
             take = (index, slice(None)) if axis == 0 else (slice(None), index)
             cause, size = _cause_of_line(found, good, parts, take)
+            if abs(size) < _SMALLEST_OF_LINE[cause == "offset"]:
+                continue
             if cause == "offset":
                 offsets.append(LineOffset(axis, int(index), size))
                 unit = f"{1e3 * size * volts_per_count:+.2g} mV" if volts_per_count else (
@@ -143,8 +160,10 @@ def odd_lines(
                 faults.append(Fault(f"{name} offset", f"{name} {index} is offset by {unit}"))
             else:
                 masked[take] = True
-                what = {"gain": "counts", "light": "efficiency"}.get(cause, cause)
-                text = f"{what} of {name} {index} differ by {100 * size:+.2g} %"
+                what = {"gain": "gain", "light": "efficiency", "dark counts": "dark count rate"}[
+                    cause
+                ]
+                text = f"{what} of {name} {index} differs by {100 * size:+.2g} %"
                 faults.append(Fault(f"odd {name}", text))
     return offsets, masked, faults
 

@@ -313,7 +313,9 @@ def _merged(by_level: Sequence[Sequence[Fault]], levels: Sequence[Level]) -> lis
         where = f"at {levels[places[0]]}" if len(places) == 1 else (
             f"in {len(places)} of {len(levels)} recordings"
         )  # fmt: skip
-        found.append(Fault(kind, f"{seen[-1][1]}, {where}"))
+        # of the last recording the first, which is the strongest
+        text = next(each for at, each in seen if at == places[-1])
+        found.append(Fault(kind, f"{text}, {where}"))
     return found
 
 
