@@ -35,6 +35,7 @@ from megalopta.sensor.calibrate.saturation import DeadTimeKind, dead_time_moment
 from megalopta.sensor.effects import crosstalk
 from megalopta.sensor.effects.crosstalk import Crosstalk
 
+_95 = 1.959964
 _SLOWEST_DEAD_TIMES = 5.0
 """Assumed delay of afterpulses in dead times; frames do not show it, a shorter one hides them."""
 
@@ -58,7 +59,7 @@ def write_device(
     """
     folder, fall = path.with_suffix(""), device.offset_v
     maps = {
-        "dark_counts": _primary(device.dark_counts_hz, device.kernel),
+        "dark_counts": primary(device.dark_counts_hz, device.kernel),
         "step": device.step_v,
         "leak": device.leak_v_s,
         "offset": Estimate(-fall.value, -fall.high, -fall.low),  # a voltage drop as a rise
@@ -67,7 +68,7 @@ def write_device(
         nominal = float(np.nanmean(device.efficiency.value))  # for light of unknown wavelength
         if wavelength_nm is not None:
             nominal = float(base.photon_detection_efficiency(np.array(wavelength_nm)))
-        maps["efficiency"] = _primary(device.efficiency, device.kernel).scaled(1 / nominal)
+        maps["efficiency"] = primary(device.efficiency, device.kernel).scaled(1 / nominal)
     named = write_maps(folder, maps)
     save_map(folder / "hot.npy", device.hot)
     text = strict_yaml.dump(_fields(path, device, base, preset, named))
@@ -121,14 +122,23 @@ def _afterpulsing(kernel: Kernel, dead_time_s: float, base: Sensor) -> dict[str,
     return {"mean_carriers": min(carriers, 0.95), "delay_s": delay_s}
 
 
-def _primary(estimate: Estimate, kernel: Kernel | None) -> Estimate:
-    """Rate without the events of neighbors and traps, which the simulation adds again."""
-    fired = np.zeros_like(estimate.value)
+def primary(estimate: Estimate, kernel: Kernel | None) -> Estimate:
+    """Return rates without events of neighbors and traps, which the simulation adds again.
+
+    Its interval includes the error of what is subtracted, which all pixels share.
+    """
+    fired, error = np.zeros_like(estimate.value), np.zeros_like(estimate.value)
     if kernel is not None and kernel.are_afterpulses_seen:
         fired += kernel.afterpulses * estimate.value
-    if (light := _crosstalk(kernel)) is not None:
-        fired += crosstalk.fired_mean(filled(estimate.value), light)
-    return Estimate(*(each - fired for each in (estimate.value, estimate.low, estimate.high)))
+        error = np.hypot(error, kernel.afterpulses_error * estimate.value)
+    if (light := _crosstalk(kernel)) is not None and kernel is not None:
+        by_light = crosstalk.fired_mean(filled(estimate.value), light)
+        fired += by_light
+        error = np.hypot(error, by_light * kernel.total_error / light.mean_fired_neighbors)
+    value = estimate.value - fired
+    below = np.hypot(estimate.value - estimate.low, _95 * error)
+    above = np.hypot(estimate.high - estimate.value, _95 * error)
+    return Estimate(value, value - below, value + above)
 
 
 _FITTED = 2

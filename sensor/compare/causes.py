@@ -10,9 +10,9 @@ Each is computed in blocks of frames, whose scatter gives the covariance of a le
 Calibration adds the errors of its maps, common fluctuations add theirs.
 
 **Causes.** Dark counts, efficiency, dead time, afterpulsing and crosstalk change the moments of
-events by closed forms (`expectations`), at two sizes, with a parabola through both. A step of
-1 + δ multiplies means by it and variances by its square; an offset adds to all means; read noise of
-variance q adds q to all variances and multiplies K by exp(−4π²·q).
+events by closed forms (`expectations`), with a parabola through two changes of about the fitted
+size. A step of 1 + δ multiplies means by it and variances by its square; an offset adds to all
+means; read noise of variance q adds q to all variances and multiplies K by exp(−4π²·q).
 
 **Choice.** The fewest causes, at most two, whose χ² has a chance above `REFUTED` explain the
 difference. If other sets of as many do so nearly as well, the cause is ambiguous. If no set does,
@@ -20,7 +20,7 @@ none of the known causes explains it. Predicted changes are allowed an error of 
 those of covariances, which are first-order, of three times as much.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations, pairwise
 from typing import NamedTuple
@@ -70,6 +70,7 @@ _UNITS: Mapping[str, tuple[str, float]] = {
     "read noise": ("counts", 0.05),
 }
 """Units of parameters, and the values to which changes of smaller ones are relative"""
+_LARGEST_STEP = 8
 _STEPS = {"dark counts": 0.1, "efficiency": 0.1, "afterpulsing": 0.05, "crosstalk": 0.02}
 
 
@@ -142,7 +143,7 @@ class Explanation(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Causes:
-    """What explains the difference of features."""
+    """Explanations of a difference of features."""
 
     p: float
     """Chance of as large a difference between recordings of one device"""
@@ -163,7 +164,7 @@ class Causes:
 
 
 class Doubts(NamedTuple):
-    """What is uncertain besides counting."""
+    """Uncertainties besides that of counting."""
 
     fluctuations: Sequence[Mapping[str, float]]
     """Of each level: uncertainties of parameters, by name, and of "variance" (counts²)"""
@@ -222,11 +223,12 @@ class _Fit:
     ) -> None:  # fmt: skip
         self.difference, self.covariance, self.expected = difference, covariance, expected
         self.model, self.levels, self.good = model, levels, good
-        self._bends: dict[str, tuple[Floats, Floats]] = {}
+        self._bends: dict[tuple[str, float], tuple[Floats, Floats]] = {}
         self._means = [
             np.asarray(level.signal.mean(axis=0))[own].clip(0)
             for level, own in zip(levels, good, strict=True)
         ]
+        self._parts = model.parts(levels)
         lit = any(level.light_hz for level in levels)
         names = ["dark counts", *(["efficiency"] if lit else []), "dead time", "afterpulsing"]
         names += ["crosstalk", "step"]
@@ -269,7 +271,7 @@ class _Fit:
                 clear = expected.values * np.expm1(np.clip(-4 * np.pi**2 * size, -50, 1))
                 total += noise + np.where(expected.of("K"), clear, 0)
             else:
-                slope, bend = self._bend(name)
+                slope, bend = self._bend(name, float(size))
                 total += slope * size + bend * size**2
         if gain != 1:
             power = np.array([{"M": 1, "V": 2, "C": 2}.get(each, 0) for each in expected.kind])
@@ -287,17 +289,27 @@ class _Fit:
             change[at] = self.expected.values[at] * (float(blur.mean()) - 1)
         return change
 
-    def _bend(self, name: str) -> tuple[Floats, Floats]:
-        """Slope and curvature of the features over the size of a cause."""
-        if name not in self._bends:
-            step = _STEPS.get(name) or 0.1 * max(self.model.sensor.dead_time.dead_time_s, 1e-7)
-            one = self._moved(name, step)
-            if name == "afterpulsing":
-                self._bends[name] = one / step, np.zeros_like(one)
-            else:
-                two = self._moved(name, 2 * step)
-                self._bends[name] = (4 * one - two) / (2 * step), (two - 2 * one) / (2 * step**2)
-        return self._bends[name]
+    def _bend(self, name: str, size: float) -> tuple[Floats, Floats]:
+        """Slope and curvature of the features over the size of a cause, at sizes like this one."""
+        step = _STEPS.get(name) or 0.1 * max(self.model.sensor.dead_time.dead_time_s, 1e-7)
+        if name == "afterpulsing":  # tables take seconds
+            return self._known((name, step), lambda: (self._moved(name, step) / step, 0.0))
+        while abs(size) > 2.5 * step and step < _LARGEST_STEP * _STEPS.get(name, step):
+            step *= 2
+
+        def parabola() -> tuple[Floats, Floats]:
+            one, two = self._moved(name, step), self._moved(name, 2 * step)
+            return (4 * one - two) / (2 * step), (two - 2 * one) / (2 * step**2)
+
+        return self._known((name, step), parabola)
+
+    def _known(
+        self, key: tuple[str, float], found: Callable[[], tuple[Floats, Floats | float]]
+    ) -> tuple[Floats, Floats]:
+        if key not in self._bends:
+            slope, bend = found()
+            self._bends[key] = slope, np.asarray(bend)
+        return self._bends[key]
 
     def _moved(self, name: str, size: float) -> Floats:
         """Change of the features' closed forms."""
@@ -316,16 +328,19 @@ class _Fit:
             found[here & self.expected.of("V")] = variance
             if name == "crosstalk":
                 base = float(moments[0][1][own].mean())
-                found[here & self.expected.of("C")] = base * self._coincidences(size, own)
+                found[here & self.expected.of("C")] = base * self._coincidences(size, at)
         return found
 
-    def _coincidences(self, neighbors: float, own: Mask) -> float:
+    def _coincidences(self, neighbors: float, at: int) -> float:
         """Covariance with the right and lower neighbor over the variance, by crosstalk."""
+        own, part = self.good[at], self._parts[at]
         crosstalk = self.model.sensor.crosstalk
         # each of four nearest neighbors gets a share; both directions of a pair covary
         share = neighbors / 4 / (1 + crosstalk.diagonal + crosstalk.distance_two)
         pairs = (own[:, :-1] & own[:, 1:]).sum() + (own[:-1] & own[1:]).sum()
-        return 2 * share * float(pairs) / float(own.sum())
+        # of avalanches that crosstalk adds, dead time leaves as many as of more light
+        counted = float((part.light + part.dark)[own].sum() / max(part.mean[own].sum(), 1e-300))
+        return 2 * share * counted * float(pairs) / float(own.sum())
 
     def explained(self, names: tuple[str, ...]) -> Explanation:
         """Fit the sizes of some causes."""

@@ -19,9 +19,10 @@ that fits all recordings names the cause; if none fits clearly, no cause is name
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.stats import gamma, norm
 
 from megalopta.core.arrays import Floats, Mask
@@ -44,7 +45,7 @@ _FAR = 4
 _NOISE_Z = 6.0
 _LEFT = 0.2
 """Share of the variance of a removed fluctuation that may be left."""
-_SMALLEST_SHARE = 0.01
+_SMALLEST_SHARE = 5e-4
 """Share of the variance of a pixel below which common noise is negligible."""
 _MAINS_HZ = (50.0, 60.0, 100.0, 120.0)
 
@@ -258,7 +259,7 @@ def _remove_lines(found: Steadied, good: Mask, part: Parts) -> None:
 
 
 def _moving(level: Level, part: Parts) -> tuple[Floats, str]:
-    """What a common fluctuation moves most probably, and the parameter: light, or the output."""
+    """Map that a common fluctuation moves most probably, and its parameter: light, or the output."""
     if not level.is_dark:
         return part.light, "efficiency"
     if level.codes is not None:
@@ -338,7 +339,7 @@ def _alias(hertz: float, level: Level, frames: int) -> str:
 
 
 def _remove_common_noise(found: Steadied, good: Mask, part: Parts) -> None:
-    """Remove noise that all pixels, or those of a row or column, share."""
+    """Remove noise that all pixels share, and note that of rows and columns."""
     shape, parameter = _moving(found.level, part)
     z = _standardized(found.level, good)
     total, total_error = _far_correlation(z.sum(axis=2), (z != 0).any(axis=0).sum(axis=1))
@@ -349,14 +350,40 @@ def _remove_common_noise(found: Steadied, good: Mask, part: Parts) -> None:
         _doubt(found, parameter, size / np.sqrt(len(z)), 2 * size * float(shape[good].mean()))
         unit = f"{size:.2g} counts" if parameter == "offset" else f"{100 * size:.2g} %"
         found.faults.append(Fault("common noise", f"all pixels fluctuate together by {unit}"))
-    for name, turned in (("row", z), ("column", z.swapaxes(1, 2))):
-        share, error = _line_correlation(turned)
-        excess = share - max(total, 0.0)
-        if excess > _NOISE_Z * np.hypot(error, total_error) and excess > _SMALLEST_SHARE:
-            own = float(np.asarray(found.level.signal, np.float32).var(axis=0)[good].mean())
-            found.unsure["variance"] = found.unsure.get("variance", 0.0) + 2 * excess * own
-            text = f"pixels of each {name} fluctuate together by {np.sqrt(excess * own):.2g} counts"
-            found.faults.append(Fault(f"{name} noise", text))
+    # between the peaks of the comb, noise of the readout is not hidden by that of counting; what
+    # was subtracted has moved the peaks
+    of_readout = [] if found.unsure else _residuals(found.level, good)
+    for each, scale in ((z, _mean_variance(found.level.signal, good)), *of_readout):
+        _note_line_noise(found, each, scale)
+
+
+def _residuals(level: Level, good: Mask) -> list[tuple[Floats, float]]:
+    """Standardized distances of readings from the nearest peak, and their variance."""
+    if level.codes is None:
+        return []
+    apart = np.asarray(level.signal - np.rint(level.signal), np.float32)
+    return [(_standardized(replace(level, unrounded=apart), good), _mean_variance(apart, good))]
+
+
+def _mean_variance(signal: NDArray[Any], good: Mask) -> float:
+    return float(np.asarray(signal, np.float32).var(axis=0)[good].mean()) if good.any() else 0.0
+
+
+def _note_line_noise(found: Steadied, z: Floats, variance: float) -> None:
+    """Note noise that pixels of a row or column share, once."""
+    common, error = _far_correlation(z.sum(axis=2), (z != 0).any(axis=0).sum(axis=1))
+    for name, turned in (("all", z), ("row", z), ("column", z.swapaxes(1, 2))):
+        share, own_error = (common, 0.0) if name == "all" else _line_correlation(turned)
+        excess = share if name == "all" else share - max(common, 0.0)
+        kind = "common noise" if name == "all" else f"{name} noise"
+        is_new = kind not in {each.kind for each in found.faults}
+        if is_new and excess > max(_NOISE_Z * np.hypot(own_error, error), _SMALLEST_SHARE):
+            more = excess * variance
+            found.unsure["variance"] = found.unsure.get("variance", 0.0) + 2 * more
+            found.unsure["read noise"] = 2 * more
+            who = "all pixels" if name == "all" else f"pixels of each {name}"
+            text = f"{who} fluctuate together by {np.sqrt(more):.2g} counts"
+            found.faults.append(Fault(kind, text))
 
 
 def _far_correlation(sums: Floats, pixels: Floats) -> tuple[float, float]:

@@ -108,6 +108,11 @@ def narrow_odd_codes(codes, number):
     return codes - ((codes % 2 == 1) & (rng.random(codes.shape) < 0.2))
 
 
+def row_noise(codes, number):
+    """Rows that fluctuate by up to 5 codes, without a period."""
+    return codes - np.random.default_rng(1).integers(-3, 3, (number.size, SHAPE[0], 1))
+
+
 def bent(codes, number):
     """Output that sags in proportion to the square of its fall, by an unknown effect."""
     fall = TOP - codes.astype(float)
@@ -159,6 +164,7 @@ FAULTS = {
     "flicker 60 Hz": ("flicker", {"light": sine(60, 0.1)}),
     "banding 60 Hz": ("row banding", {"light": sine(60, 0.1, 5e-4)}),
     "noisy light": ("common noise", {"light": noisy_light}),
+    "row noise": ("row noise", {"spoil": of_codes(row_noise)}),
     "frames twice": ("repeated frames", {"spoil": twice}),
     "frames lost": ("missing frames", {"spoil": lossy}),
     "dead row": ("dead row", {"spoil": written(np.s_[:, 5], TOP)}),
@@ -190,6 +196,7 @@ FAULTS = {
         "crosstalk", {"sensor": changed(SPADCAM, crosstalk={"mean_fired_neighbors": 0.05})}
     ),
     "dead time": ("dead time", {"sensor": changed(SPADCAM, dead_time={"dead_time_s": 1.2e-6})}),
+    "dead time ×2": ("dead time", {"sensor": changed(SPADCAM, dead_time={"dead_time_s": 2e-6})}),
     "step": ("step", {"sensor": changed(SPADCAM, **_counter(step_v=0.011))}),
     "offset 8 mV": ("offset", {"spoil": written(np.s_[:], lambda c: c - 10)}),
     "efficiency": ("efficiency", {"light": lambda times, rng: np.full((1, 1, 1), 1.2)}),
