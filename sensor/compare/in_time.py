@@ -259,7 +259,7 @@ def _remove_lines(found: Steadied, good: Mask, part: Parts) -> None:
 
 
 def _moving(level: Level, part: Parts) -> tuple[Floats, str]:
-    """Map that a common fluctuation moves most probably, and its parameter: light, or the output."""
+    """Map that a common fluctuation moves most probably, light or the output; its parameter."""
     if not level.is_dark:
         return part.light, "efficiency"
     if level.codes is not None:
