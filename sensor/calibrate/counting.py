@@ -372,17 +372,8 @@ class _Fits:
     def efficiency(self, refused: dict[str, str]) -> Estimate | None:
         """Slope of rates over light, by weighted least squares."""
         lights = {level.light_hz for level in self.levels}
-        if not max(lights):
-            refused["efficiency"] = "needs a recording under uniform light"
-            return None
-        if len(lights) < 2:
-            refused["efficiency"] = "needs the dark or a second light"
-            return None
-        if abs(self.nonlinearity()) > _NOT_LINEAR:
-            refused["efficiency"] = (
-                "rates are not proportional to light; check the lights, or record dimmer and "
-                "brighter ones, so that dead time is found"
-            )
+        if reason := self._no_efficiency(lights):
+            refused["efficiency"] = reason
             return None
         used = np.array(self.used, np.float64)
         light = np.array([each.light_hz for each in self.levels])
@@ -401,6 +392,19 @@ class _Fits:
         error = np.where((several > 1) & (error > 0), error, np.nan)
         rows, columns = self.shape
         return Estimate.normal(slope, error, (rows, columns))
+
+    def _no_efficiency(self, lights: set[float]) -> str:
+        """Reason for which the recordings do not support it; empty if they do."""
+        if not max(lights):
+            return "needs a recording under uniform light"
+        if len(lights) < 2:
+            return "needs the dark or a second light"
+        if abs(self.nonlinearity()) > _NOT_LINEAR:
+            return (
+                "rates are not proportional to light; check the lights, or record dimmer and "
+                "brighter ones, so that dead time is found"
+            )
+        return ""
 
     def _variance(self, at: int, rate: Floats) -> Floats:
         """Variance of the estimated rate of a level, Hz², at this rate."""
