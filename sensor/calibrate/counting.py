@@ -65,7 +65,7 @@ class Summed(NamedTuple):
     at_largest: Floats
     """Number of frames at the pixel's own largest reading"""
     steadiness: Drift
-    """Of the mean over the pixels"""
+    """Drift of the mean over the pixels"""
 
     @property
     def mean(self) -> Floats:

@@ -167,7 +167,7 @@ class Doubts(NamedTuple):
     """Uncertainties besides that of counting."""
 
     fluctuations: Sequence[Mapping[str, float]]
-    """Of each level: uncertainties of parameters, by name, and of "variance" (counts²)"""
+    """Uncertainties of each level's parameters, by name, and of "variance" (counts²)"""
     maps: Mapping[str, float]
     """Errors of the calibration: relative ones of dark counts and of efficiency of the array"""
 
