@@ -1,4 +1,4 @@
-"""`megalopta spadcam calibrate`: from recordings to a device file, its maps and its page.
+"""`megalopta spadcam calibrate`: from codes of SPADCAM to a device file, its maps and its page.
 
 `sensors: [DEVICE.yaml]` loads the device file.
 """
@@ -10,13 +10,12 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 from matplotlib.ticker import NullFormatter
-from numpy.typing import NDArray
 
+from megalopta.camera.device_files import filled, save_map, write_maps
 from megalopta.camera.recording import Beam, Source, read_recorded
 from megalopta.core import strict_yaml
 from megalopta.core.arrays import Floats
-from megalopta.core.errors import UserError
-from megalopta.core.files import atomic_write, write_text
+from megalopta.core.files import write_text
 from megalopta.plotting.sections import Section, captioned, write_sections
 from megalopta.plotting.style import BLACK, BLUE, VERMILION, line_style
 from megalopta.plotting.svg import (
@@ -36,7 +35,7 @@ from megalopta.sensor.calibrate.saturation import DeadTimeKind, dead_time_moment
 from megalopta.sensor.effects import crosstalk
 from megalopta.sensor.effects.crosstalk import Crosstalk
 
-_INTERVALS = ("low", "high")
+_95 = 1.959964
 _SLOWEST_DEAD_TIMES = 5.0
 """Assumed delay of afterpulses in dead times; frames do not show it, a shorter one hides them."""
 
@@ -60,7 +59,7 @@ def write_device(
     """
     folder, fall = path.with_suffix(""), device.offset_v
     maps = {
-        "dark_counts": _primary(device.dark_counts_hz, device.kernel),
+        "dark_counts": primary(device.dark_counts_hz, device.kernel),
         "step": device.step_v,
         "leak": device.leak_v_s,
         "offset": Estimate(-fall.value, -fall.high, -fall.low),  # a voltage drop as a rise
@@ -69,17 +68,9 @@ def write_device(
         nominal = float(np.nanmean(device.efficiency.value))  # for light of unknown wavelength
         if wavelength_nm is not None:
             nominal = float(base.photon_detection_efficiency(np.array(wavelength_nm)))
-        maps["efficiency"] = _primary(device.efficiency, device.kernel).scaled(1 / nominal)
-    named = {}
-    for name, estimate in maps.items():
-        if not np.isfinite(estimate.value).any():
-            continue
-        lowest = 0.0 if name in ("dark_counts", "efficiency") else -np.inf
-        _save(folder / f"{name}.npy", np.maximum(_filled(estimate.value), lowest))
-        for end in _INTERVALS:
-            _save(folder / f"{name}_{end}.npy", getattr(estimate, end))
-        named[name] = f"{folder.name}/{name}.npy"
-    _save(folder / "hot.npy", device.hot)
+        maps["efficiency"] = primary(device.efficiency, device.kernel).scaled(1 / nominal)
+    named = write_maps(folder, maps)
+    save_map(folder / "hot.npy", device.hot)
     text = strict_yaml.dump(_fields(path, device, base, preset, named))
     write_text(path, f"# Written by megalopta spadcam calibrate.\n{text}")
 
@@ -131,24 +122,23 @@ def _afterpulsing(kernel: Kernel, dead_time_s: float, base: Sensor) -> dict[str,
     return {"mean_carriers": min(carriers, 0.95), "delay_s": delay_s}
 
 
-def _primary(estimate: Estimate, kernel: Kernel | None) -> Estimate:
-    """Rate without the events of neighbors and traps, which the simulation adds again."""
-    fired = np.zeros_like(estimate.value)
+def primary(estimate: Estimate, kernel: Kernel | None) -> Estimate:
+    """Return rates without events of neighbors and traps, which the simulation adds again.
+
+    Its interval includes the error of what is subtracted, which all pixels share.
+    """
+    fired, error = np.zeros_like(estimate.value), np.zeros_like(estimate.value)
     if kernel is not None and kernel.are_afterpulses_seen:
         fired += kernel.afterpulses * estimate.value
-    if (light := _crosstalk(kernel)) is not None:
-        fired += crosstalk.fired_mean(_filled(estimate.value), light)
-    return Estimate(*(each - fired for each in (estimate.value, estimate.low, estimate.high)))
-
-
-def _filled(values: Floats) -> Floats:
-    """Maps with missing values replaced by the median."""
-    return np.where(np.isfinite(values), values, np.nanmedian(values))
-
-
-def _save(path: Path, values: NDArray[Any]) -> None:
-    with atomic_write(path) as temporary:
-        np.save(temporary, values)
+        error = np.hypot(error, kernel.afterpulses_error * estimate.value)
+    if (light := _crosstalk(kernel)) is not None and kernel is not None:
+        by_light = crosstalk.fired_mean(filled(estimate.value), light)
+        fired += by_light
+        error = np.hypot(error, by_light * kernel.total_error / light.mean_fired_neighbors)
+    value = estimate.value - fired
+    below = np.hypot(estimate.value - estimate.low, _95 * error)
+    above = np.hypot(estimate.high - estimate.value, _95 * error)
+    return Estimate(value, value - below, value + above)
 
 
 _FITTED = 2
@@ -184,7 +174,7 @@ def write_calibration_report(path: Path, device: Device, name: str, is_relative:
     )
     head = ("", "median", "from", "to", "± (95 % CI)")
     sections = [
-        Section("The pixels", _PIXELS, head, tuple(_row(*each) for each in found)),
+        Section("The pixels", _PIXELS, head, tuple(estimate_row(*each) for each in found)),
         Section(
             "Photon transfer and saturation",
             _CURVES,
@@ -233,7 +223,8 @@ def _quantities(device: Device, is_relative: bool) -> list[tuple[str, str, Estim
     return found
 
 
-def _row(title: str, unit: str, estimate: Estimate, scale: float) -> tuple[str, ...]:
+def estimate_row(title: str, unit: str, estimate: Estimate, scale: float) -> tuple[str, ...]:
+    """Return median, range and half width of an estimate, in a unit of so many of its own."""
     if not np.isfinite(estimate.value).any():
         return (f"{title} ({unit})", _UNKNOWN, "", "", "")
     low, median, high = scale * np.nanpercentile(estimate.value, (5, 50, 95))
@@ -306,23 +297,14 @@ def _neighbors(device: Device) -> Iterator[Section]:
     yield Section("Crosstalk and afterpulses", _NEIGHBORS, head, tuple(rows))
 
 
-def calibrate_recordings(
-    sources: Sequence[Source], out: Path, *, beam: Beam, base: str = "spadcam"
-) -> str:
-    """Write a device file, its maps and its report; return a summary in a sentence.
+def calibrate_codes(sources: Sequence[Source], out: Path, beam: Beam, base: str) -> str:
+    """Write the device file of a SPADCAM, its maps and its report; return a summary.
 
-    Raises UserError if a recording cannot be read, or all of them do not suffice for a calibration.
+    Raises ValueError or UserError as `calibrating.calibrate_recordings`.
     """
-    if out.suffix not in (".yaml", ".yml"):
-        raise UserError(f"--out {out}: give the name of a .yaml file")
-    if beam.area_mm2 is not None and beam.wavelength_nm is None:
-        raise UserError("--beam-area-mm2: give --wavelength-nm too, to convert watts to photons")
-    try:
-        sensor = preset(base)
-        levels = [_level(source, beam, sensor) for source in sources]
-        device = calibrate_device(levels, adc_of(sensor))
-    except ValueError as problem:
-        raise UserError(f"calibrate: {problem}") from problem
+    sensor = preset(base)
+    levels = [_level(source, beam, sensor) for source in sources]
+    device = calibrate_device(levels, adc_of(sensor))
     write_device(out, device, sensor, beam.wavelength_nm, base)
     is_relative = beam.wavelength_nm is None
     write_calibration_report(out.with_suffix(".html"), device, out.stem, is_relative)
@@ -340,10 +322,7 @@ def adc_of(sensor: Sensor) -> Adc:
 
 def _level(source: Source, beam: Beam, sensor: Sensor) -> Level:
     recorded = read_recorded(source)
-    if recorded.codes is None:
-        raise ValueError(
-            f"{source.path}: holds counts, not codes of an ADC; capture it with SPADCAM"
-        )
+    assert recorded.codes is not None
     light = beam.photons_hz(source.light, sensor)
     return Level(recorded.codes, source.exposure_s or recorded.exposure_s, light)
 

@@ -34,18 +34,17 @@ from megalopta.config.model import load
 from megalopta.core.arrays import Floats, plain_array
 from megalopta.core.bounded import ARRAY_BYTES, read_bytes
 from megalopta.core.errors import UserError
-from megalopta.sensor import AnalogCounter, Sensor, changed, expose_rate
+from megalopta.sensor import AnalogCounter, Sensor, changed
 from megalopta.sensor.calibrate.level import Level
+from megalopta.sensor.compare.model import Model, level_of_codes
 from megalopta.sensor.compare.quantities import scene_differences
 from megalopta.sensor.compare.recordings import Comparison, compare_recordings
 from megalopta.sensor.compare.two_sample import Difference, Quantity, difference
-from megalopta.sensor.spad.analog import counts_of_codes
 from megalopta.sensor.spad.device import draw_fixed_pattern
 from megalopta.sensor.spad.measured import MapFile
 from megalopta.stages.pipeline import run_stage
 from megalopta.stages.redo import open_dataset_whole
 
-_FULL = 0.98
 _95 = 1.959964
 _SHIFTS_PER_FRAME = 4
 _TIE = 1e-9
@@ -53,16 +52,10 @@ _TIE = 1e-9
 
 def captured_frames(recorded: Recorded, device: Sensor, light_hz: float) -> Level:
     """Return counts of a recording; from its codes, if it has any, by the device's own steps."""
-    counter, codes = device.counter, recorded.codes
-    exposure_s, times_s = recorded.exposure_s, recorded.times_s
-    if codes is None or not isinstance(counter, AnalogCounter):
+    codes, exposure_s, times_s = recorded.codes, recorded.exposure_s, recorded.times_s
+    if codes is None or not isinstance(device.counter, AnalogCounter):
         return Level(recorded.counts, exposure_s, light_hz, times_s=times_s)
-    own = changed(device, exposure_s=exposure_s)
-    known = draw_fixed_pattern(own, (codes.shape[1], codes.shape[2])).counters
-    assert known is not None
-    counts, _ = counts_of_codes(codes, counter, known)
-    full = _FULL * (counter.swing_v - known.leaked_v) / known.step_v
-    return Level(counts, exposure_s, light_hz, counts >= full, times_s=times_s)
+    return level_of_codes(codes, device, exposure_s, light_hz, times_s)
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,20 +99,14 @@ def _compared(
     stimulus: str = "",
 ) -> Compared:
     """Compare recordings with frames of the device's model at these rates (n or 1, …), Hz."""
-    simulated = []
-    for like, rate in zip(captured, rates, strict=True):
-        own = changed(device, exposure_s=like.exposure_s)
-        name = f"comparison, {stimulus}{like.exposure_s:g} s, light {like.light_hz:g}"
-        seen = np.broadcast_to(rate, like.readings.shape)
-        exposure = expose_rate(seen, own, seed=seed, sequence=name)
-        # if a capture has no saturation mask, saturated counts are compared as they are
-        saturated = None if like.saturated is None else exposure.saturated
-        simulated.append(replace(like, readings=exposure.counts, saturated=saturated))
+    model = Model(device, rates)
+    simulated = model.drawn(captured, seed, stimulus)
     errors = [
         _errors(device, rate) * like.exposure_s for like, rate in zip(captured, rates, strict=True)
     ]
-    kind = device.dead_time.kind
-    found = compare_recordings(captured, simulated, kind=kind, margin=margin, errors=errors)
+    found = compare_recordings(
+        captured, simulated, model, margin=margin, errors=errors, is_scene=bool(stimulus)
+    )
     return Compared(captured, simulated, found)
 
 
@@ -132,7 +119,10 @@ def _errors(device: Sensor, rates: Floats) -> Floats:
 
 
 def map_error(file: MapFile | None) -> NDArray[np.float64] | float:
-    """Return standard errors of a map, from the intervals next to it; 0 without intervals."""
+    """Return standard errors of a map, from the intervals next to it; 0 without intervals.
+
+    NaN where the calibration does not know the pixel.
+    """
     if file is None:
         return 0.0
     path = Path(file.path)
@@ -140,7 +130,7 @@ def map_error(file: MapFile | None) -> NDArray[np.float64] | float:
     if not all(end.exists() for end in ends):
         return 0.0
     low, high = (_interval_end(end) for end in ends)
-    return np.asarray(np.nan_to_num((high - low) / (2 * _95), nan=np.nanmax(high - low)))
+    return np.asarray((high - low) / (2 * _95))
 
 
 def _interval_end(path: Path) -> NDArray[np.float64]:

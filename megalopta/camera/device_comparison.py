@@ -38,7 +38,7 @@ from megalopta.plotting.text import number
 from megalopta.sensor import Sensor, load_sensor
 from megalopta.sensor.calibrate.level import Level
 from megalopta.sensor.compare.quantities import SEGMENT, segment_spectra
-from megalopta.sensor.compare.recordings import FALSE_ALARMS, MARGIN, Comparison, beyond_chance
+from megalopta.sensor.compare.recordings import FALSE_ALARMS, MARGIN, Comparison
 from megalopta.sensor.compare.two_sample import Difference
 
 Levels = Sequence[Level]
@@ -46,9 +46,13 @@ Sources = Sequence[Source]
 
 _HEAD = ("", "captured", "simulated", "difference", "95 % CI", "p", "verdict")
 _LARGEST_Z = 6.0
+_FAULTS = (
+    "Steadiness in time, rows and columns, single pixels and codes of the ADC, before any "
+    "parameter is fitted. What is found is taken out or masked in all that follows."
+)
 _TESTS = (
-    "Tests of every pixel at every level; false discovery rate by Benjamini and Hochberg. The maps "
-    "show the pixels that differ."
+    "Tests of every pixel that is left, at every level; false discovery rate by Benjamini and "
+    "Hochberg. The maps show the pixels that differ."
 )
 _DISTANCES = (
     "Distance of a pixel's two histograms, median over pixels and levels, and the same by chance, "
@@ -74,11 +78,17 @@ def _levels_page(name: str, compared: Compared) -> Page:
     """Return the differences of captured from simulated levels, with pictures."""
     found = compared.found
     order = found.arrangement
-    rows = f" Rows, top to bottom: {', '.join(map(str, order.rows))}." if order.rows else ""
+    lines = order.rows or order.columns
+    rows = f" In their order: {', '.join(map(str, lines))}." if lines else ""
+    faults = Section(
+        "Faults",
+        f"{_FAULTS} Found: {'; '.join(map(str, found.faults)) or 'none'}.",
+    )
     device = _differences(
         "The device",
-        f"At most {100 * FALSE_ALARMS:g} % of comparisons of a device with itself raise a "
-        f"false alarm. “Equivalent”: a difference below {100 * found.margin:g} % "
+        f"Parameters that explain the rest, each fitted together with those that differ. "
+        f"{_explained(found)} At most {100 * FALSE_ALARMS:g} % of comparisons of a device with "
+        f"itself raise a false alarm. “Equivalent”: a difference below {100 * found.margin:g} % "
         "(two one-sided tests at 95 %).",
         found,
     )
@@ -88,7 +98,18 @@ def _levels_page(name: str, compared: Compared) -> Page:
         f"{order.correlation:.3f}.{rows}",
     )
     title = f"{name}: captured and simulated"
-    return title, found.sentence, [device, pixels, *_pixels(compared)]
+    return title, found.sentence, [faults, device, pixels, *_pixels(compared)]
+
+
+def _explained(found: Comparison) -> str:
+    """Say how well the parameters explain the difference."""
+    explained = found.explained
+    if not explained.is_different:
+        return "Means, variances and coincidences do not differ significantly."
+    if not explained.accepted:
+        return "No one or two of them explain the difference."
+    sets = (f"{' and '.join(each.names)} (p = {each.p:.2g})" for each in explained.accepted)
+    return f"The difference is explained by {', or else by '.join(sets)}."
 
 
 def _scene_page(name: str, compared: Compared) -> Page:
@@ -136,7 +157,7 @@ def motion_page(name: str, responses: Sequence[SpeedResponse]) -> Page:
 
 
 def _differences(title: str, text: str, found: Comparison) -> Section:
-    differ = beyond_chance(found.differences)
+    differ = found.significant
     return Section(
         title, text, _HEAD, tuple(_cells(each, each in differ) for each in found.differences)
     )

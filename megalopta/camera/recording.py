@@ -298,6 +298,8 @@ class Recorded:
     """Nominal sensor."""
     times_s: Floats
     """Start of each exposure; consecutive if not recorded."""
+    is_binary: bool = False
+    """True if counts are bits."""
 
     def at(self, frames: tuple[int, int] | None) -> "Recorded":
         """Keep a range of the frames. Raises ValueError if there are fewer."""
@@ -310,14 +312,18 @@ class Recorded:
         return replace(self, counts=self.counts[part], codes=codes, times_s=self.times_s[part])
 
 
+def is_captured(source: Source) -> bool:
+    """Return True for a recording of SPADCAM, which has codes of its ADC."""
+    return any((source.path / each).exists() for each in (COUNTS, RAW))
+
+
 def read_recorded(source: Source) -> Recorded:
     """Read a recording.
 
     Raises UserError if there is none, it is damaged, or its exposure is unknown.
     """
     try:
-        is_captured = any((source.path / each).exists() for each in ("counts.zarr", "raw.bin"))
-        recorded = _captured(source) if is_captured else _of_others(source)
+        recorded = _captured(source) if is_captured(source) else _of_others(source)
     except (ValueError, OSError) as problem:
         raise UserError(str(problem)) from problem
     try:
@@ -341,4 +347,4 @@ def _of_others(source: Source) -> Recorded:
     if frames.counts.ndim != 3:
         raise ValueError(f"{source.path}: {frames.counts.ndim} dimensions; give gray frames")
     times_s = exposure * np.arange(len(frames.counts), dtype=np.float64)
-    return Recorded(frames.counts, None, exposure, None, times_s)
+    return Recorded(frames.counts, None, exposure, None, times_s, frames.bit_depth == 1)

@@ -150,16 +150,17 @@ def _recover(options: Namespace) -> None:
 
 @verb(
     "spadcam calibrate",
-    "write a device file from dark recordings and recordings under uniform light",
+    "write a device file from dark recordings and recordings under uniform light, by name or "
+    "from a .yaml list",
     *_RECORDINGS,
     option("--out", "device file (default: device.yaml)", type=Path, default=Path("device.yaml")),
     option("--preset", "sensor for all other fields (default: spadcam)", default="spadcam"),
 )
 def _calibrate(options: Namespace) -> None:
-    from megalopta.camera.calibration import calibrate_recordings
-    from megalopta.camera.recording import Beam, Source
+    from megalopta.camera.calibrating import calibrate_recordings, named_sources
+    from megalopta.camera.recording import Beam
 
-    sources = [Source.parse(text) for text in options.recordings]
+    sources = named_sources(options.recordings)
     beam = Beam(options.wavelength_nm, options.beam_area_mm2)
     print(calibrate_recordings(sources, options.out, beam=beam, base=options.preset))
     print(options.out)

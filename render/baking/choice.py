@@ -23,9 +23,9 @@ class Scatter(NamedTuple):
     """RMS error of one sample over the mean, on surfaces."""
 
     baked: float
-    """Of baked light: that of the sun, and of the pixel's content."""
+    """Error of baked light: of the sun, and of the pixel's content."""
     traced: float
-    """Of split paths; NaN where the light cannot be split."""
+    """Error of split paths; NaN where the light cannot be split."""
 
 
 def path_tracing_reason(

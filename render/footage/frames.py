@@ -3,6 +3,7 @@
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 from pathlib import Path
+from threading import Lock
 from typing import Any, Self
 
 import cv2
@@ -72,6 +73,7 @@ class Footage(ABC):
     notes: tuple[str, ...] = ()
     """Notes for the user on assumptions and changes."""
     _kept: tuple[int, NDArray[Any]] | None = field(default=None, init=False, repr=False)
+    _decoding: Lock = field(default_factory=Lock, init=False, repr=False)
 
     @property
     def transfer(self) -> str:
@@ -132,11 +134,13 @@ class Footage(ABC):
         self.close()
 
     def _held(self, index: int) -> NDArray[Any]:
-        index = range(len(self))[index]
-        if self._kept is None or self._kept[0] != index:
-            self._kept = None  # before the next one is decoded
-            self._kept = index, np.ascontiguousarray(self._numbers(index))
-        return self._kept[1]
+        # Decoders have one place in their file; threads of Dask and of `sense` ask for frames.
+        with self._decoding:
+            index = range(len(self))[index]
+            if self._kept is None or self._kept[0] != index:
+                self._kept = None  # before the next one is decoded
+                self._kept = index, np.ascontiguousarray(self._numbers(index))
+            return self._kept[1]
 
     def _note(self, text: str) -> None:
         self.notes = self.notes if text in self.notes else (*self.notes, text)

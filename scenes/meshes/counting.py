@@ -26,7 +26,7 @@ def triangles_in(contents: Mapping[str, bytes]) -> int:
 
 
 def _of_stl(content: bytes) -> int:
-    """Of a binary file, as told by its size; of a text, as many as it has facets."""
+    """Return the number that the size of a binary file tells, or the facets of a text."""
     told = int.from_bytes(content[_STL_HEADER - 4 : _STL_HEADER], "little")
     is_binary = len(content) == _STL_HEADER + _STL_TRIANGLE * told
     return told if is_binary else content.count(b"facet normal")

@@ -23,7 +23,7 @@ class Paint:
     picture: NDArray[np.float32] | None = None
     """(H, W, 3): colors in linear sRGB that multiply the color; row 0 is v = 0."""
     ignored: tuple[str, ...] = ()
-    """What else the material has: transparency, metal, emission."""
+    """Other properties of the material: transparency, metal, emission."""
 
 
 @dataclass(frozen=True)

@@ -30,6 +30,8 @@ _LOUDEST = 2.0
 """Residual, relative to the comb's median, above which a pixel's fit has failed."""
 _SURELY = 5.0
 _CLEAR_OF_END = 2.0
+_FAR_LEAK = 40.0
+"""Distance from the median, relative to its median, above which a leak is implausible."""
 _SURE_OFFSET = 0.2
 """Standard error of the offset, in steps, above which peaks cannot be distinguished."""
 _CLEAR_KIND = 6.0
@@ -253,7 +255,11 @@ def _standard_errors(covariance: Floats) -> Floats:
 def _failed(fit: CombFit, errors: Floats, falls: Falls) -> Mask:
     """Pixels whose peaks were misassigned: too noisy, or with an implausible leak."""
     failed = ~(fit.noise_v <= _LOUDEST * np.median(fit.noise_v))
-    failed |= fit.solution[:, 1] < -_SURELY * errors[:, 1]
+    leak = fit.solution[:, 1]
+    failed |= leak < -_SURELY * errors[:, 1]
+    # peaks that are off by whole counts at the longest exposure look like leak
+    apart = np.abs(leak - np.median(leak))
+    failed |= apart > _FAR_LEAK * np.median(apart)
     return np.asarray(failed | (falls.frames.sum(axis=0) == 0))
 
 

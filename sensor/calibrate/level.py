@@ -15,13 +15,14 @@ Source: EMVA 1288 release 4, Linear.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.core.arrays import Floats, Ints, Mask
+from megalopta.sensor.calibrate.steadiness import drift
 
 _DEVIATIONS_ABOVE_BOTTOM = 6.0
 _DEEPEST = 0.95
@@ -46,11 +47,40 @@ class Level:
     """(n, rows, columns) readings that are lower bounds"""
     times_s: Floats | None = None
     """(n,) start of each exposure; back to back if not known"""
+    codes: NDArray[np.uint16] | None = None
+    """(n, rows, columns) codes of the ADC behind counts"""
+    unrounded: NDArray[np.float32] | None = None
+    """(n, rows, columns) counts of these codes before rounding; below 0 by noise"""
 
     @property
     def is_dark(self) -> bool:
         """True for a dark level."""
         return self.light_hz == 0
+
+    @property
+    def recorded(self) -> NDArray[Any]:
+        """Frames as recorded, codes or counts."""
+        return self.readings if self.codes is None else self.codes
+
+    @property
+    def signal(self) -> NDArray[Any]:
+        """Counts, from codes before rounding."""
+        return self.readings if self.unrounded is None else self.unrounded
+
+    @property
+    def interval_s(self) -> float:
+        """Time between frames, s; the exposure if times are not known."""
+        if self.times_s is None or len(self.times_s) < 2:
+            return self.exposure_s
+        return float(np.median(np.diff(self.times_s)))
+
+    def at(self, frames: NDArray[Any]) -> "Level":
+        """Keep some frames, (n,) mask or numbers."""
+        names = "readings", "saturated", "times_s", "codes", "unrounded"
+        kept = {name: getattr(self, name) for name in names}
+        return replace(
+            self, **{name: each[frames] for name, each in kept.items() if each is not None}
+        )
 
     @property
     def usable(self) -> Mask:
@@ -168,10 +198,7 @@ def check_levels(levels: Sequence[Level], adc: Adc) -> None:
 
 def _check_steadiness(level: Level) -> None:
     totals = level.readings.mean(axis=(1, 2), dtype=np.float64)
-    half = len(totals) // 2
-    first, second = totals[:half], totals[half:]
-    change = float(second.mean() - first.mean())
-    error = float(np.sqrt(first.var(ddof=1) / first.size + second.var(ddof=1) / second.size))
+    change, error = drift(totals)
     pixel = float(np.sqrt(level.readings.var(axis=0, dtype=np.float64).mean()))
     if abs(change) > _DRIFT_Z * error and abs(change) > max(_SMALLEST_DRIFT * pixel, 0.05):
         raise ValueError(

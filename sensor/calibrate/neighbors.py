@@ -46,6 +46,11 @@ class Kernel(NamedTuple):
         return bool(nearest > 3 * np.sqrt(np.square(self.error[:2]).sum()))
 
     @property
+    def total_error(self) -> float:
+        """Standard error of the mean number of fired neighbors."""
+        return 2 * float(np.sqrt(np.square(self.error).sum()))  # each offset in both directions
+
+    @property
     def without_afterpulses(self) -> "Kernel":
         """Kernel of recordings that do not determine afterpulses."""
         return self._replace(afterpulses=np.nan, afterpulses_error=np.nan)

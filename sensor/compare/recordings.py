@@ -1,37 +1,45 @@
-"""Comparison of a captured and a simulated recording, with one overall false-alarm rate.
+"""Comparison of a captured and a simulated recording: faults first, then the parameters.
 
-**Order of the pixels**: rotated, mirrored, or with rows swapped. The fixed pattern of a device is
-its fingerprint. Spearman's rank correlation of two maps measures whether bright pixels agree; it is
-insensitive to gain, offset and hot pixels. Candidates are the 8 symmetries of the square and the
-best-matching order of rows (assignment by correlation). The one with a clearly higher correlation
-is named.
+Steps, each of which leaves to the next what it cannot explain:
+
+1. repeated and missing frames (`in_time`), bits and codes of the ADC (`converter`)
+2. order of the pixels (`arrangement`), which is undone
+3. dead and stuck lines and pixels (`pattern`), which are masked
+4. drift, flicker, banding, common noise (`in_time`), which are subtracted
+5. rows and columns with an offset, which is subtracted; telegraph noise, hot and deviating pixels,
+   which are masked (`pattern`)
+6. parameters of the device that explain the rest, or none (`causes`)
+7. tests of every pixel that is left (`two_sample`)
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import NamedTuple
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
-from scipy.spatial.distance import cdist
-from scipy.stats import rankdata
 
-from megalopta.core.arrays import Floats
+from megalopta.core.arrays import Floats, Mask
 from megalopta.sensor.calibrate.level import Level
-from megalopta.sensor.compare.quantities import (
-    BANDS,
-    BLOCKS,
-    band_powers,
-    block_quantities,
-    unsure_quantities,
+from megalopta.sensor.compare.arrangement import Arrangement, arrangement
+from megalopta.sensor.compare.causes import Causes, Doubts, find_causes
+from megalopta.sensor.compare.converter import stuck_bits, uneven_codes
+from megalopta.sensor.compare.faults import Fault, pixels_of
+from megalopta.sensor.compare.in_time import missing_frames, steadied, without_repeats
+from megalopta.sensor.compare.model import Model, level_of_codes
+from megalopta.sensor.compare.pattern import (
+    LineOffset,
+    deviations,
+    odd_lines,
+    odd_pixels,
+    telegraph_fault,
+    telegraphs,
+    unresponsive,
 )
+from megalopta.sensor.compare.quantities import BLOCKS
 from megalopta.sensor.compare.two_sample import (
     Difference,
     Distances,
     PixelTest,
-    Quantity,
-    difference,
     discoveries,
     distances_by_chance,
     histogram_test,
@@ -43,43 +51,8 @@ FALSE_ALARMS = 0.01
 """Largest share of comparisons of a device with itself that raise an alarm."""
 MARGIN = 0.05
 """Negligible relative difference."""
-_QUANTITIES = (
-    Quantity("step", "counts per event"),
-    Quantity("crosstalk", "neighbors per event", least=0.02),
-    Quantity("dark counts", "Hz"),
-    Quantity("efficiency", "events per photon"),
-    Quantity("dead time", "s", least=1e-9),
-)
 _FAMILIES = 5
 _FEWEST_FRAMES = 3 * BLOCKS
-_CLEARLY = 6.0
-_SYMMETRIES = {
-    "neither turned nor mirrored": (False, 0),
-    "turned by 90° to the right": (False, 1),
-    "turned by 180°": (False, 2),
-    "turned by 90° to the left": (False, 3),
-    "transposed": (True, 0),
-    "mirrored, its rows in reverse order": (True, 1),
-    "transposed about the other diagonal": (True, 2),
-    "mirrored, its columns in reverse order": (True, 3),
-}
-
-
-class Arrangement(NamedTuple):
-    """Rearrangement under which a map resembles another one."""
-
-    name: str
-    correlation: float
-    """Rank correlation after rearranging."""
-    as_it_is: float
-    """Rank correlation before rearranging."""
-    rows: tuple[int, ...] | None = None
-    """Row of the captured map at each place, if rows are swapped."""
-
-    @property
-    def is_other(self) -> bool:
-        """True if anything is swapped."""
-        return self.name != "neither turned nor mirrored"
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,52 +61,73 @@ class Comparison:
 
     arrangement: Arrangement
     """Order of the captured pixels"""
+    faults: tuple[Fault, ...]
+    """Faults found before anything was fitted"""
+    explained: Causes
+    """Parameters of the device that explain the rest"""
     differences: tuple[Difference, ...]
-    """Quantities of the device"""
+    """Quantities of the device, or of a scene"""
     tests: Mapping[str, PixelTest]
     """Tests of mean, variance and histogram of pixels at all levels, (levels, rows, columns)"""
     distances: Distances
     """Distances between histograms, (levels, rows, columns), and of samples of one distribution"""
     by_chance: Distances
-    spectrum: tuple[Difference, ...]
-    """Shares of frequency bands"""
     margin: float
 
     @property
     def causes(self) -> tuple[Difference, ...]:
-        """Quantities that differ significantly and by more than the margin, largest first."""
-        real = [each for each in beyond_chance(self.differences) if not each.is_equivalent]
+        """Quantities that explain the difference and exceed the margin, largest first."""
+        real = [each for each in self.significant if not each.is_equivalent]
         return tuple(sorted(real, key=lambda each: -each.size))
+
+    @property
+    def significant(self) -> list[Difference]:
+        """Quantities that explain the difference."""
+        if not self.explained.is_different and not self.explained.alone:
+            return beyond_chance(self.differences)  # of a scene
+        if not self.explained.accepted:
+            return []
+        names = self.explained.accepted[0].names
+        return [each for each in self.differences if each.name in names]
 
     @property
     def alarms(self) -> tuple[str, ...]:
         """Sentences on every significant difference."""
-        found = []
-        if self.arrangement.is_other:
-            found.append(f"the captured image is {self.arrangement.name}")
-        found += map(str, beyond_chance(self.differences))
+        found = [str(self.arrangement)] if self.arrangement.is_other else []
+        found += map(str, self.faults)
+        found += map(str, self.significant)
+        if self.explained.is_unexplained:
+            found.append(_NONE)
         for name, test in self.tests.items():
             if test.differs.any():
                 many = f"{test.differs.sum()} of {np.isfinite(test.p).sum()}"
-                found.append(f"the {name} differs in {many} pixels")
-        return (*found, *map(str, beyond_chance(self.spectrum)))
+                where = pixels_of(np.asarray(test.differs.any(axis=0)))
+                found.append(f"the {name} differs in {many} tests, of {where}")
+        return tuple(found)
 
     @property
     def sentence(self) -> str:
         """Summary of the differences and their size."""
-        if self.arrangement.is_other:
-            return (
-                f"The captured image is {self.arrangement.name}: rank correlation rearranged "
-                f"{self.arrangement.correlation:.2f}, before {self.arrangement.as_it_is:.2f}."
-            )
+        named = [str(self.arrangement)] if self.arrangement.is_other else []
+        named += map(str, self.faults)
         if self.causes:
-            return f"Captured: {'; '.join(map(str, self.causes))}."
+            others = self.explained.accepted[1:]
+            or_else = "".join(f", or else {' and '.join(each.names)}" for each in others)
+            named.append("; ".join(map(str, self.causes)) + or_else)
+        if self.explained.is_unexplained:
+            named.append(_NONE if not named else _NONE_OF_REST)
+        if named:
+            return f"Captured: {'; '.join(named)}."
         if not self.alarms:
             return "No difference is statistically significant."
-        largest = max(self.differences, key=lambda each: each.size, default=None)
+        largest = max(self.significant, key=lambda each: each.size, default=None)
         first = self.alarms[0]
         limit = f"; of the device, at most: {largest}" if largest and str(largest) != first else ""
         return f"Differences are statistically significant but small: {first}{limit}."
+
+
+_NONE = "none of the known causes explains the difference"
+_NONE_OF_REST = "none of the known causes explains the rest of the difference"
 
 
 def beyond_chance(tested: Sequence[Difference]) -> list[Difference]:
@@ -142,51 +136,213 @@ def beyond_chance(tested: Sequence[Difference]) -> list[Difference]:
     return [each for each in tested if each.p < limit]
 
 
+@dataclass
+class _Cleaned:
+    """Recordings in the course of the comparison: what is found is taken out."""
+
+    captured: list[Level]
+    expected: list[Level]
+    model: Model
+    errors: Sequence[Floats]
+    faults: list[Fault] = field(default_factory=list)
+    masked: Mask = field(default_factory=lambda: np.zeros((0, 0), np.bool_))
+    is_uneven: bool = False
+    """True if codes of the ADC are missing or uneven."""
+    unsure: list[dict[str, float]] = field(default_factory=list)
+
+    @property
+    def good(self) -> list[Mask]:
+        """Usable pixels of every level."""
+        pairs = zip(self.captured, self.expected, strict=True)
+        return [one.usable & other.usable & ~self.masked for one, other in pairs]
+
+    def check_frames(self) -> None:
+        """Repeated and missing frames."""
+        by_level = []
+        for at, (one, other) in enumerate(zip(self.captured, self.expected, strict=True)):
+            gaps = missing_frames(one)
+            self.captured[at], repeated = without_repeats(one, other)
+            by_level.append([*repeated, *gaps])
+        self.faults += _merged(by_level, self.captured)
+
+    def check_codes(self) -> None:
+        """Bits and codes of the ADC."""
+        codes = [[level.codes for level in each if level.codes is not None]
+                 for each in (self.captured, self.expected)]  # fmt: skip
+        if not codes[0] or not codes[1]:
+            return
+        stuck = stuck_bits(*codes)
+        for bit in stuck:
+            self.faults.append(bit.fault)
+            for at, level in enumerate(self.expected):
+                if level.codes is not None:
+                    spoilt = bit.on(level.codes)
+                    self.expected[at] = level_of_codes(
+                        spoilt, self.model.sensor, level.exposure_s, level.light_hz, level.times_s
+                    )
+        uneven = [] if stuck else uneven_codes(*codes)
+        self.faults += uneven
+        self.is_uneven = bool(uneven)
+
+    def reorder(self, found: Arrangement) -> None:
+        """Undo another order of the pixels."""
+        names = "readings", "saturated", "codes", "unrounded"
+        for at, level in enumerate(self.captured):
+            kept = {name: getattr(level, name) for name in names}
+            turned: dict[str, Any] = {
+                name: found.undone(each) for name, each in kept.items() if each is not None
+            }
+            self.captured[at] = replace(level, **turned)
+
+    def mask_unresponsive(self) -> None:
+        """Dead and stuck pixels and lines."""
+        dead, stuck, faults = unresponsive(self.captured, self.expected)
+        self.masked = dead | stuck
+        self.faults += faults
+
+    def steady(self) -> None:
+        """Drift, flicker, banding and common noise."""
+        found = steadied(self.captured, self.good, self.model.parts(self.expected))
+        self.captured = [each.level for each in found]
+        self.unsure = [each.unsure for each in found]
+        if self.is_uneven:  # as noise of some codes would
+            for each in self.unsure:
+                each["read noise"] = self.model.counts_per_code**2
+        self.faults += _merged([each.faults for each in found], self.captured)
+
+    def check_pattern(self) -> None:
+        """Lines and single pixels."""
+        flickering = np.zeros_like(self.masked)
+        for one, other, own in zip(self.captured, self.expected, self.good, strict=True):
+            flickering |= telegraphs(one, own) & ~telegraphs(other, own)
+        self.masked = self.masked | flickering
+        parts, volts = self.model.parts(self.expected), self.model.volts_per_count
+        volts = volts if self.captured[0].codes is not None else 0.0
+        offsets, odd, faults = odd_lines(self.captured, self._deviations(), self.good, parts, volts)
+        for each in offsets:
+            self._take_out(each)
+        self.masked = self.masked | odd
+        alone, more = odd_pixels(self.captured, self.expected, self._deviations(), self.good)
+        self.masked = self.masked | alone
+        self.faults += [*faults, *telegraph_fault(flickering), *more]
+
+    def _deviations(self) -> list[Any]:
+        each = zip(self.captured, self.expected, self.good, self.errors, strict=True)
+        return [deviations(*one) for one in each]
+
+    def _take_out(self, line: LineOffset) -> None:
+        take = (
+            (slice(None), line.place) if line.axis == 0 else (slice(None), slice(None), line.place)
+        )
+        for at, level in enumerate(self.captured):
+            signal = np.array(level.signal, np.float32)
+            signal[take] -= line.counts
+            if level.unrounded is None:
+                self.captured[at] = replace(level, readings=signal)
+            else:
+                readings = np.array(level.readings)
+                readings[take] = np.rint(signal[take].clip(0)).astype(readings.dtype)
+                self.captured[at] = replace(level, unrounded=signal, readings=readings)
+
+
+def _merged(by_level: Sequence[Sequence[Fault]], levels: Sequence[Level]) -> list[Fault]:
+    """One fault of each kind, with the recordings in which it is seen."""
+    kinds: dict[str, list[tuple[int, Fault]]] = {}
+    for at, faults in enumerate(by_level):
+        for each in faults:
+            kinds.setdefault(each.kind, []).append((at, each))
+    found = []
+    for kind, seen in kinds.items():
+        places = sorted({at for at, _ in seen})
+        where = f"at {levels[places[0]]}" if len(places) == 1 else (
+            f"in {len(places)} of {len(levels)} recordings"
+        )  # fmt: skip
+        # of the last recording the first, which is the strongest
+        text = next(each for at, each in seen if at == places[-1])
+        found.append(Fault(kind, f"{text}, {where}"))
+    return found
+
+
 def compare_recordings(
     captured: Sequence[Level],
     expected: Sequence[Level],
+    model: Model,
     *,
-    kind: str = "paralyzable",
     margin: float = MARGIN,
     errors: Sequence[Floats | float] | None = None,
+    is_scene: bool = False,
 ) -> Comparison:
     """Compare recordings level by level.
 
-    Raises ValueError if levels differ in shape or have too few frames.
+    Parameters
+    ----------
+    captured, expected : sequence of Level
+        The same levels in the same order; numbers of frames may differ.
+    model : Model
+        Device that the expected recordings are of.
+    margin : float
+        Negligible relative difference.
+    errors : sequence of (rows, columns) arrays, optional
+        Standard errors of each level's expected mean counts, if from a calibration; NaN for pixels
+        that it does not know, which are masked.
+    is_scene : bool
+        True if light changes in time, so that neither steadiness nor parameters are tested.
 
-    `captured`, `expected` sequences of Level: the same levels in the same order; numbers of frames
-    may differ; `kind`: kind of dead time; `margin`: negligible relative difference; `errors`
-    sequence of (rows, columns): standard errors of each level's expected mean counts, if from a
-    calibration.
+    Raises ValueError if levels differ in shape or have too few frames.
     """
     _check(captured, expected)
-    pairs = list(zip(captured, expected, strict=True))
-    usable = [one.usable & other.usable for one, other in pairs]
-    unsure = errors or [0.0] * len(pairs)
+    shape = captured[0].readings.shape[1:]
+    unsure = [np.broadcast_to(each, shape) for each in errors or [0.0] * len(captured)]
+    cleaned = _Cleaned(list(captured), list(expected), model, unsure)
+    cleaned.check_frames()
+    cleaned.check_codes()
+    order = _arrangement(list(zip(cleaned.captured, cleaned.expected, strict=True)))
+    if order.is_other:
+        cleaned.reorder(order)
+    cleaned.mask_unresponsive()
+    cleaned.masked = cleaned.masked | ~np.isfinite(np.sum(unsure, axis=0))
+    causes = Causes(1.0, (), ())
+    if not is_scene:
+        cleaned.steady()
+        cleaned.check_pattern()
+        causes = _causes(cleaned, margin)
+    tests, distances, chance = _pixel_tests(cleaned)
+    return Comparison(
+        order, tuple(cleaned.faults), causes, causes.alone, tests, distances, chance, margin
+    )
+
+
+def _causes(cleaned: _Cleaned, margin: float) -> Causes:
+    maps = {"dark counts": 0.0, "efficiency": 0.0}
+    parts = cleaned.model.parts(cleaned.expected)
+    for part, error, own, level in zip(
+        parts, cleaned.errors, cleaned.good, cleaned.expected, strict=True
+    ):
+        total = max(float(part.mean[own].sum()), 1e-300)
+        name = "dark counts" if level.is_dark else "efficiency"
+        maps[name] = max(maps[name], float(np.sqrt(np.square(error[own]).sum())) / total)
+    doubts = Doubts(cleaned.unsure, maps)
+    return find_causes(
+        cleaned.captured, cleaned.expected, cleaned.good, cleaned.model,
+        margin=margin, doubts=doubts,
+    )  # fmt: skip
+
+
+def _pixel_tests(cleaned: _Cleaned) -> tuple[dict[str, PixelTest], Distances, Distances]:
     p_values, distances, chance = [], [], []
-    for (one, other), good, error in zip(pairs, usable, unsure, strict=True):
-        a, b = np.asarray(one.readings, np.float64), np.asarray(other.readings, np.float64)
+    for one, other, own, error in zip(
+        cleaned.captured, cleaned.expected, cleaned.good, cleaned.errors, strict=True
+    ):
+        a, b = (np.asarray(each.readings, np.float64) for each in (one, other))
         of_histograms, apart = histogram_test(a, b)
         tests = mean_test(a, b, error), variance_test(a, b), of_histograms
-        p_values.append([np.where(good, p, np.nan) for p in tests])
+        p_values.append([np.where(own, p, np.nan) for p in tests])
         distances.append(apart)
         chance.append(distances_by_chance(a, b))
-    first, second = (block_quantities(each, usable, kind) for each in (captured, expected))
-    known = unsure_quantities(expected, usable, unsure)
     families = zip(("mean", "variance", "histogram"), zip(*p_values, strict=True), strict=True)
-    return Comparison(
-        arrangement=_arrangement(pairs),
-        differences=tuple(
-            difference(each, first[each.name], second[each.name], margin, known.get(each.name, 0.0))
-            for each in _QUANTITIES
-            if each.name in first and each.name in second
-        ),
-        tests={name: discoveries(np.array(p), FALSE_ALARMS / _FAMILIES) for name, p in families},
-        distances=_stacked(distances),
-        by_chance=_stacked(chance),
-        spectrum=_spectrum(pairs, margin),
-        margin=margin,
-    )
+    rate = FALSE_ALARMS / _FAMILIES
+    found = {name: discoveries(np.array(p), rate) for name, p in families}
+    return found, _stacked(distances), _stacked(chance)
 
 
 def _stacked(levels: Sequence[Distances]) -> Distances:
@@ -207,63 +363,7 @@ def _check(captured: Sequence[Level], expected: Sequence[Level]) -> None:
             raise ValueError(f"{fewest} frames; compare {_FEWEST_FRAMES} or more")
 
 
-def arrangement(captured: Floats, expected: Floats) -> Arrangement:
-    """Find the rearrangement of a map (rows, columns) relative to the expected one."""
-    plain = _correlation(captured, expected)
-    best = Arrangement("neither turned nor mirrored", plain, plain)
-    for name, (is_transposed, turns) in _SYMMETRIES.items():
-        turned = np.rot90(captured.T if is_transposed else captured, turns)
-        if turned.shape == expected.shape:
-            found = _correlation(turned, expected)
-            if _is_clearly_higher(found, best.correlation, captured.size):
-                best = Arrangement(name, found, plain)
-    rows = matching_rows(captured, expected)
-    swapped = _correlation(captured[rows], expected)
-    moved = int((rows != np.arange(len(rows))).sum())
-    # with so many orders one fits by chance: the best of n normal correlations of two rows
-    by_chance = float(np.sqrt(2 * np.log(len(rows)) / max(captured.shape[1] - 1, 1)))
-    if (
-        moved
-        and swapped > by_chance
-        and _is_clearly_higher(swapped, best.correlation, captured.size)
-    ):
-        name = f"{moved} of {len(rows)} rows in another order"
-        return Arrangement(name, swapped, plain, tuple(int(row) for row in rows))
-    return best
-
-
-def matching_rows(captured: Floats, expected: Floats) -> NDArray[np.intp]:
-    """Return the captured row (rows,) most similar to each expected one, each used once."""
-    ranks = [rankdata(each).reshape(each.shape) for each in (captured, expected)]
-    apart = cdist(ranks[1], ranks[0], "sqeuclidean")
-    return np.asarray(linear_sum_assignment(apart)[1])
-
-
-def _correlation(one: Floats, other: Floats) -> float:
-    ranks = [rankdata(each) - (each.size + 1) / 2 for each in (one, other)]
-    norm = np.sqrt((ranks[0] ** 2).sum() * (ranks[1] ** 2).sum())
-    return float((ranks[0] * ranks[1]).sum() / norm) if norm > 0 else 0.0
-
-
-def _is_clearly_higher(one: float, other: float, pixels: int) -> bool:
-    """Fisher's z test; a map of 256 pixels has a standard error of 0.09."""
-    z = np.arctanh(np.clip([one, other], -0.999999, 0.999999))
-    return bool((z[0] - z[1]) * np.sqrt((pixels - 3) / 2) > _CLEARLY)
-
-
 def _arrangement(pairs: Sequence[tuple[Level, Level]]) -> Arrangement:
     """Arrangement from the level with the most counts, which shows the pattern best."""
     one, other = max(pairs, key=lambda each: float(each[1].readings.sum()) * each[1].is_dark)
     return arrangement(one.readings.mean(axis=0), other.readings.mean(axis=0))
-
-
-def _spectrum(pairs: Sequence[tuple[Level, Level]], margin: float) -> tuple[Difference, ...]:
-    found = []
-    for at, (one, other) in enumerate(pairs):
-        a, b = band_powers(one.readings), band_powers(other.readings)
-        if min(len(a), len(b)) < 4:
-            continue
-        for band in range(BANDS - 1):
-            power = Quantity(f"power of band {band + 1} at level {at + 1}")
-            found.append(difference(power, a[:, band], b[:, band], margin))
-    return tuple(found)

@@ -210,11 +210,19 @@ class Difference(NamedTuple):
 
     def __str__(self) -> str:
         """Describe it in a phrase."""
+        if self.base:
+            low, high = (self.expected + self.scale * each for each in (self.low, self.high))
+            values = f"{self.name} {self.captured:.2g} {self.unit} instead of {self.expected:.2g}"
+            return f"{values} (95 %: {low:.2g} to {high:.2g})"
         way = "higher" if self.relative > 0 else "lower"
-        return (
-            f"{self.name} {100 * abs(self.relative):.2g} %{self.base} {way} "
-            f"(95 %: {100 * self.low:+.2g} to {100 * self.high:+.2g} %)"
-        )
+        size, low, high = (_percent(each) for each in (abs(self.relative), self.low, self.high))
+        return f"{self.name} {size} % {way} (95 %: {low:+} to {high:+} %)"
+
+
+def _percent(share: float) -> float | int:
+    """Two significant digits of a share, in percent."""
+    value = float(f"{100 * share:.2g}")
+    return int(value) if abs(value) >= 10 or value == 0 else value
 
 
 def difference(

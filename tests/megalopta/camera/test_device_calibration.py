@@ -7,7 +7,8 @@ import pytest
 import yaml
 import zarr
 
-from megalopta.camera.calibration import adc_of, calibrate_recordings, write_device
+from megalopta.camera.calibrating import calibrate_recordings
+from megalopta.camera.calibration import adc_of, primary, write_device
 from megalopta.camera.recording import Beam, Source, read_recorded
 from megalopta.core.errors import UserError
 from megalopta.sensor import (
@@ -19,7 +20,7 @@ from megalopta.sensor import (
     preset,
     write_counts,
 )
-from megalopta.sensor.calibrate.device import calibrate_device
+from megalopta.sensor.calibrate.device import Estimate, calibrate_device
 from megalopta.sensor.calibrate.level import Level
 from megalopta.sensor.calibrate.neighbors import Kernel
 from megalopta.sensor.spad.device import draw_fixed_pattern
@@ -123,3 +124,15 @@ def test_impossible_light_is_refused(text):
 def test_a_missing_recording_is_told(tmp_path):
     with pytest.raises(UserError, match="nothing"):
         calibrate_recordings([Source(tmp_path / "nothing")], tmp_path / "a.yaml", beam=Beam())
+
+
+def test_intervals_include_the_error_of_what_crosstalk_adds(calibrated):
+    folder, _, _ = calibrated
+    dark = np.load(folder / "device" / "dark_counts.npy")
+    sure = Estimate(dark, dark, dark)
+    kernel = Kernel(np.array([0.01, 0.01, 0, 0, 0, 0]), np.full(6, 1e-3), np.nan, np.nan)
+    found = primary(sure, kernel)
+    # of 4 neighbors at 1 % each; the total has an error of 2·√6·0.1 % of an event
+    half = 1.959964 * (dark - found.value) * 2 * np.sqrt(6) * 1e-3 / 0.04
+    np.testing.assert_allclose(found.high - found.value, half)
+    np.testing.assert_allclose(found.value - found.low, half)

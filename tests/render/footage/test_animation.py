@@ -1,5 +1,7 @@
 """Animated GIF, PNG and WebP, which the tests write."""
 
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 import pytest
 from PIL import Image
@@ -81,3 +83,11 @@ def test_an_animation_that_is_cut_off_is_refused(tmp_path):
     path.write_bytes(path.read_bytes()[:-60])
     with pytest.raises(UserError, match="cannot be read as a picture"):
         open_footage(path)
+
+
+@pytest.mark.parametrize("suffix", ["gif", "png", "webp"])
+def test_threads_that_share_a_file_get_the_frames_that_they_ask_for(tmp_path, suffix):
+    asked = np.random.default_rng(0).integers(0, 4, 400).tolist()
+    with open_footage(write(tmp_path / f"a.{suffix}")) as footage, ThreadPoolExecutor(4) as threads:
+        seen = threads.map(lambda k: footage.frame(k)[5, 8, 1], asked)
+        np.testing.assert_allclose(list(seen), decode_srgb(LEVELS[asked]), rtol=1e-6)

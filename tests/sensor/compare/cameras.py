@@ -4,6 +4,8 @@ import numpy as np
 
 from megalopta.sensor import Crosstalk, DeadTime, DigitalCounter, changed, expose_rate, preset
 from megalopta.sensor.calibrate.level import Level
+from megalopta.sensor.compare.model import Model
+from megalopta.sensor.compare.recordings import compare_recordings
 from megalopta.sensor.spad.device import draw_fixed_pattern
 
 SHAPE = (16, 16)
@@ -41,3 +43,13 @@ def recorded(seed, sensor=None, frames=400, dark=1.0, efficiency=1.0, step=1.0, 
         counts = expose_rate(rates, own, seed=seed, sequence=name).counts
         found.append(Level(np.rint(counts * step), exposure_s, light_hz))
     return found
+
+
+def against(captured, expected, sensor=None, **options):
+    """Comparison with a recording of a camera that is known."""
+    sensor = sensor or camera()
+    rates = [
+        (level.light_hz * EFFICIENCY * draw_fixed_pattern(sensor, SHAPE).efficiency_factor)[None]
+        for level in expected
+    ]
+    return compare_recordings(captured, expected, Model(sensor, rates), **options)

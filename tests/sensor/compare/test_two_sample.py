@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 from scipy.stats import binomtest, energy_distance, kstest, norm, wasserstein_distance
 
+from megalopta.sensor import DarkCounts, changed, preset
 from megalopta.sensor.calibrate.level import Level
+from megalopta.sensor.compare.model import Model
 from megalopta.sensor.compare.recordings import compare_recordings
 from megalopta.sensor.compare.two_sample import (
     Quantity,
@@ -69,11 +71,22 @@ def test_dark_counts_of_a_calibration_that_is_off_by_its_error_raise_no_alarm():
     expected = rng.poisson(40.0, (frames, *shape)).astype(float)
     captured = rng.poisson(40.0 * (1 + 2 * off / 8), (frames, *shape)).astype(float)
     levels = [Level(captured, 0.1)], [Level(expected, 0.1)]
-    sure = compare_recordings(*levels)
-    unsure = compare_recordings(*levels, errors=[np.full(shape, off * 40.0)])
+    model = Model(_uniform(400.0), [np.zeros((1, *shape))])
+    sure = compare_recordings(*levels, model)
+    unsure = compare_recordings(*levels, model, errors=[np.full(shape, off * 40.0)])
     (before, after) = (
         next(each for each in found.differences if each.name == "dark counts")
         for found in (sure, unsure)
     )
-    assert before.relative == after.relative
+    assert before.relative == pytest.approx(after.relative, rel=0.02)
     assert before.p < 1e-3 < after.p
+
+
+def _uniform(dark_counts_hz):
+    """An array of the same dark counts everywhere, on 1 µm²."""
+    return changed(
+        preset("ideal"),
+        pitch_m=1e-6,
+        fill_factor=1.0,
+        dark_counts=DarkCounts(bulk_mean_hz_um2=dark_counts_hz),
+    )

@@ -1,0 +1,145 @@
+"""Device model of a comparison: its readings at each level, and their expected moments."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from megalopta.core.arrays import Floats, Mask
+from megalopta.sensor.calibrate.level import Level
+from megalopta.sensor.change import changed
+from megalopta.sensor.compare.in_time import Parts
+from megalopta.sensor.expectations import event_moments, reading_moments
+from megalopta.sensor.exposure import expose_adc, expose_rate
+from megalopta.sensor.spad.analog import AnalogCounter, counts_of_codes
+from megalopta.sensor.spad.device import draw_fixed_pattern
+from megalopta.sensor.spad.model import Sensor
+
+_FULL = 0.98
+_TOGETHER = 64
+_SMALL = 0.01
+
+
+def level_of_codes(
+    codes: NDArray[Any], device: Sensor, exposure_s: float, light_hz: float = 0.0,
+    times_s: Floats | None = None,
+) -> Level:  # fmt: skip
+    """Return counts of ADC codes (n, rows, columns), by the steps, leaks and offsets of a device.
+
+    Raises ValueError if its counters are not analog.
+    """
+    own, counter = changed(device, exposure_s=exposure_s), device.counter
+    known = draw_fixed_pattern(own, (codes.shape[1], codes.shape[2])).counters
+    if not isinstance(counter, AnalogCounter) or known is None:
+        raise ValueError(f"counter.kind: {counter.kind!r}; only an analog counter has codes")
+    counts, _ = counts_of_codes(codes, counter, known)
+    full = _FULL * (counter.swing_v - known.leaked_v) / known.step_v
+    reference = counter.supply_v + known.offset_v - known.leaked_v
+    unrounded = (reference - codes * counter.lsb_v) / known.step_v
+    return Level(
+        counts, exposure_s, light_hz, counts >= full, times_s, codes, unrounded.astype(np.float32)
+    )
+
+
+class Change(NamedTuple):
+    """Changed parameters of a device."""
+
+    dark_counts: float = 0.0
+    efficiency: float = 0.0
+    """Relative changes"""
+    dead_time_s: float = 0.0
+    carriers: float = 0.0
+    neighbors: float = 0.0
+    """Differences"""
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """Device, and its detection rates (n or 1, rows, columns), Hz, at each level."""
+
+    sensor: Sensor
+    rates_hz: Sequence[Floats]
+
+    def drawn(self, like: Sequence[Level], seed: int, stimulus: str = "") -> list[Level]:
+        """Draw as many frames of every level as were captured."""
+        found = []
+        for level, rate in zip(like, self.rates_hz, strict=True):
+            own = changed(self.sensor, exposure_s=level.exposure_s)
+            name = f"comparison, {stimulus}{level.exposure_s:g} s, light {level.light_hz:g}"
+            seen = np.broadcast_to(rate, level.readings.shape)
+            if level.codes is not None:
+                codes = expose_adc(seen, own, seed=seed, sequence=name, together=_TOGETHER)
+                times = level.times_s
+                drawn = level_of_codes(codes, own, level.exposure_s, level.light_hz, times)
+            else:
+                exposure = expose_rate(seen, own, seed=seed, sequence=name)
+                # if a capture has no saturation mask, saturated counts are compared as they are
+                saturated = None if level.saturated is None else exposure.saturated
+                drawn = replace(level, readings=exposure.counts, saturated=saturated)
+            found.append(drawn)
+        return found
+
+    def parts(self, levels: Sequence[Level]) -> list[Parts]:
+        """Return the expected counts of every level, and their derivatives."""
+        found = []
+        for level, rate in zip(levels, self.rates_hz, strict=True):
+            light = np.asarray(rate, np.float64).mean(axis=0)
+            mean, more, darker = (
+                self.moments(level, light, change)[0]
+                for change in (Change(), Change(efficiency=_SMALL), Change(dark_counts=_SMALL))
+            )
+            found.append(Parts(mean, (more - mean) / _SMALL, (darker - mean) / _SMALL))
+        return found
+
+    def moments(self, level: Level, light_hz: Floats, change: Change) -> tuple[Floats, Floats]:
+        """Return mean and variance of counts, (rows, columns) each, of a changed device.
+
+        Of an analog counter, those of events: noise and rounding are the same in both recordings.
+        """
+        own = self._changed(change, level.exposure_s)
+        rate = light_hz * (1 + change.efficiency) + change.dark_counts * self._dark_hz(light_hz)
+        moments = event_moments if self.volts_per_count else reading_moments
+        mean, variance = moments(np.maximum(rate, 0)[np.newaxis], own)
+        return mean[0], variance[0]
+
+    def dark_hz(self, pixels: Mask) -> float:
+        """Return the mean dark count rate of pixels, Hz."""
+        return float(self._dark_hz(pixels)[pixels].mean())
+
+    def _dark_hz(self, like: NDArray[Any]) -> Floats:
+        shape = like.shape[0], like.shape[1]
+        return np.asarray(draw_fixed_pattern(self.sensor, shape).dark_counts_hz, np.float64)
+
+    def _changed(self, change: Change, exposure_s: float) -> Sensor:
+        sensor, fields = self.sensor, dict[str, Any](exposure_s=exposure_s)
+        if change.dead_time_s:
+            seconds = max(sensor.dead_time.dead_time_s + change.dead_time_s, 0.0)
+            kind = sensor.dead_time.kind
+            kind = "nonparalyzable" if kind == "ideal" else kind
+            fields["dead_time"] = {"kind": kind, "dead_time_s": seconds}
+        if change.carriers:
+            carriers = max(sensor.afterpulsing.mean_carriers + change.carriers, 0.0)
+            fields["afterpulsing"] = {"mean_carriers": carriers, "delay_s": self.delay_s}
+        if change.neighbors:
+            neighbors = max(sensor.crosstalk.mean_fired_neighbors + change.neighbors, 0.0)
+            fields["crosstalk"] = {"mean_fired_neighbors": neighbors}
+        return changed(sensor, **fields)
+
+    @cached_property
+    def delay_s(self) -> float:
+        """Delay of afterpulses, s: the device's, or one that dead time does not hide."""
+        return max(self.sensor.afterpulsing.delay_s, 5 * self.sensor.dead_time.dead_time_s)
+
+    @property
+    def volts_per_count(self) -> float:
+        """Step of an analog counter, V; 0 without one."""
+        return self.sensor.counter.step_v if isinstance(self.sensor.counter, AnalogCounter) else 0.0
+
+    @property
+    def counts_per_code(self) -> float:
+        """Counts between two codes of the ADC; 0 without one."""
+        counter = self.sensor.counter
+        return counter.lsb_v / counter.step_v if isinstance(counter, AnalogCounter) else 0.0

@@ -1,0 +1,92 @@
+"""Recordings of other cameras to a device file, through the command line's door."""
+
+import numpy as np
+import pytest
+
+from megalopta.camera.calibrating import calibrate_recordings, named_sources
+from megalopta.camera.recording import Beam
+from megalopta.core.errors import UserError
+from megalopta.sensor import expose_rate, load_sensor
+from megalopta.sensor.formats.tiff import tiff_writer
+
+SHAPE = (12, 16)
+DARK_HZ, EFFICIENCY = 400.0, 0.3
+
+
+def lines(*entries):
+    """A list of recordings."""
+    return "recordings:\n" + "".join(f"  - {{{each}}}\n" for each in entries)
+
+
+def written(folder, name, mean, frames=400, pack=False):
+    """Poisson counts, or bits, in a file."""
+    rng = np.random.default_rng(len(name))
+    counts = rng.poisson(mean * np.ones((frames, *SHAPE)))
+    if pack:
+        np.save(folder / f"{name}.npy", np.packbits(counts > 0, axis=-1))
+        return
+    with tiff_writer(folder / f"{name}.tif", counts.nbytes, 1.0) as write:
+        write(counts.astype(np.uint16))
+
+
+def test_counts_give_a_device_that_sense_can_use(tmp_path):
+    written(tmp_path, "dark", DARK_HZ * 0.02)
+    written(tmp_path, "flat", DARK_HZ * 1e-3 + EFFICIENCY * 2e4 * 1e-3)
+    (tmp_path / "list.yaml").write_text(
+        lines(
+            "path: dark.tif, exposure_s: 0.02", "path: flat.tif, exposure_s: 0.001, light: 2.0e+4"
+        ),
+        "utf-8",
+    )
+    out = tmp_path / "device.yaml"
+    sources = named_sources([str(tmp_path / "list.yaml")])
+    sentence = calibrate_recordings(sources, out, beam=Beam(600.0), base="ideal")
+    assert "192 pixels, 0 bad, 0 hot" in sentence
+    assert "dead time: needs counts under two lights" in sentence
+    device = load_sensor(out)
+    counts = expose_rate(np.zeros((300, *SHAPE)), device, seed=1, sequence="dark").counts
+    # 2.3 million dark counts of a device calibrated with 0.6 million, 0.15 %: six errors
+    assert counts.mean() / device.exposure_s == pytest.approx(DARK_HZ, rel=0.009)
+    page = out.with_suffix(".html").read_text("utf-8")
+    assert "efficiency (%)" in page
+    assert np.load(tmp_path / "device" / "bad.npy").sum() == 0
+
+
+def test_bits_give_a_device(tmp_path):
+    written(tmp_path, "dark", 0.02, 2000, pack=True)
+    written(tmp_path, "flat", 0.02 + 0.4, 2000, pack=True)
+    (tmp_path / "list.yaml").write_text(
+        lines(
+            "path: dark.npy, exposure_s: 0.0001",
+            "path: flat.npy, exposure_s: 0.0001, light: 1.0e+4, frames: [0, 1500]",
+        ),
+        "utf-8",
+    )
+    out = tmp_path / "binary.yaml"
+    sources = named_sources([str(tmp_path / "list.yaml")])
+    sentence = calibrate_recordings(sources, out, beam=Beam(600.0), base="ideal")
+    assert "bits do not show it" in sentence
+    device = load_sensor(out)
+    assert device.counter.capacity == 1
+    # a mean of 0.4 in 1500 frames of 192 pixels: 0.25 %; six of them
+    efficiency = np.load(tmp_path / "binary" / "efficiency.npy").mean()
+    assert efficiency == pytest.approx(0.4, rel=0.015)
+
+
+@pytest.mark.parametrize(
+    ("words", "text"),
+    [
+        ("exposure_s", lines("path: dark.tif, exposure_s: 0")),
+        ("frames", lines("path: dark.tif, frames: [10, 10]")),
+        ("recordings", "recordings: []"),
+        ("lens", lines("path: dark.tif, lens: 2")),
+        ("no such file", lines("path: nothing.tif, exposure_s: 1")),
+    ],
+)
+def test_lists_are_checked(words, text, tmp_path):
+    (tmp_path / "list.yaml").write_text(text, "utf-8")
+    with pytest.raises(UserError, match=words):
+        calibrate_recordings(
+            named_sources([str(tmp_path / "list.yaml")]), tmp_path / "out.yaml", beam=Beam()
+        )
+    assert not (tmp_path / "out.yaml").exists()
