@@ -48,8 +48,7 @@ class EnvironmentView:
         self, environment: Environment, camera: Camera, bands_nm: Bands, samples: int
     ) -> None:
         self._grid = math.isqrt(samples - 1) + 1
-        fine = {"width": camera.width * self._grid, "height": camera.height * self._grid}
-        self._axes = camera.model_copy(update=fine).directions().astype(np.float32)
+        self._axes = camera.finer(self._grid).directions().astype(np.float32)
         self._turn = math.radians(environment.turn_deg)
         self._rgb = load_panorama(environment)
         self._efficacy = [luminous(spectrum) for spectrum in environment.spectra]

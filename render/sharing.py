@@ -98,11 +98,12 @@ def _longest(camera: Camera, before: Floats, after: Floats) -> float:
 
 
 def _px_per_rad(camera: Camera) -> float:
-    """Largest number of px of the image's border per angle."""
+    """Largest number of px per angle along the image's border and its middle row and column."""
     columns, rows = np.arange(camera.width + 1.0), np.arange(camera.height + 1.0)
-    border = [np.stack([columns, np.full_like(columns, y)], axis=-1) for y in rows[[0, -1]]]
-    border += [np.stack([np.full_like(rows, x), rows], axis=-1) for x in columns[[0, -1]]]
-    steps = [np.linalg.norm(np.diff(camera.toward(each), axis=0), axis=1) for each in border]
+    rims = ([0, size // 2, size] for size in camera.shape)
+    lines = [np.stack([columns, np.full_like(columns, y)], axis=-1) for y in next(rims)]
+    lines += [np.stack([np.full_like(rows, x), rows], axis=-1) for x in next(rims)]
+    steps = [np.linalg.norm(np.diff(camera.toward(each), axis=0), axis=1) for each in lines]
     return float(1 / np.concatenate(steps).min().clip(1e-9))
 
 

@@ -6,6 +6,7 @@ from .build import (
     build_scene as build_scene,
 )
 from .cameras.base import Camera as Camera
+from .cameras.opencv import OpenCVCamera as OpenCVCamera
 from .cameras.panoramic import (
     CylindricalCamera as CylindricalCamera,
     EquirectangularCamera as EquirectangularCamera,

@@ -167,7 +167,7 @@ def _sequence(record: SequenceRecord) -> Iterator[dict[str, Any]]:
     camera = settings["camera"]
     yield {
         "frames": record.frames,
-        **{name: camera[name] for name in ("height", "width", "fov_deg")},
+        **{name: camera.get(name) for name in ("height", "width", "fov_deg")},
         "bytes": sum(size for size, _ in record.files.values()),
         "frame_rate_hz": settings["trajectory"]["frame_rate_hz"],
         "scene": settings["scene"]["kind"],

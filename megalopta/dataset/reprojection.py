@@ -22,6 +22,7 @@ from megalopta.core.errors import UserError
 from megalopta.dataset.frames import read_truth_frame
 from megalopta.dataset.store import Dataset
 from megalopta.render import Truth, out_of_view, read_attributes
+from megalopta.scenes.cameras.opencv import OpenCVCamera
 from megalopta.scenes.forest.sway import Sway
 from megalopta.scenes.meshes.animation import NodeMotion
 from megalopta.scenes.motion import Motion, ObjectMotion, RigidMotion
@@ -47,6 +48,12 @@ class View:
         pose = np.array([float(number) for number in header["cameraToWorld"].split()])
         return cls(json.loads(header["camera"]), pose.reshape(4, 4), float(header["timeSeconds"]))
 
+    @cached_property
+    def _calibrated(self) -> OpenCVCamera | None:
+        """The camera if it is a calibrated one, which knows its own lens."""
+        is_calibrated = self.camera["kind"] == "opencv"
+        return OpenCVCamera.model_validate(self.camera) if is_calibrated else None
+
     @property
     def _per_radian(self) -> float:
         """Columns per radian of azimuth, or the pinhole's focal length (px)."""
@@ -61,6 +68,10 @@ class View:
 
     def directions(self) -> Float64:
         """Points seen by every pixel at unit depth (H, W, 3), in world axes."""
+        if self._calibrated:
+            rays = self._calibrated.directions()
+            reach = self._calibrated.depth(np.ones(rays.shape[:2]))
+            return np.asarray(rays / reach[..., None] @ self.pose[:3, :3].T)
         x, y = np.moveaxis(self.pixels(), -1, 0)
         x = x - self.camera["width"] / 2
         if self.camera["kind"] == "perspective":
@@ -83,6 +94,8 @@ class View:
     def image_of(self, points: Float64, at_infinity: NDArray[np.bool_]) -> Float64:
         """Image coordinates (..., 2) of points (..., 3), which are directions where at infinity."""
         offset = points - np.where(at_infinity[..., None], 0.0, self.pose[:3, 3])
+        if self._calibrated:
+            return self._calibrated.project(offset @ self.pose[:3, :3])
         right, down, ahead = np.moveaxis(offset @ self.pose[:3, :3], -1, 0)
         width, height = self.camera["width"], self.camera["height"]
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -103,14 +116,15 @@ class View:
     def depth_of(self, points: Float64) -> Float64:
         """Depth (...) of points (..., 3) as stored in the truth, m."""
         offset = points - self.pose[:3, 3]
-        if self.camera["kind"] == "perspective":
+        is_fisheye = bool(self.camera.get("fisheye"))
+        if self.camera["kind"] in ("perspective", "opencv") and not is_fisheye:
             return np.asarray(offset @ self.pose[:3, 2])
         return np.asarray(np.linalg.norm(offset, axis=-1))
 
     def way_to(self, image: Float64) -> Float64:
         """Displacement (H, W, 2) from pixels to image coordinates, in a panorama the shorter."""
         way = image - self.pixels()
-        if self.camera["kind"] != "perspective" and self.camera["fov_deg"] == 360:
+        if self.camera["kind"] != "perspective" and self.camera.get("fov_deg") == 360:
             half = self.camera["width"] / 2
             way[..., 0] = (way[..., 0] + half) % (2 * half) - half
         return way

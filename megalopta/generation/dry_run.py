@@ -187,7 +187,7 @@ def _small(settings: Configuration, things: int) -> Configuration:
     return settings.model_copy(
         update={
             "scene": scene.model_copy(update=fewer),
-            "camera": camera.model_copy(update={"height": rows}),
+            "camera": camera.with_rows(rows),
             "render": shading,
         }
     )

@@ -5,7 +5,7 @@ the center of the pixel in column i and row j is at (i + 0.5, j + 0.5).
 """
 
 from abc import abstractmethod
-from typing import Annotated, ClassVar
+from typing import Annotated, Self
 
 import numpy as np
 from pydantic import Field
@@ -20,7 +20,7 @@ Pixels = Annotated[int, Field(ge=1, le=2**15)]
 
 
 class Camera(Record, frozen=True):
-    """Projection, image size and field of view."""
+    """Projection and image size."""
 
     kind: str
     """Kind of camera."""
@@ -31,12 +31,6 @@ class Camera(Record, frozen=True):
     height: Pixels
     """Rows (px)."""
 
-    fov_deg: float
-    """Horizontal field of view (degrees)."""
-
-    depth_meaning: ClassVar[str] = "along the ray"
-    """Direction of measured depth."""
-
     def __str__(self) -> str:
         """Description of the camera in a sentence."""
         return f"{self.kind} camera"
@@ -45,6 +39,11 @@ class Camera(Record, frozen=True):
     def shape(self) -> tuple[int, int]:
         """Rows and columns."""
         return self.height, self.width
+
+    @property
+    def depth_meaning(self) -> str:
+        """Direction of measured depth."""
+        return "along the ray"
 
     @property
     def wraps(self) -> bool:
@@ -60,6 +59,11 @@ class Camera(Record, frozen=True):
     @abstractmethod
     def focal_length_px(self) -> float:
         """Focal length in pixels: columns per radian at the image center."""
+
+    @property
+    @abstractmethod
+    def view_rad(self) -> float:
+        """Horizontal field of view (rad)."""
 
     @property
     @abstractmethod
@@ -86,6 +90,14 @@ class Camera(Record, frozen=True):
         """Image coordinates (H, W, 2) of all pixel centers, (x, y) in px."""
         x, y = np.meshgrid(np.arange(self.width) + 0.5, np.arange(self.height) + 0.5)
         return np.stack([x, y], axis=-1)
+
+    def finer(self, parts: int) -> Self:
+        """Return the camera with each pixel divided into parts × parts."""
+        return self.model_copy(update={"width": self.width * parts, "height": self.height * parts})
+
+    def with_rows(self, rows: int) -> Self:
+        """Return the camera with fewer rows, around the same direction."""
+        return self.model_copy(update={"height": rows})
 
     def displacement(self, points: Floats, image: Floats | None = None) -> Floats:
         """Displacement in px (..., 2) from image coordinates to the images of points (..., 3).

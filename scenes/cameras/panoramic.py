@@ -56,6 +56,11 @@ class PanoramicCamera(Camera, frozen=True):
         return self.width / math.radians(self.fov_deg)
 
     @property
+    def view_rad(self) -> float:
+        """Horizontal field of view (rad of azimuth)."""
+        return math.radians(self.fov_deg)
+
+    @property
     def steepest_tangent(self) -> float:
         """Largest |tan(elevation)| in the image of a level camera."""
         return max(abs(math.tan(math.radians(end))) for end in (self.lower_deg, self.upper_deg))

@@ -24,16 +24,24 @@ class PerspectiveCamera(Camera, frozen=True):
     fov_deg: Annotated[float, Field(ge=1e-3, lt=180)] = 75.0
     """Horizontal field of view (degrees)."""
 
-    depth_meaning = "along the optical axis"
-
     def __str__(self) -> str:
         """Description of the camera in a sentence."""
         return "camera"
 
     @property
+    def depth_meaning(self) -> str:
+        """Direction of measured depth."""
+        return "along the optical axis"
+
+    @property
     def focal_length_px(self) -> float:
         """Focal length in pixels: columns per radian at the image center."""
         return self.width / (2 * math.tan(math.radians(self.fov_deg) / 2))
+
+    @property
+    def view_rad(self) -> float:
+        """Horizontal field of view (rad)."""
+        return math.radians(self.fov_deg)
 
     @property
     def steepest_tangent(self) -> float:

@@ -27,9 +27,9 @@ def triangles_in(contents: Mapping[str, bytes]) -> int:
 
 def _of_stl(content: bytes) -> int:
     """Return the number that the size of a binary file tells, or the facets of a text."""
-    told = int.from_bytes(content[_STL_HEADER - 4 : _STL_HEADER], "little")
-    is_binary = len(content) == _STL_HEADER + _STL_TRIANGLE * told
-    return told if is_binary else content.count(b"facet normal")
+    stated = int.from_bytes(content[_STL_HEADER - 4 : _STL_HEADER], "little")
+    is_binary = len(content) == _STL_HEADER + _STL_TRIANGLE * stated
+    return stated if is_binary else content.count(b"facet normal")
 
 
 def _of_gltf(header: Json) -> int:

@@ -15,7 +15,7 @@ def refused_as_damaged(path: str) -> Iterator[None]:
     except DamagedFileError as problem:
         raise DamagedFileError(f"{path}: {problem}") from None
     except Exception as problem:  # a damaged file can raise any exception
-        told = str(problem) if type(problem) is ValueError else type(problem).__name__
+        message = str(problem) if type(problem) is ValueError else type(problem).__name__
         raise DamagedFileError(
-            f"{path} cannot be read ({quoted(told)}); repair it, or export it again"
+            f"{path} cannot be read ({quoted(message)}); repair it, or export it again"
         ) from None

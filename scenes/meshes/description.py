@@ -1,4 +1,4 @@
-"""Scene of the user's own mesh files: what each of their nodes places is an object.
+"""Scene of the user's own mesh files, with an object for each mesh that a node places.
 
 Surfaces are diffuse and opaque, equal on both sides. Their reflectance comes from the colors of the
 files (`scenes/spectra/colors.py`), which say nothing beyond 360 to 830 nm, or is given by the name

@@ -113,10 +113,10 @@ class MeshModel(Record, frozen=True):
     def _say_ignored(self, pieces: list[Piece]) -> None:
         paints = {piece.paint.name: piece.paint for piece in pieces if piece.paint.ignored}
         if paints:
-            told = ", ".join(f"{name} ({' and '.join(p.ignored)})" for name, p in paints.items())
+            found = ", ".join(f"{name} ({' and '.join(p.ignored)})" for name, p in paints.items())
             say(
                 f"scene: {self.file.path}: materials are rendered as opaque, diffuse surfaces "
-                f"without light of their own; it has {told}"
+                f"without light of their own; it has {found}"
             )
 
 

@@ -95,7 +95,7 @@ class Grating(SceneDescription, frozen=True):
         _check_height(camera)
         _check_frequency(self, camera)
         half_height = 1.05 * camera.steepest_tangent
-        pattern = _pattern(self, math.radians(camera.fov_deg), half_height)
+        pattern = _pattern(self, camera.view_rad, half_height)
         wall = open_cylinder(_RADIUS_M, 2 * half_height * _RADIUS_M)
         to_world = np.eye(4)
         to_world[:3, 3] = position_m
@@ -187,9 +187,10 @@ def _check_height(camera: Camera) -> None:
 
 def _check_frequency(grating: Grating, camera: Camera) -> None:
     cycles = moving_cycles(grating.cycles_per_frame, grating.variant, grating.pattern)
-    around = cycles * 360 / camera.fov_deg
+    fov_deg = math.degrees(camera.view_rad)
+    around = cycles * 360 / fov_deg
     # The pixel at the center spans the largest angle.
-    most = math.radians(camera.fov_deg) * camera.focal_length_px / 2
+    most = camera.view_rad * camera.focal_length_px / 2
     if cycles > most:
         raise ValueError(
             f"scene.cycles_per_frame {grating.cycles_per_frame:g}: {cycles:.3g} cycles over "
@@ -200,6 +201,6 @@ def _check_frequency(grating: Grating, camera: Camera) -> None:
         closing = grating.cycles_per_frame * round(around) / around
         raise ValueError(
             f"scene.cycles_per_frame {grating.cycles_per_frame:g} makes {around:.4g} cycles around "
-            f"the cylinder at a field of view of {camera.fov_deg:g}°, which does not close: "
+            f"the cylinder at a field of view of {fov_deg:g}°, which does not close: "
             f"use {closing:.8g}"
         )

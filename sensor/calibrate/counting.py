@@ -13,7 +13,7 @@ time; so r = −ln(1 − p)/T, with the variance p/((1 − p)·n)/T² of n frame
 
 Variance beyond that of independent events (afterpulses, crosstalk), by its mean over the array,
 widens intervals. The uncertainty of the dead time is part of those of rates. Pixels of a level are
-left out where a counter was at its capacity, or fewer than ten binary frames were 0.
+omitted where a counter was at its capacity, or fewer than ten binary frames were 0.
 """
 
 from collections.abc import Mapping, Sequence

@@ -121,7 +121,7 @@ def test_missing_map_and_missing_device_are_named(measured):
         ("sensors: [spadcan]", "'spadcan' is unknown: use one of"),
         ("trajectory: {position_m: [0, 0, 1], look_at_m: [0, 0, 5]}", "up .* is parallel to the view"),
         ("render: {samples_per_pass: 0}", r"render\.samples_per_pass: .*greater than or equal to 1, got 0"),
-        ("camera: {kind: fisheye}", "camera: kind 'fisheye' is unknown; use 'perspective', 'equirectangular'"),
+        ("camera: {kind: fisheye}", "camera: kind 'fisheye' is unknown; use 'perspective', 'opencv', 'equirectangular'"),
         ("camera: {kind: cylindrical, upper_deg: 90}", r": camera\.upper_deg: .*less than 90, got 90"),
         ("camera: {kind: equirectangular, fov: 90}", r"camera\.fov: unknown key; did you mean 'fov_deg'"),
         ("light: {sky: cloudy}", r"light\.sky: .*'even' or 'natural', got 'cloudy'"),

@@ -8,6 +8,7 @@ from scipy.spatial.transform import Rotation
 from megalopta.render.scene_renderer import SceneRenderer
 from megalopta.render.settings import RenderSettings
 from megalopta.render.truth.tracer import out_of_view
+from megalopta.scenes.cameras.opencv import OpenCVCamera
 from megalopta.scenes.cameras.panoramic import CylindricalCamera, EquirectangularCamera
 from megalopta.scenes.cameras.perspective import PerspectiveCamera
 from megalopta.scenes.scene import Lighting, Scene
@@ -52,6 +53,15 @@ def test_uniform_radiance_is_uniform_in_every_camera(camera, backend):
     [
         EquirectangularCamera(width=720, height=180, lower_deg=-45, upper_deg=45),
         CylindricalCamera(width=720, height=230),
+        OpenCVCamera(
+            width=300,
+            height=240,
+            fx_px=200,
+            fy_px=190,
+            cx_px=140,
+            cy_px=125,
+            distortion=(-0.2, 0.03, 0.002, 0.001, 0.0),
+        ),
     ],
     ids=lambda camera: camera.kind,
 )

@@ -1,0 +1,256 @@
+"""Calibrated camera with OpenCV's parameters: any principal point, and distortion by the lens.
+
+A point (x, y, z) is first projected to a plane: to (x/z, y/z), or for a fisheye at its angle θ from
+the optical axis, to θ·(x, y)/√(x² + y²). The lens moves a point (a, b) of the plane, with
+s = a² + b², to
+
+    a·g(s) + 2·p1·a·b + p2·(s + 2a²)
+    b·g(s) + p1·(s + 2b²) + 2·p2·a·b
+
+g is (1 + k1·s + k2·s² + k3·s³) / (1 + k4·s + k5·s² + k6·s³), and 1 + k1·s + k2·s² + k3·s³ + k4·s⁴
+for a fisheye, which has no p. Sources: OpenCV, "Camera Calibration and 3D Reconstruction" (Brown,
+Photogrammetric Engineering 37, 1971), and its fisheye model (Kannala and Brandt, IEEE TPAMI 28,
+2006).
+
+OpenCV has the center of the first pixel at (0, 0), this program at (0.5, 0.5). Parameters are
+OpenCV's; image coordinates in this program are greater by half a pixel.
+
+Far from the axis such polynomials turn back, and would show points a second time. Points from there
+on have no image.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+import numpy as np
+from numpy.polynomial import Polynomial
+from pydantic import Field, model_validator
+
+from megalopta.core.arrays import Floats
+from megalopta.scenes.cameras.base import SINGULAR_RAD, Camera
+
+_ACCURACY = 1e-10
+_MOST_STEPS = 30
+_TABLE = 1025
+"""Radii among which the first guess of an undistorted point is found."""
+_CHECKED = 65
+"""Points along each side of the image, and on lines between, at which the lens is inverted."""
+
+
+class OpenCVCamera(Camera, frozen=True):
+    """Calibrated camera: OpenCV's matrix, and the distortion of its lens or fisheye."""
+
+    kind: Literal["opencv"] = "opencv"
+
+    fx_px: Annotated[float, Field(gt=0)]
+    """Focal length along rows (px)."""
+
+    fy_px: Annotated[float, Field(gt=0)]
+    """Focal length along columns (px)."""
+
+    cx_px: float
+    """Column of the principal point (px); 0 is the center of the first pixel, as in OpenCV."""
+
+    cy_px: float
+    """Row of the principal point (px); 0 is the center of the first pixel, as in OpenCV."""
+
+    distortion: tuple[float, ...] = ()
+    """k1, k2, p1, p2, k3, and for OpenCV's rational model k4, k5, k6; default: none."""
+
+    fisheye: tuple[float, ...] = ()
+    """k1, k2, k3, k4 of OpenCV's fisheye model instead; default: no fisheye."""
+
+    @model_validator(mode="after")
+    def _has_one_lens(self) -> "OpenCVCamera":
+        if self.distortion and self.fisheye:
+            raise ValueError("distortion and fisheye are both given: omit one of them")
+        if len(self.distortion) not in (0, 5, 8):
+            raise ValueError(f"distortion has {len(self.distortion)} coefficients: give 5 or 8")
+        if len(self.fisheye) not in (0, 4):
+            raise ValueError(f"fisheye has {len(self.fisheye)} coefficients: give 4")
+        return self
+
+    @model_validator(mode="after")
+    def _lens_is_invertible(self) -> "OpenCVCamera":
+        sides = (np.linspace(0, size, _CHECKED) for size in (self.width, self.height))
+        image = np.stack(np.meshgrid(*sides), axis=-1).reshape(-1, 2)
+        lost = np.isnan(self.toward(image)).any(axis=-1)
+        if lost.any():
+            name = "fisheye" if self.fisheye else "distortion"
+            x, y = image[lost][0] - 0.5
+            raise ValueError(
+                f"{name} {[*getattr(self, name)]} has no inverse at ({x:g}, {y:g}) px, inside the "
+                "image: give coefficients whose radial function rises up to the corners, or a "
+                "smaller image"
+            )
+        return self
+
+    @property
+    def depth_meaning(self) -> str:
+        """Direction of measured depth."""
+        return "along the ray" if self.fisheye else "along the optical axis"
+
+    @property
+    def intrinsics(self) -> Floats | None:
+        """Matrix K (3, 3), px, with pixel centers at half integers; None if the lens distorts."""
+        if self.fisheye or any(self.distortion):
+            return None
+        (fx, fy), (cx, cy) = self._focal, self._principal
+        return np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
+
+    @property
+    def focal_length_px(self) -> float:
+        """Focal length in pixels: columns per radian at the principal point."""
+        return self.fx_px
+
+    @property
+    def view_rad(self) -> float:
+        """Horizontal field of view, in azimuth along the middle row (rad)."""
+        ends = np.array([[0, self.height / 2], [self.width, self.height / 2]])
+        left, right = (math.atan2(x, z) for x, _, z in self.toward(ends))
+        return right - left
+
+    @property
+    def steepest_tangent(self) -> float:
+        """Largest |tan(elevation)| in the image of a level camera; infinite around a pole."""
+        poles = self.project(np.array([[0.0, -1, 0], [0, 1, 0]]))
+        if ((poles >= 0) & (poles <= [self.width, self.height])).all(axis=1).any():
+            return math.inf
+        image = np.stack(np.meshgrid(*(np.arange(n + 1.0) for n in self.shape[::-1])), axis=-1)
+        border = [image[0], image[-1], image[:, 0], image[:, -1]]
+        right, down, ahead = self.toward(np.concatenate(border)).T
+        return float(np.abs(down / np.hypot(right, ahead)).max())
+
+    def toward(self, image: Floats) -> Floats:
+        """Unit vectors (..., 3), in camera axes, through image coordinates (..., 2) in px.
+
+        NaN outside of the image where the lens maps no direction.
+        """
+        plane = self._lens.undone((image - self._principal) / self._focal)
+        radius = np.linalg.norm(plane, axis=-1, keepdims=True)
+        if self.fisheye:
+            rays = [np.sinc(radius / math.pi) * plane, np.cos(radius)]
+        else:
+            length = np.hypot(1, radius)
+            rays = [plane / length, 1 / length]
+        return np.concatenate(rays, axis=-1)
+
+    def project(self, points: Floats) -> Floats:
+        """Image coordinates (..., 2) in px of points (..., 3) in camera axes.
+
+        Only directions count, so a point at infinity is given as its direction. NaN for points that
+        are not in front of the camera, or within 1e-5 rad of its image plane (of a fisheye: behind
+        it on the axis), and for those from where the lens turns back.
+        """
+        across, ahead = points[..., :2], points[..., 2:]
+        radius = np.linalg.norm(across, axis=-1, keepdims=True)
+        angle = np.arctan2(radius, ahead)
+        if self.fisheye:
+            angle = np.where(angle < math.pi - SINGULAR_RAD, angle, np.nan)
+            plane = angle * across / np.maximum(radius, np.finfo(float).tiny)
+        else:
+            plane = across / np.where(angle < math.pi / 2 - SINGULAR_RAD, ahead, np.nan)
+        return self._lens.done(plane) * self._focal + self._principal
+
+    def depth(self, distance: Floats) -> Floats:
+        """Depth (H, W), m, from distances (H, W) along the rays; the same for a fisheye."""
+        return distance if self.fisheye else distance * self.directions()[..., 2]
+
+    def finer(self, parts: int) -> "OpenCVCamera":
+        """Return the camera with each pixel divided into parts × parts."""
+        (fx, fy), (cx, cy) = self._focal * parts, self._principal * parts - 0.5
+        finer = {"fx_px": fx, "fy_px": fy, "cx_px": cx, "cy_px": cy}
+        return super().finer(parts).model_copy(update=finer)
+
+    def with_rows(self, rows: int) -> "OpenCVCamera":
+        """Return the camera of a number of rows in the middle of the image."""
+        cy = self.cy_px - (self.height - rows) / 2
+        return self.model_copy(update={"height": rows, "cy_px": cy})
+
+    @property
+    def _focal(self) -> Floats:
+        return np.array([self.fx_px, self.fy_px])
+
+    @property
+    def _principal(self) -> Floats:
+        """Principal point (2,) in this program's image coordinates."""
+        return np.array([self.cx_px + 0.5, self.cy_px + 0.5])
+
+    @property
+    def _lens(self) -> "_Lens":
+        if self.fisheye:
+            return _Lens(Polynomial([1, *self.fisheye]), Polynomial([1]), 0.0, 0.0)
+        k1, k2, p1, p2, k3, k4, k5, k6 = (*self.distortion, *[0.0] * 8)[:8]
+        return _Lens(Polynomial([1, k1, k2, k3]), Polynomial([1, k4, k5, k6]), p1, p2)
+
+
+@dataclass(frozen=True)
+class _Lens:
+    """Distortion of the plane: g = upper / lower, and two tangential coefficients."""
+
+    upper: Polynomial
+    lower: Polynomial
+    p1: float
+    p2: float
+
+    def done(self, plane: Floats) -> Floats:
+        """Distorted points (..., 2); NaN from where they turn back."""
+        xx, xy, yy = self._slopes(plane)
+        is_rising = ((plane**2).sum(axis=-1) < self._end) & (xx * yy - xy**2 > 0)
+        return np.where(is_rising[..., None], self._moved(plane), np.nan)
+
+    def undone(self, wanted: Floats) -> Floats:
+        """Points distorted to the wanted ones (..., 2), by Newton's method; NaN if none."""
+        plane = self._guess(wanted)
+        with np.errstate(all="ignore"):  # where there are none
+            for _ in range(_MOST_STEPS):
+                x, y = np.moveaxis(wanted - self._moved(plane), -1, 0)
+                xx, xy, yy = self._slopes(plane)
+                step = np.stack([yy * x - xy * y, xx * y - xy * x], axis=-1)
+                step /= (xx * yy - xy**2)[..., None]
+                plane = plane + step
+                if np.nanmax(np.abs(step), initial=0) < _ACCURACY:
+                    break
+            is_found = (np.abs(step) < _ACCURACY) & ~np.isnan(self.done(plane))
+        return np.where(is_found.all(axis=-1, keepdims=True), plane, np.nan)
+
+    def _guess(self, wanted: Floats) -> Floats:
+        """Points (..., 2) near the ones looked for: without tangential distortion, from a table."""
+        size = np.linalg.norm(wanted, axis=-1, keepdims=True)
+        largest = most = float(np.nanmax(size, initial=1e-3))
+        end = math.sqrt(self._end)
+        while most < end and most * self._gain(most**2) < largest:
+            most *= 2
+        radii = np.linspace(0, min(most, end), _TABLE)[:-1]
+        found = np.interp(size, radii * self._gain(radii**2), radii)
+        return np.asarray(wanted * found / np.maximum(size, np.finfo(float).tiny))
+
+    def _gain(self, s: Floats | float) -> Floats:
+        return np.asarray(self.upper(s) / self.lower(s))
+
+    def _moved(self, plane: Floats) -> Floats:
+        s = (plane**2).sum(axis=-1, keepdims=True)
+        mixed = 2 * plane.prod(axis=-1, keepdims=True)
+        square = s + 2 * plane**2
+        return plane * self._gain(s) + [self.p1, self.p2] * mixed + [self.p2, self.p1] * square
+
+    def _slopes(self, plane: Floats) -> tuple[Floats, Floats, Floats]:
+        """Derivatives of distorted x along x, along y (as of y along x), and of y along y."""
+        x, y = np.moveaxis(plane, -1, 0)
+        s = x**2 + y**2
+        gain, lower = self._gain(s), self.lower(s)
+        bend = 2 * (self.upper.deriv()(s) - gain * self.lower.deriv()(s)) / lower
+        xx = gain + x**2 * bend + 2 * self.p1 * y + 6 * self.p2 * x
+        xy = x * y * bend + 2 * self.p1 * x + 2 * self.p2 * y
+        yy = gain + y**2 * bend + 6 * self.p1 * y + 2 * self.p2 * x
+        return xx, xy, yy
+
+    @property
+    def _end(self) -> float:
+        """Smallest s where the radial function √s·g(s) stops rising; infinite if it never does."""
+        s, upper, lower = Polynomial([0.0, 1.0]), self.upper, self.lower
+        slope = (upper + 2 * s * upper.deriv()) * lower - 2 * s * upper * lower.deriv()
+        roots = np.concatenate([each.trim().roots() for each in (slope, lower)])
+        is_real = np.abs(roots.imag) < 1e-9 * np.abs(roots)
+        return float(min(roots.real[is_real & (roots.real > 0)], default=math.inf))

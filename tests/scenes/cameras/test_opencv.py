@@ -1,0 +1,127 @@
+"""Calibrated cameras against OpenCV itself, and against their own inverse."""
+
+import cv2
+import numpy as np
+import pytest
+from pydantic import TypeAdapter, ValidationError
+
+from megalopta.scenes import AnyCamera, OpenCVCamera
+
+SIZE = {"width": 64, "height": 48, "fx_px": 50.0, "fy_px": 52.0, "cx_px": 30.2, "cy_px": 25.7}
+BARREL = (-0.28, 0.09, 1.2e-3, -0.8e-3, -0.01)
+RATIONAL = (0.4, 0.05, 1e-3, 2e-3, 0.002, 0.75, 0.2, 0.01)
+FISHEYE = (-0.02, 0.004, -0.002, 2e-4)
+LENSES = {
+    "none": {},
+    "barrel": {"distortion": BARREL},
+    "pincushion": {"distortion": (0.3, 0.02, 0.0, 1e-3, 0.0)},
+    "rational": {"distortion": RATIONAL},
+    "fisheye": {"fisheye": FISHEYE},
+}
+EVERY_LENS = pytest.mark.parametrize("lens", LENSES.values(), ids=LENSES)
+
+
+def camera_of(lens, **changes):
+    return OpenCVCamera(**{**SIZE, **lens, **changes})
+
+
+def opencv_points(camera, points):
+    """Image points (n, 2) by OpenCV, whose pixel centers are at integers."""
+    matrix = np.array([[camera.fx_px, 0, camera.cx_px], [0, camera.fy_px, camera.cy_px], [0, 0, 1]])
+    still = np.zeros(3)
+    if camera.fisheye:
+        given = points[:, None], still, still, matrix, np.array(camera.fisheye)
+        return cv2.fisheye.projectPoints(*given)[0][:, 0]
+    given = points[:, None], still, still, matrix, np.array(camera.distortion or [0.0] * 5)
+    return cv2.projectPoints(*given)[0][:, 0]
+
+
+@EVERY_LENS
+def test_points_are_projected_as_by_opencv_half_a_pixel_to_the_left(lens):
+    camera = camera_of(lens)
+    across = np.random.default_rng(0).uniform(-0.7, 0.7, (500, 2))
+    points = np.column_stack([across, np.ones(500)]) * np.linspace(0.5, 4, 500)[:, None]
+    # float64 sums of some hundred px in another order
+    expected = opencv_points(camera, points) + 0.5
+    np.testing.assert_allclose(camera.project(points), expected, rtol=0, atol=1e-9)
+
+
+@EVERY_LENS
+def test_directions_are_those_whose_image_is_the_pixel(lens):
+    camera = camera_of(lens)
+    directions = camera.directions()
+    np.testing.assert_allclose(np.linalg.norm(directions, axis=-1), 1, rtol=1e-14)
+    # the last of Newton's steps is below 1e-10 of some 50 px, and the error is its square
+    centers = camera.pixel_centers()
+    np.testing.assert_allclose(camera.project(3 * directions), centers, rtol=0, atol=1e-10)
+
+
+def test_a_fisheye_sees_behind_its_image_plane():
+    camera = camera_of({"fisheye": (0.0,) * 4}, fx_px=16, fy_px=16, cx_px=31.5, cy_px=23.5)
+    angle = np.radians([-110, 0, 100])
+    points = np.stack([np.sin(angle), 0 * angle, np.cos(angle)], axis=-1)
+    expected = np.stack([32 + 16 * angle, np.full(3, 24.0)], axis=-1)
+    np.testing.assert_allclose(camera.project(points), expected, atol=1e-12)
+    np.testing.assert_allclose(camera.toward(expected), points, atol=1e-12)
+    assert np.isnan(camera.project(np.array([0, 0, -1.0]))).all()
+
+
+def test_points_from_where_the_lens_turns_back_have_no_image():
+    camera = camera_of({"distortion": (-0.2, 0.0, 0.0, 0.0, 0.0)})
+    turn = (1 / 0.6) ** 0.5  # where 1 - 3·0.2·r² is 0
+    points = np.array([[turn - 0.01, 0, 1], [turn + 0.01, 0, 1], [2.2, 0, 1]])
+    assert np.isnan(camera.project(points)).all(axis=1).tolist() == [False, True, True]
+    # OpenCV shows the last one a second time, inside of the image
+    assert 0 < opencv_points(camera, points)[2, 0] < camera.width
+
+
+def test_outside_of_the_image_there_may_be_no_direction():
+    camera = camera_of({"distortion": BARREL})
+    seen = camera.toward(np.array([[10.0, 10], [1e6, 10], [np.nan, 0]]))
+    assert np.isnan(seen).all(axis=1).tolist() == [False, True, True]
+
+
+def test_only_a_lens_without_distortion_has_a_matrix():
+    matrix = [[50, 0, 30.7], [0, 52, 26.2], [0, 0, 1]]
+    np.testing.assert_array_equal(camera_of({}).intrinsics, matrix)
+    assert camera_of({"distortion": BARREL}).intrinsics is None
+
+
+@EVERY_LENS
+def test_a_finer_camera_and_one_of_fewer_rows_look_along_the_same_directions(lens):
+    camera = camera_of(lens)
+    image = np.random.default_rng(1).uniform(0, 48, (50, 2))
+    seen = camera.toward(image)
+    np.testing.assert_allclose(camera.finer(3).toward(3 * image), seen, atol=1e-12)
+    np.testing.assert_allclose(camera.with_rows(20).toward(image - [0, 14]), seen, atol=1e-12)
+
+
+@EVERY_LENS
+def test_the_steepest_tangent_is_the_largest_in_a_level_view(lens):
+    camera = camera_of(lens)
+    x, y, z = np.moveaxis(camera.directions(), -1, 0)
+    at_centers = np.abs(y / np.hypot(x, z)).max()
+    assert at_centers < camera.steepest_tangent < 1.1 * at_centers
+
+
+@pytest.mark.parametrize(
+    ("given", "reason"),
+    [
+        ({"distortion": (-0.9, 0.0, 0.0, 0.0, 0.0)}, "distortion .* has no inverse at .* give"),
+        ({"fisheye": (-0.9, 0.0, 0.0, 0.0)}, "fisheye .* has no inverse at"),
+        ({"distortion": (0.0, 0.0, 0.9, 0.0, 0.0)}, "distortion .* has no inverse at"),
+        ({"distortion": (0.1, 0.2)}, "distortion has 2 coefficients: give 5 or 8"),
+        ({"fisheye": (0.1,)}, "fisheye has 1 coefficients: give 4"),
+        ({"distortion": BARREL, "fisheye": FISHEYE}, "both given: omit one"),
+        ({"fx_px": 0}, "greater than 0"),
+    ],
+)
+def test_a_lens_without_an_inverse_is_refused(given, reason):
+    with pytest.raises(ValidationError, match=reason):
+        camera_of(given)
+
+
+@EVERY_LENS
+def test_a_camera_is_read_from_its_record(lens):
+    camera = camera_of(lens)
+    assert TypeAdapter(AnyCamera).validate_json(camera.model_dump_json()) == camera
