@@ -55,7 +55,11 @@ def listed_sources(path: Path) -> list[Source]:
         problem = error.errors(include_url=False)[0]
         place = ".".join(map(str, problem["loc"]))
         raise UserError(f"{path}: {place}: {problem['msg']}") from None
-    except (ValueError, OSError) as error:
+    except OSError as error:
+        raise UserError(
+            f"{path} cannot be read ({error.strerror}); give a YAML list of recordings"
+        ) from None
+    except ValueError as error:
         raise UserError(f"{path}: {error}") from None
     for each in found.recordings:
         if each.frames is not None and each.frames[1] <= each.frames[0]:

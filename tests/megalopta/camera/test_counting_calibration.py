@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from megalopta.camera.calibrating import calibrate_recordings, named_sources
+from megalopta.camera.calibrating import calibrate_recordings, listed_sources, named_sources
 from megalopta.camera.recording import Beam
 from megalopta.core.errors import UserError
 from megalopta.sensor import expose_rate, load_sensor
@@ -90,3 +90,10 @@ def test_lists_are_checked(words, text, tmp_path):
             named_sources([str(tmp_path / "list.yaml")]), tmp_path / "out.yaml", beam=Beam()
         )
     assert not (tmp_path / "out.yaml").exists()
+
+
+def test_a_list_that_is_not_there_is_one_sentence(tmp_path):
+    with pytest.raises(
+        UserError, match=r"cannot be read \(No such file or directory\); give a YAML"
+    ):
+        listed_sources(tmp_path / "list.yaml")
