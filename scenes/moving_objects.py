@@ -14,15 +14,14 @@ from megalopta.assets_gen.tileable_noise import tileable_noise, to_weight
 from megalopta.core.record import Record
 from megalopta.scenes.kinds import kind_unless_told
 from megalopta.scenes.material import Material, Texture
-from megalopta.scenes.meshes.model import PlacedMesh, Vector, pose_of
-from megalopta.scenes.meshes.reflectance import Reflectance as MeshReflectance
+from megalopta.scenes.meshes.model import PlacedMesh, pose_of
+from megalopta.scenes.meshes.reflectance import Reflectance, Share
 from megalopta.scenes.meshes.surfaces import Surfacing, check_names
-from megalopta.scenes.motion import Drift, ObjectMotion, RigidMotion
+from megalopta.scenes.motion import Drift, ObjectMotion, RigidMotion, Vector
 from megalopta.scenes.scene import Asset, Placement, Scene
 from megalopta.scenes.spectra.spectrum import flat
 
 Length = Annotated[float, Field(gt=0)]
-Reflectance = Annotated[float, Field(ge=0, le=1)]
 
 
 class MovingObject(Record, frozen=True):
@@ -49,7 +48,7 @@ class MovingObject(Record, frozen=True):
     tile_m: Length = 0.25
     """Size of the repeating square of the pattern (m)."""
 
-    reflectances: tuple[Reflectance, Reflectance] = (0.1, 0.7)
+    reflectances: tuple[Share, Share] = (0.1, 0.7)
     """Reflectance of the pattern's dark and bright parts, the same at every wavelength (1)."""
 
     motion: Annotated[ObjectMotion, kind_unless_told("steady")] = Drift()
@@ -62,7 +61,7 @@ class MovingModel(PlacedMesh, frozen=True):
     name: str | None = None
     """Name of the object; ground truth lists it as the object's kind; null: that of the file."""
 
-    materials: dict[str, MeshReflectance] = Field(
+    materials: dict[str, Reflectance] = Field(
         default={},
         description="Reflectances in place of colors, by the name of a material, as in a scene of "
         "meshes.",

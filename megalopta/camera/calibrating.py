@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
-from pydantic import Field, ValidationError
+from pydantic import Field
 
 from megalopta.camera.calibration import calibrate_codes
 from megalopta.camera.counting import calibrate_counting
@@ -21,6 +21,7 @@ from megalopta.core import strict_yaml
 from megalopta.core.bounded import read_text
 from megalopta.core.errors import UserError
 from megalopta.core.record import Record
+from megalopta.core.validation import checked
 from megalopta.sensor.formats.reading import FrameKind
 
 _LIST_BYTES = 2**20
@@ -50,11 +51,7 @@ class RecordingList(Record, frozen=True):
 def listed_sources(path: Path) -> list[Source]:
     """Read a list of recordings. Raises UserError."""
     try:
-        found = RecordingList.model_validate(strict_yaml.load(read_text(path, _LIST_BYTES)))
-    except ValidationError as error:
-        problem = error.errors(include_url=False)[0]
-        place = ".".join(map(str, problem["loc"]))
-        raise UserError(f"{path}: {place}: {problem['msg']}") from None
+        found = checked(RecordingList, strict_yaml.load(read_text(path, _LIST_BYTES)))
     except OSError as error:
         raise UserError(
             f"{path} cannot be read ({error.strerror}); give a YAML list of recordings"

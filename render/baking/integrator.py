@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from megalopta.core.arrays import Floats
 from megalopta.core.progress import step
 from megalopta.render import RenderSettings, dr, frame_seed, mi
-from megalopta.render.baking.cells import CellFinder, Cells
+from megalopta.render.baking.cells import CellFinder, Cells, CellSight
 from megalopta.render.baking.choice import BAKE, SAMPLE, Scatter, cost_reason
 from megalopta.render.baking.clusters import Voxels
 from megalopta.render.baking.errors import (
@@ -39,7 +39,7 @@ from megalopta.render.loading.scene import LoadedScene, of_shapes
 from megalopta.render.path_tracing import BandPaths
 from megalopta.render.scattering import wavelength_groups
 from megalopta.render.sensors.primary import pixel_means
-from megalopta.render.shading import SunLight, Textures
+from megalopta.render.shading import SunLight, Textures, Weights
 from megalopta.render.split_paths import Part, SplitPaths, can_split
 from megalopta.scenes.cameras.base import Camera
 
@@ -185,9 +185,12 @@ class BakedLightIntegrator:
         radiance, fixed, sky = np.split(image, [len(self._bands), -1], axis=-1)
         return np.concatenate([radiance, sky, fixed, again, differences], axis=-1)
 
-    def _fixed(self, scene: Any, *ray: Any) -> list[Any]:
-        """A draw of the fixed error of each band along rays."""
-        return self._look(scene, *ray).standing
+    def _fixed(self, scene: Any, ray: Any, *_: Any) -> list[Any]:
+        """A draw of the fixed error of each band along a ray's first hit."""
+        sight, rest, weights = self._surface(scene, ray)
+        dr.eval(sight.cell, rest, weights)
+        baked = self._light.find(sight.cell, rest)
+        return self._light.standing(sight.cell, weights, baked)
 
     def _off(self, scene: Any, ray: Any, place: Any, sampler: Any) -> list[Any]:
         """Difference of baked light from that of paths, per band."""
@@ -206,10 +209,14 @@ class BakedLightIntegrator:
         parts = zip(found.emitted, found.light, paths, strict=True)
         return [*(sum(each) for each in parts), *found.standing, found.sky]
 
-    def _look(self, scene: Any, ray: Any, place: Any, sampler: Any) -> "_Found":
+    def _surface(self, scene: Any, ray: Any) -> tuple[CellSight, Any, Weights]:
+        """Surfaces seen, True where they are away from moving objects, and textures' weights."""
         sight = self._finder.look(scene, ray)
         rest = sight.shaded & ~self._moving.holds(sight.point.p)
-        weights = self._textures.weights(sight)
+        return sight, rest, self._textures.weights(sight)
+
+    def _look(self, scene: Any, ray: Any, place: Any, sampler: Any) -> "_Found":
+        sight, rest, weights = self._surface(scene, ray)
         direct = [mi.Float(0.0)] * len(self._bands)
         if self._sun:
             part = replace(sight, shaded=rest)

@@ -16,8 +16,7 @@ from megalopta.scenes.meshes.counting import triangles_in
 from megalopta.scenes.meshes.damage import refused_as_damaged
 from megalopta.scenes.meshes.mesh_file import Contents, MeshFile
 from megalopta.scenes.meshes.pieces import Piece
-
-Vector = tuple[float, float, float]
+from megalopta.scenes.motion import Vector
 
 MOST_TRIANGLES = 10**7
 """Most triangles of a file."""
@@ -34,8 +33,8 @@ _READERS: Mapping[str, Callable[[Contents], Iterable[Piece]]] = {
 _Y_UP = ".glb", ".gltf", ".obj"
 
 
-class MeshModel(Record, frozen=True):
-    """Mesh file, with its unit and its axes."""
+class PlacedMesh(Record, frozen=True):
+    """Mesh file at a place, with its unit and its axes."""
 
     file: MeshFile
     """Path, relative to the working folder, of a GLB, glTF, OBJ, PLY or STL file."""
@@ -45,6 +44,17 @@ class MeshModel(Record, frozen=True):
 
     up: Literal["y", "z"] | None = None
     """Axis of the file that is up; null: y for glTF and OBJ, z for PLY and STL."""
+
+    position_m: Vector = (0.0, 0.0, 0.0)
+    """Place of the file's origin (x, y, z in m; z is up)."""
+
+    turn_deg: Vector = (0.0, 0.0, 0.0)
+    """Turns about the world's x, then y, then z (degrees)."""
+
+    @property
+    def pose(self) -> Floats:
+        """Pose (4, 4) of the file's origin and axes in the world."""
+        return pose_of(self.position_m, self.turn_deg)
 
     def triangles(self) -> int:
         """Number of triangles, without reading them; errors as `pieces`."""
@@ -118,21 +128,6 @@ class MeshModel(Record, frozen=True):
                 f"scene: {self.file.path}: materials are rendered as opaque, diffuse surfaces "
                 f"without light of their own; it has {found}"
             )
-
-
-class PlacedMesh(MeshModel, frozen=True):
-    """Mesh file at a place."""
-
-    position_m: Vector = (0.0, 0.0, 0.0)
-    """Place of the file's origin (x, y, z in m; z is up)."""
-
-    turn_deg: Vector = (0.0, 0.0, 0.0)
-    """Turns about the world's x, then y, then z (degrees)."""
-
-    @property
-    def pose(self) -> Floats:
-        """Pose (4, 4) of the file's origin and axes in the world."""
-        return pose_of(self.position_m, self.turn_deg)
 
 
 def pose_of(position_m: Vector, turn_deg: Vector) -> Floats:

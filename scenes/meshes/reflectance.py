@@ -45,19 +45,23 @@ def _read(given: Any) -> Any:
         is_number or isinstance(given, str | Mapping | Curve)
     ):
         raise ValueError(_no_reflectance(given))
-    if not isinstance(given, str) or not given.lower().endswith(".csv"):
-        return given
-    with unreadable(given):
-        lines = [line.partition("#")[0].strip() for line in read_text(given).splitlines()]
+    is_file = isinstance(given, str) and given.lower().endswith(".csv")
+    return _curve_in(given) if is_file else given
+
+
+def _curve_in(path: str) -> dict[str, tuple[float, ...]]:
+    """Return the fields of the curve in a CSV file. Raises ValueError if it has none."""
+    with unreadable(path):
+        lines = [line.partition("#")[0].strip() for line in read_text(path).splitlines()]
     rows = [line for line in lines if line]
     if rows and not rows[0][0].isdigit():
         rows = rows[1:]  # names of the columns
     try:
-        points = [(float(wavelength), float(value)) for wavelength, value in (
-            row.split(",") for row in rows)]  # fmt: skip
+        pairs = [row.split(",") for row in rows]
+        points = [(float(wavelength), float(value)) for wavelength, value in pairs]
     except ValueError:
         raise ValueError(
-            f"{given} has lines that are not wavelength_nm,reflectance; give two numbers in each, "
+            f"{path} has lines that are not wavelength_nm,reflectance; give two numbers in each, "
             "with a comma between them"
         ) from None
     wavelengths, values = zip(*points, strict=True) if points else ((), ())

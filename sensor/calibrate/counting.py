@@ -94,13 +94,10 @@ def summed(
     if readings.ndim != 3 or n < _FEWEST_FRAMES:
         raise ValueError(f"{n} frames; capture {_FEWEST_FRAMES} or more")
     mean = readings.mean(axis=0, dtype=np.float64)
-    # frame by frame: a copy of all would take eight times the memory of bits
-    squares = np.sum([np.square(each - mean) for each in readings[:1]], axis=0)
-    for each in readings[1:]:
-        squares += np.square(each - mean)
     largest = readings.max(axis=0)
-    at_largest = np.zeros(mean.shape)
-    for each in readings:
+    squares, at_largest = np.zeros((2, *mean.shape))
+    for each in readings:  # a copy of all would take eight times the memory of bits
+        squares += np.square(each - mean)
         at_largest += each == largest
     found = Summed(
         exposure_s,
@@ -185,7 +182,7 @@ def calibrate_counts(
     if dead_time is not None:
         fits.set_dead_time(dead_time)
     elif known is not None and not levels[0].is_binary:
-        fits.set_dead_time(DeadTimeEstimate(*known[:1], 0.0, known[1], True))
+        fits.set_dead_time(DeadTimeEstimate(known[0], 0.0, known[1], True))
     dark = fits.dark_counts(refused)
     hot = np.zeros(fits.shape, np.bool_)
     if dark is not None:

@@ -364,6 +364,9 @@ def _check(captured: Sequence[Level], expected: Sequence[Level]) -> None:
 
 
 def _arrangement(pairs: Sequence[tuple[Level, Level]]) -> Arrangement:
-    """Arrangement from the level with the most counts, which shows the pattern best."""
+    """Arrangement by the dark level of the most counts, which shows the pattern best.
+
+    Without a dark one, by the first level.
+    """
     one, other = max(pairs, key=lambda each: float(each[1].readings.sum()) * each[1].is_dark)
     return arrangement(one.readings.mean(axis=0), other.readings.mean(axis=0))

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from megalopta.scenes.meshes.animation import NodeMotion, Track
 from megalopta.scenes.meshes.gltf import pieces_of
-from megalopta.scenes.meshes.model import MeshModel
+from megalopta.scenes.meshes.model import PlacedMesh
 
 from .files import Gltf, pose
 
@@ -177,7 +177,7 @@ def test_a_damaged_animation_is_one_sentence(tmp_path):
             content[place] = rng.integers(256)
         (tmp_path / "a.glb").write_bytes(content)
         try:
-            MeshModel.model_validate({"file": str(tmp_path / "a.glb")}).pieces(animated=True)
+            PlacedMesh.model_validate({"file": str(tmp_path / "a.glb")}).pieces(animated=True)
         except ValueError as problem:
             assert "a.glb" in str(problem)
             refused += 1

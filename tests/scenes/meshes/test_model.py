@@ -5,7 +5,7 @@ import pytest
 import trimesh
 
 from megalopta.scenes.meshes import model
-from megalopta.scenes.meshes.model import MeshModel
+from megalopta.scenes.meshes.model import PlacedMesh
 
 from .files import Gltf, png
 
@@ -19,7 +19,7 @@ def write(tmp_path):
     def written(content, name="a.glb", **more):
         path = tmp_path / name
         path.write_bytes(content.encode() if isinstance(content, str) else content)
-        return MeshModel.model_validate({"file": str(path), **more})
+        return PlacedMesh.model_validate({"file": str(path), **more})
 
     return written
 
@@ -115,7 +115,7 @@ def test_a_damaged_file_is_one_sentence(tmp_path, name):
             content[place] = rng.integers(256)
         path.write_bytes(content)
         try:
-            MeshModel.model_validate({"file": str(path)}).pieces()
+            PlacedMesh.model_validate({"file": str(path)}).pieces()
         except ValueError as problem:
             assert name in str(problem)
             refused += 1
