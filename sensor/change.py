@@ -24,12 +24,16 @@ def changed(model: AnyModel, **fields: Any) -> AnyModel:
 
 
 def merged(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
-    """Merge changes into a nested mapping, keeping its other fields unless `kind` changes."""
+    """Merge changes into a nested mapping.
+
+    A mapping keeps its other fields, unless its `kind` changes; with a new `preset`, only `kind`.
+    """
     result = dict(base)
     for name, value in changes.items():
         old = base.get(name)
         if isinstance(value, Mapping) and isinstance(old, Mapping):
+            kept = {"kind": old["kind"]} if "preset" in value and "kind" in old else old
             is_same_kind = value.get("kind", old.get("kind")) == old.get("kind")
-            value = merged(old, value) if is_same_kind else value
+            value = merged(kept, value) if is_same_kind else value
         result[name] = value
     return result

@@ -51,6 +51,7 @@ from megalopta.stages.render import build
 _SMALL_CAMERA = {"width": 270, "height": 180, "fov_deg": 75}
 _PATH = {"frames": 2, "look_at_m": [10, 0, 1.8], "velocity_m_s": [1.0, 0.3, 0]}
 _EXPOSURE_S = 2e-3
+_BAKE_ERROR = 0.1
 _TURNING = {
     "camera": {**_SMALL_CAMERA, "fov_deg": 72},
     "trajectory": {"frames": 2, "rotation_deg_s": 15},
@@ -106,7 +107,7 @@ class LitScene:
 
 
 def write_gallery(
-    out: Path, scenes: Mapping[str, Mapping[str, Any]] = SCENES, samples_per_pixel: int = 49
+    out: Path, scenes: Mapping[str, Mapping[str, Any]] = SCENES, samples_per_pixel: int = 100
 ) -> Path:
     """Render the gallery into a folder; return its page, gallery.html, next to gallery.png."""
     with progress("Rendering the gallery", len(scenes) * len(LEVELS), "view") as advance:
@@ -129,7 +130,7 @@ def cells_of(
     values = {
         "camera": _SMALL_CAMERA,
         "trajectory": _PATH,
-        "render": {"samples_per_pixel": samples_per_pixel},
+        "render": {"samples_per_pixel": samples_per_pixel, "bake_error": _BAKE_ERROR},
         "sensors": [{"preset": "ideal", "exposure_s": _EXPOSURE_S}],
         **parts,
     }
@@ -162,8 +163,8 @@ def _radiance(lit: Configuration, scene: Scene) -> tuple[NDArray[np.float32], st
     """
     # A self-luminous scene is as bright as its level, so it is built for each.
     scene = replace(scene, lighting=lit.light.lighting()) if scene.lighting else build(lit)
-    renderer = SceneRenderer(scene, lit.camera, lit.render)
     poses, ring = lit.trajectory.poses(), lit.scene.canopy_ring_m
+    renderer = SceneRenderer(scene, lit.camera, lit.render, poses[:1])
     has_disc = bool(scene.lighting and scene.lighting.sun)
     canopy = str(renderer.canopy(poses, ring)) if ring and not has_disc else ""
     return renderer.radiance(poses[0], frame_seed(lit.seed, 0)), canopy
@@ -213,9 +214,9 @@ def _rows(cells: Sequence[LitScene]) -> Iterator[list[tuple[str, Image.Image]]]:
     yield row
 
 
-SAMPLES = 64
-"""Samples per pixel."""
-_CAMERA = {"width": 360, "height": 240, "fov_deg": 75}
+SAMPLES = 256
+"""Samples per pixel of a view."""
+_CAMERA = {"width": 640, "height": 427, "fov_deg": 75}
 _AHEAD = {"frames": 2, "look_at_m": [10, 0, 2.4]}
 _FLOOR = {"frames": 2, "look_at_m": [6, 0, 1.0]}
 _LOW = {"frames": 2, "position_m": [0, 0, 0.7], "look_at_m": [2.5, 0.6, 0.35]}
@@ -273,7 +274,7 @@ VIEWS = (
         "Panorama of a dense forest",
         {
             **_forest("dense", _NOON, {"frames": 2, "look_at_m": [10, 0, 1.5]}),
-            "camera": {"kind": "equirectangular", "width": 480, "height": 240},
+            "camera": {"kind": "equirectangular", "width": 640, "height": 320},
         },
     ),
 )
@@ -318,7 +319,7 @@ def write_views(
 def _settings(view: GalleryView, samples_per_pixel: int) -> Configuration:
     values = {
         "camera": _CAMERA,
-        "render": {"samples_per_pixel": samples_per_pixel, "integrator": "path"},
+        "render": {"samples_per_pixel": samples_per_pixel, "bake_error": _BAKE_ERROR},
         "sensors": [{"preset": "ideal", "exposure_s": view.exposure_s or 1e-3}],
         **view.parts,
     }
@@ -327,8 +328,9 @@ def _settings(view: GalleryView, samples_per_pixel: int) -> Configuration:
 
 def _pictures(view: GalleryView, settings: Configuration) -> Iterator[tuple[str, Image.Image]]:
     """Yield a view with its title, and its counts if requested."""
-    renderer = SceneRenderer(build(settings), settings.camera, settings.render)
-    radiance = renderer.radiance(settings.trajectory.poses()[0], frame_seed(settings.seed, 0))
+    pose = settings.trajectory.poses()[:1]
+    renderer = SceneRenderer(build(settings), settings.camera, settings.render, pose)
+    radiance = renderer.radiance(pose[0], frame_seed(settings.seed, 0))
     white = settings.scene.white(settings.light)
     yield view.title, Image.fromarray(preview(radiance, settings.render.bands_nm, white))
     if view.exposure_s:

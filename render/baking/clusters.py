@@ -130,7 +130,7 @@ def smoothed(rows: Floats, neighbors: NDArray[np.uint64], rays: Ints, seen: Ints
     """
     _, group = np.unique(neighbors, return_inverse=True)
     n = rows.shape[1] // 2
-    light, apart = rows[:, :n].sum(axis=1), rows[:, n:].sum(axis=1)
+    light, apart = (rows[:, half].sum(axis=1, dtype=np.float64) for half in np.s_[:n, n:])
 
     def total(values: Floats) -> Floats:
         return np.asarray(np.bincount(group, values), np.float64)
@@ -145,9 +145,11 @@ def smoothed(rows: Floats, neighbors: NDArray[np.uint64], rays: Ints, seen: Ints
     spread = total(seen * ((light - mean[group]) ** 2 - noise * (1 - rays / weight[group]))) / shown
     contrast = np.maximum(spread * count / np.maximum(count - 1, 1), 0)[group]
     kept = np.where(contrast + noise > 0, contrast / np.maximum(contrast + noise, 1e-300), 1.0)
-    kept = np.where(count[group] > 1, kept, 1.0)[:, None]
+    kept = np.where(count[group] > 1, kept, 1.0)
     # The minimum mean square error is v·kept: the part of the noise that is kept, and of the
     # contrast that is lost. Half differences should have this error.
-    kept = np.concatenate([np.tile(kept, n), np.tile(np.sqrt(kept), n)], axis=1)
-    means = np.stack([total(rays * column) / weight for column in rows.T], axis=1)
-    return np.asarray(means[group] + kept * (rows - means[group]))
+    found = np.empty_like(rows)
+    for column, values in enumerate(rows.T):  # one by one: rows are large
+        level = (total(rays * values) / weight)[group]
+        found[:, column] = level + (kept if column < n else np.sqrt(kept)) * (values - level)
+    return found

@@ -129,17 +129,16 @@ class BakedLightIntegrator:
     def _look_around(self, loaded: Any, camera: Camera, poses: Floats, seed: int) -> None:
         """Find the cells to bake."""
         rays = views(camera, poses, VIEWS, seed)
-        seen, places = survey(loaded, self._finder, self._light.cells, rays)
-        cell = np.flatnonzero(seen).astype(np.uint32)
-        self._light.surveyed(cell, seen[cell], places[cell])
+        self._light.surveyed(*survey(loaded, self._finder, self._light.cells, rays))
         self._light.begin(_PILOT_DENSITY)
 
     def _prepare(
         self, loaded: Any, frames: list[list[Any]], parts: Sequence[Part], settings: RenderSettings
     ) -> Scatter:
         """Find the number of rays from some views of a few frames; return the error of a sample."""
-        met = sum(survey(loaded, self._finder, self._light.cells, each)[0] for each in frames)
-        self._light.bake(np.flatnonzero(met).astype(np.uint32))
+        cells = self._light.cells
+        met = [survey(loaded, self._finder, cells, each)[0] for each in frames]
+        self._light.bake(np.unique(np.concatenate(met)))
         self._light.smooth()
         sampler = mi.load_dict({"type": "independent"})
         sampler.seed(0, len(frames[0]) * dr.width(frames[0][0].d))
@@ -189,8 +188,8 @@ class BakedLightIntegrator:
         """A draw of the fixed error of each band along a ray's first hit."""
         sight, rest, weights = self._surface(scene, ray)
         dr.eval(sight.cell, rest, weights)
-        baked = self._light.find(sight.cell, rest)
-        return self._light.standing(sight.cell, weights, baked)
+        cluster, baked = self._light.find(sight.cell, rest)
+        return self._light.standing(cluster, weights, baked)
 
     def _off(self, scene: Any, ray: Any, place: Any, sampler: Any) -> list[Any]:
         """Difference of baked light from that of paths, per band."""
@@ -226,10 +225,10 @@ class BakedLightIntegrator:
         surface = sight.moving | sight.shaded
         # Otherwise the rays would be traced again for each of them.
         dr.eval(sight.cell, rest, weights, direct, emitted, sky, surface, ray.o, ray.d)
-        baked = self._light.find(sight.cell, rest)
-        light = self._light.radiance(sight.cell, weights, baked)
+        cluster, baked = self._light.find(sight.cell, rest)
+        light = self._light.radiance(cluster, weights, baked)
         light = [a + dr.select(baked, b, 0.0) for a, b in zip(light, direct, strict=True)]
-        standing = self._light.standing(sight.cell, weights, baked)
+        standing = self._light.standing(cluster, weights, baked)
         return _Found(emitted, light, standing, sky, baked, surface & ~baked)
 
     def _emitted(self, scene: Any, point: Any, place: Any) -> list[Any]:

@@ -23,6 +23,7 @@ from megalopta.render import RenderSettings, dr, mi
 from megalopta.render.baking.cells import UInt32
 from megalopta.render.baking.clusters import Clusters, Voxels, smoothed
 from megalopta.render.baking.gathering import STRIDE, Gatherer
+from megalopta.render.baking.pages import Pages
 from megalopta.render.loading.meshes import MergedMesh
 from megalopta.render.scattering import mixed
 from megalopta.render.shading import Weights
@@ -112,7 +113,8 @@ class BakedLight:
         count = len(self._clusters)
         self._is_known = np.zeros(count, bool)
         self._rows = np.zeros((max(count, 1), 2 * self._columns), np.float32)
-        self._cluster_of = dr.full(mi.UInt, NOT_ASKED, self.cells)
+        self._pages = Pages(self.cells)
+        self._cluster_of = dr.zeros(mi.UInt, 0)
 
     def _shares_at(self, density: float) -> Ints:
         """Number of rays of each cluster, relative to the fewest."""
@@ -148,17 +150,30 @@ class BakedLight:
         """Let the computed clusters share light with their neighbors."""
         known = np.flatnonzero(self._is_known)
         if len(known):
-            rows, seen = self._rows[known].astype(np.float64), self._clusters.seen[known]
+            rows, seen = self._rows[known], self._clusters.seen[known]
             self._rows[known] = smoothed(rows, self._neighbors[known], self._shares[known], seen)
         self._show()
 
-    def find(self, cell: Any, active: Any) -> Any:
-        """True for cells (N,) with light; computes that of clusters without it."""
-        cluster = dr.gather(mi.UInt, self._cluster_of, cell, active)
+    def find(self, cell: Any, active: Any) -> tuple[Any, Any]:
+        """Clusters of active cells (N,), and True for those with light; computes what is missing.
+
+        Cells and activity are already evaluated.
+        """
+        cluster = self._clusters_of(cell, active)
         lanes: Any = dr.compress(active & (cluster == NOT_ASKED))
         if dr.width(lanes):
             self.bake(np.unique(np.array(dr.gather(mi.UInt, cell, lanes))))
-        return active & (dr.gather(mi.UInt, self._cluster_of, cell, active) < NOT_SURVEYED)
+            cluster = self._clusters_of(cell, active)
+        return cluster, active & (cluster < NOT_SURVEYED)
+
+    def _clusters_of(self, cell: Any, active: Any) -> Any:
+        place = self._places(cell, active)
+        return dr.gather(mi.UInt, self._cluster_of, place, active)
+
+    def _places(self, cell: Any, active: Any) -> Any:
+        place = self._pages.of(cell, active)
+        self._cluster_of = self._pages.grown(self._cluster_of, NOT_ASKED)
+        return place
 
     def bake(self, cell: UInt32) -> None:
         """Give cells (N,) the light of their cluster, if the survey met one."""
@@ -183,13 +198,13 @@ class BakedLight:
             self._rows[part] = np.concatenate([halves.mean(axis=1), apart], axis=1)
         self._is_known[chosen] = True
 
-    def radiance(self, cell: Any, weights: Weights, active: Any) -> list[Any]:
-        """Radiance of each band leaving cells (N,) with texture weights (N,)."""
-        return self._mixed(0, cell, weights, active)
+    def radiance(self, cluster: Any, weights: Weights, active: Any) -> list[Any]:
+        """Radiance of each band leaving cells of clusters (N,) with texture weights (N,)."""
+        return self._mixed(0, cluster, weights, active)
 
-    def standing(self, cell: Any, weights: Weights, active: Any) -> list[Any]:
+    def standing(self, cluster: Any, weights: Weights, active: Any) -> list[Any]:
         """Half the difference of both halves of `radiance`; its deviation is the error."""
-        return self._mixed(self._columns, cell, weights, active)
+        return self._mixed(self._columns, cluster, weights, active)
 
     def contents(self) -> dict[str, NDArray[Any]]:
         """All clusters: their cells, numbers of views, and the rows (C, 2·spectra·bands)."""
@@ -208,8 +223,8 @@ class BakedLight:
         self._point_members()
         self._show()
 
-    def _mixed(self, column: int, cell: Any, weights: Weights, active: Any) -> list[Any]:
-        first = dr.gather(mi.UInt, self._cluster_of, cell, active) * (2 * self._columns) + column
+    def _mixed(self, column: int, cluster: Any, weights: Weights, active: Any) -> list[Any]:
+        first = cluster * (2 * self._columns) + column
         values = [
             dr.gather(mi.Float, self._values, first + k, active) for k in range(self._columns)
         ]
@@ -229,7 +244,8 @@ class BakedLight:
 
     def _point(self, cell: UInt32, cluster: Ints) -> None:
         """Link cells (N,) to clusters (N,)."""
-        dr.scatter(self._cluster_of, mi.UInt(cluster.astype(np.uint32)), mi.UInt(cell))
+        place = self._places(mi.UInt(cell), mi.Bool(True))
+        dr.scatter(self._cluster_of, mi.UInt(cluster.astype(np.uint32)), place)
         dr.eval(self._cluster_of)
         dr.sync_thread()
 

@@ -14,6 +14,7 @@ from scipy.spatial.transform import Rotation
 from megalopta.core.arrays import Floats
 from megalopta.render import dr, mi
 from megalopta.render.baking.cells import CellFinder, UInt32, pixel_angle
+from megalopta.render.baking.pages import Pages
 from megalopta.render.numbers import hashed
 from megalopta.scenes.cameras.base import Camera
 
@@ -44,21 +45,28 @@ def views(camera: Camera, poses: Floats, count: int, seed: int, step: int = 1) -
 
 def survey(
     loaded: Any, finder: CellFinder, cells: int, rays: Iterable[Any]
-) -> tuple[UInt32, UInt32]:
-    """Number of times (cells,) that the rays of some views see each cell.
+) -> tuple[UInt32, UInt32, UInt32]:
+    """Cells (N,) of `cells` that the rays of some views see, in ascending order.
 
-    Also the place (cells,) where each was seen once, as read by `unpacked`.
+    Also the number of times (N,) that each is seen, and a place (N,) where, as read by `unpacked`.
     """
-    seen, places = dr.zeros(mi.UInt, cells), dr.zeros(mi.UInt, cells)
+    pages = Pages(cells)
+    seen, places = dr.zeros(mi.UInt, 0), dr.zeros(mi.UInt, 0)
     for number, each in enumerate(rays):
         sight = finder.look(loaded, each)
-        dr.scatter_add(seen, mi.UInt(1), sight.cell, sight.shaded)
+        dr.eval(sight.cell, sight.shaded, sight.place)
+        at = pages.of(sight.cell, sight.shaded)
+        seen, places = pages.grown(seen, 0), pages.grown(places, 0)
+        dr.scatter_add(seen, mi.UInt(1), at, sight.shaded)
         # Randomly the first, independent of the order of threads.
         chance, _ = hashed(dr.arange(mi.UInt, dr.width(sight.cell)), dr.opaque(mi.UInt, number))
         packed = (chance >> _CHANCE_SHIFT << _CHANCE_SHIFT) | _packed(*sight.place)
-        dr.scatter_reduce(dr.ReduceOp.Max, places, packed, sight.cell, sight.shaded)
+        dr.scatter_reduce(dr.ReduceOp.Max, places, packed, at, sight.shaded)
         dr.eval(seen, places)
-    return np.array(seen), np.array(places)
+    met = np.flatnonzero(np.array(seen))
+    cell = pages.cells(met)
+    met, cell = met[np.argsort(cell)], np.sort(cell)
+    return cell, np.array(seen)[met], np.array(places)[met]
 
 
 def _packed(a: Any, b: Any) -> Any:

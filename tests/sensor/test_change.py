@@ -1,6 +1,6 @@
 import pytest
 
-from megalopta.sensor import DigitalCounter, changed, ctia_preset, preset
+from megalopta.sensor import DigitalCounter, changed, ctia_preset, merged, preset
 
 
 def test_named_fields_change_and_the_rest_stays():
@@ -12,6 +12,15 @@ def test_named_fields_change_and_the_rest_stays():
 
 def test_another_kind_starts_afresh():
     assert changed(preset("spadcam"), counter={"kind": "digital"}).counter == DigitalCounter()
+
+
+def test_another_preset_starts_afresh():
+    base = {"scene": {"kind": "forest", "density_per_ha": 200}, "camera": {"width": 9}}
+    changes = {"scene": {"preset": "dense", "trees": 40}, "camera": {"height": 7}}
+    assert merged(base, changes) == {
+        "scene": {"kind": "forest", "preset": "dense", "trees": 40},
+        "camera": {"width": 9, "height": 7},
+    }
 
 
 def test_parts_and_sensors_that_integrate_change_alike():
