@@ -263,17 +263,22 @@ def _all_poses(settings: Configuration) -> NDArray[np.float64]:
 def _say_illuminance(light: Mapping[str, Any] | None) -> None:
     if not light:
         return
-    text = f"{light['requested_lux']:.4g} lux requested, {light['unshaded_lux']:.3g}"
+    text = f"{light['requested_lux']:g} lux requested, {_three_digits(light['unshaded_lux'])}"
     if light["unshaded_standard_error_lux"] > 5e-3 * light["unshaded_lux"]:
         text += f" ± {light['unshaded_standard_error_lux']:.1g}"
     text += " measured"
     ground = [point["lux"] for point in light["ground"]]
     if ground:
         text += (
-            f" in the open and {np.mean(ground):.3g} on the ground below the camera "
-            f"({min(ground):.2g} to {max(ground):.2g} along its path)"
+            f" in the open and {_three_digits(np.mean(ground))} on the ground below the camera "
+            f"({_three_digits(min(ground))} to {_three_digits(max(ground))} along its path)"
         )
     say(f"render: {text}")
+
+
+def _three_digits(lux: float) -> str:
+    """Three digits, such as 98700 or 0.000314."""
+    return f"{float(f'{lux:.3g}'):g}"
 
 
 def _say_left_out(settings: Configuration, shares: Sequence[float] | None) -> None:
