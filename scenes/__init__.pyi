@@ -34,6 +34,7 @@ from .tone_mapping import (
     preview as preview,
 )
 from .trajectories.hover import Hover as Hover
+from .trajectories.mount import Mount as Mount
 from .trajectories.orbit import Orbit as Orbit
 from .trajectories.recorded import Recorded as Recorded
 from .trajectories.spline import Spline as Spline

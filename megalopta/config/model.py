@@ -31,6 +31,7 @@ from megalopta.scenes.cameras.perspective import PerspectiveCamera
 from megalopta.scenes.forest.description import Forest
 from megalopta.scenes.lighting.levels import illuminance_of
 from megalopta.scenes.lighting.light import Light
+from megalopta.scenes.trajectories.mount import Mount
 from megalopta.scenes.trajectories.steady import Trajectory
 from megalopta.sensor import IMAGE_SENSORS, ImageSensor, merged
 from megalopta.sensor.formats.products import ProductName
@@ -68,6 +69,10 @@ class Configuration(Record, frozen=True):
 
     trajectory: CameraPath = Trajectory()
     """Camera motion."""
+
+    stereo_with: Mount | None = Field(default=None, exclude_if=lambda mount: mount is None)
+    """Second camera of the rig on the path, side by side with this one: `training/disparities`
+    holds the disparity to it. By default there is none."""
 
     shutter: Shutter = Shutter()
     """Motion blur and rolling shutter of the sensors' frames."""
@@ -192,6 +197,7 @@ class Configuration(Record, frozen=True):
         if len(set(names)) < len(names):
             raise ValueError(f"sensors {names}: give each sensor a name of its own")
         self._check_shutter(1 / self.trajectory.frame_rate_hz)
+        self._check_stereo()
         if not self.scene.has_truth:
             self._check_pictures()
         if self.light.asks_for_a_sky and not self.scene.is_lit_from_outside:
@@ -213,9 +219,27 @@ class Configuration(Record, frozen=True):
 
     def _check_pictures(self) -> None:
         """Refuse settings that only rendered scenes have."""
-        for name, usual in ("objects", ()), ("shutter", Shutter()):
+        for name, usual in ("objects", ()), ("shutter", Shutter()), ("stereo_with", None):
             if getattr(self, name) != usual:
                 raise ValueError(f"{name}: pictures are not rendered; omit it")
+
+    def _check_stereo(self) -> None:
+        if self.stereo_with and self.camera.intrinsics is None:
+            raise ValueError(
+                f"stereo_with: the {self.camera} has no lines along which to shift points; use a "
+                "pinhole, or omit it"
+            )
+        if self.stereo_with and self.baseline_m is None:
+            raise ValueError(
+                "stereo_with: the two cameras do not look the same way side by side; change "
+                "position_m along x only, or omit it"
+            )
+
+    @property
+    def baseline_m(self) -> float | None:
+        """Distance to the camera `stereo_with`, m, positive to the right; None without one."""
+        own = self.trajectory.mount or Mount()
+        return own.baseline_m(self.stereo_with) if self.stereo_with else None
 
     def _check_shutter(self, period_s: float) -> None:
         shutter = self.shutter

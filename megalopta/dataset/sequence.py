@@ -242,6 +242,32 @@ class Sequence:
         """
         return self._truth.flow(first, first + 1 if second is None else second)
 
+    def flow_to(self, camera: "Sequence", first: int, second: int | None = None) -> Float32:
+        """Flow (H, W, 2), px, into the image of another camera of the rig, from depth and poses.
+
+        It ends in that camera's frame of the same number, or another. Raises UserError if the other
+        sequence shows another scene or path.
+        """
+        mine, its = self.configuration, camera.configuration
+        if mine.trajectory.mounted(None) != its.trajectory.mounted(None) or mine.scene != its.scene:
+            raise UserError(
+                f"{camera.name} shows another scene or path than {self.name}; give a camera of "
+                "the same rig"
+            )
+        return self._truth.flow_to(camera._truth, first, first if second is None else second)
+
+    @property
+    def disparity(self) -> LazyFrames:
+        """Disparity (T, H, W), px, to the camera `stereo_with`. Raises UserError without one."""
+        from megalopta.dataset.stereo import read_disparity
+
+        if self.configuration.stereo_with is None:
+            raise UserError(f"{self.name}: no second camera side by side, and thus no disparity")
+        frame = self.dataset.frame
+        return self._by_frame(
+            lambda n: read_disparity(frame("training/disparities", n, "png")), "px"
+        )
+
     def occlusion(self, first: int, second: int | None = None) -> NDArray[np.bool_]:
         """Mask (H, W) of a frame's pixels that are hidden in another, or out of its view.
 

@@ -5,6 +5,7 @@ sequences/SEQ.json           software of each stage, and every file's hash
 timings.json                 seconds of each stage
 training/clean|final/SEQ/    tone-mapped radiance | counts, PNG
 training/flow|occlusions|invalid|depth|camdata_left/SEQ/
+training/disparities|occlusions_stereo/SEQ/  of a stereo pair
 radiance|truth/SEQ/          EXR, every frame at its instant
 radiance_shutter/SEQ/        EXR, the same frames through the shutter, if one is set
 truth_shutter/SEQ/           EXR, truth of every row at its own time, with a rolling shutter

@@ -16,7 +16,7 @@ from megalopta.core.errors import refused_as
 from megalopta.core.folders import cache_folder
 from megalopta.core.freshness import BAKE_MODEL, RENDER_MODEL, TRUTH_MODEL
 from megalopta.core.progress import progress, say, step
-from megalopta.dataset import sintel
+from megalopta.dataset import sintel, stereo
 from megalopta.dataset.rendering_noise import ATTRIBUTE, noise_record
 from megalopta.dataset.store import Dataset
 from megalopta.render import (
@@ -81,6 +81,8 @@ def _frame_files(dataset: Dataset, index: int) -> list[Path]:
         kinds += [("camdata_left", "cam")]
     if index + 1 < dataset.configuration.trajectory.frames:
         kinds += [("flow", "flo"), ("occlusions", "png"), ("invalid", "png")]
+    if dataset.configuration.stereo_with:
+        kinds += [("disparities", "png"), ("occlusions_stereo", "png")]
     training = [dataset.frame(f"training/{kind}", index, suffix) for kind, suffix in kinds]
     of_shutter = dataset.exposed_radiance(index), dataset.exposed_truth(index)
     return [dataset.radiance(index), dataset.truth(index), *of_shutter, *training]
@@ -185,8 +187,21 @@ class FrameWriter:
             camera_path = dataset.frame("training/camdata_left", index, "cam")
             sintel.write_camera(camera_path, intrinsics, pose)
         write_truth(dataset.truth(index), truth, self._origin_m, self._view(index))
+        if settings.stereo_with:
+            self._write_disparity(index)
         if not settings.shutter.is_instant:
             self._write_exposed(index, attributes)
+
+    def _write_disparity(self, index: int) -> None:
+        """Write the disparity of one frame to the rig's other camera, at the same time."""
+        settings, time = self._settings, self._times_s[index]
+        baseline = settings.baseline_m
+        if baseline is not None:
+            there = settings.trajectory.mounted(settings.stereo_with).pose_at([time])
+            both = np.concatenate([self._poses[index : index + 1], there])
+            flow = self._renderer.flow(both, 0, 1, [time, time])
+            root, sequence = self._dataset.root / "training", self._dataset.sequence
+            stereo.write_disparity(root, sequence, index, flow, baseline)
 
     def _write_exposed(self, index: int, attributes: Mapping[str, str]) -> None:
         """Render one frame with the shutter; its seeds are independent of the sharp frame's."""
@@ -330,6 +345,7 @@ def _outputs(dataset: Dataset) -> list[Path]:
     kinds = (
         *("clean", "flow", "occlusions", "invalid", "depth", "camdata_left"),
         *("flow_kitti", "flow_flo5"),  # if a plan asks for them
+        *("disparities", "occlusions_stereo", "disparities_kitti"),  # of a rig
     )
     exr = ("radiance", "truth", "radiance_shutter", "truth_shutter")
     folders = [*(f"training/{kind}" for kind in kinds), *exr, "pictures"]
@@ -356,7 +372,7 @@ STAGE = Stage(
     command="render",
     fields=(
         *("name", "seed", "scene", "objects", "light", "camera", "trajectory"),
-        *("shutter", "render"),
+        *("stereo_with", "shutter", "render"),
     ),
     needs=(),
     outputs=_outputs,
