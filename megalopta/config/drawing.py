@@ -113,8 +113,10 @@ def _on_rig(made: Configuration, plan: Plan, index: int) -> Configuration:
     own = plan.rig[index % len(plan.rig)]
     pairs = [other for other in plan.rig if own.baseline_m(other) is not None]
     partner = pairs[0] if pairs and made.camera.intrinsics is not None else None
-    path = made.trajectory.mounted(own)
-    return made.model_copy(update={"trajectory": path, "stereo_with": partner})
+    changes = {"trajectory": made.trajectory.mounted(own), "stereo_with": partner}
+    if index % len(plan.rig):
+        changes["imu"] = None  # the first camera's sequence has it
+    return made.model_copy(update=changes)
 
 
 def _drawn(plan: Plan, name: str, at: Stream) -> Any:

@@ -29,6 +29,7 @@ from megalopta.scenes import AnyObject, AnyScene, Shutter
 from megalopta.scenes.build import AnyCamera, CameraPath
 from megalopta.scenes.cameras.perspective import PerspectiveCamera
 from megalopta.scenes.forest.description import Forest
+from megalopta.scenes.imu import Imu
 from megalopta.scenes.lighting.levels import illuminance_of
 from megalopta.scenes.lighting.light import Light
 from megalopta.scenes.trajectories.mount import Mount
@@ -44,6 +45,8 @@ _LONGEST_VALUE = 60
 # File names hold sensor, repeat, level, product, and a prefix during writing; file systems allow
 # 255 bytes.
 _LONGEST_NAME = 100
+_MOST_READINGS = 10**6
+"""Most readings of an IMU in a sequence, 300 MB of text"""
 
 
 class Configuration(Record, frozen=True):
@@ -106,6 +109,9 @@ class Configuration(Record, frozen=True):
     products: tuple[ProductName, ...] = ("counts",)
     """Output of `sense` for every sensor and level: `counts` (required), `events_hdf5`,
     `events_npz`, `binary_npy`, `binary_spad512`, `burst_npy`, `tiff` (docs/file-formats.md)."""
+
+    imu: Imu | None = Field(default=None, exclude_if=lambda imu: imu is None)
+    """Gyroscope and accelerometer on the rig, whose readings `sense` writes; default: none."""
 
     sub_frames: Annotated[int, Field(ge=1, le=1000)] = 1
     """Equal parts of an exposure with still light in each. From 2 on, readings contain motion
@@ -198,6 +204,7 @@ class Configuration(Record, frozen=True):
             raise ValueError(f"sensors {names}: give each sensor a name of its own")
         self._check_shutter(1 / self.trajectory.frame_rate_hz)
         self._check_stereo()
+        self._check_imu()
         if not self.scene.has_truth:
             self._check_pictures()
         if self.light.asks_for_a_sky and not self.scene.is_lit_from_outside:
@@ -219,8 +226,8 @@ class Configuration(Record, frozen=True):
 
     def _check_pictures(self) -> None:
         """Refuse settings that only rendered scenes have."""
-        for name, usual in ("objects", ()), ("shutter", Shutter()), ("stereo_with", None):
-            if getattr(self, name) != usual:
+        for name in ("objects", "shutter", "stereo_with", "imu"):
+            if getattr(self, name) != type(self).model_fields[name].default:
                 raise ValueError(f"{name}: pictures are not rendered; omit it")
 
     def _check_stereo(self) -> None:
@@ -233,6 +240,14 @@ class Configuration(Record, frozen=True):
             raise ValueError(
                 "stereo_with: the two cameras do not look the same way side by side; change "
                 "position_m along x only, or omit it"
+            )
+
+    def _check_imu(self) -> None:
+        samples = self.imu.samples(self.trajectory) if self.imu else 0
+        if self.imu and samples > _MOST_READINGS:
+            raise ValueError(
+                f"imu.rate_hz {self.imu.rate_hz:g}: {samples} readings during the sequence; use a "
+                f"lower rate, with at most {_MOST_READINGS} of them"
             )
 
     @property

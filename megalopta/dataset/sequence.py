@@ -22,6 +22,7 @@ from megalopta.sensor import merged
 if TYPE_CHECKING:
     import xarray
 
+    from megalopta.dataset.inertial import ImuReadings
     from megalopta.dataset.reprojection import TruthReader
     from megalopta.sensor import OpenedCounts, StoredFrames
 
@@ -267,6 +268,13 @@ class Sequence:
         return self._by_frame(
             lambda n: read_disparity(frame("training/disparities", n, "png")), "px"
         )
+
+    @property
+    def imu(self) -> "ImuReadings":
+        """Readings of the IMU on the rig. Raises UserError without one."""
+        from megalopta.dataset.inertial import read_imu
+
+        return read_imu(self.dataset.compared(self.dataset.imu / "imu0/data.csv"))
 
     def occlusion(self, first: int, second: int | None = None) -> NDArray[np.bool_]:
         """Mask (H, W) of a frame's pixels that are hidden in another, or out of its view.

@@ -53,14 +53,19 @@ class Path(Record, frozen=True):
 
     def pose_at(self, times_s: ArrayLike) -> Floats:
         """Camera-to-world matrices (n, 4, 4) at times (n,), s."""
-        positions, rotations = self.course(np.asarray(times_s, dtype=float))
-        if self.mount:
-            positions = positions + rotations @ np.asarray(self.mount.position_m)
-            rotations = rotations @ self.mount.matrix[:3, :3]
+        positions, rotations = self.placed(np.asarray(times_s, dtype=float))
         poses = np.tile(np.eye(4), (len(positions), 1, 1))
         poses[:, :3, :3] = rotations
         poses[:, :3, 3] = rounded_about(positions, self.origin_m)
         return poses
+
+    def placed(self, times_s: Floats) -> tuple[Floats, Floats]:
+        """Positions (n, 3), m, and rotations (n, 3, 3) of the camera on its mount, not rounded."""
+        positions, rotations = self.course(times_s)
+        if self.mount is None:
+            return positions, rotations
+        shifts = rotations @ np.asarray(self.mount.position_m)
+        return positions + shifts, rotations @ self.mount.matrix[:3, :3]
 
     def mounted(self, mount: Mount | None) -> Self:
         """Return the path with another camera on its rig; None is the path's own camera."""
