@@ -18,6 +18,7 @@ from pydantic import (
 )
 
 from megalopta.config import built_in_names, built_in_text
+from megalopta.config.labels import LabelName, TrackSettings
 from megalopta.config.measuring import CalibrationFrames, FlowSettings, SequenceBenchmark
 from megalopta.config.yaml_model import mapping, read_text, validated
 from megalopta.core.bounded import quoted
@@ -47,6 +48,8 @@ _LONGEST_VALUE = 60
 _LONGEST_NAME = 100
 _MOST_READINGS = 10**6
 """Most readings of an IMU in a sequence, 300 MB of text"""
+_MOST_POINTS = 10**8
+"""Most places of followed points in a sequence, 0.9 GB"""
 
 
 class Configuration(Record, frozen=True):
@@ -82,6 +85,13 @@ class Configuration(Record, frozen=True):
 
     render: RenderSettings = RenderSettings()
     """Samples, depth, bands and backend."""
+
+    labels: tuple[LabelName, ...] = Field(default=(), exclude_if=lambda labels: not labels)
+    """Label maps that `render` writes for other programs: `classes`, `instances`, `normals`,
+    `albedo`; default: none."""
+
+    tracks: TrackSettings | None = Field(default=None, exclude_if=lambda tracks: tracks is None)
+    """Points that `render` follows through all frames; default: none."""
 
     light_levels: Annotated[tuple[LightLevel, ...], Field(min_length=1)] = (
         "twilight",
@@ -180,6 +190,11 @@ class Configuration(Record, frozen=True):
         folder = (validation.context or {}).get("folder", Path())
         return tuple(_resolve_sensor(sensor, folder) for sensor in sensors)
 
+    @field_validator("labels")
+    @classmethod
+    def _labels_once(cls, labels: tuple[LabelName, ...]) -> tuple[LabelName, ...]:
+        return each_once(labels)
+
     @field_validator("products")
     @classmethod
     def _counts_are_made(cls, products: tuple[ProductName, ...]) -> tuple[ProductName, ...]:
@@ -205,6 +220,7 @@ class Configuration(Record, frozen=True):
         self._check_shutter(1 / self.trajectory.frame_rate_hz)
         self._check_stereo()
         self._check_imu()
+        self._check_tracks()
         if not self.scene.has_truth:
             self._check_pictures()
         if self.light.asks_for_a_sky and not self.scene.is_lit_from_outside:
@@ -226,7 +242,7 @@ class Configuration(Record, frozen=True):
 
     def _check_pictures(self) -> None:
         """Refuse settings that only rendered scenes have."""
-        for name in ("objects", "shutter", "stereo_with", "imu"):
+        for name in ("objects", "shutter", "stereo_with", "imu", "labels", "tracks"):
             if getattr(self, name) != type(self).model_fields[name].default:
                 raise ValueError(f"{name}: pictures are not rendered; omit it")
 
@@ -249,6 +265,18 @@ class Configuration(Record, frozen=True):
                 f"imu.rate_hz {self.imu.rate_hz:g}: {samples} readings during the sequence; use a "
                 f"lower rate, with at most {_MOST_READINGS} of them"
             )
+
+    def _check_tracks(self) -> None:
+        frames, last = self.trajectory.frames, max(self.tracks.frames) if self.tracks else 0
+        if last >= frames:
+            raise ValueError(f"tracks.frames {last}: the sequence has frames 0 to {frames - 1}")
+        if self.tracks:
+            points = len(self.tracks.frames) * len(self.tracks.points(self.camera)) * frames
+            if points > _MOST_POINTS:
+                raise ValueError(
+                    f"tracks.spacing_px {self.tracks.spacing_px}: {points:.2g} places of points in "
+                    f"all frames; use a larger spacing, with at most {_MOST_POINTS:.0e}"
+                )
 
     @property
     def baseline_m(self) -> float | None:

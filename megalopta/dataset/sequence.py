@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     import xarray
 
     from megalopta.dataset.inertial import ImuReadings
+    from megalopta.dataset.labels import PointTracks
     from megalopta.dataset.reprojection import TruthReader
     from megalopta.sensor import OpenedCounts, StoredFrames
 
@@ -298,6 +299,36 @@ class Sequence:
     def object_ids(self) -> LazyFrames:
         """Object number (T, H, W); 0 is the sky."""
         return self._by_frame(lambda index: self._truth.frame(index).object_id, "1", np.uint32)
+
+    @property
+    def class_ids(self) -> LazyFrames:
+        """Number of the object's class (T, H, W), an index of `class_names`."""
+        return self._by_frame(lambda index: self._truth.frame(index).kind_id, "1", np.uint32)
+
+    @property
+    def class_names(self) -> tuple[str, ...]:
+        """Names of the classes: of the sky, and of all kinds of objects."""
+        return "sky", *map(str, self.dataset.read_scene_record().get("kinds", ()))
+
+    @property
+    def albedo(self) -> LazyFrames:
+        """Diffuse reflectance (T, H, W, B), means over the bands; the sky's is 0.
+
+        The configuration has `albedo` among its `labels`.
+        """
+        from megalopta.render import read_radiance
+
+        place = partial(self.dataset.frame, "training/albedo", suffix="exr")
+        return self._by_frame(
+            lambda index: read_radiance(place(index))[0], "1", band=len(self.bands_nm)
+        )
+
+    @property
+    def tracks(self) -> "PointTracks":
+        """Points followed through all frames. Raises UserError if none were."""
+        from megalopta.dataset.labels import read_tracks
+
+        return read_tracks(self.dataset.compared(self.dataset.tracks))
 
     def to_xarray(self, *exposures: str) -> "xarray.Dataset":
         """Return a lazy xarray.Dataset with units; by default with counts of all exposures.

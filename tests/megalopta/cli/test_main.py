@@ -42,7 +42,11 @@ def run(capsys):
 @pytest.mark.parametrize(
     ("verb", "own"),
     [
-        ("render", "name seed scene objects light camera trajectory stereo-with shutter render"),
+        (
+            "render",
+            "name seed scene objects light camera trajectory stereo-with shutter render "
+            "labels tracks",
+        ),
         (
             "sense",
             "light-levels sensors products imu sub-frames burst-hz free-running correct calibration "
