@@ -28,6 +28,8 @@ if TYPE_CHECKING:
     from megalopta.render import Tracks, Truth
 
 _LARGEST = 2**16 - 1
+MOST_CLASSES = _LARGEST
+"""Most kinds of objects that a map of classes can tell apart."""
 
 
 class PointTracks(NamedTuple):

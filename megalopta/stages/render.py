@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from megalopta.config.model import Configuration
 from megalopta.core import files
-from megalopta.core.errors import refused_as
+from megalopta.core.errors import UserError, refused_as
 from megalopta.core.folders import cache_folder
 from megalopta.core.freshness import BAKE_MODEL, RENDER_MODEL, TRUTH_MODEL
 from megalopta.core.progress import progress, say, step
@@ -125,6 +125,11 @@ class FrameWriter:
         with step("loading the scene"):
             self._renderer = _load(scene, settings, _all_poses(settings))
         self._kinds, self._origin_m = scene.kinds, scene.origin_m
+        if "classes" in settings.labels and len(self._kinds) > labels.MOST_CLASSES:
+            raise UserError(
+                f"labels: {len(self._kinds)} kinds of objects, and `classes` holds "
+                f"{labels.MOST_CLASSES}; omit it"
+            )
         self._motions = {
             str(index + 1): placement.motion.record()
             for index, placement in enumerate(scene.placements)

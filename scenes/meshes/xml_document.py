@@ -11,10 +11,11 @@ from xml.etree import ElementTree
 import numpy as np
 
 from megalopta.core.arrays import Floats
-from megalopta.core.bounded import TEXT_BYTES, quoted
+from megalopta.core.bounded import quoted
 
 Element = ElementTree.Element
 
+_MOST_BYTES = 16 * 10**6
 _MOST_ELEMENTS = 10**6
 _DEEPEST = 40
 _LONGEST = 10_000
@@ -27,8 +28,8 @@ class Document:
 
     def __init__(self, content: bytes) -> None:
         """Raise ValueError if it is no scene, or more than one."""
-        if len(content) > TEXT_BYTES:
-            raise ValueError(f"its XML is larger than {TEXT_BYTES / 1e6:.0f} MB")
+        if len(content) > _MOST_BYTES:
+            raise ValueError(f"its XML is larger than {_MOST_BYTES / 1e6:.0f} MB")
         if b"<!DOCTYPE" in content or b"<!ENTITY" in content:
             raise ValueError("it defines entities, which are not read")
         try:
