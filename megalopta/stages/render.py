@@ -196,15 +196,13 @@ class FrameWriter:
             camera_path = dataset.frame("training/camdata_left", index, "cam")
             sintel.write_camera(camera_path, intrinsics, pose)
         write_truth(dataset.truth(index), truth, self._origin_m, self._view(index))
-        if settings.stereo_with:
-            self._write_disparity(index)
-        if settings.labels:
-            self._write_labels(index, truth)
+        self._write_labels(index, truth)
+        self._write_disparity(index)
         if not settings.shutter.is_instant:
             self._write_exposed(index, attributes)
 
     def _write_labels(self, index: int, truth: "Truth") -> None:
-        """Write the label maps of one frame."""
+        """Write the label maps of one frame that are asked for."""
         dataset, wanted = self._dataset, self._settings.labels
         labels.write_labels(dataset.root / "training", dataset.sequence, index, truth, wanted)
         if "albedo" in wanted:
@@ -227,7 +225,7 @@ class FrameWriter:
             labels.write_tracks(dataset.tracks, wanted, tracks)
 
     def _write_disparity(self, index: int) -> None:
-        """Write the disparity of one frame to the rig's other camera, at the same time."""
+        """Write the disparity of one frame to the rig's other camera, if any, at the same time."""
         settings, time = self._settings, self._times_s[index]
         baseline = settings.baseline_m
         if baseline is not None:

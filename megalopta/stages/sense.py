@@ -73,10 +73,15 @@ def sense(dataset: Dataset) -> None:
     for sensor in dataset.configuration.sensors if dataset.configuration.correct else ():
         levels = dataset.configuration.light_levels
         write_corrected(dataset, sensor, [open_exposure(dataset, sensor, each) for each in levels])
-    if (imu := dataset.configuration.imu) and not dataset.imu.exists():
-        write_imu(dataset.imu, dataset.configuration, imu)
+    _write_imu(dataset)
     if dataset.configuration.scene.has_truth:
         _write_final_images(dataset)
+
+
+def _write_imu(dataset: Dataset) -> None:
+    """Write the readings of the IMU, if there is one."""
+    if (imu := dataset.configuration.imu) and not dataset.imu.exists():
+        write_imu(dataset.imu, dataset.configuration, imu)
 
 
 def _check_events(dataset: Dataset, films: Sequence["_Film"]) -> None:

@@ -30,6 +30,8 @@ class Document:
         """Raise ValueError if it is no scene, or more than one."""
         if len(content) > _MOST_BYTES:
             raise ValueError(f"its XML is larger than {_MOST_BYTES / 1e6:.0f} MB")
+        if b"\0" in content:
+            raise ValueError("its XML is not UTF-8")
         if b"<!DOCTYPE" in content or b"<!ENTITY" in content:
             raise ValueError("it defines entities, which are not read")
         try:

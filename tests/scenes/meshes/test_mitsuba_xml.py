@@ -122,3 +122,10 @@ def test_entities_are_refused_before_they_grow(write):
     bomb = '<!DOCTYPE scene [<!ENTITY a "xxxx"><!ENTITY b "&a;&a;&a;">]>'
     with pytest.raises(ValueError, match="it defines entities, which are not read"):
         scene_of(write("&b;", before=bomb))
+
+
+def test_other_encodings_are_refused(write, tmp_path):
+    path = write("")
+    (tmp_path / "yard/scene.xml").write_text('<scene version="3.0.0"/>', "utf-16")
+    with pytest.raises(ValueError, match="its XML is not UTF-8"):
+        scene_of(path)
