@@ -42,6 +42,7 @@ from .surveys import (
 )
 from .truth.tracer import (
     Flow as Flow,
+    Tracks as Tracks,
     Truth as Truth,
     out_of_view as out_of_view,
 )

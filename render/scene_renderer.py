@@ -26,8 +26,9 @@ from megalopta.render.settings import RenderSettings, bake_seed, frame_seed
 from megalopta.render.split_paths import SplitPaths, can_split
 from megalopta.render.surface_view import Integrator, SurfaceView
 from megalopta.render.surveys import Canopy, LightSurvey, measure_canopy
+from megalopta.render.truth.albedo import albedo_of
 from megalopta.render.truth.geometry import Geometry
-from megalopta.render.truth.tracer import Flow, Truth, TruthTracer
+from megalopta.render.truth.tracer import Flow, Tracks, Truth, TruthTracer
 from megalopta.render.truth.views import Instant, Rolling
 from megalopta.render.variant import Variant, choose_variant
 from megalopta.scenes import Shutter
@@ -96,7 +97,8 @@ class SceneRenderer:
         loaded = load_scene(scene, meshes)
         whole = LoadedScene(scene, meshes, loaded)
         self._scene, self._loaded = scene, loaded
-        geometry = Geometry(meshes, loaded)
+        geometry = self._geometry = Geometry(meshes, loaded)
+        self._meshes, self._bands_nm = meshes, settings.bands_nm
         self._tracer = TruthTracer(scene, geometry, camera, settings.truth_rays)
         pixels = camera.width * camera.height
         reason = path_tracing_reason(scene, self.variant.name, poses, settings, pixels)
@@ -204,6 +206,24 @@ class SceneRenderer:
         return self._tracer.flow(
             self._instant(poses, frame, times_s), self._instant(poses, other, times_s)
         )
+
+    def tracks(
+        self, poses: Floats, frame: int, image: Floats, times_s: ArrayLike | None = None
+    ) -> Tracks:
+        """Follow the points seen at image coordinates (N, 2) of a frame through all frames.
+
+        Other arguments as for `truth`.
+        """
+        instants = [self._instant(poses, index, times_s) for index in range(len(poses))]
+        return self._tracer.tracks(instants[frame], instants, image)
+
+    def albedo(self, pose: Floats, time_s: float = 0.0) -> NDArray[np.float32]:
+        """Diffuse reflectance (H, W, B) at the pixel centers, means over the bands; sky: 0."""
+        surface = self._tracer.see(Instant(time_s, self._local(pose)))
+        found = albedo_of(
+            surface, self._geometry, self._meshes, self._scene.materials, self._bands_nm
+        )
+        return found.reshape(*self.camera.shape, -1).astype(np.float32)
 
     def shutter_truth(self, path: Path, shutter: Shutter, frame: int) -> Truth:
         """Ground truth of one frame of a rolling shutter; every row has its own time.

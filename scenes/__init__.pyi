@@ -15,6 +15,7 @@ from .cameras.perspective import PerspectiveCamera as PerspectiveCamera
 from .forest.description import Forest as Forest
 from .forest.sway import Wind as Wind
 from .haze import Haze as Haze
+from .imu import Imu as Imu
 from .lighting.light import Light as Light
 from .meshes.description import Meshes as Meshes
 from .moving_objects import (
@@ -34,6 +35,7 @@ from .tone_mapping import (
     preview as preview,
 )
 from .trajectories.hover import Hover as Hover
+from .trajectories.mount import Mount as Mount
 from .trajectories.orbit import Orbit as Orbit
 from .trajectories.recorded import Recorded as Recorded
 from .trajectories.spline import Spline as Spline

@@ -69,6 +69,9 @@ def build_scene(
     trajectory: Path,
     objects: Sequence[AnyObject] = (),
 ) -> Scene:
-    """Build the scene that a camera on a trajectory sees, including the user's own objects."""
-    scene = description.build(light, camera, trajectory)
+    """Build the scene that a camera on a trajectory sees, including the user's own objects.
+
+    It is the same for all cameras of a rig.
+    """
+    scene = description.build(light, camera, trajectory.mounted(None))
     return with_objects(replace(scene, origin_m=trajectory.origin_m), objects)

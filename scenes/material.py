@@ -109,9 +109,10 @@ def _check_energy(what: str, reflectance: Spectrum, transmittance: Spectrum | No
 
 @dataclass(frozen=True)
 class Emission:
-    """Radiance that leaves a surface, the same at every wavelength: pattern(u, v) · radiance."""
+    """Radiance that leaves a surface: pattern(u, v) · radiance."""
 
-    radiance: float
-    """Radiance where the pattern is 1, W·m⁻²·sr⁻¹·nm⁻¹."""
+    radiance: float | Spectrum
+    """Radiance where the pattern is 1, W·m⁻²·sr⁻¹·nm⁻¹; a number is the same at every wavelength,
+    a spectrum has no pattern."""
     pattern: NDArray[np.float32] | None = None
     """(H, W): non-negative factor over the uv square; row 0 is v = 0. None means 1."""

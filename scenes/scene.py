@@ -188,7 +188,7 @@ class Scene:
             for first, last in bands_nm:
                 if first < low or last > high:
                     raise ValueError(
-                        f"material {name!r}: its reflectance is known from {low:g} to {high:g} nm, "
+                        f"material {name!r}: its spectrum is known from {low:g} to {high:g} nm, "
                         f"and bands_nm has {first:g} to {last:g}; give its reflectance in "
                         "`materials`, or omit the band"
                     )

@@ -3,7 +3,7 @@
 A frame's time is the middle of the exposure of its middle row.
 """
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field
@@ -28,6 +28,11 @@ class Shutter(Record, frozen=True):
     """Rolling shutter: time from the middle of the first row's exposure to the last row's (s);
     0 exposes all rows at once."""
 
+    readout_from: Literal["top", "bottom"] = Field(
+        default="top", exclude_if=lambda side: side == "top"
+    )
+    """Row that a rolling shutter exposes first: top, or bottom of a camera mounted upside down."""
+
     @property
     def is_instant(self) -> bool:
         """True if frames are taken at an instant, all rows at once."""
@@ -38,4 +43,5 @@ class Shutter(Record, frozen=True):
 
         It holds at the centers of rows, is interpolated between and extrapolated beyond them.
         """
-        return np.asarray(self.readout_s * ((y - 0.5) / max(height - 1, 1) - 0.5))
+        way_s = self.readout_s if self.readout_from == "top" else -self.readout_s
+        return np.asarray(way_s * ((y - 0.5) / max(height - 1, 1) - 0.5))

@@ -12,9 +12,9 @@ VERBS["scene"] = Verb("export a scene")
 
 @verb(
     "scene export",
-    "write a frame of a scene as Mitsuba's XML, which plain Mitsuba renders alike",
+    "write a frame of a scene as Mitsuba's XML, which plain Mitsuba renders alike, or as GLB",
     option("configuration", "YAML file, name of a configuration, or dataset folder"),
-    out("out/scene"),
+    out("out/scene", "folder of the XML and its files, or a GLB file by its name"),
     option("--frame", "frame, counted from 0 (default: 0)", type=at_least(0), default=0),
     settings=partial(settings_of_stage, "render"),
     often=("scene.kind", "light.level", "camera.width", "camera.height", "render.bands_nm"),
@@ -22,7 +22,9 @@ VERBS["scene"] = Verb("export a scene")
 )
 def _export(options: Namespace) -> None:
     from megalopta.config.model import load
+    from megalopta.core import files
     from megalopta.render import export_scene
+    from megalopta.scenes.glb import glb_of
     from megalopta.stages.render import build
 
     settings = load(options.configuration, options.overrides)
@@ -32,6 +34,11 @@ def _export(options: Namespace) -> None:
             f"--frame {options.frame}: frames are 0 to {path.frames - 1}; give one of these"
         )
     scene, pose, time_s = build(settings), path.poses()[options.frame], path.times_s[options.frame]
+    if options.out.suffix.lower() == ".glb":
+        with files.atomic_write(options.out) as temporary:
+            temporary.write_bytes(glb_of(scene, float(time_s)))
+        print(options.out)
+        return
     with refused_as("scene export"):
         print(
             export_scene(scene, settings.camera, settings.render, pose, options.out, float(time_s))

@@ -23,7 +23,7 @@ def sequence_name(index: int) -> str:
 
 def configuration_of(plan: Plan, index: int) -> Configuration:
     """Configuration of a sequence. Raises UserError if the drawn values do not fit together."""
-    return configuration_at(plan, index, stream(plan.seed, index))
+    return configuration_at(plan, index, _stream(plan, index))
 
 
 def check_plan(plan: Plan) -> list[Configuration]:
@@ -72,7 +72,7 @@ def configuration_at(plan: Plan, index: int, at: Stream) -> Configuration:
             f"sequence {index} (scene {preset}): a plan renders its scenes; make a dataset of "
             "these pictures with megalopta sense"
         )
-    return repeated(made, plan.repeats)
+    return repeated(_on_rig(made, plan, index), plan.repeats)
 
 
 def repeated(configuration: Configuration, repeats: int) -> Configuration:
@@ -93,12 +93,30 @@ def repeated_name(sensor: ImageSensor, number: int) -> ImageSensor:
 def split_of(plan: Plan, index: int) -> str:
     """Split that a sequence belongs to."""
     shares = sorted((name, share) for name, share in plan.splits.items() if share)
-    place = stream(plan.seed, index)("split") * sum(share for _, share in shares)
+    place = _stream(plan, index)("split") * sum(share for _, share in shares)
     for name, share in shares:
         if place < share:
             return name
         place -= share
     return shares[-1][0]
+
+
+def _stream(plan: Plan, index: int) -> Stream:
+    """Random numbers of a sequence, the same for all cameras of a rig."""
+    return stream(plan.seed, index // plan.cameras_per_path)
+
+
+def _on_rig(made: Configuration, plan: Plan, index: int) -> Configuration:
+    """Place a sequence's camera on the rig, next to the first camera with which it is a pair."""
+    if not plan.rig:
+        return made
+    own = plan.rig[index % len(plan.rig)]
+    pairs = [other for other in plan.rig if own.baseline_m(other) is not None]
+    partner = pairs[0] if pairs and made.camera.intrinsics is not None else None
+    changes = {"trajectory": made.trajectory.mounted(own), "stereo_with": partner}
+    if index % len(plan.rig):
+        changes["imu"] = None  # the first camera's sequence has it
+    return made.model_copy(update=changes)
 
 
 def _drawn(plan: Plan, name: str, at: Stream) -> Any:

@@ -18,6 +18,7 @@ from pydantic import (
 )
 
 from megalopta.config import built_in_names, built_in_text
+from megalopta.config.labels import LabelName, TrackSettings
 from megalopta.config.measuring import CalibrationFrames, FlowSettings, SequenceBenchmark
 from megalopta.config.yaml_model import mapping, read_text, validated
 from megalopta.core.bounded import quoted
@@ -29,8 +30,10 @@ from megalopta.scenes import AnyObject, AnyScene, Shutter
 from megalopta.scenes.build import AnyCamera, CameraPath
 from megalopta.scenes.cameras.perspective import PerspectiveCamera
 from megalopta.scenes.forest.description import Forest
+from megalopta.scenes.imu import Imu
 from megalopta.scenes.lighting.levels import illuminance_of
 from megalopta.scenes.lighting.light import Light
+from megalopta.scenes.trajectories.mount import Mount
 from megalopta.scenes.trajectories.steady import Trajectory
 from megalopta.sensor import IMAGE_SENSORS, ImageSensor, merged
 from megalopta.sensor.formats.products import ProductName
@@ -43,6 +46,10 @@ _LONGEST_VALUE = 60
 # File names hold sensor, repeat, level, product, and a prefix during writing; file systems allow
 # 255 bytes.
 _LONGEST_NAME = 100
+_MOST_READINGS = 10**6
+"""Most readings of an IMU in a sequence, 300 MB of text"""
+_MOST_POINTS = 10**8
+"""Most places of followed points in a sequence, 0.9 GB"""
 
 
 class Configuration(Record, frozen=True):
@@ -69,11 +76,22 @@ class Configuration(Record, frozen=True):
     trajectory: CameraPath = Trajectory()
     """Camera motion."""
 
+    stereo_with: Mount | None = Field(default=None, exclude_if=lambda mount: mount is None)
+    """Second camera of the rig on the path, side by side with this one: `training/disparities`
+    holds the disparity to it. By default there is none."""
+
     shutter: Shutter = Shutter()
     """Motion blur and rolling shutter of the sensors' frames."""
 
     render: RenderSettings = RenderSettings()
     """Samples, depth, bands and backend."""
+
+    labels: tuple[LabelName, ...] = Field(default=(), exclude_if=lambda labels: not labels)
+    """Label maps that `render` writes for other programs: `classes`, `instances`, `normals`,
+    `albedo`; default: none."""
+
+    tracks: TrackSettings | None = Field(default=None, exclude_if=lambda tracks: tracks is None)
+    """Points that `render` follows through all frames; default: none."""
 
     light_levels: Annotated[tuple[LightLevel, ...], Field(min_length=1)] = (
         "twilight",
@@ -101,6 +119,9 @@ class Configuration(Record, frozen=True):
     products: tuple[ProductName, ...] = ("counts",)
     """Output of `sense` for every sensor and level: `counts` (required), `events_hdf5`,
     `events_npz`, `binary_npy`, `binary_spad512`, `burst_npy`, `tiff` (docs/file-formats.md)."""
+
+    imu: Imu | None = Field(default=None, exclude_if=lambda imu: imu is None)
+    """Gyroscope and accelerometer on the rig, whose readings `sense` writes; default: none."""
 
     sub_frames: Annotated[int, Field(ge=1, le=1000)] = 1
     """Equal parts of an exposure with still light in each. From 2 on, readings contain motion
@@ -169,6 +190,11 @@ class Configuration(Record, frozen=True):
         folder = (validation.context or {}).get("folder", Path())
         return tuple(_resolve_sensor(sensor, folder) for sensor in sensors)
 
+    @field_validator("labels")
+    @classmethod
+    def _labels_once(cls, labels: tuple[LabelName, ...]) -> tuple[LabelName, ...]:
+        return each_once(labels)
+
     @field_validator("products")
     @classmethod
     def _counts_are_made(cls, products: tuple[ProductName, ...]) -> tuple[ProductName, ...]:
@@ -192,6 +218,9 @@ class Configuration(Record, frozen=True):
         if len(set(names)) < len(names):
             raise ValueError(f"sensors {names}: give each sensor a name of its own")
         self._check_shutter(1 / self.trajectory.frame_rate_hz)
+        self._check_stereo()
+        self._check_imu()
+        self._check_tracks()
         if not self.scene.has_truth:
             self._check_pictures()
         if self.light.asks_for_a_sky and not self.scene.is_lit_from_outside:
@@ -213,9 +242,47 @@ class Configuration(Record, frozen=True):
 
     def _check_pictures(self) -> None:
         """Refuse settings that only rendered scenes have."""
-        for name, usual in ("objects", ()), ("shutter", Shutter()):
-            if getattr(self, name) != usual:
+        for name in ("objects", "shutter", "stereo_with", "imu", "labels", "tracks"):
+            if getattr(self, name) != type(self).model_fields[name].default:
                 raise ValueError(f"{name}: pictures are not rendered; omit it")
+
+    def _check_stereo(self) -> None:
+        if self.stereo_with and self.camera.intrinsics is None:
+            raise ValueError(
+                f"stereo_with: the {self.camera} has no lines along which to shift points; use a "
+                "pinhole, or omit it"
+            )
+        if self.stereo_with and self.baseline_m is None:
+            raise ValueError(
+                "stereo_with: the two cameras do not look the same way side by side; change "
+                "position_m along x only, or omit it"
+            )
+
+    def _check_imu(self) -> None:
+        samples = self.imu.samples(self.trajectory) if self.imu else 0
+        if self.imu and samples > _MOST_READINGS:
+            raise ValueError(
+                f"imu.rate_hz {self.imu.rate_hz:g}: {samples} readings during the sequence; use a "
+                f"lower rate, with at most {_MOST_READINGS} of them"
+            )
+
+    def _check_tracks(self) -> None:
+        frames, last = self.trajectory.frames, max(self.tracks.frames) if self.tracks else 0
+        if last >= frames:
+            raise ValueError(f"tracks.frames {last}: the sequence has frames 0 to {frames - 1}")
+        if self.tracks:
+            points = len(self.tracks.frames) * len(self.tracks.points(self.camera)) * frames
+            if points > _MOST_POINTS:
+                raise ValueError(
+                    f"tracks.spacing_px {self.tracks.spacing_px}: {points:.2g} places of points in "
+                    f"all frames; use a larger spacing, with at most {_MOST_POINTS:.0e}"
+                )
+
+    @property
+    def baseline_m(self) -> float | None:
+        """Distance to the camera `stereo_with`, m, positive to the right; None without one."""
+        own = self.trajectory.mount or Mount()
+        return own.baseline_m(self.stereo_with) if self.stereo_with else None
 
     def _check_shutter(self, period_s: float) -> None:
         shutter = self.shutter

@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeAlias
 
-from pydantic import Field, field_validator
+from pydantic import Field, field_validator, model_validator
 
 from megalopta.config import built_in_names
 from megalopta.config.yaml_model import mapping, read_text, validated
@@ -20,6 +20,7 @@ from megalopta.core.errors import UserError
 from megalopta.core.format_numbers import check_format
 from megalopta.core.record import Record
 from megalopta.flow.benchmark.settings import each_once
+from megalopta.scenes.trajectories.mount import Mount
 from megalopta.sensor import generator
 from megalopta.sensor.formats.products import ProductName
 
@@ -78,6 +79,10 @@ class Plan(Record, frozen=True):
     light_levels: Annotated[tuple[Entry, ...], Field(min_length=1)] = ("twilight",)
     """Light levels of every sensor, by name or in lux"""
 
+    rig: tuple[Mount, ...] = Field(default=(), exclude_if=lambda rig: not rig)
+    """Cameras that follow each path together, as many sequences one after the other: places
+    relative to the path's camera. Two side by side also get the disparity to each other"""
+
     repeats: Annotated[int, Field(ge=1, le=1000)] = 1
     """Exposures per sensor and level, with independent noise; from the second on, the sensor's name
     ends in -r2, -r3, …"""
@@ -127,6 +132,20 @@ class Plan(Record, frozen=True):
     @classmethod
     def _each_once(cls, values: tuple[Any, ...]) -> tuple[Any, ...]:
         return each_once(values)
+
+    @model_validator(mode="after")
+    def _rigs_are_complete(self) -> "Plan":
+        if self.sequences % self.cameras_per_path:
+            raise ValueError(
+                f"sequences {self.sequences}: a rig of {len(self.rig)} cameras makes as many "
+                "sequences of each path; give a multiple"
+            )
+        return self
+
+    @property
+    def cameras_per_path(self) -> int:
+        """Number of sequences that show the same scene and path."""
+        return max(len(self.rig), 1)
 
     @field_validator("splits")
     @classmethod

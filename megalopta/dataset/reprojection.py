@@ -200,6 +200,18 @@ class TruthReader:
             return self.frame(first).flow_backward
         return self._flow_and_depth(first, second)[0].astype(np.float32)
 
+    def flow_to(self, other: "TruthReader", first: int, second: int) -> NDArray[np.float32]:
+        """Flow (H, W, 2), px, from a frame to a frame of another camera of the rig."""
+        self._check(first, second)
+        truth, view = self._frame(first)
+        points = carried_points(truth, view, other.view(second).time_s, self._motions)
+        image = other.view(second).image_of(points, np.isinf(truth.depth))
+        return view.way_to(image).astype(np.float32)
+
+    def view(self, index: int) -> View:
+        """Camera, pose and time of a frame."""
+        return self._frame(index).view
+
     def occlusion(self, first: int, second: int) -> NDArray[np.bool_]:
         """Mask (H, W) of a frame's pixels that are hidden in another, or out of its view."""
         self._check(first, second)

@@ -22,6 +22,8 @@ from megalopta.sensor import merged
 if TYPE_CHECKING:
     import xarray
 
+    from megalopta.dataset.inertial import ImuReadings
+    from megalopta.dataset.labels import PointTracks
     from megalopta.dataset.reprojection import TruthReader
     from megalopta.sensor import OpenedCounts, StoredFrames
 
@@ -242,6 +244,39 @@ class Sequence:
         """
         return self._truth.flow(first, first + 1 if second is None else second)
 
+    def flow_to(self, camera: "Sequence", first: int, second: int | None = None) -> Float32:
+        """Flow (H, W, 2), px, into the image of another camera of the rig, from depth and poses.
+
+        It ends in that camera's frame of the same number, or another. Raises UserError if the other
+        sequence shows another scene or path.
+        """
+        mine, its = self.configuration, camera.configuration
+        if mine.trajectory.mounted(None) != its.trajectory.mounted(None) or mine.scene != its.scene:
+            raise UserError(
+                f"{camera.name} shows another scene or path than {self.name}; give a camera of "
+                "the same rig"
+            )
+        return self._truth.flow_to(camera._truth, first, first if second is None else second)
+
+    @property
+    def disparity(self) -> LazyFrames:
+        """Disparity (T, H, W), px, to the camera `stereo_with`. Raises UserError without one."""
+        from megalopta.dataset.stereo import read_disparity
+
+        if self.configuration.stereo_with is None:
+            raise UserError(f"{self.name}: no second camera side by side, and thus no disparity")
+        frame = self.dataset.frame
+        return self._by_frame(
+            lambda n: read_disparity(frame("training/disparities", n, "png")), "px"
+        )
+
+    @property
+    def imu(self) -> "ImuReadings":
+        """Readings of the IMU on the rig. Raises UserError without one."""
+        from megalopta.dataset.inertial import read_imu
+
+        return read_imu(self.dataset.compared(self.dataset.imu / "imu0/data.csv"))
+
     def occlusion(self, first: int, second: int | None = None) -> NDArray[np.bool_]:
         """Mask (H, W) of a frame's pixels that are hidden in another, or out of its view.
 
@@ -264,6 +299,36 @@ class Sequence:
     def object_ids(self) -> LazyFrames:
         """Object number (T, H, W); 0 is the sky."""
         return self._by_frame(lambda index: self._truth.frame(index).object_id, "1", np.uint32)
+
+    @property
+    def class_ids(self) -> LazyFrames:
+        """Number of the object's class (T, H, W), an index of `class_names`."""
+        return self._by_frame(lambda index: self._truth.frame(index).kind_id, "1", np.uint32)
+
+    @property
+    def class_names(self) -> tuple[str, ...]:
+        """Names of the classes: of the sky, and of all kinds of objects."""
+        return "sky", *map(str, self.dataset.read_scene_record().get("kinds", ()))
+
+    @property
+    def albedo(self) -> LazyFrames:
+        """Diffuse reflectance (T, H, W, B), means over the bands; the sky's is 0.
+
+        The configuration has `albedo` among its `labels`.
+        """
+        from megalopta.render import read_radiance
+
+        place = partial(self.dataset.frame, "training/albedo", suffix="exr")
+        return self._by_frame(
+            lambda index: read_radiance(place(index))[0], "1", band=len(self.bands_nm)
+        )
+
+    @property
+    def tracks(self) -> "PointTracks":
+        """Points followed through all frames. Raises UserError if none were."""
+        from megalopta.dataset.labels import read_tracks
+
+        return read_tracks(self.dataset.compared(self.dataset.tracks))
 
     def to_xarray(self, *exposures: str) -> "xarray.Dataset":
         """Return a lazy xarray.Dataset with units; by default with counts of all exposures.

@@ -61,9 +61,10 @@ def write_flow(root: Path, sequence: str, index: int, truth: "Truth", wraps: boo
     undefined = np.asarray(np.isnan(truth.flow_forward).any(axis=-1))
     unmatched: NDArray[np.bool_] = truth.occluded_forward | out_of_view(truth.flow_forward, wraps)
     write_flo(root / "flow" / sequence / f"{name}.flo", truth.flow_forward)
-    write_png(root / "occlusions" / sequence / f"{name}.png", _mask(unmatched))
-    write_png(root / "invalid" / sequence / f"{name}.png", _mask(undefined))
+    write_png(root / "occlusions" / sequence / f"{name}.png", mask_of(unmatched))
+    write_png(root / "invalid" / sequence / f"{name}.png", mask_of(undefined))
 
 
-def _mask(flags: NDArray[np.bool_]) -> NDArray[np.uint8]:
+def mask_of(flags: NDArray[np.bool_]) -> NDArray[np.uint8]:
+    """Return the 8-bit image (H, W) of flags (H, W): 255 where True."""
     return np.where(flags, 255, 0).astype(np.uint8)

@@ -5,6 +5,9 @@ sequences/SEQ.json           software of each stage, and every file's hash
 timings.json                 seconds of each stage
 training/clean|final/SEQ/    tone-mapped radiance | counts, PNG
 training/flow|occlusions|invalid|depth|camdata_left/SEQ/
+training/classes|instances|normals|albedo|tracks/SEQ/  labels on request
+training/imu/SEQ/            readings of an IMU and poses, in EuRoC's and TUM's layouts
+training/disparities|occlusions_stereo/SEQ/  of a stereo pair
 radiance|truth/SEQ/          EXR, every frame at its instant
 radiance_shutter/SEQ/        EXR, the same frames through the shutter, if one is set
 truth_shutter/SEQ/           EXR, truth of every row at its own time, with a rolling shutter
@@ -121,6 +124,16 @@ class Dataset:
         """Counts of one sensor at one light level."""
         folder = self.root / "counts" / self.sequence
         return self.store(folder / f"{exposure_name(sensor, level)}.zarr")
+
+    @property
+    def tracks(self) -> Path:
+        """Tracks of points through all frames."""
+        return self.root / "training/tracks" / self.sequence / "tracks.npz"
+
+    @property
+    def imu(self) -> Path:
+        """Folder of an IMU's readings, and of poses, in the layouts of EuRoC and TUM."""
+        return self.root / "training/imu" / self.sequence
 
     def result(self, name: str) -> Path:
         """File of results."""

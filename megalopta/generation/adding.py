@@ -110,6 +110,7 @@ class _Exposed:
         values = {
             **record.configuration,
             **self.wanted.model_dump(mode="json", exclude={"repeats"}),
+            "imu": None,  # it is there
         }
         return repeated(validated(Configuration, values, "dataset expose"), self.wanted.repeats)
 

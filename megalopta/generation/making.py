@@ -21,6 +21,7 @@ from megalopta.core.format_numbers import written
 from megalopta.core.progress import progress, say
 from megalopta.dataset.layout import Tree
 from megalopta.dataset.record import MADE, SequenceRecord
+from megalopta.dataset.stereo import read_disparity, write_kitti_disparity
 from megalopta.dataset.store import Dataset, hashes_of, refuse_others_folder
 from megalopta.flow.formats import read_flo, write_flo5, write_kitti_png
 from megalopta.generation.jobs import run_jobs
@@ -36,6 +37,7 @@ _WRITERS: Mapping[FlowFile, tuple[str, str, Callable[[Path, NDArray[Any]], None]
     "kitti_png": ("training/flow_kitti", "png", write_kitti_png),
     "flo5": ("training/flow_flo5", "flo5", write_flo5),
 }
+_KITTI_DISPARITY = "training/disparities_kitti"
 
 
 def make(
@@ -187,7 +189,13 @@ def _made(plan: Plan, index: int, dataset: Dataset) -> SequenceRecord:
     for stage in MADE:
         run_stage(data, configuration, stage)
     stages = Ledger(dataset).record.stages
-    extra = hashes_of(data, write_flow_files(dataset, plan.flow_files))
+    extra = hashes_of(
+        data,
+        [
+            *write_flow_files(dataset, plan.flow_files),
+            *(write_kitti_disparities(dataset) if "kitti_png" in plan.flow_files else ()),
+        ],
+    )
     rendered = stages["render"]
     more = rendered.model_copy(update={"files": {**(rendered.files or {}), **extra}})
     return SequenceRecord(
@@ -211,3 +219,15 @@ def write_flow_files(dataset: Dataset, kinds: Sequence[FlowFile]) -> list[Path]:
             if not path.exists():
                 write(path, flow)
     return [dataset.root / _WRITERS[kind][0] / dataset.sequence for kind in kinds]
+
+
+def write_kitti_disparities(dataset: Dataset) -> list[Path]:
+    """Write the disparity of a stereo pair in KITTI's layout too; return its folder."""
+    if not dataset.configuration.stereo_with:
+        return []
+    for index in range(dataset.configuration.trajectory.frames):
+        path = dataset.frame(_KITTI_DISPARITY, index, "png")
+        if not path.exists():
+            stored = dataset.frame("training/disparities", index, "png")
+            write_kitti_disparity(path, read_disparity(stored))
+    return [dataset.root / _KITTI_DISPARITY / dataset.sequence]

@@ -94,8 +94,8 @@ def _shutter(settings: Configuration) -> str:
         return _INSTANT
     return (
         f"Frames and true motion are those of the shutter, blurred by the motion during "
-        f"{shutter.exposure_s or 0:g} s and read out row by row within {shutter.readout_s or 0:g} "
-        "s."
+        f"{shutter.exposure_s or 0:g} s and read out row by row from the "
+        f"{shutter.readout_from} within {shutter.readout_s or 0:g} s."
     )
 
 

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 
 from megalopta.config.model import Configuration
 from megalopta.core import files
-from megalopta.core.errors import refused_as
+from megalopta.core.errors import UserError, refused_as
 from megalopta.core.folders import cache_folder
 from megalopta.core.freshness import BAKE_MODEL, RENDER_MODEL, TRUTH_MODEL
 from megalopta.core.progress import progress, say, step
-from megalopta.dataset import sintel
+from megalopta.dataset import labels, sintel, stereo
 from megalopta.dataset.rendering_noise import ATTRIBUTE, noise_record
 from megalopta.dataset.store import Dataset
 from megalopta.render import (
@@ -39,8 +39,10 @@ from megalopta.stages.declaration import Stage
 from megalopta.stages.importing import check_pictures, import_pictures
 
 if TYPE_CHECKING:
-    from megalopta.render import SceneRenderer
+    from megalopta.render import SceneRenderer, Truth
 
+_REFLECTANCE = {"emissiveUnits": "1", "quantity": "diffuse reflectance"}
+"""Attributes of the files of albedo, which are laid out as those of radiance"""
 # Points below the camera's path where illuminance is measured.
 _LIGHT_METERS = 9
 _MUCH_LEFT_OUT = 0.01
@@ -65,6 +67,7 @@ def render(dataset: Dataset) -> None:
             for index in missing:
                 writer.write(index)
                 advance()
+        writer.write_sequence_labels()
         with step("measuring light and canopy"):
             record = writer.record()
         files.write_json(dataset.scene_record, record)
@@ -81,6 +84,9 @@ def _frame_files(dataset: Dataset, index: int) -> list[Path]:
         kinds += [("camdata_left", "cam")]
     if index + 1 < dataset.configuration.trajectory.frames:
         kinds += [("flow", "flo"), ("occlusions", "png"), ("invalid", "png")]
+    kinds += [(name, "exr" if name == "albedo" else "png") for name in dataset.configuration.labels]
+    if dataset.configuration.stereo_with:
+        kinds += [("disparities", "png"), ("occlusions_stereo", "png")]
     training = [dataset.frame(f"training/{kind}", index, suffix) for kind, suffix in kinds]
     of_shutter = dataset.exposed_radiance(index), dataset.exposed_truth(index)
     return [dataset.radiance(index), dataset.truth(index), *of_shutter, *training]
@@ -119,6 +125,11 @@ class FrameWriter:
         with step("loading the scene"):
             self._renderer = _load(scene, settings, _all_poses(settings))
         self._kinds, self._origin_m = scene.kinds, scene.origin_m
+        if "classes" in settings.labels and len(self._kinds) > labels.MOST_CLASSES:
+            raise UserError(
+                f"labels: {len(self._kinds)} kinds of objects, and `classes` holds "
+                f"{labels.MOST_CLASSES}; omit it"
+            )
         self._motions = {
             str(index + 1): placement.motion.record()
             for index, placement in enumerate(scene.placements)
@@ -185,8 +196,44 @@ class FrameWriter:
             camera_path = dataset.frame("training/camdata_left", index, "cam")
             sintel.write_camera(camera_path, intrinsics, pose)
         write_truth(dataset.truth(index), truth, self._origin_m, self._view(index))
+        self._write_labels(index, truth)
+        self._write_disparity(index)
         if not settings.shutter.is_instant:
             self._write_exposed(index, attributes)
+
+    def _write_labels(self, index: int, truth: "Truth") -> None:
+        """Write the label maps of one frame that are asked for."""
+        dataset, wanted = self._dataset, self._settings.labels
+        labels.write_labels(dataset.root / "training", dataset.sequence, index, truth, wanted)
+        if "albedo" in wanted:
+            albedo = self._renderer.albedo(self._poses[index], float(self._times_s[index]))
+            file = dataset.frame("training/albedo", index, "exr")
+            write_radiance(file, albedo, self._settings.render.bands_nm, _REFLECTANCE)
+
+    def write_sequence_labels(self) -> None:
+        """Write names of classes and tracks of points, which belong to all frames."""
+        dataset, wanted = self._dataset, self._settings.tracks
+        if "classes" in self._settings.labels:
+            labels.write_class_names(dataset.root / "training", dataset.sequence, self._kinds)
+        if wanted:
+            image = wanted.points(self._settings.camera)
+            with step("following points"):
+                tracks = [
+                    self._renderer.tracks(self._poses, frame, image, self._times_s)
+                    for frame in wanted.frames
+                ]
+            labels.write_tracks(dataset.tracks, wanted, tracks)
+
+    def _write_disparity(self, index: int) -> None:
+        """Write the disparity of one frame to the rig's other camera, if any, at the same time."""
+        settings, time = self._settings, self._times_s[index]
+        baseline = settings.baseline_m
+        if baseline is not None:
+            there = settings.trajectory.mounted(settings.stereo_with).pose_at([time])
+            both = np.concatenate([self._poses[index : index + 1], there])
+            flow = self._renderer.flow(both, 0, 1, [time, time])
+            root, sequence = self._dataset.root / "training", self._dataset.sequence
+            stereo.write_disparity(root, sequence, index, flow, baseline)
 
     def _write_exposed(self, index: int, attributes: Mapping[str, str]) -> None:
         """Render one frame with the shutter; its seeds are independent of the sharp frame's."""
@@ -335,6 +382,8 @@ def _outputs(dataset: Dataset) -> list[Path]:
     kinds = (
         *("clean", "flow", "occlusions", "invalid", "depth", "camdata_left"),
         *("flow_kitti", "flow_flo5"),  # if a plan asks for them
+        *("disparities", "occlusions_stereo", "disparities_kitti"),  # of a rig
+        *("classes", "instances", "normals", "albedo", "tracks"),  # on request
     )
     exr = ("radiance", "truth", "radiance_shutter", "truth_shutter")
     folders = [*(f"training/{kind}" for kind in kinds), *exr, "pictures"]
@@ -361,7 +410,7 @@ STAGE = Stage(
     command="render",
     fields=(
         *("name", "seed", "scene", "objects", "light", "camera", "trajectory"),
-        *("shutter", "render"),
+        *("stereo_with", "shutter", "render", "labels", "tracks"),
     ),
     needs=(),
     outputs=_outputs,

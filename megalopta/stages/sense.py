@@ -24,6 +24,7 @@ from megalopta.core.freshness import SENSOR_MODEL
 from megalopta.core.progress import progress, say
 from megalopta.dataset import sintel
 from megalopta.dataset.frames import read_radiance_frame, read_radiance_frames, read_truth_frame
+from megalopta.dataset.inertial import write_imu
 from megalopta.dataset.picture_light import NextPictures, light_of
 from megalopta.dataset.store import Dataset, exposure_name
 from megalopta.scenes import ToneCurve
@@ -72,8 +73,15 @@ def sense(dataset: Dataset) -> None:
     for sensor in dataset.configuration.sensors if dataset.configuration.correct else ():
         levels = dataset.configuration.light_levels
         write_corrected(dataset, sensor, [open_exposure(dataset, sensor, each) for each in levels])
+    _write_imu(dataset)
     if dataset.configuration.scene.has_truth:
         _write_final_images(dataset)
+
+
+def _write_imu(dataset: Dataset) -> None:
+    """Write the readings of the IMU, if there is one."""
+    if (imu := dataset.configuration.imu) and not dataset.imu.exists():
+        write_imu(dataset.imu, dataset.configuration, imu)
 
 
 def _check_events(dataset: Dataset, films: Sequence["_Film"]) -> None:
@@ -323,12 +331,14 @@ STAGE = Stage(
         "expectation",
         "correct",
         "calibration",
+        "imu",
     ),
     needs=("render",),
     outputs=lambda dataset: [
         dataset.root / "counts" / dataset.sequence,
         dataset.root / "training/final" / dataset.sequence,
         dataset.root / "corrected" / dataset.sequence,
+        dataset.imu,
     ],
     work=sense,
     model=lambda: str(SENSOR_MODEL),

@@ -11,7 +11,8 @@ The truth of whole pixels is compared with that of their centers. A center is a 
 of its pixel. Where one object fills the pixel, its flow belongs to the distribution with the given
 mean and spread, and is rarely farther from the mean than a few spreads. Over the image, the shares
 of sky, and of hidden area, sum to the number of pixels with such a center, within chance: a share s
-gives a center with a variance of s·(1 − s). Where the centers of neighbors see different objects,
+gives a center with a variance of s·(1 − s). Edges along rows or columns make chance larger, which
+their sums show. Where the centers of neighbors see different objects,
 the outline between them crosses one of the two.
 """
 
@@ -223,6 +224,10 @@ def _standard_errors(share: NDArray[np.float32], center: NDArray[np.bool_]) -> F
     shares = share.astype(np.float64)
     if (shares < 0).any() or (shares > 1).any() or np.isnan(shares).any():
         return np.array([np.inf])
+    # Along a level horizon all pixels of a row differ alike, along a wall those of a column.
+    differences = shares - center
+    by_chance = np.where((shares > 0) & (shares < 1), differences, 0)
+    lines = max(float((by_chance.sum(axis=axis) ** 2).sum()) for axis in (0, 1))
     # One ray more or less in a pixel is not an error of the whole.
-    error = np.sqrt((shares * (1 - shares)).sum() + 1)
-    return np.array([abs(shares.sum() - center.sum()) / error])
+    error = np.sqrt(max((shares * (1 - shares)).sum(), lines) + 1)
+    return np.array([abs(differences.sum()) / error])

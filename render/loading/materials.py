@@ -121,6 +121,8 @@ def _mixed(
 
 def emission(of: Emission) -> dict[str, Any]:
     """Mitsuba texture of the radiance that a surface emits."""
+    if isinstance(of.radiance, Spectrum):
+        return spectrum(of.radiance)
     if of.pattern is None:
         return {"type": "spectrum", "value": of.radiance}
     return bitmap(of.pattern * np.float32(of.radiance))

@@ -274,14 +274,20 @@ class Geometry:
         """The same surface with barycentric coordinates for points of moving objects."""
         moving = self._moves(surface)
         barycentric = np.zeros((len(moving), 2))
-        corners = self.corners(surface.triangle[moving], of_rays(surface.time_s, moving))
+        times = of_rays(surface.time_s, moving)
+        barycentric[moving] = self.inside(surface.triangle[moving], surface.points[moving], times)
+        return replace(surface, barycentric=barycentric)
+
+    def inside(self, triangle: Ints, points: Floats, time_s: Times) -> Floats:
+        """Barycentric coordinates (n, 2) of points (n, 3) in triangles (n,) at a time."""
+        corners = self.corners(triangle, time_s)
         edges = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
         perpendicular = np.cross(*edges)
         area = np.maximum(_dot(perpendicular, perpendicular), 1e-300)
-        inside = surface.points[moving] - corners[:, 0]
-        barycentric[moving, 0] = _dot(np.cross(inside, edges[1]), perpendicular) / area
-        barycentric[moving, 1] = _dot(np.cross(edges[0], inside), perpendicular) / area
-        return replace(surface, barycentric=barycentric)
+        inside = points - corners[:, 0]
+        u = _dot(np.cross(inside, edges[1]), perpendicular) / area
+        v = _dot(np.cross(edges[0], inside), perpendicular) / area
+        return np.stack([u, v], axis=1)
 
     def _at(self, time_s: float) -> _Moment:
         """Moving objects at a time."""

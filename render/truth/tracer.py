@@ -10,6 +10,7 @@ Flow is in px of the stored image, +x right, +y down; NaN where the other camera
 point, as behind a pinhole. The other frame may be any of the sequence.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,7 +19,7 @@ from numpy.typing import NDArray
 from megalopta.core.arrays import Floats, Mask
 from megalopta.render.truth.footprint import Footprint, Footprints
 from megalopta.render.truth.geometry import Geometry, Surface, correspondence
-from megalopta.render.truth.views import View
+from megalopta.render.truth.views import Instant, View
 from megalopta.scenes.cameras.base import Camera
 from megalopta.scenes.scene import Scene
 
@@ -33,6 +34,16 @@ class Flow:
     """(H, W): True if something, or the point's own leaf, is between point and other camera."""
     out_of_view: Mask
     """(H, W): True if the point leaves the image, or has no flow."""
+
+
+@dataclass(frozen=True)
+class Tracks:
+    """Image positions of N points in T frames."""
+
+    points: Floats
+    """(N, T, 2): image coordinates (x, y) in px; NaN where undefined."""
+    occluded: Mask
+    """(N, T): True if the point is hidden from the frame's camera, or out of its image."""
 
 
 @dataclass(frozen=True)
@@ -82,7 +93,7 @@ class TruthTracer:
     def truth(self, view: View, following: View | None, previous: View | None) -> Truth:
         """Ground truth of a frame, with flow toward the next and the previous one, if any."""
         shape = self._camera.height, self._camera.width
-        surface = self._see(view)
+        surface = self.see(view)
         object_id = self._geometry.object_id[surface.triangle].reshape(shape)
         position = np.where(surface.is_sky[:, None], np.nan, surface.points + self._origin)
         way = surface.points - view.pixels(self._camera).origin
@@ -105,9 +116,26 @@ class TruthTracer:
 
     def flow(self, view: View, other: View) -> Flow:
         """Displacement of one frame's points in another frame."""
-        return self._flow(self._see(view), other)
+        return self._flow(self.see(view), other)
 
-    def _see(self, view: View) -> Surface:
+    def tracks(self, view: Instant, others: Iterable[View], image: Floats) -> Tracks:
+        """Follow the points that a frame sees at image coordinates (N, 2) through other frames."""
+        eyes = view.pixels(self._camera)
+        directions = eyes.to_world(self._camera.toward(image))
+        surface = self._geometry.seen(eyes.origin, directions, eyes.time_s)
+        size = np.array([self._camera.width, self._camera.height])
+        points, occluded = [], []
+        for other in others:
+            found = correspondence(self._geometry, self._camera, surface, image, other)
+            place = image + found.displacement
+            if self._camera.wraps:
+                place[:, 0] %= size[0]
+            points.append(place)
+            occluded.append(found.is_hidden | ~((place >= 0) & (place <= size)).all(axis=1))
+        return Tracks(np.stack(points, axis=1), np.stack(occluded, axis=1))
+
+    def see(self, view: View) -> Surface:
+        """Surface seen through the centers of all pixels, row by row."""
         eyes = view.pixels(self._camera)
         return self._geometry.seen(eyes.origin, eyes.to_world(self._axes), eyes.time_s)
 

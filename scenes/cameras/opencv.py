@@ -28,6 +28,7 @@ from numpy.polynomial import Polynomial
 from pydantic import Field, model_validator
 
 from megalopta.core.arrays import Floats
+from megalopta.core.compiling import compiled
 from megalopta.scenes.cameras.base import SINGULAR_RAD, Camera
 
 _ACCURACY = 1e-10
@@ -185,6 +186,31 @@ class OpenCVCamera(Camera, frozen=True):
         return _Lens(Polynomial([1, k1, k2, k3]), Polynomial([1, k4, k5, k6]), p1, p2)
 
 
+@compiled
+def _bend(points, upper, lower, p1, p2):  # type: ignore[no-untyped-def]
+    """Points (n, 2) distorted by g = upper / lower, polynomials, and the slopes (3, n)."""
+    moved, slopes = np.empty((len(points), 2)), np.empty((3, len(points)))
+    for n in range(len(points)):
+        x, y = points[n]
+        s = x * x + y * y
+        above = above_slope = below = below_slope = 0.0
+        for power in range(len(upper) - 1, -1, -1):  # Horner's scheme
+            above_slope = above_slope * s + above
+            above = above * s + upper[power]
+        for power in range(len(lower) - 1, -1, -1):
+            below_slope = below_slope * s + below
+            below = below * s + lower[power]
+        gain = above / below
+        bend = 2 * (above_slope - gain * below_slope) / below
+        mixed = 2 * (x * y)
+        moved[n, 0] = x * gain + p1 * mixed + p2 * (s + 2 * (x * x))
+        moved[n, 1] = y * gain + p2 * mixed + p1 * (s + 2 * (y * y))
+        slopes[0, n] = gain + x * x * bend + 2 * p1 * y + 6 * p2 * x
+        slopes[1, n] = x * y * bend + 2 * p1 * x + 2 * p2 * y
+        slopes[2, n] = gain + y * y * bend + 6 * p1 * y + 2 * p2 * x
+    return moved, slopes
+
+
 @dataclass(frozen=True)
 class _Lens:
     """Distortion of the plane: g = upper / lower, and two tangential coefficients."""
@@ -196,17 +222,17 @@ class _Lens:
 
     def done(self, plane: Floats) -> Floats:
         """Distorted points (..., 2); NaN from where they turn back."""
-        xx, xy, yy = self._slopes(plane)
+        moved, (xx, xy, yy) = self._bent(plane)
         is_rising = ((plane**2).sum(axis=-1) < self._end) & (xx * yy - xy**2 > 0)
-        return np.where(is_rising[..., None], self._moved(plane), np.nan)
+        return np.where(is_rising[..., None], moved, np.nan)
 
     def undone(self, wanted: Floats) -> Floats:
         """Points distorted to the wanted ones (..., 2), by Newton's method; NaN if none."""
         plane = self._guess(wanted)
         with np.errstate(all="ignore"):  # where there are none
             for _ in range(_MOST_STEPS):
-                x, y = np.moveaxis(wanted - self._moved(plane), -1, 0)
-                xx, xy, yy = self._slopes(plane)
+                moved, (xx, xy, yy) = self._bent(plane)
+                x, y = np.moveaxis(wanted - moved, -1, 0)
                 step = np.stack([yy * x - xy * y, xx * y - xy * x], axis=-1)
                 step /= (xx * yy - xy**2)[..., None]
                 plane = plane + step
@@ -229,22 +255,14 @@ class _Lens:
     def _gain(self, s: Floats | float) -> Floats:
         return np.asarray(self.upper(s) / self.lower(s))
 
-    def _moved(self, plane: Floats) -> Floats:
-        s = (plane**2).sum(axis=-1, keepdims=True)
-        mixed = 2 * plane.prod(axis=-1, keepdims=True)
-        square = s + 2 * plane**2
-        return plane * self._gain(s) + [self.p1, self.p2] * mixed + [self.p2, self.p1] * square
+    def _bent(self, plane: Floats) -> tuple[Floats, Floats]:
+        """Distorted points (..., 2), and slopes (3, ...): of x along x and along y, of y along y.
 
-    def _slopes(self, plane: Floats) -> tuple[Floats, Floats, Floats]:
-        """Derivatives of distorted x along x, along y (as of y along x), and of y along y."""
-        x, y = np.moveaxis(plane, -1, 0)
-        s = x**2 + y**2
-        gain, lower = self._gain(s), self.lower(s)
-        bend = 2 * (self.upper.deriv()(s) - gain * self.lower.deriv()(s)) / lower
-        xx = gain + x**2 * bend + 2 * self.p1 * y + 6 * self.p2 * x
-        xy = x * y * bend + 2 * self.p1 * x + 2 * self.p2 * y
-        yy = gain + y**2 * bend + 6 * self.p1 * y + 2 * self.p2 * x
-        return xx, xy, yy
+        The slope of x along y is that of y along x.
+        """
+        given = np.ascontiguousarray(plane, np.float64).reshape(-1, 2)
+        moved, slopes = _bend(given, self.upper.coef, self.lower.coef, self.p1, self.p2)
+        return moved.reshape(plane.shape), slopes.reshape(3, *plane.shape[:-1])
 
     @property
     def _end(self) -> float:

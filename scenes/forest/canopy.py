@@ -22,10 +22,9 @@ from scipy.spatial import cKDTree
 from megalopta.assets_gen import Surface
 from megalopta.assets_gen.scatter import distance_to
 from megalopta.core.arrays import Floats, Mask
-from megalopta.scenes.forest.flora import PLANTS
+from megalopta.scenes.forest.flora import SMALL
 from megalopta.scenes.forest.planting import dense_path
-from megalopta.scenes.forest.plants import Organs, Woody
-from megalopta.scenes.forest.specimens import SPECIMENS
+from megalopta.scenes.forest.plants import Organs
 from megalopta.scenes.scene import Placement, Scene
 
 Specimens = Mapping[str, Organs]
@@ -94,9 +93,10 @@ def _leaf_area(
     total = 0.0
     ordered = sorted(placements, key=lambda each: each.asset)
     for name, group in groupby(ordered, lambda each: each.asset):
-        if name not in specimens or not isinstance(SPECIMENS[name].plant, Woody):
+        members = list(group)
+        if name not in specimens or members[0].kind in SMALL:
             continue
-        to_world = np.stack([each.to_world for each in group])
+        to_world = np.stack([each.to_world for each in members])
         leaves = specimens[name]["leaf"]
         points = _some_places(leaves)
         places = points @ to_world[:, :2, :3].swapaxes(1, 2) + to_world[:, None, :2, 3]
@@ -114,10 +114,12 @@ def _some_places(leaves: Surface) -> Floats:
 
 WIDEST_M = 9.0
 """Largest sideways reach of a plant from its foot (m)."""
-_LEAVES, _WOOD = (
-    frozenset(plant.part(organ) for plant in PLANTS.values() if isinstance(plant, Woody))
-    for organ in ("leaf", "bark")
-)
+
+
+def _woody_parts(scene: Scene, organ: str) -> list[str]:
+    """Names of the materials of an organ of trees and bushes."""
+    names = (f"{kind} {organ}" for kind in scene.kinds if kind not in SMALL)
+    return [name for name in names if name in scene.materials]
 
 
 @dataclass(frozen=True)
@@ -147,7 +149,8 @@ def plant_area(scene: Scene, path_xy: ArrayLike, ring_m: tuple[float, float]) ->
         Smallest and largest distance from the path (m).
     """
     path = _path(path_xy)
-    found = dict.fromkeys(_LEAVES | _WOOD, 0.0)
+    leaves, barks = (_woody_parts(scene, organ) for organ in ("leaf", "bark"))
+    found = dict.fromkeys([*leaves, *barks], 0.0)
     feet = np.array([each.to_world[:2, 3] for each in scene.placements])
     near = distance_to(path, feet) < ring_m[1] + WIDEST_M
     for index in np.flatnonzero(near).tolist():
@@ -160,7 +163,7 @@ def plant_area(scene: Scene, path_xy: ArrayLike, ring_m: tuple[float, float]) ->
                 away = distance_to(path, (a + b + c)[:, :2] / 3 + placement.to_world[:2, 3])
                 found[name] += float(area[_is_in(ring_m, away)].sum())
     ground = ground_area(path, ring_m)
-    leaf, wood = (sum(found[name] for name in names) / ground for names in (_LEAVES, _WOOD))
+    leaf, wood = (sum(found[name] for name in names) / ground for names in (leaves, barks))
     return PlantArea(leaf, wood / 2)
 
 

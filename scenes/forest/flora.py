@@ -1,6 +1,8 @@
 """Plants and litter of a forest, from the table `flora.yaml` and from here."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -26,26 +28,27 @@ from megalopta.scenes.forest.plants import (
 from megalopta.scenes.spectra.reflectance import leaf_of, reflectance_of
 
 
-def _woody(name: str, entry: Mapping[str, Any]) -> Woody:
+def _scaled(entry: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return an entry with the scale of its leaves applied."""
     leaf = dict(entry["shape"]["foliage"])
     scale = leaf.pop("scale", 1.0)
     leaf |= {length: scale * leaf[length] for length in ("length_m", "width_m")}
-    shape = Species.model_validate({**entry["shape"], "foliage": leaf})
+    return {**entry, "shape": {**entry["shape"], "foliage": leaf}}
+
+
+def woody(name: str, entry: Mapping[str, Any]) -> Woody:
+    """Return a tree or bush of an entry, as of `ENTRIES`."""
+    shape = Species.model_validate(entry["shape"])
     light, dark = map(reflectance_of, entry["bark"])
     shade, sun = map(leaf_of, entry["leaf"])
-    layer = Layer(**entry["layer"]) if "layer" in entry else None
+    layer = Layer(**entry["layer"]) if entry.get("layer") else None
     blade = Coat.of_leaves(shade, sun, shape.foliage.blade)
     return Woody(name, {"bark": Coat((light, dark), shape.bark), "leaf": blade}, shape, layer)
 
 
 _TABLE = strict_yaml.load(Path(__file__).with_name("flora.yaml").read_text("utf-8"))
-_ALL = [_woody(name, entry) for name, entry in _TABLE.items()]
-
-TREES = by_name(*(plant for plant in _ALL if plant.layer is None))
-"""Species for the mix of a stand, by name."""
-
-BUSHES = by_name(*(plant for plant in _ALL if plant.layer))
-"""Bushes and saplings, by name."""
+ENTRIES: Mapping[str, Mapping[str, Any]] = {name: _scaled(each) for name, each in _TABLE.items()}
+"""Fields of each tree and bush by name."""
 
 
 LITTER = "litter"
@@ -114,14 +117,42 @@ SMALL: Mapping[str, Small] = by_name(
 )
 """Small plants and litter, by name."""
 
-LAYERS: Mapping[str, Layer] = MappingProxyType(
-    {name: bush.layer for name, bush in BUSHES.items() if bush.layer}
-    | {name: plant.layer for name, plant in SMALL.items()}
-)
-"""The undergrowth, by kind."""
 
-PLANTS: Mapping[str, Plant] = MappingProxyType({**TREES, **BUSHES, **SMALL})
-"""Everything that a forest contains."""
+@dataclass(frozen=True, eq=False)
+class Flora:
+    """Kinds of plants that a forest may contain, by name."""
+
+    trees: Mapping[str, Woody]
+    """Species for the mix of a stand."""
+    bushes: Mapping[str, Woody]
+    """Bushes and saplings."""
+
+    @classmethod
+    def of(cls, plants: Iterable[Woody]) -> "Flora":
+        """Return the flora of some trees and bushes, with all small plants."""
+        given = list(plants)
+        trees = by_name(*(plant for plant in given if plant.layer is None))
+        return cls(trees, by_name(*(plant for plant in given if plant.layer)))
+
+    @cached_property
+    def layers(self) -> Mapping[str, Layer]:
+        """Places of the undergrowth, by kind."""
+        bushes = {name: bush.layer for name, bush in self.bushes.items() if bush.layer}
+        return MappingProxyType(bushes | {name: each.layer for name, each in SMALL.items()})
+
+    @cached_property
+    def plants(self) -> Mapping[str, Plant]:
+        """Everything that a forest may contain."""
+        return MappingProxyType({**self.trees, **self.bushes, **SMALL})
+
+    def is_woody(self, kind: str) -> bool:
+        """True if a kind of object is a tree or bush."""
+        return kind in self.trees or kind in self.bushes
+
+
+FLORA = Flora.of(woody(name, entry) for name, entry in ENTRIES.items())
+"""Plants of this program."""
+TREES, BUSHES, LAYERS, PLANTS = FLORA.trees, FLORA.bushes, FLORA.layers, FLORA.plants
 
 COVERS: Mapping[str, Coat] = MappingProxyType(
     {

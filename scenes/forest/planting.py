@@ -18,8 +18,8 @@ from megalopta.assets_gen.scatter import distance_to, poisson_disk
 from megalopta.assets_gen.tileable_noise import plane_waves
 from megalopta.assets_gen.trail import Trail
 from megalopta.core.arrays import Floats
-from megalopta.scenes.forest.flora import BUSHES, LAYERS, LITTER, PLANTS, TREES
-from megalopta.scenes.forest.plants import HEIGHTS, LODS, Plant
+from megalopta.scenes.forest.flora import FLORA, LITTER, Flora
+from megalopta.scenes.forest.plants import HEIGHTS, LODS, Plant, Woody
 from megalopta.scenes.forest.specimens import INDIVIDUALS, Specimen
 from megalopta.scenes.scene import Placement
 
@@ -115,6 +115,8 @@ class Planting:
     """Factor on the distances at which plants get coarser."""
     trail: Trail | None = None
     """Trodden path, with only litter on it."""
+    flora: Flora = FLORA
+    """Kinds of plants."""
 
     def trees(
         self, mix: Mapping[str, float], age_spread: float, height_spread: float, points: Floats
@@ -124,7 +126,8 @@ class Planting:
         names = sorted(mix)
         shares = np.array([mix[name] for name in names])
         plants = [
-            TREES[names[i]] for i in rng.choice(len(names), len(points), p=shares / shares.sum())
+            self.flora.trees[names[i]]
+            for i in rng.choice(len(names), len(points), p=shares / shares.sum())
         ]
         deviation = rng.standard_normal(len(points)).clip(-2, 2)
         shares = _shares_of_ages(age_spread)
@@ -139,23 +142,24 @@ class Planting:
         ring = (edge_m - 7, edge_m + BELT_M)
         points = _strewn(self.path, ring, ring[1], THICKET_PER_M2, 0.6, rng)
         points = self._beside_trail(points, 0.0)
-        shares = _closing(per_m2) or THICKET
+        shares = _closing(per_m2, self.flora.bushes) or THICKET
         weights = np.array(list(shares.values()))
         kinds = rng.choice(list(shares), len(points), p=weights / weights.sum()).tolist()
-        plants = [PLANTS[kind] for kind in kinds]
+        plants = [self.flora.plants[kind] for kind in kinds]
         return self._place(plants, points, 0.5 + 1.9 * rng.random(len(points)) ** 1.5, rng)
 
     def undergrowth(self, per_m2: Mapping[str, float], edge_m: float) -> Iterator[Placement]:
         """Scatter every kind at its density."""
         for kind, density in per_m2.items():
-            layer, rng = LAYERS[kind], generator(self.seed, "undergrowth", kind)
+            layer, rng = self.flora.layers[kind], generator(self.seed, "undergrowth", kind)
             ring = (layer.clearance_m, min(layer.reach_m, edge_m - 2))
             if density > 0:
                 points = _clumped(_strewn(self.path, ring, ring[1], density, 0.6, rng), rng)
                 if kind != LITTER:
                     points = self._beside_trail(points, layer.clearance_m)
                 scales = rng.uniform(*layer.scale, len(points))
-                yield from self._place([PLANTS[kind]] * len(points), points, scales, rng)
+                plants = [self.flora.plants[kind]] * len(points)
+                yield from self._place(plants, points, scales, rng)
 
     def _beside_trail(self, points: Floats, from_middle_m: float) -> Floats:
         """Return those of some points (n, 2) that are not on the trodden path."""
@@ -205,9 +209,9 @@ class Planting:
         return Rotation.from_rotvec(-angle * across).as_matrix()
 
 
-def _closing(per_m2: Mapping[str, float]) -> dict[str, float]:
+def _closing(per_m2: Mapping[str, float], bushes: Mapping[str, Woody]) -> dict[str, float]:
     """Return the densities of bushes that close the view."""
-    low = {name for name, bush in BUSHES.items() if bush.shape.height_m < CLOSING_M}
+    low = {name for name, bush in bushes.items() if bush.shape.height_m < CLOSING_M}
     return {name: density for name, density in per_m2.items() if name in low and density > 0}
 
 

@@ -137,6 +137,8 @@ class Woody(Plant):
     """Factor on its species' number of leaves."""
     furrows: Furrows | None = None
     """Relief of its bark, drawn in full detail only; None: smooth."""
+    variety: str = ""
+    """Hash of a species of the user's own, by which its shapes are cached."""
 
     @property
     def carved_bark(self) -> Coat | None:

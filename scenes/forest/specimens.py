@@ -23,7 +23,7 @@ from megalopta.assets_gen.plants.detail import some_leaves
 from megalopta.core.array_store import ArrayStore
 from megalopta.core.folders import cache_folder
 from megalopta.core.freshness import code_digest, digest
-from megalopta.scenes.forest.flora import COVERS, PLANTS
+from megalopta.scenes.forest.flora import COVERS, FLORA, Flora
 from megalopta.scenes.forest.plants import HEIGHTS, LODS, LodLevel, Organs, Plant, Woody
 from megalopta.scenes.material import Material, Texture
 from megalopta.scenes.scene import Asset
@@ -46,7 +46,8 @@ def grown(
     deep as their species'.
     """
     levels = (lod.name for lod in lods)
-    store = store_of("plant", seed, plant.name, number, fullness, str(bark_relief), *levels)
+    own = [plant.variety] if isinstance(plant, Woody) and plant.variety else []
+    store = store_of("plant", seed, plant.name, number, fullness, str(bark_relief), *levels, *own)
     if kept := store.read():
         return _organs(kept, len(lods))
     rng = generator(seed, "plant", plant.name, number)
@@ -121,28 +122,19 @@ class Specimen(NamedTuple):
         return f"{self.plant.name} {self.number} {self.lod.name}"
 
 
-SPECIMENS = MappingProxyType(
-    {
-        each.name: each
-        for each in map(Specimen._make, product(PLANTS.values(), range(len(HEIGHTS)), LODS))
-    }
-)
-"""Every specimen by its name."""
-_COATS = MappingProxyType(
-    {plant.part(organ): coat for plant in PLANTS.values() for organ, coat in plant.coats.items()}
-    | {f"{cover} ground": coat for cover, coat in COVERS.items()}
-)
-_CARVED = MappingProxyType(
-    {
-        plant.part("bark"): plant.carved_bark
-        for plant in PLANTS.values()
-        if isinstance(plant, Woody) and plant.carved_bark
-    }
-)
+@lru_cache(maxsize=8)
+def specimens_of(flora: Flora) -> Mapping[str, Specimen]:
+    """Every specimen of a flora by its name."""
+    of = product(flora.plants.values(), range(len(HEIGHTS)), LODS)
+    return MappingProxyType({each.name: each for each in map(Specimen._make, of)})
 
 
 def grow_specimens(
-    seed: int, names: Iterable[str], fullness: int = 1, bark_relief: float = 0.0
+    seed: int,
+    names: Iterable[str],
+    fullness: int = 1,
+    bark_relief: float = 0.0,
+    flora: Flora = FLORA,
 ) -> dict[str, Organs]:
     """Grow the named specimens; every individual grows once for all its levels of detail.
 
@@ -150,12 +142,12 @@ def grow_specimens(
     their species'.
     """
     ordered = sorted(
-        map(SPECIMENS.__getitem__, names),
+        map(specimens_of(flora).__getitem__, names),
         key=lambda each: (each.plant.name, each.number, LODS.index(each.lod)),
     )
     found: dict[str, Organs] = {}
     for (kind, number), group in groupby(ordered, lambda each: (each.plant.name, each.number)):
-        individual, plant = list(group), PLANTS[kind]
+        individual, plant = list(group), flora.plants[kind]
         full = fullness if isinstance(plant, Woody) else 1
         lods = [each.lod for each in individual]
         levels = grown(seed, plant, number, lods, full, bark_relief)
@@ -164,12 +156,15 @@ def grow_specimens(
 
 
 def plant_assets(
-    seed: int, specimens: Mapping[str, Organs], leaf_share: float = 1.0
+    seed: int,
+    specimens: Mapping[str, Organs],
+    leaf_share: float = 1.0,
+    flora: Flora = FLORA,
 ) -> dict[str, Asset]:
     """Return the assets of grown specimens; trees and bushes keep a share of their leaves."""
     assets = {}
     for name, organs in specimens.items():
-        plant = SPECIMENS[name].plant
+        plant = specimens_of(flora)[name].plant
         if isinstance(plant, Woody) and leaf_share < 1:
             rng = generator(seed, "leaf share", name)
             organs = {**organs, "leaf": some_leaves(organs["leaf"], leaf_share, rng)}
@@ -178,12 +173,16 @@ def plant_assets(
 
 
 def materials(
-    seed: int, assets: Mapping[str, Asset], has_furrows: bool = False
+    seed: int, assets: Mapping[str, Asset], has_furrows: bool = False, flora: Flora = FLORA
 ) -> dict[str, Material]:
     """Return the materials of all parts of the assets, bark with furrows or without."""
-    result = {}
+    result, coats, carved = {}, {f"{cover} ground": coat for cover, coat in COVERS.items()}, {}
+    for plant in flora.plants.values():
+        coats |= {plant.part(organ): coat for organ, coat in plant.coats.items()}
+        if isinstance(plant, Woody) and plant.carved_bark:
+            carved[plant.part("bark")] = plant.carved_bark
     for part in sorted({part for asset in assets.values() for part in asset.parts}):
-        coat = (has_furrows and _CARVED.get(part)) or _COATS[part]
+        coat = (has_furrows and carved.get(part)) or coats[part]
         (first, second), (through, more) = coat.spectra, coat.transmittances or (None, None)
         mixed = Texture(texture(seed, coat.texture), second, more)
         result[part] = Material(first, mixed, transmittance=through)

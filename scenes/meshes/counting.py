@@ -9,6 +9,7 @@ from megalopta.scenes.meshes.gltf_file import Json, parts_of
 _STL_HEADER, _STL_TRIANGLE = 84, 50
 _PLY_FACES = re.compile(rb"element face (\d{1,18})\s")
 _PLY_HEADER_BYTES = 2**16
+_MESHES = (".obj", ".ply")
 
 
 def triangles_in(contents: Mapping[str, bytes]) -> int:
@@ -20,6 +21,9 @@ def triangles_in(contents: Mapping[str, bytes]) -> int:
         case ".ply":
             found = _PLY_FACES.search(content[:_PLY_HEADER_BYTES])
             return int(found[1]) if found else 0
+        case ".xml":
+            meshes = (each for each in contents.items() if each[0].lower().endswith(_MESHES))
+            return sum(triangles_in({name: each}) for name, each in meshes)
         case ".obj":
             return content.count(b"\nf ")
     return _of_gltf(parts_of(content)[0])

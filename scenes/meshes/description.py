@@ -77,8 +77,17 @@ class Meshes(SceneDescription, frozen=True):
     """Reflectance, the same at every wavelength, of surfaces that have no color in their file
     (1)."""
 
+    lights: Literal["own", "file"] = Field(default="own", exclude_if=lambda lights: lights == "own")
+    """Light on the scene: own, of the configuration's `light`, or file, of the area lights of
+    Mitsuba's XML alone. Then `light.level` only names their level, from which others are scaled."""
+
     ground: Reflectance | None = None
     """Reflectance of a level ground below all files, as in `materials`; null: no ground."""
+
+    @property
+    def is_self_luminous(self) -> bool:  # type: ignore[override]
+        """True if lamps of the files are the only light."""
+        return self.lights == "file"
 
     @property
     def is_moving(self) -> bool:
@@ -100,14 +109,22 @@ class Meshes(SceneDescription, frozen=True):
             ground = Placement(_GROUND, _GROUND, np.eye(4))
             parts.append((_ground_below(parts), ground))
         assets = {placement.asset: asset for asset, placement in parts}
-        return Scene(materials, assets, tuple(each for _, each in parts), light.lighting())
+        lit = light.lighting() if self.lights == "own" else None
+        if not (lit or any(each.emission for each in materials.values())):
+            raise ValueError(
+                "lights 'file': the files have no area light with a radiance as rgb or spectrum; "
+                "use 'own'"
+            )
+        return Scene(materials, assets, tuple(each for _, each in parts), lit)
 
     def _objects(
         self, models: list[list[Piece]], materials: dict[str, Material]
     ) -> Iterator[tuple[Asset, Placement]]:
         """Yield the objects of all files, and add their materials to others."""
         for index, (placed, pieces) in enumerate(zip(self.files, models, strict=True)):
-            surfacing = Surfacing(placed.file.path, self.materials, self.reflectance, materials)
+            shines = self.lights == "file"
+            of = placed.file.path, self.materials, self.reflectance, shines, materials
+            surfacing = Surfacing(*of)
             for number, (piece, asset) in enumerate(surfacing.objects(pieces)):
                 label, motion = f"file {index} object {number}", piece.motion
                 motion = motion and motion.moved(placed.pose)

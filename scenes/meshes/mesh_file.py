@@ -13,12 +13,12 @@ from pydantic import model_validator
 from megalopta.core.bounded import quoted, read_bytes
 from megalopta.core.errors import DamagedFileError
 from megalopta.scenes.hashed_file import Hashed, unreadable
-from megalopta.scenes.meshes import gltf_file, wavefront
+from megalopta.scenes.meshes import gltf_file, mitsuba_xml, wavefront
 from megalopta.scenes.meshes.damage import refused_as_damaged
 
 MESH_BYTES = 2 * 10**9
 """Most bytes of a mesh file and all that it names."""
-SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl")
+SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl", ".xml")
 """Suffixes of supported files."""
 
 Contents = Mapping[str, bytes]
@@ -26,7 +26,7 @@ Contents = Mapping[str, bytes]
 
 
 class MeshFile(Hashed, frozen=True):
-    """GLB, glTF, OBJ, PLY or STL file."""
+    """GLB, glTF, OBJ, PLY or STL file, or Mitsuba's XML."""
 
     @model_validator(mode="after")
     def _is_of_a_known_kind(self) -> "MeshFile":
@@ -87,6 +87,11 @@ def _contents(path: str) -> Contents:
 
 def _names_in(path: str, name: str, content: bytes) -> Iterable[str]:
     """Names of the files that a file, or one that it names, names."""
+    if path.lower().endswith(".xml"):  # which alone names surfaces and pictures
+        if name != Path(path).name:
+            return ()
+        with refused_as_damaged(path):
+            return mitsuba_xml.names_in(content)
     with refused_as_damaged(path):
         match PurePosixPath(name).suffix.lower():
             case ".glb" | ".gltf":

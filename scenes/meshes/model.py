@@ -11,7 +11,7 @@ from megalopta.core.arrays import Floats
 from megalopta.core.errors import DamagedFileError
 from megalopta.core.progress import say
 from megalopta.core.record import Record
-from megalopta.scenes.meshes import gltf, polygons, wavefront
+from megalopta.scenes.meshes import gltf, mitsuba_xml, polygons, wavefront
 from megalopta.scenes.meshes.counting import triangles_in
 from megalopta.scenes.meshes.damage import refused_as_damaged
 from megalopta.scenes.meshes.mesh_file import Contents, MeshFile
@@ -28,22 +28,25 @@ _FARTHEST = 1e300
 _READERS: Mapping[str, Callable[[Contents], Iterable[Piece]]] = {
     **dict.fromkeys((".glb", ".gltf"), gltf.pieces_of),
     ".obj": wavefront.pieces_of,
+    ".xml": mitsuba_xml.pieces_of,
     **dict.fromkeys((".ply", ".stl"), polygons.pieces_of),
 }
-_Y_UP = ".glb", ".gltf", ".obj"
+_Y_UP = ".glb", ".gltf", ".obj", ".xml"
 
 
 class PlacedMesh(Record, frozen=True):
     """Mesh file at a place, with its unit and its axes."""
 
     file: MeshFile
-    """Path, relative to the working folder, of a GLB, glTF, OBJ, PLY or STL file."""
+    """Path, relative to the working folder, of a GLB, glTF, OBJ, PLY or STL file, or of
+    Mitsuba's XML."""
 
     scale: Annotated[float, Field(gt=0)] = 1.0
     """Length of the file's unit (m): 0.001 for millimeters."""
 
     up: Literal["y", "z"] | None = None
-    """Axis of the file that is up; null: y for glTF and OBJ, z for PLY and STL."""
+    """Axis of the file that is up; null: y for glTF, OBJ and Mitsuba's XML, z for PLY
+    and STL."""
 
     position_m: Vector = (0.0, 0.0, 0.0)
     """Place of the file's origin (x, y, z in m; z is up)."""

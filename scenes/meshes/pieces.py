@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from megalopta.assets_gen import cross, lengths
 from megalopta.core.arrays import Floats
 from megalopta.scenes.meshes.animation import NodeMotion
+from megalopta.scenes.spectra.spectrum import Spectrum
 
 Color = tuple[float, float, float]
 """Red, green and blue in linear sRGB, 0 to 1."""
@@ -24,6 +25,12 @@ class Paint:
     """(H, W, 3): colors in linear sRGB that multiply the color; row 0 is v = 0."""
     ignored: tuple[str, ...] = ()
     """Other properties of the material: transparency, metal, emission."""
+    spectrum: Spectrum | None = None
+    """Reflectance in place of a color."""
+    radiance: Spectrum | None = None
+    """Radiance that it emits, W·m⁻²·sr⁻¹·nm⁻¹, where lights of files count."""
+    refused: str = ""
+    """Description of a surface that is not rendered, unless its reflectance is given."""
 
 
 @dataclass(frozen=True)

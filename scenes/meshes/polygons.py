@@ -34,7 +34,9 @@ def pieces_of(contents: Mapping[str, bytes]) -> list[Piece]:
     smooth = re.search(rb"property \w+ nx\s", content[:_HEADER_BYTES]) and kind == "ply"
     normals = np.asarray(mesh.vertex_normals, np.float64) if smooth else None
     vertices, faces = np.asarray(mesh.vertices, np.float64), np.asarray(mesh.faces, np.int64)
-    return [Piece(0, path.stem, vertices, faces, normals=normals, colors=_colors(mesh))]
+    uv = getattr(mesh.visual, "uv", None)
+    piece = Piece(0, path.stem, vertices, faces, normals=normals, uv=uv, colors=_colors(mesh))
+    return [piece]
 
 
 def _colors(mesh: "trimesh.Trimesh") -> Floats | None:

@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 from megalopta.assets_gen import Surface, join
 from megalopta.core.arrays import Floats
 from megalopta.core.bounded import quoted
-from megalopta.scenes.material import ColorTexture, Material
+from megalopta.scenes.material import ColorTexture, Emission, Material
 from megalopta.scenes.meshes.pieces import Color, Piece
 from megalopta.scenes.meshes.reflectance import Curve, surface_of
 from megalopta.scenes.scene import Asset
 from megalopta.scenes.spectra.colors import BLUE, GREEN, KNOWN_NM, RED, reflectance_of_color
-from megalopta.scenes.spectra.spectrum import flat
+from megalopta.scenes.spectra.spectrum import Spectrum, flat
 
 _WHITE: Color = (1.0, 1.0, 1.0)
 
@@ -30,6 +30,8 @@ class Surfacing:
     """Reflectances that replace the colors of materials, by name."""
     colorless: float = 0.5
     """Reflectance of surfaces without material and colors."""
+    shines: bool = False
+    """True if surfaces with a radiance are lamps, and nothing else."""
     materials: dict[str, Material] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -54,9 +56,16 @@ class Surfacing:
         speckled = [piece for piece in pieces if self._is_speckled(piece)]
         atlas = _Atlas(sum(len(piece.faces) for piece in speckled))
         for piece in pieces:
-            if piece.material in self.given:
+            if self.shines and piece.paint.radiance:
+                yield self._shining(piece, piece.paint.radiance)
+            elif piece.material in self.given:
                 yield self._part(
                     piece.material, surface_of(self.given[piece.material]), _bare(piece)
+                )
+            elif piece.paint.refused:
+                raise ValueError(
+                    f"{self.label}: material {quoted(piece.material)!r} is {piece.paint.refused}, "
+                    "which is not rendered; give it a diffuse reflectance in `materials`"
                 )
             elif piece.paint.picture is not None:
                 yield self._pictured(piece)
@@ -98,8 +107,17 @@ class Surfacing:
         surface = Surface(piece.vertices, piece.faces, uv, piece.normals)
         return self._part(name, _textured(picture), surface)
 
+    def _shining(self, piece: Piece, radiance: Spectrum) -> tuple[str, Surface]:
+        ends = (radiance.wavelengths_nm[0], KNOWN_NM[1]) if len(radiance.values) > 1 else None
+        lamp = Material(flat(0.0), emission=Emission(radiance), known_nm=ends)
+        return self._part(self._numbered(f"{piece.material}, lamp", radiance), lamp, _bare(piece))
+
     def _plain(self, piece: Piece) -> tuple[str, Surface]:
         paint, colors = piece.paint, piece.colors
+        if of := paint.spectrum:
+            ends = (of.wavelengths_nm[0], of.wavelengths_nm[-1]) if len(of.values) > 1 else None
+            name = self._numbered(piece.material, of)
+            return self._part(name, Material(of, known_nm=ends), _bare(piece))
         if paint.name is None and colors is None:
             return self._part("no color", Material(flat(self.colorless)), _bare(piece))
         shade = np.ones(3) if colors is None else colors.reshape(-1, 3)[0]

@@ -47,13 +47,13 @@ def _beside(name: str, other: str) -> str:
     return str(PurePosixPath(name).parent / other.replace("\\", "/"))
 
 
-def pieces_of(contents: Mapping[str, bytes]) -> Iterator[Piece]:
+def pieces_of(contents: Mapping[str, bytes], with_materials: bool = True) -> Iterator[Piece]:
     """Yield the pieces of a file's objects. Raises any exception if the file is damaged."""
     name = next(iter(contents))
     file = _ObjFile(contents[name])
     paints = {
         paint.name: paint
-        for library in file.libraries
+        for library in (file.libraries if with_materials else ())
         for paint in _paints(_beside(name, library), contents)
     }
     numbers: dict[str, int] = {}

@@ -6,7 +6,7 @@ that the stored pose is the rendered pose, even a kilometer from the world's ori
 """
 
 from abc import abstractmethod
-from typing import Annotated
+from typing import Annotated, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,6 +14,7 @@ from pydantic import Field, model_validator
 
 from megalopta.core.arrays import Floats
 from megalopta.core.record import Record
+from megalopta.scenes.trajectories.mount import Mount
 
 # Beyond this, squares of lengths lose precision for a forest, or overflow.
 Coordinate = Annotated[float, Field(ge=-1e12, le=1e12)]
@@ -28,6 +29,9 @@ class Path(Record, frozen=True):
 
     frame_rate_hz: Annotated[float, Field(ge=1e-6, le=1e9)] = 10.0
     """Frames per second (Hz)."""
+
+    mount: Mount | None = Field(default=None, exclude_if=lambda mount: mount is None)
+    """Place of the camera on a rig that follows the path; by default, the path is the camera's."""
 
     @property
     def times_s(self) -> Floats:
@@ -49,11 +53,23 @@ class Path(Record, frozen=True):
 
     def pose_at(self, times_s: ArrayLike) -> Floats:
         """Camera-to-world matrices (n, 4, 4) at times (n,), s."""
-        positions, rotations = self.course(np.asarray(times_s, dtype=float))
+        positions, rotations = self.placed(np.asarray(times_s, dtype=float))
         poses = np.tile(np.eye(4), (len(positions), 1, 1))
         poses[:, :3, :3] = rotations
         poses[:, :3, 3] = rounded_about(positions, self.origin_m)
         return poses
+
+    def placed(self, times_s: Floats) -> tuple[Floats, Floats]:
+        """Positions (n, 3), m, and rotations (n, 3, 3) of the camera on its mount, not rounded."""
+        positions, rotations = self.course(times_s)
+        if self.mount is None:
+            return positions, rotations
+        shifts = rotations @ np.asarray(self.mount.position_m)
+        return positions + shifts, rotations @ self.mount.matrix[:3, :3]
+
+    def mounted(self, mount: Mount | None) -> Self:
+        """Return the path with another camera on its rig; None is the path's own camera."""
+        return self.model_copy(update={"mount": mount})
 
     def poses(self) -> Floats:
         """Camera-to-world matrices (T, 4, 4) of the frames."""

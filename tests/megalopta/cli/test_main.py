@@ -42,10 +42,14 @@ def run(capsys):
 @pytest.mark.parametrize(
     ("verb", "own"),
     [
-        ("render", "name seed scene objects light camera trajectory shutter render"),
+        (
+            "render",
+            "name seed scene objects light camera trajectory stereo-with shutter render "
+            "labels tracks",
+        ),
         (
             "sense",
-            "light-levels sensors products sub-frames burst-hz free-running correct calibration "
+            "light-levels sensors products imu sub-frames burst-hz free-running correct calibration "
             "expectation",
         ),
         ("flow", "methods flow"),

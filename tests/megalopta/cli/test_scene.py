@@ -1,6 +1,7 @@
 from xml.etree import ElementTree
 
 import pytest
+import trimesh
 
 from megalopta.cli import main as cli
 
@@ -41,3 +42,10 @@ def test_what_cannot_be_exported_is_told(tmp_path, capsys, words, reason):
         cli.main(["scene", "export", "demo", "--out", str(tmp_path / "out"), *SMALL, *words])
     assert reason in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
+
+
+def test_a_name_of_a_glb_file_exports_one(tmp_path, capsys):
+    path = tmp_path / "out" / "scene.glb"
+    cli.main(["scene", "export", "demo", "--out", str(path), *SMALL])
+    assert capsys.readouterr().out.strip() == str(path)
+    assert [*trimesh.load_scene(path).graph.nodes_geometry] == ["grating 1"]

@@ -1,0 +1,134 @@
+"""Readings of an IMU with poses, in the layouts of EuRoC and TUM.
+
+imu0/data.csv                          time, angular velocity, specific force
+imu0/sensor.yaml                       rate and noise
+state_groundtruth_estimate0/data.csv   pose, velocity and biases of the IMU
+cam0/data.csv, cam0/sensor.yaml        times of the frames; place of the camera on the IMU
+groundtruth.txt                        poses of the camera at the frames, as TUM's
+
+Times count from the first frame: in ns in EuRoC's files, in s in TUM's. Sources: Burri et al., IJRR
+35, 2016, and Sturm et al., IROS 2012.
+"""
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from megalopta.config.model import Configuration
+from megalopta.core import bounded, files, strict_yaml
+from megalopta.core.errors import UserError
+from megalopta.scenes.imu import Imu, Readings
+from megalopta.sensor import generator
+
+Float64 = NDArray[np.float64]
+
+_READING = (
+    "#timestamp [ns],w_RS_S_x [rad s^-1],w_RS_S_y [rad s^-1],w_RS_S_z [rad s^-1],"
+    "a_RS_S_x [m s^-2],a_RS_S_y [m s^-2],a_RS_S_z [m s^-2]"
+)
+_STATE = (
+    "#timestamp [ns],p_RS_R_x [m],p_RS_R_y [m],p_RS_R_z [m],q_RS_w [],q_RS_x [],q_RS_y [],"
+    "q_RS_z [],v_RS_R_x [m s^-1],v_RS_R_y [m s^-1],v_RS_R_z [m s^-1],b_w_RS_S_x [rad s^-1],"
+    "b_w_RS_S_y [rad s^-1],b_w_RS_S_z [rad s^-1],b_a_RS_S_x [m s^-2],b_a_RS_S_y [m s^-2],"
+    "b_a_RS_S_z [m s^-2]"
+)
+_TUM = "# timestamp tx ty tz qx qy qz qw"
+
+
+class ImuReadings(NamedTuple):
+    """Readings of an IMU at n times."""
+
+    times_s: Float64
+    """(n,), from the first frame."""
+    angular_velocities: Float64
+    """(n, 3), rad/s, along the IMU's axes."""
+    specific_forces: Float64
+    """(n, 3), m/s², along the IMU's axes."""
+
+
+def write_imu(folder: Path, settings: Configuration, imu: Imu) -> None:
+    """Write readings and poses of a sequence to a folder, all or nothing."""
+    rng = generator(settings.seed, "imu", settings.name)
+    readings, path = imu.read(settings.trajectory, rng), settings.trajectory
+    with files.atomic_write(folder) as temporary:
+        temporary.mkdir()
+        _write_readings(temporary, readings)
+        _write_yaml(temporary / "imu0", _imu_yaml(imu))
+        frames = (f"{_ns(t)},frame_{n + 1:04d}.png" for n, t in enumerate(path.times_s))
+        _write_lines(temporary / "cam0/data.csv", "#timestamp [ns],filename", frames)
+        _write_yaml(temporary / "cam0", _camera_yaml(settings, imu))
+        poses = path.poses()
+        turns = Rotation.from_matrix(poses[:, :3, :3]).as_quat()
+        rows = np.column_stack([path.times_s, poses[:, :3, 3], turns]).tolist()
+        lines = (" ".join(map(repr, row)) for row in rows)
+        _write_lines(temporary / "groundtruth.txt", _TUM, lines)
+
+
+def read_imu(path: Path) -> ImuReadings:
+    """Read EuRoC's data.csv of an IMU. Raises UserError if it is damaged."""
+    try:
+        lines = bounded.read_text(path, bounded.ARRAY_BYTES).splitlines()
+        rows = np.array([[float(each) for each in line.split(",")] for line in lines[1:]])
+        times, turns, pushes = np.split(rows, (1, 4), axis=1)
+        if pushes.shape[1] != 3:
+            raise ValueError
+    except (OSError, ValueError):
+        raise UserError(f"{path} is missing or damaged; run megalopta sense again") from None
+    return ImuReadings(times[:, 0] * 1e-9, turns, pushes)
+
+
+def _write_readings(folder: Path, readings: Readings) -> None:
+    truth, turn_first = readings.truth, (3, 0, 1, 2)
+    turns = Rotation.from_matrix(truth.rotations).as_quat()[:, turn_first]
+    biases = readings.gyroscope_biases, readings.accelerometer_biases
+    states = truth.positions, turns, truth.velocities, *biases
+    for name, header, values in (
+        ("imu0", _READING, (readings.angular_velocities, readings.specific_forces)),
+        ("state_groundtruth_estimate0", _STATE, states),
+    ):
+        rows = np.column_stack(values).tolist()
+        lines = (
+            ",".join([str(_ns(time)), *map(repr, row)])
+            for time, row in zip(truth.times_s, rows, strict=True)
+        )
+        _write_lines(folder / name / "data.csv", header, lines)
+
+
+def _imu_yaml(imu: Imu) -> Mapping[str, Any]:
+    noise = imu.model_dump(mode="json", exclude={"rate_hz", "mount"})
+    return {"sensor_type": "imu", "T_BS": _matrix(np.eye(4)), "rate_hz": imu.rate_hz, **noise}
+
+
+def _camera_yaml(settings: Configuration, imu: Imu) -> Mapping[str, Any]:
+    camera, path = settings.camera, settings.trajectory
+    own = path.mount.matrix if path.mount else np.eye(4)
+    return {
+        "sensor_type": "camera",
+        "T_BS": _matrix(np.linalg.inv(imu.mount.matrix) @ own),
+        "rate_hz": path.frame_rate_hz,
+        "resolution": [camera.width, camera.height],
+        "camera": camera.model_dump(mode="json"),
+    }
+
+
+def _matrix(values: Float64) -> Mapping[str, Any]:
+    return {"rows": 4, "cols": 4, "data": values.ravel().tolist()}
+
+
+def _ns(time_s: float) -> int:
+    return round(time_s * 1e9)
+
+
+def _write_yaml(folder: Path, values: Mapping[str, Any]) -> None:
+    files.write_text(folder / "sensor.yaml", strict_yaml.dump(values))
+
+
+def _write_lines(path: Path, header: str, lines: Iterable[str]) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with path.open("w", encoding="utf-8") as file:
+        file.write(f"{header}\n")
+        file.writelines(f"{line}\n" for line in lines)

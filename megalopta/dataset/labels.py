@@ -1,0 +1,102 @@
+"""Label maps and point tracks of a rendered sequence, for training and scoring elsewhere.
+
+training/classes/SEQ/      16-bit gray PNG: number of the kind, 0 for the sky; names.json lists them
+training/instances/SEQ/    8-bit RGB PNG: number of the object, red + 256·green + 256²·blue
+training/normals/SEQ/      16-bit RGB PNG: (x, y, z) of the normal, −1 to 1 as 0 to 65535; sky: 0
+training/albedo/SEQ/       EXR: diffuse reflectance in the bands of the radiance; sky: 0
+training/tracks/SEQ/       tracks.npz: points of some frames, followed through all
+
+Instances are coded as in COCO's panoptic format, tracks as in TAP-Vid (Doersch et al., NeurIPS
+2022): `query_points` (N, 3): frame, y, x; `points` (N, T, 2): x, y in px; `occluded` (N, T).
+"""
+
+import zipfile
+from collections.abc import Sequence
+from io import BytesIO
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from megalopta.config.labels import LabelName, TrackSettings
+from megalopta.core import bounded, files
+from megalopta.core.errors import UserError
+
+if TYPE_CHECKING:
+    from megalopta.render import Tracks, Truth
+
+_LARGEST = 2**16 - 1
+MOST_CLASSES = _LARGEST
+"""Most kinds of objects that a map of classes can tell apart."""
+
+
+class PointTracks(NamedTuple):
+    """Points followed through T frames."""
+
+    query_points: NDArray[np.float32]
+    """(N, 3): frame in which each is seen, from 0, and its y and x there (px)."""
+    points: NDArray[np.float32]
+    """(N, T, 2): x and y (px); NaN where undefined."""
+    occluded: NDArray[np.bool_]
+    """(N, T): True where hidden or out of the image."""
+
+
+def write_labels(
+    root: Path, sequence: str, index: int, truth: "Truth", names: Sequence[LabelName]
+) -> None:
+    """Write the label maps of a frame that follow from its truth."""
+    if "classes" in names:
+        _write_png(root / "classes" / sequence, index, truth.kind_id.astype(np.uint16))
+    if "instances" in names:
+        code = truth.object_id[..., np.newaxis] >> np.array([0, 8, 16], np.uint32)
+        _write_png(root / "instances" / sequence, index, (code & 255).astype(np.uint8))
+    if "normals" in names:
+        share = np.rint((truth.normal.astype(np.float64) + 1) / 2 * _LARGEST)
+        share = np.where(np.isnan(share), 0, share)
+        _write_png(root / "normals" / sequence, index, share.astype(np.uint16))
+
+
+def write_class_names(root: Path, sequence: str, kinds: Sequence[str]) -> None:
+    """Write the names of the classes, that of the sky first."""
+    files.write_json(root / "classes" / sequence / "names.json", ["sky", *kinds])
+
+
+def write_tracks(path: Path, settings: TrackSettings, found: Sequence["Tracks"]) -> None:
+    """Write the tracks of the points of each frame."""
+    seen = [each.points[:, frame] for frame, each in zip(settings.frames, found, strict=True)]
+    queries = [
+        np.column_stack([np.full(len(place), frame), place[:, ::-1]])
+        for frame, place in zip(settings.frames, seen, strict=True)
+    ]
+    tracks = PointTracks(
+        np.concatenate(queries).astype(np.float32),
+        np.concatenate([each.points for each in found]).astype(np.float32),
+        np.concatenate([each.occluded for each in found]),
+    )
+    with files.atomic_write(path) as temporary:
+        np.savez(temporary, **tracks._asdict())
+
+
+def read_tracks(path: Path) -> PointTracks:
+    """Read tracks. Raises UserError if there are none, or the file is damaged."""
+    try:
+        bounded.check_file(path)
+        with zipfile.ZipFile(path) as file:
+            members = [file.getinfo(f"{name}.npy") for name in PointTracks._fields]
+            if any(each.compress_type or each.file_size > path.stat().st_size for each in members):
+                raise ValueError("it is compressed")
+            contents = [BytesIO(file.read(each)) for each in members]
+        return PointTracks(*(np.lib.format.read_array(each) for each in contents))
+    except FileNotFoundError:
+        raise UserError(f"{path}: no tracks; render with `tracks: {{}}`") from None
+    except Exception as problem:  # a damaged file can raise any exception
+        raise UserError(f"{path} is damaged ({type(problem).__name__}); render again") from None
+
+
+def _write_png(folder: Path, index: int, image: NDArray[np.integer]) -> None:
+    """Write a gray (H, W) or RGB image (H, W, 3) of 8 or 16 bits."""
+    coded = cv2.imencode(".png", image[..., ::-1] if image.ndim == 3 else image)[1]
+    with files.atomic_write(folder / f"frame_{index + 1:04d}.png") as temporary:
+        temporary.write_bytes(coded.tobytes())

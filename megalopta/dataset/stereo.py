@@ -1,0 +1,64 @@
+"""Disparity between two cameras side by side, in the layouts of MPI-Sintel and KITTI.
+
+Disparity is focal length (px) × baseline / depth, ≥ 0: a point at column x of the left image is at
+column x − disparity of the right one.
+
+- Sintel: 8-bit RGB PNG, red·4 + green/2⁶ + blue/2¹⁴ px, up to 1024 px (its stereo package).
+- KITTI: 16-bit gray PNG, disparity·256; 0 is unknown (Menze and Geiger, CVPR 2015).
+"""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from megalopta.core.files import atomic_write
+from megalopta.dataset.sintel import mask_of, write_png
+
+if TYPE_CHECKING:
+    from megalopta.render import Flow
+
+_SINTEL_PER_PX, _SINTEL_CODES = 2**14, 2**24
+_KITTI_PER_PX, _KITTI_CODES = 256, 2**16
+
+
+def write_disparity(root: Path, sequence: str, index: int, flow: "Flow", baseline_m: float) -> None:
+    """Write the disparity of a frame, and a mask of pixels hidden from the other camera.
+
+    The flow leads to the other camera, at a baseline (m, positive to the right). The mask also has
+    pixels out of the other camera's view.
+    """
+    name = f"frame_{index + 1:04d}.png"
+    # A point at infinity has a disparity of 0, to rounding.
+    disparity = np.maximum(-np.sign(baseline_m) * flow.displacement[..., 0], 0)
+    write_png(root / "disparities" / sequence / name, sintel_codes(disparity))
+    unmatched = mask_of(flow.occluded | flow.out_of_view)
+    write_png(root / "occlusions_stereo" / sequence / name, unmatched)
+
+
+def sintel_codes(disparity: NDArray[np.floating]) -> NDArray[np.uint8]:
+    """Sintel's red, green and blue (H, W, 3) of disparities (H, W), px; limited to its range."""
+    exact = np.rint(disparity.astype(np.float64) * _SINTEL_PER_PX)
+    code = np.minimum(exact, _SINTEL_CODES - 1).astype(np.uint32)
+    return np.stack([code >> 16, code >> 8 & 255, code & 255], axis=-1).astype(np.uint8)
+
+
+def read_disparity(path: Path) -> NDArray[np.float32]:
+    """Read a disparity (H, W), px, in Sintel's layout."""
+    with Image.open(path) as image:
+        red, green, blue = np.moveaxis(np.asarray(image, dtype=np.float64), -1, 0)
+    return np.asarray(red * 4 + green / 2**6 + blue / _SINTEL_PER_PX, np.float32)
+
+
+def write_kitti_disparity(path: Path, disparity: NDArray[np.floating]) -> None:
+    """Write a disparity (H, W), px, in KITTI's layout.
+
+    The smallest code, 1/256 px, also is that of infinity; disparities from 256 px on are unknown.
+    """
+    codes = np.maximum(np.rint(disparity.astype(np.float64) * _KITTI_PER_PX), 1)
+    image = np.where(codes < _KITTI_CODES, codes, 0).astype(np.uint16)
+    with atomic_write(path) as temporary:
+        temporary.write_bytes(cv2.imencode(".png", image)[1].tobytes())

@@ -1,0 +1,195 @@
+"""Species of the user's own: from a YAML file, or in the configuration itself.
+
+An entry has the fields of `flora.yaml`. With `like`, it names a species of this program and gives
+only what differs. Numbers are bounded: a file may come from a stranger.
+"""
+
+import json
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
+from typing import Annotated, Any
+
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    Field,
+    ValidationInfo,
+    field_validator,
+    model_validator,
+)
+
+from megalopta.assets_gen.plants.species import Climbing, Colonized, Fronded, Species, Whorled
+from megalopta.core import strict_yaml
+from megalopta.core.bounded import quoted, read_text
+from megalopta.core.freshness import digest
+from megalopta.core.record import Record
+from megalopta.scenes.forest.flora import ENTRIES, FLORA, PLANTS, Flora, woody
+from megalopta.scenes.hashed_file import unreadable
+from megalopta.scenes.spectra.reflectance import LEAVES, REFLECTANCES
+
+_MOST = 20
+_LONGEST = 40
+_MOST_LEAVES, _MOST_BRANCHES = 3e6, 2e4
+_TALLEST_M = 100.0
+_MOST_STEPS = 100
+
+
+class Growing(Record, frozen=True):
+    """Places of a bush or sapling in the undergrowth."""
+
+    per_m2: Annotated[float, Field(ge=0, le=100)]
+    """Plants per square meter where they are densest, unless `undergrowth_per_m2` says (1/m²)."""
+
+    reach_m: Annotated[float, Field(gt=0, le=1000)] = 40.0
+    """Largest distance from the camera's path (m)."""
+
+    clearance_m: Annotated[float, Field(ge=0, le=100)] = 2.5
+    """Smallest distance from the camera's path (m)."""
+
+    scale: tuple[Annotated[float, Field(gt=0)], Annotated[float, Field(le=10)]] = (0.6, 1.25)
+    """Smallest and largest size, as factors (1)."""
+
+
+class OwnSpecies(Record, frozen=True):
+    """Kind of tree, or with a `layer` of bush or sapling."""
+
+    shape: Species
+    """Stem, crown, growth and leaves."""
+
+    bark: tuple[str, str]
+    """Reflectances of light and dark bark by name, perhaps times a factor: `beech bark light *
+    0.8`."""
+
+    leaf: tuple[str, str]
+    """Leaves by name, dark and light, perhaps times a factor of at most 1: `leaf dark * 0.9`."""
+
+    layer: Growing | None = None
+    """Place in the undergrowth; null: it is a tree."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _changes_another(cls, given: Any) -> Any:
+        if not isinstance(given, Mapping) or "like" not in given:
+            return given
+        if (like := given["like"]) not in ENTRIES:
+            raise ValueError(f"like: no species {quoted(like)!r}; use one of {', '.join(ENTRIES)}")
+        changes = {key: value for key, value in given.items() if key != "like"}
+        return _merged(ENTRIES[like], changes)
+
+    @field_validator("bark", "leaf")
+    @classmethod
+    def _are_known(cls, names: tuple[str, str], validation: ValidationInfo) -> tuple[str, str]:
+        known = LEAVES if validation.field_name == "leaf" else (*REFLECTANCES, *LEAVES)
+        most = 1.0 if validation.field_name == "leaf" else 2.0
+        for each in names:
+            name, _, factor = each.partition(" * ")
+            if name not in known:
+                raise ValueError(f"{quoted(each)!r} is unknown; use one of {', '.join(known)}")
+            if not 0 < _number(factor or "1") <= most:
+                raise ValueError(f"{quoted(each)!r}: give a factor above 0, at most {most:g}")
+        return names
+
+    @model_validator(mode="after")
+    def _is_of_this_world(self) -> "OwnSpecies":
+        shape = self.shape
+        if shape.height_m > _TALLEST_M or shape.crown.radius_m > _TALLEST_M:
+            raise ValueError(f"shape: a plant is at most {_TALLEST_M:g} m high and wide")
+        if not 2 <= len(shape.crown.profile) <= _MOST_STEPS:
+            raise ValueError(
+                f"shape.crown.profile has {len(shape.crown.profile)} radii; give 2 to {_MOST_STEPS}"
+            )
+        branches, leaves = size_of(shape)
+        if branches > _MOST_BRANCHES or leaves > _MOST_LEAVES:
+            raise ValueError(
+                f"shape: about {branches:.2g} branches with {leaves:.2g} leaves; use at most "
+                f"{_MOST_BRANCHES:.0e} and {_MOST_LEAVES:.0e}"
+            )
+        return self
+
+
+def size_of(shape: Species) -> tuple[float, float]:
+    """Return the approximate numbers of branches and leaves of a grown plant."""
+    grows, axes, length = shape.growth, 0.0, 0.0
+    match grows:
+        case Colonized():
+            axes = grows.points + grows.scaffold + grows.shoots + shape.height_m / grows.step_m
+            length = grows.shoots * grows.shoot_m
+        case Whorled():
+            axes = shape.height_m / grows.spacing_m * grows.branches
+            length = axes * shape.crown.radius_m
+        case Fronded():
+            axes = float(grows.fronds)
+            length = axes * grows.frond_m
+        case Climbing():
+            axes = float(grows.shoots)
+            length = axes * grows.shoot_m
+    twigs = shape.foliage.twigs
+    bearing = length * twigs.per_m * twigs.length_m if twigs else length
+    return axes * shape.stems, bearing * shape.foliage.per_m * shape.stems
+
+
+def _number(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        return 0.0
+
+
+def _merged(values: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    """Return nested values with some changed; another `kind` starts afresh."""
+    result = dict(values)
+    for name, change in changes.items():
+        before = result.get(name)
+        if isinstance(before, Mapping) and isinstance(change, Mapping):
+            starts_afresh = change.get("kind", before.get("kind")) != before.get("kind")
+            change = dict(change) if starts_afresh else _merged(before, change)
+        result[name] = change
+    return result
+
+
+def _read(given: Any, validation: ValidationInfo) -> Any:
+    if not isinstance(given, str):
+        return given
+    path = (validation.context or {}).get("folder", Path()) / given
+    with unreadable(str(path)):
+        found = strict_yaml.load(read_text(path))
+    if not isinstance(found, Mapping):
+        raise ValueError(f"{path}: no mapping of names to species; give at least one")
+    return found
+
+
+def _named(species: dict[str, OwnSpecies]) -> dict[str, OwnSpecies]:
+    for name in species:
+        if name in PLANTS:
+            raise ValueError(f"{name}: this name is taken; give another one")
+        if not name.replace(" ", "").replace("-", "").isalnum() or len(name) > _LONGEST:
+            raise ValueError(
+                f"{quoted(name)!r} cannot name a species: use letters, digits, dash and space, at "
+                f"most {_LONGEST}"
+            )
+    return species
+
+
+SpeciesByName = Annotated[
+    dict[str, OwnSpecies], Field(max_length=_MOST), BeforeValidator(_read), AfterValidator(_named)
+]
+"""Species by name; a path of a YAML file is replaced by what it holds."""
+
+
+def flora_of(species: Mapping[str, OwnSpecies]) -> Flora:
+    """Return the plants of this program and species of the user's own."""
+    plain = {name: each.model_dump(mode="json") for name, each in species.items()}
+    return _flora(json.dumps(plain))
+
+
+@lru_cache(maxsize=8)
+def _flora(species: str) -> Flora:
+    own = json.loads(species)
+    if not own:
+        return FLORA
+    named = (
+        replace(woody(name, each), variety=digest(json.dumps(each))) for name, each in own.items()
+    )
+    return Flora.of([*FLORA.trees.values(), *FLORA.bushes.values(), *named])

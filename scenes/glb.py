@@ -1,0 +1,92 @@
+"""A scene at one time as GLB, for other programs: shapes, places, and colors in daylight.
+
+Every object is a node, named by its kind and number. glTF knows no spectra: reflectances become
+colors in linear sRGB as seen in D65, of 8 bits. Light, cameras, transmittance and haze are not
+written. Objects that bend or move are written as they are at the time.
+"""
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from megalopta.core.arrays import Floats
+from megalopta.scenes.material import ColorTexture, Material
+from megalopta.scenes.scene import Placement, Scene
+from megalopta.scenes.spectra.color import band_means, encode_srgb, linear_srgb
+from megalopta.scenes.spectra.spectrum import SPECTRA, Spectrum, flat
+
+if TYPE_CHECKING:
+    import trimesh
+    from trimesh.visual import TextureVisuals
+    from trimesh.visual.material import PBRMaterial
+
+_BANDS = tuple((float(nm), nm + 10.0) for nm in range(380, 740, 10))
+_Y_UP = np.array([[1, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1.0]])
+
+
+def glb_of(scene: Scene, time_s: float = 0.0) -> bytes:
+    """Return the objects of a scene at a time as the content of a GLB file, with y up."""
+    import trimesh  # slow
+
+    surfaces = {name: _surface(material) for name, material in scene.materials.items()}
+    whole, taken = trimesh.Scene(base_frame="world"), set()
+    for number, placement in enumerate(scene.placements, 1):
+        for part, mesh, pose in _parts(scene, placement, time_s):
+            geometry = f"{placement.asset}/{part}" + (f"/{number}" if placement.motion else "")
+            if geometry not in whole.geometry:
+                mesh.visual = _visual(mesh, surfaces[part])
+                whole.geometry[geometry] = mesh
+            node = f"{placement.kind} {number}"
+            name = f"{node} {part}" if node in taken else node
+            taken.add(name)
+            whole.graph.update(name, matrix=_Y_UP @ pose, geometry=geometry)
+    return bytes(whole.export(file_type="glb"))
+
+
+def _parts(
+    scene: Scene, placement: Placement, time_s: float
+) -> Iterator[tuple[str, "trimesh.Trimesh", Floats]]:
+    """Yield material, mesh and pose of the parts of an object; of a moving one in the world."""
+    for part, mesh in scene.assets[placement.asset].parts.items():
+        pose, copy = placement.to_world, mesh.copy()
+        if placement.motion is not None:
+            placed = mesh.vertices @ pose[:3, :3].T + pose[:3, 3]
+            copy.vertices, pose = placement.motion.carry(placed, time_s), np.eye(4)
+        yield part, copy, pose
+
+
+def _surface(material: Material) -> "PBRMaterial":
+    """Color or picture of a material, as glTF's."""
+    from trimesh.visual.material import PBRMaterial
+
+    color, texture = _color(material.reflectance), material.texture
+    if texture is None or material.emission:
+        look: dict[str, Any] = {
+            "baseColorFactor": np.append(np.rint(color * 255), 255).astype(np.uint8)
+        }
+    else:
+        others = np.array([_color(each) for each, _ in texture.spectra])
+        weight = texture.weight.reshape(*texture.weight.shape[:2], -1)
+        base = np.zeros(3) if isinstance(texture, ColorTexture) else color
+        colors: NDArray[np.float64] = base + weight @ (others - base)
+        look = {"baseColorTexture": Image.fromarray(encode_srgb(colors[::-1]))}
+    return PBRMaterial(**look, metallicFactor=0.0, roughnessFactor=1.0, doubleSided=True)
+
+
+def _color(reflectance: Spectrum) -> Floats:
+    """Color (3,) of a reflectance in D65, in linear sRGB, 0 to 1."""
+    white = SPECTRA["D65"]
+    light = band_means([white], _BANDS)[0]
+    shares = band_means([reflectance, flat(1.0)], _BANDS) * light
+    colors = linear_srgb(shares, _BANDS, white)
+    return np.asarray(np.clip(colors[0] / colors[1].max(), 0, 1))
+
+
+def _visual(mesh: "trimesh.Trimesh", surface: "PBRMaterial") -> "TextureVisuals":
+    from trimesh.visual import TextureVisuals
+
+    uv, nowhere = getattr(mesh.visual, "uv", None), np.zeros((len(mesh.vertices), 2))
+    return TextureVisuals(uv=nowhere if uv is None else uv, material=surface)

@@ -1,0 +1,110 @@
+"""Inertial measurement unit on the rig of a camera: gyroscope and accelerometer.
+
+A reading along each axis is the true value, plus white noise, plus a bias that wanders:
+
+    reading = true + density · √rate · n₁ + bias,    bias grows by walk / √rate · n₂ per sample
+
+with independent standard normal n₁ and n₂, as in Kalibr's and EuRoC's `sensor.yaml`. The bias is 0
+at time 0. The Allan variance of the error over τ is density²/τ + walk²·τ/3 (IEEE Std 952-1997,
+annex C). Saturation, scale errors, misalignment and steps of the converter are not modeled. Default
+values are those of the ADIS16448 of EuRoC (Burri et al., IJRR 35, 2016).
+"""
+
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+
+from megalopta.core.arrays import Floats
+from megalopta.core.record import Record
+from megalopta.scenes.trajectories.base import Path
+from megalopta.scenes.trajectories.inertia import Inertia, inertia
+from megalopta.scenes.trajectories.mount import Mount
+
+_Density = Annotated[float, Field(ge=0, le=1e6)]
+
+
+@dataclass(frozen=True)
+class WanderingNoise:
+    """Error of one axis: white noise and a bias that wanders."""
+
+    density: float
+    """White noise, unit/√Hz."""
+    walk: float
+    """Random walk of the bias, unit/s/√Hz."""
+
+    def draw(self, rng: np.random.Generator, samples: int, rate_hz: float) -> tuple[Floats, Floats]:
+        """Return the errors (samples, 3) of three axes, and the biases (samples, 3) in them."""
+        steps = rng.normal(scale=self.walk / np.sqrt(rate_hz), size=(samples, 3))
+        bias = np.cumsum(steps, axis=0) - steps[:1]
+        return bias + rng.normal(scale=self.density * np.sqrt(rate_hz), size=(samples, 3)), bias
+
+    def allan_variance(self, tau_s: Floats) -> Floats:
+        """Allan variance (…) of the error, unit², over averages of τ (…), s."""
+        return np.asarray(self.density**2 / tau_s + self.walk**2 * tau_s / 3)
+
+
+@dataclass(frozen=True)
+class Readings:
+    """Readings of an IMU at n times."""
+
+    truth: Inertia
+    angular_velocities: Floats
+    """(n, 3), rad/s, body axes."""
+    specific_forces: Floats
+    """(n, 3), m/s², body axes."""
+    gyroscope_biases: Floats
+    """(n, 3), rad/s."""
+    accelerometer_biases: Floats
+    """(n, 3), m/s²."""
+
+
+class Imu(Record, frozen=True):
+    """Gyroscope and accelerometer that follow the path on the camera's rig."""
+
+    rate_hz: Annotated[float, Field(gt=0, le=1e6)] = 200.0
+    """Readings per second (Hz)."""
+
+    mount: Mount = Mount()
+    """Place relative to the path's camera; by default at the camera, with its axes."""
+
+    gyroscope_noise_density: _Density = 1.6968e-4
+    """White noise of the gyroscope (rad/s/√Hz)."""
+
+    gyroscope_random_walk: _Density = 1.9393e-5
+    """Random walk of its bias (rad/s²/√Hz)."""
+
+    accelerometer_noise_density: _Density = 2.0e-3
+    """White noise of the accelerometer (m/s²/√Hz)."""
+
+    accelerometer_random_walk: _Density = 3.0e-3
+    """Random walk of its bias (m/s³/√Hz)."""
+
+    @property
+    def gyroscope(self) -> WanderingNoise:
+        """Error of the gyroscope, rad/s."""
+        return WanderingNoise(self.gyroscope_noise_density, self.gyroscope_random_walk)
+
+    @property
+    def accelerometer(self) -> WanderingNoise:
+        """Error of the accelerometer, m/s²."""
+        return WanderingNoise(self.accelerometer_noise_density, self.accelerometer_random_walk)
+
+    def samples(self, path: Path) -> int:
+        """Number of readings from the first frame of a path to the last."""
+        return int((path.frames - 1) / path.frame_rate_hz * self.rate_hz * (1 + 1e-12)) + 1
+
+    def read(self, path: Path, rng: np.random.Generator) -> Readings:
+        """Return the readings from the first frame of a path to the last, with noise from `rng`."""
+        times = np.arange(self.samples(path)) / self.rate_hz
+        truth = inertia(path.mounted(self.mount), times)
+        turn, turn_bias = self.gyroscope.draw(rng, len(times), self.rate_hz)
+        push, push_bias = self.accelerometer.draw(rng, len(times), self.rate_hz)
+        return Readings(
+            truth,
+            truth.angular_velocities + turn,
+            truth.specific_forces + push,
+            turn_bias,
+            push_bias,
+        )

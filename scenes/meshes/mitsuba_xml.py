@@ -1,0 +1,135 @@
+"""Meshes of a scene in Mitsuba's XML: every shape is an object, every diffuse surface a material.
+
+Shapes are meshes of OBJ and PLY files, and Mitsuba's basic ones; instances are copied. Area lights
+shine on request; other lights, cameras and integrators of the file have no effect.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from pathlib import PurePosixPath
+
+import numpy as np
+
+from megalopta.core.arrays import Floats
+from megalopta.core.bounded import quoted
+from megalopta.scenes.meshes import basic_shapes, polygons, wavefront
+from megalopta.scenes.meshes.mitsuba_surfaces import Surfaces
+from megalopta.scenes.meshes.pieces import Piece
+from megalopta.scenes.meshes.xml_document import (
+    Document,
+    Element,
+    numbers_in,
+    plain,
+    transform_of,
+    value_of,
+)
+
+_MOST_TRIANGLES = 10**7
+_MOST_INSTANCES = 10**5
+_FILES = ("obj", "ply")
+
+
+def names_in(content: bytes) -> list[str]:
+    """Names of the files of shapes and of their surfaces."""
+    found = []
+    for element in Document(content).root.iter():
+        if element.tag == "texture" or (element.tag == "shape" and element.get("type") in _FILES):
+            found.append(value_of(element, "string", "filename"))
+        elif element.tag == "spectrum":
+            found.append(element.get("filename", ""))
+    return [plain(name) for name in found if name]
+
+
+def pieces_of(contents: Mapping[str, bytes]) -> Iterator[Piece]:
+    """Yield the pieces of all shapes. Raises any exception if the file is damaged."""
+    reader, total = _Reader(contents), 0
+    for number, (shape, pose) in enumerate(reader.shapes()):
+        if number == _MOST_INSTANCES:
+            raise ValueError(f"it has more than {_MOST_INSTANCES} shapes")
+        for piece in reader.pieces(shape, number):
+            total += len(piece.faces)
+            if total > _MOST_TRIANGLES:
+                raise ValueError(f"it has more than {_MOST_TRIANGLES:.0e} triangles")
+            yield piece.moved(pose)
+
+
+class _Reader:
+    """Reads the shapes of one document."""
+
+    def __init__(self, contents: Mapping[str, bytes]) -> None:
+        self._contents = contents
+        self._document = Document(next(iter(contents.values())))
+        self._surfaces = Surfaces(self._document, contents)
+        self._meshes: dict[int, list[Piece]] = {}
+
+    def shapes(self) -> Iterator[tuple[Element, Floats]]:
+        """Yield all shapes, each with its pose (4, 4); of an instance, those of its group."""
+        for shape in self._document.parts(self._document.root, "shape"):
+            if shape.get("type") == "instance":
+                for group in self._document.parts(shape, "shape"):
+                    for each in self._document.parts(group, "shape"):
+                        yield each, transform_of(shape) @ transform_of(each)
+            elif shape.get("type") != "shapegroup":
+                yield shape, transform_of(shape)
+
+    def pieces(self, shape: Element, number: int) -> list[Piece]:
+        """Return the pieces of a shape before its pose, as those of an object with a number."""
+        if id(shape) not in self._meshes:
+            self._meshes[id(shape)] = list(self._painted(shape))
+        return [replace(piece, number=number) for piece in self._meshes[id(shape)]]
+
+    def _painted(self, shape: Element) -> Iterator[Piece]:
+        """Yield the pieces of a shape with its surface."""
+        kind, file = shape.get("type", ""), plain(value_of(shape, "string", "filename"))
+        name = shape.get("id") or PurePosixPath(file).stem or kind
+        paint, to_picture = self._surfaces.of(shape, name)
+        if self._document.parts(shape, "emitter"):
+            glow = self._surfaces.glow(shape)
+            paint = replace(paint, radiance=glow, ignored=() if glow else ("emission",))
+        is_flat = value_of(shape, "boolean", "face_normals") == "true"
+        for piece in self._of_file(kind, file) if kind in _FILES else [_basic(kind, shape)]:
+            uv = piece.uv
+            if uv is not None:
+                uv = uv @ to_picture[:2, :2].T + to_picture[:2, 2]
+                uv = uv * [1, -1] + [0, 1]  # Mitsuba's first row is v = 0, here the last one
+            normals = None if is_flat else piece.normals
+            yield replace(piece, name=name, paint=paint, uv=uv, normals=normals, colors=None)
+
+    def _of_file(self, kind: str, file: str) -> Iterator[Piece]:
+        """Yield pieces of a mesh file, with Mitsuba's texture coordinates."""
+        content = {f"{PurePosixPath(file).stem}.{kind}": self._contents[file]}
+        if kind == "ply":
+            yield from polygons.pieces_of(content)
+            return
+        for piece in wavefront.pieces_of(content, with_materials=False):
+            uv = None if piece.uv is None else piece.uv * [1, -1] + [0, 1]
+            yield replace(piece, uv=uv)
+
+
+def _basic(kind: str, shape: Element) -> Piece:
+    """Return one of Mitsuba's own shapes. Raises ValueError for others."""
+    points = {
+        each.get("name"): np.array([float(each.get(axis, "0")) for axis in "xyz"])
+        if "value" not in each.attrib
+        else numbers_in(each.attrib["value"])
+        for each in shape
+        if each.tag in ("point", "vector")
+    }
+    radius = float(value_of(shape, "float", "radius") or 1)
+    match kind:
+        case "rectangle":
+            made = basic_shapes.rectangle()
+        case "cube":
+            made = basic_shapes.cube()
+        case "disk":
+            made = basic_shapes.disk()
+        case "sphere":
+            made = basic_shapes.sphere(points.get("center", np.zeros(3)), radius)
+        case "cylinder":
+            start, end = points.get("p0", np.zeros(3)), points.get("p1", np.array([0, 0, 1.0]))
+            made = basic_shapes.cylinder(start, end, radius)
+        case _:
+            raise ValueError(
+                f"it has a shape of type {quoted(kind)!r}; export it as a mesh, PLY or OBJ"
+            )
+    return Piece(0, kind, made.vertices, made.faces, normals=made.normals, uv=made.uv)

@@ -1,0 +1,150 @@
+"""Mitsuba's XML as a bounded document: no entities, defaults filled in, references resolved.
+
+Nothing in it is loaded or executed. Names of older versions (toWorld) become those of version 3
+(to_world), as Mitsuba itself does.
+"""
+
+import re
+from collections.abc import Iterator
+from xml.etree import ElementTree
+
+import numpy as np
+
+from megalopta.core.arrays import Floats
+from megalopta.core.bounded import quoted
+
+Element = ElementTree.Element
+
+_MOST_BYTES = 16 * 10**6
+_MOST_ELEMENTS = 10**6
+_DEEPEST = 40
+_LONGEST = 10_000
+_CAPITAL = re.compile(r"(?<=[a-z])([A-Z])")
+_WORD = re.compile(r"\$(\w+)")
+
+
+class Document:
+    """Elements of a scene by place and by id."""
+
+    def __init__(self, content: bytes) -> None:
+        """Raise ValueError if it is no scene, or more than one."""
+        if len(content) > _MOST_BYTES:
+            raise ValueError(f"its XML is larger than {_MOST_BYTES / 1e6:.0f} MB")
+        if b"\0" in content:
+            raise ValueError("its XML is not UTF-8")
+        if b"<!DOCTYPE" in content or b"<!ENTITY" in content:
+            raise ValueError("it defines entities, which are not read")
+        try:
+            self.root = ElementTree.fromstring(content)
+        except ElementTree.ParseError as problem:
+            raise ValueError(f"it is no XML: {problem}") from None
+        if self.root.tag != "scene":
+            raise ValueError(f"its outermost element is {quoted(self.root.tag)!r}, not 'scene'")
+        self._by_id: dict[str, Element] = {}
+        defaults: dict[str, str] = {}
+        for number, element in enumerate(self._walk(self.root, 0)):
+            if number > _MOST_ELEMENTS:
+                raise ValueError(f"it has more than {_MOST_ELEMENTS} elements")
+            self._settle(element, defaults)
+
+    def parts(self, element: Element, tag: str) -> list[Element]:
+        """Direct parts of an element with a tag, also those that it names by their id."""
+        return [each for each in map(self.resolved, element) if each.tag == tag]
+
+    def resolved(self, element: Element) -> Element:
+        """Return an element, or what it refers to by its id."""
+        if element.tag != "ref":
+            return element
+        wanted = element.get("id", "")
+        if wanted not in self._by_id:
+            raise ValueError(f"it names {quoted(wanted)!r}, which is not defined")
+        return self._by_id[wanted]
+
+    def _walk(self, element: Element, depth: int) -> Iterator[Element]:
+        if depth > _DEEPEST:
+            raise ValueError(f"it is nested in more than {_DEEPEST} levels")
+        yield element
+        for each in element:
+            yield from self._walk(each, depth + 1)
+
+    def _settle(self, element: Element, defaults: dict[str, str]) -> None:
+        for key, value in element.attrib.items():
+            if "$" in value:
+                filled = _WORD.sub(lambda found: defaults.get(found[1], found[0]), value)
+                if len(filled) > _LONGEST:  # defaults of defaults double
+                    raise ValueError(f"it fills {quoted(value)!r} with too long a text")
+                element.set(key, filled)
+        if name := _CAPITAL.sub(lambda found: f"_{found[1].lower()}", element.get("name", "")):
+            element.set("name", name)
+        if element.tag == "default":
+            defaults.setdefault(name, element.get("value", ""))
+        if element.tag == "include":
+            raise ValueError("it includes another XML file; put all into one")
+        if "id" in element.attrib and element.tag != "ref":
+            self._by_id[element.attrib["id"]] = element
+
+
+def value_of(element: Element, tag: str, name: str) -> str:
+    """Value of a property of an element; empty without it."""
+    found = (each for each in element if each.tag == tag and each.get("name") == name)
+    return next((each.get("value", "") for each in found), "")
+
+
+def plain(name: str) -> str:
+    """Name of a file, with slashes, as Windows names it too."""
+    return name.strip().replace("\\", "/")
+
+
+def numbers_in(text: str) -> Floats:
+    """Numbers (n,) in a text, separated by commas or spaces."""
+    return np.array(text.replace(",", " ").split(), np.float64)
+
+
+def transform_of(element: Element, name: str = "to_world") -> Floats:
+    """Matrix (4, 4) of a transform of an element; its steps act one after the other."""
+    matrix = np.eye(4)
+    for transform in element:
+        if transform.tag == "transform" and transform.get("name") == name:
+            for step in transform:
+                matrix = _step(step) @ matrix
+    return matrix
+
+
+def _step(step: Element) -> Floats:
+    matrix = np.eye(4)
+    match step.tag:
+        case "translate":
+            matrix[:3, 3] = _vector(step, 0.0)
+        case "scale":
+            matrix[:3, :3] = np.diag(_vector(step, 1.0))
+        case "rotate":
+            axis, angle = _vector(step, 0.0), np.radians(float(step.get("angle", "0")))
+            matrix[:3, :3] = _rotation(axis, angle)
+        case "matrix":
+            given = numbers_in(step.get("value", ""))
+            side = 4 if given.size == 16 else 3
+            matrix[:side, :side] = given.reshape(side, side)
+        case "lookat":
+            names = "origin", "target", "up"
+            origin, target, up = (numbers_in(step.get(name, "0 0 1")) for name in names)
+            ahead = (target - origin) / np.linalg.norm(target - origin)
+            left = np.cross(up, ahead)
+            left /= np.linalg.norm(left)
+            matrix[:3] = np.stack([left, np.cross(ahead, left), ahead, origin], axis=1)
+        case other:
+            raise ValueError(f"it has an unknown transform {quoted(other)!r}")
+    return matrix
+
+
+def _rotation(axis: Floats, angle: float) -> Floats:
+    """Rotation (3, 3) about an axis of any length (Rodrigues)."""
+    x, y, z = axis / np.linalg.norm(axis)
+    across = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    return np.asarray(np.eye(3) + np.sin(angle) * across + (1 - np.cos(angle)) * across @ across)
+
+
+def _vector(step: Element, usual: float) -> Floats:
+    """Vector (3,) of a step: `value`, of one or three numbers, or x, y and z."""
+    if "value" in step.attrib:
+        return numbers_in(step.attrib["value"]) * np.ones(3)
+    return np.array([float(step.get(axis, usual)) for axis in "xyz"])

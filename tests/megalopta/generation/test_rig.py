@@ -1,0 +1,137 @@
+"""Cameras of a rig see the same scene from their own places, and pairs know their disparity."""
+
+import cv2
+import numpy as np
+import pytest
+import trimesh
+from scipy.spatial.transform import Rotation
+
+import megalopta
+from megalopta.config.model import parse
+from megalopta.config.recipe import Plan
+from megalopta.core.errors import UserError
+from megalopta.generation.making import make
+from megalopta.render import read_truth
+
+pytestmark = pytest.mark.slow
+
+BASELINE_M = 0.3
+TURN_DEG = (0.0, 70.0, 10.0)
+SIZE = {"width": 40, "height": 30}
+
+
+def plan_of(folder):
+    trimesh.Scene({"hut": trimesh.creation.box((1, 1, 2))}).export(folder / "hut.glb")
+    path = {"position_m": [-3, 0, 1], "look_at_m": [0, 0.2, 0.8], "frames": 2}
+    path |= {"velocity_m_s": [0, 1, 0], "rotation_deg_s": 20}
+    return Plan(
+        sequences=6,
+        scenes=(
+            {
+                "preset": "grating",
+                "scene": {"kind": "meshes", "files": [str(folder / "hut.glb")], "ground": 0.2},
+            },
+        ),
+        cameras=(SIZE,),
+        trajectories=({"kind": "steady", "up": [0, 0.1, 1], **path},),
+        every={
+            "render": {"samples_per_pixel": 1},
+            "scene": {"reflectance": {"uniform": [0.3, 0.6]}},
+        },
+        rig=(
+            {},
+            {"position_m": (BASELINE_M, 0, 0)},
+            {"position_m": (0, 0.1, -0.2), "rotation_deg": TURN_DEG},
+        ),
+        sensors=("ideal",),
+        flow_files=("kitti_png",),
+    )
+
+
+@pytest.fixture(scope="module")
+def rig(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("rig")
+    make(folder / "data", plan_of(folder), only=[0, 1, 2])
+    return megalopta.open_dataset(folder / "data")
+
+
+def test_disparity_is_focal_length_times_baseline_over_depth(rig):
+    # Sintel's layout has steps of 2^-14 px; depth and flow are float32.
+    for camera in rig[0], rig[1]:
+        focal = camera.configuration.camera.focal_length_px
+        expected = focal * BASELINE_M / camera.depth[1].astype(float)
+        assert expected.max() > 3
+        np.testing.assert_allclose(camera.disparity[1], expected, rtol=0, atol=2**-15 + 1e-6)
+    with pytest.raises(UserError, match="no second camera side by side"):
+        _ = rig[2].disparity
+
+
+def test_points_hidden_from_the_right_camera_are_farther_than_what_it_sees(rig):
+    left, right = rig[0], rig[1]
+    mask = left.dataset.frame("training/occlusions_stereo", 0, "png")
+    hidden = cv2.imread(str(mask), cv2.IMREAD_UNCHANGED) > 0
+    x = np.arange(SIZE["width"]) + 0.5 - left.disparity[0]
+    outside = x <= 0
+    assert hidden[outside].all()
+    column = np.clip(x.astype(int), 0, SIZE["width"] - 1)
+    seen = np.take_along_axis(right.depth[0], column, axis=1)
+    depth = left.depth[0]
+    behind = np.isfinite(depth) & (depth > 1.2 * seen) & ~outside
+    assert behind.sum() > 5
+    # What the nearest pixel's center sees may miss the point by half a pixel.
+    assert hidden[behind].mean() > 0.8
+    same = np.isfinite(depth) & (np.abs(1 / depth - 1 / seen) < 0.02 / seen)
+    assert hidden[same & ~outside].mean() < 0.05
+
+
+def test_kitti_s_layout_has_256_steps_a_pixel_and_no_unknown(rig):
+    path = rig[0].dataset.frame("training/disparities_kitti", 0, "png")
+    stored = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+    assert stored.dtype == np.uint16
+    assert stored.min() == 1  # the sky
+    np.testing.assert_allclose(stored / 256, rig[0].disparity[0], rtol=0, atol=1 / 256)
+
+
+def test_flow_to_any_camera_of_the_rig_is_that_of_projected_points(rig):
+    for camera in rig[1], rig[2]:
+        truth = read_truth(rig[0].dataset.truth(1))
+        points, pose = truth.position, camera.poses[1]
+        image = (points - pose[:3, 3]) @ pose[:3, :3] @ camera.intrinsics.T
+        with np.errstate(invalid="ignore", divide="ignore"):
+            image = np.where(image[..., 2:] > 1e-3, image[..., :2] / image[..., 2:], np.nan)
+        rows, columns = np.indices(image.shape[:2]) + 0.5
+        expected = image - np.stack([columns, rows], axis=-1)
+        known = np.isfinite(expected[..., 0])
+        assert known.sum() > 50
+        error = rig[0].flow_to(camera, 1)[known] - expected[known]
+        # Depth and poses are float32.
+        assert np.abs(error / (1 + np.abs(expected[known]))).max() < 1e-4
+
+
+def test_a_mount_turns_about_the_path_s_camera_axes(rig):
+    step = np.linalg.inv(rig[0].poses) @ rig[2].poses
+    turn = Rotation.from_rotvec(TURN_DEG, degrees=True).as_matrix()
+    np.testing.assert_allclose(step[:, :3, :3], np.broadcast_to(turn, (2, 3, 3)), atol=1e-12)
+    np.testing.assert_allclose(step[:, :3, 3], [[0, 0.1, -0.2]] * 2, atol=1e-6)
+
+
+def test_cameras_share_scene_light_and_split_but_not_noise(rig):
+    own = {"name", "seed", "trajectory", "stereo_with"}
+    first, second, third = (each.configuration.model_dump(mode="json", exclude=own) for each in rig)
+    assert first == second == third
+    assert len({each.split for each in rig}) == 1
+    assert len({each.configuration.seed for each in rig}) == 3
+
+
+def test_other_paths_and_odd_pairs_are_refused(rig, tmp_path):
+    with pytest.raises(ValueError, match="sequences 5: a rig of 3 cameras"):
+        Plan.model_validate({**plan_of(tmp_path).model_dump(), "sequences": 5})
+    above = {"stereo_with": "{position_m: [0, 0.2, 0]}"}
+    with pytest.raises(UserError, match="do not look the same way side by side"):
+        parse("name: a", "test", above)
+    with pytest.raises(UserError, match="no lines along which to shift"):
+        parse("camera: {kind: equirectangular}", "test", {"stereo_with": "{position_m: [1, 0, 0]}"})
+    other = parse("name: other", "test")
+    stranger = type(rig[0])(type(rig[0].dataset)(tmp_path, other), "all", {})
+    with pytest.raises(UserError, match="another scene or path"):
+        rig[0].flow_to(stranger, 0)
