@@ -8,6 +8,7 @@ import numpy as np
 
 from megalopta.camera.calibration import estimate_row
 from megalopta.camera.device_files import save_map, write_maps
+from megalopta.camera.emva_page import emva_section
 from megalopta.camera.recording import Beam, Source, read_recorded
 from megalopta.core import strict_yaml
 from megalopta.core.files import write_text
@@ -17,6 +18,7 @@ from megalopta.plotting.text import number
 from megalopta.sensor import Sensor, preset
 from megalopta.sensor.calibrate.counting import CountingDevice, Summed, calibrate_counts, summed
 from megalopta.sensor.calibrate.device import Estimate
+from megalopta.sensor.calibrate.emva import Step
 from megalopta.sensor.calibrate.saturation import DeadTimeKind
 
 _KINDS: dict[str, DeadTimeKind] = {
@@ -46,7 +48,15 @@ def calibrate_counting(sources: Sequence[Source], out: Path, beam: Beam, base: s
     if found.dark_counts_hz is None and found.efficiency is None:
         raise ValueError(_reasons(found))
     write_counting_device(out, found, sensor, beam.wavelength_nm, base)
-    _write_report(out.with_suffix(".html"), found, out.stem, beam.wavelength_nm is None)
+    recorded = [
+        (
+            each.exposure_s,
+            Step(each.light_hz * each.exposure_s, each.mean, each.variance, each.frames),
+        )
+        for each in levels
+    ]
+    standard = emva_section(out, found.bad.shape, beam.wavelength_nm, recorded)
+    _write_report(out.with_suffix(".html"), found, standard, out.stem, beam.wavelength_nm is None)
     return counting_summary(found, beam.wavelength_nm is None)
 
 
@@ -137,7 +147,9 @@ def _quantities(
         yield "efficiency", unit, device.efficiency, scale
 
 
-def _write_report(path: Path, device: CountingDevice, name: str, is_relative: bool) -> None:
+def _write_report(
+    path: Path, device: CountingDevice, standard: Section, name: str, is_relative: bool
+) -> None:
     quantities = list(_quantities(device, is_relative))
     head = ("", "median", "from", "to", "± (95 % CI)")
     kinds = ("dead", "stuck", "saturated", "hot")
@@ -157,6 +169,7 @@ def _write_report(path: Path, device: CountingDevice, name: str, is_relative: bo
         Section("Not known", f"{_reasons(device) or 'Nothing'}."),
         Section("Bad and hot pixels", _BAD, ("", "pixels"), bad),
         Section("Maps", "Gray: unknown.", charts=maps),
+        standard,
     ]
     summary = counting_summary(device, is_relative)
     write_sections(path, f"Calibration of {name}", summary, [each for each in sections if each])

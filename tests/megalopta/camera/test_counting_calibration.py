@@ -1,5 +1,7 @@
 """Recordings of other cameras to a device file, through the command line's door."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -18,10 +20,10 @@ def lines(*entries):
     return "recordings:\n" + "".join(f"  - {{{each}}}\n" for each in entries)
 
 
-def written(folder, name, mean, frames=400, pack=False):
+def written(folder, name, mean, frames=400, pack=False, capacity=None):
     """Poisson counts, or bits, in a file."""
     rng = np.random.default_rng(len(name))
-    counts = rng.poisson(mean * np.ones((frames, *SHAPE)))
+    counts = np.clip(rng.poisson(mean * np.ones((frames, *SHAPE))), None, capacity)
     if pack:
         np.save(folder / f"{name}.npy", np.packbits(counts > 0, axis=-1))
         return
@@ -50,6 +52,25 @@ def test_counts_give_a_device_that_sense_can_use(tmp_path):
     page = out.with_suffix(".html").read_text("utf-8")
     assert "efficiency (%)" in page
     assert np.load(tmp_path / "device" / "bad.npy").sum() == 0
+
+
+def test_the_page_has_the_figures_of_emva_1288(tmp_path):
+    lights = [6e4 * step for step in range(1, 17)]  # 288 counts at most
+    listed = ["path: dark.tif, exposure_s: 0.001"]
+    written(tmp_path, "dark", DARK_HZ * 1e-3)
+    for at, light in enumerate(lights):
+        mean = DARK_HZ * 1e-3 + EFFICIENCY * light * 1e-3
+        written(tmp_path, f"flat{at}", mean, capacity=255)
+        listed.append(f"path: flat{at}.tif, exposure_s: 0.001, light: {light:.1e}")
+    (tmp_path / "list.yaml").write_text(lines(*listed), "utf-8")
+    sources, out = named_sources([str(tmp_path / "list.yaml")]), tmp_path / "device.yaml"
+    calibrate_recordings(sources, out, beam=Beam(600.0), base="ideal")
+    page = out.with_suffix(".html").read_text("utf-8")
+    row = re.search(r"quantum efficiency \(%\)</td>\s*<td>([\d.]+)</td>\s*<td>([\d.]+)</td>", page)
+    device, recordings = map(float, row.groups())
+    assert device == pytest.approx(100 * EFFICIENCY, rel=0.005)
+    # the gain of 11 levels of 76800 readings: 5 · √(2/76800) at the brightest, which weighs most
+    assert recordings == pytest.approx(100 * EFFICIENCY, rel=0.026)
 
 
 def test_bits_give_a_device(tmp_path):
