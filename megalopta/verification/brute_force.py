@@ -131,6 +131,15 @@ def _run_up_s(effects: AvalancheEffects | Sensor) -> float:
 
 def _chances(talk: Crosstalk, rows: int, columns: int) -> Floats:
     y, x = np.indices((rows, columns)).reshape(2, -1)
+    if talk.kernel:
+        weights = np.array(talk.kernel)
+        down, right = y - y[:, None] + weights.shape[2] // 2, x - x[:, None] + weights.shape[3] // 2
+        inside = (down >= 0) & (right >= 0)
+        inside &= (down < weights.shape[2]) & (right < weights.shape[3])
+        own = y[:, None] % weights.shape[0], x[:, None] % weights.shape[1]
+        relative = np.where(inside, weights[(*own, down * inside, right * inside)], 0.0)
+        each = weights.sum(axis=(2, 3)).mean()
+        return np.asarray(talk.mean_fired_neighbors * relative / each)
     squared = (y[:, None] - y) ** 2 + (x[:, None] - x) ** 2
     straight = (y[:, None] == y) | (x[:, None] == x)
     shares = [1.0, talk.diagonal, talk.distance_two, talk.distance_three]

@@ -32,9 +32,10 @@ from megalopta.sensor.calibrate.dark_distribution import cumulative, fit_dark_co
 from megalopta.sensor.calibrate.hot_neighbors import (
     FEWEST_PIXELS,
     crosstalk_of_hot_pixels,
-    primary_rates,
+    kernel_of,
 )
 from megalopta.sensor.calibrate.pair_crosstalk import PairCrosstalk, fit_crosstalk, modelled
+from megalopta.sensor.effects import crosstalk
 from megalopta.sensor.effects.crosstalk import REACH
 from megalopta.verification.capture_files import Measurement, read_measurement, shipped
 
@@ -54,6 +55,15 @@ _PLACES = {
     "three away in the row": (0, 3),
     "knight's move": (1, 2),
 }
+_EDGES: dict[str, Callable[[Floats], Floats]] = {
+    "in the row": lambda each: each[..., REACH, [REACH - 1, REACH + 1]],
+    "above, even rows": lambda each: each[0, :, REACH - 1, REACH],
+    "below, even rows": lambda each: each[0, :, REACH + 1, REACH],
+    "above, odd rows": lambda each: each[1, :, REACH - 1, REACH],
+    "below, odd rows": lambda each: each[1, :, REACH + 1, REACH],
+}
+"""Pixels across an edge, in shares by parity of the receiver's row and column."""
+_NEXT = {"right": (0, 1), "lower": (1, 0)}
 
 
 class Row(NamedTuple):
@@ -185,12 +195,12 @@ def _of_dark_counts(name: str, rates: Floats) -> Iterator[Row]:
         error = float(np.sqrt(2 * share * (1 - share) / known.size))  # of both halves
         yield Row(name, f"% of pixels below the model's {100 * share:g} % quantile of dark counts",
                   100 * below, 100 * share, 100 * error)  # fmt: skip
-    error = 1 / np.sqrt(known.size)
-    for title, place in (("right", (0, 1)), ("lower", (1, 0))):
-        yield Row(name, f"rank correlation of dark counts with the {title} neighbor",
-                  rank_correlation(tested, place), 0.0, error)  # fmt: skip
     if rates.size >= FEWEST_PIXELS:
-        yield from _of_hot_pixels(name, rates, middle)
+        yield from _of_hot_pixels(name, rates)
+        return
+    for title, place in _NEXT.items():
+        yield Row(name, f"rank correlation of dark counts with the {title} neighbor",
+                  rank_correlation(tested, place), 0.0, 1 / np.sqrt(known.size))  # fmt: skip
 
 
 def _quantile(model: DarkCounts, share: float, largest: float) -> float:
@@ -198,25 +208,32 @@ def _quantile(model: DarkCounts, share: float, largest: float) -> float:
     return float(np.interp(share, cumulative(model, grid), grid))
 
 
-def _of_hot_pixels(name: str, rates: Floats, middle: int) -> Iterator[Row]:
+def _of_hot_pixels(name: str, rates: Floats) -> Iterator[Row]:
     strip = np.broadcast_to(_STRIPS * np.arange(rates.shape[1]) // rates.shape[1], rates.shape)
     found = [crosstalk_of_hot_pixels(rates, strip == each) for each in range(_STRIPS)]
     fitted, tested = np.hstack(found[: _STRIPS // 2]), np.hstack(found[_STRIPS // 2 :])
-    edges: dict[str, Callable[[Floats], Floats]] = {
-        "in the row": lambda each: each[..., REACH, [REACH - 1, REACH + 1]],
-        "above, even rows": lambda each: each[0, :, REACH - 1, REACH],
-        "below, even rows": lambda each: each[0, :, REACH + 1, REACH],
-        "above, odd rows": lambda each: each[1, :, REACH - 1, REACH],
-        "below, odd rows": lambda each: each[1, :, REACH + 1, REACH],
-    }
-    alike = np.mean([part(fitted).mean() for part in list(edges.values())[:3]])
-    for title, part in edges.items():
+    alike = np.mean([part(fitted).mean() for part in list(_EDGES.values())[:3]])
+    for title, part in _EDGES.items():
         ours, theirs = (1e6 * part(each).ravel() for each in (tested, fitted))
-        yield _means(name, f"light of a hot pixel {title}, 1e-6", ours, theirs, 1e6 * float(alike))
-    primaries = primary_rates(rates, np.mean(found[: _STRIPS // 2], axis=0))[:, middle:]
-    for title, place in (("right", (0, 1)), ("lower", (1, 0))):
-        yield Row(name, f"rank correlation without crosstalk, {title} neighbor",
-                  rank_correlation(primaries, place), 0.0, 1 / np.sqrt(primaries.size))  # fmt: skip
+        text = f"light of a hot pixel {title}, 1e-6"
+        yield _means(name, f"{text}, shares by distance", ours, theirs, 1e6 * float(alike))
+        yield _means(name, f"{text}, kernel", ours, theirs, float(theirs.mean()))
+    talk = kernel_of(np.mean(found[: _STRIPS // 2], axis=0))
+    known = np.nan_to_num(rates)
+    right_half = strip >= _STRIPS // 2
+    own = known - crosstalk.fired_mean(known, talk)
+    # dark counts of the left half, each at a place of chance
+    dark = np.random.default_rng(0).choice(np.maximum(own[~right_half], 0.0), rates.shape)
+    drawn = crosstalk.mean(dark, talk)
+    error = float(np.sqrt(2 / right_half.sum()))
+    for title, place in _NEXT.items():
+        text = f"rank correlation of dark counts with the {title} neighbor"
+        values = (known, drawn, own)
+        seen, modelled, left = (
+            rank_correlation(np.where(right_half, each, np.nan), place) for each in values
+        )
+        yield Row(name, f"{text}, kernel", seen, modelled, error)
+        yield Row(name, f"{text}, kernel subtracted", left, 0.0, error)
 
 
 def rank_correlation(rates: Floats, place: tuple[int, int]) -> float:

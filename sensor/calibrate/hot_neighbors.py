@@ -5,8 +5,8 @@ common to all plus shares of the rates around it. They minimize the sum of absol
 pixels that are hot themselves hardly affect. Shares are estimated apart for pixels of even and odd
 rows and columns: where pixels are laid out in pairs, light reaches the partner more easily.
 
-Shares are those of rates, which contain crosstalk themselves; for a few percent they are the
-probabilities that an avalanche fires a neighbor. Limits: sources are thousands of times as bright
+Rates r are those of dark carriers λ and of all that is fired, r = λ + C·r: a share is the
+probability that an avalanche fires a neighbor. Limits: sources are thousands of times as bright
 as the rest, so that light and its reflections are seen, but not whether pixels differ.
 """
 
@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.core.arrays import Floats, Mask
-from megalopta.sensor.effects.crosstalk import REACH
+from megalopta.sensor.effects.crosstalk import REACH, Crosstalk
 
 FEWEST_PIXELS = 4096
 """Pixels that a map needs for an estimate."""
@@ -72,13 +72,12 @@ def _shares(rates: Floats, places: NDArray[np.int_]) -> Floats:
     return np.asarray(solution[1:])
 
 
-def primary_rates(rates: Floats, shares: Floats) -> Floats:
-    """Return rates without what neighbors add: rates minus shares of those around."""
-    padded = np.pad(np.nan_to_num(rates), REACH)
-    rows, columns = rates.shape
-    left = rates.copy()
-    repeats = -(-rows // PERIOD), -(-columns // PERIOD)
-    for down, right in np.ndindex(_SIDE, _SIDE):
-        share = np.tile(shares[:, :, down, right], repeats)[:rows, :columns]
-        left -= np.maximum(share, 0.0) * padded[down : down + rows, right : right + columns]
-    return left
+def kernel_of(shares: Floats) -> Crosstalk:
+    """Return the crosstalk of senders whose neighbors receive these shares."""
+    kernel = np.zeros_like(shares)
+    for row, column, down, right in np.ndindex(shares.shape):
+        sender = (row + down - REACH) % PERIOD, (column + right - REACH) % PERIOD
+        share = max(float(shares[row, column, down, right]), 0.0)
+        kernel[(*sender, _SIDE - 1 - down, _SIDE - 1 - right)] = share
+    fired = float(kernel.sum()) / PERIOD**2
+    return Crosstalk(mean_fired_neighbors=fired, kernel=kernel.tolist()) if fired else Crosstalk()

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.core.arrays import Floats, Mask
-from megalopta.sensor.effects.crosstalk import REACH, Crosstalk, neighborhood
+from megalopta.sensor.effects.crosstalk import REACH, Crosstalk, neighborhoods
 
 
 class PairCrosstalk(NamedTuple):
@@ -67,6 +67,6 @@ def _mean(pairs: PairCrosstalk, places: tuple[tuple[int, int], ...]) -> float:
 
 def modelled(crosstalk: Crosstalk, pairs: PairCrosstalk) -> Floats:
     """Return the probability that the model gives each pair."""
-    weights = np.pad(neighborhood(crosstalk), ((0, 1), (0, 1)))
+    weights = np.pad(neighborhoods(crosstalk)[0, 0], ((0, 1), (0, 1)))
     down, right = (np.minimum(each, REACH + 1) for each in (pairs.down, pairs.right))
     return np.asarray(weights[REACH + down, REACH + right])

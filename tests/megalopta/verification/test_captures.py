@@ -45,9 +45,12 @@ def test_a_simulated_map_shows_the_crosstalk_that_made_it(tmp_path):
     found = {
         row.quantity: row for row in check_captures([tmp_path / "map.npy"])[tmp_path / "map.npy"]
     }
-    light = found["light of a hot pixel below, even rows, 1e-6"]
+    light = found["light of a hot pixel below, even rows, 1e-6, kernel"]
     assert light.measured == pytest.approx(0.01e6, rel=0.1)
-    assert abs(found["rank correlation without crosstalk, lower neighbor"].z) < 5
+    assert (
+        abs(found["rank correlation of dark counts with the lower neighbor, kernel subtracted"].z)
+        < 5
+    )
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,8 @@ def test_pairs_return_the_crosstalk_that_made_them():
     zeros = np.zeros(down.size)
     pairs = PairCrosstalk(down, right, zeros, zeros, zeros)
     found = fit_crosstalk(pairs._replace(probability=modelled(LIGHT, pairs)))
-    assert found.model_dump() == pytest.approx(LIGHT.model_dump(), rel=1e-12)
+    for name in ("mean_fired_neighbors", "diagonal", "distance_two", "distance_three"):
+        assert getattr(found, name) == pytest.approx(getattr(LIGHT, name), rel=1e-12)
 
 
 def test_pairs_without_neighbors_are_refused():
