@@ -22,6 +22,9 @@ PERIOD = 2
 """Rows and columns after which the layout of pixels may repeat."""
 _ROUNDS = 20
 _FINEST = 0.02
+_SEEN, _CLEAR = 3.0, 4.0
+_NORMAL = 1.4826
+"""Standard deviation over the median absolute deviation"""
 _SIDE = 2 * REACH + 1
 _PLACES = np.delete(np.arange(_SIDE**2), _SIDE**2 // 2)
 
@@ -73,11 +76,18 @@ def _shares(rates: Floats, places: NDArray[np.int_]) -> Floats:
 
 
 def kernel_of(shares: Floats) -> Crosstalk:
-    """Return the crosstalk of senders whose neighbors receive these shares."""
+    """Return the crosstalk of senders whose neighbors receive these shares; off if none is seen.
+
+    The scatter of shares three pixels away and farther shows their noise. Shares below four of it
+    are left at 0, and all are if those of edge neighbors are below three on average.
+    """
+    distance = np.hypot(*(np.indices((_SIDE, _SIDE)) - REACH))
+    noise = _NORMAL * float(np.median(np.abs(shares[:, :, distance >= REACH])))
+    if shares[:, :, distance == 1].mean() < _SEEN * noise:
+        return Crosstalk()
     kernel = np.zeros_like(shares)
-    for row, column, down, right in np.ndindex(shares.shape):
+    for row, column, down, right in np.argwhere(shares > _CLEAR * noise):
         sender = (row + down - REACH) % PERIOD, (column + right - REACH) % PERIOD
-        share = max(float(shares[row, column, down, right]), 0.0)
-        kernel[(*sender, _SIDE - 1 - down, _SIDE - 1 - right)] = share
-    fired = float(kernel.sum()) / PERIOD**2
-    return Crosstalk(mean_fired_neighbors=fired, kernel=kernel.tolist()) if fired else Crosstalk()
+        place = _SIDE - 1 - down, _SIDE - 1 - right
+        kernel[(*sender, *place)] = shares[row, column, down, right]
+    return Crosstalk(mean_fired_neighbors=float(kernel.sum()) / PERIOD**2, kernel=kernel.tolist())

@@ -121,7 +121,7 @@ def neighborhoods(crosstalk: Crosstalk) -> Floats:
     `kernel` (1, 1, 7, 7).
     """
     if crosstalk.kernel:
-        weights = np.array(crosstalk.kernel, np.float64)
+        weights: Floats = np.array(crosstalk.kernel, np.float64)
         scale = weights.shape[0] * weights.shape[1] / weights.sum()
         weights *= crosstalk.mean_fired_neighbors * scale
         weights.flags.writeable = False

@@ -50,6 +50,10 @@ def test_pairs_of_rows_are_recognized():
     assert np.allclose(by_row, neighborhoods(made)[:, 0], atol=1e-3)
 
 
+def test_independent_dark_counts_show_no_crosstalk():
+    assert not kernel_of(crosstalk_of_hot_pixels(OWN)).is_on
+
+
 def test_small_maps_are_refused():
     with pytest.raises(ValueError, match="48 pixels; crosstalk of hot pixels needs 4096"):
         crosstalk_of_hot_pixels(np.ones((4, 12)))
