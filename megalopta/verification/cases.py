@@ -226,6 +226,12 @@ CASES: dict[str, tuple[Case, ...]] = {
             **{"afterpulsing": _TRAPS, "dead_time": _ACTIVE},
         ),
         _spad(
+            "event times, gate, jitter with a tail",
+            (1.0, 60.0),
+            **{"gate": _SHUT, "readout": "times"},
+            jitter=Jitter(sigma_s=1e-3, tail_share=0.3, tail_s=8e-3),
+        ),
+        _spad(
             "consecutive frames",
             (2.0, 10.0),
             **{"afterpulsing": _TRAPS, "dead_time": _PASSIVE, "exposure_s": 0.02},
