@@ -10,6 +10,7 @@ The files that ship are of two arrays of 12 × 4 pixels (MIT license, `data/capt
 import csv
 import io
 from collections.abc import Sequence
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -17,13 +18,21 @@ import numpy as np
 from megalopta.core.arrays import Floats, plain_array
 from megalopta.core.bounded import TEXT_BYTES, printable, read_bytes
 from megalopta.core.errors import DamagedFileError
+from megalopta.core.files import write_text
 from megalopta.sensor.calibrate.autocorrelation import Autocorrelation
 from megalopta.sensor.calibrate.pair_crosstalk import PairCrosstalk
+from megalopta.sensor.calibrate.tag_statistics import (
+    autocorrelation_of,
+    coincidences,
+    events_of,
+)
+from megalopta.sensor.formats.time_tags import TimeTags
 
 SHIPPED = Path(__file__).parent / "data" / "captures"
 """Folder of the measurements that ship."""
 _FEWEST = 12
 _PAIR = ("pix1", "pix2", "distance", "crosstalk", "error")
+_EDGES_NS = np.concatenate((np.arange(0, 100, 12.5), np.geomspace(100, 25600, 33)))
 _KINDS = "give crosstalk of pairs, an autocorrelation or a map of dark counts"
 
 Measurement = PairCrosstalk | Autocorrelation | Floats
@@ -50,6 +59,42 @@ def read_measurement(path: Path) -> Measurement:
         return _map(np.array([[float(each) for each in row] for row in rows]))
     except (ValueError, csv.Error) as problem:
         raise DamagedFileError(f"{path}: {printable(str(problem))}; {_KINDS}") from None
+
+
+def write_measurements(folder: Path, tags: TimeTags, columns: int, window_s: float) -> list[Path]:
+    """Write what time tags in the dark show as files that `read_measurement` reads.
+
+    Channels are pixels, numbered along rows of so many columns. Raises ValueError if they do not
+    fill the rows.
+    """
+    if tags.channels % columns:
+        raise ValueError(f"{tags.channels} channels in rows of {columns}; give --columns")
+    rates = (events_of(tags) / tags.duration_s).reshape(-1, columns)
+    written = {
+        "dark-counts.csv": "\n".join(",".join(f"{each:.5g}" for each in row) for row in rates)
+    }
+    lags = autocorrelation_of(tags, _EDGES_NS * 1e-9)
+    head = ",".join(f"{a:g}-{b:g}" for a, b in pairwise(_EDGES_NS))
+    written["autocorrelation.csv"] = "\n".join(
+        [f"events,duration_s,{head}"]
+        + [
+            f"{events:.0f},{tags.duration_s:.5g}," + ",".join(f"{each:.0f}" for each in pairs)
+            for events, pairs in zip(lags.events, lags.pairs, strict=True)
+        ]
+    )
+    found = coincidences(tags, window_s)
+    if tags.channels > columns > 1:
+        down, right = found.second // columns - found.first // columns, found.second % columns
+        distance = np.hypot(down, right - found.first % columns)
+        table = zip(
+            found.first, found.second, distance, found.probability, found.error, strict=True
+        )
+        written["crosstalk.csv"] = "\n".join(
+            [",".join(_PAIR), *(f"{a},{b},{d:.4g},{p:.4g},{e:.3g}" for a, b, d, p, e in table)]
+        )
+    for name, text in written.items():
+        write_text(folder / name, text + "\n")
+    return [folder / name for name in written]
 
 
 def _map(rates: Floats | None) -> Floats:
