@@ -10,9 +10,10 @@ the count distribution has no closed form. Only files that hold such a form name
 
 from dataclasses import dataclass, field, replace
 from enum import IntEnum, auto
-from typing import ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
+from pydantic import SerializerFunctionWrapHandler, model_serializer
 
 from megalopta.core.arrays import Floats
 from megalopta.core.record import Record
@@ -126,6 +127,16 @@ class Effect(Record):
     stage: ClassVar[Stage]
     statement: ClassVar[str]
     """Description for readers"""
+    added: ClassVar[tuple[str, ...]] = ()
+    """Fields that are recorded only if they differ from their default, which was the only value
+    before there were any: records of earlier results stay the same"""
+
+    @model_serializer(mode="wrap")
+    def _recorded(self, dumped: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        values: dict[str, Any] = dumped(self)
+        fields = type(self).model_fields
+        same = {name for name in self.added if getattr(self, name) == fields[name].default}
+        return {name: value for name, value in values.items() if name not in same}
 
     @property
     def is_on(self) -> bool:

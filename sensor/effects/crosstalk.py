@@ -50,6 +50,7 @@ class Crosstalk(Effect, frozen=True):
     """Probabilities that avalanches fire neighboring pixels; off by default."""
 
     stage: ClassVar[Stage] = Stage.AVALANCHES
+    added: ClassVar[tuple[str, ...]] = ("kernel",)
     statement: ClassVar[str] = "avalanches send light to neighboring pixels"
 
     mean_fired_neighbors: Annotated[float, Field(ge=0, le=0.8)] = 0.0

@@ -26,6 +26,7 @@ class Jitter(Effect, frozen=True):
     """Scatter of the time stamps; none by default."""
 
     stage: ClassVar[Stage] = Stage.READOUT
+    added: ClassVar[tuple[str, ...]] = ("tail_share", "tail_s")
     statement: ClassVar[str] = "time stamps of events scatter (event streams only)"
 
     sigma_s: Annotated[float, Field(ge=0)] = 0.0

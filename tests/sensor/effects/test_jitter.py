@@ -35,3 +35,8 @@ def test_without_a_tail_stamps_are_as_before():
     plain = Jitter(sigma_s=1e-3)
     expected = times + 1e-3 * np.random.default_rng(3).standard_normal(5)
     np.testing.assert_array_equal(stamp(np.random.default_rng(3), times, plain), expected)
+
+
+def test_records_without_a_tail_are_as_before_there_was_one():
+    assert Jitter(sigma_s=1e-3).model_dump() == {"sigma_s": 1e-3}
+    assert Jitter.model_validate(JITTER.model_dump()) == JITTER
