@@ -22,6 +22,7 @@ from megalopta.core.files import write_text
 from megalopta.sensor.calibrate.autocorrelation import Autocorrelation
 from megalopta.sensor.calibrate.pair_crosstalk import PairCrosstalk
 from megalopta.sensor.calibrate.tag_statistics import (
+    Coincidences,
     autocorrelation_of,
     coincidences,
     events_of,
@@ -69,32 +70,37 @@ def write_measurements(folder: Path, tags: TimeTags, columns: int, window_s: flo
     """
     if tags.channels % columns:
         raise ValueError(f"{tags.channels} channels in rows of {columns}; give --columns")
-    rates = (events_of(tags) / tags.duration_s).reshape(-1, columns)
     written = {
-        "dark-counts.csv": "\n".join(",".join(f"{each:.5g}" for each in row) for row in rates)
+        "dark-counts.csv": _rates_text(tags, columns),
+        "autocorrelation.csv": _lags_text(tags),
     }
+    if tags.channels > columns > 1:
+        written["crosstalk.csv"] = _pairs_text(coincidences(tags, window_s), columns)
+    for name, lines in written.items():
+        write_text(folder / name, "\n".join(lines) + "\n")
+    return [folder / name for name in written]
+
+
+def _rates_text(tags: TimeTags, columns: int) -> list[str]:
+    rates = (events_of(tags) / tags.duration_s).reshape(-1, columns)
+    return [",".join(f"{each:.5g}" for each in row) for row in rates]
+
+
+def _lags_text(tags: TimeTags) -> list[str]:
     lags = autocorrelation_of(tags, _EDGES_NS * 1e-9)
     head = ",".join(f"{a:g}-{b:g}" for a, b in pairwise(_EDGES_NS))
-    written["autocorrelation.csv"] = "\n".join(
-        [f"events,duration_s,{head}"]
-        + [
-            f"{events:.0f},{tags.duration_s:.5g}," + ",".join(f"{each:.0f}" for each in pairs)
-            for events, pairs in zip(lags.events, lags.pairs, strict=True)
-        ]
+    rows = (
+        ",".join([f"{events:.0f}", f"{tags.duration_s:.5g}", *(f"{each:.0f}" for each in pairs)])
+        for events, pairs in zip(lags.events, lags.pairs, strict=True)
     )
-    found = coincidences(tags, window_s)
-    if tags.channels > columns > 1:
-        down, right = found.second // columns - found.first // columns, found.second % columns
-        distance = np.hypot(down, right - found.first % columns)
-        table = zip(
-            found.first, found.second, distance, found.probability, found.error, strict=True
-        )
-        written["crosstalk.csv"] = "\n".join(
-            [",".join(_PAIR), *(f"{a},{b},{d:.4g},{p:.4g},{e:.3g}" for a, b, d, p, e in table)]
-        )
-    for name, text in written.items():
-        write_text(folder / name, text + "\n")
-    return [folder / name for name in written]
+    return [f"events,duration_s,{head}", *rows]
+
+
+def _pairs_text(found: Coincidences, columns: int) -> list[str]:
+    down = found.second // columns - found.first // columns
+    distance = np.hypot(down, found.second % columns - found.first % columns)
+    table = zip(found.first, found.second, distance, found.probability, found.error, strict=True)
+    return [",".join(_PAIR), *(f"{a},{b},{d:.4g},{p:.4g},{e:.3g}" for a, b, d, p, e in table)]
 
 
 def _map(rates: Floats | None) -> Floats:
