@@ -16,7 +16,7 @@ import sys
 
 class Refused:
     def find_spec(self, name, path=None, target=None):
-        if name.partition(".")[0] in {"mitsuba", "drjit", "OpenEXR", "trimesh", "dask", "distributed", "serial", "cobs", "av", "rerun"}:
+        if name.partition(".")[0] in {"mitsuba", "drjit", "OpenEXR", "trimesh", "dask", "distributed", "serial", "cobs", "av", "ptufile", "rerun"}:
             raise ModuleNotFoundError(f"No module named {name!r}", name=name)
 
 sys.meta_path.insert(0, Refused())
@@ -91,11 +91,18 @@ def test_a_film_names_its_extra(tmp_path):
     assert (done.stderr.splitlines()[-1], done.returncode) == (said, 2)
 
 
+def test_time_tags_name_their_extra(tmp_path):
+    (tmp_path / "dark.ptu").write_bytes(b"PQTTTR\0\0" + bytes(100))
+    done = run(COMMAND, "spadcam", "tags", str(tmp_path / "dark.ptu"))
+    said = "megalopta: ptufile is not installed; pip install 'megalopta[timetags]'"
+    assert (done.stderr.splitlines()[-1], done.returncode) == (said, 2)
+
+
 def test_all_has_every_extra_that_the_program_names():
     extras = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"][
         "optional-dependencies"
     ]
-    assert extras["all"] == ["megalopta[render,cluster,camera,video]"]
+    assert extras["all"] == ["megalopta[render,cluster,camera,video,timetags]"]
 
 
 WITHOUT_HOLES = {
@@ -111,7 +118,7 @@ def floors():
     """The packages that are needed, by name, those of `[all]` among them."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
     extras = project["optional-dependencies"]
-    named = ("render", "cluster", "camera", "video")
+    named = ("render", "cluster", "camera", "video", "timetags")
     wanted = [*project["dependencies"], *(each for name in named for each in extras[name])]
     return {each.name: each.specifier for each in map(Requirement, wanted)}
 

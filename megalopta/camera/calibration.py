@@ -12,6 +12,7 @@ from markupsafe import Markup
 from matplotlib.ticker import NullFormatter
 
 from megalopta.camera.device_files import filled, save_map, write_maps
+from megalopta.camera.emva_page import emva_section
 from megalopta.camera.recording import Beam, Source, read_recorded
 from megalopta.core import strict_yaml
 from megalopta.core.arrays import Floats
@@ -29,6 +30,7 @@ from megalopta.plotting.svg import (
 from megalopta.plotting.text import number
 from megalopta.sensor import AnalogCounter, Sensor, preset
 from megalopta.sensor.calibrate.device import Device, Estimate, calibrate_device
+from megalopta.sensor.calibrate.emva import Step
 from megalopta.sensor.calibrate.level import Adc, Level
 from megalopta.sensor.calibrate.neighbors import OFFSETS, Kernel
 from megalopta.sensor.calibrate.saturation import DeadTimeKind, dead_time_moments
@@ -164,8 +166,13 @@ _MAPS = (
 _NAMES = "right and left", "below and above", "diagonal", "other diagonal", "two aside", "two above"
 
 
-def write_calibration_report(path: Path, device: Device, name: str, is_relative: bool) -> None:
-    """Write the calibration of a device, with pictures; relative: light of unknown wavelength."""
+def write_calibration_report(
+    path: Path, device: Device, name: str, is_relative: bool, standard: Section
+) -> None:
+    """Write the calibration of a device, with pictures; relative: light of unknown wavelength.
+
+    `standard` is the section on EMVA 1288.
+    """
     found = _quantities(device, is_relative)
     maps = (
         map_chart(scale * estimate.value, f"map-{at}", f"{title} ({unit})")
@@ -184,6 +191,7 @@ def write_calibration_report(path: Path, device: Device, name: str, is_relative:
         ),
         *_neighbors(device),
         Section("Maps", _MAPS, charts=tuple(maps)),
+        standard,
     ]
     write_sections(path, f"Calibration of {name}", calibration_summary(device), sections)
 
@@ -307,7 +315,12 @@ def calibrate_codes(sources: Sequence[Source], out: Path, beam: Beam, base: str)
     device = calibrate_device(levels, adc_of(sensor))
     write_device(out, device, sensor, beam.wavelength_nm, base)
     is_relative = beam.wavelength_nm is None
-    write_calibration_report(out.with_suffix(".html"), device, out.stem, is_relative)
+    recorded = [
+        (each.exposure_s, Step.of(each.light_hz * each.exposure_s, each.signal)) for each in levels
+    ]
+    shape = levels[0].readings.shape[1:]
+    standard = emva_section(out, (shape[0], shape[1]), beam.wavelength_nm, recorded)
+    write_calibration_report(out.with_suffix(".html"), device, out.stem, is_relative, standard)
     return calibration_summary(device)
 
 

@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 
 from megalopta.camera.calibration import estimate_row
-from megalopta.camera.device_files import save_map, write_maps
+from megalopta.camera.device_files import filled, save_map, write_maps
+from megalopta.camera.emva_page import emva_section
 from megalopta.camera.recording import Beam, Source, read_recorded
 from megalopta.core import strict_yaml
 from megalopta.core.files import write_text
@@ -17,7 +18,14 @@ from megalopta.plotting.text import number
 from megalopta.sensor import Sensor, preset
 from megalopta.sensor.calibrate.counting import CountingDevice, Summed, calibrate_counts, summed
 from megalopta.sensor.calibrate.device import Estimate
+from megalopta.sensor.calibrate.emva import Step
+from megalopta.sensor.calibrate.hot_neighbors import (
+    FEWEST_PIXELS,
+    crosstalk_of_hot_pixels,
+    kernel_of,
+)
 from megalopta.sensor.calibrate.saturation import DeadTimeKind
+from megalopta.sensor.effects.crosstalk import REACH, Crosstalk, fired_mean, neighborhoods
 
 _KINDS: dict[str, DeadTimeKind] = {
     "paralyzable": "paralyzable",
@@ -25,8 +33,20 @@ _KINDS: dict[str, DeadTimeKind] = {
 }
 _PIXELS = (
     "Median over pixels, range of 90 % of them, and median half width of a pixel's 95 % CI. Events "
-    "that crosstalk and afterpulses add are part of these rates."
+    "that crosstalk and afterpulses add are part of these rates; the maps of the device file are "
+    "without those of the crosstalk below."
 )
+_CROSSTALK = (
+    "Probability that an avalanche fires a pixel, from the dark counts of hot pixels and of those "
+    "around them. The pixels of some arrays come in pairs of rows, whose light stays in the pair."
+)
+_EDGES: dict[str, Any] = {
+    "the pixel above": (REACH - 1, REACH),
+    "the pixel below": (REACH + 1, REACH),
+    "left and right, each": (REACH, [REACH - 1, REACH + 1]),
+    "corners, each": ([REACH - 1, REACH - 1, REACH + 1, REACH + 1],
+                      [REACH - 1, REACH + 1, REACH - 1, REACH + 1]),
+}  # fmt: skip
 _BAD = (
     "Dead: no counts under light; stuck: one reading in all frames; saturated: at the counter's "
     "end in every recording; hot: surely above ten times the median dark counts. The file bad.npy "
@@ -45,8 +65,18 @@ def calibrate_counting(sources: Sequence[Source], out: Path, beam: Beam, base: s
     found = calibrate_counts(levels, (dead.dead_time_s, kind) if kind else None)
     if found.dark_counts_hz is None and found.efficiency is None:
         raise ValueError(_reasons(found))
-    write_counting_device(out, found, sensor, beam.wavelength_nm, base)
-    _write_report(out.with_suffix(".html"), found, out.stem, beam.wavelength_nm is None)
+    talk = hot_crosstalk(found)
+    write_counting_device(out, found, talk, sensor, beam.wavelength_nm, base)
+    recorded = [
+        (
+            each.exposure_s,
+            Step(each.light_hz * each.exposure_s, each.mean, each.variance, each.frames),
+        )
+        for each in levels
+    ]
+    standard = emva_section(out, found.bad.shape, beam.wavelength_nm, recorded)
+    sections = [_crosstalk_section(talk, found.bad.size), standard]
+    _write_report(out.with_suffix(".html"), found, sections, out.stem, beam.wavelength_nm is None)
     return counting_summary(found, beam.wavelength_nm is None)
 
 
@@ -59,23 +89,50 @@ def _summed(source: Source, beam: Beam, sensor: Sensor) -> Summed:
         raise ValueError(f"{source.path}: {problem}") from problem
 
 
+def hot_crosstalk(device: CountingDevice) -> Crosstalk:
+    """Return crosstalk as the dark counts of hot pixels and their neighbors show it, or none.
+
+    None for bits, which the sensor draws without crosstalk.
+    """
+    dark = device.dark_counts_hz
+    if dark is None or device.capacity == 1 or dark.value.size < FEWEST_PIXELS:
+        return Crosstalk()
+    try:
+        return kernel_of(crosstalk_of_hot_pixels(np.where(device.bad, np.nan, dark.value)))
+    except ValueError:  # too many bad pixels
+        return Crosstalk()
+
+
+def _primary(estimate: Estimate, talk: Crosstalk) -> Estimate:
+    """Rates without what neighbors fire, which the simulation adds again."""
+    if not talk.is_on:
+        return estimate
+    fired = fired_mean(filled(estimate.value), talk)
+    return Estimate(*(each - fired for each in (estimate.value, estimate.low, estimate.high)))
+
+
 def write_counting_device(
-    path: Path, device: CountingDevice, base: Sensor, wavelength_nm: float | None, name: str
+    path: Path,
+    device: CountingDevice,
+    talk: Crosstalk,
+    base: Sensor,
+    wavelength_nm: float | None,
+    name: str,
 ) -> None:
     """Write a device file, and its maps with intervals and masks to a folder next to it.
 
     `base`, a preset of this `name`, supplies everything that is not measured. Without
-    `wavelength_nm` the efficiency is relative.
+    `wavelength_nm` the efficiency is relative. Maps are without what crosstalk adds.
     """
     folder = path.with_suffix("")
     maps = {}
     if device.dark_counts_hz is not None:
-        maps["dark_counts"] = _without(device.dark_counts_hz, device)
+        maps["dark_counts"] = _without(_primary(device.dark_counts_hz, talk), device)
     if device.efficiency is not None:
         nominal = float(np.nanmean(device.efficiency.value))
         if wavelength_nm is not None:
             nominal = float(base.photon_detection_efficiency(np.array(wavelength_nm)))
-        maps["efficiency"] = _without(device.efficiency.scaled(1 / nominal), device)
+        maps["efficiency"] = _without(_primary(device.efficiency, talk).scaled(1 / nominal), device)
     fields: dict[str, Any] = {
         "preset": name,
         "name": path.stem,
@@ -89,6 +146,12 @@ def write_counting_device(
     if device.dead_time is not None:
         dead = device.dead_time
         fields["dead_time"] = {"kind": dead.kind, "dead_time_s": dead.seconds}
+    if talk.is_on:
+        save_map(folder / "crosstalk.npy", np.array(talk.kernel))
+        fields["crosstalk"] = {
+            "mean_fired_neighbors": talk.mean_fired_neighbors,
+            "kernel": {"path": f"{folder.name}/crosstalk.npy"},
+        }
     save_map(folder / "bad.npy", device.bad)
     save_map(folder / "hot.npy", device.hot)
     write_text(path, f"# Written by megalopta spadcam calibrate.\n{strict_yaml.dump(fields)}")
@@ -137,7 +200,24 @@ def _quantities(
         yield "efficiency", unit, device.efficiency, scale
 
 
-def _write_report(path: Path, device: CountingDevice, name: str, is_relative: bool) -> None:
+def _crosstalk_section(talk: Crosstalk, pixels: int) -> Section:
+    title = "Crosstalk of hot pixels"
+    if not talk.is_on:
+        few = f"; needs {FEWEST_PIXELS} pixels" if pixels < FEWEST_PIXELS else ""
+        return Section(title, f"Not seen{few}.")
+    chances = neighborhoods(talk).mean(axis=1)  # of pixels in even and in odd rows
+    rows = tuple(
+        (name, *(f"{100 * float(each[at].mean()):.2f} %" for each in chances))
+        for name, at in _EDGES.items()
+    )
+    total = (f"{100 * float(each.sum()):.2f} %" for each in chances)
+    return Section(title, _CROSSTALK, ("fires", "in even rows", "in odd rows"),
+                   (*rows, ("all pixels around", *total)))  # fmt: skip
+
+
+def _write_report(
+    path: Path, device: CountingDevice, more: list[Section], name: str, is_relative: bool
+) -> None:
     quantities = list(_quantities(device, is_relative))
     head = ("", "median", "from", "to", "± (95 % CI)")
     kinds = ("dead", "stuck", "saturated", "hot")
@@ -157,6 +237,7 @@ def _write_report(path: Path, device: CountingDevice, name: str, is_relative: bo
         Section("Not known", f"{_reasons(device) or 'Nothing'}."),
         Section("Bad and hot pixels", _BAD, ("", "pixels"), bad),
         Section("Maps", "Gray: unknown.", charts=maps),
+        *more,
     ]
     summary = counting_summary(device, is_relative)
     write_sections(path, f"Calibration of {name}", summary, [each for each in sections if each])

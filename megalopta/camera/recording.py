@@ -18,7 +18,7 @@ from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import AfterValidator, Field, ValidationError
+from pydantic import AfterValidator, Field
 
 from megalopta.core import strict_yaml
 from megalopta.core.arrays import Floats
@@ -27,6 +27,7 @@ from megalopta.core.errors import UserError
 from megalopta.core.format_numbers import check_format
 from megalopta.core.progress import say
 from megalopta.core.record import Record
+from megalopta.core.validation import checked
 from megalopta.sensor import Sensor, StoredFrames, open_counts
 from megalopta.sensor.formats.protocol import COLUMNS, ROWS
 from megalopta.sensor.formats.reading import FrameKind, read_frames
@@ -183,11 +184,7 @@ def read_settings(folder: Path) -> RecordingSettings:
         if isinstance(values, Mapping):
             check_format("recording", values, path)
             values = {name: value for name, value in values.items() if name != "format"}
-        return RecordingSettings.model_validate(values)
-    except ValidationError as error:
-        problem = error.errors(include_url=False)[0]
-        place = ".".join(map(str, problem["loc"]))
-        raise ValueError(f"{path}: {place}: {problem['msg']}") from None
+        return checked(RecordingSettings, values)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
 

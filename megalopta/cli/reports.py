@@ -154,20 +154,39 @@ def _gallery(options: Namespace) -> None:
 
 @verb(
     "check",
-    "verify sensor effects against theory, a dataset's truth by a second method, or its files "
-    "by their hashes",
-    option("what", "what to verify", choices=["physics", "truth", "files", "panoramas"]),
+    "verify sensor effects against theory or real arrays, a dataset's truth by a second method, "
+    "or its files by their hashes",
+    option(
+        "what", "what to verify", choices=["physics", "captures", "truth", "files", "panoramas"]
+    ),
     option(
         "subjects",
-        "truth, files: dataset folder; panoramas: folder for new panoramas; physics: any of "
-        f"{', '.join(GROUPS)} (default: all)",
+        "truth, files: dataset folder; panoramas: folder for new panoramas; captures: measurements "
+        f"in addition to those that ship; physics: any of {', '.join(GROUPS)} (default: all)",
         nargs="*",
-        metavar="FOLDER or GROUP",
+        metavar="FOLDER, FILE or GROUP",
     ),
+    option("--page", "captures: file of the page with pictures", type=Path, metavar="FILE"),
 )
 def _check(options: Namespace) -> None:
+    if options.what == "captures":
+        _check_captures([Path(each) for each in options.subjects], options.page)
+        return
+    if options.page:
+        raise UserError(f"check {options.what}: --page is for captures; omit it")
     if not _passes(options.what, options.subjects):
         sys.exit(1)
+
+
+def _check_captures(paths: list[Path], page: Path | None) -> None:
+    from megalopta.verification.captures import check_captures, print_captures
+    from megalopta.verification.captures_page import write_captures_page
+
+    found = check_captures(paths)
+    print_captures(found)
+    if page:
+        write_captures_page(page, found)
+        print(page)
 
 
 def _passes(what: str, subjects: list[str]) -> bool:

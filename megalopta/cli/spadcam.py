@@ -244,6 +244,28 @@ def _figures(options: Namespace) -> None:
 
 
 @verb(
+    "spadcam tags",
+    "measure rates, afterpulses and crosstalk from time tags in the dark, for check captures",
+    option("tags", "file of time tags: .ptu or Photon-HDF5", type=Path),
+    option("--columns", "columns of the array, whose channels are numbered along rows "
+           "(default: one row)", type=at_least(1)),
+    option("--window-ns", "largest distance of coincident events (ns, default: 25)", type=positive,
+           default=25.0),
+    out("tags"),
+)  # fmt: skip
+def _tags(options: Namespace) -> None:
+    from megalopta.core.errors import refused_as
+    from megalopta.sensor.formats.time_tags import read_time_tags
+    from megalopta.verification.capture_files import write_measurements
+
+    tags = read_time_tags(options.tags)
+    columns = options.columns or tags.channels
+    with refused_as("spadcam tags"):
+        for path in write_measurements(options.out, tags, columns, 1e-9 * options.window_ns):
+            print(path)
+
+
+@verb(
     "spadcam emulate",
     "emulate the camera on a pseudo-terminal until interrupted; prints the terminal's path",
     option(

@@ -86,4 +86,4 @@ def settings_of(model: BaseModel, prefix: str = "") -> Iterator[tuple[str, str, 
             for index, part in enumerate(parts):
                 yield from settings_of(part, f"{path}.{index}.")
         else:
-            yield path, field.description or "", dumped.get(name, value)
+            yield path, field.description or "", dumped.get(name, value)  # omitted at default

@@ -29,6 +29,7 @@ _EXTRAS = {
     **dict.fromkeys(("dask", "distributed"), "cluster"),
     **dict.fromkeys(("serial", "cobs"), "camera"),
     "av": "video",
+    "ptufile": "timetags",
     "torch": "torch",
     "onnxruntime": "onnx",
     "rerun": "rerun",

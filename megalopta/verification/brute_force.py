@@ -54,7 +54,8 @@ class _Device(NamedTuple):
     extends: bool
     twilight: float
     recharge: float
-    jitter: float
+    jitter: tuple[float, float, float]
+    """Standard deviation; share and mean of the tail"""
     gate: tuple[float, float, float]
     delay: float
     delays: Floats
@@ -108,7 +109,7 @@ def brute_force_events(
         dead.kind == "paralyzable",
         dead.twilight_s,
         dead.recharge_s,
-        effects.jitter.sigma_s if isinstance(effects, Sensor) else 0.0,
+        _jitter(effects),
         (gate.period_s or 0.0, gate.width_s or 0.0, gate.phase_s),
         traps.delay_s,
         np.array(traps.table_delays_s, np.float64),
@@ -117,6 +118,13 @@ def brute_force_events(
     counts = np.zeros((arrays, frames, size), np.int64)
     _simulate(rng, np.ascontiguousarray(rates_hz, np.float64), device, counts)
     return counts
+
+
+def _jitter(effects: AvalancheEffects | Sensor) -> tuple[float, float, float]:
+    if not isinstance(effects, Sensor) or not effects.jitter.is_on:
+        return 0.0, 0.0, 0.0
+    jitter = effects.jitter
+    return jitter.sigma_s, jitter.tail_share * (jitter.tail_s > 0), jitter.tail_s
 
 
 def _run_up_s(effects: AvalancheEffects | Sensor) -> float:
@@ -131,6 +139,15 @@ def _run_up_s(effects: AvalancheEffects | Sensor) -> float:
 
 def _chances(talk: Crosstalk, rows: int, columns: int) -> Floats:
     y, x = np.indices((rows, columns)).reshape(2, -1)
+    if talk.kernel:
+        weights = np.array(talk.kernel)
+        down, right = y - y[:, None] + weights.shape[2] // 2, x - x[:, None] + weights.shape[3] // 2
+        inside = (down >= 0) & (right >= 0)
+        inside &= (down < weights.shape[2]) & (right < weights.shape[3])
+        own = y[:, None] % weights.shape[0], x[:, None] % weights.shape[1]
+        relative = np.where(inside, weights[(*own, down * inside, right * inside)], 0.0)
+        each = weights.sum(axis=(2, 3)).mean()
+        return np.asarray(talk.mean_fired_neighbors * relative / each)
     squared = (y[:, None] - y) ** 2 + (x[:, None] - x) ** 2
     straight = (y[:, None] == y) | (x[:, None] == x)
     shares = [1.0, talk.diagonal, talk.distance_two, talk.distance_three]
@@ -196,7 +213,10 @@ def _strike(rng, device, arrival, blind_until, waiting, counts):  # type: ignore
 
 @compiled
 def _frame(rng, device, now, frames):  # type: ignore[no-untyped-def]
-    stamp = now + device.jitter * rng.standard_normal() if device.jitter > 0 else now
+    sigma, share, tail = device.jitter
+    stamp = now + sigma * rng.standard_normal() if sigma > 0 else now
+    if share > 0 and rng.random() < share:
+        stamp += _pause(rng, 1 / tail)
     return min(max(int(stamp / device.exposure), 0), frames - 1)
 
 

@@ -57,6 +57,14 @@ _TABLE = Afterpulsing(
     mean_carriers=0.3, table_delays_s=(0, 5e-3, 15e-3), table_cumulative=(0, 0.6, 1)
 )
 _TALK = Crosstalk(mean_fired_neighbors=0.3, diagonal=0.3, distance_two=0.1)
+_PAIRS = Crosstalk(
+    mean_fired_neighbors=0.3,
+    kernel=(
+        (((0.0, 0.0, 0.0), (1.0, 0.0, 1.0), (0.5, 3.0, 0.5)),),
+        (((0.0, 3.0, 0.0), (1.0, 0.0, 1.0), (0.0, 0.2, 0.0)),),
+    ),
+)
+"""Rows in pairs"""
 _GATE = Gate(period_s=17e-3, width_s=11e-3, phase_s=4e-3)
 _SHUT = Gate(period_s=10e-3, width_s=2e-3, phase_s=1e-3)
 """Mostly closed: carriers are released meanwhile"""
@@ -154,6 +162,9 @@ CASES: dict[str, tuple[Case, ...]] = {
         _array("crosstalk", crosstalk=_TALK),
         _array("crosstalk, non-paralyzable", crosstalk=_TALK, dead_time=_ACTIVE),
         _array("crosstalk, paralyzable", crosstalk=_TALK, dead_time=_PASSIVE),
+        _array("crosstalk, pairs of rows", crosstalk=_PAIRS),
+        _array("crosstalk, pairs of rows, non-paralyzable", crosstalk=_PAIRS, dead_time=_ACTIVE),
+        _array("crosstalk, pairs of rows, paralyzable", crosstalk=_PAIRS, dead_time=_PASSIVE),
     ),
     "combinations": (
         _array(
@@ -213,6 +224,12 @@ CASES: dict[str, tuple[Case, ...]] = {
             (1.0, 60.0),
             **{"gate": _SHUT, "jitter": Jitter(sigma_s=4e-3), "readout": "times"},
             **{"afterpulsing": _TRAPS, "dead_time": _ACTIVE},
+        ),
+        _spad(
+            "event times, gate, jitter with a tail",
+            (1.0, 60.0),
+            **{"gate": _SHUT, "readout": "times"},
+            jitter=Jitter(sigma_s=1e-3, tail_share=0.3, tail_s=8e-3),
         ),
         _spad(
             "consecutive frames",

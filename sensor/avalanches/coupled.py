@@ -37,7 +37,7 @@ from megalopta.core.arrays import Floats
 from megalopta.sensor.avalanches.moments import pixel_moments
 from megalopta.sensor.effects import crosstalk
 from megalopta.sensor.effects.base import AvalancheMaps
-from megalopta.sensor.effects.crosstalk import neighborhood
+from megalopta.sensor.effects.crosstalk import neighborhoods, of_pixels, places_fired
 from megalopta.sensor.effects.fields import AvalancheEffects
 from megalopta.sensor.effects.gating import open_fraction
 
@@ -101,14 +101,18 @@ def _light(
     """Arrivals per second from all neighbors, these weighted with q/ℓ, and the sum of squares."""
     sent = ones if strength is None else strength
     kind = effects.dead_time.kind
-    weights = neighborhood(effects.crosstalk)
+    weights = neighborhoods(effects.crosstalk)
+    reach = np.array(weights.shape[2:]) // 2
+    shape = own_hz.shape[0], own_hz.shape[1]
     received, weighed, squares = (np.zeros_like(own_hz) for _ in range(3))
-    for place in np.argwhere(weights):
-        down, right = place - weights.shape[0] // 2
-        other_hz, other_own, other_sent, other_dead = (
-            _shifted(values, down, right) for values in (counts_hz, own_hz, sent, dead_s)
+    for place in places_fired(weights):
+        down, right = place - reach
+        ours, theirs = (weights[:, :, at[0], at[1]] for at in (2 * reach - place, place))
+        other_hz, other_own, to, other_dead = (
+            _shifted(values, down, right)
+            for values in (counts_hz, own_hz, of_pixels(theirs, shape) * sent, dead_s)
         )
-        to, back = weights[tuple(place)] * other_sent, weights[tuple(place)] * sent
+        back = of_pixels(ours, shape) * sent
         light = to * other_hz
         if kind != "ideal":
             q_back = _live(kind, other_hz, other_own, back * counts_hz, to, other_dead)

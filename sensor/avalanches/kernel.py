@@ -21,15 +21,14 @@ from megalopta.sensor.avalanches.arrivals import (
 from megalopta.sensor.avalanches.heap import longer, pop, push
 from megalopta.sensor.effects.afterpulsing import draw_carriers, draw_delay
 from megalopta.sensor.effects.base import AvalancheMaps
-from megalopta.sensor.effects.crosstalk import neighborhood
+from megalopta.sensor.effects.crosstalk import neighborhoods, places_fired
 from megalopta.sensor.effects.fields import AvalancheEffects
 from megalopta.sensor.effects.gating import is_open
 
 PHOTON, CARRIER, CROSSTALK, TWILIGHT = 0, 1, 2, 3
 KINDS = 4
-# Entries that one avalanche may add. More than 32 carriers occur once in 10³⁶ avalanches.
+# More than 32 carriers occur once in 10³⁶ avalanches.
 _MOST_CARRIERS = 32
-_MOST_ENTRIES = _MOST_CARRIERS + 18
 
 
 class Parameters(NamedTuple):
@@ -42,6 +41,8 @@ class Parameters(NamedTuple):
     is_coupled: bool
     """True with crosstalk: pixels affect each other"""
     columns: int
+    period: tuple[int, int]
+    """Rows and columns after which crosstalk repeats"""
     twilight_s: float
     recharge_s: float
     delay_s: float
@@ -63,7 +64,8 @@ class Tables(NamedTuple):
     delays_s: Floats
     cumulative: Floats
     taps: Floats
-    """Down, right and probability of every pixel that an avalanche may fire"""
+    """Down and right of every pixel that an avalanche may fire, and its probability by the place of
+    the avalanche within the period"""
 
 
 class Before(NamedTuple):
@@ -87,8 +89,10 @@ def parameters_of(
     is_stationary = dead_time.start == "stationary"
     dead_times = dead_time.dead_time_s * maps.dead_time.ravel()
     forgotten_s = effects.memory_s + 20 * float(dead_times.max(initial=0)) * (not effects.has_law)
-    weights = neighborhood(effects.crosstalk)
-    places = np.argwhere(weights)
+    weights = neighborhoods(effects.crosstalk)
+    rows, columns = weights.shape[:2]
+    places = places_fired(weights)
+    chances = weights.reshape(rows * columns, *weights.shape[2:])[:, places[:, 0], places[:, 1]]
     parameters = Parameters(
         exposure_s=exposure_s,
         start_s=-forgotten_s if is_stationary else 0.0,
@@ -96,6 +100,7 @@ def parameters_of(
         is_stationary=is_stationary,
         is_coupled=effects.crosstalk.is_on,
         columns=rates.shape[-1],
+        period=(rows, columns),
         twilight_s=dead_time.twilight_s,
         recharge_s=dead_time.recharge_s,
         delay_s=afterpulsing.delay_s,
@@ -110,7 +115,7 @@ def parameters_of(
         cumulative=np.array(afterpulsing.table_cumulative, np.float64),
         # always one memory order, as numba compiles the loop anew for another
         taps=np.ascontiguousarray(
-            np.column_stack((places - len(weights) // 2, weights[tuple(places.T)]))
+            np.column_stack((places - np.array(weights.shape[2:]) // 2, chances.T))
         ),
     )
     return parameters, tables
@@ -136,7 +141,8 @@ def run_frame(
     left_times, left_owners = np.empty(64), np.empty(64, np.int64)
     left, kept = 0, 0 if keep_events else -1
     block = pixels if parameters.is_coupled else 1
-    spare = block + _MOST_ENTRIES
+    entries = _most_entries(tables.taps)
+    spare = block + entries
     exposure, part_s = parameters.exposure_s, parameters.exposure_s / len(tables.rates)
     times, owners = np.empty(spare), np.empty(spare, np.int64)
     blind_until = before.blind_until
@@ -144,7 +150,7 @@ def run_frame(
     for first in range(0, pixels, block):
         size = 0
         while waiting < before.owners.size and before.owners[waiting] < KINDS * (first + block):
-            if size + _MOST_ENTRIES > times.size:
+            if size + entries > times.size:
                 times, owners = longer(times, spare), longer(owners, spare)
             size = push(times, owners, size, before.times[waiting], before.owners[waiting])
             waiting += 1
@@ -157,7 +163,7 @@ def run_frame(
             arrival = first_photon(rng, pixel, parameters, tables, blind_until[pixel])
             size = push(times, owners, size, arrival, KINDS * pixel + PHOTON)
         while size > 0 and times[0] < exposure:
-            if size + _MOST_ENTRIES > times.size:
+            if size + entries > times.size:
                 times, owners = longer(times, spare), longer(owners, spare)
             if kept == stamps.size:
                 stamps, places = longer(stamps, spare), longer(places, spare)
@@ -181,6 +187,13 @@ def run_frame(
 
 
 @compiled
+def _most_entries(taps: Floats) -> int:
+    """Entries that one avalanche may add: carriers, fired pixels, a photon and a twilight pulse."""
+    entries: int = _MOST_CARRIERS + 2 + taps.shape[0]
+    return entries
+
+
+@compiled
 def _run(  # type: ignore[no-untyped-def]
     rng, parameters, tables, counts, tally, blind_until, times, owners, size, stamps, places, kept
 ):
@@ -191,11 +204,12 @@ def _run(  # type: ignore[no-untyped-def]
     """
     exposure, is_paralyzable = parameters.exposure_s, parameters.is_paralyzable
     twilight, recharge = parameters.twilight_s, parameters.recharge_s
-    rates, dead_times, carriers, _, delays, cumulative, _ = tables
+    rates, dead_times, carriers, _, delays, cumulative, taps = tables
+    entries = _most_entries(taps)
     gate = parameters.gate
     part_s = exposure / rates.shape[0]
     while size > 0 and times[0] < exposure:
-        if size + _MOST_ENTRIES > times.size or kept == stamps.size:
+        if size + entries > times.size or kept == stamps.size:
             return size, kept
         time, pixel, kind = times[0], owners[0] // KINDS, owners[0] % KINDS
         size = pop(times, owners, size)
@@ -228,7 +242,7 @@ def _run(  # type: ignore[no-untyped-def]
                     if is_paralyzable or release >= blind_until[pixel] - twilight:
                         size = push(times, owners, size, release, KINDS * pixel + CARRIER)
             if parameters.is_coupled:
-                avalanche = time, pixel, parameters.columns
+                avalanche = time, pixel, parameters.columns, parameters.period
                 size = _push_crosstalk(rng, tables, times, owners, size, avalanche)
         if kind == PHOTON:
             # unless the dead time is extended, arrivals in it need not be drawn
@@ -244,13 +258,14 @@ def _run(  # type: ignore[no-untyped-def]
 
 @compiled
 def _push_crosstalk(rng, tables, times, owners, size, avalanche):  # type: ignore[no-untyped-def]
-    """Let an avalanche light its neighbors, given its time, pixel and the number of columns."""
-    time, pixel, columns = avalanche
+    """Let an avalanche light its neighbors, given its time, pixel, columns and the period."""
+    time, pixel, columns, period = avalanche
     taps, strength = tables.taps, tables.strengths[pixel]
     rows, row, column = tables.strengths.size // columns, pixel // columns, pixel % columns
+    place = 2 + (row % period[0]) * period[1] + column % period[1]
     for tap in range(taps.shape[0]):
         y, x = row + int(taps[tap, 0]), column + int(taps[tap, 1])
         is_inside = 0 <= y < rows and 0 <= x < columns
-        if is_inside and rng.random() < taps[tap, 2] * strength:
+        if is_inside and rng.random() < taps[tap, place] * strength:
             size = push(times, owners, size, time, KINDS * (y * columns + x) + CROSSTALK)
     return size

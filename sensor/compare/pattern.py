@@ -98,7 +98,7 @@ def deviations(captured: Level, expected: Level, good: Mask, error: Floats) -> D
         [*((means[1] / scale) ** power for power in range(3)), _neighbors(means[1]) / scale],
         axis=-1,
     )
-    trend = columns @ _robust(columns[good], apart[good], sigma[good])
+    trend = columns @ robust_fit(columns[good], apart[good], sigma[good])
     # pixels that counted nothing may have counted as much as the trend
     sigma = np.sqrt(parts + np.abs(trend) / len(captured.readings))
     left = np.where(good, apart - trend, 0)
@@ -113,7 +113,7 @@ def _neighbors(means: Floats) -> Floats:
     return np.asarray(wide[:-2, 1:-1] + wide[2:, 1:-1] + wide[1:-1, :-2] + wide[1:-1, 2:])
 
 
-def _robust(columns: Floats, values: Floats, sigma: Floats) -> Floats:
+def robust_fit(columns: Floats, values: Floats, sigma: Floats) -> Floats:
     """Combination of columns nearest to values, by iterated least squares (Huber's weights)."""
     weight: Floats = 1 / sigma
     solution: Floats = np.zeros(columns.shape[-1])

@@ -6,10 +6,11 @@ Steps, each of which leaves to the next what it cannot explain:
 2. order of the pixels (`arrangement`), which is undone
 3. dead and stuck lines and pixels (`pattern`), which are masked
 4. drift, flicker, banding, common noise (`in_time`), which are subtracted
-5. rows and columns with an offset, which is subtracted; telegraph noise, hot and deviating pixels,
+5. light that is uneven over the array (`uneven`), which is subtracted
+6. rows and columns with an offset, which is subtracted; telegraph noise, hot and deviating pixels,
    which are masked (`pattern`)
-6. parameters of the device that explain the rest, or none (`causes`)
-7. tests of every pixel that is left (`two_sample`)
+7. parameters of the device that explain the rest, or none (`causes`)
+8. tests of every pixel that is left (`two_sample`)
 """
 
 from collections.abc import Mapping, Sequence
@@ -46,6 +47,7 @@ from megalopta.sensor.compare.two_sample import (
     mean_test,
     variance_test,
 )
+from megalopta.sensor.compare.uneven import uneven_light
 
 FALSE_ALARMS = 0.01
 """Largest share of comparisons of a device with itself that raise an alarm."""
@@ -210,6 +212,15 @@ class _Cleaned:
                 each["read noise"] = self.model.counts_per_code**2
         self.faults += _merged([each.faults for each in found], self.captured)
 
+    def check_light(self) -> None:
+        """Light that is uneven over the array."""
+        parts = self.model.parts(self.expected)
+        found = uneven_light(self.captured, self._deviations(), self.good, parts)
+        if found is not None:
+            self.faults.append(found.fault)
+            for at, part in enumerate(parts):
+                self._subtract(at, found.surface * part.light)
+
     def check_pattern(self) -> None:
         """Lines and single pixels."""
         flickering = np.zeros_like(self.masked)
@@ -231,18 +242,22 @@ class _Cleaned:
         return [deviations(*one) for one in each]
 
     def _take_out(self, line: LineOffset) -> None:
-        take = (
-            (slice(None), line.place) if line.axis == 0 else (slice(None), slice(None), line.place)
-        )
-        for at, level in enumerate(self.captured):
-            signal = np.array(level.signal, np.float32)
-            signal[take] -= line.counts
-            if level.unrounded is None:
-                self.captured[at] = replace(level, readings=signal)
-            else:
-                readings = np.array(level.readings)
-                readings[take] = np.rint(signal[take].clip(0)).astype(readings.dtype)
-                self.captured[at] = replace(level, unrounded=signal, readings=readings)
+        counts = np.zeros(self.masked.shape)
+        counts[(line.place,) if line.axis == 0 else (slice(None), line.place)] = line.counts
+        for at in range(len(self.captured)):
+            self._subtract(at, counts)
+
+    def _subtract(self, at: int, counts: Floats) -> None:
+        """Subtract counts (rows, columns) from all frames of a level."""
+        level, take = self.captured[at], counts != 0
+        signal = np.array(level.signal, np.float32)
+        signal[:, take] -= counts[take].astype(np.float32)
+        if level.unrounded is None:
+            self.captured[at] = replace(level, readings=signal)
+        else:
+            readings = np.array(level.readings)
+            readings[:, take] = np.rint(signal[:, take].clip(0)).astype(readings.dtype)
+            self.captured[at] = replace(level, unrounded=signal, readings=readings)
 
 
 def _merged(by_level: Sequence[Sequence[Fault]], levels: Sequence[Level]) -> list[Fault]:
@@ -304,6 +319,7 @@ def compare_recordings(
     causes = Causes(1.0, (), ())
     if not is_scene:
         cleaned.steady()
+        cleaned.check_light()
         cleaned.check_pattern()
         causes = _causes(cleaned, margin)
     tests, distances, chance = _pixel_tests(cleaned)

@@ -13,27 +13,37 @@ j fires i, means N̄ = λ + C·N̄ for Poisson primaries λ, and the response G 
 
 for every pixel, including those at the border.
 
+Probabilities that differ from pixel to pixel, or reach farther, come from `kernel`: arrays whose
+pixels come in pairs, and measured pairs.
+
 Source: dissertation §2.3.2; Rech et al., Optics Express 16, 8381 (2008) for shares by distance.
 """
 
+from collections.abc import Mapping
 from functools import lru_cache
-from typing import Annotated, ClassVar
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field
+from pydantic import Field, model_validator
 from scipy.ndimage import convolve
 from scipy.sparse import csr_matrix, diags, identity
 
-from megalopta.core.arrays import Floats
+from megalopta.core.arrays import Floats, plain_array
 from megalopta.sensor.effects.base import Effect, PixelRates, Stage
+from megalopta.sensor.input_files import file_content
 
 REACH = 3
 """Largest distance of direct crosstalk along a row or column, pixels."""
 _NEGLIGIBLE, _SMALL_RESPONSE = 1e-15, 1e-6
 _PIXELS_AT_ONCE = 4096
+_MOST_FIRED = 0.95
+_MOST_NUMBERS = 2**16
 
 Share = Annotated[float, Field(ge=0, le=1)]
+Weight = Annotated[float, Field(ge=0, le=1e9)]
+Kernels = tuple[tuple[tuple[tuple[Weight, ...], ...], ...], ...]
 
 
 class Crosstalk(Effect, frozen=True):
@@ -50,13 +60,52 @@ class Crosstalk(Effect, frozen=True):
     """The same for a pixel two away along a row or column."""
     distance_three: Share = 0.0
     """The same for a pixel three away along a row or column."""
+    kernel: Kernels = Field(default=(), exclude_if=lambda kernel: not kernel)
+    """Relative probabilities (P, Q, rows, columns) to fire the pixels around, the pixel itself in
+    the middle, of pixels whose row is p modulo P and whose column is q modulo Q; in place of the
+    shares above. In a device's file also `{path: FILE.npy}`; empty: the shares."""
     mismatch_sigma: Annotated[float, Field(ge=0, le=1)] = 0.0
     """Relative standard deviation over the pixels of the number of fired neighbors (log-normal)."""
+
+    @model_validator(mode="after")
+    def _check_kernel(self) -> Self:
+        if not self.kernel:
+            return self
+        if self.diagonal or self.distance_two or self.distance_three:
+            raise ValueError(
+                "crosstalk: kernel and shares by distance exclude each other; omit one"
+            )
+        try:
+            weights = np.array(self.kernel)
+        except ValueError:  # lists of different lengths
+            weights = np.empty(0)
+        if weights.ndim != 4 or not weights.any() or weights.size > _MOST_NUMBERS:
+            raise ValueError(
+                f"crosstalk.kernel: shape {weights.shape}; give (P, Q, rows, columns) numbers, "
+                f"{_MOST_NUMBERS} at most, not all 0"
+            )
+        rows, columns = weights.shape[2:]
+        if not rows % 2 or not columns % 2 or weights[:, :, rows // 2, columns // 2].any():
+            raise ValueError(
+                f"crosstalk.kernel: {rows} × {columns} around a pixel; give odd numbers of rows "
+                "and columns with 0 in the middle"
+            )
+        if self.most_fired > _MOST_FIRED:
+            raise ValueError(
+                f"crosstalk.kernel: {self.most_fired:.3g} pixels fired by some; at most "
+                f"{_MOST_FIRED:g}; lower mean_fired_neighbors"
+            )
+        return self
 
     @property
     def is_on(self) -> bool:
         """True if any neighbor is fired."""
         return self.mean_fired_neighbors > 0
+
+    @property
+    def most_fired(self) -> float:
+        """Mean number of pixels fired by an avalanche in the pixel that fires most."""
+        return float(neighborhoods(self).sum(axis=(2, 3)).max())
 
     def act_on_rates(self, rates: PixelRates) -> None:
         """Apply each pixel's factor on the crosstalk that it sends."""
@@ -64,15 +113,37 @@ class Crosstalk(Effect, frozen=True):
             rates.scatter("crosstalk", self.mismatch_sigma)
 
 
-def neighborhood(crosstalk: Crosstalk) -> Floats:
-    """Return (7, 7) probabilities that an avalanche in the middle fires each pixel around it."""
+@lru_cache(maxsize=16)
+def neighborhoods(crosstalk: Crosstalk) -> Floats:
+    """Return probabilities (P, Q, rows, columns) that an avalanche in the middle fires each pixel.
+
+    [p, q] is that of pixels whose row is p modulo P and whose column is q modulo Q. Without a
+    `kernel` (1, 1, 7, 7).
+    """
+    if crosstalk.kernel:
+        weights: Floats = np.array(crosstalk.kernel, np.float64)
+        scale = weights.shape[0] * weights.shape[1] / weights.sum()
+        weights *= crosstalk.mean_fired_neighbors * scale
+        weights.flags.writeable = False
+        return weights
     shares = np.zeros((2 * REACH + 1, 2 * REACH + 1))
     at = REACH + np.array([-1, 1])
     shares[np.ix_(at, at)] = crosstalk.diagonal
     for away, share in enumerate((1.0, crosstalk.distance_two, crosstalk.distance_three), 1):
         for step in (-away, away):
             shares[REACH + step, REACH] = shares[REACH, REACH + step] = share
-    return np.asarray(shares * (crosstalk.mean_fired_neighbors / shares.sum()))
+    weights = (shares * (crosstalk.mean_fired_neighbors / shares.sum()))[None, None]
+    weights.flags.writeable = False
+    return weights
+
+
+def of_pixels(weights: Floats, shape: tuple[int, int]) -> Floats | float:
+    """Return a value (P, Q) of the neighborhoods for each pixel; a number if all are alike."""
+    if weights.size == 1:
+        return float(weights[0, 0])
+    rows, columns = shape
+    repeats = -(-rows // weights.shape[0]), -(-columns // weights.shape[1])
+    return np.asarray(np.tile(weights, repeats)[:rows, :columns])
 
 
 def spread(
@@ -93,7 +164,7 @@ def spread(
     """
     if not crosstalk.is_on:
         return primaries
-    weights = neighborhood(crosstalk)
+    weights = neighborhoods(crosstalk)
     counts, generation = primaries.copy(), primaries
     while generation.any():
         generation = _fired(rng, generation, weights, strength)
@@ -107,19 +178,39 @@ def _fired(
     weights: Floats,
     strength: Floats | None,
 ) -> NDArray[np.int64]:
-    padded = np.zeros(np.add(generation.shape, 2 * REACH), np.int64)
+    reach = np.array(weights.shape[2:]) // 2
+    padded = np.zeros(np.add(generation.shape, 2 * reach), np.int64)
     rows, columns = generation.shape
     scale = 1.0 if strength is None else strength
-    for row, column in np.argwhere(weights):
+    for row, column in places_fired(weights):
         shifted = padded[row : row + rows, column : column + columns]
-        shifted += rng.binomial(generation, np.minimum(weights[row, column] * scale, 1.0))
-    return padded[REACH:-REACH, REACH:-REACH]
+        chance = of_pixels(weights[:, :, row, column], (rows, columns)) * scale
+        shifted += rng.binomial(generation, np.minimum(chance, 1.0))
+    down, right = reach
+    return padded[down : down + rows, right : right + columns]
+
+
+def places_fired(weights: Floats) -> NDArray[np.int64]:
+    """Return row and column in the neighborhoods, (n, 2), of pixels that may be fired."""
+    return np.argwhere(weights.any(axis=(0, 1)))
 
 
 def fired_mean(counts: Floats, crosstalk: Crosstalk, strength: Floats | None = None) -> Floats:
     """Mean number of avalanches fired in each pixel, from mean counts of its neighbors."""
     sent = counts if strength is None else counts * strength
-    return np.asarray(convolve(sent, neighborhood(crosstalk), mode="constant"))
+    return _received(sent, neighborhoods(crosstalk))
+
+
+def _received(sent: Floats, weights: Floats) -> Floats:
+    """Sum of what neighbors send, weighted."""
+    if weights.shape[:2] == (1, 1):
+        return np.asarray(convolve(sent, weights[0, 0], mode="constant"))
+    total, (rows, columns) = np.zeros_like(sent), weights.shape[:2]
+    for row, column in np.ndindex(rows, columns):
+        some = np.zeros_like(sent)
+        some[row::rows, column::columns] = sent[row::rows, column::columns]
+        total += convolve(some, weights[row, column], mode="constant")
+    return total
 
 
 def mean(primaries: Floats, crosstalk: Crosstalk, strength: Floats | None = None) -> Floats:
@@ -162,10 +253,10 @@ def spread_variance(
     returns : bool
         True if light from avalanches that a pixel caused elsewhere may fire it again.
     """
-    weights = neighborhood(crosstalk)
+    weights = neighborhoods(crosstalk)
     sent = np.ones_like(counts) if strength is None else strength
     gain = np.ones_like(counts) if answer is None else answer
-    noise = drawn - gain**2 * convolve(counts * sent**2, weights**2, mode="constant")
+    noise = drawn - gain**2 * _received(counts * sent**2, weights**2)
     total = np.empty(counts.size)
     matrix = diags(gain.ravel()) @ _matrix(counts.shape, crosstalk) @ diags(sent.ravel())
     for first in range(0, counts.size, _PIXELS_AT_ONCE):
@@ -185,15 +276,37 @@ def spread_variance(
 @lru_cache(maxsize=4)
 def _matrix(shape: tuple[int, int], crosstalk: Crosstalk) -> csr_matrix:
     """Probability that an avalanche of each pixel (columns) fires each other one (rows)."""
-    weights = neighborhood(crosstalk)
+    weights = neighborhoods(crosstalk)
+    reach = np.array(weights.shape[2:]) // 2
     places = np.indices(shape).reshape(2, -1)
     number = np.arange(places.shape[1])
     to, by, chances = [], [], []
-    for offset in np.argwhere(weights):
-        row, column = places + offset[:, None] - REACH
+    for offset in places_fired(weights):
+        row, column = places + (offset - reach)[:, None]
         inside = (row >= 0) & (row < shape[0]) & (column >= 0) & (column < shape[1])
         to.append((row * shape[1] + column)[inside])
         by.append(number[inside])
-        chances.append(np.full(inside.sum(), weights[tuple(offset)]))
+        chance = of_pixels(weights[:, :, offset[0], offset[1]], shape)
+        chances.append(np.broadcast_to(chance, shape).ravel()[inside])
     entries = np.concatenate(chances), (np.concatenate(to), np.concatenate(by))
     return csr_matrix(entries, shape=(number.size, number.size))
+
+
+def with_kernel(crosstalk: Any, folder: Path) -> Any:
+    """Return crosstalk with the numbers of its kernel's file, (P, Q, rows, columns) or two last.
+
+    Raises ValueError if the file cannot be read or holds no numbers.
+    """
+    if not isinstance(crosstalk, Mapping) or not isinstance(crosstalk.get("kernel"), Mapping):
+        return crosstalk
+    path = crosstalk["kernel"].get("path")
+    if not isinstance(path, str) or len(crosstalk["kernel"]) > 1:
+        raise ValueError("crosstalk.kernel: give numbers, or path alone, of a .npy file")
+    weights = plain_array(file_content(folder / path, "crosstalk.kernel"))
+    if weights is None or weights.size > _MOST_NUMBERS:
+        raise ValueError(
+            f"crosstalk.kernel: {path} does not hold {_MOST_NUMBERS} plain numbers or fewer; write "
+            "it with numpy.save"
+        )
+    weights = weights[None, None] if weights.ndim == 2 else weights
+    return {**crosstalk, "kernel": weights.tolist()}

@@ -112,7 +112,8 @@ def _check(sensor: Sensor, rates: PixelRates) -> None:
         )
     for effect, field in (("afterpulsing", "mean_carriers"), ("crosstalk", "mean_fired_neighbors")):
         factor = float(rates.factors.get(effect, np.zeros(1)).max(initial=0))
-        largest = factor * getattr(getattr(sensor, effect), field)
+        most = sensor.crosstalk.most_fired if effect == "crosstalk" else None
+        largest = factor * (most or getattr(getattr(sensor, effect), field))
         if largest > MOST_OFFSPRING:
             raise ValueError(
                 f"{effect}.{field}: {largest:g} in the worst pixel; lower it, {effect}."

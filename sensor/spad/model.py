@@ -96,7 +96,7 @@ class Sensor(PixelOptics, frozen=True):
 
     @model_validator(mode="after")
     def _check_cascade(self) -> Self:
-        carriers, fired = self.afterpulsing.mean_carriers, self.crosstalk.mean_fired_neighbors
+        carriers, fired = self.afterpulsing.mean_carriers, self.crosstalk.most_fired
         if not self.dead_time.is_on and carriers + fired > MOST_OFFSPRING:
             raise ValueError(
                 f"afterpulsing.mean_carriers: {carriers:g} and crosstalk.mean_fired_neighbors "

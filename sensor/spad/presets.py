@@ -45,7 +45,7 @@ from megalopta.core.bounded import read_text
 from megalopta.core.validation import checked
 from megalopta.sensor.change import merged
 from megalopta.sensor.effects.bias import Bias
-from megalopta.sensor.effects.crosstalk import Crosstalk
+from megalopta.sensor.effects.crosstalk import Crosstalk, with_kernel
 from megalopta.sensor.effects.dark_counts import DarkCounts
 from megalopta.sensor.effects.dead_time import DeadTime
 from megalopta.sensor.optics.efficiency import Efficiency, with_curve, with_transmission
@@ -228,12 +228,14 @@ def load_sensor(path: str | Path) -> Sensor:
 def with_files(values: Mapping[str, Any], folder: Path) -> dict[str, Any]:
     """Make a sensor's fields independent of the folder to which their paths are relative.
 
-    Maps get absolute paths and hashes; an efficiency curve in a file becomes numbers.
+    Maps get absolute paths and hashes; an efficiency curve and a
+    kernel of crosstalk in files become numbers.
     """
     resolved = dict(values)
     for name, resolve in (
         ("measured", with_hashes),
         ("efficiency", with_curve),
+        ("crosstalk", with_kernel),
         ("lens", with_transmission),
     ):
         if name in resolved:

@@ -1,12 +1,15 @@
 """Recordings of other cameras to a device file, through the command line's door."""
 
+import re
+
 import numpy as np
 import pytest
 
 from megalopta.camera.calibrating import calibrate_recordings, listed_sources, named_sources
 from megalopta.camera.recording import Beam
 from megalopta.core.errors import UserError
-from megalopta.sensor import expose_rate, load_sensor
+from megalopta.sensor import changed, expose_rate, load_sensor, preset, reading_moments
+from megalopta.sensor.effects.crosstalk import neighborhoods
 from megalopta.sensor.formats.tiff import tiff_writer
 
 SHAPE = (12, 16)
@@ -18,10 +21,10 @@ def lines(*entries):
     return "recordings:\n" + "".join(f"  - {{{each}}}\n" for each in entries)
 
 
-def written(folder, name, mean, frames=400, pack=False):
+def written(folder, name, mean, frames=400, pack=False, capacity=None):
     """Poisson counts, or bits, in a file."""
     rng = np.random.default_rng(len(name))
-    counts = rng.poisson(mean * np.ones((frames, *SHAPE)))
+    counts = np.clip(rng.poisson(mean * np.ones((frames, *SHAPE))), None, capacity)
     if pack:
         np.save(folder / f"{name}.npy", np.packbits(counts > 0, axis=-1))
         return
@@ -50,6 +53,65 @@ def test_counts_give_a_device_that_sense_can_use(tmp_path):
     page = out.with_suffix(".html").read_text("utf-8")
     assert "efficiency (%)" in page
     assert np.load(tmp_path / "device" / "bad.npy").sum() == 0
+
+
+def test_the_page_has_the_figures_of_emva_1288(tmp_path):
+    lights = [6e4 * step for step in range(1, 17)]  # 288 counts at most
+    listed = ["path: dark.tif, exposure_s: 0.001"]
+    written(tmp_path, "dark", DARK_HZ * 1e-3)
+    for at, light in enumerate(lights):
+        mean = DARK_HZ * 1e-3 + EFFICIENCY * light * 1e-3
+        written(tmp_path, f"flat{at}", mean, capacity=255)
+        listed.append(f"path: flat{at}.tif, exposure_s: 0.001, light: {light:.1e}")
+    (tmp_path / "list.yaml").write_text(lines(*listed), "utf-8")
+    sources, out = named_sources([str(tmp_path / "list.yaml")]), tmp_path / "device.yaml"
+    calibrate_recordings(sources, out, beam=Beam(600.0), base="ideal")
+    page = out.with_suffix(".html").read_text("utf-8")
+    row = re.search(r"quantum efficiency \(%\)</td>\s*<td>([\d.]+)</td>\s*<td>([\d.]+)</td>", page)
+    device, recordings = map(float, row.groups())
+    assert device == pytest.approx(100 * EFFICIENCY, rel=0.005)
+    # the gain of 11 levels of 76800 readings: 5 · √(2/76800) at the brightest, which weighs most
+    assert recordings == pytest.approx(100 * EFFICIENCY, rel=0.026)
+
+
+def test_hot_pixels_give_the_crosstalk_of_pairs_of_rows(tmp_path):
+    pairs = np.zeros((2, 1, 3, 3))
+    pairs[0, 0, 2, 1] = pairs[1, 0, 0, 1] = 3.0
+    pairs[:, :, 1, [0, 2]] = 1.0
+    rng, shape = np.random.default_rng(1), (64, 80)
+    own = np.where(rng.random(shape) < 0.05, rng.lognormal(5, 1, shape), rng.normal(4, 0.5, shape))
+    np.save(tmp_path / "own.npy", own / 1e-3)
+    true = changed(
+        preset("ideal"),
+        exposure_s=1e-3,
+        crosstalk={"mean_fired_neighbors": 0.03, "kernel": pairs.tolist()},
+        measured={"dark_counts": str(tmp_path / "own.npy")},
+    )
+    for name, light in (("dark", 0.0), ("flat", 5e4)):
+        rate = np.full((400, *shape), EFFICIENCY * light)
+        counts = expose_rate(rate, true, seed=1, sequence=name).counts
+        with tiff_writer(tmp_path / f"{name}.tif", counts.nbytes, 1.0) as write:
+            write(counts.astype(np.uint16))
+    listed = (
+        "path: dark.tif, exposure_s: 0.001",
+        "path: flat.tif, exposure_s: 0.001, light: 5.0e+4",
+    )
+    (tmp_path / "list.yaml").write_text(lines(*listed), "utf-8")
+    sources, out = named_sources([str(tmp_path / "list.yaml")]), tmp_path / "device.yaml"
+    calibrate_recordings(sources, out, beam=Beam(600.0), base="ideal")
+    found = load_sensor(out)
+    chances = neighborhoods(found.crosstalk).mean(axis=1)
+    # 0.018 to the partner, nothing to the other row; a tenth of it
+    assert chances[0, 4, 3] == pytest.approx(0.018, abs=0.002)
+    assert chances[0, 2, 3] == pytest.approx(0, abs=0.002)
+    # the device's own dark counts, of which a median pixel has 4 · 400: 5 errors
+    primary = np.load(tmp_path / "device" / "dark_counts.npy") * 1e-3
+    assert np.median(primary - own) == pytest.approx(0, abs=5 * 0.1 / np.sqrt(own.size) + 0.02)
+    again = reading_moments(np.zeros((1, *shape)), changed(found, exposure_s=1e-3))[0][0]
+    assert again.mean() == pytest.approx(
+        reading_moments(np.zeros((1, *shape)), true)[0].mean(), rel=0.01
+    )
+    assert "the pixel below" in out.with_suffix(".html").read_text("utf-8")
 
 
 def test_bits_give_a_device(tmp_path):

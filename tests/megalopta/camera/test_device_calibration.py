@@ -88,7 +88,9 @@ def test_the_device_file_loads_with_its_maps(calibrated):
     np.testing.assert_allclose(found.counters.step_v, truth.counters.step_v, rtol=2e-3)
     assert device.dead_time.kind == "paralyzable"
     assert "256 of 256 pixels" in sentence
-    assert "Saturation" in (folder / "device.html").read_text("utf-8")
+    page = (folder / "device.html").read_text("utf-8")
+    assert "Saturation" in page
+    assert "absolute sensitivity threshold" in page
 
 
 def test_crosstalk_and_afterpulses_of_the_device_file_make_what_was_counted(calibrated, tmp_path):

@@ -71,6 +71,18 @@ def sine(hertz, size, by_row_s=0.0):
     return factors
 
 
+def tilted(times, rng):
+    """Light that is 10 % brighter at the right than at the left border."""
+    return 1 + 0.05 * np.linspace(-1, 1, SHAPE[1])[None, None, :]
+
+
+def vignetted(times, rng):
+    """Light that falls by 20 % to the corners."""
+    y, x = np.meshgrid(*(np.linspace(-1, 1, side) for side in SHAPE), indexing="ij")
+    fall = 1 - 0.1 * (x**2 + y**2)
+    return (fall / fall.mean())[None]
+
+
 def growing(times, rng):
     """Light that grows by a tenth."""
     return np.linspace(1, 1.1, times.size)[:, None, None]
@@ -159,6 +171,8 @@ SPADCAM = device()
 FAULTS = {
     "read noise ×2": ("read noise", {"sensor": changed(SPADCAM, **_counter(read_noise_v=2e-3))}),
     "read noise ×4": ("read noise", {"sensor": changed(SPADCAM, **_counter(read_noise_v=4e-3))}),
+    "light +10 % to the right": ("uneven light", {"light": tilted}),
+    "light -20 % in the corners": ("uneven light", {"light": vignetted}),
     "light +10 %": ("drift of light", {"light": growing}),
     "gain +10 %": ("drift of gain", {"spoil": of_codes(gain_drift)}),
     "flicker 60 Hz": ("flicker", {"light": sine(60, 0.1)}),

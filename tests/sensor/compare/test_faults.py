@@ -34,6 +34,7 @@ def test_a_fault_is_named_and_nothing_else(name):
         ("banding 60 Hz", "row banding of 60 Hz"),
         ("frames twice", "200 of 400 frames repeat the one before"),
         ("frames lost", "3 frames are missing in one place"),
+        ("light +10 % to the right", "the light is uneven, by 10 % over the array"),
         ("bent output", "Captured: none of the known causes explains the difference."),
     ],
 )

@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from megalopta.sensor.effects.crosstalk import Crosstalk, mean, neighborhood, spread, variance
+from megalopta.sensor import load_sensor
+from megalopta.sensor.effects.crosstalk import Crosstalk, mean, neighborhoods, spread, variance
 from megalopta.sensor.sampling.streams import generator
 
 KERNELS = [
@@ -13,8 +14,10 @@ KERNELS = [
 
 
 def matrix_of(talk, shape, strength=None):
-    """C_ij, written out by distance."""
+    """C_ij, written out by distance, or pixel by pixel."""
     y, x = np.indices(shape).reshape(2, -1)
+    if talk.kernel:
+        return matrix_of_kernel(talk, y, x, strength)
     down, right = np.abs(y[:, None] - y), np.abs(x[:, None] - x)
     shares = {
         (0, 1): 1,
@@ -30,6 +33,20 @@ def matrix_of(talk, shape, strength=None):
     return matrix if strength is None else matrix * strength.ravel()
 
 
+def matrix_of_kernel(talk, y, x, strength):
+    weights = np.array(talk.kernel)
+    matrix = np.zeros((y.size, y.size))
+    for by in range(y.size):
+        around = weights[y[by] % weights.shape[0], x[by] % weights.shape[1]]
+        for (down, right), weight in np.ndenumerate(around):
+            to = (y == y[by] + down - around.shape[0] // 2) & (
+                x == x[by] + right - around.shape[1] // 2
+            )
+            matrix[to, by] = weight
+    matrix *= talk.mean_fired_neighbors / weights.sum(axis=(2, 3)).mean()
+    return matrix if strength is None else matrix * strength.ravel()
+
+
 def exact_moments(light, talk, strength=None):
     matrix = matrix_of(talk, light.shape, strength)
     response = np.linalg.inv(np.eye(light.size) - matrix)
@@ -40,7 +57,7 @@ def exact_moments(light, talk, strength=None):
 
 @pytest.mark.parametrize("shares", KERNELS)
 def test_probabilities_of_the_neighbors_add_up(shares):
-    weights = neighborhood(Crosstalk(mean_fired_neighbors=0.3, **shares))
+    weights = neighborhoods(Crosstalk(mean_fired_neighbors=0.3, **shares))[0, 0]
     assert weights.sum() == pytest.approx(0.3)
     assert np.count_nonzero(weights) == 4 + 4 * len(shares)
     assert weights[3, 3] == 0
@@ -65,6 +82,66 @@ def test_border_of_a_large_image_is_exact_too():
     talk = Crosstalk(mean_fired_neighbors=0.3, **KERNELS[2])
     _, exact = exact_moments(light, talk)
     np.testing.assert_allclose(variance(light, talk), exact, rtol=1e-4)
+
+
+PAIRS = np.random.default_rng(3).uniform(0, 1, (2, 3, 5, 9))
+PAIRS[:, :, 2, 4] = 0
+BY_PLACE = Crosstalk(mean_fired_neighbors=0.4, kernel=PAIRS.tolist())
+
+
+def test_moments_of_a_kernel_by_place_solve_their_linear_equations():
+    rng = np.random.default_rng(0)
+    light, strength = rng.uniform(0, 9, (7, 8)), rng.uniform(0.5, 1.5, (7, 8))
+    for sent in (None, strength):
+        counts, spread_counts = exact_moments(light, BY_PLACE, sent)
+        np.testing.assert_allclose(mean(light, BY_PLACE, sent), counts, rtol=1e-12)
+        np.testing.assert_allclose(variance(light, BY_PLACE, sent), spread_counts, rtol=1e-4)
+
+
+def test_draws_of_a_kernel_by_place_have_its_moments():
+    rng = np.random.default_rng(4)
+    light = rng.uniform(0, 9, (7, 8))
+    counts = [spread(rng, rng.poisson(light), BY_PLACE) for _ in range(4000)]
+    counts_mean, counts_variance = exact_moments(light, BY_PLACE)
+    z = (np.mean(counts, axis=0) - counts_mean) / np.sqrt(counts_variance / 4000)
+    assert np.abs(z).max() < 5.8  # of 56 pixels; false alarm 4e-7
+    ratio = np.var(counts, axis=0) / counts_variance
+    # counts of a few events have a fourth moment above that of a normal distribution
+    assert np.abs(ratio - 1).max() < 5.8 * np.sqrt(3 / 4000)
+
+
+def test_a_kernel_that_equals_the_shares_is_the_same_crosstalk():
+    shares = Crosstalk(mean_fired_neighbors=0.3, **KERNELS[3])
+    kernel = Crosstalk(mean_fired_neighbors=0.3, kernel=neighborhoods(shares).tolist())
+    light = np.random.default_rng(2).uniform(0, 9, (6, 7))
+    np.testing.assert_allclose(variance(light, kernel), variance(light, shares), rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("kernel", "message"),
+    [
+        ([[[[0, 1, 0]]]] * 2, "0 in the middle"),
+        ([[[[1, 0, 0, 1]]]], "1 × 4 around a pixel; give odd numbers"),
+        ([[[[0, 0, 0]]]], "not all 0"),
+        ([[[[1, 0, 1], [1, 0]]]], "not all 0|shape"),
+        ([[[[1, 0, 1]]], [[[0, 0, 0]]], [[[0, 0, 0]]], [[[0, 0, 0]]]], "pixels fired by some"),
+    ],
+)
+def test_other_kernels_are_refused(kernel, message):
+    with pytest.raises(ValueError, match=message):
+        Crosstalk(mean_fired_neighbors=0.4, kernel=kernel)
+
+
+def test_a_device_file_may_name_a_kernel(tmp_path):
+    np.save(tmp_path / "kernel.npy", PAIRS)
+    file = tmp_path / "device.yaml"
+    file.write_text(
+        "preset: ideal\ncrosstalk: {mean_fired_neighbors: 0.4, kernel: {path: kernel.npy}}\n"
+    )
+    assert load_sensor(file).crosstalk == BY_PLACE
+    file.write_text("preset: ideal\ncrosstalk: {kernel: {path: nothing.npy}}\n")
+    with pytest.raises(ValueError, match=r"crosstalk\.kernel: .* cannot be read"):
+        load_sensor(file)
 
 
 def test_spread_is_the_same_for_the_same_generator_and_nothing_when_off():

@@ -1,0 +1,41 @@
+"""
+Real arrays and the model
+=========================
+
+Crosstalk, dark counts and afterpulses of a real array of 12 × 4 pixels. The model (lines) is fitted
+to half of the pixels and drawn with the other half. Explanation: :doc:`/explanation/captures`.
+"""
+
+import matplotlib.pyplot as plt
+import numpy as np
+
+from megalopta.sensor.calibrate import autocorrelation, dark_distribution, pair_crosstalk
+from megalopta.verification.capture_files import SHIPPED, read_measurement
+from megalopta.verification.captures import halves
+
+pairs, rates, pulses = (
+    read_measurement(SHIPPED / f"{each}-1.csv")
+    for each in ("crosstalk", "dark-counts", "autocorrelation")
+)
+figure, (left, middle, right) = plt.subplots(1, 3, figsize=(12, 4), layout="constrained")
+fitted, tested = halves(pairs)
+crosstalk = pair_crosstalk.modelled(pair_crosstalk.fit_crosstalk(fitted), tested)
+distance = np.hypot(tested.down, tested.right)
+left.semilogy(distance, tested.probability, ".", markersize=4)
+left.plot(distance[crosstalk > 0], crosstalk[crosstalk > 0], "_", markersize=16, markeredgewidth=3)
+left.set(xlabel="distance (pixels)", ylabel="probability of crosstalk")
+dark = dark_distribution.fit_dark_counts(rates[:, :6])
+grid = np.geomspace(20, 5000, 300)
+middle.semilogx(np.sort(rates[:, 6:].ravel()), np.arange(1, 25) / 24, ".")
+middle.plot(grid, dark_distribution.cumulative(dark, grid))
+middle.set(xlabel="dark counts (Hz)", ylabel="share of pixels")
+pulses = pulses.of(slice(None), 4e-6)
+lags, widths = pulses.edges_s[:-1], np.diff(pulses.edges_s)
+right.loglog(1e9 * lags, pulses.of(slice(1, None, 2)).afterpulses.mean(axis=0), ".", label="seen")
+for fit in (autocorrelation.fit_exponential, autocorrelation.fit_table):
+    model = fit(pulses.of(slice(0, None, 2)))
+    density = autocorrelation.afterpulses_between(model, pulses.edges_s) / widths
+    right.plot(1e9 * lags, density, label=fit.__name__.removeprefix("fit_"))
+right.set(ylim=(100, 2e5), xlabel="time since an event (ns)", ylabel="afterpulses (1/s)")
+right.legend()
+plt.show()

@@ -1,0 +1,154 @@
+"""Section of a calibration page with the figures and pictures of EMVA 1288.
+
+The figures are those of the calibrated device, from exact moments at 50 steps of light. If the
+recordings have a dark and eight levels of light at one exposure, theirs are shown, too.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+from markupsafe import Markup
+from matplotlib.axes import Axes
+from matplotlib.ticker import EngFormatter
+
+from megalopta.plotting.sections import Section, captioned
+from megalopta.plotting.style import BLACK, BLUE, VERMILION
+from megalopta.plotting.svg import CHART_PT, in_style, new_axes, with_legend
+from megalopta.plotting.text import number
+from megalopta.sensor import changed, load_sensor
+from megalopta.sensor.calibrate.emva import (
+    FEWEST_STEPS,
+    Emva,
+    Step,
+    deviations,
+    device_steps,
+    emva,
+)
+
+Recorded = Sequence[tuple[float, Step]]
+"""Exposure (s) and readings of each recording"""
+Steps = tuple[Step, Sequence[Step]]
+"""The dark, and steps of light"""
+
+_TITLE = "EMVA 1288"
+_TEXT = (
+    "Release 4, Linear; an event is one electron, a reading a count. The device's figures are "
+    "computed from the calibration at 50 steps of light and an exposure of {:g} s. Saturation is "
+    "where the temporal variance is largest. With dead time the response is no line, so that K and "
+    "the efficiency hold for dim light only: look at the linearity error."
+)
+_HEAD = "symbol", "quantity", "device", "recordings"
+_ROWS: tuple[tuple[str, str, Callable[[Emva], float]], ...] = (
+    ("η", "quantum efficiency (%)", lambda each: 100 * each.efficiency),
+    ("R", "responsivity (counts per photon)", lambda each: each.responsivity),
+    ("K", "system gain (counts per electron)", lambda each: each.gain),
+    ("σ_d", "temporal dark noise (electrons)", lambda each: each.dark_noise),
+    ("DSNU₁₂₈₈", "dark signal nonuniformity (electrons)", lambda each: each.dsnu),
+    ("PRNU₁₂₈₈", "photoresponse nonuniformity (%)", lambda each: 100 * each.prnu),
+    ("LE", "linearity error (%)", lambda each: 100 * each.linearity_error),
+    ("µ_p.min", "absolute sensitivity threshold (photons)", lambda each: each.threshold_photons),
+    ("µ_p.sat", "saturation (photons)", lambda each: each.saturation_photons),
+    ("µ_e.sat", "saturation capacity (electrons)", lambda each: each.saturation_electrons),
+    ("SNR_max", "largest signal-to-noise ratio (dB)", lambda each: each.snr_db),
+    ("DR", "dynamic range (dB)", lambda each: each.dynamic_range_db),
+)
+
+
+def emva_section(
+    device: Path, shape: tuple[int, int], wavelength_nm: float | None, recorded: Recorded
+) -> Section:
+    """Return the section of a device file of (rows, columns) pixels, or why there is none."""
+    exposures = [exposure_s for exposure_s, step in recorded if step.photons]
+    if wavelength_nm is None or not exposures:
+        return Section(_TITLE, "Needs recordings of light and --wavelength-nm.")
+    exposure_s = max(set(exposures), key=exposures.count)
+    sensor = changed(load_sensor(device), exposure_s=exposure_s)
+    if sensor.counter_capacity == 1:
+        return Section(_TITLE, "Needs counts: sum binary frames, 255 or more each.")
+    try:
+        own = device_steps(sensor, shape, wavelength_nm)
+        figures = [emva(*own)]
+    except ValueError as problem:
+        return Section(_TITLE, f"Not known: {problem}.")
+    seen = _at(exposure_s, recorded)
+    figures += [emva(*seen)] if seen and len(seen[1]) >= FEWEST_STEPS else []
+    rows = tuple(
+        (symbol, title, *(number(of(each)) for each in figures), *("",) * (2 - len(figures)))
+        for symbol, title, of in _ROWS
+    )
+    return Section(_TITLE, _TEXT.format(exposure_s), _HEAD, rows, tuple(_charts(own, seen)))
+
+
+def _at(exposure_s: float, recorded: Recorded) -> Steps | None:
+    """Return the recordings at an exposure, if one of them is dark."""
+    steps = [step for each, step in recorded if each == exposure_s]
+    dark = [step for step in steps if not step.photons]
+    return (dark[0], [step for step in steps if step.photons]) if dark else None
+
+
+def _charts(own: Steps, seen: Steps | None) -> Iterator[Markup]:
+    yield captioned(_chart(own, seen, "sensitivity"), "The line is the responsivity R.")
+    yield captioned(
+        _chart(own, seen, "transfer"),
+        "Variance over mean, both less their dark values. The line is the gain K.",
+    )
+    yield captioned(
+        _chart(own, seen, "snr"), "The line is the limit of the same efficiency without noise."
+    )
+    yield captioned(_chart(own, seen, "linearity"), "Deviation from a line, over the line.")
+
+
+@in_style
+def _chart(own: Steps, seen: Steps | None, kind: str) -> Markup:
+    figure, axes = new_axes(*CHART_PT)
+    draw = {"sensitivity": _sensitivity, "transfer": _transfer, "snr": _snr, "linearity": _linear}
+    draw[kind](axes, *own, emva(*own), BLUE)
+    if seen and kind != "linearity":
+        axes.plot(*_coordinates(kind, *seen), "o", color=BLACK, markersize=5, label="recordings")
+    if kind != "snr":
+        axes.xaxis.set_major_formatter(EngFormatter(sep=""))
+    return with_legend(figure, f"emva-{kind}", f"EMVA 1288: {axes.get_ylabel()}")
+
+
+def _coordinates(kind: str, dark: Step, steps: Sequence[Step]) -> tuple[list[float], list[float]]:
+    """Return abscissas and ordinates of a picture."""
+    signal = [step.level - dark.level for step in steps]
+    if kind == "transfer":
+        return signal, [step.noise - dark.noise for step in steps]
+    photons = [step.photons for step in steps]
+    if kind == "sensitivity":
+        return photons, signal
+    ratio = zip(signal, steps, strict=True)
+    return photons, [each / max(step.noise, 1e-300) ** 0.5 for each, step in ratio]
+
+
+def _sensitivity(axes: Axes, dark: Step, steps: Sequence[Step], found: Emva, color: str) -> None:
+    photons, signal = _coordinates("sensitivity", dark, steps)
+    axes.plot(photons, signal, ".", color=color, label="device")
+    end = found.saturation_photons
+    axes.plot([0, end], [0, found.responsivity * end], color=VERMILION, linewidth=1)
+    axes.set(xlabel="photons per pixel", ylabel="µ_y − µ_y.dark (counts)")
+
+
+def _transfer(axes: Axes, dark: Step, steps: Sequence[Step], found: Emva, color: str) -> None:
+    axes.plot(*_coordinates("transfer", dark, steps), ".", color=color, label="device")
+    end = max(step.level for step in steps) - dark.level
+    axes.plot([0, end], [0, found.gain * end], color=VERMILION, linewidth=1)
+    axes.set(xlabel="µ_y − µ_y.dark (counts)", ylabel="σ²_y − σ²_y.dark (counts²)")
+
+
+def _snr(axes: Axes, dark: Step, steps: Sequence[Step], found: Emva, color: str) -> None:
+    photons, ratio = _coordinates("snr", dark, steps)
+    axes.plot(photons, ratio, ".", color=color, label="device")
+    grid = np.geomspace(found.threshold_photons, found.saturation_photons, 50)
+    axes.plot(grid, np.sqrt(found.efficiency * grid), color=VERMILION, linewidth=1)
+    axes.set(xscale="log", yscale="log", xlabel="photons per pixel", ylabel="SNR")
+    axes.set_ylim(top=2 * np.sqrt(found.saturation_electrons))
+
+
+def _linear(axes: Axes, dark: Step, steps: Sequence[Step], found: Emva, color: str) -> None:
+    photons, deviation = deviations(dark, steps, found.saturation_photons)
+    axes.plot(photons, 100 * deviation, ".", color=color, label="device")
+    axes.axhline(0, color=VERMILION, linewidth=1)
+    axes.set(xlabel="photons per pixel", ylabel="deviation (%)")

@@ -1,0 +1,220 @@
+"""Figures of EMVA 1288, release 4 (Linear), from means and variances at steps of light.
+
+With µ_p photons on a pixel in an exposure, µ_y the mean and σ_y² the temporal variance of readings
+(DN), averaged over pixels, and s_y² the variance over pixels of mean readings, less what σ_y² adds:
+
+    R, K      slopes of µ_y over µ_p, and of σ_y² over µ_y, both less their dark values, from 0 to
+              70 % of saturation
+    η = R/K   quantum efficiency; one event is one electron
+    σ_d       √(σ²_y.dark − 1/12)/K, temporal dark noise
+    µ_p.min   (√(σ_d² + 1/(12·K²)) + ½)/η, absolute sensitivity threshold, where the SNR is 1
+    µ_p.sat   light at which σ_y² is largest; µ_e.sat = η·µ_p.sat, SNR_max = √µ_e.sat
+    DR        µ_p.sat/µ_p.min
+    DSNU      s_y.dark/K
+    PRNU      standard deviation over pixels of y_50 − y_dark over its mean, at half of saturation
+    LE        mean of |deviation from a line| over the line, from 5 to 95 % of saturation
+
+Events are whole numbers, so that rounding adds no noise to counts: `quantization` is 0 for them.
+The standard has s²_y.50 − s²_y.dark in place of the variance of differences; the two agree where
+sensitivity and dark counts are independent, and differ where hot pixels saturate. Pixels whose dark
+signal exceeds a tenth of saturation are not part of PRNU. With dead time the response is no line,
+and K is too small in bright light; LE says by how much.
+
+Source: EMVA Standard 1288, Release 4.0 Linear (2021).
+"""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from megalopta.core.arrays import Floats
+from megalopta.sensor.change import changed
+from megalopta.sensor.expectations import reading_moments
+from megalopta.sensor.spad.device import draw_fixed_pattern
+from megalopta.sensor.spad.model import Sensor
+
+FEWEST_STEPS = 8
+"""Levels of light that are needed, without the dark."""
+_STEPS = 50
+_LINEAR = 0.7
+_LINEARITY = 0.05, 0.95
+_HOT = 0.1
+_STEP, _MOST_ARRIVALS = 1.2, 1e9
+"""Growth of light when saturation is sought, and its limit in detections per exposure."""
+_SIDE = 64
+"""Largest side (pixels) of the part of a device, its middle, for which moments are computed."""
+
+
+class Step(NamedTuple):
+    """Readings at one level of light."""
+
+    photons: float
+    """Photons per pixel and exposure; 0: dark"""
+    mean: Floats
+    """Mean reading of every pixel, (rows, columns)"""
+    variance: Floats
+    """Temporal variance, (rows, columns)"""
+    frames: float = np.inf
+    """Number of frames of which these are estimates; infinite: exact"""
+
+    @classmethod
+    def of(cls, photons: float, frames: NDArray[Any]) -> "Step":
+        """Return the step of readings (n, rows, columns)."""
+        mean = frames.mean(axis=0, dtype=np.float64)
+        variance = frames.var(axis=0, ddof=1, dtype=np.float64)
+        return cls(photons, mean, variance, len(frames))
+
+    @property
+    def level(self) -> float:
+        """Mean over time and pixels, µ_y."""
+        return float(np.nanmean(self.mean))
+
+    @property
+    def noise(self) -> float:
+        """Temporal variance σ_y²."""
+        return float(np.nanmean(self.variance))
+
+    @property
+    def spread(self) -> float:
+        """Variance over pixels s_y²."""
+        return max(float(np.nanvar(self.mean)) - self.noise / self.frames, 0.0)
+
+
+class Emva(NamedTuple):
+    """Figures of a camera; electrons are events."""
+
+    responsivity: float
+    """R, DN per photon"""
+    gain: float
+    """K, DN per electron"""
+    dark_noise: float
+    """σ_d, electrons"""
+    dsnu: float
+    """DSNU1288, electrons"""
+    prnu: float
+    """PRNU1288, share"""
+    linearity_error: float
+    """LE, share"""
+    saturation_photons: float
+    """µ_p.sat"""
+    quantization: float
+    """Variance of rounding, DN²"""
+
+    @property
+    def efficiency(self) -> float:
+        """Quantum efficiency η."""
+        return self.responsivity / self.gain
+
+    @property
+    def threshold_photons(self) -> float:
+        """Absolute sensitivity threshold µ_p.min."""
+        noise = np.sqrt(self.dark_noise**2 + self.quantization / self.gain**2)
+        return float((noise + 0.5) / self.efficiency)
+
+    @property
+    def saturation_electrons(self) -> float:
+        """Saturation capacity µ_e.sat."""
+        return self.efficiency * self.saturation_photons
+
+    @property
+    def snr_db(self) -> float:
+        """Largest signal-to-noise ratio SNR_max, dB."""
+        return float(10 * np.log10(self.saturation_electrons))
+
+    @property
+    def dynamic_range_db(self) -> float:
+        """Dynamic range DR, dB."""
+        return float(20 * np.log10(self.saturation_photons / self.threshold_photons))
+
+
+def emva(dark: Step, steps: Sequence[Step], quantization: float = 0.0) -> Emva:
+    """Return the figures of a camera from a dark step and steps of increasing light.
+
+    Raises ValueError if there are too few steps, or the brightest is not above the dark.
+    """
+    steps = sorted(steps, key=lambda step: step.photons)
+    if len(steps) < FEWEST_STEPS:
+        raise ValueError(f"{len(steps)} levels of light; EMVA 1288 needs {FEWEST_STEPS}, better 50")
+    photons, level, noise = np.array([(each.photons, each.level, each.noise) for each in steps]).T
+    level, noise = level - dark.level, noise - dark.noise
+    last = int(np.argmax(noise))
+    if level[last] <= 0 or noise[last] <= 0:
+        raise ValueError("the brightest light is no brighter than the dark; uncover the sensor")
+    linear = (photons <= _LINEAR * photons[last]) & (np.arange(len(steps)) <= last)
+    if linear.sum() < 2:
+        raise ValueError("saturated above the dimmest light; add dimmer levels")
+    gain = _slope(level[linear], noise[linear])
+    half = min(steps, key=lambda step: abs(step.level - dark.level - 0.5 * level[last]))
+    return Emva(
+        responsivity=_slope(photons[linear], level[linear]),
+        gain=gain,
+        dark_noise=float(np.sqrt(max(dark.noise - quantization, 0.0))) / gain,
+        dsnu=float(np.sqrt(dark.spread)) / gain,
+        prnu=_nonuniformity(dark, half, level[last]),
+        linearity_error=float(np.mean(np.abs(deviations(dark, steps, photons[last])[1]))),
+        saturation_photons=float(photons[last]),
+        quantization=quantization,
+    )
+
+
+def _nonuniformity(dark: Step, half: Step, saturated: float) -> float:
+    """PRNU, of pixels that are not hot."""
+    ordinary = dark.mean < np.nanmedian(dark.mean) + _HOT * saturated
+    more = (half.mean - dark.mean)[ordinary]
+    noise = np.nanmean((half.variance / half.frames + dark.variance / dark.frames)[ordinary])
+    own = max(float(np.nanvar(more)) - float(noise), 0.0)
+    return float(np.sqrt(own) / np.nanmean(more))
+
+
+def _slope(x: Floats, y: Floats) -> float:
+    """Slope of a line through the origin."""
+    return float(x @ y / (x @ x))
+
+
+def deviations(dark: Step, steps: Sequence[Step], saturation: float) -> tuple[Floats, Floats]:
+    """Return light, and deviations from a line over the line, from 5 to 95 % of saturation.
+
+    The line minimizes squares of relative deviations, as the standard does.
+    """
+    low, high = (share * saturation for share in _LINEARITY)
+    within = [step for step in steps if low <= step.photons <= high]
+    photons, level = np.array([(each.photons, each.level - dark.level) for each in within]).T
+    design = np.column_stack((np.ones_like(photons), photons)) / level[:, None]
+    line = np.linalg.lstsq(design, np.ones_like(photons), rcond=None)[0]
+    fitted = line[0] + line[1] * photons
+    return photons, np.asarray(level / fitted - 1)
+
+
+def device_steps(
+    sensor: Sensor, shape: tuple[int, int], wavelength_nm: float
+) -> tuple[Step, list[Step]]:
+    """Return the exact dark step of a device, and 50 steps up to saturation.
+
+    At its exposure, of the middle 64 × 64 pixels of (rows, columns) at most.
+
+    Raises ValueError if its readings do not saturate at any light that can be computed.
+    """
+    if sensor.measured.is_on:
+        sensor = changed(sensor, measured={"fit": "center"})
+    side = min(shape[0], _SIDE), min(shape[1], _SIDE)
+    efficiency = float(sensor.photon_detection_efficiency(np.array(wavelength_nm)))
+    pattern = efficiency * draw_fixed_pattern(sensor, side).efficiency_factor
+
+    def steps_at(photons: Floats) -> list[Step]:
+        rates = photons[:, None, None] / sensor.exposure_s * pattern
+        moments = zip(photons.tolist(), *reading_moments(rates, sensor), strict=True)
+        return [Step(*each) for each in moments]
+
+    end, peak, scan = 0.0, 0.0, 1.0
+    while scan * float(pattern.max()) < _MOST_ARRIVALS:
+        noise = steps_at(np.array([scan]))[0].noise
+        if noise > peak:
+            end, peak = scan * _STEP, noise
+        elif noise < 0.5 * peak:
+            break
+        scan *= _STEP
+    else:
+        raise ValueError("readings do not saturate; give the counter a capacity")
+    return steps_at(np.zeros(1))[0], steps_at(np.linspace(0, end, _STEPS + 1)[1:])

@@ -1,0 +1,59 @@
+"""Crosstalk from a map of dark counts against the crosstalk that made it."""
+
+import numpy as np
+import pytest
+
+from megalopta.sensor import Crosstalk, DarkCounts
+from megalopta.sensor.calibrate.hot_neighbors import crosstalk_of_hot_pixels, kernel_of
+from megalopta.sensor.effects import crosstalk
+from megalopta.sensor.effects.crosstalk import neighborhoods
+from megalopta.sensor.effects.dark_counts import dark_count_density
+from megalopta.verification.captures import rank_correlation
+
+LIGHT = Crosstalk(mean_fired_neighbors=0.03, diagonal=0.2, distance_two=0.02)
+OWN = dark_count_density(
+    DarkCounts(
+        bulk_mean_hz_um2=1.0,
+        bulk_sigma_hz_um2=0.4,
+        hot_fraction=0.2,
+        hot_mean_hz_um2=50,
+        hot_sigma_hz_um2=200,
+    ),
+    (96, 128),
+    device_seed=1,
+)
+RATES = crosstalk.mean(OWN, LIGHT)
+
+
+def test_shares_are_the_probabilities_that_neighbors_fire():
+    found = crosstalk_of_hot_pixels(RATES).mean(axis=(0, 1))
+    # edges have 6e-3; the scatter of ordinary pixels leaves errors of 1e-4 for each of 48 places
+    assert np.allclose(found, neighborhoods(LIGHT)[0, 0], atol=6e-4)
+
+
+def test_without_crosstalk_neighbors_are_independent():
+    found = kernel_of(crosstalk_of_hot_pixels(RATES))
+    own = RATES - crosstalk.fired_mean(RATES, found)
+    assert rank_correlation(RATES, (0, 1)) > 0.2
+    # 5 standard errors of a rank correlation, 1/√n
+    assert abs(rank_correlation(own, (0, 1))) < 5 / np.sqrt(RATES.size)
+
+
+def test_pairs_of_rows_are_recognized():
+    pairs = np.zeros((2, 1, 3, 3))
+    pairs[0, 0, 2, 1] = pairs[1, 0, 0, 1] = 3.0  # rows 0 and 1, 2 and 3, …
+    pairs[:, :, 1, [0, 2]] = 1.0
+    made = Crosstalk(mean_fired_neighbors=0.03, kernel=pairs.tolist())
+    found = kernel_of(crosstalk_of_hot_pixels(crosstalk.mean(OWN, made)))
+    by_row = neighborhoods(found)[:, :, 2:5, 2:5].mean(axis=1)
+    # half of the pixels, errors of 2e-4
+    assert np.allclose(by_row, neighborhoods(made)[:, 0], atol=1e-3)
+
+
+def test_independent_dark_counts_show_no_crosstalk():
+    assert not kernel_of(crosstalk_of_hot_pixels(OWN)).is_on
+
+
+def test_small_maps_are_refused():
+    with pytest.raises(ValueError, match="48 pixels; crosstalk of hot pixels needs 4096"):
+        crosstalk_of_hot_pixels(np.ones((4, 12)))

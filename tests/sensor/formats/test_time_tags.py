@@ -1,0 +1,136 @@
+"""Time tags of files that other programs, or a page of their layout, make."""
+
+import struct
+
+import h5py
+import numpy as np
+import pytest
+
+from megalopta.sensor.formats.time_tags import read_time_tags
+
+UNIT_S = 12.5e-9
+TICKS = np.array([3, 8, 8, 20, 41, 90_000_000])
+CHANNELS = np.array([0, 1, 0, 2, 1, 2])
+
+
+def photon_hdf5(path, groups):
+    """Photon-HDF5, as its reference describes it."""
+    with h5py.File(path, "w") as file:
+        for name, ticks, detectors in groups:
+            file[f"{name}/timestamps"] = ticks
+            file[f"{name}/timestamps_specs/timestamps_unit"] = UNIT_S
+            if detectors is not None:
+                file[f"{name}/detectors"] = detectors.astype(np.uint8)
+
+
+def ptu_of_mode_t2(path, ticks, channels):
+    """PTU of a HydraHarp in mode T2, as PicoQuant's page of the layout describes it."""
+
+    def tag(name, kind, value):
+        return name.encode().ljust(32, b"\0") + struct.pack("<iI", -1, kind) + value
+
+    def integer(name, value):
+        return tag(name, 0x10000008, struct.pack("<q", value))
+
+    records, over = [], 0
+    for tick, channel in zip(ticks.tolist(), channels.tolist(), strict=True):
+        wraps, rest = divmod(tick, 2**25)
+        if wraps > over:  # the record counts overflows of 25 bits
+            records.append(0xFE000000 | (wraps - over))
+            over = wraps
+        records.append(channel << 25 | rest)  # no special bit
+    content = b"PQTTTR\0\0" + b"1.0.00\0\0".ljust(8, b"\0")
+    content += integer("Measurement_Mode", 2) + integer("Measurement_SubMode", 0)
+    content += integer("TTResultFormat_TTTRRecType", 0x01010204)
+    content += integer("TTResult_NumberOfRecords", len(records))
+    content += integer("TTResultFormat_BitsPerRecord", 32)
+    content += tag("MeasDesc_GlobalResolution", 0x20000008, struct.pack("<d", UNIT_S))
+    content += tag("Header_End", 0xFFFF0008, bytes(8))
+    path.write_bytes(content + np.array(records, "<u4").tobytes())
+
+
+def test_photon_hdf5_of_one_spot(tmp_path):
+    path = tmp_path / "dark.hdf5"
+    photon_hdf5(path, [("photon_data", TICKS, CHANNELS)])
+    tags = read_time_tags(path)
+    np.testing.assert_allclose(tags.time_s, TICKS * UNIT_S, rtol=1e-15)
+    np.testing.assert_array_equal(tags.channel, CHANNELS)
+    assert (tags.channels, tags.unit_s) == (3, UNIT_S)
+
+
+def test_detectors_of_several_spots_are_channels_in_order(tmp_path):
+    path = tmp_path / "dark.hdf5"
+    photon_hdf5(path, [(f"photon_data{at}", TICKS + at, CHANNELS) for at in (0, 10, 2)])
+    tags = read_time_tags(path)
+    assert tags.channels == 9
+    for channel in range(9):
+        spot = (0, 2, 10)[channel // 3]
+        own = (TICKS + spot)[channel % 3 == CHANNELS] * UNIT_S
+        np.testing.assert_allclose(tags.time_s[tags.channel == channel], own, rtol=1e-15)
+
+
+def test_photon_hdf5_that_phconvert_writes(tmp_path):
+    phconvert = pytest.importorskip("phconvert")
+    specs = {"measurement_type": "generic", "detectors_specs": {}}
+    data = {
+        "description": "dark",
+        "photon_data": {
+            "timestamps": TICKS,
+            "detectors": CHANNELS.astype(np.uint8),
+            "timestamps_specs": {"timestamps_unit": UNIT_S},
+            "measurement_specs": specs,
+        },
+        "setup": {
+            "num_pixels": 3,
+            "num_spots": 1,
+            "num_spectral_ch": 1,
+            "num_polarization_ch": 1,
+            "num_split_ch": 1,
+            "modulated_excitation": False,
+            "lifetime": False,
+            "excitation_alternated": (False,),
+            "excitation_cw": (True,),
+        },
+    }
+    path = tmp_path / "dark.hdf5"
+    phconvert.hdf5.save_photon_hdf5(data, str(path), warnings=False)
+    tags = read_time_tags(path)
+    np.testing.assert_allclose(tags.time_s, TICKS * UNIT_S, rtol=1e-15)
+    np.testing.assert_array_equal(tags.channel, CHANNELS)
+
+
+def test_ptu_of_mode_t2_has_absolute_times(tmp_path):
+    pytest.importorskip("ptufile")
+    ptu_of_mode_t2(tmp_path / "dark.ptu", TICKS, CHANNELS)
+    tags = read_time_tags(tmp_path / "dark.ptu")
+    np.testing.assert_allclose(tags.time_s, TICKS * UNIT_S, rtol=1e-12)
+    np.testing.assert_array_equal(tags.channel, CHANNELS)
+
+
+def test_ptu_of_mode_t3_that_ptufile_writes(tmp_path):
+    ptufile = pytest.importorskip("ptufile")
+    histogram = np.zeros((1, 4, 5, 2, 16), np.uint8)  # frames, rows, columns, channels, bins
+    histogram[0, :, :, 0, 3], histogram[0, 1, 2, 1, 7] = 1, 2
+    path = tmp_path / "image.ptu"
+    ptufile.imwrite(path, histogram, 50e-9, 1e-9, pixel_time=1e-6)
+    tags = read_time_tags(path)
+    assert np.bincount(tags.channel).tolist() == [20, 2]
+    delays = np.rint(tags.time_s % 50e-9 / 1e-9)
+    assert set(delays[tags.channel == 0]) == {3}
+    assert set(delays[tags.channel == 1]) == {7}
+
+
+@pytest.mark.parametrize("content", [b"", b"anything else", b"\x89HDF\r\n\x1a\n" + bytes(99)])
+def test_other_files_are_refused_in_a_sentence(tmp_path, content):
+    (tmp_path / "file").write_bytes(content)
+    with pytest.raises(ValueError, match=r"file: (no time tags|damaged|the file is empty)"):
+        read_time_tags(tmp_path / "file")
+
+
+def test_times_in_another_file_are_not_followed(tmp_path):
+    photon_hdf5(tmp_path / "secret.hdf5", [("photon_data", TICKS, None)])
+    with h5py.File(tmp_path / "link.hdf5", "w") as file:
+        file["photon_data/timestamps_specs/timestamps_unit"] = UNIT_S
+        file["photon_data/timestamps"] = h5py.ExternalLink("secret.hdf5", "photon_data/timestamps")
+    with pytest.raises(ValueError, match="no array of this file"):
+        read_time_tags(tmp_path / "link.hdf5")
