@@ -36,7 +36,7 @@ from scipy.sparse.linalg import splu
 from scipy.spatial.transform import Rotation
 
 from megalopta.core.arrays import Floats
-from megalopta.flow import likelihood
+from megalopta.flow import likelihood, likely_flow
 from megalopta.flow.detectors.base import Frames
 from megalopta.scenes.cameras.base import Camera
 
@@ -229,16 +229,16 @@ class _Search:
         y, x = np.meshgrid(*sides, indexing="ij")
         centers = np.stack((x, y), axis=-1)
         seen = camera.toward(centers)
-        dense = likelihood.likelihood_flow(counts, _SMOOTHNESS)
+        dense = likely_flow.likelihood_flow(counts, _SMOOTHNESS)
         flow = [
             map_coordinates(along, (y - 0.5, x - 0.5), order=1, mode="nearest")
             for along in np.moveaxis(dense, -1, 0)
         ]
         return cls(
             camera,
-            likelihood.level_of(counts.astype(np.float64)),
+            likelihood.level_of(likelihood.without_defects(counts)),
             likelihood.times_from_reference(len(counts)),
-            likelihood.charge_of(counts, _NEARNESS_SMOOTHNESS),
+            likely_flow.charge_of(counts, _NEARNESS_SMOOTHNESS),
             np.stack(flow, axis=-1),
             centers,
             camera.directions(),
@@ -336,7 +336,7 @@ class _Search:
         """
         first, second = likelihood.links(nearness.shape)
         change = scale * (nearness.ravel()[second] - nearness.ravel()[first])
-        springs = likelihood.stiffness(self.charge, change**2)
+        springs = likely_flow.stiffness(self.charge, change**2)
         rows = np.concatenate((first, second, first, second))
         columns = np.concatenate((first, second, second, first))
         values = scale**2 * np.concatenate((springs, springs, -springs, -springs))
