@@ -7,11 +7,14 @@ flow so far. A label per node minimizes these costs, as negative log-likelihoods
 changes between neighbors, by messages along eight directions (semi-global matching, Hirschmüller
 2008). A change to any displacement costs at most `_JUMP`: the prior has heavy tails.
 
-Squares that fit no displacement, as where something is hidden, count with their logarithm, as in
-`likelihood.evidence`. Where a displacement leaves the frame, it is no better than the flow so far.
+Each place of the second frame belongs to one place of the first: displacements to where the flow
+so far explains what is seen cost more. Squares that fit no displacement, as where something is
+hidden, count with their logarithm, as in `likelihood.evidence`. Where a displacement leaves the
+frame, it is no better than the flow so far.
 """
 
 import numpy as np
+from scipy.ndimage import gaussian_filter, map_coordinates
 
 from megalopta.core.arrays import Floats
 from megalopta.core.compiling import compiled
@@ -33,6 +36,13 @@ _CHANGE_PER_PX = 0.5
 _LEAVING = 0.25
 """Cost per frame but one of any other displacement than that of the flow so far, which coarser
 scales and all frames have voted for"""
+
+_CLAIM = 1.0
+"""Cost of a displacement to a place of the second frame that the flow so far explains: what is
+hidden in one frame resembles something in the other by chance"""
+_SHIFTS = np.arange(-_REACH_PX, _REACH_PX + 1)
+_AGREEMENT_PX = 2.0
+"""Standard deviation of the neighborhood in which frames are compared"""
 
 _LEAST_SEEN = 0.5
 """Share of the pixels of a node that must be in all frames"""
@@ -56,12 +66,32 @@ def with_large_motion(level: Level, times: Floats, nodes: Floats) -> Floats:
     noise = area * level.noise
     costs = 2 * noise * misfit(costs / noise)
     costs[..., :-1] += _LEAVING * (len(times) - 1)
+    _add_claims(costs, _explained(middle, nodes, squares))
     total = costs.copy()
     for down, right in _DIRECTIONS:
         _add_messages(costs, nodes, down, right, total)
     best = total.argmin(axis=-1)
     y, x = np.divmod(best, side)
     return np.where(best == side**2, nodes, np.stack((x, y)) - float(_REACH_PX))
+
+
+def _explained(pair: Level, nodes: Floats, squares: Floats) -> Floats:
+    """Return how well the flow so far explains the second frame around each node, 0 to 1."""
+    *_, back = place_of_pixels(pair, np.array([0.0, -1.0]), nodes)
+    around = gaussian_filter(squares, _AGREEMENT_PX) / pair.noise
+    at_second = map_coordinates(around, back, order=1, mode="nearest")
+    return np.asarray(to_nodes(np.clip(2 - at_second, 0, 1)[np.newaxis])[0] / NODE_PX**2)
+
+
+def _add_claims(costs: Floats, explained: Floats) -> None:
+    """Add the cost of displacements to a place of the second frame that is explained otherwise."""
+    side = 2 * _REACH_PX + 1
+    middles = (NODE_PX * np.arange(count) + NODE_PX // 2 for count in explained.shape)
+    down, right = ((middle + _SHIFTS[:, np.newaxis]) // NODE_PX for middle in middles)
+    rows, columns = (each.clip(0, each[_REACH_PX, -1]) for each in (down, right))
+    for label in range(side**2):
+        row, column = rows[label // side], columns[label % side]
+        costs[..., label] += _CLAIM * explained[np.ix_(row, column)]
 
 
 @compiled(fastmath={"reassoc", "contract"})
