@@ -26,17 +26,17 @@ def node_covariance(information: Floats, springs: tuple[Floats, Floats]) -> Floa
     rows = information.shape[1]
     down = np.pad(np.tile(springs[1], 2), ((1, 1), (0, 0)))  # of both components
     # inverse of each row, given all above
-    above = []
+    above: list[Floats] = []
     for row in range(rows):
         block = _row(information[:, row], springs[0][row], down[row] + down[row + 1])
         if row:
             block -= down[row][:, np.newaxis] * above[-1] * down[row]
-        above.append(np.linalg.inv(block))
+        above.append(np.asarray(np.linalg.inv(block), np.float64))
     found, last = np.empty_like(information), above[-1]
     found[:, -1] = _blocks(last)
     for row in range(rows - 2, -1, -1):
         tied = above[row] * down[row + 1]
-        last = above[row] + tied @ last @ tied.T
+        last = np.asarray(above[row] + tied @ last @ tied.T)
         found[:, row] = _blocks(last)
     return found
 

@@ -56,8 +56,6 @@ def likelihood_flow(counts: NDArray[Any], smoothness: float) -> Floats:
 
     Raises ValueError for a single frame.
     """
-    if len(counts) < 2:
-        raise ValueError("one frame has no flow: give two or more")
     if not counts.any():
         return np.full((*counts.shape[1:], 2), np.nan)
     nodes, _ = _most_likely_flow(counts, charge_of(counts, smoothness))
@@ -86,6 +84,8 @@ def flow_and_covariance(counts: NDArray[Any], smoothness: float) -> tuple[Floats
 
 def _most_likely_flow(counts: NDArray[Any], charge: float) -> tuple[Floats, Level]:
     """Return the flow at nodes, (2, n, m), and the finest level."""
+    if len(counts) < 2:
+        raise ValueError("one frame has no flow: give two or more")
     times = times_from_reference(len(counts))
     nodes = np.zeros((2, 1, 1))
     for level in levels(without_defects(counts)):

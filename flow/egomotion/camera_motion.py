@@ -200,11 +200,11 @@ def likely_camera_motion(counts: Frames, camera: Camera) -> CameraMotion:
 def camera_motion_with_error(
     counts: Frames, camera: Camera
 ) -> tuple[CameraMotion, CameraMotionError]:
-    """Return the motion as `likely_camera_motion`, and its standard errors.
+    """Return the motion as `likely_camera_motion`, and its standard errors, from counts (T, H, W).
 
     What moves by itself may look like a near part of a scene at rest, which no misfit tells. So the
     motion is also found without each of eight strips of the view, of 40 % of its width or height.
-    The largest change is part of the error, beside the inverse of the information. Takes some six
+    The largest change is part of the error, with the inverse of the information. Takes some eight
     times as long. Raises as `likely_camera_motion`.
     """
     _check(counts, camera)
