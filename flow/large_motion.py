@@ -44,6 +44,8 @@ _SHIFTS = np.arange(-_REACH_PX, _REACH_PX + 1)
 _AGREEMENT_PX = 2.0
 """Standard deviation of the neighborhood in which frames are compared"""
 
+_DARK = 1e-9
+"""Least mean root of a frame, for a defined result"""
 _LEAST_SEEN = 0.5
 """Share of the pixels of a node that must be in all frames"""
 _DIRECTIONS = ((1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (-1, -1), (1, -1), (-1, 1))
@@ -62,7 +64,8 @@ def with_large_motion(level: Level, times: Floats, nodes: Floats) -> Floats:
     seen = np.maximum(to_nodes(inside[np.newaxis].astype(np.float64))[0], 1)
     now = to_nodes(squares[np.newaxis])[0] * area / seen
     costs = np.empty((*now.shape, side**2 + 1))
-    _fill(middle.roots, now, costs)
+    brightness = middle.roots.mean(axis=(1, 2), keepdims=True)
+    _fill(middle.roots * (brightness.mean() / np.maximum(brightness, _DARK)), now, costs)
     noise = area * level.noise
     costs = 2 * noise * misfit(costs / noise)
     costs[..., :-1] += _LEAVING * (len(times) - 1)
