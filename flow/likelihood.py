@@ -14,11 +14,7 @@ frames: noise in it is then independent of noise in their differences, and biase
 toward 0. Where aligned frames differ by more, something is occluded or not modeled; evidence there
 has proportionally less weight.
 
-**Flow.** From the coarsest scale to the finest, Newton steps, each with a new warp, find the flow
-at nodes 4 px apart that is most likely under a prior proportional to the change of velocity, not
-its square. Each solves a sparse symmetric system of two unknowns a node by factorization, so that
-evidence reaches any distance in one step. Equations, sources and limits:
-`docs/theory/whole-frame-flow.md`.
+Equations, sources and limits: `docs/theory/whole-frame-flow.md`.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -27,7 +23,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter, map_coordinates, spline_filter
+from scipy.ndimage import (
+    gaussian_filter,
+    map_coordinates,
+    median_filter,
+    rank_filter,
+    spline_filter,
+)
 from scipy.sparse import coo_array
 from scipy.sparse.linalg import splu
 
@@ -52,17 +54,11 @@ _BLUR_AT_EQUALITY_PX = 0.6
 _FAINTEST = 1e-6
 """Smaller q are raised to this: without visible texture, the widest blur is right."""
 
+_STANDS_OUT = 3 * 2**0.5
+"""Distance of roots of counts that shot noise alone exceeds once in 10⁹ pairs of pixels"""
+
 _LEAST = 1e-9
 """Evidence for the velocity 0 at every node, for a defined result without photons"""
-
-_STEADY = 0.003
-"""Change of velocity per pixel below which the prior is quadratic, 1/frame"""
-
-_NEWTON_STEPS, _PRIOR_STEPS = 4, 2
-_LONGEST_STEP_PX = 1.0
-_FEW_PHOTONS, _CHARGE_POWER = 20.0, 0.3
-"""Photons per pixel in all frames; fitted to dead leaves and forests, with the smoothness of
-`PoissonFlow`: with fewer, full smoothness loses small moving objects"""
 
 
 class Level(NamedTuple):
@@ -95,62 +91,9 @@ class Evidence(NamedTuple):
     if large, its logarithm, as evidence is reduced there"""
 
 
-def likelihood_flow(counts: NDArray[Any], smoothness: float) -> Floats:
-    """Return the flow (H, W, 2), px per frame, of the frame before the middle; NaN in the dark.
-
-    `counts` (n, H, W): frames of one steady motion, two or more; `smoothness`: penalty in
-    log-likelihood per pixel and unit of the flow's gradient; it is reduced for few photons.
-
-    Raises ValueError for a single frame.
-    """
-    if len(counts) < 2:
-        raise ValueError("one frame has no flow: give two or more")
-    shape = (counts.shape[1], counts.shape[2])
-    if not counts.any():
-        return np.full((*shape, 2), np.nan)
-    times = times_from_reference(len(counts))
-    charge = charge_of(counts, smoothness)
-    nodes = np.zeros((2, 1, 1))
-    for level in levels(counts.astype(np.float64)):
-        here = level.roots.shape[1:]
-        nodes = 2 * finer(nodes, tuple(-(-side // NODE_PX) for side in here), 2)
-        for _ in range(_NEWTON_STEPS):
-            nodes = nodes + _step(level, times, nodes, charge * level.bins**2)
-    return np.moveaxis(finer(nodes, shape, NODE_PX), 0, -1)
-
-
 def times_from_reference(frames: int) -> Floats:
     """Return the times of frames relative to the one before the middle, (frames,)."""
     return np.arange(frames, dtype=np.float64) - (frames // 2 - 1)
-
-
-def charge_of(counts: NDArray[Any], smoothness: float) -> float:
-    """Return the penalty of counts (n, H, W) per unit of the gradient of their flow."""
-    photons = counts.sum(axis=0).mean()
-    return float(smoothness * min(1.0, photons / _FEW_PHOTONS) ** _CHARGE_POWER)
-
-
-def stiffness(charge: float, squared_change: Floats) -> Floats:
-    """Return the stiffness (n, m) of links with a squared change of flow (n, m), px²."""
-    return np.asarray(charge / np.sqrt(squared_change / NODE_PX**2 + _STEADY**2))
-
-
-def _step(level: Level, times: Floats, nodes: Floats, smoothness: float) -> Floats:
-    """Return the step from a flow at nodes, (2, n, m)."""
-    shape = level.roots.shape[1:]
-    pixels = np.mgrid[: shape[0], : shape[1]].astype(np.float64)
-    flow = finer(nodes, shape, NODE_PX)[::-1]
-    found = evidence(level, times[np.newaxis], (pixels + time * flow for time in times))
-    information, slope = to_nodes(found.products[0] * found.information), to_nodes(found.slope[0])
-    xx, xy, yy = information
-    x, y = nodes
-    target = slope + np.stack((xx * x + xy * y, xy * x + yy * y))
-    best = nodes
-    for _ in range(_PRIOR_STEPS):
-        changes = ((np.diff(best, axis=axis) ** 2).sum(axis=0) for axis in (2, 1))
-        right, down = (stiffness(smoothness, change) for change in changes)
-        best = most_likely(information, target, (right, down))
-    return np.clip(best - nodes, -_LONGEST_STEP_PX, _LONGEST_STEP_PX)
 
 
 def suited_blur_px(excess: Floats, frames: int) -> Floats:
@@ -172,6 +115,22 @@ def root_noise(smooth: Callable[[Floats], NDArray[Any]]) -> float:
     impulse = np.zeros((31, 31))
     impulse[15, 15] = 1
     return float((smooth(impulse) ** 2).sum() / 4)
+
+
+def without_defects(counts: NDArray[Any]) -> Floats:
+    """Return frames (n, H, W) with the median of their surroundings at hot and dead pixels.
+
+    Such a pixel is brighter than all but one of its eight neighbors, or darker, in every frame, by
+    more than noise. What moves is so in one frame, and a line has two neighbors alike.
+    """
+    frames, around = counts.astype(np.float64), (1, 3, 3)
+    roots = np.sqrt(frames)
+    above = (roots - rank_filter(roots, -3, around)).min(axis=0)
+    below = (rank_filter(roots, 2, around) - roots).min(axis=0)
+    stands_out = np.maximum(above, below) > _STANDS_OUT
+    if not stands_out.any():
+        return frames
+    return np.where(stands_out, median_filter(frames, around), frames)
 
 
 def levels(counts: Floats) -> Iterator[Level]:
@@ -206,6 +165,35 @@ def evidence(level: Level, patterns: Floats, places: Iterable[Floats]) -> Eviden
     times from the frame of reference; `places` (2, H, W), for each frame: row and column of the
     content of the reference frame's pixels.
     """
+    aligned, inside = aligned_frames(level, places)
+    mean = aligned.mean(axis=0)
+    differences = aligned - mean
+    gradient = np.stack(np.gradient(mean)[::-1])
+    spread = patterns - patterns.mean(axis=1, keepdims=True)
+    noise = (patterns.shape[1] - 1) * level.noise
+    around = gaussian_filter((differences**2).sum(axis=0), _AGREEMENT_PX) / noise
+    weight = 4 * inside / np.maximum(1, around / _MOST_NOISE)
+    drift = -weight * np.tensordot(spread, differences, 1)
+    right, down = gradient
+    return Evidence(
+        weight * np.stack((right * right, right * down, down * down)),
+        spread @ spread.T,
+        drift[:, np.newaxis] * gradient,
+        float(misfit(around)[inside].mean()) if inside.any() else np.inf,
+    )
+
+
+def misfit(squares: Floats) -> Floats:
+    """Return squared differences over their noise, of any shape; of large ones the logarithm."""
+    excess = np.maximum(1, squares / _MOST_NOISE)
+    return np.asarray(np.minimum(squares, _MOST_NOISE) + _MOST_NOISE * np.log(excess))
+
+
+def aligned_frames(level: Level, places: Iterable[Floats]) -> tuple[Floats, NDArray[np.bool_]]:
+    """Return the roots of frames (n, H, W) at places, and which places are in all frames.
+
+    Brightness that differs from frame to frame by a factor is equalized.
+    """
     shape = level.roots.shape[1:]
     inside = np.ones(shape, np.bool_)
     aligned = np.empty_like(level.roots)
@@ -213,23 +201,19 @@ def evidence(level: Level, patterns: Floats, places: Iterable[Floats]) -> Eviden
         frame[:] = map_coordinates(splines, moved, order=3, mode="nearest", prefilter=False)
         for along, side in zip(moved, shape, strict=True):
             inside &= (along > -0.5) & (along < side - 0.5)
-    mean = aligned.mean(axis=0)
-    differences = aligned - mean
-    gradient = np.stack(np.gradient(mean)[::-1])
-    spread = patterns - patterns.mean(axis=1, keepdims=True)
-    noise = (patterns.shape[1] - 1) * level.noise
-    around = gaussian_filter((differences**2).sum(axis=0), _AGREEMENT_PX) / noise
-    excess = np.maximum(1, around / _MOST_NOISE)
-    weight = 4 * inside / excess
-    drift = -weight * np.tensordot(spread, differences, 1)
-    right, down = gradient
-    misfit = np.minimum(around, _MOST_NOISE) + _MOST_NOISE * np.log(excess)
-    return Evidence(
-        weight * np.stack((right * right, right * down, down * down)),
-        spread @ spread.T,
-        drift[:, np.newaxis] * gradient,
-        float(misfit[inside].mean()) if inside.any() else np.inf,
-    )
+    mean = aligned.mean(axis=0) * inside
+    power = (mean**2).sum()
+    if power:
+        aligned *= (power / (aligned * mean).sum(axis=(1, 2)))[:, np.newaxis, np.newaxis]
+    return aligned, inside
+
+
+def place_of_pixels(level: Level, times: Floats, nodes: Floats) -> Iterator[Floats]:
+    """Yield the places (2, H, W) at each time of the content of pixels, given a flow at nodes."""
+    shape = level.roots.shape[1:]
+    pixels = np.mgrid[: shape[0], : shape[1]].astype(np.float64)
+    flow = finer(nodes, shape, NODE_PX)[::-1]
+    return (pixels + time * flow for time in times)
 
 
 def finer(coarse: Floats, shape: tuple[int, ...], factor: int) -> Floats:

@@ -1,7 +1,7 @@
 """The flow between two images in one call, by any method that gives velocities."""
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, Literal, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,16 +11,41 @@ from megalopta.core.arrays import Floats
 from megalopta.core.bounded import quoted
 from megalopta.flow.detectors.base import Frames
 from megalopta.flow.detectors.blocks import BlockDetector
+from megalopta.flow.detectors.poisson_flow import PoissonFlow
 from megalopta.flow.detectors.registry import Method, velocity_method
 
 
+@overload
 def optical_flow(
-    first: ArrayLike, second: ArrayLike, method: Method = "PF", **settings: Any
-) -> Floats:
+    first: ArrayLike,
+    second: ArrayLike,
+    method: Method = ...,
+    *,
+    return_covariance: Literal[False] = ...,
+    **settings: Any,
+) -> Floats: ...
+@overload
+def optical_flow(
+    first: ArrayLike,
+    second: ArrayLike,
+    method: Method = ...,
+    *,
+    return_covariance: Literal[True],
+    **settings: Any,
+) -> tuple[Floats, Floats]: ...
+def optical_flow(
+    first: ArrayLike,
+    second: ArrayLike,
+    method: Method = "PF",
+    *,
+    return_covariance: bool = False,
+    **settings: Any,
+) -> Floats | tuple[Floats, Floats]:
     """Return the flow from one image to the next, (H, W, 2) in px: x to the right, then y down.
 
-    Raises ValueError if the method gives no velocity, a setting is unknown or wrong, or the
-    images differ in size, are too small, or are not counts if the method needs them.
+    Raises ValueError if the method gives no velocity or no covariance that is asked for, a setting
+    is unknown or wrong, or the images differ in size, are too small, or are not counts if the
+    method needs them.
 
     Parameters
     ----------
@@ -29,6 +54,8 @@ def optical_flow(
     method
         Name of a method in `METHODS`, a function of two images, `module:function`, the path of an
         ONNX file, or a detector.
+    return_covariance
+        True to get the covariance of the flow at each pixel, too; PF and PPF have one.
     **settings
         Settings of the method, such as `smoothness` of PF; its class lists them.
 
@@ -37,6 +64,8 @@ def optical_flow(
     Floats
         Flow at each pixel of the first image, NaN where undefined. For a method of one velocity
         per block, interpolated linearly between block centers, and constant beyond the outermost.
+    Floats
+        With `return_covariance`: its covariances (H, W, 2, 2), px².
     """
     detector = _changed(velocity_method(method), settings)
     frames = [_image(each) for each in (first, second)]
@@ -45,7 +74,11 @@ def optical_flow(
             f"{detector.name} needs photon counts, but these are gray levels from 0 to 1: multiply"
             " them by the photons of the brightest, or choose another method, such as DIS"
         )
-    return detector.dense(*frames)
+    if not return_covariance:
+        return detector.dense(*frames)
+    if not isinstance(detector, PoissonFlow):
+        raise ValueError(f"return_covariance: {detector.name} has none; choose PF or PPF")
+    return detector.dense_with_covariance(*frames)
 
 
 def _changed(detector: BlockDetector, settings: Mapping[str, Any]) -> BlockDetector:

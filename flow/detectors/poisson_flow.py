@@ -1,9 +1,7 @@
 """Poisson flow: the flow of a whole frame by the likelihood of its counts, of two frames or eight.
 
 All blocks share their evidence (`flow.likelihood`), unlike Poisson matching. A block's velocity is
-the mean of the flow over it. Motion that differs by some 10 px between large parts of the picture
-is smoothed away, and so are small fast objects: a lower `smoothness` finds them at larger errors
-elsewhere.
+the mean of the flow over it.
 """
 
 import math
@@ -14,7 +12,7 @@ from pydantic import Field
 from megalopta.core.arrays import Floats
 from megalopta.flow.detectors.base import Frames, stacked
 from megalopta.flow.detectors.blocks import BlockDetector, BlockGrid, PooledFrames, mean_over_blocks
-from megalopta.flow.likelihood import likelihood_flow
+from megalopta.flow.likely_flow import flow_and_covariance, likelihood_flow
 
 
 class PoissonFlow(BlockDetector, frozen=True):
@@ -41,6 +39,10 @@ class PoissonFlow(BlockDetector, frozen=True):
         ValueError if frames differ in shape, or are not counts.
         """
         return likelihood_flow(self.checked(frames), self.smoothness)
+
+    def dense_with_covariance(self, *frames: Frames) -> tuple[Floats, Floats]:
+        """Return the flow as `dense` does, and its covariances (H, W, 2, 2), px² per frame²."""
+        return flow_and_covariance(self.checked(frames), self.smoothness)
 
     def velocities(self, grid: BlockGrid, window: list[Frames]) -> Floats:
         """Return the means of the flow over blocks."""

@@ -23,12 +23,14 @@ translation the rotation is found, and the heading is meaningless. Equations, er
 `docs/theory/camera-motion.md`.
 """
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from functools import partial
 from operator import itemgetter
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
 from scipy.optimize import least_squares
 from scipy.sparse import coo_array
@@ -36,7 +38,7 @@ from scipy.sparse.linalg import splu
 from scipy.spatial.transform import Rotation
 
 from megalopta.core.arrays import Floats
-from megalopta.flow import likelihood
+from megalopta.flow import likelihood, likely_flow
 from megalopta.flow.detectors.base import Frames
 from megalopta.scenes.cameras.base import Camera
 
@@ -55,6 +57,8 @@ _FIRST_STEPS, _STEPS = 3, 6
 _GOING_ON = 2
 _FITS, _LEAST_LEFT_PX = 8, 0.05
 _LONGEST_STEP_PX = 1.0
+_STRIP, _ACROSS, _DOWN = 0.4, (0.0, 0.15, 0.3, 0.45, 0.6), (0.0, 0.3, 0.6)
+"""Width of strips that are left out, and where they begin, in widths and heights of the frame"""
 _RIDGE = 1e-2
 _DAMPING = 1e-6
 _SMALL = 1e-5
@@ -170,6 +174,16 @@ class _Motion(NamedTuple):
     """ρ|t| at nodes, (n, m)"""
 
 
+@dataclass(frozen=True)
+class CameraMotionError:
+    """Standard errors of a camera's motion, a moving part of the view included."""
+
+    rotation_deg: Floats
+    """Of the rotation vector (3,), degrees per frame, about each axis"""
+    heading_deg: float
+    """Of the heading, degrees"""
+
+
 def likely_camera_motion(counts: Frames, camera: Camera) -> CameraMotion:
     """Return the camera's rotation and heading of maximum likelihood, given counts.
 
@@ -179,6 +193,35 @@ def likely_camera_motion(counts: Frames, camera: Camera) -> CameraMotion:
     Raises ValueError if frames have another size than the camera, or fewer than 12 pixels along a
     side, there is only one, or they hold no counts, or all the same.
     """
+    _check(counts, camera)
+    return _Search.of(counts, camera).best().seen
+
+
+def camera_motion_with_error(
+    counts: Frames, camera: Camera
+) -> tuple[CameraMotion, CameraMotionError]:
+    """Return the motion as `likely_camera_motion`, and its standard errors, from counts (T, H, W).
+
+    What moves by itself may look like a near part of a scene at rest, which no misfit tells. So the
+    motion is also found without each of eight strips of the view, of 40 % of its width or height.
+    The largest change is part of the error, with the inverse of the information. Takes some eight
+    times as long. Raises as `likely_camera_motion`.
+    """
+    _check(counts, camera)
+    search = _Search.of(counts, camera)
+    best = search.best()
+    motion, variance = best.seen, _variance(best)
+    others = [replace(search, used=used).best().seen for used in _without_strips(counts.shape[1:])]
+    turns = [(each.rotation_deg - motion.rotation_deg) ** 2 for each in others]
+    angles = [_angle_deg(each.heading, motion.heading) ** 2 for each in others]
+    error = CameraMotionError(
+        np.sqrt(np.degrees(1) ** 2 * variance[:3] + np.max(turns, axis=0)),
+        float(np.sqrt(np.degrees(1) ** 2 * variance[3:5].sum() + max(angles))),
+    )
+    return motion, error
+
+
+def _check(counts: Frames, camera: Camera) -> None:
     if counts.shape[1:] != (camera.height, camera.width) or len(counts) < 2:
         raise ValueError(
             f"counts of shape {counts.shape}: give two or more frames of the camera's"
@@ -192,11 +235,41 @@ def likely_camera_motion(counts: Frames, camera: Camera) -> CameraMotion:
         raise ValueError("frames hold negative or non-finite values: give counts, 0 or more")
     if not np.ptp(counts):
         raise ValueError("frames have no contrast; give textured frames")
-    search = _Search.of(counts, camera)
-    misfit = itemgetter(0)
-    starts = sorted((search.steps(each, _FIRST_STEPS) for each in search.starts()), key=misfit)
-    _, best = min((search.steps(each, _STEPS) for _, each in starts[:_GOING_ON]), key=misfit)
-    return CameraMotion(np.degrees(best.turn), best.heading)
+
+
+def _without_strips(shape: tuple[int, ...]) -> Iterator[NDArray[np.bool_]]:
+    """Yield the pixels (H, W) outside each of some strips, which overlap."""
+    height, width = shape
+    for starts, side, axis in ((_ACROSS, width, 1), (_DOWN, height, 0)):
+        for start in starts:
+            used = np.ones(shape, np.bool_)
+            strip = [slice(None), slice(None)]
+            strip[axis] = slice(round(start * side), round((start + _STRIP) * side))
+            used[tuple(strip)] = False
+            yield used
+
+
+def _angle_deg(first: Floats, second: Floats) -> float:
+    return float(np.degrees(np.arccos(np.clip(first @ second, -1, 1))))
+
+
+def _variance(found: "_Found") -> Floats:
+    """Return the variances (8,) of the parameters; of ones without information, of a half turn."""
+    values, vectors = np.linalg.eigh(found.information)
+    least = 1 / np.pi**2
+    return np.asarray((vectors**2 / np.maximum(values, least)).sum(axis=1))
+
+
+class _Found(NamedTuple):
+    cost: float
+    """Negative log-likelihood, before the last step"""
+    motion: _Motion
+    information: Floats
+    """(8, 8), of ω, the direction of t, and α, whatever the inverse depth"""
+
+    @property
+    def seen(self) -> CameraMotion:
+        return CameraMotion(np.degrees(self.motion.turn), self.motion.heading)
 
 
 @dataclass(frozen=True)
@@ -217,6 +290,8 @@ class _Search:
     """Flow of a turn about each axis, (n, m, 2, 3), px"""
     going: Floats
     """Flow of translation along each axis past points at distance 1, (n, m, 2, 3), px"""
+    used: NDArray[np.bool_]
+    """Pixels that count, (H, W)"""
 
     @classmethod
     def of(cls, counts: Frames, camera: Camera) -> "_Search":
@@ -229,28 +304,42 @@ class _Search:
         y, x = np.meshgrid(*sides, indexing="ij")
         centers = np.stack((x, y), axis=-1)
         seen = camera.toward(centers)
-        dense = likelihood.likelihood_flow(counts, _SMOOTHNESS)
+        dense = likely_flow.likelihood_flow(counts, _SMOOTHNESS)
         flow = [
             map_coordinates(along, (y - 0.5, x - 0.5), order=1, mode="nearest")
             for along in np.moveaxis(dense, -1, 0)
         ]
         return cls(
             camera,
-            likelihood.level_of(counts.astype(np.float64)),
+            likelihood.level_of(likelihood.without_defects(counts)),
             likelihood.times_from_reference(len(counts)),
-            likelihood.charge_of(counts, _NEARNESS_SMOOTHNESS),
+            likely_flow.charge_of(counts, _NEARNESS_SMOOTHNESS),
             np.stack(flow, axis=-1),
             centers,
             camera.directions(),
             _flows(camera, centers, seen, [np.cross(seen, axis) for axis in np.eye(3)]),
             _flows(camera, centers, seen, [-axis for axis in np.eye(3)]),
+            np.ones(counts.shape[1:], np.bool_),
         )
+
+    def best(self) -> _Found:
+        """Return the most likely motion."""
+        cost = itemgetter(0)
+        starts = sorted((self.steps(each, _FIRST_STEPS) for each in self.starts()), key=cost)
+        return min((self.steps(each.motion, _STEPS) for each in starts[:_GOING_ON]), key=cost)
+
+    @property
+    def _used_nodes(self) -> NDArray[np.bool_]:
+        """Nodes whose pixels count, (n, m)."""
+        x, y = (self.centers[..., axis].astype(np.intp) for axis in range(2))
+        return np.asarray(self.used[y, x])
 
     def starts(self) -> list[_Motion]:
         """Return initial motions, of which one may be near the most likely."""
         headings = [sign * axis for axis in np.eye(3) for sign in (1, -1)]
+        known = np.where(self._used_nodes[..., np.newaxis], self.flow, np.nan)
         try:
-            found = motion_of_flow(self.camera, self.centers, self.flow).heading
+            found = motion_of_flow(self.camera, self.centers, known).heading
         except ValueError:  # too few nodes: only the axes
             return [self._fitted(each) for each in headings]
         return [self._fitted(each) for each in (found, -found, *headings)]
@@ -260,7 +349,8 @@ class _Search:
         along = self.going @ heading
         power = (along**2).sum(axis=-1)
         power = power + _RIDGE * power.mean()
-        nearness, weight = np.zeros(power.shape), np.ones(power.shape)
+        used = self._used_nodes
+        nearness, weight = np.zeros(power.shape), used.astype(np.float64)
         for _ in range(_FITS):
             root = np.sqrt(weight)[..., np.newaxis]
             left = root * (self.flow - nearness[..., np.newaxis] * along)
@@ -269,17 +359,18 @@ class _Search:
             left = self.flow - self.turning @ turn
             nearness = np.maximum((left * along).sum(axis=-1) / power, 0)
             rest = np.linalg.norm(left - nearness[..., np.newaxis] * along, axis=-1)
-            weight = 1 / np.maximum(rest, _LEAST_LEFT_PX)
+            weight = used / np.maximum(rest, _LEAST_LEFT_PX)
         return _Motion(np.asarray(turn, np.float64), np.zeros(3), heading, nearness)
 
-    def steps(self, motion: _Motion, count: int) -> tuple[float, _Motion]:
-        """Return the motion after `count` steps, and its cost before the last."""
+    def steps(self, motion: _Motion, count: int) -> _Found:
+        """Return the motion after `count` steps."""
         for _ in range(count):
-            misfit, motion = self._step(motion)
-        return misfit, motion
+            found = self._step(motion)
+            motion = found.motion
+        return found
 
-    def _step(self, motion: _Motion) -> tuple[float, _Motion]:
-        """Return the cost (negative log-likelihood) of a motion, and a better motion."""
+    def _step(self, motion: _Motion) -> _Found:
+        """Return the cost of a motion, and a better motion."""
         heading, nearness = motion.heading, motion.nearness
         near = likelihood.finer(
             nearness[np.newaxis], self.level.roots.shape[1:], likelihood.NODE_PX
@@ -309,24 +400,26 @@ class _Search:
         to_near = (along * slopes[0]).sum(axis=-1).ravel() - held @ nearness.ravel()
         diagonal, nodes = near_near.ravel() + _DAMPING * scale**2, np.arange(nearness.size)
         matrix = held + coo_array((diagonal, (nodes, nodes)))
-        change, step = _solved(eight_eight, eight_near, matrix, to_eight, to_near)
+        change, step, left = _solved(eight_eight, eight_near, matrix, to_eight, to_near)
         longest = _LONGEST_STEP_PX / scale
         nearer = nearness + np.clip(step.reshape(nearness.shape), -longest, longest)
         way = heading + sideways @ change[3:5]
         length = np.linalg.norm(way)
         misfit = 2 * self.level.noise * (len(self.times) - 1) * found.misfit * near.size
-        return misfit + charged, _Motion(
+        better = _Motion(
             motion.turn + change[:3],
             motion.change + change[5:],
             way / length,
             np.maximum(nearer, 0) * length,
         )
+        return _Found(misfit + charged, better, left)
 
     def _places(self, heading: Floats, near: Floats, time: float, turn: Floats) -> Floats:
         """Places (2, H, W) at a time of the content of the reference frame's pixels."""
         points = self.seen - time * near[..., np.newaxis] * heading
         turned = Rotation.from_rotvec(-turn).apply(points.reshape(-1, 3))
         image = self.camera.project(turned.reshape(points.shape)) - 0.5
+        image[~self.used] = np.nan
         return np.nan_to_num(np.moveaxis(image[..., ::-1], -1, 0), nan=_NOWHERE)
 
     def _prior(self, nearness: Floats, scale: float) -> tuple[float, coo_array]:
@@ -336,7 +429,7 @@ class _Search:
         """
         first, second = likelihood.links(nearness.shape)
         change = scale * (nearness.ravel()[second] - nearness.ravel()[first])
-        springs = likelihood.stiffness(self.charge, change**2)
+        springs = likely_flow.stiffness(self.charge, change**2)
         rows = np.concatenate((first, second, first, second))
         columns = np.concatenate((first, second, second, first))
         values = scale**2 * np.concatenate((springs, springs, -springs, -springs))
@@ -346,14 +439,17 @@ class _Search:
 
 def _solved(
     eight_eight: Floats, eight_near: Floats, near_near: coo_array, to_eight: Floats, to_near: Floats
-) -> tuple[Floats, Floats]:
-    """Return the steps of eight parameters and of the inverse depth, the latter eliminated."""
+) -> tuple[Floats, Floats, Floats]:
+    """Return the steps of eight parameters and of the inverse depth, which is eliminated.
+
+    The third is the information (8, 8) of the parameters.
+    """
     factors = splu(near_near.tocsc(), permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
     solved = factors.solve(np.column_stack((to_near, eight_near)))
     left = eight_eight - eight_near.T @ solved[:, 1:]
     left += np.diag(_DAMPING * np.diag(eight_eight) + np.finfo(float).tiny)
     change = np.asarray(np.linalg.solve(left, to_eight - eight_near.T @ solved[:, 0]), np.float64)
-    return change, solved[:, 0] - solved[:, 1:] @ change
+    return change, solved[:, 0] - solved[:, 1:] @ change, left
 
 
 def _flows(camera: Camera, centers: Floats, seen: Floats, changes: list[Floats]) -> Floats:

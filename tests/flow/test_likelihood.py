@@ -13,6 +13,7 @@ from megalopta.flow.likelihood import (
     most_likely,
     root_noise,
     suited_blur_px,
+    without_defects,
 )
 
 from .textures import drifting_texture
@@ -124,3 +125,27 @@ def test_blur_goes_as_the_cubic_root_of_noise_over_texture():
     np.testing.assert_allclose(suited_blur_px(np.array([8.0, 1.0]), 2), [0.3, 0.6])
     np.testing.assert_allclose(suited_blur_px(np.array(1.0), 16), 0.3)
     assert suited_blur_px(np.array(-0.1), 2) == suited_blur_px(np.array(0.0), 2)
+
+
+def test_a_hot_and_a_dead_pixel_are_replaced_and_a_moving_spot_is_not():
+    counts = np.random.default_rng(0).poisson(30.0, (2, 20, 20))
+    counts[:, 5, 5] = 400
+    counts[:, 5, 6] = 300  # two side by side
+    counts[:, 12, 12] = 0
+    counts[0, 15, 4] = counts[1, 15, 5] = 400
+    left = without_defects(counts)
+    changed = np.argwhere((left != counts).any(axis=0)).tolist()
+    assert changed == [[5, 5], [5, 6], [12, 12]]
+    assert left[:, [5, 5, 12], [5, 6, 12]].max() < 60
+
+
+def test_a_frame_of_twice_the_light_says_the_same_of_motion():
+    counts = frames(200)
+    brighter = counts * np.array([1, 2, 1, 1])[:, np.newaxis, np.newaxis]
+    same, found = (
+        evidence(level_of(each), STEADY, places((1.2, -0.7))) for each in (counts, brighter)
+    )
+    # Equal brightness of all, that of the mean root: ((3 + √2)/4)² = 1.22. The slope at the right
+    # motion is noise, the information is not.
+    assert found.information.sum() == pytest.approx(1.22 * same.information.sum(), rel=0.05)
+    assert found.misfit == pytest.approx(same.misfit, rel=0.3)

@@ -92,3 +92,12 @@ def test_what_is_no_pair_of_images_is_refused(first, second, told):
         second = 0.5 * second
     with pytest.raises(ValueError, match=told):
         optical_flow(first, second)
+
+
+def test_a_covariance_comes_with_the_flow_of_methods_that_have_one(pair):
+    flow, covariance = optical_flow(*pair, "PF", return_covariance=True)
+    np.testing.assert_array_equal(flow, optical_flow(*pair, "PF"))
+    assert covariance.shape == (96, 128, 2, 2)
+    assert (np.linalg.eigvalsh(covariance) > 0).all()
+    with pytest.raises(ValueError, match="return_covariance: DIS has none; choose PF or PPF"):
+        optical_flow(*pair, "DIS", return_covariance=True)

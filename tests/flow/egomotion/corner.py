@@ -53,3 +53,17 @@ def flight(camera, turn_deg, step_m, frames=8, change_deg=(0, 0, 0)):
             for t in np.arange(frames) - (frames // 2 - 1)
         ]
     )
+
+
+def beside_a_trunk(camera, light, turn_deg, step_m, sideways_m):
+    """The frames of a flight with a trunk 1.5 m ahead, 27 % as wide as the view, that may move."""
+    rays, times = camera.directions().reshape(-1, 3), np.arange(len(light)) - (len(light) // 2 - 1)
+    frames = light.reshape(len(light), -1).copy()
+    for frame, time in zip(frames, times, strict=True):
+        ahead = Rotation.from_rotvec(time * np.radians(turn_deg)).apply(rays)
+        position = time * np.asarray(step_m)
+        points = position + ((1.5 - position[2]) / ahead[:, 2])[:, np.newaxis] * ahead
+        x = points[:, 0] - 0.2 - time * sideways_m
+        on = np.abs(x) < 0.27 * 1.5 * np.tan(np.radians(30))
+        frame[on] = (1 + texture(x[on], points[on, 1], 9, 0.3)).clip(0.05)
+    return frames.reshape(light.shape)

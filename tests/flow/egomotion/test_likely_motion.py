@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from megalopta.flow.egomotion.camera_motion import likely_camera_motion
+from megalopta.flow.egomotion.camera_motion import camera_motion_with_error, likely_camera_motion
 from megalopta.scenes import EquirectangularCamera, PerspectiveCamera
 
-from .corner import flight
+from .corner import beside_a_trunk, flight
 
 CAMERA = PerspectiveCamera(width=96, height=80, fov_deg=60)
 
@@ -72,6 +72,22 @@ def test_a_turn_across_the_seam_of_a_panorama(shape):
     light = (2 + np.sin(9 * east) + np.sin(y / 3 + 5 * east)).clip(0)
     found = likely_camera_motion(counts(light, 50), camera)
     np.testing.assert_allclose(found.rotation_deg, (0, 1.7, 0), atol=0.02)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("sideways_m", [0.0, 0.07])
+def test_a_trunk_that_moves_is_within_the_stated_error(sideways_m):
+    """At rest it is half of what tells the motion; moving, it misleads by 0.3° and 20°."""
+    turn_deg, step_m = (0, 0.4, 0), (0.03, 0.0, 0.05)
+    light = beside_a_trunk(CAMERA, flight(CAMERA, turn_deg, step_m), turn_deg, step_m, sideways_m)
+    drawn = counts(light, 30)
+    motion, error = camera_motion_with_error(drawn, CAMERA)
+    np.testing.assert_array_equal(motion.heading, likely_camera_motion(drawn, CAMERA).heading)
+    off_deg = np.abs(motion.rotation_deg - turn_deg)
+    heading_deg = angle_deg(motion.heading, np.array(step_m))
+    assert (off_deg < 3 * error.rotation_deg).all() and heading_deg < 3 * error.heading_deg
+    is_misled = max(off_deg) > 0.2 or heading_deg > 10
+    assert is_misled == bool(sideways_m)
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,134 @@
+"""Flow of whole frames by likelihood: from the coarsest scale to the finest.
+
+At each scale, Newton steps, each with a new warp, find the flow at nodes 4 px apart that is most
+likely under a prior of the change of velocity with heavy tails: proportional to its size when
+small, to its logarithm when large. Each solves a sparse symmetric system of two unknowns a node by
+factorization, so that evidence reaches any distance in one step. At the finest scales, whole
+displacements that are likelier replace the flow first (`large_motion`). Equations, sources and
+limits: `docs/theory/whole-frame-flow.md`.
+"""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from megalopta.core.arrays import Floats
+from megalopta.flow.flow_covariance import node_covariance
+from megalopta.flow.large_motion import with_large_motion
+from megalopta.flow.likelihood import (
+    NODE_PX,
+    Level,
+    evidence,
+    finer,
+    levels,
+    most_likely,
+    place_of_pixels,
+    times_from_reference,
+    to_nodes,
+    without_defects,
+)
+
+_MOST_BINS = 4
+"""Pixels along a side of the coarsest bins at which large motion is sought"""
+
+_STEADY, _LARGE = 0.003, 1.0
+"""Changes of velocity per pixel, 1/frame: below the first the prior is quadratic, above the second
+it grows as a logarithm"""
+
+_NARROWER, _DIM_PHOTONS = 7.0, 25.0
+"""Factor of the prior in the covariance in bright light: most motions are smoother than the prior
+allows; and photons per pixel in all frames below which it falls, as the flow is then smoother than
+motions are. Fitted to dead leaves and forests at 1 to 1000 photons per pixel and frame"""
+
+_NEWTON_STEPS, _PRIOR_STEPS = 3, 2
+_LONGEST_STEP_PX = 1.0
+_FEW_PHOTONS, _CHARGE_POWER = 20.0, 0.3
+"""Photons per pixel in all frames; fitted to dead leaves and forests, with the smoothness of
+`PoissonFlow`: with fewer, full smoothness loses small moving objects"""
+
+
+def likelihood_flow(counts: NDArray[Any], smoothness: float) -> Floats:
+    """Return the flow (H, W, 2), px per frame, of the frame before the middle; NaN in the dark.
+
+    `counts` (n, H, W): frames of one steady motion, two or more; `smoothness`: penalty in
+    log-likelihood per pixel and unit of the flow's gradient; it is reduced for few photons.
+
+    Raises ValueError for a single frame.
+    """
+    if not counts.any():
+        return np.full((*counts.shape[1:], 2), np.nan)
+    nodes, _ = _most_likely_flow(counts, charge_of(counts, smoothness))
+    return _at_pixels(nodes, counts)
+
+
+def flow_and_covariance(counts: NDArray[Any], smoothness: float) -> tuple[Floats, Floats]:
+    """Return the flow as `likelihood_flow`, and its covariances (H, W, 2, 2), px² per frame².
+
+    The inverse of the information of evidence and prior at nodes, interpolated; the prior's is
+    multiplied by a factor that depends on the light. Where frames do not agree, as where something
+    is hidden, evidence is reduced and the covariance large. NaN in the dark. Raises as
+    `likelihood_flow`.
+    """
+    if not counts.any():
+        return likelihood_flow(counts, smoothness), np.full((*counts.shape[1:], 2, 2), np.nan)
+    charge, times = charge_of(counts, smoothness), times_from_reference(len(counts))
+    nodes, level = _most_likely_flow(counts, charge)
+    found = evidence(level, times[np.newaxis], place_of_pixels(level, times, nodes))
+    narrower = _NARROWER / (1 + _DIM_PHOTONS / counts.sum(axis=0).mean())
+    information = to_nodes(found.products[0] * found.information)
+    covariance = node_covariance(information, _springs(nodes, narrower * charge))
+    at_pixels = _at_pixels(covariance, counts)
+    return _at_pixels(nodes, counts), at_pixels[..., [[0, 1], [1, 2]]]
+
+
+def _most_likely_flow(counts: NDArray[Any], charge: float) -> tuple[Floats, Level]:
+    """Return the flow at nodes, (2, n, m), and the finest level."""
+    if len(counts) < 2:
+        raise ValueError("one frame has no flow: give two or more")
+    times = times_from_reference(len(counts))
+    nodes = np.zeros((2, 1, 1))
+    for level in levels(without_defects(counts)):
+        here = level.roots.shape[1:]
+        nodes = 2 * finer(nodes, tuple(-(-side // NODE_PX) for side in here), 2)
+        if level.bins <= _MOST_BINS:
+            nodes = with_large_motion(level, times, nodes)
+        for _ in range(_NEWTON_STEPS):
+            nodes = nodes + _step(level, times, nodes, charge * level.bins)
+    return nodes, level
+
+
+def _at_pixels(nodes: Floats, counts: NDArray[Any]) -> Floats:
+    """Return values at nodes (k, n, m) at the pixels of frames, (H, W, k)."""
+    return np.moveaxis(finer(nodes, counts.shape[1:], NODE_PX), 0, -1)
+
+
+def charge_of(counts: NDArray[Any], smoothness: float) -> float:
+    """Return the penalty of counts (n, H, W) per unit of the gradient of their flow."""
+    photons = counts.sum(axis=0).mean()
+    return float(smoothness * min(1.0, photons / _FEW_PHOTONS) ** _CHARGE_POWER)
+
+
+def stiffness(charge: float, squared_change: Floats) -> Floats:
+    """Return the stiffness (n, m) of links with a squared change of flow (n, m), px²."""
+    change = np.sqrt(squared_change / NODE_PX**2 + _STEADY**2)
+    return np.asarray(charge / (change * (1 + change / _LARGE)))
+
+
+def _step(level: Level, times: Floats, nodes: Floats, smoothness: float) -> Floats:
+    """Return the step from a flow at nodes, (2, n, m)."""
+    found = evidence(level, times[np.newaxis], place_of_pixels(level, times, nodes))
+    information, slope = to_nodes(found.products[0] * found.information), to_nodes(found.slope[0])
+    xx, xy, yy = information
+    x, y = nodes
+    target = slope + np.stack((xx * x + xy * y, xy * x + yy * y))
+    best = nodes
+    for _ in range(_PRIOR_STEPS):
+        best = most_likely(information, target, _springs(best, smoothness))
+    return np.clip(best - nodes, -_LONGEST_STEP_PX, _LONGEST_STEP_PX)
+
+
+def _springs(nodes: Floats, charge: float) -> tuple[Floats, Floats]:
+    """Return the stiffness of links of a flow (2, n, m) to the right, and downward."""
+    right, down = ((np.diff(nodes, axis=axis) ** 2).sum(axis=0) for axis in (2, 1))
+    return stiffness(charge, right), stiffness(charge, down)
