@@ -58,7 +58,7 @@ _GOING_ON = 2
 _FITS, _LEAST_LEFT_PX = 8, 0.05
 _LONGEST_STEP_PX = 1.0
 _STRIP, _ACROSS, _DOWN = 0.4, (0.0, 0.15, 0.3, 0.45, 0.6), (0.0, 0.3, 0.6)
-"""Width of strips that are left out, and where they begin, in widths and heights of the frame"""
+"""Width of omitted strips, and where they begin, in widths and heights of the frame"""
 _RIDGE = 1e-2
 _DAMPING = 1e-6
 _SMALL = 1e-5

@@ -123,7 +123,9 @@ def _hashed(columns: Sequence[NDArray[np.generic]]) -> NDArray[np.uint64]:
     return found
 
 
-def smoothed(rows: Floats, neighbors: NDArray[np.uint64], rays: Ints, seen: Ints) -> Floats:
+def smoothed(
+    rows: NDArray[np.floating], neighbors: NDArray[np.uint64], rays: Ints, seen: Ints
+) -> NDArray[np.floating]:
     """Smoothed rows (C, 2·n) of clusters: n values, and half the differences of their two halves.
 
     Clusters with equal numbers are neighbors; `rays` of each give its precision.

@@ -48,7 +48,7 @@ class Pages:
         return np.asarray(self._number[place // SIZE] * SIZE + place % SIZE, np.uint32)
 
     def grown(self, values: Any, filler: int) -> Any:
-        """Return values of places (P,) with room for all those given, new ones with a filler."""
+        """Return values of places (P,), extended to all places given so far by a filler."""
         width = dr.width(values)
         if width >= self.places:
             return values
