@@ -10,6 +10,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from megalopta.sensor.calibrate import autocorrelation, dark_distribution, pair_crosstalk
+from megalopta.sensor.calibrate.autocorrelation import Autocorrelation
+from megalopta.sensor.calibrate.pair_crosstalk import PairCrosstalk
 from megalopta.verification.capture_files import SHIPPED, read_measurement
 from megalopta.verification.captures import halves
 
@@ -17,6 +19,9 @@ pairs, rates, pulses = (
     read_measurement(SHIPPED / f"{each}-1.csv")
     for each in ("crosstalk", "dark-counts", "autocorrelation")
 )
+assert isinstance(pairs, PairCrosstalk)
+assert isinstance(rates, np.ndarray)
+assert isinstance(pulses, Autocorrelation)
 figure, (left, middle, right) = plt.subplots(1, 3, figsize=(12, 4), layout="constrained")
 fitted, tested = halves(pairs)
 crosstalk = pair_crosstalk.modelled(pair_crosstalk.fit_crosstalk(fitted), tested)
