@@ -179,9 +179,9 @@ class CameraMotionError:
     """Standard errors of a camera's motion, a moving part of the view included."""
 
     rotation_deg: Floats
-    """Of the rotation vector (3,), degrees per frame, about each axis"""
+    """Standard error of the rotation vector (3,), degrees per frame, about each axis"""
     heading_deg: float
-    """Of the heading, degrees"""
+    """Standard error of the heading, degrees"""
 
 
 def likely_camera_motion(counts: Frames, camera: Camera) -> CameraMotion:

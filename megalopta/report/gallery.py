@@ -221,7 +221,6 @@ _AHEAD = {"frames": 2, "look_at_m": [10, 0, 2.4]}
 _FLOOR = {"frames": 2, "look_at_m": [6, 0, 1.0]}
 _LOW = {"frames": 2, "position_m": [0, 0, 0.7], "look_at_m": [2.5, 0.6, 0.35]}
 _NOON = {"level": "daylight", "sky": "natural", "disc_azimuth_deg": 150}
-_CLOUDY = {"level": "daylight", "sky": "natural", "cloud_cover": 1.0}
 _SUMMARY = (
     "Rendered radiance, exposed for its own light, unlike any eye or camera at night. With photons "
     "given: counts of an ideal sensor, from black (none) to white (the brightest 1 % of pixels)."
@@ -237,8 +236,6 @@ class GalleryView:
     """Parts of a configuration."""
     exposure_s: float | None = None
     """Exposure of an ideal sensor whose counts are also shown."""
-    work: int = 1
-    """Samples as a multiple of other views': light in fog is noisy."""
 
 
 def _forest(
@@ -261,11 +258,6 @@ VIEWS = (
         exposure_s=0.1,
     ),
     GalleryView("A trail through a mixed forest at noon", _forest("trail", _NOON, ALONG_THE_TRAIL)),
-    GalleryView(
-        "The same in fog, under a cloud",
-        _forest("trail", _CLOUDY, ALONG_THE_TRAIL, haze={"visibility_m": 60.0}),
-        work=4,
-    ),
     GalleryView(
         "Close to the ground",
         {**_forest("understorey", _NOON, _LOW), "camera": {**_CAMERA, "fov_deg": 45}},
@@ -302,7 +294,7 @@ def write_views(
     picture.
     """
     views = [*(of_photograph(panorama) if panorama else ()), *views]
-    settings = [_settings(view, samples_per_pixel * view.work) for view in views]
+    settings = [_settings(view, samples_per_pixel) for view in views]
     pictures: list[tuple[str, Image.Image]] = []
     with progress("Rendering views", len(views), "view") as advance:
         for view, each in zip(views, settings, strict=True):

@@ -18,7 +18,7 @@ from megalopta.sensor.compare.in_time import Parts
 from megalopta.sensor.compare.pattern import Deviations, robust_fit
 
 _CHI2 = 60.0
-"""Of five coefficients; exceeded by chance once in 1e11."""
+"""Limit of the chi-squared of five coefficients; chance exceeds it once in 1e11."""
 _FEWEST = 50
 _SMALLEST = 0.03
 """Smallest range over the array, relative."""

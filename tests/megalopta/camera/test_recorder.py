@@ -99,7 +99,7 @@ def test_what_is_no_recording_is_refused(tmp_path):
     with pytest.raises(FileNotFoundError, match="give the folder of a recording"):
         open_recording(tmp_path)
     (tmp_path / "recording.yaml").write_text("kind: dark\n")
-    with pytest.raises(ValueError, match="started: Field required"):
+    with pytest.raises(ValueError, match="started: missing; give a value"):
         open_recording(tmp_path)
 
 
