@@ -144,6 +144,24 @@ class Sequence:
         return self.configuration.camera.intrinsics
 
     @property
+    def undistortion_map(self) -> Float32:
+        """Columns and rows (H, W, 2) for `cv2.remap`, which undistorts images with them.
+
+        Each pixel of a pinhole's image with the same matrix gets its place in the distorted image,
+        with pixel centers at integers; NaN where there is none. Raises UserError for other cameras
+        than kind `opencv`.
+        """
+        from megalopta.scenes import OpenCVCamera
+
+        camera = self.configuration.camera
+        if not isinstance(camera, OpenCVCamera):
+            raise UserError(
+                f"{self.name}: camera.kind {camera.kind!r} has no undistortion map; only 'opencv' "
+                "has one"
+            )
+        return camera.undistortion_map().astype(np.float32)
+
+    @property
     def radiance(self) -> LazyFrames:
         """Spectral radiance (T, H, W, B), W·m⁻²·sr⁻¹·nm⁻¹, through the shutter."""
         from megalopta.dataset.frames import read_radiance_frame
@@ -260,7 +278,10 @@ class Sequence:
 
     @property
     def disparity(self) -> LazyFrames:
-        """Disparity (T, H, W), px, to the camera `stereo_with`. Raises UserError without one."""
+        """Disparity (T, H, W), px, to the camera `stereo_with`; NaN from 1024 px on.
+
+        Raises UserError without such a camera.
+        """
         from megalopta.dataset.stereo import read_disparity
 
         if self.configuration.stereo_with is None:

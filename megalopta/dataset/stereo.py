@@ -3,7 +3,8 @@
 Disparity is focal length (px) × baseline / depth, ≥ 0: a point at column x of the left image is at
 column x − disparity of the right one.
 
-- Sintel: 8-bit RGB PNG, red·4 + green/2⁶ + blue/2¹⁴ px, up to 1024 px (its stereo package).
+- Sintel: 8-bit RGB PNG, red·4 + green/2⁶ + blue/2¹⁴ px (its stereo package). Here white is unknown:
+  1024 px and more.
 - KITTI: 16-bit gray PNG, disparity·256; 0 is unknown (Menze and Geiger, CVPR 2015).
 """
 
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from megalopta.render import Flow
 
 _SINTEL_PER_PX, _SINTEL_CODES = 2**14, 2**24
+_UNKNOWN = 255
 _KITTI_PER_PX, _KITTI_CODES = 256, 2**16
 
 
@@ -29,34 +31,38 @@ def write_disparity(root: Path, sequence: str, index: int, flow: "Flow", baselin
     """Write the disparity of a frame, and a mask of pixels hidden from the other camera.
 
     The flow leads to the other camera, at a baseline (m, positive to the right). The mask also has
-    pixels out of the other camera's view.
+    pixels out of the other camera's view, and those of unknown disparity.
     """
     name = f"frame_{index + 1:04d}.png"
     # A point at infinity has a disparity of 0, to rounding.
     disparity = np.maximum(-np.sign(baseline_m) * flow.displacement[..., 0], 0)
-    write_png(root / "disparities" / sequence / name, sintel_codes(disparity))
-    unmatched = mask_of(flow.occluded | flow.out_of_view)
-    write_png(root / "occlusions_stereo" / sequence / name, unmatched)
+    codes = sintel_codes(disparity)
+    write_png(root / "disparities" / sequence / name, codes)
+    unmatched = flow.occluded | flow.out_of_view | (codes == _UNKNOWN).all(axis=-1)
+    write_png(root / "occlusions_stereo" / sequence / name, mask_of(unmatched))
 
 
 def sintel_codes(disparity: NDArray[np.floating]) -> NDArray[np.uint8]:
-    """Sintel's red, green and blue (H, W, 3) of disparities (H, W), px; limited to its range."""
+    """Sintel's red, green and blue (H, W, 3) of disparities (H, W), px; white if unknown."""
     exact = np.rint(disparity.astype(np.float64) * _SINTEL_PER_PX)
     code = np.minimum(exact, _SINTEL_CODES - 1).astype(np.uint32)
     return np.stack([code >> 16, code >> 8 & 255, code & 255], axis=-1).astype(np.uint8)
 
 
 def read_disparity(path: Path) -> NDArray[np.float32]:
-    """Read a disparity (H, W), px, in Sintel's layout."""
+    """Read a disparity (H, W), px, in Sintel's layout; NaN if unknown."""
     with Image.open(path) as image:
-        red, green, blue = np.moveaxis(np.asarray(image, dtype=np.float64), -1, 0)
-    return np.asarray(red * 4 + green / 2**6 + blue / _SINTEL_PER_PX, np.float32)
+        codes = np.asarray(image, dtype=np.float64)
+    disparity = codes @ [4, 2**-6, 1 / _SINTEL_PER_PX]
+    is_unknown = (codes == _UNKNOWN).all(axis=-1)
+    return np.where(is_unknown, np.nan, disparity).astype(np.float32)
 
 
 def write_kitti_disparity(path: Path, disparity: NDArray[np.floating]) -> None:
     """Write a disparity (H, W), px, in KITTI's layout.
 
-    The smallest code, 1/256 px, also is that of infinity; disparities from 256 px on are unknown.
+    The smallest code, 1/256 px, also is that of infinity; disparities from 256 px on, and NaN, are
+    unknown.
     """
     codes = np.maximum(np.rint(disparity.astype(np.float64) * _KITTI_PER_PX), 1)
     image = np.where(codes < _KITTI_CODES, codes, 0).astype(np.uint16)

@@ -149,12 +149,12 @@ class _Exposed:
     def entered(self, record: SequenceRecord, dataset: Dataset) -> SequenceRecord:
         known = _known(record)
         made = [each for each in exposure_statistics(dataset) if each.name not in known]
-        counts = dataset.root / "counts" / record.sequence
-        for path in sorted(counts.iterdir()):
+        folders = [dataset.root / kind / record.sequence for kind in ("counts", "corrected")]
+        for path in sorted(path for folder in folders for path in folder.glob("*")):
             if product_stem(path) in known:
                 files.remove(path)
         sensed = record.stages["sense"]
-        hashes = {**(sensed.files or {}), **hashes_of(dataset.root, [counts])}
+        hashes = {**(sensed.files or {}), **hashes_of(dataset.root, folders)}
         stages = {**record.stages, "sense": sensed.model_copy(update={"files": hashes})}
         assert record.statistics is not None
         exposures = (*record.exposures, *made)

@@ -154,6 +154,14 @@ class OpenCVCamera(Camera, frozen=True):
             plane = across / np.where(angle < math.pi / 2 - SINGULAR_RAD, ahead, np.nan)
         return self._lens.done(plane) * self._focal + self._principal
 
+    def undistortion_map(self) -> Floats:
+        """Where the pixels of a pinhole's image with the same matrix are in this one (H, W, 2), px.
+
+        Pixel centers are at integers, as in OpenCV. NaN where the lens maps nothing.
+        """
+        plane = (self.pixel_centers() - self._principal) / self._focal
+        return self.project(np.dstack([plane, np.ones(self.shape)])) - 0.5
+
     def depth(self, distance: Floats) -> Floats:
         """Depth (H, W), m, from distances (H, W) along the rays; the same for a fisheye."""
         return distance if self.fisheye else distance * self.directions()[..., 2]

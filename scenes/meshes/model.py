@@ -21,7 +21,7 @@ from megalopta.scenes.motion import Vector
 MOST_TRIANGLES = 10**7
 """Most triangles of a file."""
 SMALLEST_M, LARGEST_M = 1e-3, 5000.0
-"""Smallest and largest extent of a file, m."""
+"""Smallest extent of a file, and the one from which it is too large, m."""
 
 _FARTHEST = 1e300
 
@@ -104,7 +104,7 @@ class PlacedMesh(Record, frozen=True):
     def _check_count(self, count: int) -> None:
         if count > MOST_TRIANGLES:
             raise ValueError(
-                f"{self.file.path} has {count:.3g} triangles, more than {MOST_TRIANGLES:.0e}; "
+                f"{self.file.path} has {count:,} triangles, more than {MOST_TRIANGLES:,}; "
                 "simplify it, or split it into several files"
             )
 
@@ -116,10 +116,10 @@ class PlacedMesh(Record, frozen=True):
         self._check_count(sum(len(piece.faces) for piece in pieces))
         corners = np.concatenate([piece.vertices[np.unique(piece.faces)] for piece in pieces])
         extent = min(float(np.ptp(corners, axis=0).max()), _FARTHEST)
-        if not SMALLEST_M <= extent <= LARGEST_M:
+        if not SMALLEST_M <= extent < LARGEST_M:
             better = _nearer(extent, self.scale)
             raise ValueError(
-                f"{self.file.path} extends over {extent:.3g} m at a scale of {self.scale:g}; give "
+                f"{self.file.path} extends over {extent:.4g} m at a scale of {self.scale:g}; give "
                 f"the length of its unit in meters, such as `scale: {better:g}`"
             )
 
@@ -143,7 +143,7 @@ def pose_of(position_m: Vector, turn_deg: Vector) -> Floats:
 
 def _nearer(extent: float, scale: float) -> float:
     """Scale in steps of a thousand, such as millimeters, that makes an extent possible."""
-    step = 1e-3 if extent > LARGEST_M else 1e3
-    while not SMALLEST_M <= extent <= LARGEST_M:
+    step = 1e-3 if extent >= LARGEST_M else 1e3
+    while not SMALLEST_M <= extent < LARGEST_M:
         extent, scale = extent * step, scale * step
     return scale

@@ -129,9 +129,9 @@ def _fans(lines: list[str], corners: int, slashes: int, has_no_uv: bool) -> Corn
 def _piece(file: _ObjFile, of: tuple[int, str], corners: Corners, paint: Paint) -> Piece:
     tables = file.positions, file.uv, file.normals
     sizes = [len(table) + 1 for table in tables]
-    if corners[..., 0].min(initial=1) < 1:
-        raise ValueError("it has faces of vertices that are not there")
-    # One vertex for each combination of position, coordinates and normal; raises beyond the tables.
+    if ((corners < [1, 0, 0]) | (corners >= sizes)).any():
+        raise ValueError("it has faces of vertices, coordinates or normals that are not there")
+    # One vertex for each combination of position, coordinates and normal.
     keys = np.ravel_multi_index(tuple(np.moveaxis(corners, -1, 0)), sizes)
     chosen, faces = np.unique(keys, return_inverse=True)
     place, of_uv, of_normal = (each - 1 for each in np.unravel_index(chosen, sizes))

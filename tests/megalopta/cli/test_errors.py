@@ -8,6 +8,7 @@ import sys
 from itertools import groupby
 
 import pytest
+import trimesh
 
 from megalopta.cli import main as cli
 
@@ -60,6 +61,43 @@ def test_a_mistake_gets_one_sentence_and_makes_nothing(
     monkeypatch.chdir(tmp_path)
     assert message in refused(capsys, *arguments)
     assert not list(tmp_path.iterdir())
+
+
+TRIANGLE = b"v 0 0 0\nv 1 0 0\nv 0 1 0\n"
+CORNERS = b"f 1 2 3\n"
+BAD_MESHES = {
+    "broken": (
+        "a.glb",
+        lambda: cube(1, "glb")[:-9],
+        "a.glb cannot be read (it ends early); repair",
+    ),
+    "no texture": (
+        "a.obj",
+        lambda: b"mtllib a.mtl\n" + TRIANGLE + CORNERS,
+        "names wood.png, which",
+    ),
+    "large": ("a.obj", lambda: TRIANGLE + CORNERS * (10**7 + 1), "has 10,000,001 triangles, more"),
+    "flat": ("a.obj", lambda: TRIANGLE + b"f 1 1 2\n", "a.obj has no triangle with an area; give"),
+    "unit": ("a.stl", lambda: cube(5e3, "stl"), "extends over 5000 m at a scale of 1; give the"),
+}
+
+
+def cube(size, kind):
+    return trimesh.creation.box((size, size, size)).export(file_type=kind)
+
+
+@pytest.mark.parametrize(("name", "content", "message"), BAD_MESHES.values(), ids=BAD_MESHES)
+def test_a_bad_mesh_gets_one_sentence_and_makes_nothing(
+    capsys, tmp_path, monkeypatch, name, content, message
+):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "a.mtl").write_text("newmtl wood\nmap_Kd wood.png\n")
+    (tmp_path / name).write_bytes(content())
+    with pytest.raises(SystemExit):
+        cli.main(["demo", "--scene.kind", "meshes", "--scene.files", name, "--out", "out"])
+    *_, told = capsys.readouterr().err.splitlines()
+    assert message in told
+    assert not any((tmp_path / "out").rglob("*"))
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,8 @@ from megalopta.cli.main import main
 from megalopta.core.errors import UserError
 from megalopta.dataset.layout import Tree
 from megalopta.dataset.store import hashes_of
-from megalopta.generation.adding import measure
+from megalopta.generation.adding import expose, measure
+from megalopta.generation.making import make
 from megalopta.verification.files import check_files
 
 METHODS = {"methods": "[BM]"}
@@ -51,6 +52,21 @@ def test_what_is_finished_is_kept_and_other_settings_are_refused(copy):
         measure(copy, "flow", {"camera.width": "16"})
     measure(copy, "flow", {"methods": "[LK]"}, redo=True)
     assert not check_files(Tree(copy))
+
+
+def test_corrected_frames_of_new_exposures_are_on_record_and_others_stay(single_plan, tmp_path):
+    calibration = {"frames": 2, "hot_times": 10}
+    plan = single_plan.model_copy(
+        update={"every": {**single_plan.every, "correct": True, "calibration": calibration}}
+    )
+    make(tmp_path, plan)
+    before = hashes_of(tmp_path, [tmp_path / "corrected"])
+    expose(tmp_path, {"sensors": "[spadcam]", "light_levels": "[twilight, full_moon]"})
+    assert not check_files(Tree(tmp_path))
+    after = hashes_of(tmp_path, [tmp_path / "corrected"])
+    assert before.items() < after.items() and before
+    (sequence,) = megalopta.open_dataset(tmp_path)
+    assert sequence.corrected("spadcam-full_moon")[0].shape == sequence.shape
 
 
 def test_damaged_results_are_made_again(copy):

@@ -56,6 +56,22 @@ def test_directions_are_those_whose_image_is_the_pixel(lens):
     np.testing.assert_allclose(camera.project(3 * directions), centers, rtol=0, atol=1e-10)
 
 
+@EVERY_LENS
+def test_the_undistortion_map_is_that_of_opencv(lens):
+    camera = camera_of(lens)
+    matrix = np.array([[camera.fx_px, 0, camera.cx_px], [0, camera.fy_px, camera.cy_px], [0, 0, 1]])
+    size, kind = (camera.width, camera.height), cv2.CV_32FC1
+    if camera.fisheye:
+        given = matrix, np.array(camera.fisheye), np.eye(3), matrix, size, kind
+        expected = cv2.fisheye.initUndistortRectifyMap(*given)
+    else:
+        given = matrix, np.array(camera.distortion or [0.0] * 5), np.eye(3), matrix, size, kind
+        expected = cv2.initUndistortRectifyMap(*given)
+    # float32 steps of some 60 px
+    found = camera.undistortion_map()
+    np.testing.assert_allclose(found, np.dstack(expected), rtol=0, atol=4e-6)
+
+
 def test_a_fisheye_sees_behind_its_image_plane():
     camera = camera_of({"fisheye": (0.0,) * 4}, fx_px=16, fy_px=16, cx_px=31.5, cy_px=23.5)
     angle = np.radians([-110, 0, 100])
