@@ -4,8 +4,9 @@ Flow is rederived from stored depth, poses and motions by plain formulas (`reder
 directions. A bending object differs from its motion by the straight edges of its triangles, which
 only shows in the largest percent. Then the next image is warped back along the stored flow, and the
 remaining shift between it and this image is estimated by least squares on the gradient (Lucas and
-Kanade, 1981), over the whole image. Aliasing, noise and moving shadows leave one or two tenths of a
-pixel; a wrong sign or a grid off by half a pixel leaves more than the limit.
+Kanade, 1981), over the whole image. Aliasing and moving shadows leave one or two tenths of a pixel;
+a wrong sign or a grid off by half a pixel leaves more than the limit. Noise of the rendering leaves
+more in small images, so three standard errors of the shift are subtracted.
 
 The truth of whole pixels is compared with that of their centers. A center is a place like any other
 of its pixel. Where one object fills the pixel, its flow belongs to the distribution with the given
@@ -72,7 +73,8 @@ def run_check_truth(dataset: Dataset, console: Console | None = None) -> bool:
     console.print(
         "at rest and sky: from depth and poses; moving: from position and motion; pixel mean: "
         "whole pixels against their centers; shares: likewise, in standard errors; outlines: share "
-        "without mixed pixels; image: the next one, warped back along the flow",
+        "without mixed pixels; image: shift of the next one, warped back along the flow, beyond "
+        "noise",
         highlight=False,
     )
     table = Table(caption="pass: median below its limit")
@@ -114,7 +116,7 @@ def check_truth(dataset: Dataset) -> list[Residual]:
 def remaining_shift(image: Floats, following: Floats, truth: Truth) -> float:
     """Length (px) of the remaining shift of an image (H, W) and the next one, warped by its flow.
 
-    NaN where nothing is visible in both.
+    Less three standard errors; NaN where nothing is visible in both.
     """
     height, width = image.shape
     x = np.arange(width) + truth.flow_forward[..., 0]
@@ -130,9 +132,12 @@ def remaining_shift(image: Floats, following: Floats, truth: Truth) -> float:
     warped[inside] = map_coordinates(following, [y[inside], x[inside]], order=3, mode="nearest")
     first, second = (gaussian_filter(each, _SMOOTHING_PX) for each in (image, warped))
     down, right = np.gradient((first + second) / 2)
-    slope = np.stack([right, down], axis=-1)[inside]
-    shift, *_ = np.linalg.lstsq(slope, (first - second)[inside], rcond=None)
-    return float(np.linalg.norm(shift))
+    slope, difference = np.stack([right, down], axis=-1)[inside], (first - second)[inside]
+    shift, *_ = np.linalg.lstsq(slope, difference, rcond=None)
+    left = ((difference - slope @ shift) ** 2).mean()
+    # Smoothed noise is alike over an area of 4πσ².
+    squared_error = 4 * np.pi * _SMOOTHING_PX**2 * left * np.trace(np.linalg.pinv(slope.T @ slope))
+    return float(max(np.linalg.norm(shift) - 3 * np.sqrt(squared_error), 0))
 
 
 class _Frame(NamedTuple):
