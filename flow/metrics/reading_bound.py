@@ -32,7 +32,7 @@ from megalopta.sensor import Sensor, reading_moments
 from megalopta.sensor.spad.device import draw_fixed_pattern
 
 _STEP = 0.01
-"""Share of the light, or px, by which slopes are found"""
+"""Share of the light by which slopes are found"""
 _CONSTANT = 1e-10
 """Variance over squared mean below which a reading is constant, and its slope rounding"""
 _PARTS_PER_PX = 2
@@ -64,19 +64,14 @@ def reading_slopes(light_hz: Floats, sensor: Sensor) -> ReadingSlopes:
     differences of the sensor's pixels are added.
     """
     rows, columns = light_hz.shape
-    factor = draw_fixed_pattern(sensor, (rows, columns)).efficiency_factor
-    of_light = spline_gradient(light_hz)
-    # a reading depends on the light of its own pixel, or with crosstalk on that of its neighbors
-    steps = of_light * _STEP if sensor.crosstalk.is_on else light_hz[np.newaxis] * _STEP
-    rates = np.concatenate((light_hz - steps, light_hz + steps)).clip(0) * factor
-    mean, variance = (each.reshape(2, -1, rows, columns) for each in reading_moments(rates, sensor))
-    slope = (mean[1] - mean[0]) / (2 * _STEP)
-    if not sensor.crosstalk.is_on:
-        relative = np.divide(of_light, light_hz, out=np.zeros_like(of_light), where=light_hz > 0)
-        slope = slope * relative
-    middle = variance.mean(axis=(0, 1)) / (1 - sensor.crosstalk.mean_fired_neighbors) ** 2
-    varies = middle > _CONSTANT * mean.mean(axis=(0, 1)) ** 2
-    return ReadingSlopes(slope, np.where(varies, middle, 0.0))
+    rates = light_hz * draw_fixed_pattern(sensor, (rows, columns)).efficiency_factor
+    mean, variance = reading_moments(np.stack(((1 - _STEP) * rates, (1 + _STEP) * rates)), sensor)
+    steepness = np.zeros((2, rows, columns))
+    np.divide(spline_gradient(light_hz), light_hz, out=steepness, where=light_hz > 0)
+    noise = variance.mean(axis=0) / (1 - sensor.crosstalk.mean_fired_neighbors) ** 2
+    varies = noise > _CONSTANT * mean.mean(axis=0) ** 2
+    gradient = steepness * (mean[1] - mean[0]) / (2 * _STEP)
+    return ReadingSlopes(gradient, np.where(varies, noise, 0.0))
 
 
 def blurred_by_motion(light: Floats, way: Floats) -> Floats:
@@ -89,11 +84,9 @@ def blurred_by_motion(light: Floats, way: Floats) -> Floats:
         return light
     coefficients, centers = spline_filter(light, mode="nearest"), np.indices(light.shape)
     times = (np.arange(parts + 1) + 0.5) / (parts + 1) - 0.5
+    way_yx = np.moveaxis(way[..., ::-1], -1, 0)
     moved = [
-        map_coordinates(
-            coefficients, centers - time * np.moveaxis(way[..., ::-1], -1, 0), prefilter=False,
-            mode="nearest",
-        )
+        map_coordinates(coefficients, centers - time * way_yx, prefilter=False, mode="nearest")
         for time in times
-    ]  # fmt: skip
+    ]
     return np.asarray(np.mean(moved, axis=0)).clip(0)

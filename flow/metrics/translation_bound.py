@@ -54,14 +54,9 @@ def fisher_information(means: Floats, grid: BlockGrid) -> Floats:
 
 def spline_gradient(image: Floats) -> Floats:
     """Return the gradient (2, H, W) of the cubic spline through an image (H, W): along x, y."""
-    return np.stack(
-        [
-            CubicSpline(np.arange(image.shape[axis]), image, axis=axis)(
-                np.arange(image.shape[axis]), 1
-            )
-            for axis in (1, 0)
-        ]
-    )
+    places = [np.arange(size) for size in image.shape]
+    each = [CubicSpline(places[axis], image, axis=axis)(places[axis], 1) for axis in (1, 0)]
+    return np.stack(each)
 
 
 def information_of(gradient: Floats, variance: Floats, grid: BlockGrid) -> Floats:

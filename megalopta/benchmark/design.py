@@ -22,10 +22,10 @@ from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any, NamedTuple, Self
 
 import numpy as np
-from pydantic import Field, field_validator
+from pydantic import Field, field_validator, model_validator
 
 from megalopta.assets_gen import generator
 from megalopta.assets_gen.dead_leaves_model import dead_leaves
@@ -33,7 +33,7 @@ from megalopta.config.light_scale import light_scale
 from megalopta.config.model import LightLevel
 from megalopta.config.yaml_model import validated
 from megalopta.core.arrays import Floats
-from megalopta.core.errors import UserError
+from megalopta.core.errors import refused_as
 from megalopta.core.progress import progress
 from megalopta.core.record import Record
 from megalopta.core.validation import checked
@@ -51,12 +51,12 @@ from megalopta.sensor.optics.pixels import detected_rate
 
 Positive = Annotated[float, Field(gt=0)]
 
-UNITS = {"px": "error_px", "deg/s": "error_deg_s"}
-"""Units of the stated error, and the quantity that it limits"""
+MEASURES = "error_px", "error_deg_s"
+_REFLECTANCE = 0.2
 _BANDS_NM = [(float(low), float(low + 25)) for low in range(400, 1000, 25)]
 _RADII_PX = (1.5, 20.0)
 _EXPOSURES, _DECADES = 21, 4
-_TURN_RAD = 1e-4
+_TURN_RAD, _LARGEST_TURN_DEG = 1e-4, 45
 _MORE_BITS = 7
 """Bits of swing and ADC that keep an analog counter from saturating, with the same noise"""
 _TOO_DARK = "too few photons in a frame"
@@ -65,7 +65,7 @@ _TOO_DARK = "too few photons in a frame"
 class DesignSettings(Record, frozen=True):
     """Settings of a design."""
 
-    error: Annotated[str, Field(pattern=r"^[0-9.e+-]+ ?(px|deg/s)$")] = "0.1px"
+    error: Annotated[str, Field(pattern=r"^\d*\.?\d+(e[+-]?\d+)? ?(px|deg/s)$")] = "0.1px"
     """Standard error to reach: of flow, such as 0.1px (per frame), or of yaw rate, such as
     2deg/s."""
     light_levels: Annotated[tuple[LightLevel, ...], Field(min_length=1)] = (
@@ -92,39 +92,35 @@ class DesignSettings(Record, frozen=True):
     """Side of the blocks whose flow is estimated (px)."""
     camera: PerspectiveCamera = PerspectiveCamera(width=96, height=72, fov_deg=60)
     """Camera; a dataset has its own."""
-    reflectance: Annotated[float, Field(gt=0, le=0.5)] = 0.2
-    """Mean reflectance of the dead leaves (from 0.18 to 1.8 times it)."""
-    seed: int = 0
-    """Seed of the dead leaves."""
 
     @field_validator("light_levels", "exposure_s", "pitch_m", "f_number", "pde", "dark_counts_hz")
     @classmethod
     def _each_once(cls, values: tuple[Any, ...]) -> tuple[Any, ...]:
         return each_once(values)
 
-    @field_validator("error")
-    @classmethod
-    def _error_is_positive(cls, error: str) -> str:
-        if not 0 < _split(error)[0] < math.inf:
-            raise ValueError(f"{error!r} is not positive; give a standard error such as 0.1px")
-        return error
-
-    @field_validator("light_levels")
-    @classmethod
-    def _levels_are_known(cls, levels: tuple[LightLevel, ...]) -> tuple[LightLevel, ...]:
-        for level in levels:
+    @model_validator(mode="after")
+    def _can_be_reached(self) -> Self:
+        if not 0 < self.target < math.inf:
+            raise ValueError(f"error {self.error!r} is not positive; give one such as 0.1px")
+        for level in self.light_levels:
             illuminance_of(level)
-        return levels
+        if self.yaw_deg_s > _LARGEST_TURN_DEG * self.frame_rate_hz:
+            raise ValueError(
+                f"yaw_deg_s {self.yaw_deg_s:g} at frame_rate_hz {self.frame_rate_hz:g} turns the "
+                f"camera by more than {_LARGEST_TURN_DEG}° in a frame; lower the one or raise the "
+                "other"
+            )
+        return self
 
     @property
     def target(self) -> float:
-        """Stated error in its unit."""
-        return _split(self.error)[0]
+        """Stated error in its unit. Raises ValueError if it is not a number."""
+        return float(self.error.rstrip("pxdeg/s "))
 
     @property
     def measure(self) -> str:
-        """Quantity that the stated error limits: a field of `DesignPoint`."""
-        return UNITS[_split(self.error)[1]]
+        """Field of `DesignPoint` that the stated error limits."""
+        return MEASURES[0 if self.error.endswith("px") else 1]
 
     @property
     def exposures(self) -> tuple[float, ...]:
@@ -144,12 +140,6 @@ class DesignSettings(Record, frozen=True):
         """Values of the quantities that are compared, by name."""
         names = "pitch_m", "f_number", "pde", "dark_counts_hz"
         return {name: getattr(self, name) for name in names if getattr(self, name)}
-
-
-def _split(error: str) -> tuple[float, str]:
-    """Return number and unit of a stated error. Raises ValueError."""
-    unit = next(each for each in UNITS if error.endswith(each))
-    return float(error.removesuffix(unit)), unit
 
 
 class Scene(NamedTuple):
@@ -226,27 +216,19 @@ def design(
     UserError
         If a setting or the sensor cannot be used.
     """
-    return _refused(sensor, dataset, validated(DesignSettings, settings, "design"))
+    return designed(sensor, dataset, validated(DesignSettings, settings, "design"))
 
 
-def run_design(
-    sensor: str, dataset: Path | None = None, settings: Mapping[str, str] | None = None
-) -> Design:
-    """Return the same for settings by name, as YAML. Raises UserError."""
-    return _refused(sensor, dataset, validated(DesignSettings, {}, "settings", settings))
-
-
-def _refused(
+def designed(
     sensor: Sensor | str | Path, dataset: str | Path | None, chosen: DesignSettings
 ) -> Design:
-    try:
+    """Return the same for complete settings. Raises UserError."""
+    with refused_as("design"):
         return _designed(_sensor(sensor), dataset, chosen)
-    except ValueError as problem:
-        raise UserError(f"design: {problem}") from None
 
 
 def _designed(sensor: Sensor, dataset: str | Path | None, chosen: DesignSettings) -> Design:
-    scene = _of_dataset(open_sequence(Path(dataset))) if dataset else _leaves(chosen, sensor)
+    scene = _of_dataset(open_sequence(Path(dataset))) if dataset else leaves_scene(chosen, sensor)
     work = _Work(scene, chosen)
     names, values = tuple(chosen.varied), tuple(chosen.varied.values())
     cases = [dict(zip(names, each, strict=True)) for each in product(*values)]
@@ -348,7 +330,7 @@ class _Work:
         """Return the least error over the exposures without some causes of error."""
         for cause in removed:
             sensor = _CAUSES[cause](sensor)
-        blurs, at = _BLUR not in removed, list(UNITS.values()).index(self._settings.measure)
+        blurs, at = _BLUR not in removed, MEASURES.index(self._settings.measure)
         return min(self.errors(sensor, level, t, blurs)[at] for t in self.times[::-3])
 
 
@@ -397,7 +379,7 @@ def _sensor(given: Sensor | str | Path) -> Sensor:
     return load_sensor(given) if is_file else preset(str(given))
 
 
-def _leaves(settings: DesignSettings, sensor: Sensor) -> Scene:
+def leaves_scene(settings: DesignSettings, sensor: Sensor) -> Scene:
     """Return dead leaves, as large as the view, in the bands that the sensor's curves cover."""
     curves = sensor.efficiency, sensor.lens.transmission_curve
     ends = [(each.wavelengths_nm[0], each.wavelengths_nm[-1]) for each in curves if each]
@@ -408,15 +390,15 @@ def _leaves(settings: DesignSettings, sensor: Sensor) -> Scene:
         raise ValueError(f"{sensor.name}: its curves cover no light from 400 to 1000 nm")
     rows, columns = settings.camera.shape
     largest = min(_RADII_PX[1], min(rows, columns) / 2)
-    image = dead_leaves(
-        (rows, columns), generator(settings.seed, "design"), (_RADII_PX[0], largest)
-    )
-    reflectance = settings.reflectance * image / image.mean()
+    image = dead_leaves((rows, columns), generator(0, "design"), (_RADII_PX[0], largest))
+    reflectance = _REFLECTANCE * image / image.mean()
 
     def radiance(level: LightLevel) -> Floats:
         name = level if isinstance(level, str) else "daylight"
         scale = illuminance_of(level) / LEVELS[name].illuminance_lux / math.pi
-        spectrum = scale * LEVELS[name].spectrum()(np.mean(bands, axis=1))
+        low, high = np.array(bands).T
+        inside = np.linspace(low, high, 101)
+        spectrum = scale * LEVELS[name].spectrum()(inside).mean(axis=0)
         return np.asarray(reflectance[np.newaxis, ..., np.newaxis] * spectrum)
 
     return Scene(radiance, bands, settings.camera)

@@ -18,11 +18,8 @@ from megalopta.plotting.text import UNDEFINED, level_name, number, short
 
 _CHARTS = 4
 _NUMBERS = FuncFormatter(lambda value, _: f"{value:g}")
-_AXES = {
-    "error_px": "standard error of flow (px)",
-    "error_deg_s": "standard error of yaw rate (°/s)",
-}
-_UNITS = {"error_px": "px", "error_deg_s": "°/s"}
+_MEASURES = {"error_px": ("flow", "px"), "error_deg_s": ("yaw rate", "°/s")}
+"""What is measured, and its unit"""
 _QUANTITIES = {
     "pitch_m": ("pitch", "µm", 1e6),
     "f_number": ("f-number", "", 1.0),
@@ -46,7 +43,7 @@ def table_head(design: Design) -> tuple[str, ...]:
 
 def table_cells(design: Design, row: DesignRow) -> tuple[str, ...]:
     """Return a line of that table."""
-    unit = _UNITS[design.settings.measure]
+    _, unit = _MEASURES[design.settings.measure]
     values = (_value(name, value) for name, value in row.case.items())
     exposure = _ms(row.exposure_s) if row.exposure_s else "not reachable"
     least = f"{number(row.best_error)} {unit} at {_ms(row.best_exposure_s)}"
@@ -112,6 +109,7 @@ def _curves(design: Design) -> Iterator[Markup]:
 def _curve_chart(design: Design, points: Sequence[DesignPoint], name: str) -> Markup:
     """Draw errors over exposures, a line per light level."""
     figure, axes = new_axes(*CHART_PT)
+    measured = _MEASURES[design.settings.measure]
     for place, level in enumerate(design.settings.light_levels):
         own = [each for each in points if each.level == level]
         errors = np.array([getattr(each, design.settings.measure) for each in own])
@@ -121,7 +119,7 @@ def _curve_chart(design: Design, points: Sequence[DesignPoint], name: str) -> Ma
     axes.axhline(design.settings.target, color=BLACK, linewidth=1)
     logarithmic(axes, "x", _NUMBERS)
     logarithmic(axes, "y", _NUMBERS)
-    axes.set(xlabel="exposure (ms)", ylabel=_AXES[design.settings.measure])
+    axes.set(xlabel="exposure (ms)", ylabel="standard error of {} ({})".format(*measured))
     return with_legend(figure, name, "Error over exposure, a line per light level")
 
 
@@ -165,7 +163,7 @@ def _value(name: str, value: float) -> str:
 
 
 def _asked(design: Design) -> str:
-    return f"exposure for {number(design.settings.target)} {_UNITS[design.settings.measure]}"
+    return f"exposure for {short(design.settings.target)} {_MEASURES[design.settings.measure][1]}"
 
 
 def _head(name: str) -> str:

@@ -29,10 +29,12 @@ def _design(options: Namespace) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    from megalopta.benchmark.design import run_design
+    from megalopta.benchmark.design import DesignSettings, designed
     from megalopta.benchmark.design_page import table_cells, table_head, write_design
+    from megalopta.config.yaml_model import validated
 
-    found = run_design(options.sensor, options.dataset, options.overrides)
+    settings = validated(DesignSettings, {}, "settings", options.overrides)
+    found = designed(options.sensor, options.dataset, settings)
     table = Table(*table_head(found))
     for row in found.rows:
         table.add_row(*table_cells(found, row))
