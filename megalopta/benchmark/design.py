@@ -59,7 +59,7 @@ _EXPOSURES, _DECADES = 21, 4
 _TURN_RAD, _LARGEST_TURN_DEG = 1e-4, 45
 _MORE_BITS = 7
 """Bits of swing and ADC that keep an analog counter from saturating, with the same noise"""
-_TOO_DARK = "too few photons in a frame"
+_TOO_DARK, _NOTHING = "too few photons in a frame", "saturation, or a texture of one direction"
 
 
 class DesignSettings(Record, frozen=True):
@@ -318,20 +318,21 @@ class _Work:
     def _limit(self, sensor: Sensor, level: LightLevel) -> str:
         """Return the causes without which the error would be reached, the largest first."""
         removed: tuple[str, ...] = ()
+        error = math.inf
         while left := [each for each in _CAUSES if each not in removed]:
             found = [(self._best(sensor, level, (*removed, each)), each) for each in left]
             error, cause = min(found)
             removed = (*removed, cause)
             if error <= self._settings.target:
                 return " and ".join(removed)
-        return _TOO_DARK
+        return _TOO_DARK if math.isfinite(error) else _NOTHING
 
     def _best(self, sensor: Sensor, level: LightLevel, removed: Sequence[str]) -> float:
         """Return the least error over the exposures without some causes of error."""
         for cause in removed:
             sensor = _CAUSES[cause](sensor)
         blurs, at = _BLUR not in removed, MEASURES.index(self._settings.measure)
-        return min(self.errors(sensor, level, t, blurs)[at] for t in self.times[::-3])
+        return min(self.errors(sensor, level, t, blurs)[at] for t in self.times[::-2])
 
 
 def first_reached(times: Sequence[float], errors: Floats, target: float) -> float | None:

@@ -117,6 +117,10 @@ LIMITS = {
         {"counter": {"kind": "analog", "step_v": 0.01, "read_noise_v": 0.5, "adc_bits": 12}},
         {"light_levels": (0.01,)},
     ),
+    "saturation, or a texture of one direction": (
+        {"counter": {"kind": "analog", "step_v": 0.01}},
+        {"light_levels": (1e9,)},
+    ),
     "too few photons in a frame": ({}, {"light_levels": (1e-6,)}),
 }
 
