@@ -12,6 +12,7 @@ from pydantic import BaseModel
 from pydantic.errors import PydanticInvalidForJsonSchema
 from sphinx.application import Sphinx
 
+from megalopta.benchmark.design import DesignSettings
 from megalopta.benchmark.ranking_settings import RankingSettings
 from megalopta.benchmark.trial import Sweep
 from megalopta.config.model import Configuration
@@ -22,6 +23,7 @@ PAGE = "generated/configuration.rst"
 ROOTS: tuple[tuple[type[BaseModel], str], ...] = (
     (Configuration, "What ``megalopta render``, ``sense``, ``flow`` and ``demo`` read."),
     (RankingSettings, "Options of ``megalopta benchmark sequence``."),
+    (DesignSettings, "Options of ``megalopta design``."),
     (Sweep, "A sweep, which ``megalopta benchmark photons`` reads."),
 )
 # What a field's name ends in, longest first, and its unit.

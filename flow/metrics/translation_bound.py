@@ -49,12 +49,24 @@ def fisher_information(means: Floats, grid: BlockGrid) -> Floats:
     """
     if not (np.isfinite(means).all() and means.min() >= 0):
         raise ValueError("means hold negative or non-finite values: give mean counts, 0 or more")
-    gradient = [
-        CubicSpline(np.arange(means.shape[axis]), means, axis=axis)(np.arange(means.shape[axis]), 1)
-        for axis in (1, 0)
-    ]
+    return information_of(spline_gradient(means), means, grid)
+
+
+def spline_gradient(image: Floats) -> Floats:
+    """Return the gradient (2, H, W) of the cubic spline through an image (H, W): along x, y."""
+    places = [np.arange(size) for size in image.shape]
+    each = [CubicSpline(places[axis], image, axis=axis)(places[axis], 1) for axis in (1, 0)]
+    return np.stack(each)
+
+
+def information_of(gradient: Floats, variance: Floats, grid: BlockGrid) -> Floats:
+    """Return J of each block, as `fisher_information`.
+
+    `gradient` (2, H, W): of the mean readings along x and y; `variance` (H, W): of the readings; a
+    pixel without any tells nothing.
+    """
     # a mean of 0 is a minimum: no photons, no information
-    weight = np.divide(1, means, out=np.zeros_like(means, np.float64), where=means > 0)
+    weight = np.divide(1, variance, out=np.zeros_like(variance, np.float64), where=variance > 0)
     xx, xy, yy = (
         block_sums(gradient[i] * gradient[j] * weight, grid) for i, j in ((0, 0), (0, 1), (1, 1))
     )

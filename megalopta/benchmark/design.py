@@ -1,0 +1,414 @@
+"""Design by bound: the exposure at which a sensor can measure flow or yaw rate to a stated error.
+
+Light of a scene at an illuminance passes the lens and moves during the exposure, and the sensor
+reads it. Means and variances of the readings give the least error of any unbiased method
+(`flow.metrics.reading_bound`), at every exposure, for every pitch, aperture, efficiency and dark
+count rate asked for. No photons are drawn.
+
+**The scene** is a frame of a rendered dataset, or dead leaves of a mean reflectance under the
+spectrum of the light level, which have the edges and the power spectrum of natural scenes.
+
+**The view stays**: with another pitch, the lens grows with the pixels, so that the camera has the
+same pixels, field of view and f-number, and a pixel gathers light as its area.
+
+**Errors**: of flow, the standard error of a component in a block of pixels, px per frame, median
+over the blocks; of yaw, the standard error of the rate of a camera that only turns, from all of the
+view, degrees per second.
+"""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import product
+from pathlib import Path
+from typing import Annotated, Any, NamedTuple, Self
+
+import numpy as np
+from pydantic import Field, field_validator, model_validator
+
+from megalopta.assets_gen import generator
+from megalopta.assets_gen.dead_leaves_model import dead_leaves
+from megalopta.config.light_scale import light_scale
+from megalopta.config.model import LightLevel
+from megalopta.config.yaml_model import validated
+from megalopta.core.arrays import Floats
+from megalopta.core.errors import refused_as
+from megalopta.core.progress import progress
+from megalopta.core.record import Record
+from megalopta.core.validation import checked
+from megalopta.dataset.frames import read_radiance_frame
+from megalopta.dataset.store import Dataset, open_sequence
+from megalopta.flow.benchmark.settings import each_once
+from megalopta.flow.detectors.blocks import BlockGrid, block_grid
+from megalopta.flow.metrics.reading_bound import blurred_by_motion, reading_slopes
+from megalopta.flow.metrics.translation_bound import cramer_rao_covariance
+from megalopta.scenes.cameras.base import Camera
+from megalopta.scenes.cameras.perspective import PerspectiveCamera
+from megalopta.scenes.lighting.levels import LEVELS, illuminance_of
+from megalopta.sensor import Sensor, changed, load_sensor, merged, preset, without
+from megalopta.sensor.optics.pixels import detected_rate
+
+Positive = Annotated[float, Field(gt=0)]
+
+MEASURES = "error_px", "error_deg_s"
+_REFLECTANCE = 0.2
+_BANDS_NM = [(float(low), float(low + 25)) for low in range(400, 1000, 25)]
+_RADII_PX = (1.5, 20.0)
+_EXPOSURES, _DECADES = 21, 4
+_TURN_RAD, _LARGEST_TURN_DEG = 1e-4, 45
+_MORE_BITS = 7
+"""Bits of swing and ADC that keep an analog counter from saturating, with the same noise"""
+_TOO_DARK, _NOTHING = "too few photons in a frame", "saturation, or a texture of one direction"
+
+
+class DesignSettings(Record, frozen=True):
+    """Settings of a design."""
+
+    error: Annotated[str, Field(pattern=r"^\d*\.?\d+(e[+-]?\d+)? ?(px|deg/s)$")] = "0.1px"
+    """Standard error to reach: of flow, such as 0.1px (per frame), or of yaw rate, such as
+    2deg/s."""
+    light_levels: Annotated[tuple[LightLevel, ...], Field(min_length=1)] = (
+        *("daylight", "twilight", "full_moon", "quarter_moon", "starlight"),
+    )
+    """Light levels, by name or in lux; lux have the color of daylight, or that of the dataset."""
+    exposure_s: tuple[Positive, ...] = ()
+    """Exposures to try (s), up to the time of a frame; by default four decades below it."""
+    pitch_m: tuple[Positive, ...] = ()
+    """Pixel pitches to compare (m); by default the sensor's."""
+    f_number: tuple[Positive, ...] = ()
+    """F-numbers to compare; by default the lens's."""
+    pde: tuple[Annotated[float, Field(gt=0, le=1)], ...] = ()
+    """Peak photon detection efficiencies of a whole pixel to compare; by default the sensor's."""
+    dark_counts_hz: tuple[Annotated[float, Field(ge=0)], ...] = ()
+    """Dark counts of a pixel to compare (Hz), the same in all pixels; by default the sensor's."""
+    yaw_deg_s: Annotated[float, Field(ge=0, le=1e4)] = 60.0
+    """Rate at which the camera turns (degrees per second), which blurs."""
+    frame_rate_hz: Positive = 50.0
+    """Frames per second, which limit the exposure."""
+    frames: Annotated[int, Field(ge=2, le=1000)] = 2
+    """Frames from which one velocity is estimated."""
+    block_px: Annotated[int, Field(ge=2)] = 24
+    """Side of the blocks whose flow is estimated (px)."""
+    camera: PerspectiveCamera = PerspectiveCamera(width=96, height=72, fov_deg=60)
+    """Camera; a dataset has its own."""
+
+    @field_validator("light_levels", "exposure_s", "pitch_m", "f_number", "pde", "dark_counts_hz")
+    @classmethod
+    def _each_once(cls, values: tuple[Any, ...]) -> tuple[Any, ...]:
+        return each_once(values)
+
+    @model_validator(mode="after")
+    def _can_be_reached(self) -> Self:
+        if not 0 < self.target < math.inf:
+            raise ValueError(f"error {self.error!r} is not positive; give one such as 0.1px")
+        for level in self.light_levels:
+            illuminance_of(level)
+        if self.yaw_deg_s > _LARGEST_TURN_DEG * self.frame_rate_hz:
+            raise ValueError(
+                f"yaw_deg_s {self.yaw_deg_s:g} at frame_rate_hz {self.frame_rate_hz:g} turns the "
+                f"camera by more than {_LARGEST_TURN_DEG}° in a frame; lower the one or raise the "
+                "other"
+            )
+        return self
+
+    @property
+    def target(self) -> float:
+        """Stated error in its unit. Raises ValueError if it is not a number."""
+        return float(self.error.rstrip("pxdeg/s "))
+
+    @property
+    def measure(self) -> str:
+        """Field of `DesignPoint` that the stated error limits."""
+        return MEASURES[0 if self.error.endswith("px") else 1]
+
+    @property
+    def exposures(self) -> tuple[float, ...]:
+        """Exposures to try (s), shortest first. Raises ValueError if one is longer than a frame."""
+        longest = 1 / self.frame_rate_hz
+        if not self.exposure_s:
+            return tuple((longest * 10.0 ** -np.linspace(_DECADES, 0, _EXPOSURES)).tolist())
+        if max(self.exposure_s) > longest * (1 + 1e-9):
+            raise ValueError(
+                f"exposure_s {max(self.exposure_s):g} is longer than a frame, {longest:g} s; lower "
+                "it or frame_rate_hz"
+            )
+        return tuple(sorted(self.exposure_s))
+
+    @property
+    def varied(self) -> dict[str, tuple[float, ...]]:
+        """Values of the quantities that are compared, by name."""
+        names = "pitch_m", "f_number", "pde", "dark_counts_hz"
+        return {name: getattr(self, name) for name in names if getattr(self, name)}
+
+
+class Scene(NamedTuple):
+    """Light of a view, and its motion."""
+
+    radiance: Callable[[LightLevel], Floats]
+    """Radiance (1, H, W, B) at a light level, W·m⁻²·sr⁻¹·nm⁻¹"""
+    bands_nm: list[tuple[float, float]]
+    camera: Camera
+
+    def flow_per_degree(self) -> Floats:
+        """Return the flow (H, W, 2) when the camera turns by a degree to the right, px."""
+        x, y, z = np.moveaxis(self.camera.directions(), -1, 0)
+        turned = np.stack((x - _TURN_RAD * z, y, z + _TURN_RAD * x), axis=-1)
+        return np.nan_to_num(self.camera.displacement(turned)) / math.degrees(_TURN_RAD)
+
+
+class DesignPoint(NamedTuple):
+    """Least errors of one sensor at one light level and exposure."""
+
+    case: Mapping[str, float]
+    """Values of the varied quantities"""
+    level: LightLevel
+    exposure_s: float
+    error_px: float
+    """Standard error of a component of a block's flow, px per frame, median over the blocks"""
+    error_deg_s: float
+    """Standard error of the yaw rate, degrees per second"""
+
+
+class DesignRow(NamedTuple):
+    """Least exposure that reaches the stated error, or why there is none."""
+
+    case: Mapping[str, float]
+    level: LightLevel
+    exposure_s: float | None
+    """None if no exposure reaches it"""
+    best_exposure_s: float
+    """Exposure of the least error"""
+    best_error: float
+    """Least error over the exposures, in the unit of the stated one"""
+    limit: str
+    """What keeps the error above the stated one; empty if it is reached"""
+
+
+@dataclass(frozen=True)
+class Design:
+    """Errors over exposures, and the least exposure of every case."""
+
+    sensor: Sensor
+    settings: DesignSettings
+    scene: str
+    """Light that was used"""
+    points: tuple[DesignPoint, ...]
+    rows: tuple[DesignRow, ...]
+
+
+def design(
+    sensor: Sensor | str | Path, dataset: str | Path | None = None, **settings: Any
+) -> Design:
+    """Return the exposures at which a sensor can measure motion to a stated error.
+
+    Parameters
+    ----------
+    sensor
+        Counting sensor: a preset's name, the path of a YAML file, or the sensor.
+    dataset
+        Rendered dataset of one sequence, whose first frame is the scene; by default dead leaves.
+    **settings
+        Fields of `DesignSettings`: error, light_levels, exposure_s, pitch_m, f_number, pde, ...
+
+    Raises
+    ------
+    UserError
+        If a setting or the sensor cannot be used.
+    """
+    return designed(sensor, dataset, validated(DesignSettings, settings, "design"))
+
+
+def designed(
+    sensor: Sensor | str | Path, dataset: str | Path | None, chosen: DesignSettings
+) -> Design:
+    """Return the same for complete settings. Raises UserError."""
+    with refused_as("design"):
+        return _designed(_sensor(sensor), dataset, chosen)
+
+
+def _designed(sensor: Sensor, dataset: str | Path | None, chosen: DesignSettings) -> Design:
+    scene = _of_dataset(open_sequence(Path(dataset))) if dataset else leaves_scene(chosen, sensor)
+    work = _Work(scene, chosen)
+    names, values = tuple(chosen.varied), tuple(chosen.varied.values())
+    cases = [dict(zip(names, each, strict=True)) for each in product(*values)]
+    varied = [(case, varied_sensor(sensor, case)) for case in cases]  # refused before the work
+    points: list[DesignPoint] = []
+    rows = []
+    with progress("Designing", len(cases) * len(chosen.light_levels), "case") as advance:
+        for level, (case, device) in product(chosen.light_levels, varied):
+            own = [DesignPoint(case, level, t, *work.errors(device, level, t)) for t in work.times]
+            rows.append(work.row(own, device))
+            points += own
+            advance(1)
+    described = f"first frame of {dataset}" if dataset else "dead leaves"
+    return Design(sensor, chosen, described, tuple(points), tuple(rows))
+
+
+def varied_sensor(sensor: Sensor, case: Mapping[str, float]) -> Sensor:
+    """Return the sensor with other values of pitch_m, f_number, pde and dark_counts_hz."""
+    changes: dict[str, Any] = {name: case[name] for name in ("pitch_m",) if name in case}
+    if "f_number" in case:
+        changes["lens"] = {"f_number": case["f_number"]}
+    if "pde" in case:
+        if case["pde"] > sensor.fill_factor:
+            raise ValueError(
+                f"pde {case['pde']:g} is above the fill factor {sensor.fill_factor:g} of "
+                f"{sensor.name}; lower it"
+            )
+        share = case["pde"] / sensor.fill_factor / max(sensor.efficiency.values)
+        changes["efficiency"] = {"values": [min(1, share * p) for p in sensor.efficiency.values]}
+    if "dark_counts_hz" in case:
+        sensor = without(sensor, "dark_counts")
+        area_um2 = case.get("pitch_m", sensor.pitch_m) ** 2 * sensor.fill_factor * 1e12
+        changes["dark_counts"] = {"bulk_mean_hz_um2": case["dark_counts_hz"] / area_um2}
+    return _with(sensor, changes)
+
+
+def _with(sensor: Sensor, changes: Mapping[str, Any]) -> Sensor:
+    """Return a changed sensor. Raises ValueError, one sentence."""
+    return checked(Sensor, merged(sensor.model_dump(), changes))
+
+
+class _Work:
+    """Errors of a scene and settings."""
+
+    def __init__(self, scene: Scene, settings: DesignSettings) -> None:
+        self._scene, self._settings, self.times = scene, settings, settings.exposures
+        self._per_degree = scene.flow_per_degree()
+        self._light: tuple[Any, Floats] = (None, np.empty(0))
+
+    @cached_property
+    def _grid(self) -> BlockGrid:
+        return block_grid(self._scene.camera.shape, self._settings.block_px, 1)
+
+    def errors(
+        self, sensor: Sensor, level: LightLevel, exposure_s: float, blurs: bool = True
+    ) -> tuple[float, float]:
+        """Return the standard errors of flow (px per frame) and yaw rate (degrees per second)."""
+        light, settings = self._light_of(sensor, level), self._settings
+        if blurs:
+            way = self._per_degree * (settings.yaw_deg_s * exposure_s)
+            light = blurred_by_motion(light, way)
+        slopes = reading_slopes(light, _with(sensor, {"exposure_s": exposure_s}))
+        spread = settings.frames * (settings.frames**2 - 1) / 12
+        least = cramer_rao_covariance(slopes.of_blocks(self._grid), settings.frames)
+        flow = np.median(np.sqrt(np.trace(least, axis1=-2, axis2=-1) / 2))
+        turn = slopes.of_turn(self._per_degree) * spread
+        yaw = settings.frame_rate_hz / math.sqrt(turn) if turn > 0 else math.inf
+        return float(flow), yaw
+
+    def _light_of(self, sensor: Sensor, level: LightLevel) -> Floats:
+        if self._light[0] != (sensor, level):
+            light = detected_rate(self._scene.radiance(level), self._scene.bands_nm, sensor)[0]
+            self._light = (sensor, level), light
+        return self._light[1]
+
+    def row(self, points: Sequence[DesignPoint], sensor: Sensor) -> DesignRow:
+        """Return the row of one sensor and level, from its points by exposure."""
+        target = self._settings.target
+        errors = np.array([getattr(each, self._settings.measure) for each in points])
+        best, first = points[int(errors.argmin())], points[0]
+        exposure_s = first_reached(self.times, errors, target)
+        limit = "" if exposure_s else self._limit(sensor, first.level)
+        return DesignRow(
+            first.case, first.level, exposure_s, best.exposure_s, float(errors.min()), limit
+        )
+
+    def _limit(self, sensor: Sensor, level: LightLevel) -> str:
+        """Return the causes without which the error would be reached, the largest first."""
+        removed: tuple[str, ...] = ()
+        error = math.inf
+        while left := [each for each in _CAUSES if each not in removed]:
+            found = [(self._best(sensor, level, (*removed, each)), each) for each in left]
+            error, cause = min(found)
+            removed = (*removed, cause)
+            if error <= self._settings.target:
+                return " and ".join(removed)
+        return _TOO_DARK if math.isfinite(error) else _NOTHING
+
+    def _best(self, sensor: Sensor, level: LightLevel, removed: Sequence[str]) -> float:
+        """Return the least error over the exposures without some causes of error."""
+        for cause in removed:
+            sensor = _CAUSES[cause](sensor)
+        blurs, at = _BLUR not in removed, MEASURES.index(self._settings.measure)
+        return min(self.errors(sensor, level, t, blurs)[at] for t in self.times[::-2])
+
+
+def first_reached(times: Sequence[float], errors: Floats, target: float) -> float | None:
+    """Return the least exposure that reaches an error, between those tried; None if none does."""
+    reached = np.flatnonzero(errors <= target)
+    if not reached.size:
+        return None
+    place = int(reached[0])
+    if place == 0 or not np.isfinite(errors[place - 1]):
+        return float(times[place])
+    above, below = np.log(errors[place - 1 : place + 1])
+    share = (above - math.log(target)) / (above - below)
+    return float(times[place - 1] * (times[place] / times[place - 1]) ** share)
+
+
+_BLUR = "motion blur"
+_CAUSES: Mapping[str, Callable[[Sensor], Sensor]] = {
+    "saturation": lambda sensor: without(_unlimited(sensor), "dead_time"),
+    _BLUR: lambda sensor: sensor,
+    "dark counts": lambda sensor: without(sensor, "dark_counts"),
+    "read noise": lambda sensor: _noiseless(sensor),
+}
+"""What can keep an error from being reached, and the sensor without it"""
+
+
+def _unlimited(sensor: Sensor) -> Sensor:
+    if sensor.counter.kind == "analog":
+        counter, wider = sensor.counter, 2**_MORE_BITS
+        bits = counter.adc_bits and min(24, counter.adc_bits + _MORE_BITS)
+        volts = {name: wider * getattr(counter, name) for name in ("swing_v", "supply_v")}
+        return changed(sensor, counter={**volts, "adc_bits": bits})
+    return without(sensor, "counter")
+
+
+def _noiseless(sensor: Sensor) -> Sensor:
+    if sensor.counter.kind == "digital":
+        return sensor
+    return changed(sensor, counter={"read_noise_v": 0.0, "adc_bits": None})
+
+
+def _sensor(given: Sensor | str | Path) -> Sensor:
+    if isinstance(given, Sensor):
+        return given
+    is_file = str(given).endswith((".yaml", ".yml"))
+    return load_sensor(given) if is_file else preset(str(given))
+
+
+def leaves_scene(settings: DesignSettings, sensor: Sensor) -> Scene:
+    """Return dead leaves, as large as the view, in the bands that the sensor's curves cover."""
+    curves = sensor.efficiency, sensor.lens.transmission_curve
+    ends = [(each.wavelengths_nm[0], each.wavelengths_nm[-1]) for each in curves if each]
+    bands = [
+        band for band in _BANDS_NM if all(low <= band[0] and band[1] <= top for low, top in ends)
+    ]
+    if not bands:
+        raise ValueError(f"{sensor.name}: its curves cover no light from 400 to 1000 nm")
+    rows, columns = settings.camera.shape
+    largest = min(_RADII_PX[1], min(rows, columns) / 2)
+    image = dead_leaves((rows, columns), generator(0, "design"), (_RADII_PX[0], largest))
+    reflectance = _REFLECTANCE * image / image.mean()
+
+    def radiance(level: LightLevel) -> Floats:
+        name = level if isinstance(level, str) else "daylight"
+        scale = illuminance_of(level) / LEVELS[name].illuminance_lux / math.pi
+        low, high = np.array(bands).T
+        inside = np.linspace(low, high, 101)
+        spectrum = scale * LEVELS[name].spectrum()(inside).mean(axis=0)
+        return np.asarray(reflectance[np.newaxis, ..., np.newaxis] * spectrum)
+
+    return Scene(radiance, bands, settings.camera)
+
+
+def _of_dataset(dataset: Dataset) -> Scene:
+    settings, frame = dataset.configuration, read_radiance_frame(dataset, 0).astype(np.float64)
+
+    def radiance(level: LightLevel) -> Floats:
+        return np.asarray(frame[np.newaxis] * light_scale(settings, level))
+
+    return Scene(radiance, list(settings.render.bands_nm), settings.camera)
