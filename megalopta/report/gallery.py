@@ -236,6 +236,8 @@ class GalleryView:
     """Parts of a configuration."""
     exposure_s: float | None = None
     """Exposure of an ideal sensor whose counts are also shown."""
+    integrator: str = "auto"
+    """Baked where little light comes directly: paths would take hours to look clean."""
 
 
 def _forest(
@@ -251,11 +253,16 @@ VIEWS = (
         "An open forest after sunset",
         _forest("open", {"level": "twilight", "sky": "natural", "disc_azimuth_deg": 0}, _AHEAD),
     ),
-    GalleryView("The floor of a rain forest at noon", _forest("rainforest", _NOON, _FLOOR)),
+    GalleryView(
+        "The floor of a rain forest at noon",
+        _forest("rainforest", _NOON, _FLOOR),
+        integrator="baked",
+    ),
     GalleryView(
         "The same by starlight",
         _forest("rainforest", {"level": "starlight", "sky": "natural"}, _FLOOR),
         exposure_s=0.1,
+        integrator="baked",
     ),
     GalleryView("A trail through a mixed forest at noon", _forest("trail", _NOON, ALONG_THE_TRAIL)),
     GalleryView(
@@ -268,6 +275,7 @@ VIEWS = (
             **_forest("dense", _NOON, {"frames": 2, "look_at_m": [10, 0, 1.5]}),
             "camera": {"kind": "equirectangular", "width": 640, "height": 320},
         },
+        integrator="baked",
     ),
 )
 
@@ -309,9 +317,10 @@ def write_views(
 
 
 def _settings(view: GalleryView, samples_per_pixel: int) -> Configuration:
+    render = {"samples_per_pixel": samples_per_pixel, "bake_error": _BAKE_ERROR}
     values = {
         "camera": _CAMERA,
-        "render": {"samples_per_pixel": samples_per_pixel, "bake_error": _BAKE_ERROR},
+        "render": {**render, "integrator": view.integrator},
         "sensors": [{"preset": "ideal", "exposure_s": view.exposure_s or 1e-3}],
         **view.parts,
     }
