@@ -51,7 +51,7 @@ from megalopta.stages.render import build
 _SMALL_CAMERA = {"width": 270, "height": 180, "fov_deg": 75}
 _PATH = {"frames": 2, "look_at_m": [10, 0, 1.8], "velocity_m_s": [1.0, 0.3, 0]}
 _EXPOSURE_S = 2e-3
-_BAKE_ERROR = 0.1
+_BAKE_ERROR = 0.15
 _TURNING = {
     "camera": {**_SMALL_CAMERA, "fov_deg": 72},
     "trajectory": {"frames": 2, "rotation_deg_s": 15},
