@@ -355,7 +355,7 @@ _CAUSES: Mapping[str, Callable[[Sensor], Sensor]] = {
     "dark counts": lambda sensor: without(sensor, "dark_counts"),
     "read noise": lambda sensor: _noiseless(sensor),
 }
-"""What can keep an error from being reached, and the sensor without it"""
+"""Causes that keep an error from being reached, and the sensor without each"""
 
 
 def _unlimited(sensor: Sensor) -> Sensor:

@@ -155,7 +155,7 @@ class OpenCVCamera(Camera, frozen=True):
         return self._lens.done(plane) * self._focal + self._principal
 
     def undistortion_map(self) -> Floats:
-        """Where the pixels of a pinhole's image with the same matrix are in this one (H, W, 2), px.
+        """Places of the pixels of a pinhole's image with the same matrix in this one (H, W, 2), px.
 
         Pixel centers are at integers, as in OpenCV. NaN where the lens maps nothing.
         """

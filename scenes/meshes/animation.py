@@ -100,7 +100,7 @@ class NodeMotion:
     """Motion of an object with its node."""
 
     joints: tuple[Joint, ...]
-    """From the scene's root to the node."""
+    """Path from the scene's root to the node."""
     rest: Floats
     """(4, 4): pose of the node at rest in the file, from which the object is placed."""
     to_world: Floats
