@@ -262,7 +262,6 @@ VIEWS = (
         "The same by starlight",
         _forest("rainforest", {"level": "starlight", "sky": "natural"}, _FLOOR),
         exposure_s=0.1,
-        integrator="baked",
     ),
     GalleryView("A trail through a mixed forest at noon", _forest("trail", _NOON, ALONG_THE_TRAIL)),
     GalleryView(
@@ -275,7 +274,6 @@ VIEWS = (
             **_forest("dense", _NOON, {"frames": 2, "look_at_m": [10, 0, 1.5]}),
             "camera": {"kind": "equirectangular", "width": 640, "height": 320},
         },
-        integrator="baked",
     ),
 )
 
