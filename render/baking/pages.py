@@ -50,7 +50,7 @@ class Pages:
     def grown(self, values: Any, filler: int) -> Any:
         """Return values of places (P,), extended to all places given so far by a filler."""
         width = dr.width(values)
-        if width >= self.places:
+        if width >= max(self.places, 1):  # nothing is scattered to or gathered from no place
             return values
-        new = np.full(max(width, self.places - width), filler, np.uint32)
+        new = np.full(max(width, self.places - width, 1), filler, np.uint32)
         return mi.UInt(np.concatenate([np.array(values, np.uint32), new]))
