@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 from megalopta.core.arrays import plain_array
 from megalopta.core.bounded import ARRAY_BYTES, check_file, read_bytes
 from megalopta.core.files import atomic_write
+from megalopta.core.pictures import write_codes
 
 Flow = NDArray[np.float32]
 
@@ -138,8 +139,7 @@ def write_kitti_png(path: str | Path, flow: NDArray[np.floating]) -> None:
         known = ((codes >= 0) & (codes <= _LARGEST_CODE)).all(axis=-1)
     image = np.zeros((*flow.shape[:2], 3), np.uint16)
     image[known, 0], image[known, 1], image[known, 2] = *codes[known].T, 1
-    with atomic_write(Path(path)) as temporary:
-        temporary.write_bytes(cv2.imencode(".png", image[..., ::-1])[1].tobytes())
+    write_codes(Path(path), image)
 
 
 def read_kitti_png(path: str | Path) -> Flow:

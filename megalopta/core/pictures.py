@@ -1,4 +1,4 @@
-"""Read pictures as arrays. Every folder may import this module."""
+"""Read pictures as arrays, write arrays as PNG. Every folder may import this module."""
 
 import warnings
 from collections.abc import Iterator
@@ -12,6 +12,7 @@ from PIL import Image
 
 from megalopta.core.bounded import check_file
 from megalopta.core.errors import DamagedFileError
+from megalopta.core.files import atomic_write
 
 _FORMATS = ("PNG", "JPEG", "TIFF", "BMP", "PPM", "WEBP", "GIF")
 """Pillow passes some other formats, such as PostScript, to programs that run code in the file."""
@@ -65,3 +66,12 @@ def readable(path: object) -> Iterator[None]:
         raise DamagedFileError(f"{path} claims too many pixels; give a smaller picture") from None
     except Exception:  # a damaged file can raise any exception
         raise DamagedFileError(f"{path} cannot be read as a picture; give a PNG") from None
+
+
+def write_codes(path: Path, image: NDArray[np.uint8] | NDArray[np.uint16]) -> None:
+    """Write codes of 8 or 16 bits, gray (H, W) or red, green and blue (H, W, 3), as PNG."""
+    import cv2  # takes a while to load
+
+    coded = cv2.imencode(".png", image[..., ::-1] if image.ndim == 3 else image)[1]
+    with atomic_write(path) as temporary:
+        temporary.write_bytes(coded.tobytes())

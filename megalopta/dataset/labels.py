@@ -16,13 +16,13 @@ from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.config.labels import LabelName, TrackSettings
 from megalopta.core import bounded, files
 from megalopta.core.errors import UserError
+from megalopta.core.pictures import write_codes
 
 if TYPE_CHECKING:
     from megalopta.render import Tracks, Truth
@@ -47,15 +47,19 @@ def write_labels(
     root: Path, sequence: str, index: int, truth: "Truth", names: Sequence[LabelName]
 ) -> None:
     """Write the label maps of a frame that follow from its truth."""
+
+    def place(kind: LabelName) -> Path:
+        return root / kind / sequence / f"frame_{index + 1:04d}.png"
+
     if "classes" in names:
-        _write_png(root / "classes" / sequence, index, truth.kind_id.astype(np.uint16))
+        write_codes(place("classes"), truth.kind_id.astype(np.uint16))
     if "instances" in names:
         code = truth.object_id[..., np.newaxis] >> np.array([0, 8, 16], np.uint32)
-        _write_png(root / "instances" / sequence, index, (code & 255).astype(np.uint8))
+        write_codes(place("instances"), (code & 255).astype(np.uint8))
     if "normals" in names:
         share = np.rint((truth.normal.astype(np.float64) + 1) / 2 * _LARGEST)
         share = np.where(np.isnan(share), 0, share)
-        _write_png(root / "normals" / sequence, index, share.astype(np.uint16))
+        write_codes(place("normals"), share.astype(np.uint16))
 
 
 def write_class_names(root: Path, sequence: str, kinds: Sequence[str]) -> None:
@@ -93,10 +97,3 @@ def read_tracks(path: Path) -> PointTracks:
         raise UserError(f"{path}: no tracks; render with `tracks: {{}}`") from None
     except Exception as problem:  # a damaged file can raise any exception
         raise UserError(f"{path} is damaged ({type(problem).__name__}); render again") from None
-
-
-def _write_png(folder: Path, index: int, image: NDArray[np.integer]) -> None:
-    """Write a gray (H, W) or RGB image (H, W, 3) of 8 or 16 bits."""
-    coded = cv2.imencode(".png", image[..., ::-1] if image.ndim == 3 else image)[1]
-    with files.atomic_write(folder / f"frame_{index + 1:04d}.png") as temporary:
-        temporary.write_bytes(coded.tobytes())

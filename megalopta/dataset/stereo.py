@@ -11,12 +11,11 @@ column x − disparity of the right one.
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from megalopta.core.files import atomic_write
+from megalopta.core.pictures import write_codes
 from megalopta.dataset.sintel import mask_of, write_png
 
 if TYPE_CHECKING:
@@ -66,5 +65,4 @@ def write_kitti_disparity(path: Path, disparity: NDArray[np.floating]) -> None:
     """
     codes = np.maximum(np.rint(disparity.astype(np.float64) * _KITTI_PER_PX), 1)
     image = np.where(codes < _KITTI_CODES, codes, 0).astype(np.uint16)
-    with atomic_write(path) as temporary:
-        temporary.write_bytes(cv2.imencode(".png", image)[1].tobytes())
+    write_codes(path, image)

@@ -74,7 +74,12 @@ def level_title(level: LightLevel) -> str:
 
 def lux(illuminance_lux: float) -> str:
     """Format an illuminance with three digits: "10 lux", "0.000314 lux"."""
-    return f"{float(f'{illuminance_lux:.3g}'):g}\u00a0lux"
+    return f"{three_digits(illuminance_lux)}\u00a0lux"
+
+
+def three_digits(value: float) -> str:
+    """Format a number with three digits: "98700", "0.000314"."""
+    return f"{float(f'{value:.3g}'):g}"
 
 
 def _power_of_ten(value: float) -> str:

@@ -19,6 +19,7 @@ from megalopta.core.progress import progress, say, step
 from megalopta.dataset import labels, sintel, stereo
 from megalopta.dataset.rendering_noise import ATTRIBUTE, noise_record
 from megalopta.dataset.store import Dataset
+from megalopta.plotting.text import three_digits
 from megalopta.render import (
     MEASURED_EVERY,
     MeasuredPass,
@@ -310,22 +311,17 @@ def _all_poses(settings: Configuration) -> NDArray[np.float64]:
 def _say_illuminance(light: Mapping[str, Any] | None) -> None:
     if not light:
         return
-    text = f"{light['requested_lux']:g} lux requested, {_three_digits(light['unshaded_lux'])}"
+    text = f"{light['requested_lux']:g} lux requested, {three_digits(light['unshaded_lux'])}"
     if light["unshaded_standard_error_lux"] > 5e-3 * light["unshaded_lux"]:
         text += f" ± {light['unshaded_standard_error_lux']:.1g}"
     text += " measured"
     ground = [point["lux"] for point in light["ground"]]
     if ground:
         text += (
-            f" in the open and {_three_digits(np.mean(ground))} on the ground below the camera "
-            f"({_three_digits(min(ground))} to {_three_digits(max(ground))} along its path)"
+            f" in the open and {three_digits(np.mean(ground))} on the ground below the camera "
+            f"({three_digits(min(ground))} to {three_digits(max(ground))} along its path)"
         )
     say(f"render: {text}")
-
-
-def _three_digits(lux: float) -> str:
-    """Three digits, such as 98700 or 0.000314."""
-    return f"{float(f'{lux:.3g}'):g}"
 
 
 def _say_left_out(settings: Configuration, shares: Sequence[float] | None) -> None:
