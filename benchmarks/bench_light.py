@@ -45,8 +45,8 @@ UNSEEN = (
     ("understorey", "airglow"),
     ("trail", "daylight"),
     ("trail", "overcast_night"),
-    ("forest", "daylight"),
-    ("forest", "quarter_moon"),
+    ("trail", "quarter_moon"),
+    ("clearing", "twilight"),
     ("rainforest", "full_moon"),
     ("rainforest", "moonless_forest_floor"),
 )
@@ -123,7 +123,7 @@ def closely_seen(rendering: SceneRenderer, pose: Any) -> MeasuredPass:
         return view._integrator.measured(rendering._loaded, sensor, seed, spp)
 
     bands = len(view._settings.bands_nm)
-    taken = np.mean([film.expose(trace, rendering._loaded, pose, seed) for seed in range(16)], 0)
+    taken = np.mean([film.expose(trace, rendering._loaded, pose, seed) for seed in range(8)], 0)
     radiance = taken[..., :bands].astype(np.float32)
     return MeasuredPass(radiance, taken[..., bands])
 

@@ -1,5 +1,4 @@
-"""Light and truth from a CUDA device, against those of LLVM. Until these have passed on a real
-device, `auto` does not choose it (`choose_variant`)."""
+"""Light and truth from a CUDA device, against those of LLVM."""
 
 import numpy as np
 import pytest
@@ -45,10 +44,10 @@ def box_before_wall():
 
 
 def renderers(scene, **settings):
-    return [
-        SceneRenderer(scene, CAMERA, RenderSettings(backend=backend, **settings), PATH.poses(), 1)
-        for backend in ("cuda", "llvm")
-    ]
+    """Renderer of each backend in turn: the last one that was built sets the variant of all."""
+    for backend in ("cuda", "llvm"):
+        settings = {**settings, "backend": backend}
+        yield SceneRenderer(scene, CAMERA, RenderSettings(**settings), PATH.poses(), 1)
 
 
 @pytest.mark.parametrize("build", [forest, box_before_wall])
@@ -82,9 +81,10 @@ def test_radiance_is_that_of_llvm(integrator):
             forest(), samples_per_pixel=64, integrator=integrator, bands_nm=((450, 550), (550, 650))
         )
     )
-    # Both have their noise, of about 5 % of a pixel; 6912 pixels know their mean to 0.1 %.
-    assert cuda.mean() == pytest.approx(llvm.mean(), rel=5e-3)
-    assert np.median(np.abs(cuda - llvm) / llvm) < 0.15
+    # Both draw the same random numbers. A ray that grazes an edge may go either way.
+    close = np.isclose(cuda, llvm, rtol=1e-3, atol=1e-6 * llvm.mean())
+    assert close.mean() > 0.95
+    assert cuda.mean() == pytest.approx(llvm.mean(), rel=1e-3)
 
 
 def test_misses_see_the_sky():

@@ -10,7 +10,7 @@ def test_a_cuda_device_is_told_of_and_left_alone_by_auto(monkeypatch):
     monkeypatch.setattr(versions, "has_cuda_device", lambda: True)
     monkeypatch.setattr("megalopta.render.variant.has_cuda_device", lambda: True)
     assert "cuda" not in choose_variant("auto").name
-    assert "auto does not use it" in versions.describe()
+    assert "auto stays with llvm" in versions.describe()
 
 
 def test_what_an_extra_would_install_is_said(monkeypatch):
