@@ -23,16 +23,16 @@ from scipy.special import ndtr
 
 from megalopta.core.arrays import Floats
 from megalopta.core.compiling import compiled
-from megalopta.sensor.spad.analog import (
+from megalopta.sensor.spad.counters import (
     AnalogCounter,
     AnalogPixels,
+    DigitalCounter,
     assumed_pixels,
     fall,
     largest_count,
     spread,
     voltages,
 )
-from megalopta.sensor.spad.digital import DigitalCounter
 
 _FEW_MISREAD = 1e-5
 _FAR = 7.0

@@ -50,7 +50,7 @@ from megalopta.sensor.effects.dark_counts import DarkCounts
 from megalopta.sensor.effects.dead_time import DeadTime
 from megalopta.sensor.optics.efficiency import Efficiency, with_curve, with_transmission
 from megalopta.sensor.optics.lens import Lens
-from megalopta.sensor.spad.analog import AnalogCounter
+from megalopta.sensor.spad.counters import AnalogCounter
 from megalopta.sensor.spad.measured import with_hashes
 from megalopta.sensor.spad.model import Sensor
 
