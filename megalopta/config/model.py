@@ -18,8 +18,13 @@ from pydantic import (
 )
 
 from megalopta.config import built_in_names, built_in_text
-from megalopta.config.labels import LabelName, TrackSettings
-from megalopta.config.measuring import CalibrationFrames, FlowSettings, SequenceBenchmark
+from megalopta.config.measuring import (
+    CalibrationFrames,
+    FlowSettings,
+    LabelName,
+    SequenceBenchmark,
+    TrackSettings,
+)
 from megalopta.config.yaml_model import mapping, read_text, validated
 from megalopta.core.bounded import quoted
 from megalopta.core.record import Record

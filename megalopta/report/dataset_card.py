@@ -34,7 +34,7 @@ from megalopta.plotting.style import BLUE, house_style
 from megalopta.plotting.text import level_name, number
 from megalopta.report.film import gif_uri
 from megalopta.report.images import write_sheet
-from megalopta.report.panels import Panel, fastest_of, flow_panel, readings_panel
+from megalopta.report.seen import Panel, fastest_of, flow_panel, readings_panel
 from megalopta.report.sequence_panels import (
     depth_panel,
     exposure_readings,

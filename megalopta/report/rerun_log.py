@@ -16,9 +16,8 @@ from PIL import Image
 
 from megalopta.core.files import atomic_write
 from megalopta.core.progress import progress
-from megalopta.report.panels import Panel
-from megalopta.report.seen import Seen
-from megalopta.report.selection import spread
+from megalopta.report.images import spread
+from megalopta.report.seen import Panel, Seen
 
 if TYPE_CHECKING:
     from megalopta.dataset.sequence import Sequence

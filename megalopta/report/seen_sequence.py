@@ -11,11 +11,18 @@ from megalopta.dataset.picture_light import photons_per_lux
 from megalopta.dataset.sequence import Sequence
 from megalopta.dataset.store import exposure_name
 from megalopta.plotting.text import level_name, number
+from megalopta.report.images import spread
 from megalopta.report.page import title
-from megalopta.report.panels import SAMPLED, fastest_of, flow_panel, readings_panel
 from megalopta.report.readings import Treatment
-from megalopta.report.seen import Exposed, Seen, step_of
-from megalopta.report.selection import spread
+from megalopta.report.seen import (
+    SAMPLED,
+    Exposed,
+    Seen,
+    fastest_of,
+    flow_panel,
+    readings_panel,
+    step_of,
+)
 from megalopta.report.sequence_panels import (
     best_flow,
     exposure_readings,

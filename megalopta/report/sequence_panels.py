@@ -19,10 +19,9 @@ from megalopta.flow.detectors.blocks import BlockGrid
 from megalopta.flow.detectors.registry import METHODS, velocity_method
 from megalopta.flow.formats import read_flo
 from megalopta.plotting.text import number
-from megalopta.report.images import map_scale, rgb_picture
-from megalopta.report.panels import SAMPLED, Panel, kept
+from megalopta.report.images import map_scale, rgb_picture, spread
 from megalopta.report.readings import Readings
-from megalopta.report.selection import spread
+from megalopta.report.seen import SAMPLED, Panel, kept
 from megalopta.scenes import ToneCurve
 from megalopta.scenes.spectra.color import encode_srgb, linear_srgb
 from megalopta.sensor import ImageSensor, StoredFrames

@@ -32,8 +32,15 @@ from megalopta.dataset.frames import Motion, read_motion, read_radiance_frame, r
 from megalopta.dataset.store import Dataset
 from megalopta.flow.benchmark.sequence import BenchmarkResult
 from megalopta.flow.detectors.registry import METHODS
-from megalopta.report.images import data_uri, film_strip, rgb_picture
-from megalopta.report.selection import PLAYBACK_HZ, Selection, frame_label, selection
+from megalopta.report.images import (
+    PLAYBACK_HZ,
+    Selection,
+    data_uri,
+    film_strip,
+    frame_label,
+    rgb_picture,
+    selection,
+)
 from megalopta.scenes import ToneCurve, preview
 from megalopta.scenes.lighting.levels import illuminance_of
 from megalopta.scenes.spectra.color import linear_srgb

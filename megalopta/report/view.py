@@ -13,19 +13,20 @@ from megalopta.core.progress import Advance, progress
 from megalopta.plotting.sections import Section, block, write_sections
 from megalopta.plotting.text import number
 from megalopta.report.film import Moment, write_film
-from megalopta.report.images import COLORS, film, wheel
-from megalopta.report.panels import MOST_FRAMES, Panel
-from megalopta.report.readings import Treatment, read_mask
-from megalopta.report.rerun_log import write_rrd
-from megalopta.report.seen import LONGEST_SIDE_PX, Exposed, Seen, seen_readings
-from megalopta.report.selection import (
+from megalopta.report.images import (
+    COLORS,
     PLAYBACK_HZ,
     Selection,
+    film,
     frame_label,
     selection,
     spread,
+    wheel,
     with_ends,
 )
+from megalopta.report.readings import Treatment, read_mask
+from megalopta.report.rerun_log import write_rrd
+from megalopta.report.seen import LONGEST_SIDE_PX, MOST_FRAMES, Exposed, Panel, Seen, seen_readings
 from megalopta.sensor.formats.reading import FrameKind
 
 _FILM_FRAMES = 300
