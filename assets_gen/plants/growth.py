@@ -35,7 +35,7 @@ from megalopta.assets_gen.plants.furrows import (
 )
 from megalopta.assets_gen.plants.skeleton import IndexArray, Skeleton, axes, pipe_radii
 from megalopta.assets_gen.plants.species import Climbing, Colonized, Fronded, Species
-from megalopta.assets_gen.plants.tube import sweep
+from megalopta.assets_gen.plants.tube import swept_tube
 
 BREAST_HEIGHT_M = 1.3
 STEM_FINENESS = 0.3
@@ -123,7 +123,7 @@ def bark_around(
     axis, rings = positions[kept], profile[kept][:-1]
     if is_stem and furrows:
         axis, rings = furrows.carved(axis, rings, TILE_M, origin)
-    return sweep(axis, rings, TILE_M, origin, whole_tiles=is_stem)
+    return swept_tube(axis, rings, TILE_M, origin, whole_tiles=is_stem)
 
 
 def _sides(radius_m: float, chord_m: float) -> int:

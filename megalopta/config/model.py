@@ -25,7 +25,7 @@ from megalopta.config.measuring import (
     SequenceBenchmark,
     TrackSettings,
 )
-from megalopta.config.yaml_model import mapping, read_text, validated
+from megalopta.config.yaml_model import mapping, validated, yaml_text
 from megalopta.core.bounded import quoted
 from megalopta.core.record import Record
 from megalopta.flow.benchmark.settings import each_once
@@ -348,7 +348,7 @@ def load(source: str, overrides: Mapping[str, str] | None = None) -> Configurati
     path = Path(source)
     path = path / "dataset.yaml" if path.is_dir() else path
     known = f"configuration; give a YAML file or one of {', '.join(built_in_names())}"
-    return parse(read_text(path, known), source, overrides, path.parent)
+    return parse(yaml_text(path, known), source, overrides, path.parent)
 
 
 def parse(

@@ -238,10 +238,10 @@ def selection(
     """Choose the frames and pixels that fit a page with this many films."""
     step = math.ceil(max(shape) / longest_px)
     fitting = _MOST_PIXELS_SHOWN * step**2 // (math.prod(shape) * films)
-    return Selection(spread(frames, max(min(most_frames, fitting), 1)), step)
+    return Selection(evenly_spaced(frames, max(min(most_frames, fitting), 1)), step)
 
 
-def spread(frames: range, most: int) -> tuple[int, ...]:
+def evenly_spaced(frames: range, most: int) -> tuple[int, ...]:
     """Return at most `most` of the frames, evenly spaced, starting with the first."""
     count = min(len(frames), most)
     return tuple(frames[index * len(frames) // count] for index in range(count))

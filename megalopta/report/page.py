@@ -27,7 +27,7 @@ from megalopta.plotting.sections import (
     paragraph,
     table,
 )
-from megalopta.plotting.text import UNDEFINED, duration, level_name, level_title, number, percent
+from megalopta.plotting.text import UNDEFINED, level_name, level_title, number, percent, time_text
 from megalopta.report.detectors import ACCURATE, detector_section
 from megalopta.report.images import film, with_ends
 from megalopta.report.light_section import counts_film, light_section
@@ -199,7 +199,7 @@ def making_section(report: Report) -> Section:
     variant = ""
     if report.has_truth:
         variant = f"Rendered with Mitsuba’s variant {report.scene.get('variant', 'not noted')}."
-    total = duration(sum(report.timings.values()))
+    total = time_text(sum(report.timings.values()))
     body = [
         remark,
         listed("versions", rendering_errors(report.scene)),
@@ -221,7 +221,7 @@ def _bars(report: Report) -> Markup:
     longest = max(report.timings.values(), default=0.0) or 1.0
     bar = Markup('<span>{}</span><i style="width:{:.1f}%"></i><span>{}</span>')
     bars = (
-        bar.format(stage, 100 * spent / longest, duration(spent))
+        bar.format(stage, 100 * spent / longest, time_text(spent))
         for stage, spent in report.timings.items()
     )
     return block("bars", *bars)

@@ -16,7 +16,7 @@ from PIL import Image
 
 from megalopta.core.files import atomic_write
 from megalopta.core.progress import progress
-from megalopta.report.images import spread
+from megalopta.report.images import evenly_spaced
 from megalopta.report.seen import Panel, Seen
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ def write_rrd(path: Path, found: Seen) -> Path:
     """
     import rerun
 
-    frames = spread(found.frames, _FRAMES)
+    frames = evenly_spaced(found.frames, _FRAMES)
     with atomic_write(path) as temporary, rerun.RecordingStream("megalopta") as recording:
         recording.save(temporary)
         if found.sequence:

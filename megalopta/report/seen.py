@@ -19,7 +19,7 @@ from PIL import Image
 from megalopta.core.arrays import Floats
 from megalopta.flow.color_wheel import flow_to_rgb
 from megalopta.plotting.text import number, short
-from megalopta.report.images import ColorScale, gray_scale, rgb_picture, spread
+from megalopta.report.images import ColorScale, evenly_spaced, gray_scale, rgb_picture
 from megalopta.report.readings import Readings, Treatment, readings_of
 from megalopta.sensor.formats.reading import FrameKind
 
@@ -53,7 +53,7 @@ class Panel:
 
 def readings_panel(readings: Readings, frames: range, step: int) -> Panel:
     """Return readings as grays, saturated pixels in orange; some of the frames give the white."""
-    sampled = [readings.frame(each) for each in spread(frames, SAMPLED)]
+    sampled = [readings.frame(each) for each in evenly_spaced(frames, SAMPLED)]
     white = _white([values for values, _ in sampled], is_inverted=readings.treatment.is_inverted)
     scale = gray_scale(white)
 

@@ -28,7 +28,7 @@ from megalopta.core import bounded
 from megalopta.core.errors import UserError
 from megalopta.core.progress import say
 from megalopta.dataset.flow_record import FlowRecord
-from megalopta.dataset.frames import Motion, read_motion, read_radiance_frame, read_truth_frame
+from megalopta.dataset.frames import FrameMotion, read_motion, read_radiance_frame, read_truth_frame
 from megalopta.dataset.store import Dataset
 from megalopta.flow.benchmark.sequence import BenchmarkResult
 from megalopta.flow.detectors.registry import METHODS
@@ -281,7 +281,7 @@ class Report:
         return [read_truth_frame(self.dataset, index) for index in self.selection.frames]
 
     @cached_property
-    def motions(self) -> list[Motion]:
+    def motions(self) -> list[FrameMotion]:
         """Motion to the next frame; for pictures, a stand-in for the true one."""
         return [read_motion(self.dataset, index) for index in self.selection.frames]
 

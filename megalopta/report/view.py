@@ -17,10 +17,10 @@ from megalopta.report.images import (
     COLORS,
     PLAYBACK_HZ,
     Selection,
+    evenly_spaced,
     film,
     frame_label,
     selection,
-    spread,
     wheel,
     with_ends,
 )
@@ -112,7 +112,7 @@ def _sequence(root: Path, treatment: Treatment, kind: FrameKind | None) -> Seen:
 
 
 def _film(found: Seen, folder: Path, fps: float | None) -> list[Path]:
-    frames, (panels, notes) = spread(found.frames, _FILM_FRAMES), _in_film(found)
+    frames, (panels, notes) = evenly_spaced(found.frames, _FILM_FRAMES), _in_film(found)
     with progress("Drawing the film", len(frames), "frame") as advance:
 
         def moments() -> Iterator[Moment]:

@@ -70,7 +70,7 @@ _EDGES: dict[str, Callable[[Floats], Floats]] = {
 _NEXT = {"right": (0, 1), "lower": (1, 0)}
 
 
-class Row(NamedTuple):
+class CaptureRow(NamedTuple):
     """One quantity of the half that was not fitted."""
 
     capture: str
@@ -95,7 +95,7 @@ class Row(NamedTuple):
 HEAD = ("capture", "quantity", "measured", "model", "difference, errors")
 
 
-def check_captures(paths: Sequence[Path] = ()) -> dict[Path, list[Row]]:
+def check_captures(paths: Sequence[Path] = ()) -> dict[Path, list[CaptureRow]]:
     """Compare measurements, those that ship and others, with the model fitted to half of each.
 
     Raises UserError if a file is not a measurement, or does not suffice for a fit.
@@ -104,11 +104,11 @@ def check_captures(paths: Sequence[Path] = ()) -> dict[Path, list[Row]]:
     for path in [*shipped(), *paths]:
         measurement = read_measurement(path)
         with refused_as(str(path)):
-            found[path] = list(compare(path.stem, measurement))
+            found[path] = list(compare_halves(path.stem, measurement))
     return found
 
 
-def compare(name: str, measurement: Measurement) -> Iterator[Row]:
+def compare_halves(name: str, measurement: Measurement) -> Iterator[CaptureRow]:
     """Yield the quantities of one measurement. Raises ValueError if it does not suffice."""
     if isinstance(measurement, PairCrosstalk):
         return _of_pairs(name, measurement)
@@ -117,7 +117,9 @@ def compare(name: str, measurement: Measurement) -> Iterator[Row]:
     return _of_dark_counts(name, measurement)
 
 
-def print_captures(found: Mapping[Path, Sequence[Row]], console: Console | None = None) -> None:
+def print_captures(
+    found: Mapping[Path, Sequence[CaptureRow]], console: Console | None = None
+) -> None:
     """Print a table of all quantities, the largest misfits first."""
     table = Table(*HEAD)
     for row in sorted_rows(found):
@@ -125,7 +127,7 @@ def print_captures(found: Mapping[Path, Sequence[Row]], console: Console | None 
     (console or Console(width=_WIDTH)).print(table)
 
 
-def sorted_rows(found: Mapping[Path, Sequence[Row]]) -> list[Row]:
+def sorted_rows(found: Mapping[Path, Sequence[CaptureRow]]) -> list[CaptureRow]:
     """Return all rows, the largest misfits first."""
     rows = [row for each in found.values() for row in each]
     return sorted(rows, key=lambda row: -abs(row.z))
@@ -137,7 +139,7 @@ def halves(pairs: PairCrosstalk) -> tuple[PairCrosstalk, PairCrosstalk]:
     return pairs.some(pairs.column < middle), pairs.some(pairs.column > middle)
 
 
-def _of_pairs(name: str, pairs: PairCrosstalk) -> Iterator[Row]:
+def _of_pairs(name: str, pairs: PairCrosstalk) -> Iterator[CaptureRow]:
     fitted, tested = halves(pairs)
     model = fit_crosstalk(fitted)
     for title, place in _PLACES.items():
@@ -154,20 +156,22 @@ def _of_pairs(name: str, pairs: PairCrosstalk) -> Iterator[Row]:
     counting = edges.error / edges.probability
     own = float(np.mean(ratio**2 - counting**2))
     error = float(np.sqrt(2 * np.mean(counting**4) / ratio.size))
-    yield Row(name, "variance between edge neighbors beyond counting, %²", 1e4 * own, 0.0,
+    yield CaptureRow(name, "variance between edge neighbors beyond counting, %²", 1e4 * own, 0.0,
               1e4 * error)  # fmt: skip
 
 
-def _means(name: str, title: str, values: Floats, fitted: Floats | None, expected: float) -> Row:
+def _means(
+    name: str, title: str, values: Floats, fitted: Floats | None, expected: float
+) -> CaptureRow:
     error = np.hypot(_error(values), 0.0 if fitted is None else _error(fitted))
-    return Row(name, title, float(values.mean()), expected, float(error))
+    return CaptureRow(name, title, float(values.mean()), expected, float(error))
 
 
 def _error(values: Floats) -> float:
     return float(values.std(ddof=1) / np.sqrt(values.size))
 
 
-def _of_afterpulses(name: str, found: Autocorrelation) -> Iterator[Row]:
+def _of_afterpulses(name: str, found: Autocorrelation) -> Iterator[CaptureRow]:
     fitted, tested = found.of(slice(0, None, 2)), found.of(slice(1, None, 2))
     inside = [lag for lag in _LAGS_NS if found.edges_s[0] <= 1e-9 * lag <= found.edges_s[-1]]
     edges = 1e-9 * np.array(inside)
@@ -188,7 +192,7 @@ def _between(found: Autocorrelation, edges_s: Floats) -> Floats:
     return np.diff(at, axis=1)
 
 
-def _of_dark_counts(name: str, rates: Floats) -> Iterator[Row]:
+def _of_dark_counts(name: str, rates: Floats) -> Iterator[CaptureRow]:
     middle = rates.shape[1] // 2
     fitted, tested = rates[:, :middle], rates[:, middle:]
     model = fit_dark_counts(fitted)
@@ -197,13 +201,13 @@ def _of_dark_counts(name: str, rates: Floats) -> Iterator[Row]:
         quantile = np.array([_quantile(model, share, float(known[-1]))])
         below = float(np.searchsorted(known, quantile[0]) / known.size)
         error = float(np.sqrt(2 * share * (1 - share) / known.size))  # of both halves
-        yield Row(name, f"% of pixels below the model's {100 * share:g} % quantile of dark counts",
-                  100 * below, 100 * share, 100 * error)  # fmt: skip
+        title = f"% of pixels below the model's {100 * share:g} % quantile of dark counts"
+        yield CaptureRow(name, title, 100 * below, 100 * share, 100 * error)
     if rates.size >= FEWEST_PIXELS:
         yield from _of_hot_pixels(name, rates)
         return
     for title, place in _NEXT.items():
-        yield Row(name, f"rank correlation of dark counts with the {title} neighbor",
+        yield CaptureRow(name, f"rank correlation of dark counts with the {title} neighbor",
                   rank_correlation(tested, place), 0.0, 1 / np.sqrt(known.size))  # fmt: skip
 
 
@@ -212,7 +216,7 @@ def _quantile(model: DarkCounts, share: float, largest: float) -> float:
     return float(np.interp(share, cumulative(model, grid), grid))
 
 
-def _of_hot_pixels(name: str, rates: Floats) -> Iterator[Row]:
+def _of_hot_pixels(name: str, rates: Floats) -> Iterator[CaptureRow]:
     strip = np.broadcast_to(_STRIPS * np.arange(rates.shape[1]) // rates.shape[1], rates.shape)
     found = [crosstalk_of_hot_pixels(rates, strip == each) for each in range(_STRIPS)]
     fitted, tested = np.hstack(found[: _STRIPS // 2]), np.hstack(found[_STRIPS // 2 :])
@@ -236,8 +240,8 @@ def _of_hot_pixels(name: str, rates: Floats) -> Iterator[Row]:
         seen, modelled, left = (
             rank_correlation(np.where(right_half, each, np.nan), place) for each in values
         )
-        yield Row(name, f"{text}, kernel", seen, modelled, error)
-        yield Row(name, f"{text}, kernel subtracted", left, 0.0, error)
+        yield CaptureRow(name, f"{text}, kernel", seen, modelled, error)
+        yield CaptureRow(name, f"{text}, kernel subtracted", left, 0.0, error)
 
 
 def rank_correlation(rates: Floats, place: tuple[int, int]) -> float:
@@ -255,7 +259,7 @@ _TEXT = (
 _MISFITS = 12
 
 
-def write_captures_page(path: Path, found: Mapping[Path, Sequence[Row]]) -> None:
+def write_captures_page(path: Path, found: Mapping[Path, Sequence[CaptureRow]]) -> None:
     """Write the page of compared measurements."""
     worst = tuple(row.texts for row in sorted_rows(found)[:_MISFITS])
     sections = [Section("The largest misfits", _TEXT, HEAD, worst)]

@@ -21,10 +21,10 @@ from megalopta.render.footage.pictures import (
     KINDS,
     TRANSPARENT,
     frames_in,
-    kind_of,
     open_folder,
     open_picture,
     over_black,
+    picture_kind,
 )
 from megalopta.render.footage.video import open_video
 
@@ -49,7 +49,7 @@ def open_footage(path: Path, unit: Unit | None = None) -> Footage:
 def is_footage(path: Path) -> bool:
     """True for a file with one of `SUFFIXES`, or a folder with a picture."""
     if path.is_dir():
-        return any(kind_of(each) and each.is_file() for each in path.iterdir())
+        return any(picture_kind(each) and each.is_file() for each in path.iterdir())
     return path.suffix.lower() in SUFFIXES
 
 

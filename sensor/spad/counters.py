@@ -316,7 +316,7 @@ def fall(events: float, step_v: float, slope: float, swing_v: float) -> float:
 
 
 @compiled
-def spread(events: float, step_noise_v: float, step_v: float, swing_v: float) -> float:
+def fall_deviation(events: float, step_noise_v: float, step_v: float, swing_v: float) -> float:
     """Standard deviation of that drop, V; at twice the swing nothing remains to be removed."""
     return float(step_noise_v * np.sqrt(min(events, 2 * swing_v / step_v)))
 
@@ -334,7 +334,7 @@ def _fill_outputs(rng, events, pixels, volts, output_v, is_empty):  # type: igno
         step_v = pixels.step_v[at]
         fallen = fall(events[at], step_v, slope, swing) + pixels.leaked_v[at]
         if step_noise > 0:
-            fallen += spread(events[at], step_noise, step_v, swing) * rng.standard_normal()
+            fallen += fall_deviation(events[at], step_noise, step_v, swing) * rng.standard_normal()
         output = supply + pixels.offset_v[at] - min(fallen, swing)
         if read_noise > 0:
             output += read_noise * rng.standard_normal()
