@@ -76,12 +76,12 @@ def line_style(place: int) -> dict[str, Any]:
 
 
 @contextmanager
-def house_style(changes: Mapping[str, Any] = MappingProxyType({})) -> Iterator[None]:
+def house_style(changes: Mapping[Any, Any] = MappingProxyType({})) -> Iterator[None]:
     """Apply matplotlib settings of the house style, with changes, inside the block."""
     with matplotlib.rc_context():
         matplotlib.rcdefaults()
-        for key, value in {**_STYLE, **changes}.items():
-            matplotlib.rcParams[key] = value
+        matplotlib.rcParams.update(_STYLE)
+        matplotlib.rcParams.update(changes)
         yield
 
 

@@ -63,10 +63,9 @@ def light_section(report: Report) -> Section:
 
 def _shutter(settings: Configuration) -> str:
     shutter = settings.shutter
-    if not settings.scene.has_truth:
-        return _TEXTS["picture"]
-    if shutter.is_instant:
-        return _TEXTS["instant"]
+    if shutter.is_instant or not settings.scene.has_truth:
+        text: str = _TEXTS["instant" if settings.scene.has_truth else "picture"]
+        return text
     return (
         f"Frames and true motion are those of the shutter, blurred by the motion during "
         f"{shutter.exposure_s or 0:g} s and read out row by row from the "
