@@ -42,14 +42,12 @@ from megalopta.plotting.text import (
 )
 from megalopta.report.images import ColorScale, data_uri, gray_scale, map_scale, still, wheel
 from megalopta.report.motion_section import mixed_share
-from megalopta.report.remarks import TEXTS, absent, key, rendering
+from megalopta.report.remarks import absent, key, rendering
 from megalopta.report.source import Report
 from megalopta.sensor import ImageSensor, StoredFrames
 from megalopta.stages.correction import open_corrected
 from megalopta.stages.flow import responses_path
 from megalopta.stages.sense import open_exposure
-
-_TEXTS = TEXTS["detectors"]
 
 Value = TypeVar("Value")
 Text = TypeVar("Text", bound=str)
@@ -201,6 +199,61 @@ _BRIGHT_PERCENTILE = 99.0
 _ROOT = 3.0
 # Velocities closer to the wheel's center look white.
 _PALE = 0.02
+_GUIDE = (
+    "Each detector runs on every sequence twice: on the readings, and on their noise-free mean. "
+    "Frame {} is shown in pairs at each light level: the response to the noise-free reading on "
+    "the left, that to its {} on the right, in the same colors. Where the two look alike, photon "
+    "noise does no harm."
+)
+_FLICKER = (
+    "This noise is the same in both responses, so it adds no error between them. It flickers like "
+    "texture that does not move, and adds to the errors against the true motion."
+)
+_BLOCKS = Markup(
+    "<b>Ground truth for block methods</b> in this frame: the {} averaged over their blocks, in "
+    "the colors of the wheel (rim: {:.2g} px per frame). The other detectors respond to motion "
+    "without measuring its speed."
+)
+_ERRORS = Markup(
+    "Readings are scaled to a mean of 1; colors show the cube root of the response. Errors compare "
+    "the response to counts with that to the noise-free reading, over all frames after the "
+    "detectors have settled. <b>Ratio</b>: sum of all differences over sum of all responses. "
+    "<b>Literal</b> (the dissertation's Eq. 4.5): mean of each pixel's quotient, dominated by the "
+    "few responses near zero. “fails”: an error of ten times or more. A dash: the noise-free "
+    "response shows no motion."
+)
+_COSTS = Markup(
+    "The same frame as read by the sensor, corrected if requested (dark counts, dead time and "
+    "counter, flat field, hot pixels), and as the mean of a perfect sensor. The tables give the "
+    "ratio error of each detector: <b>against itself</b>, the same device without noise · "
+    "<b>raw against perfect</b> · <b>corrected against perfect</b>."
+)
+_TRUTH = (
+    "Errors of block velocities: mean endpoint error, share of outliers (blocks with an error over "
+    "25 %), and median; noise-free, then on {}, then on corrected readings if there are any. "
+    "{} of the pixels shown are mixed: the object at their center fills less than {}. {} "
+    "except in the two tables that say otherwise; blocks with less than half of their pixels left "
+    "are not scored."
+)
+_STAND_IN = (
+    "The true motion of pictures is unknown. Responses are compared with the flow by DIS between "
+    "the pictures without photon noise, which has errors of its own and favors DIS. "
+)
+_MIXED = {
+    "score": "They count like all others",
+    "weigh": "Pixels are weighted by purity",
+    "leave_out": "They are excluded",
+}
+_SPLITS = (
+    "Errors by the speed of blocks (px per frame) and by the share of their pixels that is hidden "
+    "in the next frame, on the exposure with a method's least error; number of blocks over all "
+    "frames in brackets."
+)
+_YAW = (
+    "A weighted sum of all local responses, as in a fly’s tangential cells, gives the camera’s "
+    "yaw rate. Weights are learned from the noise-free responses to the first half of the "
+    "sequence; the table gives the RMS error on the second half, noise-free, then on {}."
+)
 
 
 def detector_section(report: Report) -> Section:
@@ -211,31 +264,31 @@ def detector_section(report: Report) -> Section:
         missing = absent(report, "flow", "Motion detectors have not run yet.")
         return replace(section, body=missing)
     body = Markup("\n").join([*_responses(report), *_costs(report), *_tables(report)])
-    text = _TEXTS["guide"].format(report.frame + 1, " or ".join(report.units))
+    text = _GUIDE.format(report.frame + 1, " or ".join(report.units))
     return replace(section, text=text, body=body)
 
 
 def _responses(report: Report) -> Iterator[Markup]:
-    yield rendering(report.scene, _TEXTS["flicker"])
+    yield rendering(report.scene, _FLICKER)
     yield key(report)
     yield _true_blocks(report)
     for sensor in report.settings.sensors:
         rows = [_row(report, sensor, METHODS[name]) for name in report.settings.methods]
         errors = heading("Error against the noise-free response: ratio (literal)")
         yield card(sensor.name, *rows, errors, response_table(sensor.name, report.flow))
-    yield paragraph(_TEXTS["errors"], "note")
+    yield paragraph(_ERRORS, "note")
 
 
 def _tables(report: Report) -> Iterator[Markup]:
     settings, units = report.settings.flow, " or ".join(report.units)
-    stand_in = "" if report.has_truth else _TEXTS["stand_in"] + " "
-    text = stand_in + _TEXTS["truth"].format(
-        units, mixed_share(report), percent(settings.least_purity), _TEXTS["mixed"][settings.mixed]
+    stand_in = "" if report.has_truth else _STAND_IN
+    text = stand_in + _TRUTH.format(
+        units, mixed_share(report), percent(settings.least_purity), _MIXED[settings.mixed]
     )
     for title, guide, found in (
         (f"Against the {report.motion_name}", text, against_truth(report.flow, settings)),
-        ("Errors by speed and occlusion", _TEXTS["splits"], split_table(report.flow)),
-        ("Yaw rate of the camera", _TEXTS["yaw"].format(units), rotation_table(report.flow)),
+        ("Errors by speed and occlusion", _SPLITS, split_table(report.flow)),
+        ("Yaw rate of the camera", _YAW.format(units), rotation_table(report.flow)),
     ):
         if found:
             yield heading(title) + paragraph(guide) + found
@@ -251,7 +304,7 @@ def _true_blocks(report: Report) -> Markup:
     flow = block_flow(motion.flow[np.newaxis], grid, motion.hidden[np.newaxis])[0]
     source = data_uri(Image.fromarray(flow_to_rgb(flow, report.fastest)))
     shown = block("blocks", image(source, "Flow averaged over blocks"))
-    return wheel(_TEXTS["blocks"].format(report.motion_name, report.fastest), shown)
+    return wheel(_BLOCKS.format(report.motion_name, report.fastest), shown)
 
 
 def _row(report: Report, sensor: ImageSensor, method: Detector) -> Markup:
@@ -325,7 +378,7 @@ def _costs(report: Report) -> Iterator[Markup]:
     """Yield the cost of each device, if responses were compared with the perfect sensor."""
     tables = {each.name: cost_table(each.name, report.flow) for each in report.settings.sensors}
     if any(tables.values()):
-        yield heading("Loss by the device") + paragraph(_TEXTS["costs"])
+        yield heading("Loss by the device") + paragraph(_COSTS)
     for sensor in report.settings.sensors:
         if tables[sensor.name]:
             frames = [_forms(report, sensor, level) for level in report.settings.light_levels]

@@ -23,16 +23,43 @@ from megalopta.plotting.style import BLACK, DASHES, MARKERS
 from megalopta.plotting.svg import CHART_PT, in_style, logarithmic, new_axes, to_svg
 from megalopta.plotting.text import level_name, level_title, number, percent, short
 from megalopta.report.images import film, gray_scale
-from megalopta.report.remarks import NUMBERS, TEXTS, absent, drawable, verbatim
+from megalopta.report.remarks import NUMBERS, absent, drawable, verbatim
 from megalopta.report.source import Budget, Report, by_sensor
 from megalopta.sensor import CtiaSensor, ImageSensor
 from megalopta.sensor.spad.counters import LARGEST_CAPACITY
 from megalopta.sensor.spad.model import active_effects
 
-_TEXTS = TEXTS["light_section"]
-
 _WHITE_PERCENTILE = 90.0
 """As in the preview of the radiance: the brightest tenth may be pure white."""
+_GUIDE = (
+    "In one exposure per frame, a pixel counts single photons or integrates their electrons. A "
+    "reading with mean N scatters by about √N; an integrating pixel adds dark current, reset and "
+    "read noise. The same light, scaled to each level, is exposed on each sensor; a named level "
+    "has its own spectrum. The pictures show single frames, with the scale below each; orange "
+    "pixels are saturated, their readings lower bounds. "
+)
+_INSTANT = (
+    "Every frame is rendered at one instant: camera motion during the exposure does not blur the "
+    "picture."
+)
+_PICTURE = (
+    "The light of a picture is constant during an exposure, unless sub_frames says otherwise; blur "
+    "and noise of the picture are part of the light."
+)
+_COLUMNS = Markup(
+    "Means over pixels and frames, per pixel and exposure. <b>Photons on the pixel</b>: on its "
+    "whole area. <b>Detected</b>: photons that reach the sensitive area and release a pulse or an "
+    "electron. <b>Dark</b>: readings without light. <b>Expected</b>: noise-free mean of both after "
+    "dead time. <b>Signal-to-noise</b> (median over pixels): the light's contribution to a reading "
+    "over the reading's standard deviation. <b>Saturated</b>: readings at a counter's capacity or "
+    "the pixel's full swing. <b>Rendering : shot noise</b>: ratio of standard deviations; above 1, "
+    "the rendering is noisier than the photons."
+)
+_CHART = (
+    "Median over pixels; the shaded band holds the middle 90 %. Ten times the light gains a factor "
+    "of √10 where photon noise dominates, and a factor of 10 where dark readings dominate. Below "
+    "1, motion can only be read from many pixels or frames."
+)
 _BIASES = {"fixed": "fixed", "dac": "converter (non-adaptive)", "floating_gate": "floating gate"}
 
 
@@ -48,24 +75,23 @@ def light_section(report: Report) -> Section:
     body = Markup("\n").join(
         [
             *(_card(sensor, shown) for sensor in sensors),
-            paragraph(_TEXTS["columns"], "note"),
+            paragraph(_COLUMNS, "note"),
             block(
                 "card pair",
-                block(
-                    "", heading("Signal and noise of a single pixel"), paragraph(_TEXTS["chart"])
-                ),
+                block("", heading("Signal and noise of a single pixel"), paragraph(_CHART)),
                 chart,
             ),
         ]
     )
-    return replace(section, text=_TEXTS["guide"] + " " + _shutter(report.settings), body=body)
+    return replace(section, text=_GUIDE + _shutter(report.settings), body=body)
 
 
 def _shutter(settings: Configuration) -> str:
     shutter = settings.shutter
-    if shutter.is_instant or not settings.scene.has_truth:
-        text: str = _TEXTS["instant" if settings.scene.has_truth else "picture"]
-        return text
+    if not settings.scene.has_truth:
+        return _PICTURE
+    if shutter.is_instant:
+        return _INSTANT
     return (
         f"Frames and true motion are those of the shutter, blurred by the motion during "
         f"{shutter.exposure_s or 0:g} s and read out row by row from the "

@@ -18,13 +18,15 @@ from megalopta.report.images import (
     rgb_picture,
     wheel,
 )
-from megalopta.report.remarks import TEXTS
 from megalopta.report.source import Report
-
-_TEXTS = TEXTS["motion_section"]
 
 _SPEED_BINS = 48
 _BACKDROP_GRAY = 0.35
+_GUIDE = Markup(
+    "When the camera rotates, everything moves alike; when it travels, near objects move faster "
+    "than far ones. Depth is measured {}; its colors are logarithmic. Orange pixels are occluded "
+    "in the next frame. Every object has its own color."
+)
 
 
 def motion_section(report: Report) -> Section:
@@ -33,7 +35,7 @@ def motion_section(report: Report) -> Section:
         return _stand_in(report)
     hidden = np.mean([truth.occluded_forward.mean() for truth in report.truths])
     films = (flow_film(report), _depth(report), _hidden(report), _purity(report), _objects(report))
-    guide = paragraph(_TEXTS["guide"].format(report.settings.camera.depth_meaning), "note")
+    guide = paragraph(_GUIDE.format(report.settings.camera.depth_meaning), "note")
     chart = card("Image speed", speed_chart(report.speed, report.median_speed))
     return Section(
         "True motion",

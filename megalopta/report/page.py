@@ -32,14 +32,12 @@ from megalopta.report.detectors import ACCURATE, detector_section
 from megalopta.report.images import film, with_ends
 from megalopta.report.light_section import counts_film, light_section
 from megalopta.report.motion_section import flow_film, motion_section
-from megalopta.report.remarks import TEXTS, rendering, rendering_errors
+from megalopta.report.remarks import rendering, rendering_errors
 from megalopta.report.sequence_panels import best_flow
 from megalopta.report.source import Budget, Record, Report, by_sensor
 from megalopta.report.thresholds import threshold_section
 from megalopta.scenes import Light, Pictures
 from megalopta.scenes.lighting.levels import illuminance_of
-
-_TEXTS = TEXTS["page"]
 
 OUTCOME = (
     "sensor",
@@ -178,6 +176,64 @@ def _last(errors: Sequence[tuple[LightLevel, float]]) -> tuple[LightLevel, float
     return accurate[-1] if accurate else None
 
 
+_GLOSSARY = {
+    "Radiance": "light from a place in a direction, per area, solid angle and wavelength "
+    "(W·m⁻²·sr⁻¹·nm⁻¹), independent of any sensor.",
+    "Illuminance": "photopic light on a level surface under the open sky (lux).",
+    "Photons": "mean number on a pixel in one exposure; its efficiency is the share detected.",
+    "Events": "detections that reach a pixel's counter, including dark counts, afterpulses and "
+    "crosstalk, after losses by dead time.",
+    "Reading": "output of a counter, which may saturate, wrap around or have an offset.",
+    "Shot noise": "standard deviation of photon counts, the square root of their mean.",
+    "Dark counts": "detections without a photon, at a rate that differs between pixels.",
+    "Dead time": "time after a detection in which a pixel detects nothing.",
+    "Saturated": "a reading at the pixel's limit, a lower bound.",
+    "Corrected": "readings after correction for dark counts, dead time, counter, flat field and "
+    "hot pixels.",
+    "True motion": "displacement of the point at a pixel's center from one frame to the next (px, "
+    "to the right and down).",
+    "Occluded": "hidden, or out of view, in the other frame.",
+    "Parallax": "motion due to the camera's translation, larger for near objects.",
+    "Endpoint error (EPE)": "distance between a velocity and the true one (px).",
+    "N_2b": "photons per frame, summed over all pixels, at which a detector's error is 25 % "
+    "(2 bits).",
+    "Fixed error": "part of the rendered light's error that is the same in all frames "
+    "and moves with the surfaces.",
+}
+
+_STAND_IN = (
+    "Within 25 % of the flow by DIS between the clean pictures, a stand-in for the unknown true "
+    "motion that favors DIS."
+)
+_RANKING = (
+    "Endpoint error against the true motion, on perfect pixels with the photons of illuminance and "
+    "exposure. {} {} This holds for this scene, path and settings; all curves, poolings and the "
+    "camera’s motion are in {}/ranking.html next to this page."
+)
+_ATLAS = (
+    "Gray: no method beats the zero-motion baseline. Pale: the best method is not significant. "
+    "Blank: not measured."
+)
+_MADE = (
+    "The settings below, with their seeds, reproduce everything on this page. Only the noise of "
+    "rendering may differ between machines, within its statistics."
+)
+_FILES = """
+dataset.yaml                 all settings and the version that made it
+sequences/SEQ.json           software of each stage, and every file's hash
+timings.json                 seconds each stage took
+training/clean, final        tone-mapped radiance; counts of the first sensor and level (PNG)
+training/flow                true motion to the next frame (.flo, px)
+training/occlusions, invalid pixels without a match, without defined motion (PNG)
+training/depth, camdata_left depth (.dpt, m) and camera (.cam)
+radiance                     spectral radiance, W·m⁻²·sr⁻¹·nm⁻¹ per band (EXR)
+truth                        motion both ways, depth, normals, objects, occlusion (EXR)
+radiance_shutter             radiance through the shutter, as sensors see it, if there is one (EXR)
+truth_shutter                truth of every row at its own time, with a rolling shutter (EXR)
+counts                       counts, noise-free mean and saturation per sensor and level (Zarr)
+results                      responses (Zarr), errors and photon benchmark (JSON, CSV)"""
+
+
 def ranking_section(report: Report) -> Section | None:
     """Return the ranking against the true motion; None if it was not computed."""
     ranking = read_ranking(report.dataset.root / FOLDER)
@@ -185,8 +241,8 @@ def ranking_section(report: Report) -> Section | None:
         return None
     return Section(
         "Which method is best",
-        _TEXTS["ranking"].format(best_methods(ranking), " ".join(order_changes(ranking)), FOLDER),
-        body=block("card", atlas(ranking)) + paragraph(_TEXTS["atlas"], "note"),
+        _RANKING.format(best_methods(ranking), " ".join(order_changes(ranking)), FOLDER),
+        body=block("card", atlas(ranking)) + paragraph(_ATLAS, "note"),
         name="ranking",
         link="Which is best",
     )
@@ -212,9 +268,9 @@ def making_section(report: Report) -> Section:
             ),
         ),
         folded("All settings", Markup("<pre>{}</pre>").format(to_yaml(report.settings))),
-        folded("Files", Markup("<pre>{}</pre>").format(_TEXTS["files"])),
+        folded("Files", Markup("<pre>{}</pre>").format(_FILES)),
     ]
-    return Section("How it was made", _TEXTS["made"], body=Markup("\n").join(body), name="made")
+    return Section("How it was made", _MADE, body=Markup("\n").join(body), name="made")
 
 
 def _bars(report: Report) -> Markup:
@@ -233,7 +289,7 @@ SECTIONS: tuple[Callable[[Report], Section | None], ...] = (
     detector_section,
     threshold_section,
     ranking_section,
-    lambda _: Section("Glossary", body=listed("words", _TEXTS["glossary"].items()), name="words"),
+    lambda _: Section("Glossary", body=listed("words", _GLOSSARY.items()), name="words"),
     making_section,
 )
 """Sections of the page and its navigation, in order; None is skipped."""
@@ -279,7 +335,7 @@ def _opening(report: Report) -> Markup:
         return tiles
     name, reach = _farthest(report)
     results = table("Results", OUTCOME, rows)
-    note = "" if report.has_truth else _TEXTS["stand_in"]
+    note = "" if report.has_truth else _STAND_IN
     shown = paragraph(reach), strip(report, name), results, paragraph(note, "note")
     return tiles + block("outcome", Markup("<h2>Results</h2>"), *shown)
 

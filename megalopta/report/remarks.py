@@ -4,15 +4,12 @@ Light is estimated from random samples, so the "noise-free" frames contain some 
 stage measures it, on pixels without sky if there are any: `monte_carlo` in the scene record.
 """
 
-from collections.abc import Iterator, Mapping
-from pathlib import Path
-from typing import Any
+from collections.abc import Iterator
 
 import numpy as np
 from markupsafe import Markup
 from matplotlib.ticker import FuncFormatter
 
-from megalopta.core import strict_yaml
 from megalopta.core.arrays import Floats
 from megalopta.flow.detectors.registry import METHODS
 from megalopta.plotting.sections import paragraph
@@ -21,17 +18,6 @@ from megalopta.plotting.svg import themed
 from megalopta.plotting.text import number, percent, short
 from megalopta.report.source import Record, Report
 
-
-def _marked(texts: Any) -> Any:
-    if isinstance(texts, Mapping):
-        return {name: _marked(each) for name, each in texts.items()}
-    return Markup(texts)
-
-
-TEXTS: Mapping[str, Mapping[str, Any]] = _marked(
-    strict_yaml.load(Path(__file__).with_name("texts.yaml").read_text("utf-8"))
-)
-"""Texts of sections by module and name, as markup; glossaries are mappings"""
 NUMBERS = FuncFormatter(lambda value, _: short(value))
 """Labels of a logarithmic axis"""
 _CAUTION = 0.1

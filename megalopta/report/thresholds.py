@@ -19,10 +19,8 @@ from megalopta.plotting.style import BLACK, DASHES, RULE, method_style, write_at
 from megalopta.plotting.svg import CHART_PT, in_style, logarithmic, new_axes, to_svg
 from megalopta.plotting.text import UNDEFINED, level_name, percent, short
 from megalopta.report.detectors import ACCURATE, crossed
-from megalopta.report.remarks import NUMBERS, TEXTS, absent, drawable, key, rendering, verbatim
+from megalopta.report.remarks import NUMBERS, absent, drawable, key, rendering, verbatim
 from megalopta.report.source import Budget, Report, by_sensor
-
-_TEXTS = TEXTS["thresholds"]
 
 Shape = tuple[int, int]
 Style = dict[str, Any]
@@ -36,6 +34,35 @@ _ERRORS = FuncFormatter(
 )
 
 _NORMALIZED = {"per_frame": "every frame", "per_sequence": "the mean frame"}
+_GUIDE = Markup(
+    "How many photons per frame does a detector need to repeat its noise-free response to 2 bits, "
+    "within 25 %? Errors against the true motion are not measured here. The sequence is scaled to "
+    "each number of photons, drawn {} times and measured; N<sub>2b</sub> is where the error curve "
+    "falls below 25 %. These pixels detect every photon and have dark counts in proportion to "
+    "their area ({}, per frame)."
+)
+_FLICKER = Markup(
+    "This noise is the same in both responses: N<sub>2b</sub> measures how well a detector repeats "
+    "its response to this light, including the rendering’s flicker."
+)
+_SUPPLY = (
+    "Markers: filled for the literal error, open for the ratio; bars are {:g} % CI. Diamonds: "
+    "photons that each sensor detects per frame at each light level. A marker left of a light’s "
+    "line means enough photons, apart from the sensor’s dark readings."
+)
+_CURVES = (
+    "Bands are ± 2 standard errors; errors of exactly zero and beyond the axis are not drawn. "
+    "Frames in which the filters settle are not scored ({} at the start)."
+)
+_NORMALIZATIONS = (
+    "Above, it is {}. The dissertation scales every frame; scaling by the mean frame keeps bright "
+    "frames bright, as a camera with a fixed exposure does."
+)
+_UNITS = Markup(
+    "k, M, G, T: 10³, 10⁶, 10⁹, 10¹². Intervals are over draws of photons, not over scenes. The "
+    "literal error divides by each single response: where many are near zero, its N<sub>2b</sub> "
+    "is far above that of the ratio."
+)
 
 
 def threshold_section(report: Report) -> Section:
@@ -52,12 +79,12 @@ def threshold_section(report: Report) -> Section:
     shapes = _by_shape(benchmark)
     dark = (f"{short(counts / math.prod(each))} at {_size(each)} px" for each in shapes)
     body = [
-        rendering(report.scene, _TEXTS["flicker"]),
+        rendering(report.scene, _FLICKER),
         *_needs(report, benchmark),
         *_curves(report, benchmark),
         *_thresholds(report.benchmarks),
     ]
-    text = _TEXTS["guide"].format(settings.repeats, ", ".join(dark))
+    text = _GUIDE.format(settings.repeats, ", ".join(dark))
     return replace(section, text=text, body=Markup("\n").join(body))
 
 
@@ -81,7 +108,7 @@ def _needs(report: Report, benchmark: BenchmarkResult) -> Iterator[Markup]:
         for shape, curves in _by_shape(benchmark).items()
     ]
     yield block("pair", *charts)
-    yield paragraph(_TEXTS["supply"].format(100 * benchmark.settings.confidence), "note")
+    yield paragraph(_SUPPLY.format(100 * benchmark.settings.confidence), "note")
 
 
 def _needs_chart(curves: Sequence[ErrorCurve], shape: Shape, budgets: Sequence[Budget]) -> Markup:
@@ -110,7 +137,7 @@ def _curves(report: Report, benchmark: BenchmarkResult) -> Iterator[Markup]:
                 card(title, error_chart(own, f"curve-{shape[0]}-{metric}", ACCURATE, text))
             )
     yield block("pair", *charts)
-    yield paragraph(_TEXTS["curves"].format(benchmark.warm_up), "note")
+    yield paragraph(_CURVES.format(benchmark.warm_up), "note")
 
 
 def _thresholds(benchmarks: Sequence[BenchmarkResult]) -> Iterator[Markup]:
@@ -126,9 +153,9 @@ def _thresholds(benchmarks: Sequence[BenchmarkResult]) -> Iterator[Markup]:
             literal = [curve for curve in each.curves if curve.metric == "literal"]
             beside |= _cells(literal, what)
         yield heading("Normalization to the number of photons")
-        yield paragraph(_TEXTS["normalizations"].format(_NORMALIZED[settings.normalization]))
+        yield paragraph(_NORMALIZATIONS.format(_NORMALIZED[settings.normalization]))
         yield crossed("N_2b by normalization", "Detector", beside)
-    yield paragraph(_TEXTS["units"], "note")
+    yield paragraph(_UNITS, "note")
 
 
 def _cells(curves: Sequence[ErrorCurve], what: str = "") -> dict[tuple[str, str], str]:

@@ -18,13 +18,11 @@ from scipy.stats import linregress
 from megalopta.core.arrays import Floats
 from megalopta.plotting.picture import Cell, Figure, columns_of
 from megalopta.plotting.style import BLACK, GRAY, PALETTE, draw_table
-from megalopta.reproduction.drawing import FigureRecipe, Run, texts
+from megalopta.reproduction.drawing import FigureRecipe, Run
 from megalopta.sensor import DeadTime, Sensor, changed, expose_events, expose_rate, preset
 from megalopta.sensor.effects.dead_time import expected_counts
 from megalopta.sensor.spad.counters import AnalogCounter, analog_pixels
 from megalopta.sensor.spad.presets import TABLE_2_1
-
-_TEXTS = texts("chapter2_counter")
 
 ROW = (1, 16)
 LIGHT_HZ = 300.0
@@ -136,6 +134,11 @@ def _floor(share: float) -> str:
 
 _DEAD_TIMES_S = (1e-9, 1e-8, 1e-7, 1e-6)
 _DASHES = {"nonparalyzable": "-", "paralyzable": "--"}
+_CAPTION_2_2 = (
+    "Curves are stationary means (Eq. 2.5 and 2.6) for four dead times τ. The count rate saturates "
+    "at 1/τ if non-paralyzable; if paralyzable it peaks at 1/(e·τ), at one photon per dead time. "
+    "The dynamic range is from 100 Hz of dark counts to that limit, for τ = 100 ns."
+)
 
 
 def _figure_2_2(_: Run) -> Figure:
@@ -150,7 +153,7 @@ def _figure_2_2(_: Run) -> Figure:
     lasting, brief = (f"{20 * np.log10(rate / 100):.0f} dB" for rate in (highest, 1e7))
     return Figure(
         title="Figure 2.2: count rate over photon rate with dead time",
-        caption=_TEXTS["caption_2_2"],
+        caption=_CAPTION_2_2,
         printed={
             "Dynamic range, paralyzable": (lasting, "below 100 dB"),
             "Dynamic range, non-paralyzable": (brief, "below 100 dB"),

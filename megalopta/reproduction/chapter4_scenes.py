@@ -34,17 +34,20 @@ from megalopta.plotting.picture import Figure, columns_of
 from megalopta.plotting.style import BLACK, DASHES, PALETTE, draw_key, log_decades, method_style
 from megalopta.reproduction.chapter4_curves import PHOTOGRAPHED, SWEEPS, in_form, span
 from megalopta.reproduction.chapter4_table import PRINTED, SIZE
-from megalopta.reproduction.drawing import FigureRecipe, Run, Templates, texts
+from megalopta.reproduction.drawing import FigureRecipe, Run, Templates
 from megalopta.reproduction.sweep_figure import threshold_of
 from megalopta.scenes import ToneCurve
 from megalopta.scenes.spectra.color import encode_srgb
-
-_TEXTS = texts("chapter4_scenes")
 
 POOLED, CYCLES = 60, 4.0
 """Parameters of Fig. 4.2."""
 _VARIANTS: tuple[GratingVariant, ...] = ("rot", "periodic")
 _LEAVES_COLUMNS = 753
+_CAPTION = (
+    "Four seeded forests in four lights replace the photographs of the dissertation, with their "
+    "fields of view, in cylindrical projection, where a camera rotation shifts columns. They are "
+    "shown as sRGB; templates are linear in light."
+)
 _STATISTICS = {
     "contrast": "Contrast (σ/mean)",
     "spectrum_slope": "Exponent of the power over frequency",
@@ -95,7 +98,7 @@ def _figure_4_3(run: Run) -> Figure:
 
     return Figure(
         title="Figure 4.3: rendered forests in place of photographs",
-        caption=_TEXTS["caption"],
+        caption=_CAPTION,
         printed=_compared(statistics),
         printed_by=("Forests", "Dead leaves"),
         draw=partial(_draw_4_3, forests=forests, templates=templates),

@@ -12,11 +12,10 @@ from difflib import get_close_matches
 from importlib import import_module
 from pathlib import Path
 from pkgutil import iter_modules
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 from megalopta.benchmark.runner import Results, run
 from megalopta.benchmark.trial import Sweep, Template, Trial, pixels_of
-from megalopta.core import strict_yaml
 from megalopta.core.arrays import Floats
 from megalopta.core.errors import UserError
 from megalopta.core.folders import ensure_directory
@@ -31,15 +30,6 @@ GROUPS: dict[str, tuple[str, ...]] = {
 }
 """Names of groups: all figures of some modules"""
 GROUPS["all"] = _PREFIXES
-
-_TEXTS = strict_yaml.load(Path(__file__).with_name("captions.yaml").read_text("utf-8"))
-
-
-def texts(module: str) -> Mapping[str, Any]:
-    """Return the texts of a module by name."""
-    found: Mapping[str, Any] = _TEXTS[module]
-    return found
-
 
 Templates: TypeAlias = Mapping[Template, Floats]
 
