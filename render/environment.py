@@ -209,7 +209,7 @@ def under_panorama(scene: Scene) -> Scene:
 
 
 def _lighting(lighting: Lighting, panorama: Environment) -> Lighting:
-    picture = turned(load_panorama(panorama), panorama.turn_deg)
+    picture = turned_panorama(load_panorama(panorama), panorama.turn_deg)
     weights = np.array([luminous(spectrum) for spectrum in panorama.spectra])
     picture, direction, irradiance = without_disc(picture, weights)
     colors = zip(panorama.spectra, np.moveaxis(picture, -1, 0), strict=True)
@@ -221,7 +221,7 @@ def _lighting(lighting: Lighting, panorama: Environment) -> Lighting:
     return replace(lighting, sun=sun, patterns=(*lighting.patterns, *patterns), panorama=None)
 
 
-def turned(picture: Image, turn_deg: float) -> Image:
+def turned_panorama(picture: Image, turn_deg: float) -> Image:
     """Return the picture (H, 2·H, 3) turned counterclockwise seen from above."""
     columns = turn_deg / 360 * picture.shape[1]
     whole = int(np.floor(columns))

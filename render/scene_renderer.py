@@ -21,7 +21,7 @@ from megalopta.render.loading.scene import LoadedScene, load_scene
 from megalopta.render.mitsuba_loader import activate
 from megalopta.render.noise import MeasuredPass
 from megalopta.render.path_tracing import PathIntegrator
-from megalopta.render.sensors.film import Exposure, Part
+from megalopta.render.sensors.film import Exposure, ExposurePart
 from megalopta.render.settings import RenderSettings, bake_seed, frame_seed
 from megalopta.render.split_paths import SplitPaths, can_split
 from megalopta.render.surface_view import Integrator, SurfaceView
@@ -150,7 +150,7 @@ class SceneRenderer:
         return self._view.measured(self._exposure(path, shutter, frame, seed, number))
 
     def _at(self, pose: Floats, seed: int, time_s: float) -> Exposure:
-        return Exposure((Part(self._local(pose), [time_s], seed),))
+        return Exposure((ExposurePart(self._local(pose), [time_s], seed),))
 
     def _exposure(
         self, path: Path, shutter: Shutter, frame: int, seed: int, number: int
@@ -172,7 +172,7 @@ class SceneRenderer:
         poses = self._local(path.pose_at(times.ravel())).reshape(parts, count, len(rows), 4, 4)
         instants = times.reshape(parts, count, len(rows)).mean(axis=1).tolist()
         seeds = [frame_seed(seed, frame, number, part) for part in range(parts)]
-        return Exposure(tuple(map(Part, poses, instants, seeds)), is_rolling)
+        return Exposure(tuple(map(ExposurePart, poses, instants, seeds)), is_rolling)
 
     def light_survey(self, positions: Floats) -> LightSurvey | None:
         """Illuminance above and below camera positions (N, 3); None if only surfaces emit."""

@@ -79,9 +79,8 @@ from .quantities import (
     Exposure as Exposure,
 )
 from .sampling.streams import generator as generator
-from .spad.analog import AnalogCounter as AnalogCounter
+from .spad.counters import AnalogCounter as AnalogCounter, DigitalCounter as DigitalCounter
 from .spad.device import detection_rate as detection_rate
-from .spad.digital import DigitalCounter as DigitalCounter
 from .spad.measured import (
     MapFile as MapFile,
     MeasuredMaps as MeasuredMaps,

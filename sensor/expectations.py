@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from megalopta.core.arrays import Floats
-from megalopta.sensor.avalanches.counts import count_moments
 from megalopta.sensor.change import changed
 from megalopta.sensor.ctia.array import (
     electron_moments,
@@ -19,8 +18,8 @@ from megalopta.sensor.effects.base import FrameRates
 from megalopta.sensor.image_sensors import ImageSensor
 from megalopta.sensor.optics.pixels import photon_rate
 from megalopta.sensor.quantities import Expectation
-from megalopta.sensor.spad.device import FixedPattern, checked_rate, detection_rate
-from megalopta.sensor.spad.frames import over_frames
+from megalopta.sensor.spad.counts import count_moments
+from megalopta.sensor.spad.device import FixedPattern, checked_rate, detection_rate, over_frames
 from megalopta.sensor.spad.model import Sensor
 from megalopta.sensor.spad.readings import moments_of_readings
 

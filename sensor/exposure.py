@@ -4,7 +4,7 @@
     detection     → detection rate of an always-live pixel (`detection_rate`)
     dark counts   + thermal carriers, at a rate that may change with time (`_Frames`)
     avalanches    → events: gate, dead time, afterpulses, crosstalk (`avalanches`)
-    counter       → counts, up to its capacity (`spad.digital`, `spad.analog`)
+    counter       → counts, up to its capacity (`spad.counters`)
     readout       counts, codes of an ADC, bits, or the time of every event
 
 The rate is that of the frame's radiance for the whole exposure, or (T, S, H, W) in S equal parts of
@@ -27,8 +27,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from megalopta.core.arrays import Floats
-from megalopta.sensor.avalanches.counts import draw_counts, mean_rate
-from megalopta.sensor.avalanches.simulation import FreeRunning, SimulatedFrame, running_array
 from megalopta.sensor.ctia.array import expose_photocurrent, photocurrent, reading_electrons
 from megalopta.sensor.ctia.model import CtiaSensor
 from megalopta.sensor.effects.base import AvalancheMaps, Frame, FrameRates
@@ -43,11 +41,18 @@ from megalopta.sensor.sampling.bits import fill_bits
 from megalopta.sensor.sampling.poisson import draw_poisson, fill_poisson, poisson_streams
 from megalopta.sensor.sampling.streams import generator
 from megalopta.sensor.sampling.words import word_streams
-from megalopta.sensor.spad.analog import AnalogCounter, AnalogPixels, read_analog, sample_analog
-from megalopta.sensor.spad.device import FixedPattern, checked_rate, detection_rate
-from megalopta.sensor.spad.digital import empty_counts, read_digital
-from megalopta.sensor.spad.frames import over_frames
+from megalopta.sensor.spad.counters import (
+    AnalogCounter,
+    AnalogPixels,
+    empty_counts,
+    read_analog,
+    read_digital,
+    sample_analog,
+)
+from megalopta.sensor.spad.counts import draw_counts, mean_rate
+from megalopta.sensor.spad.device import FixedPattern, checked_rate, detection_rate, over_frames
 from megalopta.sensor.spad.model import Sensor
+from megalopta.sensor.spad.simulation import FreeRunning, SimulatedFrame
 
 _FEW_PIXELS = 2**15
 """Below this number of pixels in all frames, one thread draws them."""
@@ -141,7 +146,7 @@ def expose_rate(
         before.
     """
     frames = _Frames.of(detections_hz, sensor, seed, sequence, first_frame, frame_period_s)
-    array, counter = running_array(free_running, sensor.avalanche_effects), sensor.counter
+    array, counter = frames.running(free_running), sensor.counter
     exposure = Exposure(
         empty_counts(frames.shape, counter.capacity), np.empty(frames.shape, np.bool_)
     )
@@ -230,7 +235,7 @@ def expose_binary(
     frames = _Frames.of(detections_hz, sensor, seed, sequence, first_frame, frame_period_s)
     count, rows, columns = frames.shape
     packed = np.empty((count, rows, -(-columns // 8)), np.uint8)
-    array = running_array(free_running, sensor.avalanche_effects)
+    array = frames.running(free_running)
     open_s = sensor.exposure_s * open_fraction(sensor.gate, sensor.exposure_s)
 
     def expose_frame(index: int) -> None:
@@ -270,7 +275,7 @@ def expose_events(
         Its jitter scatters the time stamps.
     """
     frames = _Frames.of(detections_hz, sensor, seed, sequence, first_frame, frame_period_s)
-    array = running_array(free_running, sensor.avalanche_effects)
+    array = frames.running(free_running)
     streams: dict[int, tuple[Floats, NDArray[np.uint32]]] = {}
 
     def expose_frame(index: int) -> None:
@@ -339,6 +344,12 @@ class _Frames:
     def are_poisson(self) -> bool:
         """True if no effect acts on avalanches and light is constant within exposures."""
         return not self.sensor.avalanche_effects.on and self.detections_hz.ndim == 3
+
+    def running(self, asked: bool | FreeRunning) -> FreeRunning | None:
+        """Array that continues between frames, new for True; None where frames are independent."""
+        if not asked or not self.sensor.avalanche_effects.remembers:
+            return None
+        return FreeRunning() if asked is True else asked
 
     def rng(self, purpose: str, index: int) -> np.random.Generator:
         """Return the random generator of one frame and purpose."""

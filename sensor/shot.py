@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from megalopta.core.arrays import Floats
-from megalopta.sensor.avalanches.simulation import FreeRunning
 from megalopta.sensor.change import changed
 from megalopta.sensor.event_stream import Events
 from megalopta.sensor.expectations import expectation, settled
@@ -23,6 +22,7 @@ from megalopta.sensor.image_sensors import ImageSensor
 from megalopta.sensor.quantities import Exposure
 from megalopta.sensor.spad.device import detection_rate
 from megalopta.sensor.spad.model import Sensor
+from megalopta.sensor.spad.simulation import FreeRunning
 from megalopta.sensor.sub_frames import Following
 
 Arrays = Mapping[str, FreeRunning]

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from megalopta.cli.parser import program, split_overrides
+from megalopta.cli.main import program, split_overrides
 from megalopta.config.model import load
 from megalopta.config.recipe import load_plan
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from megalopta.assets_gen import FloatArray, unit
-from megalopta.assets_gen.plants.skeleton import IndexArray, Skeleton, smoothed, sum_toward_root
+from megalopta.assets_gen.plants.skeleton import IndexArray, Skeleton, relaxed, sum_toward_root
 from megalopta.assets_gen.plants.species import Colonized, Crown, Species, Whorled
 
 KILL_STEPS = 1.6
@@ -169,7 +169,7 @@ def grow_colonized(species: Species, growth: Colonized, rng: np.random.Generator
         buds.append(ends)
     points = crown_points(species.crown, species.height_m, growth.points, rng)
     grown = colonize(skeleton, np.concatenate(buds), points, growth.step_m, growth.tropism, rng)
-    return _with_shoots(smoothed(grown, 2), growth, rng)
+    return _with_shoots(relaxed(grown, 2), growth, rng)
 
 
 def _with_stem(

@@ -103,7 +103,7 @@ def _follow(heir: IndexArray, bearer: int, start: int) -> IndexArray:
     return np.array(nodes)
 
 
-def smoothed(skeleton: Skeleton, passes: int) -> Skeleton:
+def relaxed(skeleton: Skeleton, passes: int) -> Skeleton:
     """Return the skeleton with kinks relaxed; forks follow their thicker branch, tips stay."""
     counts = skeleton.child_counts()
     inner = (skeleton.parents >= 0) & (counts > 0)

@@ -36,7 +36,7 @@ def _reflected(vector: FloatArray, direction: FloatArray) -> FloatArray:
     return vector - 2 / square * (direction @ vector) * direction if square > 1e-20 else vector
 
 
-def sweep(
+def swept_tube(
     axis: FloatArray,
     profile: FloatArray,
     tile_m: tuple[float, float],

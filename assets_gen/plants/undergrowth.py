@@ -9,7 +9,7 @@ from megalopta.assets_gen import FloatArray, Surface, cross, join, unit
 from megalopta.assets_gen.plants.bark import TILE_M
 from megalopta.assets_gen.plants.branching import UP, outward
 from megalopta.assets_gen.plants.foliage import ATLAS_TILES, Blade, blades
-from megalopta.assets_gen.plants.tube import rotation_minimizing_frames, sweep
+from megalopta.assets_gen.plants.tube import rotation_minimizing_frames, swept_tube
 
 PINNA = Blade(length_m=0.2, width_m=0.055, widest=0.3, fold_deg=8)
 HERB_LEAF = Blade(0.14, 0.065, 0.6, 8)
@@ -157,7 +157,9 @@ def grow_log(rng: np.random.Generator, sides: int = 14) -> tuple[Surface, Surfac
     lumps = 1 + 0.05 * rng.standard_normal((rings, 1)) + 0.03 * rng.standard_normal((rings, sides))
     profile = thick[:, None] * lumps
     tip = axis[-1:] + np.array([[0.01, 0.0, 0.0]])
-    trunk = sweep(np.concatenate([axis, tip]), profile, TILE_M, rng.random(2), whole_tiles=True)
+    trunk = swept_tube(
+        np.concatenate([axis, tip]), profile, TILE_M, rng.random(2), whole_tiles=True
+    )
     stubs = [_stub(axis, thick, rng) for _ in range(STUBS)]
     return join([trunk, *stubs]), join([_end(axis, profile, at) for at in (0, rings - 1)])
 
@@ -171,7 +173,7 @@ def _stub(axis: FloatArray, thick: FloatArray, rng: np.random.Generator) -> Surf
     radius = thick[at] * rng.uniform(0.12, 0.3)
     profile = np.repeat(radius * np.array([[1.2], [0.8], [0.7]]), 5, axis=1)
     line = axis[at] + steps * (thick[at] + length) * toward
-    return sweep(line, profile, TILE_M, rng.random(2), whole_tiles=False)
+    return swept_tube(line, profile, TILE_M, rng.random(2), whole_tiles=False)
 
 
 def _end(axis: FloatArray, profile: FloatArray, at: int) -> Surface:

@@ -31,7 +31,7 @@ from megalopta.flow.detectors.base import Detector, Frames, Responder
 from megalopta.flow.detectors.registry import Method, method
 from megalopta.flow.metrics.photon_threshold import ErrorCurve, error_curve, measured_errors
 from megalopta.flow.metrics.response_error import Metric, error_of, error_sums
-from megalopta.flow.stimuli.moving_template import MovingTemplate, summed
+from megalopta.flow.stimuli.moving_template import MovingTemplate, sum_frames
 from megalopta.flow.stimuli.photons import draw_in_one, narrowest
 
 _MEAN_AT_TWO_BITS = 10.133
@@ -104,7 +104,7 @@ class ShortSequences:
 
     def clean(self, phase: int, before: int, frames: int) -> Floats:
         """Return frames at a place, and some before it, as shares of the flux."""
-        pooled = summed(self._light[phase], self.settings.summed_frames)
+        pooled = sum_frames(self._light[phase], self.settings.summed_frames)
         return np.asarray(pooled[self._before - before : self._before + frames])
 
     def counts(self, flux: float, phase: int, repeat: int, frames: int) -> Frames:
@@ -116,7 +116,7 @@ class ShortSequences:
             key = *self.key, f"{flux:.6g}", phase, repeat, 0
             counts = draw_in_one(light, flux, self.dark_counts, self._brightest, *key)
             if self.settings.summed_frames > 1:
-                counts = narrowest(summed(counts, self.settings.summed_frames))
+                counts = narrowest(sum_frames(counts, self.settings.summed_frames))
             self._counts[name] = counts
         return self._counts[name][:frames]
 

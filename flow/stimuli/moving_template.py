@@ -75,7 +75,7 @@ class MovingTemplate:
         return frames
 
 
-def blurred(template: Floats, length_px: float) -> Floats:
+def motion_blurred(template: Floats, length_px: float) -> Floats:
     """Return a template (H, W) with motion blur along its rows, around the circle.
 
     Each pixel becomes the mean over a line of this length, MATLAB's fspecial('motion', length, 0):
@@ -94,7 +94,7 @@ def blurred(template: Floats, length_px: float) -> Floats:
     return np.asarray(correlate1d(template, taps / length_px, axis=1, mode="wrap"))
 
 
-def summed(frames: Frames, window: int) -> Frames:
+def sum_frames(frames: Frames, window: int) -> Frames:
     """Return the sliding sum of `window` successive frames, (T − window + 1, H, W)."""
     if window == 1:
         return frames

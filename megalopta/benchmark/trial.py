@@ -29,7 +29,7 @@ from megalopta.benchmark.panoramas import (
     natural_templates,
     template_from_file,
 )
-from megalopta.config.yaml_model import mapping, put, read_text, validated
+from megalopta.config.yaml_model import mapping, put, validated, yaml_text
 from megalopta.core.arrays import Floats
 from megalopta.core.errors import UserError
 from megalopta.core.record import Record
@@ -39,7 +39,7 @@ from megalopta.flow.benchmark.settings import SearchSettings, each_once
 from megalopta.flow.detectors.base import Detector
 from megalopta.flow.detectors.registry import METHODS, THESIS_METHODS, method
 from megalopta.flow.metrics.photon_threshold import ErrorCurve
-from megalopta.flow.stimuli.moving_template import MovingTemplate, blurred
+from megalopta.flow.stimuli.moving_template import MovingTemplate, motion_blurred
 from megalopta.flow.stimuli.resizing import ResizeKind
 from megalopta.scenes.spectra.color import encode_srgb
 
@@ -229,7 +229,7 @@ class Trial(Record, frozen=True):
 
 def measure_trial(trial: Trial, pixels: Floats, name: str) -> tuple[ErrorCurve, ...]:
     """Return the error curves of a trial on its template (251, m); `name` seeds its noise."""
-    smeared = blurred(pixels, abs(trial.velocity_px)) if trial.blurred else pixels
+    smeared = motion_blurred(pixels, abs(trial.velocity_px)) if trial.blurred else pixels
     stimulus = MovingTemplate(
         smeared, trial.velocity_px, trial.size, trial.resize, trial.search.normalization
     )
@@ -343,5 +343,5 @@ def load_sweep(
     be `module:function` or ONNX files, which are run, only if `allows_code`. Raises UserError if
     the file cannot be read, or is no sweep.
     """
-    values = mapping(read_text(path, "sweep; give a YAML file"), str(path))
+    values = mapping(yaml_text(path, "sweep; give a YAML file"), str(path))
     return validated(Sweep, values, str(path), overrides, path.parent, allows_code)

@@ -54,7 +54,7 @@ from megalopta.sensor.formats.protocol import (
     Settings,
     samples_of,
 )
-from megalopta.sensor.spad.analog import counts_of_codes, nominal_pixels
+from megalopta.sensor.spad.counters import counts_of_codes, nominal_pixels
 
 _LARGEST_DRIFT = 1e-3
 """No quartz is worse; steeper lines are due to few arrivals."""

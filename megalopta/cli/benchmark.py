@@ -14,7 +14,7 @@ from megalopta.cli.command import (
     numbers,
     option,
     out,
-    settings_of,
+    settings_loader,
     switch,
     verb,
 )
@@ -246,7 +246,7 @@ def _run_sweep(options: Namespace) -> None:
     "rank flow methods on rendered sequences against the true motion, over photon levels",
     DATASET,
     out("out/ranking"),
-    settings=settings_of("benchmark.ranking_settings", "RankingSettings"),
+    settings=settings_loader("benchmark.ranking_settings", "RankingSettings"),
     example="megalopta benchmark sequence out/night --methods BM DIS PF --fluxes 1e4 1e6",
 )
 def _sequence(options: Namespace) -> None:

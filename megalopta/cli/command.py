@@ -135,7 +135,7 @@ def out(default: str, what: str = "folder") -> Option:
     return option("--out", f"{what} (default: {default})", type=Path, default=Path(default))
 
 
-def settings_of(module: str, model: str) -> "Callable[[], Settings]":
+def settings_loader(module: str, model: str) -> "Callable[[], Settings]":
     """Return a loader of a model's default settings."""
 
     def loaded() -> "Settings":

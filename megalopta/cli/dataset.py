@@ -12,7 +12,7 @@ from megalopta.cli.command import (
     at_least,
     option,
     out,
-    settings_of,
+    settings_loader,
     switch,
     verb,
 )
@@ -33,7 +33,7 @@ VERBS["dataset"] = Verb("make, check and show a dataset of many sequences")
         "estimate sequences, frames, gigabytes and time from a short measurement; make nothing",
     ),
     *CLUSTER,
-    settings=settings_of("config.recipe", "Plan"),
+    settings=settings_loader("config.recipe", "Plan"),
     often=(
         *("sequences", "seed", "scenes", "lights", "cameras", "trajectories", "every"),
         *("sensors", "light_levels", "repeats", "products", "splits"),
@@ -68,7 +68,7 @@ def _make(options: Namespace) -> None:
     "add sensors, exposures and light levels to a finished dataset",
     DATASET,
     *CLUSTER,
-    settings=settings_of("generation.adding", "Exposing"),
+    settings=settings_loader("generation.adding", "Exposing"),
     example="megalopta dataset expose data --sensors ideal --light-levels 0.01",
 )
 def _expose(options: Namespace) -> None:

@@ -3,7 +3,7 @@
 from argparse import Namespace
 from pathlib import Path
 
-from megalopta.cli.command import option, out, settings_of, verb
+from megalopta.cli.command import option, out, settings_loader, verb
 
 
 @verb(
@@ -17,7 +17,7 @@ from megalopta.cli.command import option, out, settings_of, verb
         type=Path,
     ),
     out("out/design"),
-    settings=settings_of("benchmark.design", "DesignSettings"),
+    settings=settings_loader("benchmark.design", "DesignSettings"),
     often=(
         *("error", "light_levels", "exposure_s", "pitch_m", "f_number", "pde", "dark_counts_hz"),
         *("yaw_deg_s", "frame_rate_hz"),

@@ -179,8 +179,7 @@ def _check(options: Namespace) -> None:
 
 
 def _check_captures(paths: list[Path], page: Path | None) -> None:
-    from megalopta.verification.captures import check_captures, print_captures
-    from megalopta.verification.captures_page import write_captures_page
+    from megalopta.verification.captures import check_captures, print_captures, write_captures_page
 
     found = check_captures(paths)
     print_captures(found)

@@ -253,11 +253,11 @@ def _sense(options: Namespace) -> None:
 def _sense_pictures(options: Namespace, given: Mapping[str, Any]) -> None:
     if options.workers or options.scheduler:
         raise UserError(f"{options.input}: pictures are one sequence; leave --workers out")
-    from megalopta.stages.importing import PictureOptions, configuration_of, usual_folder
+    from megalopta.stages.importing import PictureOptions, pictures_configuration, usual_folder
     from megalopta.stages.pipeline import check_stage, run_stage
 
     asked = PictureOptions(**given)
-    settings = configuration_of(options.input, asked, options.overrides, options.out)
+    settings = pictures_configuration(options.input, asked, options.overrides, options.out)
     root = options.out or usual_folder(settings)
     check_stage("sense", settings, root)  # before the pictures are copied
     for stage in ("render", "sense"):

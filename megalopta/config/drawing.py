@@ -6,7 +6,7 @@ from typing import Any
 
 from megalopta.config import built_in_text
 from megalopta.config.model import Configuration
-from megalopta.config.recipe import Plan, Stream, choose, draw, stream
+from megalopta.config.recipe import Plan, Stream, choose, draw_entry, stream
 from megalopta.config.yaml_model import mapping, validated
 from megalopta.core.errors import UserError
 from megalopta.sensor import ImageSensor, generator, merged
@@ -60,11 +60,11 @@ def configuration_at(plan: Plan, index: int, at: Stream) -> Configuration:
             chosen = _drawn(plan, name, at)
             chosen = chosen if isinstance(chosen, Mapping) else {"level": chosen}
             values = merged(values, {field: chosen})
-    values = merged(values, draw(plan.every, at, "every"))
+    values = merged(values, draw_entry(plan.every, at, "every"))
     values["name"] = sequence_name(index)
     values["seed"] = int(generator(plan.seed, "plan", index, "seed").integers(_LARGEST_SEED))
-    values["light_levels"] = draw(plan.light_levels, at, "light_levels")
-    values["sensors"] = draw(plan.sensors, at, "sensors")
+    values["light_levels"] = draw_entry(plan.light_levels, at, "light_levels")
+    values["sensors"] = draw_entry(plan.sensors, at, "sensors")
     values["products"] = list(plan.products)
     made = validated(Configuration, values, f"sequence {index} (scene {preset})")
     if not made.scene.has_truth:
@@ -121,4 +121,4 @@ def _on_rig(made: Configuration, plan: Plan, index: int) -> Configuration:
 
 def _drawn(plan: Plan, name: str, at: Stream) -> Any:
     index, entry = choose(list(getattr(plan, name)), at, name)
-    return draw(entry, at, f"{name}.{index}")
+    return draw_entry(entry, at, f"{name}.{index}")

@@ -1,4 +1,4 @@
-"""Settings of the measurements on a sequence, and their references."""
+"""Settings of the measurements on a sequence and their references, of label maps and tracks."""
 
 from typing import Annotated, Literal
 
@@ -9,6 +9,7 @@ from pydantic import Field
 from megalopta.core.record import Record
 from megalopta.flow.benchmark.settings import BenchmarkSettings
 from megalopta.flow.stimuli.photons import Normalization
+from megalopta.scenes import Camera
 
 Reference = Literal["self", "perfect"]
 
@@ -73,3 +74,21 @@ class SequenceBenchmark(BenchmarkSettings, frozen=True):
         return tuple(
             BenchmarkSettings.model_validate({**values, "normalization": each}) for each in both
         )
+
+
+LabelName = Literal["classes", "instances", "normals", "albedo"]
+
+
+class TrackSettings(Record, frozen=True):
+    """Points to follow through all frames: a grid of pixel centers of some frames."""
+
+    spacing_px: Annotated[int, Field(ge=1)] = 8
+    """Distance between neighboring points (px)."""
+
+    frames: Annotated[tuple[Annotated[int, Field(ge=0)], ...], Field(min_length=1)] = (0,)
+    """Frames, from 0, in which the points are seen."""
+
+    def points(self, camera: Camera) -> NDArray[np.float64]:
+        """Image coordinates (N, 2) of the points, px, row by row."""
+        first, step = self.spacing_px // 2, self.spacing_px
+        return camera.pixel_centers()[first::step, first::step].reshape(-1, 2)

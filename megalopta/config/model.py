@@ -18,9 +18,14 @@ from pydantic import (
 )
 
 from megalopta.config import built_in_names, built_in_text
-from megalopta.config.labels import LabelName, TrackSettings
-from megalopta.config.measuring import CalibrationFrames, FlowSettings, SequenceBenchmark
-from megalopta.config.yaml_model import mapping, read_text, validated
+from megalopta.config.measuring import (
+    CalibrationFrames,
+    FlowSettings,
+    LabelName,
+    SequenceBenchmark,
+    TrackSettings,
+)
+from megalopta.config.yaml_model import mapping, validated, yaml_text
 from megalopta.core.bounded import quoted
 from megalopta.core.record import Record
 from megalopta.flow.benchmark.settings import each_once
@@ -343,7 +348,7 @@ def load(source: str, overrides: Mapping[str, str] | None = None) -> Configurati
     path = Path(source)
     path = path / "dataset.yaml" if path.is_dir() else path
     known = f"configuration; give a YAML file or one of {', '.join(built_in_names())}"
-    return parse(read_text(path, known), source, overrides, path.parent)
+    return parse(yaml_text(path, known), source, overrides, path.parent)
 
 
 def parse(

@@ -14,7 +14,7 @@ from typing import Annotated, Any, Literal, TypeAlias
 from pydantic import Field, field_validator, model_validator
 
 from megalopta.config import built_in_names
-from megalopta.config.yaml_model import mapping, read_text, validated
+from megalopta.config.yaml_model import mapping, validated, yaml_text
 from megalopta.core.bounded import quoted
 from megalopta.core.errors import UserError
 from megalopta.core.format_numbers import check_format
@@ -168,7 +168,7 @@ def load_plan(path: Path, overrides: Mapping[str, str] | None = None) -> Plan:
     a sequence of its entries cannot be made.
     """
     path = path / "dataset.yaml" if path.is_dir() else path
-    values = mapping(read_text(path, "plan; give a YAML file"), str(path))
+    values = mapping(yaml_text(path, "plan; give a YAML file"), str(path))
     if "megalopta" in values:
         check_format("dataset", values, path)
         if "plan" not in values:
@@ -182,14 +182,14 @@ def stream(seed: int, index: int) -> Stream:
     return lambda path: float(generator(seed, "plan", index, path).random())
 
 
-def draw(value: Any, at: Stream, path: str = "") -> Any:
+def draw_entry(value: Any, at: Stream, path: str = "") -> Any:
     """Replace every range by a drawn value, also inside mappings and lists."""
     if kind := _kind(value):
         return _drawn(kind, value[kind], at, path)
     if isinstance(value, Mapping):
-        return {key: draw(each, at, f"{path}.{key}") for key, each in value.items()}
+        return {key: draw_entry(each, at, f"{path}.{key}") for key, each in value.items()}
     if isinstance(value, list | tuple):
-        return [draw(each, at, f"{path}.{index}") for index, each in enumerate(value)]
+        return [draw_entry(each, at, f"{path}.{index}") for index, each in enumerate(value)]
     return value
 
 
@@ -224,7 +224,7 @@ def _kind(value: Any) -> str | None:
 def _drawn(kind: str, limits: Any, at: Stream, path: str) -> Any:
     if kind == "one_of":
         index, chosen = choose(list(limits), at, path)
-        return draw(chosen, at, f"{path}.{index}")
+        return draw_entry(chosen, at, f"{path}.{index}")
     low, high = limits
     place = at(path)
     if kind == "integer":

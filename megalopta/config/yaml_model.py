@@ -14,7 +14,7 @@ from megalopta.core.errors import UserError, refused_as
 from megalopta.core.validation import Model, checked
 
 
-def read_text(path: Path, what: str) -> str:
+def yaml_text(path: Path, what: str) -> str:
     """Return the text of a file; `what`, its kind and a remedy, ends the message "no such …".
 
     Raises UserError if it does not exist or is not text.

@@ -56,7 +56,7 @@ def write_frames(
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
+class FrameMotion:
     """Motion of a frame to the next: the true one, or for pictures the flow by `clean_flow`.
 
     It is undefined for the last picture.
@@ -70,17 +70,17 @@ class Motion:
     """(H, W): share of a pixel that the flow is true for; for pictures unknown, and 1"""
 
 
-def read_motion(dataset: Dataset, index: int) -> Motion:
+def read_motion(dataset: Dataset, index: int) -> FrameMotion:
     """Return the motion of one frame that sensors see. Raises UserError."""
     if dataset.configuration.scene.has_truth:
         truth = read_truth_frame(dataset, index)
-        return Motion(truth.flow_forward, truth.occluded_forward, truth.footprint.purity)
+        return FrameMotion(truth.flow_forward, truth.occluded_forward, truth.footprint.purity)
     frames, shape = light_of(dataset).frames, dataset.configuration.camera.shape
     if index + 1 < dataset.configuration.trajectory.frames:
         flow = clean_flow(frames.at(index), frames.at(index + 1))
     else:
         flow = np.full((*shape, 2), np.nan)
-    return Motion(flow, np.zeros(shape, np.bool_), np.ones(shape))
+    return FrameMotion(flow, np.zeros(shape, np.bool_), np.ones(shape))
 
 
 def read_truth_frames(dataset: Dataset) -> "Iterator[Truth]":

@@ -21,7 +21,7 @@ import pyarrow.parquet as pq
 
 from megalopta import __version__
 from megalopta.config.recipe import Plan
-from megalopta.core import bounded, files
+from megalopta.core import bounded, files, strict_yaml
 from megalopta.core.errors import DamagedFileError, UserError
 from megalopta.dataset.layout import MANIFEST, Tree
 from megalopta.dataset.record import SequenceRecord
@@ -32,91 +32,19 @@ _SAMPLE = "sample"
 _NO_LINKS = (errno.EPERM, errno.ENOTSUP, errno.EOPNOTSUPP)
 _ROWS_AT_ONCE = 10_000
 
-_KEY = (("sequence", pa.string()), ("index", pa.int64()), ("split", pa.string()))
-_PATHS = {
-    "radiance": "radiance/{}/{}.exr",
-    "truth": "truth/{}/{}.exr",
-    "clean": "training/clean/{}/{}.png",
-    "final": "training/final/{}/{}.png",
-    "flow": "training/flow/{}/{}.flo",
-    "occlusions": "training/occlusions/{}/{}.png",
-    "invalid": "training/invalid/{}/{}.png",
-    "depth": "training/depth/{}/{}.dpt",
-    "camera": "training/camdata_left/{}/{}.cam",
-    "flow_kitti": "training/flow_kitti/{}/{}.png",
-    "flow_flo5": "training/flow_flo5/{}/{}.flo5",
+_TYPES = {
+    "string": (pa.string(), "sc:Text"),
+    "int64": (pa.int64(), "sc:Integer"),
+    "double": (pa.float64(), "sc:Float"),
+    "list": (pa.list_(pa.float64()), "sc:Float"),
 }
-_STATISTICS = (
-    *("mean_speed_px", "median_speed_px", "percentile_99_speed_px", "unmatched_fraction"),
-    *("sky_fraction", "median_depth_m", "texture"),
-)
+_DATA = strict_yaml.load(Path(__file__).with_suffix(".yaml").read_text("utf-8"))
 TABLES: dict[str, pa.Schema] = {
-    "frames": pa.schema(
-        [
-            *_KEY,
-            ("frame", pa.int64()),
-            ("time_s", pa.float64()),
-            *((name, pa.string()) for name in _PATHS),
-            ("camera_to_world", pa.list_(pa.float64())),
-        ]
-    ),
-    "sequences": pa.schema(
-        [
-            *_KEY,
-            *((name, pa.int64()) for name in ("frames", "height", "width", "bytes")),
-            *((name, pa.float64()) for name in ("frame_rate_hz", "fov_deg")),
-            *((name, pa.string()) for name in ("scene", "light", "trajectory", "camera_kind")),
-            *((name, pa.float64()) for name in _STATISTICS),
-            ("record", pa.string()),
-            ("configuration", pa.string()),
-        ]
-    ),
-    "exposures": pa.schema(
-        [
-            *_KEY,
-            *((name, pa.string()) for name in ("exposure", "sensor", "level", "unit", "counts")),
-            *((name, pa.float64()) for name in ("exposure_s", "photons_per_pixel")),
-            *((name, pa.float64()) for name in ("mean_reading", "saturated_fraction")),
-        ]
-    ),
+    table: pa.schema([(name, _TYPES[kind][0]) for name, kind in columns.items()])
+    for table, columns in _DATA["tables"].items()
 }
 """Columns of each table."""
-
-_TERMS = (
-    *("arrayShape", "citeAs", "column", "containedIn", "equivalentProperty", "extract", "field"),
-    *("fileObject", "fileProperty", "fileSet", "format", "includes", "isArray", "isLiveDataset"),
-    *("jsonPath", "key", "md5", "parentField", "path", "recordSet", "references", "regex"),
-    *("repeated", "replace", "samplingRate", "separator", "source", "subField", "transform"),
-)
-"""Terms of Croissant's vocabulary."""
-_CONTEXT: dict[str, Any] = {
-    "@language": "en",
-    "@vocab": "https://schema.org/",
-    "sc": "https://schema.org/",
-    "cr": "http://mlcommons.org/croissant/",
-    "rai": "http://mlcommons.org/croissant/RAI/",
-    "dct": "http://purl.org/dc/terms/",
-    "conformsTo": "dct:conformsTo",
-    "data": {"@id": "cr:data", "@type": "@json"},
-    "dataType": {"@id": "cr:dataType", "@type": "@vocab"},
-    "description": {"@container": "@language"},
-    "examples": {"@id": "cr:examples", "@type": "@json"},
-    "name": {"@container": "@language"},
-    **{term: f"cr:{term}" for term in _TERMS},
-}
 LICENSE_URL = "https://creativecommons.org/publicdomain/zero/1.0/"
-_SETS = {
-    "radiance": ("radiance/*/*.exr", "image/x-exr", "Spectral radiance, W·m⁻²·sr⁻¹·nm⁻¹"),
-    "truth": ("truth/*/*.exr", "image/x-exr", "Flow (px), depth (m), normals, object ids, masks"),
-    "clean": ("training/clean/*/*.png", "image/png", "Radiance, tone-mapped"),
-    "final": ("training/final/*/*.png", "image/png", "Counts of one exposure, tone-mapped"),
-    "flow": ("training/flow/*/*.flo", "application/octet-stream", "Forward flow, Middlebury .flo"),
-    "occlusions": ("training/occlusions/*/*.png", "image/png", "255 where unmatched"),
-    "invalid": ("training/invalid/*/*.png", "image/png", "255 where flow is undefined"),
-    "depth": ("training/depth/*/*.dpt", "application/octet-stream", "Depth (m), MPI-Sintel .dpt"),
-    "counts": ("counts/*/*.zarr/**", "application/vnd.zarr", "Readings, Zarr v3"),
-}
-_TYPES = {pa.string(): "sc:Text", pa.int64(): "sc:Integer", pa.float64(): "sc:Float"}
 
 
 class TableWriter:
@@ -153,7 +81,7 @@ def _frames(record: SequenceRecord) -> Iterator[dict[str, Any]]:
     rate = record.configuration["trajectory"]["frame_rate_hz"]
     for index, pose in enumerate(record.poses):
         file = f"frame_{index + 1:04d}"
-        paths = {name: path.format(record.sequence, file) for name, path in _PATHS.items()}
+        paths = {name: path.format(record.sequence, file) for name, path in _DATA["paths"].items()}
         yield {
             "frame": index + 1,
             "time_s": index / rate,
@@ -164,6 +92,7 @@ def _frames(record: SequenceRecord) -> Iterator[dict[str, Any]]:
 
 def _sequence(record: SequenceRecord) -> Iterator[dict[str, Any]]:
     settings, statistics = record.configuration, record.statistics
+    assert statistics is not None
     camera = settings["camera"]
     yield {
         "frames": record.frames,
@@ -174,7 +103,7 @@ def _sequence(record: SequenceRecord) -> Iterator[dict[str, Any]]:
         "light": settings["light"]["level"],
         "trajectory": settings["trajectory"]["kind"],
         "camera_kind": camera["kind"],
-        **{name: getattr(statistics, name) for name in _STATISTICS},
+        **statistics.model_dump(exclude={"exposures"}),
         "record": f"sequences/{record.sequence}.json",
         "configuration": json.dumps(settings, sort_keys=True),
     }
@@ -194,7 +123,7 @@ def _exposures(record: SequenceRecord) -> Iterator[dict[str, Any]]:
 def croissant(root: Path, plan: Plan) -> dict[str, Any]:
     """Return the description of a dataset whose tables are written."""
     return {
-        "@context": _CONTEXT,
+        "@context": _DATA["context"],
         "@type": "sc:Dataset",
         "conformsTo": "http://mlcommons.org/croissant/1.1",
         "name": plan.name,
@@ -206,9 +135,9 @@ def croissant(root: Path, plan: Plan) -> dict[str, Any]:
         "citeAs": f"{plan.name}. Made with megalopta {__version__}.",
         "distribution": [
             *(_table(root / "index" / f"{name}.parquet", name) for name in TABLES),
-            *(_file_set(name, *each) for name, each in _SETS.items()),
+            *(_file_set(name, *each) for name, each in _DATA["file_sets"].items()),
         ],
-        "recordSet": [_record_set(name, schema) for name, schema in TABLES.items()],
+        "recordSet": [_record_set(*each) for each in _DATA["tables"].items()],
     }
 
 
@@ -262,28 +191,19 @@ def _file_set(name: str, pattern: str, encoding: str, meaning: str) -> dict[str,
     }
 
 
-def _record_set(table: str, schema: pa.Schema) -> dict[str, Any]:
-    return {
-        "@type": "cr:RecordSet",
-        "@id": table,
-        "name": table,
-        "field": [_field(table, column) for column in schema],
-    }
+def _record_set(table: str, columns: dict[str, str]) -> dict[str, Any]:
+    fields = [_field(table, *each) for each in columns.items()]
+    return {"@type": "cr:RecordSet", "@id": table, "name": table, "field": fields}
 
 
-def _field(table: str, column: pa.Field) -> dict[str, Any]:
-    is_list = pa.types.is_list(column.type)
-    value = column.type.value_type if is_list else column.type
+def _field(table: str, name: str, kind: str) -> dict[str, Any]:
     return {
         "@type": "cr:Field",
-        "@id": f"{table}/{column.name}",
-        "name": column.name,
-        "dataType": _TYPES[value],
-        **({"isArray": True, "arrayShape": "16"} if is_list else {}),
-        "source": {
-            "fileObject": {"@id": f"{table}.parquet"},
-            "extract": {"column": column.name},
-        },
+        "@id": f"{table}/{name}",
+        "name": name,
+        "dataType": _TYPES[kind][1],
+        **({"isArray": True, "arrayShape": "16"} if kind == "list" else {}),
+        "source": {"fileObject": {"@id": f"{table}.parquet"}, "extract": {"column": name}},
     }
 
 

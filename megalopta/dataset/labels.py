@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.config.labels import LabelName, TrackSettings
+from megalopta.config.measuring import LabelName, TrackSettings
 from megalopta.core import bounded, files
 from megalopta.core.errors import UserError
 from megalopta.core.pictures import write_codes

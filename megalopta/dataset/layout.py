@@ -30,7 +30,7 @@ from megalopta.config.recipe import Plan
 from megalopta.core import bounded, files
 from megalopta.core.errors import UserError
 from megalopta.core.folders import check_enclosed
-from megalopta.dataset.record import SequenceRecord, read_lone_record, read_record, settings_of
+from megalopta.dataset.record import SequenceRecord, read_lone_record, read_record, stored_settings
 from megalopta.dataset.store import Dataset, file_hash, open_sequence, read_header, write_header
 
 MANIFEST = "manifest.jsonl"
@@ -93,7 +93,7 @@ class Tree:
         if self.lone:
             settings = self.lone.configuration
         else:
-            settings = settings_of(record, self.record_path(record.sequence))
+            settings = stored_settings(record, self.record_path(record.sequence))
         return Dataset(self.root, settings, record.files)
 
     def opened(self, name: str) -> tuple[SequenceRecord, Dataset]:

@@ -180,7 +180,7 @@ def is_output(path: str, sequence: str) -> bool:
     return is_plain and bool(found and _KIND.fullmatch(kind))
 
 
-def settings_of(record: SequenceRecord, path: Path) -> Configuration:
+def stored_settings(record: SequenceRecord, path: Path) -> Configuration:
     """Return the settings in a record. Raises DamagedFileError."""
     try:
         settings = checked(Configuration, record.configuration)

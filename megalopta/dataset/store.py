@@ -175,7 +175,7 @@ class Dataset:
     def _check(self, name: str, is_hashed: bool) -> None:
         if name in self._compared:
             return
-        if what := difference(self.root / name, *self.files[name], is_hashed=is_hashed):
+        if what := file_difference(self.root / name, *self.files[name], is_hashed=is_hashed):
             raise UserError(
                 f"{self.root / name} {what}; find other damage with: "
                 f"megalopta dataset check {self.root}"
@@ -290,7 +290,7 @@ def whole_of(path: Path, root: Path) -> Path:
     return stores[-1] if stores else path
 
 
-def difference(path: Path, size: int, digest: str, is_hashed: bool = True) -> str | None:
+def file_difference(path: Path, size: int, digest: str, is_hashed: bool = True) -> str | None:
     """Return how a file differs from its record; None if it does not.
 
     A hash is computed once per process, while the file is unchanged.

@@ -26,8 +26,8 @@ from megalopta.dataset.publishing import link
 from megalopta.dataset.record import KINDS, SequenceRecord
 from megalopta.dataset.store import Dataset, file_hash, hashes_of
 from megalopta.generation.jobs import Job, run_jobs
+from megalopta.generation.making import exposure_statistics
 from megalopta.generation.staging import Staged, at_work
-from megalopta.generation.statistics import exposure_statistics
 from megalopta.sensor.formats.products import ProductName, product_stem
 from megalopta.stages.ledger import Ledger, stage_hash, stage_record
 from megalopta.stages.pipeline import check_stage

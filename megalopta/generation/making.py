@@ -11,6 +11,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.config.drawing import check_plan, configuration_of, sequence_name, split_of
@@ -19,17 +20,19 @@ from megalopta.config.recipe import FlowFile, Plan
 from megalopta.core.errors import UserError
 from megalopta.core.format_numbers import written
 from megalopta.core.progress import progress, say
+from megalopta.dataset.frames import read_radiance_frame, read_truth_frame
 from megalopta.dataset.layout import Tree
-from megalopta.dataset.record import MADE, SequenceRecord
+from megalopta.dataset.record import MADE, ExposureStatistics, SequenceRecord, SequenceStatistics
 from megalopta.dataset.stereo import read_disparity, write_kitti_disparity
-from megalopta.dataset.store import Dataset, hashes_of, refuse_others_folder
+from megalopta.dataset.store import Dataset, exposure_name, hashes_of, refuse_others_folder
 from megalopta.flow.formats import read_flo, write_flo5, write_kitti_png
 from megalopta.generation.jobs import run_jobs
 from megalopta.generation.staging import Staged, at_work
-from megalopta.generation.statistics import sequence_statistics
+from megalopta.render import out_of_view
 from megalopta.stages.ledger import Ledger
 from megalopta.stages.pipeline import check_stage, run_stage
 from megalopta.stages.registry import made_with, provenance_changes
+from megalopta.stages.sense import open_exposure
 
 _COMPARED = 50
 """Finished sequences whose configuration is compared with the plan's."""
@@ -231,3 +234,62 @@ def write_kitti_disparities(dataset: Dataset) -> list[Path]:
             stored = dataset.frame("training/disparities", index, "png")
             write_kitti_disparity(path, read_disparity(stored))
     return [dataset.root / _KITTI_DISPARITY / dataset.sequence]
+
+
+_FRAMES_LOOKED_AT = 8
+
+
+def sequence_statistics(dataset: Dataset) -> SequenceStatistics:
+    """Measure flow, depth and texture in a few evenly spaced frames, and all readings."""
+    last = dataset.configuration.trajectory.frames - 2  # among frames with a forward flow
+    frames = np.unique(np.linspace(0, last, min(_FRAMES_LOOKED_AT, last + 1)).astype(int)).tolist()
+    speeds, unmatched, depths, sky, textures = [], [], [], [], []
+    for index in frames:
+        truth = read_truth_frame(dataset, index)
+        flow, wraps = truth.flow_forward, dataset.configuration.camera.wraps
+        speed = np.hypot(flow[..., 0], flow[..., 1])
+        speeds.append(speed[~np.isnan(speed)])
+        unmatched.append(np.mean(truth.occluded_forward | out_of_view(flow, wraps)))
+        is_sky = np.isinf(truth.depth)
+        sky.append(np.mean(is_sky))
+        depths.append(truth.depth[~is_sky])
+        textures.append(_texture(read_radiance_frame(dataset, index).sum(axis=-1)))
+    speed, depth = np.concatenate(speeds), np.concatenate(depths)
+    return SequenceStatistics(
+        mean_speed_px=_rounded(speed.mean()) if speed.size else None,
+        median_speed_px=_rounded(np.median(speed)) if speed.size else None,
+        percentile_99_speed_px=_rounded(np.percentile(speed, 99)) if speed.size else None,
+        unmatched_fraction=_rounded(np.mean(unmatched)),
+        sky_fraction=_rounded(np.mean(sky)),
+        median_depth_m=_rounded(np.median(depth)) if depth.size else None,
+        texture=_rounded(np.mean(textures)),
+        exposures=tuple(exposure_statistics(dataset)),
+    )
+
+
+def exposure_statistics(dataset: Dataset) -> Iterator[ExposureStatistics]:
+    """Measure the readings of every sensor at every level."""
+    for sensor, level in dataset.configuration.exposures:
+        opened = open_exposure(dataset, sensor, level)
+        yield ExposureStatistics(
+            name=exposure_name(sensor, level),
+            sensor=sensor.name,
+            level=level,
+            unit=sensor.unit,
+            exposure_s=sensor.exposure_s,
+            photons_per_pixel=_rounded(opened["photons"].mean()),
+            mean_reading=_rounded(opened["counts"].mean()),
+            saturated_fraction=_rounded(opened["saturated"].mean()),
+        )
+
+
+def _texture(light: NDArray[np.float32]) -> float:
+    """RMS of the differences between neighbors, relative to the mean."""
+    across, down = (np.diff(light.astype(np.float64), axis=axis).ravel() for axis in (1, 0))
+    square = np.mean(np.square(np.concatenate([across, down])))
+    return float(np.sqrt(square) / max(float(light.mean()), 1e-300))
+
+
+def _rounded(value: float | np.floating) -> float:
+    """Round to six digits: more would be noise."""
+    return float(f"{float(value):.6g}")

@@ -9,12 +9,12 @@ import re
 import textwrap
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Literal
 from zlib import crc32
 
 import matplotlib
-from cycler import cycler
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure as Canvas
@@ -42,32 +42,9 @@ GLYPHS = dict(zip(MARKERS, "●■▲◆▼✚✖", strict=True))
 
 DASHES: tuple[LineStyleType, ...] = ("-", "--", "-.", ":", (0, (5, 1, 1, 1, 1, 1)))
 
-_STYLE: Mapping[Any, Any] = {
-    "axes.axisbelow": True,
-    "axes.edgecolor": GRAY,
-    "axes.grid": True,
-    "axes.labelcolor": BLACK,
-    "axes.labelsize": 12,
-    "axes.prop_cycle": cycler(color=PALETTE),
-    "axes.spines.right": False,
-    "axes.spines.top": False,
-    "axes.titlesize": 12,
-    "font.family": "DejaVu Sans",  # ships with matplotlib: the same font on every machine
-    "font.size": 11,
-    "grid.color": RULE,
-    "grid.linewidth": 0.8,
-    "legend.fontsize": 10.5,
-    "legend.frameon": False,
-    "lines.linewidth": 2.0,
-    "lines.markersize": 6,
-    "mathtext.fontset": "dejavusans",
-    "path.simplify": True,
-    "savefig.dpi": 200,
-    "svg.fonttype": "path",
-    "svg.hashsalt": "megalopta",  # otherwise names inside an SVG are random
-    "xtick.color": BLACK,
-    "ytick.color": BLACK,
-}
+_STYLE = matplotlib.rc_params_from_file(
+    Path(__file__).with_name("house.mplstyle"), use_default_template=False
+)
 _CAPTION_SIZE = 9.0
 _LINE_IN = 0.168
 _CHARACTERS = 100
@@ -99,12 +76,12 @@ def line_style(place: int) -> dict[str, Any]:
 
 
 @contextmanager
-def house_style(changes: Mapping[str, Any] = MappingProxyType({})) -> Iterator[None]:
+def house_style(changes: Mapping[Any, Any] = MappingProxyType({})) -> Iterator[None]:
     """Apply matplotlib settings of the house style, with changes, inside the block."""
     with matplotlib.rc_context():
         matplotlib.rcdefaults()
-        for key, value in {**_STYLE, **changes}.items():
-            matplotlib.rcParams[key] = value
+        matplotlib.rcParams.update(_STYLE)
+        matplotlib.rcParams.update(changes)
         yield
 
 

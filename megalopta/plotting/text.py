@@ -53,7 +53,7 @@ def relative_error(value: float | None) -> str:
     return percent(value) if value < SENSELESS else FAILS
 
 
-def duration(seconds: float) -> str:
+def time_text(seconds: float) -> str:
     """Format seconds, or minutes and seconds."""
     if seconds < 99.95:
         return f"{seconds:.1f} s"

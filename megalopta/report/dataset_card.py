@@ -34,7 +34,7 @@ from megalopta.plotting.style import BLUE, house_style
 from megalopta.plotting.text import level_name, number
 from megalopta.report.film import gif_uri
 from megalopta.report.images import write_sheet
-from megalopta.report.panels import Panel, fastest_of, flow_panel, readings_panel
+from megalopta.report.seen import Panel, fastest_of, flow_panel, readings_panel
 from megalopta.report.sequence_panels import (
     depth_panel,
     exposure_readings,
@@ -159,8 +159,8 @@ _COLUMNS = (
 def _text(plan: Plan, sequences: Rows, exposures: Rows) -> str:
     splits = Counter(row["split"] for row in sequences)
     return _TEMPLATE.read_text("utf-8").format(
-        name=plain(plan.name),
-        description=plain(plan.description),
+        name=plain_text(plan.name),
+        description=plain_text(plan.description),
         version=__version__,
         license=LICENSE,
         sequences=len(sequences),
@@ -181,7 +181,7 @@ def _text(plan: Plan, sequences: Rows, exposures: Rows) -> str:
 def _kinds(sequences: Rows) -> Iterable[tuple[str, str]]:
     for what in ("scene", "light", "trajectory"):
         for value, count in sorted(Counter(row[what] for row in sequences).items()):
-            yield f"{what}: {plain(value)}", str(count)
+            yield f"{what}: {plain_text(value)}", str(count)
 
 
 def _statistics(sequences: Rows) -> Iterable[tuple[str, ...]]:
@@ -196,10 +196,10 @@ def _of_sensors(exposures: Rows) -> Iterable[tuple[str, ...]]:
         exposed = " to ".join(f"{each:g}" for each in dict.fromkeys((times[0], times[-1])))
         photons = _percentiles(row["photons_per_pixel"] for row in own)
         full = float(np.mean([row["saturated_fraction"] for row in own]))
-        yield plain(sensor), exposed, *photons, f"{full:.2g}"
+        yield plain_text(sensor), exposed, *photons, f"{full:.2g}"
 
 
-def plain(text: object) -> str:
+def plain_text(text: object) -> str:
     """Return untrusted text on one line, without Markdown or HTML markup."""
     line = printable(" ".join(str(text).split()))
     return html.escape(_SPECIAL.sub(r"\\\g<0>", line), quote=False)

@@ -18,7 +18,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import partial
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -32,6 +31,7 @@ from scipy.ndimage import gaussian_filter
 from megalopta.config.light_scale import light_scale
 from megalopta.config.model import Configuration
 from megalopta.config.yaml_model import validated
+from megalopta.core import strict_yaml
 from megalopta.core.arrays import Floats
 from megalopta.core.progress import Advance, progress
 from megalopta.flow.stimuli.statistics import PASSES, LogStatistics, log_statistics, unlit_share
@@ -42,43 +42,16 @@ from megalopta.plotting.text import level_name, lux, number
 from megalopta.render import SceneRenderer, frame_seed, read_picture
 from megalopta.report.images import data_uri, gray_counts, write_sheet
 from megalopta.scenes import preview
-from megalopta.scenes.forest.plants import PRESETS
 from megalopta.scenes.lighting.levels import LEVELS
 from megalopta.scenes.scene import Scene
-from megalopta.sensor import expose
+from megalopta.sensor import expose, merged
 from megalopta.stages.render import build
 
-_SMALL_CAMERA = {"width": 270, "height": 180, "fov_deg": 75}
-_PATH = {"frames": 2, "look_at_m": [10, 0, 1.8], "velocity_m_s": [1.0, 0.3, 0]}
-_EXPOSURE_S = 2e-3
-_BAKE_ERROR = 0.15
-_TURNING = {
-    "camera": {**_SMALL_CAMERA, "fov_deg": 72},
-    "trajectory": {"frames": 2, "rotation_deg_s": 15},
-}
-
-ALONG_THE_TRAIL = {"frames": 2, "position_m": [0, 0, 1.6], "look_at_m": [10, 0, 0.6]}
-_NAMES = {"rainforest": "rain forest", "trail": "trail"}
-
-SCENES: Mapping[str, Mapping[str, Any]] = MappingProxyType(
-    {
-        **{
-            _NAMES.get(preset, f"{preset} forest"): {
-                "scene": {"kind": "forest", "preset": preset},
-                "trajectory": ALONG_THE_TRAIL if preset == "trail" else _PATH,
-            }
-            for preset in PRESETS
-        },
-        "grating": {"scene": {"kind": "grating"}, **_TURNING},
-        "random dots": {"scene": {"kind": "grating", "pattern": "dots"}, **_TURNING},
-        "board": {"scene": {"kind": "plane", "pattern": "square"}},
-        "motion bench": {
-            "scene": {"kind": "motion_bench", "edge_mm": -5},
-            "trajectory": {"frames": 2, "velocity_m_s": [0, -0.001, 0]},
-        },
-    }
-)
-"""Scenes of the gallery, as parts of a configuration."""
+Parts = Mapping[str, Any]
+"""Parts of a configuration"""
+_DATA = strict_yaml.load(Path(__file__).with_suffix(".yaml").read_text("utf-8"))
+SCENES: Mapping[str, Parts] = _DATA["scenes"]
+VIEWS: Mapping[str, Parts] = _DATA["views"]
 _WIDTH = 196
 
 
@@ -107,7 +80,7 @@ class LitScene:
 
 
 def write_gallery(
-    out: Path, scenes: Mapping[str, Mapping[str, Any]] = SCENES, samples_per_pixel: int = 100
+    out: Path, scenes: Mapping[str, Parts] = SCENES, samples_per_pixel: int | None = None
 ) -> Path:
     """Render the gallery into a folder; return its page, gallery.html, next to gallery.png."""
     with progress("Rendering the gallery", len(scenes) * len(LEVELS), "view") as advance:
@@ -120,21 +93,20 @@ def write_gallery(
     return out / "gallery.html"
 
 
+def configured(kind: str, parts: Parts, samples_per_pixel: int | None, name: str) -> Configuration:
+    """Return the configuration of a "scene" or "view", by default with the samples of its kind."""
+    samples = {"render": {"samples_per_pixel": samples_per_pixel}} if samples_per_pixel else {}
+    return validated(Configuration, merged({**_DATA[f"_{kind}"], **parts}, samples), name)
+
+
 def cells_of(
     name: str,
-    parts: Mapping[str, Any],
-    samples_per_pixel: int,
+    parts: Parts,
+    samples_per_pixel: int | None = None,
     advance: Advance = lambda work=1: None,
 ) -> Iterator[LitScene]:
     """Render one scene in all lights; `parts` are those of a configuration."""
-    values = {
-        "camera": _SMALL_CAMERA,
-        "trajectory": _PATH,
-        "render": {"samples_per_pixel": samples_per_pixel, "bake_error": _BAKE_ERROR},
-        "sensors": [{"preset": "ideal", "exposure_s": _EXPOSURE_S}],
-        **parts,
-    }
-    settings = Configuration.model_validate(values)
+    settings = configured("scene", parts, samples_per_pixel, name)
     scene = build(settings)
     rendered: dict[str, tuple[Configuration, NDArray[np.float32], str]] = {}
     for level, light in LEVELS.items():
@@ -181,6 +153,7 @@ def _counts(
 
 def _write_page(path: Path, scenes: Sequence[Sequence[LitScene]]) -> None:
     """Write all cells as one page, a section per scene."""
+    exposure_s = _DATA["_scene"]["sensors"][0]["exposure_s"]
     sections = []
     for own in scenes:
         canopies = " ".join(dict.fromkeys(cell.canopy for cell in own if cell.canopy))
@@ -189,7 +162,7 @@ def _write_page(path: Path, scenes: Sequence[Sequence[LitScene]]) -> None:
         sections.append(Section(name[0].upper() + name[1:], canopies, charts=figures))
     summary = (
         "Above: rendered radiance, exposed for its own light, unlike any eye or camera at night. "
-        f"Below: counts of an ideal sensor in {1e3 * _EXPOSURE_S:g} ms, from black (no photon) to "
+        f"Below: counts of an ideal sensor in {1e3 * exposure_s:g} ms, from black (no photon) to "
         "white (the brightest 1 % of pixels)."
     )
     write_sections(path, "Scenes and lights", summary, sections)
@@ -214,97 +187,39 @@ def _rows(cells: Sequence[LitScene]) -> Iterator[list[tuple[str, Image.Image]]]:
     yield row
 
 
-SAMPLES = 256
-"""Samples per pixel of a view."""
-_CAMERA = {"width": 640, "height": 427, "fov_deg": 75}
-_AHEAD = {"frames": 2, "look_at_m": [10, 0, 2.4]}
-_FLOOR = {"frames": 2, "look_at_m": [6, 0, 1.0]}
-_LOW = {"frames": 2, "position_m": [0, 0, 0.7], "look_at_m": [2.5, 0.6, 0.35]}
-_NOON = {"level": "daylight", "sky": "natural", "disc_azimuth_deg": 150}
 _SUMMARY = (
     "Rendered radiance, exposed for its own light, unlike any eye or camera at night. With photons "
     "given: counts of an ideal sensor, from black (none) to white (the brightest 1 % of pixels)."
 )
 
 
-@dataclass(frozen=True)
-class GalleryView:
-    """Content of one picture."""
-
-    title: str
-    parts: Mapping[str, Any]
-    """Parts of a configuration."""
-    exposure_s: float | None = None
-    """Exposure of an ideal sensor whose counts are also shown."""
-    integrator: str = "auto"
-    """Baked where little light comes directly: paths would take hours to look clean."""
-
-
-def _forest(
-    preset: str, light: Mapping[str, Any], path: Mapping[str, Any], **scene: Any
-) -> dict[str, Any]:
-    forest = {"kind": "forest", "preset": preset, **scene}
-    return {"scene": forest, "light": light, "trajectory": path}
-
-
-VIEWS = (
-    GalleryView("A clearing at noon", _forest("clearing", _NOON, _AHEAD)),
-    GalleryView(
-        "An open forest after sunset",
-        _forest("open", {"level": "twilight", "sky": "natural", "disc_azimuth_deg": 0}, _AHEAD),
-    ),
-    GalleryView(
-        "The floor of a rain forest at noon",
-        _forest("rainforest", _NOON, _FLOOR),
-        integrator="baked",
-    ),
-    GalleryView(
-        "The same by starlight",
-        _forest("rainforest", {"level": "starlight", "sky": "natural"}, _FLOOR),
-        exposure_s=0.1,
-    ),
-    GalleryView("A trail through a mixed forest at noon", _forest("trail", _NOON, ALONG_THE_TRAIL)),
-    GalleryView(
-        "Close to the ground",
-        {**_forest("understorey", _NOON, _LOW), "camera": {**_CAMERA, "fov_deg": 45}},
-    ),
-    GalleryView(
-        "Panorama of a dense forest",
-        {
-            **_forest("dense", _NOON, {"frames": 2, "look_at_m": [10, 0, 1.5]}),
-            "camera": {"kind": "equirectangular", "width": 640, "height": 320},
-        },
-    ),
-)
-
-
-def of_photograph(panorama: Path) -> tuple[GalleryView, GalleryView]:
+def of_photograph(panorama: Path) -> dict[str, Parts]:
     """A photograph, and a clearing in its light, seen by the same camera."""
     scene, day = {"kind": "panorama", "file": str(panorama)}, {"level": "daylight"}
     light = {**day, "panorama": str(panorama)}
-    return (
-        GalleryView("A photographed forest", {"scene": scene, "light": day, "trajectory": _AHEAD}),
-        GalleryView("A clearing in its light", _forest("clearing", light, _AHEAD)),
-    )
+    return {
+        "A photographed forest": {"scene": scene, "light": day},
+        "A clearing in its light": {**VIEWS["A clearing at noon"], "light": light},
+    }
 
 
 def write_views(
     out: Path,
     panorama: Path | None = None,
-    views: Sequence[GalleryView] = VIEWS,
-    samples_per_pixel: int = SAMPLES,
+    views: Mapping[str, Parts] = VIEWS,
+    samples_per_pixel: int | None = None,
 ) -> Path:
     """Render the views into a folder; return their page, views.html, next to views.jpg.
 
     Raises UserError if there is no such panorama; ValueError if the panorama cannot be read as a
     picture.
     """
-    views = [*(of_photograph(panorama) if panorama else ()), *views]
-    settings = [_settings(view, samples_per_pixel) for view in views]
+    views = {**(of_photograph(panorama) if panorama else {}), **views}
+    settings = [configured("view", parts, samples_per_pixel, each) for each, parts in views.items()]
     pictures: list[tuple[str, Image.Image]] = []
     with progress("Rendering views", len(views), "view") as advance:
-        for view, each in zip(views, settings, strict=True):
-            pictures += _pictures(view, each)
+        for (title, parts), each in zip(views.items(), settings, strict=True):
+            pictures += _pictures(title, each, "sensors" in parts)
             advance()
     out.mkdir(parents=True, exist_ok=True)
     write_sheet(out / "views.jpg", [pictures[at : at + 2] for at in range(0, len(pictures), 2)])
@@ -314,28 +229,19 @@ def write_views(
     return out / "views.html"
 
 
-def _settings(view: GalleryView, samples_per_pixel: int) -> Configuration:
-    render = {"samples_per_pixel": samples_per_pixel, "bake_error": _BAKE_ERROR}
-    values = {
-        "camera": _CAMERA,
-        "render": {**render, "integrator": view.integrator},
-        "sensors": [{"preset": "ideal", "exposure_s": view.exposure_s or 1e-3}],
-        **view.parts,
-    }
-    return validated(Configuration, values, view.title)
-
-
-def _pictures(view: GalleryView, settings: Configuration) -> Iterator[tuple[str, Image.Image]]:
+def _pictures(
+    title: str, settings: Configuration, is_counted: bool
+) -> Iterator[tuple[str, Image.Image]]:
     """Yield a view with its title, and its counts if requested."""
     pose = settings.trajectory.poses()[:1]
     renderer = SceneRenderer(build(settings), settings.camera, settings.render, pose)
     radiance = renderer.radiance(pose[0], frame_seed(settings.seed, 0))
     white = settings.scene.white(settings.light)
-    yield view.title, Image.fromarray(preview(radiance, settings.render.bands_nm, white))
-    if view.exposure_s:
-        counts = _counts(settings, radiance, "view")
-        title = f"{view.title}: {counts.mean():.2g} photons per pixel in {view.exposure_s:g} s"
-        yield title, gray_counts(counts).convert("RGB")
+    yield title, Image.fromarray(preview(radiance, settings.render.bands_nm, white))
+    if is_counted:
+        counts, exposure_s = _counts(settings, radiance, "view"), settings.sensors[0].exposure_s
+        mean = f"{counts.mean():.2g} photons per pixel in {exposure_s:g} s"
+        yield f"{title}: {mean}", gray_counts(counts).convert("RGB")
 
 
 STATISTICS_PRESETS = "open", "clearing", "dense", "understorey", "rainforest", "trail"

@@ -26,7 +26,7 @@ from megalopta.report.images import film, gray_scale
 from megalopta.report.remarks import NUMBERS, absent, drawable, verbatim
 from megalopta.report.source import Budget, Report, by_sensor
 from megalopta.sensor import CtiaSensor, ImageSensor
-from megalopta.sensor.spad.digital import LARGEST_CAPACITY
+from megalopta.sensor.spad.counters import LARGEST_CAPACITY
 from megalopta.sensor.spad.model import active_effects
 
 _WHITE_PERCENTILE = 90.0

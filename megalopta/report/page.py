@@ -6,6 +6,7 @@ from itertools import dropwhile, takewhile
 from pathlib import Path
 
 from markupsafe import Markup
+from PIL import Image
 
 from megalopta.benchmark.ranking_page import atlas, best_methods, order_changes
 from megalopta.benchmark.ranking_run import FOLDER, read_ranking
@@ -14,6 +15,7 @@ from megalopta.config.yaml_model import to_yaml
 from megalopta.core.files import write_text
 from megalopta.dataset.flow_record import FlowRecord
 from megalopta.dataset.store import Dataset
+from megalopta.flow.color_wheel import flow_to_rgb
 from megalopta.generation import versions
 from megalopta.plotting.sections import (
     Section,
@@ -25,20 +27,14 @@ from megalopta.plotting.sections import (
     paragraph,
     table,
 )
-from megalopta.plotting.text import (
-    UNDEFINED,
-    duration,
-    level_name,
-    level_title,
-    number,
-    percent,
-)
+from megalopta.plotting.text import UNDEFINED, level_name, level_title, number, percent, time_text
 from megalopta.report.detectors import ACCURATE, detector_section
-from megalopta.report.light_section import light_section
-from megalopta.report.motion_section import motion_section
+from megalopta.report.images import film, with_ends
+from megalopta.report.light_section import counts_film, light_section
+from megalopta.report.motion_section import flow_film, motion_section
 from megalopta.report.remarks import rendering, rendering_errors
+from megalopta.report.sequence_panels import best_flow
 from megalopta.report.source import Budget, Record, Report, by_sensor
-from megalopta.report.strip import strip
 from megalopta.report.thresholds import threshold_section
 from megalopta.scenes import Light, Pictures
 from megalopta.scenes.lighting.levels import illuminance_of
@@ -259,7 +255,7 @@ def making_section(report: Report) -> Section:
     variant = ""
     if report.has_truth:
         variant = f"Rendered with Mitsuba’s variant {report.scene.get('variant', 'not noted')}."
-    total = duration(sum(report.timings.values()))
+    total = time_text(sum(report.timings.values()))
     body = [
         remark,
         listed("versions", rendering_errors(report.scene)),
@@ -281,7 +277,7 @@ def _bars(report: Report) -> Markup:
     longest = max(report.timings.values(), default=0.0) or 1.0
     bar = Markup('<span>{}</span><i style="width:{:.1f}%"></i><span>{}</span>')
     bars = (
-        bar.format(stage, 100 * spent / longest, duration(spent))
+        bar.format(stage, 100 * spent / longest, time_text(spent))
         for stage, spent in report.timings.items()
     )
     return block("bars", *bars)
@@ -392,3 +388,31 @@ def _least_light(
 def _columns(items: int, most: int) -> int:
     """Return the items per row for rows of nearly equal length, the last of more than one."""
     return math.ceil(items / math.ceil(items / most))
+
+
+_MOST_LEVELS = 4
+
+
+def strip(report: Report, sensor: str) -> Markup:
+    """Return the strip of one sensor; nothing without readings."""
+    own = by_sensor(report.exposures).get(sensor, [])
+    if not own:
+        return Markup("")
+    brightest_first = sorted(own, key=lambda each: -each.illuminance_lux)
+    films = [
+        film(None, "light", "The scene's light, tone-mapped"),
+        *map(counts_film, with_ends(brightest_first, _MOST_LEVELS)),
+    ]
+    return block("strip", *films, *_found(report, brightest_first[0]), flow_film(report))
+
+
+def _found(report: Report, budget: Budget) -> list[Markup]:
+    """Return the flow of the best method on the brightest readings; nothing if none ran."""
+    shown, level = report.selection, budget.level
+    found = best_flow(report.dataset, report.flow, budget.sensor, level, shown.step)
+    if found is None:
+        return []
+    method, flow = found
+    images = [Image.fromarray(flow_to_rgb(flow(each), report.fastest)) for each in shown.frames]
+    name = f"{method} at {level_name(level)}"
+    return [film(images, name, f"Flow by {name}, colors as on the wheel")]

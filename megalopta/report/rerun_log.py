@@ -16,9 +16,8 @@ from PIL import Image
 
 from megalopta.core.files import atomic_write
 from megalopta.core.progress import progress
-from megalopta.report.panels import Panel
-from megalopta.report.seen import Seen
-from megalopta.report.selection import spread
+from megalopta.report.images import evenly_spaced
+from megalopta.report.seen import Panel, Seen
 
 if TYPE_CHECKING:
     from megalopta.dataset.sequence import Sequence
@@ -39,7 +38,7 @@ def write_rrd(path: Path, found: Seen) -> Path:
     """
     import rerun
 
-    frames = spread(found.frames, _FRAMES)
+    frames = evenly_spaced(found.frames, _FRAMES)
     with atomic_write(path) as temporary, rerun.RecordingStream("megalopta") as recording:
         recording.save(temporary)
         if found.sequence:

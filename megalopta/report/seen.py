@@ -5,20 +5,97 @@ omitted.
 """
 
 import math
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+from markupsafe import Markup
+from numpy.typing import NDArray
+from PIL import Image
+
 from megalopta.core.arrays import Floats
-from megalopta.report.panels import (
-    Panel,
-    readings_panel,
-)
-from megalopta.report.readings import Treatment, readings_of
+from megalopta.flow.color_wheel import flow_to_rgb
+from megalopta.plotting.text import number, short
+from megalopta.report.images import ColorScale, evenly_spaced, gray_scale, rgb_picture
+from megalopta.report.readings import Readings, Treatment, readings_of
 from megalopta.sensor.formats.reading import FrameKind
 
 if TYPE_CHECKING:
     from megalopta.dataset.sequence import Sequence
+
+MOST_FRAMES = 80
+"""Of a page"""
+SAMPLED = 8
+"""Frames, spread evenly, that scales of colors are taken from"""
+_WHITE_PERCENTILE = 99.0
+_GAMMA = 2.2
+_SLOWEST = 1e-3
+kept = lru_cache(maxsize=MOST_FRAMES)
+"""Page and film draw the same pictures once, where there are no more."""
+
+
+@dataclass(frozen=True, eq=False)
+class Panel:
+    """Pictures of one quantity, drawn when they are asked for."""
+
+    name: str
+    caption: str
+    """Meaning of its colors"""
+    picture: Callable[[int], Image.Image]
+    """Returns the picture of a frame, by its number"""
+    legend: Markup = field(default=Markup(""))
+    note: str = ""
+    """Note on a special color, for a film, which has no legend"""
+
+
+def readings_panel(readings: Readings, frames: range, step: int) -> Panel:
+    """Return readings as grays, saturated pixels in orange; some of the frames give the white."""
+    sampled = [readings.frame(each) for each in evenly_spaced(frames, SAMPLED)]
+    white = _white([values for values, _ in sampled], is_inverted=readings.treatment.is_inverted)
+    scale = gray_scale(white)
+
+    def picture(frame: int) -> Image.Image:
+        values, full = readings.frame(frame)
+        values, full = values[::step, ::step], full[::step, ::step]
+        return _colored(values, scale) if values.ndim > 2 else scale.picture(values, full)
+
+    is_full = any(full.any() for _, full in sampled)
+    unit = "detections" if readings.treatment.is_inverted else readings.unit
+    return Panel(
+        unit,
+        f"black 0, white {number(white)} {unit}",
+        kept(picture),
+        scale.legend("0", f"≥ {short(white)} {unit}", "saturated" if is_full else ""),
+        "orange: saturated pixels" if is_full else "",
+    )
+
+
+def flow_panel(name: str, flow: Callable[[int], NDArray[np.floating]], fastest: float) -> Panel:
+    """Return flow (h, w, 2) of frames as colors; the speed `fastest` has the full one."""
+    caption = f"hue is direction (red to the right), full color {number(fastest)} px per frame"
+    return Panel(name, caption, kept(lambda frame: rgb_picture(flow_to_rgb(flow(frame), fastest))))
+
+
+def fastest_of(flows: Iterable[NDArray[np.floating]]) -> float:
+    """Return the speed that has the full color, two digits: all but a hundredth are slower."""
+    speed = np.concatenate([np.hypot(*np.moveaxis(each, -1, 0)).ravel() for each in flows])
+    known = speed[np.isfinite(speed)]
+    fastest = float(np.percentile(known, _WHITE_PERCENTILE)) if known.size else 0.0
+    return float(f"{max(fastest, _SLOWEST):.1e}")
+
+
+def _white(values: list[Floats], is_inverted: bool) -> float:
+    white = float(np.percentile(np.stack(values), _WHITE_PERCENTILE))
+    return max(white, 1e-6 if is_inverted else 1.0)
+
+
+def _colored(values: Floats, scale: ColorScale) -> Image.Image:
+    part = np.clip(values / scale.high, 0, 1) ** (1 / _GAMMA)
+    return rgb_picture(np.rint(255 * part).astype(np.uint8))
+
 
 LONGEST_SIDE_PX = 320
 

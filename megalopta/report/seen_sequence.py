@@ -11,11 +11,18 @@ from megalopta.dataset.picture_light import photons_per_lux
 from megalopta.dataset.sequence import Sequence
 from megalopta.dataset.store import exposure_name
 from megalopta.plotting.text import level_name, number
+from megalopta.report.images import evenly_spaced
 from megalopta.report.page import title
-from megalopta.report.panels import SAMPLED, fastest_of, flow_panel, readings_panel
 from megalopta.report.readings import Treatment
-from megalopta.report.seen import Exposed, Seen, step_of
-from megalopta.report.selection import spread
+from megalopta.report.seen import (
+    SAMPLED,
+    Exposed,
+    Seen,
+    fastest_of,
+    flow_panel,
+    readings_panel,
+    step_of,
+)
 from megalopta.report.sequence_panels import (
     best_flow,
     exposure_readings,
@@ -60,7 +67,11 @@ class _Shown:
         """Return its view."""
         sequence, settings = self.sequence, self.sequence.configuration
         has_motion, (height, width) = len(sequence) > 1, sequence.shape
-        rim = fastest_of(map(self._motion, spread(self.frames, SAMPLED))) if has_motion else None
+        rim = (
+            fastest_of(map(self._motion, evenly_spaced(self.frames, SAMPLED)))
+            if has_motion
+            else None
+        )
         name, caveat = "true flow", ""
         if not settings.scene.has_truth:
             name, caveat = "flow of the clean pictures", _CAVEAT

@@ -19,10 +19,9 @@ from megalopta.flow.detectors.blocks import BlockGrid
 from megalopta.flow.detectors.registry import METHODS, velocity_method
 from megalopta.flow.formats import read_flo
 from megalopta.plotting.text import number
-from megalopta.report.images import map_scale, rgb_picture
-from megalopta.report.panels import SAMPLED, Panel, kept
+from megalopta.report.images import evenly_spaced, map_scale, rgb_picture
 from megalopta.report.readings import Readings
-from megalopta.report.selection import spread
+from megalopta.report.seen import SAMPLED, Panel, kept
 from megalopta.scenes import ToneCurve
 from megalopta.scenes.spectra.color import encode_srgb, linear_srgb
 from megalopta.sensor import ImageSensor, StoredFrames
@@ -43,7 +42,7 @@ def light_panel(sequence: Sequence, frames: range, step: int) -> Panel:
     def linear(frame: int) -> Floats:
         return linear_srgb(sequence.radiance[frame][::step, ::step], bands, white)
 
-    curve = ToneCurve.of(map(linear, spread(frames, SAMPLED)))
+    curve = ToneCurve.of(map(linear, evenly_spaced(frames, SAMPLED)))
     caption = "as the eye would see it in bright light"
 
     def picture(frame: int) -> Image.Image:
@@ -120,7 +119,7 @@ def depth_panel(sequence: Sequence, frames: range, step: int) -> Panel:
         values = sequence.depth[frame][::step, ::step].astype(np.float64)
         return np.where(np.isinf(values), np.nan, values)
 
-    known = np.concatenate([depth(each).ravel() for each in spread(frames, SAMPLED)])
+    known = np.concatenate([depth(each).ravel() for each in evenly_spaced(frames, SAMPLED)])
     known = known[~np.isnan(known)]
     near, far = np.percentile(known, [1, 99]).tolist() if known.size else (1.0, 2.0)
     far = max(far, near * 1.01)

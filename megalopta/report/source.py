@@ -28,12 +28,19 @@ from megalopta.core import bounded
 from megalopta.core.errors import UserError
 from megalopta.core.progress import say
 from megalopta.dataset.flow_record import FlowRecord
-from megalopta.dataset.frames import Motion, read_motion, read_radiance_frame, read_truth_frame
+from megalopta.dataset.frames import FrameMotion, read_motion, read_radiance_frame, read_truth_frame
 from megalopta.dataset.store import Dataset
 from megalopta.flow.benchmark.sequence import BenchmarkResult
 from megalopta.flow.detectors.registry import METHODS
-from megalopta.report.images import data_uri, film_strip, rgb_picture
-from megalopta.report.selection import PLAYBACK_HZ, Selection, frame_label, selection
+from megalopta.report.images import (
+    PLAYBACK_HZ,
+    Selection,
+    data_uri,
+    film_strip,
+    frame_label,
+    rgb_picture,
+    selection,
+)
 from megalopta.scenes import ToneCurve, preview
 from megalopta.scenes.lighting.levels import illuminance_of
 from megalopta.scenes.spectra.color import linear_srgb
@@ -274,7 +281,7 @@ class Report:
         return [read_truth_frame(self.dataset, index) for index in self.selection.frames]
 
     @cached_property
-    def motions(self) -> list[Motion]:
+    def motions(self) -> list[FrameMotion]:
         """Motion to the next frame; for pictures, a stand-in for the true one."""
         return [read_motion(self.dataset, index) for index in self.selection.frames]
 

@@ -13,19 +13,20 @@ from megalopta.core.progress import Advance, progress
 from megalopta.plotting.sections import Section, block, write_sections
 from megalopta.plotting.text import number
 from megalopta.report.film import Moment, write_film
-from megalopta.report.images import COLORS, film, wheel
-from megalopta.report.panels import MOST_FRAMES, Panel
-from megalopta.report.readings import Treatment, read_mask
-from megalopta.report.rerun_log import write_rrd
-from megalopta.report.seen import LONGEST_SIDE_PX, Exposed, Seen, seen_readings
-from megalopta.report.selection import (
+from megalopta.report.images import (
+    COLORS,
     PLAYBACK_HZ,
     Selection,
+    evenly_spaced,
+    film,
     frame_label,
     selection,
-    spread,
+    wheel,
     with_ends,
 )
+from megalopta.report.readings import Treatment, read_mask
+from megalopta.report.rerun_log import write_rrd
+from megalopta.report.seen import LONGEST_SIDE_PX, MOST_FRAMES, Exposed, Panel, Seen, seen_readings
 from megalopta.sensor.formats.reading import FrameKind
 
 _FILM_FRAMES = 300
@@ -111,7 +112,7 @@ def _sequence(root: Path, treatment: Treatment, kind: FrameKind | None) -> Seen:
 
 
 def _film(found: Seen, folder: Path, fps: float | None) -> list[Path]:
-    frames, (panels, notes) = spread(found.frames, _FILM_FRAMES), _in_film(found)
+    frames, (panels, notes) = evenly_spaced(found.frames, _FILM_FRAMES), _in_film(found)
     with progress("Drawing the film", len(frames), "frame") as advance:
 
         def moments() -> Iterator[Moment]:

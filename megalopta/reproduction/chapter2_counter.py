@@ -21,7 +21,7 @@ from megalopta.plotting.style import BLACK, GRAY, PALETTE, draw_table
 from megalopta.reproduction.drawing import FigureRecipe, Run
 from megalopta.sensor import DeadTime, Sensor, changed, expose_events, expose_rate, preset
 from megalopta.sensor.effects.dead_time import expected_counts
-from megalopta.sensor.spad.analog import AnalogCounter, analog_pixels
+from megalopta.sensor.spad.counters import AnalogCounter, analog_pixels
 from megalopta.sensor.spad.presets import TABLE_2_1
 
 ROW = (1, 16)

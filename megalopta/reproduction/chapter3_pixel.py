@@ -40,7 +40,13 @@ from megalopta.plotting.style import (
     write_at,
 )
 from megalopta.reproduction.drawing import FigureRecipe, Run
-from megalopta.sensor.ctia.bias import DacBias, FloatingGateBias, Measurement, calibrate, leak_floor
+from megalopta.sensor.ctia.bias import (
+    DacBias,
+    FloatingGateBias,
+    Measurement,
+    calibrate_gate,
+    leak_floor,
+)
 from megalopta.sensor.ctia.integration import (
     Pixel,
     discharge,
@@ -382,7 +388,7 @@ def _states(diode: str, poor_v: float) -> list[float]:
 
 @cache
 def _tuned(diode: str) -> Measurement:
-    log = calibrate(FloatingGateBias(), built_pixel(diode, TYPICAL_OFFSET_V))
+    log = calibrate_gate(FloatingGateBias(), built_pixel(diode, TYPICAL_OFFSET_V))
     return min(log, key=lambda turn: turn.current_a or np.inf)
 
 

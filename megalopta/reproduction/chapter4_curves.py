@@ -109,7 +109,7 @@ def in_form(sweep: Sweep, is_quick: bool) -> Sweep:
 MOTION = tuple(name for name in THESIS_METHODS if name != "IM")
 
 
-class Quantity(NamedTuple):
+class CurveQuantity(NamedTuple):
     """A number of a figure's curves: name, computation, and printed value."""
 
     name: str
@@ -177,31 +177,35 @@ def division_by_small_responses(sweep: Sweep, results: Results) -> list[float]:
     return [float(np.median(known)) if known.size else math.nan]
 
 
-_DIVISION = Quantity("EMD by Eq. 4.5 over quotient of means", division_by_small_responses)
-_LAST_EXPONENT = Quantity(
+_DIVISION = CurveQuantity("EMD by Eq. 4.5 over quotient of means", division_by_small_responses)
+_LAST_EXPONENT = CurveQuantity(
     "Last exponent of dark counts, motion detectors", partial(exponents, places=(-2, -1))
 )
-_LARGEST_FRAMES = Quantity(
+_LARGEST_FRAMES = CurveQuantity(
     "BM: largest over smallest frames", pooling_of_block_matching, "1 or less"
 )
 
-QUANTITIES: Mapping[str, tuple[Quantity, ...]] = {
+QUANTITIES: Mapping[str, tuple[CurveQuantity, ...]] = {
     "fig-4.5": (
-        Quantity("Decades that EMD moves", decades_moved("EMD"), "two to three"),
-        Quantity("Decades that IIA moves", decades_moved("IIA"), "about two"),
-        Quantity("Decades that NDM and NDS move", decades_moved("NDM", "NDS"), "one"),
+        CurveQuantity("Decades that EMD moves", decades_moved("EMD"), "two to three"),
+        CurveQuantity("Decades that IIA moves", decades_moved("IIA"), "about two"),
+        CurveQuantity("Decades that NDM and NDS move", decades_moved("NDM", "NDS"), "one"),
     ),
-    "fig-4.6": (Quantity("Exponent of contrast, motion detectors", exponents, "−1.7, 10 to 20 %"),),
+    "fig-4.6": (
+        CurveQuantity("Exponent of contrast, motion detectors", exponents, "−1.7, 10 to 20 %"),
+    ),
     "fig-4.7": (_LAST_EXPONENT,),
     "fig-4.8": (
-        Quantity("BM at 1.43 px per resized frame over beside", spike_of_block_matching, "a spike"),
-        Quantity("IIA at N = 240, most over least", spread_of_interpolation, "flat"),
+        CurveQuantity(
+            "BM at 1.43 px per resized frame over beside", spike_of_block_matching, "a spike"
+        ),
+        CurveQuantity("IIA at N = 240, most over least", spread_of_interpolation, "flat"),
     ),
     "fig-4.9": (_LARGEST_FRAMES,),
     "fig-4.10": (_DIVISION, _LAST_EXPONENT),
     "fig-4.11": (
         _DIVISION,
-        Quantity("IIA, median velocity over v = 4", interpolation_beside_one_pixel),
+        CurveQuantity("IIA, median velocity over v = 4", interpolation_beside_one_pixel),
     ),
     "fig-4.12": (_DIVISION,),
     "fig-4.13": (_LARGEST_FRAMES, _DIVISION),

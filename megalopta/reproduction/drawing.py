@@ -5,21 +5,14 @@ parameters and intervals). The bytes depend only on the versions of this package
 matplotlib; those of table-4.times and leaderboard also on the machine.
 """
 
-import multiprocessing
-import os
 import re
-import sys
-import threading
-import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
-from functools import partial
 from importlib import import_module
 from pathlib import Path
 from pkgutil import iter_modules
-from typing import Any, TypeAlias, TypeVar
+from typing import TypeAlias
 
 from megalopta.benchmark.runner import Results, run
 from megalopta.benchmark.trial import Sweep, Template, Trial, pixels_of
@@ -118,12 +111,6 @@ def _place(recipe: FigureRecipe) -> list[str | int]:
     return [int(part) if part.isdigit() else part for part in re.split(r"(\d+)", recipe.name)]
 
 
-Result = TypeVar("Result")
-
-_tasks: Sequence[Callable[[], Any]] = ()
-"""Tasks of the processes to be forked next."""
-
-
 @dataclass(frozen=True)
 class Means:
     """Resources for trials of the flow benchmark; they change no number."""
@@ -176,49 +163,7 @@ def _measure(trials: Sequence[Trial], out: Path, is_quick: bool, means: Means) -
 def _write_figures(figures: Sequence[Figure], out: Path) -> list[Path]:
     paths: list[Path] = []
     with progress("Drawing figures", len(figures), "figure") as advance:
-        for written in side_by_side([partial(write_figure, figure, out) for figure in figures]):
-            paths += written
+        for figure in figures:
+            paths += write_figure(figure, out)
             advance()
     return paths
-
-
-def side_by_side(tasks: Sequence[Callable[[], Result]]) -> Iterator[Result]:
-    """Yield the results of tasks, in order, computed in several processes at once.
-
-    Drawing holds the GIL, and figures hold functions and arrays that cannot be pickled; a forked
-    process has them. Without fork, or if Mitsuba runs, whose threads do not survive it, tasks run
-    one after the other. A process ends with its parent. Results must be picklable.
-    """
-    global _tasks
-    workers = min(os.cpu_count() or 1, len(tasks))
-    mitsuba = sys.modules.get("mitsuba")
-    if workers < 2 or sys.platform != "linux" or (mitsuba and mitsuba.variant()):
-        yield from (task() for task in tasks)
-        return
-    _tasks = tasks
-    pool = ProcessPoolExecutor(workers, multiprocessing.get_context("fork"), _watch)
-    try:
-        with warnings.catch_warnings():
-            # Since 3.12 Python warns of forking with threads; those of NumPy survive.
-            warnings.filterwarnings("ignore", "This process .* is multi-threaded")
-            yield from pool.map(_do, range(len(tasks)))
-    finally:
-        # an interruption does not wait for unfinished tasks
-        pool.shutdown(wait=False, cancel_futures=True)
-        _tasks = ()
-
-
-def _watch() -> None:
-    """End this process with its parent, even if that is killed."""
-    threading.Thread(target=_end_with_parent, daemon=True).start()
-
-
-def _end_with_parent() -> None:
-    parent = multiprocessing.parent_process()
-    assert parent is not None
-    parent.join()  # waits for the end of a pipe that only the parent holds open
-    os._exit(1)
-
-
-def _do(number: int) -> Any:
-    return _tasks[number]()

@@ -22,7 +22,7 @@ from megalopta.core.errors import UserError
 from megalopta.core.freshness import code_digest
 from megalopta.core.progress import progress
 from megalopta.dataset.flow_record import FlowRecord
-from megalopta.dataset.frames import Motion, frames_at_once, read_motion, write_frames
+from megalopta.dataset.frames import FrameMotion, frames_at_once, read_motion, write_frames
 from megalopta.dataset.store import Dataset, exposure_name
 from megalopta.flow.benchmark.settings import default_warm_up
 from megalopta.flow.detectors.blocks import BlockDetector, BlockGrid
@@ -33,7 +33,7 @@ from megalopta.sensor import ImageSensor, OpenedCounts, StoredFrames
 from megalopta.sensor.formats.counts_store import format_attribute
 from megalopta.stages.correction import open_corrected
 from megalopta.stages.declaration import Stage
-from megalopta.stages.measurement import BlockTruth, Measurement, Record, Scaled, SeenFrames
+from megalopta.stages.measurement import BlockTruth, Record, Scaled, SeenFrames, SequenceMeasurement
 from megalopta.stages.sense import open_exposure, require_expectation
 
 
@@ -79,7 +79,7 @@ def _measure_exposure(
     """Write the responses of all methods and return their errors."""
     shape, rates = opened["counts"].shape, yaw_rates_deg_s(settings.trajectory)
     measurements = {
-        name: Measurement(
+        name: SequenceMeasurement(
             METHODS[name],
             (shape[1], shape[2]),
             truths.get(name),
@@ -150,7 +150,7 @@ def _block_truths(dataset: Dataset) -> dict[str, BlockTruth]:
     return {name: truths[grid] for name, grid in grids.items()}
 
 
-def _block_truth(motion: Motion, grid: BlockGrid, settings: FlowSettings) -> BlockTruth:
+def _block_truth(motion: FrameMotion, grid: BlockGrid, settings: FlowSettings) -> BlockTruth:
     """True velocities of a pair of frames, from all pixels and by purity."""
     flow, occluded = motion.flow[np.newaxis], motion.hidden[np.newaxis]
     purity = motion.purity[np.newaxis]

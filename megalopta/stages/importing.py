@@ -78,7 +78,7 @@ class Measured:
         return float(np.dot(self.mean, LUMINANCE_SHARES))
 
 
-def configuration_of(
+def pictures_configuration(
     path: Path, asked: PictureOptions, overrides: Mapping[str, str], out: Path | None = None
 ) -> Configuration:
     """Return the configuration of a dataset of pictures; settings that are given override it.

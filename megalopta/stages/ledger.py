@@ -13,7 +13,7 @@ from megalopta.core.errors import UserError
 from megalopta.core.freshness import digest
 from megalopta.core.progress import step
 from megalopta.dataset.record import StageRecord, read_lone_record
-from megalopta.dataset.store import Dataset, difference, hashes_of
+from megalopta.dataset.store import Dataset, file_difference, hashes_of
 from megalopta.stages.registry import (
     STAGES,
     provenance,
@@ -69,7 +69,7 @@ class Ledger:
         with step(f"comparing files of {stage}"):
             known = entry.files or {} if entry else {}
             written = {self.root / name: each for name, each in known.items()}
-            return [path for path, each in written.items() if difference(path, *each)]
+            return [path for path, each in written.items() if file_difference(path, *each)]
 
     def finished(self) -> list[str]:
         """Return the finished stages. Raises UserError if one of them is damaged."""

@@ -49,7 +49,7 @@ class BlockTruth:
     """(T − 1, rows, columns): hidden share of each block."""
 
 
-class Measurement:
+class SequenceMeasurement:
     """A detector on an exposure; `add` returns its responses, `record` their errors.
 
     Parameters

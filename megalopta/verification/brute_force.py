@@ -24,7 +24,7 @@ from scipy.integrate import dblquad, trapezoid
 from megalopta.core.arrays import Floats
 from megalopta.core.compiling import compiled
 from megalopta.sensor import AnalogCounter, Crosstalk, CtiaSensor, DacBias, FixedBias, Lens, Sensor
-from megalopta.sensor.effects.fields import AvalancheEffects
+from megalopta.sensor.spad.model import AvalancheEffects
 
 Counts = NDArray[np.int64]
 Flags = NDArray[np.bool_]

@@ -14,12 +14,16 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from markupsafe import Markup
 from rich.console import Console
 from rich.table import Table
 from scipy.stats import spearmanr
 
 from megalopta.core.arrays import Floats
 from megalopta.core.errors import refused_as
+from megalopta.plotting.sections import Section, captioned, write_sections
+from megalopta.plotting.style import BLACK, BLUE, VERMILION
+from megalopta.plotting.svg import CHART_PT, in_style, map_chart, new_axes, with_legend
 from megalopta.plotting.text import number
 from megalopta.sensor import DarkCounts
 from megalopta.sensor.calibrate.autocorrelation import (
@@ -66,7 +70,7 @@ _EDGES: dict[str, Callable[[Floats], Floats]] = {
 _NEXT = {"right": (0, 1), "lower": (1, 0)}
 
 
-class Row(NamedTuple):
+class CaptureRow(NamedTuple):
     """One quantity of the half that was not fitted."""
 
     capture: str
@@ -91,7 +95,7 @@ class Row(NamedTuple):
 HEAD = ("capture", "quantity", "measured", "model", "difference, errors")
 
 
-def check_captures(paths: Sequence[Path] = ()) -> dict[Path, list[Row]]:
+def check_captures(paths: Sequence[Path] = ()) -> dict[Path, list[CaptureRow]]:
     """Compare measurements, those that ship and others, with the model fitted to half of each.
 
     Raises UserError if a file is not a measurement, or does not suffice for a fit.
@@ -100,11 +104,11 @@ def check_captures(paths: Sequence[Path] = ()) -> dict[Path, list[Row]]:
     for path in [*shipped(), *paths]:
         measurement = read_measurement(path)
         with refused_as(str(path)):
-            found[path] = list(compare(path.stem, measurement))
+            found[path] = list(compare_halves(path.stem, measurement))
     return found
 
 
-def compare(name: str, measurement: Measurement) -> Iterator[Row]:
+def compare_halves(name: str, measurement: Measurement) -> Iterator[CaptureRow]:
     """Yield the quantities of one measurement. Raises ValueError if it does not suffice."""
     if isinstance(measurement, PairCrosstalk):
         return _of_pairs(name, measurement)
@@ -113,7 +117,9 @@ def compare(name: str, measurement: Measurement) -> Iterator[Row]:
     return _of_dark_counts(name, measurement)
 
 
-def print_captures(found: Mapping[Path, Sequence[Row]], console: Console | None = None) -> None:
+def print_captures(
+    found: Mapping[Path, Sequence[CaptureRow]], console: Console | None = None
+) -> None:
     """Print a table of all quantities, the largest misfits first."""
     table = Table(*HEAD)
     for row in sorted_rows(found):
@@ -121,7 +127,7 @@ def print_captures(found: Mapping[Path, Sequence[Row]], console: Console | None 
     (console or Console(width=_WIDTH)).print(table)
 
 
-def sorted_rows(found: Mapping[Path, Sequence[Row]]) -> list[Row]:
+def sorted_rows(found: Mapping[Path, Sequence[CaptureRow]]) -> list[CaptureRow]:
     """Return all rows, the largest misfits first."""
     rows = [row for each in found.values() for row in each]
     return sorted(rows, key=lambda row: -abs(row.z))
@@ -133,7 +139,7 @@ def halves(pairs: PairCrosstalk) -> tuple[PairCrosstalk, PairCrosstalk]:
     return pairs.some(pairs.column < middle), pairs.some(pairs.column > middle)
 
 
-def _of_pairs(name: str, pairs: PairCrosstalk) -> Iterator[Row]:
+def _of_pairs(name: str, pairs: PairCrosstalk) -> Iterator[CaptureRow]:
     fitted, tested = halves(pairs)
     model = fit_crosstalk(fitted)
     for title, place in _PLACES.items():
@@ -150,20 +156,22 @@ def _of_pairs(name: str, pairs: PairCrosstalk) -> Iterator[Row]:
     counting = edges.error / edges.probability
     own = float(np.mean(ratio**2 - counting**2))
     error = float(np.sqrt(2 * np.mean(counting**4) / ratio.size))
-    yield Row(name, "variance between edge neighbors beyond counting, %²", 1e4 * own, 0.0,
+    yield CaptureRow(name, "variance between edge neighbors beyond counting, %²", 1e4 * own, 0.0,
               1e4 * error)  # fmt: skip
 
 
-def _means(name: str, title: str, values: Floats, fitted: Floats | None, expected: float) -> Row:
+def _means(
+    name: str, title: str, values: Floats, fitted: Floats | None, expected: float
+) -> CaptureRow:
     error = np.hypot(_error(values), 0.0 if fitted is None else _error(fitted))
-    return Row(name, title, float(values.mean()), expected, float(error))
+    return CaptureRow(name, title, float(values.mean()), expected, float(error))
 
 
 def _error(values: Floats) -> float:
     return float(values.std(ddof=1) / np.sqrt(values.size))
 
 
-def _of_afterpulses(name: str, found: Autocorrelation) -> Iterator[Row]:
+def _of_afterpulses(name: str, found: Autocorrelation) -> Iterator[CaptureRow]:
     fitted, tested = found.of(slice(0, None, 2)), found.of(slice(1, None, 2))
     inside = [lag for lag in _LAGS_NS if found.edges_s[0] <= 1e-9 * lag <= found.edges_s[-1]]
     edges = 1e-9 * np.array(inside)
@@ -184,7 +192,7 @@ def _between(found: Autocorrelation, edges_s: Floats) -> Floats:
     return np.diff(at, axis=1)
 
 
-def _of_dark_counts(name: str, rates: Floats) -> Iterator[Row]:
+def _of_dark_counts(name: str, rates: Floats) -> Iterator[CaptureRow]:
     middle = rates.shape[1] // 2
     fitted, tested = rates[:, :middle], rates[:, middle:]
     model = fit_dark_counts(fitted)
@@ -193,13 +201,13 @@ def _of_dark_counts(name: str, rates: Floats) -> Iterator[Row]:
         quantile = np.array([_quantile(model, share, float(known[-1]))])
         below = float(np.searchsorted(known, quantile[0]) / known.size)
         error = float(np.sqrt(2 * share * (1 - share) / known.size))  # of both halves
-        yield Row(name, f"% of pixels below the model's {100 * share:g} % quantile of dark counts",
-                  100 * below, 100 * share, 100 * error)  # fmt: skip
+        title = f"% of pixels below the model's {100 * share:g} % quantile of dark counts"
+        yield CaptureRow(name, title, 100 * below, 100 * share, 100 * error)
     if rates.size >= FEWEST_PIXELS:
         yield from _of_hot_pixels(name, rates)
         return
     for title, place in _NEXT.items():
-        yield Row(name, f"rank correlation of dark counts with the {title} neighbor",
+        yield CaptureRow(name, f"rank correlation of dark counts with the {title} neighbor",
                   rank_correlation(tested, place), 0.0, 1 / np.sqrt(known.size))  # fmt: skip
 
 
@@ -208,7 +216,7 @@ def _quantile(model: DarkCounts, share: float, largest: float) -> float:
     return float(np.interp(share, cumulative(model, grid), grid))
 
 
-def _of_hot_pixels(name: str, rates: Floats) -> Iterator[Row]:
+def _of_hot_pixels(name: str, rates: Floats) -> Iterator[CaptureRow]:
     strip = np.broadcast_to(_STRIPS * np.arange(rates.shape[1]) // rates.shape[1], rates.shape)
     found = [crosstalk_of_hot_pixels(rates, strip == each) for each in range(_STRIPS)]
     fitted, tested = np.hstack(found[: _STRIPS // 2]), np.hstack(found[_STRIPS // 2 :])
@@ -232,8 +240,8 @@ def _of_hot_pixels(name: str, rates: Floats) -> Iterator[Row]:
         seen, modelled, left = (
             rank_correlation(np.where(right_half, each, np.nan), place) for each in values
         )
-        yield Row(name, f"{text}, kernel", seen, modelled, error)
-        yield Row(name, f"{text}, kernel subtracted", left, 0.0, error)
+        yield CaptureRow(name, f"{text}, kernel", seen, modelled, error)
+        yield CaptureRow(name, f"{text}, kernel subtracted", left, 0.0, error)
 
 
 def rank_correlation(rates: Floats, place: tuple[int, int]) -> float:
@@ -243,3 +251,94 @@ def rank_correlation(rates: Floats, place: tuple[int, int]) -> float:
     ours, theirs = rates[: rows - down, : columns - right], rates[down:, right:]
     known = np.isfinite(ours) & np.isfinite(theirs)
     return float(spearmanr(ours[known], theirs[known])[0])
+
+
+_TEXT = (
+    "Quantities of the half that was not fitted; differences in standard errors, the largest first."
+)
+_MISFITS = 12
+
+
+def write_captures_page(path: Path, found: Mapping[Path, Sequence[CaptureRow]]) -> None:
+    """Write the page of compared measurements."""
+    worst = tuple(row.texts for row in sorted_rows(found)[:_MISFITS])
+    sections = [Section("The largest misfits", _TEXT, HEAD, worst)]
+    for at, (file, rows) in enumerate(found.items()):
+        ordered = tuple(row.texts[1:] for row in sorted(rows, key=lambda row: -abs(row.z)))
+        charts = tuple(_charts(file, f"capture-{at}"))
+        sections.append(Section(file.stem, "", HEAD[1:], ordered, charts))
+    summary = (
+        f"{len(found)} measurements of real arrays, next to the sensor's model fitted to one half "
+        "of each and compared with the other half."
+    )
+    write_sections(path, "Real arrays and the model", summary, sections)
+
+
+def _charts(path: Path, name: str) -> Iterator[Markup]:
+    measurement = read_measurement(path)
+    if isinstance(measurement, PairCrosstalk):
+        yield captioned(pairs_chart(measurement, name), "A point per pair of the right half.")
+    elif isinstance(measurement, Autocorrelation):
+        text = "Mean of odd pixels; the models are fitted to even ones."
+        yield captioned(afterpulses_chart(measurement.of(slice(None), UP_TO_S), name), text)
+    else:
+        text = "Pixels of the right half; the model is fitted to the left half."
+        yield captioned(dark_counts_chart(measurement, name), text)
+        if measurement.size >= FEWEST_PIXELS:
+            shares = crosstalk_of_hot_pixels(measurement).mean(axis=1)
+            for each, rows in zip(shares, ("even", "odd"), strict=True):
+                with np.errstate(invalid="ignore", divide="ignore"):
+                    light = np.log10(each)
+                title = f"log₁₀ of the light from around, {rows} rows"
+                yield map_chart(light, f"{name}-{rows}", title, (-4.0, -1.8))
+
+
+@in_style
+def pairs_chart(pairs: PairCrosstalk, name: str) -> Markup:
+    """Draw crosstalk over distance, with the model."""
+    fitted, tested = halves(pairs)
+    distance = np.hypot(tested.down, tested.right)
+    figure, axes = new_axes(*CHART_PT)
+    axes.plot(distance, tested.probability, ".", color=BLACK, markersize=3, label="measured")
+    model = modelled(fit_crosstalk(fitted), tested)
+    axes.plot(distance[model > 0], model[model > 0], "_", color=VERMILION, markersize=14,
+              markeredgewidth=2, label="model")  # fmt: skip
+    axes.set(yscale="log", xlabel="distance (pixels)", ylabel="probability of crosstalk")
+    return with_legend(figure, name, "Crosstalk of pairs of pixels over their distance")
+
+
+@in_style
+def dark_counts_chart(rates: Floats, name: str) -> Markup:
+    """Draw the distribution of dark counts over the pixels, with the model."""
+    middle = rates.shape[1] // 2
+    model = fit_dark_counts(rates[:, :middle])
+    tested = np.sort(rates[:, middle:][np.isfinite(rates[:, middle:])])
+    share = (np.arange(tested.size) + 0.5) / tested.size
+    chosen = np.unique(np.linspace(0, tested.size - 1, 500).astype(int))
+    chosen = chosen[tested[chosen] > 0]
+    grid = np.geomspace(tested[chosen[0]], tested[-1], 300)
+    figure, axes = new_axes(*CHART_PT)
+    axes.plot(tested[chosen], share[chosen], ".", color=BLACK, markersize=4, label="measured")
+    axes.plot(grid, cumulative(model, grid), color=VERMILION, label="model")
+    axes.set(xscale="log", xlabel="dark counts (unit of the file)", ylabel="share of pixels")
+    return with_legend(figure, name, "Distribution of dark counts over the pixels")
+
+
+@in_style
+def afterpulses_chart(found: Autocorrelation, name: str) -> Markup:
+    """Draw afterpulses over the lag, with an exponential and a tabulated delay."""
+    fitted, tested = found.of(slice(0, None, 2)), found.of(slice(1, None, 2))
+    widths = np.diff(found.edges_s)
+    lag_ns = 1e9 * np.sqrt(found.edges_s[1:] * found.edges_s[:-1])
+    figure, axes = new_axes(*CHART_PT)
+    seen = tested.afterpulses.mean(axis=0)
+    axes.plot(lag_ns[seen > 0], seen[seen > 0], "o", color=BLACK, markersize=4, label="measured")
+    for model, color, dash in ((fit_exponential(fitted), VERMILION, "-"),
+                               (fit_table(fitted), BLUE, "--")):  # fmt: skip
+        kind = "table" if model.table_delays_s else "exponential"
+        density = afterpulses_between(model, found.edges_s) / widths
+        axes.plot(lag_ns, np.where(density > 0, density, np.nan), dash, color=color, label=kind)
+    least = seen[seen > 0].min()
+    axes.set(xscale="log", yscale="log", ylim=(least / 2, 2 * seen.max()))
+    axes.set(xlabel="time since the event (ns)", ylabel="afterpulses (1/s)")
+    return with_legend(figure, name, "Rate of afterpulses over the time since an event")

@@ -34,7 +34,7 @@ from megalopta.dataset.layout import (
     read_manifest,
 )
 from megalopta.dataset.record import MADE, SequenceRecord, StageRecord
-from megalopta.dataset.store import Dataset, difference, files_in, whole_of
+from megalopta.dataset.store import Dataset, file_difference, files_in, whole_of
 from megalopta.generation.staging import staged_sequences
 from megalopta.render import read_size
 from megalopta.stages.ledger import Ledger
@@ -48,7 +48,7 @@ _OWN = (
 _STRANGE = "belongs to no sequence of this dataset"
 
 
-class Fault(NamedTuple):
+class FileFault(NamedTuple):
     """A damaged, missing or unknown file."""
 
     path: Path
@@ -57,7 +57,7 @@ class Fault(NamedTuple):
     """Remedy."""
 
 
-Faults = Iterator[Fault]
+Faults = Iterator[FileFault]
 
 
 def run_check_files(root: Path, truths: int = 0, console: Console | None = None) -> bool:
@@ -76,7 +76,7 @@ def run_check_files(root: Path, truths: int = 0, console: Console | None = None)
     return not faults
 
 
-def check_files(tree: Tree, truths: int = 0) -> list[Fault]:
+def check_files(tree: Tree, truths: int = 0) -> list[FileFault]:
     """Return everything that is modified, missing, or unknown."""
     return list(_lone_faults(tree.lone) if tree.lone else _faults_of_many(tree, truths))
 
@@ -136,12 +136,12 @@ def _file_faults(
     advance: Callable[[], None] = lambda: None,
 ) -> Faults:
     """Yield modified files of a stage, each store once."""
-    faults: dict[Path, Fault] = {}
+    faults: dict[Path, FileFault] = {}
     for name, (size, hashed) in (entry.files or {}).items():
         path = dataset.root / name
-        if what := difference(path, size, hashed) or wrong_shape(dataset, path):
+        if what := file_difference(path, size, hashed) or wrong_shape(dataset, path):
             whole = whole_of(path, dataset.root)
-            faults[whole] = Fault(path, what, remedy(whole))
+            faults[whole] = FileFault(path, what, remedy(whole))
         advance()
     yield from faults.values()
 
@@ -152,7 +152,7 @@ def _unknown(root: Path, known: set[Path], *folders: str) -> Faults:
     for top in root.iterdir():
         if top.name not in folders and not files.is_temporary(top):
             for path in sorted(set(files_in([top])) - known):
-                yield Fault(path, _STRANGE, "move it elsewhere")
+                yield FileFault(path, _STRANGE, "move it elsewhere")
 
 
 def _faults_of_many(tree: Tree, truths: int) -> Faults:
@@ -171,7 +171,7 @@ def _faults_of_many(tree: Tree, truths: int) -> Faults:
                 machinery[name] = _machinery(record)
                 yield from _sequence_faults(tree, record, name in chosen, again)
             except UserError as problem:
-                yield Fault(tree.record_path(name), "is damaged", str(problem))
+                yield FileFault(tree.record_path(name), "is damaged", str(problem))
             advance()
     yield from _mixture(tree, machinery, again)
     yield from _unfinished(tree, again)
@@ -184,7 +184,7 @@ def _unmade(tree: Tree, names: list[str], again: str) -> Faults:
         there = set(names)
         first = next(n for n in map(sequence_name, range(wanted)) if n not in there)
         what = f"{missing} sequences of the plan are missing, this is the first"
-        yield Fault(tree.record_path(first), what, again)
+        yield FileFault(tree.record_path(first), what, again)
 
 
 def _manifest_faults(tree: Tree, names: list[str], again: str) -> Faults:
@@ -192,16 +192,16 @@ def _manifest_faults(tree: Tree, names: list[str], again: str) -> Faults:
     try:
         hashes = read_manifest(tree.root)
     except UserError as problem:
-        yield Fault(path, "is damaged", str(problem))
+        yield FileFault(path, "is damaged", str(problem))
         return
     if sorted(hashes) != names:
-        yield Fault(path, f"lists {len(hashes)} sequences, but there are {len(names)}", again)
+        yield FileFault(path, f"lists {len(hashes)} sequences, but there are {len(names)}", again)
     for record in map(tree.record_path, set(names) & hashes.keys()):
         with suppress(UserError):  # reported where the record is read
             if not is_record_as_written(record, hashes):
-                yield Fault(record, "differs from the manifest", f"remove it and {again}")
+                yield FileFault(record, "differs from the manifest", f"remove it and {again}")
             elif not is_record_known(record, hashes):
-                yield Fault(record, "has more output than the index knows", again)
+                yield FileFault(record, "has more output than the index knows", again)
 
 
 def _index_faults(tree: Tree, names: list[str], again: str) -> Faults:
@@ -212,14 +212,14 @@ def _index_faults(tree: Tree, names: list[str], again: str) -> Faults:
             rows = pq.read_metadata(table).num_rows
         except (UserError, OSError, ValueError) as problem:
             path = tree.root / "index" / f"{name}.parquet"
-            yield Fault(path, f"is unreliable ({problem})", again)
+            yield FileFault(path, f"is unreliable ({problem})", again)
             continue
         if name == "sequences" and rows != len(names):
-            yield Fault(table, f"has {rows} rows for {len(names)} sequences", again)
+            yield FileFault(table, f"has {rows} rows for {len(names)} sequences", again)
     try:
         read_lists(tree.root, names)
     except UserError as problem:
-        yield Fault(tree.root / "splits", "are unreliable", str(problem))
+        yield FileFault(tree.root / "splits", "are unreliable", str(problem))
 
 
 def _sequence_faults(tree: Tree, record: SequenceRecord, with_truth: bool, again: str) -> Faults:
@@ -247,7 +247,7 @@ def _mixture(tree: Tree, machinery: Mapping[str, str], again: str) -> Faults:
         most = usual[own["backend"]]
         changes = {stage: provenance_changes(most[stage], own["made"][stage]) for stage in MADE}
         if what := "; ".join(f"{stage}: {change}" for stage, change in changes.items() if change):
-            yield Fault(
+            yield FileFault(
                 tree.record_path(name),
                 f"was made by other software than most sequences ({what})",
                 f"remove it and, with the program that made the others, {again}",
@@ -260,11 +260,11 @@ def _truth_faults(dataset: Dataset) -> Faults:
         with silent():
             residuals = check_truth(dataset)
     except (UserError, ValueError) as problem:
-        yield Fault(place, f"cannot be rederived ({problem})", "regenerate the sequence")
+        yield FileFault(place, f"cannot be rederived ({problem})", "regenerate the sequence")
         return
     for each in residuals:
         if not each.passed:
-            yield Fault(
+            yield FileFault(
                 place,
                 f"flow of {each.name} differs by {each.median:.2g} px from a second derivation",
                 "this is a bug of megalopta; report it",
@@ -274,8 +274,8 @@ def _truth_faults(dataset: Dataset) -> Faults:
 def _unfinished(tree: Tree, again: str) -> Faults:
     staged = [each.folder for each in staged_sequences(tree)]
     if staged:
-        yield Fault(tree.staging, "holds unfinished sequences", again)
+        yield FileFault(tree.staging, "holds unfinished sequences", again)
     for path in sorted(set(tree.staging.glob("*")) - set(staged)):
-        yield Fault(path, _STRANGE, "move it elsewhere")
+        yield FileFault(path, _STRANGE, "move it elsewhere")
     if tree.failures.exists():
-        yield Fault(tree.failures, "lists failed sequences", f"{again} --retry")
+        yield FileFault(tree.failures, "lists failed sequences", f"{again} --retry")

@@ -35,7 +35,7 @@ them counted, exceeds four times its expectation by chance once in 3e8."""
 
 
 @dataclass(frozen=True)
-class Comparison:
+class PanoramaComparison:
     """A rendering and the shipped file, RMS over the mean radiance."""
 
     pixels: float
@@ -50,14 +50,14 @@ class Comparison:
         return self.pixels < LIMIT * self.noise and self.blocks < LIMIT * self.noise / BLOCK
 
 
-def compare(shipped: Path, radiance: NDArray[np.float32], noise: RenderNoise) -> Comparison:
+def compare(shipped: Path, radiance: NDArray[np.float32], noise: RenderNoise) -> PanoramaComparison:
     """Compare a rendering (251, m, 1) and its noise with a shipped file."""
     before = read_template(shipped)
     its_noise = RenderNoise.from_json(read_attributes(shipped)[ATTRIBUTE])
     difference = radiance[..., 0] / radiance.mean(dtype=np.float64) - before
     rows, columns = (BLOCK * (side // BLOCK) for side in difference.shape)
     shape = rows // BLOCK, BLOCK, columns // BLOCK, BLOCK
-    return Comparison(
+    return PanoramaComparison(
         pixels=_rms(difference),
         blocks=_rms(difference[:rows, :columns].reshape(shape).mean(axis=(1, 3))),
         noise=math.hypot(noise.rms_over_mean, its_noise.rms_over_mean),

@@ -2,14 +2,16 @@
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
 
 from rich.console import Console
 from rich.table import Table
 
+from megalopta.core import strict_yaml
 from megalopta.core.errors import UserError
-from megalopta.sensor import ORDER_OF_EFFECTS
-from megalopta.verification.cases import CASES
-from megalopta.verification.comparison import LARGEST_Z, Row, check_case, false_alarm
+from megalopta.sensor import IMAGE_SENSORS, ORDER_OF_EFFECTS, CtiaSensor, changed
+from megalopta.verification.comparison import LARGEST_Z, Case, Row, check_case, false_alarm
 
 
 def run_check_physics(groups: Sequence[str] = (), console: Console | None = None) -> bool:
@@ -46,3 +48,21 @@ def _table(rows: Sequence[Row]) -> Table:
         verdict = "[green]yes[/]" if row.passed else "[bold red]NO[/]"
         table.add_row(row.term, row.quantity, *numbers, verdict)
     return table
+
+
+_GROUPS = strict_yaml.load(Path(__file__).with_name("cases.yaml").read_text("utf-8"))
+_LIGHT = _GROUPS.pop("_shared")["light"]
+
+
+def _case(term: str, fields: dict[str, Any]) -> Case:
+    own = {name: fields.pop(name) for name in Case.__annotations__ if name in fields}
+    if fields.get("kind") == "ctia":
+        sensor: Any = CtiaSensor.model_validate(fields)
+    else:
+        sensor = changed(IMAGE_SENSORS[fields.pop("preset", "ideal")], **fields)
+    return Case(term, sensor, **{"light": _LIGHT, **own})
+
+
+CASES: dict[str, tuple[Case, ...]] = {
+    group: tuple(_case(*each) for each in cases.items()) for group, cases in _GROUPS.items()
+}

@@ -23,7 +23,7 @@ from megalopta.render import RenderSettings, dr, mi
 from megalopta.render.baking.cells import UInt32
 from megalopta.render.baking.clusters import Clusters, Voxels, smoothed
 from megalopta.render.baking.gathering import STRIDE, Gatherer
-from megalopta.render.baking.pages import Pages
+from megalopta.render.baking.visibility import Pages
 from megalopta.render.loading.meshes import MergedMesh
 from megalopta.render.scattering import mixed
 from megalopta.render.shading import Weights

@@ -1,15 +1,31 @@
-"""Files and folders of pictures as footage, by suffix."""
+"""Files and folders of pictures as footage, by suffix; animations, read with Pillow."""
 
 from collections.abc import Callable, Mapping
+from contextlib import ExitStack
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
 
 from megalopta.core.bounded import check_file
 from megalopta.core.errors import UserError, machine_problem
-from megalopta.render.footage.animation import is_animated, open_animation
+from megalopta.core.pictures import opened_picture, readable
+from megalopta.core.progress import working
 from megalopta.render.footage.arrays import open_array
 from megalopta.render.footage.film_reader import DEMUXERS
-from megalopta.render.footage.frames import Footage, Unit
-from megalopta.render.footage.pictures import KINDS, kind_of, open_folder, open_picture
+from megalopta.render.footage.frames import Footage, Unit, check_size, coding_of
+from megalopta.render.footage.pictures import (
+    KINDS,
+    TRANSPARENT,
+    frames_in,
+    open_folder,
+    open_picture,
+    over_black,
+    picture_kind,
+)
 from megalopta.render.footage.video import open_video
 
 _ANIMATED = (".gif", ".png", ".webp")
@@ -33,7 +49,7 @@ def open_footage(path: Path, unit: Unit | None = None) -> Footage:
 def is_footage(path: Path) -> bool:
     """True for a file with one of `SUFFIXES`, or a folder with a picture."""
     if path.is_dir():
-        return any(kind_of(each) and each.is_file() for each in path.iterdir())
+        return any(picture_kind(each) and each.is_file() for each in path.iterdir())
     return path.suffix.lower() in SUFFIXES
 
 
@@ -72,3 +88,78 @@ _OPENERS: Mapping[str, Callable[[Path, Unit | None], Footage]] = {
 
 SUFFIXES = tuple(_OPENERS)
 """Suffixes of supported files."""
+
+
+_SHORTEST_MS = 100
+"""Duration that browsers use for a frame with a duration of zero."""
+
+
+def is_animated(path: Path) -> bool:
+    """True if a picture has more than one frame. Raises DamagedFileError if it is not a picture."""
+    with opened_picture(path) as image:
+        return frames_in(image) > 1
+
+
+@dataclass(eq=False, kw_only=True)
+class Animation(Footage):
+    """Frames of an animated picture, with times from the file."""
+
+    image: Image.Image
+    opened: ExitStack = field(repr=False)
+    first: int = 0
+    """In APNG, 1 if the default picture is not part of the animation."""
+
+    def __len__(self) -> int:
+        """Return the number of frames."""
+        return frames_in(self.image) - self.first
+
+    def close(self) -> None:
+        """Close the file."""
+        super().close()
+        self.opened.close()
+
+    def _numbers(self, index: int) -> NDArray[Any]:
+        if self.first + index < self.image.tell():  # Pillow cannot always seek backwards in APNG
+            self.opened.close()
+            self.image = self.opened.enter_context(opened_picture(self.path))
+        with readable(self.path):
+            codes, is_transparent = _frame(self.image, self.first + index)
+        if is_transparent:
+            self._note(TRANSPARENT)
+        return codes
+
+
+def open_animation(path: Path) -> Animation:
+    """Return an animated picture, after decoding all of it once. Raises DamagedFileError."""
+    with ExitStack() as stack, working(f"frames of {path}"):
+        image = stack.enter_context(opened_picture(path))
+        check_size(path, image.size[::-1])
+        first = int(bool(image.info.get("default_image")))
+        starts_ms, is_transparent = _survey(image, first)
+        return Animation(
+            path=path,
+            files=(path,),
+            shape=image.size[::-1],
+            coding=coding_of("sRGB", 256),
+            times_s=starts_ms / 1000,
+            notes=(TRANSPARENT,) * is_transparent,
+            image=image,
+            opened=stack.pop_all(),
+            first=first,
+        )
+
+
+def _survey(image: Image.Image, first: int) -> tuple[NDArray[np.float64], bool]:
+    """Return the start of each frame (ms), and True if anything is transparent."""
+    lasts_ms, is_transparent = [], False
+    for index in range(first, frames_in(image)):
+        _, is_frame_transparent = _frame(image, index)
+        lasts_ms.append(float(image.info.get("duration") or _SHORTEST_MS))
+        is_transparent |= is_frame_transparent
+    return np.cumsum([0.0, *lasts_ms[:-1]]), is_transparent
+
+
+def _frame(image: Image.Image, index: int) -> tuple[NDArray[np.uint8], bool]:
+    image.seek(index)
+    image.load()  # for WebP, sets the duration
+    return over_black(image)

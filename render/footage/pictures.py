@@ -77,7 +77,7 @@ class _Header(NamedTuple):
 
 
 @dataclass(eq=False, kw_only=True)
-class Pictures(Footage):
+class PictureFiles(Footage):
     """Pictures of equal size and kind, one frame each."""
 
     depth: Depth
@@ -96,7 +96,7 @@ class Pictures(Footage):
         return numbers
 
     def _read(self, path: Path) -> NDArray[Any]:
-        kind = kind_of(path)
+        kind = picture_kind(path)
         if kind == "EXR":
             return self._as_light(_exr_light(path), path)
         if kind == "Radiance" or self.depth != "8 bits":
@@ -107,7 +107,7 @@ class Pictures(Footage):
 
     def _deep(self, path: Path) -> NDArray[Any]:
         numbers = _decoded(path)
-        if kind_of(path) == "PNG":  # OpenCV has already turned TIFF
+        if picture_kind(path) == "PNG":  # OpenCV has already turned TIFF
             numbers = turned(numbers, *_TURNS.get(_header(path).orientation, (False,) * 3))
         is_transparent = numbers.shape[2:] == (4,) and numbers[..., 3].min() < _top(numbers)
         if is_transparent:
@@ -123,20 +123,20 @@ class Pictures(Footage):
         return numbers
 
 
-def open_picture(path: Path, unit: Unit | None) -> Pictures:
+def open_picture(path: Path, unit: Unit | None) -> PictureFiles:
     """Return a picture as one frame. Raises UserError."""
     footage = _pictures(path, (path,), unit, _header(path))
     footage.frame(0)  # reports errors of the file now
     return footage
 
 
-def open_folder(path: Path, unit: Unit | None) -> Pictures:
+def open_folder(path: Path, unit: Unit | None) -> PictureFiles:
     """Return the pictures of a folder, in the order of the numbers in their names.
 
     Raises UserError if there are none, or they differ in size or kind.
     """
     visible = [each for each in path.iterdir() if not each.name.startswith(".") and each.is_file()]
-    files = tuple(sorted((each for each in visible if kind_of(each)), key=natural_key))
+    files = tuple(sorted((each for each in visible if picture_kind(each)), key=natural_key))
     if not files:
         raise UserError(f"{path} has no picture in it; give a folder of {', '.join(KINDS)} files")
     with working(f"headers of the pictures in {path}"):
@@ -146,7 +146,7 @@ def open_folder(path: Path, unit: Unit | None) -> Pictures:
     return footage
 
 
-def kind_of(path: Path) -> str | None:
+def picture_kind(path: Path) -> str | None:
     """Return the kind of picture by the suffix; None if it is not one."""
     return KINDS.get(path.suffix.lower())
 
@@ -169,8 +169,10 @@ def over_black(image: Image.Image) -> tuple[NDArray[np.uint8], bool]:
     return np.asarray(image.convert("L" if image.mode in ("1", "L", "LA") else "RGB")), False
 
 
-def _pictures(path: Path, files: tuple[Path, ...], unit: Unit | None, header: _Header) -> Pictures:
-    return Pictures(
+def _pictures(
+    path: Path, files: tuple[Path, ...], unit: Unit | None, header: _Header
+) -> PictureFiles:
+    return PictureFiles(
         path=path,
         files=files,
         shape=header.shape,
@@ -197,7 +199,7 @@ def _coding(path: Path, unit: Unit | None, header: _Header) -> Coding:
 
 
 def _common_header(files: tuple[Path, ...]) -> _Header:
-    kinds = {kind_of(each): each for each in files}
+    kinds = {picture_kind(each): each for each in files}
     if len(kinds) > 1:
         one, other = list(kinds.values())[:2]
         raise UserError(f"{one} and {other.name} differ in kind; give a folder with one kind")
@@ -237,7 +239,7 @@ def _header(path: Path) -> _Header:
         if not path.stat().st_size:
             raise DamagedFileError(f"{path} is empty; save the picture again")
         readers = {"EXR": _exr_header, "Radiance": _radiance_header, "TIFF": _tiff_header}
-        header = readers.get(str(kind_of(path)), _pillow_header)(path)
+        header = readers.get(str(picture_kind(path)), _pillow_header)(path)
     check_size(path, header.shape)
     return header
 
@@ -363,12 +365,12 @@ def _without_log() -> Iterator[None]:
 def _decoded(path: Path) -> NDArray[Any]:
     """Return numbers (H, W), (H, W, 3) or (H, W, 4) as OpenCV decodes them, blue first."""
     with readable(path), _without_log():
-        if kind_of(path) == "Radiance":  # OpenCV decodes it from files only
+        if picture_kind(path) == "Radiance":  # OpenCV decodes it from files only
             check_file(path)
             numbers = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
         else:  # not from the file: OpenCV 5 cannot turn a TIFF from there
             content = read_bytes(path, ARRAY_BYTES)
-            plain = _plain_png(content) if kind_of(path) == "PNG" else content
+            plain = _plain_png(content) if picture_kind(path) == "PNG" else content
             numbers = cv2.imdecode(np.frombuffer(plain, np.uint8), cv2.IMREAD_UNCHANGED)
         if numbers is None or numbers.shape[2:] not in ((), (3,), (4,)):
             raise ValueError(path)

@@ -79,7 +79,7 @@ SAMPLES_PER_PASS = {"cuda": 2**24, "llvm": 2**20, "scalar": 2**19}
 
 
 @dataclass(frozen=True)
-class Part:
+class ExposurePart:
     """Part of an exposure, in which moving objects are at rest."""
 
     poses: Floats
@@ -94,7 +94,7 @@ class Part:
 class Exposure:
     """Poses and times of a frame's exposure."""
 
-    parts: tuple[Part, ...]
+    parts: tuple[ExposurePart, ...]
     is_rolling: bool = False
 
     @property

@@ -59,7 +59,7 @@ MOST_TRIANGLES = 40e6
 """Limit for the memory of an ordinary machine (some 300 bytes per triangle)."""
 
 
-def check_size(forest: "Forest", path_m: float) -> None:
+def check_stand(forest: "Forest", path_m: float) -> None:
     """Reject a forest around a path of the given length that would not fit into memory."""
     plants, triangles = foreseen(forest, path_m)
     if triangles > MOST_TRIANGLES:
@@ -227,7 +227,7 @@ class Forest(SceneDescription, frozen=True):
 
     @model_validator(mode="after")
     def _check_size(self) -> "Forest":
-        check_size(self, 0.0)
+        check_stand(self, 0.0)
         return self
 
     @property
@@ -299,7 +299,7 @@ def build_forest(forest: Forest, path_xy: ArrayLike, heading: ArrayLike = (1.0, 
         If the path is not a finite (n, 2) array, or so long that the trees cannot surround it.
     """
     path_points = _checked_path(path_xy)
-    check_size(forest, float(np.linalg.norm(np.diff(path_points, axis=0), axis=1).sum()))
+    check_stand(forest, float(np.linalg.norm(np.diff(path_points, axis=0), axis=1).sum()))
     way = dense_path(path_points)
     path = cKDTree(way)
     stand = forest.trees, forest.density_per_ha, forest.clearance_m

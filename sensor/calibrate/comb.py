@@ -9,7 +9,7 @@ summed. A parabola interpolates the maximum between trials.
     y = a + l·T + s·x(N) + r·z       z normal; N events, Poisson at the level's own mean
 
 with unknown N. Where the step changes over the swing S, with mean step s and slope σ, N events
-cause a drop of, in steps (`sensor/spad/analog.py`),
+cause a drop of, in steps (`sensor/spad/counters.py`),
 
     x = (1 + σ/2)·(1 − (1 − b)^N)/b       b = σ·s/S        N = log(1 − b·x/(1 + σ/2))/log(1 − b)
 

@@ -33,7 +33,7 @@ from megalopta.sensor.calibrate.level import Level
 from megalopta.sensor.compare.model import Change, Model
 from megalopta.sensor.compare.quantities import BLOCKS
 from megalopta.sensor.compare.two_sample import Difference, Quantity
-from megalopta.sensor.spad.analog import AnalogCounter
+from megalopta.sensor.spad.counters import AnalogCounter
 
 REFUTED = 1e-3
 """Chance of its χ² below which an explanation is refuted."""

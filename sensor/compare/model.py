@@ -14,7 +14,7 @@ from megalopta.sensor.change import changed
 from megalopta.sensor.compare.in_time import Parts
 from megalopta.sensor.expectations import event_moments, reading_moments
 from megalopta.sensor.exposure import expose_adc, expose_rate
-from megalopta.sensor.spad.analog import AnalogCounter, counts_of_codes
+from megalopta.sensor.spad.counters import AnalogCounter, counts_of_codes
 from megalopta.sensor.spad.device import draw_fixed_pattern
 from megalopta.sensor.spad.model import Sensor
 

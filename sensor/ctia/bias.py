@@ -156,7 +156,7 @@ class Measurement:
     """Current that it sees: the 90–10 % estimate; 0 if the pixel did not discharge in time"""
 
 
-def calibrate(
+def calibrate_gate(
     gate: FloatingGateBias, pixel: Pixel, *, patience_s: float = 3600.0, most_pulses: int = 1000
 ) -> list[Measurement]:
     """Pulse the gate of one pixel until a further pulse no longer lowers the dark current.

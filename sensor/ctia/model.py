@@ -27,35 +27,22 @@ saturate, 100 ms for the others. Assumed, because not given: the spread of the o
 100 µV, and the lens.
 """
 
+from pathlib import Path
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
 
+from megalopta.core import strict_yaml
 from megalopta.core.arrays import Floats
-from megalopta.sensor.ctia.bias import Bias, FixedBias, FloatingGateBias, drift_rate, trimmed_bias
+from megalopta.core.validation import checked
+from megalopta.sensor.ctia.bias import Bias, FixedBias, drift_rate, trimmed_bias
 from megalopta.sensor.ctia.integration import Pixel, gain_from_db
 from megalopta.sensor.ctia.noise import CtiaNoise
 from megalopta.sensor.ctia.photodiode import Photodiode
 from megalopta.sensor.optics.efficiency import Efficiency
-from megalopta.sensor.optics.lens import Lens
 from megalopta.sensor.optics.pixels import PixelOptics
 from megalopta.sensor.sampling.streams import pixel_normals
-
-TYPICAL_OFFSET_V = 18.7e-3
-PHOTODIODES: dict[str, Photodiode] = {
-    "si": Photodiode(saturation_current_a=3.476e-12, shunt_ohm=214.9e9),
-    "ingaas": Photodiode(saturation_current_a=100e-12, shunt_ohm=588.6e3),
-    "ingaas_quiet": Photodiode(saturation_current_a=100e-12),
-}
-_SI_EFFICIENCY = Efficiency(
-    wavelengths_nm=(690, 730, 780, 830, 880, 950, 1000, 1050, 1100, 1150),
-    values=(0.0, 0.08, 0.70, 0.88, 0.90, 0.80, 0.55, 0.25, 0.07, 0.0),
-)
-_INGAAS_EFFICIENCY = Efficiency(
-    wavelengths_nm=(850, 900, 930, 980, 1100, 1300, 1550, 1620, 1660, 1700, 1750),
-    values=(0.05, 0.15, 0.50, 0.70, 0.80, 0.85, 0.85, 0.80, 0.65, 0.25, 0.0),
-)
 
 
 class CtiaSensor(PixelOptics, frozen=True):
@@ -116,34 +103,12 @@ def _normal(sensor: CtiaSensor, shape: tuple[int, int], purpose: str) -> Floats:
     return pixel_normals(shape, sensor.device_seed, f"ctia {purpose}")
 
 
-def _sensor(
-    name: str, diode: str, area_m2: float, exposure_s: float, efficiency: Efficiency
-) -> CtiaSensor:
-    return CtiaSensor(
-        name=name,
-        source="Berkovich, dissertation (2017), Chapter 3; efficiency, spreads, read noise assumed",
-        pitch_m=area_m2**0.5,
-        exposure_s=exposure_s,
-        lens=Lens(f_number=1.4, transmission=0.9),
-        efficiency=efficiency,
-        diode=PHOTODIODES[diode],
-        gain_sigma_db=3.4,
-        offset_v=TYPICAL_OFFSET_V,
-        offset_sigma_v=10e-3,
-        dark_sigma=0.1,
-        bias=FloatingGateBias(),
-        noise=CtiaNoise(read_noise_v=100e-6),
-    )
-
-
+_FIELDS = strict_yaml.load(Path(__file__).with_name("presets.yaml").read_text("utf-8"))
 CTIA_PRESETS: dict[str, CtiaSensor] = {
-    sensor.name: sensor
-    for sensor in (
-        _sensor("ctia_si", "si", 0.31e-6, 0.1, _SI_EFFICIENCY),
-        _sensor("ctia_ingaas", "ingaas", 4.53e-8, 0.01, _INGAAS_EFFICIENCY),
-        _sensor("ctia_ingaas_quiet", "ingaas_quiet", 4.53e-8, 0.1, _INGAAS_EFFICIENCY),
-    )
+    name: checked(CtiaSensor, {"name": name, **fields}) for name, fields in _FIELDS.items()
 }
+PHOTODIODES = {name.removeprefix("ctia_"): each.diode for name, each in CTIA_PRESETS.items()}
+TYPICAL_OFFSET_V = CTIA_PRESETS["ctia_si"].offset_v
 
 
 def ctia_preset(name: str) -> CtiaSensor:

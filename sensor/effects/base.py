@@ -1,11 +1,12 @@
 """Base of the parameter models of all effects.
 
-An effect is one field of `Sensor`, in most cases through `fields`. Effects act in order of their
-stages, within a stage in order of the fields. Default parameters have no effect.
+An effect is one field of `Sensor`. Effects act in order of their stages, within a stage in order of
+the fields. Default parameters have no effect.
 
 An effect on rates overrides `act_on_rates`; one that changes with time, `act_on_frame`. One on
-single avalanches (stage `AVALANCHES`) has a part in `avalanches/kernel.py` and is simulated where
-the count distribution has no closed form. Only files that hold such a form name effects.
+single avalanches (stage `AVALANCHES`) is also a field of `AvalancheEffects`, has a part in
+`spad/kernel.py`, and is simulated where the count distribution has no closed form. Only files that
+hold such a form name effects.
 """
 
 from dataclasses import dataclass, field, replace

@@ -12,7 +12,7 @@ A non-paralyzable dead time may end gradually in one of two ways:
 - recharging: the dead time is the hold-off; afterwards the efficiency grows as 1 − e^(−t/τ_r), and
   an arrival that does not fire has no effect.
 
-These are simulated (`megalopta.sensor.avalanches`). Neglected: an avalanche of a partly charged
+These are simulated (`megalopta.sensor.spad`). Neglected: an avalanche of a partly charged
 pixel carries less charge, so it traps fewer carriers and emits less light.
 
 Source: Straka et al., J. Lightwave Technol. 38, 4765 (2020), arXiv 2001.10036, for twilight pulses

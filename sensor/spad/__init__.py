@@ -1,1 +1,1 @@
-"""SPAD arrays: parameters, presets, fixed pattern, counters and moments of readings."""
+"""SPAD arrays: parameters, presets, fixed pattern, avalanches, counters, moments of readings."""

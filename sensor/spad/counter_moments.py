@@ -23,16 +23,16 @@ from scipy.special import ndtr
 
 from megalopta.core.arrays import Floats
 from megalopta.core.compiling import compiled
-from megalopta.sensor.spad.analog import (
+from megalopta.sensor.spad.counters import (
     AnalogCounter,
     AnalogPixels,
+    DigitalCounter,
     assumed_pixels,
     fall,
+    fall_deviation,
     largest_count,
-    spread,
     voltages,
 )
-from megalopta.sensor.spad.digital import DigitalCounter
 
 _FEW_MISREAD = 1e-5
 _FAR = 7.0
@@ -41,7 +41,7 @@ _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(32)
 Counter: TypeAlias = DigitalCounter | AnalogCounter
 
 
-class Pixel(NamedTuple):
+class CounterPixel(NamedTuple):
     """Step, leakage and offset, V; assumed step and output without events."""
 
     step_v: float
@@ -179,7 +179,7 @@ def _pixel_of(at, pixels, known, volts, is_exact):  # type: ignore[no-untyped-de
         exact_swing = swing - leaked - _FAR * read_noise
         exact_below = min(capacity, exact_swing / pixels.step_v[at])
     reference = supply + known.offset_v[at] - known.leaked_v[at]
-    return Pixel(
+    return CounterPixel(
         pixels.step_v[at], leaked, pixels.offset_v[at],
         known.step_v[at], reference, capacity, exact_below,
     )  # fmt: skip
@@ -190,7 +190,7 @@ def _read_of(events, center, pixel, volts):  # type: ignore[no-untyped-def]
     """Mean reading of a number of events, mean square about a center, and True if saturated."""
     supply, swing, slope, step_noise, read_noise, lsb = volts
     fallen = fall(events, pixel.step_v, slope, swing) + pixel.leaked_v
-    scatter = spread(events, step_noise, pixel.step_v, swing)
+    scatter = fall_deviation(events, step_noise, pixel.step_v, swing)
     noise = np.hypot(scatter, read_noise)
     step, reference, capacity = pixel.known_step_v, pixel.reference_v, pixel.capacity
     reached = (min(fallen, swing) - pixel.offset_v + reference - supply) / step

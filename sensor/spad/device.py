@@ -4,6 +4,9 @@ The effects on rates draw it from the device seed, or read it from measured maps
 (`Effect.act_on_rates`): they describe pixels, not exposures.
 """
 
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -15,7 +18,7 @@ from megalopta.core.compiling import compiled
 from megalopta.sensor.effects.base import AvalancheMaps, Effect, FrameRates, PixelRates
 from megalopta.sensor.effects.dead_time import MOST_ARRIVALS
 from megalopta.sensor.optics.pixels import check_brightness, detected_rate
-from megalopta.sensor.spad.analog import AnalogCounter, AnalogPixels, analog_pixels
+from megalopta.sensor.spad.counters import AnalogCounter, AnalogPixels, analog_pixels
 from megalopta.sensor.spad.model import MOST_OFFSPRING, Sensor, effects_of
 
 
@@ -167,3 +170,18 @@ def _are_within(values: Floats, most: float) -> bool:
 def _check_sensor(sensor: Sensor) -> None:
     if not isinstance(sensor, Sensor):
         raise TypeError(f"sensor: {sensor!r} is not a Sensor; give one, such as preset('spadcam')")
+
+
+def over_frames(task: Callable[[int], None], frames: int, in_turn: bool = False) -> None:
+    """Run a task for every frame number, in threads unless in turn.
+
+    Each task must write to its own places.
+    """
+    workers = min(os.cpu_count() or 1, frames)
+    if in_turn or workers <= 1:
+        for frame in range(frames):
+            task(frame)
+        return
+    with ThreadPoolExecutor(workers) as pool:
+        for _ in pool.map(task, range(frames)):
+            pass

@@ -26,7 +26,7 @@ from pydantic import BaseModel, Field, model_validator
 from megalopta.core.arrays import Floats, plain_array
 from megalopta.sensor.effects.base import AvalancheMaps, Effect, PixelRates, Stage
 from megalopta.sensor.input_files import file_content
-from megalopta.sensor.spad.analog import AnalogPixels
+from megalopta.sensor.spad.counters import AnalogPixels
 
 Fit = Literal["exact", "top_left", "center"]
 

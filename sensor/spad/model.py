@@ -7,7 +7,7 @@ counts. Effects on avalanches interact in time and are simulated together if mor
 from functools import cached_property
 from typing import Annotated, Any, ClassVar, Literal, Self, get_args
 
-from pydantic import Field, model_validator
+from pydantic import BaseModel, Field, model_validator
 
 from megalopta.sensor.change import changed
 from megalopta.sensor.effects.afterpulsing import Afterpulsing
@@ -16,18 +16,50 @@ from megalopta.sensor.effects.bias import Bias
 from megalopta.sensor.effects.crosstalk import Crosstalk
 from megalopta.sensor.effects.dark_counts import DarkCounts
 from megalopta.sensor.effects.dead_time import DeadTime
-from megalopta.sensor.effects.fields import AvalancheEffects
 from megalopta.sensor.effects.gating import Gate, open_fraction
 from megalopta.sensor.effects.jitter import Jitter
 from megalopta.sensor.effects.telegraph import Telegraph
 from megalopta.sensor.effects.temperature import Temperature
 from megalopta.sensor.optics.pixels import PixelOptics
-from megalopta.sensor.spad.analog import AnalogCounter
-from megalopta.sensor.spad.digital import DigitalCounter
+from megalopta.sensor.spad.counters import AnalogCounter, DigitalCounter
 from megalopta.sensor.spad.measured import MeasuredMaps
 
 MOST_OFFSPRING = 0.95
 """Mean number of avalanches caused by one, at most, where no dead time ends the cascade."""
+
+
+class AvalancheEffects(BaseModel, frozen=True, extra="forbid"):
+    """Effects on single avalanches; hashable. Fields are as those of `Sensor`."""
+
+    gate: Gate = Gate()
+    dead_time: DeadTime = DeadTime()
+    afterpulsing: Afterpulsing = Afterpulsing()
+    crosstalk: Crosstalk = Crosstalk()
+
+    @cached_property
+    def on(self) -> frozenset[str]:
+        """Names of the effects that are on."""
+        return frozenset(name for name in type(self).model_fields if getattr(self, name).is_on)
+
+    @property
+    def has_law(self) -> bool:
+        """True if dead time acts alone, so that counts can be drawn directly."""
+        return self.on == {"dead_time"} and self.dead_time.has_law
+
+    @property
+    def remembers(self) -> bool:
+        """True if an exposure leaves anything in the pixels that affects the next one."""
+        return not self.on <= {"gate", "crosstalk"}
+
+    @property
+    def memory_s(self) -> float:
+        """Time after which a pixel has forgotten its past, s; dead times excluded."""
+        return float(sum(getattr(self, name).memory_s for name in self.on))
+
+    @property
+    def without_crosstalk(self) -> "AvalancheEffects":
+        """The same effects without crosstalk."""
+        return self.model_copy(update={"crosstalk": Crosstalk()})
 
 
 class Sensor(PixelOptics, frozen=True):
@@ -123,12 +155,8 @@ class Sensor(PixelOptics, frozen=True):
     @cached_property
     def avalanche_effects(self) -> AvalancheEffects:
         """Effects that decide which avalanches occur."""
-        return AvalancheEffects(
-            gate=self.gate,
-            dead_time=self.dead_time,
-            afterpulsing=self.afterpulsing,
-            crosstalk=self.crosstalk,
-        )
+        names = AvalancheEffects.model_fields
+        return AvalancheEffects(**{name: getattr(self, name) for name in names})
 
 
 def effects_of(model: type[Sensor]) -> tuple[str, ...]:

@@ -44,17 +44,10 @@ from megalopta.core import strict_yaml
 from megalopta.core.bounded import read_text
 from megalopta.core.validation import checked
 from megalopta.sensor.change import merged
-from megalopta.sensor.effects.bias import Bias
-from megalopta.sensor.effects.crosstalk import Crosstalk, with_kernel
-from megalopta.sensor.effects.dark_counts import DarkCounts
-from megalopta.sensor.effects.dead_time import DeadTime
-from megalopta.sensor.optics.efficiency import Efficiency, with_curve, with_transmission
-from megalopta.sensor.optics.lens import Lens
-from megalopta.sensor.spad.analog import AnalogCounter
+from megalopta.sensor.effects.crosstalk import with_kernel
+from megalopta.sensor.optics.efficiency import with_curve, with_transmission
 from megalopta.sensor.spad.measured import with_hashes
 from megalopta.sensor.spad.model import Sensor
-
-_LENS = Lens(f_number=1.4, transmission=0.9)
 
 
 class TableDevice(NamedTuple):
@@ -91,93 +84,20 @@ TABLE_2_1: dict[str, TableDevice] = {
 """Columns of Table 2.1 by preset name."""
 
 
-def _table_preset(name: str, device: TableDevice) -> Sensor:
-    density = device.dark_counts_hz / device.active_area_um2
-    return Sensor(
-        name=name,
-        source=f"Berkovich, dissertation (2017), Table 2.1: {device.reference}, {device.node}",
-        pitch_m=device.active_area_um2**0.5 * 1e-6,
-        fill_factor=1.0,
-        exposure_s=0.1,
-        lens=_LENS,
-        efficiency=Efficiency(wavelengths_nm=(200.0, 1100.0), values=(device.peak_efficiency,) * 2),
-        bias=Bias(excess_v=device.excess_bias_v, reference_v=device.excess_bias_v),
-        dark_counts=DarkCounts(bulk_mean_hz_um2=density),
-    )
+def _table_preset(device: TableDevice) -> dict[str, Any]:
+    return {
+        "source": f"Berkovich, dissertation (2017), Table 2.1: {device.reference}, {device.node}",
+        "pitch_m": device.active_area_um2**0.5 * 1e-6,
+        "efficiency": {"wavelengths_nm": (200, 1100), "values": (device.peak_efficiency,) * 2},
+        "bias": {"excess_v": device.excess_bias_v, "reference_v": device.excess_bias_v},
+        "dark_counts": {"bulk_mean_hz_um2": device.dark_counts_hz / device.active_area_um2},
+    }
 
 
+_FIELDS = strict_yaml.load(Path(__file__).with_suffix(".yaml").read_text("utf-8"))
+_FIELDS |= {name: _FIELDS["ideal"] | _table_preset(each) for name, each in TABLE_2_1.items()}
 PRESETS: dict[str, Sensor] = {
-    "ideal": Sensor(
-        name="ideal",
-        source="definition",
-        pitch_m=60e-6,
-        fill_factor=1.0,
-        exposure_s=0.1,
-        lens=_LENS,
-        efficiency=Efficiency(wavelengths_nm=(200.0, 2000.0), values=(1.0, 1.0)),
-    ),
-    "spadcam": Sensor(
-        name="spadcam",
-        source="Berkovich, dissertation (2017), §2.4; spectral shape, lens and dead time assumed",
-        pitch_m=60e-6,
-        fill_factor=0.1,
-        exposure_s=0.1,
-        lens=_LENS,
-        efficiency=Efficiency(
-            wavelengths_nm=(
-                *(200, 350, 375, 400, 450, 500, 550),
-                *(600, 650, 700, 800, 900, 1000, 1100),
-            ),
-            values=(
-                *(0.0, 0.0001, 0.0008, 0.0059, 0.0078, 0.0050, 0.0033),
-                *(0.0023, 0.0016, 0.0011, 0.0005, 0.0002, 0.00005, 0.0),
-            ),
-        ),
-        bias=Bias(
-            excess_v=1.18,
-            reference_v=1.18,
-            onset_v=0.87,
-            efficiency_scale_v=0.2,
-            dark_efold_v=0.12,
-            breakdown_sigma_v=0.042,
-        ),
-        dark_counts=DarkCounts(
-            bulk_mean_hz_um2=0.765,
-            bulk_sigma_hz_um2=0.2,
-            hot_fraction=0.276,
-            hot_mean_hz_um2=4.0,
-            hot_sigma_hz_um2=0.2,
-        ),
-        dead_time=DeadTime(kind="paralyzable", dead_time_s=1e-6),
-        counter=AnalogCounter(
-            step_v=10e-3,
-            leak_v_s=7.2e-3,
-            leak_sigma_v_s=0.69e-3,
-            read_noise_v=1e-3,
-            adc_bits=12,
-        ),
-    ),
-    "array-12x4": Sensor(
-        name="array-12x4",
-        source="12 × 4 arrays for single-molecule fluorescence: crosstalk and dark counts of one "
-        "array as measured; pitch, area, efficiency and dead time assumed",
-        pitch_m=250e-6,
-        fill_factor=0.0314,
-        exposure_s=0.1,
-        lens=_LENS,
-        efficiency=Efficiency(
-            wavelengths_nm=(300.0, 400.0, 550.0, 700.0, 850.0, 1000.0),
-            values=(0.02, 0.2, 0.45, 0.28, 0.08, 0.01),
-        ),
-        dark_counts=DarkCounts(hot_fraction=1.0, hot_mean_hz_um2=0.26, hot_sigma_hz_um2=0.79),
-        dead_time=DeadTime(kind="nonparalyzable", dead_time_s=120e-9),
-        crosstalk=Crosstalk(
-            mean_fired_neighbors=4 * (1.03e-3 + 1.62e-4 + 1.3e-5),
-            diagonal=1.62e-4 / 1.03e-3,
-            distance_two=1.3e-5 / 1.03e-3,
-        ),
-    ),
-    **{name: _table_preset(name, device) for name, device in TABLE_2_1.items()},
+    name: checked(Sensor, {"name": name, **fields}) for name, fields in _FIELDS.items()
 }
 
 

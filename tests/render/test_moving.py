@@ -7,7 +7,7 @@ from megalopta.assets_gen.bodies import box
 from megalopta.render import RenderSettings, SceneRenderer
 from megalopta.render.loading.layers import MovingLayers
 from megalopta.render.loading.meshes import MovingMesh, merge
-from megalopta.render.sharing import SHARED_PX, rows_of_a_pose
+from megalopta.render.surface_view import SHARED_PX, rows_of_a_pose
 from megalopta.scenes import MovingObject, PerspectiveCamera, Scene, Shutter, Trajectory
 from megalopta.scenes.material import Material
 from megalopta.scenes.motion import Drift

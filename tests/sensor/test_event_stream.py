@@ -1,9 +1,9 @@
 import numpy as np
 
 from megalopta.sensor import Crosstalk, DeadTime, Jitter, changed, expose_events, preset
-from megalopta.sensor.avalanches.simulation import simulate_frame
 from megalopta.sensor.event_stream import histogram
 from megalopta.sensor.sampling.streams import generator
+from megalopta.sensor.spad.simulation import simulate_frame
 
 IDEAL = preset("ideal")
 RATE = np.random.default_rng(0).uniform(0, 300, (6, 5, 7))

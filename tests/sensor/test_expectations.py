@@ -14,7 +14,7 @@ from megalopta.sensor import (
     preset,
     reading_moments,
 )
-from megalopta.sensor.spad.event_law import event_law, reach_of_events
+from megalopta.sensor.spad.readings import event_law, reach_of_events
 
 IDEAL = changed(preset("ideal"), exposure_s=1.0)
 N = np.arange(400)

@@ -19,8 +19,8 @@ from megalopta.sensor import (
     reading_moments,
     without,
 )
+from megalopta.sensor.spad.counters import DigitalCounter
 from megalopta.sensor.spad.device import draw_fixed_pattern
-from megalopta.sensor.spad.digital import DigitalCounter
 
 BANDS = np.array([[400.0, 475.0], [475.0, 550.0], [550.0, 600.0], [620.0, 700.0]])
 RNG = np.random.default_rng(0)

@@ -6,11 +6,10 @@ import pytest
 from megalopta.assets_gen import TEXTURES, join
 from megalopta.assets_gen.plants.bark import TILE_M
 from megalopta.assets_gen.plants.foliage import blades, place_leaves
-from megalopta.assets_gen.plants.forms import grow_axes
 from megalopta.assets_gen.plants.furrows import CARVED_M, Furrows
-from megalopta.assets_gen.plants.growth import grow_plant
+from megalopta.assets_gen.plants.growth import grow_axes, grow_plant
 from megalopta.assets_gen.plants.skeleton import axes, pipe_areas, pipe_radii
-from megalopta.assets_gen.plants.tube import rotation_minimizing_frames, sweep
+from megalopta.assets_gen.plants.tube import rotation_minimizing_frames, swept_tube
 from megalopta.assets_gen.plants.undergrowth import (
     grow_bilberry,
     grow_fern,
@@ -123,7 +122,7 @@ def helix(turns=2.0, count=200):
 
 def tube(axis, radius, sides=12, whole_tiles=False):
     profile = np.full((len(axis) - 1, sides), radius)
-    return sweep(axis, profile, TILE_M, np.zeros(2), whole_tiles)
+    return swept_tube(axis, profile, TILE_M, np.zeros(2), whole_tiles)
 
 
 def test_frames_on_a_helix_turn_back_by_its_torsion():
@@ -220,7 +219,7 @@ def test_a_carved_stem_keeps_its_mean_radius(carved):
 
 def test_what_is_painted_dark_lies_deep(furrows, carved):
     axis, profile = carved
-    surface = sweep(axis, profile, TILE_M, ORIGIN, whole_tiles=True)
+    surface = swept_tube(axis, profile, TILE_M, ORIGIN, whole_tiles=True)
     sides = profile.shape[1]
     uv = surface.uv[:-1].reshape(-1, sides + 1, 2)[:, :-1]
     rows, columns = furrows.pattern.shape

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from megalopta.flow import triangular_pool
-from megalopta.flow.stimuli.moving_template import MovingTemplate, blurred, summed
+from megalopta.flow.stimuli.moving_template import MovingTemplate, motion_blurred, sum_frames
 from megalopta.flow.stimuli.photons import BlackFrameError, divisors, draw_counts, frame_light
 from megalopta.flow.stimuli.resizing import resize, resized_shape
 
@@ -34,7 +34,7 @@ def test_blur_has_the_taps_of_fspecial(length, kernel):
     spike = np.zeros((1, 31))
     spike[0, 15] = 1
     reach = len(kernel) // 2
-    taps = blurred(spike, length)[0]
+    taps = motion_blurred(spike, length)[0]
     np.testing.assert_allclose(taps[15 - reach : 16 + reach], kernel, rtol=1e-12)
     assert taps.sum() == pytest.approx(1)
 
@@ -44,7 +44,7 @@ def test_blur_has_the_taps_of_fspecial(length, kernel):
 def test_temporal_pooling_is_the_sum_over_a_sliding_window(dtype, window):
     frames = np.random.default_rng(1).integers(0, 60000, (9, 4, 5)).astype(dtype)
     expected = [frames[t : t + window].sum(axis=0, dtype=float) for t in range(10 - window)]
-    np.testing.assert_allclose(summed(frames, window), expected)
+    np.testing.assert_allclose(sum_frames(frames, window), expected)
 
 
 @pytest.mark.parametrize(
@@ -64,7 +64,7 @@ def test_what_is_no_stimulus_is_refused(changes, sentence):
     with pytest.raises(ValueError, match="is black"):
         MovingTemplate(dark, 10, 20).light(0, 9)
     with pytest.raises(ValueError, match="length_px -1"):
-        blurred(template(), -1)
+        motion_blurred(template(), -1)
 
 
 @pytest.mark.parametrize("kind", ["nearest", "area"])

@@ -5,7 +5,7 @@ import os
 import pytest
 
 from megalopta.cli import main as cli
-from megalopta.cli.parser import program
+from megalopta.cli.main import program
 
 ODD = ("nan", "inf", "-inf", "-1", "1e300", "-1e300", "9" * 5000, "", "☃", "\x1b[31m")
 VERBS = program().verbs["spadcam"].verbs

@@ -13,7 +13,7 @@ import pytest
 from megalopta.cli import main as cli
 from megalopta.render import read_radiance, read_truth
 from megalopta.verification import GROUPS, physics
-from megalopta.verification.cases import CASES
+from megalopta.verification.physics import CASES
 
 COMMAND = [sys.executable, "-m", "megalopta"]
 SMALL = [

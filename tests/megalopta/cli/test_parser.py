@@ -1,6 +1,6 @@
 import pytest
 
-from megalopta.cli.parser import program, split_overrides
+from megalopta.cli.main import program, split_overrides
 from megalopta.config.model import Configuration
 from megalopta.config.settings import Settings
 from megalopta.core.errors import UserError

@@ -6,7 +6,6 @@ import psutil
 import pytest
 
 from megalopta.core.errors import UserError
-from megalopta.generation import workers
 from megalopta.generation.jobs import run_jobs
 
 from ..process_group import in_a_group, listening, members, wait_for
@@ -15,7 +14,7 @@ RUN = """
 import sys
 from pathlib import Path
 from jobs_of_tests import Job, Slow
-from megalopta.generation.jobs import run_jobs; from megalopta.generation import workers
+from megalopta.generation.jobs import run_jobs
 
 job = {"Job": Job, "Slow": Slow}[sys.argv[1]](Path(sys.argv[2]))
 print([each.index for each in run_jobs(job, range(2), workers=2)])
@@ -37,7 +36,7 @@ def test_workers_that_die_are_replaced_and_their_job_is_done(jobs, tmp_path):
 
 
 def test_a_job_that_kills_every_worker_is_given_up(jobs, monkeypatch):
-    monkeypatch.setattr(workers, "DEATHS", 2)
+    monkeypatch.setattr("megalopta.generation.jobs.DEATHS", 2)
     (outcome,) = run_jobs(jobs.die, [7], workers=1)
     assert outcome.problem == "2 workers died of it"
 

@@ -9,7 +9,7 @@ import pytest
 from PIL import Image
 
 from megalopta.cli import main
-from megalopta.report.dataset_card import plain
+from megalopta.report.dataset_card import plain_text
 
 
 @pytest.fixture(scope="module")
@@ -42,7 +42,7 @@ def test_the_contact_sheet_has_four_clips_of_every_sequence(root):
 
 
 def test_names_of_strangers_are_shown_as_they_stand():
-    text = plain("a | b\n# <script>x</script> ![i](http://x) `c` *d* _e_ \x1b[31m & more")
+    text = plain_text("a | b\n# <script>x</script> ![i](http://x) `c` *d* _e_ \x1b[31m & more")
     assert "\n" not in text and "\x1b" not in text and "<" not in text
     assert not re.search(r"(?<!\\)[|#*_`\[\]!]", text)
     assert text.startswith(r"a \| b \# &lt;script&gt;x")

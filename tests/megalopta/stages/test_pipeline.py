@@ -24,7 +24,7 @@ from megalopta.scenes.spectra.spectrum import Spectrum, luminous
 from megalopta.sensor import expectation, read_counts
 from megalopta.stages import flow as stage_flow, registry
 from megalopta.stages.ledger import Ledger
-from megalopta.stages.measurement import Measurement
+from megalopta.stages.measurement import SequenceMeasurement
 from megalopta.stages.pipeline import run_all, run_stage
 from megalopta.stages.registry import STAGES as ORDER
 from megalopta.verification.files import check_files, run_check_files
@@ -208,10 +208,14 @@ def test_flow_goes_on_after_an_interruption(copy, monkeypatch):
     Ledger(copy).forget("flow")
     for _ in range(2):  # in the second exposure that it comes to
         methods = len(copy.configuration.methods)
-        monkeypatch.setattr(stage_flow, "Measurement", _counting(Measurement, [], methods + 1))
+        monkeypatch.setattr(
+            stage_flow, "SequenceMeasurement", _counting(SequenceMeasurement, [], methods + 1)
+        )
         with pytest.raises(KeyboardInterrupt):
             run_stage(copy.root, copy.configuration, "flow")
-    monkeypatch.setattr(stage_flow, "Measurement", _counting(Measurement, calls := []))
+    monkeypatch.setattr(
+        stage_flow, "SequenceMeasurement", _counting(SequenceMeasurement, calls := [])
+    )
     run_stage(copy.root, copy.configuration, "flow")
     assert len(calls) == methods * 2  # two of four exposures were there
     run_stage(copy.root, copy.configuration, "benchmark")

@@ -14,7 +14,6 @@ from megalopta.sensor.optics import pixels
 from megalopta.sensor.optics.lens import falloff
 from megalopta.sensor.sampling.streams import generator
 from megalopta.verification import physics as check_physics
-from megalopta.verification.cases import CASES
 from megalopta.verification.comparison import (
     Row,
     check_case,
@@ -23,6 +22,7 @@ from megalopta.verification.comparison import (
     two_sample_z,
     worst,
 )
+from megalopta.verification.physics import CASES
 
 QUICK = ("changing-light", "counters", "ctia")
 """Groups that take a second or two; `megalopta check physics` runs all"""

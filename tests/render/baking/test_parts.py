@@ -12,8 +12,7 @@ from megalopta.render.baking.clusters import smoothed
 from megalopta.render.baking.errors import pilot
 from megalopta.render.baking.gathering import Scattering
 from megalopta.render.baking.light import key_of
-from megalopta.render.baking.pages import Pages
-from megalopta.render.baking.visibility import VIEWS, survey, views
+from megalopta.render.baking.visibility import VIEWS, Pages, survey, views
 from megalopta.render.loading.meshes import MergedMesh, merge
 from megalopta.render.loading.scene import load_scene
 from megalopta.scenes import PerspectiveCamera, Scene, Trajectory

@@ -10,7 +10,7 @@ from megalopta.render import RenderSettings, SceneRenderer
 from megalopta.scenes import Light, PerspectiveCamera, Scene, Trajectory
 from megalopta.scenes.lighting.cloudy_sky import under_clouds
 from megalopta.scenes.lighting.levels import LEVELS
-from megalopta.scenes.lighting.sky_shapes import (
+from megalopta.scenes.lighting.light import (
     GALACTIC_POLE,
     ROWS,
     SHAPES,

@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 
 from megalopta.sensor import Afterpulsing
-from megalopta.sensor.avalanches.simulation import simulate_frame
 from megalopta.sensor.calibrate.autocorrelation import (
     Autocorrelation,
     afterpulses_between,
     fit_exponential,
     fit_table,
 )
-from megalopta.sensor.effects.fields import AvalancheEffects
+from megalopta.sensor.spad.model import AvalancheEffects
+from megalopta.sensor.spad.simulation import simulate_frame
 
 CARRIERS, DELAY_S, RATE_HZ = 0.05, 100e-9, 2e4
 EDGES_S = 1e-9 * np.concatenate(([0, 25, 50, 75], np.geomspace(100, 4000, 16)))

@@ -6,12 +6,12 @@ import pytest
 
 from megalopta.cli import main as cli
 from megalopta.sensor import Afterpulsing, Crosstalk
-from megalopta.sensor.avalanches.simulation import simulate_frame
 from megalopta.sensor.calibrate.autocorrelation import fit_exponential
 from megalopta.sensor.calibrate.pair_crosstalk import fit_crosstalk
 from megalopta.sensor.calibrate.tag_statistics import autocorrelation_of, coincidences
-from megalopta.sensor.effects.fields import AvalancheEffects
 from megalopta.sensor.formats.time_tags import TimeTags
+from megalopta.sensor.spad.model import AvalancheEffects
+from megalopta.sensor.spad.simulation import simulate_frame
 from megalopta.verification.capture_files import read_measurement
 
 ROWS, COLUMNS, RATE_HZ, DURATION_S = 4, 12, 2000.0, 20.0

@@ -5,7 +5,7 @@ from megalopta.sensor.ctia.bias import (
     DacBias,
     FixedBias,
     FloatingGateBias,
-    calibrate,
+    calibrate_gate,
     drift_rate,
     gate_bias,
     leak_floor,
@@ -63,7 +63,7 @@ def pixel(diode=LEAKY, bias_v=18.7e-3, gain=1e9, drift=0.0):
 
 
 def test_every_pulse_lowers_the_bias_by_a_step_less_the_leak():
-    log = calibrate(GATE, pixel())
+    log = calibrate_gate(GATE, pixel())
     biases = np.array([one.bias_v for one in log])
     spent = np.diff([0.0] + [one.elapsed_s for one in log])[:-1]
     spent[1:] -= GATE.pulse_s
@@ -72,14 +72,14 @@ def test_every_pulse_lowers_the_bias_by_a_step_less_the_leak():
 
 
 def test_loop_ends_at_the_floor_set_by_the_leak():
-    log = calibrate(GATE, pixel())
+    log = calibrate_gate(GATE, pixel())
     assert log[-2].bias_v < 0
     floor = leak_floor(pixel(drift=GATE.leak_v_s))
     assert log[-2].current_a == pytest.approx(floor, rel=1e-6)
 
 
 def test_without_leak_a_pulse_too_many_stops_the_discharge():
-    log = calibrate(FloatingGateBias(leak_v_s=0), pixel())
+    log = calibrate_gate(FloatingGateBias(leak_v_s=0), pixel())
     assert log[-1].current_a == 0
     assert 0 < log[-2].bias_v < GATE.step_v
 
@@ -97,4 +97,4 @@ def test_what_no_bias_can_do_is_refused():
     with pytest.raises(ValueError, match="pulse_s"):
         FloatingGateBias(pulse_s=0)
     with pytest.raises(ValueError, match="forward"):
-        calibrate(GATE, pixel(bias_v=-1e-3))
+        calibrate_gate(GATE, pixel(bias_v=-1e-3))

@@ -19,7 +19,7 @@ from megalopta.sensor.sampling.bits import (
 )
 from megalopta.sensor.sampling.streams import generator
 from megalopta.sensor.sampling.words import word_streams
-from megalopta.sensor.spad.digital import DigitalCounter
+from megalopta.sensor.spad.counters import DigitalCounter
 
 IDEAL = preset("ideal")
 

@@ -11,7 +11,7 @@ from megalopta.sensor import (
     expose_rate,
     preset,
 )
-from megalopta.sensor.spad.analog import analog_pixels, counts_of_codes, nominal_pixels
+from megalopta.sensor.spad.counters import analog_pixels, counts_of_codes, nominal_pixels
 
 RATE = np.broadcast_to(np.geomspace(10, 1e5, 256).reshape(16, 16), (20, 16, 16))
 

@@ -4,7 +4,7 @@ from scipy.stats import linregress, norm
 
 from megalopta.sensor import changed
 from megalopta.sensor.sampling.streams import generator
-from megalopta.sensor.spad.analog import AnalogCounter, analog_pixels, read_analog
+from megalopta.sensor.spad.counters import AnalogCounter, analog_pixels, read_analog
 
 QUIET = AnalogCounter(step_v=10e-3)
 SPREAD = AnalogCounter(

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from megalopta.sensor.spad.digital import (
+from megalopta.sensor.spad.counters import (
     LARGEST_CAPACITY,
     DigitalCounter,
     empty_counts,

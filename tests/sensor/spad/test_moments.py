@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from megalopta.sensor.avalanches import moments as own
-from megalopta.sensor.avalanches.moments import pixel_moments
 from megalopta.sensor.effects.afterpulsing import Afterpulsing
 from megalopta.sensor.effects.dead_time import DeadTime, moments
-from megalopta.sensor.effects.fields import AvalancheEffects
 from megalopta.sensor.effects.gating import Gate
 from megalopta.sensor.sampling.streams import generator
+from megalopta.sensor.spad import moments as own
+from megalopta.sensor.spad.model import AvalancheEffects
+from megalopta.sensor.spad.moments import pixel_moments
 from megalopta.verification.brute_force import brute_force_counts
 
 TAU_S = 1e-6

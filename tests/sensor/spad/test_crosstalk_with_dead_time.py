@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from megalopta.sensor.avalanches.counts import count_moments
-from megalopta.sensor.avalanches.simulation import simulate_counts
 from megalopta.sensor.effects.crosstalk import Crosstalk
 from megalopta.sensor.effects.dead_time import DeadTime
-from megalopta.sensor.effects.fields import AvalancheEffects
 from megalopta.sensor.sampling.streams import generator
+from megalopta.sensor.spad.counts import count_moments
+from megalopta.sensor.spad.model import AvalancheEffects
+from megalopta.sensor.spad.simulation import simulate_frame
 from megalopta.verification.comparison import two_sample_z
 
 TAU_S, EXPOSURE_S, RATE_HZ, EXPOSURES = 1e-6, 2e-5, 8e5, 1000
@@ -60,7 +60,9 @@ def test_counts_of_coupled_pixels_are_those_of_the_plainest_simulation(kind, nei
     rng, other = generator(0, kind), generator(1, kind)
     parts = effects(kind, 0.6, len(neighbors))
     is_extended, chance = kind == "paralyzable", 0.6 / len(neighbors)
-    ours = np.array([simulate_counts(rng, rates, EXPOSURE_S, parts) for _ in range(EXPOSURES)])
+    ours = np.array(
+        [simulate_frame(rng, rates, EXPOSURE_S, parts).counts for _ in range(EXPOSURES)]
+    )
     plain = np.array(
         [
             plainly(other, rates, EXPOSURE_S, TAU_S, is_extended, chance, neighbors)
@@ -88,7 +90,7 @@ def test_dark_neighbor_of_a_bright_pixel_counts_its_share_of_the_avalanches(kind
     chance, rates = 0.15, np.array([[2 * RATE_HZ, 0.0]])
     rng, parts = generator(2, kind), effects(kind, 4 * chance)
     bright, dark = np.array(
-        [simulate_counts(rng, rates, EXPOSURE_S, parts)[0] for _ in range(8000)]
+        [simulate_frame(rng, rates, EXPOSURE_S, parts).counts[0] for _ in range(8000)]
     ).T
     expected, variance = chance * bright.sum(), chance * (1 - chance) * bright.sum()
     assert abs(dark.sum() - expected) < 5 * variance**0.5  # false alarm 6e-7
@@ -105,7 +107,9 @@ def test_stated_moments_of_a_uniform_frame_are_those_of_simulated_ones(
 ):
     rates = np.full((64, 64), saturation / TAU_S)
     parts, inside = effects(kind, 0.3), np.s_[3:-3, 3:-3]
-    frames = [simulate_counts(generator(i), rates, exposure_s, parts)[inside] for i in range(30)]
+    frames = [
+        simulate_frame(generator(i), rates, exposure_s, parts).counts[inside] for i in range(30)
+    ]
     counts = np.array(frames, np.float64)
     mean, variance = (each[32, 32] for each in count_moments(rates, exposure_s, parts))
     # five standard errors (false alarm 6e-7), √1.6 times as large as neighbors share counts, and

@@ -33,13 +33,13 @@ from megalopta.core.array_store import ArrayStore
 from megalopta.core.arrays import Floats
 from megalopta.core.folders import cache_folder
 from megalopta.core.freshness import code_digest, digest
-from megalopta.sensor.avalanches.simulation import SimulatedFrame, simulate_frame
 from megalopta.sensor.effects import dead_time
 from megalopta.sensor.effects.base import AvalancheMaps
 from megalopta.sensor.effects.dead_time import check_arrivals
-from megalopta.sensor.effects.fields import AvalancheEffects
 from megalopta.sensor.effects.gating import open_fraction
 from megalopta.sensor.sampling.streams import generator
+from megalopta.sensor.spad.model import AvalancheEffects
+from megalopta.sensor.spad.simulation import SimulatedFrame, simulate_frame
 
 MEAN_ERROR, VARIANCE_ERROR = 1e-3, 1e-2
 """Relative errors of the interpolation."""
@@ -56,7 +56,10 @@ _DEAD_TIMES_REMEMBERED = 20
 _PART_OF_MEMORY = 0.25
 _MOST_BYTES = 10**8
 """Size limit of all tables; one takes a few kB."""
-_CODE = tuple(f"megalopta.sensor.{package}" for package in ("avalanches", "effects", "sampling"))
+_CODE = tuple(
+    f"megalopta.sensor.{module}"
+    for module in ("spad.kernel", "spad.simulation", "spad.moments", "effects", "sampling")
+)
 _one_at_a_time = Lock()
 
 Moments = tuple[Floats, Floats]
@@ -97,7 +100,7 @@ def pixel_moments(
 
 def open_rate(rate_hz: Floats, exposure_s: float, effects: AvalancheEffects) -> Floats:
     """Rate of a pixel without a gate that has the same number of arrivals, Hz."""
-    return rate_hz * open_fraction(effects.gate, exposure_s) if effects.gate.is_on else rate_hz
+    return rate_hz * open_fraction(effects.gate, exposure_s) if "gate" in effects.on else rate_hz
 
 
 def _over_factors(

@@ -18,9 +18,9 @@ from typing import NamedTuple
 import numpy as np
 
 from megalopta.core.arrays import Floats, Ints
-from megalopta.sensor.avalanches.kernel import KINDS, Before, parameters_of, run_frame
 from megalopta.sensor.effects.base import AvalancheMaps
-from megalopta.sensor.effects.fields import AvalancheEffects
+from megalopta.sensor.spad.kernel import KINDS, Before, parameters_of, run_frame
+from megalopta.sensor.spad.model import AvalancheEffects
 
 
 class PixelState(NamedTuple):
@@ -134,21 +134,3 @@ class FreeRunning:
         )
         self.state = frame.state
         return frame
-
-
-def running_array(running: bool | FreeRunning, effects: AvalancheEffects) -> FreeRunning | None:
-    """Array that continues between frames, new for True; None where frames are independent."""
-    if not running or not effects.remembers:
-        return None
-    return FreeRunning() if running is True else running
-
-
-def simulate_counts(
-    rng: np.random.Generator,
-    rate_hz: Floats,
-    exposure_s: float,
-    effects: AvalancheEffects,
-    maps: AvalancheMaps | None = None,
-) -> Ints:
-    """Counts (rows, columns) of one exposure; parameters as for `simulate_frame`."""
-    return simulate_frame(rng, rate_hz, exposure_s, effects, maps=maps, keep_events=False).counts

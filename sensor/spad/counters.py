@@ -1,9 +1,14 @@
-"""Analog counter: every event lowers a voltage by a step; an ADC reads it.
+"""Counters in the pixel: digital, or analog, where every event lowers a voltage that an ADC reads.
 
-After the reset the output is at the supply. Each event removes the pixel's step; the output leaks
-downwards at the pixel's rate; it stops at the bottom of its swing. A source follower adds its
-pixel's offset and read noise, and an ADC that spans the supply rounds. Three reference readings per
-pixel convert volts to counts: the output without events (offset, leak) and the mean step,
+A digital counter of n bits holds up to 2ⁿ − 1 events. With one more it stays there (saturating) or
+restarts at zero (wrapping). Readings that may stand for larger numbers are flagged: at capacity if
+saturating, beyond it if wrapping. Below capacity, mean and variance are those of the events.
+
+The output of an analog counter is at the supply after the reset. Each event removes the pixel's
+step; the output leaks downwards at the pixel's rate; it stops at the bottom of its swing. A source
+follower adds its pixel's offset and read noise, and an ADC that spans the supply rounds. Three
+reference readings per pixel convert volts to counts: the output without events (offset, leak) and
+the mean step,
 
     V     = V_supply + offset − min(F_N + leak·T, swing) + read noise, rounded by the ADC
     count = round((V_supply + offset − leak·T − V) / step)
@@ -36,20 +41,63 @@ from megalopta.core.arrays import Floats
 from megalopta.core.compiling import compiled
 from megalopta.sensor.effects.base import Effect, Stage
 from megalopta.sensor.sampling.streams import pixel_normals
-from megalopta.sensor.spad.digital import DigitalCounter
 
-_LARGEST_CAPACITY = 65535
-# Larger than any value of `pixel_normals`.
-_LARGEST_Z = 9
+LARGEST_CAPACITY = 2**32 - 1
+"""Counts are stored in at most 32 bits."""
+
+Counts = NDArray[np.uint16] | NDArray[np.uint32]
 
 
-class AnalogCounter(Effect, frozen=True):
-    """Counter that stores its count as a voltage."""
-
+class _Counter(Effect, frozen=True):
     stage: ClassVar[Stage] = Stage.READOUT
     statement: ClassVar[str] = (
         "avalanches are counted, up to the counter's capacity, and read (frames only)"
     )
+
+
+class DigitalCounter(_Counter, frozen=True):
+    """Digital counter."""
+
+    kind: Literal["digital"] = "digital"
+    """Kind of counter: digital or analog."""
+    capacity: Annotated[int, Field(ge=1, le=LARGEST_CAPACITY)] = LARGEST_CAPACITY
+    """Largest count: 2ⁿ − 1 for n bits."""
+    overflow: Literal["saturate", "wrap"] = "saturate"
+    """Behavior at overflow: stay at capacity (saturate) or restart at zero (wrap)."""
+
+    @property
+    def is_on(self) -> bool:
+        """True if it can saturate."""
+        return self.capacity < LARGEST_CAPACITY
+
+
+def read_digital(
+    events: NDArray[np.int64], counter: DigitalCounter, out: tuple[Counts, NDArray[np.bool_]]
+) -> None:
+    """Write counts into `out`, and True where they are unreliable, for events of any shape."""
+    counts, saturated = out
+    if counter.overflow == "wrap":
+        np.remainder(events, counter.capacity + 1, out=counts, casting="unsafe")
+        np.greater(events, counter.capacity, out=saturated)
+    else:
+        np.minimum(events, counter.capacity, out=counts, casting="unsafe")
+        np.greater_equal(events, counter.capacity, out=saturated)
+
+
+def empty_counts(shape: tuple[int, ...], capacity: int) -> Counts:
+    """Array for counts, of the smaller unsigned type that holds the capacity."""
+    if capacity <= np.iinfo(np.uint16).max:
+        return np.empty(shape, np.uint16)
+    return np.empty(shape, np.uint32)
+
+
+_MOST_COUNTS = 65535
+# Larger than any value of `pixel_normals`.
+_LARGEST_Z = 9
+
+
+class AnalogCounter(_Counter, frozen=True):
+    """Counter that stores its count as a voltage."""
 
     kind: Literal["analog"] = "analog"
     """Kind of counter: digital or analog."""
@@ -95,10 +143,10 @@ class AnalogCounter(Effect, frozen=True):
                     f"counter.{field}: {sigma:g} about a mean of {mean:g}; use at most "
                     f"{mean / _LARGEST_Z:g}, so that none is negative"
                 )
-        if self.capacity > _LARGEST_CAPACITY:
+        if self.capacity > _MOST_COUNTS:
             raise ValueError(
                 f"counter.step_v: {self.step_v:g} makes {self.capacity} counts; at most "
-                f"{_LARGEST_CAPACITY} are stored: make it larger or lower swing_v"
+                f"{_MOST_COUNTS} are stored: make it larger or lower swing_v"
             )
         return self
 
@@ -147,10 +195,10 @@ def analog_pixels(
             f"exposure_s: {exposure_s:g}; by then leakage has taken {leaked.max():g} V of the "
             f"counter.swing_v {counter.swing_v:g}; expose for less or lower counter.leak_v_s"
         )
-    if step.size and _capacity(counter.swing_v, float(step.min())) > _LARGEST_CAPACITY:
+    if step.size and _capacity(counter.swing_v, float(step.min())) > _MOST_COUNTS:
         raise ValueError(
             f"counter.step_v: {step.min():g} in the pixel of the smallest step makes more than "
-            f"{_LARGEST_CAPACITY} counts; make it larger or lower counter.step_sigma_v"
+            f"{_MOST_COUNTS} counts; make it larger or lower counter.step_sigma_v"
         )
     offset = _scattered(0.0, counter.offset_sigma_v, shape, device_seed, "counter offset")
     return AnalogPixels(step, leaked, offset)
@@ -268,7 +316,7 @@ def fall(events: float, step_v: float, slope: float, swing_v: float) -> float:
 
 
 @compiled
-def spread(events: float, step_noise_v: float, step_v: float, swing_v: float) -> float:
+def fall_deviation(events: float, step_noise_v: float, step_v: float, swing_v: float) -> float:
     """Standard deviation of that drop, V; at twice the swing nothing remains to be removed."""
     return float(step_noise_v * np.sqrt(min(events, 2 * swing_v / step_v)))
 
@@ -286,7 +334,7 @@ def _fill_outputs(rng, events, pixels, volts, output_v, is_empty):  # type: igno
         step_v = pixels.step_v[at]
         fallen = fall(events[at], step_v, slope, swing) + pixels.leaked_v[at]
         if step_noise > 0:
-            fallen += spread(events[at], step_noise, step_v, swing) * rng.standard_normal()
+            fallen += fall_deviation(events[at], step_noise, step_v, swing) * rng.standard_normal()
         output = supply + pixels.offset_v[at] - min(fallen, swing)
         if read_noise > 0:
             output += read_noise * rng.standard_normal()

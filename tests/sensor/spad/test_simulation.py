@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from megalopta.sensor.avalanches.simulation import simulate_counts, simulate_frame
 from megalopta.sensor.effects.dead_time import DeadTime
-from megalopta.sensor.effects.fields import AvalancheEffects
 from megalopta.sensor.sampling.streams import generator
+from megalopta.sensor.spad.model import AvalancheEffects
+from megalopta.sensor.spad.simulation import simulate_frame
 
 
 @pytest.mark.slow
@@ -14,9 +14,9 @@ def test_twilight_pulses_raise_the_rate_as_straka_found():
     # 7 % more counts at 50 per µs: 22 ns of dead time with twilight in its last 3.9 ns
     dead = DeadTime(kind="nonparalyzable", dead_time_s=22e-9, twilight_s=3.9e-9, start="stationary")
     rate, exposure = 50e6, 20e-6
-    counts = simulate_counts(
+    counts = simulate_frame(
         generator(0), np.full((5000, 1), rate), exposure, AvalancheEffects(dead_time=dead)
-    )
+    ).counts
     expected = rate * exposure / (rate * 22e-9 + np.exp(-rate * 3.9e-9))
     assert abs(counts.mean() - expected) < 5 * counts.std() / counts.size**0.5  # 6e-7
     assert counts.mean() / (rate * exposure / (rate * 22e-9 + 1)) > 1.07

@@ -1,1 +1,0 @@
-"""Interaction of effects in time: simulated avalanches, drawn counts and their moments."""

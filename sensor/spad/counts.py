@@ -1,0 +1,261 @@
+"""Counts of a frame with their mean and variance, by the cheapest exact method.
+
+    dead time alone                       closed form (`dead_time`)
+    gate alone                            Poisson, in the time the gate is open
+    crosstalk alone                       Poisson, then generation after generation (`crosstalk`)
+    anything else                         simulated avalanche by avalanche (`simulation`)
+
+Mean and variance come from `moments`, with crosstalk from `_coupled_moments`.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from megalopta.core.arrays import Floats
+from megalopta.sensor.effects import crosstalk, dead_time
+from megalopta.sensor.effects.base import AvalancheMaps
+from megalopta.sensor.effects.crosstalk import neighborhoods, of_pixels, places_fired
+from megalopta.sensor.effects.dead_time import check_arrivals
+from megalopta.sensor.effects.gating import open_fraction, part_weights
+from megalopta.sensor.spad.model import AvalancheEffects
+from megalopta.sensor.spad.moments import open_rate, pixel_moments
+from megalopta.sensor.spad.simulation import simulate_frame
+
+
+def draw_counts(
+    rng: np.random.Generator,
+    rate_hz: Floats,
+    exposure_s: float,
+    effects: AvalancheEffects,
+    maps: AvalancheMaps | None = None,
+) -> NDArray[np.int64]:
+    """Draw the counts of one exposure.
+
+    Parameters
+    ----------
+    rng : numpy.random.Generator
+    rate_hz : (rows, columns) or (S, rows, columns) float64
+        Rate of detectable photons plus dark counts; constant, or in S equal parts of the exposure.
+    exposure_s : float
+    effects : AvalancheEffects
+    maps : AvalancheMaps, optional
+        Differences between pixels; default: none.
+    """
+    if rate_hz.ndim == 3 and not effects.remembers:
+        rate_hz = mean_rate(rate_hz, exposure_s, effects)
+    if rate_hz.ndim == 2 and _is_simple(effects):
+        open_hz = open_rate(rate_hz, exposure_s, effects)
+        scale = 1.0 if maps is None else maps.dead_time
+        primaries = dead_time.draw_counts(rng, open_hz, exposure_s, effects.dead_time, scale)
+        if "crosstalk" not in effects.on:
+            return primaries
+        return crosstalk.spread(rng, primaries, effects.crosstalk, _strength(maps))
+    check_arrivals(rate_hz, exposure_s)
+    frame = simulate_frame(rng, rate_hz, exposure_s, effects, maps=maps, keep_events=False)
+    return frame.counts
+
+
+def count_moments(
+    rate_hz: Floats,
+    exposure_s: float,
+    effects: AvalancheEffects,
+    maps: AvalancheMaps | None = None,
+) -> tuple[Floats, Floats]:
+    """Mean and variance (rows, columns) of the counts of one exposure; parameters as `draw_counts`.
+
+    For rates in parts, the moments of each part's rate are weighted with its share of the open
+    time. This is exact without dead time and afterpulsing; otherwise it neglects what a part
+    inherits from the one before. With dead time alone, two pixels with the same arrivals differ by
+    at most one count from any moment on, and by none if both are live then. So the error of the
+    mean at each of the S − 1 borders, and at the start, is at most the share of time that a part is
+    dead. With afterpulses each of these counts becomes 1/(1 − p) counts, plus the carriers trapped
+    at a border.
+    """
+    if rate_hz.ndim == 3 and effects.remembers:
+        weights = part_weights(effects.gate, exposure_s, len(rate_hz))
+        moments = [count_moments(part, exposure_s, effects, maps) for part in rate_hz]
+        mean, variance = np.tensordot(weights, moments, 1)
+        return mean, variance
+    if rate_hz.ndim == 3:
+        rate_hz = mean_rate(rate_hz, exposure_s, effects)
+    if "crosstalk" not in effects.on:
+        return pixel_moments(rate_hz, exposure_s, effects, maps)
+    if _is_simple(effects):
+        primaries = open_rate(rate_hz, exposure_s, effects) * exposure_s
+        return (
+            crosstalk.mean(primaries, effects.crosstalk, _strength(maps)),
+            crosstalk.variance(primaries, effects.crosstalk, _strength(maps)),
+        )
+    return _coupled_moments(rate_hz, exposure_s, effects, maps)
+
+
+def mean_rate(rate_hz: Floats, exposure_s: float, effects: AvalancheEffects) -> Floats:
+    """Mean of rates in parts (S, rows, columns) over the open time, Hz."""
+    weights = part_weights(effects.gate, exposure_s, len(rate_hz))
+    return np.asarray(np.tensordot(weights, rate_hz, 1))
+
+
+def _strength(maps: AvalancheMaps | None) -> Floats | None:
+    return None if maps is None else maps.crosstalk
+
+
+def _is_simple(effects: AvalancheEffects) -> bool:
+    """True if the counts of a pixel follow a distribution that can be drawn from directly."""
+    return effects.on <= {"gate", "crosstalk"} or effects.has_law
+
+
+_ROUNDS = 80
+_SETTLED = 1e-7
+_STEP = 1e-3
+
+
+def _coupled_moments(
+    rate_hz: Floats,
+    exposure_s: float,
+    effects: AvalancheEffects,
+    maps: AvalancheMaps | None = None,
+) -> tuple[Floats, Floats]:
+    """Mean and variance of the counts of a (rows, columns) frame with crosstalk.
+
+    Light from a neighbor j arrives in pixel i at the time of an avalanche in j. For a dead time
+    before, j did not fire: it has not just fired i, nor i it. With c the probability that j fires
+    i, ν the count rate and λ a pixel's own rate, i receives from j
+
+        m_ij = c·(ν_j − c·q_ji·ν_i)
+
+    because light from an avalanche that i has just fired in j returns while i is dead. An arrival
+    finds i live with probability q_ij, against ℓ_i at any time. For the two kinds of dead time
+
+        non-paralyzable   ℓ_i = 1 − ν_i·τ    q_ij = 1/(1 + (1 − c)·b/(1 − b)),  b = dead without j's
+                                             light = ν_i·τ − m_ij·q_ij·τ/(1 + λ_i·τ)
+        paralyzable       q_ij/ℓ_i = exp(m_ij·τ + c·ν_i·τ)
+
+    The counts are those of a single pixel (`moments`) at r_i = λ_i + Σ_j m_ij·q_ij/ℓ_i. With
+    paralyzable dead time they are those at λ_i + Σ_j m_ij, whose arrivals extend it, times r_i over
+    that. Early in an exposure τ is at most the time elapsed.
+
+    For the variance every pixel responds linearly to its neighbors' light
+    (`crosstalk.spread_variance`), with the slope and Fano factor of a pixel without the light of
+    the neighbor in question. A pixel with dead time is not fired again by avalanches that it
+    caused. Without dead time, this is exact in long exposures.
+
+    Neglected: light that reaches a pixel at one instant by two paths, and that the sub-Poisson
+    statistics of neighbors' light also change how it meets dead times.
+
+    Against simulations of a uniform frame, the mean is within 0.1 % and the variance within 0.5 %
+    at 0.1 fired neighbors, 0.3 % and 0.6 % at 0.3, 1.3 % and 2.5 % at 0.6, for r·τ from 1e-3 to 1
+    and both kinds of dead time. The same holds, to the 1 % of their simulations, for a bright
+    pixel, its neighbors and a border of dark and bright. Errors of the tables of a single pixel
+    add.
+    """
+    alone = effects.without_crosstalk
+    open_s = exposure_s * open_fraction(effects.gate, exposure_s)
+    is_extended = effects.dead_time.kind == "paralyzable"
+    dead_s = np.broadcast_to(_mean_dead_s(exposure_s, effects, maps), rate_hz.shape)
+    strength = None if maps is None else maps.crosstalk
+
+    def moments_at(rate: Floats) -> tuple[Floats, Floats]:
+        return pixel_moments(rate, exposure_s, alone, maps)
+
+    mean, _ = moments_at(rate_hz)
+    received = weighed = squares = np.zeros_like(rate_hz)
+    for _ in range(_ROUNDS):
+        before = mean
+        received, weighed, squares = _light(
+            rate_hz, mean / open_s, dead_s, effects, strength, np.ones_like(rate_hz)
+        )
+        met = rate_hz + (received if is_extended else weighed)
+        mean, _ = moments_at(met)
+        if is_extended:
+            mean = mean * _ratio(rate_hz + weighed, met)
+        if np.allclose(mean, before, rtol=_SETTLED, atol=1e-300):
+            break
+    # without the light of the neighbor in question: for all arrivals, and for those of neighbors
+    light = received if is_extended else weighed
+    without = np.maximum(met - _ratio(squares, met), 0.0)
+    typical, variance = moments_at(without)
+    others = np.maximum(met - _ratio(squares, light), 0.0)
+    step = np.maximum(others, 1e-3 / open_s) * _STEP
+    more, less = (moments_at(others + sign * step)[0] for sign in (1, 0))
+    answer = (more - less) / (step * open_s)
+    drawn = mean * np.where(typical > 0, _ratio(variance, typical), 1.0)
+    spread = crosstalk.spread_variance(
+        drawn, mean, effects.crosstalk, strength, answer, returns=not effects.dead_time.is_on
+    )
+    return mean, np.maximum(spread, 0.0)
+
+
+def _light(
+    own_hz: Floats,
+    counts_hz: Floats,
+    dead_s: Floats,
+    effects: AvalancheEffects,
+    strength: Floats | None,
+    ones: Floats,
+) -> tuple[Floats, Floats, Floats]:
+    """Arrivals per second from all neighbors, these weighted with q/ℓ, and the sum of squares."""
+    sent = ones if strength is None else strength
+    kind = effects.dead_time.kind
+    weights = neighborhoods(effects.crosstalk)
+    reach = np.array(weights.shape[2:]) // 2
+    shape = own_hz.shape[0], own_hz.shape[1]
+    received, weighed, squares = (np.zeros_like(own_hz) for _ in range(3))
+    for place in places_fired(weights):
+        down, right = place - reach
+        ours, theirs = (weights[:, :, at[0], at[1]] for at in (2 * reach - place, place))
+        other_hz, other_own, to, other_dead = (
+            _shifted(values, down, right)
+            for values in (counts_hz, own_hz, of_pixels(theirs, shape) * sent, dead_s)
+        )
+        back = of_pixels(ours, shape) * sent
+        light = to * other_hz
+        if kind != "ideal":
+            q_back = _live(kind, other_hz, other_own, back * counts_hz, to, other_dead)
+            light = np.maximum(light - to * back * q_back * counts_hz, 0.0)
+        if kind == "nonparalyzable":
+            q = _live(kind, counts_hz, own_hz, light, back, dead_s)
+            likelier = q / np.maximum(1 - counts_hz * dead_s, 1e-3)
+        elif kind == "paralyzable":
+            likelier = np.exp(np.minimum((light + back * counts_hz) * dead_s, 20.0))
+        else:
+            likelier = ones
+        received += light
+        weighed += light * likelier
+        squares += (light if kind == "paralyzable" else light * likelier) ** 2
+    return received, weighed, squares
+
+
+def _live(
+    kind: str, counts_hz: Floats, own_hz: Floats, light: Floats, back: Floats, dead_s: Floats
+) -> Floats:
+    """Probability that a pixel is live when a neighbor that sends it this light fires."""
+    if kind == "paralyzable":
+        return np.exp(-np.minimum((own_hz + np.maximum(light, 0)) * dead_s, 700.0))
+    dead = np.maximum(counts_hz - light / (1 + own_hz * dead_s), 0.0) * dead_s
+    dead = np.minimum(dead, 0.999)
+    return np.asarray(1 / (1 + (1 - back) * dead / (1 - dead)))
+
+
+def _mean_dead_s(
+    exposure_s: float, effects: AvalancheEffects, maps: AvalancheMaps | None
+) -> Floats:
+    """Mean look-back time of an exposure, s: τ, or less near its start."""
+    dead = effects.dead_time.dead_time_s * (np.ones((1, 1)) if maps is None else maps.dead_time)
+    if effects.dead_time.start == "stationary":
+        return dead
+    return np.where(dead < exposure_s, dead * (1 - dead / (2 * exposure_s)), exposure_s / 2)
+
+
+def _shifted(values: Floats, down: int, right: int) -> Floats:
+    """Values shifted down and right; 0 beyond the edge."""
+    rows, columns = values.shape
+    result = np.zeros_like(values)
+    if abs(down) < rows and abs(right) < columns:
+        result[max(down, 0) : rows + min(down, 0), max(right, 0) : columns + min(right, 0)] = (
+            values[max(-down, 0) : rows - max(down, 0), max(-right, 0) : columns - max(right, 0)]
+        )
+    return result
+
+
+def _ratio(above: Floats, below: Floats) -> Floats:
+    return np.divide(above, below, out=np.zeros_like(above), where=below > 0)
