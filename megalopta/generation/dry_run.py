@@ -200,6 +200,7 @@ def may_bake(settings: Configuration) -> bool:
         shading.integrator == "auto"
         and scene.has_bounces
         and not scene.is_hazy
+        and scene.is_diffuse
         and may_pay(shading, settings.trajectory.frames, camera.width * camera.height)
     )
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from megalopta.assets_gen import Surface, join
 from megalopta.core.arrays import Floats
 from megalopta.core.bounded import quoted
+from megalopta.scenes.finish import Finish
 from megalopta.scenes.material import ColorTexture, Emission, Material
 from megalopta.scenes.meshes.pieces import Color, Piece
 from megalopta.scenes.meshes.reflectance import Curve, surface_of
@@ -18,6 +19,8 @@ from megalopta.scenes.spectra.colors import BLUE, GREEN, KNOWN_NM, RED, reflecta
 from megalopta.scenes.spectra.spectrum import Spectrum, flat
 
 _WHITE: Color = (1.0, 1.0, 1.0)
+_GRAY = 0.5
+"""Reflectance of surfaces that are not diffuse, for viewers that know none."""
 
 
 @dataclass
@@ -67,6 +70,8 @@ class Surfacing:
                     f"{self.label}: material {quoted(piece.material)!r} is {piece.paint.refused}, "
                     "which is not rendered; give it a diffuse reflectance in `materials`"
                 )
+            elif piece.paint.finish:
+                yield self._finished(piece, piece.paint.finish)
             elif piece.paint.picture is not None:
                 yield self._pictured(piece)
             elif self._is_speckled(piece):
@@ -94,18 +99,26 @@ class Surfacing:
         return f"{name} ({number + 1})" if number else name
 
     def _pictured(self, piece: Piece) -> tuple[str, Surface]:
-        paint, uv, picture = piece.paint, piece.uv, piece.paint.picture
-        if uv is None or picture is None:
-            raise ValueError(
-                f"{self.label}: object {piece.name!r} of material {paint.name!r} has no texture "
-                "coordinates for its picture; unwrap it, or give the material a reflectance in "
-                "`materials`"
-            )
+        paint, picture = piece.paint, piece.paint.picture
+        assert picture is not None
         name = self._numbered(piece.material, id(paint))
         if paint.color != _WHITE:
             picture = picture * np.array(paint.color, np.float32)
-        surface = Surface(piece.vertices, piece.faces, uv, piece.normals)
-        return self._part(name, _textured(picture), surface)
+        return self._part(name, _textured(picture), self._unwrapped(piece))
+
+    def _unwrapped(self, piece: Piece) -> Surface:
+        if piece.uv is None:
+            raise ValueError(
+                f"{self.label}: object {piece.name!r} of material {piece.paint.name!r} has no "
+                "texture coordinates for its picture; unwrap it, or give the material a "
+                "reflectance in `materials`"
+            )
+        return Surface(piece.vertices, piece.faces, piece.uv, piece.normals)
+
+    def _finished(self, piece: Piece, finish: Finish) -> tuple[str, Surface]:
+        material = Material(flat(_GRAY), known_nm=finish.known_nm, finish=finish)
+        surface = self._unwrapped(piece) if finish.is_patterned else _bare(piece)
+        return self._part(self._numbered(piece.material, id(finish)), material, surface)
 
     def _shining(self, piece: Piece, radiance: Spectrum) -> tuple[str, Surface]:
         ends = (radiance.wavelengths_nm[0], KNOWN_NM[1]) if len(radiance.values) > 1 else None
