@@ -110,6 +110,8 @@ class Meshes(SceneDescription, frozen=True):
         """Return the objects of all files, in the light."""
         models = [each.pieces(each.animate) for each in self.files]
         check_names(self.materials, [piece for pieces in models for piece in pieces])
+        for placed, pieces in zip(self.files, models, strict=True):
+            placed.doubt_unit(pieces, trajectory.poses()[:, :3, 3])
         materials: dict[str, Material] = {}
         parts = list(self._objects(models, materials))
         if self.ground is not None:
