@@ -250,6 +250,8 @@ def dry_run_of_frames(root: Path, settings: Configuration) -> str:
     if integrator == "auto":
         integrator = "path, as too few samples are needed for baked light to pay"
         if may_pay(shading, frames, camera.width * camera.height):
+            integrator = "path"
+        if may_bake(settings):
             integrator = "baked if that pays for the whole sequence, else path"
     costs = _told([settings], lambda _dataset: None)
     return (

@@ -103,8 +103,8 @@ class Meshes(SceneDescription, frozen=True):
         return not any(each.paint.finish and each.material not in self.materials for each in pieces)
 
     def expected_triangles(self, path_m: float) -> float:
-        """Return the number of triangles of the files."""
-        return float(sum(each.triangles() for each in self.files))
+        """Return the number of triangles of the files, at least."""
+        return float(max(sum(each.triangles() for each in self.files), 1))
 
     def build(self, light: Light, camera: Camera, trajectory: Path) -> Scene:
         """Return the objects of all files, in the light."""

@@ -41,6 +41,7 @@ def test_metal_is_kept_as_it_is_unless_a_reflectance_is_given(write):
     path = write(square(METAL))
     assert material_of(path).finish.kind == "roughconductor"
     assert not Meshes(files=(path,)).is_diffuse
+    assert Meshes(files=(path,)).expected_triangles(1.0) == 1  # costs are in proportion to it
     given = material_of(path, materials={"Brass": 0.3})
     assert (given.finish, given.reflectance(600)) == (None, 0.3)
     assert Meshes(files=(path,), materials={"Brass": 0.3}).is_diffuse
