@@ -26,14 +26,15 @@ from megalopta.render.settings import RenderSettings
 from megalopta.render.variant import choose_variant
 from megalopta.scenes.cameras.base import Camera
 from megalopta.scenes.cameras.perspective import PerspectiveCamera
-from megalopta.scenes.finish import KEPT
+from megalopta.scenes.finish import SURFACES, TEXTURES
 from megalopta.scenes.scene import Scene
 
 _TAGS = {
-    **dict.fromkeys(("principledthin", *KEPT), "bsdf"),
+    **dict.fromkeys(("principledthin", *SURFACES), "bsdf"),
+    **dict.fromkeys(TEXTURES, "texture"),
     **dict.fromkeys(("constant", "directional", "area"), "emitter"),
     **{"perspective": "sensor", "specfilm": "film", "box": "rfilter", "path": "integrator"},
-    **{"regular": "spectrum", "bitmap": "texture", "uniform": "spectrum", "ply": "shape"},
+    **{"regular": "spectrum", "uniform": "spectrum", "ply": "shape"},
     **dict.fromkeys(("independent", "multijitter", "orthogonal", "ldsampler"), "sampler"),
 }
 """XML element of each of Mitsuba's plug-ins that scenes use."""

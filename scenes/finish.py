@@ -21,12 +21,13 @@ LAST_NM: Mapping[str, float] = {
 }
 """Last wavelength of Mitsuba's data on metals that end before 830 nm, also of NAME_palik."""
 
-KEPT = (
+SURFACES = (
     *("conductor", "roughconductor", "dielectric", "roughdielectric", "thindielectric"),
     *("plastic", "roughplastic", "principled", "diffuse", "twosided", "mask", "blendbsdf"),
-    "bitmap",
 )
-"""Mitsuba's types of surfaces, and of their textures, that are kept as they are."""
+"""Mitsuba's types of surfaces that are kept as they are."""
+TEXTURES = "bitmap", "checkerboard"
+"""Types of their textures."""
 _BARE = "none", ""
 
 
@@ -57,7 +58,7 @@ class Finish:
     @property
     def is_patterned(self) -> bool:
         """True if it needs meshes with uv coordinates."""
-        return any(each.kind == "bitmap" for each in self.tree())
+        return any(each.kind in TEXTURES for each in self.tree())
 
     @property
     def known_nm(self) -> tuple[float, float] | None:

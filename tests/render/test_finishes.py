@@ -65,7 +65,12 @@ ROOM = """<scene version="3.0.0">
     <bsdf type="blendbsdf">
       <float name="weight" value="0.4"/>
       <bsdf type="conductor"><string name="material" value="Cu"/></bsdf>
-      <bsdf type="diffuse"><spectrum name="reflectance" value="0.6"/></bsdf>
+      <bsdf type="diffuse">
+        <texture type="checkerboard" name="reflectance">
+          <rgb name="color0" value="0.9, 0.5, 0.1"/><spectrum name="color1" value="0.05"/>
+          <transform name="to_uv"><scale x="1" y="3"/></transform>
+        </texture>
+      </bsdf>
     </bsdf>
   </bsdf>
   <shape type="cube" id="room">
@@ -109,7 +114,7 @@ ROOM = """<scene version="3.0.0">
     <point name="center" x="0.8" y="0.7" z="-0.9"/><float name="radius" value="0.4"/>
     <ref id="paint"/>
   </shape>
-  <shape type="disk" id="coin">
+  <shape type="rectangle" id="coin">
     <transform name="to_world">
       <rotate y="1" angle="-60"/><scale value="0.4"/><translate x="1" y="0.2" z="1"/>
     </transform>

@@ -85,9 +85,12 @@ def test_surfaces_that_are_not_kept_are_refused_by_name_unless_given(write):
     with pytest.raises(ValueError, match=r"material 'Fur' is of Mitsuba's type 'hair'"):
         scene_of(path)
     assert material_of(path, materials={"Fur": 0.3}).reflectance(600) == 0.3
-    checks = '<bsdf type="diffuse"><texture type="checkerboard" name="reflectance"/></bsdf>'
-    with pytest.raises(ValueError, match=r"'table' is with a reflectance of type 'checkerboard'"):
-        scene_of(write(square(checks)))
+    waves = '<bsdf type="diffuse"><texture type="mesh_attribute" name="reflectance"/></bsdf>'
+    with pytest.raises(ValueError, match=r"material 'table' is of Mitsuba's type 'mesh_attribute'"):
+        scene_of(write(square(waves)))
+    raw = '<texture type="bitmap" name="reflectance"><boolean name="raw" value="true"/></texture>'
+    finish = material_of(write(square(f'<bsdf type="diffuse">{raw}</bsdf>'))).finish
+    assert finish.kind == "diffuse"
 
 
 def test_spectra_are_numbers_tables_or_files_and_known_where_they_are(write, tmp_path):
