@@ -76,7 +76,8 @@ class Material:
     known_nm: tuple[float, float] | None = None
     """Lowest and highest wavelength at which its spectra are known; None: at all."""
     finish: Finish | None = None
-    """Surface that is not diffuse; all but `known_nm` is then ignored."""
+    """Surface that is not diffuse, or that of a lamp; of all others only `emission` and `known_nm`
+    then count."""
 
     def __post_init__(self) -> None:
         """Reject a surface that would return more light than it receives."""

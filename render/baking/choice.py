@@ -52,12 +52,12 @@ def path_tracing_reason(
     shiny = sorted(name for name, material in scene.materials.items() if material.finish)
     if shiny and settings.integrator == "baked":
         raise ValueError(
-            "integrator 'baked': baked light covers diffuse surfaces only, and material "
-            f"{shiny[0]!r} is another; use 'auto' or 'path'"
+            "integrator 'baked': baked light covers diffuse surfaces and black lamps only, and "
+            f"material {shiny[0]!r} is another; use 'auto' or 'path'"
         )
     if settings.integrator == "path":
         return "as asked"
-    if shiny:
+    if any(not scene.materials[name].emission for name in shiny):
         return "baked light covers diffuse surfaces only"
     if scene.haze:
         return "baked light does not support haze"

@@ -24,10 +24,10 @@ _Surface = Callable[[Spectrum | None], dict[str, Any]]
 
 def bsdf(material: Material) -> dict[str, Any]:
     """Mitsuba surface of a material."""
-    if material.emission:
-        return {"type": "diffuse", "reflectance": {"type": "spectrum", "value": 0.0}}
     if material.finish:
         return _as_it_is(material.finish)
+    if material.emission:
+        return {"type": "diffuse", "reflectance": {"type": "spectrum", "value": 0.0}}
     if not material.transmits:
         return _reflecting(material, 1.0)
     return _of_parts(material) if is_scalar() else _blade(material)

@@ -121,9 +121,19 @@ class Surfacing:
         return self._part(self._numbered(piece.material, id(finish)), material, surface)
 
     def _shining(self, piece: Piece, radiance: Spectrum) -> tuple[str, Surface]:
-        ends = (radiance.wavelengths_nm[0], KNOWN_NM[1]) if len(radiance.values) > 1 else None
-        lamp = Material(flat(0.0), emission=Emission(radiance), known_nm=ends)
-        return self._part(self._numbered(f"{piece.material}, lamp", radiance), lamp, _bare(piece))
+        """Lamp that reflects as its surface does, unless that has a picture."""
+        paint, given = piece.paint, self.given.get(piece.material)
+        finish = paint.finish if given is None else None
+        if not finish and not (paint.picture is not None or paint.refused):
+            own = paint.spectrum or reflectance_of_color(paint.color)
+            finish = _reflecting(own if given is None else surface_of(given).reflectance)
+        spans = [(radiance.wavelengths_nm[0], KNOWN_NM[1])] if len(radiance.values) > 1 else []
+        spans += [finish.known_nm] if finish and finish.known_nm else []
+        ends = (max(low for low, _ in spans), min(high for _, high in spans)) if spans else None
+        lamp = Material(flat(0.0), emission=Emission(radiance), known_nm=ends, finish=finish)
+        surface = self._unwrapped(piece) if finish and finish.is_patterned else _bare(piece)
+        kind = radiance, paint.spectrum, paint.color, id(paint.finish)
+        return self._part(self._numbered(f"{piece.material}, lamp", *kind), lamp, surface)
 
     def _plain(self, piece: Piece) -> tuple[str, Surface]:
         paint, colors = piece.paint, piece.colors
@@ -152,6 +162,12 @@ def check_names(given: Iterable[str], pieces: Iterable[Piece]) -> None:
 def _bare(piece: Piece) -> Surface:
     """Mesh of a surface without texture."""
     return Surface(piece.vertices, piece.faces, np.zeros((len(piece.vertices), 2)), piece.normals)
+
+
+def _reflecting(reflectance: Spectrum) -> Finish | None:
+    """Return a diffuse surface of a lamp; None of a black one."""
+    side = Finish("diffuse", {"reflectance": reflectance})
+    return Finish("twosided", {"side": side}) if any(reflectance.values) else None
 
 
 def _colored(color: Floats) -> Material:
