@@ -26,13 +26,15 @@ from megalopta.render.settings import RenderSettings
 from megalopta.render.variant import choose_variant
 from megalopta.scenes.cameras.base import Camera
 from megalopta.scenes.cameras.perspective import PerspectiveCamera
+from megalopta.scenes.finish import SURFACES, TEXTURES
 from megalopta.scenes.scene import Scene
 
 _TAGS = {
-    **dict.fromkeys(("diffuse", "twosided", "blendbsdf", "principledthin"), "bsdf"),
+    **dict.fromkeys(("principledthin", *SURFACES), "bsdf"),
+    **dict.fromkeys(TEXTURES, "texture"),
     **dict.fromkeys(("constant", "directional", "area"), "emitter"),
     **{"perspective": "sensor", "specfilm": "film", "box": "rfilter", "path": "integrator"},
-    **{"regular": "spectrum", "bitmap": "texture", "uniform": "spectrum", "ply": "shape"},
+    **{"regular": "spectrum", "uniform": "spectrum", "ply": "shape"},
     **dict.fromkeys(("independent", "multijitter", "orthogonal", "ldsampler"), "sampler"),
 }
 """XML element of each of Mitsuba's plug-ins that scenes use."""
@@ -140,6 +142,11 @@ class _Writer:
             if isinstance(table, list):
                 table = ", ".join(f"{nm!r}:{each!r}" for nm, each in table)
             ElementTree.SubElement(parent, "spectrum", name=name, value=str(table))
+            return
+        if kind == "rgb":
+            ElementTree.SubElement(
+                parent, "rgb", name=name, value=", ".join(map(repr, value["value"]))
+            )
             return
         element = ElementTree.SubElement(parent, _TAGS[kind], type=kind, name=name)
         for key, each in value.items():

@@ -47,10 +47,11 @@ class Part(NamedTuple):
 
 
 def can_split(scene: Scene, meshes: Sequence[MergedMesh]) -> bool:
-    """True if a scene's light can be split: of surfaces in clear air that do not emit."""
-    glows = any(scene.materials[mesh.material].emission for mesh in meshes)
+    """True if a scene's light can be split: of diffuse surfaces in clear air that do not emit."""
+    materials = [scene.materials[mesh.material] for mesh in meshes]
+    is_plain = not any(each.emission or each.finish for each in materials)
     lit = scene.lighting is not None and bool(meshes)
-    return lit and not (glows or scene.haze or is_scalar())
+    return lit and is_plain and not (scene.haze or is_scalar())
 
 
 class SplitPaths:

@@ -51,6 +51,11 @@ class SceneDescription(Record, frozen=True):
         return False
 
     @property
+    def is_diffuse(self) -> bool:
+        """True if all of its surfaces are diffuse."""
+        return True
+
+    @property
     def counts(self) -> Mapping[str, int]:
         """Numbers of objects by name, for the report."""
         return {}

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from megalopta.scenes.finish import Finish
 from megalopta.scenes.spectra.spectrum import Spectrum, flat, total
 
 _ROUNDING = 1e-6
@@ -58,10 +59,10 @@ _Scattered = tuple[Spectrum, Spectrum | None]
 
 @dataclass(frozen=True)
 class Material:
-    """Diffuse surface, equal on both sides, or an emitter.
+    """Diffuse surface, equal on both sides, or an emitter, or one with a finish.
 
-    Light that falls on one side leaves it as from a Lambertian surface, and the other side if it
-    transmits.
+    Light that falls on a diffuse side leaves it as from a Lambertian surface, and the other side if
+    it transmits.
     """
 
     reflectance: Spectrum
@@ -74,6 +75,9 @@ class Material:
     """Diffuse transmittance, with the reflectance at most 1; None: opaque."""
     known_nm: tuple[float, float] | None = None
     """Lowest and highest wavelength at which its spectra are known; None: at all."""
+    finish: Finish | None = None
+    """Surface that is not diffuse, or that of a lamp; of all others only `emission` and `known_nm`
+    then count."""
 
     def __post_init__(self) -> None:
         """Reject a surface that would return more light than it receives."""

@@ -6,7 +6,7 @@ from typing import Any
 
 from megalopta.config import built_in_text
 from megalopta.config.model import Configuration
-from megalopta.config.recipe import Plan, Stream, choose, draw_entry, stream
+from megalopta.config.recipe import Plan, RigCamera, Stream, choose, draw_entry, stream
 from megalopta.config.yaml_model import mapping, validated
 from megalopta.core.errors import UserError
 from megalopta.sensor import ImageSensor, generator, merged
@@ -29,7 +29,8 @@ def configuration_of(plan: Plan, index: int) -> Configuration:
 def check_plan(plan: Plan) -> list[Configuration]:
     """Draw sequences at the lower end, the middle and the upper end of every range.
 
-    Every entry is drawn at least once. Raises UserError if one does not fit.
+    Every entry is drawn at least once, for all cameras of a rig. Raises UserError if one does not
+    fit.
     """
     counts = {name: len(getattr(plan, name)) for name in _DRAWN}
     # only a trajectory may not fit a scene: all pairs of these, the rest in turn
@@ -39,8 +40,8 @@ def check_plan(plan: Plan) -> list[Configuration]:
         scene, trajectory = pairs[step % len(pairs)]
         number = dict.fromkeys(counts, step) | {"scenes": scene, "trajectories": trajectory}
         chosen = {name: (number[name] % n + 0.5) / n for name, n in counts.items() if n}
-        for place in _PLACES:
-            made.append(configuration_at(plan, 0, _fixed(chosen, place)))
+        for place, camera in product(_PLACES, range(plan.cameras_per_path)):
+            made.append(configuration_at(plan, camera, _fixed(chosen, place)))
     return made
 
 
@@ -61,10 +62,14 @@ def configuration_at(plan: Plan, index: int, at: Stream) -> Configuration:
             chosen = chosen if isinstance(chosen, Mapping) else {"level": chosen}
             values = merged(values, {field: chosen})
     values = merged(values, draw_entry(plan.every, at, "every"))
+    own = plan.rig[index % len(plan.rig)] if plan.rig else RigCamera()
+    if own.camera:
+        values["scene_camera"] = values.get("camera", {})
+    values = merged(values, {"camera": own.camera, "render": own.render})
     values["name"] = sequence_name(index)
     values["seed"] = int(generator(plan.seed, "plan", index, "seed").integers(_LARGEST_SEED))
     values["light_levels"] = draw_entry(plan.light_levels, at, "light_levels")
-    values["sensors"] = draw_entry(plan.sensors, at, "sensors")
+    values["sensors"] = draw_entry(own.sensors or plan.sensors, at, "sensors")
     values["products"] = list(plan.products)
     made = validated(Configuration, values, f"sequence {index} (scene {preset})")
     if not made.scene.has_truth:
@@ -111,9 +116,10 @@ def _on_rig(made: Configuration, plan: Plan, index: int) -> Configuration:
     if not plan.rig:
         return made
     own = plan.rig[index % len(plan.rig)]
-    pairs = [other for other in plan.rig if own.baseline_m(other) is not None]
+    alike = [other for other in plan.rig if other.camera == own.camera]
+    pairs = [other.mount for other in alike if own.baseline_m(other) is not None]
     partner = pairs[0] if pairs and made.camera.intrinsics is not None else None
-    changes = {"trajectory": made.trajectory.mounted(own), "stereo_with": partner}
+    changes = {"trajectory": made.trajectory.mounted(own.mount), "stereo_with": partner}
     if index % len(plan.rig):
         changes["imu"] = None  # the first camera's sequence has it
     return made.model_copy(update=changes)

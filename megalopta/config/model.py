@@ -78,6 +78,10 @@ class Configuration(Record, frozen=True):
     camera: AnyCamera = PerspectiveCamera()
     """Projection, image size and field of view."""
 
+    scene_camera: AnyCamera | None = Field(default=None, exclude_if=lambda camera: camera is None)
+    """Camera that the scene's detail and extent suit, on a rig of different cameras; default: this
+    one."""
+
     trajectory: CameraPath = Trajectory()
     """Camera motion."""
 

@@ -35,6 +35,24 @@ Entry = str | float | dict[str, Any]
 """A name, a number, or fields, any of which may be a range."""
 
 
+class RigCamera(Mount, frozen=True):
+    """Camera of a rig: its place, and in what it differs from the plan's cameras."""
+
+    camera: dict[str, Any] = Field(default={}, exclude_if=lambda fields: not fields)
+    """Fields of `camera` that differ"""
+
+    render: dict[str, Any] = Field(default={}, exclude_if=lambda fields: not fields)
+    """Fields of `render` that differ, such as `bands_nm`"""
+
+    sensors: tuple[Entry, ...] = Field(default=(), exclude_if=lambda sensors: not sensors)
+    """Sensors in place of the plan's"""
+
+    @property
+    def mount(self) -> Mount:
+        """Its place alone."""
+        return Mount(position_m=self.position_m, rotation_deg=self.rotation_deg)
+
+
 class Plan(Record, frozen=True):
     """Sequences to draw; each depends on seed and index alone.
 
@@ -79,9 +97,10 @@ class Plan(Record, frozen=True):
     light_levels: Annotated[tuple[Entry, ...], Field(min_length=1)] = ("twilight",)
     """Light levels of every sensor, by name or in lux"""
 
-    rig: tuple[Mount, ...] = Field(default=(), exclude_if=lambda rig: not rig)
+    rig: tuple[RigCamera, ...] = Field(default=(), exclude_if=lambda rig: not rig)
     """Cameras that follow each path together, as many sequences one after the other: places
-    relative to the path's camera. Two side by side also get the disparity to each other"""
+    relative to the path's camera, and perhaps another `camera`, `render` or `sensors`. Two alike
+    side by side also get the disparity to each other"""
 
     repeats: Annotated[int, Field(ge=1, le=1000)] = 1
     """Exposures per sensor and level, with independent noise; from the second on, the sensor's name

@@ -200,6 +200,7 @@ def may_bake(settings: Configuration) -> bool:
         shading.integrator == "auto"
         and scene.has_bounces
         and not scene.is_hazy
+        and scene.is_diffuse
         and may_pay(shading, settings.trajectory.frames, camera.width * camera.height)
     )
 
@@ -249,6 +250,8 @@ def dry_run_of_frames(root: Path, settings: Configuration) -> str:
     if integrator == "auto":
         integrator = "path, as too few samples are needed for baked light to pay"
         if may_pay(shading, frames, camera.width * camera.height):
+            integrator = "path"
+        if may_bake(settings):
             integrator = "baked if that pays for the whole sequence, else path"
     costs = _told([settings], lambda _dataset: None)
     return (

@@ -99,7 +99,7 @@ def build(settings: Configuration) -> Scene:
         return build_scene(
             settings.scene,
             settings.light,
-            settings.camera,
+            settings.scene_camera or settings.camera,
             settings.trajectory,
             settings.objects,
         )
@@ -406,7 +406,7 @@ STAGE = Stage(
     command="render",
     fields=(
         *("name", "seed", "scene", "objects", "light", "camera", "trajectory"),
-        *("stereo_with", "shutter", "render", "labels", "tracks"),
+        *("scene_camera", "stereo_with", "shutter", "render", "labels", "tracks"),
     ),
     needs=(),
     outputs=_outputs,

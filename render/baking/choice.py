@@ -42,15 +42,23 @@ def path_tracing_reason(
     Raises
     ------
     ValueError
-        If light is to be baked in haze.
+        If light is to be baked in haze, or on surfaces that are not diffuse.
     """
     if scene.haze and settings.integrator == "baked":
         raise ValueError(
             "integrator 'baked': baked light covers surfaces only, but haze scatters light between "
             "them; use 'auto' or 'path'"
         )
+    shiny = sorted(name for name, material in scene.materials.items() if material.finish)
+    if shiny and settings.integrator == "baked":
+        raise ValueError(
+            "integrator 'baked': baked light covers diffuse surfaces and black lamps only, and "
+            f"material {shiny[0]!r} is another; use 'auto' or 'path'"
+        )
     if settings.integrator == "path":
         return "as asked"
+    if any(not scene.materials[name].emission for name in shiny):
+        return "baked light covers diffuse surfaces only"
     if scene.haze:
         return "baked light does not support haze"
     if variant.startswith("scalar"):

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from megalopta.render import dr, mi
 from megalopta.render.mitsuba_loader import PlugIn, is_scalar, registered
+from megalopta.scenes.finish import Finish, Part, Rgb
 from megalopta.scenes.material import ColorTexture, Emission, Material, Texture
 from megalopta.scenes.spectra.spectrum import Spectrum, flat
 
@@ -23,11 +24,33 @@ _Surface = Callable[[Spectrum | None], dict[str, Any]]
 
 def bsdf(material: Material) -> dict[str, Any]:
     """Mitsuba surface of a material."""
+    if material.finish:
+        return _as_it_is(material.finish)
     if material.emission:
         return {"type": "diffuse", "reflectance": {"type": "spectrum", "value": 0.0}}
     if not material.transmits:
         return _reflecting(material, 1.0)
     return _of_parts(material) if is_scalar() else _blade(material)
+
+
+def _as_it_is(finish: Finish) -> dict[str, Any]:
+    """Mitsuba surface, or texture of one, of the same parameters."""
+    return {"type": finish.kind, **{name: _part(each) for name, each in finish.parts.items()}}
+
+
+def _part(of: Part) -> Any:
+    match of:
+        case Finish():
+            return _as_it_is(of)
+        case Rgb(values):
+            return {"type": "rgb", "value": list(values)}
+        case Spectrum():
+            return spectrum(of)
+        case np.ndarray() if of.ndim > 2:
+            return mi.Bitmap(np.array(of, dtype=np.float32, order="C"))
+        case np.ndarray():
+            return mi.ScalarTransform4f(of.tolist())
+    return of
 
 
 def _blade(material: Material) -> dict[str, Any]:

@@ -160,6 +160,8 @@ def _merge_group(
 
 def _is_patterned(material: Material) -> bool:
     emission = material.emission
+    if material.finish:
+        return material.finish.is_patterned
     return material.texture is not None or (emission is not None and emission.pattern is not None)
 
 

@@ -5,12 +5,14 @@ scene, OptiX does not; both give the shape itself, as its number in Dr.Jit's reg
 of the process.
 """
 
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from megalopta.core.bounded import printable, quoted
 from megalopta.render import dr, mi
 from megalopta.render.loading.materials import bsdf, emission, spectrum
 from megalopta.render.loading.meshes import MergedMesh, MovingMesh
@@ -21,6 +23,11 @@ from megalopta.scenes.scene import Lighting, Scene
 # Points that represent the disc of sun or moon: at 10 m they blur a shadow's edge in steps of 1 cm.
 # They cost no time, since a path samples only one of them.
 DISC_POINTS = 64
+_PLACE = re.compile(
+    r"\[[\w.]+(:\d+)?\] |(At|While loading) dictionary node \"\w+\": "
+    r"|failed to instantiate \w+ plugin of type \"\w+\": "
+)
+"""Part of Mitsuba's messages that says where in a nested description."""
 
 
 class LoadedScene(NamedTuple):
@@ -70,11 +77,25 @@ def load_mesh(mesh: MergedMesh, **parts: Any) -> Any:
 
 
 def _with_material(mesh: MergedMesh, material: Material) -> Any:
-    parts = {"mesh_bsdf": mi.load_dict(bsdf(material))}
+    parts = {"mesh_bsdf": _loaded(material, mesh.material)}
     if material.emission:
         glow = {"type": "area", "radiance": emission(material.emission)}
         parts = {"mesh_emitter": mi.load_dict(glow), **parts}
     return load_mesh(mesh, **parts)
+
+
+def _loaded(material: Material, name: str) -> Any:
+    """Load a surface. Raises ValueError if Mitsuba does not accept one kept as it is."""
+    try:
+        return mi.load_dict(bsdf(material))
+    except RuntimeError as problem:
+        if not material.finish:
+            raise
+        reason = _PLACE.sub("", " ".join(str(problem).split()))
+        raise ValueError(
+            f"material {name!r}: Mitsuba does not accept it ({printable(quoted(reason, 200))}); "
+            "correct the file, or give its reflectance in `materials`"
+        ) from None
 
 
 def lights_of(lighting: Lighting) -> dict[str, Any]:

@@ -25,14 +25,17 @@ def albedo_of(
     materials: Mapping[str, Material],
     bands_nm: Bands,
 ) -> Floats:
-    """Albedo (N, B) of the surface points seen by N rays; 0 for the sky and for emitters."""
+    """Albedo (N, B) of the surface points seen by N rays.
+
+    It is 0 for the sky, for emitters and for surfaces that are not diffuse.
+    """
     albedo = np.zeros((len(surface.triangle), len(bands_nm)))
     ends = np.cumsum([0, *(len(mesh.faces) for mesh in meshes)])
     mesh_of = np.searchsorted(ends, surface.triangle, side="right") - 1
     for number, mesh in enumerate(meshes):
         mine = np.flatnonzero(mesh_of == number)
         material = materials[mesh.material]
-        if not len(mine) or material.emission:
+        if not len(mine) or material.emission or material.finish:
             continue
         base, *parts = band_means(_spectra(material), bands_nm)
         albedo[mine] = base

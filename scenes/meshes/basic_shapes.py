@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from megalopta.core.arrays import Floats
 
 _ROUND = 96
-"""Sides of round shapes: facets are at most 5e-4 of the radius below them."""
+"""Sides of round shapes: facets are up to 1.1e-3 of the radius below a sphere."""
 
 
 class Shape(NamedTuple):

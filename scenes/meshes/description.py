@@ -1,8 +1,9 @@
 """Scene of the user's own mesh files, with an object for each mesh that a node places.
 
-Surfaces are diffuse and opaque, equal on both sides. Their reflectance comes from the colors of the
-files (`scenes/spectra/colors.py`), which say nothing beyond 360 to 830 nm, or is given by the name
-of the material.
+Surfaces are diffuse and opaque, equal on both sides; those of Mitsuba's XML of another type are as
+their file describes them. The reflectance of diffuse ones comes from the colors of the files
+(`scenes/spectra/colors.py`), which say nothing beyond 360 to 830 nm, or is given by the name of the
+material.
 """
 
 from collections.abc import Iterable, Iterator, Mapping
@@ -94,14 +95,23 @@ class Meshes(SceneDescription, frozen=True):
         """True if nodes of a file move."""
         return any(each.animate for each in self.files)
 
+    @property
+    def is_diffuse(self) -> bool:
+        """True if no surface of Mitsuba's XML is of another type."""
+        of_mitsuba = (each.pieces() for each in self.files if each.file.suffix == ".xml")
+        pieces = (piece for found in of_mitsuba for piece in found)
+        return not any(each.paint.finish and each.material not in self.materials for each in pieces)
+
     def expected_triangles(self, path_m: float) -> float:
-        """Return the number of triangles of the files."""
-        return float(sum(each.triangles() for each in self.files))
+        """Return the number of triangles of the files, at least."""
+        return float(max(sum(each.triangles() for each in self.files), 1))
 
     def build(self, light: Light, camera: Camera, trajectory: Path) -> Scene:
         """Return the objects of all files, in the light."""
         models = [each.pieces(each.animate) for each in self.files]
         check_names(self.materials, [piece for pieces in models for piece in pieces])
+        for placed, pieces in zip(self.files, models, strict=True):
+            placed.doubt_unit(pieces, trajectory.poses()[:, :3, 3])
         materials: dict[str, Material] = {}
         parts = list(self._objects(models, materials))
         if self.ground is not None:
@@ -133,10 +143,15 @@ class Meshes(SceneDescription, frozen=True):
     def describe(self) -> str:
         """Sentence for the report."""
         names = ", ".join(PurePath(each.file.path).name for each in self.files)
-        return (
-            f"Meshes of {names}, as opaque, diffuse surfaces: transparency, metal and emission in "
-            "the files have no effect."
+        kept = all(each.file.suffix == ".xml" for each in self.files)
+        surfaces = (
+            "with its surfaces as they are: ground truth is that of the first surface, also of "
+            "glass and mirrors."
+            if kept
+            else "as opaque, diffuse surfaces: transparency, metal and emission in the files have "
+            "no effect."
         )
+        return f"Meshes of {names}, {surfaces}"
 
 
 def _kind(name: str) -> str:

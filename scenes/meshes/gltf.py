@@ -23,9 +23,6 @@ from megalopta.scenes.meshes.pieces import Paint, Piece
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
 Picture = NDArray[np.float32]
 
-_METAL = 0.5
-"""Share of metal from which a surface counts as metal."""
-
 
 class _Look(NamedTuple):
     """Material, and how its picture lies on surfaces."""
@@ -182,8 +179,8 @@ def _ignored(material: Json) -> Iterator[str]:
     transmits = {"KHR_materials_transmission", "KHR_materials_volume"} & extensions.keys()
     if material.get("alphaMode", "OPAQUE") != "OPAQUE" or transmits:
         yield "transparency"
-    if model.get("metallicFactor", 0) >= _METAL and "metallicRoughnessTexture" not in model:
-        yield "metal"
+    if model.get("metallicFactor", 1) > 0:  # 1 is glTF's own default
+        yield "metal" + (" in a picture" if "metallicRoughnessTexture" in model else "")
     if any(material.get("emissiveFactor", ())):
         yield "emission"
 

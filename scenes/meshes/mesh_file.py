@@ -81,17 +81,18 @@ def _contents(path: str) -> Contents:
         if name not in found:
             found[name] = _beside(path, name, left)
             left -= len(found[name])
-        waiting += [each for each in _names_in(path, name, found[name]) if each not in found]
+        waiting += [each for each in _names_in(path, name, found) if each not in found]
     return found
 
 
-def _names_in(path: str, name: str, content: bytes) -> Iterable[str]:
+def _names_in(path: str, name: str, contents: Contents) -> Iterable[str]:
     """Names of the files that a file, or one that it names, names."""
+    content = contents[name]
     if path.lower().endswith(".xml"):  # which alone names surfaces and pictures
-        if name != Path(path).name:
+        if not name.lower().endswith(".xml"):
             return ()
         with refused_as_damaged(path):
-            return mitsuba_xml.names_in(content)
+            return mitsuba_xml.names_in(contents)
     with refused_as_damaged(path):
         match PurePosixPath(name).suffix.lower():
             case ".glb" | ".gltf":

@@ -1,8 +1,11 @@
-"""Diffuse surfaces of Mitsuba's XML as paints: reflectances, colors and pictures.
+"""Surfaces of Mitsuba's XML as paints: diffuse ones as reflectances, colors and pictures.
 
-Of any other surface the paint says what it is, so that it can be refused by name.
+Metal, glass and gloss are kept as they are. Of any other surface the paint says what it is, so that
+it can be refused by name.
 """
 
+import math
+import re
 from collections.abc import Mapping
 from typing import NamedTuple
 
@@ -10,7 +13,8 @@ import numpy as np
 
 from megalopta.core.arrays import Floats
 from megalopta.core.bounded import quoted
-from megalopta.scenes.meshes.pictures import linear_picture
+from megalopta.scenes.finish import SURFACES, TEXTURES, Finish, Part, Rgb
+from megalopta.scenes.meshes.pictures import linear_picture, texels_of
 from megalopta.scenes.meshes.pieces import Color, Paint
 from megalopta.scenes.meshes.xml_document import (
     Document,
@@ -25,8 +29,9 @@ from megalopta.scenes.spectra.spectrum import SPECTRA, Spectrum, flat, total
 
 _WHITE = SPECTRA["D65"].scaled(1 / 98.9974)
 """Mitsuba's white light of 1, whose luminance is that of 1 at every wavelength"""
-_USUAL = 0.5
+_USUAL = Element("spectrum", value="0.5")
 """Mitsuba's reflectance of a surface that states none."""
+_NAME, _WORD = re.compile("(?!(type|id)$)[a-z][a-z0-9_]{0,40}"), re.compile("[A-Za-z0-9 _-]{0,40}")
 
 
 class Coat(NamedTuple):
@@ -47,36 +52,81 @@ class Surfaces:
         """Return the surface of a shape, which has the shape's name if it has none."""
         found = self._document.parts(shape, "bsdf")
         if not found:
-            return Coat(Paint(name, spectrum=flat(_USUAL)), np.eye(3))
+            return Coat(Paint(name, spectrum=self._spectrum(_USUAL)), np.eye(3))
         key = id(found[0]), found[0].get("id") or name
         if key not in self._read:
             self._read[key] = self._coat(found[0], key[1])
         return self._read[key]
 
     def _coat(self, bsdf: Element, name: str) -> Coat:
-        inner = self._document.parts(bsdf, "bsdf")
-        if bsdf.get("type") == "twosided" and inner:
-            return self._coat(inner[0], bsdf.get("id") or inner[0].get("id") or name)
-        if bsdf.get("type") != "diffuse":
-            return _refused(name, f"of Mitsuba's type {quoted(bsdf.get('type'))!r}")
-        for each in bsdf:
-            if each.get("name", "reflectance") == "reflectance":
-                return self._reflecting(self._document.resolved(each), name)
-        return Coat(Paint(name, spectrum=flat(_USUAL)), np.eye(3))
+        inner, side = self._document.parts(bsdf, "bsdf"), bsdf
+        if bsdf.get("type") == "twosided" and len(inner) == 1:
+            name, side = bsdf.get("id") or inner[0].get("id") or name, inner[0]
+        coat = self._diffuse(side, name) if side.get("type") == "diffuse" else None
+        if coat:
+            return coat
+        try:
+            return Coat(Paint(name, finish=self._finish(bsdf, name)), np.eye(3))
+        except _NotKeptError as problem:
+            return Coat(Paint(name, refused=str(problem)), np.eye(3))
 
-    def _reflecting(self, given: Element, name: str) -> Coat:
-        if given.tag in ("rgb", "srgb"):
-            return Coat(Paint(name, _color(given)), np.eye(3))
-        if given.tag == "spectrum":
-            return Coat(Paint(name, spectrum=self._spectrum(given)), np.eye(3))
-        if (given.tag, given.get("type")) != ("texture", "bitmap"):
-            what = quoted(given.get("type") or given.tag)
-            return _refused(name, f"with a reflectance of type {what!r}")
-        if value_of(given, "boolean", "raw") == "true":
-            return _refused(name, "with a raw picture")
-        picture = linear_picture(self._contents[plain(value_of(given, "string", "filename"))], name)
+    def _diffuse(self, bsdf: Element, name: str) -> Coat | None:
+        """Return a diffuse surface of a color, spectrum or picture of colors; None of others."""
+        given = (each for each in bsdf if each.get("name", "reflectance") == "reflectance")
+        reflecting = self._document.resolved(next(given, _USUAL))
+        if reflecting.tag in ("rgb", "srgb"):
+            return Coat(Paint(name, _color(reflecting)), np.eye(3))
+        if reflecting.tag == "spectrum":
+            return Coat(Paint(name, spectrum=self._spectrum(reflecting)), np.eye(3))
+        if reflecting.get("type") != "bitmap" or value_of(reflecting, "boolean", "raw") == "true":
+            return None
+        file = plain(value_of(reflecting, "string", "filename"))
+        picture = linear_picture(self._contents[file], name)
         # Mitsuba ignores the fourth row and column.
-        return Coat(Paint(name, picture=picture), transform_of(given, "to_uv")[:3, :3])
+        return Coat(Paint(name, picture=picture), transform_of(reflecting, "to_uv")[:3, :3])
+
+    def _finish(self, given: Element, material: str) -> Finish:
+        """Return a surface, or a texture of one, as it is. Raises _NotKeptError."""
+        kind, parts = given.get("type", ""), dict[str, Part]()
+        if kind not in SURFACES + TEXTURES:
+            raise _NotKeptError(f"of Mitsuba's type {quoted(kind)!r}")
+        for number, each in enumerate(given):
+            part = self._document.resolved(each)
+            name = each.get("name") or part.get("name") or f"part_{number}"
+            if not _NAME.fullmatch(name):
+                raise _NotKeptError(f"with a parameter {quoted(name)!r}")
+            if (kind, name) == ("bitmap", "filename"):
+                content = self._contents[plain(part.get("value", ""))]
+                is_coded = value_of(given, "boolean", "raw") != "true"
+                parts["bitmap"] = texels_of(content, material, is_coded)
+            elif part.tag == "transform":
+                parts[name] = transform_of(given, name)
+            else:
+                parts[name] = self._part(part, material)
+        return Finish(kind, parts)
+
+    def _part(self, given: Element, material: str) -> Part:
+        value = given.get("value", "")
+        match given.tag:
+            case "bsdf" | "texture":
+                return self._finish(given, material)
+            case "float" if math.isfinite(float(value)):
+                return float(value)
+            case "integer":
+                return int(value)
+            case "boolean":
+                return value == "true"
+            case "string" if _WORD.fullmatch(value):
+                return value
+            case "spectrum":
+                return self._spectrum(given)
+            case "rgb" if not value.startswith("#"):
+                red, green, blue = flat_or_three = (numbers_in(value) * np.ones(3)).tolist()
+                if np.isfinite(flat_or_three).all():
+                    return Rgb((red, green, blue))
+            case "rgb" | "srgb":
+                return Rgb(_color(given))
+        raise _NotKeptError(f"with a {quoted(given.tag)} {quoted(value)!r}")
 
     def glow(self, shape: Element) -> Spectrum | None:
         """Return the radiance of a shape that shines plainly; None for others."""
@@ -103,8 +153,8 @@ class Surfaces:
         return Spectrum.of(wavelengths, values)
 
 
-def _refused(name: str, what: str) -> Coat:
-    return Coat(Paint(name, refused=what), np.eye(3))
+class _NotKeptError(Exception):
+    """Says what a surface is that is not kept."""
 
 
 def _color(given: Element) -> Color:

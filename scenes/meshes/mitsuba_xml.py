@@ -1,4 +1,4 @@
-"""Meshes of a scene in Mitsuba's XML: every shape is an object, every diffuse surface a material.
+"""Meshes of a scene in Mitsuba's XML: every shape is an object, every surface a material.
 
 Shapes are meshes of OBJ and PLY files, and Mitsuba's basic ones; instances are copied. Area lights
 shine on request; other lights, cameras and integrators of the file have no effect.
@@ -29,10 +29,13 @@ _MOST_INSTANCES = 10**5
 _FILES = ("obj", "ply")
 
 
-def names_in(content: bytes) -> list[str]:
-    """Names of the files of shapes and of their surfaces."""
+def names_in(contents: Mapping[str, bytes]) -> list[str]:
+    """Names of the files that are included or, if all are there, of shapes and their surfaces."""
+    document = Document(contents)
+    if document.missing:
+        return document.missing
     found = []
-    for element in Document(content).root.iter():
+    for element in document.root.iter():
         if element.tag == "texture" or (element.tag == "shape" and element.get("type") in _FILES):
             found.append(value_of(element, "string", "filename"))
         elif element.tag == "spectrum":
@@ -58,7 +61,7 @@ class _Reader:
 
     def __init__(self, contents: Mapping[str, bytes]) -> None:
         self._contents = contents
-        self._document = Document(next(iter(contents.values())))
+        self._document = Document(contents)
         self._surfaces = Surfaces(self._document, contents)
         self._meshes: dict[int, list[Piece]] = {}
 
@@ -86,14 +89,18 @@ class _Reader:
         if self._document.parts(shape, "emitter"):
             glow = self._surfaces.glow(shape)
             paint = replace(paint, radiance=glow, ignored=() if glow else ("emission",))
-        is_flat = value_of(shape, "boolean", "face_normals") == "true"
+        is_flat, is_flipped = (
+            value_of(shape, "boolean", f"{name}_normals") == "true" for name in ("face", "flip")
+        )
         for piece in self._of_file(kind, file) if kind in _FILES else [_basic(kind, shape)]:
             uv = piece.uv
-            if uv is not None:
+            if uv is not None and not paint.finish:
                 uv = uv @ to_picture[:2, :2].T + to_picture[:2, 2]
                 uv = uv * [1, -1] + [0, 1]  # Mitsuba's first row is v = 0, here the last one
             normals = None if is_flat else piece.normals
-            yield replace(piece, name=name, paint=paint, uv=uv, normals=normals, colors=None)
+            faces = piece.faces[:, ::-1] if is_flipped else piece.faces
+            piece = replace(piece, name=name, paint=paint, faces=faces, colors=None)
+            yield replace(piece, normals=normals, uv=uv)
 
     def _of_file(self, kind: str, file: str) -> Iterator[Piece]:
         """Yield pieces of a mesh file, with Mitsuba's texture coordinates."""

@@ -1,6 +1,6 @@
 """Model of a mesh file: its pieces in meters, with z up."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Annotated, Literal
 
 import numpy as np
@@ -24,6 +24,10 @@ SMALLEST_M, LARGEST_M = 1e-3, 5000.0
 """Smallest extent of a file, and the one from which it is too large, m."""
 
 _FARTHEST = 1e300
+_VAST_M, _TRAVELS = 1000.0, 100.0
+"""Extent of a file, also over that of the camera's path, from which its unit is in doubt"""
+_TINY_M, _EXTENTS = 0.1, 50.0
+"""Extent below which its unit is in doubt, if the camera is farther away than so many extents"""
 
 _READERS: Mapping[str, Callable[[Contents], Iterable[Piece]]] = {
     **dict.fromkeys((".glb", ".gltf"), gltf.pieces_of),
@@ -122,6 +126,25 @@ class PlacedMesh(Record, frozen=True):
                 f"{self.file.path} extends over {extent:.4g} m at a scale of {self.scale:g}; give "
                 f"the length of its unit in meters, such as `scale: {better:g}`"
             )
+
+    def doubt_unit(self, pieces: Sequence[Piece], positions: Floats) -> None:
+        """Say so if the file is of an unlikely size for a camera at positions (T, 3), m."""
+        corners = np.concatenate([piece.vertices[np.unique(piece.faces)] for piece in pieces])
+        placed = corners @ self.pose[:3, :3].T + self.pose[:3, 3]
+        low, high = placed.min(axis=0), placed.max(axis=0)
+        extent, travel = float((high - low).max()), float(np.ptp(positions, axis=0).max())
+        outside = np.maximum(np.maximum(low - positions, positions - high), 0)
+        distance = float(np.linalg.norm(outside, axis=1).min())
+        if extent >= _VAST_M and extent > _TRAVELS * travel:
+            doubt, better = f"the camera moves by {travel:.3g} m", self.scale * 1e-3
+        elif extent < _TINY_M and distance > _EXTENTS * extent:
+            doubt, better = f"the camera is {distance:.3g} m away from it", self.scale * 1e3
+        else:
+            return
+        say(
+            f"scene: {self.file.path} extends over {extent:.4g} m, and {doubt}; if its unit is "
+            f"another, give the unit's length in meters, such as `scale: {better:g}`"
+        )
 
     def _say_ignored(self, pieces: list[Piece]) -> None:
         paints = {piece.paint.name: piece.paint for piece in pieces if piece.paint.ignored}

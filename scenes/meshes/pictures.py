@@ -9,12 +9,22 @@ from megalopta.core.errors import DamagedFileError
 from megalopta.core.pictures import decoded
 from megalopta.scenes.spectra.color import linear_of_srgb
 
+_GRAY = "1", "L", "LA"
 MOST_PIXELS = 2**26
 """Most pixels of a picture, which takes 0.8 GB as light."""
 
 
 def linear_picture(content: bytes, material: str) -> NDArray[np.float32]:
     """Return colors (H, W, 3) in linear sRGB of a material's picture; row 0 is at v = 0, below.
+
+    Raises DamagedFileError.
+    """
+    texels = texels_of(content, material)[::-1]
+    return np.ascontiguousarray(texels if texels.shape[2] > 1 else texels.repeat(3, axis=-1))
+
+
+def texels_of(content: bytes, material: str, is_coded: bool = True) -> NDArray[np.float32]:
+    """Return texels (H, W, 1 or 3) of a material's picture, decoded from sRGB; row 0 is on top.
 
     Raises DamagedFileError.
     """
@@ -26,14 +36,10 @@ def linear_picture(content: bytes, material: str) -> NDArray[np.float32]:
                 f"{name} has {width} × {height} pixels, more than {MOST_PIXELS:.3g}; shrink it"
             )
         if image.mode.startswith("I;16"):
-            return _colors(np.asarray(image)[..., None] / 65535)
-        return _of_codes(np.asarray(image.convert("RGB")))
-
-
-def _of_codes(codes: NDArray[np.uint8]) -> NDArray[np.float32]:
-    table = linear_of_srgb(np.arange(256) / 255).astype(np.float32)
-    return np.ascontiguousarray(table[codes[::-1]])
-
-
-def _colors(curved: NDArray[np.float64]) -> NDArray[np.float32]:
-    return linear_of_srgb(curved[::-1].repeat(3, axis=-1)).astype(np.float32)
+            levels, codes = 2**16, np.asarray(image)
+        else:
+            levels = 2**8
+            codes = np.asarray(image.convert("L" if image.mode in _GRAY else "RGB"))
+    values = np.arange(levels) / (levels - 1)
+    table = (linear_of_srgb(values) if is_coded else values).astype(np.float32)
+    return np.asarray(table[codes.reshape(*codes.shape[:2], -1)])

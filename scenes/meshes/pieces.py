@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from megalopta.assets_gen import cross, lengths
 from megalopta.core.arrays import Floats
+from megalopta.scenes.finish import Finish
 from megalopta.scenes.meshes.animation import NodeMotion
 from megalopta.scenes.spectra.spectrum import Spectrum
 
@@ -29,6 +30,8 @@ class Paint:
     """Reflectance in place of a color."""
     radiance: Spectrum | None = None
     """Radiance that it emits, W·m⁻²·sr⁻¹·nm⁻¹, where lights of files count."""
+    finish: Finish | None = None
+    """Surface that is not diffuse, in place of all colors."""
     refused: str = ""
     """Description of a surface that is not rendered, unless its reflectance is given."""
 

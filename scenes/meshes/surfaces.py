@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from megalopta.assets_gen import Surface, join
 from megalopta.core.arrays import Floats
 from megalopta.core.bounded import quoted
+from megalopta.scenes.finish import Finish
 from megalopta.scenes.material import ColorTexture, Emission, Material
 from megalopta.scenes.meshes.pieces import Color, Piece
 from megalopta.scenes.meshes.reflectance import Curve, surface_of
@@ -18,6 +19,8 @@ from megalopta.scenes.spectra.colors import BLUE, GREEN, KNOWN_NM, RED, reflecta
 from megalopta.scenes.spectra.spectrum import Spectrum, flat
 
 _WHITE: Color = (1.0, 1.0, 1.0)
+_GRAY = 0.5
+"""Reflectance of surfaces that are not diffuse, for viewers that know none."""
 
 
 @dataclass
@@ -67,6 +70,8 @@ class Surfacing:
                     f"{self.label}: material {quoted(piece.material)!r} is {piece.paint.refused}, "
                     "which is not rendered; give it a diffuse reflectance in `materials`"
                 )
+            elif piece.paint.finish:
+                yield self._finished(piece, piece.paint.finish)
             elif piece.paint.picture is not None:
                 yield self._pictured(piece)
             elif self._is_speckled(piece):
@@ -94,23 +99,41 @@ class Surfacing:
         return f"{name} ({number + 1})" if number else name
 
     def _pictured(self, piece: Piece) -> tuple[str, Surface]:
-        paint, uv, picture = piece.paint, piece.uv, piece.paint.picture
-        if uv is None or picture is None:
-            raise ValueError(
-                f"{self.label}: object {piece.name!r} of material {paint.name!r} has no texture "
-                "coordinates for its picture; unwrap it, or give the material a reflectance in "
-                "`materials`"
-            )
+        paint, picture = piece.paint, piece.paint.picture
+        assert picture is not None
         name = self._numbered(piece.material, id(paint))
         if paint.color != _WHITE:
             picture = picture * np.array(paint.color, np.float32)
-        surface = Surface(piece.vertices, piece.faces, uv, piece.normals)
-        return self._part(name, _textured(picture), surface)
+        return self._part(name, _textured(picture), self._unwrapped(piece))
+
+    def _unwrapped(self, piece: Piece) -> Surface:
+        if piece.uv is None:
+            raise ValueError(
+                f"{self.label}: object {piece.name!r} of material {piece.paint.name!r} has no "
+                "texture coordinates for its picture; unwrap it, or give the material a "
+                "reflectance in `materials`"
+            )
+        return Surface(piece.vertices, piece.faces, piece.uv, piece.normals)
+
+    def _finished(self, piece: Piece, finish: Finish) -> tuple[str, Surface]:
+        material = Material(flat(_GRAY), known_nm=finish.known_nm, finish=finish)
+        surface = self._unwrapped(piece) if finish.is_patterned else _bare(piece)
+        return self._part(self._numbered(piece.material, id(finish)), material, surface)
 
     def _shining(self, piece: Piece, radiance: Spectrum) -> tuple[str, Surface]:
-        ends = (radiance.wavelengths_nm[0], KNOWN_NM[1]) if len(radiance.values) > 1 else None
-        lamp = Material(flat(0.0), emission=Emission(radiance), known_nm=ends)
-        return self._part(self._numbered(f"{piece.material}, lamp", radiance), lamp, _bare(piece))
+        """Lamp that reflects as its surface does, unless that has a picture."""
+        paint, given = piece.paint, self.given.get(piece.material)
+        finish = paint.finish if given is None else None
+        if not finish and not (paint.picture is not None or paint.refused):
+            own = paint.spectrum or reflectance_of_color(paint.color)
+            finish = _reflecting(own if given is None else surface_of(given).reflectance)
+        spans = [(radiance.wavelengths_nm[0], KNOWN_NM[1])] if len(radiance.values) > 1 else []
+        spans += [finish.known_nm] if finish and finish.known_nm else []
+        ends = (max(low for low, _ in spans), min(high for _, high in spans)) if spans else None
+        lamp = Material(flat(0.0), emission=Emission(radiance), known_nm=ends, finish=finish)
+        surface = self._unwrapped(piece) if finish and finish.is_patterned else _bare(piece)
+        kind = radiance, paint.spectrum, paint.color, id(paint.finish)
+        return self._part(self._numbered(f"{piece.material}, lamp", *kind), lamp, surface)
 
     def _plain(self, piece: Piece) -> tuple[str, Surface]:
         paint, colors = piece.paint, piece.colors
@@ -139,6 +162,12 @@ def check_names(given: Iterable[str], pieces: Iterable[Piece]) -> None:
 def _bare(piece: Piece) -> Surface:
     """Mesh of a surface without texture."""
     return Surface(piece.vertices, piece.faces, np.zeros((len(piece.vertices), 2)), piece.normals)
+
+
+def _reflecting(reflectance: Spectrum) -> Finish | None:
+    """Return a diffuse surface of a lamp; None of a black one."""
+    side = Finish("diffuse", {"reflectance": reflectance})
+    return Finish("twosided", {"side": side}) if any(reflectance.values) else None
 
 
 def _colored(color: Floats) -> Material:

@@ -5,8 +5,11 @@ materials and pictures that are missing, and over objects without a name.
 """
 
 import re
+import warnings
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import suppress
 from pathlib import PurePosixPath
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -90,9 +93,22 @@ class _ObjFile:
 
 def _table(lines: list[str]) -> Floats:
     """Numbers (n, k) of lines, as many of each as all have."""
+    width = len(lines[0].split()) if lines else 0
+    with suppress(ValueError):  # unless some lines have more numbers, or words
+        ended = _parsed(" nan ".join([*lines, ""]), np.float64).reshape(len(lines), width + 1)
+        if np.isnan(ended[:, width]).all():
+            return np.asarray(ended[:, :width])
     rows = [line.split() for line in lines]
     width = min(map(len, rows), default=0)
     return np.array([row[:width] for row in rows], np.float64).reshape(len(rows), width)
+
+
+def _parsed(text: str, kind: type) -> NDArray[Any]:
+    """Numbers (n,) of a text. Raises ValueError for words."""
+    with warnings.catch_warnings(), suppress(ValueError, DeprecationWarning):
+        warnings.simplefilter("error")  # as numpy before 2.3 only warns of words
+        return np.fromstring(text, kind, sep=" ")  # ten times as fast as of words
+    return np.array(text.split(), kind)
 
 
 def _counted(face: str, counts: list[int]) -> str:
@@ -116,8 +132,7 @@ def _corners(faces: Iterable[str]) -> Corners:
 
 def _fans(lines: list[str], corners: int, slashes: int, has_no_uv: bool) -> Corners:
     """Triangles of faces of the same form."""
-    given = np.array(" ".join(lines).replace("/", " ").split(), np.int64)
-    given = given.reshape(len(lines), corners, -1)
+    given = _parsed(" ".join(lines).replace("/", " "), np.int64).reshape(len(lines), corners, -1)
     columns = (0, 2) if has_no_uv else range(slashes + 1)
     faces = np.zeros((len(lines), corners, 3), np.int64)
     faces[..., columns] = given

@@ -1,11 +1,13 @@
 """Mitsuba's XML as a bounded document: no entities, defaults filled in, references resolved.
 
+Files that it includes become part of it.
+
 Nothing in it is loaded or executed. Names of older versions (toWorld) become those of version 3
 (to_world), as Mitsuba itself does.
 """
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from xml.etree import ElementTree
 
 import numpy as np
@@ -18,6 +20,7 @@ Element = ElementTree.Element
 _MOST_BYTES = 16 * 10**6
 _MOST_ELEMENTS = 10**6
 _DEEPEST = 40
+_MOST_INCLUDES = 100
 _LONGEST = 10_000
 _CAPITAL = re.compile(r"(?<=[a-z])([A-Z])")
 _WORD = re.compile(r"\$(\w+)")
@@ -26,26 +29,19 @@ _WORD = re.compile(r"\$(\w+)")
 class Document:
     """Elements of a scene by place and by id."""
 
-    def __init__(self, content: bytes) -> None:
-        """Raise ValueError if it is no scene, or more than one."""
-        if len(content) > _MOST_BYTES:
-            raise ValueError(f"its XML is larger than {_MOST_BYTES / 1e6:.0f} MB")
-        if b"\0" in content:
-            raise ValueError("its XML is not UTF-8")
-        if b"<!DOCTYPE" in content or b"<!ENTITY" in content:
-            raise ValueError("it defines entities, which are not read")
-        try:
-            self.root = ElementTree.fromstring(content)
-        except ElementTree.ParseError as problem:
-            raise ValueError(f"it is no XML: {problem}") from None
-        if self.root.tag != "scene":
-            raise ValueError(f"its outermost element is {quoted(self.root.tag)!r}, not 'scene'")
+    def __init__(self, contents: Mapping[str, bytes]) -> None:
+        """Raise ValueError if the first content is no scene, or more than one."""
+        self._contents, self._includes = contents, 0
+        self.root = _scene(next(iter(contents.values())))
+        self.missing: list[str] = []
+        """Names of included files that are not among the contents."""
         self._by_id: dict[str, Element] = {}
         defaults: dict[str, str] = {}
         for number, element in enumerate(self._walk(self.root, 0)):
             if number > _MOST_ELEMENTS:
                 raise ValueError(f"it has more than {_MOST_ELEMENTS} elements")
             self._settle(element, defaults)
+        self.root[:] = _flat(self.root)
 
     def parts(self, element: Element, tag: str) -> list[Element]:
         """Direct parts of an element with a tag, also those that it names by their id."""
@@ -64,8 +60,23 @@ class Document:
         if depth > _DEEPEST:
             raise ValueError(f"it is nested in more than {_DEEPEST} levels")
         yield element
+        if element.tag == "include":
+            self._include(element)
         for each in element:
             yield from self._walk(each, depth + 1)
+
+    def _include(self, element: Element) -> None:
+        """Put the elements of another file into the element that includes it."""
+        name = plain(element.get("filename", ""))
+        self._includes += 1
+        if self._includes > _MOST_INCLUDES:
+            raise ValueError(f"it includes more than {_MOST_INCLUDES} files")
+        if not name.lower().endswith(".xml"):
+            raise ValueError(f"it includes {quoted(name)!r}, which is no XML file")
+        if name in self._contents:
+            element[:] = _scene(self._contents[name])
+        else:
+            self.missing.append(name)
 
     def _settle(self, element: Element, defaults: dict[str, str]) -> None:
         for key, value in element.attrib.items():
@@ -78,10 +89,34 @@ class Document:
             element.set("name", name)
         if element.tag == "default":
             defaults.setdefault(name, element.get("value", ""))
-        if element.tag == "include":
-            raise ValueError("it includes another XML file; put all into one")
         if "id" in element.attrib and element.tag != "ref":
             self._by_id[element.attrib["id"]] = element
+
+
+def _scene(content: bytes) -> Element:
+    """Return the outermost element of an XML file. Raises ValueError if it is no scene."""
+    if len(content) > _MOST_BYTES:
+        raise ValueError(f"its XML is larger than {_MOST_BYTES / 1e6:.0f} MB")
+    if b"\0" in content:
+        raise ValueError("its XML is not UTF-8")
+    if b"<!DOCTYPE" in content or b"<!ENTITY" in content:
+        raise ValueError("it defines entities, which are not read")
+    try:
+        root = ElementTree.fromstring(content)
+    except ElementTree.ParseError as problem:
+        raise ValueError(f"it is no XML: {problem}") from None
+    if root.tag != "scene":
+        raise ValueError(f"its outermost element is {quoted(root.tag)!r}, not 'scene'")
+    return root
+
+
+def _flat(element: Element) -> Iterator[Element]:
+    """Yield the parts of an element and, in their place, those of included files."""
+    for each in element:
+        if each.tag == "include":
+            yield from _flat(each)
+        else:
+            yield each
 
 
 def value_of(element: Element, tag: str, name: str) -> str:

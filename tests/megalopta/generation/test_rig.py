@@ -12,6 +12,7 @@ from megalopta.config.recipe import Plan
 from megalopta.core.errors import UserError
 from megalopta.generation.making import make
 from megalopta.render import read_truth
+from megalopta.stages.render import build
 
 pytestmark = pytest.mark.slow
 
@@ -135,3 +136,76 @@ def test_other_paths_and_odd_pairs_are_refused(rig, tmp_path):
     stranger = type(rig[0])(type(rig[0].dataset)(tmp_path, other), "all", {})
     with pytest.raises(UserError, match="another scene or path"):
         rig[0].flow_to(stranger, 0)
+
+
+@pytest.fixture(scope="module")
+def mixed(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("mixed")
+    fisheye = {"kind": "opencv", "width": 24, "height": 24, "fisheye": [0.01, 0, 0, 0]}
+    fisheye |= {"fx_px": 18, "fy_px": 18, "cx_px": 12, "cy_px": 12}
+    plan = Plan(
+        sequences=4,
+        scenes=({"preset": "demo", "scene": {"kind": "forest", "trees": 6, "density_per_ha": 60}},),
+        cameras=(SIZE,),
+        trajectories=({"frames": 2, "velocity_m_s": [1, 0.5, 0]},),
+        every={"render": {"samples_per_pixel": 1}},
+        rig=(
+            {},
+            {"position_m": (0.1, 0, 0), "sensors": ("ideal",)},
+            {"position_m": (0.2, 0, 0), "camera": {"width": 64, "height": 20, "fov_deg": 30}},
+            {
+                "position_m": (0.3, 0, 0),
+                "camera": fisheye,
+                "render": {"bands_nm": [[900, 1300], [1300, 1700]]},
+                "sensors": ("ctia_ingaas_quiet",),
+            },
+        ),
+        light_levels=("full_moon",),
+    )
+    make(folder / "data", plan)
+    return megalopta.open_dataset(folder / "data")
+
+
+def test_cameras_of_a_rig_have_their_own_lens_size_bands_and_sensor(mixed):
+    assert [each.exposures for each in mixed] == [
+        ("spadcam-full_moon",),
+        ("ideal-full_moon",),
+        ("spadcam-full_moon",),
+        ("ctia_ingaas_quiet-full_moon",),
+    ]
+    shapes = [each.counts(each.exposures[0])[0].shape for each in mixed]
+    assert shapes == [(30, 40), (30, 40), (20, 64), (24, 24)]
+    assert [len(each.configuration.render.bands_nm) for each in mixed] == [4, 4, 4, 2]
+    # Only the first two have the same lens.
+    assert [each.configuration.stereo_with is None for each in mixed] == [False, False, True, True]
+
+
+def test_different_cameras_see_the_same_scene(mixed):
+    first, *others = (build(each.configuration) for each in mixed)
+    for other in others:
+        assert other.triangle_count == first.triangle_count
+        for one, its in zip(other.placements, first.placements, strict=True):
+            np.testing.assert_array_equal(one.to_world, its.to_world)
+
+
+def test_flow_to_a_camera_with_another_lens_is_that_of_projected_points(mixed):
+    for start, end in ((0, 2), (0, 3), (3, 1)):
+        truth, pose = read_truth(mixed[start].dataset.truth(0)), mixed[end].poses[1]
+        points = (truth.position - pose[:3, 3]) @ pose[:3, :3]
+        camera = mixed[end].configuration.camera
+        image = camera.project(points.reshape(-1, 3)).reshape(*points.shape[:2], 2)
+        rows, columns = np.indices(image.shape[:2]) + 0.5
+        expected = image - np.stack([columns, rows], axis=-1)
+        known = np.isfinite(expected[..., 0])
+        assert known.sum() > 50
+        error = mixed[start].flow_to(mixed[end], 0, 1)[known] - expected[known]
+        # Depth and poses are float32.
+        assert np.abs(error / (1 + np.abs(expected[known]))).max() < 1e-4
+
+
+def test_a_camera_of_the_rig_that_does_not_fit_is_refused_before_any_is_made(tmp_path):
+    plan = plan_of(tmp_path).model_dump(mode="json")
+    plan["rig"][1]["camera"] = {"kind": "opencv"}
+    with pytest.raises(UserError, match=r"sequence 1 .*camera\.width: missing"):
+        make(tmp_path / "data", Plan.model_validate(plan))
+    assert not (tmp_path / "data/sequences").exists()

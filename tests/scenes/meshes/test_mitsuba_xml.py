@@ -7,6 +7,7 @@ from megalopta.scenes import Light, Meshes, PerspectiveCamera, Trajectory, build
 from megalopta.scenes.meshes.model import PlacedMesh
 
 CAMERA, PATH = PerspectiveCamera(), Trajectory()
+HAIR = '<bsdf type="hair" id="Fur"/>'
 METAL = '<bsdf type="roughconductor" id="Brass"/>'
 
 
@@ -36,14 +37,60 @@ def material_of(path, **more):
     return material
 
 
-def test_surfaces_that_are_not_diffuse_are_refused_by_name_unless_given(write):
+def test_metal_is_kept_as_it_is_unless_a_reflectance_is_given(write):
     path = write(square(METAL))
-    with pytest.raises(ValueError, match=r"material 'Brass' is of Mitsuba's type 'roughconductor'"):
+    assert material_of(path).finish.kind == "roughconductor"
+    assert not Meshes(files=(path,)).is_diffuse
+    assert Meshes(files=(path,)).expected_triangles(1.0) == 1  # costs are in proportion to it
+    given = material_of(path, materials={"Brass": 0.3})
+    assert (given.finish, given.reflectance(600)) == (None, 0.3)
+    assert Meshes(files=(path,), materials={"Brass": 0.3}).is_diffuse
+
+
+@pytest.mark.parametrize(
+    ("inside", "known_nm"),
+    [
+        ('<string name="material" value="Au"/>', (360, 830)),
+        ('<string name="material" value="MgO_palik"/>', (360, 767.6)),
+        ('<string name="material" value="none"/>', None),
+        ('<rgb name="specular_reflectance" value="0.5"/>', (360, 830)),
+        ('<spectrum name="eta" value="300:1, 900:2"/><spectrum name="k" value="1.5"/>', (300, 900)),
+    ],
+)
+def test_metal_is_known_where_its_data_are(write, inside, known_nm):
+    metal = METAL.replace("/>", f">{inside}</bsdf>")
+    assert material_of(write(square(metal))).known_nm == known_nm
+
+
+@pytest.mark.parametrize(
+    "inside",
+    [
+        '<string name="material" value="../../Au"/>',
+        '<string name="type" value="python"/>',
+        '<string name="id" value="a"/>',
+        '<float name="alpha" value="nan"/>',
+        '<rgb name="specular_reflectance" value="inf"/>',
+        '<texture name="alpha" type="volume"/>',
+        '<phase name="alpha" type="hg"/>',
+    ],
+)
+def test_parameters_that_reach_beyond_a_surface_are_refused(write, inside):
+    metal = METAL.replace("/>", f">{inside}</bsdf>")
+    with pytest.raises(ValueError, match=r"material 'Brass' is (with a|of Mitsuba's)"):
+        scene_of(write(square(metal)))
+
+
+def test_surfaces_that_are_not_kept_are_refused_by_name_unless_given(write):
+    path = write(square(HAIR))
+    with pytest.raises(ValueError, match=r"material 'Fur' is of Mitsuba's type 'hair'"):
         scene_of(path)
-    assert material_of(path, materials={"Brass": 0.3}).reflectance(600) == 0.3
-    checks = '<bsdf type="diffuse"><texture type="checkerboard" name="reflectance"/></bsdf>'
-    with pytest.raises(ValueError, match=r"'table' is with a reflectance of type 'checkerboard'"):
-        scene_of(write(square(checks)))
+    assert material_of(path, materials={"Fur": 0.3}).reflectance(600) == 0.3
+    waves = '<bsdf type="diffuse"><texture type="mesh_attribute" name="reflectance"/></bsdf>'
+    with pytest.raises(ValueError, match=r"material 'table' is of Mitsuba's type 'mesh_attribute'"):
+        scene_of(write(square(waves)))
+    raw = '<texture type="bitmap" name="reflectance"><boolean name="raw" value="true"/></texture>'
+    finish = material_of(write(square(f'<bsdf type="diffuse">{raw}</bsdf>'))).finish
+    assert finish.kind == "diffuse"
 
 
 def test_spectra_are_numbers_tables_or_files_and_known_where_they_are(write, tmp_path):
@@ -76,10 +123,33 @@ def test_defaults_fill_what_is_not_given(write):
     assert np.ptp(piece.vertices, axis=0).max() == 8
 
 
+def test_included_files_are_part_of_the_scene_at_their_place(write, tmp_path):
+    path = write('<include filename="parts/looks.xml"/>' + square('<ref id="red"/>'))
+    looks = tmp_path / "yard/parts/looks.xml"
+    looks.parent.mkdir()
+    looks.write_text(
+        '<scene version="3.0.0"><default name="share" value="0.25"/>'
+        '<include filename="red.xml"/></scene>'
+    )
+    (tmp_path / "yard/red.xml").write_text(
+        '<scene version="3.0.0"><bsdf type="diffuse" id="red">'
+        '<spectrum name="reflectance" value="$share"/></bsdf></scene>'
+    )
+    before = Meshes(files=(path,)).files[0].file
+    assert material_of(path).reflectance(500) == 0.25
+    looks.write_text(looks.read_text().replace("0.25", "0.5"))
+    with pytest.raises(ValueError, match="has changed since it was first used"):
+        before.check()
+
+
 @pytest.mark.parametrize(
     ("body", "message"),
     [
-        ('<include filename="other.xml"/>', "it includes another XML file"),
+        ('<include filename="other.xml"/>', r"other\.xml, which cannot be read"),
+        ('<include filename="../other.xml"/>', r"other\.xml, which is not in its folder"),
+        ('<include filename="other.bin"/>', "it includes 'other.bin', which is no XML file"),
+        ('<include filename="scene.xml"/>', "it is nested in more than 40 levels"),
+        ('<include filename="scene.xml"/>' * 9, "nested in more than 40 levels|100 files"),
         (square('<ref id="gold"/>'), "it names 'gold', which is not defined"),
         ('<shape type="hair"/>', "a shape of type 'hair'; export it as a mesh"),
         ("<a>" * 60 + "</a>" * 60, "nested in more than 40 levels"),

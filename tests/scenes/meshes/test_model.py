@@ -149,4 +149,42 @@ def test_what_has_no_effect_is_told(write, capsys):
     file.triangle(material=0)
     file.header["materials"] = [{"name": "lamp", "emissiveFactor": [1, 1, 1], "alphaMode": "BLEND"}]
     write(file.glb()).pieces()
-    assert "it has lamp (transparency and emission)" in capsys.readouterr().err
+    assert "it has lamp (transparency and metal and emission)" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("model", "told"),
+    [
+        ({"metallicFactor": 0}, ()),
+        ({"metallicFactor": 0.1}, ("metal",)),
+        ({}, ("metal",)),  # as glTF says
+        ({"metallicRoughnessTexture": {"index": 0}}, ("metal in a picture",)),
+    ],
+)
+def test_metal_is_told(write, model, told):
+    file = Gltf()
+    file.triangle(material=0)
+    file.header["materials"] = [{"name": "can", "pbrMetallicRoughness": model}]
+    (piece,) = write(file.glb()).pieces()
+    assert piece.paint.ignored == told
+
+
+@pytest.mark.parametrize(
+    ("side_m", "away_m", "travel_m", "told"),
+    [
+        (3, 2, 1, None),
+        (3000, 0, 3, "extends over 3000 m, and the camera moves by 3 m; .*`scale: 0.001`"),
+        (3000, 0, 100, None),
+        (0.005, 3, 1, "extends over 0.005 m, and the camera is 3 m away .*`scale: 1000`"),
+        (0.005, 0.02, 0.01, None),
+    ],
+)
+def test_a_size_that_does_not_suit_the_camera_is_told(
+    tmp_path, capsys, side_m, away_m, travel_m, told
+):
+    trimesh.creation.box((side_m, side_m, side_m)).export(tmp_path / "box.ply")
+    placed = PlacedMesh(file=str(tmp_path / "box.ply"))
+    start = np.array([side_m / 2 + away_m, 0, 0])
+    placed.doubt_unit(placed.pieces(), start + np.array([[0, 0, 0], [travel_m, 0, 0]]))
+    found = capsys.readouterr().err
+    assert re.search(told, found) if told else not found

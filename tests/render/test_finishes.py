@@ -1,0 +1,260 @@
+"""Surfaces of Mitsuba's XML that are not diffuse: light as plain Mitsuba's, truth of the first."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from megalopta.render import (
+    RenderSettings,
+    SceneRenderer,
+    activate,
+    choose_variant,
+    export_scene,
+    mi,
+)
+from megalopta.render.sensors.film import film_and_sampler
+from megalopta.render.sensors.optics import plugin, sensor_transform
+from megalopta.scenes import Light, Meshes, PerspectiveCamera, Trajectory, build_scene
+from megalopta.scenes.finish import LAST_NM
+
+from .conftest import vectorized
+
+BANDS = ((420, 480), (520, 560), (600, 680))
+CAMERA = PerspectiveCamera(width=32, height=24, fov_deg=75)
+INSIDE = Trajectory(frames=2, position_m=(-1.8, 0, 0), look_at_m=(0, 0, -0.1))
+SETTINGS = RenderSettings(bands_nm=BANDS, samples_per_pixel=100, max_depth=8, backend="auto")
+SEEDS = 12
+ROOM = """<scene version="3.0.0">
+  <bsdf type="twosided" id="wall">
+    <bsdf type="diffuse"><spectrum name="reflectance" value="400:0.3, 720:0.7"/></bsdf>
+  </bsdf>
+  <bsdf type="diffuse" id="white"><spectrum name="reflectance" value="0.8"/></bsdf>
+  <bsdf type="dielectric" id="glass"><string name="int_ior" value="bk7"/></bsdf>
+  <bsdf type="twosided" id="gold">
+    <bsdf type="roughconductor">
+      <string name="material" value="Au"/><float name="alpha" value="0.2"/>
+    </bsdf>
+  </bsdf>
+  <bsdf type="twosided" id="lacquer">
+    <bsdf type="roughplastic">
+      <texture type="bitmap" name="diffuse_reflectance">
+        <string name="filename" value="halves.png"/>
+        <transform name="to_uv"><rotate z="1" angle="90"/></transform>
+      </texture>
+      <float name="alpha" value="0.1"/>
+    </bsdf>
+  </bsdf>
+  <bsdf type="mask" id="cut">
+    <texture type="bitmap" name="opacity">
+      <string name="filename" value="cut.png"/><boolean name="raw" value="true"/>
+    </texture>
+    <bsdf type="twosided"><bsdf type="plastic">
+      <rgb name="diffuse_reflectance" value="0.1, 0.5, 0.2"/>
+    </bsdf></bsdf>
+  </bsdf>
+  <bsdf type="thindielectric" id="pane"/>
+  <bsdf type="twosided" id="paint">
+    <bsdf type="principled">
+      <rgb name="base_color" value="0.2, 0.3, 0.7"/><float name="metallic" value="0.5"/>
+      <float name="roughness" value="0.4"/>
+    </bsdf>
+  </bsdf>
+  <bsdf type="twosided" id="mixed">
+    <bsdf type="blendbsdf">
+      <float name="weight" value="0.4"/>
+      <bsdf type="conductor"><string name="material" value="Cu"/></bsdf>
+      <bsdf type="diffuse">
+        <texture type="checkerboard" name="reflectance">
+          <rgb name="color0" value="0.9, 0.5, 0.1"/><spectrum name="color1" value="0.05"/>
+          <transform name="to_uv"><scale x="1" y="3"/></transform>
+        </texture>
+      </bsdf>
+    </bsdf>
+  </bsdf>
+  <shape type="cube" id="room">
+    <transform name="to_world"><scale value="2"/></transform><ref id="wall"/>
+  </shape>
+  <shape type="rectangle" id="lamp">
+    <transform name="to_world"><translate z="1.9"/></transform>
+    <boolean name="flip_normals" value="true"/>
+    <ref id="white"/>
+    <emitter type="area"><spectrum name="radiance" value="400:3, 700:6"/></emitter>
+  </shape>
+  <shape type="sphere" id="marble">
+    <point name="center" x="-0.3" y="0.5" z="-0.3"/><float name="radius" value="0.3"/>
+    <ref id="glass"/>
+  </shape>
+  <shape type="cube" id="ingot">
+    <transform name="to_world">
+      <scale value="0.3"/><rotate z="1" angle="30"/><translate x="0.4" y="-0.6" z="-0.6"/>
+    </transform>
+    <ref id="gold"/>
+  </shape>
+  <shape type="rectangle" id="picture">
+    <transform name="to_world">
+      <rotate y="1" angle="-90"/><scale value="0.9"/><translate x="1.9" y="-0.6" z="0.3"/>
+    </transform>
+    <ref id="lacquer"/>
+  </shape>
+  <shape type="rectangle" id="leaf">
+    <transform name="to_world">
+      <rotate y="1" angle="-80"/><scale value="0.4"/><translate x="0.5" y="1.2" z="0.5"/>
+    </transform>
+    <ref id="cut"/>
+  </shape>
+  <shape type="rectangle" id="window">
+    <transform name="to_world">
+      <rotate y="1" angle="-70"/><scale value="0.3"/><translate x="0" y="-0.4" z="0.5"/>
+    </transform>
+    <ref id="pane"/>
+  </shape>
+  <shape type="sphere" id="ball">
+    <point name="center" x="0.8" y="0.7" z="-0.9"/><float name="radius" value="0.4"/>
+    <ref id="paint"/>
+  </shape>
+  <shape type="rectangle" id="coin">
+    <transform name="to_world">
+      <rotate y="1" angle="-60"/><scale value="0.4"/><translate x="1" y="0.2" z="1"/>
+    </transform>
+    <ref id="mixed"/>
+  </shape>
+</scene>"""
+
+
+@pytest.fixture
+def room(tmp_path):
+    halves = np.full((8, 8, 3), 230, np.uint8)
+    halves[:4] = 30, 60, 20
+    halves[:, :2] = 200, 20, 20
+    Image.fromarray(halves).save(tmp_path / "halves.png")
+    cut = np.full((16, 16), 255, np.uint8)
+    cut[4:] = 0
+    Image.fromarray(cut).save(tmp_path / "cut.png")
+    path = tmp_path / "room.xml"
+    path.write_text(ROOM)
+    return path
+
+
+def built(path, lights="file", **more):
+    files = {"file": str(path), "up": "z"}
+    return build_scene(Meshes(files=(files,), lights=lights, **more), Light(), CAMERA, INSIDE)
+
+
+def blocks(radiance):
+    """Mean radiance (SEEDS, 4, 4, B) of blocks of the picture, by seed."""
+    found = np.array([np.asarray(radiance(seed), np.float64) for seed in range(SEEDS)])
+    return found.reshape(SEEDS, 4, 6, 4, 8, -1).mean(axis=(2, 4))
+
+
+def plainly(scene):
+    """Radiance by seed of a scene loaded by plain Mitsuba."""
+    to_world = mi.ScalarTransform4f(sensor_transform(INSIDE.poses()[0]).tolist())
+    parts = film_and_sampler(CAMERA, BANDS, "independent", 100, CAMERA.height)
+    sensor = mi.load_dict({**plugin(CAMERA), "to_world": to_world, **parts})
+    integrator = mi.load_dict({"type": "path", "max_depth": 8})
+    return lambda seed: mi.render(scene, sensor=sensor, integrator=integrator, seed=seed + 100)
+
+
+def deviations(ours, theirs):
+    """Differences of means of blocks and of whole pictures in standard errors, and the latter."""
+    found = []
+    for one, other in ((ours, theirs), (ours.mean((1, 2)), theirs.mean((1, 2)))):
+        error = np.sqrt((one.var(axis=0, ddof=1) + other.var(axis=0, ddof=1)) / SEEDS)
+        found.append((one.mean(axis=0) - other.mean(axis=0)) / error)
+    return *found, error
+
+
+@vectorized
+@pytest.mark.slow
+def test_metal_glass_and_gloss_are_as_bright_as_in_plain_mitsuba_also_exported(room, tmp_path):
+    scene, pose = built(room), INSIDE.poses()[0]
+    renderer = SceneRenderer(scene, CAMERA, SETTINGS, INSIDE.poses())
+    assert renderer.integrator == "path (baked light covers diffuse surfaces only)"
+    ours = blocks(lambda seed: renderer.radiance(pose, seed))
+    file = export_scene(scene, CAMERA, SETTINGS, pose, tmp_path / "out")
+    activate(choose_variant("auto"))
+    exported = mi.load_file(str(file))
+    for radiance in (plainly(mi.load_file(str(room))), lambda seed: mi.render(exported, seed=seed)):
+        theirs = blocks(lambda seed, radiance=radiance: radiance(seed + 100))
+        # With 22 degrees of freedom, one of 48 exceeds 10 with a probability of 6e-8, and one of
+        # 3 exceeds 8 with 2e-7; errors of the whole picture are below half a percent.
+        of_blocks, of_all, error = deviations(ours, theirs)
+        assert np.abs(of_blocks).max() < 10
+        assert np.abs(of_all).max() < 8
+        assert (error < 0.005 * ours.mean(axis=(0, 1, 2))).all()
+
+
+@vectorized
+def test_truth_is_that_of_glass_and_of_the_whole_of_a_cut_out(room):
+    renderer = SceneRenderer(built(room), CAMERA, SETTINGS, INSIDE.poses())
+    truth = renderer.truth(INSIDE.poses(), 0)
+    names = np.array(["sky", *built(room).kinds])[truth.kind_id]
+    assert {"marble", "window", "leaf"} <= set(names.ravel())
+    pose = INSIDE.poses()[0]
+    positions = truth.position[names == "marble"].astype(np.float64)
+    from_center = np.linalg.norm(positions - [-0.3, 0.5, -0.3], axis=-1)
+    np.testing.assert_allclose(from_center, 0.3, atol=3.3e-4)  # facets, 1.1e-3 of the radius
+    assert not renderer.albedo(pose)[names == "marble"].any()
+    assert renderer.albedo(pose)[names == "room"].min() > 0.3
+
+
+def changed(path, old, new):
+    text = path.read_text()
+    assert old in text
+    path.write_text(text.replace(old, new))
+    return built(path)
+
+
+def rendered(scene, **more):
+    return SceneRenderer(scene, CAMERA, SETTINGS.model_copy(update=more), INSIDE.poses())
+
+
+def test_baked_light_is_refused(room):
+    with pytest.raises(
+        ValueError, match=r"covers diffuse surfaces and black lamps only, and material '.*cut'"
+    ):
+        rendered(built(room), integrator="baked")
+
+
+def test_bands_beyond_mitsubas_data_are_refused_unless_a_reflectance_is_given(room):
+    infrared = {"bands_nm": ((850.0, 900.0),)}
+    with pytest.raises(ValueError, match=r"gold': its spectrum is known from 360 to 830 nm"):
+        rendered(built(room, "own", materials={"wall": 0.5}), **infrared)
+    given = built(room, materials=dict.fromkeys(("cut", "gold", "lacquer", "paint", "mixed"), 0.5))
+    kept = {name: each for name, each in given.materials.items() if each.finish}
+    known = {name: each.known_nm for name, each in kept.items() if not each.emission}
+    assert set(known.values()) == {None}  # glass
+    assert len(known) == 2
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('value="Au"', 'value="Unobtainium"', r"gold': Mitsuba .*Unobtainium.* does not exist"),
+        ('<float name="alpha" value="0.1"/>', '<float name="shine" value="1"/>', "shine"),
+        (
+            'name="int_ior" value="bk7"',
+            'name="int_ior" value="ice"',
+            r"glass, smooth': .*IOR value",
+        ),
+        ("0.2, 0.3, 0.7", "2, 0.3, 0.7", r"paint, smooth': .*Invalid RGB"),
+    ],
+)
+def test_what_mitsuba_does_not_accept_is_one_sentence(room, old, new, message):
+    with pytest.raises(ValueError, match=message) as refused:
+        rendered(changed(room, old, new))
+    assert "\n" not in str(refused.value)
+    assert "give its reflectance in `materials`" in str(refused.value)
+
+
+def test_metals_are_known_as_far_as_mitsubas_data_go():
+    for file in (Path(mi.__file__).parent / "data/ior").glob("*.spd"):
+        lines = [line for line in file.read_text().splitlines() if line and line[0] != "#"]
+        first, last = (float(lines[row].split()[0]) for row in (0, -1))
+        metal = file.name.split(".")[0]
+        known = LAST_NM.get(metal, LAST_NM.get(metal.removesuffix("_palik"), 830.0))
+        assert first <= 360
+        assert known <= last
+        assert known == 830 or last < known + 0.2
