@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from megalopta.core.arrays import Floats, Mask
+from megalopta.core.arrays import Floats, Mask, robust_sigma
 from megalopta.sensor.calibrate.bad_pixels import constant_pixels, dead_pixels
 from megalopta.sensor.calibrate.level import Level
 from megalopta.sensor.compare.faults import Fault, listed, pixels_of
@@ -38,7 +38,6 @@ _TELEGRAPH_Z = 7.0
 _LAGS = 6
 _FEWEST_COUNTS = 30.0
 _ROUNDS = 8
-_OF_MEDIAN = 1.4826
 
 
 class Deviations(NamedTuple):
@@ -103,7 +102,7 @@ def deviations(captured: Level, expected: Level, good: Mask, error: Floats) -> D
     sigma = np.sqrt(parts + np.abs(trend) / len(captured.readings))
     left = np.where(good, apart - trend, 0)
     z = left[good] / sigma[good]
-    scatter = max(_OF_MEDIAN * float(np.median(np.abs(z))), 1.0) if z.size else 1.0
+    scatter = max(robust_sigma(z), 1.0) if z.size else 1.0
     return Deviations(left, scatter * sigma)
 
 
@@ -178,7 +177,7 @@ def _turned(z: Floats, good: Mask, axis: int) -> Floats:
         medians[enough] = np.nanmedian(lines[enough], axis=1)
     others = medians - np.median(medians)
     # lines of hot pixels scatter more than counting explains
-    scatter = _OF_MEDIAN * float(np.median(np.abs(others)))
+    scatter = robust_sigma(others)
     return np.asarray(others / np.maximum(1.2533 / np.sqrt(np.maximum(number, 1)), scatter))
 
 
