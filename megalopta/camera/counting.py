@@ -16,7 +16,7 @@ from megalopta.plotting.sections import Section, write_sections
 from megalopta.plotting.svg import map_chart
 from megalopta.plotting.text import number
 from megalopta.sensor import Sensor, preset
-from megalopta.sensor.calibrate.counting import CountingDevice, Summed, calibrate_counts, summed
+from megalopta.sensor.calibrate.counting import CountingDevice, calibrate_counts
 from megalopta.sensor.calibrate.device import Estimate
 from megalopta.sensor.calibrate.emva import Step
 from megalopta.sensor.calibrate.hot_neighbors import (
@@ -25,6 +25,7 @@ from megalopta.sensor.calibrate.hot_neighbors import (
     kernel_of,
 )
 from megalopta.sensor.calibrate.saturation import DeadTimeKind
+from megalopta.sensor.calibrate.sums import Summed, summed
 from megalopta.sensor.effects.crosstalk import REACH, Crosstalk, fired_mean, neighborhoods
 
 _KINDS: dict[str, DeadTimeKind] = {
@@ -49,8 +50,9 @@ _EDGES: dict[str, Any] = {
 }  # fmt: skip
 _BAD = (
     "Dead: no counts under light; stuck: one reading in all frames; saturated: at the counter's "
-    "end in every recording; hot: surely above ten times the median dark counts. The file bad.npy "
-    "marks the first three, hot.npy the last."
+    "end in every recording; hot: surely above ten times the median dark counts; telegraph: dark "
+    "counts switch between two rates. The file bad.npy marks the first three, hot.npy and "
+    "telegraph.npy the others; stuck.npy has the readings that do not change."
 )
 
 
@@ -127,7 +129,11 @@ def write_counting_device(
     folder = path.with_suffix("")
     maps = {}
     if device.dark_counts_hz is not None:
-        maps["dark_counts"] = _without(_primary(device.dark_counts_hz, talk), device)
+        dark = _without(_primary(device.dark_counts_hz, talk), device)
+        if (switching := device.telegraph) is not None:  # its traps add the rest
+            unknown = np.where(switching.pixels, np.nan, [dark.low, dark.high])
+            dark = Estimate(np.where(switching.pixels, switching.low_hz, dark.value), *unknown)
+        maps["dark_counts"] = dark
     if device.efficiency is not None:
         nominal = float(np.nanmean(device.efficiency.value))
         if wavelength_nm is not None:
@@ -146,15 +152,33 @@ def write_counting_device(
     if device.dead_time is not None:
         dead = device.dead_time
         fields["dead_time"] = {"kind": dead.kind, "dead_time_s": dead.seconds}
+    fields |= _switching(device, folder, fields["measured"])
     if talk.is_on:
         save_map(folder / "crosstalk.npy", np.array(talk.kernel))
         fields["crosstalk"] = {
             "mean_fired_neighbors": talk.mean_fired_neighbors,
             "kernel": {"path": f"{folder.name}/crosstalk.npy"},
         }
+    if (device.reading >= 0).any():
+        save_map(folder / "stuck.npy", device.reading)
+        fields["measured"]["stuck"] = f"{folder.name}/stuck.npy"
     save_map(folder / "bad.npy", device.bad)
     save_map(folder / "hot.npy", device.hot)
     write_text(path, f"# Written by megalopta spadcam calibrate.\n{strict_yaml.dump(fields)}")
+
+
+def _switching(device: CountingDevice, folder: Path, measured: dict[str, Any]) -> dict[str, Any]:
+    """Field of the pixels with telegraph noise, whose map is written; empty if there are none."""
+    found = device.telegraph
+    if found is None:
+        return {}
+    steps = np.zeros(found.pixels.shape)
+    steps[found.pixels] = found.high_hz[found.pixels] / found.low_hz[found.pixels] - 1
+    step = float(np.median(steps[found.pixels]))
+    save_map(folder / "telegraph.npy", steps / step)
+    measured["telegraph"] = f"{folder.name}/telegraph.npy"
+    times = dict.fromkeys(("fastest_s", "slowest_s"), found.time_s)
+    return {"telegraph": {"share": float(found.pixels.mean()), "step": step, **times}}
 
 
 def _without(estimate: Estimate, device: CountingDevice) -> Estimate:
@@ -222,6 +246,8 @@ def _write_report(
     head = ("", "median", "from", "to", "± (95 % CI)")
     kinds = ("dead", "stuck", "saturated", "hot")
     bad = tuple((kind, str(int(getattr(device, kind).sum()))) for kind in kinds)
+    switching = 0 if device.telegraph is None else int(device.telegraph.pixels.sum())
+    bad = (*bad, ("telegraph", str(switching)))
     dead = device.dead_time
     rows = () if dead is None else (
         ("dead time (ns)", f"{number(1e9 * dead.seconds)} ± {number(196e7 * dead.error)}"),

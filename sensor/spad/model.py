@@ -95,6 +95,15 @@ class Sensor(PixelOptics, frozen=True):
         return self
 
     @model_validator(mode="after")
+    def _check_stuck(self) -> Self:
+        if self.measured.stuck and self.counter.kind != "digital":
+            raise ValueError(
+                "measured.stuck: readings of an analog counter are not given by a count; remove "
+                "the map, or use a digital counter"
+            )
+        return self
+
+    @model_validator(mode="after")
     def _check_cascade(self) -> Self:
         carriers, fired = self.afterpulsing.mean_carriers, self.crosstalk.most_fired
         if not self.dead_time.is_on and carriers + fired > MOST_OFFSPRING:

@@ -76,7 +76,7 @@ CAMERAS = {
     "bits": Camera(
         _counting(counter={"kind": "digital", "capacity": 1}),
         (256, 256),
-        ((1e-3, 0.0, 900), (1e-5, 5e4, 900), (1e-5, 2.5e5, 900)),
+        ((2e-4, 0.0, 900), (1e-5, 5e4, 900), (1e-5, 2.5e5, 900)),
         0.4,
         0,
         1,
@@ -157,8 +157,8 @@ def vignetted(times, shape, rng):
 
 
 def noisy(times, shape, rng):
-    """Light that fluctuates by 3 % from frame to frame."""
-    return 1 + 0.03 * rng.standard_normal((times.size, 1, 1))
+    """Light that fluctuates by 5 % from frame to frame."""
+    return 1 + 0.05 * rng.standard_normal((times.size, 1, 1))
 
 
 def noisy_rows(times, shape, rng):
@@ -264,6 +264,7 @@ def _common(camera):
         "hot pixel": ("hot pixel", {"extra": hot}),
         "mirrored columns": ("order", {"spoil": of_readings(lambda r, _: r[:, :, ::-1])}),
         "swapped columns": ("order", {"spoil": of_readings(swapped)}),
+        "row stuck": ("dead row", {"spoil": written(np.s_[:, 5], camera.stuck)}),
         "efficiency": ("efficiency", {"light": brighter}),
     }
 
@@ -274,7 +275,6 @@ def _counter(**fields):
 
 _OF_COUNTS = {
     "row noise": ("row noise", {"light": noisy_rows}),
-    "row stuck": ("dead row", {"spoil": lambda r, t: written(np.s_[:, 5], r.max())(r, t)}),
     "dark counts": ("dark counts", {"sensor": {"dark_counts": {"bulk_mean_hz_um2": 0.3}}}),
 }
 _OF_AVALANCHES = {
@@ -285,7 +285,6 @@ _OF_CODES = {
     "read noise ×4": ("read noise", _counter(read_noise_v=4e-3)),
     "gain +10 %": ("drift of gain", {"spoil": of_readings(gain_drift)}),
     "row noise": ("row noise", {"spoil": of_readings(row_noise)}),
-    "row at the bottom": ("dead row", {"spoil": written(np.s_[:, 5], 124)}),
     "row offset 8 mV": ("row offset", {"spoil": written(np.s_[:, 5], lambda c: c - 10)}),
     "column offset 8 mV": ("column offset", {"spoil": written(np.s_[:, :, 5], lambda c: c - 10)}),
     "stuck bit": ("stuck bit", {"spoil": written(np.s_[:], lambda c: c | 32)}),
