@@ -123,9 +123,9 @@ class FrameRates:
     """Step of a pixel's traps relative to `telegraph.step`, (H, W); 0: none; None: all alike"""
 
     @property
-    def switching(self) -> Floats | float:
+    def switching(self) -> Floats:
         """That factor, 1 if all are alike."""
-        return 1.0 if self.telegraph_factor is None else self.telegraph_factor
+        return np.ones(()) if self.telegraph_factor is None else self.telegraph_factor
 
     def with_dark_counts(self, factor: Floats) -> "FrameRates":
         """Return the rates with dark counts multiplied by a factor."""

@@ -84,7 +84,7 @@ class Telegraph(Effect, frozen=True):
         switches = _traps(self, rates)[0] * rates.switching
         chances = binom.pmf(np.arange(self.traps + 1), self.traps, self.active_share)
         return [
-            (float(chance), rates.with_dark_counts(1 + self.step * active * switches))
+            (float(chance), rates.with_dark_counts(np.asarray(1 + self.step * active * switches)))
             for active, chance in enumerate(chances)
         ]
 
