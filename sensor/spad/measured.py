@@ -77,10 +77,10 @@ class MeasuredMaps(Effect, frozen=True):
     """Trapped carriers of every pixel relative to afterpulsing.mean_carriers."""
     crosstalk: MapFile | None = None
     """Neighbors that every pixel fires relative to crosstalk.mean_fired_neighbors."""
-    telegraph: MapFile | None = None
+    telegraph: Annotated[MapFile | None, Field(exclude_if=lambda file: file is None)] = None
     """Step of every pixel's traps relative to telegraph.step; 0: it does not switch. Decides which
     pixels have traps, in place of telegraph.share."""
-    stuck: MapFile | None = None
+    stuck: Annotated[MapFile | None, Field(exclude_if=lambda file: file is None)] = None
     """Reading of every stuck or dead pixel in all frames; -1: the pixel works. Digital counters."""
     step: MapFile | None = None
     """Step of every pixel's analog counter (V)."""

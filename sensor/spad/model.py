@@ -19,6 +19,7 @@ from megalopta.sensor.effects.dead_time import DeadTime
 from megalopta.sensor.effects.fields import AvalancheEffects
 from megalopta.sensor.effects.gating import Gate, open_fraction
 from megalopta.sensor.effects.jitter import Jitter
+from megalopta.sensor.effects.tcspc import Tcspc
 from megalopta.sensor.effects.telegraph import Telegraph
 from megalopta.sensor.effects.temperature import Temperature
 from megalopta.sensor.optics.pixels import PixelOptics
@@ -58,6 +59,8 @@ class Sensor(PixelOptics, frozen=True):
     """Events fired by avalanches of neighboring pixels; off by default."""
     jitter: Jitter = Jitter()
     """Scatter of the time stamps of events; none by default."""
+    tcspc: Tcspc = Field(default=Tcspc(), exclude_if=lambda tcspc: not tcspc.is_on)
+    """Pulsed light whose photons are counted by their time (histograms only); off by default."""
     counter: Annotated[DigitalCounter | AnalogCounter, Field(discriminator="kind")] = (
         DigitalCounter()
     )
