@@ -28,6 +28,7 @@ from scipy.stats import beta
 from megalopta.core.arrays import Floats, Mask
 from megalopta.sensor.calibrate.bad_pixels import dead_pixels
 from megalopta.sensor.calibrate.device import Estimate, garwood_interval
+from megalopta.sensor.calibrate.neighbors import Kernel, mean_kernel
 from megalopta.sensor.calibrate.saturation import (
     DeadTimeKind,
     MeanCounts,
@@ -86,6 +87,8 @@ class CountingDevice:
     reading: Floats
     """Reading of stuck and dead pixels (rows, columns); -1: the pixel works"""
     telegraph: Switching | None
+    kernel: Kernel | None
+    """Crosstalk and afterpulses by coincidences of dark counts"""
     saturated: Mask
     """Usable in no recording"""
     hot: Mask
@@ -123,6 +126,7 @@ def calibrate_counts(
     elif known is not None and not levels[0].is_binary:
         fits.set_dead_time(DeadTimeEstimate(known[0], 0.0, known[1], True))
     dark = fits.dark_counts(refused)
+    kernels = [level.kernel for level in levels if level.kernel is not None]
     hot = np.zeros(fits.shape, np.bool_)
     if dark is not None:
         hot = np.asarray(dark.low > hot_times * float(np.nanmedian(dark.value)))
@@ -136,6 +140,7 @@ def calibrate_counts(
         stuck=fits.stuck,
         reading=np.where(fits.stuck, levels[0].largest, np.where(fits.dead, 0.0, -1.0)),
         telegraph=fits.telegraph(),
+        kernel=mean_kernel(kernels) if kernels else None,
         saturated=~np.logical_or.reduce(fits.used) & ~fits.dead & ~fits.stuck,
         hot=hot & ~fits.dead & ~fits.stuck,
         refused=refused,

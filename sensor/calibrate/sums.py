@@ -9,10 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.core.arrays import Floats, Mask
+from megalopta.sensor.calibrate.neighbors import Kernel, neighbor_kernel
 from megalopta.sensor.calibrate.steadiness import Drift, drift
 from megalopta.sensor.calibrate.telegraph import Correlation, correlation
 
 _FEWEST_FRAMES = 50
+_MOST_COUNTS = 2**25
+"""Counts of a recording that are looked at for coincidences, 256 MiB of numbers."""
 _DRIFT_Z, _SMALLEST_DRIFT = 6.0, 0.005
 
 
@@ -33,6 +36,8 @@ class Summed(NamedTuple):
     steadiness: Drift
     """Drift of the mean over the pixels"""
     correlation: Correlation
+    kernel: Kernel | None
+    """Crosstalk and afterpulses by coincidences, of counts in the dark that determine them"""
 
     @property
     def mean(self) -> Floats:
@@ -66,6 +71,7 @@ def summed(
     for each in readings:  # a copy of all would take eight times the memory of bits
         squares += np.square(each - mean)
         at_largest += each == largest
+    related = correlation(readings, np.ones(mean.shape, np.bool_))
     found = Summed(
         exposure_s,
         light_hz,
@@ -76,10 +82,20 @@ def summed(
         largest.astype(np.float64),
         at_largest,
         drift(readings.mean(axis=(1, 2), dtype=np.float64)),
-        correlation(readings, np.ones(mean.shape, np.bool_)),
+        related,
+        None if is_binary or light_hz else _kernel(readings, (squares > 0) & ~related.is_telegraph),
     )
     _check_steadiness(found)
     return found
+
+
+def _kernel(readings: NDArray[Any], good: Mask) -> Kernel | None:
+    """Crosstalk and afterpulses of good pixels; None if too few have neighbors."""
+    frames = max(_MOST_COUNTS // good.size, _FEWEST_FRAMES)
+    try:
+        return neighbor_kernel(readings[:frames], good)
+    except ValueError:
+        return None
 
 
 def _check_steadiness(level: Summed) -> None:
