@@ -23,7 +23,13 @@ extensions = [
     "keyboard",
 ]
 default_role = "py:obj"
-exclude_patterns = ["gallery", "example_device", "extensions", "generated/gallery/*.ipynb"]
+exclude_patterns = [
+    "gallery",
+    "example_device",
+    "public_arrays",
+    "extensions",
+    "generated/gallery/*.ipynb",
+]
 templates_path = []
 
 myst_enable_extensions = ["colon_fence", "dollarmath", "deflist"]

@@ -30,6 +30,7 @@ from .effects.dark_counts import DarkCounts as DarkCounts
 from .effects.dead_time import DeadTime as DeadTime
 from .effects.gating import Gate as Gate
 from .effects.jitter import Jitter as Jitter
+from .effects.tcspc import Tcspc as Tcspc
 from .effects.telegraph import Telegraph as Telegraph
 from .effects.temperature import Temperature as Temperature
 from .event_stream import (
@@ -63,6 +64,10 @@ from .formats.events import (
 from .formats.reading import (
     read_events as read_events,
     read_frames as read_frames,
+)
+from .histograms import (
+    expose_histograms as expose_histograms,
+    mean_histograms as mean_histograms,
 )
 from .image_sensors import (
     IMAGE_SENSORS as IMAGE_SENSORS,

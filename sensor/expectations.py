@@ -112,7 +112,11 @@ def _frame_moments(rates: FrameRates, sensor: Sensor, device: FixedPattern) -> F
     readings = moments_of_readings(
         arrivals, events, sensor.counter, device.counters, exposure_s, effects, device.avalanches
     )
-    return np.array([*events, *readings])
+    moments = np.array([*events, *readings])
+    if device.stuck is not None:
+        stuck = device.stuck >= 0
+        moments[2, stuck], moments[3, stuck] = device.stuck[stuck], 0.0
+    return moments
 
 
 def _mixed(chances: Sequence[float], moments: Sequence[Floats]) -> Floats:

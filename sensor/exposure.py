@@ -29,7 +29,7 @@ from numpy.typing import ArrayLike, NDArray
 from megalopta.core.arrays import Floats
 from megalopta.sensor.ctia.array import expose_photocurrent, photocurrent, reading_electrons
 from megalopta.sensor.ctia.model import CtiaSensor
-from megalopta.sensor.effects.base import AvalancheMaps, Frame, FrameRates
+from megalopta.sensor.effects.base import AvalancheMaps, Frame
 from megalopta.sensor.effects.dead_time import check_arrivals
 from megalopta.sensor.effects.gating import open_fraction
 from megalopta.sensor.effects.jitter import stamp
@@ -152,7 +152,7 @@ def expose_rate(
     )
     if frames.are_poisson and counter.kind == "digital" and counter.overflow == "saturate":
         _count_poisson(frames, exposure)
-        return exposure
+        return frames.with_stuck(exposure)
 
     def expose_frame(index: int) -> None:
         out = exposure.counts[index], exposure.saturated[index]
@@ -168,7 +168,7 @@ def expose_rate(
             read_digital(events, counter, out)
 
     frames.each(expose_frame, in_turn=array is not None)
-    return exposure
+    return frames.with_stuck(exposure)
 
 
 def expose_adc(
@@ -250,6 +250,9 @@ def expose_binary(
         fill_bits(streams, np.ascontiguousarray(light_hz), dark_hz, open_s, packed[index])
 
     frames.each(expose_frame, in_turn=array is not None)
+    if frames.device.stuck is not None:
+        at_one, at_any = (np.packbits(frames.device.stuck > least, axis=-1) for least in (0, -1))
+        packed = (packed & ~at_any) | at_one
     return packed
 
 
@@ -361,7 +364,8 @@ class _Frames:
         if not self.device.in_time:
             return detections_hz, dark_hz
         number = self.first + index
-        rates = FrameRates(detections_hz.copy(), dark_hz.copy(), self.sensor.device_seed)
+        rates = self.device.rates(detections_hz.copy(), self.sensor.device_seed)
+        rates.dark_counts_hz = dark_hz.copy()
         for name, effect in self.device.in_time:
             run = generator(self.seed, name, self.sequence).integers(2**63)
             frame = Frame(number, number * self.period_s, int(run))
@@ -395,6 +399,15 @@ class _Frames:
             maps = AvalancheMaps(*(np.tile(each, (frames, 1)) for each in maps))
         counts = draw_counts(rng, tall_hz, exposure_s, effects, maps)
         return counts.reshape(frames, rows, columns)
+
+    def with_stuck(self, exposure: Exposure) -> Exposure:
+        """Overwrite the readings of stuck pixels."""
+        if self.device.stuck is not None:
+            stuck = self.device.stuck >= 0
+            exposure.counts[:, stuck] = self.device.stuck[stuck]
+            full = self.device.stuck[stuck] >= self.sensor.counter.capacity
+            exposure.saturated[:, stuck] = full
+        return exposure
 
     def simulated(
         self,

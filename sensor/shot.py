@@ -18,6 +18,7 @@ from megalopta.sensor.change import changed
 from megalopta.sensor.event_stream import Events
 from megalopta.sensor.expectations import expectation, settled
 from megalopta.sensor.exposure import expose, expose_binary, expose_events, expose_rate
+from megalopta.sensor.histograms import expose_histograms
 from megalopta.sensor.image_sensors import ImageSensor
 from megalopta.sensor.quantities import Exposure
 from megalopta.sensor.spad.device import detection_rate
@@ -207,6 +208,18 @@ class Shot:
                     first_frame=first + start,
                     free_running=array,
                 )
+
+    def histograms(self) -> Iterator[NDArray[np.uint32]]:
+        """Histograms (1, H, W, bins), frame by frame."""
+        rate = detection_rate(self._mean_radiance, self.bands_nm, self._spad)
+        for index in range(len(rate)):
+            yield expose_histograms(
+                rate[index : index + 1],
+                self._spad,
+                seed=self.seed,
+                sequence=self.sequence,
+                first_frame=self.first_frame + index,
+            )
 
     @property
     def _spad(self) -> Sensor:

@@ -37,7 +37,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.linalg import splu
 from scipy.spatial.transform import Rotation
 
-from megalopta.core.arrays import Floats
+from megalopta.core.arrays import Floats, robust_sigma
 from megalopta.flow import likelihood, likely_flow
 from megalopta.flow.detectors.base import Frames
 from megalopta.scenes.cameras.base import Camera
@@ -134,7 +134,7 @@ def _refined(t: Floats, d: Floats, e: Floats) -> tuple[Floats, Floats, float]:
     # least squares of (e + ω × e) · n = 0
     turn = np.linalg.lstsq(np.cross(e, normals), -np.sum(e * normals, axis=1), rcond=None)[0]
     for _ in range(_ROUNDS):  # each with the noise that the previous one left
-        noise = 1.4826 * np.median(np.abs(_across(t, turn, d, e))) or _NOISELESS
+        noise = robust_sigma(_across(t, turn, d, e)) or _NOISELESS
         # two directions across t, along which it may move
         sideways = np.linalg.svd(t[np.newaxis])[2][1:]
         start = np.concatenate(([0.0, 0.0], turn))

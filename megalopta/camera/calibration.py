@@ -95,16 +95,16 @@ def _fields(
     if device.dead_time_s is not None and device.dead_time_kind is not None:
         seconds = float(np.nanmedian(device.dead_time_s.value))
         fields["dead_time"] = {"kind": device.dead_time_kind, "dead_time_s": seconds}
-    if (light := _crosstalk(device.kernel)) is not None:
+    if (light := crosstalk_of(device.kernel)) is not None:
         fields["crosstalk"] = light.model_dump(exclude_defaults=True)
     if device.kernel is not None and device.kernel.are_afterpulses_seen:
         dead_s = fields.get("dead_time", {}).get("dead_time_s", base.dead_time.dead_time_s)
-        fields["afterpulsing"] = _afterpulsing(device.kernel, dead_s, base)
+        fields["afterpulsing"] = afterpulsing_of(device.kernel, dead_s, base)
     fields["measured"] = {**maps, "fit": "exact"}
     return fields
 
 
-def _crosstalk(kernel: Kernel | None) -> Crosstalk | None:
+def crosstalk_of(kernel: Kernel | None) -> Crosstalk | None:
     """Crosstalk for the sensor stage, if there is any."""
     if kernel is None or not kernel.is_seen:
         return None
@@ -117,7 +117,7 @@ def _crosstalk(kernel: Kernel | None) -> Crosstalk | None:
     )
 
 
-def _afterpulsing(kernel: Kernel, dead_time_s: float, base: Sensor) -> dict[str, float]:
+def afterpulsing_of(kernel: Kernel, dead_time_s: float, base: Sensor) -> dict[str, float]:
     """Trapped carriers that reproduce the observed afterpulses."""
     delay_s = max(base.afterpulsing.delay_s, _SLOWEST_DEAD_TIMES * dead_time_s)
     carriers = kernel.afterpulses * float(np.exp(dead_time_s / delay_s))
@@ -133,7 +133,7 @@ def primary(estimate: Estimate, kernel: Kernel | None) -> Estimate:
     if kernel is not None and kernel.are_afterpulses_seen:
         fired += kernel.afterpulses * estimate.value
         error = np.hypot(error, kernel.afterpulses_error * estimate.value)
-    if (light := _crosstalk(kernel)) is not None and kernel is not None:
+    if (light := crosstalk_of(kernel)) is not None and kernel is not None:
         by_light = crosstalk.fired_mean(filled(estimate.value), light)
         fired += by_light
         error = np.hypot(error, by_light * kernel.total_error / light.mean_fired_neighbors)

@@ -6,7 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from megalopta.camera.calibration import estimate_row
+from megalopta.camera.calibration import (
+    afterpulsing_of,
+    crosstalk_of,
+    estimate_row,
+    primary,
+)
 from megalopta.camera.device_files import filled, save_map, write_maps
 from megalopta.camera.emva_page import emva_section
 from megalopta.camera.recording import Beam, Source, read_recorded
@@ -16,7 +21,11 @@ from megalopta.plotting.sections import Section, write_sections
 from megalopta.plotting.svg import map_chart
 from megalopta.plotting.text import number
 from megalopta.sensor import Sensor, preset
-from megalopta.sensor.calibrate.counting import CountingDevice, Summed, calibrate_counts, summed
+from megalopta.sensor.calibrate.counting import (
+    CountingDevice,
+    DeadTimeEstimate,
+    calibrate_counts,
+)
 from megalopta.sensor.calibrate.device import Estimate
 from megalopta.sensor.calibrate.emva import Step
 from megalopta.sensor.calibrate.hot_neighbors import (
@@ -24,7 +33,9 @@ from megalopta.sensor.calibrate.hot_neighbors import (
     crosstalk_of_hot_pixels,
     kernel_of,
 )
+from megalopta.sensor.calibrate.neighbors import Kernel
 from megalopta.sensor.calibrate.saturation import DeadTimeKind
+from megalopta.sensor.calibrate.sums import Summed, summed
 from megalopta.sensor.effects.crosstalk import REACH, Crosstalk, fired_mean, neighborhoods
 
 _KINDS: dict[str, DeadTimeKind] = {
@@ -40,6 +51,11 @@ _CROSSTALK = (
     "Probability that an avalanche fires a pixel, from the dark counts of hot pixels and of those "
     "around them. The pixels of some arrays come in pairs of rows, whose light stays in the pair."
 )
+_COINCIDENCES = (
+    "Pixels that fire together more often than by chance, up to two pixels away, and variance "
+    "beyond that. Without crosstalk of hot pixels, the device file has what is beyond three "
+    "standard errors here."
+)
 _EDGES: dict[str, Any] = {
     "the pixel above": (REACH - 1, REACH),
     "the pixel below": (REACH + 1, REACH),
@@ -49,8 +65,9 @@ _EDGES: dict[str, Any] = {
 }  # fmt: skip
 _BAD = (
     "Dead: no counts under light; stuck: one reading in all frames; saturated: at the counter's "
-    "end in every recording; hot: surely above ten times the median dark counts. The file bad.npy "
-    "marks the first three, hot.npy the last."
+    "end in every recording; hot: surely above ten times the median dark counts; telegraph: dark "
+    "counts switch between two rates. The file bad.npy marks the first three, hot.npy and "
+    "telegraph.npy the others; stuck.npy has the readings that do not change."
 )
 
 
@@ -75,7 +92,7 @@ def calibrate_counting(sources: Sequence[Source], out: Path, beam: Beam, base: s
         for each in levels
     ]
     standard = emva_section(out, found.bad.shape, beam.wavelength_nm, recorded)
-    sections = [_crosstalk_section(talk, found.bad.size), standard]
+    sections = [_crosstalk_section(talk, found.bad.size), _coincidences(found.kernel), standard]
     _write_report(out.with_suffix(".html"), found, sections, out.stem, beam.wavelength_nm is None)
     return counting_summary(found, beam.wavelength_nm is None)
 
@@ -103,10 +120,10 @@ def hot_crosstalk(device: CountingDevice) -> Crosstalk:
         return Crosstalk()
 
 
-def _primary(estimate: Estimate, talk: Crosstalk) -> Estimate:
-    """Rates without what neighbors fire, which the simulation adds again."""
+def _primary(estimate: Estimate, device: CountingDevice, talk: Crosstalk) -> Estimate:
+    """Rates without what neighbors and traps fire, which the simulation adds again."""
     if not talk.is_on:
-        return estimate
+        return primary(estimate, device.kernel)
     fired = fired_mean(filled(estimate.value), talk)
     return Estimate(*(each - fired for each in (estimate.value, estimate.low, estimate.high)))
 
@@ -127,12 +144,18 @@ def write_counting_device(
     folder = path.with_suffix("")
     maps = {}
     if device.dark_counts_hz is not None:
-        maps["dark_counts"] = _without(_primary(device.dark_counts_hz, talk), device)
+        dark = _without(_primary(device.dark_counts_hz, device, talk), device)
+        if (switching := device.telegraph) is not None:  # its traps add the rest
+            unknown = np.where(switching.pixels, np.nan, [dark.low, dark.high])
+            dark = Estimate(np.where(switching.pixels, switching.low_hz, dark.value), *unknown)
+        maps["dark_counts"] = dark
     if device.efficiency is not None:
         nominal = float(np.nanmean(device.efficiency.value))
         if wavelength_nm is not None:
             nominal = float(base.photon_detection_efficiency(np.array(wavelength_nm)))
-        maps["efficiency"] = _without(_primary(device.efficiency, talk).scaled(1 / nominal), device)
+        maps["efficiency"] = _without(
+            _primary(device.efficiency, device, talk).scaled(1 / nominal), device
+        )
     fields: dict[str, Any] = {
         "preset": name,
         "name": path.stem,
@@ -146,15 +169,48 @@ def write_counting_device(
     if device.dead_time is not None:
         dead = device.dead_time
         fields["dead_time"] = {"kind": dead.kind, "dead_time_s": dead.seconds}
+    fields |= _switching(device, folder, fields["measured"])
     if talk.is_on:
         save_map(folder / "crosstalk.npy", np.array(talk.kernel))
         fields["crosstalk"] = {
             "mean_fired_neighbors": talk.mean_fired_neighbors,
             "kernel": {"path": f"{folder.name}/crosstalk.npy"},
         }
+    else:
+        fields |= _coincident(device.kernel, device.dead_time, base)
+    if (device.reading >= 0).any():
+        save_map(folder / "stuck.npy", device.reading)
+        fields["measured"]["stuck"] = f"{folder.name}/stuck.npy"
     save_map(folder / "bad.npy", device.bad)
     save_map(folder / "hot.npy", device.hot)
     write_text(path, f"# Written by megalopta spadcam calibrate.\n{strict_yaml.dump(fields)}")
+
+
+def _coincident(
+    kernel: Kernel | None, dead_time: DeadTimeEstimate | None, base: Sensor
+) -> dict[str, Any]:
+    """Fields of crosstalk and afterpulses that coincidences show."""
+    fields: dict[str, Any] = {}
+    if (light := crosstalk_of(kernel)) is not None:
+        fields["crosstalk"] = light.model_dump(exclude_defaults=True)
+    if kernel is not None and kernel.are_afterpulses_seen:
+        seconds = base.dead_time.dead_time_s if dead_time is None else dead_time.seconds
+        fields["afterpulsing"] = afterpulsing_of(kernel, seconds, base)
+    return fields
+
+
+def _switching(device: CountingDevice, folder: Path, measured: dict[str, Any]) -> dict[str, Any]:
+    """Field of the pixels with telegraph noise, whose map is written; empty if there are none."""
+    found = device.telegraph
+    if found is None:
+        return {}
+    steps = np.zeros(found.pixels.shape)
+    steps[found.pixels] = found.high_hz[found.pixels] / found.low_hz[found.pixels] - 1
+    step = float(np.median(steps[found.pixels]))
+    save_map(folder / "telegraph.npy", steps / step)
+    measured["telegraph"] = f"{folder.name}/telegraph.npy"
+    times = dict.fromkeys(("fastest_s", "slowest_s"), found.time_s)
+    return {"telegraph": {"share": float(found.pixels.mean()), "step": step, **times}}
 
 
 def _without(estimate: Estimate, device: CountingDevice) -> Estimate:
@@ -177,10 +233,12 @@ def counting_summary(device: CountingDevice, is_relative: bool) -> str:
     if device.dead_time is not None:
         dead = device.dead_time
         medians.append(f"dead time {number(1e9 * dead.seconds)} ns ({dead.kind})")
+    switching = 0 if device.telegraph is None else int(device.telegraph.pixels.sum())
+    noisy = f", {switching} with telegraph noise" if switching else ""
     missing = f" Not known: {_reasons(device)}." if device.refused else ""
     return (
-        f"{device.bad.size} pixels, {int(device.bad.sum())} bad, {int(device.hot.sum())} hot; "
-        f"medians: {', '.join(medians)}.{missing}"
+        f"{device.bad.size} pixels, {int(device.bad.sum())} bad, {int(device.hot.sum())} hot"
+        f"{noisy}; medians: {', '.join(medians)}.{missing}"
     )
 
 
@@ -215,13 +273,26 @@ def _crosstalk_section(talk: Crosstalk, pixels: int) -> Section:
                    (*rows, ("all pixels around", *total)))  # fmt: skip
 
 
+def _coincidences(kernel: Kernel | None) -> Section | None:
+    if kernel is None:
+        return None
+    rows = (
+        ("fired neighbors per event", 2 * float(kernel.share.sum()), kernel.total_error),
+        ("afterpulses per event", kernel.afterpulses, kernel.afterpulses_error),
+    )
+    texts = tuple((name, f"{100 * each:.2f} ± {196 * error:.2f}") for name, each, error in rows)
+    return Section("Coincidences in the dark", _COINCIDENCES, ("", "% (95 % CI)"), texts)
+
+
 def _write_report(
-    path: Path, device: CountingDevice, more: list[Section], name: str, is_relative: bool
+    path: Path, device: CountingDevice, more: list[Section | None], name: str, is_relative: bool
 ) -> None:
     quantities = list(_quantities(device, is_relative))
     head = ("", "median", "from", "to", "± (95 % CI)")
     kinds = ("dead", "stuck", "saturated", "hot")
     bad = tuple((kind, str(int(getattr(device, kind).sum()))) for kind in kinds)
+    switching = 0 if device.telegraph is None else int(device.telegraph.pixels.sum())
+    bad = (*bad, ("telegraph", str(switching)))
     dead = device.dead_time
     rows = () if dead is None else (
         ("dead time (ns)", f"{number(1e9 * dead.seconds)} ± {number(196e7 * dead.error)}"),
@@ -234,7 +305,7 @@ def _write_report(
     sections = [
         Section("The pixels", _PIXELS, head, tuple(estimate_row(*each) for each in quantities)),
         Section("Dead time", "", ("", "estimate"), rows) if rows else None,
-        Section("Not known", f"{_reasons(device) or 'Nothing'}."),
+        Section("Not known", f"{_reasons(device)}.") if device.refused else None,
         Section("Bad and hot pixels", _BAD, ("", "pixels"), bad),
         Section("Maps", "Gray: unknown.", charts=maps),
         *more,

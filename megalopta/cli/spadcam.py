@@ -151,7 +151,7 @@ def _recover(options: Namespace) -> None:
 @verb(
     "spadcam calibrate",
     "write a device file from dark recordings and recordings under uniform light, by name or "
-    "from a .yaml list",
+    "from a .yaml list; or from .csv tables of check captures",
     *_RECORDINGS,
     option("--out", "device file (default: device.yaml)", type=Path, default=Path("device.yaml")),
     option("--preset", "sensor for all other fields (default: spadcam)", default="spadcam"),
@@ -160,11 +160,26 @@ def _calibrate(options: Namespace) -> None:
     from megalopta.camera.calibrating import calibrate_recordings, named_sources
     from megalopta.camera.recording import Beam
 
+    if all(each.endswith(".csv") for each in options.recordings):
+        _calibrate_tables([Path(each) for each in options.recordings], options)
+        return
     sources = named_sources(options.recordings)
     beam = Beam(options.wavelength_nm, options.beam_area_mm2)
     print(calibrate_recordings(sources, options.out, beam=beam, base=options.preset))
     print(options.out)
     print(options.out.with_suffix(".html"))
+
+
+def _calibrate_tables(paths: list[Path], options: Namespace) -> None:
+    from megalopta.camera.array_device import write_array_device
+    from megalopta.core.errors import refused_as
+    from megalopta.verification.capture_files import read_measurement
+
+    with refused_as("calibrate"):
+        tables = [read_measurement(path) for path in paths]
+        source = f"calibrated from {', '.join(path.name for path in paths)}"
+        print(write_array_device(options.out, tables, options.preset, source))
+    print(options.out)
 
 
 @verb(

@@ -1,4 +1,4 @@
-"""Array types by content, and arrays from files. Every folder may import this module."""
+"""Array types by content, arrays from files, and spread. Every folder may import this module."""
 
 import io
 from typing import Any
@@ -18,3 +18,8 @@ def plain_array(content: bytes) -> NDArray[Any] | None:
     except Exception:  # a damaged header can raise any exception
         return None
     return values if values.dtype.kind in "fiu" else None
+
+
+def robust_sigma(apart: Floats) -> float:
+    """Return the standard deviation of normal differences from their center, by the median."""
+    return 1.4826 * float(np.median(np.abs(apart)))

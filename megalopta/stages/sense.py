@@ -137,6 +137,7 @@ class _Film:
             "events": shot.events,
             "bits": lambda: [shot.bits()],
             "burst": shot.burst,
+            "histograms": shot.histograms,
         }
         with refused_as(self._what):
             for kind, writers in self._writers.items():

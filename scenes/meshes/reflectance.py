@@ -8,7 +8,8 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
-from megalopta.core.bounded import quoted, read_text
+from megalopta.core.bounded import quoted, read_bytes
+from megalopta.core.curve_file import curve_of
 from megalopta.core.record import Record
 from megalopta.scenes.hashed_file import unreadable
 from megalopta.scenes.material import Material
@@ -52,20 +53,7 @@ def _read(given: Any) -> Any:
 def _curve_in(path: str) -> dict[str, tuple[float, ...]]:
     """Return the fields of the curve in a CSV file. Raises ValueError if it has none."""
     with unreadable(path):
-        lines = [line.partition("#")[0].strip() for line in read_text(path).splitlines()]
-    rows = [line for line in lines if line]
-    if rows and not rows[0][0].isdigit():
-        rows = rows[1:]  # names of the columns
-    try:
-        pairs = [row.split(",") for row in rows]
-        points = [(float(wavelength), float(value)) for wavelength, value in pairs]
-    except ValueError:
-        raise ValueError(
-            f"{path} has lines that are not wavelength_nm,reflectance; give two numbers in each, "
-            "with a comma between them"
-        ) from None
-    wavelengths, values = zip(*points, strict=True) if points else ((), ())
-    return {"wavelengths_nm": wavelengths, "values": values}
+        return curve_of(read_bytes(path), path, "reflectance")
 
 
 def _known(given: "float | Curve | str") -> "float | Curve | str":

@@ -10,6 +10,8 @@ time; so r = −ln(1 − p)/T, with the variance p/((1 − p)·n)/T² of n frame
     efficiency     weighted line through rates over light; needs light, and the dark or two lights
     bad pixels     dead: no counts under light; stuck: one reading in all frames; saturated in every
                    recording. Hot: dark counts surely above ten times the median
+    telegraph      readings in the dark correlated from frame to frame (`telegraph`), with the two
+                   rates between which dark counts switch
 
 Variance beyond that of independent events (afterpulses, crosstalk), by its mean over the array,
 widens intervals. The uncertainty of the dead time is part of those of rates. Pixels of a level are
@@ -18,26 +20,25 @@ omitted where a counter was at its capacity, or fewer than ten binary frames wer
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import beta
 
 from megalopta.core.arrays import Floats, Mask
 from megalopta.sensor.calibrate.bad_pixels import dead_pixels
 from megalopta.sensor.calibrate.device import Estimate, garwood_interval
+from megalopta.sensor.calibrate.neighbors import Kernel, mean_kernel
 from megalopta.sensor.calibrate.saturation import (
     DeadTimeKind,
     MeanCounts,
     dead_time_moments,
     fit_saturation,
 )
-from megalopta.sensor.calibrate.steadiness import Drift, drift
+from megalopta.sensor.calibrate.sums import Summed
+from megalopta.sensor.calibrate.telegraph import switching
 
-_FEWEST_FRAMES = 50
 _FEWEST_ZEROS = 10
-_DRIFT_Z, _SMALLEST_DRIFT = 6.0, 0.005
 _BRIGHTER_Z = 6.0
 _MOST_FITTED = 2048
 _SEEN, _CLEAR_KIND = 5.0, 6.0
@@ -46,84 +47,20 @@ _SURE, _OF_MEDIAN = 4.0, 1.2533
 _PILED = 0.5
 """Share of frames at the largest reading of all that shows it to be the counter's capacity."""
 _GRID = 4000
+_LARGEST_STEP = 50.0
+"""Largest ratio of two levels of dark counts that is told from an infinite one."""
 _ROUNDS = 4
 _95 = 1.959964
 
 
-class Summed(NamedTuple):
-    """Statistics of one recording, maps (rows, columns)."""
+class Switching(NamedTuple):
+    """Pixels whose dark counts switch between two rates (rows, columns)."""
 
-    exposure_s: float
-    light_hz: float
-    """Photons per second on a pixel, or any unit that all recordings share; 0: dark"""
-    is_binary: bool
-    frames: int
-    total: Floats
-    """Sum of all frames"""
-    variance: Floats
-    largest: Floats
-    at_largest: Floats
-    """Number of frames at the pixel's own largest reading"""
-    steadiness: Drift
-    """Drift of the mean over the pixels"""
-
-    @property
-    def mean(self) -> Floats:
-        """Mean reading."""
-        return self.total / self.frames
-
-    @property
-    def is_constant(self) -> Mask:
-        """Pixels with one reading in all frames."""
-        return np.asarray(self.at_largest == self.frames)
-
-    def __str__(self) -> str:
-        """Short description for readers."""
-        light = f"light of {self.light_hz:g}" if self.light_hz else "dark"
-        return f"{light}, exposure of {self.exposure_s:g} s"
-
-
-def summed(
-    readings: NDArray[Any], exposure_s: float, light_hz: float, *, is_binary: bool
-) -> Summed:
-    """Sum up a recording: counts, or bits as 0 and 1, (n, rows, columns).
-
-    Raises ValueError if there are too few frames, or readings drift.
-    """
-    n = len(readings)
-    if readings.ndim != 3 or n < _FEWEST_FRAMES:
-        raise ValueError(f"{n} frames; capture {_FEWEST_FRAMES} or more")
-    mean = readings.mean(axis=0, dtype=np.float64)
-    largest = readings.max(axis=0)
-    squares, at_largest = np.zeros((2, *mean.shape))
-    for each in readings:  # a copy of all would take eight times the memory of bits
-        squares += np.square(each - mean)
-        at_largest += each == largest
-    found = Summed(
-        exposure_s,
-        light_hz,
-        is_binary,
-        n,
-        mean * n,
-        squares / (n - 1),
-        largest.astype(np.float64),
-        at_largest,
-        drift(readings.mean(axis=(1, 2), dtype=np.float64)),
-    )
-    _check_steadiness(found)
-    return found
-
-
-def _check_steadiness(level: Summed) -> None:
-    size = abs(level.steadiness.change)
-    pixel = float(np.sqrt(level.variance.mean()))
-    if abs(level.steadiness.z) > _DRIFT_Z and size > _SMALLEST_DRIFT * pixel:
-        share = 100 * level.steadiness.change / max(float(level.mean.mean()), 1e-300)
-        raise ValueError(
-            f"{level}: drifts; the second half differs from the first by {share:+.2g} %, "
-            f"{abs(level.steadiness.z):.0f} standard errors; let light and temperature settle and "
-            "capture again"
-        )
+    pixels: Mask
+    low_hz: Floats
+    high_hz: Floats
+    time_s: float
+    """Correlation time"""
 
 
 class DeadTimeEstimate(NamedTuple):
@@ -147,6 +84,11 @@ class CountingDevice:
     """Largest count; None if it was not reached"""
     dead: Mask
     stuck: Mask
+    reading: Floats
+    """Reading of stuck and dead pixels (rows, columns); -1: the pixel works"""
+    telegraph: Switching | None
+    kernel: Kernel | None
+    """Crosstalk and afterpulses by coincidences of dark counts"""
     saturated: Mask
     """Usable in no recording"""
     hot: Mask
@@ -184,6 +126,7 @@ def calibrate_counts(
     elif known is not None and not levels[0].is_binary:
         fits.set_dead_time(DeadTimeEstimate(known[0], 0.0, known[1], True))
     dark = fits.dark_counts(refused)
+    kernels = [level.kernel for level in levels if level.kernel is not None]
     hot = np.zeros(fits.shape, np.bool_)
     if dark is not None:
         hot = np.asarray(dark.low > hot_times * float(np.nanmedian(dark.value)))
@@ -195,6 +138,9 @@ def calibrate_counts(
         capacity=fits.capacity,
         dead=fits.dead,
         stuck=fits.stuck,
+        reading=np.where(fits.stuck, levels[0].largest, np.where(fits.dead, 0.0, -1.0)),
+        telegraph=fits.telegraph(),
+        kernel=mean_kernel(kernels) if kernels else None,
         saturated=~np.logical_or.reduce(fits.used) & ~fits.dead & ~fits.stuck,
         hot=hot & ~fits.dead & ~fits.stuck,
         refused=refused,
@@ -365,6 +311,21 @@ class _Fits:
             longer = 1 + found[0] * self._dead_time.seconds
             found = [each * longer for each in found]
         return Estimate(*found)
+
+    def telegraph(self) -> Switching | None:
+        """Switching pixels, from the recording in the dark with the most counts."""
+        dark = [at for at, level in enumerate(self.levels) if not level.light_hz]
+        pixels = np.zeros(self.shape, np.bool_)
+        for at in dark:
+            pixels |= self.levels[at].correlation.is_telegraph & self.used[at]
+        if not pixels.any():
+            return None
+        best = max(dark, key=lambda at: float(self.levels[at].total[pixels].sum()))
+        level = self.levels[best]
+        low, high, frames = switching(level.mean, level.variance, level.correlation, pixels)
+        low_hz, high_hz = (self.rates(best, each) for each in (low, high))
+        low_hz = np.maximum(low_hz, high_hz / _LARGEST_STEP)
+        return Switching(pixels, low_hz, high_hz, frames * level.exposure_s)
 
     def efficiency(self, refused: dict[str, str]) -> Estimate | None:
         """Slope of rates over light, by weighted least squares."""

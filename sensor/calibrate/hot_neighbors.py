@@ -13,7 +13,7 @@ as the rest, so that light and its reflections are seen, but not whether pixels 
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.core.arrays import Floats, Mask
+from megalopta.core.arrays import Floats, Mask, robust_sigma
 from megalopta.sensor.effects.crosstalk import REACH, Crosstalk
 
 FEWEST_PIXELS = 4096
@@ -23,8 +23,6 @@ PERIOD = 2
 _ROUNDS = 20
 _FINEST = 0.02
 _SEEN, _CLEAR = 3.0, 4.0
-_NORMAL = 1.4826
-"""Standard deviation over the median absolute deviation"""
 _SIDE = 2 * REACH + 1
 _PLACES = np.delete(np.arange(_SIDE**2), _SIDE**2 // 2)
 
@@ -82,7 +80,7 @@ def kernel_of(shares: Floats) -> Crosstalk:
     are left at 0, and all are if those of edge neighbors are below three on average.
     """
     distance = np.hypot(*(np.indices((_SIDE, _SIDE)) - REACH))
-    noise = _NORMAL * float(np.median(np.abs(shares[:, :, distance >= REACH])))
+    noise = robust_sigma(shares[:, :, distance >= REACH])
     if shares[:, :, distance == 1].mean() < _SEEN * noise:
         return Crosstalk()
     kernel = np.zeros_like(shares)

@@ -1,9 +1,10 @@
 """Order of the pixels: rotated, mirrored, or with rows or columns swapped.
 
 The fixed pattern of a device is its fingerprint. Spearman's rank correlation of two maps measures
-whether bright pixels agree; it is insensitive to gain, offset and hot pixels. Candidates are the 8
-symmetries of the square and the best-matching order of rows and of columns (assignment by
-correlation). The one with a clearly higher correlation is named, and undone.
+whether bright pixels agree; it is insensitive to gain, offset and hot pixels. Of the 8 symmetries
+of the square, one with a clearly higher correlation is named, and undone. Otherwise rows, or
+columns, are assigned to those most like them. Each cycle of this order, such as two swapped lines,
+is judged by its own lines: in a large array they hardly change the correlation of the whole.
 """
 
 from typing import Any, NamedTuple
@@ -11,12 +12,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
-from scipy.spatial.distance import cdist
 from scipy.stats import rankdata
 
 from megalopta.core.arrays import Floats
 
 _CLEARLY = 6.0
+_CHANCE = 1e-6
 _SYMMETRIES = {
     "neither turned nor mirrored": (False, 0),
     "turned by 90° to the right": (False, 1),
@@ -75,26 +76,54 @@ def arrangement(captured: Floats, expected: Floats) -> Arrangement:
             found = _correlation(turned, expected)
             if _is_clearly_higher(found, best.correlation, captured.size):
                 best = Arrangement(name, found, plain)
-    for lines in ("rows", "columns"):
+    for lines in ("rows", "columns") if not best.is_other else ():
         pair = (captured, expected) if lines == "rows" else (captured.T, expected.T)
-        order = matching_rows(*pair)
-        swapped = _correlation(pair[0][order], pair[1])
+        order = _order(*pair)
         moved = int((order != np.arange(len(order))).sum())
-        # with so many orders one fits by chance: the best of n normal correlations of two rows
-        by_chance = float(np.sqrt(2 * np.log(len(order)) / max(pair[0].shape[1] - 1, 1)))
-        is_higher = _is_clearly_higher(swapped, best.correlation, captured.size)
-        if moved and swapped > by_chance and is_higher:
+        if moved:
+            swapped = _correlation(pair[0][order], pair[1])
             name = f"{moved} of {len(order)} {lines} in another order"
             places = tuple(int(each) for each in order)
             best = Arrangement(name, swapped, plain, **{lines: places})
+            break
     return best
 
 
-def matching_rows(captured: Floats, expected: Floats) -> NDArray[np.intp]:
-    """Return the captured row (rows,) most similar to each expected one, each used once."""
-    ranks = [rankdata(each).reshape(each.shape) for each in (captured, expected)]
-    apart = cdist(ranks[1], ranks[0], "sqeuclidean")
-    return np.asarray(linear_sum_assignment(apart)[1])
+def _order(captured: Floats, expected: Floats) -> NDArray[np.intp]:
+    """Captured row at the place of each expected one, (rows,): as it is where that is no chance."""
+    alike = np.arctanh(np.clip(_line_correlations(expected, captured), -0.999, 0.999))
+    found = np.asarray(linear_sum_assignment(-alike)[1])
+    order, number = np.arange(len(found)), len(found)
+    for cycle in _cycles(found):
+        size = len(cycle)
+        gain = float((alike[cycle, found[cycle]] - alike[cycle, cycle]).sum())
+        z = gain * np.sqrt(max(captured.shape[1] - 3, 1) / (2 * size))
+        # the best of so many cycles of this size, by chance once in a million maps
+        if size > 1 and z**2 / 2 > size * np.log(number) - np.log(size) - np.log(_CHANCE):
+            order[cycle] = found[cycle]
+    return order
+
+
+def _cycles(order: NDArray[np.intp]) -> list[list[int]]:
+    left, found = set(range(len(order))), []
+    while left:
+        cycle = [left.pop()]
+        while (following := int(order[cycle[-1]])) in left:
+            left.remove(following)
+            cycle.append(following)
+        found.append(cycle)
+    return found
+
+
+def _line_correlations(one: Floats, other: Floats) -> Floats:
+    """Rank correlations of all rows of one map with all of another, (rows, rows)."""
+    units = []
+    for each in (one, other):
+        ranks = rankdata(each).reshape(each.shape)
+        apart = ranks - ranks.mean(axis=1, keepdims=True)
+        size = np.sqrt((apart**2).sum(axis=1, keepdims=True))
+        units.append(apart / np.where(size > 0, size, 1))
+    return np.asarray(units[0] @ units[1].T)
 
 
 def _correlation(one: Floats, other: Floats) -> float:

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from megalopta.core.arrays import Floats, Mask
+from megalopta.core.arrays import Floats, Mask, robust_sigma
 from megalopta.sensor.calibrate.bad_pixels import constant_pixels, dead_pixels
 from megalopta.sensor.calibrate.level import Level
 from megalopta.sensor.compare.faults import Fault, listed, pixels_of
@@ -34,11 +34,7 @@ _LARGE = 0.1
 """Relative difference above which a pixel is listed."""
 _HOT = 2.0
 """Dark counts over the expected ones above which a pixel is hot."""
-_TELEGRAPH_Z = 7.0
-_LAGS = 6
-_FEWEST_COUNTS = 30.0
 _ROUNDS = 8
-_OF_MEDIAN = 1.4826
 
 
 class Deviations(NamedTuple):
@@ -103,7 +99,7 @@ def deviations(captured: Level, expected: Level, good: Mask, error: Floats) -> D
     sigma = np.sqrt(parts + np.abs(trend) / len(captured.readings))
     left = np.where(good, apart - trend, 0)
     z = left[good] / sigma[good]
-    scatter = max(_OF_MEDIAN * float(np.median(np.abs(z))), 1.0) if z.size else 1.0
+    scatter = max(robust_sigma(z), 1.0) if z.size else 1.0
     return Deviations(left, scatter * sigma)
 
 
@@ -178,7 +174,7 @@ def _turned(z: Floats, good: Mask, axis: int) -> Floats:
         medians[enough] = np.nanmedian(lines[enough], axis=1)
     others = medians - np.median(medians)
     # lines of hot pixels scatter more than counting explains
-    scatter = _OF_MEDIAN * float(np.median(np.abs(others)))
+    scatter = robust_sigma(others)
     return np.asarray(others / np.maximum(1.2533 / np.sqrt(np.maximum(number, 1)), scatter))
 
 
@@ -203,18 +199,6 @@ def _cause_of_line(
     return cause, best[cause][1]
 
 
-def telegraphs(level: Level, good: Mask) -> Mask:
-    """Mark pixels (rows, columns) whose readings are correlated from frame to frame."""
-    signal = np.asarray(level.signal, np.float32)
-    spread = signal.std(axis=0)
-    counted = good & (spread > 0) & (signal.sum(axis=0) > _FEWEST_COUNTS)
-    z = np.clip((signal - signal.mean(axis=0)) / np.where(counted, spread, np.inf), -5, 5)
-    n = len(z)
-    lags = [(z[lag:] * z[:-lag]).sum(axis=0) / np.sqrt(n) for lag in range(1, _LAGS + 1)]
-    first, several = lags[0], np.sum(lags, axis=0) / np.sqrt(_LAGS)
-    return np.asarray(np.maximum(first, several) > _TELEGRAPH_Z)
-
-
 def telegraph_fault(mask: Mask) -> list[Fault]:
     """Describe pixels with telegraph noise."""
     return [Fault("telegraph noise", f"telegraph noise in {pixels_of(mask)}")] if mask.any() else []
@@ -222,18 +206,18 @@ def telegraph_fault(mask: Mask) -> list[Fault]:
 
 def odd_pixels(
     captured: Sequence[Level], expected: Sequence[Level], found: Sequence[Deviations],
-    good: Sequence[Mask],
+    good: Sequence[Mask], parts: Sequence[Parts],
 ) -> tuple[Mask, list[Fault]]:  # fmt: skip
     """Mark and describe single pixels that deviate."""
     hot = np.zeros(good[0].shape, np.bool_)
     odd = np.zeros_like(hot)
-    for one, other, each, own in zip(captured, expected, found, good, strict=True):
+    for one, other, each, own, part in zip(captured, expected, found, good, parts, strict=True):
         reference = np.asarray(other.signal.mean(axis=0, dtype=np.float64))
         far = own & (np.abs(each.counts) > _PIXEL_Z * each.error)
         far &= np.abs(each.counts) > _LARGE * np.maximum(reference, 0)
         odd |= far
         if one.is_dark:
-            hot |= far & (each.counts > (_HOT - 1) * reference.clip(0))
+            hot |= far & (each.counts > (_HOT - 1) * part.dark)
     faults = []
     if hot.any():
         faults.append(Fault("hot pixel", f"hot {pixels_of(hot)}"))

@@ -21,6 +21,7 @@ import numpy as np
 
 from megalopta.core.arrays import Floats, Mask
 from megalopta.sensor.calibrate.level import Level
+from megalopta.sensor.calibrate.telegraph import correlation
 from megalopta.sensor.compare.arrangement import Arrangement, arrangement
 from megalopta.sensor.compare.causes import Causes, Doubts, find_causes
 from megalopta.sensor.compare.converter import stuck_bits, uneven_codes
@@ -33,7 +34,6 @@ from megalopta.sensor.compare.pattern import (
     odd_lines,
     odd_pixels,
     telegraph_fault,
-    telegraphs,
     unresponsive,
 )
 from megalopta.sensor.compare.quantities import BLOCKS
@@ -223,19 +223,20 @@ class _Cleaned:
 
     def check_pattern(self) -> None:
         """Lines and single pixels."""
-        flickering = np.zeros_like(self.masked)
+        flickering, known = np.zeros((2, *self.masked.shape), np.bool_)
         for one, other, own in zip(self.captured, self.expected, self.good, strict=True):
-            flickering |= telegraphs(one, own) & ~telegraphs(other, own)
-        self.masked = self.masked | flickering
+            flickering |= correlation(one.signal, own).is_telegraph
+            known |= correlation(other.signal, own).is_telegraph
+        self.masked = self.masked | flickering | known
         parts, volts = self.model.parts(self.expected), self.model.volts_per_count
         volts = volts if self.captured[0].codes is not None else 0.0
         offsets, odd, faults = odd_lines(self.captured, self._deviations(), self.good, parts, volts)
         for each in offsets:
             self._take_out(each)
         self.masked = self.masked | odd
-        alone, more = odd_pixels(self.captured, self.expected, self._deviations(), self.good)
+        alone, more = odd_pixels(self.captured, self.expected, self._deviations(), self.good, parts)
         self.masked = self.masked | alone
-        self.faults += [*faults, *telegraph_fault(flickering), *more]
+        self.faults += [*faults, *telegraph_fault(flickering & ~known), *more]
 
     def _deviations(self) -> list[Any]:
         each = zip(self.captured, self.expected, self.good, self.errors, strict=True)

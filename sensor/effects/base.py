@@ -54,7 +54,11 @@ class PixelRates:
     """Rise of every breakdown voltage since the reference temperature"""
 
     factors: dict[str, Floats] = field(default_factory=dict)
-    """Factors on the values of dead_time, afterpulsing and crosstalk, (H, W); missing: 1"""
+    """Factors on the values of dead_time, afterpulsing, crosstalk and telegraph, (H, W); missing: 1
+    """
+
+    stuck: Floats | None = None
+    """Readings of stuck pixels, (H, W); -1: the pixel works"""
 
     measured: set[str] = field(default_factory=set)
     """Names of values measured at the reference bias and temperature"""
@@ -115,6 +119,14 @@ class FrameRates:
     """Dark count rate, (H, W)"""
 
     device_seed: int
+
+    telegraph_factor: Floats | None = None
+    """Step of a pixel's traps relative to `telegraph.step`, (H, W); 0: none; None: all alike"""
+
+    @property
+    def switching(self) -> Floats:
+        """That factor, 1 if all are alike."""
+        return np.ones(()) if self.telegraph_factor is None else self.telegraph_factor
 
     def with_dark_counts(self, factor: Floats) -> "FrameRates":
         """Return the rates with dark counts multiplied by a factor."""

@@ -73,36 +73,48 @@ class Telegraph(Effect, frozen=True):
     def act_on_frame(self, rates: FrameRates, rng: np.random.Generator, frame: Frame) -> None:
         """Raise the dark counts by those of active traps."""
         if self.is_on:
-            rates.dark_counts_hz *= 1 + self.step * active_traps(self, rates, frame)
+            rates.dark_counts_hz *= 1 + self.step * rates.switching * active_traps(
+                self, rates, frame
+            )
 
     def over_time(self, rates: FrameRates) -> list[tuple[float, FrameRates]]:
         """Return rates for each number of active traps, with its probability."""
         if not self.is_on:
             return [(1.0, rates)]
-        switches = _traps(self, rates.dark_counts_hz.shape, rates.device_seed)[0]
+        switches = _traps(self, rates)[0] * rates.switching
         chances = binom.pmf(np.arange(self.traps + 1), self.traps, self.active_share)
         return [
-            (float(chance), rates.with_dark_counts(np.where(switches, 1 + self.step * active, 1.0)))
+            (float(chance), rates.with_dark_counts(np.asarray(1 + self.step * active * switches)))
             for active, chance in enumerate(chances)
         ]
 
 
 def active_traps(telegraph: Telegraph, rates: FrameRates, frame: Frame) -> Floats:
     """Return the number of active traps of each pixel at the start of a frame, (H, W)."""
-    shape = rates.dark_counts_hz.shape
-    _, pixels, times_s = _traps(telegraph, shape, rates.device_seed)
-    active = np.zeros(shape)
+    _, pixels, times_s = _traps(telegraph, rates)
+    active = np.zeros(rates.dark_counts_hz.shape)
     run = np.uint64(frame.run)
     _add_active(run, frame.time_s, telegraph.active_share, pixels, times_s, active)
     return active
 
 
-@lru_cache(maxsize=8)
 def _traps(
-    telegraph: Telegraph, shape: tuple[int, int], device_seed: int
+    telegraph: Telegraph, rates: FrameRates
+) -> tuple[NDArray[np.bool_], NDArray[np.int64], Floats]:
+    """Traps of the measured pixels, or of drawn ones, as `_traps_of`."""
+    factor = rates.telegraph_factor
+    measured = None if factor is None else (factor > 0).tobytes()
+    return _traps_of(telegraph, rates.dark_counts_hz.shape, rates.device_seed, measured)
+
+
+@lru_cache(maxsize=8)
+def _traps_of(
+    telegraph: Telegraph, shape: tuple[int, int], device_seed: int, measured: bytes | None
 ) -> tuple[NDArray[np.bool_], NDArray[np.int64], Floats]:
     """Mask of switching pixels, (H, W); their rows and columns, (N, 2), and times, s, (N, K)."""
     switches = pixel_uniforms(shape, device_seed, "telegraph, share") < telegraph.share
+    if measured is not None:
+        switches = np.frombuffer(measured, np.bool_).reshape(shape)
     ranks = [
         pixel_uniforms(shape, device_seed, "telegraph, time", trap)[switches]
         for trap in range(telegraph.traps)

@@ -51,24 +51,24 @@ class PackedLayout(BaseModel, frozen=True, extra="forbid", use_attribute_docstri
 
 
 @contextmanager
-def binary_npy_writer(
-    path: str | Path, shape: tuple[int, ...]
-) -> Iterator[Callable[[Bytes], None]]:
-    """Yield a function that appends packed frames; the file appears with all (T, H, ceil(W/8)).
+def npy_writer(
+    path: str | Path, shape: tuple[int, ...], dtype: str = "|u1"
+) -> Iterator[Callable[[NDArray[Any]], None]]:
+    """Yield a function that appends frames, such as packed ones; the file appears with all.
 
-    Raises ValueError if the frames do not match the shape.
+    Raises ValueError if the frames do not match the shape (T, …) and type.
     """
     with atomic_write(Path(path)) as temporary, temporary.open("wb") as file:
-        header = {"descr": "|u1", "fortran_order": False, "shape": tuple(shape)}
+        header = {"descr": dtype, "fortran_order": False, "shape": tuple(shape)}
         np.lib.format.write_array_header_1_0(file, header)
         written = 0
 
-        def write(packed: Bytes) -> None:
+        def write(frames: NDArray[Any]) -> None:
             nonlocal written
-            if packed.dtype != np.uint8 or packed.shape[1:] != tuple(shape[1:]):
-                raise ValueError(f"packed: {packed.dtype} {packed.shape}; give uint8 (T, {shape})")
-            file.write(np.ascontiguousarray(packed).data)
-            written += len(packed)
+            if frames.dtype != np.dtype(dtype) or frames.shape[1:] != tuple(shape[1:]):
+                raise ValueError(f"frames: {frames.dtype} {frames.shape}; give {dtype} {shape}")
+            file.write(np.ascontiguousarray(frames).data)
+            written += len(frames)
 
         yield write
         if written != shape[0]:

@@ -15,12 +15,13 @@ if TYPE_CHECKING:
     from megalopta.sensor.image_sensors import ImageSensor
 
 ProductName: TypeAlias = Literal[
-    "counts", "events_hdf5", "events_npz", "binary_npy", "binary_spad512", "burst_npy", "tiff"
-]
+    "counts", "events_hdf5", "events_npz", "binary_npy", "binary_spad512", "burst_npy", "tiff",
+    "histograms_npy",
+]  # fmt: skip
 PRODUCTS: tuple[ProductName, ...] = get_args(ProductName)
 
-Kind: TypeAlias = Literal["readings", "events", "bits", "burst"]
-"""Input of a product's writer: `Exposure`, `Events`, or packed bits of frames or bursts."""
+Kind: TypeAlias = Literal["readings", "events", "bits", "burst", "histograms"]
+"""Input of a product's writer: `Exposure`, `Events`, packed bits of frames or bursts, or arrays."""
 Write: TypeAlias = Callable[[Any], None]
 
 
@@ -37,6 +38,7 @@ _PRODUCTS: Mapping[ProductName, _Product] = {
     "binary_spad512": _Product(".spad512", "bits"),
     "burst_npy": _Product(".burst.npy", "burst"),
     "tiff": _Product(".tiff", "readings"),
+    "histograms_npy": _Product(".histograms.npy", "histograms"),
 }
 
 
@@ -67,6 +69,7 @@ def check_product(product: ProductName, sensor: "ImageSensor", shape: tuple[int,
     from megalopta.sensor.exposure import check_binary
     from megalopta.sensor.formats.events import MOST_PIXELS_A_SIDE
     from megalopta.sensor.formats.packed import check_spad512_size
+    from megalopta.sensor.histograms import check_histograms
     from megalopta.sensor.spad.model import Sensor
 
     kind = kind_of(product)
@@ -78,7 +81,9 @@ def check_product(product: ProductName, sensor: "ImageSensor", shape: tuple[int,
             "sensor"
         )
     try:
-        if kind != "events":
+        if kind == "histograms":
+            check_histograms(sensor)
+        elif kind != "events":
             check_binary(sensor)
         if product == "binary_spad512":
             check_spad512_size(*shape)
@@ -112,6 +117,7 @@ def product_writer(
         Binary frames per burst in that time.
     """
     from megalopta.sensor.formats import counts_store, events, packed, tiff
+    from megalopta.sensor.spad.model import Sensor
 
     frames, rows, columns = shape
     if product == "counts":
@@ -124,8 +130,11 @@ def product_writer(
         return events.events_hdf5_writer(path, _event_origin(origin, shape, frame_period_s))
     if product == "events_npz":
         return events.events_npz_writer(path, _event_origin(origin, shape, frame_period_s))
+    if product == "histograms_npy":
+        assert isinstance(origin.sensor, Sensor)
+        return packed.npy_writer(path, (*shape, origin.sensor.tcspc.bins), "<u4")
     frames *= burst_frames if product == "burst_npy" else 1
-    return packed.binary_npy_writer(path, (frames, rows, -(-columns // 8)))
+    return packed.npy_writer(path, (frames, rows, -(-columns // 8)))
 
 
 @contextmanager

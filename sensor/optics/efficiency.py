@@ -10,16 +10,11 @@ Between points the integrand is a parabola, or a cubic with the transmission T(Î
 Simpson's rule is exact for both: no point is lost however narrow or wide the band. The curve holds
 at one operating point; `bias` scales it elsewhere.
 
-A measured curve of efficiency, or of the lens's transmission, comes from a CSV file. The file is
-read once, and its numbers replace its path in the sensor's description:
-
-    # comments and one line of column names may come first wavelength_nm,efficiency 400,0.021
-    450,0.034
+A measured curve of efficiency, or of the lens's transmission, comes from a CSV file
+(`core.curve_file`). It is read once, and its numbers replace its path in the sensor's description.
 """
 
-import csv
-import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from itertools import product
 from pathlib import Path
 from typing import Annotated, Any, ClassVar
@@ -29,11 +24,10 @@ from numpy.typing import ArrayLike
 from pydantic import Field
 
 from megalopta.core.arrays import Floats
+from megalopta.core.curve_file import curve_of
 from megalopta.sensor.effects.base import Effect, Stage
 from megalopta.sensor.input_files import file_content
 from megalopta.sensor.optics.lens import Lens, WavelengthCurve, check_bands
-
-Point = tuple[float, float]
 
 
 class Efficiency(WavelengthCurve, Effect, frozen=True):
@@ -103,14 +97,15 @@ def _photon_mean(curves: Sequence[WavelengthCurve], lower: float, upper: float) 
 def with_curve(curve: Any, folder: Path, field: str = "efficiency") -> Any:
     """Return the curve in the file for `{path: FILE}`, and anything else unchanged.
 
-    Raises ValueError if a path and numbers are both given.
+    Raises ValueError if a path and numbers are both given, or the file holds no curve.
     """
     if not isinstance(curve, Mapping) or not isinstance(curve.get("path"), str):
         return curve
     if len(curve) > 1:
         others = ", ".join(str(name) for name in curve if name != "path")
         raise ValueError(f"{field}: path and {others} given; give a file or numbers, not both")
-    return _read_curve(folder / curve["path"], field)
+    path = folder / curve["path"]
+    return curve_of(file_content(path, field), f"{field}: {path}", "efficiency")
 
 
 def with_transmission(lens: Any, folder: Path) -> Any:
@@ -119,55 +114,3 @@ def with_transmission(lens: Any, folder: Path) -> Any:
         return lens
     curve = with_curve(lens["transmission_curve"], folder, "lens.transmission_curve")
     return {**lens, "transmission_curve": curve}
-
-
-def _read_curve(path: Path, field: str = "efficiency") -> dict[str, tuple[float, ...]]:
-    """Return the fields of `Efficiency` or `Transmission` from a CSV file.
-
-    Raises ValueError if the file cannot be read, or a line is not a point of a curve; names the
-    line.
-    """
-    content = file_content(path, field)
-    try:
-        points = list(_points(content.decode("utf-8-sig"), path, field))
-    except (UnicodeDecodeError, csv.Error):
-        raise ValueError(f"{field}: {path} is not UTF-8 text; give a CSV file") from None
-    if len(points) < 2:
-        raise ValueError(f"{field}: {path} has {len(points)} points; give 2 or more")
-    wavelengths, values = zip(*points, strict=True)
-    return {"wavelengths_nm": wavelengths, "values": values}
-
-
-def _points(text: str, path: Path, field: str) -> Iterator[Point]:
-    lines = [
-        (number, line)
-        for number, line in enumerate(text.splitlines(), 1)
-        if line.strip() and not line.lstrip().startswith("#")
-    ]
-    if lines and not any(character.isdigit() for character in lines[0][1]):
-        lines = lines[1:]
-    last = 0.0
-    for (number, _), row in zip(lines, csv.reader(line for _, line in lines), strict=True):
-        wavelength, value = _point(row, f"{field}: line {number} of {path}")
-        if not last < wavelength < math.inf:
-            raise ValueError(
-                f"{field}: line {number} of {path}: {wavelength:g} nm follows {last:g}; sort "
-                "the lines by positive wavelengths, each once"
-            )
-        last = wavelength
-        yield wavelength, value
-
-
-def _point(row: list[str], place: str) -> Point:
-    try:
-        wavelength, value = (float(cell) for cell in row)
-    except ValueError:
-        raise ValueError(
-            f"{place}: {','.join(row)!r} is not wavelength_nm,efficiency; give two numbers, with a "
-            "comma between them"
-        ) from None
-    if not 0 <= value <= 1:
-        raise ValueError(
-            f"{place}: efficiency {value:g} is not from 0 to 1; divide percents by 100"
-        )
-    return wavelength, value

@@ -38,6 +38,10 @@ class FixedPattern:
         Differences in dead time, afterpulsing and crosstalk; None if there are none.
     in_time : tuple of (name, Effect)
         Effects that change from frame to frame.
+    telegraph_factor : (H, W) float64 or None
+        Measured steps of telegraph noise relative to the sensor's; None if drawn.
+    stuck : (H, W) float64 or None
+        Readings of stuck pixels, -1 for others; None if there are none.
     """
 
     efficiency_factor: Floats
@@ -45,10 +49,16 @@ class FixedPattern:
     counters: AnalogPixels | None
     avalanches: AvalancheMaps | None = None
     in_time: tuple[tuple[str, Effect], ...] = ()
+    telegraph_factor: Floats | None = None
+    stuck: Floats | None = None
+
+    def rates(self, detections_hz: Floats, device_seed: int) -> FrameRates:
+        """Rates of a frame, before the effects that change with time."""
+        return FrameRates(detections_hz, self.dark_counts_hz, device_seed, self.telegraph_factor)
 
     def over_time(self, detections_hz: Floats, device_seed: int) -> list[tuple[float, FrameRates]]:
         """Possible rates of a frame with their probabilities: one, if none change with time."""
-        rates = [(1.0, FrameRates(detections_hz, self.dark_counts_hz, device_seed))]
+        rates = [(1.0, self.rates(detections_hz, device_seed))]
         for _, effect in self.in_time:
             rates = [
                 (chance * share, changed)
@@ -93,7 +103,16 @@ def _draw(sensor: Sensor, shape: tuple[int, int]) -> FixedPattern:
         for name, effect in effects
         if effect.is_on and type(effect).act_on_frame is not Effect.act_on_frame
     )
-    return FixedPattern(rates.efficiency_factor, rates.dark_counts_hz, counters, maps, in_time)
+    telegraph_factor = rates.factors.get("telegraph")
+    return FixedPattern(
+        rates.efficiency_factor,
+        rates.dark_counts_hz,
+        counters,
+        maps,
+        in_time,
+        telegraph_factor,
+        rates.stuck,
+    )
 
 
 _draw_once = lru_cache(maxsize=8)(_draw)

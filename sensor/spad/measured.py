@@ -61,7 +61,7 @@ class MeasuredMaps(Effect, frozen=True):
         "dark_counts": "dark_counts",
         "bias": "breakdown",
     }
-    relative: ClassVar[tuple[str, ...]] = AvalancheMaps._fields
+    relative: ClassVar[tuple[str, ...]] = (*AvalancheMaps._fields, "telegraph")
     """Maps of factors on the value of the effect of this name"""
     """Effects that are on if they have a map"""
 
@@ -77,6 +77,11 @@ class MeasuredMaps(Effect, frozen=True):
     """Trapped carriers of every pixel relative to afterpulsing.mean_carriers."""
     crosstalk: MapFile | None = None
     """Neighbors that every pixel fires relative to crosstalk.mean_fired_neighbors."""
+    telegraph: Annotated[MapFile | None, Field(exclude_if=lambda file: file is None)] = None
+    """Step of every pixel's traps relative to telegraph.step; 0: it does not switch. Decides which
+    pixels have traps, in place of telegraph.share."""
+    stuck: Annotated[MapFile | None, Field(exclude_if=lambda file: file is None)] = None
+    """Reading of every stuck or dead pixel in all frames; -1: the pixel works. Digital counters."""
     step: MapFile | None = None
     """Step of every pixel's analog counter (V)."""
     leak: MapFile | None = None
@@ -104,6 +109,8 @@ class MeasuredMaps(Effect, frozen=True):
         for name in self.relative:
             if getattr(self, name):
                 rates.scale(name, self._load(name, rates))
+        if self.stuck:
+            rates.stuck = self._load("stuck", rates, -1.0)
 
     def of_counters(self, pixels: AnalogPixels, exposure_s: float) -> AnalogPixels:
         """Replace drawn counters by maps.

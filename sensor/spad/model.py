@@ -18,6 +18,7 @@ from megalopta.sensor.effects.dark_counts import DarkCounts
 from megalopta.sensor.effects.dead_time import DeadTime
 from megalopta.sensor.effects.gating import Gate, open_fraction
 from megalopta.sensor.effects.jitter import Jitter
+from megalopta.sensor.effects.tcspc import Tcspc
 from megalopta.sensor.effects.telegraph import Telegraph
 from megalopta.sensor.effects.temperature import Temperature
 from megalopta.sensor.optics.pixels import PixelOptics
@@ -90,6 +91,8 @@ class Sensor(PixelOptics, frozen=True):
     """Events fired by avalanches of neighboring pixels; off by default."""
     jitter: Jitter = Jitter()
     """Scatter of the time stamps of events; none by default."""
+    tcspc: Tcspc = Field(default=Tcspc(), exclude_if=lambda tcspc: not tcspc.is_on)
+    """Pulsed light whose photons are counted by their time (histograms only); off by default."""
     counter: Annotated[DigitalCounter | AnalogCounter, Field(discriminator="kind")] = (
         DigitalCounter()
     )
@@ -123,6 +126,15 @@ class Sensor(PixelOptics, frozen=True):
             raise ValueError(
                 f"telegraph.share: {self.telegraph.share:g}, but there are no dark counts that "
                 "could switch; give dark_counts"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _check_stuck(self) -> Self:
+        if self.measured.stuck and self.counter.kind != "digital":
+            raise ValueError(
+                "measured.stuck: readings of an analog counter are not given by a count; remove "
+                "the map, or use a digital counter"
             )
         return self
 

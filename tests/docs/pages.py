@@ -11,7 +11,7 @@ DOCS = Path(__file__).parents[2] / "docs"
 PAGES = sorted(
     page
     for page in DOCS.rglob("*.md")
-    if not {"generated", "example_device"} & set(page.relative_to(DOCS).parts)
+    if not {"generated", "example_device", "public_arrays"} & set(page.relative_to(DOCS).parts)
 )
 REPOSITORY_PAGES = [DOCS.parent / f"{name}.md" for name in ("README", "CONTRIBUTING", "CHANGELOG")]
 _BLOCK = re.compile(

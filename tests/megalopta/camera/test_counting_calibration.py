@@ -9,8 +9,10 @@ from megalopta.camera.calibrating import calibrate_recordings, listed_sources, n
 from megalopta.camera.recording import Beam
 from megalopta.core.errors import UserError
 from megalopta.sensor import changed, expose_rate, load_sensor, preset, reading_moments
+from megalopta.sensor.calibrate.telegraph import correlation
 from megalopta.sensor.effects.crosstalk import neighborhoods
 from megalopta.sensor.formats.tiff import tiff_writer
+from megalopta.sensor.spad.device import draw_fixed_pattern
 
 SHAPE = (12, 16)
 DARK_HZ, EFFICIENCY = 400.0, 0.3
@@ -112,6 +114,53 @@ def test_hot_pixels_give_the_crosstalk_of_pairs_of_rows(tmp_path):
         reading_moments(np.zeros((1, *shape)), true)[0].mean(), rel=0.01
     )
     assert "the pixel below" in out.with_suffix(".html").read_text("utf-8")
+
+
+def test_coincidences_give_crosstalk_and_rates_without_it(tmp_path):
+    dark = {"bulk_mean_hz_um2": 0.2, "bulk_sigma_hz_um2": 0.04}
+    crosstalk = {"mean_fired_neighbors": 0.04}
+    true = changed(preset("ideal"), exposure_s=2e-3, dark_counts=dark, crosstalk=crosstalk)
+    for name, light in (("dark", 0.0), ("flat", 1e4)):
+        rate = np.full((400, 48, 48), EFFICIENCY * light)
+        np.save(tmp_path / f"{name}.npy", expose_rate(rate, true, seed=1, sequence=name).counts)
+    listed = "path: dark.npy, exposure_s: 0.002", "path: flat.npy, exposure_s: 0.002, light: 1.0e+4"
+    (tmp_path / "list.yaml").write_text(lines(*listed), "utf-8")
+    sources, out = named_sources([str(tmp_path / "list.yaml")]), tmp_path / "device.yaml"
+    calibrate_recordings(sources, out, beam=Beam(600.0), base="ideal")
+    found = load_sensor(out)
+    # coincidences of 400 frames of 2304 pixels: 0.0007 for each of six offsets, twice; 5 errors
+    assert found.crosstalk.mean_fired_neighbors == pytest.approx(0.04, abs=0.012)
+    own = draw_fixed_pattern(true, (48, 48)).dark_counts_hz
+    primary = np.load(tmp_path / "device" / "dark_counts.npy")
+    # 1.3 million dark counts, 0.1 %, and the error of the crosstalk
+    assert primary.mean() == pytest.approx(own.mean(), rel=0.015)
+    assert not found.afterpulsing.is_on
+
+
+def test_bad_pixels_of_the_recordings_are_those_of_the_simulation(tmp_path):
+    trap = {"share": 0.01, "step": 8.0, "fastest_s": 0.05, "slowest_s": 0.05}
+    dark = {"bulk_mean_hz_um2": 5.0, "bulk_sigma_hz_um2": 0.5}
+    true = changed(preset("ideal"), exposure_s=0.01, dark_counts=dark, telegraph=trap)
+    for name, light in (("dark", 0.0), ("flat", 2e4)):
+        rate = np.full((2000, 24, 24), EFFICIENCY * light)
+        counts = expose_rate(rate, true, seed=1, sequence=name).counts
+        counts[:, 3, 4], counts[:, 5, 6] = 0, 70
+        np.save(tmp_path / f"{name}.npy", counts.astype(np.uint16))
+    listed = "path: dark.npy, exposure_s: 0.01", "path: flat.npy, exposure_s: 0.01, light: 2.0e+4"
+    (tmp_path / "list.yaml").write_text(lines(*listed), "utf-8")
+    sources, out = named_sources([str(tmp_path / "list.yaml")]), tmp_path / "device.yaml"
+    calibrate_recordings(sources, out, beam=Beam(600.0), base="ideal")
+    found = changed(load_sensor(out), exposure_s=0.01)
+    again = expose_rate(np.zeros((2000, 24, 24)), found, seed=2, sequence="again").counts
+    np.testing.assert_array_equal(again[:, 3, 4], 0)
+    np.testing.assert_array_equal(again[:, 5, 6], 70)
+    before, after = (
+        correlation(each, np.ones((24, 24), bool)).is_telegraph
+        for each in (np.load(tmp_path / "dark.npy"), again)
+    )
+    np.testing.assert_array_equal(before, after)
+    assert before.sum() > 2
+    assert "telegraph" in out.with_suffix(".html").read_text("utf-8")
 
 
 def test_bits_give_a_device(tmp_path):

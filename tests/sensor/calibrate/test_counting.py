@@ -3,7 +3,10 @@
 import numpy as np
 import pytest
 
-from megalopta.sensor.calibrate.counting import calibrate_counts, summed
+from megalopta.sensor import changed
+from megalopta.sensor.calibrate.counting import calibrate_counts
+from megalopta.sensor.calibrate.sums import summed
+from megalopta.sensor.spad.device import draw_fixed_pattern
 
 from .counters import SHAPE, camera, dark_rates, frames_of, levels_of, sensitivity
 
@@ -78,6 +81,23 @@ def test_bad_and_hot_pixels_are_told_apart():
     hot = dark_rates(sensor) > 11 * np.median(dark_rates(sensor))
     hot[1, 2] = hot[3, 4] = hot[5, 6] = False
     np.testing.assert_array_equal(found.hot[hot], True)
+
+
+def test_telegraph_noise_is_found_and_its_levels_estimated():
+    trap = {"share": 0.01, "step": 10.0, "fastest_s": 0.04, "slowest_s": 0.04}
+    sensor = camera(11)
+    noisy = changed(sensor, telegraph=trap)
+    dark = levels_of(noisy, frames=3000, dark=(0.01,), lights=())
+    found = calibrate_counts(dark).telegraph
+    assert calibrate_counts(levels_of(sensor, dark=(0.01,), lights=())).telegraph is None
+    switching = draw_fixed_pattern(noisy, SHAPE).over_time(np.zeros((1, *SHAPE)), 11)
+    ratio = switching[1][1].dark_counts_hz / dark_rates(sensor)
+    np.testing.assert_array_equal(found.pixels, ratio > 1.5)
+    # 375 switches of each of some six pixels: 8 % each, five errors of the mean of six
+    assert found.time_s == pytest.approx(0.04, rel=0.2)
+    low, high = (each[found.pixels] / dark_rates(sensor)[found.pixels]
+                 for each in (found.low_hz, found.high_hz))  # fmt: skip
+    assert np.median(high - low) == pytest.approx(10, rel=0.2)
 
 
 def test_full_counters_are_left_out():

@@ -1,111 +1,214 @@
-"""Recordings of a SPADCAM that has one fault, as codes of its ADC."""
+"""Recordings of three cameras that have one fault, or two: codes of an ADC, counts, and bits."""
+
+from typing import NamedTuple
 
 import numpy as np
 
-from megalopta.sensor import changed, expose_adc, preset
+from megalopta.sensor import Sensor, changed, expose_adc, expose_rate, preset
+from megalopta.sensor.calibrate.level import Level
 from megalopta.sensor.compare.model import Model, level_of_codes
 from megalopta.sensor.compare.recordings import compare_recordings
 from megalopta.sensor.spad.device import draw_fixed_pattern
 
-SHAPE = (16, 16)
-NANOMETERS = 700.0
-LEVELS = ((0.01, 0.0, 90), (0.05, 0.0, 18), (2e-4, 2e8, 900), (2e-4, 1e9, 900), (2e-4, 5e9, 900))
-"""Exposure s, photons per second on a pixel, frames per second"""
 TOP = 4095
-CODES_PER_COUNT = 0.01 / (3.3 / TOP)
+FRAMES = 400
 
 
-def device(seed=3):
-    """The device that is known."""
-    return changed(preset("spadcam"), device_seed=seed)
+class Camera(NamedTuple):
+    """Known device, and how it is recorded."""
+
+    sensor: Sensor
+    shape: tuple[int, int]
+    levels: tuple[tuple[float, float, int], ...]
+    """Exposure s, photons per second on a pixel, frames per second"""
+    efficiency: float
+    dead: int
+    """Reading of a dead pixel"""
+    stuck: int
+    has_codes: bool = False
 
 
-def rates_of(sensor, light_hz):
+def _counting(**fields):
+    sensor = changed(
+        preset("ideal"),
+        device_seed=3,
+        dark_counts={
+            "bulk_mean_hz_um2": 0.2,
+            "bulk_sigma_hz_um2": 0.04,
+            "hot_fraction": 0.02,
+            "hot_mean_hz_um2": 2.0,
+            "hot_sigma_hz_um2": 1.0,
+        },
+        bias={"efficiency_scale_v": 1.0, "breakdown_sigma_v": 0.05},
+        efficiency={"wavelengths_nm": (300, 1000), "values": (0.4, 0.4)},
+    )
+    return changed(sensor, **fields)
+
+
+_SPADCAM = changed(preset("spadcam"), device_seed=3)
+CAMERAS = {
+    "codes": Camera(
+        _SPADCAM,
+        (16, 16),
+        (
+            (0.01, 0.0, 90),
+            (0.05, 0.0, 18),
+            (2e-4, 2e8, 900),
+            (2e-4, 1e9, 900),
+            (2e-4, 5e9, 900),
+        ),
+        float(_SPADCAM.photon_detection_efficiency(np.array(700.0))),
+        TOP,
+        2000,
+        has_codes=True,
+    ),
+    "counts": Camera(
+        _counting(
+            counter={"kind": "digital", "capacity": 4095},
+            dead_time={"kind": "nonparalyzable", "dead_time_s": 5e-8},
+        ),
+        (128, 128),
+        ((2e-3, 0.0, 450), (1e-4, 5e5, 900), (1e-4, 5e6, 900)),
+        0.4,
+        0,
+        100,
+    ),
+    "bits": Camera(
+        _counting(counter={"kind": "digital", "capacity": 1}),
+        (256, 256),
+        ((2e-4, 0.0, 900), (1e-5, 5e4, 900), (1e-5, 2.5e5, 900)),
+        0.4,
+        0,
+        1,
+    ),
+}
+
+
+def rates_of(camera, light_hz):
     """Detection rates under even light, (1, rows, columns) Hz."""
-    efficiency = float(sensor.photon_detection_efficiency(np.array(NANOMETERS)))
-    factor = draw_fixed_pattern(sensor, SHAPE).efficiency_factor
-    return (light_hz * efficiency * factor)[np.newaxis]
+    factor = draw_fixed_pattern(camera.sensor, camera.shape).efficiency_factor
+    return (light_hz * camera.efficiency * factor)[np.newaxis]
 
 
-def recorded(seed, sensor, known, frames=400, light=None, extra=None, spoil=None, levels=LEVELS):
-    """Levels of a sensor, as the known device's values convert its codes.
+def recorded(camera, seed, light=None, extra=None, spoil=None, sensor=None):
+    """Levels of a faulty camera, as the known device's values convert its codes.
 
-    `light` returns factors (frames, rows or 1) on the light at times (s); `extra` adds rates (Hz);
-    `spoil` turns codes and times into others.
+    `light` returns factors (frames, rows or 1, columns or 1) on the light at times (s); `extra`
+    adds rates (Hz); `spoil` changes readings and times; `sensor` holds changed fields.
     """
     found = []
-    for exposure_s, light_hz, rate_hz in levels:
-        own = changed(sensor, exposure_s=exposure_s)
-        times = np.arange(frames) / rate_hz
+    for exposure_s, light_hz, rate_hz in camera.levels:
+        own = changed(camera.sensor, **{"exposure_s": exposure_s, **(sensor or {})})
+        times = np.arange(FRAMES) / rate_hz
         rng = np.random.default_rng([seed, int(1e6 * exposure_s), int(light_hz)])
-        rates = np.broadcast_to(rates_of(own, light_hz), (frames, *SHAPE))
+        rates = np.broadcast_to(rates_of(camera, light_hz), (FRAMES, *camera.shape))
         if light is not None:
-            rates = rates * light(times, rng)
+            rates = rates * light(times, camera.shape, rng)
         if extra is not None:
-            rates = rates + extra(times, rng)
+            rates = rates + extra(times, camera.shape, rng)
         name = f"faulty {exposure_s} {light_hz}"
-        codes = expose_adc(rates, own, seed=seed, sequence=name, together=64)
+        if camera.has_codes:
+            readings = expose_adc(rates, own, seed=seed, sequence=name, together=64)
+        else:
+            readings = np.array(expose_rate(rates, own, seed=seed, sequence=name).counts)
         if spoil is not None:
-            codes, times = spoil(codes, times)
-        found.append(level_of_codes(codes, known, exposure_s, light_hz, times))
+            readings, times = spoil(readings.copy(), times)
+        if camera.has_codes:
+            known = camera.sensor
+            found.append(level_of_codes(readings, known, exposure_s, light_hz, times))
+        else:
+            found.append(Level(readings, exposure_s, light_hz, times_s=times))
     return found
 
 
-def compared(seed, sensor=None, known=None, **fault):
+def compared(seed, camera=CAMERAS["codes"], **fault):
     """Comparison of a faulty recording with the known device."""
-    known = known or device()
-    levels = recorded(seed, sensor or known, known, **fault)
-    rates = [rates_of(known, level.light_hz) for level in levels]
-    model = Model(known, rates)
+    levels = recorded(camera, seed, **fault)
+    model = Model(camera.sensor, [rates_of(camera, level.light_hz) for level in levels])
     return compare_recordings(levels, model.drawn(levels, seed + 10_000), model)
 
 
-def sine(hertz, size, by_row_s=0.0):
-    """Light that flickers, later by some time in every row."""
-
-    def factors(times, rng):
-        late = by_row_s * np.arange(SHAPE[0])
-        phase = 2 * np.pi * (hertz * (times[:, None] + late) + rng.random())
-        return 1 + size * np.sin(phase)[:, :, None]
-
-    return factors
-
-
-def tilted(times, rng):
-    """Light that is 10 % brighter at the right than at the left border."""
-    return 1 + 0.05 * np.linspace(-1, 1, SHAPE[1])[None, None, :]
-
-
-def vignetted(times, rng):
-    """Light that falls by 20 % to the corners."""
-    y, x = np.meshgrid(*(np.linspace(-1, 1, side) for side in SHAPE), indexing="ij")
-    fall = 1 - 0.1 * (x**2 + y**2)
-    return (fall / fall.mean())[None]
-
-
-def growing(times, rng):
+def growing(times, shape, rng):
     """Light that grows by a tenth."""
     return np.linspace(1, 1.1, times.size)[:, None, None]
 
 
-def of_codes(change):
-    """Spoil codes in place."""
+def sine(by_row_s):
+    """Light that flickers at 60 Hz, later by some time from the first row to the last."""
 
-    def spoil(codes, times):
-        codes = codes.copy()
-        return np.asarray(change(codes, np.arange(len(codes))), np.uint16), times
+    def factors(times, shape, rng):
+        late = by_row_s * np.arange(shape[0]) / shape[0]
+        phase = 2 * np.pi * (60 * (times[:, None] + late) + rng.random())
+        return 1 + 0.1 * np.sin(phase)[:, :, None]
+
+    return factors
+
+
+def tilted(times, shape, rng):
+    """Light that is 10 % brighter at the right than at the left border."""
+    return 1 + 0.05 * np.linspace(-1, 1, shape[1])[None, None, :]
+
+
+def vignetted(times, shape, rng):
+    """Light that falls by 20 % to the corners."""
+    y, x = np.meshgrid(*(np.linspace(-1, 1, side) for side in shape), indexing="ij")
+    fall = 1 - 0.1 * (x**2 + y**2)
+    return (fall / fall.mean())[None]
+
+
+def noisy(times, shape, rng):
+    """Light that fluctuates by 5 % from frame to frame."""
+    return 1 + 0.05 * rng.standard_normal((times.size, 1, 1))
+
+
+def noisy_rows(times, shape, rng):
+    """Light on rows that fluctuates by 10 %, without a period."""
+    return 1 + 0.1 * rng.standard_normal((times.size, shape[0], 1))
+
+
+def brighter(times, shape, rng):
+    """Light that is a fifth brighter than the known efficiency makes it."""
+    return np.full((1, 1, 1), 1.2)
+
+
+def switching(times, shape, rng):
+    """Telegraph noise of 3000 Hz in three pixels."""
+    extra = np.zeros((times.size, *shape), np.float32)
+    for row, column in ((2, 3), (7, 11), (13, 5)):
+        extra[:, row, column] = 3000.0 * (np.cumsum(rng.random(times.size) < 0.05) % 2)
+    return extra
+
+
+def hot(times, shape, rng):
+    """A pixel of 20 kHz."""
+    extra = np.zeros((1, *shape))
+    extra[0, 4, 9] = 2e4
+    return extra
+
+
+def of_readings(change):
+    """Spoil readings by a function of them and of the frames' numbers."""
+
+    def spoil(readings, times):
+        return np.asarray(change(readings, np.arange(len(readings))), readings.dtype), times
 
     return spoil
 
 
 def written(place, value):
-    """Write a value to codes."""
+    """Write a value to readings."""
 
-    def change(codes, _):
-        codes[place] = value if not callable(value) else value(codes[place])
-        return codes
+    def change(readings, _):
+        readings[place] = value if not callable(value) else value(readings[place])
+        return readings
 
-    return of_codes(change)
+    return of_readings(change)
+
+
+def swapped(readings, _):
+    """Swap two columns."""
+    readings[:, :, [0, 1]] = readings[:, :, [1, 0]]
+    return readings
 
 
 def gain_drift(codes, number):
@@ -122,7 +225,8 @@ def narrow_odd_codes(codes, number):
 
 def row_noise(codes, number):
     """Rows that fluctuate by up to 5 codes, without a period."""
-    return codes - np.random.default_rng(1).integers(-3, 3, (number.size, SHAPE[0], 1))
+    rows = codes.shape[1]
+    return codes - np.random.default_rng(1).integers(-3, 3, (number.size, rows, 1))
 
 
 def bent(codes, number):
@@ -131,92 +235,103 @@ def bent(codes, number):
     return np.rint(TOP - fall * (1 - fall / 8000)).clip(0, TOP)
 
 
-def twice(codes, times):
+def twice(readings, times):
     """Every frame sent twice."""
-    return np.repeat(codes, 2, axis=0)[: len(codes)], times
+    return np.repeat(readings, 2, axis=0)[: len(readings)], times
 
 
-def lossy(codes, times):
+def lossy(readings, times):
     """Three frames lost in one place."""
-    kept = np.r_[0:100, 103 : len(codes)]
-    return codes[kept], times[kept]
+    kept = np.r_[0:100, 103 : len(readings)]
+    return readings[kept], times[kept]
 
 
-def switching(times, rng):
-    """Telegraph noise of 3000 Hz in three pixels."""
-    extra = np.zeros((times.size, *SHAPE))
-    for row, column in ((2, 3), (7, 11), (13, 5)):
-        state = np.cumsum(rng.random(times.size) < 0.05) % 2
-        extra[:, row, column] = 3000.0 * state
-    return extra
-
-
-def hot(times, rng):
-    """A pixel of 20 kHz."""
-    extra = np.zeros((1, *SHAPE))
-    extra[0, 4, 9] = 2e4
-    return extra
-
-
-def noisy_light(times, rng):
-    """Light that fluctuates by 3 % from frame to frame."""
-    return 1 + 0.03 * rng.standard_normal((times.size, 1, 1))
+def _common(camera):
+    return {
+        "light +10 %": ("drift of light", {"light": growing}),
+        "light +10 % to the right": ("uneven light", {"light": tilted}),
+        "light -20 % in the corners": ("uneven light", {"light": vignetted}),
+        "flicker 60 Hz": ("flicker", {"light": sine(0.0)}),
+        "banding 60 Hz": ("row banding", {"light": sine(8e-3)}),
+        "noisy light": ("common noise", {"light": noisy}),
+        "frames twice": ("repeated frames", {"spoil": twice}),
+        "frames lost": ("missing frames", {"spoil": lossy}),
+        "dead row": ("dead row", {"spoil": written(np.s_[:, 5], camera.dead)}),
+        "dead column": ("dead column", {"spoil": written(np.s_[:, :, 9], camera.dead)}),
+        "dead pixel": ("dead pixel", {"spoil": written(np.s_[:, 5, 6], camera.dead)}),
+        "stuck pixel": ("stuck pixel", {"spoil": written(np.s_[:, 5, 6], camera.stuck)}),
+        "telegraph noise": ("telegraph noise", {"extra": switching}),
+        "hot pixel": ("hot pixel", {"extra": hot}),
+        "mirrored columns": ("order", {"spoil": of_readings(lambda r, _: r[:, :, ::-1])}),
+        "swapped columns": ("order", {"spoil": of_readings(swapped)}),
+        "row stuck": ("dead row", {"spoil": written(np.s_[:, 5], camera.stuck)}),
+        "efficiency": ("efficiency", {"light": brighter}),
+    }
 
 
 def _counter(**fields):
-    return {"counter": fields}
+    return {"sensor": {"counter": fields}}
 
 
-SPADCAM = device()
-FAULTS = {
-    "read noise ×2": ("read noise", {"sensor": changed(SPADCAM, **_counter(read_noise_v=2e-3))}),
-    "read noise ×4": ("read noise", {"sensor": changed(SPADCAM, **_counter(read_noise_v=4e-3))}),
-    "light +10 % to the right": ("uneven light", {"light": tilted}),
-    "light -20 % in the corners": ("uneven light", {"light": vignetted}),
-    "light +10 %": ("drift of light", {"light": growing}),
-    "gain +10 %": ("drift of gain", {"spoil": of_codes(gain_drift)}),
-    "flicker 60 Hz": ("flicker", {"light": sine(60, 0.1)}),
-    "banding 60 Hz": ("row banding", {"light": sine(60, 0.1, 5e-4)}),
-    "noisy light": ("common noise", {"light": noisy_light}),
-    "row noise": ("row noise", {"spoil": of_codes(row_noise)}),
-    "frames twice": ("repeated frames", {"spoil": twice}),
-    "frames lost": ("missing frames", {"spoil": lossy}),
-    "dead row": ("dead row", {"spoil": written(np.s_[:, 5], TOP)}),
-    "dead column": ("dead column", {"spoil": written(np.s_[:, :, 9], TOP)}),
-    "row at the bottom": ("dead row", {"spoil": written(np.s_[:, 5], 124)}),
-    "dead pixel": ("dead pixel", {"spoil": written(np.s_[:, 5, 6], TOP)}),
-    "stuck pixel": ("stuck pixel", {"spoil": written(np.s_[:, 5, 6], 2000)}),
+_OF_COUNTS = {
+    "row noise": ("row noise", {"light": noisy_rows}),
+    "dark counts": ("dark counts", {"sensor": {"dark_counts": {"bulk_mean_hz_um2": 0.3}}}),
+}
+_OF_AVALANCHES = {
+    "crosstalk": ("crosstalk", {"sensor": {"crosstalk": {"mean_fired_neighbors": 0.05}}}),
+}
+_OF_CODES = {
+    "read noise ×2": ("read noise", _counter(read_noise_v=2e-3)),
+    "read noise ×4": ("read noise", _counter(read_noise_v=4e-3)),
+    "gain +10 %": ("drift of gain", {"spoil": of_readings(gain_drift)}),
+    "row noise": ("row noise", {"spoil": of_readings(row_noise)}),
     "row offset 8 mV": ("row offset", {"spoil": written(np.s_[:, 5], lambda c: c - 10)}),
     "column offset 8 mV": ("column offset", {"spoil": written(np.s_[:, :, 5], lambda c: c - 10)}),
-    "telegraph noise": ("telegraph noise", {"extra": switching}),
-    "hot pixel": ("hot pixel", {"extra": hot}),
     "stuck bit": ("stuck bit", {"spoil": written(np.s_[:], lambda c: c | 32)}),
-    "missing code": (
-        "missing codes", {"spoil": written(np.s_[:], lambda c: c + (c % 64 == 0))}
-    ),
-    "uneven codes": (
-        "uneven codes",
-        {"spoil": of_codes(narrow_odd_codes)},
-    ),
-    "mirrored columns": ("order", {"spoil": of_codes(lambda c, _: c[:, :, ::-1])}),
-    "swapped columns": (
-        "order", {"spoil": of_codes(lambda c, _: c[:, :, [1, 0, *range(2, 16)]])}
-    ),
+    "missing code": ("missing codes", {"spoil": written(np.s_[:], lambda c: c + (c % 64 == 0))}),
+    "uneven codes": ("uneven codes", {"spoil": of_readings(narrow_odd_codes)}),
     "afterpulsing": (
         "afterpulsing",
-        {"sensor": changed(SPADCAM, afterpulsing={"mean_carriers": 0.05, "delay_s": 5e-6})},
+        {"sensor": {"afterpulsing": {"mean_carriers": 0.05, "delay_s": 5e-6}}},
     ),
-    "crosstalk": (
-        "crosstalk", {"sensor": changed(SPADCAM, crosstalk={"mean_fired_neighbors": 0.05})}
-    ),
-    "dead time": ("dead time", {"sensor": changed(SPADCAM, dead_time={"dead_time_s": 1.2e-6})}),
-    "dead time ×2": ("dead time", {"sensor": changed(SPADCAM, dead_time={"dead_time_s": 2e-6})}),
-    "step": ("step", {"sensor": changed(SPADCAM, **_counter(step_v=0.011))}),
+    "dead time": ("dead time", {"sensor": {"dead_time": {"dead_time_s": 1.2e-6}}}),
+    "dead time ×2": ("dead time", {"sensor": {"dead_time": {"dead_time_s": 2e-6}}}),
+    "step": ("step", _counter(step_v=0.011)),
     "offset 8 mV": ("offset", {"spoil": written(np.s_[:], lambda c: c - 10)}),
-    "efficiency": ("efficiency", {"light": lambda times, rng: np.full((1, 1, 1), 1.2)}),
-    "bent output": ("none", {"spoil": of_codes(bent)}),
-}  # fmt: skip
-"""Name of a fault: what is to be said, and how it is made"""
+    "bent output": ("none", {"spoil": of_readings(bent)}),
+    **_OF_AVALANCHES,
+}
+FAULTS = {
+    "codes": {**_common(CAMERAS["codes"]), **_OF_CODES},
+    "counts": {
+        **_common(CAMERAS["counts"]),
+        **_OF_COUNTS,
+        "dead time": ("dead time", {"sensor": {"dead_time": {"dead_time_s": 1e-7}}}),
+        "afterpulsing": (
+            "afterpulsing",
+            {"sensor": {"afterpulsing": {"mean_carriers": 0.05, "delay_s": 1e-6}}},
+        ),
+        **_OF_AVALANCHES,
+    },
+    "bits": {**_common(CAMERAS["bits"]), **_OF_COUNTS},
+}
+"""Name of a fault of each camera: what is to be said, and how it is made"""
+
+
+def together(one, other):
+    """Both of two faults."""
+    joined = {
+        "light": lambda a, b: lambda *seen: a(*seen) * b(*seen),
+        "extra": lambda a, b: lambda *seen: a(*seen) + b(*seen),
+        "spoil": lambda a, b: lambda *seen: b(*a(*seen)),
+        "sensor": lambda a, b: {**a, **b},
+    }
+    return {
+        name: joined[name](one[name], other[name])
+        if name in one and name in other
+        else one.get(name) or other[name]
+        for name in {**one, **other}
+    }
 
 
 def said(found):

@@ -3,21 +3,16 @@
 from collections import Counter
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
-from megalopta.sensor import changed, expose_rate
-from megalopta.sensor.calibrate.level import Level
-from megalopta.sensor.compare.model import Model
-from megalopta.sensor.compare.recordings import compare_recordings
+from .faulty import CAMERAS, FAULTS, compared, said, together
 
-from ..calibrate.counters import camera, sensitivity
-from .faulty import FAULTS, compared, said
+CODES = FAULTS["codes"]
 
 
-@pytest.mark.parametrize("name", FAULTS)
+@pytest.mark.parametrize("name", CODES)
 def test_a_fault_is_named_and_nothing_else(name):
-    wanted, how = FAULTS[name]
+    wanted, how = CODES[name]
     assert said(compared(2, **how)) == {wanted}
 
 
@@ -39,14 +34,14 @@ def test_a_fault_is_named_and_nothing_else(name):
     ],
 )
 def test_a_fault_is_located(name, words):
-    assert words in compared(3, **FAULTS[name][1]).sentence
+    assert words in compared(3, **CODES[name][1]).sentence
 
 
 def test_sizes_are_those_that_were_made():
-    found = compared(4, **FAULTS["afterpulsing"][1]).causes[0]
+    found = compared(4, **CODES["afterpulsing"][1]).causes[0]
     # 0.05 carriers, known to about 3 %: five standard errors
     assert found.captured == pytest.approx(0.05, abs=0.0075)
-    found = compared(4, **FAULTS["read noise ×2"][1]).causes[0]
+    found = compared(4, **CODES["read noise ×2"][1]).causes[0]
     # noise of 2 mV and rounding by 0.81 mV/√12 over 1 mV and that: 1.97; known to 4 %
     assert found.captured / found.expected == pytest.approx(1.97, abs=0.2)
 
@@ -58,40 +53,24 @@ def test_an_untouched_pair_raises_no_alarm():
 
 
 def test_explanations_that_are_as_good_are_all_stated():
-    found = compared(2, **FAULTS["efficiency"][1])
+    found = compared(2, **CODES["efficiency"][1])
     (best,) = found.explained.accepted
     both = replace(found.explained, accepted=(best, best._replace(names=("step",))))
     assert "or else step" in replace(found, explained=both).sentence
 
 
-def _seen(capacity, rate_hz, spoil, light=1.0):
-    """Comparison of a counting or binary camera, of 400 frames a level."""
-    known = camera(1, capacity=capacity, dead_time_s=0)
-    levels, rates = [], []
-    for exposure_s, light_hz in ((2e-3, 0.0), (2e-5, rate_hz)):
-        times = np.arange(400) / 900
-        lit = light_hz * sensitivity(1)
-        seen = np.broadcast_to(lit * light, (times.size, *lit.shape))
-        own = changed(known, exposure_s=exposure_s)
-        counts = expose_rate(seen, own, seed=2, sequence=f"{light_hz}").counts
-        levels.append(Level(spoil(counts.copy()), exposure_s, light_hz, times_s=times))
-        rates.append(lit[np.newaxis])
-    model = Model(known, rates)
-    return compare_recordings(levels, model.drawn(levels, 3), model)
+@pytest.mark.parametrize("kind", ["counts", "bits"])
+def test_counts_and_bits_are_compared_likewise(kind):
+    camera = CAMERAS[kind]._replace(shape=(64, 64))
+    assert not compared(2, camera).alarms
+    for name in ("dead row", "mirrored columns", "efficiency"):
+        wanted, how = FAULTS[kind][name]
+        assert said(compared(2, camera, **how)) == {wanted}
 
 
-def _without_a_row(counts):
-    counts[:, 5] = 0
-    return counts
-
-
-@pytest.mark.parametrize(("capacity", "rate_hz"), [(None, 5e6), (1, 2e5)])
-def test_counts_and_bits_are_compared_likewise(capacity, rate_hz):
-    as_it_is = _seen(capacity, rate_hz, lambda counts: counts)
-    assert not as_it_is.alarms
-    assert said(_seen(capacity, rate_hz, _without_a_row)) == {"dead row"}
-    assert said(_seen(capacity, rate_hz, lambda counts: counts[:, ::-1])) == {"order"}
-    assert "efficiency" in said(_seen(capacity, rate_hz, lambda counts: counts, light=1.3))
+def test_of_two_faults_both_are_named():
+    one, other = CODES["flicker 60 Hz"], CODES["dead row"]
+    assert said(compared(2, **together(one[1], other[1]))) == {one[0], other[0]}
 
 
 @pytest.mark.slow
@@ -101,11 +80,11 @@ def test_rates_over_seeds():
     assert untouched < 7
     named, wrong = Counter(), Counter()
     seeds = range(100, 106)
-    for name, (wanted, how) in FAULTS.items():
+    for name, (wanted, how) in CODES.items():
         for seed in seeds:
             found = said(compared(seed, **how))
             named[name] += wanted in found
             wrong[name] += bool(found - {wanted, "none"})
-    total = len(seeds) * len(FAULTS)
+    total = len(seeds) * len(CODES)
     assert named.total() >= 0.9 * total, {k: v for k, v in named.items() if v < len(seeds)}
     assert wrong.total() <= 0.02 * total, {k: v for k, v in wrong.items() if v}

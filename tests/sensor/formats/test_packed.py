@@ -3,7 +3,7 @@ import pytest
 
 from megalopta.sensor.formats.packed import (
     PackedLayout,
-    binary_npy_writer,
+    npy_writer,
     spad512_writer,
 )
 from megalopta.sensor.formats.reading import read_frames
@@ -15,7 +15,7 @@ SPAD512 = draw(40, 512, 512)
 
 def written(path, bits):
     packed = np.packbits(bits, axis=-1)
-    with binary_npy_writer(path, packed.shape) as write:
+    with npy_writer(path, packed.shape) as write:
         write(packed)
     return path
 

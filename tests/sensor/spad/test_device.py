@@ -11,8 +11,11 @@ from megalopta.sensor import (
     Efficiency,
     Temperature,
     changed,
+    expose_binary,
+    expose_rate,
     load_sensor,
     preset,
+    reading_moments,
 )
 from megalopta.sensor.spad.device import draw_fixed_pattern
 from megalopta.sensor.spad.model import active_effects
@@ -278,3 +281,43 @@ def test_a_map_is_what_the_counters_have(tmp_path, name, field, times):
     np.save(tmp_path / "map.npy", np.zeros((3, 4)) - (name != "step") * np.inf)
     with pytest.raises(ValueError, match=rf"measured\.{name}"):
         draw_fixed_pattern(sensor, (3, 4))
+
+
+def with_stuck(folder, capacity=255):
+    readings = np.full(SHAPE, -1)
+    readings[1, 2], readings[3, 8] = 0, 100 if capacity > 100 else 1
+    np.save(folder / "stuck.npy", readings)
+    counter = {"kind": "digital", "capacity": capacity}
+    write(folder, {"preset": "ideal", "counter": counter, "measured": maps("stuck")})
+    return load(folder)
+
+
+def test_stuck_pixels_read_the_same_in_every_frame(folder):
+    sensor = with_stuck(folder)
+    rate = np.full((5, *SHAPE), 1e3)
+    counts = expose_rate(rate, sensor, seed=1, sequence="stuck").counts
+    np.testing.assert_array_equal(counts[:, 1, 2], 0)
+    np.testing.assert_array_equal(counts[:, 3, 8], 100)
+    mean, variance = reading_moments(rate, sensor)
+    assert (mean[0, 3, 8], variance[0, 3, 8]) == (100, 0)
+    whole = expose_rate(rate, changed(sensor, measured={"stuck": None}), seed=1, sequence="stuck")
+    works = np.delete(np.arange(counts[0].size), [1 * 9 + 2, 3 * 9 + 8])
+    np.testing.assert_array_equal(
+        counts.reshape(5, -1)[:, works], whole.counts.reshape(5, -1)[:, works]
+    )
+
+
+def test_stuck_bits_are_those_of_every_binary_frame(folder):
+    sensor = with_stuck(folder, capacity=1)
+    packed = expose_binary(np.full((9, *SHAPE), 50.0), sensor, seed=1, sequence="stuck")
+    bits = np.unpackbits(packed, axis=-1)
+    assert bits[:, 1, 2].max() == 0
+    assert bits[:, 3, 8].min() == 1
+    assert 0 < bits[:, 0].mean() < 1
+
+
+def test_readings_of_analog_counters_are_not_given_by_counts(folder):
+    np.save(folder / "stuck.npy", np.zeros(SHAPE))
+    write(folder, {"preset": "spadcam", "measured": maps("stuck")})
+    with pytest.raises(ValueError, match=r"measured\.stuck: .*digital"):
+        load(folder)

@@ -13,6 +13,7 @@ from megalopta.sensor import (
     MapFile,
     MeasuredMaps,
     Sensor,
+    Tcspc,
     Telegraph,
     Temperature,
     changed,
@@ -50,6 +51,7 @@ def all_on(tmp_path_factory):
         gate=Gate(period_s=1e-2, width_s=5e-3),
         jitter=Jitter(sigma_s=1e-10),
         temperature=Temperature(celsius=0.0),
+        tcspc=Tcspc(bins=8),
         telegraph=Telegraph(share=0.1, step=0.05),
         measured=MeasuredMaps(**files),
     )

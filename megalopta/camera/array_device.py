@@ -1,0 +1,71 @@
+"""Device file of an array whose rates, crosstalk and afterpulses were measured as tables.
+
+Tables of dark counts hold all events. The map of the device file is without what crosstalk and
+afterpulses add, which the simulation adds again.
+"""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from megalopta.camera.device_files import filled, save_map
+from megalopta.core import strict_yaml
+from megalopta.core.arrays import Floats
+from megalopta.core.files import write_text
+from megalopta.plotting.text import number
+from megalopta.sensor.calibrate.autocorrelation import Autocorrelation, fit_table
+from megalopta.sensor.calibrate.pair_crosstalk import PairCrosstalk, fit_crosstalk
+from megalopta.sensor.effects.afterpulsing import Afterpulsing
+from megalopta.sensor.effects.crosstalk import Crosstalk, fired_mean
+
+_UP_TO_S = 8e-6
+"""Longest delay of an afterpulse; later ones count as dark counts."""
+
+
+def write_array_device(
+    path: Path, tables: Sequence[PairCrosstalk | Autocorrelation | Floats], preset: str, source: str
+) -> str:
+    """Write a device file and its map of dark counts; return a summary in a sentence.
+
+    Raises ValueError if a table does not suffice, or two are of one kind.
+    """
+    pairs, lags, rates = (_only(tables, kind) for kind in (PairCrosstalk, Autocorrelation, None))
+    if rates is None:
+        raise ValueError("no map of dark counts; give a table of them")
+    talk = Crosstalk() if pairs is None else fit_crosstalk(pairs)
+    pulses = Afterpulsing() if lags is None else fit_table(lags.of(slice(None), _UP_TO_S))
+    counted = filled(rates)
+    own = np.maximum(counted - fired_mean(counted, talk), 0) * (1 - pulses.mean_carriers)
+    folder = path.with_suffix("")
+    save_map(folder / "dark_counts.npy", own)
+    fields: dict[str, Any] = {
+        "preset": preset,
+        "name": path.stem,
+        "source": source,
+        "measured": {"dark_counts": f"{folder.name}/dark_counts.npy", "fit": "exact"},
+    }
+    for name, effect in (("crosstalk", talk), ("afterpulsing", pulses)):
+        if effect.is_on:
+            fields[name] = effect.model_dump(mode="json", exclude_defaults=True)
+    write_text(path, f"# Written by megalopta spadcam calibrate.\n{strict_yaml.dump(fields)}")
+    return (
+        f"{rates.size} pixels, {int(np.isnan(rates).sum())} unknown; dark counts "
+        f"{number(float(np.nanmedian(rates)))} Hz (median), crosstalk "
+        f"{number(100 * talk.mean_fired_neighbors)} %, afterpulses "
+        f"{number(100 * pulses.mean_carriers)} %"
+    )
+
+
+def _only(tables: Sequence[Any], kind: type | None) -> Any:
+    """Return the table of a kind (None: a map), or None."""
+    known = (PairCrosstalk, Autocorrelation)
+    found = [
+        each
+        for each in tables
+        if (not isinstance(each, known) if kind is None else isinstance(each, kind))
+    ]
+    if len(found) > 1:
+        raise ValueError(f"{len(found)} tables of one kind; give those of one array")
+    return found[0] if found else None

@@ -1,0 +1,110 @@
+"""Sums over a recording of counts or bits, from which a camera is calibrated.
+
+Frames are read once: copies of all would take eight times the memory of bits.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from megalopta.core.arrays import Floats, Mask
+from megalopta.sensor.calibrate.neighbors import Kernel, neighbor_kernel
+from megalopta.sensor.calibrate.steadiness import Drift, drift
+from megalopta.sensor.calibrate.telegraph import Correlation, correlation
+
+_FEWEST_FRAMES = 50
+_MOST_COUNTS = 2**25
+"""Counts of a recording that are looked at for coincidences, 256 MiB of numbers."""
+_DRIFT_Z, _SMALLEST_DRIFT = 6.0, 0.005
+
+
+class Summed(NamedTuple):
+    """Statistics of one recording, maps (rows, columns)."""
+
+    exposure_s: float
+    light_hz: float
+    """Photons per second on a pixel, or any unit that all recordings share; 0: dark"""
+    is_binary: bool
+    frames: int
+    total: Floats
+    """Sum of all frames"""
+    variance: Floats
+    largest: Floats
+    at_largest: Floats
+    """Number of frames at the pixel's own largest reading"""
+    steadiness: Drift
+    """Drift of the mean over the pixels"""
+    correlation: Correlation
+    kernel: Kernel | None
+    """Crosstalk and afterpulses by coincidences, of counts in the dark that determine them"""
+
+    @property
+    def mean(self) -> Floats:
+        """Mean reading."""
+        return self.total / self.frames
+
+    @property
+    def is_constant(self) -> Mask:
+        """Pixels with one reading in all frames."""
+        return np.asarray(self.at_largest == self.frames)
+
+    def __str__(self) -> str:
+        """Short description for readers."""
+        light = f"light of {self.light_hz:g}" if self.light_hz else "dark"
+        return f"{light}, exposure of {self.exposure_s:g} s"
+
+
+def summed(
+    readings: NDArray[Any], exposure_s: float, light_hz: float, *, is_binary: bool
+) -> Summed:
+    """Sum up a recording: counts, or bits as 0 and 1, (n, rows, columns).
+
+    Raises ValueError if there are too few frames, or readings drift.
+    """
+    n = len(readings)
+    if readings.ndim != 3 or n < _FEWEST_FRAMES:
+        raise ValueError(f"{n} frames; capture {_FEWEST_FRAMES} or more")
+    mean = readings.mean(axis=0, dtype=np.float64)
+    largest = readings.max(axis=0)
+    squares, at_largest = np.zeros((2, *mean.shape))
+    for each in readings:  # a copy of all would take eight times the memory of bits
+        squares += np.square(each - mean)
+        at_largest += each == largest
+    related = correlation(readings, np.ones(mean.shape, np.bool_))
+    found = Summed(
+        exposure_s,
+        light_hz,
+        is_binary,
+        n,
+        mean * n,
+        squares / (n - 1),
+        largest.astype(np.float64),
+        at_largest,
+        drift(readings.mean(axis=(1, 2), dtype=np.float64)),
+        related,
+        None if is_binary or light_hz else _kernel(readings, (squares > 0) & ~related.is_telegraph),
+    )
+    _check_steadiness(found)
+    return found
+
+
+def _kernel(readings: NDArray[Any], good: Mask) -> Kernel | None:
+    """Crosstalk and afterpulses of good pixels; None if too few have neighbors."""
+    frames = max(_MOST_COUNTS // good.size, _FEWEST_FRAMES)
+    try:
+        return neighbor_kernel(readings[:frames], good)
+    except ValueError:
+        return None
+
+
+def _check_steadiness(level: Summed) -> None:
+    size = abs(level.steadiness.change)
+    pixel = float(np.sqrt(level.variance.mean()))
+    if abs(level.steadiness.z) > _DRIFT_Z and size > _SMALLEST_DRIFT * pixel:
+        share = 100 * level.steadiness.change / max(float(level.mean.mean()), 1e-300)
+        raise ValueError(
+            f"{level}: drifts; the second half differs from the first by {share:+.2g} %, "
+            f"{abs(level.steadiness.z):.0f} standard errors; let light and temperature settle and "
+            "capture again"
+        )

@@ -1,0 +1,67 @@
+"""Telegraph noise of single pixels, from readings of consecutive frames.
+
+Readings of independent events are uncorrelated from frame to frame. A rate that switches between
+two levels correlates them: with a trap that is active half of the time and correlated over τ, the
+covariance of frames k apart is (A/2)²·exp(−k·T/τ), A the difference of the two mean readings. The
+decay of all marked pixels together gives τ, the size of each pixel's covariances its A. Both are
+too small by a relative 2·τ/T over the number of frames, as the mean is that of the same frames.
+
+Fluctuations that all pixels share correlate readings, too: they have to be taken out before.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from megalopta.core.arrays import Floats, Mask
+
+LAGS = 6
+_Z = 7.0
+_FEWEST_COUNTS = 30.0
+_FARTHEST = 5.0
+"""Deviation, in standard deviations, to which single readings are limited."""
+
+
+class Correlation(NamedTuple):
+    """Correlation of the readings of pixels over frames."""
+
+    shares: Floats
+    """Covariance with the frames 1 to 6 later over the variance, (6, rows, columns)"""
+    frames: int
+
+    @property
+    def is_telegraph(self) -> Mask:
+        """Pixels (rows, columns) whose readings are correlated, by 1e-12 not by chance."""
+        several = self.shares.sum(axis=0) / np.sqrt(LAGS)
+        return np.asarray(np.maximum(self.shares[0], several) * np.sqrt(self.frames) > _Z)
+
+
+def correlation(readings: NDArray[Any], good: Mask) -> Correlation:
+    """Return the correlation of readings (n, rows, columns); 0 for others than good pixels."""
+    total, spread = readings.sum(axis=0, dtype=np.float64), readings.std(axis=0, dtype=np.float64)
+    counted = good & (spread > 0) & (total > _FEWEST_COUNTS)
+    mean, scale = total / len(readings), np.where(counted, spread, np.inf)
+    sums, before = np.zeros((LAGS, *good.shape)), list[Floats]()
+    for each in readings:
+        z = np.clip((each - mean) / scale, -_FARTHEST, _FARTHEST)
+        for lag, earlier in enumerate(before):
+            sums[lag] += z * earlier
+        before = [z, *before[: LAGS - 1]]
+    return Correlation(sums / len(readings), len(readings))
+
+
+def switching(
+    mean: Floats, variance: Floats, found: Correlation, pixels: Mask
+) -> tuple[Floats, Floats, float]:
+    """Return the mean readings at both levels (rows, columns), and the correlation time in frames.
+
+    Of all but the marked pixels both are the mean.
+    """
+    covariance = np.where(pixels, found.shares * variance, 0)
+    pooled = covariance.sum(axis=(1, 2))
+    kept = float(np.clip(pooled[1:].sum() / max(pooled[:-1].sum(), 1e-300), 0.05, 0.98))
+    decay = kept ** np.arange(1, LAGS + 1)
+    half = np.sqrt(np.maximum(np.tensordot(decay, covariance, 1) / (decay**2).sum(), 0))
+    half = np.minimum(half, mean)
+    return mean - half, mean + half, -1 / float(np.log(kept))

@@ -1,0 +1,139 @@
+"""Time-correlated single-photon counting: pulsed light, and a time-to-digital converter per pixel.
+
+In every period P of the source a share of the light arrives as a pulse of density g(t): normal of
+standard deviation σ, late by a delay, and delayed once more by an exponential decay of mean τ, as
+of fluorescence. The rest of the light and dark counts are constant. So a pixel that detects n
+photons per period has arrivals at a rate λ(t) = n·(s·g(t) + (1 − s)/P) + d, with g continued over
+periods. The converter records the first avalanche of a period, which the pixel is ready for:
+
+    p(t) = λ(t)·exp(−∫₀ᵗ λ)            1 − exp(−∫₀ᴾ λ) in all: pile-up
+
+The time stamp scatters by the sensor's jitter, the response of the instrument, over the end of the
+period too. Numbers in the bins of a histogram of N periods are multinomial.
+
+Assumptions: pixels are ready at the start of each period, so that dead time is at most one period;
+carriers of afterpulses and of crosstalk are not counted. For other cases, events of pulsed light
+(`expose_events`, in parts of the exposure) are sorted into a histogram by `sorted_in_time`.
+
+Source: O'Connor and Phillips, Time-correlated Single Photon Counting (1984), for pile-up.
+"""
+
+from typing import Annotated, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+from scipy.stats import expon, exponnorm, norm
+
+from megalopta.core.arrays import Floats
+from megalopta.sensor.effects.base import Effect, Stage
+from megalopta.sensor.effects.jitter import Jitter
+
+_FINEST = 64
+"""Parts of a bin, at most, in which light is constant."""
+_PER_SIGMA = 4.0
+_FARTHEST = 9.0
+"""Standard deviations after which a pulse has ended."""
+_LATEST = 30.0
+
+
+class Tcspc(Effect, frozen=True):
+    """Pulsed light whose photons are counted by their time; off by default."""
+
+    stage: ClassVar[Stage] = Stage.READOUT
+    statement: ClassVar[str] = "the first avalanche of each pulse is counted by its time"
+
+    bins: Annotated[int, Field(ge=0, le=65536)] = 0
+    """Bins of the converter in one period (0: no histograms)."""
+    period_s: Annotated[float, Field(gt=0)] = 25e-9
+    """Time between two pulses (s)."""
+    pulsed_share: Annotated[float, Field(ge=0, le=1)] = 1.0
+    """Share of the light that is pulsed (0 to 1)."""
+    pulse_sigma_s: Annotated[float, Field(ge=0)] = 0.0
+    """Standard deviation of a pulse (s)."""
+    decay_s: Annotated[float, Field(ge=0)] = 0.0
+    """Mean of the exponential delay of a photon, such as a fluorescence lifetime (s)."""
+    delay_s: Annotated[float, Field(ge=0)] = 0.0
+    """Delay of the pulse, such as the time of flight (s)."""
+
+    @property
+    def is_on(self) -> bool:
+        """True if photons are counted by their time."""
+        return self.bins > 0
+
+
+def first_photon_shares(pulsed: Floats, constant: Floats, tcspc: Tcspc, jitter: Jitter) -> Floats:
+    """Return the probability of a count in each bin of a period, (…, bins).
+
+    Parameters
+    ----------
+    pulsed, constant : (…)
+        Mean arrivals per period, of pulses and of all other light and dark counts.
+    """
+    parts = _parts(tcspc, jitter)
+    fine = tcspc.bins * parts
+    ends = tcspc.period_s * np.arange(fine + 1) / fine
+    pulse = _wrapped(ends - tcspc.delay_s, tcspc.pulse_sigma_s, tcspc.decay_s, tcspc.period_s)
+    mass = pulsed[..., np.newaxis] * pulse + constant[..., np.newaxis] / fine
+    before = np.cumsum(mass, axis=-1) - mass
+    first = -np.exp(-before) * np.expm1(-mass)
+    if jitter.is_on:
+        response = np.fft.rfft(_response(ends, tcspc.period_s, jitter))
+        first = np.fft.irfft(np.fft.rfft(first) * response, fine)
+    return np.asarray(first.reshape(*first.shape[:-1], tcspc.bins, parts).sum(axis=-1)).clip(0)
+
+
+def _parts(tcspc: Tcspc, jitter: Jitter) -> int:
+    """Equal parts of a bin, much shorter than what blurs the pulse."""
+    blur = [each for each in (tcspc.pulse_sigma_s, tcspc.decay_s, jitter.sigma_s, jitter.tail_s)
+            if each > 0]  # fmt: skip
+    bin_s = tcspc.period_s / tcspc.bins
+    return int(np.clip(np.ceil(_PER_SIGMA * bin_s / min(blur)), 1, _FINEST)) if blur else 1
+
+
+def _response(ends: Floats, period_s: float, jitter: Jitter) -> Floats:
+    """Shares of time stamps by how many parts of a bin they are late, around the period."""
+    middle = ends - ends[1] / 2
+    late = jitter.tail_share if jitter.tail_s > 0 else 0.0
+    prompt = _wrapped(middle, jitter.sigma_s, 0.0, period_s)
+    tail = _wrapped(middle, jitter.sigma_s, jitter.tail_s, period_s) if late else prompt
+    return np.asarray((1 - late) * prompt + late * tail)
+
+
+def _wrapped(ends: Floats, sigma_s: float, decay_s: float, period_s: float) -> Floats:
+    """Shares between times that a pulse and those before it have, of a pulse at 0."""
+    longest = _FARTHEST * sigma_s + _LATEST * decay_s + ends[-1] - ends[0]
+    first = int(np.floor((-_FARTHEST * sigma_s - ends[-1]) / period_s))
+    last = int(np.ceil((longest - ends[0]) / period_s))
+    total = np.zeros(len(ends))
+    for number in range(first, last + 1):
+        total += _cumulative(ends + number * period_s, sigma_s, decay_s)
+    shares = np.diff(total)
+    return np.asarray(shares / shares.sum())
+
+
+def _cumulative(times: Floats, sigma_s: float, decay_s: float) -> Floats:
+    if sigma_s == 0 and decay_s == 0:
+        return (times > 0).astype(np.float64)
+    if decay_s == 0:
+        return np.asarray(norm.cdf(times / sigma_s))
+    if sigma_s == 0:
+        return np.asarray(expon.cdf(times / decay_s))
+    return np.asarray(exponnorm.cdf(times / sigma_s, decay_s / sigma_s))
+
+
+def sorted_in_time(
+    times_s: Floats, pixels: NDArray[np.integer], number: int, tcspc: Tcspc
+) -> NDArray[np.int64]:
+    """Return the histogram (number, bins) of the first event of each pixel in each period.
+
+    Times count from the start of a period; events need no order.
+    """
+    order = np.argsort(times_s, kind="stable")
+    period = np.floor(times_s[order] / tcspc.period_s).astype(np.int64)
+    own = pixels[order].astype(np.int64)
+    first = np.unique(period * number + own, return_index=True)[1]
+    within = times_s[order][first] / tcspc.period_s - period[first]
+    place = np.minimum((within * tcspc.bins).astype(np.int64), tcspc.bins - 1)
+    found = np.bincount(own[first] * tcspc.bins + place, minlength=number * tcspc.bins)
+    return found.reshape(number, tcspc.bins)

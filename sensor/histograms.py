@@ -1,0 +1,95 @@
+"""Histograms of photons by their time after a pulse, per pixel and frame (`effects.tcspc`)."""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from megalopta.core.arrays import Floats
+from megalopta.sensor.effects.tcspc import first_photon_shares
+from megalopta.sensor.sampling.streams import generator
+from megalopta.sensor.spad.device import checked_rate
+from megalopta.sensor.spad.frames import over_frames
+from megalopta.sensor.spad.model import Sensor
+
+
+def check_histograms(sensor: Sensor) -> None:
+    """Raise ValueError if a sensor has no histograms, as bins or pixels ready at every pulse."""
+    tcspc = sensor.tcspc
+    if not tcspc.is_on:
+        raise ValueError(
+            f"tcspc.bins: 0 in sensor {sensor.name!r}; give the bins of a period for histograms"
+        )
+    if tcspc.period_s > sensor.exposure_s:
+        raise ValueError(
+            f"tcspc.period_s: {tcspc.period_s:g} is longer than exposure_s {sensor.exposure_s:g}; "
+            "expose for many periods"
+        )
+    if sensor.dead_time.dead_time_s > tcspc.period_s:
+        raise ValueError(
+            f"dead_time.dead_time_s: {sensor.dead_time.dead_time_s:g} is longer than tcspc."
+            f"period_s {tcspc.period_s:g}; histograms need pixels that are ready at every pulse"
+        )
+    for name in ("gate", "afterpulsing", "crosstalk", "telegraph"):
+        if getattr(sensor, name).is_on:
+            raise ValueError(
+                f"{name}: histograms do not include it; switch it off, or sort the times of "
+                "expose_events"
+            )
+
+
+def mean_histograms(detections_hz: ArrayLike, sensor: Sensor) -> Floats:
+    """Return the mean counts in each bin, (T, H, W, bins); of n periods, variance m·(1 − m/n).
+
+    Parameters as for `expose_histograms`. Raises ValueError as this does.
+    """
+    check_histograms(sensor)
+    rate, device = checked_rate(detections_hz, sensor)
+    if rate.ndim != 3:
+        raise ValueError("detections_hz: light in parts of the exposure; histograms need steady")
+    tcspc = sensor.tcspc
+    pulsed = rate * tcspc.pulsed_share * tcspc.period_s
+    constant = (rate * (1 - tcspc.pulsed_share) + device.dark_counts_hz) * tcspc.period_s
+    return periods(sensor) * first_photon_shares(pulsed, constant, tcspc, sensor.jitter)
+
+
+def periods(sensor: Sensor) -> int:
+    """Return the number of whole periods in an exposure."""
+    return int(sensor.exposure_s / sensor.tcspc.period_s * (1 + 1e-9))
+
+
+def expose_histograms(
+    detections_hz: ArrayLike,
+    sensor: Sensor,
+    *,
+    seed: int,
+    sequence: str | int,
+    first_frame: int = 0,
+) -> NDArray[np.uint32]:
+    """Draw histograms of photons by their time after a pulse, (T, H, W, bins).
+
+    Parameters
+    ----------
+    detections_hz : (T, H, W) array
+        Mean detection rate of always-live pixels, Hz; `tcspc` says how it is pulsed.
+    sensor : Sensor
+    seed, sequence, first_frame
+        As for `expose_rate`.
+
+    Raises
+    ------
+    ValueError
+        As `expose_rate`, or as `check_histograms`.
+    """
+    rate = np.asarray(detections_hz, np.float64)
+    counts = np.empty((*rate.shape, sensor.tcspc.bins), np.uint32)
+    number = periods(sensor)
+
+    def expose_frame(index: int) -> None:
+        shares = mean_histograms(rate[index : index + 1], sensor)[0] / max(number, 1)
+        rest = np.maximum(1 - shares.sum(axis=-1, keepdims=True), 0)
+        rng = generator(seed, "histograms", sequence, first_frame + index)
+        drawn = rng.multinomial(number, np.concatenate((shares, rest), axis=-1))
+        counts[index] = drawn[..., :-1]
+
+    check_histograms(sensor)
+    over_frames(expose_frame, len(rate))
+    return counts

@@ -1,0 +1,120 @@
+"""Histograms of photon times: closed forms, an event-by-event simulation, and its inverse."""
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+from megalopta.sensor import (
+    changed,
+    expose_histograms,
+    expose_rate,
+    mean_histograms,
+    preset,
+)
+from megalopta.sensor.effects.tcspc import sorted_in_time
+from megalopta.sensor.histograms import periods
+
+LASER = {"bins": 100, "period_s": 20e-9, "pulse_sigma_s": 0.1e-9, "decay_s": 3e-9, "delay_s": 2e-9}
+JITTER = {"sigma_s": 0.2e-9, "tail_share": 0.3, "tail_s": 0.5e-9}
+TCSPC = changed(preset("ideal"), exposure_s=1e-3, tcspc=LASER, jitter=JITTER)
+
+
+def rate_of(photons_per_period, sensor=TCSPC, shape=(1, 1, 1)):
+    return np.full(shape, photons_per_period / sensor.tcspc.period_s)
+
+
+def agree(seen, expected):
+    """Seen numbers are Poisson about expected ones: a false alarm at 1e-6."""
+    used = expected > 10
+    square = float(((seen - expected)[used] ** 2 / expected[used]).sum())
+    return used.sum() > 20 and chi2.sf(square, used.sum()) > 1e-6
+
+
+def test_faint_light_is_pulse_decay_and_response_convolved():
+    rng, number = np.random.default_rng(1), 2_000_000
+    times = 2e-9 + np.hypot(0.1e-9, 0.2e-9) * rng.standard_normal(number)
+    times += rng.exponential(3e-9, number) + (rng.random(number) < 0.3) * rng.exponential(
+        0.5e-9, number
+    )
+    seen = np.histogram(times % 20e-9, 100, (0, 20e-9))[0]
+    law = mean_histograms(rate_of(1e-6), TCSPC)[0, 0, 0]
+    assert agree(seen, number * law / law.sum())
+
+
+@pytest.mark.parametrize("photons", [0.01, 1.0, 5.0])
+def test_pile_up_of_constant_light_is_exponential(photons):
+    sensor = changed(TCSPC, tcspc={"pulsed_share": 0.0}, jitter={"sigma_s": 0, "tail_share": 0})
+    law = mean_histograms(rate_of(photons, sensor), sensor)[0, 0, 0] / periods(sensor)
+    ends = np.arange(101) / 100
+    np.testing.assert_allclose(law, -np.diff(np.exp(-photons * ends)), rtol=1e-9)
+
+
+def test_pile_up_is_undone_by_coates():
+    sensor = changed(TCSPC, jitter={"sigma_s": 0, "tail_share": 0})
+    faint, bright = (mean_histograms(rate_of(each), sensor)[0, 0, 0] for each in (1e-6, 2.0))
+    left = periods(sensor) - np.cumsum(bright) + bright
+    arrivals = -np.log1p(-bright / left)  # Coates, J. Phys. E 1, 878 (1968)
+    # of first order in 1e-6 photons
+    np.testing.assert_allclose(arrivals / arrivals.sum(), faint / faint.sum(), rtol=1e-5, atol=1e-9)
+
+
+def test_first_photons_of_simulated_pulses_have_the_same_histogram():
+    rng, pulses, pixels, period_s = np.random.default_rng(2), 100_000, 3, 20e-9
+    sensor = changed(TCSPC, exposure_s=period_s * pulses, tcspc={"pulsed_share": 0.8})
+    number = rng.poisson(0.9 * pulses, pixels)
+    pixel = np.repeat(np.arange(pixels), number)
+    late = 2e-9 + 0.1e-9 * rng.standard_normal(pixel.size) + rng.exponential(3e-9, pixel.size)
+    late = np.where(
+        rng.random(pixel.size) < 0.8, late % period_s, period_s * rng.random(pixel.size)
+    )
+    times = period_s * rng.integers(pulses, size=pixel.size) + late
+    found = sorted_in_time(times, pixel, pixels, sensor.tcspc)
+    plain = changed(sensor, jitter={"sigma_s": 0, "tail_share": 0})
+    law = mean_histograms(rate_of(0.9, shape=(1, 1, pixels)), plain)[0, 0]
+    assert found.sum() < 0.7 * pixel.size  # pile-up
+    assert agree(found.sum(axis=0), law.sum(axis=0))
+    # stamps scatter after the first avalanche is chosen
+    stamps = period_s * (np.arange(100) + rng.random((pixels, 1))) / 100
+    moved = np.repeat(np.broadcast_to(stamps, found.shape).ravel(), found.ravel())
+    moved = moved + 0.2e-9 * rng.standard_normal(moved.size)
+    moved += (rng.random(moved.size) < 0.3) * rng.exponential(0.5e-9, moved.size)
+    seen = np.histogram(moved % period_s, 100, (0, period_s))[0]
+    blurred = mean_histograms(rate_of(0.9, shape=(1, 1, pixels)), sensor)[0, 0].sum(axis=0)
+    # counting makes 0.8 · √(100/170 000) = 1.9 %, stamps spread evenly over a bin less than that
+    assert np.abs(seen - blurred).sum() < 0.03 * blurred.sum()
+
+
+def test_drawn_histograms_have_the_stated_mean_and_variance():
+    shape = (3, 40, 50)
+    drawn = expose_histograms(rate_of(0.5, shape=shape), TCSPC, seed=1, sequence="a")
+    mean = mean_histograms(rate_of(0.5), TCSPC)[0, 0, 0]
+    variance = mean * (1 - mean / periods(TCSPC))
+    seen, many = drawn.reshape(-1, 100), 6000
+    # 100 bins: five standard errors have a chance of 6e-5, six of 2e-7
+    assert (np.abs(seen.mean(axis=0) - mean) < 6 * np.sqrt(variance / many)).all()
+    assert (np.abs(seen.var(axis=0) / variance - 1) < 6 * np.sqrt(2 / many)).all()
+    again = expose_histograms(
+        rate_of(0.5, shape=shape)[1:2], TCSPC, seed=1, sequence="a", first_frame=1
+    )
+    np.testing.assert_array_equal(again[0], drawn[1])
+
+
+def test_bins_of_faint_light_add_up_to_its_counts():
+    drawn = expose_histograms(rate_of(1e-4, shape=(50, 20, 20)), TCSPC, seed=1, sequence="a")
+    counts = expose_rate(rate_of(1e-4, shape=(50, 20, 20)), TCSPC, seed=1, sequence="a").counts
+    # 100 000 photons each, of which pile-up takes 5: six standard errors of the difference
+    assert abs(int(drawn.sum()) - int(counts.sum())) < 6 * np.sqrt(2e5)
+
+
+@pytest.mark.parametrize(
+    ("words", "change"),
+    [
+        ("tcspc.bins", {"tcspc": {"bins": 0}}),
+        ("longer than exposure_s", {"tcspc": {"period_s": 1.0}}),
+        ("ready at every pulse", {"dead_time": {"kind": "nonparalyzable", "dead_time_s": 1e-7}}),
+        ("afterpulsing", {"afterpulsing": {"mean_carriers": 0.1}}),
+    ],
+)
+def test_sensors_without_histograms_are_refused(words, change):
+    with pytest.raises(ValueError, match=words):
+        expose_histograms(rate_of(1.0), changed(TCSPC, **change), seed=1, sequence="a")
