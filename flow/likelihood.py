@@ -126,13 +126,15 @@ def without_defects(counts: NDArray[Any]) -> Floats:
     """Return frames (n, H, W) with the median of their surroundings at hot and dead pixels.
 
     Such a pixel is brighter than all but one of its eight neighbors, or darker, in every frame, by
-    more than noise. What moves is so in one frame, and a line has two neighbors alike.
+    more than noise, and alike in all of them. What moves is so in one frame, other bright specks
+    that replace it differ, and a line has two neighbors alike.
     """
     frames, around = counts.astype(np.float64), (1, 3, 3)
     roots = np.sqrt(frames)
     above = (roots - rank_filter(roots, -3, around)).min(axis=0)
     below = (rank_filter(roots, 2, around) - roots).min(axis=0)
     stands_out = np.maximum(above, below) > _STANDS_OUT
+    stands_out &= np.ptp(roots, axis=0) < _STANDS_OUT
     if not stands_out.any():
         return frames
     return np.where(stands_out, median_filter(frames, around), frames)

@@ -149,6 +149,7 @@ def test_a_hot_and_a_dead_pixel_are_replaced_and_a_moving_spot_is_not():
     counts[:, 5, 6] = 300  # two side by side
     counts[:, 12, 12] = 0
     counts[0, 15, 4] = counts[1, 15, 5] = 400
+    counts[0, 8, 14], counts[1:, 8, 14] = 300, 600  # a bright speck replaces another
     left = without_defects(counts)
     changed = np.argwhere((left != counts).any(axis=0)).tolist()
     assert changed == [[5, 5], [5, 6], [12, 12]]
