@@ -41,11 +41,11 @@ from .detectors.poisson_matching import (
 )
 from .detectors.registry import METHODS as METHODS, Method as Method, method as method
 from .egomotion.camera_motion import (
-    CameraMotion as CameraMotion,
     CameraMotionError as CameraMotionError,
     camera_motion_with_error as camera_motion_with_error,
     likely_camera_motion as likely_camera_motion,
 )
+from .egomotion.motion_of_flow import CameraMotion as CameraMotion
 from .egomotion.wide_field import WideField as WideField, fit_wide_field as fit_wide_field
 from .formats import read_flow as read_flow, write_flo as write_flo
 from .metrics.detection import (

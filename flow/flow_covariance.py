@@ -15,7 +15,7 @@ from megalopta.core.arrays import Floats
 def node_covariance(information: Floats, springs: tuple[Floats, Floats]) -> Floats:
     """Return the covariances (3, n, m) of nodes, px²: xx, xy, yy.
 
-    As for `likelihood.most_likely`: `information` (3, n, m), and `springs` (n, m − 1), (n − 1, m)
+    As for `likelihood.MostLikely`: `information` (3, n, m), and `springs` (n, m − 1), (n − 1, m)
     to the right neighbor and to the lower. Some node must have information.
     """
     is_wide = information.shape[1] < information.shape[2]

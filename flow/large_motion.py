@@ -14,6 +14,7 @@ frame, it is no better than the flow so far.
 """
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, map_coordinates
 
 from megalopta.core.arrays import Floats
@@ -26,6 +27,8 @@ from megalopta.flow.likelihood import (
     place_of_pixels,
     to_nodes,
 )
+
+Singles = NDArray[np.float32]
 
 _REACH_PX = 8
 _STEP, _JUMP = 0.7, 3.0
@@ -63,11 +66,10 @@ def with_large_motion(level: Level, times: Floats, nodes: Floats) -> Floats:
     squares = inside * (aligned[1] - aligned[0]) ** 2 / 2
     seen = np.maximum(to_nodes(inside[np.newaxis].astype(np.float64))[0], 1)
     now = to_nodes(squares[np.newaxis])[0] * area / seen
-    costs = np.empty((*now.shape, side**2 + 1))
+    costs = np.empty((*now.shape, side**2 + 1), np.float32)
     brightness = middle.roots.mean(axis=(1, 2), keepdims=True)
-    _fill(middle.roots * (brightness.mean() / np.maximum(brightness, _DARK)), now, costs)
-    noise = area * level.noise
-    costs = 2 * noise * misfit(costs / noise)
+    equal = middle.roots * (brightness.mean() / np.maximum(brightness, _DARK))
+    _fill(equal.astype(np.float32), now, area * level.noise, costs)
     costs[..., :-1] += _LEAVING * (len(times) - 1)
     _add_claims(costs, _explained(middle, nodes, squares))
     total = costs.copy()
@@ -98,68 +100,101 @@ def _add_claims(costs: Floats, explained: Floats) -> None:
 
 
 @compiled(fastmath={"reassoc", "contract"})
-def _fill(pair: Floats, now: Floats, costs: Floats) -> None:
-    """Write the squares of each displacement, (n, m, displacements), and of the flow so far."""
+def _fill(pair: Singles, now: Floats, noise: float, costs: Singles) -> None:
+    """Write the cost of each displacement, (n, m, displacements), and of the flow so far.
+
+    `now` (n, m): squares of the flow so far; `noise`: their mean where it is right.
+    """
     side, area = 2 * _REACH_PX + 1, NODE_PX**2
-    costs[..., -1] = now
-    seen = np.empty(now.shape)
+    costs[..., -1] = 2 * noise * misfit(now / noise)
     squares = np.empty(now.shape)
     for label in range(side**2):
-        squares[:] = 0.0
-        seen[:] = 0.0
-        _sum_squares(pair, label // side - _REACH_PX, label % side - _REACH_PX, squares, seen)
+        down, right = label // side - _REACH_PX, label % side - _REACH_PX
+        _sum_squares(pair, down, right, squares)
         for y in range(now.shape[0]):
+            tall = _overlap(pair.shape[1], down, y)
             for x in range(now.shape[1]):
-                cost = squares[y, x] * area / max(seen[y, x], 1.0)
-                is_seen = seen[y, x] >= _LEAST_SEEN * area
-                costs[y, x, label] = cost if is_seen else max(cost, now[y, x])
-
-
-@compiled(fastmath={"reassoc", "contract"})
-def _sum_squares(pair: Floats, down: int, right: int, squares: Floats, seen: Floats) -> None:
-    """Add squared differences from the mean of two frames, the second displaced, at nodes."""
-    _, height, width = pair.shape
-    for y in range(max(0, -down), min(height, height - down)):
-        for x in range(max(0, -right), min(width, width - right)):
-            difference = pair[1, y + down, x + right] - pair[0, y, x]
-            squares[y // NODE_PX, x // NODE_PX] += difference * difference / 2
-            seen[y // NODE_PX, x // NODE_PX] += 1.0
+                seen = tall * _overlap(pair.shape[2], right, x)
+                cost = squares[y, x] * area / max(seen, 1)
+                cost = cost if seen >= _LEAST_SEEN * area else max(cost, now[y, x])
+                costs[y, x, label] = 2 * noise * misfit(cost / noise)
 
 
 @compiled
-def _add_messages(costs: Floats, nodes: Floats, down: int, right: int, total: Floats) -> None:
+def _overlap(length: int, shift: int, node: int) -> int:
+    """Return how many of the pixels of a node along an axis are also in the displaced frame."""
+    first = max(NODE_PX * node, -shift)
+    return max(0, min(NODE_PX * (node + 1), length, length - shift) - first)
+
+
+@compiled(fastmath={"reassoc", "contract"})
+def _sum_squares(pair: Singles, down: int, right: int, squares: Floats) -> None:
+    """Write squared differences from the mean of two frames, the second displaced, at nodes."""
+    _, height, width = pair.shape
+    first, last = max(0, -right), min(width, width - right)
+    row = np.zeros(squares.shape[1] * NODE_PX, np.float32)
+    squares[:] = 0.0
+    for y in range(max(0, -down), min(height, height - down)):
+        for x in range(first, last):
+            difference = pair[1, y + down, x + right] - pair[0, y, x]
+            row[x] = difference * difference / 2
+        for node in range(squares.shape[1]):
+            for x in range(NODE_PX):
+                squares[y // NODE_PX, node] += row[NODE_PX * node + x]
+
+
+@compiled
+def _add_messages(costs: Singles, nodes: Floats, down: int, right: int, total: Singles) -> None:
     """Add to the total what the nodes before each one say of its labels, in one direction."""
     rows, columns, labels = costs.shape
-    sent = np.zeros((rows, columns, labels))
+    before, here = np.zeros((2, columns, labels), np.float32)
+    known = np.empty(labels, np.float32)
     for i in range(rows):
         y = i if down >= 0 else rows - 1 - i
         for j in range(columns):
             x = j if right >= 0 else columns - 1 - j
             above, left = y - down, x - right
             if 0 <= above < rows and 0 <= left < columns:
-                known = costs[above, left] + sent[above, left]
-                _pass_on(known, nodes[:, above, left], nodes[:, y, x], sent[y, x])
-                total[y, x] += sent[y, x]
+                said = before[left] if down else here[left]
+                for label in range(labels):
+                    known[label] = costs[above, left, label] + said[label]
+                _pass_on(known, nodes[:, above, left], nodes[:, y, x], here[x])
+                for label in range(labels):
+                    total[y, x, label] += here[x, label]
+            else:
+                here[x] = 0.0
+        before, here = here, before
 
 
 @compiled
-def _pass_on(known: Floats, before: Floats, here: Floats, sent: Floats) -> None:
+def _pass_on(known: Singles, before: Floats, here: Floats, sent: Singles) -> None:
     """Write the least cost of each label here, given that of each label before, less the least."""
-    side, least, last = 2 * _REACH_PX + 1, known.min(), len(known) - 1
-    for label in range(last):
-        x, cost = label % side, known[label]
-        cost = min(cost, known[label - 1] + _STEP) if x > 0 else cost
-        cost = min(cost, known[label + 1] + _STEP) if x < side - 1 else cost
-        cost = min(cost, known[label - side] + _STEP) if label >= side else cost
-        cost = min(cost, known[label + side] + _STEP) if label < last - side else cost
-        sent[label] = min(cost - least, _JUMP)
+    side, last = 2 * _REACH_PX + 1, len(known) - 1
+    step, least = np.float32(_STEP), known.min()
+    sent[:] = known
+    for row in range(0, last, side):
+        _lower(sent[row + 1 : row + side], known[row : row + side - 1], step)
+        _lower(sent[row : row + side - 1], known[row + 1 : row + side], step)
+    _lower(sent[side:last], known[: last - side], step)
+    _lower(sent[: last - side], known[side:last], step)
     change = abs(here[0] - before[0]) + abs(here[1] - before[1])
-    sent[last] = min(known[last] - least + _CHANGE_PER_PX * change, _JUMP)
+    sent[last] = known[last] + _CHANGE_PER_PX * change
     nearest_here, nearest_before = _nearest(here), _nearest(before)
     if nearest_here >= 0:  # from a whole displacement to the flow so far
-        sent[last] = min(sent[last], known[nearest_here] - least + _STEP / 2)
+        sent[last] = min(sent[last], known[nearest_here] + step / 2)
     if nearest_before >= 0:
-        sent[nearest_before] = min(sent[nearest_before], known[last] - least + _STEP / 2)
+        sent[nearest_before] = min(sent[nearest_before], known[last] + step / 2)
+    for label in range(last + 1):
+        cost = sent[label] - least
+        sent[label] = cost if cost < _JUMP else np.float32(_JUMP)
+
+
+@compiled(fastmath={"nnan", "nsz"}, inline="always")
+def _lower(costs: Singles, others: Singles, step: float) -> None:
+    """Lower costs to those of other labels and a step, in place."""
+    for label in range(len(costs)):
+        other = others[label] + step
+        costs[label] = other if other < costs[label] else costs[label]
 
 
 @compiled

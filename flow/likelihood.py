@@ -30,10 +30,11 @@ from scipy.ndimage import (
     rank_filter,
     spline_filter,
 )
-from scipy.sparse import coo_array
-from scipy.sparse.linalg import splu
+from scipy.sparse import coo_array, csc_array
+from scipy.sparse.linalg import LinearOperator, SuperLU, cg, splu
 
 from megalopta.core.arrays import Floats
+from megalopta.core.compiling import compiled
 
 NODE_PX = 4
 """Distance of the nodes of a motion"""
@@ -59,6 +60,10 @@ _STANDS_OUT = 3 * 2**0.5
 
 _LEAST = 1e-9
 """Evidence for the velocity 0 at every node, for a defined result without photons"""
+
+
+_TOLERANCE, _MOST_STEPS = 1e-4, 20
+"""Relative residual at which conjugate gradients stop, and steps after which factors are cheaper"""
 
 
 class Level(NamedTuple):
@@ -121,13 +126,15 @@ def without_defects(counts: NDArray[Any]) -> Floats:
     """Return frames (n, H, W) with the median of their surroundings at hot and dead pixels.
 
     Such a pixel is brighter than all but one of its eight neighbors, or darker, in every frame, by
-    more than noise. What moves is so in one frame, and a line has two neighbors alike.
+    more than noise, and alike in all of them. What moves is so in one frame, other bright specks
+    that replace it differ, and a line has two neighbors alike.
     """
     frames, around = counts.astype(np.float64), (1, 3, 3)
     roots = np.sqrt(frames)
     above = (roots - rank_filter(roots, -3, around)).min(axis=0)
     below = (rank_filter(roots, 2, around) - roots).min(axis=0)
     stands_out = np.maximum(above, below) > _STANDS_OUT
+    stands_out &= np.ptp(roots, axis=0) < _STANDS_OUT
     if not stands_out.any():
         return frames
     return np.where(stands_out, median_filter(frames, around), frames)
@@ -183,10 +190,11 @@ def evidence(level: Level, patterns: Floats, places: Iterable[Floats]) -> Eviden
     )
 
 
-def misfit(squares: Floats) -> Floats:
+@compiled
+def misfit(squares: Any) -> Any:
     """Return squared differences over their noise, of any shape; of large ones the logarithm."""
-    excess = np.maximum(1, squares / _MOST_NOISE)
-    return np.asarray(np.minimum(squares, _MOST_NOISE) + _MOST_NOISE * np.log(excess))
+    excess = np.maximum(1.0, squares / _MOST_NOISE)
+    return np.minimum(squares, _MOST_NOISE) + _MOST_NOISE * np.log(excess)
 
 
 def aligned_frames(level: Level, places: Iterable[Floats]) -> tuple[Floats, NDArray[np.bool_]]:
@@ -232,13 +240,40 @@ def to_nodes(pixels: Floats) -> Floats:
     return np.asarray(whole.sum(axis=(2, 4)))
 
 
-def most_likely(information: Floats, slope: Floats, springs: tuple[Floats, Floats]) -> Floats:
-    """Return the velocities u, (2, n, m), that minimize ½Σuᵀ·A·u − bᵀ·u + ½Σw·|u − u'|².
+class MostLikely:
+    """Solves systems of one size that resemble each other.
 
-    `information` (3, n, m): A of each node: xx, xy, yy; `slope` (2, n, m): b of each node;
-    `springs` (n, m − 1) and (n − 1, m): w to the right neighbor, and to the lower.
+    The first is solved by factors of its matrix. These then precondition conjugate gradients, which
+    take some ten steps for a similar system; where that fails, new factors replace them.
     """
-    shape = slope.shape[1:]
+
+    def __init__(self) -> None:
+        self._factors: SuperLU | None = None
+
+    def __call__(
+        self, information: Floats, slope: Floats, springs: tuple[Floats, Floats], start: Floats
+    ) -> Floats:
+        """Return the velocities u, (2, n, m), that minimize ½Σuᵀ·A·u − bᵀ·u + ½Σw·|u − u'|².
+
+        `information` (3, n, m): A of each node: xx, xy, yy; `slope` (2, n, m): b of each node;
+        `springs` (n, m − 1) and (n − 1, m): w to the right neighbor, and to the lower; `start`
+        (2, n, m): velocities nearby.
+        """
+        matrix, target = _system(information, springs), slope.ravel()
+        if self._factors is not None:
+            similar = LinearOperator(matrix.shape, self._factors.solve, dtype=target.dtype)
+            how: dict[str, Any] = {"rtol": _TOLERANCE, "maxiter": _MOST_STEPS, "M": similar}
+            found, steps = cg(matrix, target, start.ravel(), **how)
+            if steps == 0:  # it has converged
+                return np.asarray(found).reshape(slope.shape)
+        options = {"SymmetricMode": True}
+        self._factors = splu(matrix, permc_spec="MMD_AT_PLUS_A", options=options)
+        return np.asarray(self._factors.solve(target)).reshape(slope.shape)
+
+
+def _system(information: Floats, springs: tuple[Floats, Floats]) -> csc_array:
+    """Return the matrix of evidence and springs, x of all nodes before y."""
+    shape = information.shape[1:]
     nodes = int(np.prod(shape))
     first, second = links(shape)
     stiffness = np.concatenate([spring.ravel() for spring in springs])
@@ -253,9 +288,7 @@ def most_likely(information: Floats, slope: Floats, springs: tuple[Floats, Float
         entries.append((first + offset, second + offset, -stiffness))
         entries.append((second + offset, first + offset, -stiffness))
     rows, columns, values = (np.concatenate(each) for each in zip(*entries, strict=True))
-    matrix = coo_array((values, (rows, columns)), shape=(2 * nodes, 2 * nodes)).tocsc()
-    factors = splu(matrix, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
-    return np.asarray(factors.solve(slope.ravel())).reshape(2, *shape)
+    return coo_array((values, (rows, columns)), shape=(2 * nodes, 2 * nodes)).tocsc()
 
 
 def links(shape: tuple[int, ...]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:

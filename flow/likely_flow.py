@@ -3,9 +3,9 @@
 At each scale, Newton steps, each with a new warp, find the flow at nodes 4 px apart that is most
 likely under a prior of the change of velocity with heavy tails: proportional to its size when
 small, to its logarithm when large. Each solves a sparse symmetric system of two unknowns a node by
-factorization, so that evidence reaches any distance in one step. At the finest scales, whole
-displacements that are likelier replace the flow first (`large_motion`). Equations, sources and
-limits: `docs/theory/whole-frame-flow.md`.
+factorization, or by conjugate gradients from the factors of a similar one, so that evidence reaches
+any distance in one step. At the finest scales, whole displacements that are likelier replace the
+flow first (`large_motion`). Equations, sources and limits: `docs/theory/whole-frame-flow.md`.
 """
 
 from typing import Any
@@ -19,10 +19,10 @@ from megalopta.flow.large_motion import with_large_motion
 from megalopta.flow.likelihood import (
     NODE_PX,
     Level,
+    MostLikely,
     evidence,
     finer,
     levels,
-    most_likely,
     place_of_pixels,
     times_from_reference,
     to_nodes,
@@ -93,8 +93,9 @@ def _most_likely_flow(counts: NDArray[Any], charge: float) -> tuple[Floats, Leve
         nodes = 2 * finer(nodes, tuple(-(-side // NODE_PX) for side in here), 2)
         if level.bins <= _MOST_BINS:
             nodes = with_large_motion(level, times, nodes)
+        most_likely = MostLikely()
         for _ in range(_NEWTON_STEPS):
-            nodes = nodes + _step(level, times, nodes, charge * level.bins)
+            nodes = nodes + _step(level, times, nodes, charge * level.bins, most_likely)
     return nodes, level
 
 
@@ -115,7 +116,9 @@ def stiffness(charge: float, squared_change: Floats) -> Floats:
     return np.asarray(charge / (change * (1 + change / _LARGE)))
 
 
-def _step(level: Level, times: Floats, nodes: Floats, smoothness: float) -> Floats:
+def _step(
+    level: Level, times: Floats, nodes: Floats, smoothness: float, most_likely: MostLikely
+) -> Floats:
     """Return the step from a flow at nodes, (2, n, m)."""
     found = evidence(level, times[np.newaxis], place_of_pixels(level, times, nodes))
     information, slope = to_nodes(found.products[0] * found.information), to_nodes(found.slope[0])
@@ -124,7 +127,7 @@ def _step(level: Level, times: Floats, nodes: Floats, smoothness: float) -> Floa
     target = slope + np.stack((xx * x + xy * y, xy * x + yy * y))
     best = nodes
     for _ in range(_PRIOR_STEPS):
-        best = most_likely(information, target, _springs(best, smoothness))
+        best = most_likely(information, target, _springs(best, smoothness), best)
     return np.clip(best - nodes, -_LONGEST_STEP_PX, _LONGEST_STEP_PX)
 
 

@@ -227,11 +227,15 @@ def _relative_errors(found: Floats, truth: Floats) -> Floats:
     return np.where(np.isnan(relative), 1.0, relative)
 
 
+def angles_deg(first: Floats, second: Floats) -> Floats:
+    """Return the angles between vectors (..., 3) of any length, (...)."""
+    cross = np.linalg.norm(np.cross(first, second), axis=-1)
+    return np.asarray(np.degrees(np.arctan2(cross, np.sum(first * second, axis=-1))))
+
+
 def _angles_deg(first: Floats, second: Floats) -> Floats:
     """Return the angles between (v_x, v_y, 1) of two lists of velocities (n, 2)."""
-    a, b = (np.column_stack((each, np.ones(len(each)))) for each in (first, second))
-    cross = np.linalg.norm(np.cross(a, b), axis=1)
-    return np.asarray(np.degrees(np.arctan2(cross, np.sum(a * b, axis=1))))
+    return angles_deg(*(np.column_stack((each, np.ones(len(each)))) for each in (first, second)))
 
 
 def _of(statistic: Callable[[NDArray[Any]], Any], values: NDArray[Any]) -> float:

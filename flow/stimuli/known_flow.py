@@ -18,7 +18,7 @@ import numpy as np
 from scipy.ndimage import map_coordinates, spline_filter
 from scipy.spatial.transform import Rotation
 
-from megalopta.core.arrays import Floats
+from megalopta.core.arrays import Floats, Mask
 
 _SAMPLES = 2
 """Samples along a pixel, which gathers their light"""
@@ -63,6 +63,16 @@ class MovingLayers:
             velocity = points @ layer.gradient.T + layer.velocity_px
             flow = np.where(seen[..., np.newaxis], velocity, flow)
         return flow
+
+    def hidden(self, shape: tuple[int, int], time: float) -> Mask:
+        """Return where content visible at a time is behind an upper layer a frame later, (H, W)."""
+        here = _pixels(shape, 1)
+        there = here + self.flow(shape, time)
+        covered = np.zeros(shape, np.bool_)
+        for layer in self.layers:
+            is_lower = ~_seen(layer, here, time)[1]
+            covered = is_lower & (covered | _seen(layer, there, time + 1)[1])
+        return covered
 
     def _frame(self, shape: tuple[int, int], time: float) -> Floats:
         n = self.texels
@@ -136,9 +146,7 @@ def _pixels(shape: tuple[int, int], samples: int) -> Floats:
     return np.stack(np.meshgrid(x, y), axis=-1)
 
 
-def _seen(
-    layer: Layer, positions: Floats, time: float
-) -> tuple[Floats, np.ndarray[tuple[int, ...], np.dtype[np.bool_]]]:
+def _seen(layer: Layer, positions: Floats, time: float) -> tuple[Floats, Mask]:
     """Return the points of a layer at some places and a time, and whether it covers them."""
     back = np.linalg.inv(np.eye(2) + time * layer.gradient)
     points = (positions - time * np.asarray(layer.velocity_px)) @ back.T

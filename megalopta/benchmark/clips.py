@@ -12,7 +12,7 @@ import numpy as np
 
 from megalopta.assets_gen import generator
 from megalopta.assets_gen.dead_leaves_model import dead_leaves
-from megalopta.core.arrays import Floats
+from megalopta.core.arrays import Floats, Mask
 from megalopta.flow.detectors.base import Frames
 from megalopta.flow.stimuli.known_flow import Layer, MovingLayers, PanningView
 from megalopta.flow.stimuli.photons import Counts, draw_counts
@@ -47,6 +47,8 @@ class FlowClip:
     """(T, H, W), T even, of mean 1"""
     flow: Floats
     """(H, W, 2), px, between the two frames in the middle, on the pixels of the first"""
+    hidden: Mask | None = None
+    """(H, W), pixels that something else hides in the second of them; None: unknown"""
 
     def counts(self, flux: float, draw: int, key: tuple[str, ...] = ()) -> Counts:
         """Return a draw (T, H, W) of `flux` photons per pixel; the key seeds it."""
@@ -64,7 +66,8 @@ def leaves_clip(seed: int, shape: tuple[int, int] = SHAPE) -> FlowClip:
         x, y = ((rng.random() - 0.5) * 0.8 * side for side in shape[::-1])
         layers.append(_layer(rng, texture, (x, y, rng.uniform(*_DISK_RADII_PX))))
     scene = MovingLayers(layers, _TEXELS)
-    return _clip(f"leaves {seed}", scene.light(shape, TIMES), scene.flow(shape, 0))
+    hidden = scene.hidden(shape, 0)
+    return _clip(f"leaves {seed}", scene.light(shape, TIMES), scene.flow(shape, 0), hidden)
 
 
 def leaves_clips(count: int, shape: tuple[int, int] = SHAPE) -> Iterator[FlowClip]:
@@ -86,7 +89,8 @@ def panorama_clips(
             yaw = rng.choice((-1, 1)) * rng.uniform(1, 4) / focal
             pitch, roll = rng.uniform(-0.8, 0.8) / focal, rng.uniform(-0.008, 0.008)
             view = PanningView(panorama, focal, rng.uniform(0, 2 * math.pi), (pitch, yaw, roll))
-            yield _clip(f"{name} {number}", view.light(shape, TIMES), view.flow(shape))
+            nothing = np.zeros(shape, np.bool_)
+            yield _clip(f"{name} {number}", view.light(shape, TIMES), view.flow(shape), nothing)
 
 
 def middle(frames: Frames, count: int) -> Frames:
@@ -105,5 +109,5 @@ def _layer(
     return Layer(elsewhere, velocity, rng.uniform(-_STEEPEST, _STEEPEST, (2, 2)), disk)
 
 
-def _clip(name: str, light: Floats, flow: Floats) -> FlowClip:
-    return FlowClip(name, light / light.mean(), flow)
+def _clip(name: str, light: Floats, flow: Floats, hidden: Mask) -> FlowClip:
+    return FlowClip(name, light / light.mean(), flow, hidden)

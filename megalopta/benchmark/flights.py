@@ -20,12 +20,10 @@ from megalopta.core.arrays import Floats
 from megalopta.flow.detectors.base import Detector, Frames
 from megalopta.flow.detectors.blocks import BlockDetector, summed_frames
 from megalopta.flow.detectors.registry import METHODS, velocity_method
-from megalopta.flow.egomotion.camera_motion import (
-    CameraMotion,
-    likely_camera_motion,
-    motion_of_flow,
-)
+from megalopta.flow.egomotion.camera_motion import likely_camera_motion
+from megalopta.flow.egomotion.motion_of_flow import CameraMotion, motion_of_flow
 from megalopta.flow.egomotion.wide_field import fit_wide_field, yaw_rates_deg_s
+from megalopta.flow.metrics.endpoint_error import angles_deg
 from megalopta.scenes import Camera
 
 POOLED = 8
@@ -110,15 +108,13 @@ def flight_errors(
     # pairs in the second half, with disjoint windows
     middles = np.arange(half, len(rates) - POOLED // 2 + 1, POOLED)
     steps = np.diff(poses[:, :3, 3], axis=0)[middles, np.newaxis] @ poses[middles, :3, :3]
-    headings = steps[:, 0] / np.linalg.norm(steps[:, 0], axis=1, keepdims=True)
     ways = _ways(view.camera, clip.light[: half + 1], rates[:half], middles)
 
     def errors(way: Way, counts: Frames, flux: float) -> Iterator[tuple[str, Floats]]:
         turns, found = way(counts, flux)
         yield YAW, turns - rates[middles]
         if found is not None:
-            cosines = np.clip((found * headings).sum(axis=1), -1, 1)
-            yield HEADING, np.degrees(np.arccos(cosines))
+            yield HEADING, angles_deg(found, steps[:, 0])
 
     estimates = {name: partial(errors, way) for name, way in ways.items()}
     samples = measure_samples(clip.counts, estimates, fluxes, draws, after_draw)

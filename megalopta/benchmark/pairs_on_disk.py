@@ -8,14 +8,15 @@ to luminance.
 """
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import NamedTuple, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from megalopta.benchmark.clips import FlowClip
-from megalopta.core.arrays import Floats
+from megalopta.core.arrays import Floats, Mask
 from megalopta.core.errors import UserError
 from megalopta.core.pictures import read_picture
 from megalopta.flow.formats import FLOW_SUFFIXES, read_flow
@@ -45,8 +46,8 @@ class TrueFlow(NamedTuple):
 
 Truths = Mapping[Frame, TrueFlow]
 
-Files = tuple[Path, Path, Path]
-"""First picture, second picture, flow"""
+Files = tuple[Path, Path, TrueFlow]
+"""First picture, second picture, truth"""
 
 Pair = TypeVar("Pair")
 
@@ -124,8 +125,7 @@ def pairs_below(folder: Path) -> dict[str, Files]:
     truths = true_flows(folder)
     pictures = next(iter(pictures_of(truths).values()))  # of Sintel's passes, the clean one
     return {
-        "/".join(filter(None, frame)): (*pictures[frame], truths[frame].flow)
-        for frame in sorted(truths)
+        "/".join(filter(None, frame)): (*pictures[frame], truths[frame]) for frame in sorted(truths)
     }
 
 
@@ -136,30 +136,53 @@ def evenly_spread(pairs: dict[str, Pair], most: int) -> dict[str, Pair]:
     return {names[index]: pairs[names[index]] for index in chosen}
 
 
-def read_pair(name: str, files: Sequence[Path]) -> FlowClip:
-    """Return a pair as a clip of two frames, from first picture, second picture and flow.
+def read_pair(name: str, files: Files) -> FlowClip:
+    """Return a pair as a clip of two frames, from first picture, second picture and truth.
 
     Raises UserError if a file is damaged or of the wrong size.
     """
     first, second, truth = files
-    try:
-        flow = read_flow(truth).astype(np.float64)
-    except OSError as problem:
-        reason = (problem.strerror or str(problem)).lower()
-        raise UserError(f"{truth} cannot be read ({reason}); give a file of true flow") from None
-    except ValueError as problem:
-        raise UserError(str(problem)) from None
+    flow, hidden = read_truth(truth)
     frames = [_light(path) for path in (first, second)]
     for path, frame in zip((first, second), frames, strict=True):
         if frame.shape != flow.shape[:2]:
             raise UserError(
-                f"{path} has {frame.shape[1]} × {frame.shape[0]} px, {truth} has"
+                f"{path} has {frame.shape[1]} × {frame.shape[0]} px, {truth.flow} has"
                 f" {flow.shape[1]} × {flow.shape[0]}: give pictures and flow of one size"
             )
     light = np.stack(frames)
     if not light.any():
         raise UserError(f"{first} and {second} are black; give brighter pictures")
-    return FlowClip(name, light / light.mean(), flow)
+    return FlowClip(name, light / light.mean(), flow.astype(np.float64), hidden)
+
+
+def read_truth(files: TrueFlow) -> tuple[NDArray[np.float32], Mask | None]:
+    """Return the true flow (H, W, 2), NaN where not scored, and where it is hidden, if known.
+
+    Raises UserError if a file is damaged or of another size.
+    """
+    path = files.flow
+    try:
+        true, hidden = read_flow(path), None
+        if files.undefined:
+            true[_mask(path := files.undefined, true.shape)] = np.nan
+        if files.occlusion:
+            hidden = _mask(path := files.occlusion, true.shape)
+        if files.visible:
+            hidden = np.isnan(read_flow(path := files.visible)[..., 0])
+    except OSError as problem:
+        reason = (problem.strerror or str(problem)).lower()
+        raise UserError(f"{path} cannot be read ({reason}); give a file of true flow") from None
+    except ValueError as problem:
+        raise UserError(f"the truth cannot be read: {problem}") from None
+    return true, hidden
+
+
+def _mask(path: Path, shape: tuple[int, ...]) -> Mask:
+    mask = read_picture(path, "L") > 0
+    if mask.shape != shape[:2]:
+        raise ValueError(f"{path} is {mask.shape[1]} × {mask.shape[0]} px, its flow is not")
+    return mask
 
 
 def _pictures(frame: Frame, flow: Path) -> dict[str, tuple[Path, Path]]:
@@ -217,7 +240,7 @@ def _middlebury(folder: Path) -> Iterator[tuple[str, Files]]:
             first_of.setdefault(path.parent.name, path)
     for flow in sorted(folder.rglob("flow10.flo")):
         if first := first_of.get(flow.parent.name):
-            yield flow.parent.name, (first, first.with_name("frame11.png"), flow)
+            yield flow.parent.name, (first, first.with_name("frame11.png"), TrueFlow(flow))
 
 
 def _light(path: Path) -> Floats:

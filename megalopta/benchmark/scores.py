@@ -11,7 +11,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 from pydantic import FiniteFloat, NonNegativeInt, PositiveInt
 from rich.box import SIMPLE
@@ -151,7 +150,7 @@ def _scored(
     found: dict[str, dict[str, DenseErrors]] = {name: {} for name in sorted(passes)}
     hashes = []
     for frame, paths in sorted(truths.items()):
-        true, occluded = _truth(paths)
+        true, occluded = pairs_on_disk.read_truth(paths)
         hashes += ["/".join(frame), *(file_hash(path) for path in paths if path)]
         for name, errors in found.items():
             where, answer = passes[name][frame]
@@ -162,27 +161,6 @@ def _scored(
                 raise UserError(text if where in text else f"{where}: {text}") from None
         advance(1)
     return found, digest(*hashes)
-
-
-def _truth(files: pairs_on_disk.TrueFlow) -> tuple[NDArray[np.float32], NDArray[np.bool_] | None]:
-    try:
-        true, occluded = read_flow(files.flow), None
-        if files.undefined:
-            true[_mask(files.undefined, true.shape)] = np.nan
-        if files.occlusion:
-            occluded = _mask(files.occlusion, true.shape)
-        if files.visible:
-            occluded = np.isnan(read_flow(files.visible)[..., 0])
-    except (ValueError, OSError) as problem:
-        raise UserError(f"the truth cannot be read: {problem}") from None
-    return true, occluded
-
-
-def _mask(path: Path, shape: tuple[int, ...]) -> NDArray[np.bool_]:
-    mask = read_picture(path, "L") > 0
-    if mask.shape != shape[:2]:
-        raise ValueError(f"{path} is {mask.shape[1]} × {mask.shape[0]} px, its flow is not")
-    return mask
 
 
 _COLUMNS: Mapping[str, tuple[str, str]] = {

@@ -26,9 +26,14 @@ from megalopta.dataset.frames import read_truth_frames
 from megalopta.dataset.store import Dataset
 from megalopta.flow.benchmark.settings import default_warm_up
 from megalopta.flow.detectors.blocks import BlockGrid
-from megalopta.flow.egomotion.camera_motion import motion_of_flow
+from megalopta.flow.egomotion.motion_of_flow import motion_of_flow
 from megalopta.flow.egomotion.wide_field import YawRateTest, yaw_rates_deg_s
-from megalopta.flow.metrics.endpoint_error import OCCLUDED_SHARE, block_flow, block_share
+from megalopta.flow.metrics.endpoint_error import (
+    OCCLUDED_SHARE,
+    angles_deg,
+    block_flow,
+    block_share,
+)
 from megalopta.scenes.cameras.base import Camera
 
 if TYPE_CHECKING:
@@ -363,10 +368,8 @@ def _motion_errors(dataset: Dataset, found: Floats, pair: int) -> tuple[float, f
     turn = poses[0, :3, :3].T @ poses[1, :3, :3]
     way = poses[0, :3, :3].T @ (poses[1, :3, 3] - poses[0, :3, 3])
     left = Rotation.from_rotvec(found[:3], degrees=True).inv() * Rotation.from_matrix(turn)
-    length = float(np.linalg.norm(way))
-    heading = math.nan
-    if length >= _STILL_M:
-        heading = float(np.degrees(np.arccos(np.clip(found[3:] @ way / length, -1, 1))))
+    moves = np.linalg.norm(way) >= _STILL_M
+    heading = float(angles_deg(found[3:], way)) if moves else math.nan
     return float(np.degrees(left.magnitude())), heading
 
 

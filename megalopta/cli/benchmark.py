@@ -1,6 +1,8 @@
 """`megalopta benchmark`: how well methods estimate motion, and how much light they need."""
 
+import math
 from argparse import Namespace
+from collections.abc import Mapping
 from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -103,13 +105,14 @@ def _pairs(options: Namespace) -> None:
 
 def _pairs_with_truth(options: Namespace) -> None:
     from megalopta.benchmark.methods import BLOCK_PX
-    from megalopta.benchmark.pairs_on_disk import evenly_spread, pairs_below
-    from megalopta.benchmark.whole_frames import FAR, MEAN, MEDIAN, errors_of_pairs, write_board
+    from megalopta.benchmark.pairs_on_disk import TrueFlow, evenly_spread, pairs_below
+    from megalopta.benchmark.whole_frames import METRICS, errors_of_pairs, write_board
 
     if len(options.paths) == 1:
         pairs = evenly_spread(pairs_below(options.paths[0]), options.pairs)
     elif len(options.paths) == 3:
-        pairs = {options.paths[0].stem: tuple(options.paths)}
+        *pictures, truth = options.paths
+        pairs = {pictures[0].stem: (*pictures, TrueFlow(truth))}
     else:
         raise UserError(
             f"benchmark pairs: {len(options.paths)} paths; give a folder, or two pictures and"
@@ -117,15 +120,18 @@ def _pairs_with_truth(options: Namespace) -> None:
         )
     errors = errors_of_pairs(pairs, options.photons, *_methods_and_draws(options, len(pairs)))
     write_board(options.out, errors)
-    print(f"Errors of blocks of {BLOCK_PX} px by photons per pixel{_over(errors)}:")
-    _print_tables(errors, (MEDIAN, MEAN, FAR))
+    print(
+        f"Errors of blocks of {BLOCK_PX} px{_over(errors)}; mean px also of those that move 0–10,"
+        " 10–40, 40+ px, and of visible and occluded ones:"
+    )
+    _print_tables(errors, METRICS)
     print(options.out)
 
 
 def _pairs_without_truth(options: Namespace) -> None:
     from megalopta.benchmark import without_truth
     from megalopta.benchmark.methods import BLOCK_PX, block_detector
-    from megalopta.benchmark.whole_frames import MEAN
+    from megalopta.benchmark.whole_frames import MEAN, METRICS
 
     reference = options.reference or _REFERENCE
     with ExitStack() as stack:
@@ -135,17 +141,17 @@ def _pairs_without_truth(options: Namespace) -> None:
     without_truth.write_distances(options.out, found, reference)
     name = block_detector(reference).name
     print(
-        f"NO TRUE FLOW: these are distances, not errors. Blocks of {BLOCK_PX} px by photons per "
-        f"pixel{_over(found)}.\n\nDistance from the flow of the noise-free pictures by {name}, "
+        f"NO TRUE FLOW: these are distances, not errors. Blocks of {BLOCK_PX} px{_over(found)}."
+        f"\n\nDistance from the flow of the noise-free pictures by {name}, "
         f"which favors {name} and similar methods:"
     )
-    _print_tables(found, tuple(without_truth.FROM_STAND_IN.values()))
+    _print_tables(found, {name: METRICS[of] for of, name in without_truth.FROM_STAND_IN.items()})
     if without_truth.has_others(found):
         print(
             "\nDistance from the median of the other methods on the same photons; methods that "
             "agree may share an error:"
         )
-        _print_tables(found, (without_truth.FROM_OTHERS[MEAN],))
+        _print_tables(found, {without_truth.FROM_OTHERS[MEAN]: METRICS[MEAN]})
     print(options.out)
 
 
@@ -159,33 +165,31 @@ def _over(board: "Board") -> str:
     return f", mean over {pairs} pairs, 95 % CI over pairs" if pairs > 1 else ""
 
 
-def _print_tables(board: "Board", metrics: tuple[str, ...]) -> None:
-    """Print a table per metric: a row per method, a column per flux."""
+def _print_tables(board: "Board", metrics: Mapping[str, str]) -> None:
+    """Print a table per flux: a row per method, a column per metric, by name and head."""
+    from rich.box import SIMPLE
     from rich.console import Console
     from rich.table import Table
 
-    from megalopta.benchmark.whole_frames import FAR_PX
-
     console = Console(width=_WIDTH)
-    for metric in metrics:
-        is_share = metric.startswith("share")
-        title = f"% beyond {FAR_PX:g} px" if is_share else f"{metric.partition('_')[0]}, px"
-        table = Table(title, *(f"{flux:g}" for flux in board.fluxes))
+    for flux in board.fluxes:
+        table = Table(f"{flux:g} photons", box=SIMPLE, padding=(0, 1))
+        for head in metrics.values():
+            table.add_column(head, justify="right")
         for each in board.detectors:
-            found = (board.over_scenes(metric, each, flux) for flux in board.fluxes)
-            cells = (_cell(one, 100 if is_share else 1, 1 if is_share else 2) for one in found)
-            table.add_row(each.name, *cells)
+            found = {name: board.over_scenes(name, each, flux) for name in metrics}
+            table.add_row(each.name, *(_cell(*one) for one in found.items()))
         console.print(table)
 
 
-def _cell(found: "Interval", factor: float, digits: int) -> str:
-    """Return the mean over pairs, with its interval if there are several."""
-    if found.low is None or found.high is None:
-        return f"{factor * found.value:.{digits}f}"
-    mean, low, high = (
-        f"{factor * each:.{digits}f}" for each in (found.value, found.low, found.high)
-    )
-    return f"{mean} ({low} … {high})"
+def _cell(metric: str, found: "Interval") -> str:
+    """Return the mean over pairs; below medians and means its interval, if there are several."""
+    factor, digits = (100, 1) if "share" in metric else (1, 2)
+    value, *ends = (None if each is None else f"{factor * each:.{digits}f}" for each in found)
+    if not math.isfinite(found.value):
+        return "–"
+    has_ends = metric.startswith(("median", "mean_epe_px", "mean_px")) and None not in ends
+    return f"{value}\n{ends[0]}…{ends[1]}" if has_ends else str(value)
 
 
 def _photon_settings() -> "Settings":

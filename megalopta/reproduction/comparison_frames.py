@@ -26,10 +26,8 @@ from megalopta.benchmark.moving_forests import FLIGHTS, MOVING_VIEWS, forest_cli
 from megalopta.benchmark.panoramas import natural_templates
 from megalopta.benchmark.table import Interval
 from megalopta.benchmark.whole_frames import (
-    FAR,
-    FAR_PX,
-    MEAN,
     MEDIAN,
+    METRICS,
     PHOTONS_PER_PX,
     Board,
     frame_errors,
@@ -53,8 +51,8 @@ _CAPTION = (
     "Methods see whole frames of {} px, of {} scenes; curves are means over scenes of the median "
     f"endpoint error of blocks of {BLOCK_PX} × {BLOCK_PX} px against their true mean velocity, "
     "with 95 % CI by bootstrap over scenes. A median says nothing about the worse half: the "
-    "file of numbers has the mean over blocks and the share beyond "
-    f"{FAR_PX:g} px. On dead leaves the velocity is affine and differs in three disks; forests "
+    "file of numbers has means, shares of outliers and more. "
+    "On dead leaves the velocity is affine and differs in three disks; forests "
     "are panoramas seen by a rotating camera{}. √: on square roots of counts; 4+4: on sums of "
     "four frames."
 )
@@ -119,8 +117,11 @@ def _rows(kind: str, board: Board) -> list[Mapping[str, Cell]]:
                 "median_epe_px": median,
                 "low_px": low,
                 "high_px": high,
-                "mean_epe_px": board.over_scenes(MEAN, each, flux).value,
-                "share_beyond_3_px": board.over_scenes(FAR, each, flux).value,
+                **{
+                    name: board.over_scenes(name, each, flux).value
+                    for name in METRICS
+                    if name != MEDIAN
+                },
             }
         )
     return rows

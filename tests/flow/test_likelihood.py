@@ -6,11 +6,11 @@ from scipy.ndimage import gaussian_filter, map_coordinates, uniform_filter
 
 from megalopta.flow.likelihood import (
     NODE_PX,
+    MostLikely,
     evidence,
     finer,
     level_of,
     levels,
-    most_likely,
     root_noise,
     suited_blur_px,
     without_defects,
@@ -105,11 +105,27 @@ def test_system_of_nodes_is_solved_as_a_dense_matrix_would_be():
         links = (right * np.diff(u, axis=2) ** 2).sum() + (down * np.diff(u, axis=1) ** 2).sum()
         return (evidence.sum() + links) / 2 - (slope * u).sum()
 
-    found = most_likely(np.stack((xx, xy, yy)), slope, (right, down)).ravel()
+    found = MostLikely()(np.stack((xx, xy, yy)), slope, (right, down), slope).ravel()
     # a quadratic form has equal, higher values on both sides of its minimum, along every axis
     for step in 0.1 * np.eye(found.size):
         assert energy(found + step) == pytest.approx(energy(found - step), abs=1e-6)
         assert energy(found + step) > energy(found)
+
+
+def test_a_system_is_solved_alike_after_similar_ones_and_after_very_different_ones():
+    rng = np.random.default_rng(0)
+    shape = (12, 15)
+    information = np.stack([1 + rng.random(shape), rng.random(shape) / 2, 1 + rng.random(shape)])
+    slope = rng.normal(size=(2, *shape))
+    springs = rng.random((12, 14)), rng.random((11, 15))
+    after = MostLikely()
+    for factor in (1.0, 1.3, 1e6):  # solved by factors, by conjugate gradients, by new factors
+        system = information, slope, tuple(factor * each for each in springs)
+        found = after(*system, np.zeros_like(slope))
+        alone = MostLikely()(*system, slope)
+        # residuals of 1e-4 of the slope, over information of 1 and more
+        np.testing.assert_allclose(found, alone, atol=1e-3 * np.linalg.norm(slope) / 18)
+    assert np.ptp(found, axis=(1, 2)).max() < 1e-4  # so stiff that all move alike
 
 
 def test_roots_of_counts_have_a_quarter_of_what_smoothing_leaves():
@@ -133,6 +149,7 @@ def test_a_hot_and_a_dead_pixel_are_replaced_and_a_moving_spot_is_not():
     counts[:, 5, 6] = 300  # two side by side
     counts[:, 12, 12] = 0
     counts[0, 15, 4] = counts[1, 15, 5] = 400
+    counts[0, 8, 14], counts[1:, 8, 14] = 300, 600  # a bright speck replaces another
     left = without_defects(counts)
     changed = np.argwhere((left != counts).any(axis=0)).tolist()
     assert changed == [[5, 5], [5, 6], [12, 12]]

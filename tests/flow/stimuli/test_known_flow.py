@@ -42,6 +42,8 @@ def test_a_disk_hides_what_is_below_and_has_its_own_motion():
     inside = np.hypot(x + 0.5 - 32 - 6, y + 0.5 - 24 - 2) < 10
     np.testing.assert_array_equal(flow[inside], np.broadcast_to((3.0, 1.0), flow[inside].shape))
     assert not flow[~inside].any()
+    soon_inside = np.hypot(x + 0.5 - 32 - 9, y + 0.5 - 24 - 3) < 10
+    np.testing.assert_array_equal(scene.hidden(SHAPE, 2), soon_inside & ~inside)
     # area of a disk, to a pixel's share of its edge
     assert (light[1] == 5).sum() == pytest.approx(np.pi * 100, abs=2 * np.pi * 10)
 

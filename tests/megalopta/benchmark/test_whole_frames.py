@@ -1,6 +1,8 @@
 """The board of whole frames, on scenes made here and on files in the layouts of others."""
 
 import csv
+import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,7 +11,7 @@ from scipy.ndimage import gaussian_filter, map_coordinates
 
 from megalopta.benchmark.clips import FRAMES, FlowClip, leaves_clip, middle, panorama_clips
 from megalopta.benchmark.methods import block_detector, methods_and_baselines
-from megalopta.benchmark.whole_frames import FAR, MEAN, MEDIAN, frame_errors
+from megalopta.benchmark.whole_frames import FAR, MEAN, MEDIAN, METRICS, SECONDS, frame_errors
 from megalopta.cli import main as cli
 from megalopta.flow.detectors.gray_detector import detector_from
 from megalopta.flow.formats import write_flo, write_kitti_png
@@ -17,7 +19,7 @@ from megalopta.plotting.style import house_style, new_canvas
 from megalopta.reproduction import comparison_frames as whole_frames
 from megalopta.reproduction.drawing import Run
 
-METRICS = MEDIAN, MEAN, FAR
+BASIC = MEDIAN, MEAN, FAR
 
 
 @pytest.fixture(scope="module")
@@ -41,7 +43,7 @@ def test_the_truth_has_no_error_and_standstill_that_of_the_motion(clip):
     motion = np.hypot(2, 1)
     for detector, error in zip(board.detectors, (0, motion, motion), strict=True):
         for flux in board.fluxes:
-            found = [board.of_scenes(metric, detector, flux) for metric in METRICS]
+            found = [board.of_scenes(metric, detector, flux) for metric in BASIC]
             np.testing.assert_allclose(np.ravel(found), [error, error, 0])
 
 
@@ -55,8 +57,51 @@ def test_a_third_of_blocks_far_off_shows_in_mean_and_share_not_in_the_median(cli
 
     board = frame_errors([clip], [detector_from(wrong_at_the_right)], (3.0,))
     (detector,) = board.detectors
-    found = [board.over_scenes(metric, detector, 3.0).value for metric in METRICS]
-    assert found == pytest.approx([0, 10 / 3, 1 / 3])
+    found = {metric: board.over_scenes(metric, detector, 3.0) for metric in METRICS}
+    assert all(each.low is None for each in found.values())  # one scene tells no spread
+    assert found.pop(SECONDS).value < 1
+    # an error of 10 px is beyond all limits; all blocks move by √5 px; what is hidden is unknown
+    third = dict.fromkeys(
+        (name for name in METRICS if "beyond" in name or name == "fl_share"), 1 / 3
+    )
+    means = dict.fromkeys((MEAN, "mean_epe_below_10_px"), 10 / 3)
+    assert {name: each.value for name, each in found.items() if np.isfinite(each.value)} == (
+        pytest.approx({MEDIAN: 0, "wauc_share": 2 / 3} | third | means)
+    )
+
+
+def test_errors_are_told_apart_where_something_is_hidden_and_by_speed(clip):
+    """Six inner blocks: the left two move by 60 px; a ninth of the lowest of them is hidden."""
+    flow, hidden = clip.flow.copy(), np.zeros((96, 120), np.bool_)
+    flow[:, :48], hidden[48:56, 24:32] = (60.0, 0.0), True
+
+    def as_if_all_moved_slowly(first, second):
+        return np.full((*first.shape, 2), (2.0, 1.0))
+
+    moved = replace(clip, flow=flow, hidden=hidden)
+    board = frame_errors([moved], [detector_from(as_if_all_moved_slowly)], (3.0,))
+    (detector,) = board.detectors
+    off = np.hypot(58, 1)
+    for name, error in {
+        "mean_epe_below_10_px": 0,
+        "mean_epe_10_to_40_px": np.nan,
+        "mean_epe_from_40_px": off,
+        "mean_epe_occluded_px": off,
+        "mean_epe_visible_px": off / 5,
+    }.items():
+        found = board.over_scenes(name, detector, 3.0).value
+        assert found == pytest.approx(error, nan_ok=True), name
+
+
+def test_processor_time_stands_beside_the_error(clip):
+    def busy(first, second):
+        start = time.process_time()
+        while time.process_time() < start + 0.05:
+            pass
+        return np.zeros((*first.shape, 2))
+
+    board = frame_errors([clip], [detector_from(busy)], (3.0,))
+    assert 0.05 <= board.over_scenes(SECONDS, board.detectors[0], 3.0).value < 1
 
 
 def test_methods_and_baselines_of_a_board_do_with_its_frames():
@@ -145,9 +190,11 @@ def test_folders_of_others_become_a_table_of_error_against_flux(layout, clip, tm
         ("LK", "1"),
         ("LK", "1000"),
     ]
-    assert [float(rows[1][name]) for name in METRICS] == [0, 0, 0]
+    assert list(rows[0])[4:] == list(METRICS)
+    assert [float(rows[1][name]) for name in BASIC] == [0, 0, 0]
     assert float(rows[0]["mean_epe_px"]) > 0
-    assert "BM" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert "BM" in said and "1000 photons" in said and "WAUC" in said and "…" not in said
 
 
 def test_mistakes_are_told_in_a_sentence(clip, tmp_path, capsys):
