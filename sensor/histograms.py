@@ -6,8 +6,7 @@ from numpy.typing import ArrayLike, NDArray
 from megalopta.core.arrays import Floats
 from megalopta.sensor.effects.tcspc import first_photon_shares
 from megalopta.sensor.sampling.streams import generator
-from megalopta.sensor.spad.device import checked_rate
-from megalopta.sensor.spad.frames import over_frames
+from megalopta.sensor.spad.device import checked_rate, over_frames
 from megalopta.sensor.spad.model import Sensor
 
 
