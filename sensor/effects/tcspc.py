@@ -35,6 +35,8 @@ _PER_SIGMA = 4.0
 _FARTHEST = 9.0
 """Standard deviations after which a pulse has ended."""
 _LATEST = 30.0
+_VALUES_AT_ONCE = 2**22
+"""Parts of bins whose light is computed at once, over pixels: 32 MiB."""
 
 
 class Tcspc(Effect, frozen=True):
@@ -74,13 +76,19 @@ def first_photon_shares(pulsed: Floats, constant: Floats, tcspc: Tcspc, jitter: 
     fine = tcspc.bins * parts
     ends = tcspc.period_s * np.arange(fine + 1) / fine
     pulse = _wrapped(ends - tcspc.delay_s, tcspc.pulse_sigma_s, tcspc.decay_s, tcspc.period_s)
-    mass = pulsed[..., np.newaxis] * pulse + constant[..., np.newaxis] / fine
-    before = np.cumsum(mass, axis=-1) - mass
-    first = -np.exp(-before) * np.expm1(-mass)
-    if jitter.is_on:
-        response = np.fft.rfft(_response(ends, tcspc.period_s, jitter))
-        first = np.fft.irfft(np.fft.rfft(first) * response, fine)
-    return np.asarray(first.reshape(*first.shape[:-1], tcspc.bins, parts).sum(axis=-1)).clip(0)
+    response = np.fft.rfft(_response(ends, tcspc.period_s, jitter)) if jitter.is_on else None
+    arrivals = np.stack(np.broadcast_arrays(pulsed, constant), axis=-1)
+    shares = np.empty((arrivals[..., 0].size, tcspc.bins))
+    at_once = max(1, _VALUES_AT_ONCE // fine)
+    for start in range(0, len(shares), at_once):
+        some = slice(start, start + at_once)
+        of_pulse, steady = arrivals.reshape(-1, 2, 1)[some].swapaxes(0, 1)
+        mass = of_pulse * pulse + steady / fine
+        first = -np.exp(mass - np.cumsum(mass, axis=-1)) * np.expm1(-mass)
+        if response is not None:
+            first = np.fft.irfft(np.fft.rfft(first) * response, fine)
+        shares[some] = first.reshape(len(first), tcspc.bins, parts).sum(axis=-1).clip(0)
+    return shares.reshape(*arrivals.shape[:-1], tcspc.bins)
 
 
 def _parts(tcspc: Tcspc, jitter: Jitter) -> int:
