@@ -115,7 +115,7 @@ def _render(options: Namespace) -> None:
     "demo",
     "do everything: render, sense, flow, benchmark and a report to open in a browser",
     *_FROM_CONFIGURATION,
-    switch("--quick", "a small and noisy form of it, in half a minute"),
+    switch("--quick", "make a small and noisy demo, in half a minute"),
     settings=partial(settings_of_stage, "demo"),
     often=(
         *("scene.trees", "camera.width", "camera.height", "trajectory.frames"),

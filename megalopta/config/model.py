@@ -134,7 +134,7 @@ class Configuration(Record, frozen=True):
 
     free_running: bool = False
     """Expose SPAD arrays continuously: dead times and trapped carriers reach into the next frame,
-    or binary frame of a burst; counts, events and bits of a frame are the same avalanches.
+    or binary frame of a burst; counts, events and bits of a frame show the same avalanches.
     Exposures must fill the frames. By default pixels are reset in every frame, as `dead_time.start`
     says."""
 
