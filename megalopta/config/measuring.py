@@ -44,7 +44,7 @@ class FlowSettings(Record, frozen=True):
     true velocity. Record and report always give the errors with and without mixed pixels."""
 
     least_purity: Annotated[float, Field(gt=0, le=1)] = 0.75
-    """Least share of a pixel that its center's object fills; below it the pixel is mixed."""
+    """Purity, the share that the object at a pixel's center fills, below which a pixel is mixed."""
 
     def is_pure(self, purity: NDArray[np.floating]) -> NDArray[np.float64]:
         """1 where pixels of a purity are not mixed, else 0."""
