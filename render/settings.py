@@ -32,16 +32,16 @@ class RenderSettings(Record, frozen=True):
     """Settings of radiance."""
 
     samples_per_pixel: Annotated[int, Field(ge=1, le=2**20)] = 64
-    """Camera rays per pixel and frame, each with a ray to sun or moon. One in four (each, without a
-    disc) also looks for the sky, and one in 16 is followed over other surfaces. Samplers round up:
-    multijitter to a product of two near factors, orthogonal to the square of a prime, ldsampler to
-    a power of four; independent accepts any number."""
+    """Camera rays per pixel and frame, each with a ray to sun or moon. One in four (all, without
+    sun or moon) also samples the sky, and one in 16 is followed over other surfaces. Samplers round
+    up: multijitter to a product of two near factors, orthogonal to the square of a prime, ldsampler
+    to a power of four; independent accepts any number."""
 
     max_depth: Annotated[int, Field(ge=1, le=1000)] = 16
-    """Longest path in surface hits plus one: 2 is direct light, each more one reflection. 16 omits
-    up to 0.1 % of a forest's light in the near infrared, less in the visible, and costs no more
-    than 8; the scene record states the omitted share. In haze a scattering counts as a hit, and 64
-    more are allowed: enough down to a visibility of 20 m."""
+    """Longest path in surface hits plus one: 2 is direct light, 3 adds one reflection, and so on.
+    16 omits up to 0.1 % of a forest's light in the near infrared, less in the visible, and costs no
+    more than 8; the scene record states the omitted share. In haze a scattering counts as a hit,
+    and 64 more are allowed: enough down to a visibility of 20 m."""
 
     bands_nm: Annotated[tuple[tuple[float, float], ...], Field(min_length=1)] = (
         (400, 475),
@@ -53,8 +53,8 @@ class RenderSettings(Record, frozen=True):
     paths over other surfaces are traced for four bands at a time."""
 
     sampler: Literal["independent", "multijitter", "orthogonal", "ldsampler"] = "multijitter"
-    """Mitsuba's sample generator. In the demo's forest, at 49 samples, all but independent have 4.3
-    times its efficiency, 1/(error² · CPU-seconds); multijitter wastes least by rounding."""
+    """Mitsuba's sample generator. In the demo's forest, at 49 samples, the others have 4.3 times
+    the efficiency of independent, 1/(error² · CPU-seconds); multijitter rounds up least."""
 
     target_error: Annotated[float, Field(gt=0, lt=1)] | None = None
     """Target RMS error of pixels without sky, over their mean (sum over bands): passes of
@@ -81,10 +81,10 @@ class RenderSettings(Record, frozen=True):
 
     backend: Backend = "auto"
     """Mitsuba variant family; auto takes llvm, otherwise scalar. cuda, on a graphics card, agrees
-    with llvm to rounding, not to the bit, so auto leaves it alone."""
+    with llvm to rounding, not to the bit, so auto never takes it."""
 
     samples_per_pass: Annotated[int, Field(ge=1, le=2**28)] | None = None
-    """Most light paths of a frame traced at once: Ctrl-C waits for them. By default one or two
+    """Largest number of light paths traced at once; Ctrl-C waits for them. By default one or two
     seconds' work, 2¹⁹ in scalar, 2²⁰ in llvm and 2²⁴ in cuda mode. The division of a frame into
     passes affects the seeds of its noise."""
 

@@ -21,8 +21,8 @@ class Shutter(Record, frozen=True):
 
     poses: Annotated[int, Field(ge=1, le=10_000)] = 8
     """Instants per exposure at which moving objects are placed; they share the samples per pixel.
-    Steps vanish with as many as the fastest object moves in px. The camera moves smoothly, by 64 or
-    more poses per exposure."""
+    Steps in the blur vanish with one instant per px that the fastest object moves. The camera
+    moves smoothly, by 64 or more poses per exposure."""
 
     readout_s: Annotated[float, Field(ge=0)] = 0.0
     """Rolling shutter: time from the middle of the first row's exposure to the last row's (s);

@@ -32,11 +32,11 @@ class CurveSettings(
     dark_counts: Annotated[float, Field(ge=0, le=1e12)] = 0.1
     """Dark counts per frame and pixel of the frames before resizing"""
     normalization: Normalization = "per_frame"
-    """Scaled to the flux: every frame, as in the dissertation, or (per_sequence) the mean frame, so
-    that frames differ in brightness as they do in the scene"""
+    """per_frame scales every frame to the flux, as in the dissertation. per_sequence scales the
+    mean frame, so that frames keep their differences in brightness"""
     reference: Literal["self", "perfect"] = "self"
-    """Reference of the responses to counts: those to the mean counts with dark counts, or (perfect)
-    to the light alone. It matters to detectors that respond to an offset, IM and PM"""
+    """Reference of the responses to counts: those to the mean counts, dark counts included (self),
+    or to the light alone (perfect). It matters to IM and PM, which respond to an offset"""
     metrics: Annotated[tuple[Metric, ...], Field(min_length=1)] = METRICS
     """Error metrics: "literal" is Eq. 4.5, "ratio" does not divide by near-zero responses"""
     bits: Annotated[tuple[Annotated[int, Field(ge=1, le=16)], ...], Field(min_length=1)] = (2, 3, 4)
@@ -82,7 +82,7 @@ class BenchmarkSettings(CurveSettings, frozen=True):
     resize: ResizeKind = "nearest"
     """"nearest" subsamples frames as in the dissertation, "area" pools the light"""
     warm_up: Annotated[int, Field(ge=0)] | None = None
-    """Frames not scored at the start; default: 30 of 60 or more, else the longest memory"""
+    """Frames not scored at the start; default: 30 if there are 60, else a detector's memory"""
     chunk_frames: Annotated[int, Field(ge=1, le=10_000)] = 16
     """Frames processed together; changes memory and speed, never a result"""
 
@@ -97,7 +97,7 @@ class SearchSettings(CurveSettings, frozen=True):
     phases: Annotated[int, Field(ge=1, le=251)] = 4
     """Places around the template at which short sequences start; errors are means over them"""
     frames: Annotated[int, Field(ge=1, le=10_000)] = 6
-    """Scored frames of each of these sequences, after those in which noise reaches its strength"""
+    """Scored frames of each of these sequences, after those in which the filters settle"""
     summed_frames: Annotated[int, Field(ge=1, le=10_000)] = 1
     """Temporal pooling: detectors see the sliding sum of this many frames"""
 

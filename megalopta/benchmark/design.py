@@ -73,7 +73,7 @@ class DesignSettings(Record, frozen=True):
     )
     """Light levels, by name or in lux; lux have the color of daylight, or that of the dataset."""
     exposure_s: tuple[Positive, ...] = ()
-    """Exposures to try (s), up to the time of a frame; by default four decades below it."""
+    """Exposures to try (s), up to the time of a frame; by default five per decade, four decades."""
     pitch_m: tuple[Positive, ...] = ()
     """Pixel pitches to compare (m); by default the sensor's."""
     f_number: tuple[Positive, ...] = ()
@@ -83,7 +83,7 @@ class DesignSettings(Record, frozen=True):
     dark_counts_hz: tuple[Annotated[float, Field(ge=0)], ...] = ()
     """Dark counts of a pixel to compare (Hz), the same in all pixels; by default the sensor's."""
     yaw_deg_s: Annotated[float, Field(ge=0, le=1e4)] = 60.0
-    """Rate at which the camera turns (degrees per second), which blurs."""
+    """Turning rate of the camera (degrees per second), which causes motion blur."""
     frame_rate_hz: Positive = 50.0
     """Frames per second, which limit the exposure."""
     frames: Annotated[int, Field(ge=2, le=1000)] = 2

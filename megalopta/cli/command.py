@@ -197,7 +197,7 @@ _SCHEDULER = option(
 CLUSTER = (
     option(
         "--workers",
-        "parallel processes on this machine (default: none but this one)",
+        "parallel processes on this machine (default: this one alone)",
         type=at_least(1),
         metavar="N",
     ),

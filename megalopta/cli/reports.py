@@ -59,8 +59,8 @@ def _report(options: Namespace) -> None:
     option("--sum", "frames to sum (default: 1)", type=at_least(1), default=1, metavar="K"),
     switch(
         "--invert",
-        "invert the sensor's response to mean detections per frame: sums of binary frames by "
-        "−ln(1 − p), counts corrected for dead time; saturated pixels are orange",
+        "show mean detections per frame, by inverting the sensor's response: −ln(1 − p) of binary "
+        "frames, dead-time correction of counts; saturated pixels are orange",
     ),
     option(
         "--bad-pixels",
@@ -127,7 +127,7 @@ def _reproduce(options: Namespace) -> None:
     option(
         "--panorama",
         "photographed panorama (HDR, EXR or PNG, 2:1); with --views a forest is shown in its "
-        "light, with --statistics it is compared with the forests, at two of its pixels or more",
+        "light; with --statistics the forests are compared with it, at two of its pixels or more",
         type=Path,
         metavar="FILE",
     ),

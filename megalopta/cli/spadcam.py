@@ -52,7 +52,9 @@ _RECORDINGS = (
         metavar="RECORDING[#FIRST-END][@LIGHT]",
     ),
     option(
-        "--wavelength-nm", "wavelength of the light (without: relative efficiency)", type=positive
+        "--wavelength-nm",
+        "wavelength of the light (nm); without it, efficiency is relative",
+        type=positive,
     ),
     option(
         "--beam-area-mm2", "area of a uniform beam; LIGHT is then its power in watts", type=positive
@@ -79,7 +81,7 @@ def _list(options: Namespace) -> None:
     option("--wait", "time to wait for the port (s, default: 30)", type=finite, default=30.0),
     option("--out", "new folder (default: recordings/KIND-DATE-TIME)", type=Path),
     option("--kind", "content: dark, flat, … (default: scene)", default="scene"),
-    option("--frames", "stop after this many", type=whole),
+    option("--frames", "stop after this many frames", type=whole),
     option("--seconds", "stop after this time (s)", type=finite),
     option("--exposure", "exposure of a frame (s, default: 0.05)", type=finite, default=0.05),
     option("--rate", "frames per second (default: 10)", type=finite, default=10.0),
@@ -264,7 +266,7 @@ def _figures(options: Namespace) -> None:
     option("tags", "file of time tags: .ptu or Photon-HDF5", type=Path),
     option("--columns", "columns of the array, whose channels are numbered along rows "
            "(default: one row)", type=at_least(1)),
-    option("--window-ns", "largest distance of coincident events (ns, default: 25)", type=positive,
+    option("--window-ns", "largest time between coincident events (ns, default: 25)", type=positive,
            default=25.0),
     out("tags"),
 )  # fmt: skip

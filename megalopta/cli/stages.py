@@ -101,7 +101,7 @@ def _render(options: Namespace) -> None:
         from megalopta.generation.dry_run import dry_run_of_frames
 
         if not (settings := _configuration(options)).scene.has_truth:
-            raise UserError("--dry-run: pictures are not rendered, only copied; leave it out")
+            raise UserError("--dry-run: pictures are not rendered, only copied; omit it")
         print(dry_run_of_frames(options.out, settings))
         return
     from megalopta.stages.pipeline import run_stage
@@ -115,7 +115,7 @@ def _render(options: Namespace) -> None:
     "demo",
     "do everything: render, sense, flow, benchmark and a report to open in a browser",
     *_FROM_CONFIGURATION,
-    switch("--quick", "a small and noisy form of it, in half a minute"),
+    switch("--quick", "make a small and noisy demo, in half a minute"),
     settings=partial(settings_of_stage, "demo"),
     often=(
         *("scene.trees", "camera.width", "camera.height", "trajectory.frames"),
@@ -126,7 +126,7 @@ def _render(options: Namespace) -> None:
 def _demo(options: Namespace) -> None:
     if options.quick:
         if options.configuration not in (None, "demo"):
-            raise UserError(f"--quick: {options.configuration} has none; leave one of them out")
+            raise UserError(f"--quick: {options.configuration} has no quick form; omit one of them")
         options.overrides = {**_QUICK, **options.overrides}
     asked = _configuration(options)  # refused before the rest is loaded
 
@@ -151,7 +151,7 @@ def run_later_stage(stage: str, options: Namespace) -> None:
         return
     if options.workers or options.scheduler:
         given = "--workers" if options.workers else "--scheduler"
-        raise UserError(f"{options.dataset}: a dataset of one sequence; leave {given} out")
+        raise UserError(f"{options.dataset}: a dataset of one sequence; omit {given}")
     _run_on_one(stage, options)
 
 
@@ -252,7 +252,7 @@ def _sense(options: Namespace) -> None:
 
 def _sense_pictures(options: Namespace, given: Mapping[str, Any]) -> None:
     if options.workers or options.scheduler:
-        raise UserError(f"{options.input}: pictures are one sequence; leave --workers out")
+        raise UserError(f"{options.input}: pictures are one sequence; omit --workers")
     from megalopta.stages.importing import PictureOptions, pictures_configuration, usual_folder
     from megalopta.stages.pipeline import check_stage, run_stage
 
@@ -303,7 +303,7 @@ def _run_on_many(stage: str, options: Namespace) -> None:
         measure(root, stage, options.overrides, options.redo, *where)
     elif options.redo:
         raise UserError(
-            f"{root}: a dataset of many sequences, to which sense adds exposures; leave --redo out"
+            f"{root}: a dataset of many sequences, to which sense adds exposures; omit --redo"
         )
     else:
         expose(root, options.overrides, *where)

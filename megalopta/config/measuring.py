@@ -21,7 +21,7 @@ class CalibrationFrames(Record, frozen=True):
     """
 
     frames: Annotated[int, Field(ge=2, le=100_000)] = 256
-    """Dark frames, and as many flat frames, which half fill the pixel"""
+    """Number of dark frames, and of flat frames, which fill the pixel to half of its capacity"""
 
     hot_times: Annotated[float, Field(gt=1)] = 10.0
     """Dark counts of a hot pixel, in multiples of the median; its neighbors replace it"""
@@ -32,7 +32,7 @@ class FlowSettings(Record, frozen=True):
 
     references: Annotated[tuple[Reference, ...], Field(min_length=1)] = ("self", "perfect")
     """self: the mean reading of the same device; the error is its noise. perfect: the photons on
-    the pixels; the excess over self is what the device costs. self is always included."""
+    the pixels; the error also includes the losses of the device. self is always included."""
 
     saturated: Literal["score", "leave_out"] = "score"
     """Saturated pixels, and blocks with a tenth of them or more: score them, or leave_out. The
@@ -40,13 +40,12 @@ class FlowSettings(Record, frozen=True):
 
     mixed: Literal["score", "leave_out", "weigh"] = "score"
     """Pixels that see several objects, in a block's true velocity. score: all pixels count alike,
-    with the flow of their centers. leave_out: only pixels of least_purity or more. weigh: by
-    purity, the share that a pixel's flow is true of. Blocks with less than half of their pixels
-    left have no true velocity. Record and report always give both: all pixels, and without mixed
-    ones."""
+    with the flow of their centers. leave_out: only pixels of least_purity or more. weigh: pixels
+    count in proportion to their purity. Blocks with less than half of their pixels left have no
+    true velocity. Record and report always give the errors with and without mixed pixels."""
 
     least_purity: Annotated[float, Field(gt=0, le=1)] = 0.75
-    """Least share of a pixel that its center's object fills; below it the pixel is mixed."""
+    """Purity, the share that the object at a pixel's center fills, below which a pixel is mixed."""
 
     def is_pure(self, purity: NDArray[np.floating]) -> NDArray[np.float64]:
         """1 where pixels of a purity are not mixed, else 0."""

@@ -133,9 +133,9 @@ class Configuration(Record, frozen=True):
     """Gyroscope and accelerometer on the rig, whose readings `sense` writes; default: none."""
 
     sub_frames: Annotated[int, Field(ge=1, le=1000)] = 1
-    """Equal parts of an exposure with still light in each. From 2 on, readings contain motion
+    """Equal parts of an exposure, with constant light in each. From 2 on, readings contain motion
     within a frame: light moves along the true flow to the next rendered frame, and after the last
-    one continues as before. With 1, light is still during a frame."""
+    one continues as before. With 1, light is constant during a frame."""
 
     burst_hz: Annotated[float, Field(gt=0, le=1e9)] = 100_000.0
     """Binary frames per second of the product `burst_npy`, a whole multiple of the frame rate. They
@@ -143,7 +143,7 @@ class Configuration(Record, frozen=True):
 
     free_running: bool = False
     """Expose SPAD arrays continuously: dead times and trapped carriers reach into the next frame,
-    or binary frame of a burst; counts, events and bits of a frame are the same avalanches.
+    or binary frame of a burst; counts, events and bits of a frame show the same avalanches.
     Exposures must fill the frames. By default pixels are reset in every frame, as `dead_time.start`
     says."""
 

@@ -98,9 +98,9 @@ class Plan(Record, frozen=True):
     """Light levels of every sensor, by name or in lux"""
 
     rig: tuple[RigCamera, ...] = Field(default=(), exclude_if=lambda rig: not rig)
-    """Cameras that follow each path together, as many sequences one after the other: places
-    relative to the path's camera, and perhaps another `camera`, `render` or `sensors`. Two alike
-    side by side also get the disparity to each other"""
+    """Cameras that follow each path together: their places relative to the path's camera, and
+    perhaps another `camera`, `render` or `sensors`. Each is a sequence of its own. Two alike side
+    by side also get the disparity to each other"""
 
     repeats: Annotated[int, Field(ge=1, le=1000)] = 1
     """Exposures per sensor and level, with independent noise; from the second on, the sensor's name
@@ -119,7 +119,7 @@ class Plan(Record, frozen=True):
     """Share of the sequences in each split; assignment depends on seed and index"""
 
     sample: Annotated[int, Field(ge=0)] = 2
-    """The first sequences, this many, are also the split "sample", for a small download"""
+    """Number of first sequences that also form the split "sample", a small download"""
 
     @field_validator("scenes", "lights", "cameras", "trajectories", "sensors", "light_levels")
     @classmethod

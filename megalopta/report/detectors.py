@@ -230,10 +230,10 @@ _COSTS = Markup(
 )
 _TRUTH = (
     "Errors of block velocities: mean endpoint error, share of outliers (blocks with an error over "
-    "25 %), and median; noise-free, then on {}, then on corrected readings if there are any. "
-    "{} of the pixels shown are mixed: the object at their center fills less than {}. {} "
-    "except in the two tables that say otherwise; blocks with less than half of their pixels left "
-    "are not scored."
+    "25 %), and median relative error. An arrow leads from the noise-free value to that on {}, and "
+    "to that on corrected readings if there are any. {} of the pixels shown are mixed: the object "
+    "at their center fills less than {}. {} except in the two tables that say otherwise. Blocks "
+    "with less than half of their pixels left are not scored."
 )
 _STAND_IN = (
     "The true motion of pictures is unknown. Responses are compared with the flow by DIS between "
@@ -246,13 +246,13 @@ _MIXED = {
 }
 _SPLITS = (
     "Errors by the speed of blocks (px per frame) and by the share of their pixels that is hidden "
-    "in the next frame, on the exposure with a method's least error; number of blocks over all "
-    "frames in brackets."
+    "in the next frame, on the exposure with the least error of a method. Brackets hold the number "
+    "of blocks in all frames."
 )
 _YAW = (
     "A weighted sum of all local responses, as in a fly’s tangential cells, gives the camera’s "
     "yaw rate. Weights are learned from the noise-free responses to the first half of the "
-    "sequence; the table gives the RMS error on the second half, noise-free, then on {}."
+    "sequence. The table gives the RMS error on the second half: noise-free → on {}."
 )
 
 

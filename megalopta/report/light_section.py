@@ -34,9 +34,9 @@ _WHITE_PERCENTILE = 90.0
 _GUIDE = (
     "In one exposure per frame, a pixel counts single photons or integrates their electrons. A "
     "reading with mean N scatters by about √N; an integrating pixel adds dark current, reset and "
-    "read noise. The same light, scaled to each level, is exposed on each sensor; a named level "
-    "has its own spectrum. The pictures show single frames, with the scale below each; orange "
-    "pixels are saturated, their readings lower bounds. "
+    "read noise. Each sensor is exposed to the same light, scaled to each level; a named level has "
+    "its own spectrum. The pictures show single frames, with the scale below each. Orange pixels "
+    "are saturated: their readings are lower bounds. "
 )
 _INSTANT = (
     "Every frame is rendered at one instant: camera motion during the exposure does not blur the "

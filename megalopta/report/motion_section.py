@@ -53,8 +53,8 @@ def _stand_in(report: Report) -> Section:
     chart = card("Image speed", speed_chart(report.speed, report.median_speed))
     return Section(
         "Motion of the pictures",
-        "The true motion of pictures is unknown. This is the flow by DIS between them without "
-        "photon noise: a stand-in, wrong at occlusions and without texture. "
+        "The true motion of pictures is unknown. A stand-in replaces it: the flow by DIS between "
+        "them without photon noise. It is wrong at occlusions and where there is no texture. "
         f"Its median speed is {report.median_speed:.2g} px per frame.",
         body=block("strip", film(None, "radiance", "The pictures"), flow_film(report))
         + block("pair", block("", wheel(COLORS.format(report.fastest))), chart),

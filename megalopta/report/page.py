@@ -206,8 +206,8 @@ _STAND_IN = (
     "motion that favors DIS."
 )
 _RANKING = (
-    "Endpoint error against the true motion, on perfect pixels with the photons of illuminance and "
-    "exposure. {} {} This holds for this scene, path and settings; all curves, poolings and the "
+    "Endpoint error against the true motion, on perfect pixels. Illuminance and exposure set the "
+    "photons. {} {} This holds for this scene, path and settings. All curves, poolings and the "
     "camera’s motion are in {}/ranking.html next to this page."
 )
 _ATLAS = (

@@ -191,10 +191,12 @@ def _check(readings: Readings, treatment: Treatment) -> None:
     if not treatment.is_inverted:
         return
     if readings.is_binary and treatment.summed == 1:
-        raise UserError("--invert: one binary frame tells no flux; add --sum, such as --sum 64")
+        raise UserError(
+            "--invert: one binary frame does not determine the flux; add --sum, such as --sum 64"
+        )
     if not readings.is_binary and not isinstance(readings.sensor, Sensor):
         raise UserError(
-            "--invert: the response of this sensor is not known; leave it out, or give binary "
+            "--invert: the response of this sensor is not known; omit it, or give binary "
             "frames, a recording, or a dataset of a SPAD array"
         )
 

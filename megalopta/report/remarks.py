@@ -71,10 +71,10 @@ def rendering_errors(record: Record) -> Iterator[tuple[str, str]]:
     if surface := noise.get("surface"):
         yield "the same, of pixels without sky", percent(surface["rms"])
         yield "relative error of 95 % of the pixels", f"{percent(surface['p95'])} or less"
-        yield "share of squared differences of neighbors due to it", percent(surface["gradient"])
+        yield "share of the gradient energy due to it", percent(surface["gradient"])
         yield "fixed error of baked light (RMS)", percent(surface["standing"])
         share = percent(surface["standing_gradient"])
-        yield "share of squared differences of neighbors due to that", share
+        yield "share of the gradient energy due to the fixed error", share
     if sky := noise.get("sky"):
         yield "error of the sky (RMS) over its light", percent(sky["rms"])
     if shares := record.get("light_left_out"):

@@ -98,7 +98,7 @@ def _contact_sheet(root: Path, folder: Path, asked: ViewOptions) -> Path | None:
         return None
     if asked != ViewOptions():
         raise UserError(
-            f"{root}: of many sequences there is a contact sheet; leave --sum and the like out"
+            f"{root}: many sequences have only a contact sheet; omit --sum and similar options"
         )
     return write_contact_sheet(root, SHOWN, folder)
 
@@ -107,7 +107,7 @@ def _sequence(root: Path, treatment: Treatment, kind: FrameKind | None) -> Seen:
     from megalopta.report.seen_sequence import seen_sequence
 
     if kind:
-        raise UserError(f"{root}: a dataset says what its frames are; leave --format {kind} out")
+        raise UserError(f"{root}: a dataset states its own format; omit --format {kind}")
     return seen_sequence(root, treatment)
 
 

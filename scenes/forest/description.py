@@ -136,7 +136,7 @@ class Forest(SceneDescription, frozen=True):
     names them, bushes and saplings if `undergrowth_per_m2` does; default: none."""
     mix: dict[str, NotNegative] = Field(
         default={"beech": 0.45, "birch": 0.25, "spruce": 0.3},
-        description=f"Share of each species, of {', '.join(TREES)}; relative to the sum (1).",
+        description=f"Share of each species, relative to their sum (1): {', '.join(TREES)}.",
     )
     leaf_area_index: Annotated[float, Field(gt=0, le=12)] | None = None
     """One-sided leaf area of trees, bushes and climbers over the ground area, within 20 m of the

@@ -40,7 +40,7 @@ class Growing(Record, frozen=True):
     """Places of a bush or sapling in the undergrowth."""
 
     per_m2: Annotated[float, Field(ge=0, le=100)]
-    """Plants per square meter where they are densest, unless `undergrowth_per_m2` says (1/m²)."""
+    """Plants per square meter where they are densest, or as `undergrowth_per_m2` says (1/m²)."""
 
     reach_m: Annotated[float, Field(gt=0, le=1000)] = 40.0
     """Largest distance from the camera's path (m)."""

@@ -38,7 +38,7 @@ class SceneFile(PlacedMesh, frozen=True):
     """Mesh file of a scene."""
 
     animate: bool = False
-    """Move nodes as the first animation of a glTF file tells, from its start at time 0."""
+    """True to move nodes by the first animation of a glTF file, which starts at time 0."""
 
     @model_validator(mode="after")
     def _can_move(self) -> "SceneFile":
@@ -79,8 +79,8 @@ class Meshes(SceneDescription, frozen=True):
     (1)."""
 
     lights: Literal["own", "file"] = Field(default="own", exclude_if=lambda lights: lights == "own")
-    """Light on the scene: own, of the configuration's `light`, or file, of the area lights of
-    Mitsuba's XML alone. Then `light.level` only names their level, from which others are scaled."""
+    """Light on the scene. own: the configuration's `light`. file: only the area lights of Mitsuba's
+    XML; `light.level` then names their level, from which other levels are scaled."""
 
     ground: Reflectance | None = None
     """Reflectance of a level ground below all files, as in `materials`; null: no ground."""

@@ -110,7 +110,7 @@ class Aimed(Path, frozen=True):
     """Camera position at the first frame; with jitter, its mean (x, y, z in m; z is up)."""
 
     look_at_m: Vector = (10.0, 0.0, 1.5)
-    """Point at the image center of the first frame, or without jitter (x, y, z in m)."""
+    """Point at the image center of the first frame; jitter is added (x, y, z in m; z is up)."""
 
     up: Vector = (0.0, 0.0, 1.0)
     """Direction that is up in the image; also the axis of a steady rotation."""

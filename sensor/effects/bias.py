@@ -58,9 +58,9 @@ class Bias(Effect, frozen=True):
     dark_efold_v: Annotated[float, Field(gt=0)] | None = None
     """Rise in bias that multiplies dark counts by e (V); null: independent of bias."""
     afterpulsing_slope: Annotated[float, Field(ge=0, le=10)] = 0.0
-    """Relative rise of trapped carriers per relative rise of excess bias; 1: as the charge."""
+    """Relative rise of trapped carriers per relative rise of excess bias; 1: as for the charge."""
     crosstalk_slope: Annotated[float, Field(ge=0, le=10)] = 0.0
-    """The same for the number of neighbors that an avalanche fires."""
+    """Relative rise of the neighbors that an avalanche fires, per relative rise of excess bias."""
     breakdown_sigma_v: Annotated[float, Field(ge=0)] = 0.0
     """Standard deviation of the breakdown voltage over the pixels (V)."""
 

@@ -57,13 +57,14 @@ class Crosstalk(Effect, frozen=True):
     diagonal: Share = 0.0
     """Probability to fire a corner neighbor, relative to an edge neighbor."""
     distance_two: Share = 0.0
-    """The same for a pixel two away along a row or column."""
+    """Probability to fire a pixel two away along a row or column, relative to an edge neighbor."""
     distance_three: Share = 0.0
-    """The same for a pixel three away along a row or column."""
+    """Probability to fire a pixel three away along a row or column, relative to an edge
+    neighbor."""
     kernel: Kernels = Field(default=(), exclude_if=lambda kernel: not kernel)
-    """Relative probabilities (P, Q, rows, columns) to fire the pixels around, the pixel itself in
-    the middle, of pixels whose row is p modulo P and whose column is q modulo Q; in place of the
-    shares above. In a device's file also `{path: FILE.npy}`; empty: the shares."""
+    """Relative probabilities (P, Q, rows, columns) to fire the pixels around, instead of the shares
+    above. Entry (p, q), with the pixel itself in the middle, holds for rows p modulo P and columns
+    q modulo Q. In a device's file also `{path: FILE.npy}`; empty: the shares."""
     mismatch_sigma: Annotated[float, Field(ge=0, le=1)] = 0.0
     """Relative standard deviation over the pixels of the number of fired neighbors (log-normal)."""
 

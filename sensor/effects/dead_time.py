@@ -45,7 +45,8 @@ class DeadTime(Effect, frozen=True):
     statement: ClassVar[str] = "arrivals while the pixel recovers are lost"
 
     kind: Literal["ideal", "nonparalyzable", "paralyzable"] = "ideal"
-    """No dead time, active quench (lost arrivals do nothing) or passive quench (they extend it)."""
+    """ideal: no dead time; nonparalyzable, active quench: arrivals in it are lost; paralyzable,
+    passive quench: they also extend it."""
     dead_time_s: Annotated[float, Field(ge=0)] = 0.0
     """Time during which the pixel is dead (s), at least 1e-15; 0 with ideal."""
     twilight_s: Annotated[float, Field(ge=0)] = 0.0
@@ -55,7 +56,7 @@ class DeadTime(Effect, frozen=True):
     mismatch_sigma: Annotated[float, Field(ge=0, le=1)] = 0.0
     """Relative standard deviation of the dead time over the pixels (log-normal)."""
     start: Literal["live", "stationary"] = "live"
-    """State at the start of an exposure: live and idle, or stationary."""
+    """State at the start of an exposure: live, as reset, or stationary, as after a long run."""
 
     @model_validator(mode="after")
     def _check_dead_time(self) -> Self:

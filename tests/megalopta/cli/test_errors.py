@@ -48,7 +48,7 @@ def refused(capsys, *arguments):
         (["render", "--light-levels", "twilight", "airglow"], "airglow: a value of --light_levels, or"),
         (["demo", "--scene.treees", "5"], "unknown key; did you mean 'trees'?"),
         (["demo", "--camera.height", "30"], "size 40 × 213 px of frames of 30 × 160 px: choose sizes"),
-        (["demo", "airglow", "--quick"], "--quick: airglow has none"),
+        (["demo", "airglow", "--quick"], "--quick: airglow has no quick form"),
         (["check", "truth", "a", "b"], "check truth: got a b; give one folder"),
         (["reproduce", "fig-3.99"], "did you mean"),
         *(([*verb.split(), "none"], "none: no dataset here") for verb in (

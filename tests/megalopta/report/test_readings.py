@@ -158,7 +158,7 @@ def test_events_are_counted_in_every_frame(tmp_path, write, name):
     ("treatment", "said"),
     [
         (Treatment(summed=4001), "--sum 4001: there are 4000 frames"),
-        (Treatment(is_inverted=True), "one binary frame tells no flux; add --sum"),
+        (Treatment(is_inverted=True), "one binary frame does not determine the flux; add --sum"),
         (Treatment(bad=np.zeros((3, 4), bool)), "a mask of 4 × 3 pixels, but frames have 16 × 12"),
     ],
 )

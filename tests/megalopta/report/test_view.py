@@ -157,7 +157,7 @@ def test_of_many_sequences_there_is_a_contact_sheet(small_dataset, tmp_path):
     before = state(small_dataset)
     assert view(small_dataset, tmp_path) == [tmp_path / "index.html"]
     assert (tmp_path / "index.html").read_text("utf-8").count("data:image/gif") == 3 * 4
-    with pytest.raises(UserError, match="contact sheet; leave --sum and the like out"):
+    with pytest.raises(UserError, match="contact sheet; omit --sum and similar options"):
         view(small_dataset, tmp_path, ViewOptions(summed=2))
     assert state(small_dataset) == before
 

@@ -258,7 +258,7 @@ def test_what_a_file_cannot_tell_is_said(here, capsys):
         (["gone.mp4", "--photons", "2"], "no such file"),
         (["black.npy", "--unit", "srgb", "--photons", "2"], "black.npy is black"),
         (["clip.npy", "--unit", "srgb", "--lux", "1e-13"], "light level 1e-13 lux"),
-        (["clip.npy", "--unit", "srgb", "--photons", "2", "--workers", "2"], "leave --workers out"),
+        (["clip.npy", "--unit", "srgb", "--photons", "2", "--workers", "2"], "omit --workers"),
         (["clip.npy", "--unit", "srgb", "--photons", "2", "--spectrum", "pink"], "spectrum"),
         (["whole", "--photons", "2"], "--photons: for pictures"),
         (["clip.npy", "--unit", "srgb", "--lux", "1", "--light-levels", "2"], "--lux and --light-levels"),
