@@ -55,19 +55,33 @@ class FlowClip:
         return draw_counts(self.light * flux, 0, *key, self.name, f"{flux:.6g}", draw)
 
 
-def leaves_clip(seed: int, shape: tuple[int, int] = SHAPE) -> FlowClip:
+def leaves_clip(
+    seed: int, shape: tuple[int, int] = SHAPE, fastest_px: float = _FASTEST_PX
+) -> FlowClip:
     """Return dead leaves in an affine motion, and three disks of them in other motions."""
     rng = generator(seed, "whole frames, leaves")
     side = _TEXTURE_PX * _TEXELS
     smallest, largest = (radius * _TEXELS for radius in RADII_PX)
     texture = dead_leaves((side, side), rng, (smallest, largest))
+    return layers_clip(f"leaves {seed}", rng, texture, shape, fastest_px)
+
+
+def layers_clip(
+    name: str,
+    rng: np.random.Generator,
+    texture: Floats,
+    shape: tuple[int, int],
+    fastest_px: float = _FASTEST_PX,
+) -> FlowClip:
+    """Return a texture without a seam in an affine motion, and three disks of it in others."""
     layers = [_layer(rng, texture, None)]
     for _ in range(_DISKS):
         x, y = ((rng.random() - 0.5) * 0.8 * side for side in shape[::-1])
-        layers.append(_layer(rng, texture, (x, y, rng.uniform(*_DISK_RADII_PX))))
+        disk = x, y, rng.uniform(*_DISK_RADII_PX)
+        layers.append(_layer(rng, texture, disk, fastest_px))
     scene = MovingLayers(layers, _TEXELS)
     hidden = scene.hidden(shape, 0)
-    return _clip(f"leaves {seed}", scene.light(shape, TIMES), scene.flow(shape, 0), hidden)
+    return _clip(name, scene.light(shape, TIMES), scene.flow(shape, 0), hidden)
 
 
 def leaves_clips(count: int, shape: tuple[int, int] = SHAPE) -> Iterator[FlowClip]:
@@ -100,11 +114,14 @@ def middle(frames: Frames, count: int) -> Frames:
 
 
 def _layer(
-    rng: np.random.Generator, texture: Floats, disk: tuple[float, float, float] | None
+    rng: np.random.Generator,
+    texture: Floats,
+    disk: tuple[float, float, float] | None,
+    fastest_px: float = _FASTEST_PX,
 ) -> Layer:
     """Return a layer of another part of the texture, with its own motion."""
     elsewhere = np.roll(texture, rng.integers(texture.shape), axis=(0, 1))
-    speed, angle = rng.uniform(0.5, _FASTEST_PX), rng.uniform(0, 2 * math.pi)
+    speed, angle = rng.uniform(0.5, fastest_px), rng.uniform(0, 2 * math.pi)
     velocity = speed * math.cos(angle), speed * math.sin(angle)
     return Layer(elsewhere, velocity, rng.uniform(-_STEEPEST, _STEEPEST, (2, 2)), disk)
 

@@ -1,7 +1,8 @@
 """Methods that benchmarks measure: those that give velocities of blocks, and their baselines.
 
-Baselines: gray methods on variance-stabilized counts, and two-frame methods on the sums of the
-first and the second half of eight frames.
+Baselines: gray methods with settings for each light (`tuning`), or on variance-stabilized counts
+with one blur for all; and two-frame methods on the sums of the first and the second half of eight
+frames.
 """
 
 import inspect
@@ -9,6 +10,7 @@ from collections.abc import Callable, Iterable, Mapping
 from functools import cache
 from pathlib import Path
 
+from megalopta.benchmark.tuning import PARAMETERS, tuned
 from megalopta.core.freshness import digest
 from megalopta.flow.detectors import registry
 from megalopta.flow.detectors.base import Detector
@@ -21,7 +23,6 @@ Methods = Mapping[str, BlockDetector]
 BLOCK_PX = 24
 """Side of the blocks on boards of whole frames"""
 
-_GRAY = ("LK", "FB", "DIS", "TV-L1")
 _BLUR_PX = 0.7
 _MANY = 8
 
@@ -56,11 +57,13 @@ def directional_methods(ranked: Methods, more: Iterable[Method]) -> Mapping[str,
 
 
 def block_detector(chosen: Method) -> BlockDetector:
-    """Return a method that gives velocities of blocks, or a baseline by name, such as `DIS √`.
+    """Return a method that gives velocities of blocks, or a baseline: `DIS tuned`, `DIS √`.
 
     Raises ValueError for any other.
     """
-    baseline = next((stretched(name) for name in _GRAY if chosen == f"{name} √"), None)
+    name, _, kind = chosen.rpartition(" ") if isinstance(chosen, str) else ("", "", "")
+    made = {"tuned": tuned, "√": stretched}.get(kind) if name in PARAMETERS else None
+    baseline = made(name) if made else None
     return (baseline or velocity_method(chosen)).model_copy(update={"block_px": BLOCK_PX})
 
 
@@ -77,9 +80,9 @@ def methods_and_baselines(frames: int) -> list[BlockDetector]:
     """Return all methods and baselines that run on this many frames."""
     there = (block_detector(name) for name in VELOCITY_METHODS)
     found = [each for each in there if each.memory_frames < frames]
-    found += [stretched(name) for name in _GRAY]
+    found += [block_detector(f"{name} tuned") for name in PARAMETERS]
     if frames >= _MANY:
-        found += [summed_frames(block_detector(name), _MANY) for name in _GRAY]
+        found += [summed_frames(block_detector(name), _MANY) for name in PARAMETERS]
     return found
 
 

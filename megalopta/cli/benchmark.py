@@ -192,6 +192,29 @@ def _cell(metric: str, found: "Interval") -> str:
     return f"{value}\n{ends[0]}…{ends[1]}" if has_ends else str(value)
 
 
+@verb(
+    "benchmark tune",
+    "choose stretch, blur and main parameter of a gray method for each light, on other scenes"
+    " than boards report",
+    option("method", "TV-L1, DIS, FB or LK", choices=("TV-L1", "DIS", "FB", "LK")),
+    option(
+        "--photons",
+        f"mean photons per pixel and frame (default: {_FLUXES})",
+        type=numbers,
+        default=_FLUXES,
+        metavar="N,N",
+    ),
+    out("tuned.yaml", "file of the settings, in which other methods stay"),
+)
+def _tune(options: Namespace) -> None:
+    from megalopta.benchmark.tuning import write_tuned
+
+    for flux, settings in write_tuned(options.out, options.method, options.photons).items():
+        chosen = ", ".join(f"{name} {value}" for name, value in settings.items())
+        print(f"{flux:g} photons: {chosen}")
+    print(options.out)
+
+
 def _photon_settings() -> "Settings":
     from megalopta.benchmark.trial import Sweep
 

@@ -106,9 +106,10 @@ def test_processor_time_stands_beside_the_error(clip):
 
 def test_methods_and_baselines_of_a_board_do_with_its_frames():
     two, eight = ({each.name: each for each in methods_and_baselines(n)} for n in (2, 8))
-    assert {"PM", "DIS √"} <= set(two) and not {"PPM", "EMD"} & set(two)
-    assert {"PM", "PPM", "DIS √"} <= set(eight) and "EMD" not in eight
-    assert block_detector("DIS √") == block_detector(two["DIS √"])
+    assert {"PM", "DIS tuned"} <= set(two) and not {"PPM", "EMD"} & set(two)
+    assert {"PM", "PPM", "DIS tuned"} <= set(eight) and "EMD" not in eight
+    assert block_detector("DIS tuned") == block_detector(two["DIS tuned"])
+    assert block_detector("DIS √").name == "DIS √"
 
 
 def test_shipped_scenes_move_as_their_flow_says():

@@ -1,0 +1,183 @@
+"""Settings of gray methods for each light, chosen by one routine on scenes that no board reports.
+
+`tuned.yaml` holds, for each method and photons per pixel, the stretch of counts, the blur and the
+main parameter of least error on the tuning scenes: the geometric mean over scenes, so that each
+counts alike, of the mean over blocks. Stretch and blur together, and the main parameter, are varied
+in turn until neither improves, from the settings for the next brighter light. The scenes: dead
+leaves of other seeds than those of the boards, and pictures of scikit-image that no benchmark shows
+(grass, galaxies, coins, a retina), both in layers, whose disks move by up to 4 px in half of them
+and by up to 12 px in the others.
+"""
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import cache, partial
+from itertools import product
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, ClassVar
+
+import numpy as np
+from pydantic import SerializeAsAny
+
+from megalopta.assets_gen import generator
+from megalopta.benchmark.clips import FlowClip, layers_clip, leaves_clip
+from megalopta.config.yaml_model import mapping, read_text
+from megalopta.core import files, strict_yaml
+from megalopta.core.arrays import Floats
+from megalopta.core.progress import progress
+from megalopta.flow.detectors.base import Frames
+from megalopta.flow.detectors.blocks import BlockDetector, BlockGrid
+from megalopta.flow.detectors.gray_detector import GrayDetector
+from megalopta.flow.detectors.registry import METHODS
+from megalopta.scenes.spectra.color import LUMINANCE_SHARES, decode_srgb
+
+SHAPE = (168, 168)
+LEAVES = (1000, 1001, 1002, 1003)
+"""Seeds"""
+PICTURES = ("grass", "hubble_deep_field", "coins", "retina")
+_FASTEST_PX = (4.0, 12.0)
+
+PARAMETERS: Mapping[str, tuple[str, tuple[Any, ...]]] = MappingProxyType(
+    {
+        "TV-L1": ("attachment", (3.0, 5.0, 8.0, 12.0, 18.0)),
+        "DIS": ("preset", ("ultrafast", "fast", "medium")),
+        "FB": ("window_blocks", (0.25, 0.35, 0.5, 0.75, 1.0, 1.5)),
+        "LK": ("window_blocks", (0.75, 1.0, 1.5, 2.0, 3.0, 4.0)),
+    }
+)
+"""Main parameter of each method, and its values"""
+_BLURS_PX = (0.0, 0.5, 0.7, 1.0, 1.5, 2.0, 3.0)
+NOISE = tuple(
+    {"stretch": stretch, "blur_px": blur}
+    for stretch, blur in product(("none", "anscombe"), _BLURS_PX)
+)
+"""Stretches and blurs"""
+
+Settings = Mapping[str, Any]
+_TABLE = Path(__file__).with_name("tuned.yaml")
+_ERROR = "error_px"
+"""Name of the error on the tuning scenes, next to the settings"""
+
+
+class TunedMethod(BlockDetector, frozen=True):
+    """A gray method with the settings chosen for the light nearest to that of its frames."""
+
+    takes_counts: ClassVar[bool] = True
+
+    method: SerializeAsAny[GrayDetector]
+    settings: tuple[tuple[float, tuple[tuple[str, Any], ...]], ...]
+    """Photons per pixel, and names and values of the settings there"""
+
+    def grid(self, shape: tuple[int, int]) -> BlockGrid:
+        """Return the blocks of the method in a frame (H, W)."""
+        return self._inner(1.0).grid(shape)
+
+    def dense(self, *frames: Frames) -> Floats:
+        """Return the flow as the method does, with the settings for the light."""
+        return self._inner(float(self.checked(frames).mean())).dense(*frames)
+
+    def velocities(self, grid: BlockGrid, window: list[Frames]) -> Floats:
+        """Return the velocities of the method, with the settings for the light."""
+        return self._inner(float(np.mean(window))).velocities(grid, window)
+
+    def _inner(self, photons: float) -> GrayDetector:
+        distance = [abs(np.log(max(photons, 1e-9) / each)) for each, _ in self.settings]
+        chosen = dict(self.settings[int(np.argmin(distance))][1])
+        blocks = {"block_px": self.block_px, "fewest_blocks": self.fewest_blocks}
+        return self.method.model_copy(update={**chosen, **blocks})
+
+
+def tuned(name: str) -> TunedMethod:
+    """Return a method of `PARAMETERS` with the settings of `tuned.yaml`, as `NAME tuned`."""
+    method = _gray(name)
+    rows = tuple(
+        (float(photons), tuple((key, value) for key, value in row.items() if key != _ERROR))
+        for photons, row in tuned_settings()[name].items()
+    )
+    label = f"{method.label}, tuned to the light"
+    return TunedMethod(name=f"{name} tuned", label=label, method=method, settings=rows)
+
+
+def tune(
+    name: str,
+    fluxes: Sequence[float],
+    scenes: Sequence[FlowClip] | None = None,
+    after_light: Callable[[], object] = lambda: None,
+) -> dict[float, Settings]:
+    """Return the best settings of a method of `PARAMETERS` for each flux, with their error."""
+    clips = list(tuning_clips()) if scenes is None else scenes
+    parameter, values = PARAMETERS[name]
+    choices = NOISE, tuple({parameter: value} for value in values)
+    best: Settings = {**NOISE[-1], parameter: getattr(_gray(name), parameter)}
+    found = {}
+    for flux in sorted(fluxes, reverse=True):
+        best, error = _least(partial(_error, name, clips, flux), best, choices)
+        found[flux] = {**best, _ERROR: round(error, 4)}
+        after_light()
+    return dict(sorted(found.items()))
+
+
+def write_tuned(path: Path, name: str, fluxes: Sequence[float]) -> dict[float, Settings]:
+    """Tune a method and write its settings to a YAML file; other methods of the file stay."""
+    kept = mapping(read_text(path, "file of settings"), str(path)) if path.exists() else {}
+    with progress(f"Tuning {name}", len(fluxes), "light level") as advance:
+        found = tune(name, fluxes, after_light=lambda: advance(1))
+    files.write_text(path, strict_yaml.dump({**kept, name: found}))
+    return found
+
+
+def tuning_clips(shape: tuple[int, int] = SHAPE) -> Iterator[FlowClip]:
+    """Yield the tuning scenes; those at odd places have large motion."""
+    from skimage import data
+
+    for number, seed in enumerate(LEAVES):
+        yield leaves_clip(seed, shape, _FASTEST_PX[number % 2])
+    for number, name in enumerate(PICTURES):
+        codes = getattr(data, name)() / 255
+        light = decode_srgb(codes)
+        gray = light if light.ndim == 2 else light @ LUMINANCE_SHARES
+        sides = [(0, side) for side in gray.shape]
+        texture = np.pad(gray, sides, mode="symmetric")  # tiles the plane without a seam
+        rng = generator(number, "tuning", name)
+        yield layers_clip(f"tuning {name}", rng, texture, shape, _FASTEST_PX[number % 2])
+
+
+def _gray(name: str) -> GrayDetector:
+    method = METHODS[name]
+    assert isinstance(method, GrayDetector)
+    return method
+
+
+@cache
+def tuned_settings() -> Mapping[str, Mapping[float, Settings]]:
+    """Return the settings of `tuned.yaml` by method and photons per pixel, with their errors."""
+    return MappingProxyType(strict_yaml.load(_TABLE.read_text("utf-8")))
+
+
+def _error(name: str, clips: Sequence[FlowClip], flux: float, settings: Settings) -> float:
+    """Return the geometric mean over scenes of the mean error over blocks, px."""
+    from megalopta.benchmark.whole_frames import MEAN, frame_errors
+
+    detector = _gray(name).model_copy(update=settings)
+    board = frame_errors(clips, [detector], (flux,))
+    return float(np.exp(np.log(board.of_scenes(MEAN, board.detectors[0], flux)).mean()))
+
+
+def _least(
+    error: Callable[[Settings], float], start: Settings, choices: Iterable[Sequence[Settings]]
+) -> tuple[Settings, float]:
+    """Return the settings that no choice of one kind improves, and their error."""
+    known: dict[tuple[Any, ...], float] = {}
+
+    def measured(settings: Settings) -> float:
+        values = tuple(settings.values())
+        if values not in known:
+            known[values] = error(settings)
+        return known[values]
+
+    best, before = start, None
+    while best != before:
+        before = best
+        for kind in choices:
+            best = min(({**best, **each} for each in kind), key=measured)
+    return best, measured(best)
