@@ -143,15 +143,19 @@ class Meshes(SceneDescription, frozen=True):
     def describe(self) -> str:
         """Sentence for the report."""
         names = ", ".join(PurePath(each.file.path).name for each in self.files)
-        kept = all(each.file.suffix == ".xml" for each in self.files)
-        surfaces = (
-            "with its surfaces as they are: ground truth is that of the first surface, also of "
-            "glass and mirrors."
-            if kept
-            else "as opaque, diffuse surfaces: transparency, metal and emission in the files have "
-            "no effect."
-        )
-        return f"Meshes of {names}, {surfaces}"
+        of_mitsuba = {each.file.suffix == ".xml" for each in self.files}
+        text = f"Meshes of {names}"
+        if False in of_mitsuba:
+            text += (
+                ", as opaque, diffuse surfaces: transparency, metal and emission in the files have "
+                "no effect"
+            )
+        if True in of_mitsuba:
+            text += (
+                "; surfaces of Mitsuba's XML are as it describes them, and ground truth is that of "
+                "the first surface, also of glass and mirrors"
+            )
+        return f"{text}."
 
 
 def _kind(name: str) -> str:

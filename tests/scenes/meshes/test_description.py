@@ -100,3 +100,10 @@ def test_no_file_and_unknown_files_are_refused(files, tmp_path):
 def test_the_report_names_files_and_what_has_no_effect(files):
     told = Meshes(files=files).describe()
     assert "room.glb, stone.stl" in told and "emission" in told
+    assert "mirrors" not in told
+
+
+def test_the_report_says_whose_motion_a_mirror_has(tmp_path):
+    (tmp_path / "room.xml").write_text('<scene version="3.0.0"/>')
+    told = Meshes(files=str(tmp_path / "room.xml")).describe()
+    assert "that of the first surface, also of glass and mirrors." in told and "opaque" not in told
