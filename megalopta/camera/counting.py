@@ -45,7 +45,7 @@ _KINDS: dict[str, DeadTimeKind] = {
 _PIXELS = (
     "Median over pixels, range of 90 % of them, and median half width of a pixel's 95 % CI. Events "
     "that crosstalk and afterpulses add are part of these rates; the maps of the device file are "
-    "without those of the crosstalk below."
+    "without those that are found below."
 )
 _CROSSTALK = (
     "Probability that an avalanche fires a pixel, from the dark counts of hot pixels and of those "

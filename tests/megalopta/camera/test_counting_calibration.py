@@ -6,9 +6,12 @@ import numpy as np
 import pytest
 
 from megalopta.camera.calibrating import calibrate_recordings, listed_sources, named_sources
+from megalopta.camera.calibration import primary
 from megalopta.camera.recording import Beam
 from megalopta.core.errors import UserError
 from megalopta.sensor import changed, expose_rate, load_sensor, preset, reading_moments
+from megalopta.sensor.calibrate.counting import calibrate_counts
+from megalopta.sensor.calibrate.sums import summed
 from megalopta.sensor.calibrate.telegraph import correlation
 from megalopta.sensor.effects.crosstalk import neighborhoods
 from megalopta.sensor.formats.tiff import tiff_writer
@@ -135,6 +138,30 @@ def test_coincidences_give_crosstalk_and_rates_without_it(tmp_path):
     # 1.3 million dark counts, 0.1 %, and the error of the crosstalk
     assert primary.mean() == pytest.approx(own.mean(), rel=0.015)
     assert not found.afterpulsing.is_on
+
+
+@pytest.mark.slow
+def test_intervals_cover_as_stated_with_crosstalk():
+    shape, covered = (48, 48), []
+    dark = {"bulk_mean_hz_um2": 0.2, "bulk_sigma_hz_um2": 0.04}
+    for seed in range(6):
+        true = changed(preset("ideal"), device_seed=seed, dark_counts=dark,
+                       crosstalk={"mean_fired_neighbors": 0.04})  # fmt: skip
+        efficiency = EFFICIENCY * np.random.default_rng(seed).uniform(0.9, 1.1, shape)
+        levels = []
+        for seconds, light in ((2e-3, 0.0), (2e-4, 0.0), (2e-4, 2e5)):
+            rate = np.broadcast_to(light * efficiency, (300, *shape))
+            own, name = changed(true, exposure_s=seconds), f"{seconds} {light}"
+            counts = expose_rate(rate, own, seed=seed, sequence=name).counts
+            levels.append(summed(counts, seconds, light, is_binary=False))
+        found = calibrate_counts(levels)
+        own = draw_fixed_pattern(true, shape).dark_counts_hz
+        for estimate, truth in ((found.dark_counts_hz, own), (found.efficiency, efficiency)):
+            held = primary(estimate, found.kernel)
+            covered.append(((held.low <= truth) & (truth <= held.high)).mean())
+    # 13 824 pixels, and an error of the crosstalk that those of a device share: 95.4 and 95.0 %
+    assert 0.93 < np.mean(covered[::2]) < 0.97
+    assert 0.93 < np.mean(covered[1::2]) < 0.97
 
 
 def test_bad_pixels_of_the_recordings_are_those_of_the_simulation(tmp_path):

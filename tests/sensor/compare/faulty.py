@@ -26,6 +26,8 @@ class Camera(NamedTuple):
     """Reading of a dead pixel"""
     stuck: int
     has_codes: bool = False
+    telegraph_hz: float = 3000.0
+    """Rate that a trap adds; in bits, two events in a dark frame"""
 
 
 def _counting(**fields):
@@ -80,6 +82,7 @@ CAMERAS = {
         0.4,
         0,
         1,
+        telegraph_hz=1e4,
     ),
 }
 
@@ -171,12 +174,16 @@ def brighter(times, shape, rng):
     return np.full((1, 1, 1), 1.2)
 
 
-def switching(times, shape, rng):
-    """Telegraph noise of 3000 Hz in three pixels."""
-    extra = np.zeros((times.size, *shape), np.float32)
-    for row, column in ((2, 3), (7, 11), (13, 5)):
-        extra[:, row, column] = 3000.0 * (np.cumsum(rng.random(times.size) < 0.05) % 2)
-    return extra
+def switching(hertz):
+    """Telegraph noise of this rate in three pixels."""
+
+    def rates(times, shape, rng):
+        extra = np.zeros((times.size, *shape), np.float32)
+        for row, column in ((2, 3), (7, 11), (13, 5)):
+            extra[:, row, column] = hertz * (np.cumsum(rng.random(times.size) < 0.05) % 2)
+        return extra
+
+    return rates
 
 
 def hot(times, shape, rng):
@@ -260,7 +267,7 @@ def _common(camera):
         "dead column": ("dead column", {"spoil": written(np.s_[:, :, 9], camera.dead)}),
         "dead pixel": ("dead pixel", {"spoil": written(np.s_[:, 5, 6], camera.dead)}),
         "stuck pixel": ("stuck pixel", {"spoil": written(np.s_[:, 5, 6], camera.stuck)}),
-        "telegraph noise": ("telegraph noise", {"extra": switching}),
+        "telegraph noise": ("telegraph noise", {"extra": switching(camera.telegraph_hz)}),
         "hot pixel": ("hot pixel", {"extra": hot}),
         "mirrored columns": ("order", {"spoil": of_readings(lambda r, _: r[:, :, ::-1])}),
         "swapped columns": ("order", {"spoil": of_readings(swapped)}),
