@@ -21,7 +21,7 @@ from pydantic import SerializeAsAny
 
 from megalopta.assets_gen import generator
 from megalopta.benchmark.clips import FlowClip, layers_clip, leaves_clip
-from megalopta.config.yaml_model import mapping, read_text
+from megalopta.config.yaml_model import mapping, yaml_text
 from megalopta.core import files, strict_yaml
 from megalopta.core.arrays import Floats
 from megalopta.core.progress import progress
@@ -119,7 +119,7 @@ def tune(
 
 def write_tuned(path: Path, name: str, fluxes: Sequence[float]) -> dict[float, Settings]:
     """Tune a method and write its settings to a YAML file; other methods of the file stay."""
-    kept = mapping(read_text(path, "file of settings"), str(path)) if path.exists() else {}
+    kept = mapping(yaml_text(path, "file of settings"), str(path)) if path.exists() else {}
     with progress(f"Tuning {name}", len(fluxes), "light level") as advance:
         found = tune(name, fluxes, after_light=lambda: advance(1))
     files.write_text(path, strict_yaml.dump({**kept, name: found}))
