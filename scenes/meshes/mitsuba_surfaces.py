@@ -31,6 +31,8 @@ _WHITE = SPECTRA["D65"].scaled(1 / 98.9974)
 """Mitsuba's white light of 1, whose luminance is that of 1 at every wavelength"""
 _USUAL = Element("spectrum", value="0.5")
 """Mitsuba's reflectance of a surface that states none."""
+_MOST_PARTS = 100
+"""Most plug-ins that describe one surface."""
 _NAME, _WORD = re.compile("(?!(type|id)$)[a-z][a-z0-9_]{0,40}"), re.compile("[A-Za-z0-9 _-]{0,40}")
 
 
@@ -47,6 +49,7 @@ class Surfaces:
     def __init__(self, document: Document, contents: Mapping[str, bytes]) -> None:
         self._document, self._contents = document, contents
         self._read: dict[tuple[int, str], Coat] = {}
+        self._parts = 0
 
     def of(self, shape: Element, name: str) -> Coat:
         """Return the surface of a shape, which has the shape's name if it has none."""
@@ -65,6 +68,7 @@ class Surfaces:
         coat = self._diffuse(side, name) if side.get("type") == "diffuse" else None
         if coat:
             return coat
+        self._parts = 0
         try:
             return Coat(Paint(name, finish=self._finish(bsdf, name)), np.eye(3))
         except _NotKeptError as problem:
@@ -88,6 +92,9 @@ class Surfaces:
     def _finish(self, given: Element, material: str) -> Finish:
         """Return a surface, or a texture of one, as it is. Raises _NotKeptError."""
         kind, parts = given.get("type", ""), dict[str, Part]()
+        self._parts += 1
+        if self._parts > _MOST_PARTS:  # references double, or lead back
+            raise _NotKeptError(f"of more than {_MOST_PARTS} parts")
         if kind not in SURFACES + TEXTURES:
             raise _NotKeptError(f"of Mitsuba's type {quoted(kind)!r}")
         for number, each in enumerate(given):
@@ -121,8 +128,8 @@ class Surfaces:
             case "spectrum":
                 return self._spectrum(given)
             case "rgb" if not value.startswith("#"):
-                red, green, blue = flat_or_three = (numbers_in(value) * np.ones(3)).tolist()
-                if np.isfinite(flat_or_three).all():
+                red, green, blue = shares = (numbers_in(value) * np.ones(3)).tolist()
+                if np.isfinite(shares).all():
                     return Rgb((red, green, blue))
             case "rgb" | "srgb":
                 return Rgb(_color(given))
