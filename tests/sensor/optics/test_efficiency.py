@@ -80,13 +80,13 @@ def test_record_holds_the_numbers_and_needs_no_file(tmp_path):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("400,1\n500,20", "line 2 .*efficiency 20 is not from 0 to 1; divide percents by 100"),
+        ("400,1\n500,20", "line 2: efficiency 20 is not from 0 to 1; divide percents by 100"),
         ("400,0.1\n500,nan", "nan is not from 0 to 1"),
-        ("400,0.1\n400,0.1", "line 2 .*400 nm follows 400; sort"),
+        ("400,0.1\n400,0.1", "line 2: .*400 nm follows 400; sort"),
         ("inf,0.1\n400,0.1", "sort"),
         ("0,0.1\n400,0.1", "positive wavelengths"),
         ("400;0.1\n500;0.2", "'400;0.1' is not wavelength_nm,efficiency"),
-        ("400,0.1\n500,20 %", "line 2 .*'500,20 %' is not"),
+        ("400,0.1\n500,20 %", "line 2: .*'500,20 %' is not"),
         ("400,0.1", "has 1 points; give 2 or more"),
         (b"\xff\xfe4\x000\x00", "is not UTF-8 text"),
         ('400,"0.1\n500,0.2', "is not wavelength_nm"),
