@@ -62,7 +62,7 @@ _LEAST = 1e-9
 """Evidence for the velocity 0 at every node, for a defined result without photons"""
 
 
-_TOLERANCE, _MOST_STEPS = 1e-4, 20
+_TOLERANCE, _MOST_STEPS = 1e-6, 40
 """Relative residual at which conjugate gradients stop, and steps after which factors are cheaper"""
 
 

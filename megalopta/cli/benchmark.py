@@ -51,7 +51,7 @@ VERBS["benchmark"] = Verb("measure how well methods estimate motion, and how muc
     ),
     option(
         "--methods",
-        "names, module:function or ONNX files; DIS √ is DIS on square roots of counts"
+        "names, module:function or ONNX files; DIS tuned has settings for each light"
         " (default: all two-frame methods)",
         metavar="A,B",
     ),

@@ -53,8 +53,8 @@ _CAPTION = (
     "with 95 % CI by bootstrap over scenes. A median says nothing about the worse half: the "
     "file of numbers has means, shares of outliers and more. "
     "On dead leaves the velocity is affine and differs in three disks; forests "
-    "are panoramas seen by a rotating camera{}. √: on square roots of counts; 4+4: on sums of "
-    "four frames."
+    "are panoramas seen by a rotating camera{}; tuned: with settings for each light, from other "
+    "scenes; 4+4: on sums of four frames."
 )
 _FLOWN = (
     ", or rendered with parallax ({} photon draws each), with flicker of up to {:.1f} % of a pixel"

@@ -123,8 +123,8 @@ def test_a_system_is_solved_alike_after_similar_ones_and_after_very_different_on
         system = information, slope, tuple(factor * each for each in springs)
         found = after(*system, np.zeros_like(slope))
         alone = MostLikely()(*system, slope)
-        # residuals of 1e-4 of the slope, over information of 1 and more
-        np.testing.assert_allclose(found, alone, atol=1e-3 * np.linalg.norm(slope) / 18)
+        # residuals of 1e-6 of the slope, over information of 1 and more
+        np.testing.assert_allclose(found, alone, atol=2e-6 * np.linalg.norm(slope))
     assert np.ptp(found, axis=(1, 2)).max() < 1e-4  # so stiff that all move alike
 
 
