@@ -44,8 +44,8 @@ def run(capsys):
     [
         (
             "render",
-            "name seed scene objects light camera trajectory stereo-with shutter render "
-            "labels tracks",
+            "name seed scene objects light camera scene-camera trajectory "
+            "stereo-with shutter render labels tracks",
         ),
         (
             "sense",
