@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from megalopta.config.settings import Settings
 
 _WIDTH = 150  # width of tables, on any terminal
+_UNKNOWN = "–"
 _FLUXES = "1,3,10,30,100,1000"
 _DRAWS_OF_ONE = 5
 _REFERENCE = "DIS"
@@ -121,8 +122,8 @@ def _pairs_with_truth(options: Namespace) -> None:
     errors = errors_of_pairs(pairs, options.photons, *_methods_and_draws(options, len(pairs)))
     write_board(options.out, errors)
     print(
-        f"Errors of blocks of {BLOCK_PX} px{_over(errors)}; mean px also of those that move 0–10,"
-        " 10–40, 40+ px, and of visible and occluded ones:"
+        f"Errors of blocks of {BLOCK_PX} px{_over(errors)}; with means (px) of those that move"
+        " 0–10, 10–40, 40+ px, and of visible and occluded ones, if there are any:"
     )
     _print_tables(errors, METRICS)
     print(options.out)
@@ -166,19 +167,23 @@ def _over(board: "Board") -> str:
 
 
 def _print_tables(board: "Board", metrics: Mapping[str, str]) -> None:
-    """Print a table per flux: a row per method, a column per metric, by name and head."""
+    """Print a table per flux: a row per method, a column per metric that is known of any."""
     from rich.box import SIMPLE
     from rich.console import Console
     from rich.table import Table
 
     console = Console(width=_WIDTH)
     for flux in board.fluxes:
+        columns = {
+            head: [_cell(name, board.over_scenes(name, each, flux)) for each in board.detectors]
+            for name, head in metrics.items()
+        }
+        known = {head: cells for head, cells in columns.items() if {*cells} != {_UNKNOWN}}
         table = Table(f"{flux:g} photons", box=SIMPLE, padding=(0, 1))
-        for head in metrics.values():
+        for head in known:
             table.add_column(head, justify="right")
-        for each in board.detectors:
-            found = {name: board.over_scenes(name, each, flux) for name in metrics}
-            table.add_row(each.name, *(_cell(*one) for one in found.items()))
+        for each, *cells in zip(board.detectors, *known.values(), strict=True):
+            table.add_row(each.name, *cells)
         console.print(table)
 
 
@@ -187,7 +192,7 @@ def _cell(metric: str, found: "Interval") -> str:
     factor, digits = (100, 1) if "share" in metric else (1, 2)
     value, *ends = (None if each is None else f"{factor * each:.{digits}f}" for each in found)
     if not math.isfinite(found.value):
-        return "–"
+        return _UNKNOWN
     has_ends = metric.startswith(("median", "mean_epe_px", "mean_px")) and None not in ends
     return f"{value}\n{ends[0]}…{ends[1]}" if has_ends else str(value)
 
