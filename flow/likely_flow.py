@@ -41,7 +41,8 @@ _NARROWER, _DIM_PHOTONS = 7.0, 25.0
 allows; and photons per pixel in all frames below which it falls, as the flow is then smoother than
 motions are. Fitted to dead leaves and forests at 1 to 1000 photons per pixel and frame"""
 
-_NEWTON_STEPS, _PRIOR_STEPS = 3, 2
+_FIRST_STEPS, _NEWTON_STEPS, _PRIOR_STEPS = 30, 3, 2
+"""Newton steps at the coarsest scale, which start from no motion and are cheap, and at others"""
 _LONGEST_STEP_PX = 1.0
 _FEW_PHOTONS, _CHARGE_POWER = 20.0, 0.3
 """Photons per pixel in all frames; fitted to dead leaves and forests, with the smoothness of
@@ -88,13 +89,13 @@ def _most_likely_flow(counts: NDArray[Any], charge: float) -> tuple[Floats, Leve
         raise ValueError("one frame has no flow: give two or more")
     times = times_from_reference(len(counts))
     nodes = np.zeros((2, 1, 1))
-    for level in levels(without_defects(counts)):
+    for number, level in enumerate(levels(without_defects(counts))):
         here = level.roots.shape[1:]
         nodes = 2 * finer(nodes, tuple(-(-side // NODE_PX) for side in here), 2)
         if level.bins <= _MOST_BINS:
             nodes = with_large_motion(level, times, nodes)
         most_likely = MostLikely()
-        for _ in range(_NEWTON_STEPS):
+        for _ in range(_NEWTON_STEPS if number else _FIRST_STEPS):
             nodes = nodes + _step(level, times, nodes, charge * level.bins, most_likely)
     return nodes, level
 
