@@ -141,6 +141,17 @@ def _check(sensor: Sensor, rates: PixelRates) -> None:
                 f"{effect}.{field}: {largest:g} in the worst pixel; lower it, {effect}."
                 f"mismatch_sigma or bias.excess_v so that it is at most {MOST_OFFSPRING:g}"
             )
+    _check_stuck(sensor, rates.stuck)
+
+
+def _check_stuck(sensor: Sensor, stuck: Floats | None) -> None:
+    capacity = sensor.counter.capacity
+    wrong = [] if stuck is None else stuck[(stuck > capacity) | (stuck != np.rint(stuck))]
+    if len(wrong):
+        raise ValueError(
+            f"measured.stuck: {wrong[0]:g} is no reading of this counter; give whole numbers from "
+            f"0 to counter.capacity {capacity}, or -1 for pixels that work"
+        )
 
 
 def detection_rate(radiance: ArrayLike, bands_nm: ArrayLike, sensor: Sensor) -> Floats:
