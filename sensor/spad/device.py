@@ -142,6 +142,20 @@ def _check(sensor: Sensor, rates: PixelRates) -> None:
                 f"mismatch_sigma or bias.excess_v so that it is at most {MOST_OFFSPRING:g}"
             )
     _check_stuck(sensor, rates.stuck)
+    _check_telegraph(sensor, rates)
+
+
+def _check_telegraph(sensor: Sensor, rates: PixelRates) -> None:
+    if sensor.telegraph.is_on:
+        steps = sensor.telegraph.traps * sensor.telegraph.step
+        factor = rates.factors.get("telegraph", np.ones(1))
+        largest = float((rates.dark_counts_hz * (1 + steps * factor)).max(initial=0))
+        if not largest * sensor.exposure_s <= MOST_ARRIVALS:
+            raise ValueError(
+                f"telegraph.step: {largest:g} Hz of dark counts in the worst pixel when its traps "
+                "are active; lower it or measured.telegraph, at most "
+                f"{MOST_ARRIVALS / sensor.exposure_s:g} Hz can be drawn"
+            )
 
 
 def _check_stuck(sensor: Sensor, stuck: Floats | None) -> None:
