@@ -5,7 +5,8 @@ import pytest
 from PIL import Image
 
 from megalopta.scenes import Light, Meshes, PerspectiveCamera, Trajectory, build_scene
-from megalopta.scenes.meshes import mitsuba_surfaces
+from megalopta.scenes.meshes import mitsuba_surfaces, mitsuba_xml
+from megalopta.scenes.meshes.mesh_file import MeshFile
 from megalopta.scenes.meshes.model import PlacedMesh
 
 CAMERA, PATH = PerspectiveCamera(), Trajectory()
@@ -229,6 +230,16 @@ def test_pictures_have_a_bounded_size_in_all(write, tmp_path, monkeypatch):
         Image.new("RGB", (8, 4)).save(tmp_path / f"yard/{number}.png")
     with pytest.raises(ValueError, match="its pictures have more than 50 pixels in all; shrink"):
         scene_of(path)
+
+
+def test_many_included_files_are_read_together(write, tmp_path, monkeypatch):
+    path = write("".join(f'<include filename="{n}.xml"/>' for n in range(20)) + square())
+    for number in range(20):
+        (tmp_path / f"yard/{number}.xml").write_text("<scene/>")
+    calls, names_in = [], mitsuba_xml.names_in
+    monkeypatch.setattr(mitsuba_xml, "names_in", lambda of: calls.append(1) or names_in(of))
+    assert len(MeshFile(path=path).contents()) == 21
+    assert len(calls) <= 4  # before and after the files are there, for hash and content
 
 
 def test_files_of_spectra_are_bounded(write, tmp_path):
