@@ -9,6 +9,11 @@ from megalopta.sensor.sampling.streams import generator
 from megalopta.sensor.spad.device import checked_rate, over_frames
 from megalopta.sensor.spad.model import Sensor
 
+_MOST_PERIODS = 4e9
+"""Most periods of an exposure, whose counts still fit uint32"""
+_MOST_WRAPPED = 100
+"""Most periods that a standard deviation or a decay lasts"""
+
 
 def check_histograms(sensor: Sensor) -> None:
     """Raise ValueError if a sensor has no histograms, as bins or pixels ready at every pulse."""
@@ -22,6 +27,12 @@ def check_histograms(sensor: Sensor) -> None:
             f"tcspc.period_s: {tcspc.period_s:g} is longer than exposure_s {sensor.exposure_s:g}; "
             "expose for many periods"
         )
+    if sensor.exposure_s / tcspc.period_s > _MOST_PERIODS:
+        raise ValueError(
+            f"exposure_s: {sensor.exposure_s:g} is more than {_MOST_PERIODS:g} periods of "
+            f"{tcspc.period_s:g} s (tcspc.period_s); expose for less time"
+        )
+    _check_blur(sensor)
     if sensor.dead_time.dead_time_s > tcspc.period_s:
         raise ValueError(
             f"dead_time.dead_time_s: {sensor.dead_time.dead_time_s:g} is longer than tcspc."
@@ -32,6 +43,19 @@ def check_histograms(sensor: Sensor) -> None:
             raise ValueError(
                 f"{name}: histograms do not include it; switch it off, or sort the times of "
                 "expose_events"
+            )
+
+
+def _check_blur(sensor: Sensor) -> None:
+    """Raise ValueError if a pulse or a time stamp is spread over too many periods to add up."""
+    longest = _MOST_WRAPPED * sensor.tcspc.period_s
+    for field in ("tcspc.pulse_sigma_s", "tcspc.decay_s", "jitter.sigma_s", "jitter.tail_s"):
+        effect, name = field.split(".")
+        value = getattr(getattr(sensor, effect), name)
+        if value > longest:
+            raise ValueError(
+                f"{field}: {value:g} is longer than {_MOST_WRAPPED} periods of "
+                f"{sensor.tcspc.period_s:g} s (tcspc.period_s); shorten it, or lengthen the period"
             )
 
 

@@ -206,7 +206,9 @@ def blocks_of(clip: FlowClip) -> Floats:
     grid = block_grid((clip.light.shape[1], clip.light.shape[2]), BLOCK_PX)
     flow = block_flow(clip.flow[np.newaxis], grid)[0, 1:-1, 1:-1]
     if not np.isfinite(flow).all(axis=-1).any():
-        raise ValueError(f"{clip.name}: no block of {BLOCK_PX} px has half of its flow known")
+        raise ValueError(
+            f"{clip.name}: no block of {BLOCK_PX} px has half of its flow known; give other flow"
+        )
     return flow
 
 

@@ -16,6 +16,7 @@ from megalopta.cli.command import (
     numbers,
     option,
     out,
+    out_file,
     settings_loader,
     switch,
     verb,
@@ -92,7 +93,7 @@ VERBS["benchmark"] = Verb("measure how well methods estimate motion, and how muc
         "with --no-truth: meaning of the values of arrays and 16-bit pictures",
         choices=("srgb", "linear", "cd/m2"),
     ),
-    out("pairs.csv", "file of the errors"),
+    out_file("pairs.csv", "file of the errors"),
 )
 def _pairs(options: Namespace) -> None:
     if options.no_truth:
@@ -304,7 +305,7 @@ def _sequence(options: Namespace) -> None:
     ),
     option("--program", "name of the program that wrote it (default: its folder's name)"),
     option("--leaderboard", "add the scores to this file and show it", type=Path, metavar="FILE"),
-    out("scores.json", "file of the scores"),
+    out_file("scores.json", "file of the scores"),
 )
 def _submit(options: Namespace) -> None:
     from rich.console import Console

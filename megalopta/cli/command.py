@@ -135,6 +135,18 @@ def out(default: str, what: str = "folder") -> Option:
     return option("--out", f"{what} (default: {default})", type=Path, default=Path(default))
 
 
+def out_file(default: str, what: str) -> Option:
+    """Return the option for the file that a verb writes."""
+    return option("--out", f"{what} (default: {default})", type=_file, default=Path(default))
+
+
+def _file(text: str) -> Path:
+    """Parse the path of a file, which is no folder."""
+    if Path(text).is_dir():
+        raise argparse.ArgumentTypeError(f"{quoted(text)!r} is a folder; give the name of a file")
+    return Path(text)
+
+
 def settings_loader(module: str, model: str) -> "Callable[[], Settings]":
     """Return a loader of a model's default settings."""
 

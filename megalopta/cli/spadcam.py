@@ -13,6 +13,7 @@ from megalopta.cli.command import (
     finite,
     option,
     out,
+    out_file,
     positive,
     stopped_by_signals,
     switch,
@@ -214,7 +215,7 @@ def _calibrate_tables(paths: list[Path], options: Namespace) -> None:
         "plate: estimate the light from the recording's open and covered pixels "
         "(default: the dissertation's 65 photons per frame and pixel)",
     ),
-    out("comparison.html", "page"),
+    out_file("comparison.html", "page"),
 )
 def _compare(options: Namespace) -> None:
     from megalopta.camera.device_comparison import CompareSettings, compare_captured

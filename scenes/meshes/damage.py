@@ -3,6 +3,8 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+import numpy as np
+
 from megalopta.core.bounded import quoted
 from megalopta.core.errors import DamagedFileError
 
@@ -11,7 +13,8 @@ from megalopta.core.errors import DamagedFileError
 def refused_as_damaged(path: str) -> Iterator[None]:
     """Raise any error of the reading inside as DamagedFileError, with the path of the file."""
     try:
-        yield
+        with np.errstate(all="ignore"):  # of numbers that are then refused
+            yield
     except DamagedFileError as problem:
         raise DamagedFileError(f"{path}: {problem}") from None
     except Exception as problem:  # a damaged file can raise any exception

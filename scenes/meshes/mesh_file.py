@@ -81,6 +81,8 @@ def _contents(path: str) -> Contents:
         if name not in found:
             found[name] = _beside(path, name, left)
             left -= len(found[name])
+        if waiting and path.lower().endswith(".xml"):
+            continue  # its names are those of all files, known when these are read
         waiting += [each for each in _names_in(path, name, found) if each not in found]
     return found
 

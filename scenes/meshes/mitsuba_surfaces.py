@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from megalopta.core.arrays import Floats
 from megalopta.core.bounded import quoted
@@ -31,8 +32,11 @@ _WHITE = SPECTRA["D65"].scaled(1 / 98.9974)
 """Mitsuba's white light of 1, whose luminance is that of 1 at every wavelength"""
 _USUAL = Element("spectrum", value="0.5")
 """Mitsuba's reflectance of a surface that states none."""
-_MOST_PARTS = 100
-"""Most plug-ins that describe one surface."""
+_SPECTRUM_BYTES = 4 * 10**6
+MOST_TEXELS = 2**29
+"""Most pixels of all pictures, which take 6 GB as light."""
+_MOST_PARTS = 200
+"""Most plug-ins of one surface, which may name each other many times."""
 _NAME, _WORD = re.compile("(?!(type|id)$)[a-z][a-z0-9_]{0,40}"), re.compile("[A-Za-z0-9 _-]{0,40}")
 
 
@@ -49,6 +53,7 @@ class Surfaces:
     def __init__(self, document: Document, contents: Mapping[str, bytes]) -> None:
         self._document, self._contents = document, contents
         self._read: dict[tuple[int, str], Coat] = {}
+        self._pictures: dict[tuple[str, str], NDArray[np.float32]] = {}
         self._parts = 0
 
     def of(self, shape: Element, name: str) -> Coat:
@@ -85,7 +90,7 @@ class Surfaces:
         if reflecting.get("type") != "bitmap" or value_of(reflecting, "boolean", "raw") == "true":
             return None
         file = plain(value_of(reflecting, "string", "filename"))
-        picture = linear_picture(self._contents[file], name)
+        picture = self._picture(file, name)
         # Mitsuba ignores the fourth row and column.
         return Coat(Paint(name, picture=picture), transform_of(reflecting, "to_uv")[:3, :3])
 
@@ -93,8 +98,8 @@ class Surfaces:
         """Return a surface, or a texture of one, as it is. Raises _NotKeptError."""
         kind, parts = given.get("type", ""), dict[str, Part]()
         self._parts += 1
-        if self._parts > _MOST_PARTS:  # references double, or lead back
-            raise _NotKeptError(f"of more than {_MOST_PARTS} parts")
+        if self._parts > _MOST_PARTS:
+            raise _NotKeptError(f"of more than {_MOST_PARTS} parts, or part of itself")
         if kind not in SURFACES + TEXTURES:
             raise _NotKeptError(f"of Mitsuba's type {quoted(kind)!r}")
         for number, each in enumerate(given):
@@ -103,14 +108,29 @@ class Surfaces:
             if not _NAME.fullmatch(name):
                 raise _NotKeptError(f"with a parameter {quoted(name)!r}")
             if (kind, name) == ("bitmap", "filename"):
-                content = self._contents[plain(part.get("value", ""))]
-                is_coded = value_of(given, "boolean", "raw") != "true"
-                parts["bitmap"] = texels_of(content, material, is_coded)
+                how = "raw" if value_of(given, "boolean", "raw") == "true" else "coded"
+                parts["bitmap"] = self._picture(plain(part.get("value", "")), material, how)
             elif part.tag == "transform":
                 parts[name] = transform_of(given, name)
             else:
                 parts[name] = self._part(part, material)
         return Finish(kind, parts)
+
+    def _picture(self, file: str, material: str, how: str = "linear") -> NDArray[np.float32]:
+        """Return a picture, decoded once; all together have a bounded size."""
+        if (file, how) not in self._pictures:
+            content = content_of(self._contents, file)
+            self._pictures[file, how] = (
+                linear_picture(content, material)
+                if how == "linear"
+                else texels_of(content, material, how == "coded")
+            )
+            pixels = sum(each.shape[0] * each.shape[1] for each in self._pictures.values())
+            if pixels > MOST_TEXELS:
+                raise ValueError(
+                    f"its pictures have more than {MOST_TEXELS:.3g} pixels in all; shrink them"
+                )
+        return self._pictures[file, how]
 
     def _part(self, given: Element, material: str) -> Part:
         value = given.get("value", "")
@@ -119,7 +139,7 @@ class Surfaces:
                 return self._finish(given, material)
             case "float" if math.isfinite(float(value)):
                 return float(value)
-            case "integer":
+            case "integer" if abs(int(value)) < 2**31:
                 return int(value)
             case "boolean":
                 return value == "true"
@@ -150,7 +170,10 @@ class Surfaces:
     def _spectrum(self, given: Element) -> Spectrum:
         """Return a spectrum: a number, or wavelength:value pairs, or lines of both in a file."""
         if name := given.get("filename"):
-            lines = self._contents[plain(name)].decode("utf-8").splitlines()
+            content = self._contents[plain(name)]
+            if len(content) > _SPECTRUM_BYTES:
+                raise ValueError(f"{quoted(name)} is larger than {_SPECTRUM_BYTES / 1e6:.0f} MB")
+            lines = content.decode("utf-8").splitlines()
             pairs = numbers_in(" ".join(line.partition("#")[0] for line in lines))
         elif ":" not in (text := given.get("value", "")):
             return flat(float(text))
@@ -158,6 +181,13 @@ class Surfaces:
             pairs = numbers_in(text.replace(":", " "))
         wavelengths, values = pairs.reshape(-1, 2).T
         return Spectrum.of(wavelengths, values)
+
+
+def content_of(contents: Mapping[str, bytes], file: str) -> bytes:
+    """Return the content of a named file. Raises ValueError without a name."""
+    if not file:
+        raise ValueError("it has a mesh or picture without a filename")
+    return contents[file]
 
 
 class _NotKeptError(Exception):

@@ -13,7 +13,7 @@ import numpy as np
 from megalopta.core.arrays import Floats
 from megalopta.core.bounded import quoted
 from megalopta.scenes.meshes import basic_shapes, polygons, wavefront
-from megalopta.scenes.meshes.mitsuba_surfaces import Surfaces
+from megalopta.scenes.meshes.mitsuba_surfaces import Surfaces, content_of
 from megalopta.scenes.meshes.pieces import Piece
 from megalopta.scenes.meshes.xml_document import (
     Document,
@@ -67,10 +67,13 @@ class _Reader:
 
     def shapes(self) -> Iterator[tuple[Element, Floats]]:
         """Yield all shapes, each with its pose (4, 4); of an instance, those of its group."""
+        grouped: dict[int, list[Element]] = {}
         for shape in self._document.parts(self._document.root, "shape"):
             if shape.get("type") == "instance":
                 for group in self._document.parts(shape, "shape"):
-                    for each in self._document.parts(group, "shape"):
+                    if id(group) not in grouped:
+                        grouped[id(group)] = self._document.parts(group, "shape")
+                    for each in grouped[id(group)]:
                         yield each, transform_of(shape) @ transform_of(each)
             elif shape.get("type") != "shapegroup":
                 yield shape, transform_of(shape)
@@ -104,7 +107,7 @@ class _Reader:
 
     def _of_file(self, kind: str, file: str) -> Iterator[Piece]:
         """Yield pieces of a mesh file, with Mitsuba's texture coordinates."""
-        content = {f"{PurePosixPath(file).stem}.{kind}": self._contents[file]}
+        content = {f"{PurePosixPath(file).stem}.{kind}": content_of(self._contents, file)}
         if kind == "ply":
             yield from polygons.pieces_of(content)
             return

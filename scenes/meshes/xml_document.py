@@ -21,7 +21,7 @@ _MOST_BYTES = 16 * 10**6
 _MOST_ELEMENTS = 10**6
 _DEEPEST = 40
 _MOST_INCLUDES = 100
-_LONGEST = 10_000
+_MOST_FILLED = 16 * 10**6
 _CAPITAL = re.compile(r"(?<=[a-z])([A-Z])")
 _WORD = re.compile(r"\$(\w+)")
 
@@ -31,7 +31,7 @@ class Document:
 
     def __init__(self, contents: Mapping[str, bytes]) -> None:
         """Raise ValueError if the first content is no scene, or more than one."""
-        self._contents, self._includes = contents, 0
+        self._contents, self._includes, self._filled = contents, 0, 0
         self.root = _scene(next(iter(contents.values())))
         self.missing: list[str] = []
         """Names of included files that are not among the contents."""
@@ -81,16 +81,25 @@ class Document:
     def _settle(self, element: Element, defaults: dict[str, str]) -> None:
         for key, value in element.attrib.items():
             if "$" in value:
-                filled = _WORD.sub(lambda found: defaults.get(found[1], found[0]), value)
-                if len(filled) > _LONGEST:  # defaults of defaults double
-                    raise ValueError(f"it fills {quoted(value)!r} with too long a text")
-                element.set(key, filled)
+                element.set(key, self._fill(value, defaults))
         if name := _CAPITAL.sub(lambda found: f"_{found[1].lower()}", element.get("name", "")):
             element.set("name", name)
         if element.tag == "default":
             defaults.setdefault(name, element.get("value", ""))
         if "id" in element.attrib and element.tag != "ref":
             self._by_id[element.attrib["id"]] = element
+
+    def _fill(self, value: str, defaults: dict[str, str]) -> str:
+        """Return a text with the defaults that it names, which may double in each of many."""
+
+        def default(found: re.Match[str]) -> str:
+            text = defaults.get(found[1], found[0])
+            self._filled += len(text)
+            if self._filled > _MOST_FILLED:
+                raise ValueError(f"it fills {quoted(value)!r} with too long a text")
+            return text
+
+        return _WORD.sub(default, value)
 
 
 def _scene(content: bytes) -> Element:

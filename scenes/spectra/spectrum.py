@@ -41,8 +41,11 @@ class Spectrum:
                 f"spectrum: {len(self.wavelengths_nm)} wavelengths for {len(self.values)} values; "
                 "give one value per wavelength"
             )
-        if np.any(np.diff(self.wavelengths_nm) <= 0):
-            raise ValueError(f"spectrum: wavelengths {self.wavelengths_nm} must increase")
+        ends = self.wavelengths_nm[0], self.wavelengths_nm[-1]
+        if not (np.all(np.diff(self.wavelengths_nm) > 0) and np.isfinite(ends).all()):
+            raise ValueError(
+                f"spectrum: wavelengths {self.wavelengths_nm} must increase and be finite"
+            )
         if not np.all(np.isfinite(self.values)) or min(self.values) < 0:
             raise ValueError(f"spectrum: values {self.values} must be finite and non-negative")
 

@@ -35,6 +35,8 @@ _PER_SIGMA = 4.0
 _FARTHEST = 9.0
 """Standard deviations after which a pulse has ended."""
 _LATEST = 30.0
+_SHORT = 1e-5
+"""Decay over standard deviation below which it is a delay."""
 _VALUES_AT_ONCE = 2**22
 """Parts of bins whose light is computed at once, over pixels: 32 MiB."""
 
@@ -75,7 +77,8 @@ def first_photon_shares(pulsed: Floats, constant: Floats, tcspc: Tcspc, jitter: 
     parts = _parts(tcspc, jitter)
     fine = tcspc.bins * parts
     ends = tcspc.period_s * np.arange(fine + 1) / fine
-    pulse = _wrapped(ends - tcspc.delay_s, tcspc.pulse_sigma_s, tcspc.decay_s, tcspc.period_s)
+    delay_s = tcspc.delay_s % tcspc.period_s
+    pulse = _wrapped(ends - delay_s, tcspc.pulse_sigma_s, tcspc.decay_s, tcspc.period_s)
     response = np.fft.rfft(_response(ends, tcspc.period_s, jitter)) if jitter.is_on else None
     arrivals = np.stack(np.broadcast_arrays(pulsed, constant), axis=-1)
     shares = np.empty((arrivals[..., 0].size, tcspc.bins))
@@ -123,9 +126,9 @@ def _wrapped(ends: Floats, sigma_s: float, decay_s: float, period_s: float) -> F
 def _cumulative(times: Floats, sigma_s: float, decay_s: float) -> Floats:
     if sigma_s == 0 and decay_s == 0:
         return (times > 0).astype(np.float64)
-    if decay_s == 0:
-        return np.asarray(norm.cdf(times / sigma_s))
-    if sigma_s == 0:
+    if decay_s <= _SHORT * sigma_s:  # where SciPy's exponnorm loses all digits
+        return np.asarray(norm.cdf((times - decay_s) / sigma_s))
+    if sigma_s <= _SHORT**2 * decay_s:
         return np.asarray(expon.cdf(times / decay_s))
     return np.asarray(exponnorm.cdf(times / sigma_s, decay_s / sigma_s))
 

@@ -147,6 +147,31 @@ def _check(sensor: Sensor, rates: PixelRates) -> None:
                 f"{effect}.{field}: {largest:g} in the worst pixel; lower it, {effect}."
                 f"mismatch_sigma or bias.excess_v so that it is at most {MOST_OFFSPRING:g}"
             )
+    _check_stuck(sensor, rates.stuck)
+    _check_telegraph(sensor, rates)
+
+
+def _check_telegraph(sensor: Sensor, rates: PixelRates) -> None:
+    if sensor.telegraph.is_on:
+        steps = sensor.telegraph.traps * sensor.telegraph.step
+        factor = rates.factors.get("telegraph", np.ones(1))
+        largest = float((rates.dark_counts_hz * (1 + steps * factor)).max(initial=0))
+        if not largest * sensor.exposure_s <= MOST_ARRIVALS:
+            raise ValueError(
+                f"telegraph.step: {largest:g} Hz of dark counts in the worst pixel when its traps "
+                "are active; lower it or measured.telegraph, at most "
+                f"{MOST_ARRIVALS / sensor.exposure_s:g} Hz can be drawn"
+            )
+
+
+def _check_stuck(sensor: Sensor, stuck: Floats | None) -> None:
+    capacity = sensor.counter.capacity
+    wrong = [] if stuck is None else stuck[(stuck > capacity) | (stuck != np.rint(stuck))]
+    if len(wrong):
+        raise ValueError(
+            f"measured.stuck: {wrong[0]:g} is no reading of this counter; give whole numbers from "
+            f"0 to counter.capacity {capacity}, or -1 for pixels that work"
+        )
 
 
 def detection_rate(radiance: ArrayLike, bands_nm: ArrayLike, sensor: Sensor) -> Floats:

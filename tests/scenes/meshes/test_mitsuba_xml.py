@@ -2,8 +2,11 @@
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from megalopta.scenes import Light, Meshes, PerspectiveCamera, Trajectory, build_scene
+from megalopta.scenes.meshes import mitsuba_surfaces, mitsuba_xml
+from megalopta.scenes.meshes.mesh_file import MeshFile
 from megalopta.scenes.meshes.model import PlacedMesh
 
 CAMERA, PATH = PerspectiveCamera(), Trajectory()
@@ -69,6 +72,7 @@ def test_metal_is_known_where_its_data_are(write, inside, known_nm):
         '<string name="type" value="python"/>',
         '<string name="id" value="a"/>',
         '<float name="alpha" value="nan"/>',
+        f'<integer name="alpha" value="{"9" * 4000}"/>',
         '<rgb name="specular_reflectance" value="inf"/>',
         '<texture name="alpha" type="volume"/>',
         '<phase name="alpha" type="hg"/>',
@@ -162,6 +166,7 @@ def test_included_files_are_part_of_the_scene_at_their_place(write, tmp_path):
         (square('<ref id="gold"/>'), "it names 'gold', which is not defined"),
         ('<shape type="hair"/>', "a shape of type 'hair'; export it as a mesh"),
         ("<a>" * 60 + "</a>" * 60, "nested in more than 40 levels"),
+        ('<shape type="ply"/>', "it has a mesh or picture without a filename"),
         ("<shape>", "it is no XML: mismatched tag"),
         ("", "no triangle with an area"),
         (
@@ -185,6 +190,10 @@ def test_included_files_are_part_of_the_scene_at_their_place(write, tmp_path):
             "too long a text",
         ),
         (
+            f'<default name="a" value="{"x" * 1000}"/>' + '<b c="$a $a $a $a"/>' * 5000,
+            "too long a text",
+        ),
+        (
             '<shape type="shapegroup" id="g"><shape type="sphere"/></shape>'
             + '<shape type="instance"><ref id="g"/></shape>' * 1200,
             r"more than 1e\+07 triangles",
@@ -195,6 +204,60 @@ def test_what_cannot_be_read_is_one_sentence(write, body, message):
     with pytest.raises(ValueError, match=message) as refused:
         scene_of(write(body))
     assert "\n  Value error" in str(refused.value) or "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize("last", ["b0", "b30", "gold"])
+def test_surfaces_that_repeat_their_parts_are_bounded(write, last):
+    """Thirty that name the next one twice, and the last the first: 2³⁰ parts, or no end."""
+    blends = "".join(
+        f'<bsdf type="blendbsdf" id="b{n}">' + f'<ref id="b{n + 1}"/>' * 2 + "</bsdf>"
+        for n in range(30)
+    )
+    blends += f'<bsdf type="mask" id="b30"><ref id="{last}"/></bsdf>'
+    blends += METAL.replace("Brass", "gold")
+    with pytest.raises(ValueError, match="material 'b0' is of more than 200 parts"):
+        scene_of(write(blends + square('<ref id="b0"/>')))
+
+
+def test_a_picture_of_many_surfaces_is_decoded_once(write, tmp_path):
+    path = write("".join(square(
+        f'<bsdf type="diffuse" id="s{n}"><texture type="bitmap" name="reflectance">'
+        '<string name="filename" value="tile.png"/></texture></bsdf>') for n in range(3))
+    )  # fmt: skip
+    Image.new("RGB", (8, 4)).save(tmp_path / "yard/tile.png")
+    pictures = {id(piece.paint.picture) for piece in PlacedMesh(file=path).pieces()}
+    assert len(pictures) == 1
+
+
+def test_pictures_have_a_bounded_size_in_all(write, tmp_path, monkeypatch):
+    monkeypatch.setattr(mitsuba_surfaces, "MOST_TEXELS", 50)
+    path = write("".join(square(
+        '<bsdf type="principled"><texture type="bitmap" name="base_color">'
+        f'<string name="filename" value="{n}.png"/></texture></bsdf>') for n in range(2))
+    )  # fmt: skip
+    for number in range(2):
+        Image.new("RGB", (8, 4)).save(tmp_path / f"yard/{number}.png")
+    with pytest.raises(ValueError, match="its pictures have more than 50 pixels in all; shrink"):
+        scene_of(path)
+
+
+def test_many_included_files_are_read_together(write, tmp_path, monkeypatch):
+    path = write("".join(f'<include filename="{n}.xml"/>' for n in range(20)) + square())
+    for number in range(20):
+        (tmp_path / f"yard/{number}.xml").write_text("<scene/>")
+    calls, names_in = [], mitsuba_xml.names_in
+    monkeypatch.setattr(mitsuba_xml, "names_in", lambda of: calls.append(1) or names_in(of))
+    assert len(MeshFile(path=path).contents()) == 21
+    assert len(calls) <= 4  # before and after the files are there, for hash and content
+
+
+def test_files_of_spectra_are_bounded(write, tmp_path):
+    path = write(
+        square('<bsdf type="diffuse"><spectrum name="reflectance" filename="a.spd"/></bsdf>')
+    )
+    (tmp_path / "yard/a.spd").write_bytes(b"1 " * 3 * 10**6)
+    with pytest.raises(ValueError, match=r"a\.spd is larger than 4 MB"):
+        scene_of(path)
 
 
 def test_entities_are_refused_before_they_grow(write):

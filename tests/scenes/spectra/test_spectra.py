@@ -55,8 +55,9 @@ def test_spectrum_is_constant_beyond_its_ends_and_refuses_nonsense():
     spectrum = Spectrum((400.0, 500.0), (1.0, 3.0))
     np.testing.assert_allclose(spectrum([300, 450, 900]), [1, 2, 3])
     assert flat(0.3)(123.0) == 0.3
-    with pytest.raises(ValueError, match="must increase"):
-        Spectrum((500.0, 400.0), (1.0, 1.0))
+    for wavelengths in ((500.0, 400.0), (400.0, math.nan), (400.0, math.inf)):
+        with pytest.raises(ValueError, match="must increase and be finite"):
+            Spectrum(wavelengths, (1.0, 1.0))
     with pytest.raises(ValueError, match="non-negative"):
         Spectrum((400.0, 500.0), (1.0, -1.0))
     with pytest.raises(ValueError, match="one value per wavelength"):

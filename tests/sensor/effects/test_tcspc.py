@@ -112,9 +112,32 @@ def test_bins_of_faint_light_add_up_to_its_counts():
         ("tcspc.bins", {"tcspc": {"bins": 0}}),
         ("longer than exposure_s", {"tcspc": {"period_s": 1.0}}),
         ("ready at every pulse", {"dead_time": {"kind": "nonparalyzable", "dead_time_s": 1e-7}}),
+        ("exposure_s: 0.001 is more than 4e\\+09 periods", {"tcspc": {"period_s": 1e-14}}),
+        ("tcspc.decay_s: 1 is longer than 100 periods", {"tcspc": {"decay_s": 1.0}}),
+        ("jitter.tail_s: 1 is longer than 100 periods", {"jitter": {"tail_s": 1.0}}),
         ("afterpulsing", {"afterpulsing": {"mean_carriers": 0.1}}),
     ],
 )
 def test_sensors_without_histograms_are_refused(words, change):
     with pytest.raises(ValueError, match=words):
         expose_histograms(rate_of(1.0), changed(TCSPC, **change), seed=1, sequence="a")
+
+
+def test_a_delay_of_many_periods_is_that_within_one():
+    law, late = (
+        mean_histograms(rate_of(0.5), changed(TCSPC, tcspc={"delay_s": 2e-9 + periods * 20e-9}))
+        for periods in (0, 1e6)
+    )
+    np.testing.assert_allclose(late, law, rtol=1e-4)  # the delay has 16 digits
+
+
+def test_decays_and_pulses_that_are_nearly_zero_are_zero():
+    def law(**tcspc):
+        sensor = changed(TCSPC, tcspc=tcspc, jitter={"sigma_s": 0, "tail_share": 0})
+        return mean_histograms(rate_of(0.5), sensor)
+
+    short, none = law(pulse_sigma_s=1e-9, decay_s=1e-18), law(pulse_sigma_s=1e-9, decay_s=0)
+    np.testing.assert_allclose(short, none, rtol=1e-6, atol=1e-9)
+    either = (law(pulse_sigma_s=1e-9, decay_s=1e-9 * each) for each in (0.99e-5, 1.01e-5))
+    np.testing.assert_allclose(*either, rtol=1e-5, atol=1e-5)  # both forms agree
+    np.testing.assert_allclose(law(pulse_sigma_s=1e-320), law(pulse_sigma_s=0), rtol=1e-9)

@@ -326,6 +326,27 @@ def test_stuck_bits_are_those_of_every_binary_frame(folder):
     assert 0 < bits[:, 0].mean() < 1
 
 
+@pytest.mark.parametrize("reading", [256, 1e30, 2.5, -0.5])
+def test_readings_that_a_counter_cannot_have_are_refused(folder, reading):
+    sensor = with_stuck(folder)
+    np.save(folder / "stuck.npy", np.full(SHAPE, reading))
+    unchecked = changed(sensor, measured={"stuck": str(folder / "stuck.npy")})
+    with pytest.raises(ValueError, match=r"measured\.stuck: .* no reading of this counter; give"):
+        expose_rate(np.full((1, *SHAPE), 1e3), unchecked, seed=1, sequence="stuck")
+
+
+def test_steps_of_telegraph_noise_that_cannot_be_drawn_are_refused(folder):
+    np.save(folder / "steps.npy", np.full(SHAPE, 1e300))
+    sensor = changed(
+        preset("ideal"),
+        dark_counts={"bulk_mean_hz_um2": 0.1},
+        telegraph={"share": 0.1},
+        measured={"telegraph": str(folder / "steps.npy")},
+    )
+    with pytest.raises(ValueError, match=r"telegraph\.step: .* Hz of dark counts in the worst"):
+        expose_rate(np.full((1, *SHAPE), 1e3), sensor, seed=1, sequence="steps")
+
+
 def test_readings_of_analog_counters_are_not_given_by_counts(folder):
     np.save(folder / "stuck.npy", np.zeros(SHAPE))
     write(folder, {"preset": "spadcam", "measured": maps("stuck")})
