@@ -132,12 +132,6 @@ def _check(sensor: Sensor, rates: PixelRates) -> None:
             f"{sensor.bias.excess_v:g} and temperature.celsius {sensor.temperature.celsius:g}; "
             f"lower these, at most {MOST_ARRIVALS / sensor.exposure_s:g} Hz can be drawn"
         )
-    stuck = np.zeros(1) if rates.stuck is None else rates.stuck
-    if stuck.max(initial=0) > sensor.counter.capacity or np.any(stuck != np.rint(stuck)):
-        raise ValueError(
-            f"measured.stuck: readings up to {stuck.max():g}; give whole counts up to the "
-            f"counter.capacity {sensor.counter.capacity}, and -1 for pixels that work"
-        )
     for effect, field in (("afterpulsing", "mean_carriers"), ("crosstalk", "mean_fired_neighbors")):
         factor = float(rates.factors.get(effect, np.zeros(1)).max(initial=0))
         most = sensor.crosstalk.most_fired if effect == "crosstalk" else None

@@ -84,15 +84,6 @@ def test_parameters_that_reach_beyond_a_surface_are_refused(write, inside):
         scene_of(write(square(metal)))
 
 
-@pytest.mark.parametrize("deep", [0, 20])
-def test_surfaces_of_endless_or_doubling_parts_are_refused(write, deep):
-    under = ((n, 2 * f'<ref id="b{n - 1 if deep else n}"/>') for n in range(1, deep + 2))
-    blends = "".join(f'<bsdf type="blendbsdf" id="b{n}">{two}</bsdf>' for n, two in under)
-    first = '<bsdf type="plastic" id="b0"/>'
-    with pytest.raises(ValueError, match=r"is of more than 100 parts"):
-        scene_of(write(first + blends + square(f'<ref id="b{deep + 1}"/>')))
-
-
 def test_surfaces_that_are_not_kept_are_refused_by_name_unless_given(write):
     path = write(square(HAIR))
     with pytest.raises(ValueError, match=r"material 'Fur' is of Mitsuba's type 'hair'"):

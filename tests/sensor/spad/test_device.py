@@ -307,16 +307,6 @@ def test_stuck_pixels_read_the_same_in_every_frame(folder):
     )
 
 
-@pytest.mark.parametrize("reading", [256, 2.5])
-def test_readings_that_a_counter_does_not_have_are_refused(folder, reading):
-    sensor = with_stuck(folder)
-    np.save(folder / "stuck.npy", np.full(SHAPE, reading))
-    write(folder, {"preset": "ideal", "counter": sensor.counter.model_dump(),
-                   "measured": maps("stuck")})  # fmt: skip
-    with pytest.raises(ValueError, match=r"measured\.stuck: readings up to .*capacity 255"):
-        draw_fixed_pattern(load(folder), SHAPE)
-
-
 def test_stuck_bits_are_those_of_every_binary_frame(folder):
     sensor = with_stuck(folder, capacity=1)
     packed = expose_binary(np.full((9, *SHAPE), 50.0), sensor, seed=1, sequence="stuck")
