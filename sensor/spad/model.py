@@ -37,7 +37,7 @@ class AvalancheEffects(BaseModel, frozen=True, extra="forbid"):
     afterpulsing: Afterpulsing = Afterpulsing()
     crosstalk: Crosstalk = Crosstalk()
 
-    @cached_property
+    @property
     def on(self) -> frozenset[str]:
         """Names of the effects that are on."""
         return frozenset(name for name in type(self).model_fields if getattr(self, name).is_on)
