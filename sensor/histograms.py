@@ -65,13 +65,18 @@ def mean_histograms(detections_hz: ArrayLike, sensor: Sensor) -> Floats:
     Parameters as for `expose_histograms`. Raises ValueError as this does.
     """
     check_histograms(sensor)
+    return periods(sensor) * _shares(detections_hz, sensor)
+
+
+def _shares(detections_hz: ArrayLike, sensor: Sensor) -> Floats:
+    """Return the probability of a count in each bin of a period, (T, H, W, bins)."""
     rate, device = checked_rate(detections_hz, sensor)
     if rate.ndim != 3:
         raise ValueError("detections_hz: light in parts of the exposure; histograms need steady")
     tcspc = sensor.tcspc
     pulsed = rate * tcspc.pulsed_share * tcspc.period_s
     constant = (rate * (1 - tcspc.pulsed_share) + device.dark_counts_hz) * tcspc.period_s
-    return periods(sensor) * first_photon_shares(pulsed, constant, tcspc, sensor.jitter)
+    return first_photon_shares(pulsed, constant, tcspc, sensor.jitter)
 
 
 def periods(sensor: Sensor) -> int:
@@ -102,17 +107,17 @@ def expose_histograms(
     ValueError
         As `expose_rate`, or as `check_histograms`.
     """
+    check_histograms(sensor)
     rate = np.asarray(detections_hz, np.float64)
     counts = np.empty((*rate.shape, sensor.tcspc.bins), np.uint32)
     number = periods(sensor)
 
     def expose_frame(index: int) -> None:
-        shares = mean_histograms(rate[index : index + 1], sensor)[0] / max(number, 1)
+        shares = _shares(rate[index : index + 1], sensor)[0]
         rest = np.maximum(1 - shares.sum(axis=-1, keepdims=True), 0)
         rng = generator(seed, "histograms", sequence, first_frame + index)
         drawn = rng.multinomial(number, np.concatenate((shares, rest), axis=-1))
         counts[index] = drawn[..., :-1]
 
-    check_histograms(sensor)
     over_frames(expose_frame, len(rate))
     return counts

@@ -39,6 +39,15 @@ _OF_SWEEPS = ("allow_code", "out", "cache")
 VERBS["benchmark"] = Verb("measure how well methods estimate motion, and how much light they need")
 
 
+_PHOTONS = option(
+    "--photons",
+    f"mean photons per pixel and frame (default: {_FLUXES})",
+    type=numbers,
+    default=_FLUXES,
+    metavar="N,N",
+)
+
+
 @verb(
     "benchmark pairs",
     "rank flow methods over photon levels on photographs, with or without true flow",
@@ -57,13 +66,7 @@ VERBS["benchmark"] = Verb("measure how well methods estimate motion, and how muc
         " (default: all two-frame methods)",
         metavar="A,B",
     ),
-    option(
-        "--photons",
-        f"mean photons per pixel and frame (default: {_FLUXES})",
-        type=numbers,
-        default=_FLUXES,
-        metavar="N,N",
-    ),
+    _PHOTONS,
     option(
         "--pairs",
         "most pairs of a folder or video, evenly spaced (default: 20)",
@@ -203,13 +206,7 @@ def _cell(metric: str, found: "Interval") -> str:
     "choose stretch, blur and main parameter of a gray method for each light, on other scenes"
     " than boards report",
     option("method", "TV-L1, DIS, FB or LK", choices=("TV-L1", "DIS", "FB", "LK")),
-    option(
-        "--photons",
-        f"mean photons per pixel and frame (default: {_FLUXES})",
-        type=numbers,
-        default=_FLUXES,
-        metavar="N,N",
-    ),
+    _PHOTONS,
     out("tuned.yaml", "file of the settings, in which other methods stay"),
 )
 def _tune(options: Namespace) -> None:

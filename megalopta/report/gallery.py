@@ -196,10 +196,10 @@ _SUMMARY = (
 def of_photograph(panorama: Path) -> dict[str, Parts]:
     """A photograph, and a clearing in its light, seen by the same camera."""
     scene, day = {"kind": "panorama", "file": str(panorama)}, {"level": "daylight"}
-    light = {**day, "panorama": str(panorama)}
+    clearing, light = VIEWS["A clearing at noon"], {**day, "panorama": str(panorama)}
     return {
-        "A photographed forest": {"scene": scene, "light": day},
-        "A clearing in its light": {**VIEWS["A clearing at noon"], "light": light},
+        "A photographed forest": {**clearing, "scene": scene, "light": day},
+        "A clearing in its light": {**clearing, "light": light},
     }
 
 

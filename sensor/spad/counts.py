@@ -47,7 +47,7 @@ def draw_counts(
         open_hz = open_rate(rate_hz, exposure_s, effects)
         scale = 1.0 if maps is None else maps.dead_time
         primaries = dead_time.draw_counts(rng, open_hz, exposure_s, effects.dead_time, scale)
-        if "crosstalk" not in effects.on:
+        if not effects.crosstalk.is_on:
             return primaries
         return crosstalk.spread(rng, primaries, effects.crosstalk, _strength(maps))
     check_arrivals(rate_hz, exposure_s)
@@ -78,7 +78,7 @@ def count_moments(
         return mean, variance
     if rate_hz.ndim == 3:
         rate_hz = mean_rate(rate_hz, exposure_s, effects)
-    if "crosstalk" not in effects.on:
+    if not effects.crosstalk.is_on:
         return pixel_moments(rate_hz, exposure_s, effects, maps)
     if _is_simple(effects):
         primaries = open_rate(rate_hz, exposure_s, effects) * exposure_s

@@ -100,7 +100,7 @@ def pixel_moments(
 
 def open_rate(rate_hz: Floats, exposure_s: float, effects: AvalancheEffects) -> Floats:
     """Rate of a pixel without a gate that has the same number of arrivals, Hz."""
-    return rate_hz * open_fraction(effects.gate, exposure_s) if "gate" in effects.on else rate_hz
+    return rate_hz * open_fraction(effects.gate, exposure_s) if effects.gate.is_on else rate_hz
 
 
 def _over_factors(

@@ -77,7 +77,7 @@ def moments_of_readings(
     until = np.broadcast_to(events_until_full(counter, pixels), mean.shape)
     is_full = reach[0] >= until
     has_law = effects.has_law and maps is None and arrivals is not None
-    if arrivals is not None and maps is None and "crosstalk" not in effects.on:
+    if arrivals is not None and maps is None and not effects.crosstalk.is_on:
         chosen = np.nonzero(needs_law & ~is_full)
         found = _tabulated(arrivals[chosen], counter, _at(pixels, chosen), exposure_s, effects)
         if found is not None:

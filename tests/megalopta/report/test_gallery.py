@@ -59,7 +59,6 @@ def test_a_photograph_stands_beside_a_forest_in_its_light_and_counts_after_their
 ):
     path = picture(np.random.default_rng(0).random((32, 64, 3)))
     small = {"camera": {"width": 36, "height": 24}, "scene": {"kind": "grating"}}
-    small |= {"light": {}, "trajectory": {"frames": 2, "rotation_deg_s": 15}}
     counted = {**small, "sensors": [{"preset": "ideal", "exposure_s": 0.1}]}
     page = write_views(tmp_path / "out", path, {"A grating": counted}, 1).read_text()
     titles = re.findall("<figcaption>(.*)</figcaption>", page)
