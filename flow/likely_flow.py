@@ -92,12 +92,20 @@ def _most_likely_flow(counts: NDArray[Any], charge: float) -> tuple[Floats, Leve
     for number, level in enumerate(levels(without_defects(counts))):
         here = level.roots.shape[1:]
         nodes = 2 * finer(nodes, tuple(-(-side // NODE_PX) for side in here), 2)
+        steps = _NEWTON_STEPS if number else _FIRST_STEPS
         if level.bins <= _MOST_BINS:
+            if number == 0:  # whole displacements compete with the best flow near no motion
+                nodes = _refined(level, times, nodes, charge, steps)
             nodes = with_large_motion(level, times, nodes)
-        most_likely = MostLikely()
-        for _ in range(_NEWTON_STEPS if number else _FIRST_STEPS):
-            nodes = nodes + _step(level, times, nodes, charge * level.bins, most_likely)
+        nodes = _refined(level, times, nodes, charge, steps)
     return nodes, level
+
+
+def _refined(level: Level, times: Floats, nodes: Floats, charge: float, steps: int) -> Floats:
+    most_likely = MostLikely()
+    for _ in range(steps):
+        nodes = nodes + _step(level, times, nodes, charge * level.bins, most_likely)
+    return nodes
 
 
 def _at_pixels(nodes: Floats, counts: NDArray[Any]) -> Floats:

@@ -133,6 +133,7 @@ def program() -> Command:
         "detectors.",
     )
     parser.add_argument("--version", action="version", version=f"megalopta {__version__}")
+    _add_help_all(parser, argparse.SUPPRESS)
     branches = {"": _branch(parser, "verb")}
     for name, verb in sorted(VERBS.items()):
         above, _, own = name.rpartition(" ")
@@ -150,9 +151,12 @@ def program() -> Command:
         command.set_defaults(run=verb.run)
         command.settings, command.often = verb.settings, verb.often
         command.example = verb.example
-        if verb.often:
-            command.add_argument("--help-all", action=HelpAll, nargs=0, help="list all settings")
+        _add_help_all(command, "list all settings" if verb.often else argparse.SUPPRESS)
     return parser
+
+
+def _add_help_all(command: Command, purpose: str) -> None:
+    command.add_argument("--help-all", action=HelpAll, nargs=0, help=purpose)
 
 
 def _branch(command: Command, name: str) -> "argparse._SubParsersAction[Command]":

@@ -1,10 +1,10 @@
 """`megalopta gallery`: scene presets at every light level, larger forest views, and statistics.
 
 A scene is built once and rendered twice, with and without a disc in the sky, since their shadows
-differ; the levels of each kind differ by a factor in every band. A view is exposed for its own
-light, which no eye and no camera can do at night; below it are the counts of a sensor without noise
-but that of photons. A photographed panorama adds two of the larger views: the photograph through
-the same camera, and a forest in its light.
+differ; the levels of each kind differ by a factor in every band. A view is denoised, and exposed
+for its own light, which no eye and no camera can do at night. Below it are the counts of a sensor
+without noise but that of photons, drawn from the light as rendered. A photographed panorama adds
+two of the larger views: the photograph through the same camera, and a forest in its light.
 
 For statistics every preset is seen in four directions by a camera of 75° and 0.3° per pixel. With
 photographed panoramas, all are seen at one coarser angle, so that a pixel is the mean of at least
@@ -40,6 +40,7 @@ from megalopta.plotting.sections import Section, captioned, image, write_section
 from megalopta.plotting.style import BLUE, ORANGE
 from megalopta.plotting.text import level_name, lux, number
 from megalopta.render import SceneRenderer, frame_seed, read_picture
+from megalopta.report.denoised import NOTE, denoised, pixel_albedo
 from megalopta.report.images import data_uri, gray_counts, write_sheet
 from megalopta.scenes import preview
 from megalopta.scenes.lighting.levels import LEVELS
@@ -62,7 +63,7 @@ class LitScene:
     scene: str
     level: str
     view: NDArray[np.uint8]
-    """Radiance (H, W, 3), exposed and white-balanced for its own light"""
+    """Radiance (H, W, 3), denoised, exposed and white-balanced for its own light"""
     counts: NDArray[np.integer | np.floating]
     """Readings of a sensor in one exposure (H, W)"""
     canopy: str
@@ -108,6 +109,7 @@ def cells_of(
     """Render one scene in all lights; `parts` are those of a configuration."""
     settings = configured("scene", parts, samples_per_pixel, name)
     scene = build(settings)
+    albedo = pixel_albedo(scene, settings, settings.trajectory.poses()[0])
     rendered: dict[str, tuple[Configuration, NDArray[np.float32], str]] = {}
     for level, light in LEVELS.items():
         # Under a uniform sky levels differ by a factor in each band; a disc has its share in each.
@@ -118,7 +120,7 @@ def cells_of(
         lit, radiance, canopy = rendered[directions]
         scaled = radiance * light_scale(lit, level).astype(np.float32)
         white = lit.scene.white(_under(lit, level).light)
-        view = preview(scaled, lit.render.bands_nm, white)
+        view = preview(denoised(scaled, albedo), lit.render.bands_nm, white)
         yield LitScene(name, level, view, _counts(lit, scaled, f"{name}/{level}"), canopy)
         advance()
 
@@ -161,7 +163,8 @@ def _write_page(path: Path, scenes: Sequence[Sequence[LitScene]]) -> None:
         name = own[0].scene
         sections.append(Section(name[0].upper() + name[1:], canopies, charts=figures))
     summary = (
-        "Above: rendered radiance, exposed for its own light, unlike any eye or camera at night. "
+        f"Above: rendered radiance, {NOTE} and exposed for its own light, unlike any eye or "
+        "camera at night. "
         f"Below: counts of an ideal sensor in {1e3 * exposure_s:g} ms, from black (no photon) to "
         "white (the brightest 1 % of pixels)."
     )
@@ -188,8 +191,9 @@ def _rows(cells: Sequence[LitScene]) -> Iterator[list[tuple[str, Image.Image]]]:
 
 
 _SUMMARY = (
-    "Rendered radiance, exposed for its own light, unlike any eye or camera at night. With photons "
-    "given: counts of an ideal sensor, from black (none) to white (the brightest 1 % of pixels)."
+    f"Rendered radiance, {NOTE} and exposed for its own light, unlike any eye or camera at night. "
+    "With photons given: counts of an ideal sensor, drawn from the light as rendered, from black "
+    "(none) to white (the brightest 1 % of pixels)."
 )
 
 
@@ -233,11 +237,12 @@ def _pictures(
     title: str, settings: Configuration, is_counted: bool
 ) -> Iterator[tuple[str, Image.Image]]:
     """Yield a view with its title, and its counts if requested."""
-    pose = settings.trajectory.poses()[:1]
-    renderer = SceneRenderer(build(settings), settings.camera, settings.render, pose)
+    scene, pose = build(settings), settings.trajectory.poses()[:1]
+    renderer = SceneRenderer(scene, settings.camera, settings.render, pose)
     radiance = renderer.radiance(pose[0], frame_seed(settings.seed, 0))
+    light = denoised(radiance, pixel_albedo(scene, settings, pose[0]))
     white = settings.scene.white(settings.light)
-    yield title, Image.fromarray(preview(radiance, settings.render.bands_nm, white))
+    yield title, Image.fromarray(preview(light, settings.render.bands_nm, white))
     if is_counted:
         counts, exposure_s = _counts(settings, radiance, "view"), settings.sensors[0].exposure_s
         mean = f"{counts.mean():.2g} photons per pixel in {exposure_s:g} s"

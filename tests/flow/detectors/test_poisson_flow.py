@@ -71,6 +71,15 @@ def test_a_small_fast_disc_is_found():
     assert np.median(error_px[~covered]) < 0.1
 
 
+def test_a_small_motion_of_a_periodic_texture_is_not_taken_for_a_large_one():
+    """(-8, -8) px fits these two waves as well as the true motion does."""
+    y, x = np.mgrid[:36, :72]
+    turned = 2 * np.pi * x / 72 + np.array([0, 0.03])[:, np.newaxis, np.newaxis]
+    clean = 1 + 0.4 * (np.sin(7 * turned + y / 5) + np.sin(4 * turned - y / 3))
+    flow = PoissonFlow().dense(*draw(clean, 300))
+    np.testing.assert_allclose(np.median(flow, axis=(0, 1)), (-0.34, 0), atol=0.1)
+
+
 def test_brighter_frames_and_hot_pixels_change_no_motion():
     counts, rng = draw(light(), 30), np.random.default_rng(1)
     plain = np.median(np.hypot(*np.moveaxis(PoissonFlow().dense(*counts) - VELOCITY, -1, 0)))

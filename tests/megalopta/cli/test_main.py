@@ -62,6 +62,12 @@ def test_help_of_a_stage_shows_its_own_settings_in_their_order(run, verb, own):
     assert list(dict.fromkeys(path.partition(".")[0] for path in paths)) == own.split()
 
 
+@pytest.mark.parametrize("verb", ["", "gallery", "check", "dataset"])
+def test_verbs_without_settings_answer_to_help_all_as_to_help(run, verb):
+    asked = run(*verb.split(), "--help-all")
+    assert (asked.returncode, asked.stdout) == (0, run(*verb.split(), "--help").stdout)
+
+
 def test_info_names_versions_and_the_variant(run):
     done = run("info")
     assert done.returncode == 0
