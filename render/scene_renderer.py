@@ -4,6 +4,7 @@ The scene is loaded once; per frame only the pose and the moving objects change.
 own seed, as equal seeds would give noise that is fixed on the sensor and detected as "no motion".
 """
 
+from functools import cached_property
 from pathlib import Path as Files
 from typing import Any
 
@@ -16,7 +17,7 @@ from megalopta.render.baking.integrator import BakedLightIntegrator
 from megalopta.render.environment import EnvironmentView, under_panorama
 from megalopta.render.loading.air import Air, fill
 from megalopta.render.loading.layers import MovingLayers, is_layered
-from megalopta.render.loading.meshes import merge
+from megalopta.render.loading.meshes import leaf_clusters, merge
 from megalopta.render.loading.scene import LoadedScene, load_scene
 from megalopta.render.mitsuba_loader import activate
 from megalopta.render.noise import MeasuredPass
@@ -221,6 +222,18 @@ class SceneRenderer:
             surface, self._geometry, self._meshes, self._scene.materials, self._bands_nm
         )
         return found.reshape(*self.camera.shape, -1).astype(np.float32)
+
+    def leaf_clusters(self, pose: Floats, time_s: float = 0.0) -> NDArray[np.uint32]:
+        """Number of the twig (H, W), within its plant from 1, whose leaf the pixel centers see.
+
+        0 elsewhere: only trees and bushes of a forest have leaves on twigs.
+        """
+        surface = self._tracer.see(Instant(time_s, self._local(pose)))
+        return self._clusters[surface.triangle].reshape(self.camera.shape)
+
+    @cached_property
+    def _clusters(self) -> NDArray[np.uint32]:
+        return leaf_clusters(self._scene)
 
     def shutter_truth(self, path: Path, shutter: Shutter, frame: int) -> Truth:
         """Ground truth of one frame of a rolling shutter; every line has its own time.
