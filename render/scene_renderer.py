@@ -159,7 +159,9 @@ class SceneRenderer:
         if shutter.readout_s:
             self._refuse_panorama(shutter)
         is_rolling, size = shutter.readout_s > 0, self.camera.shape[1 - shutter.across]
-        lines = shutter.delay_s(np.arange(size) + 0.5, size) if is_rolling else np.zeros(1)
+        lines = (
+            shutter.delay_s(np.arange(size, dtype=float) + 0.5, size) if is_rolling else np.zeros(1)
+        )
         parts = shutter.poses if self._scene.is_moving or self._scene.environment else 1
         total = parts if self._scene.environment else _ROLLING_POSES if is_rolling else _POSES
         parts, total = (parts, max(total, parts)) if shutter.exposure_s else (1, 1)

@@ -98,7 +98,7 @@ class Rolling:
     def pixels(self, camera: Camera) -> Eyes:
         """Eyes of the H·W pixels, one pose per line."""
         across = self.shutter.across
-        lines = self._eyes(np.arange(camera.shape[1 - across]) + 0.5, camera)
+        lines = self._eyes(np.arange(camera.shape[1 - across], dtype=float) + 0.5, camera)
         return lines.of(np.indices(camera.shape)[1 - across].ravel())
 
     def seeing(self, camera: Camera, way: Ways, count: int) -> tuple[Eyes, Eyes]:
