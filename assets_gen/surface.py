@@ -25,6 +25,8 @@ class Surface:
     """(n, 2): texture coordinates; the texture repeats with period 1."""
     normals: FloatArray | None = None
     """(n, 3): unit vertex normals of a smooth surface; None for flat faces."""
+    clusters: NDArray[np.int64] | None = None
+    """(m,): number of the twig that bears each face's leaf, from 1; None if there are none."""
 
     @property
     def area(self) -> float:
@@ -38,7 +40,10 @@ class Surface:
         return lengths(cross(b - a, c - a)) / 2
 
     def to_mesh(self) -> "trimesh.Trimesh":
-        """Return the mesh; `metadata["smooth"]` is True if its vertex normals should be used."""
+        """Return the mesh; `metadata["smooth"]` is True if its vertex normals should be used.
+
+        `metadata["clusters"]` has the faces' clusters, if there are any.
+        """
         import trimesh  # slow
 
         return trimesh.Trimesh(
@@ -46,7 +51,8 @@ class Surface:
             self.faces,
             vertex_normals=self.normals,
             visual=trimesh.visual.TextureVisuals(uv=self.uv),
-            metadata={"smooth": self.normals is not None},
+            metadata={"smooth": self.normals is not None}
+            | ({} if self.clusters is None else {"clusters": self.clusters}),
             process=False,
         )
 

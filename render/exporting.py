@@ -71,7 +71,7 @@ def export_scene(
     writer.add(root, "integrator", path)
     to_world = mi.ScalarTransform4f(sensor_transform(local).tolist())
     samples = settings.samples_per_pixel
-    parts = film_and_sampler(camera, settings.bands_nm, settings.sampler, samples, camera.height)
+    parts = film_and_sampler(camera.shape[::-1], settings.bands_nm, settings.sampler, samples)
     writer.add(root, "sensor", {**plugin(camera), "to_world": to_world, **parts})
     for name, light in (lights_of(scene.lighting) if scene.lighting else {}).items():
         writer.add(root, name, light)

@@ -47,6 +47,7 @@ _TRUTH_CHANNELS: Mapping[str, tuple[str, ...]] = {
     "footprint.backward.hidden": ("backward.hidden",),
 }
 
+_CLUSTER_CHANNEL = "clusterId"
 _TRUTH_ATTRIBUTES = {
     "depthUnit": "m, inf for the sky",
     "flowUnit": "px of this image, u right, v down, NaN where undefined",
@@ -141,8 +142,11 @@ def write_truth(
     truth: "Truth",
     origin_m: Sequence[float] = (0, 0, 0),
     attributes: Mapping[str, str] | None = None,
+    leaf_clusters: NDArray[np.uint32] | None = None,
 ) -> None:
     """Write the ground truth of one frame, with attributes for the header.
+
+    Leaf clusters (H, W) are a further channel.
 
     The origin is a world position near the camera. Positions are stored relative to it, so that
     float32 is precise far from the world's origin.
@@ -155,6 +159,8 @@ def write_truth(
         values = (values - origin).astype(np.float32) if field == "position" else values
         planes = values.reshape(*values.shape[:2], len(names))
         channels |= {name: np.ascontiguousarray(planes[..., i]) for i, name in enumerate(names)}
+    if leaf_clusters is not None:
+        channels[_CLUSTER_CHANNEL] = leaf_clusters
     header = {"positionOrigin": " ".join(map(repr, origin.tolist())), **(attributes or {})}
     _write(path, channels, {**_TRUTH_ATTRIBUTES, **header})
 
@@ -185,6 +191,14 @@ def read_truth(path: Path) -> "Truth":
     }
     footprint = Footprint(**_under("footprint", values) | ways)
     return Truth(**_under("", values), footprint=footprint)
+
+
+def read_leaf_clusters(path: Path) -> NDArray[np.uint32]:
+    """Read the leaf clusters (H, W) of a truth file. Raises ValueError for one without."""
+    _, channels = _read(path)
+    if _CLUSTER_CHANNEL not in channels:
+        raise ValueError(f"{path} has no leaf clusters; render with `labels: [clusters]`")
+    return channels[_CLUSTER_CHANNEL].astype(np.uint32)
 
 
 def _under(group: str, values: Mapping[str, Any]) -> dict[str, Any]:

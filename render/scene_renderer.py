@@ -4,6 +4,7 @@ The scene is loaded once; per frame only the pose and the moving objects change.
 own seed, as equal seeds would give noise that is fixed on the sensor and detected as "no motion".
 """
 
+from functools import cached_property
 from pathlib import Path as Files
 from typing import Any
 
@@ -16,7 +17,7 @@ from megalopta.render.baking.integrator import BakedLightIntegrator
 from megalopta.render.environment import EnvironmentView, under_panorama
 from megalopta.render.loading.air import Air, fill
 from megalopta.render.loading.layers import MovingLayers, is_layered
-from megalopta.render.loading.meshes import merge
+from megalopta.render.loading.meshes import leaf_clusters, merge
 from megalopta.render.loading.scene import LoadedScene, load_scene
 from megalopta.render.mitsuba_loader import activate
 from megalopta.render.noise import MeasuredPass
@@ -36,7 +37,7 @@ from megalopta.scenes.cameras.base import Camera
 from megalopta.scenes.scene import Scene
 from megalopta.scenes.trajectories.base import Path
 
-# Poses of an exposure whose rows all start at the same time, and of one with a rolling shutter.
+# Poses of an exposure whose lines all start at the same time, and of one with a rolling shutter.
 _POSES, _ROLLING_POSES = 256, 64
 
 
@@ -157,22 +158,21 @@ class SceneRenderer:
     ) -> Exposure:
         if shutter.readout_s:
             self._refuse_panorama(shutter)
-        is_rolling, height = shutter.readout_s > 0, self.camera.height
-        rows = (
-            shutter.delay_s(np.arange(height, dtype=float) + 0.5, height)
-            if is_rolling
-            else np.zeros(1)
+        is_rolling, size = shutter.readout_s > 0, self.camera.shape[1 - shutter.across]
+        lines = (
+            shutter.delay_s(np.arange(size, dtype=float) + 0.5, size) if is_rolling else np.zeros(1)
         )
         parts = shutter.poses if self._scene.is_moving or self._scene.environment else 1
         total = parts if self._scene.environment else _ROLLING_POSES if is_rolling else _POSES
         parts, total = (parts, max(total, parts)) if shutter.exposure_s else (1, 1)
         count = -(-total // parts)
         middles = (np.arange(parts * count) + 0.5) / (parts * count) - 0.5
-        times = path.times_s[frame] + shutter.exposure_s * middles[:, None] + rows
-        poses = self._local(path.pose_at(times.ravel())).reshape(parts, count, len(rows), 4, 4)
-        instants = times.reshape(parts, count, len(rows)).mean(axis=1).tolist()
+        times = path.times_s[frame] + shutter.exposure_s * middles[:, None] + lines
+        poses = self._local(path.pose_at(times.ravel())).reshape(parts, count, len(lines), 4, 4)
+        instants = times.reshape(parts, count, len(lines)).mean(axis=1).tolist()
         seeds = [frame_seed(seed, frame, number, part) for part in range(parts)]
-        return Exposure(tuple(map(ExposurePart, poses, instants, seeds)), is_rolling)
+        by_columns = is_rolling and shutter.across == 0
+        return Exposure(tuple(map(ExposurePart, poses, instants, seeds)), is_rolling, by_columns)
 
     def light_survey(self, positions: Floats) -> LightSurvey | None:
         """Illuminance above and below camera positions (N, 3); None if only surfaces emit."""
@@ -225,8 +225,20 @@ class SceneRenderer:
         )
         return found.reshape(*self.camera.shape, -1).astype(np.float32)
 
+    def leaf_clusters(self, pose: Floats, time_s: float = 0.0) -> NDArray[np.uint32]:
+        """Number of the twig (H, W), within its plant from 1, whose leaf the pixel centers see.
+
+        0 elsewhere: only trees and bushes of a forest have leaves on twigs.
+        """
+        surface = self._tracer.see(Instant(time_s, self._local(pose)))
+        return self._clusters[surface.triangle].reshape(self.camera.shape)
+
+    @cached_property
+    def _clusters(self) -> NDArray[np.uint32]:
+        return leaf_clusters(self._scene)
+
     def shutter_truth(self, path: Path, shutter: Shutter, frame: int) -> Truth:
-        """Ground truth of one frame of a rolling shutter; every row has its own time.
+        """Ground truth of one frame of a rolling shutter; every line has its own time.
 
         Flow leads to the point's position in the other frame, with the same shutter.
         """

@@ -81,7 +81,7 @@ class SurfaceView:
             index: mesh for index, mesh in enumerate(whole.meshes) if isinstance(mesh, MovingMesh)
         }
         self._time_s = 0.0
-        self._films: dict[tuple[int, bool, int | None], Film] = {}
+        self._films: dict[tuple[int, bool, int | None, bool], Film] = {}
 
     @property
     def samples_per_pixel(self) -> int:
@@ -137,7 +137,7 @@ class SurfaceView:
     def _taken(self, exposure: Exposure, is_measured: bool) -> NDArray[np.float32]:
         """Mean over the instants at which moving objects are placed; the camera moves continuously.
 
-        Rows of a rolling shutter share poses of moving objects (`sharing`).
+        Lines of a rolling shutter share poses of moving objects (`sharing`).
         """
         integrator = self._integrator if exposure.is_instant else self._integrator.exposing
         trace = integrator.measured if is_measured else integrator.render
@@ -145,19 +145,20 @@ class SurfaceView:
         rows = None
         if self._moving and exposure.is_rolling:
             part = exposure.parts[len(exposure.parts) // 2]
-            count, height = part.poses.shape[:2]
-            pose, meshes = part.poses[count // 2, height // 2], list(self._moving.values())
-            rows = rows_of_a_pose(meshes, self._camera, pose, part.row_times_s)
-        film = self._film(len(exposure.parts), not exposure.is_instant, rows)
+            count, lines = part.poses.shape[:2]
+            pose, meshes = part.poses[count // 2, lines // 2], list(self._moving.values())
+            rows = lines_of_a_pose(meshes, self._camera, pose, part.line_times_s)
+        parts, is_exposed = len(exposure.parts), not exposure.is_instant
+        film = self._film(parts, is_exposed, rows, exposure.by_columns)
         images = []
         for part in exposure.parts:
             self._check(part.poses)
 
-            def move(strip: slice, times: Sequence[float] = part.row_times_s) -> None:
+            def move(strip: slice, times: Sequence[float] = part.line_times_s) -> None:
                 move_to(float(np.mean(times[strip])))
 
             if rows is None:
-                move_to(part.row_times_s[0])
+                move_to(part.line_times_s[0])
             before = move if rows else None
             images.append(film.expose(trace, self._loaded, part.poses, part.seed, before))
         return np.asarray(np.mean(images, axis=0, dtype=np.float64), dtype=np.float32)
@@ -170,10 +171,16 @@ class SurfaceView:
                 "SceneRenderer all poses"
             )
 
-    def _film(self, instants: int, is_exposed: bool = False, most_rows: int | None = None) -> Film:
+    def _film(
+        self,
+        instants: int,
+        is_exposed: bool = False,
+        most_rows: int | None = None,
+        on_side: bool = False,
+    ) -> Film:
         """Film of one instant; all instants share the samples of a sharp frame."""
         samples = math.ceil(self._settings.samples_per_pixel / instants)
-        key = samples, is_exposed, most_rows
+        key = samples, is_exposed, most_rows, on_side
         if key not in self._films:
             self._films[key] = Film(self._camera, self._settings, *key)
         return self._films[key]
@@ -195,29 +202,29 @@ _MARGIN = 0.1
 """Margin around the image, in image widths, for objects that enter meanwhile."""
 
 
-def rows_of_a_pose(
+def lines_of_a_pose(
     meshes: Sequence[MovingMesh], camera: Camera, pose: Floats, times_s: Sequence[float]
 ) -> int:
-    """Return the number of rows that may share a pose, for a frame with row times (H,), s.
+    """Return the number of lines that may share a pose, for a frame with line times (L,), s.
 
-    Moving a scene to another pose takes as long as at least some 10⁵ light paths. Rows share a pose
+    Moving a scene to another pose takes as long as at least some 10⁵ light paths. Lines share one
     if nothing visible moves by more than `SHARED_PX` between them: moving objects are then less
-    than half of that from their position at the row's time. This is determined for each frame, from
-    all moving triangles that are visible in its first, middle or last row, between moments at most
-    `_STEP_S` apart; `_RESERVE` covers motion between these. A shadow moves as far as its object, in
-    meters: it may move by more in px where it falls nearer.
+    than half of that from their position at the line's time. This is determined for each frame,
+    from all moving triangles that are visible in its first, middle or last line, between moments at
+    most `_STEP_S` apart; `_RESERVE` covers motion between these. A shadow moves as far as its
+    object, in meters: it may move by more in px where it falls nearer.
 
-    The pose (4, 4) of the camera, relative to the scene's origin, is that of the middle row.
+    The pose (4, 4) of the camera, relative to the scene's origin, is that of the middle line.
     """
-    start, end, height = times_s[0], times_s[-1], len(times_s)
-    steps = min(max(math.ceil((end - start) / _STEP_S), _FEWEST_STEPS), _MOST_STEPS)
+    start, end, lines = times_s[0], times_s[-1], len(times_s)
+    steps = min(max(math.ceil(abs(end - start) / _STEP_S), _FEWEST_STEPS), _MOST_STEPS)
     moments = np.linspace(start, end, steps + 1)
     farthest = max(_farthest(mesh, camera, pose, moments) for mesh in meshes)
     whole = _RESERVE * farthest * steps
     if whole <= SHARED_PX:
-        return height
-    most = math.floor(SHARED_PX / whole * max(height - 1, 1)) + 1
-    return math.ceil(height / _round_number(math.ceil(height / most)))
+        return lines
+    most = math.floor(SHARED_PX / whole * max(lines - 1, 1)) + 1
+    return math.ceil(lines / _round_number(math.ceil(lines / most)))
 
 
 def _farthest(mesh: MovingMesh, camera: Camera, pose: Floats, moments: Floats) -> float:

@@ -1,6 +1,7 @@
-"""Shutter: exposure time of each row, and delay between the first and the last row.
+"""Shutter: exposure time of each line, and delay between the first and the last line.
 
-A frame's time is the middle of the exposure of its middle row.
+Lines are rows or, read from the left or right, columns. A frame's time is the middle of the
+exposure of its middle line.
 """
 
 from typing import Annotated, Literal
@@ -16,7 +17,7 @@ class Shutter(Record, frozen=True):
     """Motion blur and rolling shutter; by default neither: every frame is taken at an instant."""
 
     exposure_s: Annotated[float, Field(ge=0)] = 0.0
-    """Exposure time of each row (s); 0: no blur. The light that a sensor counts follows from its
+    """Exposure time of each line (s); 0: no blur. The light that a sensor counts follows from its
     own exposure_s: give both the same value."""
 
     poses: Annotated[int, Field(ge=1, le=10_000)] = 8
@@ -25,23 +26,29 @@ class Shutter(Record, frozen=True):
     moves smoothly, by 64 or more poses per exposure."""
 
     readout_s: Annotated[float, Field(ge=0)] = 0.0
-    """Rolling shutter: time from the middle of the first row's exposure to the last row's (s);
-    0 exposes all rows at once."""
+    """Rolling shutter: time from the middle of the first line's exposure to the last line's (s);
+    0 exposes all lines at once."""
 
-    readout_from: Literal["top", "bottom"] = Field(
+    readout_from: Literal["top", "bottom", "left", "right"] = Field(
         default="top", exclude_if=lambda side: side == "top"
     )
-    """Row that a rolling shutter exposes first: top, or bottom of a camera mounted upside down."""
+    """Side of the line that a rolling shutter exposes first: rows from the top or bottom, columns
+    from the left or right. Other than top: a camera mounted upside down or on its side."""
 
     @property
     def is_instant(self) -> bool:
-        """True if frames are taken at an instant, all rows at once."""
+        """True if frames are taken at an instant, all lines at once."""
         return self.exposure_s == 0 and self.readout_s == 0
 
-    def delay_s(self, y: Floats, height: int) -> Floats:
-        """Delay of places y (px from the upper edge) in the image relative to the frame's time, s.
+    @property
+    def across(self) -> int:
+        """Image coordinate that differs between lines: 0, x, of columns; 1, y, of rows."""
+        return 0 if self.readout_from in ("left", "right") else 1
 
-        It holds at the centers of rows, is interpolated between and extrapolated beyond them.
+    def delay_s(self, place: Floats, size: int) -> Floats:
+        """Delay of places across the lines of an image (px) relative to the frame's time, s.
+
+        It holds at the centers of lines, is interpolated between and extrapolated beyond them.
         """
-        way_s = self.readout_s if self.readout_from == "top" else -self.readout_s
-        return np.asarray(way_s * ((y - 0.5) / max(height - 1, 1) - 0.5))
+        way_s = self.readout_s if self.readout_from in ("top", "left") else -self.readout_s
+        return np.asarray(way_s * ((place - 0.5) / max(size - 1, 1) - 0.5))

@@ -90,6 +90,7 @@ def merged_leaves(leaves: Surface, merged: int, rng: np.random.Generator) -> Sur
         (middle + scale * (triangle - middle)).reshape(-1, 3),
         np.arange(3 * len(chosen)).reshape(-1, 3),
         np.stack([uv[:, 0] + half, uv[:, 0] - half, uv[:, 2]], axis=1).reshape(-1, 2),
+        clusters=None if leaves.clusters is None else leaves.clusters[2 * chosen],
     )
 
 
@@ -121,4 +122,7 @@ def chosen_leaves(leaves: Surface, chosen: IndexArray) -> Surface:
         leaves.vertices.reshape(count, -1)[chosen].reshape(-1, 3),
         (first + faces).reshape(-1, 3),
         leaves.uv.reshape(count, -1)[chosen].reshape(-1, 2),
+        clusters=(
+            None if leaves.clusters is None else leaves.clusters.reshape(count, -1)[chosen].ravel()
+        ),
     )

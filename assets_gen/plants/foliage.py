@@ -1,5 +1,6 @@
 """Leaves and sprays of needles as folded diamonds of two triangles."""
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -41,7 +42,10 @@ def leaf_axes(axes: FloatArray, foliage: Foliage, rng: np.random.Generator) -> F
 
 
 def place_leaves(axes: FloatArray, foliage: Foliage, rng: np.random.Generator) -> Surface:
-    """Return the leaves along bearing twigs `axes` (a, s, 3) (m), from base to tip of each twig."""
+    """Return the leaves along bearing twigs `axes` (a, s, 3) (m), from base to tip of each twig.
+
+    The leaves of a twig are a cluster.
+    """
     bare = 0.0 if foliage.twigs else foliage.bare
     axis, share, rank = _attachments(axes, bare, foliage.per_m)
     base, ahead = _along(axes, axis, share)
@@ -49,7 +53,8 @@ def place_leaves(axes: FloatArray, foliage: Foliage, rng: np.random.Generator) -
     direction = _leaf_directions(ahead, turn, foliage, rng)
     normal = UP + foliage.tilt * rng.normal(0, 0.7, direction.shape)
     size = (1 - (1 - foliage.shrink) * share) * rng.uniform(0.75, 1.2, len(share))
-    return blades(base, direction, normal, size, foliage, rng)
+    leaves = blades(base, direction, normal, size, foliage, rng)
+    return replace(leaves, clusters=np.repeat(axis + 1, 2))
 
 
 def _attachments(

@@ -65,7 +65,8 @@ def configuration_at(plan: Plan, index: int, at: Stream) -> Configuration:
     own = plan.rig[index % len(plan.rig)] if plan.rig else RigCamera()
     if own.camera:
         values["scene_camera"] = values.get("camera", {})
-    values = merged(values, {"camera": own.camera, "render": own.render})
+    differing = {"camera": own.camera, "render": own.render, "shutter": own.shutter}
+    values = merged(values, {name: fields for name, fields in differing.items() if fields})
     values["name"] = sequence_name(index)
     values["seed"] = int(generator(plan.seed, "plan", index, "seed").integers(_LARGEST_SEED))
     values["light_levels"] = draw_entry(plan.light_levels, at, "light_levels")

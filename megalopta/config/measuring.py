@@ -75,7 +75,7 @@ class SequenceBenchmark(BenchmarkSettings, frozen=True):
         )
 
 
-LabelName = Literal["classes", "instances", "normals", "albedo"]
+LabelName = Literal["classes", "instances", "clusters", "normals", "albedo"]
 
 
 class TrackSettings(Record, frozen=True):

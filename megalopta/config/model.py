@@ -96,8 +96,8 @@ class Configuration(Record, frozen=True):
     """Samples, depth, bands and backend."""
 
     labels: tuple[LabelName, ...] = Field(default=(), exclude_if=lambda labels: not labels)
-    """Label maps that `render` writes for other programs: `classes`, `instances`, `normals`,
-    `albedo`; default: none."""
+    """Label maps that `render` writes for other programs: `classes`, `instances`, `clusters` of
+    leaves, `normals`, `albedo`; default: none."""
 
     tracks: TrackSettings | None = Field(default=None, exclude_if=lambda tracks: tracks is None)
     """Points that `render` follows through all frames; default: none."""

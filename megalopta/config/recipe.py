@@ -44,6 +44,9 @@ class RigCamera(Mount, frozen=True):
     render: dict[str, Any] = Field(default={}, exclude_if=lambda fields: not fields)
     """Fields of `render` that differ, such as `bands_nm`"""
 
+    shutter: dict[str, Any] = Field(default={}, exclude_if=lambda fields: not fields)
+    """Fields of `shutter` that differ"""
+
     sensors: tuple[Entry, ...] = Field(default=(), exclude_if=lambda sensors: not sensors)
     """Sensors in place of the plan's"""
 
@@ -99,8 +102,8 @@ class Plan(Record, frozen=True):
 
     rig: tuple[RigCamera, ...] = Field(default=(), exclude_if=lambda rig: not rig)
     """Cameras that follow each path together: their places relative to the path's camera, and
-    perhaps another `camera`, `render` or `sensors`. Each is a sequence of its own. Two alike side
-    by side also get the disparity to each other"""
+    perhaps another `camera`, `render`, `shutter` or `sensors`. Each is a sequence of its own. Two
+    alike side by side also get the disparity to each other"""
 
     repeats: Annotated[int, Field(ge=1, le=1000)] = 1
     """Exposures per sensor and level, with independent noise; from the second on, the sensor's name

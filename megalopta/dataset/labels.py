@@ -2,6 +2,7 @@
 
 training/classes/SEQ/      16-bit gray PNG: number of the kind, 0 for the sky; names.json lists them
 training/instances/SEQ/    8-bit RGB PNG: number of the object, red + 256·green + 256²·blue
+training/clusters/SEQ/     8-bit RGB PNG: number of the leaf's twig in its plant, coded alike, or 0
 training/normals/SEQ/      16-bit RGB PNG: (x, y, z) of the normal, −1 to 1 as 0 to 65535; sky: 0
 training/albedo/SEQ/       EXR: diffuse reflectance in the bands of the radiance; sky: 0
 training/tracks/SEQ/       tracks.npz: points of some frames, followed through all
@@ -44,9 +45,14 @@ class PointTracks(NamedTuple):
 
 
 def write_labels(
-    root: Path, sequence: str, index: int, truth: "Truth", names: Sequence[LabelName]
+    root: Path,
+    sequence: str,
+    index: int,
+    truth: "Truth",
+    names: Sequence[LabelName],
+    leaf_clusters: NDArray[np.uint32] | None = None,
 ) -> None:
-    """Write the label maps of a frame that follow from its truth."""
+    """Write the label maps of a frame that follow from its truth, and its leaf clusters (H, W)."""
 
     def place(kind: LabelName) -> Path:
         return root / kind / sequence / f"frame_{index + 1:04d}.png"
@@ -54,12 +60,19 @@ def write_labels(
     if "classes" in names:
         write_codes(place("classes"), truth.kind_id.astype(np.uint16))
     if "instances" in names:
-        code = truth.object_id[..., np.newaxis] >> np.array([0, 8, 16], np.uint32)
-        write_codes(place("instances"), (code & 255).astype(np.uint8))
+        write_codes(place("instances"), _in_colors(truth.object_id))
+    if leaf_clusters is not None:
+        write_codes(place("clusters"), _in_colors(leaf_clusters))
     if "normals" in names:
         share = np.rint((truth.normal.astype(np.float64) + 1) / 2 * _LARGEST)
         share = np.where(np.isnan(share), 0, share)
         write_codes(place("normals"), share.astype(np.uint16))
+
+
+def _in_colors(number: NDArray[np.uint32]) -> NDArray[np.uint8]:
+    """Colors (H, W, 3) of numbers (H, W), as in COCO's panoptic format."""
+    code = number[..., np.newaxis] >> np.array([0, 8, 16], np.uint32)
+    return (code & 255).astype(np.uint8)
 
 
 def write_class_names(root: Path, sequence: str, kinds: Sequence[str]) -> None:

@@ -345,6 +345,17 @@ class Sequence:
         )
 
     @property
+    def leaf_clusters(self) -> LazyFrames:
+        """Number of the twig (T, H, W), within its plant from 1, that bears the leaf; else 0.
+
+        The configuration has `clusters` among its `labels`.
+        """
+        from megalopta.render.exr import read_leaf_clusters
+
+        place = self.dataset.truth
+        return self._by_frame(lambda index: read_leaf_clusters(place(index)), "1", np.uint32)
+
+    @property
     def tracks(self) -> "PointTracks":
         """Points followed through all frames. Raises UserError if none were."""
         from megalopta.dataset.labels import read_tracks

@@ -5,7 +5,7 @@ sequences/SEQ.json           software of each stage, and every file's hash
 timings.json                 seconds of each stage
 training/clean|final/SEQ/    tone-mapped radiance | counts, PNG
 training/flow|occlusions|invalid|depth|camdata_left/SEQ/
-training/classes|instances|normals|albedo|tracks/SEQ/  labels on request
+training/classes|instances|clusters|normals|albedo|tracks/SEQ/  labels on request
 training/imu/SEQ/            readings of an IMU and poses, in EuRoC's and TUM's layouts
 training/disparities|occlusions_stereo/SEQ/  of a stereo pair
 radiance|truth/SEQ/          EXR, every frame at its instant

@@ -92,9 +92,10 @@ def _shutter(settings: Configuration) -> str:
         return _PICTURE
     if shutter.is_instant:
         return _INSTANT
+    line = ("column", "row")[shutter.across]
     return (
         f"Frames and true motion are those of the shutter, blurred by the motion during "
-        f"{shutter.exposure_s or 0:g} s and read out row by row from the "
+        f"{shutter.exposure_s or 0:g} s and read out {line} by {line} from the "
         f"{shutter.readout_from} within {shutter.readout_s or 0:g} s."
     )
 

@@ -196,16 +196,22 @@ class FrameWriter:
         if intrinsics is not None:
             camera_path = dataset.frame("training/camdata_left", index, "cam")
             sintel.write_camera(camera_path, intrinsics, pose)
-        write_truth(dataset.truth(index), truth, self._origin_m, self._view(index))
-        self._write_labels(index, truth)
+        clusters = None
+        if "clusters" in settings.labels:
+            clusters = self._renderer.leaf_clusters(pose, time)
+        write_truth(dataset.truth(index), truth, self._origin_m, self._view(index), clusters)
+        self._write_labels(index, truth, clusters)
         self._write_disparity(index)
         if not settings.shutter.is_instant:
             self._write_exposed(index, attributes)
 
-    def _write_labels(self, index: int, truth: "Truth") -> None:
+    def _write_labels(
+        self, index: int, truth: "Truth", clusters: NDArray[np.uint32] | None
+    ) -> None:
         """Write the label maps of one frame that are asked for."""
         dataset, wanted = self._dataset, self._settings.labels
-        labels.write_labels(dataset.root / "training", dataset.sequence, index, truth, wanted)
+        root, sequence = dataset.root / "training", dataset.sequence
+        labels.write_labels(root, sequence, index, truth, wanted, clusters)
         if "albedo" in wanted:
             albedo = self._renderer.albedo(self._poses[index], float(self._times_s[index]))
             file = dataset.frame("training/albedo", index, "exr")

@@ -117,12 +117,29 @@ class _Member(NamedTuple):
 
 def merge(scene: Scene) -> list[MergedMesh]:
     """One mesh per material, smoothness and state of motion; those at rest come first."""
+    return [_merge_group(scene, *key, members) for key, members in _groups(scene)]
+
+
+def leaf_clusters(scene: Scene) -> NDArray[np.uint32]:
+    """Number of the twig in its plant, for each triangle of the merged meshes in order, (F + 1,).
+
+    It is 0 for all that is no leaf of a twig, and for the last, the sky.
+    """
+    parts = [
+        each.mesh.metadata.get("clusters", np.zeros(len(each.mesh.faces)))
+        for _, members in _groups(scene)
+        for each in members
+    ]
+    return np.concatenate([*parts, np.zeros(1)]).astype(np.uint32)
+
+
+def _groups(scene: Scene) -> list[tuple[tuple[bool, str, bool], list[_Member]]]:
     groups: dict[tuple[bool, str, bool], list[_Member]] = {}
     for index, placement in enumerate(scene.placements):
         for material, mesh in scene.assets[placement.asset].parts.items():
             key = placement.motion is not None, material, bool(mesh.metadata.get("smooth"))
             groups.setdefault(key, []).append(_Member(index + 1, placement, mesh))
-    return [_merge_group(scene, *key, groups[key]) for key in sorted(groups)]
+    return [(key, groups[key]) for key in sorted(groups)]
 
 
 def _merge_group(

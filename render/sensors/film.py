@@ -3,7 +3,7 @@
 Passes are strips of rows and, if one row is too much, repeats of it. A running kernel cannot be
 interrupted, holds its whole strip in memory and numbers its samples with 32 bits; so passes are
 short. Strips come first because they keep each pixel's stratified samples together: 64 at once are
-a fifth less noisy than four times 16.
+a fifth less noisy than four times 16. A shutter that reads columns has a film on its side.
 
 A channel is the integral of radiance against a box of height 1/width, that is, the band mean in
 W·m⁻²·sr⁻¹·nm⁻¹.
@@ -83,10 +83,10 @@ class ExposurePart:
     """Part of an exposure, in which moving objects are at rest."""
 
     poses: Floats
-    """(K, R, 4, 4): camera to world at K times, for all rows (R = 1) or for each (R = H); (4, 4)
-    for an instant."""
-    row_times_s: list[float]
-    """(R,): times in the middle of the part."""
+    """(K, L, 4, 4): camera to world at K times, for all lines (L = 1) or for each (L = H, or W of
+    columns); (4, 4) for an instant."""
+    line_times_s: list[float]
+    """(L,): times in the middle of the part."""
     seed: int
 
 
@@ -96,6 +96,8 @@ class Exposure:
 
     parts: tuple[ExposurePart, ...]
     is_rolling: bool = False
+    by_columns: bool = False
+    """True if columns are read one after the other, not rows."""
 
     @property
     def is_instant(self) -> bool:
@@ -107,7 +109,8 @@ class Film:
     """Mitsuba sensor with the division of frames into passes.
 
     An exposed film takes the samples of a pixel from many poses. No pass has more than `most_rows`.
-    `samples_per_pixel` is the requested number, as rounded by the sampler.
+    The rows of one `on_side` are the camera's columns. `samples_per_pixel` is the requested number,
+    as rounded by the sampler.
     """
 
     def __init__(
@@ -117,17 +120,18 @@ class Film:
         samples: int,
         is_exposed: bool = False,
         most_rows: int | None = None,
+        on_side: bool = False,
     ) -> None:
         family = str(mi.variant()).partition("_")[0]
         most = settings.samples_per_pass or SAMPLES_PER_PASS[family]
+        height, width = camera.shape[::-1] if on_side else camera.shape
         if most_rows:
-            most = min(most, camera.width * samples * most_rows)
-        self._camera = camera
-        self._passes = plan_passes(camera.width, camera.height, samples, most)
-        parts = film_and_sampler(
-            camera, settings.bands_nm, settings.sampler, self._passes.samples, self._passes.rows
-        )
-        self._optics = self._sensor = mi.load_dict({**plugin(camera), **parts})
+            most = min(most, width * samples * most_rows)
+        self._on_side = on_side
+        self._passes = passes = plan_passes(width, height, samples, most)
+        size = width, passes.rows
+        parts = film_and_sampler(size, settings.bands_nm, settings.sampler, passes.samples)
+        self._optics = self._sensor = mi.load_dict({**plugin(camera, on_side), **parts})
         if is_exposed:
             shutter = {"shutter_open": 0.0, "shutter_close": 1.0}
             self._sensor = mi.load_dict({"type": registered(Rows), **shutter, **parts})
@@ -144,9 +148,9 @@ class Film:
         seed: int,
         before_rows: Callable[[slice], None] | None = None,
     ) -> NDArray[np.float32]:
-        """Take a frame (H, W, n) from a pose (4, 4), or exposed from poses (times, rows, 4, 4).
+        """Take a frame (H, W, n) from a pose (4, 4), or exposed from poses (times, lines, 4, 4).
 
-        These have one row for all, or H rows. `before_rows` is called with the rows of each pass.
+        These have one line for all, or each. `before_rows` is called with the rows of each pass.
         """
 
         def take(first_row: int, pass_seed: int) -> NDArray[np.float32]:
@@ -155,14 +159,15 @@ class Film:
             self._aim(poses, first_row)
             return trace(scene, self._sensor, seed=pass_seed, spp=self._samples)
 
-        return self._passes.render(take, seed).astype(np.float32)
+        image = self._passes.render(take, seed).astype(np.float32)
+        return np.ascontiguousarray(image.swapaxes(0, 1)) if self._on_side else image
 
     def _aim(self, poses: Floats, first_row: int) -> None:
         rows, is_exposed = self._passes.rows, poses.ndim > 2
         # An exposed film looks through optics at Mitsuba's identity.
         to_world = np.eye(4) if is_exposed else sensor_transform(poses)
         self._parameters["to_world"] = mi.Transform4f(to_world.tolist())
-        cut_strip(self._camera, self._parameters, first_row, rows)
+        cut_strip(self._parameters, self._passes.height, first_row, rows)
         self._parameters.update()
         if is_exposed:
             # The last strip may extend beyond the frame.
@@ -171,13 +176,13 @@ class Film:
 
 
 def film_and_sampler(
-    camera: Camera, bands_nm: Bands, sampler: str, samples: int, rows: int
+    size: tuple[int, int], bands_nm: Bands, sampler: str, samples: int
 ) -> dict[str, Any]:
-    """Mitsuba film and sampler of rows of a camera's frames."""
+    """Mitsuba film, of a width and height in px, and sampler."""
     film: dict[str, Any] = {
         "type": "specfilm",
-        "width": camera.width,
-        "height": rows,
+        "width": size[0],
+        "height": size[1],
         "component_format": "float32",
         # The only filter that is bit-reproducible in vectorized variants, and a pixel is a box.
         "rfilter": {"type": "box"},

@@ -22,20 +22,22 @@ from megalopta.scenes.cameras.perspective import PerspectiveCamera
 _MOST_DIRECTIONS, _MOST_PARTS = 2_000_000, 8
 
 
-def plugin(camera: Camera) -> dict[str, Any]:
-    """Mitsuba sensor of a camera, without film and sampler."""
-    if isinstance(camera, PerspectiveCamera):
+def plugin(camera: Camera, on_side: bool = False) -> dict[str, Any]:
+    """Mitsuba sensor of a camera, without film and sampler; `on_side` swaps rows and columns."""
+    if isinstance(camera, PerspectiveCamera) and not on_side:
         clip = {"near_clip": 1e-3, "far_clip": 1e5}
         return {"type": "perspective", "fov": camera.fov_deg, "fov_axis": "x", **clip}
-    return {"type": registered(Directions), "directions": mi.TensorXf(_directions(camera))}
+    directions = _directions(camera)
+    table = np.ascontiguousarray(directions.swapaxes(0, 1)) if on_side else directions
+    return {"type": registered(Directions), "directions": mi.TensorXf(table)}
 
 
-def cut_strip(camera: Camera, parameters: Any, first_row: int, rows: int) -> None:
-    """Set a sensor, through its `mi.traverse` parameters, to a strip of rows of a frame."""
-    if isinstance(camera, PerspectiveCamera):
-        parameters["principal_point_offset_y"] = 0.5 - (camera.height / 2 - first_row) / rows
+def cut_strip(parameters: Any, height: int, first_row: int, rows: int) -> None:
+    """Set a sensor, through its `mi.traverse` parameters, to a strip of rows of a film."""
+    if "strip" in parameters:
+        parameters["strip"] = mi.Point2f(first_row / height, rows / height)
     else:
-        parameters["strip"] = mi.Point2f(first_row / camera.height, rows / camera.height)
+        parameters["principal_point_offset_y"] = 0.5 - (height / 2 - first_row) / rows
 
 
 def _directions(camera: Camera) -> NDArray[np.float32]:

@@ -1,4 +1,4 @@
-"""Camera poses and times of pixels: all at one instant, or row by row.
+"""Camera poses and times of pixels: all at one instant, or line by line.
 
 Coordinates are relative to the scene's `origin_m`.
 """
@@ -16,7 +16,7 @@ Times = float | Floats
 """One time for all, or one for each."""
 
 # Each step is shorter than the previous one by the displacement of the image during the readout
-# over its height, so the last one is far below this; float32 positions allow no less.
+# over its size, so the last one is far below this; float32 positions allow no less.
 _ITERATIONS, _TOLERANCE_PX = 60, 1e-4
 
 
@@ -87,42 +87,46 @@ class Instant:
 
 @dataclass(frozen=True)
 class Rolling:
-    """Frame taken row by row, with moving objects at each row's time."""
+    """Frame taken line by line, by rows or columns, with moving objects at each line's time."""
 
     time_s: float
-    """Time of the middle row."""
+    """Time of the middle line."""
     shutter: Shutter
     pose_at: Callable[[Floats], Floats]
     """Poses (n, 4, 4) at times (n,), s."""
 
     def pixels(self, camera: Camera) -> Eyes:
-        """Eyes of the H·W pixels, one pose per row."""
-        rows = self._eyes(np.arange(camera.height, dtype=float) + 0.5, camera)
-        return rows.of(slice(None), camera.width)
+        """Eyes of the H·W pixels, one pose per line."""
+        across = self.shutter.across
+        lines = self._eyes(np.arange(camera.shape[1 - across], dtype=float) + 0.5, camera)
+        return lines.of(np.indices(camera.shape)[1 - across].ravel())
 
     def seeing(self, camera: Camera, way: Ways, count: int) -> tuple[Eyes, Eyes]:
-        """Eyes that see N points, at the time of their place, and those of the row around it.
+        """Eyes that see N points, at the time of their place, and those of the line around it.
 
-        That place is the fixed point of "seen at y at the time of y". If it is not found, because
-        the image moves by more than the rows do, the rotation is NaN. Points farther out of the
-        image than its height have the time of that place.
+        That place is the fixed point of "seen at y at the time of y", of columns with x. If it is
+        not found, because the image moves by more than the lines do, the rotation is NaN. Points
+        farther out of the image than its size have the time of that place.
         """
-        y = np.full(count, camera.height / 2)
+        across = self.shutter.across
+        size = camera.shape[1 - across]
+        place = np.full(count, size / 2)
         for _ in range(_ITERATIONS):
-            eyes = self._eyes(y, camera)
-            seen = camera.project(eyes.to_camera(way(eyes)))[:, 1]
-            seen = np.clip(np.where(np.isnan(seen), y, seen), -camera.height, 2 * camera.height)
-            step = np.abs(seen - y)
-            y = seen
+            eyes = self._eyes(place, camera)
+            seen = camera.project(eyes.to_camera(way(eyes)))[:, across]
+            seen = np.clip(np.where(np.isnan(seen), place, seen), -size, 2 * size)
+            step = np.abs(seen - place)
+            place = seen
             if step.max(initial=0) < _TOLERANCE_PX:
                 break
-        eyes = self._eyes(y, camera)
+        eyes = self._eyes(place, camera)
         lost = (step >= _TOLERANCE_PX)[:, None, None]
         found = replace(eyes, rotation=np.where(lost, np.nan, eyes.rotation))
-        return found, self._eyes(np.floor(y) + 0.5, camera)
+        return found, self._eyes(np.floor(place) + 0.5, camera)
 
-    def _eyes(self, y: Floats, camera: Camera) -> Eyes:
-        times = self.time_s + self.shutter.delay_s(y, camera.height)
+    def _eyes(self, place: Floats, camera: Camera) -> Eyes:
+        size = camera.shape[1 - self.shutter.across]
+        times = self.time_s + self.shutter.delay_s(place, size)
         poses = self.pose_at(times)
         return Eyes(poses[:, :3, 3], poses[:, :3, :3], times)
 

@@ -20,6 +20,7 @@ from megalopta.scenes.cameras.base import Camera
 from megalopta.scenes.lighting.light import Light
 from megalopta.scenes.material import Material
 from megalopta.scenes.meshes.model import PlacedMesh
+from megalopta.scenes.meshes.pictures import check_texels
 from megalopta.scenes.meshes.pieces import Piece
 from megalopta.scenes.meshes.reflectance import Reflectance, Share, surface_of
 from megalopta.scenes.meshes.surfaces import Surfacing, check_names
@@ -108,7 +109,10 @@ class Meshes(SceneDescription, frozen=True):
 
     def build(self, light: Light, camera: Camera, trajectory: Path) -> Scene:
         """Return the objects of all files, in the light."""
-        models = [each.pieces(each.animate) for each in self.files]
+        models: list[list[Piece]] = []
+        for each in self.files:
+            models.append(each.pieces(each.animate))
+            check_texels((piece.paint.picture for found in models for piece in found), "the scene")
         check_names(self.materials, [piece for pieces in models for piece in pieces])
         for placed, pieces in zip(self.files, models, strict=True):
             placed.doubt_unit(pieces, trajectory.poses()[:, :3, 3])

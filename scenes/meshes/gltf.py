@@ -17,7 +17,7 @@ from megalopta.core.arrays import Floats
 from megalopta.core.errors import DamagedFileError
 from megalopta.scenes.meshes.animation import PARTS, Joint, NodeMotion, Track
 from megalopta.scenes.meshes.gltf_file import GltfFile, Json, color_of, image_of
-from megalopta.scenes.meshes.pictures import linear_picture
+from megalopta.scenes.meshes.pictures import check_texels, linear_picture
 from megalopta.scenes.meshes.pieces import Paint, Piece
 
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
@@ -158,6 +158,7 @@ def _look(file: GltfFile, number: int, material: Json, pictures: dict[int, Pictu
     image = image_of(file.header, texture)
     if image not in pictures:
         pictures[image] = linear_picture(file.image(image), name)
+        check_texels(pictures.values())
     change = texture.get("extensions", {}).get("KHR_texture_transform", {})
     coordinates = change.get("texCoord", texture.get("texCoord", 0))
     return _Look(replace(paint, picture=pictures[image]), coordinates, _transform(change))

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from megalopta.core.arrays import Floats
 from megalopta.core.bounded import quoted
 from megalopta.scenes.finish import SURFACES, TEXTURES, Finish, Part, Rgb
-from megalopta.scenes.meshes.pictures import linear_picture, texels_of
+from megalopta.scenes.meshes.pictures import check_texels, linear_picture, texels_of
 from megalopta.scenes.meshes.pieces import Color, Paint
 from megalopta.scenes.meshes.xml_document import (
     Document,
@@ -33,8 +33,6 @@ _WHITE = SPECTRA["D65"].scaled(1 / 98.9974)
 _USUAL = Element("spectrum", value="0.5")
 """Mitsuba's reflectance of a surface that states none."""
 _SPECTRUM_BYTES = 4 * 10**6
-MOST_TEXELS = 2**29
-"""Most pixels of all pictures, which take 6 GB as light."""
 _MOST_PARTS = 200
 """Most plug-ins of one surface, which may name each other many times."""
 _NAME, _WORD = re.compile("(?!(type|id)$)[a-z][a-z0-9_]{0,40}"), re.compile("[A-Za-z0-9 _-]{0,40}")
@@ -125,11 +123,7 @@ class Surfaces:
                 if how == "linear"
                 else texels_of(content, material, how == "coded")
             )
-            pixels = sum(each.shape[0] * each.shape[1] for each in self._pictures.values())
-            if pixels > MOST_TEXELS:
-                raise ValueError(
-                    f"its pictures have more than {MOST_TEXELS:.3g} pixels in all; shrink them"
-                )
+            check_texels(self._pictures.values())
         return self._pictures[file, how]
 
     def _part(self, given: Element, material: str) -> Part:

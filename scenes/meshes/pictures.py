@@ -1,6 +1,7 @@
 """Pictures of colors on surfaces, decoded within bounds."""
 
 import io
+from collections.abc import Iterable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,17 @@ from megalopta.scenes.spectra.color import linear_of_srgb
 _GRAY = "1", "L", "LA"
 MOST_PIXELS = 2**26
 """Most pixels of a picture, which takes 0.8 GB as light."""
+MOST_TEXELS = 2**29
+"""Most pixels of all pictures of a scene, which take 6 GB as light."""
+
+
+def check_texels(pictures: Iterable[NDArray[np.float32] | None], owner: str = "it") -> None:
+    """Raise DamagedFileError if pictures, each counted once, have too many pixels in all."""
+    sizes = {id(each): each.shape[0] * each.shape[1] for each in pictures if each is not None}
+    if sum(sizes.values()) > MOST_TEXELS:
+        raise DamagedFileError(
+            f"{owner} has pictures of more than {MOST_TEXELS:.3g} pixels in all; shrink them"
+        )
 
 
 def linear_picture(content: bytes, material: str) -> NDArray[np.float32]:

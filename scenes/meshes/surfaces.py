@@ -12,6 +12,7 @@ from megalopta.core.arrays import Floats
 from megalopta.core.bounded import quoted
 from megalopta.scenes.finish import Finish
 from megalopta.scenes.material import ColorTexture, Emission, Material
+from megalopta.scenes.meshes.pictures import check_texels
 from megalopta.scenes.meshes.pieces import Color, Piece
 from megalopta.scenes.meshes.reflectance import Curve, surface_of
 from megalopta.scenes.scene import Asset
@@ -87,7 +88,11 @@ class Surfacing:
 
     def _part(self, name: str, material: Material, surface: Surface) -> tuple[str, Surface]:
         name = f"{self.label}: {name}{'' if surface.normals is None else ', smooth'}"
-        self.materials.setdefault(name, material)
+        if name not in self.materials:
+            self.materials[name] = material
+            if material.texture:
+                textures = (each.texture for each in self.materials.values())
+                check_texels((each and each.weight for each in textures), self.label)
         return name, surface
 
     def _numbered(self, name: str, *of: object) -> str:

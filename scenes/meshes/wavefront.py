@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from megalopta.core.arrays import Floats
 from megalopta.core.bounded import quoted
 from megalopta.core.errors import DamagedFileError
-from megalopta.scenes.meshes.pictures import linear_picture
+from megalopta.scenes.meshes.pictures import check_texels, linear_picture
 from megalopta.scenes.meshes.pieces import Paint, Piece
 from megalopta.scenes.spectra.color import linear_of_srgb
 
@@ -53,11 +53,11 @@ def _beside(name: str, other: str) -> str:
 def pieces_of(contents: Mapping[str, bytes], with_materials: bool = True) -> Iterator[Piece]:
     """Yield the pieces of a file's objects. Raises any exception if the file is damaged."""
     name = next(iter(contents))
-    file = _ObjFile(contents[name])
+    file, pictures = _ObjFile(contents[name]), dict[str, NDArray[np.float32]]()
     paints = {
         paint.name: paint
         for library in (file.libraries if with_materials else ())
-        for paint in _paints(_beside(name, library), contents)
+        for paint in _paints(_beside(name, library), contents, pictures)
     }
     numbers: dict[str, int] = {}
     for (label, material), faces in file.faces.items():
@@ -158,8 +158,10 @@ def _piece(file: _ObjFile, of: tuple[int, str], corners: Corners, paint: Paint) 
     return Piece(*of, positions[:, :3], shaped, paint, normals, uv, colors)
 
 
-def _paints(name: str, contents: Mapping[str, bytes]) -> Iterator[Paint]:
-    """Yield the materials of an MTL file."""
+def _paints(
+    name: str, contents: Mapping[str, bytes], pictures: dict[str, NDArray[np.float32]]
+) -> Iterator[Paint]:
+    """Yield the materials of an MTL file, and add their pictures to others."""
     materials: list[dict[str, str]] = []
     for key, rest in _lines(contents[name]):
         if key == "newmtl":
@@ -170,7 +172,11 @@ def _paints(name: str, contents: Mapping[str, bytes]) -> Iterator[Paint]:
         red, green, blue = linear_of_srgb(np.clip(_numbers(each.get("kd", "1 1 1")), 0, 1)).tolist()
         picture = None
         if "map_kd" in each:
-            picture = linear_picture(contents[_beside(name, each["map_kd"])], each["newmtl"])
+            file = _beside(name, each["map_kd"])
+            if file not in pictures:
+                pictures[file] = linear_picture(contents[file], each["newmtl"])
+                check_texels(pictures.values())
+            picture = pictures[file]
         yield Paint(each["newmtl"], (red, green, blue), picture, tuple(_ignored(each)))
 
 

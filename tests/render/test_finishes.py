@@ -151,7 +151,7 @@ def blocks(radiance):
 def plainly(scene):
     """Radiance by seed of a scene loaded by plain Mitsuba."""
     to_world = mi.ScalarTransform4f(sensor_transform(INSIDE.poses()[0]).tolist())
-    parts = film_and_sampler(CAMERA, BANDS, "independent", 100, CAMERA.height)
+    parts = film_and_sampler((CAMERA.width, CAMERA.height), BANDS, "independent", 100)
     sensor = mi.load_dict({**plugin(CAMERA), "to_world": to_world, **parts})
     integrator = mi.load_dict({"type": "path", "max_depth": 8})
     return lambda seed: mi.render(scene, sensor=sensor, integrator=integrator, seed=seed + 100)

@@ -199,7 +199,7 @@ def test_a_room_lit_by_its_own_lamp_is_as_bright_as_in_plain_mitsuba(tmp_path):
     mi.set_variant("scalar_spectral")
     scene = mi.load_file(str(path))
     to_world = mi.ScalarTransform4f(sensor_transform(inside.poses()[0]).tolist())
-    parts = film_and_sampler(camera, BANDS, "independent", 64, camera.height)
+    parts = film_and_sampler((camera.width, camera.height), BANDS, "independent", 64)
     sensor = mi.load_dict({**plugin(camera), "to_world": to_world, **parts})
     integrator = mi.load_dict({"type": "path", "max_depth": 8})
     plain = np.array(mi.render(scene, sensor=sensor, integrator=integrator, seed=2), np.float64)

@@ -7,7 +7,7 @@ from megalopta.assets_gen.bodies import box
 from megalopta.render import RenderSettings, SceneRenderer
 from megalopta.render.loading.layers import MovingLayers
 from megalopta.render.loading.meshes import MovingMesh, merge
-from megalopta.render.surface_view import SHARED_PX, rows_of_a_pose
+from megalopta.render.surface_view import SHARED_PX, lines_of_a_pose
 from megalopta.scenes import MovingObject, PerspectiveCamera, Scene, Shutter, Trajectory
 from megalopta.scenes.material import Material
 from megalopta.scenes.motion import Drift
@@ -68,7 +68,7 @@ def test_a_blurred_frame_is_the_mean_of_its_poses(renderer):
     exposure = renderer._exposure(WATCH, shutter, 1, 5, 0)
     film, images = view._film(4, True), []
     for part in exposure.parts:
-        view.move_to(part.row_times_s[0])
+        view.move_to(part.line_times_s[0])
         images.append(film.expose(view._integrator.render, view._loaded, part.poses, part.seed))
     np.testing.assert_allclose(blurred, np.mean(images, axis=0), atol=1e-4 * blurred.mean())
 
@@ -79,7 +79,7 @@ def rows_shared(speed, readout_s=0.03):
         m for m in merge(scene(Drift(velocity_m_s=(0, speed, 0)))) if isinstance(m, MovingMesh)
     ]
     times = readout_s * (np.arange(CAMERA.height) / (CAMERA.height - 1) - 0.5)
-    return rows_of_a_pose(meshes, CAMERA, WATCH.poses()[0], times.tolist())
+    return lines_of_a_pose(meshes, CAMERA, WATCH.poses()[0], times.tolist())
 
 
 @pytest.mark.parametrize("speed", [0.001, 0.3, 1.0, 3.0, 30.0])

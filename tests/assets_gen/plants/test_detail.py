@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 from skimage.draw import polygon
 
 from megalopta.assets_gen.plants.detail import Detail, coarsened, merged_leaves, some_leaves
@@ -71,3 +72,19 @@ def test_some_leaves_have_their_share_of_the_area_and_are_whole(plant):
         assert {leaf.tobytes() for leaf in few.vertices.reshape(-1, corners, 3)} < own
         everything = {leaf.tobytes() for leaf in leaves.vertices.reshape(-1, corners, 3)}
         assert own < everything
+
+
+def test_leaves_stay_in_their_cluster_when_thinned_and_merged(plant):
+    whole = plant.leaves
+    middles = whole.vertices.reshape(-1, 4, 3).mean(axis=1)
+    cluster_at = {
+        place.tobytes(): own for place, own in zip(middles, whole.clusters[::2], strict=True)
+    }
+    assert len(set(cluster_at.values())) > 20
+    few = some_leaves(whole, 0.3, np.random.default_rng(2))
+    found = few.vertices.reshape(-1, 4, 3).mean(axis=1)
+    assert [cluster_at[place.tobytes()] for place in found] == few.clusters[::2].tolist()
+    merged = merged_leaves(whole, 7, np.random.default_rng(0))
+    # A merged leaf lies at the middle of one of its leaves.
+    nearest = cKDTree(middles).query(merged.vertices.reshape(-1, 3, 3).mean(axis=1))[1]
+    np.testing.assert_array_equal(whole.clusters[2 * nearest], merged.clusters)

@@ -173,6 +173,10 @@ def test_every_leaf_starts_on_its_twig(foliage):
     leaves = place_leaves(AXES[:6], foliage, np.random.default_rng(0))
     # twigs of up to 5 m sampled 400 times: samples are 12 mm apart, so 6 mm from any point
     assert distance_to_axes(leaves.vertices[::4], AXES[:6]).max() < 0.007
+    assert set(leaves.clusters) == {1, 2, 3, 4, 5, 6}
+    for number, twig in enumerate(AXES[:6], start=1):
+        mine = leaves.faces[leaves.clusters == number, 0]  # of both triangles, the base
+        assert distance_to_axes(leaves.vertices[mine], twig[None]).max() < 0.007
 
 
 def test_leaf_area_is_half_length_times_width_however_it_is_folded():

@@ -152,7 +152,11 @@ def mixed(tmp_path_factory):
         rig=(
             {},
             {"position_m": (0.1, 0, 0), "sensors": ("ideal",)},
-            {"position_m": (0.2, 0, 0), "camera": {"width": 64, "height": 20, "fov_deg": 30}},
+            {
+                "position_m": (0.2, 0, 0),
+                "camera": {"width": 64, "height": 20, "fov_deg": 30},
+                "shutter": {"readout_s": 0.05, "readout_from": "left"},
+            },
             {
                 "position_m": (0.3, 0, 0),
                 "camera": fisheye,
@@ -166,7 +170,7 @@ def mixed(tmp_path_factory):
     return megalopta.open_dataset(folder / "data")
 
 
-def test_cameras_of_a_rig_have_their_own_lens_size_bands_and_sensor(mixed):
+def test_cameras_of_a_rig_have_their_own_lens_size_bands_shutter_and_sensor(mixed):
     assert [each.exposures for each in mixed] == [
         ("spadcam-full_moon",),
         ("ideal-full_moon",),
@@ -176,6 +180,12 @@ def test_cameras_of_a_rig_have_their_own_lens_size_bands_and_sensor(mixed):
     shapes = [each.counts(each.exposures[0])[0].shape for each in mixed]
     assert shapes == [(30, 40), (30, 40), (20, 64), (24, 24)]
     assert [len(each.configuration.render.bands_nm) for each in mixed] == [4, 4, 4, 2]
+    assert [each.dataset.exposed_truth(0).parent.parent.name for each in mixed] == [
+        "truth", "truth", "truth_shutter", "truth",
+    ]  # fmt: skip
+    # At the first frame its columns look from up to 0.025 s along the path at 1.1 m/s.
+    rolling = read_truth(mixed[2].dataset.exposed_truth(0)).position
+    assert np.nanmax(np.abs(rolling - read_truth(mixed[2].dataset.truth(0)).position)) > 0.01
     # Only the first two have the same lens.
     assert [each.configuration.stereo_with is None for each in mixed] == [False, False, True, True]
 

@@ -34,7 +34,7 @@ def labeled(tmp_path_factory):
         trajectory:
           {{frames: 3, position_m: [-3, 0, 1], look_at_m: [0, 0, 0.3], velocity_m_s: [0, 2, 0]}}
         render: {{samples_per_pixel: 1, bands_nm: [[450, 550], [600, 700]]}}
-        labels: [classes, instances, normals, albedo]
+        labels: [classes, instances, clusters, normals, albedo]
         tracks: {{spacing_px: 6, frames: [0, 2]}}
         """,
         "test",
@@ -59,6 +59,9 @@ def test_maps_are_those_of_the_truth(labeled):
     np.testing.assert_array_equal(labeled.class_ids[1], truth.kind_id)
     blue, green, red = np.moveaxis(image_of(labeled, "instances").astype(int), -1, 0)
     np.testing.assert_array_equal(red + 256 * green + 65536 * blue, truth.object_id)
+    assert image_of(labeled, "clusters").shape == (18, 24, 3)
+    assert not image_of(labeled, "clusters").any()  # of leaves, which boxes have not
+    assert not labeled.leaf_clusters[1].any()
     normals = image_of(labeled, "normals")[..., ::-1] / 65535 * 2 - 1
     hit = truth.object_id > 0
     np.testing.assert_allclose(normals[hit], truth.normal[hit], atol=1.01 / 65535)

@@ -88,3 +88,24 @@ def test_every_row_of_a_rolling_shutter_shows_its_own_time(path, motion, per_pas
     rows = np.arange(CAMERA.height)
     expected = edge_at(0.1 + 0.08 * (rows / (CAMERA.height - 1) - 0.5))
     np.testing.assert_allclose(edges(image), expected, atol=0.1)
+
+
+@pytest.mark.parametrize(
+    ("is_object", "per_pass"),
+    [(False, None), (True, 60 * 64 * 7)],
+    ids=["camera moves", "object moves, strips of 7 columns"],
+)
+def test_every_column_of_a_shutter_from_the_right_shows_its_own_time(is_object, per_pass):
+    # A glowing half plane x = 5, z < 0: its edge is horizontal, light below it.
+    wall = quad(np.array([[5, 50, 0], [5, 50, -50], [5, -50, -50], [5, -50, 0.0]]))
+    falling = RigidMotion((5.0, 0.0, 0.0), Drift(velocity_m_s=(0.0, 0.0, -SPEED)))
+    motion = falling if is_object else None
+    path = sliding((0.0, 0.0, 0.0 if is_object else SPEED))
+    settings = SETTINGS.model_copy(update={"samples_per_pass": per_pass})
+    scene = scene_of(None, (wall, Material(flat(0.0), None, Emission(1e-6)), motion))
+    shutter = Shutter(readout_s=0.08, readout_from="right")
+    image = SceneRenderer(scene, CAMERA, settings).exposed(path, shutter, 1, seed=3)
+    found = CAMERA.height - image[..., 0].sum(axis=0) / 1e-6
+    columns = np.arange(CAMERA.width)
+    times = 0.1 - 0.08 * (columns / (CAMERA.width - 1) - 0.5)
+    np.testing.assert_allclose(found, CAMERA.height / 2 + PX_PER_S * times, atol=0.1)

@@ -125,3 +125,21 @@ def test_tracks_cross_the_seam_of_a_panorama():
     expected = (np.array([[1.5], [40.5]]) + 64 * np.arange(4) / 4) % 64
     np.testing.assert_allclose(tracks.points[..., 0], expected, atol=1e-5)
     assert not tracks.occluded.any()
+
+
+def test_leaf_clusters_are_those_of_the_triangles_seen():
+    leaves, moving = wall(0.0, 1.5), wall(-1.0, 0.4)
+    leaves.metadata["clusters"] = np.array([3, 7])
+    moving.metadata["clusters"] = np.array([5, 5])
+    motion = RigidMotion((-1.0, 0.0, 1.0), Drift(velocity_m_s=(0.0, 0.5, 0.0)))
+    things = (wall(2.0, 9.0), leaves, (moving, LEAF, motion))
+    renderer, poses, times = renderer_of(*things), PATH.poses(), PATH.times_s
+    truth = renderer.truth(poses, 2, times)
+    x, y, z = np.moveaxis(truth.position, -1, 0)
+    on_wall = np.where(y > z - 1, 3, 7)
+    expected = np.choose(truth.object_id, [0, 0, on_wall, 5])
+    assert {*np.unique(expected)} == {0, 3, 5, 7}
+    clear = (x != 0) | (np.abs(y - z + 1) > 1e-6)
+    found = renderer.leaf_clusters(poses[2], times[2])
+    np.testing.assert_array_equal(found[clear], expected[clear])
+    assert clear.mean() > 0.99

@@ -1,7 +1,8 @@
 """Truth of a rolling shutter over a moving box, against a fixed point that is found here.
 
-The oracle intersects each row's rays with an ideal plane and an ideal box as they are at the row's
-time, and asks by bisection, in float64, when the other frame's rows meet the point on its way.
+The oracle intersects each line's rays with an ideal plane and an ideal box as they are at the
+line's time, and asks by bisection, in float64, when the other frame's lines meet the point on its
+way. Lines are rows or columns.
 """
 
 import numpy as np
@@ -28,7 +29,7 @@ PATH = Trajectory(
     rotation_deg_s=25.0,
     velocity_m_s=(2.0, -1.0, 0.7),
 )
-SHUTTER = Shutter(readout_s=0.08)
+ACROSS = {"top": 1, "left": 0}
 CENTER, HALF = np.array([5.5, 0.6, 1.2]), np.array([0.6, 0.4, 0.8])
 VELOCITY, AXIS, SPIN = np.array([-1.5, 2.0, 0.8]), np.array([1.0, 2.0, -0.5]), 90.0
 
@@ -56,19 +57,20 @@ def image_of(points, times):
     return seen[:, :2] / seen[:, 2:] * FOCAL + [CAMERA.width / 2, CAMERA.height / 2]
 
 
-def row_time(frame, y):
-    return 0.1 * frame + 0.08 * ((y - 0.5) / (CAMERA.height - 1) - 0.5)
+def line_time(frame, place, side):
+    last = CAMERA.shape[1 - ACROSS[side]] - 1
+    return 0.1 * frame + 0.08 * ((place - 0.5) / last - 0.5)
 
 
-def place_in(frame, points_at):
+def place_in(frame, points_at, side):
     """Image places (n, 2) in a frame of points given by a function of their times."""
     low, high = np.full((2, len(points_at(None))), [[-500.0], [500.0]])
     for _ in range(60):
-        y = (low + high) / 2
-        times = row_time(frame, y)
-        is_below = image_of(points_at(times), times)[:, 1] > y
-        low, high = np.where(is_below, y, low), np.where(is_below, high, y)
-    times = row_time(frame, low)
+        place = (low + high) / 2
+        times = line_time(frame, place, side)
+        is_beyond = image_of(points_at(times), times)[:, ACROSS[side]] > place
+        low, high = np.where(is_beyond, place, low), np.where(is_beyond, high, place)
+    times = line_time(frame, low, side)
     return image_of(points_at(times), times)
 
 
@@ -84,16 +86,22 @@ def renderer():
     return SceneRenderer(scene, CAMERA, settings)
 
 
-@pytest.fixture(scope="module")
-def truth(renderer):
-    return renderer.shutter_truth(PATH, SHUTTER, 1)
+@pytest.fixture(scope="module", params=ACROSS)
+def side(request):
+    """Side of the line that is read first."""
+    return request.param
 
 
 @pytest.fixture(scope="module")
-def oracle():
+def truth(renderer, side):
+    return renderer.shutter_truth(PATH, Shutter(readout_s=0.08, readout_from=side), 1)
+
+
+@pytest.fixture(scope="module")
+def oracle(side):
     """Times (n,) of the pixels, and their points on the ground and on the box (n, 3)."""
     x, y = (each.ravel() for each in np.meshgrid(np.arange(64) + 0.5, np.arange(48) + 0.5))
-    times = row_time(1, y)
+    times = line_time(1, (x, y)[ACROSS[side]], side)
     position, axes = eyes(PATH, times)
     camera_ways = np.stack([x - 32, y - 24, np.full(x.size, FOCAL)], axis=1)
     ways = np.einsum("nji,nj->ni", axes, camera_ways)
@@ -120,7 +128,7 @@ def on_box(points, times):
     return at
 
 
-def test_flow_is_the_fixed_point_of_row_and_time(truth, oracle):
+def test_flow_is_the_fixed_point_of_line_and_time(truth, oracle, side):
     times, seen, ground, box = oracle
     objects = truth.object_id.ravel()
     # The ground's far end is not where the oracle ends it.
@@ -135,21 +143,21 @@ def test_flow_is_the_fixed_point_of_row_and_time(truth, oracle):
                 if thing == 2
                 else lambda _, points=points[mine]: points
             )
-            expected = place_in(other, points_at) - centers[mine]
+            expected = place_in(other, points_at, side) - centers[mine]
             assert np.abs(flow.reshape(-1, 2)[mine] - expected).max() < 2e-4
-            # As in the same row of the other frame it would be a hundred times that off.
-            times_of_row = times[mine] + 0.1 * (other - 1)
-            same_row = image_of(points_at(times_of_row), times_of_row) - centers[mine]
-            assert np.abs(same_row - expected).max() > 0.02
+            # As in the same line of the other frame it would be a hundred times that off.
+            times_of_line = times[mine] + 0.1 * (other - 1)
+            same_line = image_of(points_at(times_of_line), times_of_line) - centers[mine]
+            assert np.abs(same_line - expected).max() > 0.02
 
 
-def test_no_flag_of_occlusion_by_the_box_of_a_row_is_wrong(truth, oracle):
+def test_no_flag_of_occlusion_by_the_box_of_a_line_is_wrong(truth, oracle, side):
     _, seen, ground, _ = oracle
     mine = (truth.object_id.ravel() == 1) & (seen == 1)
     points = ground[mine]
     for flags, other in ((truth.occluded_forward, 2), (truth.occluded_backward, 0)):
-        y = place_in(other, lambda _: points)[:, 1]
-        times = row_time(other, np.floor(y) + 0.5)
+        place = place_in(other, lambda _: points, side)[:, ACROSS[side]]
+        times = line_time(other, np.floor(place) + 0.5, side)
         position, _ = eyes(PATH, times)
         hidden = to_box(times, position, points - position) < 1
         assert hidden.sum() > 20
@@ -157,45 +165,47 @@ def test_no_flag_of_occlusion_by_the_box_of_a_row_is_wrong(truth, oracle):
 
 
 @pytest.mark.slow
-def test_whole_pixels_agree_with_their_centers_and_with_the_light(renderer, truth):
+def test_whole_pixels_agree_with_their_centers_and_with_the_light(renderer, truth, side):
     found = truth.footprint
     for thing, least in ((1, 1000), (2, 60)):
         pure = (found.purity == 1) & (truth.object_id == thing)
         assert pure.sum() > least
         away = np.linalg.norm(found.forward.mean - truth.flow_forward, axis=-1)[pure]
         assert (away <= 2 * found.forward.spread[pure] + 1e-3).all()
-    # The box is black, and all else bright, in light of the same rows.
-    image = renderer.exposed(PATH, SHUTTER, 1, seed=3)[..., 0]
+    # The box is black, and all else bright, in light of the same lines.
+    shutter = Shutter(readout_s=0.08, readout_from=side)
+    image = renderer.exposed(PATH, shutter, 1, seed=3)[..., 0]
     whole = ~found.is_mixed
     assert (image[whole & (truth.object_id == 2)] == 0).all()
     assert image[whole & (truth.object_id != 2)].min() > 1e-10
 
 
-def test_a_shutter_that_begins_below_sees_what_one_from_above_sees_in_reversed_time():
+@pytest.mark.parametrize(("side", "opposite"), [("bottom", "top"), ("right", "left")])
+def test_a_shutter_from_the_other_side_sees_what_this_one_sees_in_reversed_time(side, opposite):
     scene = scene_of(Lighting(flat(1e-9)), square(), trimesh.creation.box((1, 1, 4)))
     renderer = SceneRenderer(scene, CAMERA, RenderSettings(samples_per_pixel=1))
-    below = Shutter(readout_s=0.08, exposure_s=0.01, readout_from="bottom")
+    mine = Shutter(readout_s=0.08, exposure_s=0.01, readout_from=side)
     reverse = {"velocity_m_s": (-2.0, 1.0, -0.7), "rotation_deg_s": -25.0}
     backward = PATH.model_copy(update=reverse)
-    above = below.model_copy(update={"readout_from": "top"})
-    found = renderer.shutter_truth(PATH, below, 0)
-    # At the first frame, time 0, every row has the pose of the row in the reversed path.
-    expected = renderer.shutter_truth(backward, above, 0)
+    other = mine.model_copy(update={"readout_from": opposite})
+    found = renderer.shutter_truth(PATH, mine, 0)
+    # At the first frame, time 0, every line has the pose of the line in the reversed path.
+    expected = renderer.shutter_truth(backward, other, 0)
     assert np.isfinite(found.position).mean() > 0.5
     np.testing.assert_allclose(found.position, expected.position, atol=1e-6)
-    usual = renderer.shutter_truth(PATH, above, 0)
+    usual = renderer.shutter_truth(PATH, other, 0)
     assert np.nanmax(np.abs(usual.position - found.position)) > 0.05
-    # Flow ends where the point is at the time of the row there.
+    # Flow ends where the point is at the time of the line there.
     there = CAMERA.pixel_centers() + found.flow_forward
     seen = (found.object_id > 0) & (np.abs(there - CAMERA.pixel_centers()).max(axis=-1) < 20)
-    times = 0.1 - 0.08 * ((there[seen][:, 1] - 0.5) / (CAMERA.height - 1) - 0.5)
+    times = 0.2 - line_time(1, there[seen][:, ACROSS[opposite]], opposite)
     again = image_of(found.position[seen], times)
     assert seen.mean() > 0.5
-    # The place is found to 1e-4 px, and rows pass at some px each.
+    # The place is found to 1e-4 px, and lines pass at some px each.
     np.testing.assert_allclose(there[seen], again, atol=5e-4)
     # Light differs by noise alone: of instants within the exposure, which are reversed too.
     light, reversed_light = (
         renderer.exposed(path, shutter, 0, seed=3).mean()
-        for path, shutter in ((PATH, below), (backward, above))
+        for path, shutter in ((PATH, mine), (backward, other))
     )
     assert abs(light / reversed_light - 1) < 0.02

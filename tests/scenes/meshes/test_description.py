@@ -1,9 +1,12 @@
 import numpy as np
 import pytest
 import trimesh
-from pydantic import ValidationError
+from PIL import Image
+from pydantic import TypeAdapter, ValidationError
 
-from megalopta.scenes import Light, Meshes, PerspectiveCamera, Trajectory
+from megalopta.scenes import Light, Meshes, PerspectiveCamera, Trajectory, build_scene
+from megalopta.scenes.meshes import pictures
+from megalopta.scenes.moving_objects import AnyObject
 from megalopta.scenes.spectra.reflectance import reflectance_of
 
 from .files import pose
@@ -107,3 +110,45 @@ def test_the_report_says_whose_motion_a_mirror_has(tmp_path):
     (tmp_path / "room.xml").write_text('<scene version="3.0.0"/>')
     told = Meshes(files=str(tmp_path / "room.xml")).describe()
     assert "that of the first surface, also of glass and mirrors." in told and "opaque" not in told
+
+
+def pictured(path, *colors):
+    """Squares with a picture of 8 × 4 pixels each, in a color."""
+    squares = trimesh.Scene()
+    for number, color in enumerate(colors):
+        square = trimesh.Trimesh(np.eye(3), [[0, 1, 2]], process=False)
+        look = trimesh.visual.material.PBRMaterial(
+            name=f"tile {number}",
+            baseColorTexture=Image.new("RGB", (8, 4), (number, 9, 9)),
+            baseColorFactor=color,
+        )
+        square.visual = trimesh.visual.TextureVisuals(uv=np.eye(3)[:, :2], material=look)
+        squares.add_geometry(square, f"square {number}")
+    squares.export(path)
+    return str(path)
+
+
+WHITE = [255, 255, 255, 255]
+
+
+@pytest.mark.parametrize("suffix", [".glb", ".obj"])
+def test_pictures_of_a_file_have_a_bounded_size_in_all(tmp_path, monkeypatch, suffix):
+    two = pictured(tmp_path / f"two{suffix}", WHITE, WHITE)
+    assert len(built(files=two).materials) == 2
+    monkeypatch.setattr(pictures, "MOST_TEXELS", 63)
+    with pytest.raises(ValueError, match="two.*: it has pictures of more than 63 pixels in all"):
+        built(files=two)
+
+
+def test_pictures_of_a_scene_have_a_bounded_size_in_all(tmp_path, monkeypatch):
+    one, other, third = (pictured(tmp_path / f"{n}.glb", WHITE) for n in range(3))
+    monkeypatch.setattr(pictures, "MOST_TEXELS", 95)
+    assert len(built(files=[one, other]).materials) == 2
+    with pytest.raises(ValueError, match="the scene has pictures of more than 95 pixels in all"):
+        built(files=[one, other, third])
+    tinted = pictured(tmp_path / "tinted.glb", [99, 255, 255, 255])
+    monkeypatch.setattr(pictures, "MOST_TEXELS", 63)
+    # That of an object is with those of the scene.
+    scene, bird = Meshes(files=one), TypeAdapter(AnyObject).validate_python({"file": tinted})
+    with pytest.raises(ValueError, match="object 0 .*tinted.glb has pictures of more than 63"):
+        build_scene(scene, Light(), CAMERA, PATH, [bird])

@@ -5,7 +5,7 @@ import pytest
 from PIL import Image
 
 from megalopta.scenes import Light, Meshes, PerspectiveCamera, Trajectory, build_scene
-from megalopta.scenes.meshes import mitsuba_surfaces, mitsuba_xml
+from megalopta.scenes.meshes import mitsuba_xml, pictures
 from megalopta.scenes.meshes.mesh_file import MeshFile
 from megalopta.scenes.meshes.model import PlacedMesh
 
@@ -216,19 +216,19 @@ def test_a_picture_of_many_surfaces_is_decoded_once(write, tmp_path):
         '<string name="filename" value="tile.png"/></texture></bsdf>') for n in range(3))
     )  # fmt: skip
     Image.new("RGB", (8, 4)).save(tmp_path / "yard/tile.png")
-    pictures = {id(piece.paint.picture) for piece in PlacedMesh(file=path).pieces()}
-    assert len(pictures) == 1
+    found = {id(piece.paint.picture) for piece in PlacedMesh(file=path).pieces()}
+    assert len(found) == 1
 
 
 def test_pictures_have_a_bounded_size_in_all(write, tmp_path, monkeypatch):
-    monkeypatch.setattr(mitsuba_surfaces, "MOST_TEXELS", 50)
+    monkeypatch.setattr(pictures, "MOST_TEXELS", 50)
     path = write("".join(square(
         '<bsdf type="principled"><texture type="bitmap" name="base_color">'
         f'<string name="filename" value="{n}.png"/></texture></bsdf>') for n in range(2))
     )  # fmt: skip
     for number in range(2):
         Image.new("RGB", (8, 4)).save(tmp_path / f"yard/{number}.png")
-    with pytest.raises(ValueError, match="its pictures have more than 50 pixels in all; shrink"):
+    with pytest.raises(ValueError, match="it has pictures of more than 50 pixels in all; shrink"):
         scene_of(path)
 
 
