@@ -56,7 +56,7 @@ class EfficiencySurface(Record, frozen=True):
         middle = (nm[1:] + nm[:-1]) * (values[:, 1:] + values[:, :-1])
         parts = np.diff(nm) * (nm[:-1] * values[:, :-1] + middle + nm[1:] * values[:, 1:]) / 6
         means = 2 * parts.sum(1) / (nm[-1] ** 2 - nm[0] ** 2)
-        return np.interp(np.asarray(excess_v), self.excess_v, means)
+        return np.asarray(np.interp(np.asarray(excess_v), self.excess_v, means))
 
     def check(self, excess_v: ArrayLike) -> None:
         """Raise ValueError if a bias (V) is outside the surface."""
