@@ -1,14 +1,14 @@
 """Faults of cameras: shares that a comparison names, misnames and misses.
 
-    bench_faults.py [CAMERA ...] [--seeds 0-9] [--side 64] [--pairs 40] [--faults FAULT ...]
+    bench_faults.py [CAMERA ...] [--seeds 0-9] [--side 32] [--pairs 40] [--faults FAULT ...]
 
-Cameras are SPADCAM's codes (16 × 16 pixels), counts and bits (each frame 0 or 1; `--side` pixels
-square), of 400 frames in the dark and under two or three lights. A fault is put into a recording of
-a known device, which is compared with that device (`tests/sensor/compare/faulty.py`). "Right" says
-the fault and nothing else, "wrong" states another one, too or instead; "none of the known causes",
-or a drift without its cause, counts as missed. Of untouched recordings, "wrong" is a false alarm.
-With `--pairs`, so many pairs of faults, drawn by chance, are put into one recording each: "right"
-says one of them or both.
+Cameras are SPADCAM's codes (16 × 16 pixels), counts (128 × 128) and bits (256 × 256; each frame 0
+or 1), with `--side` counts and bits of so many pixels a side. Recordings are of 400 frames in the
+dark and under two or three lights. A fault is put into a recording of a known device, which is
+compared with that device (`tests/sensor/compare/faulty.py`). "Right" says the fault and nothing
+else, "wrong" states another one, too or instead; "none of the known causes", or a drift without its
+cause, counts as missed. Of untouched recordings, "wrong" is a false alarm. With `--pairs`, so many
+pairs of faults, drawn by chance, are put into one recording each: "right" says one of them or both.
 """
 
 import argparse
@@ -89,7 +89,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("cameras", nargs="*", choices=[*CAMERAS, []], metavar="CAMERA")
     parser.add_argument("--seeds", default="0-0", help="first and last seed")
-    parser.add_argument("--side", type=int, default=64)
+    parser.add_argument("--side", type=int)
     parser.add_argument("--pairs", type=int, default=0)
     parser.add_argument("--faults", nargs="*", default=())
     options = parser.parse_args()
@@ -97,7 +97,7 @@ def main() -> None:
     seeds = range(int(first), int(last or first) + 1)
     for name in options.cameras or CAMERAS:
         camera = CAMERAS[name]
-        if not camera.has_codes:
+        if options.side and not camera.has_codes:
             camera = camera._replace(shape=(options.side, options.side))
         print(f"{f'{name}, {camera.shape}':28s}  right  wrong missed CPU s  said else")
         faults = {"untouched": _UNTOUCHED, **FAULTS[name]}

@@ -28,6 +28,7 @@ from .effects.bias import Bias as Bias
 from .effects.crosstalk import Crosstalk as Crosstalk
 from .effects.dark_counts import DarkCounts as DarkCounts
 from .effects.dead_time import DeadTime as DeadTime
+from .effects.efficiency_surface import EfficiencySurface as EfficiencySurface
 from .effects.gating import Gate as Gate
 from .effects.jitter import Jitter as Jitter
 from .effects.tcspc import Tcspc as Tcspc
@@ -77,6 +78,10 @@ from .image_sensors import (
 )
 from .input_files import file_content as file_content
 from .optics.efficiency import Efficiency as Efficiency
+from .optics.filters import (
+    ColorFilters as ColorFilters,
+    demosaiced as demosaiced,
+)
 from .optics.lens import Lens as Lens
 from .optics.pixels import photon_rate as photon_rate
 from .quantities import (

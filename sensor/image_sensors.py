@@ -47,7 +47,8 @@ def check_sensor(sensor: ImageSensor, bands_nm: ArrayLike, shape: tuple[int, int
         If a band reaches outside its efficiency curve, or the device is impossible: a measured map
         is damaged or does not fit, or its values exceed the limits.
     """
-    band_efficiency(sensor.efficiency, bands_nm)
+    for filters, _ in sensor.filters.parts(shape):
+        band_efficiency(sensor.efficiency, bands_nm, filters=filters)
     if isinstance(sensor, Sensor):
         draw_fixed_pattern(sensor, shape)
     else:

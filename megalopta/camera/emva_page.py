@@ -24,6 +24,7 @@ from megalopta.sensor.calibrate.emva import (
     deviations,
     device_steps,
     emva,
+    without_dead_time,
 )
 
 Recorded = Sequence[tuple[float, Step]]
@@ -35,8 +36,9 @@ _TITLE = "EMVA 1288"
 _TEXT = (
     "Release 4, Linear; an event is one electron, a reading a count. The device's figures are "
     "computed from the calibration at 50 steps of light and an exposure of {:g} s. Saturation is "
-    "where the temporal variance is largest. With dead time the response is no line, so that K and "
-    "the efficiency hold for dim light only: look at the linearity error."
+    "where the temporal variance is largest. With dead time the response is no line, and R and K "
+    "would be too small: they are corrected for the calibrated dead time, the device's by factors "
+    "of {:.3g} and {:.3g}, and hold for dim light. The linearity error is not corrected."
 )
 _HEAD = "symbol", "quantity", "device", "recordings"
 _ROWS: tuple[tuple[str, str, Callable[[Emva], float]], ...] = (
@@ -68,16 +70,20 @@ def emva_section(
         return Section(_TITLE, "Needs counts: sum binary frames, 255 or more each.")
     try:
         own = device_steps(sensor, shape, wavelength_nm)
-        figures = [emva(*own)]
+        factors = without_dead_time(sensor, shape, wavelength_nm, own[1])
+        figures = [emva(*own, factors=factors)]
     except ValueError as problem:
         return Section(_TITLE, f"Not known: {problem}.")
     seen = _at(exposure_s, recorded)
-    figures += [emva(*seen)] if seen and len(seen[1]) >= FEWEST_STEPS else []
+    if seen and len(seen[1]) >= FEWEST_STEPS:
+        seen_factors = without_dead_time(sensor, shape, wavelength_nm, seen[1])
+        figures.append(emva(*seen, factors=seen_factors))
     rows = tuple(
         (symbol, title, *(number(of(each)) for each in figures), *("",) * (2 - len(figures)))
         for symbol, title, of in _ROWS
     )
-    return Section(_TITLE, _TEXT.format(exposure_s), _HEAD, rows, tuple(_charts(own, seen)))
+    text = _TEXT.format(exposure_s, *factors)
+    return Section(_TITLE, text, _HEAD, rows, tuple(_charts(own, figures[0], seen)))
 
 
 def _at(exposure_s: float, recorded: Recorded) -> Steps | None:
@@ -87,23 +93,24 @@ def _at(exposure_s: float, recorded: Recorded) -> Steps | None:
     return (dark[0], [step for step in steps if step.photons]) if dark else None
 
 
-def _charts(own: Steps, seen: Steps | None) -> Iterator[Markup]:
-    yield captioned(_chart(own, seen, "sensitivity"), "The line is the responsivity R.")
-    yield captioned(
-        _chart(own, seen, "transfer"),
-        "Variance over mean, both less their dark values. The line is the gain K.",
-    )
-    yield captioned(
-        _chart(own, seen, "snr"), "The line is the limit of the same efficiency without noise."
-    )
-    yield captioned(_chart(own, seen, "linearity"), "Deviation from a line, over the line.")
+_CAPTIONS = {
+    "sensitivity": "The line is the responsivity R.",
+    "transfer": "Variance over mean, both less their dark values. The line is the gain K.",
+    "snr": "The line is the limit of the same efficiency without noise.",
+    "linearity": "Deviation from a line, over the line.",
+}
+
+
+def _charts(own: Steps, found: Emva, seen: Steps | None) -> Iterator[Markup]:
+    for kind, caption in _CAPTIONS.items():
+        yield captioned(_chart(own, found, seen, kind), caption)
 
 
 @in_style
-def _chart(own: Steps, seen: Steps | None, kind: str) -> Markup:
+def _chart(own: Steps, found: Emva, seen: Steps | None, kind: str) -> Markup:
     figure, axes = new_axes(*CHART_PT)
     draw = {"sensitivity": _sensitivity, "transfer": _transfer, "snr": _snr, "linearity": _linear}
-    draw[kind](axes, *own, emva(*own), BLUE)
+    draw[kind](axes, *own, found, BLUE)
     if seen and kind != "linearity":
         axes.plot(*_coordinates(kind, *seen), "o", color=BLACK, markersize=5, label="recordings")
     if kind != "snr":

@@ -264,7 +264,11 @@ def _figures(options: Namespace) -> None:
 @verb(
     "spadcam tags",
     "measure rates, afterpulses and crosstalk from time tags in the dark, for check captures",
-    option("tags", "file of time tags: .ptu or Photon-HDF5", type=Path),
+    option("tags", "file of time tags: .ptu, Photon-HDF5, or LinoSPAD2's .dat", type=Path),
+    option("--linospad2", "firmware of the LinoSPAD2 that wrote a .dat file",
+           choices=("2212b", "2212s")),
+    option("--per-cycle", "time stamps per cycle and converter of LinoSPAD2 (default: 512)",
+           type=at_least(1), default=512),
     option("--columns", "columns of the array, whose channels are numbered along rows "
            "(default: one row)", type=at_least(1)),
     option("--window-ns", "largest time between coincident events (ns, default: 25)", type=positive,
@@ -273,10 +277,13 @@ def _figures(options: Namespace) -> None:
 )  # fmt: skip
 def _tags(options: Namespace) -> None:
     from megalopta.core.errors import refused_as
-    from megalopta.sensor.formats.time_tags import read_time_tags
+    from megalopta.sensor.formats.time_tags import read_linospad2, read_time_tags
     from megalopta.verification.capture_files import write_measurements
 
-    tags = read_time_tags(options.tags)
+    if options.linospad2:
+        tags = read_linospad2(options.tags, options.linospad2, options.per_cycle)
+    else:
+        tags = read_time_tags(options.tags)
     columns = options.columns or tags.channels
     with refused_as("spadcam tags"):
         for path in write_measurements(options.out, tags, columns, 1e-9 * options.window_ns):

@@ -6,10 +6,14 @@ Comments after # and one line of column names are skipped:
     wavelength_nm,efficiency
     400,0.021
     450,0.034
+
+A surface over wavelength and excess bias has lines wavelength_nm,excess_v,value, one for each pair.
 """
 
 import math
 from collections.abc import Iterator
+from itertools import product
+from typing import Any
 
 Point = tuple[float, float]
 
@@ -20,24 +24,53 @@ def curve_of(content: bytes, place: str, quantity: str) -> dict[str, tuple[float
     Raises ValueError, which begins with `place`, if a line is not a point of a curve; it names the
     line and the `quantity`.
     """
-    try:
-        points = list(_points(content.decode("utf-8-sig"), place, quantity))
-    except UnicodeDecodeError:
-        raise ValueError(f"{place} is not UTF-8 text; give a CSV file") from None
+    points = list(_points(content, place, quantity))
     if len(points) < 2:
         raise ValueError(f"{place} has {len(points)} points; give 2 or more")
     wavelengths, values = zip(*points, strict=True)
     return {"wavelengths_nm": wavelengths, "values": values}
 
 
-def _points(text: str, place: str, quantity: str) -> Iterator[Point]:
+def surface_of(content: bytes, place: str, quantity: str) -> dict[str, Any]:
+    """Return wavelengths_nm, excess_v and values (biases, wavelengths) of a surface's file.
+
+    Raises ValueError as `curve_of`, or if a pair of wavelength and bias is missing or given twice.
+    """
+    values: dict[Point, float] = {}
+    for at, line in _lines(content, place):
+        here = f"{place}, line {at}"
+        wavelength, bias, value = _numbers(line, here, ("wavelength_nm", "excess_v", quantity))
+        if (bias, wavelength) in values:
+            raise ValueError(f"{here}: {wavelength:g} nm at {bias:g} V is given twice; keep one")
+        values[bias, wavelength] = value
+    biases, wavelengths = (tuple(sorted({pair[axis] for pair in values})) for axis in (0, 1))
+    for bias, wavelength in product(biases, wavelengths):
+        if (bias, wavelength) not in values:
+            raise ValueError(
+                f"{place}: {wavelength:g} nm at {bias:g} V is missing; give every wavelength at "
+                "every bias"
+            )
+    rows = tuple(tuple(values[bias, each] for each in wavelengths) for bias in biases)
+    return {"wavelengths_nm": wavelengths, "excess_v": biases, "values": rows}
+
+
+def _lines(content: bytes, place: str) -> list[tuple[int, str]]:
+    """Return the lines that hold numbers, and their places in the file."""
+    try:
+        text = content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        raise ValueError(f"{place} is not UTF-8 text; give a CSV file") from None
     bare = ((at, line.partition("#")[0].strip()) for at, line in enumerate(text.splitlines(), 1))
     lines = [(at, line) for at, line in bare if line]
-    if lines and not any(character.isdigit() for character in lines[0][1]):
-        lines = lines[1:]
+    has_names = lines and not any(character.isdigit() for character in lines[0][1])
+    return lines[1:] if has_names else lines
+
+
+def _points(content: bytes, place: str, quantity: str) -> Iterator[Point]:
     last = 0.0
-    for at, line in lines:
-        wavelength, value = _point(line, f"{place}, line {at}", quantity)
+    for at, line in _lines(content, place):
+        names = "wavelength_nm", quantity
+        wavelength, value = _numbers(line, f"{place}, line {at}", names)
         if not last < wavelength < math.inf:
             raise ValueError(
                 f"{place}, line {at}: {wavelength:g} nm follows {last:g}; sort the lines by "
@@ -47,16 +80,20 @@ def _points(text: str, place: str, quantity: str) -> Iterator[Point]:
         yield wavelength, value
 
 
-def _point(line: str, place: str, quantity: str) -> Point:
+def _numbers(line: str, place: str, names: tuple[str, ...]) -> list[float]:
+    """Return the numbers of a line, the last of them from 0 to 1."""
     try:
-        wavelength, value = (float(cell) for cell in line.split(","))
+        numbers = [float(cell) for cell in line.split(",")]
     except ValueError:
+        numbers = []
+    if len(numbers) != len(names):
+        count = {2: "two", 3: "three"}[len(names)]
         raise ValueError(
-            f"{place}: {line!r} is not wavelength_nm,{quantity}; give two numbers, with a comma "
+            f"{place}: {line!r} is not {','.join(names)}; give {count} numbers, with a comma "
             "between them"
-        ) from None
-    if not 0 <= value <= 1:
-        raise ValueError(
-            f"{place}: {quantity} {value:g} is not from 0 to 1; divide percents by 100"
         )
-    return wavelength, value
+    if not 0 <= numbers[-1] <= 1:
+        raise ValueError(
+            f"{place}: {names[-1]} {numbers[-1]:g} is not from 0 to 1; divide percents by 100"
+        )
+    return numbers

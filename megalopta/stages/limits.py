@@ -11,13 +11,14 @@ from pathlib import Path
 from megalopta.config.model import Configuration
 from megalopta.core.errors import UserError
 from megalopta.dataset.frames import frames_at_once
+from megalopta.sensor import Sensor
 from megalopta.stages.sense import burst_frames
 
 _PROGRAM_BYTES = 1e9
 _REMEDIES = {
     "render": "trajectory.frames, camera.width and height, or render.samples_per_pixel",
-    "sense": "trajectory.frames, the camera's size, sub_frames or burst_hz, or give fewer sensors "
-    "or light_levels",
+    "sense": "trajectory.frames, the camera's size, sub_frames, burst_hz or tcspc.bins, or give "
+    "fewer sensors or light_levels",
     "flow": "trajectory.frames or the camera's size, or give fewer methods or exposures",
     "benchmark": "trajectory.frames, benchmark.fluxes_per_decade or repeats, or give fewer sizes",
 }
@@ -59,6 +60,12 @@ def needed_bytes(settings: Configuration, stage: str) -> tuple[float, float]:
         disk = exposures * ((22 if settings.expectation else 3) + 7 * settings.correct)
         if "burst_npy" in settings.products:
             disk += exposures * burst_frames(settings) / 8
+        if "color_npy" in settings.products:
+            disk += exposures * 12
+        if "histograms_npy" in settings.products:
+            bins = [each.tcspc.bins for each in settings.sensors if isinstance(each, Sensor)]
+            disk += 4 * len(settings.light_levels) * sum(bins)
+            memory += 40 * pixels * max(bins, default=0)
     elif stage == "flow":
         memory = held * 80 + pixels * 240 * methods
         disk = 5 * exposures * methods

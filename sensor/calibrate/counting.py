@@ -14,7 +14,9 @@ time; so r = −ln(1 − p)/T, with the variance p/((1 − p)·n)/T² of n frame
                    rates between which dark counts switch
 
 Variance beyond that of independent events (afterpulses, crosstalk), by its mean over the array,
-widens intervals. The uncertainty of the dead time is part of those of rates. Pixels of a level are
+widens intervals. The uncertainty of the dead time is part of those of rates. Crosstalk p makes
+arrivals a = r + p·m from m counted avalanches per second, fewer of which come from busy neighbors:
+lights are scaled to a, by (1 − p)/(1 − p·m/a), before dead time is fitted. Pixels of a level are
 omitted where a counter was at its capacity, or fewer than ten binary frames were 0.
 """
 
@@ -121,12 +123,15 @@ def calibrate_counts(
     _check(levels)
     fits = _Fits(levels)
     dead_time, refused = fits.dead_time()
+    kernels = [level.kernel for level in levels if level.kernel is not None]
+    kernel = mean_kernel(kernels) if kernels else None
     if dead_time is not None:
+        if kernel is not None and kernel.is_seen:
+            dead_time = fits.beside_crosstalk(dead_time, kernel)
         fits.set_dead_time(dead_time)
     elif known is not None and not levels[0].is_binary:
         fits.set_dead_time(DeadTimeEstimate(known[0], 0.0, known[1], True))
     dark = fits.dark_counts(refused)
-    kernels = [level.kernel for level in levels if level.kernel is not None]
     hot = np.zeros(fits.shape, np.bool_)
     if dark is not None:
         hot = np.asarray(dark.low > hot_times * float(np.nanmedian(dark.value)))
@@ -140,7 +145,7 @@ def calibrate_counts(
         stuck=fits.stuck,
         reading=np.where(fits.stuck, levels[0].largest, np.where(fits.dead, 0.0, -1.0)),
         telegraph=fits.telegraph(),
-        kernel=mean_kernel(kernels) if kernels else None,
+        kernel=kernel,
         saturated=~np.logical_or.reduce(fits.used) & ~fits.dead & ~fits.stuck,
         hot=hot & ~fits.dead & ~fits.stuck,
         refused=refused,
@@ -236,6 +241,31 @@ class _Fits:
         # events in excess of Poisson's widen it, too
         error *= float(np.sqrt(max(self.spread)))
         return DeadTimeEstimate(seconds, error, fit.kind, ratio > _CLEAR_KIND), {}
+
+    def beside_crosstalk(self, found: DeadTimeEstimate, kernel: Kernel) -> DeadTimeEstimate:
+        """Fit the dead time again, to light and what busy neighbors fire; its error has both."""
+        levels, fired = self.levels, 2 * float(kernel.share.sum())
+        seconds = []
+        for each in (fired + kernel.total_error, fired):
+            for _ in range(_ROUNDS):
+                self.levels = levels
+                self.set_dead_time(found)
+                shares = [_busy_share(each, self._live(at)) for at in range(len(levels))]
+                self.levels = [
+                    level._replace(light_hz=share * level.light_hz)
+                    for level, share in zip(levels, shares, strict=True)
+                ]
+                self._dead_time = None
+                found = self.dead_time()[0] or found
+            seconds.append(found.seconds)
+        return found._replace(error=float(np.hypot(found.error, seconds[0] - seconds[1])))
+
+    def _live(self, at: int) -> float:
+        """Share of the arrivals of a level that are counted, median over its pixels."""
+        level = self.levels[at]
+        arrivals = self.rates(at, level.mean) * level.exposure_s
+        counted = self.used[at] & (arrivals > 0)
+        return float(np.median((level.mean / arrivals)[counted])) if counted.any() else 1.0
 
     def nonlinearity(self) -> float:
         """Loss of bright light against a line through dim light and the dark, in its errors."""
@@ -376,6 +406,11 @@ class _Fits:
         slope = np.interp(rate, grid, np.maximum(np.gradient(mean, grid), 1e-12))
         own = np.where(rate < grid[0], arrivals, np.interp(rate, grid, variance))
         return np.asarray(self.spread[at] * own / level.frames / slope**2)
+
+
+def _busy_share(fired: float, live: float) -> float:
+    """Arrivals per light, relative to those of dim light, where so many are counted."""
+    return (1 - fired) / (1 - fired * live)
 
 
 def _ends(lit: Sequence[int]) -> tuple[int, int]:

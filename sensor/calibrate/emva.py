@@ -18,7 +18,8 @@ Events are whole numbers, so that rounding adds no noise to counts: `quantizatio
 The standard has s²_y.50 − s²_y.dark in place of the variance of differences; the two agree where
 sensitivity and dark counts are independent, and differ where hot pixels saturate. Pixels whose dark
 signal exceeds a tenth of saturation are not part of PRNU. With dead time the response is no line,
-and K is too small in bright light; LE says by how much.
+and K is too small in bright light, so that η = R/K is too large. `without_dead_time` returns the
+factors by which R and K of a calibrated device rise where its dead time ends; LE stays as it is.
 
 Source: EMVA Standard 1288, Release 4.0 Linear (2021).
 """
@@ -33,7 +34,7 @@ from megalopta.core.arrays import Floats
 from megalopta.sensor.change import changed
 from megalopta.sensor.expectations import reading_moments
 from megalopta.sensor.spad.device import draw_fixed_pattern
-from megalopta.sensor.spad.model import Sensor
+from megalopta.sensor.spad.model import Sensor, without
 
 FEWEST_STEPS = 8
 """Levels of light that are needed, without the dark."""
@@ -41,6 +42,8 @@ _STEPS = 50
 _LINEAR = 0.7
 _LINEARITY = 0.05, 0.95
 _HOT = 0.1
+_DIM = 0.01
+"""Light, of saturation, at which no counter is near its end."""
 _STEP, _MOST_ARRIVALS = 1.2, 1e9
 """Growth of light when saturation is sought, and its limit in detections per exposure."""
 _SIDE = 64
@@ -129,8 +132,15 @@ class Emva(NamedTuple):
         return float(20 * np.log10(self.saturation_photons / self.threshold_photons))
 
 
-def emva(dark: Step, steps: Sequence[Step], quantization: float = 0.0) -> Emva:
+def emva(
+    dark: Step,
+    steps: Sequence[Step],
+    quantization: float = 0.0,
+    factors: tuple[float, float] = (1.0, 1.0),
+) -> Emva:
     """Return the figures of a camera from a dark step and steps of increasing light.
+
+    `factors` multiply R and K (`without_dead_time`).
 
     Raises ValueError if there are too few steps, or the brightest is not above the dark.
     """
@@ -145,10 +155,10 @@ def emva(dark: Step, steps: Sequence[Step], quantization: float = 0.0) -> Emva:
     linear = (photons <= _LINEAR * photons[last]) & (np.arange(len(steps)) <= last)
     if linear.sum() < 2:
         raise ValueError("saturated above the dimmest light; add dimmer levels")
-    gain = _slope(level[linear], noise[linear])
+    gain = factors[1] * _slope(level[linear], noise[linear])
     half = min(steps, key=lambda step: abs(step.level - dark.level - 0.5 * level[last]))
     return Emva(
-        responsivity=_slope(photons[linear], level[linear]),
+        responsivity=factors[0] * _slope(photons[linear], level[linear]),
         gain=gain,
         dark_noise=float(np.sqrt(max(dark.noise - quantization, 0.0))) / gain,
         dsnu=float(np.sqrt(dark.spread)) / gain,
@@ -196,20 +206,10 @@ def device_steps(
 
     Raises ValueError if its readings do not saturate at any light that can be computed.
     """
-    if sensor.measured.is_on:
-        sensor = changed(sensor, measured={"fit": "center"})
-    side = min(shape[0], _SIDE), min(shape[1], _SIDE)
-    efficiency = float(sensor.photon_detection_efficiency(np.array(wavelength_nm)))
-    pattern = efficiency * draw_fixed_pattern(sensor, side).efficiency_factor
-
-    def steps_at(photons: Floats) -> list[Step]:
-        rates = photons[:, None, None] / sensor.exposure_s * pattern
-        moments = zip(photons.tolist(), *reading_moments(rates, sensor), strict=True)
-        return [Step(*each) for each in moments]
-
+    device = _Device.of(sensor, shape, wavelength_nm)
     end, peak, scan = 0.0, 0.0, 1.0
-    while scan * float(pattern.max()) < _MOST_ARRIVALS:
-        noise = steps_at(np.array([scan]))[0].noise
+    while scan * float(device.efficiency.max()) < _MOST_ARRIVALS:
+        noise = device.steps_at([scan])[0].noise
         if noise > peak:
             end, peak = scan * _STEP, noise
         elif noise < 0.5 * peak:
@@ -217,4 +217,45 @@ def device_steps(
         scan *= _STEP
     else:
         raise ValueError("readings do not saturate; give the counter a capacity")
-    return steps_at(np.zeros(1))[0], steps_at(np.linspace(0, end, _STEPS + 1)[1:])
+    return device.steps_at([0.0])[0], device.steps_at(np.linspace(0, end, _STEPS + 1)[1:])
+
+
+def without_dead_time(
+    sensor: Sensor, shape: tuple[int, int], wavelength_nm: float, steps: Sequence[Step]
+) -> tuple[float, float]:
+    """Return the factors on R and K, from these steps of light, that take out dead time.
+
+    They are ratios of exact moments of the device without and with its dead time, (1, 1) if it has
+    none. Raises ValueError as `emva`.
+    """
+    if not sensor.dead_time.is_on:
+        return 1.0, 1.0
+    photons = [0.0, *(each.photons for each in steps)]
+    dark, *lit = _Device.of(sensor, shape, wavelength_nm).steps_at(photons)
+    dead = emva(dark, lit)
+    dim = [0.0, _DIM * dead.saturation_photons]
+    low, high = _Device.of(without(sensor, "dead_time"), shape, wavelength_nm).steps_at(dim)
+    rise = high.level - low.level
+    return rise / dim[1] / dead.responsivity, (high.noise - low.noise) / rise / dead.gain
+
+
+class _Device(NamedTuple):
+    """Middle of a device, whose readings under even light are computed."""
+
+    sensor: Sensor
+    efficiency: Floats
+    """(rows, columns)"""
+
+    @classmethod
+    def of(cls, sensor: Sensor, shape: tuple[int, int], wavelength_nm: float) -> "_Device":
+        if sensor.measured.is_on:
+            sensor = changed(sensor, measured={"fit": "center"})
+        side = min(shape[0], _SIDE), min(shape[1], _SIDE)
+        efficiency = float(sensor.photon_detection_efficiency(np.array(wavelength_nm)))
+        return cls(sensor, efficiency * draw_fixed_pattern(sensor, side).efficiency_factor)
+
+    def steps_at(self, photons: Sequence[float] | Floats) -> list[Step]:
+        light = np.asarray(photons, np.float64)
+        rates = light[:, None, None] / self.sensor.exposure_s * self.efficiency
+        moments = zip(light.tolist(), *reading_moments(rates, self.sensor), strict=True)
+        return [Step(*each) for each in moments]

@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import gamma, norm
 
-from megalopta.core.arrays import Floats, Mask
+from megalopta.core.arrays import Floats, Ints, Mask
 from megalopta.sensor.calibrate.level import Level
 from megalopta.sensor.calibrate.steadiness import Drift, drift
 from megalopta.sensor.compare.faults import Fault
@@ -36,6 +36,8 @@ _DRIFT_Z = 5.0
 _SMALLEST_DRIFT = 0.01
 _CLEARLY_BETTER = 16.0
 _MOST_LINES = 3
+_MOST_LOST = 4
+"""Frames made over frames kept above which times are not used."""
 _FEWEST_FRAMES = 16
 _LOWEST_LINE = 3
 """Cycles per recording below which a line is a drift."""
@@ -241,12 +243,13 @@ class _Line(NamedTuple):
 
 def _remove_lines(found: Steadied, good: Mask, part: Parts) -> None:
     shape, parameter = _moving(found.level, part)
+    places = _places(found.level)
     for _ in range(_MOST_LINES):
         z = _standardized(found.level, good)
-        line = _strongest(z)
+        line = _strongest(z, places)
         if line is None:
             return
-        fitted = _fitted_line(z, line) / max(_sensitivity(found.level, good, shape), 1e-12)
+        fitted = _fitted_line(z, line, places) / max(_sensitivity(found.level, good, shape), 1e-12)
         found.level = _less(found.level, fitted[:, :, None] * shape)
         size = float(np.sqrt(2 * np.square(fitted).mean()))
         turns = max(line.cycles * len(z), 1.0)
@@ -256,6 +259,16 @@ def _remove_lines(found: Steadied, good: Mask, part: Parts) -> None:
         unit = f"{size:.2g} counts" if parameter == "offset" else f"{100 * size:.2g} %"
         text = f"{name} of {hertz:.3g} Hz{_alias(hertz, found.level, len(z))}, ±{unit}"
         found.faults.append(Fault(name, text))
+
+
+def _places(level: Level) -> Ints:
+    """Number of each frame (n,), lost ones counted: they would break the phase of a line."""
+    places = np.arange(len(level.readings))
+    if level.times_s is None or len(places) < 2:
+        return places
+    timed = np.rint((level.times_s - level.times_s[0]) / level.interval_s)
+    is_usable = (np.diff(timed) > 0).all() and timed[-1] < _MOST_LOST * len(places)
+    return timed.astype(np.int64) if is_usable else places
 
 
 def _moving(level: Level, part: Parts) -> tuple[Floats, str]:
@@ -273,14 +286,15 @@ def _doubt(found: Steadied, parameter: str, size: float, counts: float) -> None:
         found.unsure[name] = float(np.hypot(found.unsure.get(name, 0.0), more))
 
 
-def _strongest(z: Floats) -> _Line | None:
+def _strongest(z: Floats, places: Ints) -> _Line | None:
     """Strongest line of all pixels or of rows, if it is no chance."""
-    n, per_row = len(z), (z != 0).any(axis=0).sum(axis=1)
+    n, per_row = int(places[-1]) + 1, (z != 0).any(axis=0).sum(axis=1)
     own = per_row > 0
     bands = int(own.sum()) - 1
-    if bands < 0 or n < _FEWEST_FRAMES:
+    if bands < 0 or len(z) < _FEWEST_FRAMES:
         return None
-    rows = z.sum(axis=2)[:, own] / np.sqrt(per_row[own])
+    rows = np.zeros((n, bands + 1), z.dtype)
+    rows[places] = z.sum(axis=2)[:, own] / np.sqrt(per_row[own])
     weight = np.sqrt(per_row[own] / per_row.sum())
     spectra = np.fft.rfft(rows, axis=0)[_LOWEST_LINE : (n + 1) // 2]
     common = spectra @ weight
@@ -316,9 +330,9 @@ def _refined(series: Floats, place: int) -> float:
     return cycles / n
 
 
-def _fitted_line(z: Floats, line: _Line) -> Floats:
+def _fitted_line(z: Floats, line: _Line, places: Ints) -> Floats:
     """Line in the means of z over all pixels (n, 1), or over rows (n, rows)."""
-    angle = 2 * np.pi * line.cycles * np.arange(len(z))
+    angle = 2 * np.pi * line.cycles * places
     waves = np.stack([np.cos(angle), np.sin(angle)], axis=1)
     varies = (z != 0).any(axis=0)
     sums = z.sum(axis=2) if line.is_banding else z.sum(axis=(1, 2))[:, None]

@@ -22,13 +22,14 @@ a block. Welch's t test shows whether the means differ. Two one-sided tests (Sch
 whether they differ by less than a margin: the 90 % CI lies inside it.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import binom, chi2, false_discovery_control, norm, t
 
 from megalopta.core.arrays import Floats, Mask
+from megalopta.core.compiling import compiled
 
 _FEW_COUNTS = 200.0
 _LEAST_MEAN = 2.0
@@ -105,7 +106,7 @@ def histogram_test(one: Floats, other: Floats) -> tuple[Floats, Distances]:
     Each (rows, columns); NaN where bins are too few.
     """
     shape = one.shape[1:]
-    samples = [np.rint(each).astype(np.int64).reshape(len(each), -1) for each in (one, other)]
+    samples = [_whole(each).reshape(len(each), -1) for each in (one, other)]
     at_once = max(_ENTRIES_AT_ONCE // _values(samples), 1)
     pieces = [
         _of_pixels([each[:, first : first + at_once] for each in samples])
@@ -117,23 +118,26 @@ def histogram_test(one: Floats, other: Floats) -> tuple[Floats, Distances]:
 
 def distances_by_chance(one: Floats, other: Floats) -> Distances:
     """Return distances within one distribution: frames (n, rows, columns) of both are shuffled."""
-    both = np.concatenate([one, other])
+    both = np.concatenate([_whole(one), _whole(other)])
     order = np.random.default_rng(0).permutation(len(both))
     return histogram_test(both[order[: len(one)]], both[order[len(one) :]])[1]
 
 
-def _values(samples: list[NDArray[np.int64]]) -> int:
+def _whole(counts: NDArray[Any]) -> NDArray[np.int32]:
+    return np.rint(counts).astype(np.int32) if counts.dtype != np.int32 else counts
+
+
+def _values(samples: list[NDArray[np.int32]]) -> int:
     return int(max(each.max() for each in samples) - min(each.min() for each in samples)) + 1
 
 
-def _of_pixels(samples: list[NDArray[np.int64]]) -> tuple[Floats, Floats, Floats, Floats]:
+def _of_pixels(samples: list[NDArray[np.int32]]) -> tuple[Floats, Floats, Floats, Floats]:
     """P-values and three distances of pixels, of samples (n, P)."""
     least, size = min(int(each.min()) for each in samples), _values(samples)
     pixels = samples[0].shape[1]
-    seen = np.empty((2, pixels, size))
-    for place, each in enumerate(samples):
-        key = each - least + size * np.arange(pixels)
-        seen[place] = np.bincount(key.ravel(), minlength=pixels * size).reshape(pixels, size)
+    seen = np.zeros((2, pixels, size))
+    for histograms, each in zip(seen, samples, strict=True):
+        _count(each, least, histograms)
     totals = np.array([len(each) for each in samples], np.float64)
     apart = np.subtract(*(seen / totals[:, None, None]))
     cumulative = np.cumsum(apart, axis=1)
@@ -143,6 +147,14 @@ def _of_pixels(samples: list[NDArray[np.int64]]) -> tuple[Floats, Floats, Floats
         np.abs(cumulative).sum(axis=1),
         np.sqrt(2 * np.square(cumulative).sum(axis=1)),
     )
+
+
+@compiled
+def _count(readings: NDArray[np.int32], least: int, histograms: Floats) -> None:
+    """Add readings (n, P) to histograms (P, values)."""
+    for frame in range(readings.shape[0]):
+        for pixel in range(readings.shape[1]):
+            histograms[pixel, readings[frame, pixel] - least] += 1
 
 
 def _chi_square_p(seen: Floats, totals: Floats) -> Floats:

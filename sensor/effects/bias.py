@@ -19,6 +19,10 @@ the dissertation's signal-to-noise ratio, is largest at
 
 at any flux, and below every bias at which efficiency is largest. δ is normal.
 
+A measured surface PDP(λ, V) replaces f: pixels differ in their curves, not by a factor alone.
+`efficiency` is its curve at the reference bias. Where no spectrum is known, the factor is that of a
+spectrum flat over the surface.
+
 A measured map already contains each pixel's mismatch. It is multiplied by the factor from the
 reference bias to this one at the pixel's own δ, which is 1 at the reference bias.
 
@@ -36,6 +40,7 @@ from pydantic import Field, model_validator
 
 from megalopta.core.arrays import Floats
 from megalopta.sensor.effects.base import Effect, PixelRates, Stage
+from megalopta.sensor.effects.efficiency_surface import EfficiencySurface
 from megalopta.sensor.sampling.streams import pixel_normals
 
 
@@ -55,6 +60,10 @@ class Bias(Effect, frozen=True):
     """Excess bias below which nothing is counted (V)."""
     efficiency_scale_v: Annotated[float, Field(gt=0)] | None = None
     """Voltage scale of the saturation of the efficiency (V); null: independent of bias."""
+    efficiency_surface: Annotated[
+        EfficiencySurface | None, Field(exclude_if=lambda surface: surface is None)
+    ] = None
+    """Measured PDP over wavelength and bias, in place of efficiency_scale_v; null: none."""
     dark_efold_v: Annotated[float, Field(gt=0)] | None = None
     """Rise in bias that multiplies dark counts by e (V); null: independent of bias."""
     afterpulsing_slope: Annotated[float, Field(ge=0, le=10)] = 0.0
@@ -71,11 +80,17 @@ class Bias(Effect, frozen=True):
                 f"bias.onset_v: {self.onset_v:g} is not below reference_v {self.reference_v:g}, "
                 "where the efficiency curve holds; lower it"
             )
+        if self.efficiency_surface and self.efficiency_scale_v:
+            raise ValueError(
+                f"bias.efficiency_scale_v: {self.efficiency_scale_v:g}, and an efficiency_surface; "
+                "both say how efficiency depends on bias: set one of them to null"
+            )
         if self.is_on and not self.matters:
             raise ValueError(
                 f"bias: excess_v {self.excess_v:g}, reference_v {self.reference_v:g}, "
                 f"breakdown_sigma_v {self.breakdown_sigma_v:g}, but nothing depends on bias; give "
-                "efficiency_scale_v, dark_efold_v, onset_v, afterpulsing_slope or crosstalk_slope"
+                "efficiency_scale_v, efficiency_surface, dark_efold_v, onset_v, "
+                "afterpulsing_slope or crosstalk_slope"
             )
         return self
 
@@ -87,13 +102,13 @@ class Bias(Effect, frozen=True):
     @property
     def matters(self) -> bool:
         """True if anything depends on the excess bias."""
-        scales = self.efficiency_scale_v, self.dark_efold_v
+        scales = self.efficiency_scale_v, self.efficiency_surface, self.dark_efold_v
         slopes = self.onset_v, self.afterpulsing_slope, self.crosstalk_slope
-        return scales != (None, None) or any(slopes)
+        return scales != (None, None, None) or any(slopes)
 
     def without_efficiency(self) -> "Bias":
         """Return the bias without influence on efficiency, except for the onset."""
-        without = self.model_copy(update={"efficiency_scale_v": None})
+        without = self.model_copy(update={"efficiency_scale_v": None, "efficiency_surface": None})
         return without if without.matters else Bias()
 
     def act_on_rates(self, rates: PixelRates) -> None:
@@ -103,6 +118,10 @@ class Bias(Effect, frozen=True):
             offset = breakdown_offset(self, rates.shape, rates.device_seed)
 
         now = self.model_copy(update={"excess_v": self.excess_v - rates.breakdown_shift_v})
+
+        if self.efficiency_surface:
+            rates.excess_v = now.excess_v - offset
+            self.efficiency_surface.check(rates.excess_v)
 
         def factor(name: str, law: Callable[[Bias, ArrayLike], Floats]) -> Floats:
             is_measured = name in rates.measured
@@ -129,6 +148,9 @@ def efficiency_factor(bias: Bias, breakdown_offset_v: ArrayLike) -> Floats:
     """Efficiency relative to that at the reference bias."""
     excess = bias.excess_v - np.asarray(breakdown_offset_v, np.float64)
     is_sensitive = excess > bias.onset_v
+    if bias.efficiency_surface is not None:
+        mean = bias.efficiency_surface.in_flat_light
+        return np.where(is_sensitive, mean(excess) / mean(bias.reference_v), 0.0)
     if bias.efficiency_scale_v is None:
         return np.asarray(is_sensitive, np.float64)
     trigger, at_reference = (

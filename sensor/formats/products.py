@@ -6,6 +6,7 @@ Settings need only the names; writers are loaded on use.
 import math
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias, get_args
 
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
 
 ProductName: TypeAlias = Literal[
     "counts", "events_hdf5", "events_npz", "binary_npy", "binary_spad512", "burst_npy", "tiff",
-    "histograms_npy",
+    "histograms_npy", "color_npy",
 ]  # fmt: skip
 PRODUCTS: tuple[ProductName, ...] = get_args(ProductName)
 
@@ -39,6 +40,7 @@ _PRODUCTS: Mapping[ProductName, _Product] = {
     "burst_npy": _Product(".burst.npy", "burst"),
     "tiff": _Product(".tiff", "readings"),
     "histograms_npy": _Product(".histograms.npy", "histograms"),
+    "color_npy": _Product(".color.npy", "readings"),
 }
 
 
@@ -73,6 +75,8 @@ def check_product(product: ProductName, sensor: "ImageSensor", shape: tuple[int,
     from megalopta.sensor.spad.model import Sensor
 
     kind = kind_of(product)
+    if product == "color_npy":
+        sensor.filters.check_bayer()
     if kind == "readings":
         return
     if not isinstance(sensor, Sensor):
@@ -117,6 +121,7 @@ def product_writer(
         Binary frames per burst in that time.
     """
     from megalopta.sensor.formats import counts_store, events, packed, tiff
+    from megalopta.sensor.optics.filters import demosaiced
     from megalopta.sensor.spad.model import Sensor
 
     frames, rows, columns = shape
@@ -133,15 +138,20 @@ def product_writer(
     if product == "histograms_npy":
         assert isinstance(origin.sensor, Sensor)
         return packed.npy_writer(path, (*shape, origin.sensor.tcspc.bins), "<u4")
+    if product == "color_npy":
+        colors = partial(demosaiced, filters=origin.sensor.filters)
+        return _of_counts(packed.npy_writer(path, (*shape, 3), "<f4"), colors)
     frames *= burst_frames if product == "burst_npy" else 1
     return packed.npy_writer(path, (frames, rows, -(-columns // 8)))
 
 
 @contextmanager
-def _of_counts(writer: AbstractContextManager[Write]) -> Iterator[Write]:
+def _of_counts(
+    writer: AbstractContextManager[Write], change: Callable[[Any], Any] = lambda counts: counts
+) -> Iterator[Write]:
     """Yield a function that appends the counts of exposures."""
     with writer as write:
-        yield lambda exposure: write(exposure.counts)
+        yield lambda exposure: write(change(exposure.counts))
 
 
 def _event_origin(

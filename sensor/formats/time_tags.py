@@ -1,28 +1,36 @@
-"""Reader of time tags: PicoQuant's `.ptu` files, by `ptufile`, and Photon-HDF5.
+"""Reader of time tags: PicoQuant's `.ptu`, by `ptufile`, Photon-HDF5, and LinoSPAD2, by `daplis`.
 
 A tag is the time of an event and its channel, a pixel. In a `.ptu` file of mode T2 the time is
 absolute; of mode T3 it is that of the laser pulse before, plus the time since. Photon-HDF5 has
 `timestamps` with their unit, in `photon_data`, or in `photon_data0`, `photon_data1`, … of several
-spots; each detector of each spot is a channel, in order.
+spots; each detector of each spot is a channel, in order. LinoSPAD2's `.dat` files (firmware 2212)
+do not say what they are. Half a sensor has 256 pixels, four at each of 64 converters, and each
+acquisition cycle begins with its time on the camera's clock.
 
-Layouts: ptufile (C. Gohlke); Photon-HDF5 0.5, Ingargiola et al., Biophys. J. 110, 26 (2016).
+Layouts: ptufile (C. Gohlke); Photon-HDF5 0.5, Ingargiola et al., Biophys. J. 110, 26 (2016);
+daplis (S. Kulkov et al.).
 """
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import h5py
 import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.core.arrays import Floats, Ints
-from megalopta.core.bounded import ARRAY_BYTES, read_bytes
+from megalopta.core.bounded import ARRAY_BYTES, check_file, read_bytes
 from megalopta.core.errors import DamagedFileError
 from megalopta.sensor.formats.events import HDF5_SIGNATURE
 from megalopta.sensor.formats.recorded_frames import file_bytes, one_line
 
 _PTU_SIGNATURE = b"PQTTTR\0\0"
+_CONVERTERS, _PIXELS_EACH = 64, 4
+_CODE_S, _CLOCK_S = 2.5e-9 / 140, 7.5e-9
+"""Steps of LinoSPAD2's converters, on average, and of its clock, s"""
+_MOST_DAT_BYTES = 2**30
+"""Largest `.dat` file: in memory it takes twenty times as much."""
 
 
 class TimeTags(NamedTuple):
@@ -66,6 +74,57 @@ def read_time_tags(path: str | Path) -> TimeTags:
     except Exception as problem:  # a damaged file can raise any exception
         reason = one_line(problem, 160)
         raise DamagedFileError(f"{path}: damaged or without time tags ({reason})") from None
+    return _sorted(path, time_s, channel, unit_s)
+
+
+def read_linospad2(
+    path: str | Path, firmware: Literal["2212b", "2212s"], per_cycle: int = 512
+) -> TimeTags:
+    """Read a `.dat` file of half a LinoSPAD2, with the times of its cycles.
+
+    Parameters
+    ----------
+    firmware : str
+        2212b: a converter has four neighboring pixels; 2212s: every 64th.
+    per_cycle : int
+        Time stamps of a converter in an acquisition cycle.
+
+    Raises
+    ------
+    ValueError
+        If the file's size is not that of such cycles.
+    ModuleNotFoundError
+        If `daplis` is not installed.
+    """
+    path = Path(path)
+    words, rest = divmod(file_bytes(path).size, 4)
+    if rest or words % (cycle := (_CONVERTERS + 1) * per_cycle + 2):
+        raise DamagedFileError(
+            f"{path}: {words} words are not cycles of {cycle}, of {per_cycle} time stamps each and "
+            "an absolute time; state the recording's time stamps per cycle, or record with them"
+        )
+    check_file(path, _MOST_DAT_BYTES)
+    time_s, channel = _linospad2(path, firmware, per_cycle)
+    return _sorted(path, time_s, channel, _CODE_S)._replace(channels=_CONVERTERS * _PIXELS_EACH)
+
+
+def _linospad2(path: Path, firmware: str, per_cycle: int) -> tuple[Floats, Ints]:
+    from matplotlib import rc_context
+
+    with rc_context():  # daplis changes the style of all figures
+        from daplis.functions.unpack import unpack_binary_data_with_absolute_timestamps as unpack
+
+    pixel, code, start = unpack(str(path), "", "", firmware, per_cycle)
+    converter = np.arange(_CONVERTERS)[:, None]
+    block = firmware == "2212b"
+    own = pixel.astype(np.int64)
+    place = converter * _PIXELS_EACH + own if block else converter + _CONVERTERS * own
+    from_first = (start - start.min()).astype(np.float64)
+    time_s = _CLOCK_S * np.repeat(from_first, per_cycle) + _CODE_S * code
+    return time_s[code >= 0], place[code >= 0]
+
+
+def _sorted(path: Path, time_s: Floats, channel: Ints, unit_s: float) -> TimeTags:
     if time_s.size < 2:
         raise DamagedFileError(f"{path}: {time_s.size} events; give a file with more")
     order = np.argsort(time_s, kind="stable")

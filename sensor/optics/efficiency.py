@@ -7,14 +7,15 @@ spectrum that is flat inside the band,
     PDP_b = ∫ PDP(λ)·λ dλ / ∫ λ dλ
 
 Between points the integrand is a parabola, or a cubic with the transmission T(λ) of the lens.
-Simpson's rule is exact for both: no point is lost however narrow or wide the band. The curve holds
-at one operating point; `bias` scales it elsewhere.
+Simpson's rule is exact for both: no point is lost however narrow or wide the band. With a color
+filter, too, Gauss and Legendre's rule of three points is exact. The curve holds at one operating
+point; `bias` scales it elsewhere, or a surface over wavelength and excess bias replaces it.
 
 A measured curve of efficiency, or of the lens's transmission, comes from a CSV file
 (`core.curve_file`). It is read once, and its numbers replace its path in the sensor's description.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from itertools import product
 from pathlib import Path
 from typing import Annotated, Any, ClassVar
@@ -24,7 +25,7 @@ from numpy.typing import ArrayLike
 from pydantic import Field
 
 from megalopta.core.arrays import Floats
-from megalopta.core.curve_file import curve_of
+from megalopta.core.curve_file import curve_of, surface_of
 from megalopta.sensor.effects.base import Effect, Stage
 from megalopta.sensor.input_files import file_content
 from megalopta.sensor.optics.lens import Lens, WavelengthCurve, check_bands
@@ -54,15 +55,19 @@ class Efficiency(WavelengthCurve, Effect, frozen=True):
 
 
 def band_efficiency(
-    efficiency: Efficiency, bands_nm: ArrayLike, lens: Lens | None = None
+    efficiency: Efficiency,
+    bands_nm: ArrayLike,
+    lens: Lens | None = None,
+    filters: Sequence[WavelengthCurve] = (),
 ) -> Floats:
     """Return the mean PDP over the photons of each band, (B,), from 0 to 1.
 
-    With a lens, PDP is multiplied by the lens's curve. Bands (B, 2) are lower and upper edges, nm.
+    With a lens or filters, PDP is multiplied by their curves. Bands (B, 2) are lower and upper
+    edges, nm.
     Raises ValueError if a band reaches outside a curve.
     """
     passing = lens.transmission_curve if lens else None
-    return _photon_means([efficiency, *([passing] if passing else [])], bands_nm)
+    return _photon_means([efficiency, *([passing] if passing else []), *filters], bands_nm)
 
 
 def band_transmission(lens: Lens, bands_nm: ArrayLike) -> Floats:
@@ -87,14 +92,26 @@ def _photon_mean(curves: Sequence[WavelengthCurve], lower: float, upper: float) 
     points = np.unique([point for curve in curves for point in curve.wavelengths_nm])
     nodes = np.concatenate(([lower], points[(points > lower) & (points < upper)], [upper]))
     middle = (nodes[:-1] + nodes[1:]) / 2
-    at_nodes, at_middle = (
-        np.prod([at, *(curve(at) for curve in curves)], 0) for at in (nodes, middle)
-    )
-    integrals = np.diff(nodes) * (at_nodes[:-1] + 4 * at_middle + at_nodes[1:]) / 6
+
+    def seen(at: Floats) -> Floats:
+        return np.asarray(np.prod([at, *(curve(at) for curve in curves)], 0))
+
+    if len(curves) < 3:
+        at_nodes = seen(nodes)
+        integrals = np.diff(nodes) * (at_nodes[:-1] + 4 * seen(middle) + at_nodes[1:]) / 6
+    else:
+        places, weights = np.polynomial.legendre.leggauss(3)
+        half = np.diff(nodes) / 2
+        integrals = half * sum(
+            weight * seen(middle + place * half)
+            for place, weight in zip(places, weights, strict=True)
+        )
     return float(integrals.sum() / ((upper**2 - lower**2) / 2))
 
 
-def with_curve(curve: Any, folder: Path, field: str = "efficiency") -> Any:
+def with_curve(
+    curve: Any, folder: Path, field: str = "efficiency", read: Callable[..., Any] = curve_of
+) -> Any:
     """Return the curve in the file for `{path: FILE}`, and anything else unchanged.
 
     Raises ValueError if a path and numbers are both given, or the file holds no curve.
@@ -105,12 +122,26 @@ def with_curve(curve: Any, folder: Path, field: str = "efficiency") -> Any:
         others = ", ".join(str(name) for name in curve if name != "path")
         raise ValueError(f"{field}: path and {others} given; give a file or numbers, not both")
     path = folder / curve["path"]
-    return curve_of(file_content(path, field), f"{field}: {path}", "efficiency")
+    return read(file_content(path, field), f"{field}: {path}", "efficiency")
 
 
-def with_transmission(lens: Any, folder: Path) -> Any:
-    """Return a lens with the curve from its file, as `with_curve`."""
-    if not isinstance(lens, Mapping) or "transmission_curve" not in lens:
-        return lens
-    curve = with_curve(lens["transmission_curve"], folder, "lens.transmission_curve")
-    return {**lens, "transmission_curve": curve}
+def with_surface(bias: Any, folder: Path) -> Any:
+    """Return a bias with the surface from its file, as `with_curve`."""
+    name = "efficiency_surface"
+    if not isinstance(bias, Mapping) or name not in bias:
+        return bias
+    return {**bias, name: with_curve(bias[name], folder, f"bias.{name}", surface_of)}
+
+
+def with_curves(part: str) -> Callable[[Any, Path], Any]:
+    """Return a function that gives a part of a sensor, such as its lens, the curves of its files.
+
+    As `with_curve`.
+    """
+
+    def resolved(values: Any, folder: Path) -> Any:
+        if not isinstance(values, Mapping):
+            return values
+        return {name: with_curve(value, folder, f"{part}.{name}") for name, value in values.items()}
+
+    return resolved

@@ -1,5 +1,6 @@
 """Pixels of any image sensor: from the radiance of a scene to detected photons."""
 
+from collections.abc import Callable, Sequence
 from typing import Annotated, Self
 
 import numpy as np
@@ -10,6 +11,7 @@ from megalopta.core.arrays import Floats
 from megalopta.core.record import Record
 from megalopta.sensor.effects.dead_time import MOST_ARRIVALS
 from megalopta.sensor.optics.efficiency import Efficiency, band_efficiency, band_transmission
+from megalopta.sensor.optics.filters import ColorFilters
 from megalopta.sensor.optics.lens import (
     Lens,
     blurred,
@@ -40,6 +42,8 @@ class PixelOptics(Record):
     """Time during which events are counted for one frame (s)."""
     lens: Lens = Lens()
     """Lens in front of the pixels."""
+    filters: ColorFilters = Field(default=ColorFilters(), exclude_if=lambda own: not own.is_on)
+    """Color filters in front of the pixels; none by default."""
     efficiency: Efficiency
     """Photon detection probability (PDP) of the light-sensitive area over wavelength."""
 
@@ -71,14 +75,33 @@ class PixelOptics(Record):
 def photon_rate(radiance: ArrayLike, bands_nm: ArrayLike, sensor: PixelOptics) -> Floats:
     """Photons per second on each pixel, (T, H, W); parameters as for `expose`."""
     flux = _flux_per_radiance(bands_nm, sensor) * band_transmission(sensor.lens, bands_nm)
+    radiance = _check_radiance(radiance, flux.size)
     return _sum_over_bands(radiance, sensor.pixel_area_m2 * flux, sensor)
 
 
-def detected_rate(radiance: ArrayLike, bands_nm: ArrayLike, sensor: PixelOptics) -> Floats:
-    """Photons per second that identical pixels detect, (T, H, W); parameters as for `expose`."""
-    detected = band_efficiency(sensor.efficiency, bands_nm, sensor.lens)
-    flux = _flux_per_radiance(bands_nm, sensor) * detected
-    return _sum_over_bands(radiance, sensor.active_area_m2 * flux, sensor)
+def detected_rate(
+    radiance: ArrayLike,
+    bands_nm: ArrayLike,
+    sensor: PixelOptics,
+    parts: Callable[[tuple[int, int]], Sequence[tuple[Efficiency, Floats | float]]] | None = None,
+) -> Floats:
+    """Photons per second that pixels detect, (T, H, W); parameters as for `expose`.
+
+    Pixels are identical but for their color filters. With `parts`, a function of (rows, columns),
+    their efficiency is the sum of curves, each times its share (H, W).
+    """
+    per_radiance = _flux_per_radiance(bands_nm, sensor)
+    radiance = _check_radiance(radiance, per_radiance.size)
+    shape = radiance.shape[1], radiance.shape[2]
+    rate: Floats | None = None
+    for curve, share in parts(shape) if parts else [(sensor.efficiency, 1.0)]:
+        for filters, behind in sensor.filters.parts(shape):
+            flux = per_radiance * band_efficiency(curve, bands_nm, sensor.lens, filters)
+            own = _sum_over_bands(radiance, sensor.active_area_m2 * flux, sensor)
+            own *= share * behind
+            rate = own if rate is None else rate + own
+    assert rate is not None
+    return rate
 
 
 def check_brightness(rate: Floats, exposure_s: float) -> Floats:
@@ -100,8 +123,7 @@ def _flux_per_radiance(bands_nm: ArrayLike, sensor: PixelOptics) -> Floats:
     return photon_flux(irradiance, bands_nm)
 
 
-def _sum_over_bands(radiance: ArrayLike, weights: Floats, sensor: PixelOptics) -> Floats:
-    radiance = _check_radiance(radiance, weights.size)
+def _sum_over_bands(radiance: NDArray[np.floating], weights: Floats, sensor: PixelOptics) -> Floats:
     frames, rows, columns, _ = radiance.shape
     total = np.zeros((frames, rows, columns))
     # band by band, as the rounding of a matrix product depends on the number of frames

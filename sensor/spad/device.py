@@ -8,7 +8,7 @@ import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,6 +17,8 @@ from megalopta.core.arrays import Floats
 from megalopta.core.compiling import compiled
 from megalopta.sensor.effects.base import AvalancheMaps, Effect, FrameRates, PixelRates
 from megalopta.sensor.effects.dead_time import MOST_ARRIVALS
+from megalopta.sensor.effects.efficiency_surface import EfficiencySurface
+from megalopta.sensor.optics.efficiency import Efficiency
 from megalopta.sensor.optics.pixels import check_brightness, detected_rate
 from megalopta.sensor.spad.counters import AnalogCounter, AnalogPixels, analog_pixels
 from megalopta.sensor.spad.model import MOST_OFFSPRING, Sensor, effects_of
@@ -40,6 +42,8 @@ class FixedPattern:
         Effects that change from frame to frame.
     telegraph_factor : (H, W) float64 or None
         Measured steps of telegraph noise relative to the sensor's; None if drawn.
+    excess_v : (H, W) float64 or None
+        Excess bias of pixels whose efficiency is a surface over wavelength and bias.
     stuck : (H, W) float64 or None
         Readings of stuck pixels, -1 for others; None if there are none.
     """
@@ -51,6 +55,7 @@ class FixedPattern:
     in_time: tuple[tuple[str, Effect], ...] = ()
     telegraph_factor: Floats | None = None
     stuck: Floats | None = None
+    excess_v: Floats | None = None
 
     def rates(self, detections_hz: Floats, device_seed: int) -> FrameRates:
         """Rates of a frame, before the effects that change with time."""
@@ -112,6 +117,7 @@ def _draw(sensor: Sensor, shape: tuple[int, int]) -> FixedPattern:
         in_time,
         telegraph_factor,
         rates.stuck,
+        rates.excess_v,
     )
 
 
@@ -171,10 +177,29 @@ def _check_stuck(sensor: Sensor, stuck: Floats | None) -> None:
 def detection_rate(radiance: ArrayLike, bands_nm: ArrayLike, sensor: Sensor) -> Floats:
     """Detection rate of always-live pixels, (T, H, W), Hz; parameters as for `expose`."""
     _check_sensor(sensor)
-    rate = detected_rate(radiance, bands_nm, sensor)
+    surface = sensor.bias.efficiency_surface
+    parts = partial(_by_bias, sensor, surface) if surface else None
+    rate = detected_rate(radiance, bands_nm, sensor, parts)
     _, rows, columns = rate.shape
     rate *= draw_fixed_pattern(sensor, (rows, columns)).efficiency_factor
     return check_brightness(rate, sensor.exposure_s)
+
+
+def _by_bias(
+    sensor: Sensor, surface: EfficiencySurface, shape: tuple[int, int]
+) -> list[tuple[Efficiency, Floats]]:
+    """Curves of the surface with their share in every pixel, relative to its efficiency factor."""
+    volts = draw_fixed_pattern(sensor, shape).excess_v
+    assert volts is not None
+    flat = surface.in_flat_light(volts)
+    whole = np.divide(
+        surface.in_flat_light(sensor.bias.reference_v), flat, np.zeros(flat.shape), where=flat > 0
+    )
+    pairs = zip(surface.values, surface.shares(volts) * whole, strict=True)
+    return [
+        (Efficiency(wavelengths_nm=surface.wavelengths_nm, values=curve), share)
+        for curve, share in pairs
+    ]
 
 
 def checked_rate(detections_hz: ArrayLike, sensor: Sensor) -> tuple[Floats, FixedPattern]:

@@ -67,6 +67,15 @@ INFRARED = {"sensors": "[ctia_si]", "render.bands_nm": "[[700, 800], [800, 900]]
         ({"burst_hz": "5000"}, "burst_hz 5000: products has no burst_npy; add it, or .* at 100000"),
         (BURST | {"sub_frames": "2", "burst_hz": "105"}, "burst_hz 105: not a whole .* use 100"),
         (BURST | {"sub_frames": "2"} | INFRARED, "no single events"),
+        (
+            {
+                "products": "[counts, histograms_npy]",
+                "sensors": "[{preset: ideal, exposure_s: 0.01, tcspc: {bins: 65536}}]",
+                "camera.width": "4096",
+                "camera.height": "4096",
+            },
+            r"would take about .* TB of memory.*or tcspc\.bins",
+        ),
         ({"free_running": "true"} | INFRARED, "'ctia_si' integrates"),
         (
             {"free_running": "true", "sensors": "[{preset: ideal, exposure_s: 0.01}]"},
@@ -110,6 +119,22 @@ def test_bits_of_a_burst_take_their_room():
     exposures = len(settings.sensors) * len(settings.light_levels)
     pixels = settings.trajectory.frames * settings.camera.width * settings.camera.height
     assert large - plain == pytest.approx(exposures * pixels * 10_000 / 8)
+
+
+def test_histograms_and_colors_take_their_room():
+    sensor = "{preset: ideal, exposure_s: 0.001, tcspc: {bins: 1000}}"
+    own = {"sensors": f"[{sensor}]", "light_levels": "[1, 2]"}
+    plain, *more = (
+        needed_bytes(load("grating", own | {"products": f"[counts{each}]"}), "sense")
+        for each in ("", ", histograms_npy", ", color_npy")
+    )
+    settings = load("grating")
+    pixels = settings.camera.width * settings.camera.height
+    values = 2 * settings.trajectory.frames * pixels  # two levels
+    assert more[0][1] - plain[1] == pytest.approx(4 * 1000 * values)
+    assert more[1][1] - plain[1] == pytest.approx(12 * values)
+    # probabilities, with the rest and without, and draws of 8 bytes, histograms of 4
+    assert more[0][0] - plain[0] > (3 * 8 + 4) * 1000 * pixels
 
 
 def test_a_sweep_of_too_many_trials_is_refused():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from megalopta.sensor import changed, expose_rate, preset
-from megalopta.sensor.calibrate.emva import Step, device_steps, emva
+from megalopta.sensor.calibrate.emva import Step, device_steps, emva, without_dead_time
 from megalopta.sensor.spad.device import draw_fixed_pattern
 
 SHAPE, DARK, SPREAD, EFFICIENCY, CAPACITY = (64, 64), 9.0, 2.0, 0.3, 1023
@@ -39,16 +39,19 @@ def test_figures_of_an_ideal_counter():
     assert found.snr_db == pytest.approx(10 * np.log10(found.saturation_electrons), rel=1e-12)
 
 
+def _recorded(device, dark, steps, frames):
+    seen = []
+    for at, level in enumerate([dark, *steps]):
+        rate = np.full((frames, *SHAPE), EFFICIENCY * level.photons / device.exposure_s)
+        counts = expose_rate(rate, device, seed=at, sequence="emva").counts
+        seen.append(Step.of(level.photons, counts))
+    return seen
+
+
 def test_recorded_steps_give_the_figures_of_the_device():
     dark, steps = device_steps(DEVICE, SHAPE, 550.0)
     steps = steps[::4]
-    frames = 200
-    levels = [dark, *steps]
-    seen = []
-    for at, level in enumerate(levels):
-        rate = np.full((frames, *SHAPE), EFFICIENCY * level.photons / DEVICE.exposure_s)
-        counts = expose_rate(rate, DEVICE, seed=at, sequence="emva").counts
-        seen.append(Step.of(level.photons, counts))
+    seen = _recorded(DEVICE, dark, steps, frames=200)
     own, found = emva(dark, steps), emva(seen[0], seen[1:])
     # n = 4096 pixels × 200 frames a level: 5 standard errors of a variance, √(2/n), are 0.8 %
     assert found.gain == pytest.approx(own.gain, rel=0.008)
@@ -70,6 +73,28 @@ def test_dead_time_makes_the_response_no_line():
     device = changed(DEVICE, dead_time={"kind": "nonparalyzable", "dead_time_s": 2e-6})
     found = emva(*device_steps(device, SHAPE, 550.0))
     assert found.linearity_error > 0.03
+
+
+@pytest.mark.parametrize("kind", ["nonparalyzable", "paralyzable"])
+def test_efficiency_is_corrected_for_dead_time(kind):
+    # a counter that dead time fills to a half: R/K is a fifth too large
+    device = changed(DEVICE, dead_time={"kind": kind, "dead_time_s": 1e-6})
+    dark, steps = device_steps(device, SHAPE, 550.0)
+    assert emva(dark, steps).efficiency > 1.2 * EFFICIENCY
+    factors = without_dead_time(device, SHAPE, 550.0, steps)
+    found = emva(dark, steps, factors=factors)
+    assert found.efficiency == pytest.approx(EFFICIENCY, rel=1e-4)
+    assert found.gain == pytest.approx(1, rel=1e-4)
+    recorded = _recorded(device, dark, steps[:40:4], frames=100)
+    factors = without_dead_time(device, SHAPE, 550.0, recorded[1:])
+    # n = 4096 pixels × 100 frames a level: 5 standard errors of a variance are 1.1 %
+    found = emva(recorded[0], recorded[1:], factors=factors)
+    assert found.efficiency == pytest.approx(EFFICIENCY, rel=0.011)
+
+
+def test_without_dead_time_nothing_is_corrected():
+    _, steps = device_steps(DEVICE, SHAPE, 550.0)
+    assert without_dead_time(DEVICE, SHAPE, 550.0, steps) == (1, 1)
 
 
 def test_what_does_not_suffice_is_refused():

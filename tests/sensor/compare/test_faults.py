@@ -37,6 +37,15 @@ def test_a_fault_is_located(name, words):
     assert words in compared(3, **CODES[name][1]).sentence
 
 
+@pytest.mark.parametrize("name", ["flicker 60 Hz", "banding 60 Hz"])
+def test_lost_frames_do_not_split_a_line(name):
+    camera = CAMERAS["counts"]._replace(shape=(32, 32))
+    wanted, how = FAULTS["counts"][name]
+    found = compared(1, camera, **together(how, FAULTS["counts"]["frames lost"][1]))
+    assert said(found) == {wanted, "missing frames"}
+    assert sum("of 60 Hz" in each.text for each in found.faults) == 1
+
+
 def test_sizes_are_those_that_were_made():
     found = compared(4, **CODES["afterpulsing"][1]).causes[0]
     # 0.05 carriers, known to about 3 %: five standard errors

@@ -6,7 +6,7 @@ import h5py
 import numpy as np
 import pytest
 
-from megalopta.sensor.formats.time_tags import read_time_tags
+from megalopta.sensor.formats.time_tags import read_linospad2, read_time_tags
 
 UNIT_S = 12.5e-9
 TICKS = np.array([3, 8, 8, 20, 41, 90_000_000])
@@ -118,6 +118,50 @@ def test_ptu_of_mode_t3_that_ptufile_writes(tmp_path):
     delays = np.rint(tags.time_s % 50e-9 / 1e-9)
     assert set(delays[tags.channel == 0]) == {3}
     assert set(delays[tags.channel == 1]) == {7}
+
+
+def linospad2(path, cycles):
+    """Write cycles of (absolute ticks, [(converter, slot in it, pixel of four, code)])."""
+    words = []
+    for ticks, events in cycles:
+        stamps = np.zeros((65, 8), "<u4")
+        for converter, slot, pixel, code in events:
+            stamps[converter, slot] = 1 << 31 | pixel << 28 | code
+        stamps[64] = 1 << 31 | 99  # the last converter has no pixels
+        words += [np.array([ticks & 0xFFFFFFFF, ticks >> 32], "<u4"), stamps.ravel()]
+    np.concatenate(words).tofile(path)
+
+
+@pytest.mark.parametrize(
+    ("firmware", "channels"), [("2212b", [11, 2, 255]), ("2212s", [194, 128, 255])]
+)
+def test_linospad2_is_read_by_daplis(tmp_path, firmware, channels):
+    pytest.importorskip("daplis")
+    first, later = 2**33 + 5, 2**33 + 5 + 10**6
+    path = tmp_path / "dark.dat"
+    linospad2(path, [(first, [(2, 0, 3, 140), (63, 7, 3, 2**28 - 1)]), (later, [(0, 1, 2, 0)])])
+    tags = read_linospad2(path, firmware, 8)
+    expected = [2.5e-9, (2**28 - 1) * 2.5e-9 / 140, 7.5e-3]
+    order = [0, 2, 1]
+    np.testing.assert_allclose(tags.time_s, np.array(expected), rtol=1e-12)
+    np.testing.assert_array_equal(tags.channel, np.array(channels)[order])
+    assert tags.channels == 256
+
+
+def test_daplis_leaves_the_style_of_figures_alone(tmp_path):
+    pytest.importorskip("daplis")
+    import matplotlib as mpl
+
+    before = dict(mpl.rcParams)
+    linospad2(tmp_path / "dark.dat", [(1, [(2, 0, 3, 140), (2, 1, 3, 150)])])
+    read_linospad2(tmp_path / "dark.dat", "2212b", 8)
+    assert dict(mpl.rcParams) == before
+
+
+def test_linospad2_of_another_cycle_is_refused(tmp_path):
+    linospad2(tmp_path / "dark.dat", [(1, [(2, 0, 3, 140)])])
+    with pytest.raises(ValueError, match=r"522 words are not cycles of 33282, of 512 time stamps"):
+        read_linospad2(tmp_path / "dark.dat", "2212b")
 
 
 @pytest.mark.parametrize("content", [b"", b"anything else", b"\x89HDF\r\n\x1a\n" + bytes(99)])
