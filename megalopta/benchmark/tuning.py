@@ -191,10 +191,11 @@ def _beside(path: Path, method: GrayDetector) -> Mapping[Any, Settings]:
     remedy = f"run: megalopta benchmark tune {path} --out {table}"
     if not table.exists():
         raise ValueError(f"{table}: no such file of settings; {remedy}")
-    rows = mapping(yaml_text(table, "file of settings"), str(table)).get(path.name)
+    rows = mapping(yaml_text(table, "file of settings"), str(table))
     try:
         found = {
-            float(photons): {key: row[key] for key in NOISE[0]} for photons, row in rows.items()
+            float(photons): {key: row[key] for key in NOISE[0]}
+            for photons, row in rows[path.name].items()
         }
         for row in found.values():
             type(method).model_validate(dict(method) | row)
