@@ -10,13 +10,13 @@ from collections.abc import Callable, Iterable, Mapping
 from functools import cache
 from pathlib import Path
 
-from megalopta.benchmark.tuning import PARAMETERS, tuned
+from megalopta.benchmark.tuning import PARAMETERS, gray_method, is_network, tuned
 from megalopta.core.freshness import digest
 from megalopta.flow.detectors import registry
 from megalopta.flow.detectors.base import Detector
 from megalopta.flow.detectors.blocks import BlockDetector, summed_frames
 from megalopta.flow.detectors.gray_detector import GrayDetector
-from megalopta.flow.detectors.registry import METHODS, VELOCITY_METHODS, Method, velocity_method
+from megalopta.flow.detectors.registry import VELOCITY_METHODS, Method, velocity_method
 
 Methods = Mapping[str, BlockDetector]
 
@@ -57,22 +57,27 @@ def directional_methods(ranked: Methods, more: Iterable[Method]) -> Mapping[str,
 
 
 def block_detector(chosen: Method) -> BlockDetector:
-    """Return a method that gives velocities of blocks, or a baseline: `DIS tuned`, `DIS √`.
+    """Return a method that gives velocities of blocks, or a baseline: `DIS tuned`, `x.onnx √`.
 
     Raises ValueError for any other.
     """
     name, _, kind = chosen.rpartition(" ") if isinstance(chosen, str) else ("", "", "")
-    made = {"tuned": tuned, "√": stretched}.get(kind) if name in PARAMETERS else None
+    is_tunable = name in PARAMETERS or is_network(name)
+    made = {"tuned": tuned, "√": stretched}.get(kind) if is_tunable else None
     baseline = made(name) if made else None
     return (baseline or velocity_method(chosen)).model_copy(update={"block_px": BLOCK_PX})
 
 
 def stretched(name: str) -> GrayDetector:
     """Return a gray method on Anscombe roots of the counts, slightly smoothed."""
-    detector = METHODS[name]
-    assert isinstance(detector, GrayDetector)
+    detector = gray_method(name)
     label = f"{detector.label}, square roots of counts"
-    changes = {"name": f"{name} √", "label": label, "stretch": "anscombe", "blur_px": _BLUR_PX}
+    changes = {
+        "name": f"{detector.name} √",
+        "label": label,
+        "stretch": "anscombe",
+        "blur_px": _BLUR_PX,
+    }
     return detector.model_copy(update=changes)
 
 

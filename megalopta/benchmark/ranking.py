@@ -67,6 +67,8 @@ class Ranking(Record, frozen=True):
     sequences: tuple[str, ...]
     frames: PositiveInt
     """Frames of all sequences."""
+    frame_px: NonNegativeInt = 0
+    """Pixels of a frame of the first sequence; 0 in older files, which do not say."""
     photons_per_lux_s: FiniteFloat
     """Photons per frame on perfect pixels, for each lux and second."""
     blocks: Mapping[str, NonNegativeInt]
@@ -90,6 +92,11 @@ class Ranking(Record, frozen=True):
         cases = (Case(RATIO, name, flux, group, *self.settings.finest) for name in (one, other))
         found = (self._rows.get(key) for key in zip(cases, (other, one), strict=True))
         return next(filter(None, found), None)
+
+    def value_of(self, case: Case) -> float | None:
+        """Return the value of a case of any pooling; None if there is none."""
+        found = self._rows.get((case, ""))
+        return found.value if found else None
 
     @cached_property
     def _rows(self) -> Mapping[tuple[Case, str], RankingRow]:

@@ -12,11 +12,11 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from megalopta.benchmark import sequence_errors as metrics
+from megalopta.benchmark import sequence_errors as metrics, transfer
 from megalopta.benchmark.ranking import Change, Ranking, RankingRow, changes
 from megalopta.benchmark.ranking_settings import Pooling, photons_at
 from megalopta.benchmark.sequence_errors import BOUND, RANGES, STILL, Example, opposed
-from megalopta.benchmark.table import FEWEST_SEQUENCES
+from megalopta.benchmark.table import FEWEST_SEQUENCES, Interval
 from megalopta.config.model import LightLevel, level_text
 from megalopta.core import files
 from megalopta.core.arrays import Floats
@@ -193,6 +193,34 @@ def _ratios(axes: Axes, ranking: Ranking, flux: float, group: str, place: int) -
         axes.plot(x, middle, "o", color=_KINDS[place], markersize=3.5)
 
 
+@in_style
+def transfer_curves(ranking: Ranking, method: str) -> Markup:
+    """Draw relative errors over photons per pixel and over those per motion period.
+
+    A curve per speed and exposure, with the common curve behind them.
+    """
+    found = transfer.curves(ranking, method)
+    figure = Figure(figsize=(7.6, 3.7), layout="constrained")
+    panels = figure.subplots(1, 2, sharey=True)
+    for axes, (name, power) in zip(panels, list(transfer.AXES.items())[:2], strict=True):
+        for each in found:
+            style = {"color": _KINDS[RANGES.index(each.speed)], "linewidth": 0.5 + each.frames / 2}
+            label = f"speed {each.speed}, exposure {each.frames} ×"
+            axes.plot(
+                each.along(power), each.errors, marker="o", markersize=3, label=label, **style
+            )
+        ends = np.log10([function(each.along(power)) for each in found for function in (min, max)])
+        places = np.linspace(ends.min(), ends.max(), 60)
+        common = transfer.common_curve(found, power)(places)
+        axes.plot(10**places, 10**common, color=GRAY, linewidth=5, alpha=0.3, zorder=0)
+        misfit = transfer.misfits(found)[name]
+        axes.set(xscale="log", yscale="log", xlabel=name)
+        axes.set_title(f"{method}: misfit {misfit.value:.2f} decades", fontsize=10)
+    panels[0].set_ylabel("mean error / mean motion")
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
+    return to_svg(figure, f"transfer-{method}", f"Relative errors of {method} on two axes")
+
+
 def _panel(axes: Axes, ranking: Ranking, group: str) -> dict[str, None]:
     fluxes = np.array(sorted(ranking.settings.fluxes))
     shown: dict[str, None] = {}
@@ -263,6 +291,13 @@ _ATLAS = (
     "Best method without pooling. Gray: no method beats the zero-motion baseline. Pale: not "
     "significant. Blank: not measured."
 )
+_TRANSFER = (
+    "Mean error over mean motion of a method, a curve per speed of the blocks and exposure (pooled "
+    "frames). In a motion period the image moves by its texture scale, which tells a shift from "
+    "one photon. Gray: the cubic that fits all curves. Misfit: RMS scatter about it in decades of "
+    "the error, with its 95 % CI by a bootstrap over the curves. The third axis is that of the "
+    "Poisson bound of two frames."
+)
 _LEVELS = (
     "Best method without pooling on perfect pixels, and photons per frame, by exposure time. Light "
     "keeps the rendered color. A level is represented by the nearest measurement within a factor "
@@ -287,8 +322,12 @@ _YAW_RATE = (
 
 def write_ranking(folder: Path, ranking: Ranking, example: Example) -> Path:
     """Write ranking.html, ranking.csv and ranking.json to a folder; return the page."""
-    rows = (row.model_dump().values() for row in ranking.rows)
-    write_csv(folder / "ranking.csv", RankingRow.model_fields, rows)
+    rows = (
+        (*row.model_dump().values(), transfer.photons_per_period(ranking, row))
+        for row in ranking.rows
+    )
+    head = (*RankingRow.model_fields, "photons_per_px_and_period")
+    write_csv(folder / "ranking.csv", head, rows)
     files.write_text(folder / "ranking.json", ranking.model_dump_json(indent=1) + "\n")
     page = folder / "ranking.html"
     written = (section(ranking, example) for section in SECTIONS)
@@ -362,6 +401,21 @@ def _errors(ranking: Ranking, _: Example) -> Section:
     return Section("Errors over photons", _ERRORS, charts=charts)
 
 
+def _transfer(ranking: Ranking, _: Example) -> Section:
+    found = {name: transfer.curves(ranking, name) for name in (*ranking.settings.methods, BOUND)}
+    shown = {name: each for name, each in found.items() if len(each) > 1}
+    rows = tuple(
+        (name, *(_misfit(each) for each in transfer.misfits(of_method).values()))
+        for name, of_method in shown.items()
+    )
+    charts = tuple(transfer_curves(ranking, name) for name in shown)
+    return Section("One axis for all lights", _TRANSFER, ("misfit", *transfer.AXES), rows, charts)
+
+
+def _misfit(found: Interval) -> str:
+    return f"{found.value:.2f} ({found.low:.2f} to {found.high:.2f})"
+
+
 def _levels(ranking: Ranking, _: Example) -> Section:
     """Return the best method at every named level, and at the requested levels."""
     settings = ranking.settings
@@ -417,6 +471,7 @@ SECTIONS: tuple[Callable[[Ranking, Example], Section], ...] = (
     _errors,
     lambda ranking, _: Section("Pooling", _POOLING, charts=(pooling_grid(ranking),)),
     lambda ranking, _: Section("Atlas", _ATLAS, charts=(atlas(ranking),)),
+    _transfer,
     _levels,
     _fields,
     _camera,

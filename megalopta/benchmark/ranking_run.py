@@ -1,5 +1,6 @@
 """Rank methods on the sequences of a folder: from frames to the long table, its page and files."""
 
+import math
 from collections.abc import Mapping, Sequence
 from itertools import product
 from pathlib import Path
@@ -108,6 +109,7 @@ def _ranked(
         settings=settings,
         sequences=tuple(each.sequence for each in datasets),
         frames=sum(each.configuration.trajectory.frames for each in datasets),
+        frame_px=math.prod(datasets[0].configuration.camera.shape),
         photons_per_lux_s=float(np.mean(lights)),
         blocks=blocks,
         rows=tuple(ranking_rows(parts, settings, blocks)),

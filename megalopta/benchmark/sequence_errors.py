@@ -199,6 +199,7 @@ def at_speed(speed: str, kind: str) -> str:
 
 
 ERROR = "epe_px"
+TEXTURE = "texture_px"
 ROTATION, HEADING = "rotation_error_deg", "heading_error_deg"
 YAW, YAW_OF_LIGHT, TRUE_YAW = "yaw_error_deg_s", "yaw_error_of_light_deg_s", "true_yaw_deg_s"
 
@@ -263,6 +264,18 @@ def endpoint_errors(sequence: RankedSequence) -> Measured:
         yield from _by_group([bound], truth, Case(ERROR, BOUND, flux, "", *pooling))
 
 
+def texture_scales(sequence: RankedSequence) -> Measured:
+    """Yield the median texture scale of each group's blocks, in each pair of frames, px."""
+    for pooling in sequence.settings.poolings:
+        grid = sequence.grid(next(iter(sequence.methods)), pooling.pixels)
+        texture = sequence.velocities.texture_px(grid, pooling)
+        for group, among in sequence.truth(grid, pooling).groups.items():
+            pairs = zip(texture, among, strict=True)
+            each = [float(np.median(scale[here])) for scale, here in pairs if here.any()]
+            for flux in sequence.settings.fluxes if each else ():
+                yield Case(TEXTURE, "light", flux, group, *pooling), _values(each)
+
+
 def camera_errors(sequence: RankedSequence) -> Measured:
     """Yield errors of the camera's rotation and heading, from flow and by maximum likelihood."""
     settings = sequence.settings
@@ -303,7 +316,7 @@ def yaw_errors(sequence: RankedSequence) -> Measured:
                 yield Case(YAW, name, flux), _values([found.counts_deg_s])
 
 
-METRICS = (endpoint_errors, camera_errors, yaw_errors)
+METRICS = (endpoint_errors, texture_scales, camera_errors, yaw_errors)
 """All metrics: `ERROR` is averaged over blocks, of others the median counts"""
 
 

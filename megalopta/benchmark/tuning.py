@@ -3,10 +3,11 @@
 `tuned.yaml` holds, for each method and photons per pixel, the stretch of counts, the blur and the
 main parameter of least error on the tuning scenes: the geometric mean over scenes, so that each
 counts alike, of the mean over blocks. Stretch and blur together, and the main parameter, are varied
-in turn until neither improves, from the settings for the next brighter light. The scenes: dead
-leaves of other seeds than those of the boards, and pictures of scikit-image that no benchmark shows
-(grass, galaxies, coins, a retina), both in layers, whose disks move by up to 4 px in half of them
-and by up to 12 px in the others.
+in turn until neither improves, from the settings for the next brighter light. A network in an ONNX
+file has stretch and blur alone, and its own `tuned.yaml` next to it. The scenes: dead leaves of
+other seeds than those of the boards, and pictures of scikit-image that no benchmark shows (grass,
+galaxies, coins, a retina), both in layers, whose disks move by up to 4 px in half of them and by up
+to 12 px in the others.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -23,12 +24,15 @@ from megalopta.assets_gen import generator
 from megalopta.benchmark.clips import FlowClip, layers_clip, leaves_clip
 from megalopta.config.yaml_model import mapping, yaml_text
 from megalopta.core import files, strict_yaml
+from megalopta.core.array_store import ArrayStore
 from megalopta.core.arrays import Floats
+from megalopta.core.errors import UserError
+from megalopta.core.freshness import code_digest, digest
 from megalopta.core.progress import progress
 from megalopta.flow.detectors.base import Frames
 from megalopta.flow.detectors.blocks import BlockDetector, BlockGrid
 from megalopta.flow.detectors.gray_detector import GrayDetector
-from megalopta.flow.detectors.registry import METHODS
+from megalopta.flow.detectors.registry import METHODS, detector_at
 from megalopta.scenes.spectra.color import LUMINANCE_SHARES, decode_srgb
 
 SHAPE = (168, 168)
@@ -55,6 +59,8 @@ NOISE = tuple(
 
 Settings = Mapping[str, Any]
 _TABLE = Path(__file__).with_name("tuned.yaml")
+_MOST_BYTES = 10**7
+"""Size limit of the kept errors"""
 _ERROR = "error_px"
 """Name of the error on the tuning scenes, next to the settings"""
 
@@ -88,14 +94,32 @@ class TunedMethod(BlockDetector, frozen=True):
 
 
 def tuned(name: str) -> TunedMethod:
-    """Return a method of `PARAMETERS` with the settings of `tuned.yaml`, as `NAME tuned`."""
-    method = _gray(name)
-    rows = tuple(
+    """Return a method of `PARAMETERS`, or an ONNX file, with its tuned settings, as `NAME tuned`.
+
+    Raises ValueError if there is no such method, or the table next to a file has none for it.
+    """
+    method = gray_method(name)
+    rows = tuned_settings()[name] if name in PARAMETERS else _beside(Path(name), method)
+    kept = tuple(
         (float(photons), tuple((key, value) for key, value in row.items() if key != _ERROR))
-        for photons, row in tuned_settings()[name].items()
+        for photons, row in rows.items()
     )
     label = f"{method.label}, tuned to the light"
-    return TunedMethod(name=f"{name} tuned", label=label, method=method, settings=rows)
+    return TunedMethod(name=f"{method.name} tuned", label=label, method=method, settings=kept)
+
+
+def gray_method(name: str) -> GrayDetector:
+    """Return a method of `PARAMETERS`, or that of an ONNX file. Raises ValueError for any other."""
+    found = METHODS.get(name) if name in PARAMETERS else None
+    found = found or (detector_at(name) if is_network(name) else None)
+    if not isinstance(found, GrayDetector):
+        raise ValueError(f"{name!r} cannot be tuned: give {', '.join(PARAMETERS)} or an ONNX file")
+    return found
+
+
+def is_network(name: str) -> bool:
+    """Return True for the path of an ONNX file."""
+    return name.casefold().endswith(".onnx")
 
 
 def tune(
@@ -103,26 +127,39 @@ def tune(
     fluxes: Sequence[float],
     scenes: Sequence[FlowClip] | None = None,
     after_light: Callable[[], object] = lambda: None,
+    folder: Path | None = None,
 ) -> dict[float, Settings]:
-    """Return the best settings of a method of `PARAMETERS` for each flux, with their error."""
-    clips = list(tuning_clips()) if scenes is None else scenes
-    parameter, values = PARAMETERS[name]
-    choices = NOISE, tuple({parameter: value} for value in values)
-    best: Settings = {**NOISE[-1], parameter: getattr(_gray(name), parameter)}
-    found = {}
+    """Return the best settings of a method for each flux, with their error.
+
+    Errors are kept in a folder, if there is one, from which an interrupted run resumes.
+    """
+    method, clips = gray_method(name), list(tuning_clips()) if scenes is None else scenes
+    parameter, values = PARAMETERS.get(name, ("", ()))
+    choices = NOISE, *([tuple({parameter: value} for value in values)] if values else [])
+    best: Settings = NOISE[-1] | ({parameter: getattr(method, parameter)} if values else {})
+    error, found = _kept_errors(method, clips, folder), {}
     for flux in sorted(fluxes, reverse=True):
-        best, error = _least(partial(_error, name, clips, flux), best, choices)
-        found[flux] = {**best, _ERROR: round(error, 4)}
+        best, least = _least(partial(error, flux), best, choices)
+        found[flux] = {**best, _ERROR: round(least, 4)}
         after_light()
     return dict(sorted(found.items()))
 
 
 def write_tuned(path: Path, name: str, fluxes: Sequence[float]) -> dict[float, Settings]:
-    """Tune a method and write its settings to a YAML file; other methods of the file stay."""
+    """Tune a method and write its settings to a YAML file; other methods of the file stay.
+
+    An interrupted run resumes from the errors in the folder `NAME-errors` next to `NAME.yaml`.
+    Raises UserError if the method cannot be tuned.
+    """
     kept = mapping(yaml_text(path, "file of settings"), str(path)) if path.exists() else {}
-    with progress(f"Tuning {name}", len(fluxes), "light level") as advance:
-        found = tune(name, fluxes, after_light=lambda: advance(1))
-    files.write_text(path, strict_yaml.dump({**kept, name: found}))
+    try:
+        key = gray_method(name).name
+    except ValueError as problem:
+        raise UserError(str(problem)) from None
+    folder = path.with_name(f"{path.stem}-errors")
+    with progress(f"Tuning {key}", len(fluxes), "light level") as advance:
+        found = tune(name, fluxes, after_light=lambda: advance(1), folder=folder)
+    files.write_text(path, strict_yaml.dump({**kept, key: found}))
     return found
 
 
@@ -142,23 +179,55 @@ def tuning_clips(shape: tuple[int, int] = SHAPE) -> Iterator[FlowClip]:
         yield layers_clip(f"tuning {name}", rng, texture, shape, _FASTEST_PX[number % 2])
 
 
-def _gray(name: str) -> GrayDetector:
-    method = METHODS[name]
-    assert isinstance(method, GrayDetector)
-    return method
-
-
 @cache
 def tuned_settings() -> Mapping[str, Mapping[float, Settings]]:
     """Return the settings of `tuned.yaml` by method and photons per pixel, with their errors."""
     return MappingProxyType(strict_yaml.load(_TABLE.read_text("utf-8")))
 
 
-def _error(name: str, clips: Sequence[FlowClip], flux: float, settings: Settings) -> float:
+def _beside(path: Path, method: GrayDetector) -> Mapping[Any, Settings]:
+    """Return the settings of a network in `tuned.yaml` next to its file; raise ValueError."""
+    table = path.with_name(_TABLE.name)
+    remedy = f"run: megalopta benchmark tune {path} --out {table}"
+    if not table.exists():
+        raise ValueError(f"{table}: no such file of settings; {remedy}")
+    rows = mapping(yaml_text(table, "file of settings"), str(table))
+    try:
+        found = {
+            float(photons): {key: row[key] for key in NOISE[0]}
+            for photons, row in rows[path.name].items()
+        }
+        for row in found.values():
+            type(method).model_validate(dict(method) | row)
+    except (AttributeError, KeyError, TypeError, ValueError):
+        raise ValueError(f"{table} has no settings for {path.name}; {remedy}") from None
+    return found
+
+
+def _kept_errors(
+    method: GrayDetector, clips: Sequence[FlowClip], folder: Path | None
+) -> Callable[[float, Settings], float]:
+    """Return a function of flux and settings, the error of which is kept in a folder."""
+    from megalopta.benchmark.methods import identity
+
+    code = code_digest("megalopta.flow", "megalopta.sensor.sampling", __package__)
+    scenes = digest(code, *(each.tobytes() for clip in clips for each in (clip.light, clip.flow)))
+
+    def error(flux: float, settings: Settings) -> float:
+        detector = method.model_copy(update=settings)
+        store = ArrayStore(folder, digest(scenes, identity(detector), repr(flux)), _MOST_BYTES)
+        kept = store.read([_ERROR])
+        if kept is None:
+            store.write(kept := {_ERROR: np.array(_error(clips, detector, flux))})
+        return float(kept[_ERROR])
+
+    return error
+
+
+def _error(clips: Sequence[FlowClip], detector: GrayDetector, flux: float) -> float:
     """Return the geometric mean over scenes of the mean error over blocks, px."""
     from megalopta.benchmark.whole_frames import MEAN, frame_errors
 
-    detector = _gray(name).model_copy(update=settings)
     board = frame_errors(clips, [detector], (flux,))
     return float(np.exp(np.log(board.of_scenes(MEAN, board.detectors[0], flux)).mean()))
 

@@ -1,5 +1,9 @@
 """Settings of gray methods for each light: what the routine chooses, and how boards use it."""
 
+import signal
+import subprocess
+import sys
+import time
 from itertools import product
 
 import numpy as np
@@ -73,5 +77,84 @@ def test_the_command_keeps_other_methods_of_the_file(clip, tmp_path, capsys, mon
     assert list(found) == ["LK", "DIS"] and found["LK"][100.0]["window_blocks"] > 0
     assert "100 photons: stretch" in capsys.readouterr().out
     with pytest.raises(SystemExit):
-        cli.main(["benchmark", "tune", "PF"])
-    assert "invalid choice: 'PF'" in capsys.readouterr().err
+        cli.main(["benchmark", "tune", "PF", "--out", str(out)])
+    assert "'PF' cannot be tuned: give TV-L1" in capsys.readouterr().err
+
+
+ENDLESS = """
+import sys, time
+from pathlib import Path
+from megalopta.benchmark import tuning, whole_frames
+from megalopta.benchmark.clips import leaves_clip
+
+measure, count = whole_frames.frame_errors, 0
+
+def hanging(*arguments):
+    global count
+    count += 1
+    if count > 5:
+        time.sleep(600)
+    return measure(*arguments)
+
+whole_frames.frame_errors = hanging
+tuning.tuning_clips = lambda: [leaves_clip(7, (96, 120))]
+tuning.write_tuned(Path(sys.argv[1]), "LK", (100.0,))
+"""
+
+
+def test_a_killed_run_goes_on_from_the_errors_that_it_had(clip, tmp_path, monkeypatch):
+    out, errors = tmp_path / "tuned.yaml", tmp_path / "tuned-errors"
+    process = subprocess.Popen([sys.executable, "-c", ENDLESS, str(out)])
+    try:
+        for _ in range(600):
+            if len(list(errors.glob("*.npz"))) == 5:
+                break
+            time.sleep(0.1)
+    finally:
+        process.send_signal(signal.SIGKILL)
+        process.wait()
+    assert len(list(errors.glob("*.npz"))) == 5 and not out.exists()
+    whole = tuning.tune("LK", (100.0,), [clip])
+    measured = []
+
+    def counted(*arguments):
+        measured.append(arguments)
+        return frame_errors(*arguments)
+
+    monkeypatch.setattr("megalopta.benchmark.whole_frames.frame_errors", counted)
+    monkeypatch.setattr(tuning, "tuning_clips", lambda: [clip])
+    assert tuning.write_tuned(out, "LK", (100.0,)) == whole
+    assert len(measured) == len(list(errors.glob("*.npz"))) - 5
+
+
+def test_a_network_has_its_settings_next_to_its_file(clip, tmp_path, monkeypatch, capsys):
+    onnx = pytest.importorskip("onnx")
+    pytest.importorskip("onnxruntime")
+    path, table = tmp_path / "still.onnx", tmp_path / "tuned.yaml"
+    _write_network(onnx, path)
+    for text in (None, "DIS: {}\n", "still.onnx: {10.0: {stretch: none}}\n"):
+        if text:
+            table.write_text(text)
+        with pytest.raises(ValueError, match=f"run: megalopta benchmark tune {path}"):
+            block_detector(f"{path} tuned")
+    table.unlink()
+    monkeypatch.setattr(tuning, "tuning_clips", lambda: [clip])
+    cli.main(["benchmark", "tune", str(path), "--photons", "100", "--out", str(table)])
+    assert "100 photons: stretch" in capsys.readouterr().out
+    board = frame_errors([clip], [f"{path} tuned", f"{path} √"], (100.0,))
+    assert [each.name for each in board.detectors] == ["still.onnx tuned", "still.onnx √"]
+
+
+def _write_network(onnx, path):
+    """Write a network that takes the difference of two pictures for the flow."""
+    helper, kind = onnx.helper, onnx.TensorProto.FLOAT
+    pictures = [helper.make_tensor_value_info(each, kind, [1, 1, "h", "w"]) for each in "ab"]
+    flow = helper.make_tensor_value_info("flow", kind, [1, 2, "h", "w"])
+    nodes = [
+        helper.make_node("Sub", ["a", "b"], ["d"]),
+        helper.make_node("Concat", ["d", "d"], ["flow"], axis=1),
+    ]
+    graph = helper.make_graph(nodes, "differences", pictures, [flow])
+    onnx.save(
+        helper.make_model(graph, opset_imports=[helper.make_opsetid("", 13)], ir_version=8), path
+    )
