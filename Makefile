@@ -54,9 +54,14 @@ docs: install
 	$(BIN)/python -m sphinx --quiet --fail-on-warning --keep-going --doctree-dir build/doctrees docs build/docs
 	@echo "open build/docs/index.html"
 
-# Pictures of the docs that show what a scene looks like: minutes each.
+# The pictures in docs/, an hour in all; `make docs` draws those of its gallery.
+DRAWN := build/pictures
 pictures: demo
-	for script in docs/pictures/*.py; do $(BIN)/python $$script || exit 1; done
+	for script in docs/pictures/*.py; do PATH=$(CURDIR)/$(BIN):$$PATH python $$script || exit 1; done
+	$(BIN)/megalopta gallery --out $(DRAWN)
+	$(BIN)/megalopta gallery --views --out $(DRAWN)
+	$(BIN)/megalopta reproduce leaderboard natural-information camera-motion --out $(DRAWN)
+	cp $(addprefix $(DRAWN)/,gallery.png views.jpg leaderboard.png natural-information.png camera-motion.png) docs
 
 bench: install
 	for script in benchmarks/bench_*.py; do $(BIN)/python $$script || exit 1; done

@@ -1,8 +1,4 @@
-"""Draw photons.png from the demo's dataset: python docs/pictures/demo.py, after `make demo`.
-
-gallery.png comes from `megalopta gallery`, leaderboard.png and natural-information.png from
-`megalopta reproduce`.
-"""
+"""Draw photons.png from the demo's dataset: python docs/pictures/demo.py, after `make demo`."""
 
 import json
 from pathlib import Path
