@@ -25,7 +25,7 @@ class PoissonFlow(BlockDetector, frozen=True):
     name: str = "PF"
     label: str = "Poisson flow"
     smoothness: Annotated[float, Field(gt=0)] = 0.2
-    """Penalty in log-likelihood per pixel and unit of the flow's gradient"""
+    """Penalty in log-likelihood per pixel and unit of the flow's gradient, at 20 photons in all"""
 
     @property
     def most_frames(self) -> float:
