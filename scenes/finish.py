@@ -24,6 +24,7 @@ LAST_NM: Mapping[str, float] = {
 SURFACES = (
     *("conductor", "roughconductor", "dielectric", "roughdielectric", "thindielectric"),
     *("plastic", "roughplastic", "principled", "diffuse", "twosided", "mask", "blendbsdf"),
+    *("bumpmap", "normalmap"),
 )
 """Mitsuba's types of surfaces that are kept as they are."""
 TEXTURES = "bitmap", "checkerboard"

@@ -19,6 +19,8 @@ from megalopta.scenes.base import SceneDescription
 from megalopta.scenes.cameras.base import Camera
 from megalopta.scenes.lighting.light import Light
 from megalopta.scenes.material import Material
+from megalopta.scenes.meshes.damage import refused_as_damaged
+from megalopta.scenes.meshes.mitsuba_xml import check_lights
 from megalopta.scenes.meshes.model import PlacedMesh
 from megalopta.scenes.meshes.pictures import check_texels
 from megalopta.scenes.meshes.pieces import Piece
@@ -112,6 +114,9 @@ class Meshes(SceneDescription, frozen=True):
         models: list[list[Piece]] = []
         for each in self.files:
             models.append(each.pieces(each.animate))
+            if self.lights == "file" and each.file.suffix == ".xml":
+                with refused_as_damaged(each.file.path):
+                    check_lights(each.file.contents())
             check_texels((piece.paint.picture for found in models for piece in found), "the scene")
         check_names(self.materials, [piece for pieces in models for piece in pieces])
         for placed, pieces in zip(self.files, models, strict=True):

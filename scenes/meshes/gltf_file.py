@@ -29,6 +29,8 @@ Json = Mapping[str, Any]
 def parts_of(content: bytes) -> tuple[Json, bytes]:
     """Return the JSON and the binary part, perhaps empty, of a file. Raises ValueError."""
     if content[:4] != b"glTF":
+        if content.lstrip()[:1] != b"{":
+            raise ValueError("it is neither binary glTF nor JSON")
         return _checked(from_json(content.decode("utf-8"))), b""
     parts: dict[int, bytes] = {}
     place = 12

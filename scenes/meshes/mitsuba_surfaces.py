@@ -33,6 +33,7 @@ _WHITE = SPECTRA["D65"].scaled(1 / 98.9974)
 _USUAL = Element("spectrum", value="0.5")
 """Mitsuba's reflectance of a surface that states none."""
 _SPECTRUM_BYTES = 4 * 10**6
+_RELIEFS = "bumpmap", "normalmap"
 _MOST_PARTS = 200
 """Most plug-ins of one surface, which may name each other many times."""
 _NAME, _WORD = re.compile("(?!(type|id)$)[a-z][a-z0-9_]{0,40}"), re.compile("[A-Za-z0-9 _-]{0,40}")
@@ -100,6 +101,9 @@ class Surfaces:
             raise _NotKeptError(f"of more than {_MOST_PARTS} parts, or part of itself")
         if kind not in SURFACES + TEXTURES:
             raise _NotKeptError(f"of Mitsuba's type {quoted(kind)!r}")
+        textures = self._document.parts(given, "texture") if kind in _RELIEFS else []
+        if any(value_of(each, "boolean", "raw") != "true" for each in textures):
+            raise _NotKeptError(f"a {kind} whose texture is no raw bitmap")
         for number, each in enumerate(given):
             part = self._document.resolved(each)
             name = each.get("name") or part.get("name") or f"part_{number}"

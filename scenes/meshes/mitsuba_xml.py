@@ -1,7 +1,8 @@
 """Meshes of a scene in Mitsuba's XML: every shape is an object, every surface a material.
 
 Shapes are meshes of OBJ and PLY files, and Mitsuba's basic ones; instances are copied. Area lights
-shine on request; other lights, cameras and integrators of the file have no effect.
+shine on request. What else would change the picture is refused by name, cameras and integrators of
+the file have no effect.
 """
 
 from collections.abc import Iterator, Mapping
@@ -12,6 +13,7 @@ import numpy as np
 
 from megalopta.core.arrays import Floats
 from megalopta.core.bounded import quoted
+from megalopta.core.errors import DamagedFileError
 from megalopta.scenes.meshes import basic_shapes, polygons, wavefront
 from megalopta.scenes.meshes.mitsuba_surfaces import Surfaces, content_of
 from megalopta.scenes.meshes.pieces import Piece
@@ -27,6 +29,9 @@ from megalopta.scenes.meshes.xml_document import (
 _MOST_TRIANGLES = 10**7
 _MOST_INSTANCES = 10**5
 _FILES = ("obj", "ply")
+_OF_SHAPES = ("bsdf", "emitter", "medium", "sensor", "shape", "transform")
+_VALUES = ("boolean", "float", "integer", "point", "string", "vector")
+"""Parts of shapes that are read, refused by their material, or change nothing that is seen"""
 
 
 def names_in(contents: Mapping[str, bytes]) -> list[str]:
@@ -54,6 +59,16 @@ def pieces_of(contents: Mapping[str, bytes]) -> Iterator[Piece]:
             if total > _MOST_TRIANGLES:
                 raise ValueError(f"it has more than {_MOST_TRIANGLES:.0e} triangles")
             yield piece.moved(pose)
+
+
+def check_lights(contents: Mapping[str, bytes]) -> None:
+    """Raise DamagedFileError for a light that does not belong to a shape, and is not read."""
+    document = Document(contents)
+    for light in document.parts(document.root, "emitter"):
+        raise DamagedFileError(
+            f"lights 'file': an emitter of type {quoted(light.get('type', ''))!r} is not rendered; "
+            "remove it, or use 'own' with the configuration's light"
+        )
 
 
 class _Reader:
@@ -88,7 +103,15 @@ class _Reader:
         """Yield the pieces of a shape with its surface."""
         kind, file = shape.get("type", ""), plain(value_of(shape, "string", "filename"))
         name = shape.get("id") or PurePosixPath(file).stem or kind
+        for part in map(self._document.resolved, shape):
+            if part.tag not in _OF_SHAPES + _VALUES:
+                raise DamagedFileError(
+                    f"shape {quoted(name)!r} has a part {quoted(part.tag)!r}, which is not read; "
+                    "remove it"
+                )
         paint, to_picture = self._surfaces.of(shape, name)
+        if self._document.parts(shape, "medium"):
+            paint = replace(paint, finish=None, refused="the boundary of a medium")
         if self._document.parts(shape, "emitter"):
             glow = self._surfaces.glow(shape)
             paint = replace(paint, radiance=glow, ignored=() if glow else ("emission",))
@@ -139,7 +162,7 @@ def _basic(kind: str, shape: Element) -> Piece:
             start, end = points.get("p0", np.zeros(3)), points.get("p1", np.array([0, 0, 1.0]))
             made = basic_shapes.cylinder(start, end, radius)
         case _:
-            raise ValueError(
-                f"it has a shape of type {quoted(kind)!r}; export it as a mesh, PLY or OBJ"
+            raise DamagedFileError(
+                f"a shape of type {quoted(kind)!r} is not read; export it as PLY or OBJ"
             )
     return Piece(0, kind, made.vertices, made.faces, normals=made.normals, uv=made.uv)

@@ -92,7 +92,7 @@ class Surfacing:
             self.materials[name] = material
             if material.texture:
                 textures = (each.texture for each in self.materials.values())
-                check_texels((each and each.weight for each in textures), self.label)
+                check_texels((each.weight for each in textures if each), self.label)
         return name, surface
 
     def _numbered(self, name: str, *of: object) -> str:

@@ -73,6 +73,23 @@ ROOM = """<scene version="3.0.0">
       </bsdf>
     </bsdf>
   </bsdf>
+  <bsdf type="twosided" id="relief">
+    <bsdf type="bumpmap">
+      <texture type="bitmap">
+        <string name="filename" value="bumps.png"/><boolean name="raw" value="true"/>
+      </texture>
+      <float name="scale" value="3"/>
+      <bsdf type="roughplastic"><float name="alpha" value="0.2"/></bsdf>
+    </bsdf>
+  </bsdf>
+  <bsdf type="twosided" id="tiles">
+    <bsdf type="normalmap">
+      <texture type="bitmap" name="normalmap">
+        <string name="filename" value="normals.png"/><boolean name="raw" value="true"/>
+      </texture>
+      <bsdf type="diffuse"><spectrum name="reflectance" value="0.7"/></bsdf>
+    </bsdf>
+  </bsdf>
   <shape type="cube" id="room">
     <transform name="to_world"><scale value="2"/></transform><ref id="wall"/>
   </shape>
@@ -114,6 +131,18 @@ ROOM = """<scene version="3.0.0">
     <point name="center" x="0.8" y="0.7" z="-0.9"/><float name="radius" value="0.4"/>
     <ref id="paint"/>
   </shape>
+  <shape type="rectangle" id="panel">
+    <transform name="to_world">
+      <rotate y="1" angle="-80"/><scale value="0.4"/><translate x="1.2" y="-1.3" z="-0.9"/>
+    </transform>
+    <ref id="relief"/>
+  </shape>
+  <shape type="rectangle" id="tiling">
+    <transform name="to_world">
+      <rotate y="1" angle="-80"/><scale value="0.4"/><translate x="1.2" y="1.3" z="-0.9"/>
+    </transform>
+    <ref id="tiles"/>
+  </shape>
   <shape type="rectangle" id="coin">
     <transform name="to_world">
       <rotate y="1" angle="-60"/><scale value="0.4"/><translate x="1" y="0.2" z="1"/>
@@ -132,6 +161,11 @@ def room(tmp_path):
     cut = np.full((16, 16), 255, np.uint8)
     cut[4:] = 0
     Image.fromarray(cut).save(tmp_path / "cut.png")
+    bumps = 128 + 120 * np.sin(np.arange(32)[:, None] / 3) * np.cos(np.arange(32) / 2)
+    Image.fromarray(bumps.astype(np.uint8)).save(tmp_path / "bumps.png")
+    normals = np.full((8, 8, 3), (128, 128, 255), np.uint8)
+    normals[:, :6] = 20, 128, 190
+    Image.fromarray(normals).save(tmp_path / "normals.png")
     path = tmp_path / "room.xml"
     path.write_text(ROOM)
     return path
@@ -225,8 +259,8 @@ def test_bands_beyond_mitsubas_data_are_refused_unless_a_reflectance_is_given(ro
     given = built(room, materials=dict.fromkeys(("cut", "gold", "lacquer", "paint", "mixed"), 0.5))
     kept = {name: each for name, each in given.materials.items() if each.finish}
     known = {name: each.known_nm for name, each in kept.items() if not each.emission}
-    assert set(known.values()) == {None}  # glass
-    assert len(known) == 2
+    assert set(known.values()) == {None}  # glass, relief and tiles
+    assert len(known) == 4
 
 
 @pytest.mark.parametrize(

@@ -155,7 +155,16 @@ def test_included_files_are_part_of_the_scene_at_their_place(write, tmp_path):
         ('<include filename="scene.xml"/>', "it is nested in more than 40 levels"),
         ('<include filename="scene.xml"/>' * 9, "nested in more than 40 levels|100 files"),
         (square('<ref id="gold"/>'), "it names 'gold', which is not defined"),
-        ('<shape type="hair"/>', "a shape of type 'hair'; export it as a mesh"),
+        ('<shape type="hair"/>', "a shape of type 'hair' is not read; export it as PLY or OBJ"),
+        (
+            square('<bsdf type="bumpmap"><texture type="checkerboard"/><bsdf type="diffuse"/></bsdf>'),
+            "material 'table' is a bumpmap whose texture is no raw bitmap, which is not rendered",
+        ),
+        (square('<subsurface type="dipole"/>'), "'table' has a part 'subsurface', which is not"),
+        (
+            square('<medium name="exterior" type="homogeneous"/>'),
+            "material 'table' is the boundary of a medium, which is not rendered",
+        ),
         ("<a>" * 60 + "</a>" * 60, "nested in more than 40 levels"),
         ('<shape type="ply"/>', "it has a mesh or picture without a filename"),
         ("<shape>", "it is no XML: mismatched tag"),
@@ -262,3 +271,14 @@ def test_other_encodings_are_refused(write, tmp_path):
     (tmp_path / "yard/scene.xml").write_text('<scene version="3.0.0"/>', "utf-16")
     with pytest.raises(ValueError, match="its XML is not UTF-8"):
         scene_of(path)
+
+
+@pytest.mark.parametrize("kind", ["envmap", "constant", "point"])
+def test_lights_of_the_file_that_are_not_read_are_refused_where_they_count(write, kind):
+    lamp = square('<emitter type="area"><rgb name="radiance" value="2"/></emitter>')
+    path = write(f'<emitter type="{kind}"/>' + lamp)
+    assert scene_of(path).lighting is not None
+    with pytest.raises(
+        ValueError, match=rf"scene\.xml: .* emitter of type '{kind}' is not rendered"
+    ):
+        scene_of(path, lights="file")
