@@ -34,6 +34,7 @@ from megalopta.sensor.calibrate.neighbors import Kernel, mean_kernel
 from megalopta.sensor.calibrate.saturation import (
     DeadTimeKind,
     MeanCounts,
+    SaturationFit,
     dead_time_moments,
     fit_saturation,
 )
@@ -236,8 +237,11 @@ class _Fits:
         frames = [np.where(used.ravel()[some], each.frames, 0)
                   for used, each in zip(self.used, self.levels, strict=True)]  # fmt: skip
         times = np.array([(each.exposure_s, each.light_hz) for each in self.levels])
-        fit, ratio = fit_saturation(MeanCounts(mean, np.array(frames, np.float64), *times.T))
-        seconds, error = _pooled(fit.solution[:, 2], fit.covariance[:, 2, 2])
+        fit, ratio = fit_saturation(
+            MeanCounts(mean, np.array(frames, np.float64), *times.T),
+            lambda found: _pooled(found)[0],
+        )
+        seconds, error = _pooled(fit)
         # events in excess of Poisson's widen it, too
         error *= float(np.sqrt(max(self.spread)))
         return DeadTimeEstimate(seconds, error, fit.kind, ratio > _CLEAR_KIND), {}
@@ -417,9 +421,9 @@ def _ends(lit: Sequence[int]) -> tuple[int, int]:
     return (lit[0], lit[-1]) if lit else (0, 0)
 
 
-def _pooled(seconds: Floats, variance: Floats) -> tuple[float, float]:
+def _pooled(fit: SaturationFit) -> tuple[float, float]:
     """Dead time of all pixels, and its standard error."""
-    error = np.sqrt(np.maximum(variance, 0))
+    seconds, error = fit.solution[:, 2], np.sqrt(np.maximum(fit.covariance[:, 2, 2], 0))
     known = (error > 0) & np.isfinite(error) & np.isfinite(seconds)
     own = float(np.median(error[known]))
     whole = own / np.sqrt(known.sum())

@@ -3,12 +3,13 @@
 Arrivals of rate r = d + η·φ, d dark counts and φ the light, give counts with the mean M and the
 variance V of a live start (`sensor/effects`). (d, η, τ) maximize the likelihood of normal means of
 known variance V/n, by Fisher scoring from the best of several dead times. Both kinds are fitted:
-the more likely one is named if the likelihoods over all pixels differ by more than a factor e⁶ (400
-to 1).
+the more likely one is named if the likelihoods over all pixels, with their own dead times or one in
+common, differ by more than a factor e⁶ (400 to 1).
 
 Source: dissertation §2.3.3, Eq. 2.5 and 2.6; Knoll, Radiation Detection and Measurement, ch. 4.
 """
 
+from collections.abc import Callable
 from typing import Literal, NamedTuple, get_args
 
 import numpy as np
@@ -58,22 +59,34 @@ def dead_time_moments(
     return mean.reshape(rate.shape), variance.reshape(rate.shape)
 
 
-def fit_saturation(counts: MeanCounts) -> tuple[SaturationFit, float]:
+def fit_saturation(
+    counts: MeanCounts, pooled: Callable[[SaturationFit], float] | None = None
+) -> tuple[SaturationFit, float]:
     """Return the fit of the more likely kind, and the log-likelihood ratio.
+
+    With `pooled`, the dead time of all pixels from their fits, kinds are compared where pixels have
+    that in common, which tells them apart in dimmer light.
 
     Raises ValueError if there are fewer than two levels of light.
     """
     if len(np.unique(counts.light_hz[counts.light_hz > 0])) < 2:
         raise ValueError("flat frames of fewer than two lights; capture a dim and a bright one")
-    fits = sorted((_fitted(counts, kind) for kind in _KINDS), key=lambda fit: -_total(fit))
-    return fits[0], _total(fits[0]) - _total(fits[1])
+    fits = [_fitted(counts, kind) for kind in _KINDS]
+    joint = [_fitted(counts, each.kind, pooled(each)) for each in fits] if pooled else fits
+    totals = [_total(each) for each in joint]
+    best = int(np.argmax(totals))
+    return fits[best], totals[best] - totals[1 - best]
 
 
-def _fitted(counts: MeanCounts, kind: DeadTimeKind) -> SaturationFit:
-    """Fit one kind of dead time."""
+def _fitted(counts: MeanCounts, kind: DeadTimeKind, known_s: float | None = None) -> SaturationFit:
+    """Fit one kind of dead time, to efficiency and dark counts alone if it is known."""
     solution = _started(counts, kind)
+    if known_s is not None:
+        solution[:, 2] = known_s
     for _ in range(_ROUNDS):
         gradient, information = _score(counts, solution, kind)
+        if known_s is not None:
+            gradient[:, 2], information[:, 2], information[:, :, 2] = 0, 0, 0
         step = np.einsum("pij,pj->pi", _inverse(information), gradient)
         reach = np.maximum(0.5 * solution, [1.0, 0, 1e-9])
         found = np.maximum(solution + np.clip(step, -reach, reach), [1e-6, 1e-12, 1e-15])

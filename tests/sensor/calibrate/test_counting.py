@@ -28,6 +28,23 @@ def test_dead_time_and_its_kind_are_found(kind, seconds):
     assert found.error < 0.003 * seconds
 
 
+@pytest.mark.parametrize("kind", ["nonparalyzable", "paralyzable"])
+def test_the_kind_of_dead_time_is_told_where_it_hides_a_fifth(kind):
+    found = calibrate_counts(levels_of(camera(7, kind=kind))).dead_time
+    assert found.kind == kind
+    assert found.is_kind_clear
+    assert found.seconds == pytest.approx(5e-8, abs=5 * found.error)
+
+
+def test_dead_time_next_to_crosstalk():
+    sensor = changed(camera(1, dead_time_s=1e-6), crosstalk={"mean_fired_neighbors": 0.04})
+    levels = levels_of(sensor, dark=(2e-3, 1e-2), lights=(5e4, 5e5, 5e6))
+    found = calibrate_counts(levels)
+    # busy neighbors fire fewer: without that it would be 4 % too long, 20 standard errors
+    assert found.dead_time.seconds == pytest.approx(1e-6, abs=5 * found.dead_time.error)
+    assert found.dead_time.error < 0.004 * 1e-6
+
+
 def test_without_dead_time_none_is_found():
     found = calibrate_counts(levels_of(camera(2, dead_time_s=0)))
     assert found.dead_time is None
