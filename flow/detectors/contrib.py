@@ -30,13 +30,14 @@ class ContribFlow(DenseDetector, frozen=True):
     def _flow(self, _: BlockGrid, pair: Floats) -> NDArray[Any]:
         import cv2
 
+        optflow = vars(cv2)["optflow"]  # unknown to the types of OpenCV without it
         first, second = eight_bits(pair)
         start = np.zeros((*pair.shape[1:], 2), np.float32)
         with one_thread():
             if self.algorithm == "RLOF":  # which takes colors
                 colors = [cv2.cvtColor(each, cv2.COLOR_GRAY2BGR) for each in (first, second)]
-                return np.asarray(cv2.optflow.calcOpticalFlowDenseRLOF(*colors, start))
-            create = getattr(cv2.optflow, f"createOptFlow_{self.algorithm}")
+                return np.asarray(optflow.calcOpticalFlowDenseRLOF(*colors, start))
+            create = getattr(optflow, f"createOptFlow_{self.algorithm}")
             return np.asarray(create().calc(first, second, start))
 
 
