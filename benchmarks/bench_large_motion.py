@@ -4,13 +4,16 @@ Layers are photographs that come with scikit-image, a ground, a large disk that 
 and a small one by 3 to 8 px. Discs have 12 px radius and move by 4.3 px over still ground. The
 stereo pair is scikit-image's motorcycle at a third of its size, with its measured disparity. None
 of them was used to set a parameter; gray methods are tuned to the light on other scenes. `boards`
-measures the boards of whole frames (median, mean, share beyond 3 px, Fl, WAUC). The shares of
-pixels inside the ellipses of PF's covariance leave out 8 px around edges of the motion. Takes some
-twenty minutes.
+measures the boards of whole frames (median, mean, share beyond 3 px, Fl, WAUC; 95 % CI of the first
+two), alone if methods are named: `bench_large_motion.py PF "rife.onnx tuned"`. The shares of pixels
+inside the ellipses of PF's covariance leave out 8 px around edges of the motion. Takes some twenty
+minutes.
 """
 
+import itertools
+import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from scipy.ndimage import distance_transform_edt
@@ -21,7 +24,7 @@ from megalopta.assets_gen.dead_leaves_model import dead_leaves
 from megalopta.benchmark.clips import SHAPE, FlowClip, leaves_clip, middle, panorama_clips
 from megalopta.benchmark.methods import block_detector
 from megalopta.benchmark.panoramas import natural_templates
-from megalopta.benchmark.whole_frames import METRICS, blocks_of, frame_errors
+from megalopta.benchmark.whole_frames import MEAN, MEDIAN, METRICS, blocks_of, frame_errors
 from megalopta.core.arrays import Floats
 from megalopta.flow import optical_flow
 from megalopta.flow.detectors.blocks import block_grid, mean_over_blocks
@@ -158,28 +161,31 @@ def ellipses() -> Iterator[str]:
             yield f"{kind:12} {flux:6g}  {found}"
 
 
-def boards() -> Iterator[str]:
+def boards(methods: Sequence[str]) -> Iterator[str]:
     kinds = {
         "photographs": [photographs(number) for number in range(len(PICTURES))],
         "leaves": [leaves_clip(number) for number in range(6)],
         "forests": list(panorama_clips(natural_templates(), headings=2)),
     }
     for kind, scenes in kinds.items():
-        board = frame_errors(scenes, METHODS, FLUXES)
-        for flux in FLUXES:
-            for each in board.detectors:
-                found = {name: board.over_scenes(name, each, flux).value for name in METRICS}
-                figures = "  ".join(f"{value:6.3f}" for value in found.values())
-                yield f"{kind:12} {flux:6g}  {each.name:11} {figures}"
+        board = frame_errors(scenes, methods, FLUXES)
+        for flux, each in itertools.product(FLUXES, board.detectors):
+            found = {name: board.over_scenes(name, each, flux) for name in METRICS}
+            figures = "  ".join(f"{of.value:6.3f}" for of in found.values())
+            ends = "  ".join(
+                f"{found[name].low:.3f} … {found[name].high:.3f}" for name in (MEDIAN, MEAN)
+            )
+            yield f"{kind:12} {flux:6g}  {each.name:11} {figures}  ({ends})"
 
 
 if __name__ == "__main__":
-    print("scenes, photons per pixel, method: median, mean (px), beyond 3 px (%), CPU-s a pair")
-    for row in rows():
-        print(row, flush=True)
-    print("scenes, photons per pixel: % of pixels inside ellipses of 50, 90 and 95 %")
-    for row in ellipses():
-        print(row, flush=True)
+    if not sys.argv[1:]:
+        print("scenes, photons per pixel, method: median, mean (px), beyond 3 px (%), CPU-s a pair")
+        for row in rows():
+            print(row, flush=True)
+        print("scenes, photons per pixel: % of pixels inside ellipses of 50, 90 and 95 %")
+        for row in ellipses():
+            print(row, flush=True)
     print("scenes, photons per pixel, method:", ", ".join(METRICS.values()))
-    for row in boards():
+    for row in boards(sys.argv[1:] or METHODS):
         print(row, flush=True)

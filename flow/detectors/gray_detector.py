@@ -10,7 +10,7 @@ Estimators of 8 bits round to 256 levels, which loses nothing if the counts of a
 
 Photon noise grows with the light, which these estimators ignore. With `stretch`, the counts n are
 first transformed to 2·√(n + 3/8), whose noise is the same in the dark and in the light
-(Anscombe 1948), and smoothed slightly, `blur_px`.
+(Anscombe 1948), and smoothed slightly, `blur_px`, or denoised.
 
 A pair without contrast has no velocity (NaN); estimators state further cases.
 Velocities belong to the blocks of the first frame of a pair.
@@ -50,8 +50,9 @@ DenseFlow: TypeAlias = Callable[[Floats, Floats], Any]
 class GrayDetector(BlockDetector, frozen=True):
     """A block detector on pairs of pictures with gray levels from 0 to 1."""
 
-    stretch: Literal["none", "anscombe"] = "none"
-    """Transform of counts; anscombe gives all of them the same noise"""
+    stretch: Literal["none", "anscombe", "denoised"] = "none"
+    """Transform of counts; anscombe gives all of them the same noise, which denoised removes by
+    non-local means"""
     blur_px: Annotated[float, Field(ge=0, le=10)] = 0.0
     """Standard deviation of a Gaussian blur after the transform"""
 
@@ -64,8 +65,10 @@ class GrayDetector(BlockDetector, frozen=True):
 
     def _stretched(self, pair: Frames) -> Frames:
         """Return a pair of frames, transformed before the map to gray levels."""
-        if self.stretch == "anscombe":
+        if self.stretch != "none":
             pair = 2 * np.sqrt(pair + _ANSCOMBE)
+        if self.stretch == "denoised":
+            pair = np.stack([_denoised(frame) for frame in pair])
         if self.blur_px:
             sigma = (0, self.blur_px, self.blur_px)
             pair = gaussian_filter(pair.astype(np.float64), sigma, mode="nearest")
@@ -74,6 +77,17 @@ class GrayDetector(BlockDetector, frozen=True):
     @abstractmethod
     def _estimate(self, grid: BlockGrid, pair: Floats) -> Floats:
         """Return the velocities of the blocks between two frames (2, H, W), from 0 to 1."""
+
+
+def _denoised(frame: Floats) -> Floats:
+    """Return a frame without its noise of standard deviation 1, by non-local means.
+
+    Buades et al. (2005), with patches of 5 px, 6 px apart at most, and scikit-image's strength.
+    """
+    from skimage.restoration import denoise_nl_means
+
+    settings = {"patch_size": 5, "patch_distance": 6, "h": 0.8, "sigma": 1.0, "fast_mode": True}
+    return np.asarray(denoise_nl_means(frame, **settings))
 
 
 def eight_bits(pair: Floats) -> NDArray[np.uint8]:

@@ -9,8 +9,9 @@ import inspect
 from collections.abc import Callable, Iterable, Mapping
 from functools import cache
 from pathlib import Path
+from types import MappingProxyType
 
-from megalopta.benchmark.tuning import PARAMETERS, gray_method, is_network, tuned
+from megalopta.benchmark.tuning import PARAMETERS, gray_method, tuned
 from megalopta.core.freshness import digest
 from megalopta.flow.detectors import registry
 from megalopta.flow.detectors.base import Detector
@@ -23,7 +24,12 @@ Methods = Mapping[str, BlockDetector]
 BLOCK_PX = 24
 """Side of the blocks on boards of whole frames"""
 
-_BLUR_PX = 0.7
+_STRETCHES: Mapping[str, tuple[Mapping[str, object], str]] = MappingProxyType(
+    {
+        "√": ({"stretch": "anscombe", "blur_px": 0.7}, "square roots of counts"),
+        "NLM": ({"stretch": "denoised"}, "counts denoised by non-local means"),
+    }
+)
 _MANY = 8
 
 
@@ -57,28 +63,23 @@ def directional_methods(ranked: Methods, more: Iterable[Method]) -> Mapping[str,
 
 
 def block_detector(chosen: Method) -> BlockDetector:
-    """Return a method that gives velocities of blocks, or a baseline: `DIS tuned`, `x.onnx √`.
+    """Return a method that gives velocities of blocks, or a baseline: `DIS tuned`, `√` or `NLM`.
 
     Raises ValueError for any other.
     """
     name, _, kind = chosen.rpartition(" ") if isinstance(chosen, str) else ("", "", "")
-    is_tunable = name in PARAMETERS or is_network(name)
-    made = {"tuned": tuned, "√": stretched}.get(kind) if is_tunable else None
-    baseline = made(name) if made else None
-    return (baseline or velocity_method(chosen)).model_copy(update={"block_px": BLOCK_PX})
+    if kind == "tuned":
+        found: BlockDetector = tuned(name)
+    else:
+        found = stretched(name, kind) if kind in _STRETCHES else velocity_method(chosen)
+    return found.model_copy(update={"block_px": BLOCK_PX})
 
 
-def stretched(name: str) -> GrayDetector:
-    """Return a gray method on Anscombe roots of the counts, slightly smoothed."""
-    detector = gray_method(name)
-    label = f"{detector.label}, square roots of counts"
-    changes = {
-        "name": f"{detector.name} √",
-        "label": label,
-        "stretch": "anscombe",
-        "blur_px": _BLUR_PX,
-    }
-    return detector.model_copy(update=changes)
+def stretched(name: str, kind: str = "√") -> GrayDetector:
+    """Return a gray method on Anscombe roots of the counts: √, slightly smoothed; NLM, denoised."""
+    detector, (settings, what) = gray_method(name), _STRETCHES[kind]
+    names = {"name": f"{detector.name} {kind}", "label": f"{detector.label}, {what}"}
+    return detector.model_copy(update={**names, **settings})
 
 
 def methods_and_baselines(frames: int) -> list[BlockDetector]:

@@ -3,11 +3,11 @@
 `tuned.yaml` holds, for each method and photons per pixel, the stretch of counts, the blur and the
 main parameter of least error on the tuning scenes: the geometric mean over scenes, so that each
 counts alike, of the mean over blocks. Stretch and blur together, and the main parameter, are varied
-in turn until neither improves, from the settings for the next brighter light. A network in an ONNX
-file has stretch and blur alone, and its own `tuned.yaml` next to it. The scenes: dead leaves of
-other seeds than those of the boards, and pictures of scikit-image that no benchmark shows (grass,
-galaxies, coins, a retina), both in layers, whose disks move by up to 4 px in half of them and by up
-to 12 px in the others.
+in turn until neither improves, from the settings for the next brighter light. Other methods, such
+as a network in an ONNX file, have stretch and blur alone, and a `tuned.yaml` of the user's. The
+scenes: dead leaves of other seeds than those of the boards, and pictures of scikit-image that no
+benchmark shows (grass, galaxies, coins, a retina), both in layers, whose disks move by up to 4 px
+in half of them and by up to 12 px in the others.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -32,7 +32,7 @@ from megalopta.core.progress import progress
 from megalopta.flow.detectors.base import Frames
 from megalopta.flow.detectors.blocks import BlockDetector, BlockGrid
 from megalopta.flow.detectors.gray_detector import GrayDetector
-from megalopta.flow.detectors.registry import METHODS, detector_at
+from megalopta.flow.detectors.registry import method
 from megalopta.scenes.spectra.color import LUMINANCE_SHARES, decode_srgb
 
 SHAPE = (168, 168)
@@ -94,32 +94,27 @@ class TunedMethod(BlockDetector, frozen=True):
 
 
 def tuned(name: str) -> TunedMethod:
-    """Return a method of `PARAMETERS`, or an ONNX file, with its tuned settings, as `NAME tuned`.
+    """Return a gray method with its tuned settings, as `NAME tuned`.
 
-    Raises ValueError if there is no such method, or the table next to a file has none for it.
+    Those of `PARAMETERS` come with the program. Of others they are in `tuned.yaml`, next to an ONNX
+    file or in the working folder. Raises ValueError if there is no such method, or no settings.
     """
-    method = gray_method(name)
-    rows = tuned_settings()[name] if name in PARAMETERS else _beside(Path(name), method)
+    gray = gray_method(name)
+    rows = tuned_settings().get(gray.name) or _own(Path(name), gray)
     kept = tuple(
         (float(photons), tuple((key, value) for key, value in row.items() if key != _ERROR))
         for photons, row in rows.items()
     )
-    label = f"{method.label}, tuned to the light"
-    return TunedMethod(name=f"{method.name} tuned", label=label, method=method, settings=kept)
+    label = f"{gray.label}, tuned to the light"
+    return TunedMethod(name=f"{gray.name} tuned", label=label, method=gray, settings=kept)
 
 
 def gray_method(name: str) -> GrayDetector:
-    """Return a method of `PARAMETERS`, or that of an ONNX file. Raises ValueError for any other."""
-    found = METHODS.get(name) if name in PARAMETERS else None
-    found = found or (detector_at(name) if is_network(name) else None)
+    """Return a method that takes gray levels. Raises ValueError for any other."""
+    found = method(name)
     if not isinstance(found, GrayDetector):
-        raise ValueError(f"{name!r} cannot be tuned: give {', '.join(PARAMETERS)} or an ONNX file")
+        raise ValueError(f"{found.name} takes no gray levels: give DIS, an ONNX file or the like")
     return found
-
-
-def is_network(name: str) -> bool:
-    """Return True for the path of an ONNX file."""
-    return name.casefold().endswith(".onnx")
 
 
 def tune(
@@ -133,11 +128,11 @@ def tune(
 
     Errors are kept in a folder, if there is one, from which an interrupted run resumes.
     """
-    method, clips = gray_method(name), list(tuning_clips()) if scenes is None else scenes
-    parameter, values = PARAMETERS.get(name, ("", ()))
+    gray, clips = gray_method(name), list(tuning_clips()) if scenes is None else scenes
+    parameter, values = PARAMETERS.get(gray.name, ("", ()))
     choices = NOISE, *([tuple({parameter: value} for value in values)] if values else [])
-    best: Settings = NOISE[-1] | ({parameter: getattr(method, parameter)} if values else {})
-    error, found = _kept_errors(method, clips, folder), {}
+    best: Settings = NOISE[-1] | ({parameter: getattr(gray, parameter)} if values else {})
+    error, found = _kept_errors(gray, clips, folder), {}
     for flux in sorted(fluxes, reverse=True):
         best, least = _least(partial(error, flux), best, choices)
         found[flux] = {**best, _ERROR: round(least, 4)}
@@ -185,8 +180,8 @@ def tuned_settings() -> Mapping[str, Mapping[float, Settings]]:
     return MappingProxyType(strict_yaml.load(_TABLE.read_text("utf-8")))
 
 
-def _beside(path: Path, method: GrayDetector) -> Mapping[Any, Settings]:
-    """Return the settings of a network in `tuned.yaml` next to its file; raise ValueError."""
+def _own(path: Path, method: GrayDetector) -> Mapping[Any, Settings]:
+    """Return the settings of a method in `tuned.yaml` next to its file; raise ValueError."""
     table = path.with_name(_TABLE.name)
     remedy = f"run: megalopta benchmark tune {path} --out {table}"
     if not table.exists():
@@ -195,12 +190,12 @@ def _beside(path: Path, method: GrayDetector) -> Mapping[Any, Settings]:
     try:
         found = {
             float(photons): {key: row[key] for key in NOISE[0]}
-            for photons, row in rows[path.name].items()
+            for photons, row in rows[method.name].items()
         }
         for row in found.values():
             type(method).model_validate(dict(method) | row)
     except (AttributeError, KeyError, TypeError, ValueError):
-        raise ValueError(f"{table} has no settings for {path.name}; {remedy}") from None
+        raise ValueError(f"{table} has no settings for {method.name}; {remedy}") from None
     return found
 
 

@@ -205,7 +205,7 @@ def _cell(metric: str, found: "Interval") -> str:
     "benchmark tune",
     "choose stretch, blur and main parameter of a gray method for each light, on other scenes"
     " than boards report",
-    option("method", "TV-L1, DIS, FB, LK or an ONNX file (stretch and blur alone)"),
+    option("method", "TV-L1, DIS, FB or LK; others, such as an ONNX file, have no main parameter"),
     _PHOTONS,
     out("tuned.yaml", "file of the settings, in which other methods stay"),
 )

@@ -78,7 +78,7 @@ def test_the_command_keeps_other_methods_of_the_file(clip, tmp_path, capsys, mon
     assert "100 photons: stretch" in capsys.readouterr().out
     with pytest.raises(SystemExit):
         cli.main(["benchmark", "tune", "PF", "--out", str(out)])
-    assert "'PF' cannot be tuned: give TV-L1" in capsys.readouterr().err
+    assert "PF takes no gray levels: give DIS" in capsys.readouterr().err
 
 
 ENDLESS = """

@@ -110,6 +110,8 @@ def test_methods_and_baselines_of_a_board_do_with_its_frames():
     assert {"PM", "PPM", "DIS tuned"} <= set(eight) and "EMD" not in eight
     assert block_detector("DIS tuned") == block_detector(two["DIS tuned"])
     assert block_detector("DIS √").name == "DIS √"
+    denoised = block_detector("DIS NLM")
+    assert (denoised.name, denoised.stretch) == ("DIS NLM", "denoised")
 
 
 def test_shipped_scenes_move_as_their_flow_says():
