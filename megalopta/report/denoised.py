@@ -36,7 +36,7 @@ def pixel_albedo(scene: Scene, settings: Configuration, pose: Floats) -> NDArray
     size = {"width": _FINER * camera.width, "height": _FINER * camera.height}
     finer = SceneRenderer(scene, camera.model_copy(update=size), settings.render)
     albedo = block_reduce(finer.albedo(pose), (_FINER, _FINER, 1), np.mean)
-    return albedo.astype(np.float32)
+    return np.asarray(albedo, np.float32)
 
 
 def denoised(radiance: NDArray[np.float32], albedo: NDArray[np.float32]) -> NDArray[np.float32]:
