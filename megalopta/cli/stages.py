@@ -53,6 +53,17 @@ _QUICK = {
 """Settings of --quick: everything once, small and noisy"""
 _QUICKLY_RANKED = {"methods": "[BM, DIS, PF]", "fluxes": "[1e5, 1e7]", "camera_pairs": "0"}
 
+
+def quick(overrides: Mapping[str, str]) -> dict[str, str]:
+    """Return settings of --quick, but for those of a forest if another scene is given, and others.
+
+    The others replace those of --quick.
+    """
+    own_scene = not {"scene", "scene.kind"}.isdisjoint(overrides)
+    mine = {name: each for name, each in _QUICK.items() if not (own_scene and "scene." in name)}
+    return {**mine, **overrides}
+
+
 REDO = switch("--redo", "replace output of another configuration")
 _FROM_CONFIGURATION = (
     REDO,
@@ -127,7 +138,7 @@ def _demo(options: Namespace) -> None:
     if options.quick:
         if options.configuration not in (None, "demo"):
             raise UserError(f"--quick: {options.configuration} has no quick form; omit one of them")
-        options.overrides = {**_QUICK, **options.overrides}
+        options.overrides = quick(options.overrides)
     asked = _configuration(options)  # refused before the rest is loaded
 
     from megalopta.benchmark.ranking_run import FOLDER, run_ranking

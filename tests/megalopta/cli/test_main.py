@@ -9,8 +9,11 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+import trimesh
 
 from megalopta.cli import main as cli
+from megalopta.cli.stages import quick
+from megalopta.config.model import load
 from megalopta.render import read_radiance, read_truth
 from megalopta.verification import GROUPS, physics
 from megalopta.verification.physics import CASES
@@ -138,3 +141,12 @@ def test_reproduce_writes_picture_print_and_numbers(tmp_path, capsys):
         "fig-3.2.svg",
     ]
     assert len(capsys.readouterr().out.splitlines()) == 4
+
+
+def test_a_quick_demo_of_another_scene_has_no_settings_of_a_forest(tmp_path):
+    trimesh.creation.box((1, 1, 1)).export(tmp_path / "box.stl")
+    own = {"scene.kind": "meshes", "scene.files": str(tmp_path / "box.stl")}
+    for given in own, {"scene": f"{{kind: meshes, files: {tmp_path / 'box.stl'}}}"}:
+        made = load("demo", quick({**given, "camera.width": "40"}))
+        assert (made.scene.kind, made.camera.width, made.camera.height) == ("meshes", 40, 48)
+    assert load("demo", quick({"scene.trees": "40"})).scene.trees == 40
