@@ -356,8 +356,8 @@ def _of_others(source: Source) -> Recorded:
     exposure = source.exposure_s or frames.exposure_s
     if exposure is None:
         raise ValueError(
-            f"{source.path}: exposure is unknown; give {source.path}@LIGHT:SECONDS, or exposure_s in "
-            "a list"
+            f"{source.path}: exposure is unknown; give {source.path}@LIGHT:SECONDS, or in a list "
+            "exposure_s"
         )
     if frames.counts.ndim != 3:
         raise ValueError(f"{source.path}: {frames.counts.ndim} dimensions; give gray frames")
