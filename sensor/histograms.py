@@ -59,24 +59,37 @@ def _check_blur(sensor: Sensor) -> None:
             )
 
 
-def mean_histograms(detections_hz: ArrayLike, sensor: Sensor) -> Floats:
+def mean_histograms(
+    detections_hz: ArrayLike, sensor: Sensor, later_s: ArrayLike | None = None
+) -> Floats:
     """Return the mean counts in each bin, (T, H, W, bins); of n periods, variance m·(1 − m/n).
 
     Parameters as for `expose_histograms`. Raises ValueError as this does.
     """
     check_histograms(sensor)
-    return periods(sensor) * _shares(detections_hz, sensor)
+    return periods(sensor) * _shares(detections_hz, sensor, later_s)
 
 
-def _shares(detections_hz: ArrayLike, sensor: Sensor) -> Floats:
+def _shares(detections_hz: ArrayLike, sensor: Sensor, later_s: ArrayLike | None) -> Floats:
     """Return the probability of a count in each bin of a period, (T, H, W, bins)."""
     rate, device = checked_rate(detections_hz, sensor)
     if rate.ndim != 3:
         raise ValueError("detections_hz: light in parts of the exposure; histograms need steady")
     tcspc = sensor.tcspc
+    if (later_s is None) == tcspc.from_camera:
+        raise ValueError(
+            f"tcspc.from_camera: {str(tcspc.from_camera).lower()}; true needs later_s, the delay "
+            "of each pixel, and false has none"
+        )
     pulsed = rate * tcspc.pulsed_share * tcspc.period_s
     constant = (rate * (1 - tcspc.pulsed_share) + device.dark_counts_hz) * tcspc.period_s
-    return first_photon_shares(pulsed, constant, tcspc, sensor.jitter)
+    later = None
+    if later_s is not None:
+        later = np.broadcast_to(np.asarray(later_s, np.float64), rate.shape)
+        returns = np.isfinite(later)
+        constant = constant + np.where(returns, 0, pulsed)
+        pulsed, later = np.where(returns, pulsed, 0), np.where(returns, later, 0)
+    return first_photon_shares(pulsed, constant, tcspc, sensor.jitter, later)
 
 
 def periods(sensor: Sensor) -> int:
@@ -91,6 +104,7 @@ def expose_histograms(
     seed: int,
     sequence: str | int,
     first_frame: int = 0,
+    later_s: ArrayLike | None = None,
 ) -> NDArray[np.uint32]:
     """Draw histograms of photons by their time after a pulse, (T, H, W, bins).
 
@@ -101,6 +115,9 @@ def expose_histograms(
     sensor : Sensor
     seed, sequence, first_frame
         As for `expose_rate`.
+    later_s : (T, H, W) array, optional
+        With `tcspc.from_camera`, delay of each pixel's pulse after `tcspc.delay_s`; infinite: no
+        pulse returns, and all light is constant.
 
     Raises
     ------
@@ -111,9 +128,11 @@ def expose_histograms(
     rate = np.asarray(detections_hz, np.float64)
     counts = np.empty((*rate.shape, sensor.tcspc.bins), np.uint32)
     number = periods(sensor)
+    later = None if later_s is None else np.broadcast_to(np.asarray(later_s), rate.shape)
 
     def expose_frame(index: int) -> None:
-        shares = _shares(rate[index : index + 1], sensor)[0]
+        own = None if later is None else later[index : index + 1]
+        shares = _shares(rate[index : index + 1], sensor, own)[0]
         rest = np.maximum(1 - shares.sum(axis=-1, keepdims=True), 0)
         rng = generator(seed, "histograms", sequence, first_frame + index)
         drawn = rng.multinomial(number, np.concatenate((shares, rest), axis=-1))

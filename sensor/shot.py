@@ -57,6 +57,8 @@ class Shot:
     arrays : dict, optional
         State of a continuous array after the previous shot (its `arrays_after`), by the kind of
         draw; empty in the first shot. By default the array is reset in every frame.
+    later_s : (T, H, W) array, optional
+        Delays of pulses for histograms, as for `expose_histograms`.
     """
 
     radiance: ArrayLike
@@ -70,6 +72,7 @@ class Shot:
     sub_frames: int = 1
     burst_frames: int = 1
     arrays: Arrays | None = None
+    later_s: Floats | None = None
     arrays_after: dict[str, FreeRunning] = field(default_factory=dict, init=False)
 
     def _array(self, of: str) -> FreeRunning | bool:
@@ -219,6 +222,7 @@ class Shot:
                 seed=self.seed,
                 sequence=self.sequence,
                 first_frame=self.first_frame + index,
+                later_s=None if self.later_s is None else self.later_s[index : index + 1],
             )
 
     @property

@@ -245,7 +245,9 @@ class Source:
         Raises UserError if light or exposure is not a number, or negative, or a range of frames is
         invalid.
         """
-        name, _, numbers = text.partition("@")
+        name, at, numbers = text.partition("@")
+        if not at and ":" in Path(name).name and not Path(name).exists():
+            raise UserError(f"{text!r}: give RECORDING@LIGHT:EXPOSURE_S, in the dark @0:EXPOSURE_S")
         path, _, range_ = name.partition("#")
         light, _, exposure = numbers.partition(":")
         try:
@@ -275,11 +277,24 @@ class Beam:
     """None: light is given as photons per second and pixel."""
 
     def photons_hz(self, light: float, sensor: Sensor) -> float:
-        """Photons per second and pixel; relative if the wavelength is unknown."""
+        """Photons per second and pixel; relative if the wavelength is unknown.
+
+        Raises ValueError if the sensor's curve has no efficiency at the wavelength.
+        """
+        self._check(sensor)
         if self.area_mm2 is None or self.wavelength_nm is None:
             return light
         photons_hz = light * self.wavelength_nm * 1e-9 / _PLANCK_TIMES_C
         return photons_hz * sensor.pitch_m**2 / (self.area_mm2 * 1e-6)
+
+    def _check(self, sensor: Sensor) -> None:
+        curve, nm = sensor.efficiency, self.wavelength_nm
+        first, last = curve.wavelengths_nm[0], curve.wavelengths_nm[-1]
+        if nm is not None and not (first <= nm <= last and curve(np.array(nm)) > 0):
+            raise ValueError(
+                f"--wavelength-nm {nm:g}: sensor {sensor.name!r} has no efficiency there, only "
+                f"within {first:g} to {last:g} nm; give the wavelength of the light"
+            )
 
 
 @dataclass(frozen=True, eq=False)
@@ -340,7 +355,10 @@ def _of_others(source: Source) -> Recorded:
     frames = read_frames(source.path, source.kind)
     exposure = source.exposure_s or frames.exposure_s
     if exposure is None:
-        raise ValueError(f"{source.path}: exposure is unknown; give {source.path}@LIGHT:SECONDS")
+        raise ValueError(
+            f"{source.path}: exposure is unknown; give {source.path}@LIGHT:SECONDS, or in a list "
+            "exposure_s"
+        )
     if frames.counts.ndim != 3:
         raise ValueError(f"{source.path}: {frames.counts.ndim} dimensions; give gray frames")
     times_s = exposure * np.arange(len(frames.counts), dtype=np.float64)

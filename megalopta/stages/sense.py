@@ -11,6 +11,7 @@ moon sensed from a rendering under an overcast sky casts no shadows.
 
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import ExitStack
+from dataclasses import replace
 from importlib.metadata import version
 from typing import Any
 
@@ -19,6 +20,7 @@ from numpy.typing import NDArray
 
 from megalopta.config.light_scale import light_scale
 from megalopta.config.model import Configuration, LightLevel, level_text
+from megalopta.core.arrays import Floats
 from megalopta.core.errors import UserError, refused_as
 from megalopta.core.freshness import SENSOR_MODEL
 from megalopta.core.progress import progress, say
@@ -48,6 +50,8 @@ from megalopta.stages.correction import write_corrected
 from megalopta.stages.declaration import Stage
 from megalopta.stages.noise_warning import noise_share, noise_warning
 
+LIGHT_SPEED_M_S = 299_792_458.0
+
 
 def sense(dataset: Dataset) -> None:
     """Expose what is missing: every frame is read once, for all sensors at all levels."""
@@ -67,8 +71,9 @@ def sense(dataset: Dataset) -> None:
         _check_events(dataset, films)
         for first, radiance in read_radiance_frames(dataset) if films else ():
             following = _next_frames(dataset, first, radiance)
+            later_s = _round_trips_s(dataset, first, len(radiance), films)
             for film in films:
-                film.expose(first, radiance, following)
+                film.expose(first, radiance, following, later_s)
                 advance(len(radiance))
     for sensor in dataset.configuration.sensors if dataset.configuration.correct else ():
         levels = dataset.configuration.light_levels
@@ -127,11 +132,21 @@ class _Film:
             )
             self._writers.setdefault(kind_of(product), []).append(stores.enter_context(writer))
 
+    @property
+    def needs_depth(self) -> bool:
+        """True if pulses leave from the camera."""
+        return "histograms" in self._writers and starts_at_camera(self._sensor)
+
     def expose(
-        self, first: int, radiance: NDArray[np.float32], following: Following | None
+        self,
+        first: int,
+        radiance: NDArray[np.float32],
+        following: Following | None,
+        later_s: Floats | None,
     ) -> None:
         """Expose frames (n, H, W, B), the first of which has number `first`."""
-        shot = self._shot(first, radiance, following)
+        own = later_s if self.needs_depth else None
+        shot = replace(self._shot(first, radiance, following), later_s=own)
         draws: dict[Kind, Callable[[], Iterable[Any]]] = {
             "readings": lambda: [shot.readings(self._settings.expectation)],
             "events": shot.events,
@@ -166,6 +181,23 @@ class _Film:
             burst_frames=burst_frames(self._settings),
             arrays=self._arrays,
         )
+
+
+def starts_at_camera(sensor: ImageSensor) -> bool:
+    """True for a sensor whose pulsed source is at the camera."""
+    return isinstance(sensor, Sensor) and sensor.tcspc.is_on and sensor.tcspc.from_camera
+
+
+def _round_trips_s(
+    dataset: Dataset, first: int, number: int, films: Sequence[_Film]
+) -> Floats | None:
+    """Return the time of light to what pixels see and back (n, H, W), s, if a film needs it."""
+    if not any(film.needs_depth for film in films):
+        return None
+    camera = dataset.configuration.camera
+    per_meter = camera.depth(np.ones((camera.height, camera.width)))
+    depths = [read_truth_frame(dataset, index).depth for index in range(first, first + number)]
+    return 2 * np.array(depths, np.float64) / per_meter / LIGHT_SPEED_M_S
 
 
 def _next_frames(dataset: Dataset, first: int, radiance: NDArray[np.float32]) -> Following | None:
@@ -315,6 +347,8 @@ def _check(settings: Configuration) -> None:
             check_sensor(sensor, settings.render.bands_nm, shape)
             for product in settings.products:
                 check_product(product, sensor, shape)
+            if starts_at_camera(sensor) and not settings.scene.has_truth:
+                raise ValueError("tcspc.from_camera: pictures have no depth; use a rendered scene")
         except ValueError as problem:
             raise ValueError(f"sensor {sensor.name!r}: {problem}") from None
 

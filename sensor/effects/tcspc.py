@@ -59,6 +59,9 @@ class Tcspc(Effect, frozen=True):
     """Mean of the exponential delay of a photon, such as a fluorescence lifetime (s)."""
     delay_s: Annotated[float, Field(ge=0)] = 0.0
     """Delay of the pulse, such as the time of flight (s)."""
+    from_camera: bool = False
+    """True: the source is at the camera, and to delay_s adds the time of light to what a pixel sees
+    and back. Needs the depth of a rendered sequence; the sky returns no pulse."""
 
     @property
     def is_on(self) -> bool:
@@ -66,13 +69,22 @@ class Tcspc(Effect, frozen=True):
         return self.bins > 0
 
 
-def first_photon_shares(pulsed: Floats, constant: Floats, tcspc: Tcspc, jitter: Jitter) -> Floats:
+def first_photon_shares(
+    pulsed: Floats,
+    constant: Floats,
+    tcspc: Tcspc,
+    jitter: Jitter,
+    later_s: Floats | None = None,
+) -> Floats:
     """Return the probability of a count in each bin of a period, (…, bins).
 
     Parameters
     ----------
     pulsed, constant : (…)
         Mean arrivals per period, of pulses and of all other light and dark counts.
+    later_s : (…), optional
+        Further delay of each pulse; it is moved by parts of a bin, and in between by their mixture,
+        which widens it by less than a hundredth of what blurs it.
     """
     parts = _parts(tcspc, jitter)
     fine = tcspc.bins * parts
@@ -80,18 +92,32 @@ def first_photon_shares(pulsed: Floats, constant: Floats, tcspc: Tcspc, jitter: 
     delay_s = tcspc.delay_s % tcspc.period_s
     pulse = _wrapped(ends - delay_s, tcspc.pulse_sigma_s, tcspc.decay_s, tcspc.period_s)
     response = np.fft.rfft(_response(ends, tcspc.period_s, jitter)) if jitter.is_on else None
+    is_blurred = jitter.is_on or tcspc.pulse_sigma_s + tcspc.decay_s > 0
     arrivals = np.stack(np.broadcast_arrays(pulsed, constant), axis=-1)
     shares = np.empty((arrivals[..., 0].size, tcspc.bins))
     at_once = max(1, _VALUES_AT_ONCE // fine)
     for start in range(0, len(shares), at_once):
         some = slice(start, start + at_once)
         of_pulse, steady = arrivals.reshape(-1, 2, 1)[some].swapaxes(0, 1)
-        mass = of_pulse * pulse + steady / fine
+        own = pulse
+        if later_s is not None:
+            own = _moved(pulse, later_s.reshape(-1, 1)[some] / tcspc.period_s * fine, is_blurred)
+        mass = of_pulse * own + steady / fine
         first = -np.exp(mass - np.cumsum(mass, axis=-1)) * np.expm1(-mass)
         if response is not None:
             first = np.fft.irfft(np.fft.rfft(first) * response, fine)
         shares[some] = first.reshape(len(first), tcspc.bins, parts).sum(axis=-1).clip(0)
     return shares.reshape(*arrivals.shape[:-1], tcspc.bins)
+
+
+def _moved(pulse: Floats, by: Floats, is_mixed: bool) -> Floats:
+    """Pulse (parts,) later by so many parts, (pixels, 1)."""
+    whole = np.floor(by).astype(np.int64)
+    rest = by - whole if is_mixed else 0.0
+    place = np.arange(pulse.size) - whole
+    return np.asarray(
+        (1 - rest) * pulse[place % pulse.size] + rest * pulse[(place - 1) % pulse.size]
+    )
 
 
 def _parts(tcspc: Tcspc, jitter: Jitter) -> int:

@@ -42,10 +42,10 @@ class PixelOptics(Record):
     """Time during which events are counted for one frame (s)."""
     lens: Lens = Lens()
     """Lens in front of the pixels."""
-    filters: ColorFilters = Field(default=ColorFilters(), exclude_if=lambda own: not own.is_on)
-    """Color filters in front of the pixels; none by default."""
     efficiency: Efficiency
     """Photon detection probability (PDP) of the light-sensitive area over wavelength."""
+    filters: ColorFilters = Field(default=ColorFilters(), exclude_if=lambda own: not own.is_on)
+    """Color filters in front of the pixels; none by default."""
 
     @model_validator(mode="after")
     def _check_blur(self) -> Self:

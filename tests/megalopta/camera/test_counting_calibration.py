@@ -7,7 +7,7 @@ import pytest
 
 from megalopta.camera.calibrating import calibrate_recordings, listed_sources, named_sources
 from megalopta.camera.calibration import primary
-from megalopta.camera.recording import Beam
+from megalopta.camera.recording import Beam, Source
 from megalopta.core.errors import UserError
 from megalopta.sensor import changed, expose_rate, load_sensor, preset, reading_moments
 from megalopta.sensor.calibrate.counting import calibrate_counts
@@ -117,6 +117,19 @@ def test_hot_pixels_give_the_crosstalk_of_pairs_of_rows(tmp_path):
         reading_moments(np.zeros((1, *shape)), true)[0].mean(), rel=0.01
     )
     assert "the pixel below" in out.with_suffix(".html").read_text("utf-8")
+
+
+@pytest.mark.parametrize("nm", [5000.0, 1.0])
+def test_a_wavelength_without_efficiency_is_refused(tmp_path, nm):
+    np.save(tmp_path / "flat.npy", np.ones((60, 4, 4), np.uint16))
+    source = Source(tmp_path / "flat.npy", 1e6, 1e-3)
+    with pytest.raises(UserError, match=rf"--wavelength-nm {nm:g}: sensor 'ideal' has no eff"):
+        calibrate_recordings([source], tmp_path / "x.yaml", beam=Beam(nm), base="ideal")
+
+
+def test_an_exposure_without_light_tells_how_to_write_it():
+    with pytest.raises(UserError, match=r"'dark\.npy:1e-2': give RECORDING@LIGHT:EXPOSURE_S"):
+        Source.parse("dark.npy:1e-2")
 
 
 def test_coincidences_give_crosstalk_and_rates_without_it(tmp_path):

@@ -5,6 +5,7 @@ import pytest
 from scipy.stats import chi2
 
 from megalopta.sensor import (
+    Jitter,
     changed,
     expose_histograms,
     expose_rate,
@@ -47,6 +48,36 @@ def test_pile_up_of_constant_light_is_exponential(photons):
     law = mean_histograms(rate_of(photons, sensor), sensor)[0, 0, 0] / periods(sensor)
     ends = np.arange(101) / 100
     np.testing.assert_allclose(law, -np.diff(np.exp(-photons * ends)), rtol=1e-9)
+
+
+def test_every_pixel_has_the_delay_of_its_own():
+    later = np.array([[[0.0, 3.21e-9, 18.9e-9], [40.1e-9, 1e-9, np.inf]]])
+    sensor = changed(TCSPC, tcspc={"from_camera": True})
+    own = mean_histograms(rate_of(1.0, shape=later.shape), sensor, later)
+    for place in np.ndindex(2, 3):
+        delay_s = later[0][place]
+        fixed = {"pulsed_share": 0.0} if np.isinf(delay_s) else {"delay_s": 2e-9 + delay_s}
+        alone = mean_histograms(rate_of(1.0), changed(TCSPC, tcspc=fixed))[0, 0, 0]
+        # between parts of a bin the pulse is a mixture: 1 % of its steepest bins
+        np.testing.assert_allclose(own[0][place], alone, atol=0.01 * alone.max(), rtol=1e-3)
+
+
+def test_a_pulse_without_width_falls_into_the_bin_of_its_delay():
+    bare = {"pulse_sigma_s": 0, "decay_s": 0, "delay_s": 0, "from_camera": True}
+    sensor = changed(TCSPC, tcspc=bare, jitter=Jitter())
+    later = np.array([[[0.05e-9, 0.25e-9, 19.99e-9, 20.3e-9]]])  # bins of 0.2 ns
+    drawn = expose_histograms(
+        rate_of(0.5, shape=later.shape), sensor, seed=1, sequence="a", later_s=later
+    )
+    assert drawn[0, 0].argmax(axis=-1).tolist() == [0, 1, 99, 1]
+    assert (np.sort(drawn[0, 0], axis=-1)[:, :-1] == 0).all()
+
+
+@pytest.mark.parametrize(("is_from_camera", "later"), [(True, None), (False, np.zeros((1, 1, 1)))])
+def test_delays_belong_to_a_source_at_the_camera(is_from_camera, later):
+    sensor = changed(TCSPC, tcspc={"from_camera": is_from_camera})
+    with pytest.raises(ValueError, match=r"tcspc\.from_camera: .* needs later_s"):
+        mean_histograms(rate_of(1.0), sensor, later)
 
 
 def test_pile_up_is_undone_by_coates():

@@ -6,6 +6,7 @@ import pytest
 from megalopta.sensor import (
     ORDER_OF_EFFECTS,
     Afterpulsing,
+    ColorFilters,
     Crosstalk,
     Effect,
     Gate,
@@ -48,6 +49,7 @@ def all_on(tmp_path_factory):
         preset("spadcam"),
         afterpulsing=Afterpulsing(mean_carriers=0.1),
         crosstalk=Crosstalk(mean_fired_neighbors=0.1),
+        filters=ColorFilters(mosaic=("W",)),
         gate=Gate(period_s=1e-2, width_s=5e-3),
         jitter=Jitter(sigma_s=1e-10),
         temperature=Temperature(celsius=0.0),
