@@ -195,30 +195,27 @@ def _ratios(axes: Axes, ranking: Ranking, flux: float, group: str, place: int) -
 
 @in_style
 def transfer_curves(ranking: Ranking, method: str) -> Markup:
-    """Draw relative errors over photons per pixel and over those per motion period.
-
-    A curve per speed and exposure, with the common curve behind them.
-    """
+    """Draw relative errors on all axes, a curve per speed and exposure, and the common curve."""
     found = transfer.curves(ranking, method)
-    figure = Figure(figsize=(7.6, 3.7), layout="constrained")
-    panels = figure.subplots(1, 2, sharey=True)
-    for axes, (name, power) in zip(panels, list(transfer.AXES.items())[:2], strict=True):
+    figure = Figure(figsize=(9.2, 3.6), layout="constrained")
+    panels = figure.subplots(1, len(transfer.AXES), sharey=True)
+    misfits = transfer.misfits(found)
+    for axes, (name, power) in zip(panels, transfer.AXES.items(), strict=True):
         for each in found:
             style = {"color": _KINDS[RANGES.index(each.speed)], "linewidth": 0.5 + each.frames / 2}
-            label = f"speed {each.speed}, exposure {each.frames} ×"
-            axes.plot(
-                each.along(power), each.errors, marker="o", markersize=3, label=label, **style
-            )
-        ends = np.log10([function(each.along(power)) for each in found for function in (min, max)])
+            label = f"{each.speed}, {each.frames} ×"
+            axes.plot(each.along(power), each.errors, "o-", markersize=3, label=label, **style)
+        ends = np.log10([end(each.along(power)) for each in found for end in (np.min, np.max)])
         places = np.linspace(ends.min(), ends.max(), 60)
         common = transfer.common_curve(found, power)(places)
         axes.plot(10**places, 10**common, color=GRAY, linewidth=5, alpha=0.3, zorder=0)
-        misfit = transfer.misfits(found)[name]
-        axes.set(xscale="log", yscale="log", xlabel=name)
-        axes.set_title(f"{method}: misfit {misfit.value:.2f} decades", fontsize=10)
-    panels[0].set_ylabel("mean error / mean motion")
-    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
-    return to_svg(figure, f"transfer-{method}", f"Relative errors of {method} on two axes")
+        axes.set(xscale="log", yscale="log")
+        axes.set_xlabel(name.replace(" and ", "\nand ").replace(" · ", "\n· "))
+        axes.set_title(f"misfit {misfits[name].value:.2f} decades", fontsize=10)
+    panels[0].set_ylabel(f"{method}: error / motion")
+    handles = panels[0].get_legend_handles_labels()
+    figure.legend(*handles, title="speed, exposure", loc="outside right center")
+    return to_svg(figure, f"transfer-{method}", f"Relative errors of {method} on three axes")
 
 
 def _panel(axes: Axes, ranking: Ranking, group: str) -> dict[str, None]:
