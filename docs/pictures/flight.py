@@ -4,53 +4,35 @@
 
 renders `flight.yaml` to `out/pictures/flight`, or takes what is finished there, and writes
 `docs/flight.gif`. A few frames of each light level follow each other; the light is rendered once.
-It is denoised for display; photons are drawn from the light as rendered.
 """
 
 import subprocess
 import sys
 from pathlib import Path
 
-from PIL import Image
-
-from megalopta.report.denoised import denoised
 from megalopta.report.film import Moment, composed, gif
 from megalopta.report.readings import Treatment
 from megalopta.report.seen import Seen
 from megalopta.report.seen_sequence import seen_sequence
-from megalopta.scenes import preview
-from megalopta.scenes.spectra.color import linear_srgb
-from megalopta.scenes.tone_mapping import ToneCurve
 
 HERE = Path(__file__).parent
 OUT, PICTURE = Path("out/pictures/flight"), HERE.parent / "flight.gif"
 WIDTH_PX, LETTERS_PX, FRAME_MS = 1040, 15, 200
 
 
-def moment(seen: Seen, index: int, light: Image.Image) -> Moment:
+def moment(seen: Seen, index: int) -> Moment:
     """Return the panels of a frame, at a light level that falls from frame to frame."""
     brightest_first = seen.exposed[::-1]
     exposed = brightest_first[index * len(brightest_first) // len(seen.frames)]
-    assert exposed.flow and seen.motion
+    assert exposed.flow and seen.light and seen.motion
     panels = [
+        ("light, as a well-lit eye would see it", seen.light),
         (f"photons: {exposed.readings.caption}", exposed.readings),
         ("motion found in the photons (PF)", exposed.flow),
         ("true motion", seen.motion),
     ]
     frame = seen.frames[index]
-    pictures = [(label, panel.picture(frame)) for label, panel in panels]
-    return Moment(exposed.level, [("light, as a well-lit eye would see it", light), *pictures])
-
-
-def lights(seen: Seen) -> list[Image.Image]:
-    """Return the light of all frames, denoised, with the tone curve of the first."""
-    sequence = seen.sequence
-    assert sequence
-    settings, bands = sequence.configuration, sequence.bands_nm
-    white = settings.scene.white(settings.light)
-    clean = [denoised(sequence.radiance[frame], sequence.albedo[frame]) for frame in seen.frames]
-    curve = ToneCurve.of([linear_srgb(clean[0], bands, white)])
-    return [Image.fromarray(preview(each, bands, white, curve)) for each in clean]
+    return Moment(exposed.level, [(label, panel.picture(frame)) for label, panel in panels])
 
 
 def draw() -> None:
@@ -59,7 +41,7 @@ def draw() -> None:
     for asked in (rendering, ["sense", str(OUT)], ["flow", str(OUT)]):
         subprocess.run([sys.executable, "-m", "megalopta", *asked], check=True)
     seen = seen_sequence(OUT, Treatment())
-    moments = [moment(seen, index, light) for index, light in enumerate(lights(seen))]
+    moments = [moment(seen, index) for index in range(len(seen.frames))]
     images = [composed(each, WIDTH_PX, LETTERS_PX).quantize(128) for each in moments]
     PICTURE.write_bytes(gif(images, FRAME_MS))
     print(f"{PICTURE}: {PICTURE.stat().st_size / 1e6:.1f} MB, {len(images)} frames")
