@@ -39,7 +39,9 @@ def pixel_albedo(scene: Scene, settings: Configuration, pose: Floats) -> NDArray
     return np.asarray(albedo, np.float32)
 
 
-def denoised(radiance: NDArray[np.float32], albedo: NDArray[np.float32]) -> NDArray[np.float32]:
+def denoised(
+    radiance: NDArray[np.float32], albedo: NDArray[np.float32] | None
+) -> NDArray[np.float32]:
     """Return an estimate of radiance (H, W, B) without noise; `albedo` (H, W, B) guides it.
 
     Without albedo or denoiser it is the radiance itself.
