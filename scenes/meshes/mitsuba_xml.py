@@ -65,10 +65,12 @@ def check_lights(contents: Mapping[str, bytes]) -> None:
     """Raise DamagedFileError for a light that does not belong to a shape, and is not read."""
     document = Document(contents)
     for light in document.parts(document.root, "emitter"):
-        raise DamagedFileError(
-            f"lights 'file': an emitter of type {quoted(light.get('type', ''))!r} is not rendered; "
-            "remove it, or use 'own' with the configuration's light"
-        )
+        kind = light.get("type", "")
+        if kind != "area":  # which shines where a shape refers to it
+            raise DamagedFileError(
+                f"lights 'file': an emitter of type {quoted(kind)!r} is not rendered; remove it, "
+                "or use 'own' with the configuration's light"
+            )
 
 
 class _Reader:

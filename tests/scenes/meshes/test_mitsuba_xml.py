@@ -275,7 +275,9 @@ def test_other_encodings_are_refused(write, tmp_path):
 
 @pytest.mark.parametrize("kind", ["envmap", "constant", "point"])
 def test_lights_of_the_file_that_are_not_read_are_refused_where_they_count(write, kind):
-    lamp = square('<emitter type="area"><rgb name="radiance" value="2"/></emitter>')
+    lamp = '<emitter type="area" id="glow"><rgb name="radiance" value="2"/></emitter>'
+    lamp += square('<ref id="glow"/>')
+    assert material_of(write(lamp), lights="file").emission
     path = write(f'<emitter type="{kind}"/>' + lamp)
     assert scene_of(path).lighting is not None
     with pytest.raises(
