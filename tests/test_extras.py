@@ -16,7 +16,7 @@ import sys
 
 class Refused:
     def find_spec(self, name, path=None, target=None):
-        if name.partition(".")[0] in {"mitsuba", "drjit", "OpenEXR", "trimesh", "dask", "distributed", "serial", "cobs", "av", "ptufile", "rerun"}:
+        if name.partition(".")[0] in {"mitsuba", "drjit", "OpenEXR", "trimesh", "dask", "distributed", "serial", "cobs", "av", "ptufile", "daplis", "rerun"}:
             raise ModuleNotFoundError(f"No module named {name!r}", name=name)
 
 sys.meta_path.insert(0, Refused())
@@ -95,6 +95,13 @@ def test_time_tags_name_their_extra(tmp_path):
     (tmp_path / "dark.ptu").write_bytes(b"PQTTTR\0\0" + bytes(100))
     done = run(COMMAND, "spadcam", "tags", str(tmp_path / "dark.ptu"))
     said = "megalopta: ptufile is not installed; pip install 'megalopta[timetags]'"
+    assert (done.stderr.splitlines()[-1], done.returncode) == (said, 2)
+
+
+def test_linospad2_names_its_extra(tmp_path):
+    np.zeros(2 + 65 * 512, "<u4").tofile(tmp_path / "dark.dat")
+    done = run(COMMAND, "spadcam", "tags", str(tmp_path / "dark.dat"), "--linospad2", "2212b")
+    said = "megalopta: daplis is not installed; pip install 'megalopta[linospad2]'"
     assert (done.stderr.splitlines()[-1], done.returncode) == (said, 2)
 
 
