@@ -30,6 +30,7 @@ _EXTRAS = {
     **dict.fromkeys(("serial", "cobs"), "camera"),
     "av": "video",
     "ptufile": "timetags",
+    "daplis": "linospad2",
     "torch": "torch",
     "onnxruntime": "onnx",
     "rerun": "rerun",
