@@ -36,7 +36,7 @@ LUMINANCE, GAMMA = (0.2126, 0.7152, 0.0722), 2.2
 CHI_SQUARED = 1.386, 4.605, 5.991
 """50, 90 and 95 % of two degrees of freedom"""
 
-METHODS = ("PF", "TV-L1 tuned", "DIS tuned", "FB tuned", "LK tuned")
+METHODS = ("PF", "PF-fast", "TV-L1 tuned", "DIS tuned", "FB tuned", "LK tuned")
 CALIBRATION_PX = (160, 160)
 
 

@@ -23,6 +23,8 @@ from megalopta.flow.likelihood import (
     MostLikely,
     evidence,
     finer,
+    halved,
+    level_of,
     levels,
     place_of_pixels,
     times_from_reference,
@@ -37,11 +39,11 @@ _STEADY, _LARGE = 0.003, 1.0
 """Changes of velocity per pixel, 1/frame: below the first the prior is quadratic, above the second
 it grows as a logarithm"""
 
-_NARROWER, _DIM_PHOTONS = 18.0, 100.0
+_NARROWER, _DIM_PHOTONS = 12.0, 60.0
 """Factor of the prior in the covariance in bright light: most motions are smoother than the prior
 allows; and photons per pixel in all frames below which it falls, as the flow is then smoother than
-motions are. Fitted to the tuning scenes of the benchmark at 10 to 1000 photons per pixel and frame;
-with fewer, larger than these would have it, for smoother motion"""
+motions are. Between the factors for slow and fast tuning scenes of the benchmark; in dim light
+larger, for smooth motion"""
 
 _FIRST_STEPS, _NEWTON_STEPS, _PRIOR_STEPS = 30, 3, 2
 """Newton steps at the coarsest scale, which start from no motion and are cheap, and at others"""
@@ -66,6 +68,24 @@ def likelihood_flow(counts: NDArray[Any], smoothness: float) -> Floats:
         return np.full((*counts.shape[1:], 2), np.nan)
     nodes, _ = _most_likely_flow(counts, smoothness)
     return _at_pixels(nodes, counts)
+
+
+def refined_flow(counts: NDArray[Any], flow: Floats, smoothness: float) -> Floats:
+    """Return a flow (H, W, 2) after one Newton step on frames (n, H, W) binned by 2 × 2 px.
+
+    Sides have four pixels or more. Smoothness as in `likelihood_flow`, without its growth in bright
+    light; NaN in the dark.
+    """
+    if not counts.any():
+        return np.full_like(flow, np.nan)
+    bins = 2
+    level = level_of(halved(counts.astype(np.float64)), bins)
+    sums = to_nodes(halved(np.moveaxis(flow, -1, 0)))
+    pixels = bins**2 * to_nodes(np.ones((1, *level.roots.shape[1:])))
+    nodes = sums / (bins * pixels)
+    charge = bins * charge_of(counts, smoothness)
+    step = _step(level, times_from_reference(len(counts)), nodes, charge, MostLikely())
+    return bins * np.moveaxis(finer(nodes + step, counts.shape[1:], bins * NODE_PX), 0, -1)
 
 
 def flow_and_covariance(counts: NDArray[Any], smoothness: float) -> tuple[Floats, Floats]:

@@ -50,7 +50,7 @@ def optical_flow(
     Parameters
     ----------
     first, second : (H, W)
-        Photon counts for PM, PPM, PF and PPF; gray levels of any range for the others.
+        Photon counts for PM, PPM, PF, PPF and PF-fast; gray levels of any range for the others.
     method
         Name of a method in `METHODS`, a function of two images, `module:function`, the path of an
         ONNX file, or a detector.

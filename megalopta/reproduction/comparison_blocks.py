@@ -60,7 +60,7 @@ from megalopta.plotting.style import (
 )
 from megalopta.reproduction.drawing import FigureRecipe, Run
 
-OURS = ("PM", "PPM", "PF", "PPF")
+OURS = ("PM", "PPM", "PF", "PPF", "PF-fast")
 MATCHING = ("PM", "PPM")
 DRAWS = 12
 _BLOCK, _CUT = (f"{side} × {side} px" for side in (GRID.block_px, GRID.block_px + 2 * MARGIN_PX))
