@@ -1,8 +1,8 @@
-"""Poisson flow for those in a hurry (PF-fast): DIS, and one step of the likelihood.
+"""Fast Poisson flow (PF-fast): DIS, and one step of the likelihood.
 
 DIS finds the flow on Anscombe's root of the counts, blurred slightly. One Newton step of Poisson
 flow, with its prior, refines it on frames binned by 2 × 2 px. It sees no motion that DIS misses,
-tells no hot pixels, and states no uncertainty. Measured in `docs/theory/whole-frame-flow.md`.
+finds no hot pixels, and states no uncertainty. Measured in `docs/theory/whole-frame-flow.md`.
 """
 
 from typing import ClassVar
