@@ -194,12 +194,12 @@ def _ratios(axes: Axes, ranking: Ranking, flux: float, group: str, place: int) -
 
 
 @in_style
-def transfer_curves(ranking: Ranking, method: str) -> Markup:
+def transfer_curves(
+    method: str, found: list[transfer.Curve], misfits: Mapping[str, Interval]
+) -> Markup:
     """Draw relative errors on all axes, a curve per speed and exposure, and the common curve."""
-    found = transfer.curves(ranking, method)
     figure = Figure(figsize=(9.2, 3.6), layout="constrained")
     panels = figure.subplots(1, len(transfer.AXES), sharey=True)
-    misfits = transfer.misfits(found)
     for axes, (name, power) in zip(panels, transfer.AXES.items(), strict=True):
         for each in found:
             style = {"color": _KINDS[RANGES.index(each.speed)], "linewidth": 0.5 + each.frames / 2}
@@ -401,11 +401,9 @@ def _errors(ranking: Ranking, _: Example) -> Section:
 def _transfer(ranking: Ranking, _: Example) -> Section:
     found = {name: transfer.curves(ranking, name) for name in (*ranking.settings.methods, BOUND)}
     shown = {name: each for name, each in found.items() if len(each) > 1}
-    rows = tuple(
-        (name, *(_misfit(each) for each in transfer.misfits(of_method).values()))
-        for name, of_method in shown.items()
-    )
-    charts = tuple(transfer_curves(ranking, name) for name in shown)
+    misfits = {name: transfer.misfits(each) for name, each in shown.items()}
+    rows = tuple((name, *map(_misfit, each.values())) for name, each in misfits.items())
+    charts = tuple(transfer_curves(name, each, misfits[name]) for name, each in shown.items())
     return Section("One axis for all lights", _TRANSFER, ("misfit", *transfer.AXES), rows, charts)
 
 

@@ -28,9 +28,10 @@ NOTE = "denoised for display (Intel Open Image Denoise)" if denoise else "as ren
 def pixel_albedo(scene: Scene, settings: Configuration, pose: Floats) -> NDArray[np.float32] | None:
     """Return the mean albedo (H, W, B) of every pixel seen from a pose (4, 4).
 
-    None where light has no noise to remove: from photographs and from surfaces that glow.
+    None without the denoiser, and where light has no noise to remove: from photographs and from
+    surfaces that glow.
     """
-    if scene.environment or not scene.lighting:
+    if denoise is None or scene.environment or not scene.lighting:
         return None
     camera = settings.camera
     size = {"width": _FINER * camera.width, "height": _FINER * camera.height}

@@ -110,18 +110,20 @@ def cells_of(
     settings = configured("scene", parts, samples_per_pixel, name)
     scene = build(settings)
     albedo = pixel_albedo(scene, settings, settings.trajectory.poses()[0])
-    rendered: dict[str, tuple[Configuration, NDArray[np.float32], str]] = {}
+    rendered: dict[str, tuple[Configuration, NDArray[np.float32], NDArray[np.float32], str]] = {}
     for level, light in LEVELS.items():
         # Under a uniform sky levels differ by a factor in each band; a disc has its share in each.
         directions = level if light.disc else "sky"
         if directions not in rendered:
             lit = _under(settings, level)
-            rendered[directions] = lit, *_radiance(lit, scene)
-        lit, radiance, canopy = rendered[directions]
-        scaled = radiance * light_scale(lit, level).astype(np.float32)
+            radiance, canopy = _radiance(lit, scene)
+            rendered[directions] = lit, radiance, denoised(radiance, albedo), canopy
+        lit, radiance, clean, canopy = rendered[directions]
+        scale = light_scale(lit, level).astype(np.float32)
         white = lit.scene.white(_under(lit, level).light)
-        view = preview(denoised(scaled, albedo), lit.render.bands_nm, white)
-        yield LitScene(name, level, view, _counts(lit, scaled, f"{name}/{level}"), canopy)
+        view = preview(clean * scale, lit.render.bands_nm, white)
+        counts = _counts(lit, radiance * scale, f"{name}/{level}")
+        yield LitScene(name, level, view, counts, canopy)
         advance()
 
 
