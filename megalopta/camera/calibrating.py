@@ -3,6 +3,7 @@
     recordings:
       - {path: dark.npy, exposure_s: 1.0e-3}
       - {path: flat, exposure_s: 1.0e-5, light: 2.0e7, format: swissspad2, frames: [0, 1000]}
+      - {path: 8-bit.npy, exposure_s: 1.0e-5, light: 2.0e7, sums: 255}
 
 Paths are relative to the list. Codes of SPADCAM give all its parameters (`calibration`); counts and
 bits of other cameras give dark counts, efficiency, dead time and bad pixels (`counting`).
@@ -40,6 +41,8 @@ class ListedRecording(Record, frozen=True):
     """Format of the file; null: by its content."""
     frames: tuple[Annotated[int, Field(ge=0)], int] | None = None
     """First frame, and the frame after the last; null: all."""
+    sums: Annotated[int, Field(ge=2)] | None = None
+    """Binary frames that each frame of the file is the sum of. `exposure_s` is that of one."""
 
 
 class RecordingList(Record, frozen=True):
@@ -62,7 +65,14 @@ def listed_sources(path: Path) -> list[Source]:
         if each.frames is not None and each.frames[1] <= each.frames[0]:
             raise UserError(f"{path}: frames {list(each.frames)}; give the first and a later one")
     return [
-        Source(path.parent / each.path, each.light, each.exposure_s, each.frames, each.format)
+        Source(
+            path.parent / each.path,
+            each.light,
+            each.exposure_s,
+            each.frames,
+            each.format,
+            each.sums,
+        )
         for each in found.recordings
     ]
 
@@ -88,6 +98,10 @@ def calibrate_recordings(
     kinds = {is_captured(source) for source in sources}
     if len(kinds) > 1:
         raise UserError("calibrate: recordings of SPADCAM and of others; give those of one camera")
+    if True in kinds and any(source.sums for source in sources):
+        raise UserError(
+            "sums: of recordings of SPADCAM; give it for files of sums of binary frames"
+        )
     calibrate = calibrate_codes if True in kinds else calibrate_counting
     try:
         return calibrate(sources, out, beam, base)

@@ -35,7 +35,7 @@ from megalopta.sensor.calibrate.hot_neighbors import (
 )
 from megalopta.sensor.calibrate.neighbors import Kernel
 from megalopta.sensor.calibrate.saturation import DeadTimeKind
-from megalopta.sensor.calibrate.sums import Summed, summed
+from megalopta.sensor.calibrate.sums import Summed, summed, summed_bits
 from megalopta.sensor.effects.crosstalk import REACH, Crosstalk, fired_mean, neighborhoods
 
 _KINDS: dict[str, DeadTimeKind] = {
@@ -100,7 +100,11 @@ def calibrate_counting(sources: Sequence[Source], out: Path, beam: Beam, base: s
 def _summed(source: Source, beam: Beam, sensor: Sensor) -> Summed:
     recorded = read_recorded(source)
     light_hz = beam.photons_hz(source.light, sensor)
+    if source.sums and recorded.is_binary:
+        raise ValueError(f"{source.path}: sums: {source.sums}, but its frames are bits; omit sums")
     try:
+        if source.sums:
+            return summed_bits(recorded.counts, source.sums, recorded.exposure_s, light_hz)
         return summed(recorded.counts, recorded.exposure_s, light_hz, is_binary=recorded.is_binary)
     except ValueError as problem:
         raise ValueError(f"{source.path}: {problem}") from problem

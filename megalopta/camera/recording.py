@@ -237,6 +237,8 @@ class Source:
     kind: FrameKind | None = None
     """Format of another camera's file; none: by its content, counts or bits of .npy by their type.
     """
+    sums: int | None = None
+    """Binary frames that each frame of the file is the sum of; none: frames are as recorded."""
 
     @classmethod
     def parse(cls, text: str, kind: FrameKind | None = None) -> "Source":

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from megalopta.core.arrays import Floats, Mask
 from megalopta.sensor.calibrate.neighbors import Kernel, neighbor_kernel
 from megalopta.sensor.calibrate.steadiness import Drift, drift
-from megalopta.sensor.calibrate.telegraph import Correlation, correlation
+from megalopta.sensor.calibrate.telegraph import LAGS, Correlation, correlation
 
 _FEWEST_FRAMES = 50
 _MOST_COUNTS = 2**25
@@ -84,6 +84,38 @@ def summed(
         drift(readings.mean(axis=(1, 2), dtype=np.float64)),
         related,
         None if is_binary or light_hz else _kernel(readings, (squares > 0) & ~related.is_telegraph),
+    )
+    _check_steadiness(found)
+    return found
+
+
+def summed_bits(sums: NDArray[Any], bits: int, exposure_s: float, light_hz: float) -> Summed:
+    """Sum up a recording whose frames (n, rows, columns) are sums of so many binary frames each.
+
+    Telegraph noise is not looked for. Drift is, in 50 frames or more.
+
+    Raises ValueError if there are too few binary frames, readings exceed their number, or drift.
+    """
+    n = len(sums) * bits
+    if n < _FEWEST_FRAMES:
+        raise ValueError(f"{n} binary frames; capture {_FEWEST_FRAMES} or more")
+    if sums.max() > bits:
+        raise ValueError(f"a frame has {sums.max()} counts, more than sums: {bits} binary frames")
+    total = sums.sum(axis=0, dtype=np.float64)
+    share = total / n
+    series = sums.mean(axis=(1, 2), dtype=np.float64) / bits
+    found = Summed(
+        exposure_s,
+        light_hz,
+        is_binary=True,
+        frames=n,
+        total=total,
+        variance=share * (1 - share) * n / (n - 1),
+        largest=(total > 0).astype(np.float64),
+        at_largest=np.where(total > 0, total, n),
+        steadiness=drift(series) if len(sums) >= _FEWEST_FRAMES else Drift(0.0, 0.0),
+        correlation=Correlation(np.zeros((LAGS, *total.shape)), n),
+        kernel=None,
     )
     _check_steadiness(found)
     return found

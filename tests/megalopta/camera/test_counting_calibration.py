@@ -224,6 +224,33 @@ def test_bits_give_a_device(tmp_path):
     assert efficiency == pytest.approx(0.4, rel=0.015)
 
 
+def test_sums_of_bits_give_a_binary_device(tmp_path):
+    rng, n = np.random.default_rng(2), 255
+    for name, mean, frames in (("dark", 0.02, 1), ("flat", 0.42, 4)):  # 1 frame: no scatter
+        sums = rng.binomial(n, -np.expm1(-mean), (frames, *SHAPE))
+        np.save(tmp_path / f"{name}.npy", sums.astype(np.uint16))
+    listed = lines(
+        "path: dark.npy, exposure_s: 0.0001, sums: 255",
+        "path: flat.npy, exposure_s: 0.0001, light: 1.0e+4, sums: 255",
+    )
+    (tmp_path / "list.yaml").write_text(listed, "utf-8")
+    out, sources = tmp_path / "sums.yaml", named_sources([str(tmp_path / "list.yaml")])
+    calibrate_recordings(sources, out, beam=Beam(600.0), base="ideal")
+    assert load_sensor(out).counter.capacity == 1
+    # 192 pixels, 255 and 1020 bits: 3.2 % of the dark counts, 0.36 % of the efficiency; six of them
+    efficiency, dark_hz = (
+        np.load(tmp_path / "sums" / f"{each}.npy").mean() for each in ("efficiency", "dark_counts")
+    )
+    assert efficiency == pytest.approx(0.4, rel=0.022)
+    assert dark_hz == pytest.approx(200, rel=0.19)
+
+
+def test_sums_of_a_camera_of_codes_are_refused(tmp_path):
+    (tmp_path / "raw.bin").write_bytes(b"")
+    with pytest.raises(UserError, match="sums: of recordings of SPADCAM"):
+        calibrate_recordings([Source(tmp_path, sums=255)], tmp_path / "out.yaml", beam=Beam())
+
+
 @pytest.mark.parametrize(
     ("words", "text"),
     [
@@ -231,6 +258,7 @@ def test_bits_give_a_device(tmp_path):
         ("frames", lines("path: dark.tif, frames: [10, 10]")),
         ("recordings", "recordings: []"),
         ("lens", lines("path: dark.tif, lens: 2")),
+        ("sums", lines("path: dark.tif, sums: 1")),
         ("no such file", lines("path: nothing.tif, exposure_s: 1")),
     ],
 )

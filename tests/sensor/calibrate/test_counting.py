@@ -5,7 +5,7 @@ import pytest
 
 from megalopta.sensor import changed
 from megalopta.sensor.calibrate.counting import calibrate_counts
-from megalopta.sensor.calibrate.sums import summed
+from megalopta.sensor.calibrate.sums import summed, summed_bits
 from megalopta.sensor.spad.device import draw_fixed_pattern
 
 from .counters import SHAPE, camera, dark_rates, frames_of, levels_of, sensitivity
@@ -80,6 +80,34 @@ def test_rates_of_bits_are_those_of_their_closed_form():
     found = calibrate_counts([summed(bits.astype(np.uint8), 1e-3, 0.0, is_binary=True)])
     assert found.dark_counts_hz.value.mean() == pytest.approx(500, rel=6e-3)
     assert "uniform light" in found.refused["efficiency"]
+
+
+def test_sums_of_bits_give_the_estimates_of_the_bits():
+    sensor = camera(7, capacity=1, dead_time_s=0.0)
+    kinds = [], []
+    for exposure_s, light_hz in ((0.001, 0.0), (1e-6, 1e6), (1e-6, 5e6)):
+        bits = frames_of(sensor, exposure_s, light_hz, 300)
+        bits[:, 1, 2], bits[:, 3, 4] = 0, 1
+        sums = bits.reshape(2, 150, *SHAPE).sum(axis=1)
+        kinds[0].append(summed(bits, exposure_s, light_hz, is_binary=True))
+        kinds[1].append(summed_bits(sums, 150, exposure_s, light_hz))
+    one, other = (calibrate_counts(levels) for levels in kinds)
+    assert one.dead[1, 2]
+    assert one.stuck[3, 4]
+    for name in ("dead", "stuck", "hot", "saturated", "reading"):
+        np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
+    for name in ("dark_counts_hz", "efficiency"):
+        for end in ("value", "low", "high"):
+            mine, theirs = (getattr(getattr(each, name), end) for each in (one, other))
+            np.testing.assert_allclose(mine, theirs, rtol=1e-9)
+
+
+def test_sums_that_are_none_of_so_many_bits_are_refused():
+    sums = np.full((2, *SHAPE), 256)
+    with pytest.raises(ValueError, match="256 counts, more than sums: 255"):
+        summed_bits(sums, 255, 1e-3, 0.0)
+    with pytest.raises(ValueError, match="20 binary frames; capture 50"):
+        summed_bits(sums, 10, 1e-3, 0.0)
 
 
 def spoilt(counts):
