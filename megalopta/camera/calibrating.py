@@ -99,9 +99,7 @@ def calibrate_recordings(
     if len(kinds) > 1:
         raise UserError("calibrate: recordings of SPADCAM and of others; give those of one camera")
     if True in kinds and any(source.sums for source in sources):
-        raise UserError(
-            "sums: of recordings of SPADCAM; omit it, or give a file of sums"
-        )
+        raise UserError("sums: of recordings of SPADCAM; omit it, or give a file of sums")
     calibrate = calibrate_codes if True in kinds else calibrate_counting
     try:
         return calibrate(sources, out, beam, base)
