@@ -169,10 +169,7 @@ class Shot:
     def events(self) -> Iterator[Events]:
         """Events, frame by frame.
 
-        Raises
-        ------
-        ValueError
-            If a frame has more events than fit into memory.
+        Raises ValueError if a frame has more events than fit into memory.
         """
         self.check_events()
         state = self._continuing("events")

@@ -71,6 +71,8 @@ def sub_frames(
 ) -> Floats:
     """Return light in the middle of each equal part of the time between frames.
 
+    Raises ValueError if the shapes do not match.
+
     Parameters
     ----------
     frames : (T, H, W)
@@ -85,11 +87,6 @@ def sub_frames(
     Returns
     -------
     (T − 1, parts, H, W)
-
-    Raises
-    ------
-    ValueError
-        If the shapes do not match.
     """
     if frames.ndim != 3 or flow.shape != (len(frames) - 1, *frames.shape[1:], 2) or parts < 1:
         raise ValueError(

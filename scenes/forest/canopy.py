@@ -60,15 +60,12 @@ def in_leaf(
 ) -> tuple[Specimens, float]:
     """Return specimens and the share of leaves to keep for a leaf-area index in a ring of a path.
 
+    Raises ValueError if the stand cannot carry that many leaves.
+
     Parameters
     ----------
     grow
         Function that returns all specimens for a factor on their species' leaves.
-
-    Raises
-    ------
-    ValueError
-        If the stand cannot carry that many leaves.
     """
     ground = ground_area(path, ring_m)
     reached = 0.0

@@ -157,9 +157,7 @@ def spread(
 
     Parameters
     ----------
-    rng : numpy.random.Generator
     primaries : (rows, columns) int64
-    crosstalk : Crosstalk
     strength : (rows, columns) float64, optional
         Neighbors that a pixel fires, relative to `mean_fired_neighbors`; default: 1.
     """
@@ -246,7 +244,6 @@ def spread_variance(
         Variance of each pixel if its neighbors' light were a Poisson process.
     counts : (rows, columns) float64
         Mean counts.
-    crosstalk : Crosstalk
     strength : (rows, columns) float64, optional
         As for `spread`.
     answer : (rows, columns) float64, optional

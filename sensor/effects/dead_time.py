@@ -124,20 +124,16 @@ def moments(
 ) -> tuple[Floats, Floats]:
     """Exact mean and variance of the number of counts in one exposure.
 
+    Raises ValueError if a rate or the exposure is negative or not finite.
+
     Parameters
     ----------
     rate_hz : array of any shape
         Rate of arrivals, photons and dark counts together.
-    exposure_s : float
     dead_time : DeadTime
         Without twilight and recharging.
     scale : array of the same shape, optional
         Factor on each pixel's dead time.
-
-    Raises
-    ------
-    ValueError
-        If a rate or the exposure is negative or not finite.
     """
     arrivals = check_arrivals(rate_hz, exposure_s)
     fractions = _fractions(arrivals, exposure_s, dead_time, scale)

@@ -92,10 +92,7 @@ class StoredCounts(Origin):
 def write_counts(path: str | Path, stored: StoredCounts) -> None:
     """Write counts as a new store.
 
-    Raises
-    ------
-    FileExistsError
-        If the path exists.
+    Raises FileExistsError if the path exists.
     """
     with counts_writer(path, stored, len(stored.exposure.counts)) as write:
         write(stored.exposure)
@@ -107,17 +104,13 @@ def counts_writer(
 ) -> Iterator[Callable[[Exposure], None]]:
     """Yield a function that appends frames to a new store, which appears once complete.
 
+    Raises FileExistsError if the path exists.
+
     Parameters
     ----------
     path
-    origin : Origin
     frames : int
         Total number of frames.
-
-    Raises
-    ------
-    FileExistsError
-        If the path exists.
     """
     path = Path(path)
     check_new(path)
@@ -203,7 +196,6 @@ class GrowingCounts:
     ----------
     path : Path
         Must not exist.
-    origin : Origin
     shape : (int, int)
         Rows, columns.
     extras : dict
@@ -293,12 +285,8 @@ class StoredFrames:
     def open(cls, path: Path, name: str) -> "StoredFrames":
         """Open one array of a Zarr group.
 
-        Raises
-        ------
-        OSError, ValueError, KeyError
-            If there is no such array.
-        UserError
-            If its format is one that this version of the program does not read.
+        Raises OSError, ValueError or KeyError if there is no such array; UserError if its format
+        is one that this version of the program does not read.
         """
         group = zarr.open_group(path, mode="r")
         check_format("counts", dict(group.attrs), path, FORMAT_KEY)
@@ -363,14 +351,9 @@ class OpenedCounts(Origin):
 def open_counts(path: str | Path) -> OpenedCounts:
     """Open a store written by `write_counts`, without reading frames.
 
-    Raises
-    ------
-    FileNotFoundError
-        If the path does not exist.
-    ValueError
-        If it is not a store of counts, or is incomplete or damaged.
-    UserError
-        If its format is one that this version of the program does not read.
+    Raises FileNotFoundError if the path does not exist; ValueError if it is not a store of counts,
+    or is incomplete or damaged; UserError if its format is one that this version of the program
+    does not read.
     """
     path = Path(path)
     if not path.exists():

@@ -57,7 +57,6 @@ def fill_bits(
         `word_streams`.
     rate_hz, more_hz : (rows, columns) float64
         The mean number of events is (rate_hz + more_hz)·open_s.
-    open_s : float
     packed : (rows, ceil(columns/8)) uint8
         Output.
     """

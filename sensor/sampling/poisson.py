@@ -81,10 +81,8 @@ def draw_poisson(
 
     Parameters
     ----------
-    rng : numpy.random.Generator
     means, more : (N,) float64
         Finite and not negative (not checked).
-    factor : float
     """
     counts = np.empty(means.size, np.int64)
     fill_poisson(poisson_streams(rng), means, more, factor, counts, _MOST)

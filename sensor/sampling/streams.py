@@ -20,17 +20,14 @@ _TILE = 64
 def generator(seed: int, *key: str | int) -> np.random.Generator:
     """Return the random generator of one purpose.
 
+    Raises TypeError if a part of the key is neither a string nor an integer.
+
     Parameters
     ----------
     seed : int
         The user's seed; any integer.
     *key : str or int
         Purpose of the stream, such as ("exposure", "forest-3", 17).
-
-    Raises
-    ------
-    TypeError
-        If a part of the key is neither a string nor an integer.
     """
     digest = hashlib.blake2b(b"".join(map(_encode, (seed, *key))), digest_size=32).digest()
     entropy = np.frombuffer(digest, "<u4")  # four times as fast as one large number

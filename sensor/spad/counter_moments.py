@@ -71,7 +71,6 @@ def simple_moments(
 
     Parameters
     ----------
-    counter : DigitalCounter or AnalogCounter
     pixels : AnalogPixels, optional
         Pixels of an analog counter.
     moments : (mean, variance)
@@ -111,10 +110,8 @@ def counter_moments(
 
     Parameters
     ----------
-    counter : DigitalCounter or AnalogCounter
     pixels : AnalogPixels, optional
         Pixels of an analog counter, each (P,).
-    exposure_s : float
     first : (P,)
         Number of events of the first column of `probability`.
     probability : (P, N)
@@ -291,10 +288,6 @@ def tabulated_moments(
 
     Parameters
     ----------
-    counter : AnalogCounter
-    pixels : AnalogPixels
-    exposure_s : float
-    table : LawTable
     rows : (P,) int64
         First of the consecutive rows that a pixel mixes.
     weights : (P, M)

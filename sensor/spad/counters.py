@@ -181,11 +181,8 @@ def analog_pixels(
 ) -> AnalogPixels:
     """Draw the pixels of a device.
 
-    Raises
-    ------
-    ValueError
-        If leakage alone empties a counter during the exposure, or a pixel's step is so small that
-        its counts cannot be stored.
+    Raises ValueError if leakage alone empties a counter during the exposure, or a pixel's step is
+    so small that its counts cannot be stored.
     """
     step = _scattered(counter.step_v, counter.step_sigma_v, shape, device_seed, "counter step")
     leak = _scattered(counter.leak_v_s, counter.leak_sigma_v_s, shape, device_seed, "counter leak")
@@ -249,10 +246,7 @@ def sample_analog(
 ) -> NDArray[np.uint16]:
     """ADC codes of a (rows, columns) frame of events; uses the same draws as `read_analog`.
 
-    Raises
-    ------
-    ValueError
-        If the counter has no ADC, or one of more than 16 bits.
+    Raises ValueError if the counter has no ADC, or one of more than 16 bits.
     """
     if counter.adc_bits is None or counter.adc_bits > 16:
         raise ValueError(f"counter.adc_bits: {counter.adc_bits}; give 1 to 16 to sample its output")
@@ -267,8 +261,6 @@ def counts_of_codes(
 
     Parameters
     ----------
-    codes : array
-    counter : AnalogCounter
     known : AnalogPixels
         Known pixel values: measured ones, or `nominal_pixels`.
     """

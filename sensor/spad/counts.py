@@ -33,11 +33,8 @@ def draw_counts(
 
     Parameters
     ----------
-    rng : numpy.random.Generator
     rate_hz : (rows, columns) or (S, rows, columns) float64
         Rate of detectable photons plus dark counts; constant, or in S equal parts of the exposure.
-    exposure_s : float
-    effects : AvalancheEffects
     maps : AvalancheMaps, optional
         Differences between pixels; default: none.
     """

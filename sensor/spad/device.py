@@ -76,10 +76,8 @@ class FixedPattern:
 def draw_fixed_pattern(sensor: Sensor, shape: tuple[int, int]) -> FixedPattern:
     """Make the device that a sensor describes, with (rows, columns) pixels.
 
-    Raises
-    ------
-    ValueError
-        If a measured map does not fit, an efficiency exceeds 1, or dark counts exceed the limit.
+    Raises ValueError if a measured map does not fit, an efficiency exceeds 1, or dark counts exceed
+    the limit.
     """
     # files may change, drawn patterns cannot
     return (_draw if sensor.measured.is_on else _draw_once)(sensor, shape)
@@ -205,10 +203,8 @@ def _by_bias(
 def checked_rate(detections_hz: ArrayLike, sensor: Sensor) -> tuple[Floats, FixedPattern]:
     """Validated rate as (frames, [parts,] rows, columns), and the device.
 
-    Raises
-    ------
-    ValueError
-        If the rate has another shape, is negative, not finite or too high to be drawn.
+    Raises ValueError if the rate has another shape, is negative, not finite or too high to be
+    drawn.
     """
     _check_sensor(sensor)
     rate = np.asarray(detections_hz, np.float64)

@@ -64,11 +64,8 @@ def moments_of_readings(
         Mean number of arrivals in constant light; None if light changes.
     events : (mean, variance)
         Moments of the events, each (rows, columns).
-    counter : DigitalCounter or AnalogCounter
     pixels : AnalogPixels, optional
         Pixels of an analog counter.
-    exposure_s : float
-    effects : AvalancheEffects
     maps : AvalancheMaps, optional
     """
     reach = reach_of_events(*events)
@@ -233,8 +230,6 @@ def event_law(
         Mean number of detectable photons plus dark counts, without the gate.
     moments : (mean, variance)
         Moments of the events, each (P,).
-    exposure_s : float
-    effects : AvalancheEffects
     reach : (2, P)
         Result of `reach_of_events`.
     has_law : bool

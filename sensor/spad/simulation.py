@@ -64,11 +64,8 @@ def simulate_frame(
 
     Parameters
     ----------
-    rng : numpy.random.Generator
     rate_hz : (rows, columns) or (S, rows, columns) float64
         Rate of arrivals, constant or in S equal parts of the exposure.
-    exposure_s : float
-    effects : AvalancheEffects
     maps : AvalancheMaps, optional
         Differences in dead time, afterpulsing and crosstalk; default: none.
     state : PixelState, optional
@@ -118,10 +115,7 @@ class FreeRunning:
     ) -> SimulatedFrame:
         """Simulate the next exposure; parameters as for `simulate_frame`.
 
-        Raises
-        ------
-        ValueError
-            If the array had another number of pixels before.
+        Raises ValueError if the array had another number of pixels before.
         """
         rows, columns = rate_hz.shape[-2:]
         if self.state is not None and self.state.blind_until_s.size != rows * columns:
