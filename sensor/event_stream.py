@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from megalopta.core.arrays import Floats, Ints
 from megalopta.core.compiling import compiled
 
 
@@ -33,30 +34,30 @@ class Events:
         Sequence number of the first frame.
     """
 
-    time_s: NDArray[np.float64]
+    time_s: Floats
     pixel: NDArray[np.uint32]
-    starts: NDArray[np.int64]
+    starts: Ints
     shape: tuple[int, int, int]
     first_frame: int = 0
 
     @property
-    def frame(self) -> NDArray[np.int64]:
+    def frame(self) -> Ints:
         """Sequence number of each event's frame, (N,)."""
         frames = np.arange(self.first_frame, self.first_frame + self.shape[0])
         return np.repeat(frames, np.diff(self.starts))
 
     @property
-    def row(self) -> NDArray[np.int64]:
+    def row(self) -> Ints:
         """Row of each event, (N,)."""
         return self.pixel.astype(np.int64) // max(self.shape[2], 1)
 
     @property
-    def column(self) -> NDArray[np.int64]:
+    def column(self) -> Ints:
         """Column of each event, (N,)."""
         return self.pixel.astype(np.int64) % max(self.shape[2], 1)
 
 
-def histogram(events: Events) -> NDArray[np.int64]:
+def histogram(events: Events) -> Ints:
     """Events per pixel and frame, (frames, rows, columns)."""
     frames, rows, columns = events.shape
     counts = np.empty((frames, rows * columns), np.int64)
@@ -67,7 +68,7 @@ def histogram(events: Events) -> NDArray[np.int64]:
 
 
 def joined(
-    streams: Sequence[tuple[NDArray[np.float64], NDArray[np.uint32]]],
+    streams: Sequence[tuple[Floats, NDArray[np.uint32]]],
     shape: tuple[int, int, int],
     first_frame: int,
 ) -> Events:
@@ -78,9 +79,7 @@ def joined(
     return Events(times, pixels, starts, shape, first_frame)
 
 
-def in_order_of_time(
-    stamps: NDArray[np.float64], pixels: NDArray[np.int64]
-) -> tuple[NDArray[np.float64], NDArray[np.uint32]]:
+def in_order_of_time(stamps: Floats, pixels: Ints) -> tuple[Floats, NDArray[np.uint32]]:
     """Sort events by time; those of the same time keep their order.
 
     NumPy's unstable sort is four times as fast as its stable one, but orders equal times
@@ -94,10 +93,10 @@ def in_order_of_time(
 
 @compiled
 def _gather(
-    stamps: NDArray[np.float64],
-    pixels: NDArray[np.int64],
-    order: NDArray[np.int64],
-    times: NDArray[np.float64],
+    stamps: Floats,
+    pixels: Ints,
+    order: Ints,
+    times: Floats,
     places: NDArray[np.uint32],
 ) -> None:
     for rank in range(order.size):

@@ -26,7 +26,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from megalopta.core.arrays import Floats
+from megalopta.core.arrays import Floats, Ints
 from megalopta.sensor.ctia.array import expose_photocurrent, photocurrent, reading_electrons
 from megalopta.sensor.ctia.model import CtiaSensor
 from megalopta.sensor.effects.base import AvalancheMaps, Frame
@@ -358,7 +358,7 @@ class _Frames:
         rates.dark_counts_hz.flags.writeable = False  # as in the device: compiled once
         return rates.detections_hz, rates.dark_counts_hz
 
-    def events(self, index: int) -> NDArray[np.int64]:
+    def events(self, index: int) -> Ints:
         """Number of avalanches of every pixel in a frame, (H, W)."""
         detections_hz, dark_hz = self.rates(index)
         rng, exposure_s = self.rng("exposure", index), self.sensor.exposure_s
@@ -368,7 +368,7 @@ class _Frames:
         effects, maps = self.sensor.avalanche_effects, self.device.avalanches
         return draw_counts(rng, detections_hz + dark_hz, exposure_s, effects, maps)
 
-    def events_together(self, first: int, number: int) -> NDArray[np.int64]:
+    def events_together(self, first: int, number: int) -> Ints:
         """Avalanches of several frames (n, H, W) from one stream."""
         indices = range(first, min(first + number, len(self.detections_hz)))
         arrivals_hz = np.stack([np.add(*self.rates(index)) for index in indices])

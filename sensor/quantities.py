@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.core.arrays import Floats
+from megalopta.core.arrays import Floats, Mask
 
 Reals = NDArray[np.float32] | Floats
 
@@ -73,5 +73,5 @@ class Exposure:
     """
 
     counts: NDArray[np.uint16] | NDArray[np.uint32] | NDArray[np.float32]
-    saturated: NDArray[np.bool_]
+    saturated: Mask
     expectation: Expectation | None = None

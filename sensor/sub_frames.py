@@ -14,15 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
 
-from megalopta.core.arrays import Floats
+from megalopta.core.arrays import Floats, Mask
 
 
 class Following(Protocol):
     """Frames towards which the light of some frames moves."""
 
-    def between(
-        self, frames: NDArray[Any], frame: int, shares: NDArray[np.float64]
-    ) -> NDArray[np.floating]:
+    def between(self, frames: NDArray[Any], frame: int, shares: Floats) -> NDArray[np.floating]:
         """Return the radiance (S, H, W, B) at fractions of the way from one frame to the next."""
 
     def scaled(self, factor: NDArray[np.floating]) -> "Following":
@@ -45,13 +43,13 @@ class NextFrames:
 
     radiance: NDArray[Any]
     flow: NDArray[Any]
-    hidden: NDArray[np.bool_]
+    hidden: Mask
 
     def scaled(self, factor: NDArray[np.floating]) -> "NextFrames":
         """Return the same motion with light multiplied by a factor per band, (B,)."""
         return replace(self, radiance=self.radiance * factor)
 
-    def between(self, frames: NDArray[Any], frame: int, shares: NDArray[np.float64]) -> Floats:
+    def between(self, frames: NDArray[Any], frame: int, shares: Floats) -> Floats:
         """Return the radiance (S, H, W, B) at fractions of the way from one frame to the next."""
         flow, gone = self.flow[frame], self.hidden[frame].astype(np.float64)
         motion = np.where(np.isfinite(flow).all(axis=-1, keepdims=True), flow, 0.0)
@@ -67,7 +65,7 @@ def sub_frames(
     frames: NDArray[Any],
     flow: NDArray[Any],
     parts: int,
-    hidden: NDArray[np.bool_] | None = None,
+    hidden: Mask | None = None,
 ) -> Floats:
     """Return light in the middle of each equal part of the time between frames.
 

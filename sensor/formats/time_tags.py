@@ -17,7 +17,6 @@ from typing import Literal, NamedTuple
 
 import h5py
 import numpy as np
-from numpy.typing import NDArray
 
 from megalopta.core.arrays import Floats, Ints
 from megalopta.core.bounded import ARRAY_BYTES, check_file, read_bytes
@@ -166,7 +165,7 @@ def _groups(file: h5py.File) -> Iterator[str]:
     yield from sorted(found, key=lambda name: int(name.removeprefix("photon_data") or 0))
 
 
-def _numbers(file: h5py.File, name: str) -> NDArray[np.int64]:
+def _numbers(file: h5py.File, name: str) -> Ints:
     data = file[name]
     link = file.get(name, getlink=True)
     if not isinstance(link, h5py.HardLink) or data.is_virtual or data.external:

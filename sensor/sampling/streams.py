@@ -11,8 +11,9 @@ import operator
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import ndtri
+
+from megalopta.core.arrays import Floats
 
 _TILE = 64
 
@@ -34,7 +35,7 @@ def generator(seed: int, *key: str | int) -> np.random.Generator:
     return np.random.Generator(np.random.SFC64(np.random.SeedSequence(entropy)))
 
 
-def pixel_uniforms(shape: tuple[int, int], seed: int, *key: str | int) -> NDArray[np.float64]:
+def pixel_uniforms(shape: tuple[int, int], seed: int, *key: str | int) -> Floats:
     """Return one number in [0, 1) per pixel, fixed by the key and the pixel's row and column.
 
     A smaller array is the top left corner of a larger one, so a device keeps its fixed pattern when
@@ -54,7 +55,7 @@ def pixel_uniforms(shape: tuple[int, int], seed: int, *key: str | int) -> NDArra
     return field[:rows, :columns]
 
 
-def pixel_normals(shape: tuple[int, int], seed: int, *key: str | int) -> NDArray[np.float64]:
+def pixel_normals(shape: tuple[int, int], seed: int, *key: str | int) -> Floats:
     """Return a standard normal number per pixel (rows, columns), |z| < 8.3; as `pixel_uniforms`."""
     # 0 is a possible uniform number without a quantile; 1 is not
     return np.asarray(ndtri(np.maximum(pixel_uniforms(shape, seed, *key), 2.0**-54)))

@@ -18,10 +18,9 @@ import math
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import ndtr
 
-from megalopta.core.arrays import Floats
+from megalopta.core.arrays import Floats, Ints, Mask
 from megalopta.core.compiling import compiled
 from megalopta.sensor.spad.counters import (
     AnalogCounter,
@@ -66,7 +65,7 @@ def events_until_full(counter: Counter, pixels: AnalogPixels | None) -> Floats:
 
 def simple_moments(
     counter: Counter, pixels: AnalogPixels | None, moments: tuple[Floats, Floats], reach: Floats
-) -> tuple[Floats, Floats, NDArray[np.bool_]]:
+) -> tuple[Floats, Floats, Mask]:
     """Mean and variance of readings without a distribution, and True where one is needed.
 
     Parameters
@@ -278,7 +277,7 @@ def tabulated_moments(
     pixels: AnalogPixels,
     exposure_s: float,
     table: LawTable,
-    rows: NDArray[np.int64],
+    rows: Ints,
     weights: Floats,
 ) -> tuple[Floats, Floats]:
     """Mean and variance of readings of exact pixels (P,), from tabulated distributions.

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import gammainc, lambertw
 
-from megalopta.core.arrays import Floats, Ints
+from megalopta.core.arrays import Floats, Ints, Mask
 from megalopta.core.compiling import compiled
 from megalopta.sensor.effects.base import AvalancheMaps
 from megalopta.sensor.spad.counter_moments import (
@@ -97,7 +97,7 @@ def _at(pixels: AnalogPixels | None, places: tuple[Places, ...]) -> AnalogPixels
     return None if pixels is None else AnalogPixels(*(each[places] for each in pixels))
 
 
-def _groups(needs_law: NDArray[np.bool_], width: Floats) -> Iterator[tuple[Places, Places]]:
+def _groups(needs_law: Mask, width: Floats) -> Iterator[tuple[Places, Places]]:
     """Groups of pixels of similar width whose distributions fit into memory."""
     places = np.flatnonzero(needs_law)
     places = places[np.argsort(width.ravel()[places], kind="stable")]
