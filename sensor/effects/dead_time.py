@@ -124,14 +124,8 @@ def moments(
 
     Raises ValueError if a rate or the exposure is negative or not finite.
 
-    Parameters
-    ----------
-    rate_hz : array of any shape
-        Rate of arrivals, photons and dark counts together.
-    dead_time : DeadTime
-        Without twilight and recharging.
-    scale : array of the same shape, optional
-        Factor on each pixel's dead time.
+    `rate_hz` of any shape: rate of arrivals, photons and dark counts together; `dead_time`: without
+    twilight and recharging; `scale`: factor on each pixel's dead time.
     """
     arrivals = check_arrivals(rate_hz, exposure_s)
     fractions = _fractions(arrivals, exposure_s, dead_time, scale)

@@ -106,11 +106,7 @@ def counts_writer(
 
     Raises FileExistsError if the path exists.
 
-    Parameters
-    ----------
-    path
-    frames : int
-        Total number of frames.
+    `frames`: total number of frames.
     """
     path = Path(path)
     check_new(path)
@@ -192,14 +188,7 @@ class ExtraArray(NamedTuple):
 class GrowingCounts:
     """New store of counts that grows frame by frame.
 
-    Parameters
-    ----------
-    path : Path
-        Must not exist.
-    shape : (int, int)
-        Rows, columns.
-    extras : dict
-        Further arrays by name, such as times.
+    `path`: must not exist; `shape`: rows, columns; `extras`: further arrays by name, such as times.
     """
 
     def __init__(

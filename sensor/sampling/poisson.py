@@ -80,10 +80,7 @@ def draw_poisson(
 ) -> Ints:
     """Draw one count for each of (means + more)·factor, in one pass.
 
-    Parameters
-    ----------
-    means, more : (N,) float64
-        Finite and not negative (not checked).
+    `means`, `more` (N,): finite and not negative (not checked).
     """
     counts = np.empty(means.size, np.int64)
     fill_poisson(poisson_streams(rng), means, more, factor, counts, _MOST)

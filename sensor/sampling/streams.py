@@ -41,11 +41,7 @@ def pixel_uniforms(shape: tuple[int, int], seed: int, *key: str | int) -> Floats
     A smaller array is the top left corner of a larger one, so a device keeps its fixed pattern when
     fewer pixels are read.
 
-    Parameters
-    ----------
-    shape : (rows, columns)
-    seed, *key
-        As for `generator`.
+    `shape` (rows, columns); `seed`, `*key`: as for `generator`.
     """
     rows, columns = shape
     field = np.empty((-(-rows // _TILE) * _TILE, -(-columns // _TILE) * _TILE))

@@ -68,14 +68,8 @@ def simple_moments(
 ) -> tuple[Floats, Floats, Mask]:
     """Mean and variance of readings without a distribution, and True where one is needed.
 
-    Parameters
-    ----------
-    pixels : AnalogPixels, optional
-        Pixels of an analog counter.
-    moments : (mean, variance)
-        Moments of the events, arrays of one shape.
-    reach : (2, ...) array
-        Smallest and largest possible number of events.
+    `pixels`: pixels of an analog counter; `moments` (mean, variance): moments of the events, arrays
+    of one shape; `reach` (2, ...): smallest and largest possible number of events.
     """
     (mean, variance), (least, most) = moments, reach
     if isinstance(counter, AnalogCounter):
@@ -107,14 +101,9 @@ def counter_moments(
 ) -> tuple[Floats, Floats]:
     """Mean and variance of readings of pixels in a row, of any number.
 
-    Parameters
-    ----------
-    pixels : AnalogPixels, optional
-        Pixels of an analog counter, each (P,).
-    first : (P,)
-        Number of events of the first column of `probability`.
-    probability : (P, N)
-        Probabilities of that number of events and of the following ones.
+    `pixels`: pixels of an analog counter, each (P,); `first` (P,): number of events of the first
+    column of `probability`; `probability` (P, N): probabilities of that number of events and of the
+    following ones.
     """
     if isinstance(counter, DigitalCounter):
         events = first[:, None] + np.arange(probability.shape[1])
@@ -285,12 +274,8 @@ def tabulated_moments(
     Needed are a distribution's sums up to a pixel's own top, and the probabilities of the few
     numbers there. A pixel mixes those of the nearest entries with its own weights.
 
-    Parameters
-    ----------
-    rows : (P,) int64
-        First of the consecutive rows that a pixel mixes.
-    weights : (P, M)
-        Weights of these rows.
+    `rows` (P,): first of the consecutive rows that a pixel mixes; `weights` (P, M): weights of
+    these rows.
     """
     known = assumed_pixels(counter, pixels, exposure_s)
     mean, variance = np.empty(rows.size), np.empty(rows.size)

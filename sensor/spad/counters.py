@@ -257,10 +257,7 @@ def counts_of_codes(
 ) -> tuple[NDArray[np.uint16], Mask]:
     """Convert ADC codes (…, rows, columns) to counts, with True where they are a lower bound.
 
-    Parameters
-    ----------
-    known : AnalogPixels
-        Known pixel values: measured ones, or `nominal_pixels`.
+    `known`: known pixel values: measured ones, or `nominal_pixels`.
     """
     counts, is_full = _counts(np.asarray(codes * counter.lsb_v), counter, known)
     return counts.astype(np.uint16), is_full
