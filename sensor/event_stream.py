@@ -19,26 +19,18 @@ from megalopta.core.compiling import compiled
 
 @dataclass(frozen=True, eq=False)
 class Events:
-    """Events of consecutive frames, sorted by frame and time stamp; 12 bytes each.
-
-    Attributes
-    ----------
-    time_s : (N,) float64
-        Time stamp from the start of the event's frame, s.
-    pixel : (N,) uint32
-        row · columns + column.
-    starts : (frames + 1,) int64
-        Index of each frame's first event; N at the end.
-    shape : (frames, rows, columns)
-    first_frame : int
-        Sequence number of the first frame.
-    """
+    """Events of consecutive frames, sorted by frame and time stamp; 12 bytes each."""
 
     time_s: Floats
+    """(N,): time stamp from the start of the event's frame, s."""
     pixel: NDArray[np.uint32]
+    """(N,): row · columns + column."""
     starts: Ints
+    """(frames + 1,): index of each frame's first event; N at the end."""
     shape: tuple[int, int, int]
+    """(frames, rows, columns)"""
     first_frame: int = 0
+    """Sequence number of the first frame."""
 
     @property
     def frame(self) -> Ints:

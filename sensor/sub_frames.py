@@ -29,21 +29,14 @@ class Following(Protocol):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class NextFrames:
-    """Next frame of each of some frames, and the flow to it.
-
-    Attributes
-    ----------
-    radiance : (T, H, W, B) array
-        Radiance of each next frame.
-    flow : (T, H, W, 2) array
-        Forward flow, px, +x right and +y down; where undefined, the light stays.
-    hidden : (T, H, W) bool
-        True for pixels occluded in the next frame.
-    """
+    """Next frame of each of some frames, and the flow to it."""
 
     radiance: NDArray[Any]
+    """(T, H, W, B): radiance of each next frame."""
     flow: NDArray[Any]
+    """(T, H, W, 2): forward flow, px, +x right and +y down; where undefined, the light stays."""
     hidden: Mask
+    """(T, H, W): True for pixels occluded in the next frame."""
 
     def scaled(self, factor: NDArray[np.floating]) -> "NextFrames":
         """Return the same motion with light multiplied by a factor per band, (B,)."""

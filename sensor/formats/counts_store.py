@@ -62,24 +62,15 @@ _CODEC = BloscCodec(cname="lz4", shuffle="bitshuffle")
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Origin:
-    """Origin of an exposure.
-
-    Attributes
-    ----------
-    sensor : Sensor or CtiaSensor
-    seed : int
-    sequence : str or int
-    illuminance_lux : float or None
-        Light level of the scene, lux, if known.
-    extra : dict
-        Further notes of the writer; JSON values.
-    """
+    """Origin of an exposure."""
 
     sensor: ImageSensor
     seed: int
     sequence: str | int
     illuminance_lux: float | None = None
+    """Light level of the scene, lux, if known."""
     extra: Mapping[str, Any] = field(default_factory=dict)
+    """Further notes of the writer; JSON values."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -306,20 +297,11 @@ class StoredFrames:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class OpenedCounts(Origin):
-    """Origin of an exposure, and its frames, read on request.
-
-        opened = open_counts(path)
-        opened["counts"][first:last], opened["mean_reading"][first:last]
-
-    Attributes
-    ----------
-    path : Path
-    arrays : dict
-        Name to frames: `READINGS`, `MOMENTS` if stored, and further arrays of every frame.
-    """
+    """Origin of an exposure, and its frames, read on request: `opened["counts"][first:last]`."""
 
     path: Path
     arrays: Mapping[str, StoredFrames]
+    """Name to frames: `READINGS`, `MOMENTS` if stored, and further arrays of every frame."""
 
     def __getitem__(self, name: str) -> StoredFrames:
         """Return one array. Raises ValueError if it was not stored."""

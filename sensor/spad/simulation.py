@@ -94,14 +94,10 @@ class FreeRunning:
     """Array that is not reset between exposures, which follow each other without a gap.
 
     `FreeRunning()` has no past.
-
-    Attributes
-    ----------
-    state : PixelState, optional
-        State of its pixels; replaced by every exposure.
     """
 
     state: PixelState | None = None
+    """State of its pixels; replaced by every exposure."""
 
     def expose(
         self,
