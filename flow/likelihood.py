@@ -33,7 +33,7 @@ from scipy.ndimage import (
 from scipy.sparse import coo_array, csc_array
 from scipy.sparse.linalg import LinearOperator, SuperLU, cg, splu
 
-from megalopta.core.arrays import Floats
+from megalopta.core.arrays import Floats, Mask
 from megalopta.core.compiling import compiled
 
 NODE_PX = 4
@@ -197,7 +197,7 @@ def misfit(squares: Any) -> Any:
     return np.minimum(squares, _MOST_NOISE) + _MOST_NOISE * np.log(excess)
 
 
-def aligned_frames(level: Level, places: Iterable[Floats]) -> tuple[Floats, NDArray[np.bool_]]:
+def aligned_frames(level: Level, places: Iterable[Floats]) -> tuple[Floats, Mask]:
     """Return the roots of frames (n, H, W) at places, and which places are in all frames.
 
     Brightness that differs from frame to frame by a factor is equalized.

@@ -235,12 +235,8 @@ def without_disc(
 ) -> tuple[Image, tuple[float, float, float], Floats]:
     """Take the disc of sun or moon out of a picture.
 
-    Parameters
-    ----------
-    picture : (H, 2·H, 3)
-        Radiance of each color, in the layout of `SkyPattern`.
-    weights : (3,)
-        Weights of the colors.
+    `picture` (H, 2·H, 3): radiance of each color, in the layout of `SkyPattern`; `weights` (3,):
+    weights of the colors.
 
     Returns
     -------

@@ -54,10 +54,8 @@ def export_scene(
     It is `scene.xml` in the folder, and written last. Coordinates are relative to the scene's
     origin.
 
-    Raises
-    ------
-    ValueError
-        If plain Mitsuba cannot render the scene, or a band is beyond what is known of a material.
+    Raises ValueError if plain Mitsuba cannot render the scene, or a band is beyond what is known of
+    a material.
     """
     _check(scene, camera)
     scene.check_bands(settings.bands_nm)

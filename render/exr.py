@@ -74,10 +74,7 @@ def write_radiance(
 
     Half floats need light scaled to about 1: they cannot represent night.
 
-    Raises
-    ------
-    ValueError
-        If there are not as many bands as edges.
+    Raises ValueError if there are not as many bands as edges.
     """
     if radiance.ndim != 3 or radiance.shape[-1] != len(bands_nm):
         raise ValueError(
@@ -100,10 +97,8 @@ def write_radiance(
 def read_radiance(path: Path) -> tuple[NDArray[np.float32], tuple[tuple[float, float], ...]]:
     """Read spectral radiance (H, W, B), W·m⁻²·sr⁻¹·nm⁻¹, and its band edges (nm).
 
-    Raises
-    ------
-    ValueError
-        If the file is not an EXR, not a radiance file of this layout, or has invalid values.
+    Raises ValueError if the file is not an EXR, not a radiance file of this layout, or has invalid
+    values.
     """
     header, channels = _read(path)
     try:

@@ -57,6 +57,8 @@ def _path_tracer(
 class SceneRenderer:
     """Loaded scene and camera, to be moved along poses.
 
+    Raises ValueError if a panorama cannot be read, or a band is beyond what is known of a material.
+
     Parameters
     ----------
     poses : (T, 4, 4), optional
@@ -73,11 +75,6 @@ class SceneRenderer:
         Light paths per pixel, as rounded by the sampler.
     integrator : str
         "baked" or "path", with the reason for tracing paths.
-
-    Raises
-    ------
-    ValueError
-        If a panorama cannot be read, or a band is beyond what is known of a material.
     """
 
     def __init__(

@@ -76,10 +76,7 @@ class SceneDescription(Record, frozen=True):
 
         A self-luminous scene is as bright as a sky of the light's illuminance.
 
-        Raises
-        ------
-        ValueError
-            With field, value and remedy, if camera and path do not fit the scene.
+        Raises ValueError with field, value and remedy, if camera and path do not fit the scene.
         """
 
     @abstractmethod

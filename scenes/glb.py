@@ -9,7 +9,6 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image
 
 from megalopta.core.arrays import Floats
@@ -71,7 +70,7 @@ def _surface(material: Material) -> "PBRMaterial":
         others = np.array([_color(each) for each, _ in texture.spectra])
         weight = texture.weight.reshape(*texture.weight.shape[:2], -1)
         base = np.zeros(3) if isinstance(texture, ColorTexture) else color
-        colors: NDArray[np.float64] = base + weight @ (others - base)
+        colors: Floats = base + weight @ (others - base)
         look = {"baseColorTexture": Image.fromarray(encode_srgb(colors[::-1]))}
     return PBRMaterial(**look, metallicFactor=0.0, roughnessFactor=1.0, doubleSided=True)
 

@@ -72,10 +72,7 @@ class HashedFile(Hashed, frozen=True):
     def read(self) -> bytes:
         """Content of the file.
 
-        Raises
-        ------
-        ValueError
-            If it cannot be read or has changed.
+        Raises ValueError if it cannot be read or has changed.
         """
         with unreadable(self.path):
             content = read_bytes(self.path, ARRAY_BYTES)

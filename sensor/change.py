@@ -15,10 +15,7 @@ def changed(model: AnyModel, **fields: Any) -> AnyModel:
 
         changed(preset("spadcam"), exposure_s=0.02, counter={"step_v": 0.03})
 
-    Raises
-    ------
-    ValueError
-        If a field is unknown or the result is invalid.
+    Raises ValueError if a field is unknown or the result is invalid.
     """
     return type(model).model_validate(merged(model.model_dump(), fields))
 

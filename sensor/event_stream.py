@@ -13,50 +13,43 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from megalopta.core.arrays import Floats, Ints
 from megalopta.core.compiling import compiled
 
 
 @dataclass(frozen=True, eq=False)
 class Events:
-    """Events of consecutive frames, sorted by frame and time stamp; 12 bytes each.
+    """Events of consecutive frames, sorted by frame and time stamp; 12 bytes each."""
 
-    Attributes
-    ----------
-    time_s : (N,) float64
-        Time stamp from the start of the event's frame, s.
-    pixel : (N,) uint32
-        row · columns + column.
-    starts : (frames + 1,) int64
-        Index of each frame's first event; N at the end.
-    shape : (frames, rows, columns)
-    first_frame : int
-        Sequence number of the first frame.
-    """
-
-    time_s: NDArray[np.float64]
+    time_s: Floats
+    """(N,): time stamp from the start of the event's frame, s."""
     pixel: NDArray[np.uint32]
-    starts: NDArray[np.int64]
+    """(N,): row · columns + column."""
+    starts: Ints
+    """(frames + 1,): index of each frame's first event; N at the end."""
     shape: tuple[int, int, int]
+    """(frames, rows, columns)"""
     first_frame: int = 0
+    """Sequence number of the first frame."""
 
     @property
-    def frame(self) -> NDArray[np.int64]:
+    def frame(self) -> Ints:
         """Sequence number of each event's frame, (N,)."""
         frames = np.arange(self.first_frame, self.first_frame + self.shape[0])
         return np.repeat(frames, np.diff(self.starts))
 
     @property
-    def row(self) -> NDArray[np.int64]:
+    def row(self) -> Ints:
         """Row of each event, (N,)."""
         return self.pixel.astype(np.int64) // max(self.shape[2], 1)
 
     @property
-    def column(self) -> NDArray[np.int64]:
+    def column(self) -> Ints:
         """Column of each event, (N,)."""
         return self.pixel.astype(np.int64) % max(self.shape[2], 1)
 
 
-def histogram(events: Events) -> NDArray[np.int64]:
+def histogram(events: Events) -> Ints:
     """Events per pixel and frame, (frames, rows, columns)."""
     frames, rows, columns = events.shape
     counts = np.empty((frames, rows * columns), np.int64)
@@ -67,7 +60,7 @@ def histogram(events: Events) -> NDArray[np.int64]:
 
 
 def joined(
-    streams: Sequence[tuple[NDArray[np.float64], NDArray[np.uint32]]],
+    streams: Sequence[tuple[Floats, NDArray[np.uint32]]],
     shape: tuple[int, int, int],
     first_frame: int,
 ) -> Events:
@@ -78,9 +71,7 @@ def joined(
     return Events(times, pixels, starts, shape, first_frame)
 
 
-def in_order_of_time(
-    stamps: NDArray[np.float64], pixels: NDArray[np.int64]
-) -> tuple[NDArray[np.float64], NDArray[np.uint32]]:
+def in_order_of_time(stamps: Floats, pixels: Ints) -> tuple[Floats, NDArray[np.uint32]]:
     """Sort events by time; those of the same time keep their order.
 
     NumPy's unstable sort is four times as fast as its stable one, but orders equal times
@@ -94,10 +85,10 @@ def in_order_of_time(
 
 @compiled
 def _gather(
-    stamps: NDArray[np.float64],
-    pixels: NDArray[np.int64],
-    order: NDArray[np.int64],
-    times: NDArray[np.float64],
+    stamps: Floats,
+    pixels: Ints,
+    order: Ints,
+    times: Floats,
     places: NDArray[np.uint32],
 ) -> None:
     for rank in range(order.size):

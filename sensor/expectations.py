@@ -50,7 +50,6 @@ def event_moments(detections_hz: ArrayLike, sensor: Sensor) -> tuple[Floats, Flo
     detections_hz : (T, H, W) or (T, S, H, W) array
         Detection rate of always-live pixels, Hz (`detection_rate`), constant or in S equal parts of
         the exposure; for the error of the latter see `PARTS_ERROR`.
-    sensor : Sensor
     """
     mean, variance, _, _ = _all_moments(detections_hz, sensor)
     return mean, variance

@@ -26,7 +26,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from megalopta.core.arrays import Floats
+from megalopta.core.arrays import Floats, Ints
 from megalopta.sensor.ctia.array import expose_photocurrent, photocurrent, reading_electrons
 from megalopta.sensor.ctia.model import CtiaSensor
 from megalopta.sensor.effects.base import AvalancheMaps, Frame
@@ -71,14 +71,16 @@ def expose(
 ) -> Exposure:
     """Simulate a sensor's readings of a scene: counts, or electrons of a CTIA array.
 
+    Raises ValueError if the radiance is negative, not finite, too bright or of the wrong shape, a
+    band reaches outside the efficiency curve, or the sensor's device is impossible; TypeError if
+    the sensor is not one, or seed or sequence has the wrong type.
+
     Parameters
     ----------
     radiance : (T, H, W, B) array
         Band means, W·m⁻²·sr⁻¹·nm⁻¹.
     bands_nm : (B, 2) array
         Lower and upper edge of each band, nm.
-    sensor : Sensor or CtiaSensor
-    seed : int
     sequence : str or int
         Name of the draws; a frame's readings are a function of seed, sequence and frame number.
     first_frame : int
@@ -87,14 +89,6 @@ def expose(
         Time between frames, for effects that change with time; default: the exposure.
     expectation : bool
         True to compute mean and variance too, which about doubles the cost.
-
-    Raises
-    ------
-    ValueError
-        If the radiance is negative, not finite, too bright or of the wrong shape, a band reaches
-        outside the efficiency curve, or the sensor's device is impossible.
-    TypeError
-        If the sensor is not one, or seed or sequence has the wrong type.
     """
     if isinstance(sensor, CtiaSensor):
         reading = expose_photocurrent(
@@ -139,7 +133,6 @@ def expose_rate(
     detections_hz : (T, H, W) or (T, S, H, W) array
         Hz, constant over an exposure or in S equal parts of it (`sub_frames`); `detection_rate`
         gives that of a scene.
-    sensor : Sensor
     free_running : bool or FreeRunning
         Exposures follow each other without a gap and pixels keep their state: from the first frame
         of this call, or from the end of the array's previous call. Frames then depend on those
@@ -186,10 +179,8 @@ def expose_adc(
     drawn `together` from the streams of the first: for small arrays, naming a stream costs more
     than drawing a frame.
 
-    Raises
-    ------
-    ValueError
-        As `expose_rate`, or if the sensor has no analog counter with an ADC of 16 bits or less.
+    Raises ValueError as `expose_rate`, or if the sensor has no analog counter with an ADC of 16
+    bits or less.
     """
     frames = _Frames.of(detections_hz, sensor, seed, sequence, first_frame, None)
     counter, pixels = sensor.counter, frames.device.counters
@@ -226,10 +217,7 @@ def expose_binary(
     light changes within the exposure, r is its mean over that time. Bits are packed as visionsim
     does: `np.packbits` along the width, the last byte of a row padded with zeros.
 
-    Raises
-    ------
-    ValueError
-        As `expose_rate`, or as `check_binary`.
+    Raises ValueError as `expose_rate`, or as `check_binary`.
     """
     check_binary(sensor)
     frames = _Frames.of(detections_hz, sensor, seed, sequence, first_frame, frame_period_s)
@@ -294,10 +282,7 @@ def expose_events(
 def check_binary(sensor: Sensor) -> None:
     """Check that a sensor has binary frames: the first event depends only on the rate.
 
-    Raises
-    ------
-    ValueError
-        With crosstalk, or with dead time or afterpulses and a stationary start.
+    Raises ValueError with crosstalk, or with dead time or afterpulses and a stationary start.
     """
     if sensor.crosstalk.is_on:
         raise ValueError(
@@ -373,7 +358,7 @@ class _Frames:
         rates.dark_counts_hz.flags.writeable = False  # as in the device: compiled once
         return rates.detections_hz, rates.dark_counts_hz
 
-    def events(self, index: int) -> NDArray[np.int64]:
+    def events(self, index: int) -> Ints:
         """Number of avalanches of every pixel in a frame, (H, W)."""
         detections_hz, dark_hz = self.rates(index)
         rng, exposure_s = self.rng("exposure", index), self.sensor.exposure_s
@@ -383,7 +368,7 @@ class _Frames:
         effects, maps = self.sensor.avalanche_effects, self.device.avalanches
         return draw_counts(rng, detections_hz + dark_hz, exposure_s, effects, maps)
 
-    def events_together(self, first: int, number: int) -> NDArray[np.int64]:
+    def events_together(self, first: int, number: int) -> Ints:
         """Avalanches of several frames (n, H, W) from one stream."""
         indices = range(first, min(first + number, len(self.detections_hz)))
         arrivals_hz = np.stack([np.add(*self.rates(index)) for index in indices])

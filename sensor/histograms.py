@@ -108,21 +108,17 @@ def expose_histograms(
 ) -> NDArray[np.uint32]:
     """Draw histograms of photons by their time after a pulse, (T, H, W, bins).
 
+    Raises ValueError as `expose_rate`, or as `check_histograms`.
+
     Parameters
     ----------
     detections_hz : (T, H, W) array
         Mean detection rate of always-live pixels, Hz; `tcspc` says how it is pulsed.
-    sensor : Sensor
     seed, sequence, first_frame
         As for `expose_rate`.
     later_s : (T, H, W) array, optional
         With `tcspc.from_camera`, delay of each pixel's pulse after `tcspc.delay_s`; infinite: no
         pulse returns, and all light is constant.
-
-    Raises
-    ------
-    ValueError
-        As `expose_rate`, or as `check_histograms`.
     """
     check_histograms(sensor)
     rate = np.asarray(detections_hz, np.float64)

@@ -41,11 +41,8 @@ IMAGE_SENSORS = _OURS | plug_ins("megalopta.sensors", _plugged_in, _OURS)
 def check_sensor(sensor: ImageSensor, bands_nm: ArrayLike, shape: tuple[int, int]) -> None:
     """Check that a sensor can expose images of (rows, columns) pixels in these bands.
 
-    Raises
-    ------
-    ValueError
-        If a band reaches outside its efficiency curve, or the device is impossible: a measured map
-        is damaged or does not fit, or its values exceed the limits.
+    Raises ValueError if a band reaches outside its efficiency curve, or the device is impossible: a
+    measured map is damaged or does not fit, or its values exceed the limits.
     """
     for filters, _ in sensor.filters.parts(shape):
         band_efficiency(sensor.efficiency, bands_nm, filters=filters)

@@ -9,10 +9,7 @@ from megalopta.core.errors import DamagedFileError
 def file_content(path: str | Path, field: str) -> bytes:
     """Return the content of a file.
 
-    Raises
-    ------
-    ValueError
-        If it cannot be read; names the field that refers to it.
+    Raises ValueError if it cannot be read; names the field that refers to it.
     """
     try:
         return read_bytes(path, ARRAY_BYTES)

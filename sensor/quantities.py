@@ -13,31 +13,24 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.core.arrays import Floats
+from megalopta.core.arrays import Floats, Mask
 
 Reals = NDArray[np.float32] | Floats
 
 
 @dataclass(frozen=True, eq=False)
 class Expectation:
-    """Mean and variance of frames, each (T, H, W); float64, from a store float32.
-
-    Attributes
-    ----------
-    photons : array
-        Mean number of photons on the pixel, equal to its variance.
-    mean_events, events_variance : array
-        Moments of the detections that reach the counter (counts, counts²), or of collected
-        electrons.
-    mean_reading, reading_variance : array
-        Moments of `Exposure.counts`, in its unit and the square of it.
-    """
+    """Mean and variance of frames, each (T, H, W); float64, from a store float32."""
 
     photons: Reals
+    """Mean number of photons on the pixel, equal to its variance."""
     mean_events: Reals
     events_variance: Reals
+    """Moments of the detections that reach the counter (counts, counts²), or of collected
+    electrons."""
     mean_reading: Reals
     reading_variance: Reals
+    """Moments of `Exposure.counts`, in its unit and the square of it."""
 
     def signal_to_noise(self, brighter: "Expectation", by: float) -> Floats:
         """Signal from the light over the reading's standard deviation, (T, H, W).
@@ -60,18 +53,13 @@ class Expectation:
 
 @dataclass(frozen=True, eq=False)
 class Exposure:
-    """Frames as read by the sensor.
-
-    Attributes
-    ----------
-    counts : (T, H, W) uint16 or uint32
-        Readings; unreliable where saturated. From an integrating sensor: electrons, float32.
-    saturated : (T, H, W) bool
-        True where the pixel was saturated: the reading is a lower bound, or has wrapped.
-    expectation : Expectation or None
-        If requested.
-    """
+    """Frames as read by the sensor."""
 
     counts: NDArray[np.uint16] | NDArray[np.uint32] | NDArray[np.float32]
-    saturated: NDArray[np.bool_]
+    """(T, H, W): readings; unreliable where saturated. From an integrating sensor: electrons,
+    float32."""
+    saturated: Mask
+    """(T, H, W): True where the pixel was saturated: the reading is a lower bound, or has
+    wrapped."""
     expectation: Expectation | None = None
+    """If requested."""

@@ -36,43 +36,29 @@ _BITS_AT_ONCE = 16
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Shot:
-    """Frames of light on a sensor; readings, events and bits are drawn on request.
-
-    Attributes
-    ----------
-    radiance : (T, H, W, B) array
-    bands_nm : (B, 2) array
-    sensor : Sensor or CtiaSensor
-    seed : int
-    sequence : str or int
-    first_frame : int
-    frame_period_s : float
-        As for `expose`.
-    following : Following, optional
-        Following frames, towards which the light moves; default: it is constant.
-    sub_frames : int
-        Equal parts of an exposure or burst, in each of which the light is constant.
-    burst_frames : int
-        Binary frames per burst, which fill the time to the next frame.
-    arrays : dict, optional
-        State of a continuous array after the previous shot (its `arrays_after`), by the kind of
-        draw; empty in the first shot. By default the array is reset in every frame.
-    later_s : (T, H, W) array, optional
-        Delays of pulses for histograms, as for `expose_histograms`.
-    """
+    """Frames of light on a sensor; readings, events and bits are drawn on request."""
 
     radiance: ArrayLike
+    """(T, H, W, B)"""
     bands_nm: ArrayLike
+    """(B, 2)"""
     sensor: ImageSensor
     seed: int
     sequence: str | int
     first_frame: int
     frame_period_s: float
+    """As for `expose`."""
     following: Following | None = None
+    """Following frames, towards which the light moves; default: it is constant."""
     sub_frames: int = 1
+    """Equal parts of an exposure or burst, in each of which the light is constant."""
     burst_frames: int = 1
+    """Binary frames per burst, which fill the time to the next frame."""
     arrays: Arrays | None = None
+    """State of a continuous array after the previous shot (its `arrays_after`), by the kind of
+    draw; empty in the first shot. By default the array is reset in every frame."""
     later_s: Floats | None = None
+    """(T, H, W): delays of pulses for histograms, as for `expose_histograms`."""
     arrays_after: dict[str, FreeRunning] = field(default_factory=dict, init=False)
 
     def _array(self, of: str) -> FreeRunning | bool:
@@ -169,10 +155,7 @@ class Shot:
     def events(self) -> Iterator[Events]:
         """Events, frame by frame.
 
-        Raises
-        ------
-        ValueError
-            If a frame has more events than fit into memory.
+        Raises ValueError if a frame has more events than fit into memory.
         """
         self.check_events()
         state = self._continuing("events")

@@ -14,15 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
 
-from megalopta.core.arrays import Floats
+from megalopta.core.arrays import Floats, Mask
 
 
 class Following(Protocol):
     """Frames towards which the light of some frames moves."""
 
-    def between(
-        self, frames: NDArray[Any], frame: int, shares: NDArray[np.float64]
-    ) -> NDArray[np.floating]:
+    def between(self, frames: NDArray[Any], frame: int, shares: Floats) -> NDArray[np.floating]:
         """Return the radiance (S, H, W, B) at fractions of the way from one frame to the next."""
 
     def scaled(self, factor: NDArray[np.floating]) -> "Following":
@@ -31,27 +29,20 @@ class Following(Protocol):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class NextFrames:
-    """Next frame of each of some frames, and the flow to it.
-
-    Attributes
-    ----------
-    radiance : (T, H, W, B) array
-        Radiance of each next frame.
-    flow : (T, H, W, 2) array
-        Forward flow, px, +x right and +y down; where undefined, the light stays.
-    hidden : (T, H, W) bool
-        True for pixels occluded in the next frame.
-    """
+    """Next frame of each of some frames, and the flow to it."""
 
     radiance: NDArray[Any]
+    """(T, H, W, B): radiance of each next frame."""
     flow: NDArray[Any]
-    hidden: NDArray[np.bool_]
+    """(T, H, W, 2): forward flow, px, +x right and +y down; where undefined, the light stays."""
+    hidden: Mask
+    """(T, H, W): True for pixels occluded in the next frame."""
 
     def scaled(self, factor: NDArray[np.floating]) -> "NextFrames":
         """Return the same motion with light multiplied by a factor per band, (B,)."""
         return replace(self, radiance=self.radiance * factor)
 
-    def between(self, frames: NDArray[Any], frame: int, shares: NDArray[np.float64]) -> Floats:
+    def between(self, frames: NDArray[Any], frame: int, shares: Floats) -> Floats:
         """Return the radiance (S, H, W, B) at fractions of the way from one frame to the next."""
         flow, gone = self.flow[frame], self.hidden[frame].astype(np.float64)
         motion = np.where(np.isfinite(flow).all(axis=-1, keepdims=True), flow, 0.0)
@@ -67,9 +58,11 @@ def sub_frames(
     frames: NDArray[Any],
     flow: NDArray[Any],
     parts: int,
-    hidden: NDArray[np.bool_] | None = None,
+    hidden: Mask | None = None,
 ) -> Floats:
     """Return light in the middle of each equal part of the time between frames.
+
+    Raises ValueError if the shapes do not match.
 
     Parameters
     ----------
@@ -85,11 +78,6 @@ def sub_frames(
     Returns
     -------
     (T − 1, parts, H, W)
-
-    Raises
-    ------
-    ValueError
-        If the shapes do not match.
     """
     if frames.ndim != 3 or flow.shape != (len(frames) - 1, *frames.shape[1:], 2) or parts < 1:
         raise ValueError(

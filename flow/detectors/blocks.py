@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from pydantic import Field, SerializeAsAny
 from scipy.ndimage import distance_transform_edt, map_coordinates
 
-from megalopta.core.arrays import Floats
+from megalopta.core.arrays import Floats, Ints
 from megalopta.flow.detectors.base import Detector, Frames, Responder, stacked
 
 BLOCKS_PER_SIDE = 10
@@ -52,7 +52,7 @@ class BlockGrid:
         return self.shape[1] % self.block_px // 2
 
     @property
-    def corners(self) -> NDArray[np.int64]:
+    def corners(self) -> Ints:
         """First pixel row and column of each block, (blocks, 2), row by row."""
         places = np.mgrid[: self.rows, : self.columns].reshape(2, -1).T
         return np.asarray(np.array([self.top, self.left]) + self.block_px * places)

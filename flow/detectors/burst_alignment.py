@@ -14,10 +14,9 @@ from typing import Annotated, ClassVar
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 from pydantic import Field
 
-from megalopta.core.arrays import Floats
+from megalopta.core.arrays import Floats, Ints
 from megalopta.core.compiling import compiled
 from megalopta.flow.detectors.base import Frames
 from megalopta.flow.detectors.blocks import BlockGrid, PooledFrames, block_sums
@@ -85,7 +84,7 @@ def _levels(pair: Floats, block_px: int, most: int) -> Iterator[Floats]:
         pair = halved(pair)
 
 
-def _corners(grid: BlockGrid, level: int, shape: tuple[int, ...]) -> NDArray[np.int64]:
+def _corners(grid: BlockGrid, level: int, shape: tuple[int, ...]) -> Ints:
     """Return the upper left corners, (blocks, 2), of patches in the middle of blocks."""
     along = []
     for first, number, side in zip(
@@ -97,7 +96,7 @@ def _corners(grid: BlockGrid, level: int, shape: tuple[int, ...]) -> NDArray[np.
     return np.stack(np.meshgrid(*along, indexing="ij"), axis=-1).reshape(-1, 2)
 
 
-def _moved(field: NDArray[np.int64], down: int, right: int) -> NDArray[np.int64]:
+def _moved(field: Ints, down: int, right: int) -> Ints:
     """Return the neighbors' values of a field (rows, columns, 2); at the edge, its own."""
     rows = np.clip(np.arange(field.shape[0]) + down, 0, field.shape[0] - 1)
     columns = np.clip(np.arange(field.shape[1]) + right, 0, field.shape[1] - 1)
@@ -122,12 +121,12 @@ def _difference(pair: Floats, row: int, column: int, size: int, dx: int, dy: int
 @compiled
 def _search(
     pair: Floats,
-    corners: NDArray[np.int64],
+    corners: Ints,
     size: int,
-    guesses: NDArray[np.int64],
+    guesses: Ints,
     radius: int,
     around: Floats,
-) -> NDArray[np.int64]:
+) -> Ints:
     """Return the best shifts (x, y) of patches; fill in the differences around them, (n, 3, 3)."""
     shifts = np.empty((len(corners), 2), np.int64)
     for patch in range(len(corners)):

@@ -31,7 +31,7 @@ from pydantic import Field
 from scipy.fft import irfft2, next_fast_len, rfft2
 from scipy.ndimage import gaussian_filter, spline_filter, uniform_filter
 
-from megalopta.core.arrays import Floats
+from megalopta.core.arrays import Floats, Ints, Mask
 from megalopta.core.compiling import compiled
 from megalopta.flow.detectors.base import Frames
 from megalopta.flow.detectors.blocks import BlockDetector, BlockGrid, PooledFrames, thesis_radius_px
@@ -176,7 +176,7 @@ def add_costs(
     first: NDArray[np.float32],
     second: NDArray[np.float32],
     weights: NDArray[np.float32],
-    places: NDArray[np.int64],
+    places: Ints,
     size: int,
     costs: Floats,
 ) -> None:
@@ -212,7 +212,7 @@ def add_costs(
                 costs[block, radius + dy, radius + dx] += cost
 
 
-def least_cost(costs: Floats) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+def least_cost(costs: Floats) -> tuple[Ints, Mask]:
     """Return the shift (x, y) of least cost of each block, (n, 2), and whether there is one, (n,).
 
     There is none if all costs are equal, as without photons, or none is finite. Costs are those of
@@ -262,7 +262,7 @@ def _shifts(window: Sequence[SmoothedFrame], grid: BlockGrid, radius: int) -> Fl
 def _costs(
     pair: tuple[SmoothedFrame, SmoothedFrame],
     levels: NDArray[np.intp],
-    places: NDArray[np.int64],
+    places: Ints,
     block_px: int,
     radius: int,
 ) -> Floats:
@@ -409,7 +409,7 @@ def aligned(
 def _align(
     splines: NDArray[np.float32],
     weights: NDArray[np.float32],
-    corners: NDArray[np.int64],
+    corners: Ints,
     size: int,
     velocities: Floats,
 ) -> Floats:
@@ -432,7 +432,7 @@ def _align(
 def _step(
     splines: NDArray[np.float32],
     weights: NDArray[np.float32],
-    corner: NDArray[np.int64],
+    corner: Ints,
     size: int,
     vx: float,
     vy: float,
@@ -465,7 +465,7 @@ def _step(
 
 @compiled
 def _sums_over_frames(
-    splines: NDArray[np.float32], corner: NDArray[np.int64], size: int, vx: float, vy: float
+    splines: NDArray[np.float32], corner: Ints, size: int, vx: float, vy: float
 ) -> NDArray[np.float32]:
     """Return sums for each pixel of a block over the aligned frames.
 

@@ -19,13 +19,12 @@ from operator import itemgetter
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
 from scipy.sparse import coo_array
 from scipy.sparse.linalg import splu
 from scipy.spatial.transform import Rotation
 
-from megalopta.core.arrays import Floats
+from megalopta.core.arrays import Floats, Mask
 from megalopta.flow import likelihood, likely_flow
 from megalopta.flow.detectors.base import Frames
 from megalopta.flow.egomotion.motion_of_flow import CameraMotion, motion_of_flow
@@ -125,7 +124,7 @@ def _check(counts: Frames, camera: Camera) -> None:
         raise ValueError("frames have no contrast; give textured frames")
 
 
-def _without_strips(shape: tuple[int, ...]) -> Iterator[NDArray[np.bool_]]:
+def _without_strips(shape: tuple[int, ...]) -> Iterator[Mask]:
     """Yield the pixels (H, W) outside each of some strips, which overlap."""
     height, width = shape
     for starts, side, axis in ((_ACROSS, width, 1), (_DOWN, height, 0)):
@@ -174,7 +173,7 @@ class _Search:
     """Flow of a turn about each axis, (n, m, 2, 3), px"""
     going: Floats
     """Flow of translation along each axis past points at distance 1, (n, m, 2, 3), px"""
-    used: NDArray[np.bool_]
+    used: Mask
     """Pixels that count, (H, W)"""
 
     @classmethod
@@ -213,7 +212,7 @@ class _Search:
         return min((self.steps(each.motion, _STEPS) for each in starts[:_GOING_ON]), key=cost)
 
     @property
-    def _used_nodes(self) -> NDArray[np.bool_]:
+    def _used_nodes(self) -> Mask:
         """Nodes whose pixels count, (n, m)."""
         x, y = (self.centers[..., axis].astype(np.intp) for axis in range(2))
         return np.asarray(self.used[y, x])

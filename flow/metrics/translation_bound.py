@@ -23,11 +23,10 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.optimize import brentq
 
-from megalopta.core.arrays import Floats
+from megalopta.core.arrays import Floats, Mask
 from megalopta.flow.detectors.base import Frames
 from megalopta.flow.detectors.blocks import BlockDetector, BlockGrid, block_sums
 from megalopta.flow.metrics.photon_threshold import first_crossing
@@ -220,14 +219,14 @@ def confined_velocities(
     return velocities
 
 
-def is_within(velocities: Floats, truth: tuple[float, float], level: float) -> NDArray[np.bool_]:
+def is_within(velocities: Floats, truth: tuple[float, float], level: float) -> Mask:
     """Return whether |v − truth| < level·|truth| for velocities (..., 2); never where undefined."""
     error = np.hypot(*np.moveaxis(velocities - np.asarray(truth), -1, 0))
     return np.asarray(error < level * np.hypot(*truth))
 
 
 def photons_for_half(
-    is_good: Callable[[float], NDArray[np.bool_]], fluxes: Sequence[float], rng: np.random.Generator
+    is_good: Callable[[float], Mask], fluxes: Sequence[float], rng: np.random.Generator
 ) -> MedianPhotons:
     """Return the flux at which half of the blocks are good: the median error is at its level.
 

@@ -39,10 +39,7 @@ def path_tracing_reason(
 
     `poses` (T, 4, 4) are those of the sequence, if known.
 
-    Raises
-    ------
-    ValueError
-        If light is to be baked in haze, or on surfaces that are not diffuse.
+    Raises ValueError if light is to be baked in haze, or on surfaces that are not diffuse.
     """
     if scene.haze and settings.integrator == "baked":
         raise ValueError(

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from megalopta.core.arrays import Floats
 from megalopta.core.bounded import check_file
 from megalopta.core.errors import UserError, machine_problem
 from megalopta.core.pictures import opened_picture, readable
@@ -149,7 +150,7 @@ def open_animation(path: Path) -> Animation:
         )
 
 
-def _survey(image: Image.Image, first: int) -> tuple[NDArray[np.float64], bool]:
+def _survey(image: Image.Image, first: int) -> tuple[Floats, bool]:
     """Return the start of each frame (ms), and True if anything is transparent."""
     lasts_ms, is_transparent = [], False
     for index in range(first, frames_in(image)):

@@ -60,15 +60,9 @@ def in_leaf(
 ) -> tuple[Specimens, float]:
     """Return specimens and the share of leaves to keep for a leaf-area index in a ring of a path.
 
-    Parameters
-    ----------
-    grow
-        Function that returns all specimens for a factor on their species' leaves.
+    Raises ValueError if the stand cannot carry that many leaves.
 
-    Raises
-    ------
-    ValueError
-        If the stand cannot carry that many leaves.
+    `grow`: function that returns all specimens for a factor on their species' leaves.
     """
     ground = ground_area(path, ring_m)
     reached = 0.0
@@ -141,12 +135,8 @@ class PlantArea:
 def plant_area(scene: Scene, path_xy: ArrayLike, ring_m: tuple[float, float]) -> PlantArea:
     """Measure all triangles whose center is above a ring around a path.
 
-    Parameters
-    ----------
-    path_xy : (n, 2)
-        Positions of the camera (m).
-    ring_m
-        Smallest and largest distance from the path (m).
+    `path_xy` (n, 2): positions of the camera (m); `ring_m`: smallest and largest distance from the
+    path (m).
     """
     path = _path(path_xy)
     leaves, barks = (_woody_parts(scene, organ) for organ in ("leaf", "bark"))

@@ -293,10 +293,8 @@ def build_forest(forest: Forest, path_xy: ArrayLike, heading: ArrayLike = (1.0, 
     height 0, to a few centimeters. Placements are named by species, "ground" is the first. A
     trodden path follows the camera, or the heading (2,) if the camera stays in place.
 
-    Raises
-    ------
-    ValueError
-        If the path is not a finite (n, 2) array, or so long that the trees cannot surround it.
+    Raises ValueError if the path is not a finite (n, 2) array, or so long that the trees cannot
+    surround it.
     """
     path_points = _checked_path(path_xy)
     check_stand(forest, float(np.linalg.norm(np.diff(path_points, axis=0), axis=1).sum()))

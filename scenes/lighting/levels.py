@@ -175,10 +175,8 @@ DIMMEST_LUX, BRIGHTEST_LUX = 1e-12, 1e9
 def illuminance_of(level: str | float) -> float:
     """Illuminance (lux) of a level given by name or directly in lux.
 
-    Raises
-    ------
-    ValueError
-        For an unknown name or an illuminance that is not between the dimmest and brightest.
+    Raises ValueError for an unknown name or an illuminance that is not between the dimmest and
+    brightest.
     """
     if isinstance(level, str):
         if level not in LEVELS:

@@ -3,9 +3,8 @@
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from megalopta.core.arrays import Floats
+from megalopta.core.arrays import Floats, Ints
 
 _ROUND = 96
 """Sides of round shapes: facets are up to 1.1e-3 of the radius below a sphere."""
@@ -16,7 +15,7 @@ class Shape(NamedTuple):
 
     vertices: Floats
     """(V, 3)."""
-    faces: NDArray[np.int64]
+    faces: Ints
     """(F, 3)."""
     uv: Floats | None = None
     """(V, 2), as Mitsuba's."""
@@ -81,7 +80,7 @@ def _circle() -> Floats:
     return np.stack([np.cos(angle), np.sin(angle)], axis=-1)
 
 
-def _grid(rows: int, columns: int) -> NDArray[np.int64]:
+def _grid(rows: int, columns: int) -> Ints:
     """Two triangles (F, 3) for each cell of a grid of vertices."""
     number = np.arange(rows * columns).reshape(rows, columns)
     a, b = number[:-1, :-1].ravel(), number[:-1, 1:].ravel()

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from megalopta.core.arrays import Floats
+from megalopta.core.arrays import Floats, Ints
 from megalopta.core.errors import DamagedFileError
 from megalopta.scenes.meshes.animation import PARTS, Joint, NodeMotion, Track
 from megalopta.scenes.meshes.gltf_file import GltfFile, Json, color_of, image_of
@@ -204,7 +204,7 @@ def _piece(file: GltfFile, part: Json, looks: Sequence[_Look], of: tuple[int, st
     return Piece(*of, vertices, faces, look.paint, values("NORMAL"), uv, colors)
 
 
-def _faces(corners: NDArray[np.int64], mode: int) -> NDArray[np.int64]:
+def _faces(corners: Ints, mode: int) -> Ints:
     """Triangles (F, 3) of vertex indices (n,), in a list, a strip or a fan."""
     if mode == _STRIP:
         strip = np.stack([corners[:-2], corners[1:-1], corners[2:]], axis=1)

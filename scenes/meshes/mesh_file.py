@@ -52,10 +52,8 @@ class MeshFile(Hashed, frozen=True):
     def contents(self) -> Contents:
         """Content of the file and of those that it names.
 
-        Raises
-        ------
-        ValueError
-            If one of them cannot be read, is too large, or lies elsewhere, or if they have changed.
+        Raises ValueError if one of them cannot be read, is too large, or lies elsewhere, or if they
+        have changed.
         """
         found = _contents(self.path)
         self.compare(_hash(found))

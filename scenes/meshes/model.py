@@ -70,10 +70,7 @@ class PlacedMesh(Record, frozen=True):
     def pieces(self, animated: bool = False) -> list[Piece]:
         """Return the pieces of the file, with unit normals; of glTF, perhaps animated.
 
-        Raises
-        ------
-        ValueError
-            If the file is damaged, changed, too large or too small.
+        Raises ValueError if the file is damaged, changed, too large or too small.
         """
         contents = self.file.contents()
         self._counted(contents)

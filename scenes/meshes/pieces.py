@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.assets_gen import cross, lengths
-from megalopta.core.arrays import Floats
+from megalopta.core.arrays import Floats, Ints
 from megalopta.scenes.finish import Finish
 from megalopta.scenes.meshes.animation import NodeMotion
 from megalopta.scenes.spectra.spectrum import Spectrum
@@ -46,7 +46,7 @@ class Piece:
     """Name of the object."""
     vertices: Floats
     """(V, 3)."""
-    faces: NDArray[np.int64]
+    faces: Ints
     """(F, 3): vertex indices."""
     paint: Paint = Paint()
     normals: Floats | None = None
@@ -104,7 +104,7 @@ def _cofactors(linear: Floats) -> Floats:
     return np.stack([np.cross(y, z), np.cross(z, x), np.cross(x, y)])
 
 
-def _vertex_sums(faces: NDArray[np.int64], values: Floats, count: int) -> Floats:
+def _vertex_sums(faces: Ints, values: Floats, count: int) -> Floats:
     """Sums (V, 3) over the faces at each vertex of values (F, 3)."""
     corners, each = faces.ravel(), np.repeat(values, 3, axis=0)
     return np.stack([np.bincount(corners, axis, count) for axis in each.T], axis=1)

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.core.arrays import Floats
+from megalopta.core.arrays import Floats, Ints
 from megalopta.core.bounded import quoted
 from megalopta.core.errors import DamagedFileError
 from megalopta.scenes.meshes.pictures import check_texels, linear_picture
@@ -24,7 +24,7 @@ from megalopta.scenes.spectra.color import linear_of_srgb
 _NAMING = re.compile(rb"^[ \t]*(?:mtllib|map_kd)[ \t]+([^\r\n]+)", re.IGNORECASE | re.MULTILINE)
 _OBJECT = re.compile(rb"^[ \t]*o[ \t]", re.MULTILINE)
 
-Corners = NDArray[np.int64]
+Corners = Ints
 """(F, 3, 3): numbers, from 1 on, of position, coordinates and normal of each corner; 0: none."""
 
 

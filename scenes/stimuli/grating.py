@@ -85,11 +85,8 @@ class Grating(SceneDescription, frozen=True):
 
         Its mean luminance is that of a uniform sky of the light's illuminance.
 
-        Raises
-        ------
-        ValueError
-            If the moving part does not close around the cylinder, the camera cannot resolve it, or
-            the trajectory looks past the wall.
+        Raises ValueError if the moving part does not close around the cylinder, the camera cannot
+        resolve it, or the trajectory looks past the wall.
         """
         position_m = _position_on_axis(trajectory)
         _check_height(camera)

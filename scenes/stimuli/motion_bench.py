@@ -52,10 +52,7 @@ class MotionBench(SceneDescription, frozen=True):
     def build(self, light: Light, camera: Camera, trajectory: Path) -> Scene:
         """Return the plate before the beam; open pixels see a sky of the light's illuminance.
 
-        Raises
-        ------
-        ValueError
-            If the camera turns so far that it looks past the plate's plane.
+        Raises ValueError if the camera turns so far that it looks past the plate's plane.
         """
         poses = trajectory.poses()
         distance_m = self.pixel_pitch_um * 1e-6 * camera.focal_length_px

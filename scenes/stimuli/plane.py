@@ -64,10 +64,8 @@ class Plane(SceneDescription, frozen=True):
     def build(self, light: Light, camera: Camera, trajectory: Path) -> Scene:
         """Return the glowing board; its mean luminance is that of a uniform sky of the light.
 
-        Raises
-        ------
-        ValueError
-            If a frame looks past the board, or the camera cannot resolve the pattern at first.
+        Raises ValueError if a frame looks past the board, or the camera cannot resolve the pattern
+        at first.
         """
         poses = trajectory.poses()
         pixel_m = self.distance_m / camera.focal_length_px
@@ -99,10 +97,7 @@ def board_pose(first: Floats, distance_m: float) -> Floats:
 def seen_rectangle(camera: Camera, poses: Floats, distance_m: float) -> tuple[Floats, Floats]:
     """Two corners (2,), in axes of the first camera (m), of the part of a board that the poses see.
 
-    Raises
-    ------
-    ValueError
-        If a ray of a frame misses the board, or meets it at a grazing angle.
+    Raises ValueError if a ray of a frame misses the board, or meets it at a grazing angle.
     """
     to_first = np.linalg.inv(poses[0]) @ poses
     directions = camera.directions()

@@ -90,10 +90,7 @@ class Recorded(Path, frozen=True):
 def read_recording(text: str) -> Floats:
     """Read a recording (n, 8) from the text of its CSV file; columns as in COLUMNS.
 
-    Raises
-    ------
-    ValueError
-        With the first invalid line and the reason.
+    Raises ValueError with the first invalid line and the reason.
     """
     rows: list[list[float]] = []
     for number, fields in enumerate(csv.reader(io.StringIO(text)), 1):

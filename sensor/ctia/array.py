@@ -14,10 +14,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.special import ndtr
 
-from megalopta.core.arrays import Floats
+from megalopta.core.arrays import Floats, Mask
 from megalopta.sensor.ctia.integration import Pixel, discharge
 from megalopta.sensor.ctia.model import CtiaSensor, pixels
 from megalopta.sensor.ctia.noise import draw_noise, noise_variance
@@ -35,7 +35,7 @@ class CtiaExposure:
 
     volts: Floats
     """(T, H, W) discharge of each pixel; the swing if saturated. Noise can make it negative."""
-    saturated: NDArray[np.bool_]
+    saturated: Mask
     """(T, H, W) True where the output was at its lower rail: the reading is a lower bound"""
 
 

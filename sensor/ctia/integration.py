@@ -23,9 +23,8 @@ and assumptions: `docs/theory/ctia.md`.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from megalopta.core.arrays import Floats
+from megalopta.core.arrays import Floats, Mask
 from megalopta.sensor.ctia.photodiode import (
     Photodiode,
     Reals,
@@ -193,7 +192,7 @@ def _runge_kutta(pixel: Pixel, photocurrent_a: Floats, bias: Floats, elapsed: Fl
     return np.where(brief, volts, _steps(pixel, photocurrent_a, bias, elapsed, STEPS))
 
 
-def _bias_hardly_moves(pixel: Pixel, bias: Floats, elapsed: Floats) -> NDArray[np.bool_]:
+def _bias_hardly_moves(pixel: Pixel, bias: Floats, elapsed: Floats) -> Mask:
     """True where the diode's curve is straight enough over the bias range for one step."""
     diode, gain = pixel.diode, np.asarray(pixel.gain, np.float64)
     junction = diode.saturation_current_a / diode.slope_v * np.exp(-bias / diode.slope_v)

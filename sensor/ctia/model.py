@@ -114,10 +114,7 @@ TYPICAL_OFFSET_V = CTIA_PRESETS["ctia_si"].offset_v
 def ctia_preset(name: str) -> CtiaSensor:
     """Return a CTIA sensor by name.
 
-    Raises
-    ------
-    ValueError
-        If there is no preset of this name.
+    Raises ValueError if there is no preset of this name.
     """
     if name not in CTIA_PRESETS:
         raise ValueError(f"sensor {name!r}: no such preset; choose from {', '.join(CTIA_PRESETS)}")

@@ -192,10 +192,7 @@ def since_measurement(
 def best_excess_bias(bias: Bias) -> float:
     """Excess bias, V, at which efficiency over dark count rate is largest.
 
-    Raises
-    ------
-    ValueError
-        If efficiency or dark counts do not depend on bias.
+    Raises ValueError if efficiency or dark counts do not depend on bias.
     """
     scale, efold = bias.efficiency_scale_v, bias.dark_efold_v
     if scale is None or efold is None:

@@ -25,12 +25,11 @@ from pathlib import Path
 from typing import Annotated, Any, ClassVar, Self
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field, model_validator
 from scipy.ndimage import convolve
 from scipy.sparse import csr_matrix, diags, identity
 
-from megalopta.core.arrays import Floats, plain_array
+from megalopta.core.arrays import Floats, Ints, plain_array
 from megalopta.sensor.effects.base import Effect, PixelRates, Stage
 from megalopta.sensor.input_files import file_content
 
@@ -149,17 +148,15 @@ def of_pixels(weights: Floats, shape: tuple[int, int]) -> Floats | float:
 
 def spread(
     rng: np.random.Generator,
-    primaries: NDArray[np.int64],
+    primaries: Ints,
     crosstalk: Crosstalk,
     strength: Floats | None = None,
-) -> NDArray[np.int64]:
+) -> Ints:
     """Draw the counts of one frame with crosstalk.
 
     Parameters
     ----------
-    rng : numpy.random.Generator
     primaries : (rows, columns) int64
-    crosstalk : Crosstalk
     strength : (rows, columns) float64, optional
         Neighbors that a pixel fires, relative to `mean_fired_neighbors`; default: 1.
     """
@@ -175,10 +172,10 @@ def spread(
 
 def _fired(
     rng: np.random.Generator,
-    generation: NDArray[np.int64],
+    generation: Ints,
     weights: Floats,
     strength: Floats | None,
-) -> NDArray[np.int64]:
+) -> Ints:
     reach = np.array(weights.shape[2:]) // 2
     padded = np.zeros(np.add(generation.shape, 2 * reach), np.int64)
     rows, columns = generation.shape
@@ -191,7 +188,7 @@ def _fired(
     return padded[down : down + rows, right : right + columns]
 
 
-def places_fired(weights: Floats) -> NDArray[np.int64]:
+def places_fired(weights: Floats) -> Ints:
     """Return row and column in the neighborhoods, (n, 2), of pixels that may be fired."""
     return np.argwhere(weights.any(axis=(0, 1)))
 
@@ -246,7 +243,6 @@ def spread_variance(
         Variance of each pixel if its neighbors' light were a Poisson process.
     counts : (rows, columns) float64
         Mean counts.
-    crosstalk : Crosstalk
     strength : (rows, columns) float64, optional
         As for `spread`.
     answer : (rows, columns) float64, optional

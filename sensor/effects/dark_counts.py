@@ -13,10 +13,10 @@ temperature.
 from typing import Annotated, ClassVar, Self
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field, model_validator
 from scipy.special import ndtr, ndtri
 
+from megalopta.core.arrays import Floats
 from megalopta.sensor.effects.base import Effect, PixelRates, Stage
 from megalopta.sensor.sampling.streams import pixel_uniforms
 
@@ -63,16 +63,14 @@ class DarkCounts(Effect, frozen=True):
         rates.dark_counts_hz = density * (rates.active_area_m2 * _UM2_PER_M2)
 
 
-def dark_count_density(
-    dark_counts: DarkCounts, shape: tuple[int, int], device_seed: int
-) -> NDArray[np.float64]:
+def dark_count_density(dark_counts: DarkCounts, shape: tuple[int, int], device_seed: int) -> Floats:
     """Dark count rate per active area of every pixel of a device, (rows, columns) Hz/µm²."""
     is_hot = pixel_uniforms(shape, device_seed, "dark counts, hot") < dark_counts.hot_fraction
     rank = 1 - pixel_uniforms(shape, device_seed, "dark counts, rate")
     return np.where(is_hot, _hot_density(dark_counts, rank), _bulk_density(dark_counts, rank))
 
 
-def _bulk_density(dark_counts: DarkCounts, rank: NDArray[np.float64]) -> NDArray[np.float64]:
+def _bulk_density(dark_counts: DarkCounts, rank: Floats) -> Floats:
     # rank in (0, 1] is the upper tail probability, which keeps the quantile finite
     mean, sigma = dark_counts.bulk_mean_hz_um2, dark_counts.bulk_sigma_hz_um2
     if sigma == 0:
@@ -80,7 +78,7 @@ def _bulk_density(dark_counts: DarkCounts, rank: NDArray[np.float64]) -> NDArray
     return np.maximum(mean - sigma * ndtri(rank * ndtr(mean / sigma)), 0.0)
 
 
-def _hot_density(dark_counts: DarkCounts, rank: NDArray[np.float64]) -> NDArray[np.float64]:
+def _hot_density(dark_counts: DarkCounts, rank: Floats) -> Floats:
     mean, sigma = dark_counts.hot_mean_hz_um2, dark_counts.hot_sigma_hz_um2
     if sigma == 0:
         return np.full_like(rank, mean)

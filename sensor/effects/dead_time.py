@@ -23,10 +23,10 @@ recovery of the efficiency.
 from typing import Annotated, ClassVar, Literal, Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from pydantic import Field, model_validator
 
-from megalopta.core.arrays import Floats
+from megalopta.core.arrays import Floats, Ints
 from megalopta.sensor.effects import nonparalyzable, paralyzable
 from megalopta.sensor.effects.base import Effect, PixelRates, Stage
 from megalopta.sensor.sampling.poisson import draw_poisson
@@ -112,9 +112,7 @@ class DeadTime(Effect, frozen=True):
             rates.scatter("dead_time", self.mismatch_sigma)
 
 
-def expected_counts(
-    rate_hz: ArrayLike, exposure_s: float, dead_time: DeadTime
-) -> NDArray[np.float64]:
+def expected_counts(rate_hz: ArrayLike, exposure_s: float, dead_time: DeadTime) -> Floats:
     """Exact mean number of counts in one exposure, in the rates' shape; as `moments`."""
     return moments(rate_hz, exposure_s, dead_time)[0]
 
@@ -124,20 +122,10 @@ def moments(
 ) -> tuple[Floats, Floats]:
     """Exact mean and variance of the number of counts in one exposure.
 
-    Parameters
-    ----------
-    rate_hz : array of any shape
-        Rate of arrivals, photons and dark counts together.
-    exposure_s : float
-    dead_time : DeadTime
-        Without twilight and recharging.
-    scale : array of the same shape, optional
-        Factor on each pixel's dead time.
+    Raises ValueError if a rate or the exposure is negative or not finite.
 
-    Raises
-    ------
-    ValueError
-        If a rate or the exposure is negative or not finite.
+    `rate_hz` of any shape: rate of arrivals, photons and dark counts together; `dead_time`: without
+    twilight and recharging; `scale`: factor on each pixel's dead time.
     """
     arrivals = check_arrivals(rate_hz, exposure_s)
     fractions = _fractions(arrivals, exposure_s, dead_time, scale)
@@ -152,7 +140,7 @@ def draw_counts(
     exposure_s: float,
     dead_time: DeadTime,
     scale: ArrayLike = 1.0,
-) -> NDArray[np.int64]:
+) -> Ints:
     """Draw the number of counts in one exposure; as `moments`."""
     arrivals = check_arrivals(rate_hz, exposure_s)
     fractions = _fractions(arrivals, exposure_s, dead_time, scale)

@@ -16,9 +16,9 @@ tail.
 from typing import Annotated, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
+from megalopta.core.arrays import Floats
 from megalopta.sensor.effects.base import Effect, Stage
 
 
@@ -36,9 +36,7 @@ class Jitter(Effect, frozen=True):
     """Mean of that time (s)."""
 
 
-def stamp(
-    rng: np.random.Generator, times_s: NDArray[np.float64], jitter: Jitter
-) -> NDArray[np.float64]:
+def stamp(rng: np.random.Generator, times_s: Floats, jitter: Jitter) -> Floats:
     """Return time stamps (N,), s, of events at these times."""
     if not jitter.is_on:
         return times_s

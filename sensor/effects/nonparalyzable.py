@@ -30,10 +30,9 @@ gives a²·e^(2β) = (a−β)² + θ² > (a−β)² + π², hence (a²+a)·(e^(2
 """
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import gammainc
 
-from megalopta.core.arrays import Floats
+from megalopta.core.arrays import Floats, Ints
 from megalopta.core.compiling import compiled
 
 _SETTLED = 45.0
@@ -102,7 +101,7 @@ def _summed_stationary_moments(arrivals: Floats, a: Floats, near: Floats) -> tup
 @compiled
 def draw(
     rng: np.random.Generator, arrivals: Floats, dead_fraction: Floats, is_stationary: bool
-) -> NDArray[np.int64]:
+) -> Ints:
     """Draw counts from the exact distribution; parameters as for `moments`.
 
     It leaps over many counts at a time (the sum of n exponential waits is a gamma variate), so the

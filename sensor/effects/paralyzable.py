@@ -36,10 +36,9 @@ is then below 4e-4.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import lambertw
 
-from megalopta.core.arrays import Floats
+from megalopta.core.arrays import Floats, Ints
 from megalopta.core.compiling import compiled
 
 _HARDLY_ANY_LOST = 0.5
@@ -57,10 +56,10 @@ def moments(arrivals: Floats, dead_fraction: Floats, is_stationary: bool) -> tup
 
 def draw(
     rng: np.random.Generator, arrivals: Floats, dead_fraction: Floats, is_stationary: bool
-) -> NDArray[np.int64]:
+) -> Ints:
     """Draw counts; parameters as for `moments`."""
     lower = _lower_of_pair(arrivals * dead_fraction)
-    counts: NDArray[np.int64] = _draw(rng, arrivals, lower, dead_fraction, is_stationary)
+    counts: Ints = _draw(rng, arrivals, lower, dead_fraction, is_stationary)
     return counts
 
 
@@ -123,7 +122,7 @@ def _draw(
     lower: Floats,
     dead_fraction: Floats,
     is_stationary: bool,
-) -> NDArray[np.int64]:
+) -> Ints:
     counts = np.zeros(arrivals.size, np.int64)
     for pixel in range(arrivals.size):
         x = arrivals[pixel]

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 from scipy.stats import expon, exponnorm, norm
 
-from megalopta.core.arrays import Floats
+from megalopta.core.arrays import Floats, Ints
 from megalopta.sensor.effects.base import Effect, Stage
 from megalopta.sensor.effects.jitter import Jitter
 
@@ -159,9 +159,7 @@ def _cumulative(times: Floats, sigma_s: float, decay_s: float) -> Floats:
     return np.asarray(exponnorm.cdf(times / sigma_s, decay_s / sigma_s))
 
 
-def sorted_in_time(
-    times_s: Floats, pixels: NDArray[np.integer], number: int, tcspc: Tcspc
-) -> NDArray[np.int64]:
+def sorted_in_time(times_s: Floats, pixels: NDArray[np.integer], number: int, tcspc: Tcspc) -> Ints:
     """Return the histogram (number, bins) of the first event of each pixel in each period.
 
     Times count from the start of a period; events need no order.

@@ -23,11 +23,10 @@ from functools import lru_cache
 from typing import Annotated, ClassVar, Self
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field, model_validator
 from scipy.stats import binom
 
-from megalopta.core.arrays import Floats
+from megalopta.core.arrays import Floats, Ints, Mask
 from megalopta.core.compiling import compiled
 from megalopta.sensor.effects.base import Effect, Frame, FrameRates, Stage
 from megalopta.sensor.sampling.streams import pixel_uniforms
@@ -98,9 +97,7 @@ def active_traps(telegraph: Telegraph, rates: FrameRates, frame: Frame) -> Float
     return active
 
 
-def _traps(
-    telegraph: Telegraph, rates: FrameRates
-) -> tuple[NDArray[np.bool_], NDArray[np.int64], Floats]:
+def _traps(telegraph: Telegraph, rates: FrameRates) -> tuple[Mask, Ints, Floats]:
     """Traps of the measured pixels, or of drawn ones, as `_traps_of`."""
     factor = rates.telegraph_factor
     measured = None if factor is None else (factor > 0).tobytes()
@@ -110,7 +107,7 @@ def _traps(
 @lru_cache(maxsize=8)
 def _traps_of(
     telegraph: Telegraph, shape: tuple[int, int], device_seed: int, measured: bytes | None
-) -> tuple[NDArray[np.bool_], NDArray[np.int64], Floats]:
+) -> tuple[Mask, Ints, Floats]:
     """Mask of switching pixels, (H, W); their rows and columns, (N, 2), and times, s, (N, K)."""
     switches = pixel_uniforms(shape, device_seed, "telegraph, share") < telegraph.share
     if measured is not None:
@@ -129,7 +126,7 @@ def _add_active(
     run: np.uint64,
     time_s: float,
     active_share: float,
-    pixels: NDArray[np.int64],
+    pixels: Ints,
     times_s: Floats,
     active: Floats,
 ) -> None:

@@ -62,24 +62,15 @@ _CODEC = BloscCodec(cname="lz4", shuffle="bitshuffle")
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Origin:
-    """Origin of an exposure.
-
-    Attributes
-    ----------
-    sensor : Sensor or CtiaSensor
-    seed : int
-    sequence : str or int
-    illuminance_lux : float or None
-        Light level of the scene, lux, if known.
-    extra : dict
-        Further notes of the writer; JSON values.
-    """
+    """Origin of an exposure."""
 
     sensor: ImageSensor
     seed: int
     sequence: str | int
     illuminance_lux: float | None = None
+    """Light level of the scene, lux, if known."""
     extra: Mapping[str, Any] = field(default_factory=dict)
+    """Further notes of the writer; JSON values."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -92,10 +83,7 @@ class StoredCounts(Origin):
 def write_counts(path: str | Path, stored: StoredCounts) -> None:
     """Write counts as a new store.
 
-    Raises
-    ------
-    FileExistsError
-        If the path exists.
+    Raises FileExistsError if the path exists.
     """
     with counts_writer(path, stored, len(stored.exposure.counts)) as write:
         write(stored.exposure)
@@ -107,17 +95,9 @@ def counts_writer(
 ) -> Iterator[Callable[[Exposure], None]]:
     """Yield a function that appends frames to a new store, which appears once complete.
 
-    Parameters
-    ----------
-    path
-    origin : Origin
-    frames : int
-        Total number of frames.
+    Raises FileExistsError if the path exists.
 
-    Raises
-    ------
-    FileExistsError
-        If the path exists.
+    `frames`: total number of frames.
     """
     path = Path(path)
     check_new(path)
@@ -199,15 +179,7 @@ class ExtraArray(NamedTuple):
 class GrowingCounts:
     """New store of counts that grows frame by frame.
 
-    Parameters
-    ----------
-    path : Path
-        Must not exist.
-    origin : Origin
-    shape : (int, int)
-        Rows, columns.
-    extras : dict
-        Further arrays by name, such as times.
+    `path`: must not exist; `shape`: rows, columns; `extras`: further arrays by name, such as times.
     """
 
     def __init__(
@@ -293,12 +265,8 @@ class StoredFrames:
     def open(cls, path: Path, name: str) -> "StoredFrames":
         """Open one array of a Zarr group.
 
-        Raises
-        ------
-        OSError, ValueError, KeyError
-            If there is no such array.
-        UserError
-            If its format is one that this version of the program does not read.
+        Raises OSError, ValueError or KeyError if there is no such array; UserError if its format
+        is one that this version of the program does not read.
         """
         group = zarr.open_group(path, mode="r")
         check_format("counts", dict(group.attrs), path, FORMAT_KEY)
@@ -329,20 +297,11 @@ class StoredFrames:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class OpenedCounts(Origin):
-    """Origin of an exposure, and its frames, read on request.
-
-        opened = open_counts(path)
-        opened["counts"][first:last], opened["mean_reading"][first:last]
-
-    Attributes
-    ----------
-    path : Path
-    arrays : dict
-        Name to frames: `READINGS`, `MOMENTS` if stored, and further arrays of every frame.
-    """
+    """Origin of an exposure, and its frames, read on request: `opened["counts"][first:last]`."""
 
     path: Path
     arrays: Mapping[str, StoredFrames]
+    """Name to frames: `READINGS`, `MOMENTS` if stored, and further arrays of every frame."""
 
     def __getitem__(self, name: str) -> StoredFrames:
         """Return one array. Raises ValueError if it was not stored."""
@@ -363,14 +322,9 @@ class OpenedCounts(Origin):
 def open_counts(path: str | Path) -> OpenedCounts:
     """Open a store written by `write_counts`, without reading frames.
 
-    Raises
-    ------
-    FileNotFoundError
-        If the path does not exist.
-    ValueError
-        If it is not a store of counts, or is incomplete or damaged.
-    UserError
-        If its format is one that this version of the program does not read.
+    Raises FileNotFoundError if the path does not exist; ValueError if it is not a store of counts,
+    or is incomplete or damaged; UserError if its format is one that this version of the program
+    does not read.
     """
     path = Path(path)
     if not path.exists():

@@ -27,6 +27,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from megalopta.core.arrays import Ints
 from megalopta.core.files import atomic_write
 from megalopta.core.format_numbers import check_format, written
 from megalopta.sensor.event_stream import Events
@@ -63,7 +64,7 @@ class EventOrigin:
     """Further notes of the writer; JSON values"""
 
     @property
-    def frame_starts_ps(self) -> NDArray[np.int64]:
+    def frame_starts_ps(self) -> Ints:
         """Start of each frame, (T,), picoseconds."""
         return self._period_ps * (self.first_frame + np.arange(self.shape[0], dtype=np.int64))
 

@@ -63,10 +63,7 @@ def kind_of(product: ProductName) -> Kind:
 def check_product(product: ProductName, sensor: "ImageSensor", shape: tuple[int, int]) -> None:
     """Check that a sensor of (rows, columns) pixels can give a product.
 
-    Raises
-    ------
-    ValueError
-        If not, with the reason in one sentence.
+    Raises ValueError if not, with the reason in one sentence.
     """
     from megalopta.sensor.exposure import check_binary
     from megalopta.sensor.formats.events import MOST_PIXELS_A_SIDE
@@ -111,7 +108,6 @@ def product_writer(
     ----------
     product : str
         One of `PRODUCTS`.
-    path : Path
     origin : Origin
         Origin of the exposure.
     shape : (frames, rows, columns)

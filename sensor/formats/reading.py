@@ -54,6 +54,9 @@ def read_frames(
 ) -> RecordedFrames:
     """Read frames of any known format.
 
+    Raises FileNotFoundError if the path does not exist; ValueError if the file is damaged,
+    truncated or of an unknown format, or its image is not as expected.
+
     Parameters
     ----------
     path
@@ -68,13 +71,6 @@ def read_frames(
         Counter to read from a `.spc3` file.
     frames : slice
         Consecutive frames to read; default: all.
-
-    Raises
-    ------
-    FileNotFoundError
-        If the path does not exist.
-    ValueError
-        If the file is damaged, truncated or of an unknown format, or its image is not as expected.
     """
     path = Path(path)
     kind = kind or _kind(path)
@@ -98,12 +94,8 @@ def read_frames(
 def read_events(path: str | Path) -> StoredEvents:
     """Read events from HDF5 or `.npz`.
 
-    Raises
-    ------
-    FileNotFoundError
-        If the path does not exist.
-    ValueError
-        If the file is of another format, damaged or truncated.
+    Raises FileNotFoundError if the path does not exist; ValueError if the file is of another
+    format, damaged or truncated.
     """
     path = Path(path)
     beginning = file_bytes(path)[:8].tobytes()

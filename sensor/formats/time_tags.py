@@ -17,7 +17,6 @@ from typing import Literal, NamedTuple
 
 import h5py
 import numpy as np
-from numpy.typing import NDArray
 
 from megalopta.core.arrays import Floats, Ints
 from megalopta.core.bounded import ARRAY_BYTES, check_file, read_bytes
@@ -50,14 +49,8 @@ class TimeTags(NamedTuple):
 def read_time_tags(path: str | Path) -> TimeTags:
     """Read a `.ptu` or Photon-HDF5 file.
 
-    Raises
-    ------
-    FileNotFoundError
-        If the path does not exist.
-    ValueError
-        If the file is of another format or damaged.
-    ModuleNotFoundError
-        If a `.ptu` file needs `ptufile`, which is not installed.
+    Raises FileNotFoundError if the path does not exist; ValueError if the file is of another format
+    or damaged; ModuleNotFoundError if a `.ptu` file needs `ptufile`, which is not installed.
     """
     path = Path(path)
     beginning = file_bytes(path)[:8].tobytes()
@@ -82,19 +75,15 @@ def read_linospad2(
 ) -> TimeTags:
     """Read a `.dat` file of half a LinoSPAD2, with the times of its cycles.
 
+    Raises ValueError if the file's size is not that of such cycles; ModuleNotFoundError if `daplis`
+    is not installed.
+
     Parameters
     ----------
     firmware : str
         2212b: a converter has four neighboring pixels; 2212s: every 64th.
     per_cycle : int
         Time stamps of a converter in an acquisition cycle.
-
-    Raises
-    ------
-    ValueError
-        If the file's size is not that of such cycles.
-    ModuleNotFoundError
-        If `daplis` is not installed.
     """
     path = Path(path)
     words, rest = divmod(file_bytes(path).size, 4)
@@ -176,7 +165,7 @@ def _groups(file: h5py.File) -> Iterator[str]:
     yield from sorted(found, key=lambda name: int(name.removeprefix("photon_data") or 0))
 
 
-def _numbers(file: h5py.File, name: str) -> NDArray[np.int64]:
+def _numbers(file: h5py.File, name: str) -> Ints:
     data = file[name]
     link = file.get(name, getlink=True)
     if not isinstance(link, h5py.HardLink) or data.is_virtual or data.external:

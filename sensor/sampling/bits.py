@@ -51,15 +51,8 @@ def fill_bits(
 ) -> None:
     """Draw one frame of bits, packed along the width as by `np.packbits`.
 
-    Parameters
-    ----------
-    streams : array
-        `word_streams`.
-    rate_hz, more_hz : (rows, columns) float64
-        The mean number of events is (rate_hz + more_hz)·open_s.
-    open_s : float
-    packed : (rows, ceil(columns/8)) uint8
-        Output.
+    `streams`: `word_streams`; `rate_hz`, `more_hz` (rows, columns): the mean number of events is
+    (rate_hz + more_hz)·open_s; `packed` (rows, ceil(columns/8)): output.
     """
     rows, columns = rate_hz.shape
     bits = np.zeros(8 * packed.shape[1], np.uint8)

@@ -26,6 +26,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from megalopta.core.arrays import Floats, Ints
 from megalopta.core.compiling import compiled
 from megalopta.sensor.sampling.words import (
     EDGES,
@@ -73,18 +74,13 @@ class _Tables(NamedTuple):
 
 def draw_poisson(
     rng: np.random.Generator,
-    means: NDArray[np.float64],
-    more: NDArray[np.float64] | None = None,
+    means: Floats,
+    more: Floats | None = None,
     factor: float = 1.0,
-) -> NDArray[np.int64]:
+) -> Ints:
     """Draw one count for each of (means + more)·factor, in one pass.
 
-    Parameters
-    ----------
-    rng : numpy.random.Generator
-    means, more : (N,) float64
-        Finite and not negative (not checked).
-    factor : float
+    `means`, `more` (N,): finite and not negative (not checked).
     """
     counts = np.empty(means.size, np.int64)
     fill_poisson(poisson_streams(rng), means, more, factor, counts, _MOST)
@@ -93,8 +89,8 @@ def draw_poisson(
 
 def fill_poisson(
     streams: NDArray[np.uint64],
-    means: NDArray[np.float64],
-    more: NDArray[np.float64] | None,
+    means: Floats,
+    more: Floats | None,
     factor: float,
     counts: NDArray[np.integer[Any]],
     most: int,
@@ -123,7 +119,7 @@ def _tables() -> _Tables:
     )
 
 
-def _law(mean: float) -> tuple[int, NDArray[np.float64]]:
+def _law(mean: float) -> tuple[int, Floats]:
     """Smallest count, and the probabilities from there on; their number is a power of two."""
     reach = _TAIL * math.sqrt(mean) + _TAIL_COUNTS
     first, mode = int(max(mean - reach, 0)), int(mean)
@@ -136,7 +132,7 @@ def _law(mean: float) -> tuple[int, NDArray[np.float64]]:
 
 
 @compiled
-def _alias_cells(law: NDArray[np.float64]) -> NDArray[np.uint64]:
+def _alias_cells(law: Floats) -> NDArray[np.uint64]:
     """Equalize the cells: those with too much probability fill up those with too little."""
     share = law * law.size
     cells = np.empty(law.size, np.uint64)
@@ -156,11 +152,11 @@ def _alias_cells(law: NDArray[np.float64]) -> NDArray[np.uint64]:
 @compiled
 def _draw(
     streams: NDArray[np.uint64],
-    means: NDArray[np.float64],
-    more: NDArray[np.float64],
+    means: Floats,
+    more: Floats,
     factor: float,
     tables: _Tables,
-    edges: NDArray[np.float64],
+    edges: Floats,
     counts: NDArray[np.integer[Any]],
     most: int,
 ) -> None:
@@ -188,13 +184,7 @@ def _draw(
 
 
 @compiled
-def _scale(
-    means: NDArray[np.float64],
-    more: NDArray[np.float64],
-    factor: float,
-    start: int,
-    mean: NDArray[np.float64],
-) -> None:
+def _scale(means: Floats, more: Floats, factor: float, start: int, mean: Floats) -> None:
     """Compute the means of a block."""
     if more.size > 1:
         for k in range(mean.size):
@@ -205,7 +195,7 @@ def _scale(
 
 
 @compiled
-def _list_small(mean: NDArray[np.float64], places: NDArray[np.uint64]) -> int:
+def _list_small(mean: Floats, places: NDArray[np.uint64]) -> int:
     """List where means are small; return the number."""
     number = np.int64(0)
     for k in range(mean.size):  # counted first, by vector instructions
@@ -225,7 +215,7 @@ def _draw_small(
     used: int,
     wait: float,
     tables: _Tables,
-    means: NDArray[np.float64],
+    means: Floats,
     places: NDArray[np.uint64],
     counts: NDArray[np.integer[Any]],
     most: int,
@@ -272,9 +262,7 @@ def _multiple(word: np.uint64, table: np.uint64, tables: _Tables) -> np.uint64:
 
 
 @compiled
-def fill_quantiles(
-    z: NDArray[np.float64], means: NDArray[np.float64], counts: NDArray[np.float64]
-) -> None:
+def fill_quantiles(z: Floats, means: Floats, counts: Floats) -> None:
     """Turn normal numbers (N,) into Poisson counts (N,) of means (N,).
 
     For means below `SMALLEST_MEAN`, drawn elsewhere, counts are meaningless.

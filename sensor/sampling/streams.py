@@ -11,8 +11,9 @@ import operator
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import ndtri
+
+from megalopta.core.arrays import Floats
 
 _TILE = 64
 
@@ -20,34 +21,27 @@ _TILE = 64
 def generator(seed: int, *key: str | int) -> np.random.Generator:
     """Return the random generator of one purpose.
 
+    Raises TypeError if a part of the key is neither a string nor an integer.
+
     Parameters
     ----------
     seed : int
         The user's seed; any integer.
     *key : str or int
         Purpose of the stream, such as ("exposure", "forest-3", 17).
-
-    Raises
-    ------
-    TypeError
-        If a part of the key is neither a string nor an integer.
     """
     digest = hashlib.blake2b(b"".join(map(_encode, (seed, *key))), digest_size=32).digest()
     entropy = np.frombuffer(digest, "<u4")  # four times as fast as one large number
     return np.random.Generator(np.random.SFC64(np.random.SeedSequence(entropy)))
 
 
-def pixel_uniforms(shape: tuple[int, int], seed: int, *key: str | int) -> NDArray[np.float64]:
+def pixel_uniforms(shape: tuple[int, int], seed: int, *key: str | int) -> Floats:
     """Return one number in [0, 1) per pixel, fixed by the key and the pixel's row and column.
 
     A smaller array is the top left corner of a larger one, so a device keeps its fixed pattern when
     fewer pixels are read.
 
-    Parameters
-    ----------
-    shape : (rows, columns)
-    seed, *key
-        As for `generator`.
+    `shape` (rows, columns); `seed`, `*key`: as for `generator`.
     """
     rows, columns = shape
     field = np.empty((-(-rows // _TILE) * _TILE, -(-columns // _TILE) * _TILE))
@@ -57,7 +51,7 @@ def pixel_uniforms(shape: tuple[int, int], seed: int, *key: str | int) -> NDArra
     return field[:rows, :columns]
 
 
-def pixel_normals(shape: tuple[int, int], seed: int, *key: str | int) -> NDArray[np.float64]:
+def pixel_normals(shape: tuple[int, int], seed: int, *key: str | int) -> Floats:
     """Return a standard normal number per pixel (rows, columns), |z| < 8.3; as `pixel_uniforms`."""
     # 0 is a possible uniform number without a quantile; 1 is not
     return np.asarray(ndtri(np.maximum(pixel_uniforms(shape, seed, *key), 2.0**-54)))

@@ -15,6 +15,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from megalopta.core.arrays import Floats
 from megalopta.core.compiling import compiled
 
 LANES = 16
@@ -65,7 +66,7 @@ _TAIL = 4.0388498461095045
 _AREA = _TAIL * math.exp(-(_TAIL**2) / 2) + math.sqrt(math.pi / 2) * math.erfc(_TAIL / math.sqrt(2))
 
 
-def _layer_edges() -> NDArray[np.float64]:
+def _layer_edges() -> Floats:
     """Width of each layer, the lowest first with its tail next to it; the last is 0."""
     edges = [_AREA / math.exp(-(_TAIL**2) / 2), _TAIL]
     while len(edges) < _LAYERS:
@@ -83,8 +84,8 @@ def fill_normals(
     streams: NDArray[np.uint64],
     more_streams: NDArray[np.uint64],
     words: NDArray[np.uint64],
-    edges: NDArray[np.float64],
-    numbers: NDArray[np.float64],
+    edges: Floats,
+    numbers: Floats,
 ) -> None:
     """Fill (N,) with standard normal numbers.
 
@@ -102,9 +103,7 @@ def fill_normals(
 
 
 @compiled
-def _slow_normal(
-    streams: NDArray[np.uint64], edges: NDArray[np.float64], layer: np.uint64, z: float
-) -> float:
+def _slow_normal(streams: NDArray[np.uint64], edges: Floats, layer: np.uint64, z: float) -> float:
     """Return the number for a place in a layer that may not lie under the density."""
     words = np.empty((1, LANES), np.uint64)
     while True:

@@ -18,10 +18,9 @@ import math
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import ndtr
 
-from megalopta.core.arrays import Floats
+from megalopta.core.arrays import Floats, Ints, Mask
 from megalopta.core.compiling import compiled
 from megalopta.sensor.spad.counters import (
     AnalogCounter,
@@ -66,18 +65,11 @@ def events_until_full(counter: Counter, pixels: AnalogPixels | None) -> Floats:
 
 def simple_moments(
     counter: Counter, pixels: AnalogPixels | None, moments: tuple[Floats, Floats], reach: Floats
-) -> tuple[Floats, Floats, NDArray[np.bool_]]:
+) -> tuple[Floats, Floats, Mask]:
     """Mean and variance of readings without a distribution, and True where one is needed.
 
-    Parameters
-    ----------
-    counter : DigitalCounter or AnalogCounter
-    pixels : AnalogPixels, optional
-        Pixels of an analog counter.
-    moments : (mean, variance)
-        Moments of the events, arrays of one shape.
-    reach : (2, ...) array
-        Smallest and largest possible number of events.
+    `pixels`: pixels of an analog counter; `moments` (mean, variance): moments of the events, arrays
+    of one shape; `reach` (2, ...): smallest and largest possible number of events.
     """
     (mean, variance), (least, most) = moments, reach
     if isinstance(counter, AnalogCounter):
@@ -109,16 +101,9 @@ def counter_moments(
 ) -> tuple[Floats, Floats]:
     """Mean and variance of readings of pixels in a row, of any number.
 
-    Parameters
-    ----------
-    counter : DigitalCounter or AnalogCounter
-    pixels : AnalogPixels, optional
-        Pixels of an analog counter, each (P,).
-    exposure_s : float
-    first : (P,)
-        Number of events of the first column of `probability`.
-    probability : (P, N)
-        Probabilities of that number of events and of the following ones.
+    `pixels`: pixels of an analog counter, each (P,); `first` (P,): number of events of the first
+    column of `probability`; `probability` (P, N): probabilities of that number of events and of the
+    following ones.
     """
     if isinstance(counter, DigitalCounter):
         events = first[:, None] + np.arange(probability.shape[1])
@@ -281,7 +266,7 @@ def tabulated_moments(
     pixels: AnalogPixels,
     exposure_s: float,
     table: LawTable,
-    rows: NDArray[np.int64],
+    rows: Ints,
     weights: Floats,
 ) -> tuple[Floats, Floats]:
     """Mean and variance of readings of exact pixels (P,), from tabulated distributions.
@@ -289,16 +274,8 @@ def tabulated_moments(
     Needed are a distribution's sums up to a pixel's own top, and the probabilities of the few
     numbers there. A pixel mixes those of the nearest entries with its own weights.
 
-    Parameters
-    ----------
-    counter : AnalogCounter
-    pixels : AnalogPixels
-    exposure_s : float
-    table : LawTable
-    rows : (P,) int64
-        First of the consecutive rows that a pixel mixes.
-    weights : (P, M)
-        Weights of these rows.
+    `rows` (P,): first of the consecutive rows that a pixel mixes; `weights` (P, M): weights of
+    these rows.
     """
     known = assumed_pixels(counter, pixels, exposure_s)
     mean, variance = np.empty(rows.size), np.empty(rows.size)

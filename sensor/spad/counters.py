@@ -37,7 +37,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from megalopta.core.arrays import Floats
+from megalopta.core.arrays import Floats, Ints, Mask
 from megalopta.core.compiling import compiled
 from megalopta.sensor.effects.base import Effect, Stage
 from megalopta.sensor.sampling.streams import pixel_normals
@@ -71,9 +71,7 @@ class DigitalCounter(_Counter, frozen=True):
         return self.capacity < LARGEST_CAPACITY
 
 
-def read_digital(
-    events: NDArray[np.int64], counter: DigitalCounter, out: tuple[Counts, NDArray[np.bool_]]
-) -> None:
+def read_digital(events: Ints, counter: DigitalCounter, out: tuple[Counts, Mask]) -> None:
     """Write counts into `out`, and True where they are unreliable, for events of any shape."""
     counts, saturated = out
     if counter.overflow == "wrap":
@@ -181,11 +179,8 @@ def analog_pixels(
 ) -> AnalogPixels:
     """Draw the pixels of a device.
 
-    Raises
-    ------
-    ValueError
-        If leakage alone empties a counter during the exposure, or a pixel's step is so small that
-        its counts cannot be stored.
+    Raises ValueError if leakage alone empties a counter during the exposure, or a pixel's step is
+    so small that its counts cannot be stored.
     """
     step = _scattered(counter.step_v, counter.step_sigma_v, shape, device_seed, "counter step")
     leak = _scattered(counter.leak_v_s, counter.leak_sigma_v_s, shape, device_seed, "counter leak")
@@ -230,11 +225,11 @@ def _scattered(
 
 def read_analog(
     rng: np.random.Generator,
-    events: NDArray[np.int64],
+    events: Ints,
     counter: AnalogCounter,
     pixels: AnalogPixels,
     exposure_s: float,
-) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+) -> tuple[Ints, Mask]:
     """Counts of a (rows, columns) frame of events, and True where they are a lower bound."""
     output_v, is_empty = _outputs(rng, events, counter, pixels)
     counts, is_full = _counts(output_v, counter, assumed_pixels(counter, pixels, exposure_s))
@@ -243,16 +238,13 @@ def read_analog(
 
 def sample_analog(
     rng: np.random.Generator,
-    events: NDArray[np.int64],
+    events: Ints,
     counter: AnalogCounter,
     pixels: AnalogPixels,
 ) -> NDArray[np.uint16]:
     """ADC codes of a (rows, columns) frame of events; uses the same draws as `read_analog`.
 
-    Raises
-    ------
-    ValueError
-        If the counter has no ADC, or one of more than 16 bits.
+    Raises ValueError if the counter has no ADC, or one of more than 16 bits.
     """
     if counter.adc_bits is None or counter.adc_bits > 16:
         raise ValueError(f"counter.adc_bits: {counter.adc_bits}; give 1 to 16 to sample its output")
@@ -262,23 +254,16 @@ def sample_analog(
 
 def counts_of_codes(
     codes: NDArray[np.uint16], counter: AnalogCounter, known: AnalogPixels
-) -> tuple[NDArray[np.uint16], NDArray[np.bool_]]:
+) -> tuple[NDArray[np.uint16], Mask]:
     """Convert ADC codes (…, rows, columns) to counts, with True where they are a lower bound.
 
-    Parameters
-    ----------
-    codes : array
-    counter : AnalogCounter
-    known : AnalogPixels
-        Known pixel values: measured ones, or `nominal_pixels`.
+    `known`: known pixel values: measured ones, or `nominal_pixels`.
     """
     counts, is_full = _counts(np.asarray(codes * counter.lsb_v), counter, known)
     return counts.astype(np.uint16), is_full
 
 
-def _counts(
-    output_v: Floats, counter: AnalogCounter, known: AnalogPixels
-) -> tuple[Floats, NDArray[np.bool_]]:
+def _counts(output_v: Floats, counter: AnalogCounter, known: AnalogPixels) -> tuple[Floats, Mask]:
     """Counts for an output, and True where it is at the capacity of its pixel."""
     reference = counter.supply_v + known.offset_v - known.leaked_v
     counts = np.maximum(np.rint((reference - output_v) / known.step_v), 0)
@@ -289,10 +274,10 @@ def _counts(
 
 def _outputs(
     rng: np.random.Generator,
-    events: NDArray[np.int64],
+    events: Ints,
     counter: AnalogCounter,
     pixels: AnalogPixels,
-) -> tuple[Floats, NDArray[np.bool_]]:
+) -> tuple[Floats, Mask]:
     """Output of a (rows, columns) frame, V, and True where the counter is at its bottom."""
     output_v, is_empty = np.empty(events.shape), np.empty(events.shape, np.bool_)
     _fill_outputs(rng, events, pixels, voltages(counter), output_v, is_empty)

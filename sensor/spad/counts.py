@@ -9,9 +9,8 @@ Mean and variance come from `moments`, with crosstalk from `_coupled_moments`.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
-from megalopta.core.arrays import Floats
+from megalopta.core.arrays import Floats, Ints
 from megalopta.sensor.effects import crosstalk, dead_time
 from megalopta.sensor.effects.base import AvalancheMaps
 from megalopta.sensor.effects.crosstalk import neighborhoods, of_pixels, places_fired
@@ -28,16 +27,13 @@ def draw_counts(
     exposure_s: float,
     effects: AvalancheEffects,
     maps: AvalancheMaps | None = None,
-) -> NDArray[np.int64]:
+) -> Ints:
     """Draw the counts of one exposure.
 
     Parameters
     ----------
-    rng : numpy.random.Generator
     rate_hz : (rows, columns) or (S, rows, columns) float64
         Rate of detectable photons plus dark counts; constant, or in S equal parts of the exposure.
-    exposure_s : float
-    effects : AvalancheEffects
     maps : AvalancheMaps, optional
         Differences between pixels; default: none.
     """

@@ -26,36 +26,24 @@ from megalopta.sensor.spad.model import MOST_OFFSPRING, Sensor, effects_of
 
 @dataclass(frozen=True, eq=False)
 class FixedPattern:
-    """Pixels of one device.
-
-    Attributes
-    ----------
-    efficiency_factor : (H, W) float64
-        Detection efficiency relative to the sensor's curve.
-    dark_counts_hz : (H, W) float64
-        Dark count rate at this bias and temperature.
-    counters : AnalogPixels or None
-        Steps and leaks of analog counters.
-    avalanches : AvalancheMaps or None
-        Differences in dead time, afterpulsing and crosstalk; None if there are none.
-    in_time : tuple of (name, Effect)
-        Effects that change from frame to frame.
-    telegraph_factor : (H, W) float64 or None
-        Measured steps of telegraph noise relative to the sensor's; None if drawn.
-    excess_v : (H, W) float64 or None
-        Excess bias of pixels whose efficiency is a surface over wavelength and bias.
-    stuck : (H, W) float64 or None
-        Readings of stuck pixels, -1 for others; None if there are none.
-    """
+    """Pixels of one device."""
 
     efficiency_factor: Floats
+    """(H, W): detection efficiency relative to the sensor's curve."""
     dark_counts_hz: Floats
+    """(H, W): dark count rate at this bias and temperature."""
     counters: AnalogPixels | None
+    """Steps and leaks of analog counters."""
     avalanches: AvalancheMaps | None = None
+    """Differences in dead time, afterpulsing and crosstalk; None if there are none."""
     in_time: tuple[tuple[str, Effect], ...] = ()
+    """(name, Effect): effects that change from frame to frame."""
     telegraph_factor: Floats | None = None
+    """(H, W): measured steps of telegraph noise relative to the sensor's; None if drawn."""
     stuck: Floats | None = None
+    """(H, W): readings of stuck pixels, -1 for others; None if there are none."""
     excess_v: Floats | None = None
+    """(H, W): excess bias of pixels whose efficiency is a surface over wavelength and bias."""
 
     def rates(self, detections_hz: Floats, device_seed: int) -> FrameRates:
         """Rates of a frame, before the effects that change with time."""
@@ -76,10 +64,8 @@ class FixedPattern:
 def draw_fixed_pattern(sensor: Sensor, shape: tuple[int, int]) -> FixedPattern:
     """Make the device that a sensor describes, with (rows, columns) pixels.
 
-    Raises
-    ------
-    ValueError
-        If a measured map does not fit, an efficiency exceeds 1, or dark counts exceed the limit.
+    Raises ValueError if a measured map does not fit, an efficiency exceeds 1, or dark counts exceed
+    the limit.
     """
     # files may change, drawn patterns cannot
     return (_draw if sensor.measured.is_on else _draw_once)(sensor, shape)
@@ -205,10 +191,8 @@ def _by_bias(
 def checked_rate(detections_hz: ArrayLike, sensor: Sensor) -> tuple[Floats, FixedPattern]:
     """Validated rate as (frames, [parts,] rows, columns), and the device.
 
-    Raises
-    ------
-    ValueError
-        If the rate has another shape, is negative, not finite or too high to be drawn.
+    Raises ValueError if the rate has another shape, is negative, not finite or too high to be
+    drawn.
     """
     _check_sensor(sensor)
     rate = np.asarray(detections_hz, np.float64)

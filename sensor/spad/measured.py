@@ -115,10 +115,7 @@ class MeasuredMaps(Effect, frozen=True):
     def of_counters(self, pixels: AnalogPixels, exposure_s: float) -> AnalogPixels:
         """Replace drawn counters by maps.
 
-        Raises
-        ------
-        ValueError
-            As `load_map`.
+        Raises ValueError as `load_map`.
         """
         lowest = -np.finfo(float).max
         for name, field, times, least in (
@@ -147,11 +144,8 @@ def load_map(
 ) -> Floats:
     """Read a map for an image of (rows, columns) pixels.
 
-    Raises
-    ------
-    ValueError
-        If the file is missing, has changed, does not fit, or holds impossible values or no plain
-        numbers.
+    Raises ValueError if the file is missing, has changed, does not fit, or holds impossible values
+    or no plain numbers.
     """
     content = file_content(file.path, field)
     if file.sha256 is not None and hashlib.sha256(content).hexdigest() != file.sha256:

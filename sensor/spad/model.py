@@ -206,10 +206,7 @@ def without(sensor: Sensor, field: str) -> Sensor:
     Without "efficiency", every photon on the active area is detected if the pixel's bias is above
     the onset. Without "dark_counts", measured and switching dark counts are off too.
 
-    Raises
-    ------
-    ValueError
-        If there is no effect of this name.
+    Raises ValueError if there is no effect of this name.
     """
     known = effects_of(type(sensor))
     if field not in known:

@@ -78,8 +78,6 @@ def pixel_moments(
     ----------
     rate_hz : array of any shape
         Rate of arrivals while the gate is open.
-    exposure_s : float
-    effects : AvalancheEffects
     maps : AvalancheMaps, optional
         Differences between pixels, of the same shape; default: none.
     """

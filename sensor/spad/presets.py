@@ -105,10 +105,7 @@ PRESETS: dict[str, Sensor] = {
 def preset(name: str) -> Sensor:
     """Return a sensor by name.
 
-    Raises
-    ------
-    ValueError
-        If there is no preset of this name.
+    Raises ValueError if there is no preset of this name.
     """
     if not isinstance(name, str) or name not in PRESETS:
         raise ValueError(f"sensor {name!r}: no such preset; choose from {', '.join(PRESETS)}")
@@ -121,10 +118,7 @@ def load_sensor(path: str | Path) -> Sensor:
     The file has the fields of `Sensor`; `preset` supplies missing ones. Paths in it are relative to
     the file.
 
-    Raises
-    ------
-    ValueError
-        If the file or a map is missing, or a field is unknown or invalid.
+    Raises ValueError if the file or a map is missing, or a field is unknown or invalid.
     """
     path = Path(path)
     try:

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import gammainc, lambertw
 
-from megalopta.core.arrays import Floats, Ints
+from megalopta.core.arrays import Floats, Ints, Mask
 from megalopta.core.compiling import compiled
 from megalopta.sensor.effects.base import AvalancheMaps
 from megalopta.sensor.spad.counter_moments import (
@@ -64,11 +64,8 @@ def moments_of_readings(
         Mean number of arrivals in constant light; None if light changes.
     events : (mean, variance)
         Moments of the events, each (rows, columns).
-    counter : DigitalCounter or AnalogCounter
     pixels : AnalogPixels, optional
         Pixels of an analog counter.
-    exposure_s : float
-    effects : AvalancheEffects
     maps : AvalancheMaps, optional
     """
     reach = reach_of_events(*events)
@@ -100,7 +97,7 @@ def _at(pixels: AnalogPixels | None, places: tuple[Places, ...]) -> AnalogPixels
     return None if pixels is None else AnalogPixels(*(each[places] for each in pixels))
 
 
-def _groups(needs_law: NDArray[np.bool_], width: Floats) -> Iterator[tuple[Places, Places]]:
+def _groups(needs_law: Mask, width: Floats) -> Iterator[tuple[Places, Places]]:
     """Groups of pixels of similar width whose distributions fit into memory."""
     places = np.flatnonzero(needs_law)
     places = places[np.argsort(width.ravel()[places], kind="stable")]
@@ -233,8 +230,6 @@ def event_law(
         Mean number of detectable photons plus dark counts, without the gate.
     moments : (mean, variance)
         Moments of the events, each (P,).
-    exposure_s : float
-    effects : AvalancheEffects
     reach : (2, P)
         Result of `reach_of_events`.
     has_law : bool

@@ -64,11 +64,8 @@ def simulate_frame(
 
     Parameters
     ----------
-    rng : numpy.random.Generator
     rate_hz : (rows, columns) or (S, rows, columns) float64
         Rate of arrivals, constant or in S equal parts of the exposure.
-    exposure_s : float
-    effects : AvalancheEffects
     maps : AvalancheMaps, optional
         Differences in dead time, afterpulsing and crosstalk; default: none.
     state : PixelState, optional
@@ -97,14 +94,10 @@ class FreeRunning:
     """Array that is not reset between exposures, which follow each other without a gap.
 
     `FreeRunning()` has no past.
-
-    Attributes
-    ----------
-    state : PixelState, optional
-        State of its pixels; replaced by every exposure.
     """
 
     state: PixelState | None = None
+    """State of its pixels; replaced by every exposure."""
 
     def expose(
         self,
@@ -118,10 +111,7 @@ class FreeRunning:
     ) -> SimulatedFrame:
         """Simulate the next exposure; parameters as for `simulate_frame`.
 
-        Raises
-        ------
-        ValueError
-            If the array had another number of pixels before.
+        Raises ValueError if the array had another number of pixels before.
         """
         rows, columns = rate_hz.shape[-2:]
         if self.state is not None and self.state.blind_until_s.size != rows * columns:
