@@ -33,12 +33,10 @@ def read_ranking(folder: Path) -> Ranking | None:
     path = folder / "ranking.json"
     if not path.exists():
         return None
-    try:
+    with bounded.undamaged(path, "remove it, or rank the methods again"):
         values = bounded.read_json(path)
         check_format("ranking", values, path)
         return Ranking.model_validate(values)
-    except (OSError, ValueError, AttributeError):
-        raise UserError(f"{path} is damaged; remove it, or rank the methods again") from None
 
 
 def run_ranking(

@@ -183,13 +183,11 @@ _COLUMNS: Mapping[str, tuple[str, str]] = {
 def read_board(path: Path) -> tuple[Entry, ...]:
     """Read the entries of a leaderboard; none without a file. Raises UserError."""
     entries = []
-    try:
+    with bounded.undamaged(path, "give a leaderboard"):
         for line in bounded.read_text(path).splitlines() if path.exists() else []:
             values = bounded.from_json(line)
             check_format("scores", values, path)
             entries.append(Entry.model_validate(values))
-    except (OSError, ValueError, AttributeError):
-        raise UserError(f"{path} is not a leaderboard, or damaged; give another file") from None
     return tuple(entries)
 
 

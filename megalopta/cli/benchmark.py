@@ -39,46 +39,31 @@ _OF_SWEEPS = ("allow_code", "out", "cache")
 VERBS["benchmark"] = Verb("measure how well methods estimate motion, and how much light they need")
 
 
-_PHOTONS = option(
-    "--photons",
-    f"mean photons per pixel and frame (default: {_FLUXES})",
-    type=numbers,
-    default=_FLUXES,
-    metavar="N,N",
-)
+_PHOTONS = option("--photons N,N", "mean photons per pixel and frame", numbers, _FLUXES)
 
 
 @verb(
     "benchmark pairs",
     "rank flow methods over photon levels on photographs, with or without true flow",
     option(
-        "paths",
+        "paths PATH",
         "two pictures and their flow (.flo or another format); or a folder in the layout"
         " of Middlebury, Sintel, KITTI or a dataset; with --no-truth: two pictures, a folder"
         " of pictures, or a video",
-        type=Path,
+        Path,
         nargs="+",
-        metavar="PATH",
     ),
     option(
-        "--methods",
+        "--methods A,B",
         "names, module:function or ONNX files; DIS tuned has settings for each light"
         " (default: all two-frame methods)",
-        metavar="A,B",
     ),
     _PHOTONS,
+    option("--pairs N", "most pairs of a folder or video, evenly spaced", at_least(1), 20),
     option(
-        "--pairs",
-        "most pairs of a folder or video, evenly spaced (default: 20)",
-        type=at_least(1),
-        default=20,
-        metavar="N",
-    ),
-    option(
-        "--draws",
+        "--draws N",
         f"photon draws per pair (default: 1; {_DRAWS_OF_ONE} for a single pair)",
-        type=at_least(1),
-        metavar="N",
+        at_least(1),
     ),
     switch(
         "--no-truth",
@@ -86,10 +71,9 @@ _PHOTONS = option(
         " with each other",
     ),
     option(
-        "--reference",
+        "--reference METHOD",
         f"with --no-truth: method whose flow of the noise-free pictures replaces true flow"
         f" (default: {_REFERENCE})",
-        metavar="METHOD",
     ),
     option(
         "--unit",
@@ -230,15 +214,12 @@ def _photon_settings() -> "Settings":
     option(
         "dataset",
         "dataset folder; or a sweep's YAML file: trial, vary, values, sizes, templates",
-        type=Path,
+        Path,
         metavar="DATASET or SWEEP",
     ),
     REDO,
-    switch(
-        "--allow-code",
-        "allow a sweep to run the module:function or ONNX file that it names",
-    ),
-    option("--out", "folder of a sweep's figure (default: out/sweeps)", type=Path),
+    switch("--allow-code", "allow a sweep to run the module:function or ONNX file that it names"),
+    option("--out", "folder of a sweep's figure (default: out/sweeps)", Path),
     *THREADS,
     settings=_photon_settings,
     often=(
@@ -297,11 +278,11 @@ def _sequence(options: Namespace) -> None:
     option(
         "--truth",
         "folder of the true flow: a dataset, or one of Sintel, KITTI or Middlebury",
-        type=Path,
+        Path,
         required=True,
     ),
     option("--program", "name of the program that wrote it (default: its folder's name)"),
-    option("--leaderboard", "add the scores to this file and show it", type=Path, metavar="FILE"),
+    option("--leaderboard FILE", "add the scores to this file and show it", Path),
     out_file("scores.json", "file of the scores"),
 )
 def _submit(options: Namespace) -> None:

@@ -120,9 +120,24 @@ def verb(
     return declared
 
 
-def option(name: str, text: str, **how: Any) -> Option:
-    """Return an option or argument with its help; `how` goes to argparse."""
-    return name, {"help": text, **how}
+def option(
+    name: str,
+    text: str,
+    kind: "Callable[[str], object] | None" = None,
+    default: Any = None,
+    **how: Any,
+) -> Option:
+    """Return an option or argument with its help, which states the default.
+
+    A word after its name stands for its value in the help, as in "--pairs N"; `kind` parses the
+    value, and `how` goes to argparse.
+    """
+    name, _, metavar = name.partition(" ")
+    shown = f"{default:g}" if isinstance(default, float) else default
+    stated = "" if default is None or "default:" in text else f" (default: {shown})"
+    given = {"type": kind, "default": default, "metavar": metavar or None, **how}
+    chosen = {key: each for key, each in given.items() if each is not None}
+    return name, {"help": f"{text}{stated}", **chosen}
 
 
 def switch(name: str, text: str) -> Option:
@@ -132,12 +147,12 @@ def switch(name: str, text: str) -> Option:
 
 def out(default: str, what: str = "folder") -> Option:
     """Return the option for a verb's output path."""
-    return option("--out", f"{what} (default: {default})", type=Path, default=Path(default))
+    return option("--out", what, Path, Path(default))
 
 
 def out_file(default: str, what: str) -> Option:
     """Return the option for the file that a verb writes."""
-    return option("--out", f"{what} (default: {default})", type=_file, default=Path(default))
+    return option("--out", what, _file, Path(default))
 
 
 def _file(text: str) -> Path:
@@ -198,28 +213,24 @@ def numbers(text: str) -> tuple[float, ...]:
     return found
 
 
-DATASET = option("dataset", "dataset folder", type=Path)
+DATASET = option("dataset", "dataset folder", Path)
 FRAME_KINDS = ("npy", "spad512", "swissspad2", "swissspad2_whole", "spc3", "tiff")
 """Formats of frames, as `megalopta.sensor.formats.reading` knows them."""
 _SCHEDULER = option(
-    "--scheduler",
+    "--scheduler ADDRESS",
     "Dask cluster, such as tcp://host:8786; its workers must see the same files",
-    metavar="ADDRESS",
 )
 CLUSTER = (
     option(
-        "--workers",
-        "parallel processes on this machine (default: this one alone)",
-        type=at_least(1),
-        metavar="N",
+        "--workers N", "parallel processes on this machine (default: this one alone)", at_least(1)
     ),
     _SCHEDULER,
 )
 """Options for parallel processes, here or on a Dask cluster."""
 THREADS = (
-    option("--workers", "threads (default: one for each core)", type=at_least(1), metavar="N"),
+    option("--workers N", "threads (default: one for each core)", at_least(1)),
     _SCHEDULER,
-    option("--cache", "folder of rendered panoramas (default: the user's)", type=Path),
+    option("--cache", "folder of rendered panoramas (default: the user's)", Path),
 )
 """Options for threads or a cluster, and for the cache of rendered panoramas."""
 

@@ -24,9 +24,9 @@ VERBS["dataset"] = Verb("make, check and show a dataset of many sequences")
 @verb(
     "dataset make",
     "make a dataset of any size from a plan; finished sequences are kept",
-    option("plan", "YAML file of the plan, or folder of a dataset to continue", type=Path),
+    option("plan", "YAML file of the plan, or folder of a dataset to continue", Path),
     out("out/dataset", "dataset folder"),
-    option("--only", "only these sequences, such as 731 or 0-9,20", metavar="N"),
+    option("--only N", "only these sequences, such as 731 or 0-9,20"),
     switch("--retry", "only sequences that failed before"),
     switch(
         "--dry-run",
@@ -81,13 +81,7 @@ def _expose(options: Namespace) -> None:
     "dataset check",
     "verify a dataset: hashes, shapes, completeness, and flow derived independently",
     DATASET,
-    option(
-        "--truth",
-        "sequences whose flow is rederived from depth and poses (default: 3)",
-        type=at_least(0),
-        default=3,
-        metavar="N",
-    ),
+    option("--truth N", "sequences whose flow is rederived from depth and poses", at_least(0), 3),
 )
 def _check(options: Namespace) -> None:
     from megalopta.verification.files import run_check_files
@@ -109,13 +103,7 @@ def _card(options: Namespace) -> None:
     "dataset view",
     "write index.html, a contact sheet with clips of light, counts, flow and depth",
     DATASET,
-    option(
-        "--sequences",
-        "sequences to show, evenly spaced (default: 24)",
-        type=at_least(1),
-        default=24,
-        metavar="N",
-    ),
+    option("--sequences N", "sequences to show, evenly spaced", at_least(1), 24),
 )
 def _view(options: Namespace) -> None:
     from megalopta.report.dataset_card import write_contact_sheet

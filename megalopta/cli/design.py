@@ -14,7 +14,7 @@ from megalopta.cli.command import option, out, settings_loader, verb
     option(
         "--dataset",
         "rendered dataset of one sequence, whose first frame is the scene (default: dead leaves)",
-        type=Path,
+        Path,
     ),
     out("out/design"),
     settings=settings_loader("benchmark.design", "DesignSettings"),

@@ -53,33 +53,30 @@ def _report(options: Namespace) -> None:
         "thing",
         "dataset folder, recording, or frames or events of any camera: .npy of packed bits or "
         "counts, .spc3, TIFF, .bin of SPAD512 or SwissSPAD2, events in .h5 or .npz",
-        type=Path,
+        Path,
     ),
-    option("--out", "folder (default: out/view/NAME)", type=Path),
-    option("--sum", "frames to sum (default: 1)", type=at_least(1), default=1, metavar="K"),
+    option("--out", "folder (default: out/view/NAME)", Path),
+    option("--sum K", "frames to sum", at_least(1), 1),
     switch(
         "--invert",
         "show mean detections per frame, by inverting the sensor's response: −ln(1 − p) of binary "
         "frames, dead-time correction of counts; saturated pixels are orange",
     ),
     option(
-        "--bad-pixels",
+        "--bad-pixels MASK",
         "mask (.npy of bool) of bad pixels, which get the mean of their good neighbors",
-        type=Path,
-        metavar="MASK",
+        Path,
     ),
     option(
-        "--fps",
+        "--fps HZ",
         "frames per second of the film (default: real time, if that can be followed)",
-        type=positive,
-        metavar="HZ",
+        positive,
     ),
     option(
-        "--format",
+        "--format KIND",
         f"format of the frames, one of {', '.join(FRAME_KINDS)} (default: by content, .bin: "
         "spad512)",
         choices=FRAME_KINDS,
-        metavar="KIND",
     ),
     switch(
         "--rerun", "also write view.rrd for Rerun's viewer: camera, points, light, counts, flow"
@@ -104,9 +101,7 @@ def _view(options: Namespace) -> None:
 @verb(
     "reproduce",
     "reproduce figures and tables of the dissertation as PNG, SVG, CSV and JSON",
-    option(
-        "figures", "such as fig-2.9 or table-3.1, chapter-4, or all", nargs="+", metavar="FIGURE"
-    ),
+    option("figures FIGURE", "such as fig-2.9 or table-3.1, chapter-4, or all", nargs="+"),
     out("out/figures"),
     switch("--quick", "draw Chapter 4 coarsely, in seconds"),
     *THREADS,
@@ -125,11 +120,10 @@ def _reproduce(options: Namespace) -> None:
     switch("--views", "instead render large views of the forests under natural skies: views.html"),
     switch("--statistics", "instead measure image statistics of the forests: image-statistics.png"),
     option(
-        "--panorama",
+        "--panorama FILE",
         "photographed panorama (HDR, EXR or PNG, 2:1); with --views a forest is shown in its "
         "light; with --statistics the forests are compared with it, at two of its pixels or more",
-        type=Path,
-        metavar="FILE",
+        Path,
     ),
     out("out/gallery"),
 )
@@ -166,7 +160,7 @@ def _gallery(options: Namespace) -> None:
         nargs="*",
         metavar="FOLDER, FILE or GROUP",
     ),
-    option("--page", "captures: file of the page with pictures", type=Path, metavar="FILE"),
+    option("--page FILE", "captures: file of the page with pictures", Path),
 )
 def _check(options: Namespace) -> None:
     if options.what == "captures":

@@ -15,7 +15,7 @@ VERBS["scene"] = Verb("export a scene")
     "write a frame of a scene as Mitsuba's XML, which plain Mitsuba renders alike, or as GLB",
     option("configuration", "YAML file, name of a configuration, or dataset folder"),
     out("out/scene", "folder of the XML and its files, or a GLB file by its name"),
-    option("--frame", "frame, counted from 0 (default: 0)", type=at_least(0), default=0),
+    option("--frame", "frame, counted from 0", at_least(0), 0),
     settings=partial(settings_of_stage, "render"),
     often=("scene.kind", "light.level", "camera.width", "camera.height", "render.bands_nm"),
     example="megalopta scene export demo --out out/scene --frame 3",

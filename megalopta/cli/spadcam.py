@@ -46,20 +46,17 @@ _FAULTS = {
 }
 _RECORDINGS = (
     option(
-        "recordings",
+        "recordings RECORDING[#FIRST-END][@LIGHT]",
         "folders of recordings, optionally some frames, such as steps#0-100@1e7; LIGHT in "
         "photons per second and pixel; without LIGHT: dark",
         nargs="+",
-        metavar="RECORDING[#FIRST-END][@LIGHT]",
     ),
     option(
         "--wavelength-nm",
         "wavelength of the light (nm); without it, efficiency is relative",
-        type=positive,
+        positive,
     ),
-    option(
-        "--beam-area-mm2", "area of a uniform beam; LIGHT is then its power in watts", type=positive
-    ),
+    option("--beam-area-mm2", "area of a uniform beam; LIGHT is then its power in watts", positive),
 )
 """Options for recordings and their light."""
 
@@ -79,32 +76,23 @@ def _list(options: Namespace) -> None:
     "record the camera until interrupted, or for --frames or --seconds",
     option("--port", "serial port (default: the only Teensy on USB)"),
     option("--usb-serial", "USB serial number of the camera, instead of --port"),
-    option("--wait", "time to wait for the port (s, default: 30)", type=finite, default=30.0),
-    option("--out", "new folder (default: recordings/KIND-DATE-TIME)", type=Path),
-    option("--kind", "content: dark, flat, … (default: scene)", default="scene"),
-    option("--frames", "stop after this many frames", type=whole),
-    option("--seconds", "stop after this time (s)", type=finite),
-    option("--exposure", "exposure of a frame (s, default: 0.05)", type=finite, default=0.05),
-    option("--rate", "frames per second (default: 10)", type=finite, default=10.0),
-    option(
-        "--step-bias",
-        "code of the DAC that biases the counters' step, 0 to 4095 (default: 2048)",
-        type=whole,
-        default=2048,
-    ),
+    option("--wait", "time to wait for the port, s", finite, 30.0),
+    option("--out", "new folder (default: recordings/KIND-DATE-TIME)", Path),
+    option("--kind", "content: dark, flat, …", default="scene"),
+    option("--frames", "stop after this many frames", whole),
+    option("--seconds", "stop after this time (s)", finite),
+    option("--exposure", "exposure of a frame, s", finite, 0.05),
+    option("--rate", "frames per second", finite, 10.0),
+    option("--step-bias", "code of the DAC that biases the counters' step, 0 to 4095", whole, 2048),
     option(
         "--rows",
         "rows to read (default: 0 16, all)",
-        type=whole,
+        whole,
+        (0, 16),
         nargs=2,
-        default=(0, 16),
         metavar=("FIRST", "END"),
     ),
-    option(
-        "--sensor",
-        "preset or YAML file with the counters' nominal step (default: spadcam)",
-        default="spadcam",
-    ),
+    option("--sensor", "preset or YAML file with the counters' nominal step", default="spadcam"),
 )
 def _capture(options: Namespace) -> None:
     from megalopta.camera.camera_settings import CaptureSettings, named_sensor
@@ -135,8 +123,8 @@ def _capture(options: Namespace) -> None:
 @verb(
     "spadcam recover",
     "recover a broken recording from its raw.bin",
-    option("raw", "folder of the recording, or its raw.bin", type=Path),
-    option("--out", "new folder (default: the recording's own, rewriting its counts)", type=Path),
+    option("raw", "folder of the recording, or its raw.bin", Path),
+    option("--out", "new folder (default: the recording's own, rewriting its counts)", Path),
     option(
         "--sensor",
         "preset or YAML file with the counters' nominal step, if counts.zarr is lost "
@@ -156,8 +144,8 @@ def _recover(options: Namespace) -> None:
     "write a device file from dark recordings and recordings under uniform light, by name or "
     "from a .yaml list; or from .csv tables of check captures",
     *_RECORDINGS,
-    option("--out", "device file (default: device.yaml)", type=Path, default=Path("device.yaml")),
-    option("--preset", "sensor for all other fields (default: spadcam)", default="spadcam"),
+    out("device.yaml", "device file"),
+    option("--preset", "sensor for all other fields", default="spadcam"),
 )
 def _calibrate(options: Namespace) -> None:
     from megalopta.camera.calibrating import calibrate_recordings, named_sources
@@ -189,10 +177,10 @@ def _calibrate_tables(paths: list[Path], options: Namespace) -> None:
     "spadcam compare",
     "compare recordings with the device model's simulation of the same stimulus",
     *_RECORDINGS,
-    option("--device", "device file of the model", type=Path, required=True),
+    option("--device", "device file of the model", Path, required=True),
     option(
         "--scene",
-        "levels: darkness and uniform light (default); plate: the moving plate, LIGHT is then "
+        "levels: darkness and uniform light; plate: the moving plate, LIGHT is then "
         "its speed in mm/s; or a dataset's folder, or a configuration to render: LIGHT is "
         "then the light level in lux (without: that of the rendering)",
         default="levels",
@@ -203,13 +191,8 @@ def _calibrate_tables(paths: list[Path], options: Namespace) -> None:
         "append their exposure: FILE@LIGHT:SECONDS",
         choices=FRAME_KINDS,
     ),
-    option(
-        "--margin",
-        "relative difference to ignore (default: 0.05)",
-        type=positive,
-        default=0.05,
-    ),
-    option("--seed", "seed of the simulation (default: 0)", type=at_least(0), default=0),
+    option("--margin", "relative difference to ignore", positive, 0.05),
+    option("--seed", "seed of the simulation", at_least(0), 0),
     switch(
         "--own-light",
         "plate: estimate the light from the recording's open and covered pixels "
@@ -232,16 +215,13 @@ def _compare(options: Namespace) -> None:
     "spadcam figures",
     "draw the dissertation's figures 2.14 to 2.19 from recordings of the moving plate",
     option(
-        "recordings",
+        "recordings RECORDING@SPEED",
         "folders of recordings (--rate 10 --exposure 0.1), with the plate's speed in mm/s; "
         "without a speed, the plate rests with its edge in the middle",
         nargs="+",
-        metavar="RECORDING@SPEED",
     ),
     option(
-        "--device",
-        "device file to simulate with (default: the recordings' nominal sensor)",
-        type=Path,
+        "--device", "device file to simulate with (default: the recordings' nominal sensor)", Path
     ),
     switch(
         "--own-light",
@@ -264,17 +244,21 @@ def _figures(options: Namespace) -> None:
 @verb(
     "spadcam tags",
     "measure rates, afterpulses and crosstalk from time tags in the dark, for check captures",
-    option("tags", "file of time tags: .ptu, Photon-HDF5, or LinoSPAD2's .dat", type=Path),
-    option("--linospad2", "firmware of the LinoSPAD2 that wrote a .dat file",
-           choices=("2212b", "2212s")),
-    option("--per-cycle", "time stamps per cycle and converter of LinoSPAD2 (default: 512)",
-           type=at_least(1), default=512),
-    option("--columns", "columns of the array, whose channels are numbered along rows "
-           "(default: one row)", type=at_least(1)),
-    option("--window-ns", "largest time between coincident events (ns, default: 25)", type=positive,
-           default=25.0),
+    option("tags", "file of time tags: .ptu, Photon-HDF5, or LinoSPAD2's .dat", Path),
+    option(
+        "--linospad2",
+        "firmware of the LinoSPAD2 that wrote a .dat file",
+        choices=("2212b", "2212s"),
+    ),
+    option("--per-cycle", "time stamps per cycle and converter of LinoSPAD2", at_least(1), 512),
+    option(
+        "--columns",
+        "columns of the array, whose channels are numbered along rows (default: one row)",
+        at_least(1),
+    ),
+    option("--window-ns", "largest time between coincident events, ns", positive, 25.0),
     out("tags"),
-)  # fmt: skip
+)
 def _tags(options: Namespace) -> None:
     from megalopta.core.errors import refused_as
     from megalopta.sensor.formats.time_tags import read_linospad2, read_time_tags
@@ -295,25 +279,24 @@ def _tags(options: Namespace) -> None:
     "emulate the camera on a pseudo-terminal until interrupted; prints the terminal's path",
     option(
         "--stimulus",
-        "stimulus: dark, flat, steps, plate, or the folder of a rendered dataset (default: flat)",
+        "stimulus: dark, flat, steps, plate, or the folder of a rendered dataset",
         default="flat",
     ),
     option(
-        "--photons",
+        "--photons HZ",
         "photons per second and pixel at 700 nm: of flat (default: 5e6), or of each of "
         "steps (default: 0 to 2e7)",
-        type=finite,
+        finite,
         nargs="+",
-        metavar="HZ",
     ),
-    option("--step-s", "duration of each of steps (s, default: 5)", type=finite, default=5.0),
-    option("--speed", "speed of the plate (mm/s, default: 5)", type=finite, default=5.0),
-    option("--lux", "light level of a dataset (lux)", type=finite),
-    option("--sensor", "preset or YAML file (default: spadcam)", default="spadcam"),
-    option("--device-seed", "seed of the device's fixed pattern", type=whole),
-    option("--seed", "seed of photons, noise and faults", type=whole, default=0),
+    option("--step-s", "duration of each of steps, s", finite, 5.0),
+    option("--speed", "speed of the plate, mm/s", finite, 5.0),
+    option("--lux", "light level of a dataset (lux)", finite),
+    option("--sensor", "preset or YAML file", default="spadcam"),
+    option("--device-seed", "seed of the device's fixed pattern", whole),
+    option("--seed", "seed of photons, noise and faults", whole, 0),
     option("--serial", "the camera's serial number", default="EMULATED"),
-    option("--link", "symbolic link to the terminal", type=Path),
+    option("--link", "symbolic link to the terminal", Path),
     *(option(f"--{name.replace('_', '-')}", text, type=finite) for name, text in _FAULTS.items()),
 )
 def _emulate(options: Namespace) -> None:

@@ -178,47 +178,29 @@ verb(
 )(partial(run_later_stage, "flow"))
 
 _OF_PICTURES = (
+    option("--photons N", "mean photons on a pixel in a frame, such as 2 or 0.5,10", numbers),
     option(
-        "--photons",
-        "mean photons on a pixel in a frame, such as 2 or 0.5,10",
-        type=numbers,
-        metavar="N",
-    ),
-    option(
-        "--lux",
+        "--lux E",
         "or illuminance of the scene, lux: 0.25 is full moon, 10 a street, 500 indoors",
-        type=numbers,
-        metavar="E",
+        numbers,
     ),
-    option("--luminance", "or mean luminance of the pictures, cd/m²", type=numbers, metavar="L"),
+    option("--luminance L", "or mean luminance of the pictures, cd/m²", numbers),
     option("--unit", "unit of arrays, which do not state it", choices=["srgb", "linear", "cd/m2"]),
     option(
-        "--reflectance",
-        "mean reflectance of the pictures, for --lux (default: 0.18)",
-        type=positive,
-        metavar="R",
+        "--reflectance R", "mean reflectance of the pictures, for --lux (default: 0.18)", positive
+    ),
+    option("--spectrum NAME", "spectrum of white: D65 (default), equal_energy, or a light level"),
+    option(
+        "--frame-rate HZ", "frames per second (default: the file's)", positive, dest="frame_rate_hz"
     ),
     option(
-        "--spectrum",
-        "spectrum of white: D65 (default), equal_energy, or a light level",
-        metavar="NAME",
-    ),
-    option(
-        "--frame-rate",
-        "frames per second (default: the file's)",
-        type=positive,
-        metavar="HZ",
-        dest="frame_rate_hz",
-    ),
-    option(
-        "--picture-rate",
+        "--picture-rate HZ",
         "pictures per second of files without times (default: the frame rate, or 25)",
-        type=positive,
-        metavar="HZ",
+        positive,
         dest="picture_rate_hz",
     ),
-    option("--frames", "number of frames (default: all)", type=at_least(2), metavar="N"),
-    option("--width", "width of the frames (default: the file's)", type=at_least(1), metavar="PX"),
+    option("--frames N", "number of frames (default: all)", at_least(2)),
+    option("--width PX", "width of the frames (default: the file's)", at_least(1)),
     option(
         "--between",
         "light between two pictures: hold the earlier one (default), blend both, or move it along "
@@ -233,8 +215,8 @@ _OF_PICTURES = (
     "turn a video, pictures, an array or a rendered dataset into photon counts, binary frames or "
     "events",
     REDO,
-    option("input", "video, picture, folder of pictures, array, or dataset folder", type=Path),
-    option("--out", "dataset folder for pictures (default: out/NAME)", type=Path),
+    option("input", "video, picture, folder of pictures, array, or dataset folder", Path),
+    option("--out", "dataset folder for pictures (default: out/NAME)", Path),
     *_OF_PICTURES,
     *CLUSTER,
     settings=partial(settings_of_stage, "sense"),

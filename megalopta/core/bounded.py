@@ -7,10 +7,11 @@ import json
 import os
 import stat
 from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from megalopta.core.errors import DamagedFileError
+from megalopta.core.errors import DamagedFileError, UserError
 
 TEXT_BYTES = 64 * 1024**2
 """Largest text file that is read, such as YAML, JSON or CSV."""
@@ -62,6 +63,16 @@ def from_json(text: str) -> Any:
 def check_file(path: str | Path, at_most: int = ARRAY_BYTES) -> None:
     """Refuse, before a library opens it, an irregular or too large file; errors as above."""
     _check(path, Path(path).stat(), at_most)
+
+
+@contextmanager
+def undamaged(path: object, remedy: str) -> Iterator[None]:
+    """Raise what goes wrong while a file is read inside as UserError, with path and remedy."""
+    try:
+        yield
+    except (OSError, ValueError, LookupError, TypeError, AttributeError, RuntimeError) as problem:
+        why = getattr(problem, "strerror", None) or quoted(str(problem))
+        raise UserError(f"{path} is missing or damaged ({why}); {remedy}") from None
 
 
 def quoted(value: object, at_most: int = QUOTED) -> str:

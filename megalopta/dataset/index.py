@@ -148,15 +148,11 @@ def table_path(root: Path, name: str) -> Path:
     """
     described, path = root / "croissant.json", root / "index" / f"{name}.parquet"
     again = f"run: megalopta dataset make {root} --out {root}"
-    try:
+    with bounded.undamaged(described, again):
         parts = bounded.read_json(described)["distribution"]
         hashes = {part.get("contentUrl"): part.get("sha256") for part in parts}
-    except (OSError, ValueError, KeyError, TypeError, AttributeError):
-        raise UserError(f"{described} is missing or damaged; {again}") from None
-    try:
+    with bounded.undamaged(path, again):
         found = _sha256(path)
-    except OSError:
-        raise UserError(f"{path} is missing; {again}") from None
     if found != hashes.get(f"index/{name}.parquet"):
         raise UserError(f"{path} differs from its description; {again}")
     return path
@@ -258,10 +254,8 @@ def read_lists(root: Path, known: Collection[str]) -> dict[str, tuple[str, ...]]
     """Return the names of the sequences of every split; unknown ones are refused."""
     found, known = {}, set(known)
     for path in sorted((root / "splits").glob("*.txt")):
-        try:
+        with bounded.undamaged(path, _remedy(root)):
             found[path.stem] = tuple(bounded.read_text(path).split())
-        except ValueError:
-            raise UserError(f"{path}: not a UTF-8 text file; {_remedy(root)}") from None
         if strangers := [name for name in found[path.stem] if name not in known]:
             raise UserError(
                 f"{path}: no sequence {bounded.quoted(strangers[0], 60)!r}; {_remedy(root)}"

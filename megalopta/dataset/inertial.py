@@ -20,7 +20,6 @@ from scipy.spatial.transform import Rotation
 
 from megalopta.config.model import Configuration
 from megalopta.core import bounded, files, strict_yaml
-from megalopta.core.errors import UserError
 from megalopta.scenes.imu import Imu, Readings
 from megalopta.sensor import generator
 
@@ -70,14 +69,10 @@ def write_imu(folder: Path, settings: Configuration, imu: Imu) -> None:
 
 def read_imu(path: Path) -> ImuReadings:
     """Read EuRoC's data.csv of an IMU. Raises UserError if it is damaged."""
-    try:
+    with bounded.undamaged(path, "run megalopta sense again"):
         lines = bounded.read_text(path, bounded.ARRAY_BYTES).splitlines()
         rows = np.array([[float(each) for each in line.split(",")] for line in lines[1:]])
-        times, turns, pushes = np.split(rows, (1, 4), axis=1)
-        if pushes.shape[1] != 3:
-            raise ValueError
-    except (OSError, ValueError):
-        raise UserError(f"{path} is missing or damaged; run megalopta sense again") from None
+        times, turns, pushes = np.split(rows, (1, 4, 7), axis=1)[:3]
     return ImuReadings(times[:, 0] * 1e-9, turns, pushes)
 
 

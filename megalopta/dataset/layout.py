@@ -119,12 +119,8 @@ class Tree:
         """Read the plan. Raises UserError."""
         path = self.root / "dataset.yaml"
         check_enclosed(self.root)
-        try:
+        with bounded.undamaged(path, "give a dataset of `megalopta dataset make`"):
             return Plan.model_validate(read_header(self.root)["plan"])
-        except (TypeError, KeyError, ValueError, AttributeError):
-            raise UserError(
-                f"{path}: has no plan, or is damaged; give a dataset of `megalopta dataset make`"
-            ) from None
 
     def write_plan(self, plan: Plan) -> None:
         """Write dataset.yaml."""
@@ -138,13 +134,11 @@ class Tree:
 
     def read_failures(self) -> dict[int, str]:
         """Failed sequences by index, with the reason."""
-        try:
+        if not os.path.lexists(self.failures):
+            return {}
+        with bounded.undamaged(self.failures, "remove it"):
             lines = map(bounded.from_json, bounded.read_text(self.failures).splitlines())
             return {int(each["index"]): str(each["reason"]) for each in lines}
-        except FileNotFoundError:
-            return {}
-        except (ValueError, KeyError, TypeError):
-            raise UserError(f"{self.failures} is damaged; remove it") from None
 
     def write_failures(self, failures: dict[int, str]) -> None:
         """Write the list of failures; no file without any."""
@@ -162,17 +156,14 @@ def is_of_many(root: Path) -> bool:
 
 def read_manifest(root: Path) -> dict[str, str]:
     """Return the hash of every record by sequence name. Raises UserError."""
-    path = root / MANIFEST
-    try:
+    path, again = root / MANIFEST, f"run megalopta dataset make {root} --out {root}"
+    if not os.path.lexists(path):
+        return {}
+    with bounded.undamaged(
+        path, f"restore it, or remove it to accept the present records; {again}"
+    ):
         lines = map(bounded.from_json, bounded.read_text(path).splitlines())
         return {str(line["sequence"]): str(line["record"]) for line in lines}
-    except FileNotFoundError:
-        return {}
-    except (ValueError, KeyError, TypeError):
-        raise UserError(
-            f"{path} is damaged; restore it, or remove it to accept the present records, and run "
-            f"megalopta dataset make {root} --out {root}"
-        ) from None
 
 
 def is_record_known(path: Path, manifest: Mapping[str, str]) -> bool:

@@ -17,7 +17,8 @@ from numpy.typing import ArrayLike, NDArray
 from megalopta.config.model import Configuration
 from megalopta.core import files
 from megalopta.core.arrays import Floats
-from megalopta.core.errors import UserError, refused_as
+from megalopta.core.bounded import undamaged
+from megalopta.core.errors import refused_as
 from megalopta.dataset.store import Dataset
 from megalopta.scenes import Light, Pictures
 from megalopta.scenes.spectra.color import LUMINANCE_SHARES, Bands, encode_srgb
@@ -204,13 +205,10 @@ def _opened(asked: _Asked) -> PictureLight:
 
     dataset, settings = asked.dataset, asked.dataset.configuration
     folder = picture_folder(dataset)
-    try:
+    with undamaged(folder, f"run: megalopta render {dataset.home} --out {dataset.home}"):
         dataset.compare_all(f"{folder.relative_to(dataset.root).as_posix()}/")
         mean = np.array(dataset.read_scene_record()["pictures"]["mean"], np.float64).reshape(3)
         (source,) = (each for each in folder.iterdir() if not files.is_temporary(each))
-    except (OSError, KeyError, TypeError, ValueError):
-        again = f"megalopta render {dataset.home} --out {dataset.home}"
-        raise UserError(f"{folder} lacks the pictures, or is damaged; run: {again}") from None
     scene = cast(Pictures, settings.scene)
     frames = PictureFrames(open_footage(source, scene.unit), settings)
     of_unit = scene.radiance_of_unit(settings.light, settings.render.bands_nm, mean)

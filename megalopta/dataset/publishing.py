@@ -100,15 +100,11 @@ class Staging:
 
     def _read(self, is_output: Callable[[str], bool]) -> tuple[list[str], list[str]]:
         path, remedy = self.folder / PLAN, f"remove the folder {self.folder}"
-        try:
+        with bounded.undamaged(path, remedy):
             record = bounded.read_json(path)
             moves, goes = ([str(name) for name in record[key]] for key in ("moves", "goes"))
-            for name in moves:
-                check_no_links(self.data / name)  # the target of a link depends on its place
-        except UserError as problem:
-            raise UserError(f"{path} cannot be applied ({problem}); {remedy}") from None
-        except (ValueError, KeyError, TypeError):
-            raise UserError(f"{path} is damaged; {remedy}") from None
+        for name in moves:
+            check_no_links(self.data / name)  # the target of a link depends on its place
         for name in (*moves, *goes):
             bases = self.root, self.data
             if not is_output(name) or not all(_is_plain(self.root, b / name) for b in bases):

@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from megalopta.core.errors import UserError
+from megalopta.core.bounded import undamaged
 from megalopta.dataset.store import Dataset
 from megalopta.render import RegionNoise, RenderNoise, read_attributes
 
@@ -73,8 +73,6 @@ def _region(regions: Sequence[RegionNoise | None]) -> dict[str, Any] | None:
 
 def _noise(dataset: Dataset, index: int) -> RenderNoise | None:
     path = dataset.exposed_radiance(index)
-    try:
+    with undamaged(path, "remove it and render again"):
         text = read_attributes(path).get(ATTRIBUTE)
         return RenderNoise.from_json(text) if text else None
-    except (OSError, ValueError) as problem:
-        raise UserError(f"{path} cannot be read ({problem}); remove it and render again") from None

@@ -164,15 +164,10 @@ def _motion_from(record: Mapping[str, Any]) -> Motion:
 
 def motions_of(dataset: Dataset) -> dict[int, Motion]:
     """Motion of each moving object, by number. Raises UserError."""
-    path = dataset.scene_record
-    try:
+    path, again = dataset.scene_record, f"megalopta render {dataset.root} --out {dataset.root}"
+    with bounded.undamaged(path, f"remove it and run: {again}"):
         motions = bounded.read_json(path)["motions"]
         return {int(number): _motion_from(each) for number, each in motions.items()}
-    except (OSError, ValueError, LookupError, TypeError, AttributeError):
-        raise UserError(
-            f"{path} is damaged; remove it and run: megalopta render {dataset.root} "
-            f"--out {dataset.root}"
-        ) from None
 
 
 class _Seen(NamedTuple):

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, DTypeLike, NDArray
 from megalopta.config.drawing import repeated_name
 from megalopta.config.model import Configuration, LightLevel
 from megalopta.config.yaml_model import validated
+from megalopta.core.bounded import undamaged
 from megalopta.core.errors import UserError
 from megalopta.dataset.store import Dataset, exposure_name
 from megalopta.sensor import merged
@@ -192,13 +193,9 @@ class Sequence:
 
         name = f"{self._exposure(exposure)}.zarr"
         path = self.dataset.root / "corrected" / self.name / name
-        try:
+        again = f"megalopta sense {self.dataset.home} --correct --redo"
+        with undamaged(path, f"make corrected frames with: {again}"):
             return self._lazy(StoredFrames.open(self.dataset.store(path), quantity), quantity)
-        except (OSError, ValueError, KeyError):
-            raise UserError(
-                f"{path} holds no corrected frames ({quantity}); make them with: "
-                f"megalopta sense {self.dataset.home} --correct --redo"
-            ) from None
 
     def expose(
         self,

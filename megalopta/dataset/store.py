@@ -224,10 +224,8 @@ def read_dataset(root: Path) -> Dataset:
         raise UserError(
             f"{root}: a dataset of many sequences, not of one; see megalopta dataset --help"
         )
-    try:
+    with bounded.undamaged(path, "render into a new folder"):
         values = dict(record["configuration"])
-    except (TypeError, KeyError, ValueError):
-        raise UserError(f"{path} is damaged; render into a new folder") from None
     return Dataset(root, validated(Configuration, values, str(path)))
 
 

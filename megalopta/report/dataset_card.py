@@ -20,7 +20,7 @@ from PIL import Image
 from megalopta import __version__
 from megalopta.config.recipe import Plan
 from megalopta.core import files
-from megalopta.core.bounded import printable
+from megalopta.core.bounded import printable, undamaged
 from megalopta.core.errors import UserError
 from megalopta.core.files import atomic_write
 from megalopta.core.progress import progress
@@ -134,11 +134,9 @@ def write_card(root: Path) -> Path:
 
 def _rows(root: Path, table: str) -> Rows:
     path = table_path(root, table)
-    try:
+    with undamaged(path, "run megalopta dataset check"):
         columns = [name for name in _COLUMNS if name in pq.read_schema(path).names]
         return list(pq.read_table(path, columns=columns).to_pylist())
-    except (OSError, ValueError):
-        raise UserError(f"{path} is no table of a dataset; run megalopta dataset check") from None
 
 
 _QUANTITIES = {

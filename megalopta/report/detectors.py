@@ -18,7 +18,7 @@ from PIL import Image
 from megalopta.config.measuring import FlowSettings
 from megalopta.config.model import LightLevel
 from megalopta.core.arrays import Floats
-from megalopta.core.errors import UserError
+from megalopta.core.bounded import undamaged
 from megalopta.dataset.flow_record import (
     BlockErrors,
     FlowRecord,
@@ -349,13 +349,9 @@ def _pair(report: Report, sensor: ImageSensor, level: LightLevel, method: Detect
 
 
 def _read(path: Path, name: str, frame: int) -> Floats:
-    try:
+    with undamaged(path, "run megalopta flow again with --redo"):
         values: Any = StoredFrames.open(path, name).array
         return np.asarray(values[frame], np.float64)
-    except (OSError, ValueError, KeyError, TypeError, RuntimeError) as problem:
-        raise UserError(
-            f"{path} cannot be read ({problem}); run megalopta flow again with --redo"
-        ) from None
 
 
 def _largest(answer: Floats) -> float:

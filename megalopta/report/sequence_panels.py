@@ -10,7 +10,7 @@ from PIL import Image
 
 from megalopta.config.model import LightLevel
 from megalopta.core.arrays import Floats
-from megalopta.core.errors import UserError
+from megalopta.core.bounded import undamaged
 from megalopta.dataset.flow_record import FlowRecord
 from megalopta.dataset.picture_light import clean_flow, light_of, resized
 from megalopta.dataset.sequence import Sequence
@@ -72,10 +72,8 @@ def motion_of(sequence: Sequence, frame: int, step: int) -> NDArray[np.floating]
         first, second = (resized(frames.at(each), small) for each in (frame, frame + 1))
         return step * clean_flow(first, second)
     path = sequence.dataset.frame("training/flow", frame, "flo")
-    try:
+    with undamaged(path, "regenerate the sequence"):
         return read_flo(path)[::step, ::step]
-    except (OSError, ValueError) as problem:
-        raise UserError(f"{problem}; regenerate the sequence") from None
 
 
 def best_flow(
@@ -94,10 +92,8 @@ def best_flow(
     if method is None:
         return None
     path = responses_path(dataset, sensor, level)
-    try:
+    with undamaged(path, "run flow again"):
         stored = StoredFrames.open(path, method)
-    except (OSError, ValueError, KeyError) as problem:
-        raise UserError(f"{path} cannot be read ({problem}); run flow again") from None
     grid = velocity_method(method).grid(dataset.configuration.camera.shape)
     return method, lambda frame: _found_flow(stored, grid, frame)[::step, ::step]
 

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import TypeAdapter, ValidationError
+from pydantic import TypeAdapter
 from pydantic_core import from_json
 
 from megalopta.config.light_scale import light_scale
@@ -88,16 +88,8 @@ def read_records(dataset: Dataset) -> list[FlowRecord]:
 
 
 def _read(path: Path, check: Callable[[Any], _Read], remedy: str) -> _Read:
-    try:
+    with bounded.undamaged(path, remedy):
         return check(from_json(bounded.read_bytes(path)))
-    except OSError as problem:
-        raise UserError(f"{path} cannot be read ({problem.strerror}); {remedy}") from None
-    except ValidationError as error:
-        first = error.errors(include_url=False, include_input=False)[0]
-        where = f" at {'.'.join(map(str, first['loc']))}" if first["loc"] else ""
-        raise UserError(f"{path} is damaged{where} ({first['msg']}); {remedy}") from None
-    except (ValueError, LookupError, TypeError, AttributeError) as problem:
-        raise UserError(f"{path} is damaged ({problem}); {remedy}") from None
 
 
 _LONGEST_SIDE_PX = 160

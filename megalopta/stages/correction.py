@@ -13,7 +13,8 @@ import zarr
 
 from megalopta.config.model import LightLevel
 from megalopta.core import files
-from megalopta.core.errors import UserError, refused_as
+from megalopta.core.bounded import undamaged
+from megalopta.core.errors import refused_as
 from megalopta.core.progress import progress
 from megalopta.dataset.frames import frames_at_once, write_frames
 from megalopta.dataset.store import Dataset, exposure_name
@@ -49,12 +50,8 @@ def open_corrected(dataset: Dataset, sensor: ImageSensor, level: LightLevel) -> 
     path = corrected_path(dataset, sensor, level)
     if not (dataset.configuration.correct and isinstance(sensor, Sensor)):
         return None
-    try:
+    with undamaged(path, f"run: megalopta sense {dataset.home} --redo"):
         return StoredFrames.open(path, "detections")
-    except (OSError, ValueError, KeyError) as problem:
-        raise UserError(
-            f"{path} cannot be read ({problem}); run: megalopta sense {dataset.home} --redo"
-        ) from None
 
 
 def write_corrected(dataset: Dataset, sensor: ImageSensor, opened: Sequence[OpenedCounts]) -> None:

@@ -18,7 +18,7 @@ import zarr
 from megalopta.config.measuring import FlowSettings
 from megalopta.config.model import Configuration, LightLevel
 from megalopta.core import files
-from megalopta.core.errors import UserError
+from megalopta.core.bounded import undamaged
 from megalopta.core.freshness import code_digest
 from megalopta.core.progress import progress
 from megalopta.dataset.flow_record import FlowRecord
@@ -191,13 +191,9 @@ def _is_there(path: Path) -> bool:
 
 
 def _stored_records(path: Path) -> list[Record]:
-    try:
+    with undamaged(path, "remove it and run the command again"):
         records = zarr.open_group(path, mode="r").attrs["records"]
         return [dict(each) for each in cast("list[Record]", records)]
-    except (OSError, ValueError, KeyError, TypeError) as problem:
-        raise UserError(
-            f"{path} cannot be read ({problem}); remove it and run the command again"
-        ) from None
 
 
 @cache

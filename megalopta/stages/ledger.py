@@ -94,11 +94,9 @@ class Ledger:
     def timings(self) -> dict[str, float]:
         """Seconds spent on each stage, including interrupted runs."""
         path = self.root / "timings.json"
-        try:
+        with bounded.undamaged(path, "remove it (it holds only times)"):
             found = dict(bounded.read_json(path)) if path.exists() else {}
             return {str(stage): float(seconds) for stage, seconds in found.items()}
-        except (ValueError, TypeError, OverflowError):
-            raise UserError(f"{path} is damaged; remove it (it holds only times)") from None
 
     def add_time(self, stage: str, seconds: float) -> None:
         """Add to the time spent on a stage."""

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from megalopta.config.light_scale import light_scale
 from megalopta.config.model import Configuration, LightLevel, level_text
 from megalopta.core.arrays import Floats
+from megalopta.core.bounded import undamaged
 from megalopta.core.errors import UserError, refused_as
 from megalopta.core.freshness import SENSOR_MODEL
 from megalopta.core.progress import progress, say
@@ -247,13 +248,9 @@ def _warn_of_noise(dataset: Dataset) -> None:
 
 def open_exposure(dataset: Dataset, sensor: ImageSensor, level: LightLevel) -> OpenedCounts:
     """Open the readings of a sensor at a light level. Raises UserError if they cannot be read."""
-    try:
-        return open_counts(dataset.counts(sensor, level))
-    except (OSError, ValueError) as problem:
-        again = f"megalopta sense {dataset.home} --redo"
-        raise UserError(
-            f"{dataset.counts(sensor, level)} cannot be read ({problem}); run: {again}"
-        ) from None
+    path = dataset.counts(sensor, level)
+    with undamaged(path, f"run: megalopta sense {dataset.home} --redo"):
+        return open_counts(path)
 
 
 def require_expectation(dataset: Dataset) -> None:

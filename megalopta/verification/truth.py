@@ -29,7 +29,7 @@ from rich.table import Table
 from scipy.ndimage import gaussian_filter, map_coordinates
 
 from megalopta.core.arrays import Floats
-from megalopta.core.errors import UserError
+from megalopta.core.bounded import undamaged
 from megalopta.core.progress import progress
 from megalopta.dataset.reprojection import View, motions_of, rederived_flow
 from megalopta.dataset.store import Dataset
@@ -147,15 +147,10 @@ class _Frame(NamedTuple):
 
 
 def _frame(dataset: Dataset, index: int) -> _Frame:
-    path = dataset.truth(index)
-    try:
+    path, again = dataset.truth(index), f"megalopta render {dataset.root} --out {dataset.root}"
+    with undamaged(path, f"remove the file and run: {again}"):
         truth, view = read_truth(path), View.of(read_attributes(path))
         radiance, _ = read_radiance(dataset.radiance(index))
-    except (OSError, KeyError, ValueError) as problem:
-        raise UserError(
-            f"{problem}; remove the file and run: megalopta render {dataset.root} "
-            f"--out {dataset.root}"
-        ) from None
     return _Frame(truth, view, radiance.sum(axis=-1, dtype=np.float64))
 
 

@@ -127,9 +127,9 @@ def test_a_broken_run_goes_on_and_gives_the_same(grating, tmp_path, monkeypatch)
     ("text", "told"),
     [
         ('{"format": 3}', "ranking format 3 is newer than 2"),
-        ("[" * 100_000, "is damaged"),
+        ("[" * 100_000, "missing or damaged"),
         ('{"format": 1}', "older than 2.*regenerate it"),
-        ('{"format": 2}', "is damaged"),
+        ('{"format": 2}', "missing or damaged"),
     ],
 )
 def test_what_is_no_ranking_of_this_format_is_told(tmp_path, text, told):

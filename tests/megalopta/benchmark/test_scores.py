@@ -142,7 +142,7 @@ def test_a_leaderboard_keeps_the_last_entry_of_each_program(tree, tmp_path, caps
 
 @pytest.mark.parametrize(
     ("line", "told"),
-    [('{"format": 3}', "scores format 3 is newer than 2"), ("[" * 100_000, "not a leaderboard")],
+    [('{"format": 3}', "scores format 3 is newer than 2"), ("[" * 100_000, "give a leaderboard")],
 )
 def test_a_line_of_another_format_is_told(tmp_path, line, told):
     (tmp_path / "board.jsonl").write_text(f"{line}\n")
@@ -183,7 +183,7 @@ def test_mistakes_get_one_sentence(tree, tmp_path, capsys):
     path.with_suffix(".npy").unlink()
     board = tmp_path / "board.jsonl"
     board.write_text("something else\n")
-    assert "is not a leaderboard" in told(
+    assert "give a leaderboard" in told(
         capsys, truth, submitted, "--leaderboard", board, "--out", tmp_path / "s.json"
     )
     assert board.read_text() == "something else\n"
