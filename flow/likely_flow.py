@@ -55,6 +55,10 @@ edges and changes of motion leave more error than photons do, and the likelihood
 finest scale the prior goes on to grow, as fitted to the tuning scenes of the benchmark. At coarser
 ones, which keep parts that move differently apart, it does not"""
 
+_MANY_PHOTONS = 20_000.0
+"""Photons per pixel in all frames above which the prior stays as it is: what frames differ by is no
+longer shot noise, so the evidence does not grow"""
+
 
 def likelihood_flow(counts: NDArray[Any], smoothness: float) -> Floats:
     """Return the flow (H, W, 2), px per frame, of the frame before the middle; NaN in the dark.
@@ -144,7 +148,7 @@ def charge_of(counts: NDArray[Any], smoothness: float, most: float = 1.0) -> flo
 
     It grows with the photons, to `most` times the smoothness.
     """
-    photons = counts.sum(axis=0).mean()
+    photons = min(counts.sum(axis=0).mean(), _MANY_PHOTONS)
     return float(smoothness * min(most, (photons / _FEW_PHOTONS) ** _CHARGE_POWER))
 
 

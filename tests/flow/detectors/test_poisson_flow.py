@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from megalopta.benchmark.clips import leaves_clip
 from megalopta.flow.detectors.blocks import BlockGrid
 from megalopta.flow.detectors.poisson_flow import PoissonFlow, PooledFlow
 from megalopta.flow.metrics.translation_bound import fisher_information
@@ -78,6 +79,16 @@ def test_a_small_motion_of_a_periodic_texture_is_not_taken_for_a_large_one():
     clean = 1 + 0.4 * (np.sin(7 * turned + y / 5) + np.sin(4 * turned - y / 3))
     flow = PoissonFlow().dense(*draw(clean, 300))
     np.testing.assert_allclose(np.median(flow, axis=(0, 1)), (-0.34, 0), atol=0.1)
+
+
+def test_light_without_shot_noise_gives_no_smoother_flow():
+    """What frames differ by is not shot noise then; a prior that grew on would blur the flow."""
+    clip = leaves_clip(2001, (96, 96))
+    dim, bright = (
+        np.median(np.abs(PoissonFlow().dense(*np.rint(flux * clip.light[:2])) - clip.flow))
+        for flux in (1e4, 1e8)
+    )
+    assert bright < 1.3 * dim  # 1.04; 3 times with a prior that grows
 
 
 def test_brighter_frames_and_hot_pixels_change_no_motion():
