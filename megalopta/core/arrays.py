@@ -23,3 +23,12 @@ def plain_array(content: bytes) -> NDArray[Any] | None:
 def robust_sigma(apart: Floats) -> float:
     """Return the standard deviation of normal differences from their center, by the median."""
     return 1.4826 * float(np.median(np.abs(apart)))
+
+
+def mean_and_variance(frames: NDArray[Any]) -> tuple[Floats, Floats]:
+    """Return the mean and variance (n − 1) over frames (n, …), without a copy of all of them."""
+    mean = frames.mean(axis=0, dtype=np.float64)
+    squares = np.zeros(mean.shape)
+    for each in frames:
+        squares += np.square(each - mean)
+    return mean, squares / (len(frames) - 1)

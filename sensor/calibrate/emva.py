@@ -30,7 +30,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.core.arrays import Floats
+from megalopta.core.arrays import Floats, mean_and_variance
 from megalopta.sensor.change import changed
 from megalopta.sensor.expectations import reading_moments
 from megalopta.sensor.spad.device import draw_fixed_pattern
@@ -65,9 +65,7 @@ class Step(NamedTuple):
     @classmethod
     def of(cls, photons: float, frames: NDArray[Any]) -> "Step":
         """Return the step of readings (n, rows, columns)."""
-        mean = frames.mean(axis=0, dtype=np.float64)
-        variance = frames.var(axis=0, ddof=1, dtype=np.float64)
-        return cls(photons, mean, variance, len(frames))
+        return cls(photons, *mean_and_variance(frames), len(frames))
 
     @property
     def level(self) -> float:

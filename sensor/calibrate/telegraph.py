@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.core.arrays import Floats, Mask
+from megalopta.core.arrays import Floats, Mask, mean_and_variance
 
 LAGS = 6
 _Z = 7.0
@@ -39,9 +39,9 @@ class Correlation(NamedTuple):
 
 def correlation(readings: NDArray[Any], good: Mask) -> Correlation:
     """Return the correlation of readings (n, rows, columns); 0 for others than good pixels."""
-    total, spread = readings.sum(axis=0, dtype=np.float64), readings.std(axis=0, dtype=np.float64)
-    counted = good & (spread > 0) & (total > _FEWEST_COUNTS)
-    mean, scale = total / len(readings), np.where(counted, spread, np.inf)
+    mean, variance = mean_and_variance(readings)
+    counted = good & (variance > 0) & (mean * len(readings) > _FEWEST_COUNTS)
+    scale = np.where(counted, np.sqrt(variance), np.inf)
     sums, before = np.zeros((LAGS, *good.shape)), list[Floats]()
     for each in readings:
         z = np.clip((each - mean) / scale, -_FARTHEST, _FARTHEST)

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from megalopta.core.arrays import Floats, Mask, robust_sigma
+from megalopta.core.arrays import Floats, Mask, mean_and_variance, robust_sigma
 from megalopta.sensor.calibrate.bad_pixels import constant_pixels, dead_pixels
 from megalopta.sensor.calibrate.level import Level
 from megalopta.sensor.compare.faults import Fault, listed, pixels_of
@@ -83,10 +83,9 @@ def deviations(captured: Level, expected: Level, good: Mask, error: Floats) -> D
     """Return the deviations of pixels at a level; `error` is that of the calibration, in counts."""
     means, parts = [], np.square(np.broadcast_to(error, good.shape)).astype(float)
     for level in (captured, expected):
-        signal = np.asarray(level.signal, np.float32)
-        mean = signal.mean(axis=0, dtype=np.float64)
-        variance = np.maximum(signal.var(axis=0, dtype=np.float64), mean.clip(0))
-        parts += variance / len(signal) + 1 / len(signal) ** 2
+        mean, variance = mean_and_variance(level.signal)
+        frames = len(level.signal)
+        parts += np.maximum(variance, mean.clip(0)) / frames + 1 / frames**2
         means.append(mean)
     apart, sigma = means[0] - means[1], np.sqrt(parts)
     scale = max(float(np.abs(means[1]).max()), 1e-12)

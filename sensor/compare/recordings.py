@@ -41,6 +41,7 @@ from megalopta.sensor.compare.two_sample import (
     Difference,
     Distances,
     PixelTest,
+    Sample,
     discoveries,
     distances_by_chance,
     histogram_test,
@@ -350,9 +351,10 @@ def _pixel_tests(cleaned: _Cleaned) -> tuple[dict[str, PixelTest], Distances, Di
     for one, other, own, error in zip(
         cleaned.captured, cleaned.expected, cleaned.good, cleaned.errors, strict=True
     ):
-        a, b = (np.asarray(each.readings, np.float64) for each in (one, other))
+        a, b = one.readings, other.readings
         of_histograms, apart = histogram_test(a, b)
-        tests = mean_test(a, b, error), variance_test(a, b), of_histograms
+        samples = Sample.of(a), Sample.of(b)
+        tests = mean_test(*samples, error), variance_test(*samples), of_histograms
         p_values.append([np.where(own, p, np.nan) for p in tests])
         distances.append(apart)
         chance.append(distances_by_chance(a, b))

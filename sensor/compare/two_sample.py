@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import binom, chi2, false_discovery_control, norm, t
 
-from megalopta.core.arrays import Floats, Mask
+from megalopta.core.arrays import Floats, Mask, mean_and_variance
 from megalopta.core.compiling import compiled
 
 _FEW_COUNTS = 200.0
@@ -54,20 +54,33 @@ def discoveries(p: Floats, rate: float) -> PixelTest:
     return PixelTest(p, differs)
 
 
-def mean_test(one: Floats, other: Floats, error: Floats | float = 0.0) -> Floats:
-    """Return p-values (rows, columns) of equal means of counts (n, rows, columns).
+class Sample(NamedTuple):
+    """Mean and variance of the counts of pixels (rows, columns), over so many frames."""
+
+    mean: Floats
+    variance: Floats
+    frames: int
+
+    @classmethod
+    def of(cls, counts: NDArray[Any]) -> "Sample":
+        """Return those of counts (n, rows, columns)."""
+        return cls(*mean_and_variance(counts), len(counts))
+
+
+def mean_test(one: Sample, other: Sample, error: Floats | float = 0.0) -> Floats:
+    """Return p-values (rows, columns) of equal means.
 
     `error` is the standard error of the second sample's expected mean, if it comes from a
     calibration.
     """
-    n, k = len(one), len(other)
-    parts = [each.var(axis=0, ddof=1) / len(each) for each in (one, other)]
+    n, k = one.frames, other.frames
+    parts = [each.variance / each.frames for each in (one, other)]
     total = parts[0] + parts[1] + np.square(error)
-    apart = one.mean(axis=0) - other.mean(axis=0)
+    apart = one.mean - other.mean
     spread = np.where(total > 0, total, 1)
     freedom = spread**2 / np.maximum(parts[0] ** 2 / (n - 1) + parts[1] ** 2 / (k - 1), 1e-300)
     p = 2 * t.sf(np.abs(apart) / np.sqrt(spread), np.maximum(freedom, 1))
-    first, second = (np.rint(each.sum(axis=0)).clip(0) for each in (one, other))
+    first, second = (np.rint(each.frames * each.mean).clip(0) for each in (one, other))
     both, share = first + second, n / (n + k)
     few = (both < _FEW_COUNTS) & (np.asarray(error) == 0)
     # two-sided, of a binomial number: twice the smaller tail
@@ -77,17 +90,13 @@ def mean_test(one: Floats, other: Floats, error: Floats | float = 0.0) -> Floats
     return np.where(same, np.where(apart == 0, 1.0, 0.0), p)
 
 
-def variance_test(one: Floats, other: Floats) -> Floats:
-    """Return p-values (rows, columns) of equal variances of counts (n, rows, columns).
-
-    NaN where counts are too few.
-    """
-    error = np.zeros(one.shape[1:])
+def variance_test(one: Sample, other: Sample) -> Floats:
+    """Return p-values (rows, columns) of equal variances; NaN where counts are too few."""
+    error = np.zeros(one.mean.shape)
     logs, known = [], np.ones(error.shape, np.bool_)
-    for each in (one, other):
-        mean, variance = each.mean(axis=0), each.var(axis=0, ddof=1)
+    for mean, variance, frames in (one, other):
         known &= (mean > _LEAST_MEAN) & (variance > 0)
-        error += 2 / (len(each) - 1) + 1 / (len(each) * np.maximum(mean, _LEAST_MEAN))
+        error += 2 / (frames - 1) + 1 / (frames * np.maximum(mean, _LEAST_MEAN))
         logs.append(np.log(np.where(variance > 0, variance, 1)))
     return np.where(known, 2 * norm.sf(np.abs(logs[0] - logs[1]) / np.sqrt(error)), np.nan)
 
@@ -100,7 +109,7 @@ class Distances(NamedTuple):
     energy: Floats
 
 
-def histogram_test(one: Floats, other: Floats) -> tuple[Floats, Distances]:
+def histogram_test(one: NDArray[Any], other: NDArray[Any]) -> tuple[Floats, Distances]:
     """Return p-values of equal distributions of counts (n, rows, columns), and distances.
 
     Each (rows, columns); NaN where bins are too few.
@@ -116,7 +125,7 @@ def histogram_test(one: Floats, other: Floats) -> tuple[Floats, Distances]:
     return p, Distances(*distances)
 
 
-def distances_by_chance(one: Floats, other: Floats) -> Distances:
+def distances_by_chance(one: NDArray[Any], other: NDArray[Any]) -> Distances:
     """Return distances within one distribution: frames (n, rows, columns) of both are shuffled."""
     both = np.concatenate([_whole(one), _whole(other)])
     order = np.random.default_rng(0).permutation(len(both))
@@ -124,7 +133,8 @@ def distances_by_chance(one: Floats, other: Floats) -> Distances:
 
 
 def _whole(counts: NDArray[Any]) -> NDArray[np.int32]:
-    return np.rint(counts).astype(np.int32) if counts.dtype != np.int32 else counts
+    rounded = np.rint(counts) if counts.dtype.kind == "f" else counts
+    return rounded.astype(np.int32, copy=False)
 
 
 def _values(samples: list[NDArray[np.int32]]) -> int:

@@ -10,6 +10,7 @@ from megalopta.sensor.compare.model import Model
 from megalopta.sensor.compare.recordings import compare_recordings
 from megalopta.sensor.compare.two_sample import (
     Quantity,
+    Sample,
     difference,
     distances_by_chance,
     histogram_test,
@@ -22,11 +23,16 @@ def test_few_counts_are_tested_exactly():
     one, other = np.zeros((50, 1, 1)), np.zeros((100, 1, 1))
     one[:9], other[:4] = 1, 1
     exact = binomtest(9, 13, 1 / 3, "greater").pvalue
-    assert mean_test(one, other)[0, 0] == pytest.approx(2 * exact)
+    assert mean_test(Sample.of(one), Sample.of(other))[0, 0] == pytest.approx(2 * exact)
 
 
 @pytest.mark.parametrize(
-    "test", [mean_test, variance_test, lambda one, other: histogram_test(one, other)[0]]
+    "test",
+    [
+        lambda *counts: mean_test(*map(Sample.of, counts)),
+        lambda *counts: variance_test(*map(Sample.of, counts)),
+        lambda *counts: histogram_test(*counts)[0],
+    ],
 )
 def test_p_values_are_even_where_nothing_differs(test):
     rng = np.random.default_rng(8)
