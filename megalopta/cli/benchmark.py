@@ -62,14 +62,14 @@ _PHOTONS = option(
     ),
     option(
         "--methods",
-        "names, module:function or ONNX files; DIS tuned has settings for each light"
+        "names, module:function or ONNX files; 'DIS tuned' uses settings tuned to the light"
         " (default: all two-frame methods)",
         metavar="A,B",
     ),
     _PHOTONS,
     option(
         "--pairs",
-        "most pairs of a folder or video, evenly spaced (default: 20)",
+        "largest number of pairs from a folder or video, evenly spaced (default: 20)",
         type=at_least(1),
         default=20,
         metavar="N",
@@ -203,11 +203,11 @@ def _cell(metric: str, found: "Interval") -> str:
 
 @verb(
     "benchmark tune",
-    "choose stretch, blur and main parameter of a gray method for each light, on other scenes"
-    " than boards report",
+    "tune a method for gray levels (stretch, blur, main parameter) to each number of photons, on"
+    " scenes of which no results are reported",
     option("method", "TV-L1, DIS, FB or LK; others, such as an ONNX file, have no main parameter"),
     _PHOTONS,
-    out("tuned.yaml", "file of the settings, in which other methods stay"),
+    out("tuned.yaml", "file of the settings; those of other methods in it are kept"),
 )
 def _tune(options: Namespace) -> None:
     from megalopta.benchmark.tuning import write_tuned
@@ -226,7 +226,8 @@ def _photon_settings() -> "Settings":
 
 @verb(
     "benchmark photons",
-    "find the light that detectors need for repeatable responses, on a dataset or in a sweep",
+    "find the photons that detectors need to respond as to noise-free light, on a dataset or in "
+    "a sweep",
     option(
         "dataset",
         "dataset folder; or a sweep's YAML file: trial, vary, values, sizes, templates",

@@ -127,7 +127,7 @@ def _reproduce(options: Namespace) -> None:
     option(
         "--panorama",
         "photographed panorama (HDR, EXR or PNG, 2:1); with --views a forest is shown in its "
-        "light; with --statistics the forests are compared with it, at two of its pixels or more",
+        "light; with --statistics the forests are compared with it, at an angle that it resolves",
         type=Path,
         metavar="FILE",
     ),
