@@ -277,23 +277,23 @@ _CHANGES = (
 )
 _ERRORS = (
     "The Poisson bound is the least error of an unbiased method that sees one block of known "
-    "texture at a time, or the motion itself where that is less. Methods that share evidence "
-    "between blocks may lie below it."
+    "texture at a time, or the motion itself if that is smaller. Errors of methods that share "
+    "evidence between blocks may be below it."
 )
 _POOLING = (
-    "Photons are added over squares of pixels and over frames. Pale: the best method is not "
-    "significant."
+    "Photons are added over squares of pixels and over frames. Pale: the lead of the best method "
+    "is not significant."
 )
 _ATLAS = (
-    "Best method without pooling. Gray: no method beats the zero-motion baseline. Pale: not "
-    "significant. Blank: not measured."
+    "Best method without pooling. Gray: no method beats the zero-motion baseline. Pale: the lead "
+    "is not significant. Blank: not measured."
 )
 _TRANSFER = (
-    "Mean error over mean motion of a method, a curve per speed of the blocks and exposure (pooled "
-    "frames). In a motion period the image moves by its texture scale, which tells a shift from "
-    "one photon. Gray: the cubic that fits all curves. Misfit: RMS scatter about it in decades of "
-    "the error, with its 95 % CI by a bootstrap over the curves. The third axis is that of the "
-    "Poisson bound of two frames."
+    "Mean error of a method divided by the mean motion, with a curve for each speed of the blocks "
+    "and each exposure (pooled frames). A motion period is the time in which the image moves by "
+    "its texture scale. Gray: the cubic that fits all curves. Misfit: RMS scatter about it in "
+    "decades of the error, with its 95 % CI by a bootstrap over the curves. The third axis is that "
+    "of the Poisson bound of two frames."
 )
 _LEVELS = (
     "Best method without pooling on perfect pixels, and photons per frame, by exposure time. Light "

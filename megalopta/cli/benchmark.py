@@ -55,11 +55,16 @@ _PHOTONS = option("--photons N,N", "mean photons per pixel and frame", numbers, 
     ),
     option(
         "--methods A,B",
-        "names, module:function or ONNX files; DIS tuned has settings for each light"
+        "names, module:function or ONNX files; 'DIS tuned' uses settings tuned to the light"
         " (default: all two-frame methods)",
     ),
     _PHOTONS,
-    option("--pairs N", "most pairs of a folder or video, evenly spaced", at_least(1), 20),
+    option(
+        "--pairs N",
+        "largest number of pairs from a folder or video, evenly spaced",
+        at_least(1),
+        20,
+    ),
     option(
         "--draws N",
         f"photon draws per pair (default: 1; {_DRAWS_OF_ONE} for a single pair)",
@@ -187,11 +192,11 @@ def _cell(metric: str, found: "Interval") -> str:
 
 @verb(
     "benchmark tune",
-    "choose stretch, blur and main parameter of a gray method for each light, on other scenes"
-    " than boards report",
+    "tune a method for gray levels (stretch, blur, main parameter) to each number of photons, on"
+    " scenes of which no results are reported",
     option("method", "TV-L1, DIS, FB or LK; others, such as an ONNX file, have no main parameter"),
     _PHOTONS,
-    out("tuned.yaml", "file of the settings, in which other methods stay"),
+    out("tuned.yaml", "file of the settings; those of other methods in it are kept"),
 )
 def _tune(options: Namespace) -> None:
     from megalopta.benchmark.tuning import write_tuned
@@ -210,7 +215,8 @@ def _photon_settings() -> "Settings":
 
 @verb(
     "benchmark photons",
-    "find the light that detectors need for repeatable responses, on a dataset or in a sweep",
+    "find the photons that detectors need to respond as to noise-free light, on a dataset or in "
+    "a sweep",
     option(
         "dataset",
         "dataset folder; or a sweep's YAML file: trial, vary, values, sizes, templates",

@@ -122,7 +122,7 @@ def _reproduce(options: Namespace) -> None:
     option(
         "--panorama FILE",
         "photographed panorama (HDR, EXR or PNG, 2:1); with --views a forest is shown in its "
-        "light; with --statistics the forests are compared with it, at two of its pixels or more",
+        "light; with --statistics the forests are compared with it, at an angle that it resolves",
         Path,
     ),
     out("out/gallery"),

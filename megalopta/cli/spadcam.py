@@ -145,7 +145,7 @@ def _recover(options: Namespace) -> None:
     "from a .yaml list; or from .csv tables of check captures",
     *_RECORDINGS,
     out("device.yaml", "device file"),
-    option("--preset", "sensor for all other fields", default="spadcam"),
+    option("--preset", "sensor for what is not measured", default="spadcam"),
 )
 def _calibrate(options: Namespace) -> None:
     from megalopta.camera.calibrating import calibrate_recordings, named_sources
@@ -284,12 +284,12 @@ def _tags(options: Namespace) -> None:
     ),
     option(
         "--photons HZ",
-        "photons per second and pixel at 700 nm: of flat (default: 5e6), or of each of "
-        "steps (default: 0 to 2e7)",
+        "photons per second and pixel at 700 nm: one value for flat (default: 5e6), one per "
+        "step for steps (default: 0 to 2e7)",
         finite,
         nargs="+",
     ),
-    option("--step-s", "duration of each of steps, s", finite, 5.0),
+    option("--step-s", "duration of each step of steps, s", finite, 5.0),
     option("--speed", "speed of the plate, mm/s", finite, 5.0),
     option("--lux", "light level of a dataset (lux)", finite),
     option("--sensor", "preset or YAML file", default="spadcam"),

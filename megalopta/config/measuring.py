@@ -35,8 +35,8 @@ class FlowSettings(Record, frozen=True):
     the pixels; the error also includes the losses of the device. self is always included."""
 
     saturated: Literal["score", "leave_out"] = "score"
-    """Saturated pixels, and blocks with a tenth of them or more: score them, or leave_out. The
-    record and the report give the share of saturated readings."""
+    """Count saturated pixels, and blocks of which a tenth or more is saturated, in the errors
+    (score), or not (leave_out). Record and report give the share of saturated readings."""
 
     mixed: Literal["score", "leave_out", "weigh"] = "score"
     """Pixels that see several objects, in a block's true velocity. score: all pixels count alike,

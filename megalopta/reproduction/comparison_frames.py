@@ -51,13 +51,14 @@ _CAPTION = (
     "Methods see whole frames of {} px, of {} scenes; curves are means over scenes of the median "
     f"endpoint error of blocks of {BLOCK_PX} × {BLOCK_PX} px against their true mean velocity, "
     "with 95 % CI by bootstrap over scenes. A median says nothing about the worse half: the "
-    "file of numbers has means, shares of outliers and more. "
+    "CSV and JSON files have means, shares of outliers and more. "
     "On dead leaves the velocity is affine and differs in three disks; forests "
     "are panoramas seen by a rotating camera{}; tuned: with settings for each light, from other "
     "scenes; 4+4: on sums of four frames."
 )
 _FLOWN = (
-    ", or rendered with parallax ({} photon draws each), with flicker of up to {:.1f} % of a pixel"
+    ", or rendered with parallax ({} photon draws each), with up to {:.1f} % of rendering noise "
+    "that changes from frame to frame"
 )
 
 
