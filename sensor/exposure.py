@@ -22,6 +22,7 @@ streams, and are the same events.
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -90,26 +91,19 @@ def expose(
     expectation : bool
         True to compute mean and variance too, which about doubles the cost.
     """
+    named: dict[str, Any] = {
+        "seed": seed,
+        "sequence": sequence,
+        "first_frame": first_frame,
+        "frame_period_s": frame_period_s,
+    }
     if isinstance(sensor, CtiaSensor):
-        reading = expose_photocurrent(
-            photocurrent(radiance, bands_nm, sensor),
-            sensor,
-            seed=seed,
-            sequence=sequence,
-            first_frame=first_frame,
-            frame_period_s=frame_period_s,
-        )
+        light = photocurrent(radiance, bands_nm, sensor)
+        reading = expose_photocurrent(light, sensor, **named)
         electrons = reading_electrons(reading.volts, sensor).astype(np.float32)
         exposure = Exposure(electrons, reading.saturated)
     else:
-        exposure = expose_rate(
-            detection_rate(radiance, bands_nm, sensor),
-            sensor,
-            seed=seed,
-            sequence=sequence,
-            first_frame=first_frame,
-            frame_period_s=frame_period_s,
-        )
+        exposure = expose_rate(detection_rate(radiance, bands_nm, sensor), sensor, **named)
     if not expectation:
         return exposure
     stated = expectation_of(radiance, bands_nm, sensor, first_frame, frame_period_s)
