@@ -253,11 +253,7 @@ def expose_events(
     An event-based array reports every avalanche and has no counter. Other parameters, and errors,
     are those of `expose_rate`.
 
-    Parameters
-    ----------
-    detections_hz : (T, H, W) or (T, S, H, W) array
-    sensor : Sensor
-        Its jitter scatters the time stamps.
+    `detections_hz` (T, H, W) or (T, S, H, W); `sensor`: its jitter scatters the time stamps.
     """
     frames = _Frames.of(detections_hz, sensor, seed, sequence, first_frame, frame_period_s)
     array = frames.running(free_running)
