@@ -339,7 +339,7 @@ class _Frames:
         if not self.device.in_time:
             return detections_hz, dark_hz
         number = self.first + index
-        rates = self.device.rates(detections_hz.copy(), self.sensor.device_seed)
+        rates = self.device.rates(detections_hz.copy())
         rates.dark_counts_hz = dark_hz.copy()
         for name, effect in self.device.in_time:
             run = generator(self.seed, name, self.sequence).integers(2**63)

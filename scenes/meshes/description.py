@@ -2,7 +2,7 @@
 
 Surfaces are diffuse and opaque, equal on both sides; those of Mitsuba's XML of another type are as
 their file describes them. The reflectance of diffuse ones comes from the colors of the files
-(`scenes/spectra/colors.py`), which say nothing beyond 360 to 830 nm, or is given by the name of the
+(`scenes/spectra/color.py`), which say nothing beyond 360 to 830 nm, or is given by the name of the
 material.
 """
 

@@ -16,7 +16,7 @@ from megalopta.scenes.meshes.pictures import check_texels
 from megalopta.scenes.meshes.pieces import Color, Piece
 from megalopta.scenes.meshes.reflectance import Curve, surface_of
 from megalopta.scenes.scene import Asset
-from megalopta.scenes.spectra.colors import BLUE, GREEN, KNOWN_NM, RED, reflectance_of_color
+from megalopta.scenes.spectra.color import BLUE, GREEN, KNOWN_NM, RED, reflectance_of_color
 from megalopta.scenes.spectra.spectrum import Spectrum, flat
 
 _WHITE: Color = (1.0, 1.0, 1.0)

@@ -27,7 +27,7 @@ class PairCrosstalk(NamedTuple):
 
     def some(self, chosen: Mask) -> "PairCrosstalk":
         """Return a part of the pairs."""
-        return self._make(each[chosen] for each in self)
+        return PairCrosstalk._make(each[chosen] for each in self)
 
     def at(self, down: int, right: int) -> "PairCrosstalk":
         """Return the pairs at a distance."""
