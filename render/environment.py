@@ -21,7 +21,7 @@ from megalopta.core.arrays import Floats
 from megalopta.core.progress import say
 from megalopta.render.mitsuba_loader import mi
 from megalopta.render.noise import Image, MeasuredPass
-from megalopta.render.sensors.film import Exposure
+from megalopta.render.sensors.film import FrameExposure
 from megalopta.render.settings import Bands
 from megalopta.render.surveys import Illuminance, LightSurvey
 from megalopta.render.truth.albedo import bilinear
@@ -60,12 +60,12 @@ class EnvironmentView:
         """Points per pixel."""
         return self._grid**2
 
-    def radiance(self, exposure: Exposure) -> Image:
+    def radiance(self, exposure: FrameExposure) -> Image:
         """Mean spectral radiance (H, W, B) over all poses of an exposure; it has no noise."""
         poses = np.concatenate([part.poses.reshape(-1, 4, 4) for part in exposure.parts])
         return np.asarray(np.mean([self._seen_from(pose) for pose in poses], axis=0), np.float32)
 
-    def measured(self, exposure: Exposure) -> MeasuredPass:
+    def measured(self, exposure: FrameExposure) -> MeasuredPass:
         """The same, without error; no pixel is marked as sky."""
         radiance = self.radiance(exposure)
         return MeasuredPass(radiance, np.zeros_like(radiance[..., 0]))

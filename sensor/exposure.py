@@ -50,7 +50,7 @@ from megalopta.sensor.spad.counters import (
     read_digital,
     sample_analog,
 )
-from megalopta.sensor.spad.counts import draw_counts, mean_rate
+from megalopta.sensor.spad.counts import draw_frame, mean_rate
 from megalopta.sensor.spad.device import FixedPattern, checked_rate, detection_rate, over_frames
 from megalopta.sensor.spad.model import Sensor
 from megalopta.sensor.spad.simulation import FreeRunning, SimulatedFrame
@@ -356,7 +356,7 @@ class _Frames:
             drawn = draw_poisson(rng, detections_hz.ravel(), dark_hz.ravel(), exposure_s)
             return drawn.reshape(detections_hz.shape)
         effects, maps = self.sensor.avalanche_effects, self.device.avalanches
-        return draw_counts(rng, detections_hz + dark_hz, exposure_s, effects, maps)
+        return draw_frame(rng, detections_hz + dark_hz, exposure_s, effects, maps)
 
     def events_together(self, first: int, number: int) -> Ints:
         """Avalanches of several frames (n, H, W) from one stream."""
@@ -365,14 +365,14 @@ class _Frames:
         rng, exposure_s = self.rng("exposure", first), self.sensor.exposure_s
         effects, maps = self.sensor.avalanche_effects, self.device.avalanches
         if effects.crosstalk.is_on:
-            each = [draw_counts(rng, one, exposure_s, effects, maps) for one in arrivals_hz]
+            each = [draw_frame(rng, one, exposure_s, effects, maps) for one in arrivals_hz]
             return np.array(each)
         # Pixels without crosstalk can be treated as those of one tall frame.
         frames, *parts, rows, columns = arrivals_hz.shape
         tall_hz = np.moveaxis(arrivals_hz, 0, -3).reshape(*parts, frames * rows, columns)
         if maps is not None:
             maps = AvalancheMaps(*(np.tile(each, (frames, 1)) for each in maps))
-        counts = draw_counts(rng, tall_hz, exposure_s, effects, maps)
+        counts = draw_frame(rng, tall_hz, exposure_s, effects, maps)
         return counts.reshape(frames, rows, columns)
 
     def with_stuck(self, exposure: Exposure) -> Exposure:
