@@ -21,9 +21,10 @@ from megalopta.core.arrays import Floats
 from megalopta.core.progress import say
 from megalopta.render.mitsuba_loader import mi
 from megalopta.render.noise import Image, MeasuredPass
-from megalopta.render.sensors.film import Exposure
+from megalopta.render.sensors.film import FrameExposure
 from megalopta.render.settings import Bands
 from megalopta.render.surveys import Illuminance, LightSurvey
+from megalopta.render.truth.albedo import bilinear
 from megalopta.scenes.cameras.base import Camera
 from megalopta.scenes.scene import Environment, Lighting, Scene, SkyPattern, Sun, pattern_directions
 from megalopta.scenes.spectra.color import band_means
@@ -59,12 +60,12 @@ class EnvironmentView:
         """Points per pixel."""
         return self._grid**2
 
-    def radiance(self, exposure: Exposure) -> Image:
+    def radiance(self, exposure: FrameExposure) -> Image:
         """Mean spectral radiance (H, W, B) over all poses of an exposure; it has no noise."""
         poses = np.concatenate([part.poses.reshape(-1, 4, 4) for part in exposure.parts])
         return np.asarray(np.mean([self._seen_from(pose) for pose in poses], axis=0), np.float32)
 
-    def measured(self, exposure: Exposure) -> MeasuredPass:
+    def measured(self, exposure: FrameExposure) -> MeasuredPass:
         """The same, without error; no pixel is marked as sky."""
         radiance = self.radiance(exposure)
         return MeasuredPass(radiance, np.zeros_like(radiance[..., 0]))
@@ -101,13 +102,7 @@ def look_up(rgb: Image, directions: Image, turn_rad: float = 0.0) -> Image:
     polar = np.arccos(np.clip(directions[..., 2], -1, 1))
     x = (0.5 - azimuth / (2 * math.pi)) * columns - 0.5
     y = np.clip(polar / math.pi * rows - 0.5, 0, rows - 1)
-    left, top = np.floor(x).astype(np.int64), np.floor(y).astype(np.int64)
-    u, v = (x - left)[..., None], (y - top)[..., None]
-    bottom, right = np.minimum(top + 1, rows - 1), (left + 1) % columns
-    left %= columns
-    upper = (1 - u) * rgb[top, left] + u * rgb[top, right]
-    lower = (1 - u) * rgb[bottom, left] + u * rgb[bottom, right]
-    return np.asarray((1 - v) * upper + v * lower, np.float32)
+    return bilinear(rgb, x, y).astype(np.float32)
 
 
 def cosine_directions(count: int) -> Image:

@@ -16,13 +16,13 @@ from megalopta.render.baking.choice import path_tracing_reason
 from megalopta.render.baking.integrator import BakedLightIntegrator
 from megalopta.render.environment import EnvironmentView, under_panorama
 from megalopta.render.loading.air import Air, fill
-from megalopta.render.loading.layers import MovingLayers, is_layered
+from megalopta.render.loading.layers import MovingScene, is_layered
 from megalopta.render.loading.meshes import leaf_clusters, merge
 from megalopta.render.loading.scene import LoadedScene, load_scene
 from megalopta.render.mitsuba_loader import activate
 from megalopta.render.noise import MeasuredPass
 from megalopta.render.path_tracing import PathIntegrator
-from megalopta.render.sensors.film import Exposure, ExposurePart
+from megalopta.render.sensors.film import ExposurePart, FrameExposure
 from megalopta.render.settings import RenderSettings, bake_seed, frame_seed
 from megalopta.render.split_paths import SplitPaths, can_split
 from megalopta.render.surface_view import Integrator, SurfaceView
@@ -50,7 +50,7 @@ def _path_tracer(
         return PathIntegrator(settings.max_depth, air)
     if not is_layered(meshes):
         return SplitPaths(whole, settings)
-    exposing = SplitPaths(whole, settings, MovingLayers(meshes, loaded, still))
+    exposing = SplitPaths(whole, settings, MovingScene(meshes, loaded, still))
     return SplitPaths(whole, settings, exposing=exposing)
 
 
@@ -147,12 +147,12 @@ class SceneRenderer:
         """The same as `exposed`, with the data that determines its error."""
         return self._view.measured(self._exposure(path, shutter, frame, seed, number))
 
-    def _at(self, pose: Floats, seed: int, time_s: float) -> Exposure:
-        return Exposure((ExposurePart(self._local(pose), [time_s], seed),))
+    def _at(self, pose: Floats, seed: int, time_s: float) -> FrameExposure:
+        return FrameExposure((ExposurePart(self._local(pose), [time_s], seed),))
 
     def _exposure(
         self, path: Path, shutter: Shutter, frame: int, seed: int, number: int
-    ) -> Exposure:
+    ) -> FrameExposure:
         if shutter.readout_s:
             self._refuse_panorama(shutter)
         is_rolling, size = shutter.readout_s > 0, self.camera.shape[1 - shutter.across]
@@ -169,7 +169,9 @@ class SceneRenderer:
         instants = times.reshape(parts, count, len(lines)).mean(axis=1).tolist()
         seeds = [frame_seed(seed, frame, number, part) for part in range(parts)]
         by_columns = is_rolling and shutter.across == 0
-        return Exposure(tuple(map(ExposurePart, poses, instants, seeds)), is_rolling, by_columns)
+        return FrameExposure(
+            tuple(map(ExposurePart, poses, instants, seeds)), is_rolling, by_columns
+        )
 
     def light_survey(self, positions: Floats) -> LightSurvey | None:
         """Illuminance above and below camera positions (N, 3); None if only surfaces emit."""

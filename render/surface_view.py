@@ -19,7 +19,7 @@ from megalopta.render.loading.meshes import MovingMesh
 from megalopta.render.loading.scene import LoadedScene, move_to
 from megalopta.render.noise import MeasuredPass
 from megalopta.render.path_tracing import PathIntegrator
-from megalopta.render.sensors.film import Exposure, Film
+from megalopta.render.sensors.film import Film, FrameExposure
 from megalopta.render.settings import RenderSettings
 from megalopta.render.split_paths import SplitPaths
 from megalopta.render.surveys import LightMeter, LightSurvey
@@ -97,7 +97,7 @@ class SurfaceView:
         self._integrator.move_to(time_s)
         self._time_s = time_s
 
-    def radiance(self, exposure: Exposure) -> NDArray[np.float32]:
+    def radiance(self, exposure: FrameExposure) -> NDArray[np.float32]:
         """Radiance (H, W, B) of an exposure.
 
         Raises FloatingPointError if Mitsuba returns a value that is not finite, and ValueError if a
@@ -105,7 +105,7 @@ class SurfaceView:
         """
         return _finite(self._taken(exposure, is_measured=False))
 
-    def measured(self, exposure: Exposure) -> MeasuredPass:
+    def measured(self, exposure: FrameExposure) -> MeasuredPass:
         """The same, with the data that determines its error."""
         image = self._taken(exposure, is_measured=True)
         bands = len(self._settings.bands_nm)
@@ -134,7 +134,7 @@ class SurfaceView:
         film = Film(self._camera, settings, samples)
         return share_left_out(self._loaded, film, pose, self._settings.max_depth, self._air)
 
-    def _taken(self, exposure: Exposure, is_measured: bool) -> NDArray[np.float32]:
+    def _taken(self, exposure: FrameExposure, is_measured: bool) -> NDArray[np.float32]:
         """Mean over the instants at which moving objects are placed; the camera moves continuously.
 
         Lines of a rolling shutter share poses of moving objects (`sharing`).

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.core.arrays import Floats
-from megalopta.scenes.spectra.colors import KNOWN_NM
+from megalopta.scenes.spectra.color import KNOWN_NM
 from megalopta.scenes.spectra.spectrum import Spectrum
 
 LAST_NM: Mapping[str, float] = {

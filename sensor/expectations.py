@@ -94,7 +94,7 @@ def _all_moments(detections_hz: ArrayLike, sensor: Sensor) -> Floats:
     moments = np.empty((4, rate.shape[0], *rate.shape[-2:]))
 
     def state(frame: int) -> None:
-        states = device.over_time(rate[frame], sensor.device_seed)
+        states = device.over_time(rate[frame])
         each = [_frame_moments(rates, sensor, device) for _, rates in states]
         moments[:, frame] = each[0] if len(each) == 1 else _mixed([c for c, _ in states], each)
 

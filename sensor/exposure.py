@@ -22,6 +22,7 @@ streams, and are the same events.
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -49,7 +50,7 @@ from megalopta.sensor.spad.counters import (
     read_digital,
     sample_analog,
 )
-from megalopta.sensor.spad.counts import draw_counts, mean_rate
+from megalopta.sensor.spad.counts import draw_frame, mean_rate
 from megalopta.sensor.spad.device import FixedPattern, checked_rate, detection_rate, over_frames
 from megalopta.sensor.spad.model import Sensor
 from megalopta.sensor.spad.simulation import FreeRunning, SimulatedFrame
@@ -90,26 +91,19 @@ def expose(
     expectation : bool
         True to compute mean and variance too, which about doubles the cost.
     """
+    named: dict[str, Any] = {
+        "seed": seed,
+        "sequence": sequence,
+        "first_frame": first_frame,
+        "frame_period_s": frame_period_s,
+    }
     if isinstance(sensor, CtiaSensor):
-        reading = expose_photocurrent(
-            photocurrent(radiance, bands_nm, sensor),
-            sensor,
-            seed=seed,
-            sequence=sequence,
-            first_frame=first_frame,
-            frame_period_s=frame_period_s,
-        )
+        light = photocurrent(radiance, bands_nm, sensor)
+        reading = expose_photocurrent(light, sensor, **named)
         electrons = reading_electrons(reading.volts, sensor).astype(np.float32)
         exposure = Exposure(electrons, reading.saturated)
     else:
-        exposure = expose_rate(
-            detection_rate(radiance, bands_nm, sensor),
-            sensor,
-            seed=seed,
-            sequence=sequence,
-            first_frame=first_frame,
-            frame_period_s=frame_period_s,
-        )
+        exposure = expose_rate(detection_rate(radiance, bands_nm, sensor), sensor, **named)
     if not expectation:
         return exposure
     stated = expectation_of(radiance, bands_nm, sensor, first_frame, frame_period_s)
@@ -259,11 +253,7 @@ def expose_events(
     An event-based array reports every avalanche and has no counter. Other parameters, and errors,
     are those of `expose_rate`.
 
-    Parameters
-    ----------
-    detections_hz : (T, H, W) or (T, S, H, W) array
-    sensor : Sensor
-        Its jitter scatters the time stamps.
+    `detections_hz` (T, H, W) or (T, S, H, W); `sensor`: its jitter scatters the time stamps.
     """
     frames = _Frames.of(detections_hz, sensor, seed, sequence, first_frame, frame_period_s)
     array = frames.running(free_running)
@@ -349,7 +339,7 @@ class _Frames:
         if not self.device.in_time:
             return detections_hz, dark_hz
         number = self.first + index
-        rates = self.device.rates(detections_hz.copy(), self.sensor.device_seed)
+        rates = self.device.rates(detections_hz.copy())
         rates.dark_counts_hz = dark_hz.copy()
         for name, effect in self.device.in_time:
             run = generator(self.seed, name, self.sequence).integers(2**63)
@@ -366,7 +356,7 @@ class _Frames:
             drawn = draw_poisson(rng, detections_hz.ravel(), dark_hz.ravel(), exposure_s)
             return drawn.reshape(detections_hz.shape)
         effects, maps = self.sensor.avalanche_effects, self.device.avalanches
-        return draw_counts(rng, detections_hz + dark_hz, exposure_s, effects, maps)
+        return draw_frame(rng, detections_hz + dark_hz, exposure_s, effects, maps)
 
     def events_together(self, first: int, number: int) -> Ints:
         """Avalanches of several frames (n, H, W) from one stream."""
@@ -375,14 +365,14 @@ class _Frames:
         rng, exposure_s = self.rng("exposure", first), self.sensor.exposure_s
         effects, maps = self.sensor.avalanche_effects, self.device.avalanches
         if effects.crosstalk.is_on:
-            each = [draw_counts(rng, one, exposure_s, effects, maps) for one in arrivals_hz]
+            each = [draw_frame(rng, one, exposure_s, effects, maps) for one in arrivals_hz]
             return np.array(each)
         # Pixels without crosstalk can be treated as those of one tall frame.
         frames, *parts, rows, columns = arrivals_hz.shape
         tall_hz = np.moveaxis(arrivals_hz, 0, -3).reshape(*parts, frames * rows, columns)
         if maps is not None:
             maps = AvalancheMaps(*(np.tile(each, (frames, 1)) for each in maps))
-        counts = draw_counts(rng, tall_hz, exposure_s, effects, maps)
+        counts = draw_frame(rng, tall_hz, exposure_s, effects, maps)
         return counts.reshape(frames, rows, columns)
 
     def with_stuck(self, exposure: Exposure) -> Exposure:

@@ -39,12 +39,8 @@ class Expectation:
         referred to the exposure). It is near 0 where the pixel is saturated, negative where a
         paralyzable pixel reads less in more light, and 0 where readings never vary.
 
-        Parameters
-        ----------
-        brighter : Expectation
-            Expectation of the same sensor in light stronger by this fraction.
-        by : float
-            Much smaller than 1, such as 0.01.
+        `brighter`: expectation of the same sensor in light stronger by this fraction; `by`: much
+        smaller than 1, such as 0.01.
         """
         signal = (np.asarray(brighter.mean_reading, np.float64) - self.mean_reading) / by
         noise = np.sqrt(np.asarray(self.reading_variance, np.float64))

@@ -76,7 +76,6 @@ class Shot:
                 self._detections_hz,
                 self.sensor,
                 **self._continuing("counts"),
-                first_frame=self.first_frame,
             )
             if not is_stated:
                 return reading
@@ -92,7 +91,6 @@ class Shot:
             self.bands_nm,
             self.sensor,
             **self._named,
-            first_frame=self.first_frame,
             expectation=is_stated,
         )
 
@@ -101,6 +99,7 @@ class Shot:
         return {
             "seed": self.seed,
             "sequence": self.sequence,
+            "first_frame": self.first_frame,
             "frame_period_s": self.frame_period_s,
         }
 
@@ -160,17 +159,12 @@ class Shot:
         self.check_events()
         state = self._continuing("events")
         for index, rate in enumerate(self._detections_hz):
-            frame = self.first_frame + index
-            yield expose_events(rate[np.newaxis], self._spad, **state, first_frame=frame)
+            state["first_frame"] = self.first_frame + index
+            yield expose_events(rate[np.newaxis], self._spad, **state)
 
     def bits(self) -> NDArray[np.uint8]:
         """Draw packed binary frames, (T, H, ceil(W/8))."""
-        return expose_binary(
-            self._detections_hz,
-            self._spad,
-            **self._continuing("bits"),
-            first_frame=self.first_frame,
-        )
+        return expose_binary(self._detections_hz, self._spad, **self._continuing("bits"))
 
     def burst(self) -> Iterator[NDArray[np.uint8]]:
         """Packed binary frames (n, H, ceil(W/8)) that fill the time between frames, in pieces.

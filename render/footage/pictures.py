@@ -10,7 +10,7 @@ import struct
 import zlib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
@@ -194,8 +194,7 @@ def _coding(path: Path, unit: Unit | None, header: _Header) -> Coding:
         matrix = None if header.chromaticities is None else to_bt709(header.chromaticities)
         return Coding("cd/m²" if unit == "cd/m2" else "linear", unit, matrix=matrix)
     codes = 256 if header.depth == "8 bits" else 65536
-    coding = coding_of("sRGB" if unit == "srgb" else "linear", codes)
-    return Coding(coding.name, unit, coding.table, coding.white)
+    return replace(coding_of("sRGB" if unit == "srgb" else "linear", codes), unit=unit)
 
 
 def _common_header(files: tuple[Path, ...]) -> _Header:

@@ -50,7 +50,7 @@ def is_layered(meshes: Sequence[MergedMesh]) -> bool:
     return 0 < moving <= _LARGEST_MOVING_SHARE * sum(len(mesh.faces) for mesh in meshes)
 
 
-class MovingLayers(Layers):
+class MovingScene(Layers):
     """Scene of the meshes at rest, and a copy of the moving ones with the loaded surfaces."""
 
     def __init__(self, meshes: Sequence[MergedMesh], loaded: Any, still: Any) -> None:

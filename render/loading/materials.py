@@ -74,12 +74,13 @@ def _of_parts(material: Material) -> dict[str, Any]:
         mean(material.transmittance) + mean(material.reflectance) or 1.0
     )
     through = min(max(through, _LEAST_SHARE), 1 - _LEAST_SHARE)
-    return {
-        "type": "blendbsdf",
-        "weight": through,
-        "first": _reflecting(material, 1 / (1 - through)),
-        "second": _transmitting(material, 1 / through),
-    }
+    back, beyond = _reflecting(material, 1 / (1 - through)), _transmitting(material, 1 / through)
+    return _blend(through, back, beyond)
+
+
+def _blend(weight: Any, first: dict[str, Any], second: dict[str, Any]) -> dict[str, Any]:
+    """Mitsuba surface that is the second with a weight, otherwise the first."""
+    return {"type": "blendbsdf", "weight": weight, "first": first, "second": second}
 
 
 def mean(of: Spectrum | None) -> float:
@@ -101,16 +102,10 @@ def _reflecting(material: Material, factor: float) -> dict[str, Any]:
 def _colored(surface: _Surface, texture: ColorTexture) -> dict[str, Any]:
     """Mitsuba surface of a texture of colors: the mean of three, each three times as bright."""
     red, green, blue = (
-        {
-            "type": "blendbsdf",
-            "weight": bitmap(np.ascontiguousarray(texture.weight[..., channel])),
-            "first": surface(flat(0.0)),
-            "second": surface(of.scaled(3.0)),
-        }
-        for channel, of in enumerate(texture.reflectances)
+        _blend(bitmap(weight), surface(flat(0.0)), surface(of.scaled(3.0)))
+        for weight, of in zip(np.moveaxis(texture.weight, -1, 0), texture.reflectances, strict=True)
     )
-    others = {"type": "blendbsdf", "weight": 0.5, "first": green, "second": blue}
-    return {"type": "blendbsdf", "weight": 2 / 3, "first": red, "second": others}
+    return _blend(2 / 3, red, _blend(0.5, green, blue))
 
 
 def _transmitting(material: Material, factor: float) -> dict[str, Any]:
@@ -133,13 +128,7 @@ def _mixed(
     """Surfaces of two spectra, or of the first alone without a texture."""
     if texture is None:
         return surface(first)
-    weight = bitmap(texture.weight)
-    return {
-        "type": "blendbsdf",
-        "weight": weight,
-        "first": surface(first),
-        "second": surface(second),
-    }
+    return _blend(bitmap(texture.weight), surface(first), surface(second))
 
 
 def emission(of: Emission) -> dict[str, Any]:

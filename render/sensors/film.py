@@ -91,7 +91,7 @@ class ExposurePart:
 
 
 @dataclass(frozen=True)
-class Exposure:
+class FrameExposure:
     """Poses and times of a frame's exposure."""
 
     parts: tuple[ExposurePart, ...]

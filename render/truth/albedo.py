@@ -4,11 +4,12 @@ Textures are interpolated between texels as the renderer does. Transmitted light
 """
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.core.arrays import Floats, Ints
+from megalopta.core.arrays import Floats
 from megalopta.render.loading.meshes import MergedMesh
 from megalopta.render.settings import Bands
 from megalopta.render.truth.geometry import Geometry, Surface
@@ -44,7 +45,8 @@ def albedo_of(
             u, v = geometry.inside(triangle, surface.points[mine], time_s).T[..., None]
             first, second, third = np.moveaxis(mesh.uv[mesh.faces[triangle - ends[number]]], 1, 0)
             uv = (1 - u - v) * first + u * second + v * third
-            weight = _interpolated(material.texture.weight, uv)
+            texels = material.texture.weight.astype(np.float64)
+            weight = bilinear(texels, *(uv * texels.shape[1::-1] - 0.5).T)
             is_sum = isinstance(material.texture, ColorTexture)
             # A texture of colors is on a black surface, another is mixed with the first spectrum.
             albedo[mine] += weight @ (np.array(parts) - (0 if is_sum else base))
@@ -56,18 +58,18 @@ def _spectra(material: Material) -> list[Spectrum]:
     return [material.reflectance, *(reflectance for reflectance, _ in of_texture)]
 
 
-def _interpolated(texels: NDArray[np.float32], uv: Floats) -> Floats:
-    """Bilinear interpolation (N, C) of texels (H, W) or (H, W, C) that tile the uv square."""
-    image = texels.reshape(*texels.shape[:2], -1).astype(np.float64)
-    size = np.array(image.shape[1::-1])
-    place = uv * size - 0.5
-    low = np.floor(place)
-    right, down = (place - low).T[..., None]
-    column, row = low.astype(np.int64).T
+def bilinear(picture: NDArray[Any], x: NDArray[Any], y: NDArray[Any]) -> NDArray[Any]:
+    """Values (..., C) of a picture (H, W) or (H, W, C), which repeats, at columns and rows (...).
 
-    def texel(x: Ints, y: Ints) -> Floats:
-        return np.asarray(image[y % size[1], x % size[0]])
-
-    upper = (1 - right) * texel(column, row) + right * texel(column + 1, row)
-    lower = (1 - right) * texel(column, row + 1) + right * texel(column + 1, row + 1)
+    0 is the center of the first pixel.
+    """
+    image = picture.reshape(*picture.shape[:2], -1)
+    rows, columns = image.shape[:2]
+    left, top = np.floor(x).astype(np.int64), np.floor(y).astype(np.int64)
+    right, down = (x - left)[..., None], (y - top)[..., None]
+    across = left % columns, (left + 1) % columns
+    upper, lower = (
+        (1 - right) * image[row, across[0]] + right * image[row, across[1]]
+        for row in (top % rows, (top + 1) % rows)
+    )
     return np.asarray((1 - down) * upper + down * lower)

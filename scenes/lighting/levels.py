@@ -105,7 +105,7 @@ DISC_FRACTION = 0.8
 
 
 @dataclass(frozen=True)
-class Level:
+class Illumination:
     """Definition of a named light level."""
 
     illuminance_lux: float
@@ -128,27 +128,27 @@ class Level:
         return self.disc.illuminance_lux / self.illuminance_lux if self.disc else 0.0
 
 
-def shared(lights: tuple[Component, Component], lux: float, disc_fraction: float) -> Level:
+def shared(lights: tuple[Component, Component], lux: float, disc_fraction: float) -> Illumination:
     """Disc and sky of sun or moon that together give an illuminance."""
     disc, sky = lights
     parts = (disc.giving(lux * disc_fraction), sky.giving(lux * (1 - disc_fraction)))
-    return Level(lux, tuple(each for each in parts if max(each.irradiance.values)))
+    return Illumination(lux, tuple(each for each in parts if max(each.irradiance.values)))
 
 
-def scaled(illuminance_lux: float, components: tuple[Component, ...]) -> Level:
+def scaled(illuminance_lux: float, components: tuple[Component, ...]) -> Illumination:
     """Lights scaled by a common factor to give an illuminance."""
     factor = illuminance_lux / sum(each.illuminance_lux for each in components)
-    return Level(illuminance_lux, tuple(each.scaled(factor) for each in components))
+    return Illumination(illuminance_lux, tuple(each.scaled(factor) for each in components))
 
 
-def _above_night(illuminance_lux: float, *lights: Component) -> Level:
+def _above_night(illuminance_lux: float, *lights: Component) -> Illumination:
     """Lights that supply the part beyond the night sky, disc and sky by their shares."""
     rest = illuminance_lux - sum(each.illuminance_lux for each in _NIGHT)
     if len(lights) == 2:
         parts = shared((lights[0], lights[1]), rest, DISC_FRACTION).components
     else:
         parts = (lights[0].giving(rest),)
-    return Level(illuminance_lux, (*parts, *_NIGHT))
+    return Illumination(illuminance_lux, (*parts, *_NIGHT))
 
 
 _STARLIGHT_LUX = 1e-3
@@ -156,12 +156,12 @@ _NIGHT = (AIRGLOW_SKY, STARS.giving(_STARLIGHT_LUX - AIRGLOW_SKY.illuminance_lux
 """Moonless sky; its stars are scaled to four fifths of the published brightness."""
 _DARKEST = (AIRGLOW_SKY, FAINT_STARS)
 
-LEVELS: Mapping[str, Level] = {
+LEVELS: Mapping[str, Illumination] = {
     "daylight": shared(DAY, 1e5, DISC_FRACTION),
     "twilight": _above_night(1.0, TWILIT_SKY),
     "full_moon": _above_night(0.25, *FULL),
     "quarter_moon": _above_night(1e-2, *QUARTER),
-    "starlight": Level(_STARLIGHT_LUX, _NIGHT),
+    "starlight": Illumination(_STARLIGHT_LUX, _NIGHT),
     # three digits, for readability: 0.03 % off the table
     "airglow": scaled(8.19e-4, _DARKEST),
     "moonless_forest_floor": scaled(math.pi * 1e-4, _NIGHT),

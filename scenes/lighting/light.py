@@ -32,7 +32,7 @@ from megalopta.scenes.lighting.levels import (
     LEVELS,
     Component,
     ComponentName,
-    Level,
+    Illumination,
     LevelName,
     overcast,
     scaled,
@@ -118,7 +118,7 @@ class Light(Record, frozen=True):
             )
         return self
 
-    def resolved(self) -> Level:
+    def resolved(self) -> Illumination:
         """Return the level with all overrides applied."""
         level = LEVELS[self.level]
         if self.disc_fraction is not None and level.disc:
@@ -128,7 +128,7 @@ class Light(Record, frozen=True):
         if self.color_temperature_k is not None:
             color = planckian(self.color_temperature_k)
             parts = tuple(each.giving(each.illuminance_lux, color) for each in level.components)
-            level = Level(level.illuminance_lux, parts)
+            level = Illumination(level.illuminance_lux, parts)
         if self.illuminance_lux is not None:
             level = scaled(self.illuminance_lux, level.components)
         return level
@@ -165,21 +165,21 @@ class Light(Record, frozen=True):
         return SkyPattern(light.irradiance.scaled(1 / math.pi), shape.astype(np.float32))
 
 
-def _with_disc(level: Level, fraction: float) -> Level:
+def _with_disc(level: Illumination, fraction: float) -> Illumination:
     """Return the level with sun or moon light redistributed between disc and sky."""
     lit = {each.name: each for each in level.components}
     disc, sky = next((lit[a], lit[b]) for a, b in _OF_ONE_SOURCE.items() if a in lit)
     parts = shared((disc, sky), disc.illuminance_lux + sky.illuminance_lux, fraction)
     others = tuple(each for each in level.components if each not in (disc, sky))
-    return Level(level.illuminance_lux, (*parts.components, *others))
+    return Illumination(level.illuminance_lux, (*parts.components, *others))
 
 
-def _clouded(level: Level, cover: float) -> Level:
+def _clouded(level: Illumination, cover: float) -> Illumination:
     """Return lights through the gaps, and those through clouds."""
     clear = tuple(each.scaled(1 - cover) for each in level.components) if cover < 1 else ()
     share = overcast_share(cover)
     clouds = overcast(level.components).scaled(share - (1 - cover))
-    return Level(level.illuminance_lux * share, (*clear, clouds))
+    return Illumination(level.illuminance_lux * share, (*clear, clouds))
 
 
 SUN_DEPTH_DEG = 6.4

@@ -2,7 +2,7 @@
 
 Surfaces are diffuse and opaque, equal on both sides; those of Mitsuba's XML of another type are as
 their file describes them. The reflectance of diffuse ones comes from the colors of the files
-(`scenes/spectra/colors.py`), which say nothing beyond 360 to 830 nm, or is given by the name of the
+(`scenes/spectra/color.py`), which say nothing beyond 360 to 830 nm, or is given by the name of the
 material.
 """
 
@@ -24,7 +24,7 @@ from megalopta.scenes.meshes.mitsuba_xml import check_lights
 from megalopta.scenes.meshes.model import PlacedMesh
 from megalopta.scenes.meshes.pictures import check_texels
 from megalopta.scenes.meshes.pieces import Piece
-from megalopta.scenes.meshes.reflectance import Reflectance, Share, surface_of
+from megalopta.scenes.meshes.reflectance import Reflectance, Share, material_of
 from megalopta.scenes.meshes.surfaces import Surfacing, check_names
 from megalopta.scenes.scene import Asset, Placement, Scene
 from megalopta.scenes.trajectories.base import Path
@@ -124,7 +124,7 @@ class Meshes(SceneDescription, frozen=True):
         materials: dict[str, Material] = {}
         parts = list(self._objects(models, materials))
         if self.ground is not None:
-            materials[_GROUND] = surface_of(self.ground)
+            materials[_GROUND] = material_of(self.ground)
             ground = Placement(_GROUND, _GROUND, np.eye(4))
             parts.append((_ground_below(parts), ground))
         assets = {placement.asset: asset for asset, placement in parts}

@@ -87,19 +87,13 @@ def _contents(path: str) -> Contents:
 
 def _names_in(path: str, name: str, contents: Contents) -> Iterable[str]:
     """Names of the files that a file, or one that it names, names."""
-    content = contents[name]
-    if path.lower().endswith(".xml"):  # which alone names surfaces and pictures
-        if not name.lower().endswith(".xml"):
-            return ()
-        with refused_as_damaged(path):
-            return mitsuba_xml.names_in(contents)
+    kind = PurePosixPath(name).suffix.lower()
     with refused_as_damaged(path):
-        match PurePosixPath(name).suffix.lower():
-            case ".glb" | ".gltf":
-                return gltf_file.names_in(content)
-            case ".obj" | ".mtl":
-                return wavefront.names_in(name, content)
-    return ()
+        if path.lower().endswith(".xml"):  # which alone names surfaces and pictures
+            return mitsuba_xml.names_in(contents) if kind == ".xml" else ()
+        if kind in (".glb", ".gltf"):
+            return gltf_file.names_in(contents[name])
+        return wavefront.names_in(name, contents[name]) if kind in (".obj", ".mtl") else ()
 
 
 def _beside(path: str, name: str, at_most: int) -> bytes:

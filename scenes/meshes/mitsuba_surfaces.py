@@ -39,7 +39,7 @@ _MOST_PARTS = 200
 _NAME, _WORD = re.compile("(?!(type|id)$)[a-z][a-z0-9_]{0,40}"), re.compile("[A-Za-z0-9 _-]{0,40}")
 
 
-class Coat(NamedTuple):
+class PlacedPaint(NamedTuple):
     """Paint of a shape, and the map (3, 3) of its texture coordinates to those of the picture."""
 
     paint: Paint
@@ -51,21 +51,21 @@ class Surfaces:
 
     def __init__(self, document: Document, contents: Mapping[str, bytes]) -> None:
         self._document, self._contents = document, contents
-        self._read: dict[tuple[int, str], Coat] = {}
+        self._read: dict[tuple[int, str], PlacedPaint] = {}
         self._pictures: dict[tuple[str, str], NDArray[np.float32]] = {}
         self._parts = 0
 
-    def of(self, shape: Element, name: str) -> Coat:
+    def of(self, shape: Element, name: str) -> PlacedPaint:
         """Return the surface of a shape, which has the shape's name if it has none."""
         found = self._document.parts(shape, "bsdf")
         if not found:
-            return Coat(Paint(name, spectrum=self._spectrum(_USUAL)), np.eye(3))
+            return PlacedPaint(Paint(name, spectrum=self._spectrum(_USUAL)), np.eye(3))
         key = id(found[0]), found[0].get("id") or name
         if key not in self._read:
             self._read[key] = self._coat(found[0], key[1])
         return self._read[key]
 
-    def _coat(self, bsdf: Element, name: str) -> Coat:
+    def _coat(self, bsdf: Element, name: str) -> PlacedPaint:
         inner, side = self._document.parts(bsdf, "bsdf"), bsdf
         if bsdf.get("type") == "twosided" and len(inner) == 1:
             name, side = bsdf.get("id") or inner[0].get("id") or name, inner[0]
@@ -74,24 +74,24 @@ class Surfaces:
             return coat
         self._parts = 0
         try:
-            return Coat(Paint(name, finish=self._finish(bsdf, name)), np.eye(3))
+            return PlacedPaint(Paint(name, finish=self._finish(bsdf, name)), np.eye(3))
         except _NotKeptError as problem:
-            return Coat(Paint(name, refused=str(problem)), np.eye(3))
+            return PlacedPaint(Paint(name, refused=str(problem)), np.eye(3))
 
-    def _diffuse(self, bsdf: Element, name: str) -> Coat | None:
+    def _diffuse(self, bsdf: Element, name: str) -> PlacedPaint | None:
         """Return a diffuse surface of a color, spectrum or picture of colors; None of others."""
         given = (each for each in bsdf if each.get("name", "reflectance") == "reflectance")
         reflecting = self._document.resolved(next(given, _USUAL))
         if reflecting.tag in ("rgb", "srgb"):
-            return Coat(Paint(name, _color(reflecting)), np.eye(3))
+            return PlacedPaint(Paint(name, _color(reflecting)), np.eye(3))
         if reflecting.tag == "spectrum":
-            return Coat(Paint(name, spectrum=self._spectrum(reflecting)), np.eye(3))
+            return PlacedPaint(Paint(name, spectrum=self._spectrum(reflecting)), np.eye(3))
         if reflecting.get("type") != "bitmap" or value_of(reflecting, "boolean", "raw") == "true":
             return None
         file = plain(value_of(reflecting, "string", "filename"))
         picture = self._picture(file, name)
         # Mitsuba ignores the fourth row and column.
-        return Coat(Paint(name, picture=picture), transform_of(reflecting, "to_uv")[:3, :3])
+        return PlacedPaint(Paint(name, picture=picture), transform_of(reflecting, "to_uv")[:3, :3])
 
     def _finish(self, given: Element, material: str) -> Finish:
         """Return a surface, or a texture of one, as it is. Raises _NotKeptError."""

@@ -73,7 +73,7 @@ Reflectance = Annotated[Share | Curve | str, BeforeValidator(_read), AfterValida
 """A number, the same at every wavelength; the name of a surface of forests; or a curve."""
 
 
-def surface_of(given: "float | Curve | str") -> Material:
+def material_of(given: "float | Curve | str") -> Material:
     """Return the surface of a reflectance; a curve says nothing beyond its ends."""
     if isinstance(given, Curve):
         ends = given.wavelengths_nm[0], given.wavelengths_nm[-1]

@@ -14,9 +14,9 @@ from megalopta.scenes.finish import Finish
 from megalopta.scenes.material import ColorTexture, Emission, Material
 from megalopta.scenes.meshes.pictures import check_texels
 from megalopta.scenes.meshes.pieces import Color, Piece
-from megalopta.scenes.meshes.reflectance import Curve, surface_of
+from megalopta.scenes.meshes.reflectance import Curve, material_of
 from megalopta.scenes.scene import Asset
-from megalopta.scenes.spectra.colors import BLUE, GREEN, KNOWN_NM, RED, reflectance_of_color
+from megalopta.scenes.spectra.color import BLUE, GREEN, KNOWN_NM, RED, reflectance_of_color
 from megalopta.scenes.spectra.spectrum import Spectrum, flat
 
 _WHITE: Color = (1.0, 1.0, 1.0)
@@ -64,7 +64,7 @@ class Surfacing:
                 yield self._shining(piece, piece.paint.radiance)
             elif piece.material in self.given:
                 yield self._part(
-                    piece.material, surface_of(self.given[piece.material]), _bare(piece)
+                    piece.material, material_of(self.given[piece.material]), _bare(piece)
                 )
             elif piece.paint.refused:
                 raise ValueError(
@@ -131,7 +131,7 @@ class Surfacing:
         finish = paint.finish if given is None else None
         if not finish and not (paint.picture is not None or paint.refused):
             own = paint.spectrum or reflectance_of_color(paint.color)
-            finish = _reflecting(own if given is None else surface_of(given).reflectance)
+            finish = _reflecting(own if given is None else material_of(given).reflectance)
         spans = [(radiance.wavelengths_nm[0], KNOWN_NM[1])] if len(radiance.values) > 1 else []
         spans += [finish.known_nm] if finish and finish.known_nm else []
         ends = (max(low for low, _ in spans), min(high for _, high in spans)) if spans else None

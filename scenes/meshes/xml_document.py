@@ -11,6 +11,7 @@ from collections.abc import Iterator, Mapping
 from xml.etree import ElementTree
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from megalopta.core.arrays import Floats
 from megalopta.core.bounded import quoted
@@ -163,7 +164,8 @@ def _step(step: Element) -> Floats:
             matrix[:3, :3] = np.diag(_vector(step, 1.0))
         case "rotate":
             axis, angle = _vector(step, 0.0), np.radians(float(step.get("angle", "0")))
-            matrix[:3, :3] = _rotation(axis, angle)
+            turn = angle * axis / np.linalg.norm(axis)
+            matrix[:3, :3] = Rotation.from_rotvec(turn).as_matrix()
         case "matrix":
             given = numbers_in(step.get("value", ""))
             side = 4 if given.size == 16 else 3
@@ -178,13 +180,6 @@ def _step(step: Element) -> Floats:
         case other:
             raise ValueError(f"it has an unknown transform {quoted(other)!r}")
     return matrix
-
-
-def _rotation(axis: Floats, angle: float) -> Floats:
-    """Rotation (3, 3) about an axis of any length (Rodrigues)."""
-    x, y, z = axis / np.linalg.norm(axis)
-    across = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    return np.asarray(np.eye(3) + np.sin(angle) * across + (1 - np.cos(angle)) * across @ across)
 
 
 def _vector(step: Element, usual: float) -> Floats:

@@ -1,4 +1,4 @@
-"""Spectral bands to display colors, and colors of a picture to spectra.
+"""Spectral bands to display colors; colors of pictures and of surfaces to spectra.
 
 For display: CIE 1931 matching functions, white balance, sRGB. The matching functions are the
 multi-lobe Gaussian fits of Wyman, Sloan and Shirley (JCGT 2(2), 2013), accurate to about 1 %: for
@@ -9,6 +9,12 @@ has the light's spectrum times a smooth function of wavelength: red, green and b
 other in logistic steps, so that white has the light's spectrum, nothing is negative, and light is
 conserved. The steps are placed so that each color has its sRGB share of the luminance. Red extends
 into the infrared and blue into the ultraviolet, on which the picture has no information.
+
+Reflectances of surfaces of which a color is known: a sum of those of red, green and blue, which add
+up to 1 (Mallett and Yuksel 2019, Spectral Primary Decomposition for Rendering with sRGB
+Reflectance). They are the smoothest that are nowhere negative and have, in D65, the colors of sRGB.
+Sums are linear in the color, so that a texture of colors is one of three weights. Beyond 360 to 830
+nm a color says nothing.
 """
 
 from collections.abc import Sequence
@@ -19,7 +25,7 @@ from scipy.optimize import brentq
 from scipy.special import expit
 
 from megalopta.core.arrays import Floats
-from megalopta.scenes.spectra.spectrum import Spectrum, luminous
+from megalopta.scenes.spectra.spectrum import TABLES, Spectrum, luminous
 
 # (weight, center nm, 1/width below, 1/width above), per lobe of x, y and z.
 _LOBES = (
@@ -127,3 +133,19 @@ def band_means(spectra: Sequence[Spectrum], bands_nm: Bands) -> Floats:
     return np.array(
         [[np.trapezoid(s(grid), grid) / (grid[-1] - grid[0]) for grid in grids] for s in spectra]
     )
+
+
+KNOWN_NM = (360.0, 830.0)
+"""Lowest and highest wavelength at which a color has a reflectance."""
+_RED, _BLUE = (np.array(TABLES[f"{name} of sRGB"]) for name in ("red", "blue"))
+_KNOWN_GRID_NM = np.linspace(*KNOWN_NM, len(_RED))
+_OF_PRIMARIES = np.stack([_RED, (1 - _RED - _BLUE).clip(0), _BLUE])
+
+
+def reflectance_of_color(rgb: ArrayLike) -> Spectrum:
+    """Return the reflectance of a color (3,) in linear sRGB, 0 to 1."""
+    return Spectrum.of(_KNOWN_GRID_NM, np.asarray(rgb, np.float64) @ _OF_PRIMARIES)
+
+
+RED, GREEN, BLUE = map(reflectance_of_color, np.eye(3))
+"""Reflectances of the primaries of sRGB."""

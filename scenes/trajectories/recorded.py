@@ -24,7 +24,7 @@ COLUMNS = ("t", "x", "y", "z", "qx", "qy", "qz", "qw")
 _LARGEST_NORM_ERROR = 0.01
 
 
-def content_of(source: object) -> object:
+def recorded_text(source: object) -> object:
     """Text of a CSV file, given its path or the text itself."""
     if not isinstance(source, str) or "\n" in source:
         return source
@@ -45,7 +45,7 @@ class Recorded(Path, frozen=True):
 
     kind: Literal["recorded"] = "recorded"
 
-    csv: Annotated[str, BeforeValidator(content_of)]
+    csv: Annotated[str, BeforeValidator(recorded_text)]
     """Path of a CSV file with the columns t (s), x, y, z (m) and qx, qy, qz, qw (unit quaternion
     from camera axes, +x right, +y down, +z forward, to world axes); a header line is optional. It
     is read once; from then on this is the file's text."""

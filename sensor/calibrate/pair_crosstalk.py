@@ -27,13 +27,7 @@ class PairCrosstalk(NamedTuple):
 
     def some(self, chosen: Mask) -> "PairCrosstalk":
         """Return a part of the pairs."""
-        return PairCrosstalk(
-            self.down[chosen],
-            self.right[chosen],
-            self.column[chosen],
-            self.probability[chosen],
-            self.error[chosen],
-        )
+        return PairCrosstalk._make(each[chosen] for each in self)
 
     def at(self, down: int, right: int) -> "PairCrosstalk":
         """Return the pairs at a distance."""

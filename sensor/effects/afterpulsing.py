@@ -21,7 +21,7 @@ from pydantic import Field, model_validator
 
 from megalopta.core.arrays import Floats
 from megalopta.core.compiling import compiled
-from megalopta.sensor.effects.base import Effect, PixelRates, Stage
+from megalopta.sensor.effects.base import Effect, Stage
 
 
 class Afterpulsing(Effect, frozen=True):
@@ -29,6 +29,8 @@ class Afterpulsing(Effect, frozen=True):
 
     stage: ClassVar[Stage] = Stage.AVALANCHES
     statement: ClassVar[str] = "avalanches fill traps whose carriers arrive later"
+    switch: ClassVar[str] = "mean_carriers"
+    scattered: ClassVar[str] = "afterpulsing"
 
     mean_carriers: Annotated[float, Field(ge=0, le=0.95)] = 0.0
     """Mean number of carriers that an avalanche leaves in traps (0: no afterpulsing)."""
@@ -62,20 +64,10 @@ class Afterpulsing(Effect, frozen=True):
         return self
 
     @property
-    def is_on(self) -> bool:
-        """True if avalanches leave any carriers."""
-        return self.mean_carriers > 0
-
-    @property
     def memory_s(self) -> float:
         """Time after which a pixel has forgotten its past except for a part in e²⁰, s."""
         delay = self.table_delays_s[-1] if self.table_delays_s else self.delay_s
         return 20 * delay / (1 - self.mean_carriers)
-
-    def act_on_rates(self, rates: PixelRates) -> None:
-        """Apply each pixel's factor on the number of carriers."""
-        if self.is_on:
-            rates.scatter("afterpulsing", self.mismatch_sigma)
 
 
 @compiled

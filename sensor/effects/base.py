@@ -142,11 +142,15 @@ class Effect(Record):
     stage: ClassVar[Stage]
     statement: ClassVar[str]
     """Description for readers"""
+    switch: ClassVar[str] = ""
+    """Field of which a value other than 0 switches it on; empty: any field that is changed"""
+    scattered: ClassVar[str] = ""
+    """Name in `PixelRates.factors` that its `mismatch_sigma` scatters over the pixels"""
 
     @property
     def is_on(self) -> bool:
         """True if it has any effect."""
-        return self != self.off()
+        return bool(getattr(self, self.switch)) if self.switch else self != self.off()
 
     @property
     def memory_s(self) -> float:
@@ -159,7 +163,9 @@ class Effect(Record):
         return cls()
 
     def act_on_rates(self, rates: PixelRates) -> None:
-        """Change the rates of the pixels, in place; by default nothing."""
+        """Change the rates of the pixels, in place; by default by the scatter of `scattered`."""
+        if self.is_on:
+            rates.scatter(self.scattered, getattr(self, "mismatch_sigma", 0.0))
 
     def act_on_frame(self, rates: FrameRates, rng: np.random.Generator, frame: Frame) -> None:
         """Change the rates in one frame, in place; by default nothing.

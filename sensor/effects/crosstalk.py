@@ -30,7 +30,7 @@ from scipy.ndimage import convolve
 from scipy.sparse import csr_matrix, diags, identity
 
 from megalopta.core.arrays import Floats, Ints, plain_array
-from megalopta.sensor.effects.base import Effect, PixelRates, Stage
+from megalopta.sensor.effects.base import Effect, Stage
 from megalopta.sensor.input_files import file_content
 
 REACH = 3
@@ -50,6 +50,8 @@ class Crosstalk(Effect, frozen=True):
 
     stage: ClassVar[Stage] = Stage.AVALANCHES
     statement: ClassVar[str] = "avalanches send light to neighboring pixels"
+    switch: ClassVar[str] = "mean_fired_neighbors"
+    scattered: ClassVar[str] = "crosstalk"
 
     mean_fired_neighbors: Annotated[float, Field(ge=0, le=0.8)] = 0.0
     """Mean number of pixels that one avalanche inside the array fires (0: no crosstalk)."""
@@ -98,19 +100,9 @@ class Crosstalk(Effect, frozen=True):
         return self
 
     @property
-    def is_on(self) -> bool:
-        """True if any neighbor is fired."""
-        return self.mean_fired_neighbors > 0
-
-    @property
     def most_fired(self) -> float:
         """Mean number of pixels fired by an avalanche in the pixel that fires most."""
         return float(neighborhoods(self).sum(axis=(2, 3)).max())
-
-    def act_on_rates(self, rates: PixelRates) -> None:
-        """Apply each pixel's factor on the crosstalk that it sends."""
-        if self.is_on:
-            rates.scatter("crosstalk", self.mismatch_sigma)
 
 
 @lru_cache(maxsize=16)

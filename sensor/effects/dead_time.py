@@ -28,7 +28,7 @@ from pydantic import Field, model_validator
 
 from megalopta.core.arrays import Floats, Ints
 from megalopta.sensor.effects import nonparalyzable, paralyzable
-from megalopta.sensor.effects.base import Effect, PixelRates, Stage
+from megalopta.sensor.effects.base import Effect, Stage
 from megalopta.sensor.sampling.poisson import draw_poisson
 
 MOST_ARRIVALS = 1e15
@@ -43,6 +43,7 @@ class DeadTime(Effect, frozen=True):
 
     stage: ClassVar[Stage] = Stage.AVALANCHES
     statement: ClassVar[str] = "arrivals while the pixel recovers are lost"
+    scattered: ClassVar[str] = "dead_time"
 
     kind: Literal["ideal", "nonparalyzable", "paralyzable"] = "ideal"
     """ideal: no dead time; nonparalyzable, active quench: arrivals in it are lost; paralyzable,
@@ -105,11 +106,6 @@ class DeadTime(Effect, frozen=True):
     def memory_s(self) -> float:
         """Time in which a recharging pixel forgets, beyond some dead times, s."""
         return 20 * self.recharge_s
-
-    def act_on_rates(self, rates: PixelRates) -> None:
-        """Apply each pixel's factor on the dead time."""
-        if self.is_on:
-            rates.scatter("dead_time", self.mismatch_sigma)
 
 
 def expected_counts(rate_hz: ArrayLike, exposure_s: float, dead_time: DeadTime) -> Floats:

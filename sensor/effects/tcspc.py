@@ -46,6 +46,7 @@ class Tcspc(Effect, frozen=True):
 
     stage: ClassVar[Stage] = Stage.READOUT
     statement: ClassVar[str] = "the first avalanche of each pulse is counted by its time"
+    switch: ClassVar[str] = "bins"
 
     bins: Annotated[int, Field(ge=0, le=65536)] = 0
     """Bins of the converter in one period (0: no histograms)."""
@@ -62,11 +63,6 @@ class Tcspc(Effect, frozen=True):
     from_camera: bool = False
     """True: the source is at the camera, and to delay_s adds the time of light to what a pixel sees
     and back. Needs the depth of a rendered sequence; the sky returns no pulse."""
-
-    @property
-    def is_on(self) -> bool:
-        """True if photons are counted by their time."""
-        return self.bins > 0
 
 
 def first_photon_shares(

@@ -41,6 +41,7 @@ class Telegraph(Effect, frozen=True):
 
     stage: ClassVar[Stage] = Stage.OPERATION
     statement: ClassVar[str] = "traps switch the dark counts of some pixels between levels"
+    switch: ClassVar[str] = "share"
 
     share: Annotated[float, Field(ge=0, le=1)] = 0.0
     """Fraction of pixels that switch (0: none)."""
@@ -63,11 +64,6 @@ class Telegraph(Effect, frozen=True):
                 f"{self.fastest_s:g}; give the longer correlation time"
             )
         return self
-
-    @property
-    def is_on(self) -> bool:
-        """True if any pixel switches."""
-        return self.share > 0
 
     def act_on_frame(self, rates: FrameRates, rng: np.random.Generator, frame: Frame) -> None:
         """Raise the dark counts by those of active traps."""

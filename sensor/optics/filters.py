@@ -36,6 +36,7 @@ class ColorFilters(Effect, frozen=True):
 
     stage: ClassVar[Stage] = Stage.LIGHT
     statement: ClassVar[str] = "every pixel sees light through its filter of the mosaic"
+    switch: ClassVar[str] = "mosaic"
 
     mosaic: tuple[Annotated[str, Field(pattern="^[RGBW]{1,16}$")], ...] = Field((), max_length=16)
     """Rows of the mosaic, which repeats, such as RG and GB; empty: no filters."""
@@ -61,11 +62,6 @@ class ColorFilters(Effect, frozen=True):
                     "neither"
                 )
         return self
-
-    @property
-    def is_on(self) -> bool:
-        """True if there are filters."""
-        return bool(self.mosaic)
 
     def has(self, letter: str) -> bool:
         """True if a filter is part of the mosaic."""

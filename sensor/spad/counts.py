@@ -21,7 +21,7 @@ from megalopta.sensor.spad.moments import open_rate, pixel_moments
 from megalopta.sensor.spad.simulation import simulate_frame
 
 
-def draw_counts(
+def draw_frame(
     rng: np.random.Generator,
     rate_hz: Floats,
     exposure_s: float,
@@ -57,7 +57,7 @@ def count_moments(
     effects: AvalancheEffects,
     maps: AvalancheMaps | None = None,
 ) -> tuple[Floats, Floats]:
-    """Mean and variance (rows, columns) of the counts of one exposure; parameters as `draw_counts`.
+    """Mean and variance (rows, columns) of the counts of one exposure; parameters as `draw_frame`.
 
     For rates in parts, the moments of each part's rate are weighted with its share of the open
     time. This is exact without dead time and afterpulsing; otherwise it neglects what a part

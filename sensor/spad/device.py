@@ -24,34 +24,27 @@ from megalopta.sensor.spad.counters import AnalogCounter, AnalogPixels, analog_p
 from megalopta.sensor.spad.model import MOST_OFFSPRING, Sensor, effects_of
 
 
-@dataclass(frozen=True, eq=False)
-class FixedPattern:
-    """Pixels of one device."""
+@dataclass(eq=False)
+class FixedPattern(PixelRates):
+    """Pixels of one device: their rates at its bias and temperature, and what else differs."""
 
-    efficiency_factor: Floats
-    """(H, W): detection efficiency relative to the sensor's curve."""
-    dark_counts_hz: Floats
-    """(H, W): dark count rate at this bias and temperature."""
-    counters: AnalogPixels | None
-    """Steps and leaks of analog counters."""
+    counters: AnalogPixels | None = None
+    """Steps and leaks of analog counters"""
+
     avalanches: AvalancheMaps | None = None
-    """Differences in dead time, afterpulsing and crosstalk; None if there are none."""
+    """Differences in dead time, afterpulsing and crosstalk; None if there are none"""
+
     in_time: tuple[tuple[str, Effect], ...] = ()
-    """(name, Effect): effects that change from frame to frame."""
-    telegraph_factor: Floats | None = None
-    """(H, W): measured steps of telegraph noise relative to the sensor's; None if drawn."""
-    stuck: Floats | None = None
-    """(H, W): readings of stuck pixels, -1 for others; None if there are none."""
-    excess_v: Floats | None = None
-    """(H, W): excess bias of pixels whose efficiency is a surface over wavelength and bias."""
+    """Effects that change from frame to frame, by name"""
 
-    def rates(self, detections_hz: Floats, device_seed: int) -> FrameRates:
+    def rates(self, detections_hz: Floats) -> FrameRates:
         """Rates of a frame, before the effects that change with time."""
-        return FrameRates(detections_hz, self.dark_counts_hz, device_seed, self.telegraph_factor)
+        telegraph = self.factors.get("telegraph")
+        return FrameRates(detections_hz, self.dark_counts_hz, self.device_seed, telegraph)
 
-    def over_time(self, detections_hz: Floats, device_seed: int) -> list[tuple[float, FrameRates]]:
+    def over_time(self, detections_hz: Floats) -> list[tuple[float, FrameRates]]:
         """Possible rates of a frame with their probabilities: one, if none change with time."""
-        rates = [(1.0, self.rates(detections_hz, device_seed))]
+        rates = [(1.0, self.rates(detections_hz))]
         for _, effect in self.in_time:
             rates = [
                 (chance * share, changed)
@@ -94,17 +87,7 @@ def _draw(sensor: Sensor, shape: tuple[int, int]) -> FixedPattern:
         for name, effect in effects
         if effect.is_on and type(effect).act_on_frame is not Effect.act_on_frame
     )
-    telegraph_factor = rates.factors.get("telegraph")
-    return FixedPattern(
-        rates.efficiency_factor,
-        rates.dark_counts_hz,
-        counters,
-        maps,
-        in_time,
-        telegraph_factor,
-        rates.stuck,
-        rates.excess_v,
-    )
+    return FixedPattern(**vars(rates), counters=counters, avalanches=maps, in_time=in_time)
 
 
 _draw_once = lru_cache(maxsize=8)(_draw)

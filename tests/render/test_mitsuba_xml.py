@@ -8,8 +8,7 @@ from megalopta.render import RenderSettings, SceneRenderer, mi
 from megalopta.render.sensors.film import film_and_sampler
 from megalopta.render.sensors.optics import plugin, sensor_transform
 from megalopta.scenes import Light, Meshes, PerspectiveCamera, Trajectory, build_scene
-from megalopta.scenes.spectra.color import band_means
-from megalopta.scenes.spectra.colors import BLUE, GREEN, RED
+from megalopta.scenes.spectra.color import BLUE, GREEN, RED, band_means
 
 RNG = np.random.default_rng(3)
 PLY_HEADER = """ply

@@ -5,7 +5,7 @@ import pytest
 
 from megalopta.assets_gen.bodies import box
 from megalopta.render import RenderSettings, SceneRenderer
-from megalopta.render.loading.layers import MovingLayers
+from megalopta.render.loading.layers import MovingScene
 from megalopta.render.loading.meshes import MovingMesh, merge
 from megalopta.render.surface_view import SHARED_PX, lines_of_a_pose
 from megalopta.scenes import MovingObject, PerspectiveCamera, Scene, Shutter, Trajectory
@@ -50,7 +50,7 @@ def local(renderer):
 def test_paths_through_two_scenes_are_those_through_the_whole_one(renderer):
     view, pose = renderer._view, local(renderer)
     layers = view._integrator.exposing
-    assert isinstance(layers._layers, MovingLayers)
+    assert isinstance(layers._layers, MovingScene)
     film = view._film(1)
     for time in (0.1, 0.3):
         view.move_to(time)

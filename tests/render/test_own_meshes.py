@@ -18,7 +18,7 @@ from megalopta.scenes import (
 )
 from megalopta.scenes.material import ColorTexture, Material
 from megalopta.scenes.scene import Lighting, Sun
-from megalopta.scenes.spectra.colors import BLUE, GREEN, RED, reflectance_of_color
+from megalopta.scenes.spectra.color import BLUE, GREEN, RED, reflectance_of_color
 from megalopta.scenes.spectra.spectrum import Spectrum, flat
 
 from ..scenes.meshes.files import Gltf

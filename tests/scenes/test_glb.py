@@ -10,7 +10,7 @@ from megalopta.scenes.glb import glb_of
 from megalopta.scenes.material import ColorTexture, Material
 from megalopta.scenes.motion import Drift, RigidMotion
 from megalopta.scenes.scene import Asset, Placement, Scene
-from megalopta.scenes.spectra.colors import BLUE, GREEN, RED, reflectance_of_color
+from megalopta.scenes.spectra.color import BLUE, GREEN, RED, reflectance_of_color
 from megalopta.scenes.spectra.spectrum import flat
 
 TILES = np.random.default_rng(2).random((4, 8, 3), np.float32)

@@ -11,7 +11,7 @@ from megalopta.scenes import EquirectangularCamera, PerspectiveCamera, Trajector
 from megalopta.scenes.material import ColorTexture, Emission, Material, Texture
 from megalopta.scenes.motion import Drift, RigidMotion
 from megalopta.scenes.scene import Lighting
-from megalopta.scenes.spectra.colors import BLUE, GREEN, RED
+from megalopta.scenes.spectra.color import BLUE, GREEN, RED
 from megalopta.scenes.spectra.spectrum import Spectrum, flat
 
 from ..conftest import quad, scene_of

@@ -1,7 +1,7 @@
 import pytest
 from pydantic import TypeAdapter, ValidationError
 
-from megalopta.scenes.meshes.reflectance import Curve, Reflectance, surface_of
+from megalopta.scenes.meshes.reflectance import Curve, Reflectance, material_of
 
 READ = TypeAdapter(Reflectance).validate_python
 
@@ -13,7 +13,7 @@ def test_a_curve_is_read_once_and_its_numbers_stay(tmp_path):
     path.unlink()
     assert given == Curve(wavelengths_nm=(400, 700, 1000), values=(0.05, 0.1, 0.5))
     assert READ(given.model_dump(mode="json")) == given
-    assert surface_of(given).known_nm == (400, 1000)
+    assert material_of(given).known_nm == (400, 1000)
 
 
 @pytest.mark.parametrize(

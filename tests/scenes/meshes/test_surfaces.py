@@ -5,7 +5,7 @@ from megalopta.scenes.material import ColorTexture
 from megalopta.scenes.meshes.pieces import Paint, Piece
 from megalopta.scenes.meshes.reflectance import Curve
 from megalopta.scenes.meshes.surfaces import Surfacing
-from megalopta.scenes.spectra.colors import reflectance_of_color
+from megalopta.scenes.spectra.color import reflectance_of_color
 from megalopta.scenes.spectra.reflectance import reflectance_of
 from megalopta.scenes.spectra.spectrum import flat
 

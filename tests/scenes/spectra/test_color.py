@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 from scipy.optimize import nnls
 
-from megalopta.scenes.spectra.colors import BLUE, GREEN, KNOWN_NM, RED, reflectance_of_color
+from megalopta.scenes.spectra.color import BLUE, GREEN, KNOWN_NM, RED, reflectance_of_color
 from megalopta.scenes.spectra.spectrum import SPECTRA
 
 GRID = np.arange(KNOWN_NM[0], KNOWN_NM[1] + 1, 1.0)
