@@ -21,7 +21,6 @@ from megalopta.config.model import LightLevel, level_text
 from megalopta.core import files
 from megalopta.core.arrays import Floats
 from megalopta.flow.color_wheel import flow_to_rgb
-from megalopta.plotting.picture import write_csv
 from megalopta.plotting.sections import Section, write_sections
 from megalopta.plotting.style import BLACK, GRAY, PALETTE, method_style
 from megalopta.plotting.svg import in_style, to_svg
@@ -284,7 +283,7 @@ _POOLING = (
     "Photons are added over squares of pixels and over frames. Pale: the best method is not "
     "significant."
 )
-_ATLAS = (
+ATLAS = (
     "Best method without pooling. Gray: no method beats the zero-motion baseline. Pale: not "
     "significant. Blank: not measured."
 )
@@ -324,7 +323,7 @@ def write_ranking(folder: Path, ranking: Ranking, example: Example) -> Path:
         for row in ranking.rows
     )
     head = (*RankingRow.model_fields, "photons_per_px_and_period")
-    write_csv(folder / "ranking.csv", head, rows)
+    files.write_csv(folder / "ranking.csv", head, rows)
     files.write_text(folder / "ranking.json", ranking.model_dump_json(indent=1) + "\n")
     page = folder / "ranking.html"
     written = (section(ranking, example) for section in SECTIONS)
@@ -465,7 +464,7 @@ SECTIONS: tuple[Callable[[Ranking, Example], Section], ...] = (
     _changes,
     _errors,
     lambda ranking, _: Section("Pooling", _POOLING, charts=(pooling_grid(ranking),)),
-    lambda ranking, _: Section("Atlas", _ATLAS, charts=(atlas(ranking),)),
+    lambda ranking, _: Section("Atlas", ATLAS, charts=(atlas(ranking),)),
     _transfer,
     _levels,
     _fields,

@@ -29,6 +29,7 @@ from megalopta.benchmark.pairs_on_disk import Files, read_pair
 from megalopta.benchmark.table import Case, Interval, Samples, bootstrap, joined, measure_samples
 from megalopta.core.arrays import Floats, Mask
 from megalopta.core.errors import UserError
+from megalopta.core.files import write_csv
 from megalopta.core.progress import progress
 from megalopta.flow.detectors.base import Frames
 from megalopta.flow.detectors.blocks import BlockDetector, block_grid
@@ -39,7 +40,6 @@ from megalopta.flow.metrics.endpoint_error import (
     block_flow,
     block_share,
 )
-from megalopta.plotting.picture import write_csv
 
 PHOTONS_PER_PX: tuple[float, ...] = (1.0, 3.0, 10.0, 30.0, 100.0, 1000.0)
 FAR_PX = 3.0

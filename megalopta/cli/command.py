@@ -195,6 +195,18 @@ def finite(text: str, above: float = -math.inf) -> float:
     raise argparse.ArgumentTypeError(f"{quoted(text)!r}; give {what}")
 
 
+def within(least: float, most: float) -> Callable[[str], float]:
+    """Return a parser of numbers between two others; of whole numbers if both are whole."""
+
+    def parsed(text: str) -> float:
+        value = whole(text) if isinstance(most, int) else finite(text)
+        if not least <= value <= most:
+            raise argparse.ArgumentTypeError(f"{value:g}; give {least:g} to {most:g}")
+        return value
+
+    return parsed
+
+
 def positive(text: str) -> float:
     """Parse a finite number above 0."""
     return finite(text, 0)

@@ -19,6 +19,7 @@ from megalopta.cli.command import (
     switch,
     verb,
     whole,
+    within,
 )
 from megalopta.core.errors import UserError
 from megalopta.core.progress import say
@@ -27,13 +28,6 @@ if TYPE_CHECKING:
     from megalopta.camera.emulated import Faults, Stimulus
     from megalopta.sensor import Sensor
 
-_LIMITS = {
-    "photons": (0.0, 1e15),
-    "step_s": (1e-3, 1e9),
-    "speed": (0.0, 100.0),
-    "lux": (0.0, 1e6),
-    "device_seed": (0, 2**32 - 1),
-}
 _FAULTS = {
     "noise": "probability that a bit of a byte is flipped",
     "lost": "probability that a byte is lost",
@@ -286,14 +280,14 @@ def _tags(options: Namespace) -> None:
         "--photons HZ",
         "photons per second and pixel at 700 nm: of flat (default: 5e6), or of each of "
         "steps (default: 0 to 2e7)",
-        finite,
+        within(0.0, 1e15),
         nargs="+",
     ),
-    option("--step-s", "duration of each of steps, s", finite, 5.0),
-    option("--speed", "speed of the plate, mm/s", finite, 5.0),
-    option("--lux", "light level of a dataset (lux)", finite),
+    option("--step-s", "duration of each of steps, s", within(1e-3, 1e9), 5.0),
+    option("--speed", "speed of the plate, mm/s", within(0.0, 100.0), 5.0),
+    option("--lux", "light level of a dataset (lux)", within(0.0, 1e6)),
     option("--sensor", "preset or YAML file", default="spadcam"),
-    option("--device-seed", "seed of the device's fixed pattern", whole),
+    option("--device-seed", "seed of the device's fixed pattern", within(0, 2**32 - 1)),
     option("--seed", "seed of photons, noise and faults", whole, 0),
     option("--serial", "the camera's serial number", default="EMULATED"),
     option("--link", "symbolic link to the terminal", Path),
@@ -302,7 +296,6 @@ def _tags(options: Namespace) -> None:
 def _emulate(options: Namespace) -> None:
     from megalopta.camera.emulated import EmulatedCamera, EmulatedPort
 
-    _check_limits(options)
     faults = _faults(options)
     camera = EmulatedCamera(_sensor(options), _stimulus(options), options.seed, options.serial)
     port = EmulatedPort(
@@ -313,14 +306,6 @@ def _emulate(options: Namespace) -> None:
         f"emulate: stopped; {port.dropped} packets were dropped because nothing read them in"
         " time; a capture counts as missing only those between its first and last frame"
     )
-
-
-def _check_limits(options: Namespace) -> None:
-    for name, (least, most) in _LIMITS.items():
-        value = getattr(options, name)
-        for each in value if isinstance(value, list) else [value]:
-            if each is not None and not least <= each <= most:
-                raise UserError(f"--{name.replace('_', '-')}: {each:g}; give {least:g} to {most:g}")
 
 
 def _faults(options: Namespace) -> "Faults":

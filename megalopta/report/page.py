@@ -8,7 +8,7 @@ from pathlib import Path
 from markupsafe import Markup
 from PIL import Image
 
-from megalopta.benchmark.ranking_page import atlas, best_methods, order_changes
+from megalopta.benchmark.ranking_page import ATLAS, atlas, best_methods, order_changes
 from megalopta.benchmark.ranking_run import FOLDER, read_ranking
 from megalopta.config.model import Configuration, LightLevel
 from megalopta.config.yaml_model import to_yaml
@@ -210,10 +210,6 @@ _RANKING = (
     "photons. {} {} This holds for this scene, path and settings. All curves, poolings and the "
     "camera’s motion are in {}/ranking.html next to this page."
 )
-_ATLAS = (
-    "Gray: no method beats the zero-motion baseline. Pale: the best method is not significant. "
-    "Blank: not measured."
-)
 _MADE = (
     "The settings below, with their seeds, reproduce everything on this page. Only the noise of "
     "rendering may differ between machines, within its statistics."
@@ -242,7 +238,7 @@ def ranking_section(report: Report) -> Section | None:
     return Section(
         "Which method is best",
         _RANKING.format(best_methods(ranking), " ".join(order_changes(ranking)), FOLDER),
-        body=block("card", atlas(ranking)) + paragraph(_ATLAS, "note"),
+        body=block("card", atlas(ranking)) + paragraph(ATLAS, "note"),
         name="ranking",
         link="Which is best",
     )
