@@ -12,11 +12,9 @@ from megalopta.camera.calibration import (
     estimate_row,
     primary,
 )
-from megalopta.camera.device_files import filled, save_map, write_maps
+from megalopta.camera.device_files import filled, save_map, write_device_file, write_maps
 from megalopta.camera.emva_page import emva_section
 from megalopta.camera.recording import Beam, Source, read_recorded
-from megalopta.core import strict_yaml
-from megalopta.core.files import write_text
 from megalopta.plotting.sections import Section, write_sections
 from megalopta.plotting.svg import map_chart
 from megalopta.plotting.text import number
@@ -183,7 +181,7 @@ def write_counting_device(
         fields["measured"]["stuck"] = f"{folder.name}/stuck.npy"
     save_map(folder / "bad.npy", device.bad)
     save_map(folder / "hot.npy", device.hot)
-    write_text(path, f"# Written by megalopta spadcam calibrate.\n{strict_yaml.dump(fields)}")
+    write_device_file(path, fields)
 
 
 def _coincident(

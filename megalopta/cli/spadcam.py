@@ -156,7 +156,7 @@ def _calibrate(options: Namespace) -> None:
 
 
 def _calibrate_tables(paths: list[Path], options: Namespace) -> None:
-    from megalopta.camera.array_device import write_array_device
+    from megalopta.camera.device_files import write_array_device
     from megalopta.core.errors import refused_as
     from megalopta.verification.capture_files import read_measurement
 

@@ -33,8 +33,8 @@ from megalopta.report.images import film, with_ends
 from megalopta.report.light_section import counts_film, light_section
 from megalopta.report.motion_section import flow_film, motion_section
 from megalopta.report.remarks import rendering, rendering_errors
-from megalopta.report.sequence_panels import best_flow
-from megalopta.report.source import Budget, Record, Report, by_sensor
+from megalopta.report.seen_sequence import best_flow
+from megalopta.report.source import Budget, Record, Report, by_sensor, title
 from megalopta.report.thresholds import threshold_section
 from megalopta.scenes import Light, Pictures
 from megalopta.scenes.lighting.levels import illuminance_of
@@ -49,18 +49,6 @@ OUTCOME = (
     "dark readings dominate at",
 )
 """Heads of the table of results; ranges go from the brightest light to the darkest."""
-
-
-def title(configuration: Configuration) -> str:
-    """Return the name of the sequence and its light levels."""
-    name = configuration.name.replace("_", " ").replace("-", " ")
-    if not configuration.scene.has_truth:
-        return f"{name[0].upper()}{name[1:]}, as photons"
-    levels = sorted(configuration.light_levels, key=illuminance_of, reverse=True)
-    light = f"at {level_title(levels[0])}"
-    if len(levels) > 1:
-        light = f"from {level_name(levels[0])} to {level_name(levels[-1])}"
-    return f"{name[0].upper()}{name[1:]}, {light}"
 
 
 def lead(configuration: Configuration, record: Record) -> str:
