@@ -125,7 +125,7 @@ def ranking_rows(
     yield from _orders(means, settings, blocks)
 
 
-def blocks_of(parts: Sequence[Mapping[Case, Sums]], settings: RankingSettings) -> dict[str, int]:
+def group_blocks(parts: Sequence[Mapping[Case, Sums]], settings: RankingSettings) -> dict[str, int]:
     """Return the number of blocks of each group without pooling."""
     wanted = Case(ERROR, STILL, settings.fluxes[0], "", *settings.finest)
     return {
@@ -135,7 +135,7 @@ def blocks_of(parts: Sequence[Mapping[Case, Sums]], settings: RankingSettings) -
     }
 
 
-class Change(NamedTuple):
+class RankChange(NamedTuple):
     """Two methods that change places."""
 
     groups: Opposed
@@ -145,7 +145,7 @@ class Change(NamedTuple):
     p: float
 
 
-def changes(ranking: Ranking) -> list[Change]:
+def changes(ranking: Ranking) -> list[RankChange]:
     """Return the significant changes of order, the smallest p-value first."""
     cases = []
     methods, fluxes = ranking.settings.methods, ranking.settings.fluxes
@@ -155,7 +155,7 @@ def changes(ranking: Ranking) -> list[Change]:
             if first and second:
                 turned = first.method != second.method
                 p = max(first.p or 0.0, second.p or 0.0) if turned else 1.0
-                cases.append(Change(groups, first, second, p))
+                cases.append(RankChange(groups, first, second, p))
     shares = false_discovery_control([each.p for each in cases])
     kept = (each for each, share in zip(cases, shares, strict=True) if share <= _FALSE_SHARE)
     return sorted(kept, key=lambda each: each.p)

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from megalopta.benchmark import sequence_errors as metrics, transfer
-from megalopta.benchmark.ranking import Change, Ranking, RankingRow, changes
+from megalopta.benchmark.ranking import RankChange, Ranking, RankingRow, changes
 from megalopta.benchmark.ranking_settings import Pooling, photons_at
 from megalopta.benchmark.sequence_errors import BOUND, RANGES, STILL, Example, opposed
 from megalopta.benchmark.table import FEWEST_SEQUENCES, Interval
@@ -377,7 +377,7 @@ def _changes(ranking: Ranking, _: Example) -> Section:
     return Section("Rank changes", text, head, rows, (error_ratios(ranking),))
 
 
-def _change(change: Change) -> tuple[str, ...]:
+def _change(change: RankChange) -> tuple[str, ...]:
     first, second = change.first, change.second
     low, high = first.low or 0.0, first.high or 0.0
     back = [1 / each if each else 0.0 for each in (second.value, second.high, second.low)]

@@ -22,7 +22,7 @@ import numpy as np
 from megalopta.benchmark.clips import FlowClip
 from megalopta.benchmark.methods import block_detector, methods_and_baselines
 from megalopta.benchmark.pairs_on_disk import evenly_spread
-from megalopta.benchmark.table import Case, Samples, joined
+from megalopta.benchmark.table import Case, Samples, gathered
 from megalopta.benchmark.whole_frames import (
     FAR,
     MEAN,
@@ -114,7 +114,7 @@ def distances_of_pairs(
             raise UserError(str(problem)) from None
     if not found:
         raise UserError(f"{', '.join(pairs)}: no contrast; give pictures with texture")
-    return Board(tuple(found), detectors, tuple(fluxes), joined(found.values()))
+    return Board(tuple(found), detectors, tuple(fluxes), gathered(found.values()))
 
 
 def has_others(board: Board) -> bool:

@@ -27,7 +27,7 @@ from megalopta.core.errors import UserError
 if TYPE_CHECKING:
     from megalopta.benchmark.table import Interval
     from megalopta.benchmark.whole_frames import Board
-    from megalopta.config.settings import Settings
+    from megalopta.config.settings import VerbSettings
 
 _WIDTH = 150  # width of tables, on any terminal
 _UNKNOWN = "–"
@@ -202,7 +202,7 @@ def _tune(options: Namespace) -> None:
     print(options.out)
 
 
-def _photon_settings() -> "Settings":
+def _photon_settings() -> "VerbSettings":
     from megalopta.benchmark.trial import Sweep
 
     return settings_of_stage("benchmark", Sweep)

@@ -22,7 +22,7 @@ from megalopta.core.bounded import quoted
 from megalopta.core.errors import UserError
 
 if TYPE_CHECKING:
-    from megalopta.config.settings import Settings, Words
+    from megalopta.config.settings import VerbSettings, Words
 
 Run: TypeAlias = Callable[[argparse.Namespace], None]
 Option: TypeAlias = tuple[str, Mapping[str, Any]]
@@ -36,7 +36,7 @@ class Verb(NamedTuple):
     run: Run | None = None
     """None if the verb has verbs of its own"""
     options: tuple[Option, ...] = ()
-    settings: "Callable[[], Settings] | None" = None
+    settings: "Callable[[], VerbSettings] | None" = None
     often: tuple[str, ...] = ()
     """Settings that people change; the help lists these, `--help-all` all"""
     example: str = ""
@@ -49,7 +49,7 @@ VERBS: dict[str, Verb] = {}
 class Command(argparse.ArgumentParser):
     """Parser that reports an error as one sentence, without the usage."""
 
-    settings: "Callable[[], Settings] | None" = None
+    settings: "Callable[[], VerbSettings] | None" = None
     """Loads the settings of the verb."""
     often: tuple[str, ...] = ()
     """Settings that the help lists; all if empty."""
@@ -107,7 +107,7 @@ def verb(
     name: str,
     purpose: str,
     *options: Option,
-    settings: "Callable[[], Settings] | None" = None,
+    settings: "Callable[[], VerbSettings] | None" = None,
     often: tuple[str, ...] = (),
     example: str = "",
 ) -> Callable[[Run], Run]:
@@ -162,13 +162,13 @@ def _file(text: str) -> Path:
     return Path(text)
 
 
-def settings_loader(module: str, model: str) -> "Callable[[], Settings]":
+def settings_loader(module: str, model: str) -> "Callable[[], VerbSettings]":
     """Return a loader of a model's default settings."""
 
-    def loaded() -> "Settings":
-        from megalopta.config.settings import Settings
+    def loaded() -> "VerbSettings":
+        from megalopta.config.settings import VerbSettings
 
-        return Settings(getattr(import_module(f"megalopta.{module}"), model))
+        return VerbSettings(getattr(import_module(f"megalopta.{module}"), model))
 
     return loaded
 

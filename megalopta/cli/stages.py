@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from pydantic import BaseModel
 
     from megalopta.config.model import Configuration
-    from megalopta.config.settings import Settings
+    from megalopta.config.settings import VerbSettings
 
 _RANKED = {
     "methods": "[BM, DIS, PM, PF]",
@@ -78,14 +78,14 @@ _FROM_CONFIGURATION = (
 )
 
 
-def settings_of_stage(stage: str, *others: "type[BaseModel]") -> "Settings":
+def settings_of_stage(stage: str, *others: "type[BaseModel]") -> "VerbSettings":
     """Return those that a stage depends on, all for what is no stage, and those of others."""
     from megalopta.config.model import Configuration, load
-    from megalopta.config.settings import Settings
+    from megalopta.config.settings import VerbSettings
     from megalopta.stages.registry import STAGES
 
     fields = STAGES[stage].fields if stage in STAGES else None
-    return Settings(Configuration, partial(load, "demo"), fields, others)
+    return VerbSettings(Configuration, partial(load, "demo"), fields, others)
 
 
 @verb(
@@ -291,7 +291,7 @@ def _make_what_is_missing(options: Namespace) -> None:
 
 
 def _run_on_many(stage: str, options: Namespace) -> None:
-    from megalopta.generation.adding import expose, measure
+    from megalopta.generation.adding import add_exposures, measure
 
     root, where = options.dataset, (options.workers, options.scheduler)
     if stage != "sense":
@@ -301,7 +301,7 @@ def _run_on_many(stage: str, options: Namespace) -> None:
             f"{root}: a dataset of many sequences, to which sense adds exposures; omit --redo"
         )
     else:
-        expose(root, options.overrides, *where)
+        add_exposures(root, options.overrides, *where)
 
 
 def _run_on_one(stage: str, options: Namespace) -> None:

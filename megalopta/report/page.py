@@ -21,8 +21,8 @@ from megalopta.plotting.sections import (
     Section,
     block,
     card,
+    definitions,
     folded,
-    listed,
     page_of,
     paragraph,
     table,
@@ -242,13 +242,13 @@ def making_section(report: Report) -> Section:
     total = time_text(sum(report.timings.values()))
     body = [
         remark,
-        listed("versions", rendering_errors(report.scene)),
+        definitions("versions", rendering_errors(report.scene)),
         block(
             "pair",
             card(f"Time spent: {total}", _bars(report), paragraph(variant, "note")),
             card(
                 "Software that wrote this report",
-                listed("versions", versions.versions().items()),
+                definitions("versions", versions.versions().items()),
             ),
         ),
         folded("All settings", Markup("<pre>{}</pre>").format(to_yaml(report.settings))),
@@ -273,7 +273,7 @@ SECTIONS: tuple[Callable[[Report], Section | None], ...] = (
     detector_section,
     threshold_section,
     ranking_section,
-    lambda _: Section("Glossary", body=listed("words", _GLOSSARY.items()), name="words"),
+    lambda _: Section("Glossary", body=definitions("words", _GLOSSARY.items()), name="words"),
     making_section,
 )
 """Sections of the page and its navigation, in order; None is skipped."""
@@ -313,7 +313,7 @@ def _opening(report: Report) -> Markup:
     """Return key numbers and results."""
     counted = list(facts(report))
     many, few = (_columns(len(counted), most) for most in (8, 4))
-    tiles = block("", listed("facts", counted), style=f"--many:{many};--few:{few}")
+    tiles = block("", definitions("facts", counted), style=f"--many:{many};--few:{few}")
     rows = outcome(report.flow, report.exposures)
     if not rows:
         return tiles
