@@ -11,12 +11,13 @@ import signal
 import threading
 from collections.abc import Callable, Mapping
 from contextlib import suppress
+from dataclasses import fields
 from difflib import get_close_matches
 from functools import partial
 from importlib import import_module
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn, TypeAlias
+from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn, TypeAlias, TypeVar
 
 from megalopta.core.bounded import quoted
 from megalopta.core.errors import UserError
@@ -24,6 +25,7 @@ from megalopta.core.errors import UserError
 if TYPE_CHECKING:
     from megalopta.config.settings import VerbSettings, Words
 
+Chosen = TypeVar("Chosen", bound=Any)
 Run: TypeAlias = Callable[[argparse.Namespace], None]
 Option: TypeAlias = tuple[str, Mapping[str, Any]]
 """Arguments of `argparse.ArgumentParser.add_argument`."""
@@ -140,9 +142,15 @@ def option(
     return name, {"help": f"{text}{stated}", **chosen}
 
 
-def switch(name: str, text: str) -> Option:
+def switch(name: str, text: str, **how: Any) -> Option:
     """Return an option without a value."""
-    return option(name, text, action="store_true")
+    return option(name, text, action="store_true", **how)
+
+
+def chosen(options: argparse.Namespace, kind: type[Chosen]) -> Chosen:
+    """Return the dataclass whose fields are options that were given."""
+    found = {each.name: getattr(options, each.name, None) for each in fields(kind)}
+    return kind(**{name: value for name, value in found.items() if value is not None})
 
 
 def out(default: str, what: str = "folder") -> Option:

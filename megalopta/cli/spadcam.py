@@ -10,6 +10,7 @@ from megalopta.cli.command import (
     VERBS,
     Verb,
     at_least,
+    chosen,
     finite,
     option,
     out,
@@ -75,8 +76,8 @@ def _list(options: Namespace) -> None:
     option("--kind", "content: dark, flat, …", default="scene"),
     option("--frames", "stop after this many frames", whole),
     option("--seconds", "stop after this time (s)", finite),
-    option("--exposure", "exposure of a frame, s", finite, 0.05),
-    option("--rate", "frames per second", finite, 10.0),
+    option("--exposure", "exposure of a frame, s", finite, 0.05, dest="exposure_s"),
+    option("--rate", "frames per second", finite, 10.0, dest="frame_rate_hz"),
     option("--step-bias", "code of the DAC that biases the counters' step, 0 to 4095", whole, 2048),
     option(
         "--rows",
@@ -85,6 +86,7 @@ def _list(options: Namespace) -> None:
         (0, 16),
         nargs=2,
         metavar=("FIRST", "END"),
+        dest="row_window",
     ),
     option("--sensor", "preset or YAML file with the counters' nominal step", default="spadcam"),
 )
@@ -93,16 +95,7 @@ def _capture(options: Namespace) -> None:
     from megalopta.camera.capturing import capture, recorded_line, viewing
     from megalopta.camera.link import find_port
 
-    settings = CaptureSettings(
-        sensor=named_sensor(options.sensor),
-        kind=options.kind,
-        exposure_s=options.exposure,
-        frame_rate_hz=options.rate,
-        step_bias=options.step_bias,
-        row_window=tuple(options.rows),
-        frames=options.frames,
-        seconds=options.seconds,
-    )
+    options.sensor, options.row_window = named_sensor(options.sensor), tuple(options.row_window)
     out = options.out or Path("recordings") / f"{options.kind}-{datetime.now():%Y%m%d-%H%M%S}"
     stop = stopped_by_signals()
 
@@ -110,7 +103,9 @@ def _capture(options: Namespace) -> None:
         return options.port or find_port(options.usb_serial)
 
     with viewing() as show:
-        record = capture(find, out, settings, stop, show, wait_s=options.wait)
+        record = capture(
+            find, out, chosen(options, CaptureSettings), stop, show, wait_s=options.wait
+        )
     print(recorded_line(out, record))
 
 
@@ -311,8 +306,7 @@ def _emulate(options: Namespace) -> None:
 def _faults(options: Namespace) -> "Faults":
     from megalopta.camera.emulated import Faults
 
-    given = {name: getattr(options, name) for name in _FAULTS}
-    faults = Faults(**{name: value for name, value in given.items() if value is not None})
+    faults = chosen(options, Faults)
     faults.check()
     return faults
 
