@@ -149,8 +149,9 @@ def switch(name: str, text: str, **how: Any) -> Option:
 
 def chosen(options: argparse.Namespace, kind: type[Chosen]) -> Chosen:
     """Return the dataclass whose fields are options that were given."""
-    found = {each.name: getattr(options, each.name, None) for each in fields(kind)}
-    return kind(**{name: value for name, value in found.items() if value is not None})
+    given = {each.name: getattr(options, each.name, None) for each in fields(kind)}
+    found: Chosen = kind(**{name: value for name, value in given.items() if value is not None})
+    return found
 
 
 def out(default: str, what: str = "folder") -> Option:

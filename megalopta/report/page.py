@@ -2,8 +2,9 @@
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from itertools import dropwhile, takewhile
+from itertools import chain, dropwhile, takewhile
 from pathlib import Path
+from typing import NamedTuple
 
 from markupsafe import Markup
 from PIL import Image
@@ -121,47 +122,54 @@ def _light(own: Sequence[Budget]) -> tuple[str, str, str]:
     )
 
 
-def _reach(records: Sequence[FlowRecord], sensor: str) -> tuple[str, str, str]:
-    """Return the method that is accurate down to the least light, this light, and its error."""
-    found = _median_errors(records, sensor)
-    if not found:
-        return UNDEFINED, UNDEFINED, UNDEFINED
-    if accurate := _least_light(records, sensor):
-        name, (level, error) = accurate
-        return name, level_name(level), percent(error)
-    error, _, name, level = min(
-        (error, -illuminance_of(level), name, level)
-        for name, errors in found.items()
-        for level, error in errors
-    )
-    return name, "none", f"{percent(error)} at {level_name(level)}"
+class _Answer(NamedTuple):
+    """Error of one method at one light level, against the true velocity."""
+
+    method: str
+    """Name, with ", corrected" on corrected readings"""
+    level: LightLevel
+    error: float
+    """Median over the blocks, relative"""
+    outliers: float
+    """Share of blocks that are off by more than 25 %"""
 
 
-def _median_errors(
-    records: Sequence[FlowRecord], sensor: str
-) -> dict[str, list[tuple[LightLevel, float]]]:
-    """Return errors relative to the true velocity, by method and level, the brightest first.
-
-    Corrected readings count as a separate method.
-    """
-    found: dict[str, list[tuple[LightLevel, float]]] = {}
+def _answers(records: Sequence[FlowRecord], sensor: str) -> dict[str, list[_Answer]]:
+    """Return the errors on a sensor by method, the brightest level first."""
+    found: dict[str, list[_Answer]] = {}
     for each in sorted(records, key=lambda each: -illuminance_of(each.level)):
         if each.sensor == sensor and each.truth:
             for ending, errors in (("", each.truth.counts), (", corrected", each.truth.corrected)):
                 if errors and errors.relative_error_median is not None:
-                    own = found.setdefault(f"{each.method}{ending}", [])
-                    own.append((each.level, errors.relative_error_median))
+                    name, share = f"{each.method}{ending}", errors.outlier_fraction or 0.0
+                    answer = _Answer(name, each.level, errors.relative_error_median, share)
+                    found.setdefault(name, []).append(answer)
     return found
 
 
-def _last(errors: Sequence[tuple[LightLevel, float]]) -> tuple[LightLevel, float] | None:
-    """Return the darkest level down to which a method is accurate, from its first accurate one.
+def _least_light(records: Sequence[FlowRecord], sensor: str) -> _Answer | None:
+    """Return the answer at the least light down to which a method is accurate.
 
     Brighter levels at which it fails, for example by saturation, are skipped.
     """
-    from_first = dropwhile(lambda each: each[1] >= ACCURATE, errors)
-    accurate = list(takewhile(lambda each: each[1] < ACCURATE, from_first))
-    return accurate[-1] if accurate else None
+    reached = []
+    for own in _answers(records, sensor).values():
+        from_first = dropwhile(lambda each: each.error >= ACCURATE, own)
+        reached += list(takewhile(lambda each: each.error < ACCURATE, from_first))[-1:]
+    return min(reached, key=lambda each: (illuminance_of(each.level), each.error), default=None)
+
+
+def _reach(records: Sequence[FlowRecord], sensor: str) -> tuple[str, str, str]:
+    """Return the method that is accurate down to the least light, this light, and its error."""
+    if found := _least_light(records, sensor):
+        return found.method, level_name(found.level), percent(found.error)
+    every = chain.from_iterable(_answers(records, sensor).values())
+    best = min(
+        every, key=lambda each: (each.error, -illuminance_of(each.level), each.method), default=None
+    )
+    if best is None:
+        return UNDEFINED, UNDEFINED, UNDEFINED
+    return best.method, "none", f"{percent(best.error)} at {level_name(best.level)}"
 
 
 _GLOSSARY = {
@@ -335,38 +343,13 @@ def _farthest(report: Report) -> tuple[str, str]:
     reached = {name: each for name in names if (each := _least_light(report.flow, name))}
     if not reached:
         return names[0], f"No method stays within 25 % of the {report.motion_name} at any level."
-    sensor = min(reached, key=lambda name: illuminance_of(reached[name][1][0]))
-    method, (level, error) = reached[sensor]
-    beyond = _outliers(report.flow, sensor, method, level)
+    sensor = min(reached, key=lambda name: illuminance_of(reached[name].level))
+    found = reached[sensor]
     return sensor, (
-        f"{method} on {sensor} stays within 25 % of the {report.motion_name} down to "
-        f"{level_title(level)}: the median error of its blocks is {percent(error)}, and "
-        f"{percent(beyond)} of them are off by more than 25 %."
+        f"{found.method} on {sensor} stays within 25 % of the {report.motion_name} down to "
+        f"{level_title(found.level)}: the median error of its blocks is {percent(found.error)}, "
+        f"and {percent(found.outliers)} of them are off by more than 25 %."
     )
-
-
-def _outliers(records: Sequence[FlowRecord], sensor: str, answer: str, level: LightLevel) -> float:
-    """Return the share of blocks that are off by more than 25 %."""
-    method, _, corrected = answer.partition(", ")
-    (own,) = (
-        each.truth
-        for each in records
-        if (each.sensor, each.method, each.level) == (sensor, method, level) and each.truth
-    )
-    errors = own.corrected if corrected else own.counts
-    return math.nan if errors is None else errors.outlier_fraction or 0.0
-
-
-def _least_light(
-    records: Sequence[FlowRecord], sensor: str
-) -> tuple[str, tuple[LightLevel, float]] | None:
-    """Return the method that is accurate down to the least light, this light, and its error."""
-    found = _median_errors(records, sensor)
-    last = {name: each for name, errors in found.items() if (each := _last(errors))}
-    if not last:
-        return None
-    name = min(last, key=lambda name: (illuminance_of(last[name][0]), last[name][1]))
-    return name, last[name]
 
 
 def _columns(items: int, most: int) -> int:
