@@ -19,7 +19,7 @@ view, degrees per second.
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from itertools import product
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple, Self
@@ -270,7 +270,7 @@ class _Work:
     def __init__(self, scene: Scene, settings: DesignSettings) -> None:
         self._scene, self._settings, self.times = scene, settings, settings.exposures
         self._per_degree = scene.flow_per_degree()
-        self._light: tuple[Any, Floats] = (None, np.empty(0))
+        self._light = lru_cache(maxsize=1)(self._light_of)
 
     @cached_property
     def _grid(self) -> BlockGrid:
@@ -280,7 +280,7 @@ class _Work:
         self, sensor: Sensor, level: LightLevel, exposure_s: float, blurs: bool = True
     ) -> tuple[float, float]:
         """Return the standard errors of flow (px per frame) and yaw rate (degrees per second)."""
-        light, settings = self._light_of(sensor, level), self._settings
+        light, settings = self._light(sensor, level), self._settings
         if blurs:
             way = self._per_degree * (settings.yaw_deg_s * exposure_s)
             light = blurred_by_motion(light, way)
@@ -293,10 +293,8 @@ class _Work:
         return float(flow), yaw
 
     def _light_of(self, sensor: Sensor, level: LightLevel) -> Floats:
-        if self._light[0] != (sensor, level):
-            light = detected_rate(self._scene.radiance(level), self._scene.bands_nm, sensor)[0]
-            self._light = (sensor, level), light
-        return self._light[1]
+        radiance, bands = self._scene.radiance(level), self._scene.bands_nm
+        return np.asarray(detected_rate(radiance, bands, sensor)[0])
 
     def row(self, points: Sequence[DesignPoint], sensor: Sensor) -> DesignRow:
         """Return the row of one sensor and level, from its points by exposure."""

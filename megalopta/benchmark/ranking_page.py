@@ -16,7 +16,7 @@ from megalopta.benchmark import sequence_errors as metrics, transfer
 from megalopta.benchmark.ranking import RankChange, Ranking, RankingRow, changes
 from megalopta.benchmark.ranking_settings import Pooling, photons_at
 from megalopta.benchmark.sequence_errors import BOUND, RANGES, STILL, Example, opposed
-from megalopta.benchmark.table import FEWEST_SEQUENCES, Interval
+from megalopta.benchmark.table import FEWEST_SEQUENCES, Case, Interval
 from megalopta.config.model import LightLevel, level_text
 from megalopta.core import files
 from megalopta.core.arrays import Floats
@@ -482,7 +482,8 @@ def _by_photons(
     methods = dict.fromkeys(row.method for row in ranking.rows if row.metric == shown[0])
 
     def text_of(name: str, flux: float) -> str:
-        found = [ranking.found(metric, name, flux) for metric in shown]
+        cases = (Case(metric, name, flux, "all", *ranking.settings.finest) for metric in shown)
+        found = list(map(ranking.row_of, cases))
         return cell(*(row and row.value for row in found)) if found[0] else UNDEFINED
 
     rows = tuple((name, *(text_of(name, flux) for flux in fluxes)) for name in methods)

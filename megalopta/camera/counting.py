@@ -32,14 +32,9 @@ from megalopta.sensor.calibrate.hot_neighbors import (
     kernel_of,
 )
 from megalopta.sensor.calibrate.neighbors import Kernel
-from megalopta.sensor.calibrate.saturation import DeadTimeKind
 from megalopta.sensor.calibrate.sums import Summed, summed
 from megalopta.sensor.effects.crosstalk import REACH, Crosstalk, fired_mean, neighborhoods
 
-_KINDS: dict[str, DeadTimeKind] = {
-    "paralyzable": "paralyzable",
-    "nonparalyzable": "nonparalyzable",
-}
 _PIXELS = (
     "Median over pixels, range of 90 % of them, and median half width of a pixel's 95 % CI. Events "
     "that crosstalk and afterpulses add are part of these rates; the maps of the device file are "
@@ -76,8 +71,9 @@ def calibrate_counting(sources: Sequence[Source], out: Path, beam: Beam, base: s
     """
     sensor = preset(base)
     levels = [_summed(source, beam, sensor) for source in sources]
-    dead, kind = sensor.dead_time, _KINDS.get(sensor.dead_time.kind)
-    found = calibrate_counts(levels, (dead.dead_time_s, kind) if kind else None)
+    dead = sensor.dead_time
+    known = None if dead.kind == "ideal" else (dead.dead_time_s, dead.kind)
+    found = calibrate_counts(levels, known)
     if found.dark_counts_hz is None and found.efficiency is None:
         raise ValueError(_reasons(found))
     talk = hot_crosstalk(found)
