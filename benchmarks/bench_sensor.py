@@ -45,7 +45,7 @@ from megalopta.sensor.formats.events import EventOrigin, write_events_hdf5, writ
 from megalopta.sensor.sampling.bits import fill_bits
 from megalopta.sensor.sampling.streams import generator
 from megalopta.sensor.sampling.words import word_streams
-from megalopta.verification.brute_force import brute_force_counts
+from megalopta.verification.brute_force import brute_force_events
 
 SHAPE = (4, 240, 240)
 REPEATS = 7
@@ -111,12 +111,10 @@ def frames_over_floor(name: str, mean_counts: float) -> float:
 def frames_by_event(name: str, mean_counts: float, **effects: object) -> float:
     sensor, rng = bench_sensor(name).model_copy(update=effects), generator(0)
     rate = light(mean_counts, sensor)
-    pixel_hz, pixels = mean_counts / sensor.exposure_s, rate.size
+    pixels_hz = np.full((rate.size, 1, 1), mean_counts / sensor.exposure_s)
     return ratio(
         lambda: expose_rate(rate, sensor, seed=0, sequence="bench"),
-        lambda: brute_force_counts(
-            rng, pixel_hz, sensor.exposure_s, sensor.avalanche_effects, pixels
-        ),
+        lambda: brute_force_events(rng, pixels_hz, sensor.exposure_s, sensor.avalanche_effects),
     )
 
 

@@ -19,18 +19,19 @@ view, degrees per second.
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from itertools import product
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple, Self
 
 import numpy as np
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field, model_validator
 
 from megalopta.assets_gen import generator
 from megalopta.assets_gen.dead_leaves_model import dead_leaves
 from megalopta.config.light_scale import light_scale
-from megalopta.config.model import LightLevel
+from megalopta.config.measuring import ONCE
+from megalopta.config.model import LightLevel, LightLevels
 from megalopta.config.yaml_model import validated
 from megalopta.core.arrays import Floats
 from megalopta.core.errors import refused_as
@@ -39,7 +40,6 @@ from megalopta.core.record import Record
 from megalopta.core.validation import checked
 from megalopta.dataset.frames import read_radiance_frame
 from megalopta.dataset.store import Dataset, open_sequence
-from megalopta.flow.benchmark.settings import each_once
 from megalopta.flow.detectors.blocks import BlockGrid, block_grid
 from megalopta.flow.metrics.reading_bound import blurred_by_motion, reading_slopes
 from megalopta.flow.metrics.translation_bound import cramer_rao_covariance
@@ -50,6 +50,7 @@ from megalopta.sensor import Sensor, changed, load_sensor, merged, preset, witho
 from megalopta.sensor.optics.pixels import detected_rate
 
 Positive = Annotated[float, Field(gt=0)]
+Positives = Annotated[tuple[Positive, ...], ONCE]
 
 MEASURES = "error_px", "error_deg_s"
 _REFLECTANCE = 0.2
@@ -68,19 +69,19 @@ class DesignSettings(Record, frozen=True):
     error: Annotated[str, Field(pattern=r"^\d*\.?\d+(e[+-]?\d+)? ?(px|deg/s)$")] = "0.1px"
     """Standard error to reach: of flow, such as 0.1px (per frame), or of yaw rate, such as
     2deg/s."""
-    light_levels: Annotated[tuple[LightLevel, ...], Field(min_length=1)] = (
+    light_levels: Annotated[LightLevels, Field(min_length=1)] = (
         *("daylight", "twilight", "full_moon", "quarter_moon", "starlight"),
     )
     """Light levels, by name or in lux; lux have the color of daylight, or that of the dataset."""
-    exposure_s: tuple[Positive, ...] = ()
+    exposure_s: Positives = ()
     """Exposures to try (s), up to the time of a frame; by default five per decade, four decades."""
-    pitch_m: tuple[Positive, ...] = ()
+    pitch_m: Positives = ()
     """Pixel pitches to compare (m); by default the sensor's."""
-    f_number: tuple[Positive, ...] = ()
+    f_number: Positives = ()
     """F-numbers to compare; by default the lens's."""
-    pde: tuple[Annotated[float, Field(gt=0, le=1)], ...] = ()
+    pde: Annotated[tuple[Annotated[float, Field(gt=0, le=1)], ...], ONCE] = ()
     """Peak photon detection efficiencies of a whole pixel to compare; by default the sensor's."""
-    dark_counts_hz: tuple[Annotated[float, Field(ge=0)], ...] = ()
+    dark_counts_hz: Annotated[tuple[Annotated[float, Field(ge=0)], ...], ONCE] = ()
     """Dark counts of a pixel to compare (Hz), the same in all pixels; by default the sensor's."""
     yaw_deg_s: Annotated[float, Field(ge=0, le=1e4)] = 60.0
     """Turning rate of the camera (degrees per second), which causes motion blur."""
@@ -93,17 +94,10 @@ class DesignSettings(Record, frozen=True):
     camera: PerspectiveCamera = PerspectiveCamera(width=96, height=72, fov_deg=60)
     """Camera; a dataset has its own."""
 
-    @field_validator("light_levels", "exposure_s", "pitch_m", "f_number", "pde", "dark_counts_hz")
-    @classmethod
-    def _each_once(cls, values: tuple[Any, ...]) -> tuple[Any, ...]:
-        return each_once(values)
-
     @model_validator(mode="after")
     def _can_be_reached(self) -> Self:
         if not 0 < self.target < math.inf:
             raise ValueError(f"error {self.error!r} is not positive; give one such as 0.1px")
-        for level in self.light_levels:
-            illuminance_of(level)
         if self.yaw_deg_s > _LARGEST_TURN_DEG * self.frame_rate_hz:
             raise ValueError(
                 f"yaw_deg_s {self.yaw_deg_s:g} at frame_rate_hz {self.frame_rate_hz:g} turns the "
@@ -276,7 +270,7 @@ class _Work:
     def __init__(self, scene: Scene, settings: DesignSettings) -> None:
         self._scene, self._settings, self.times = scene, settings, settings.exposures
         self._per_degree = scene.flow_per_degree()
-        self._light: tuple[Any, Floats] = (None, np.empty(0))
+        self._light = lru_cache(maxsize=1)(self._light_of)
 
     @cached_property
     def _grid(self) -> BlockGrid:
@@ -286,7 +280,7 @@ class _Work:
         self, sensor: Sensor, level: LightLevel, exposure_s: float, blurs: bool = True
     ) -> tuple[float, float]:
         """Return the standard errors of flow (px per frame) and yaw rate (degrees per second)."""
-        light, settings = self._light_of(sensor, level), self._settings
+        light, settings = self._light(sensor, level), self._settings
         if blurs:
             way = self._per_degree * (settings.yaw_deg_s * exposure_s)
             light = blurred_by_motion(light, way)
@@ -299,10 +293,8 @@ class _Work:
         return float(flow), yaw
 
     def _light_of(self, sensor: Sensor, level: LightLevel) -> Floats:
-        if self._light[0] != (sensor, level):
-            light = detected_rate(self._scene.radiance(level), self._scene.bands_nm, sensor)[0]
-            self._light = (sensor, level), light
-        return self._light[1]
+        radiance, bands = self._scene.radiance(level), self._scene.bands_nm
+        return np.asarray(detected_rate(radiance, bands, sensor)[0])
 
     def row(self, points: Sequence[DesignPoint], sensor: Sensor) -> DesignRow:
         """Return the row of one sensor and level, from its points by exposure."""

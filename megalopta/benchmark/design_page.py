@@ -9,8 +9,7 @@ from matplotlib.ticker import FuncFormatter
 
 from megalopta.benchmark.design import Design, DesignPoint, DesignRow
 from megalopta.config.model import level_text
-from megalopta.core.files import write_json
-from megalopta.plotting.picture import write_csv
+from megalopta.core.files import write_csv, write_json
 from megalopta.plotting.sections import Section, captioned, write_sections
 from megalopta.plotting.style import BLACK, line_style
 from megalopta.plotting.svg import CHART_PT, in_style, logarithmic, new_axes, with_legend

@@ -15,7 +15,14 @@ from numpy.typing import NDArray
 
 from megalopta.benchmark.clips import FlowClip
 from megalopta.benchmark.moving_forests import MovingView
-from megalopta.benchmark.table import Case, Interval, Samples, bootstrap, joined, measure_samples
+from megalopta.benchmark.table import (
+    Case,
+    Interval,
+    Samples,
+    bootstrap,
+    gathered,
+    measure_samples,
+)
 from megalopta.core.arrays import Floats
 from megalopta.flow.detectors.base import Detector, Frames
 from megalopta.flow.detectors.blocks import BlockDetector, summed_frames
@@ -86,7 +93,7 @@ class FlightErrors:
 def together(flights: Sequence[FlightErrors]) -> FlightErrors:
     """Return the errors of each estimator over all flights."""
     return FlightErrors(
-        joined(each.samples for each in flights),
+        gathered(each.samples for each in flights),
         np.concatenate([each.true_yaw_deg for each in flights]),
     )
 

@@ -18,14 +18,14 @@ from numpy.typing import NDArray
 from megalopta.benchmark.clips import FlowClip
 from megalopta.core.arrays import Floats, Mask
 from megalopta.core.errors import UserError
-from megalopta.core.pictures import read_picture
+from megalopta.core.pictures import read_codes
 from megalopta.flow.formats import FLOW_SUFFIXES, read_flow
 from megalopta.scenes.spectra.color import LUMINANCE_SHARES, decode_srgb
 
 _NUMBERED = re.compile(r"frame_?(\d{1,9})")
 
 
-class Frame(NamedTuple):
+class FrameName(NamedTuple):
     """Identity of a frame: Sintel's `frame0001`, megalopta's `frame_0001`, KITTI's `000000_10`."""
 
     sequence: str
@@ -44,7 +44,7 @@ class TrueFlow(NamedTuple):
     """Flow of pixels visible in the next frame only; KITTI"""
 
 
-Truths = Mapping[Frame, TrueFlow]
+Truths = Mapping[FrameName, TrueFlow]
 
 Files = tuple[Path, Path, TrueFlow]
 """First picture, second picture, truth"""
@@ -57,7 +57,7 @@ def true_flows(root: Path) -> Truths:
 
     Raises UserError if there is none.
     """
-    found: dict[Frame, TrueFlow] = {}
+    found: dict[FrameName, TrueFlow] = {}
     for folder in sorted(path for path in [root, *root.glob("*")] if path.is_dir()):
         if (folder / "flow_occ").is_dir():
             visible = _frames_below(folder / "flow_noc")
@@ -78,18 +78,18 @@ def true_flows(root: Path) -> Truths:
     return found
 
 
-def submitted_flows(root: Path, truths: Truths) -> Mapping[str, Mapping[Frame, Path]]:
+def submitted_flows(root: Path, truths: Truths) -> Mapping[str, Mapping[FrameName, Path]]:
     """Pair the flow files below a folder with the truth, by pass; "" if there is no pass folder.
 
     Raises UserError if a frame of the truth has no file, or a file has no frame.
     """
     sequences = {frame.sequence for frame in truths}
-    passes: dict[str, dict[Frame, Path]] = {}
+    passes: dict[str, dict[FrameName, Path]] = {}
     for frame, path in _frames_below(root).items():
         name, _, rest = frame.sequence.partition("/")
         is_within = frame.sequence not in sequences and rest in sequences
         found = passes.setdefault(name if is_within else "", {})
-        found[Frame(rest, frame.name) if is_within else frame] = path
+        found[FrameName(rest, frame.name) if is_within else frame] = path
     if not passes:
         raise UserError(f"{root}: no flow files; give {', '.join(FLOW_SUFFIXES)}")
     for name, found in passes.items():
@@ -97,12 +97,12 @@ def submitted_flows(root: Path, truths: Truths) -> Mapping[str, Mapping[Frame, P
     return passes
 
 
-def pictures_of(truths: Truths) -> Mapping[str, Mapping[Frame, tuple[Path, Path]]]:
+def pictures_of(truths: Truths) -> Mapping[str, Mapping[FrameName, tuple[Path, Path]]]:
     """Find both pictures of every frame, by pass: Sintel's clean and final, KITTI's image_2.
 
     Raises UserError if there are none.
     """
-    found: dict[str, dict[Frame, tuple[Path, Path]]] = {"clean": {}, "final": {}, "": {}}
+    found: dict[str, dict[FrameName, tuple[Path, Path]]] = {"clean": {}, "final": {}, "": {}}
     for frame, files in truths.items():
         for name, pair in _pictures(frame, files.flow).items():
             if all(path.exists() for path in pair):
@@ -142,7 +142,7 @@ def read_pair(name: str, files: Files) -> FlowClip:
     Raises UserError if a file is damaged or of the wrong size.
     """
     first, second, truth = files
-    flow, hidden = read_truth(truth)
+    flow, hidden = read_true_flow(truth)
     frames = [_light(path) for path in (first, second)]
     for path, frame in zip((first, second), frames, strict=True):
         if frame.shape != flow.shape[:2]:
@@ -156,7 +156,7 @@ def read_pair(name: str, files: Files) -> FlowClip:
     return FlowClip(name, light / light.mean(), flow.astype(np.float64), hidden)
 
 
-def read_truth(files: TrueFlow) -> tuple[NDArray[np.float32], Mask | None]:
+def read_true_flow(files: TrueFlow) -> tuple[NDArray[np.float32], Mask | None]:
     """Return the true flow (H, W, 2), NaN where not scored, and where it is hidden, if known.
 
     Raises UserError if a file is damaged or of another size.
@@ -179,13 +179,13 @@ def read_truth(files: TrueFlow) -> tuple[NDArray[np.float32], Mask | None]:
 
 
 def _mask(path: Path, shape: tuple[int, ...]) -> Mask:
-    mask = read_picture(path, "L") > 0
+    mask = read_codes(path, "L") > 0
     if mask.shape != shape[:2]:
         raise ValueError(f"{path} is {mask.shape[1]} × {mask.shape[0]} px, its flow is not")
     return mask
 
 
-def _pictures(frame: Frame, flow: Path) -> dict[str, tuple[Path, Path]]:
+def _pictures(frame: FrameName, flow: Path) -> dict[str, tuple[Path, Path]]:
     numbered = re.fullmatch(r"(.*?)(\d+)", flow.stem)
     if not numbered:
         return {}
@@ -204,7 +204,7 @@ def _pictures(frame: Frame, flow: Path) -> dict[str, tuple[Path, Path]]:
     }
 
 
-def _check_pairs(root: Path, found: Mapping[Frame, Path], truths: Truths) -> None:
+def _check_pairs(root: Path, found: Mapping[FrameName, Path], truths: Truths) -> None:
     if unknown := sorted(found.keys() - truths.keys()):
         sequences = ", ".join(sorted({frame.sequence for frame in truths})[:3])
         raise UserError(
@@ -218,15 +218,15 @@ def _check_pairs(root: Path, found: Mapping[Frame, Path], truths: Truths) -> Non
         )
 
 
-def _frames_below(root: Path) -> dict[Frame, Path]:
+def _frames_below(root: Path) -> dict[FrameName, Path]:
     paths = [path for path in sorted(root.rglob("*")) if path.suffix.lower() in FLOW_SUFFIXES]
     if len(suffixes := {path.suffix.lower() for path in paths}) > 1:
         raise UserError(f"{root} holds {' and '.join(sorted(suffixes))}: give one format")
-    found: dict[Frame, Path] = {}
+    found: dict[FrameName, Path] = {}
     for path in paths:
         number = _NUMBERED.fullmatch(path.stem)
         name = f"frame_{int(number[1]):04d}" if number else path.stem
-        frame = Frame(path.parent.relative_to(root).as_posix().removeprefix("."), name)
+        frame = FrameName(path.parent.relative_to(root).as_posix().removeprefix("."), name)
         if frame in found:
             raise UserError(f"{path} and {found[frame]} are the same frame: give one")
         found[frame] = path
@@ -245,4 +245,4 @@ def _middlebury(folder: Path) -> Iterator[tuple[str, Files]]:
 
 def _light(path: Path) -> Floats:
     """Return the luminance of a picture, (H, W), from 0 to 1."""
-    return np.asarray(decode_srgb(read_picture(path, "RGB")) @ LUMINANCE_SHARES)
+    return np.asarray(decode_srgb(read_codes(path, "RGB")) @ LUMINANCE_SHARES)

@@ -75,28 +75,23 @@ class Ranking(Record, frozen=True):
     """Blocks of each group without pooling, over all pairs of frames."""
     rows: tuple[RankingRow, ...]
 
-    def found(self, metric: str, method: str, flux: float, group: str = "all") -> RankingRow | None:
-        """Return the row of a method without pooling; None if there is none."""
-        return self._rows.get((Case(metric, method, flux, group, *self.settings.finest), ""))
+    def row_of(self, case: Case) -> RankingRow | None:
+        """Return the row of a case that is no ratio; None if there is none."""
+        return self._rows.get((case, ""))
 
     def error_of(self, pooling: Pooling, flux: float, group: str, method: str) -> RankingRow | None:
         """Return the mean error of a method; None if the group has no blocks."""
-        return self._rows.get((Case(ERROR, method, flux, group, *pooling), ""))
+        return self.row_of(Case(ERROR, method, flux, group, *pooling))
 
     def best_of(self, pooling: Pooling, flux: float, group: str) -> RankingRow | None:
         """Return the best method; None if the group has no blocks."""
-        return self._rows.get((Case(BEST, "", flux, group, *pooling), ""))
+        return self.row_of(Case(BEST, "", flux, group, *pooling))
 
     def order_of(self, flux: float, group: str, one: str, other: str) -> RankingRow | None:
         """Return the worse one's ratio to the better one; None if units are too few."""
         cases = (Case(RATIO, name, flux, group, *self.settings.finest) for name in (one, other))
         found = (self._rows.get(key) for key in zip(cases, (other, one), strict=True))
         return next(filter(None, found), None)
-
-    def value_of(self, case: Case) -> float | None:
-        """Return the value of a case of any pooling; None if there is none."""
-        found = self._rows.get((case, ""))
-        return found.value if found else None
 
     @cached_property
     def _rows(self) -> Mapping[tuple[Case, str], RankingRow]:
@@ -125,7 +120,7 @@ def ranking_rows(
     yield from _orders(means, settings, blocks)
 
 
-def blocks_of(parts: Sequence[Mapping[Case, Sums]], settings: RankingSettings) -> dict[str, int]:
+def group_blocks(parts: Sequence[Mapping[Case, Sums]], settings: RankingSettings) -> dict[str, int]:
     """Return the number of blocks of each group without pooling."""
     wanted = Case(ERROR, STILL, settings.fluxes[0], "", *settings.finest)
     return {
@@ -135,7 +130,7 @@ def blocks_of(parts: Sequence[Mapping[Case, Sums]], settings: RankingSettings) -
     }
 
 
-class Change(NamedTuple):
+class RankChange(NamedTuple):
     """Two methods that change places."""
 
     groups: Opposed
@@ -145,7 +140,7 @@ class Change(NamedTuple):
     p: float
 
 
-def changes(ranking: Ranking) -> list[Change]:
+def changes(ranking: Ranking) -> list[RankChange]:
     """Return the significant changes of order, the smallest p-value first."""
     cases = []
     methods, fluxes = ranking.settings.methods, ranking.settings.fluxes
@@ -155,7 +150,7 @@ def changes(ranking: Ranking) -> list[Change]:
             if first and second:
                 turned = first.method != second.method
                 p = max(first.p or 0.0, second.p or 0.0) if turned else 1.0
-                cases.append(Change(groups, first, second, p))
+                cases.append(RankChange(groups, first, second, p))
     shares = false_discovery_control([each.p for each in cases])
     kept = (each for each, share in zip(cases, shares, strict=True) if share <= _FALSE_SHARE)
     return sorted(kept, key=lambda each: each.p)

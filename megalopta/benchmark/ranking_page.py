@@ -13,15 +13,14 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from megalopta.benchmark import sequence_errors as metrics, transfer
-from megalopta.benchmark.ranking import Change, Ranking, RankingRow, changes
+from megalopta.benchmark.ranking import RankChange, Ranking, RankingRow, changes
 from megalopta.benchmark.ranking_settings import Pooling, photons_at
 from megalopta.benchmark.sequence_errors import BOUND, RANGES, STILL, Example, opposed
-from megalopta.benchmark.table import FEWEST_SEQUENCES, Interval
+from megalopta.benchmark.table import FEWEST_SEQUENCES, Case, Interval
 from megalopta.config.model import LightLevel, level_text
 from megalopta.core import files
 from megalopta.core.arrays import Floats
 from megalopta.flow.color_wheel import flow_to_rgb
-from megalopta.plotting.picture import write_csv
 from megalopta.plotting.sections import Section, write_sections
 from megalopta.plotting.style import BLACK, GRAY, PALETTE, method_style
 from megalopta.plotting.svg import in_style, to_svg
@@ -284,7 +283,7 @@ _POOLING = (
     "Photons are added over squares of pixels and over frames. Pale: the lead of the best method "
     "is not significant."
 )
-_ATLAS = (
+ATLAS = (
     "Best method without pooling. Gray: no method beats the zero-motion baseline. Pale: the lead "
     "is not significant. Blank: not measured."
 )
@@ -324,7 +323,7 @@ def write_ranking(folder: Path, ranking: Ranking, example: Example) -> Path:
         for row in ranking.rows
     )
     head = (*RankingRow.model_fields, "photons_per_px_and_period")
-    write_csv(folder / "ranking.csv", head, rows)
+    files.write_csv(folder / "ranking.csv", head, rows)
     files.write_text(folder / "ranking.json", ranking.model_dump_json(indent=1) + "\n")
     page = folder / "ranking.html"
     written = (section(ranking, example) for section in SECTIONS)
@@ -378,7 +377,7 @@ def _changes(ranking: Ranking, _: Example) -> Section:
     return Section("Rank changes", text, head, rows, (error_ratios(ranking),))
 
 
-def _change(change: Change) -> tuple[str, ...]:
+def _change(change: RankChange) -> tuple[str, ...]:
     first, second = change.first, change.second
     low, high = first.low or 0.0, first.high or 0.0
     back = [1 / each if each else 0.0 for each in (second.value, second.high, second.low)]
@@ -465,7 +464,7 @@ SECTIONS: tuple[Callable[[Ranking, Example], Section], ...] = (
     _changes,
     _errors,
     lambda ranking, _: Section("Pooling", _POOLING, charts=(pooling_grid(ranking),)),
-    lambda ranking, _: Section("Atlas", _ATLAS, charts=(atlas(ranking),)),
+    lambda ranking, _: Section("Atlas", ATLAS, charts=(atlas(ranking),)),
     _transfer,
     _levels,
     _fields,
@@ -483,7 +482,8 @@ def _by_photons(
     methods = dict.fromkeys(row.method for row in ranking.rows if row.metric == shown[0])
 
     def text_of(name: str, flux: float) -> str:
-        found = [ranking.found(metric, name, flux) for metric in shown]
+        cases = (Case(metric, name, flux, "all", *ranking.settings.finest) for metric in shown)
+        found = list(map(ranking.row_of, cases))
         return cell(*(row and row.value for row in found)) if found[0] else UNDEFINED
 
     rows = tuple((name, *(text_of(name, flux) for flux in fluxes)) for name in methods)

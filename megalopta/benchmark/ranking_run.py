@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from megalopta.benchmark.methods import Methods, directional_methods, velocity_methods
-from megalopta.benchmark.ranking import Ranking, blocks_of, ranking_rows
+from megalopta.benchmark.ranking import Ranking, group_blocks, ranking_rows
 from megalopta.benchmark.ranking_page import write_ranking
 from megalopta.benchmark.ranking_settings import NO_POOLING, Pooling, RankingSettings, photons_at
 from megalopta.benchmark.sequence_errors import METRICS, Example, RankedSequence, example_of
@@ -102,7 +102,7 @@ def _ranked(
             parts.append(dict(each for metric in METRICS for each in metric(sequence)))
             lights.append(velocities.photons_per_lux_s)
             examples = examples or [example_of(sequence)]
-    blocks = blocks_of(parts, settings)
+    blocks = group_blocks(parts, settings)
     ranking = Ranking(
         settings=settings,
         sequences=tuple(each.sequence for each in datasets),

@@ -3,12 +3,12 @@
 from collections.abc import Iterator
 from typing import Annotated, NamedTuple
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field, model_validator
 
-from megalopta.config.model import LightLevel
+from megalopta.config.measuring import ONCE
+from megalopta.config.model import LightLevel, LightLevels
 from megalopta.core.arrays import Floats
 from megalopta.core.record import Record
-from megalopta.flow.benchmark.settings import each_once
 from megalopta.flow.detectors.registry import VELOCITY_METHODS
 from megalopta.flow.stimuli.resizing import resize
 from megalopta.scenes.lighting.levels import illuminance_of
@@ -50,23 +50,23 @@ NO_POOLING = Pooling(1, 1)
 class RankingSettings(Record, frozen=True):
     """Methods, photons and pooling."""
 
-    methods: Annotated[tuple[str, ...], Field(min_length=1)] = VELOCITY_METHODS
+    methods: Annotated[tuple[str, ...], ONCE, Field(min_length=1)] = VELOCITY_METHODS
     """Methods that give velocities: names, `module:function`, or ONNX files."""
-    fluxes: tuple[Flux, ...] = (1e3, 1e4, 1e5, 1e6, 1e7, 1e8)
+    fluxes: Annotated[tuple[Flux, ...], ONCE] = (1e3, 1e4, 1e5, 1e6, 1e7, 1e8)
     """Photons per frame, summed over all pixels."""
-    light_levels: tuple[LightLevel, ...] = ()
+    light_levels: LightLevels = ()
     """Further light levels, by name or in lux; their photons per frame are added to fluxes."""
     exposure_s: Annotated[float, Field(gt=0, le=1000)] = 0.01
     """Exposure of a frame at these levels (s)."""
     repeats: Annotated[int, Field(ge=1)] = 2
     """Independent photon draws per sequence."""
-    pixels_pooled: Annotated[tuple[Frames, ...], Field(min_length=1)] = (1, 2)
+    pixels_pooled: Annotated[tuple[Frames, ...], ONCE, Field(min_length=1)] = (1, 2)
     """Sides of the squares of pixels whose photons are added (px)."""
-    frames_pooled: Annotated[tuple[Frames, ...], Field(min_length=1)] = (1, 2)
+    frames_pooled: Annotated[tuple[Frames, ...], ONCE, Field(min_length=1)] = (1, 2)
     """Successive frames whose photons are added."""
     camera_pairs: Annotated[int, Field(ge=0)] = 3
     """Pairs of frames per sequence from which the camera's motion is estimated."""
-    wide_field: tuple[str, ...] = ("EMD",)
+    wide_field: Annotated[tuple[str, ...], ONCE] = ("EMD",)
     """Methods without velocities, ranked with the others by the camera's yaw rate."""
     seed: int = 0
     """Seed of the photons."""
@@ -80,18 +80,6 @@ class RankingSettings(Record, frozen=True):
     def poolings(self) -> list[Pooling]:
         """All poolings."""
         return [Pooling(p, f) for p in self.pixels_pooled for f in self.frames_pooled]
-
-    @field_validator("methods", "fluxes", "pixels_pooled", "frames_pooled", "wide_field")
-    @classmethod
-    def _each_once(cls, values: tuple[object, ...]) -> tuple[object, ...]:
-        return each_once(values)
-
-    @field_validator("light_levels")
-    @classmethod
-    def _levels_are_known(cls, levels: tuple[LightLevel, ...]) -> tuple[LightLevel, ...]:
-        for level in levels:
-            illuminance_of(level)
-        return each_once(levels)
 
     @model_validator(mode="after")
     def _has_light(self) -> "RankingSettings":

@@ -23,7 +23,7 @@ from megalopta.core.errors import UserError
 from megalopta.core.folders import locked
 from megalopta.core.format_numbers import check_format, written
 from megalopta.core.freshness import digest
-from megalopta.core.pictures import read_picture
+from megalopta.core.pictures import read_codes
 from megalopta.core.progress import progress
 from megalopta.core.record import Record
 from megalopta.dataset.store import file_hash
@@ -33,7 +33,7 @@ from megalopta.flow.formats import read_flow
 from megalopta.flow.metrics.endpoint_error import GROUPS, DenseErrors
 from megalopta.flow.metrics.response_error import for_json
 
-Answers = Mapping[pairs_on_disk.Frame, tuple[str, Callable[[], NDArray[Any]]]]
+Answers = Mapping[pairs_on_disk.FrameName, tuple[str, Callable[[], NDArray[Any]]]]
 """Source of a frame's flow, and a function that returns it, (H, W, 2) in px"""
 
 Groups = Mapping[str, Mapping[str, int | FiniteFloat | None]]
@@ -140,7 +140,7 @@ def _answers_of(
 
 
 def _between(detector: DenseDetector, *pair: Path) -> NDArray[Any]:
-    return detector.dense(*(read_picture(path, "L") for path in pair))
+    return detector.dense(*(read_codes(path, "L") for path in pair))
 
 
 def _scored(
@@ -150,7 +150,7 @@ def _scored(
     found: dict[str, dict[str, DenseErrors]] = {name: {} for name in sorted(passes)}
     hashes = []
     for frame, paths in sorted(truths.items()):
-        true, occluded = pairs_on_disk.read_truth(paths)
+        true, occluded = pairs_on_disk.read_true_flow(paths)
         hashes += ["/".join(frame), *(file_hash(path) for path in paths if path)]
         for name, errors in found.items():
             where, answer = passes[name][frame]

@@ -68,7 +68,7 @@ def measure_samples(
     return {case: np.stack(values, axis=-1) for case, values in found.items()}
 
 
-def joined(sources: Iterable[Samples]) -> Samples:
+def gathered(sources: Iterable[Samples]) -> Samples:
     """Join the units of several sources on which the same cases were measured."""
     first, *others = sources
     return {

@@ -77,8 +77,10 @@ def motion_per_exposure(ranking: Ranking, group: str, pooling: Pooling) -> float
     """Return the mean motion of a group's blocks in an exposure, in texture scales."""
     flux = ranking.settings.fluxes[0]
     still = ranking.error_of(pooling, flux, group, STILL)
-    texture = ranking.value_of(Case(TEXTURE, "light", flux, group, *pooling))
-    return still.value * pooling.frames / texture if still and texture else None
+    texture = ranking.row_of(Case(TEXTURE, "light", flux, group, *pooling))
+    if still is None or texture is None or not texture.value:
+        return None
+    return still.value * pooling.frames / texture.value
 
 
 def photons_per_period(ranking: Ranking, row: RankingRow) -> float | None:

@@ -29,6 +29,7 @@ from megalopta.benchmark.panoramas import (
     natural_templates,
     template_from_file,
 )
+from megalopta.config.measuring import ONCE
 from megalopta.config.yaml_model import mapping, put, validated, yaml_text
 from megalopta.core.arrays import Floats
 from megalopta.core.errors import UserError
@@ -262,11 +263,11 @@ class Sweep(Record, frozen=True):
     """The fixed parameters"""
     vary: str = "velocity_px"
     """Path of the varied parameter in a trial, such as template.contrast or search.dark_counts"""
-    values: Annotated[tuple[Value, ...], Field(min_length=1)] = (1, 2, 5, 10)
+    values: Annotated[tuple[Value, ...], ONCE, Field(min_length=1)] = (1, 2, 5, 10)
     """Values of that parameter"""
-    sizes: tuple[int, ...] = ()
+    sizes: Annotated[tuple[int, ...], ONCE] = ()
     """Spatial pooling (px), a panel of the figure each; default: that of the trial"""
-    templates: tuple[Template, ...] = ()
+    templates: Annotated[tuple[Template, ...], ONCE] = ()
     """Templates that thresholds are averaged over; default: that of the trial"""
 
     @field_validator("values")
@@ -277,11 +278,6 @@ class Sweep(Record, frozen=True):
         if validation.data.get("vary") != "template.name":
             return values
         return tuple(path_from_its_file(str(value), validation) for value in values)
-
-    @field_validator("values", "sizes", "templates")
-    @classmethod
-    def _each_once(cls, values: tuple[Any, ...]) -> tuple[Any, ...]:
-        return each_once(values)
 
     @model_validator(mode="after")
     def _every_trial_is_possible(self) -> Self:

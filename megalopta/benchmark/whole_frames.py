@@ -26,9 +26,10 @@ import numpy as np
 from megalopta.benchmark.clips import FlowClip, middle
 from megalopta.benchmark.methods import BLOCK_PX, block_detector, methods_and_baselines
 from megalopta.benchmark.pairs_on_disk import Files, read_pair
-from megalopta.benchmark.table import Case, Interval, Samples, bootstrap, joined, measure_samples
+from megalopta.benchmark.table import Case, Interval, Samples, bootstrap, gathered, measure_samples
 from megalopta.core.arrays import Floats, Mask
 from megalopta.core.errors import UserError
+from megalopta.core.files import write_csv
 from megalopta.core.progress import progress
 from megalopta.flow.detectors.base import Frames
 from megalopta.flow.detectors.blocks import BlockDetector, block_grid
@@ -39,7 +40,6 @@ from megalopta.flow.metrics.endpoint_error import (
     block_flow,
     block_share,
 )
-from megalopta.plotting.picture import write_csv
 
 PHOTONS_PER_PX: tuple[float, ...] = (1.0, 3.0, 10.0, 30.0, 100.0, 1000.0)
 FAR_PX = 3.0
@@ -116,7 +116,7 @@ def frame_errors(
         parts.append(measure_samples(draw, estimates, fluxes, draws))
         after_scene()
     scenes = tuple(clip.name for clip in clips)
-    return Board(scenes, detectors, tuple(fluxes), joined(parts))
+    return Board(scenes, detectors, tuple(fluxes), gathered(parts))
 
 
 def errors_of_pairs(

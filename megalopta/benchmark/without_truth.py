@@ -9,7 +9,8 @@ far from the rest.
 Both are given like errors: of blocks of 24 × 24 px, by photons per pixel and frame.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections import defaultdict
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from functools import partial
 from itertools import product
@@ -21,7 +22,7 @@ import numpy as np
 from megalopta.benchmark.clips import FlowClip
 from megalopta.benchmark.methods import block_detector, methods_and_baselines
 from megalopta.benchmark.pairs_on_disk import evenly_spread
-from megalopta.benchmark.table import Samples, joined, measure_samples
+from megalopta.benchmark.table import Case, Samples, gathered
 from megalopta.benchmark.whole_frames import (
     FAR,
     MEAN,
@@ -34,11 +35,10 @@ from megalopta.benchmark.whole_frames import (
 )
 from megalopta.core.arrays import Floats
 from megalopta.core.errors import UserError
+from megalopta.core.files import write_csv
 from megalopta.core.progress import progress, say
-from megalopta.flow.detectors.base import Frames
 from megalopta.flow.detectors.blocks import BlockDetector
 from megalopta.flow.detectors.registry import Method
-from megalopta.plotting.picture import write_csv
 from megalopta.render import Footage, open_footage
 from megalopta.scenes.spectra.color import LUMINANCE_SHARES
 from megalopta.scenes.stimuli.pictures import Unit
@@ -114,7 +114,7 @@ def distances_of_pairs(
             raise UserError(str(problem)) from None
     if not found:
         raise UserError(f"{', '.join(pairs)}: no contrast; give pictures with texture")
-    return Board(tuple(found), detectors, tuple(fluxes), joined(found.values()))
+    return Board(tuple(found), detectors, tuple(fluxes), gathered(found.values()))
 
 
 def has_others(board: Board) -> bool:
@@ -141,36 +141,21 @@ def write_distances(path: Path, board: Board, reference: Method) -> None:
 def _samples(
     clip: FlowClip, detectors: Sequence[BlockDetector], fluxes: Sequence[float], draws: int
 ) -> Samples:
-    asked = _Asked(clip, detectors)
-    estimates = {each.name: partial(asked.distances, each.name) for each in detectors}
-    return measure_samples(partial(clip.counts, key=(_KEY,)), estimates, fluxes, draws)
-
-
-class _Asked:
-    """Methods that are run together, so that each is compared with the others."""
-
-    def __init__(self, clip: FlowClip, detectors: Sequence[BlockDetector]) -> None:
-        self._clip, self._detectors, self._stand_in = clip, detectors, blocks_of(clip)
-        self._counts: Frames | None = None
-        self._answers: Mapping[str, Floats] = {}
-
-    def distances(self, name: str, counts: Frames, _: float) -> Iterator[tuple[str, Floats]]:
-        """Yield distances of a method's velocities in counts, px per frame."""
-        if counts is not self._counts:
-            self._answers = {e.name: answers(e, self._clip, counts) for e in self._detectors}
-            self._counts = counts
-        own = self._answers[name]
-        yield from self._measures(FROM_STAND_IN, own, self._stand_in)
-        others = [each for other, each in self._answers.items() if other != name]
-        if len(others) > 1:
-            yield from self._measures(FROM_OTHERS, own, np.median(others, axis=0))
-
-    def _measures(
-        self, names: Mapping[str, str], one: Floats, other: Floats
-    ) -> Iterator[tuple[str, Floats]]:
-        known = np.isfinite(self._stand_in).all(axis=-1)
-        for measure, values in measures(distances(one, other)[known]):
-            yield names[measure], values
+    """Return the distances of methods that see the same photons, px per frame."""
+    stand_in, found = blocks_of(clip), defaultdict(list)
+    known = np.isfinite(stand_in).all(axis=-1)
+    for number, flux in product(range(draws), fluxes):
+        counts = clip.counts(flux, number, (_KEY,))
+        given = {each.name: answers(each, clip, counts) for each in detectors}
+        for name, own in given.items():
+            references = [(FROM_STAND_IN, stand_in)]
+            others = [each for other, each in given.items() if other != name]
+            if len(others) > 1:
+                references.append((FROM_OTHERS, np.median(others, axis=0)))
+            for names, reference in references:
+                for measure, values in measures(distances(own, reference)[known]):
+                    found[Case(names[measure], name, flux)].append(values)
+    return {case: np.stack(values, axis=-1) for case, values in found.items()}
 
 
 def _two(first: Footage, second: Footage) -> tuple[_Light, _Light]:

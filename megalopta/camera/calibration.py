@@ -11,12 +11,10 @@ import numpy as np
 from markupsafe import Markup
 from matplotlib.ticker import NullFormatter
 
-from megalopta.camera.device_files import filled, save_map, write_maps
+from megalopta.camera.device_files import filled, save_map, write_device_file, write_maps
 from megalopta.camera.emva_page import emva_section
 from megalopta.camera.recording import Beam, Source, read_recorded
-from megalopta.core import strict_yaml
 from megalopta.core.arrays import Floats
-from megalopta.core.files import write_text
 from megalopta.plotting.sections import Section, captioned, write_sections
 from megalopta.plotting.style import BLACK, BLUE, VERMILION, line_style
 from megalopta.plotting.svg import (
@@ -73,8 +71,7 @@ def write_device(
         maps["efficiency"] = primary(device.efficiency, device.kernel).scaled(1 / nominal)
     named = write_maps(folder, maps)
     save_map(folder / "hot.npy", device.hot)
-    text = strict_yaml.dump(_fields(path, device, base, preset, named))
-    write_text(path, f"# Written by megalopta spadcam calibrate.\n{text}")
+    write_device_file(path, _fields(path, device, base, preset, named))
 
 
 def _fields(

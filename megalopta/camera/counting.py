@@ -12,11 +12,9 @@ from megalopta.camera.calibration import (
     estimate_row,
     primary,
 )
-from megalopta.camera.device_files import filled, save_map, write_maps
+from megalopta.camera.device_files import filled, save_map, write_device_file, write_maps
 from megalopta.camera.emva_page import emva_section
 from megalopta.camera.recording import Beam, Source, read_recorded
-from megalopta.core import strict_yaml
-from megalopta.core.files import write_text
 from megalopta.plotting.sections import Section, write_sections
 from megalopta.plotting.svg import map_chart
 from megalopta.plotting.text import number
@@ -34,14 +32,9 @@ from megalopta.sensor.calibrate.hot_neighbors import (
     kernel_of,
 )
 from megalopta.sensor.calibrate.neighbors import Kernel
-from megalopta.sensor.calibrate.saturation import DeadTimeKind
 from megalopta.sensor.calibrate.sums import Summed, summed, summed_bits
 from megalopta.sensor.effects.crosstalk import REACH, Crosstalk, fired_mean, neighborhoods
 
-_KINDS: dict[str, DeadTimeKind] = {
-    "paralyzable": "paralyzable",
-    "nonparalyzable": "nonparalyzable",
-}
 _PIXELS = (
     "Median over pixels, range of 90 % of them, and median half width of a pixel's 95 % CI. Events "
     "that crosstalk and afterpulses add are part of these rates; the maps of the device file are "
@@ -78,8 +71,9 @@ def calibrate_counting(sources: Sequence[Source], out: Path, beam: Beam, base: s
     """
     sensor = preset(base)
     levels = [_summed(source, beam, sensor) for source in sources]
-    dead, kind = sensor.dead_time, _KINDS.get(sensor.dead_time.kind)
-    found = calibrate_counts(levels, (dead.dead_time_s, kind) if kind else None)
+    dead = sensor.dead_time
+    known = None if dead.kind == "ideal" else (dead.dead_time_s, dead.kind)
+    found = calibrate_counts(levels, known)
     if found.dark_counts_hz is None and found.efficiency is None:
         raise ValueError(_reasons(found))
     talk = hot_crosstalk(found)
@@ -187,7 +181,7 @@ def write_counting_device(
         fields["measured"]["stuck"] = f"{folder.name}/stuck.npy"
     save_map(folder / "bad.npy", device.bad)
     save_map(folder / "hot.npy", device.hot)
-    write_text(path, f"# Written by megalopta spadcam calibrate.\n{strict_yaml.dump(fields)}")
+    write_device_file(path, fields)
 
 
 def _coincident(

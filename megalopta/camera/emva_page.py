@@ -6,10 +6,10 @@ recordings have a dark and eight levels of light at one exposure, theirs are sho
 
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from markupsafe import Markup
-from matplotlib.axes import Axes
 from matplotlib.ticker import EngFormatter
 
 from megalopta.plotting.sections import Section, captioned
@@ -99,6 +99,12 @@ _CAPTIONS = {
     "snr": "The line is the limit of the same efficiency without noise.",
     "linearity": "Deviation from a line, over the line.",
 }
+_LABELS = {
+    "sensitivity": ("photons per pixel", "µ_y − µ_y.dark (counts)"),
+    "transfer": ("µ_y − µ_y.dark (counts)", "σ²_y − σ²_y.dark (counts²)"),
+    "snr": ("photons per pixel", "SNR"),
+    "linearity": ("photons per pixel", "deviation (%)"),
+}
 
 
 def _charts(own: Steps, found: Emva, seen: Steps | None) -> Iterator[Markup]:
@@ -109,20 +115,28 @@ def _charts(own: Steps, found: Emva, seen: Steps | None) -> Iterator[Markup]:
 @in_style
 def _chart(own: Steps, found: Emva, seen: Steps | None, kind: str) -> Markup:
     figure, axes = new_axes(*CHART_PT)
-    draw = {"sensitivity": _sensitivity, "transfer": _transfer, "snr": _snr, "linearity": _linear}
-    draw[kind](axes, *own, found, BLUE)
+    axes.plot(*_coordinates(kind, found, *own), ".", color=BLUE, label="device")
+    axes.plot(*_line(kind, found, own), color=VERMILION, linewidth=1)
     if seen and kind != "linearity":
-        axes.plot(*_coordinates(kind, *seen), "o", color=BLACK, markersize=5, label="recordings")
-    if kind != "snr":
+        axes.plot(
+            *_coordinates(kind, found, *seen), "o", color=BLACK, markersize=5, label="recordings"
+        )
+    axes.set(xlabel=_LABELS[kind][0], ylabel=_LABELS[kind][1])
+    if kind == "snr":
+        axes.set(xscale="log", yscale="log", ylim=(None, 2 * np.sqrt(found.saturation_electrons)))
+    else:
         axes.xaxis.set_major_formatter(EngFormatter(sep=""))
     return with_legend(figure, f"emva-{kind}", f"EMVA 1288: {axes.get_ylabel()}")
 
 
-def _coordinates(kind: str, dark: Step, steps: Sequence[Step]) -> tuple[list[float], list[float]]:
+def _coordinates(kind: str, found: Emva, dark: Step, steps: Sequence[Step]) -> tuple[Any, Any]:
     """Return abscissas and ordinates of a picture."""
     signal = [step.level - dark.level for step in steps]
     if kind == "transfer":
         return signal, [step.noise - dark.noise for step in steps]
+    if kind == "linearity":
+        at, deviation = deviations(dark, steps, found.saturation_photons)
+        return at, 100 * deviation
     photons = [step.photons for step in steps]
     if kind == "sensitivity":
         return photons, signal
@@ -130,32 +144,13 @@ def _coordinates(kind: str, dark: Step, steps: Sequence[Step]) -> tuple[list[flo
     return photons, [each / max(step.noise, 1e-300) ** 0.5 for each, step in ratio]
 
 
-def _sensitivity(axes: Axes, dark: Step, steps: Sequence[Step], found: Emva, color: str) -> None:
-    photons, signal = _coordinates("sensitivity", dark, steps)
-    axes.plot(photons, signal, ".", color=color, label="device")
+def _line(kind: str, found: Emva, own: Steps) -> tuple[Any, Any]:
+    """Return the line of the figures in a picture."""
+    if kind == "snr":
+        grid = np.geomspace(found.threshold_photons, found.saturation_photons, 50)
+        return grid, np.sqrt(found.efficiency * grid)
+    if kind == "transfer":
+        end = max(step.level for step in own[1]) - own[0].level
+        return [0, end], [0, found.gain * end]
     end = found.saturation_photons
-    axes.plot([0, end], [0, found.responsivity * end], color=VERMILION, linewidth=1)
-    axes.set(xlabel="photons per pixel", ylabel="µ_y − µ_y.dark (counts)")
-
-
-def _transfer(axes: Axes, dark: Step, steps: Sequence[Step], found: Emva, color: str) -> None:
-    axes.plot(*_coordinates("transfer", dark, steps), ".", color=color, label="device")
-    end = max(step.level for step in steps) - dark.level
-    axes.plot([0, end], [0, found.gain * end], color=VERMILION, linewidth=1)
-    axes.set(xlabel="µ_y − µ_y.dark (counts)", ylabel="σ²_y − σ²_y.dark (counts²)")
-
-
-def _snr(axes: Axes, dark: Step, steps: Sequence[Step], found: Emva, color: str) -> None:
-    photons, ratio = _coordinates("snr", dark, steps)
-    axes.plot(photons, ratio, ".", color=color, label="device")
-    grid = np.geomspace(found.threshold_photons, found.saturation_photons, 50)
-    axes.plot(grid, np.sqrt(found.efficiency * grid), color=VERMILION, linewidth=1)
-    axes.set(xscale="log", yscale="log", xlabel="photons per pixel", ylabel="SNR")
-    axes.set_ylim(top=2 * np.sqrt(found.saturation_electrons))
-
-
-def _linear(axes: Axes, dark: Step, steps: Sequence[Step], found: Emva, color: str) -> None:
-    photons, deviation = deviations(dark, steps, found.saturation_photons)
-    axes.plot(photons, 100 * deviation, ".", color=color, label="device")
-    axes.axhline(0, color=VERMILION, linewidth=1)
-    axes.set(xlabel="photons per pixel", ylabel="deviation (%)")
+    return [0, end], [0, found.responsivity * end if kind == "sensitivity" else 0]

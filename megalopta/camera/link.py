@@ -54,27 +54,12 @@ class NoPortError(UserError):
     """There is no such port yet."""
 
 
-class UsbPort(NamedTuple):
-    """A serial port of this machine; control codes in its texts are escaped."""
-
-    path: str
-    vendor: int | None
-    serial_number: str
-    description: str
-
-
-def usb_ports() -> list[UsbPort]:
-    """USB serial ports."""
-    found = [each for each in list_ports.comports() if each.vid is not None]
-    return [
-        UsbPort(
-            each.device,
-            each.vid,
-            printable(each.serial_number or ""),
-            printable(each.description or ""),
-        )
-        for each in found
-    ]
+def _usb_ports() -> Iterator[tuple[str, bool, str, str]]:
+    """Yield path, true for a Teensy, serial number and description of USB serial ports."""
+    for each in list_ports.comports():
+        if each.vid is not None:
+            texts = (printable(text or "") for text in (each.serial_number, each.description))
+            yield each.device, each.vid == TEENSY_VENDOR, *texts
 
 
 def find_port(serial_number: str | None = None) -> str:
@@ -82,12 +67,12 @@ def find_port(serial_number: str | None = None) -> str:
 
     Raises UserError if there is none (NoPortError), or more than one.
     """
-    teensies = [port for port in usb_ports() if port.vendor == TEENSY_VENDOR]
-    fitting = [port for port in teensies if serial_number in (None, port.serial_number)]
+    teensies = {path: number for path, is_teensy, number, _ in _usb_ports() if is_teensy}
+    fitting = [path for path, number in teensies.items() if serial_number in (None, number)]
     if len(fitting) == 1:
-        return fitting[0].path
+        return fitting[0]
     if fitting:
-        choice = ", ".join(f"{port.path} ({port.serial_number})" for port in fitting)
+        choice = ", ".join(f"{path} ({teensies[path]})" for path in fitting)
         raise UserError(f"several cameras: {choice}; choose one with --port or --usb-serial")
     who = f"no camera of USB serial number {serial_number}" if serial_number else "no camera"
     raise NoPortError(f"{who} is plugged in; plug it in, give its --port ({_LIST}), or {_EMULATE}")
@@ -109,14 +94,14 @@ def open_port(path: str) -> serial.Serial:
 
 def port_lines() -> Iterator[str]:
     """Yield a line per USB serial port: path, serial number, description, whether it opens."""
-    for port in usb_ports():
-        is_teensy = "Teensy" if port.vendor == TEENSY_VENDOR else "other"
+    for path, is_teensy, number, description in _usb_ports():
         try:
-            open_port(port.path).close()
+            open_port(path).close()
             state = "free"
         except UserError as problem:
             state = str(problem).partition(": ")[2].partition(";")[0]
-        yield f"{port.path}  {port.serial_number or '-'}  {is_teensy}  {port.description}  {state}"
+        kind = "Teensy" if is_teensy else "other"
+        yield f"{path}  {number or '-'}  {kind}  {description}  {state}"
 
 
 _RETRY_S = 0.1

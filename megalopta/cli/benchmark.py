@@ -27,7 +27,7 @@ from megalopta.core.errors import UserError
 if TYPE_CHECKING:
     from megalopta.benchmark.table import Interval
     from megalopta.benchmark.whole_frames import Board
-    from megalopta.config.settings import Settings
+    from megalopta.config.settings import VerbSettings
 
 _WIDTH = 150  # width of tables, on any terminal
 _UNKNOWN = "–"
@@ -207,7 +207,7 @@ def _tune(options: Namespace) -> None:
     print(options.out)
 
 
-def _photon_settings() -> "Settings":
+def _photon_settings() -> "VerbSettings":
     from megalopta.benchmark.trial import Sweep
 
     return settings_of_stage("benchmark", Sweep)
@@ -314,3 +314,39 @@ def _submit(options: Namespace) -> None:
         entries = add_entries(options.leaderboard, scores.overall)
         console.print(board_table(entries, scores.entries[0].truth_hash))
         print(options.leaderboard)
+
+
+@verb(
+    "design",
+    "find the exposure at which a sensor can measure flow or yaw rate to a stated error, over "
+    "pitch, aperture, efficiency and dark counts, without drawing photons",
+    option("sensor", "preset of a counting sensor, or its YAML file"),
+    option(
+        "--dataset",
+        "rendered dataset of one sequence, whose first frame is the scene (default: dead leaves)",
+        Path,
+    ),
+    out("out/design"),
+    settings=settings_loader("benchmark.design", "DesignSettings"),
+    often=(
+        *("error", "light_levels", "exposure_s", "pitch_m", "f_number", "pde", "dark_counts_hz"),
+        *("yaw_deg_s", "frame_rate_hz"),
+    ),
+    example="megalopta design array-12x4 --error 0.1px --light-levels full_moon starlight "
+    "--f-number 1 1.4 2",
+)
+def _design(options: Namespace) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    from megalopta.benchmark.design import DesignSettings, designed
+    from megalopta.benchmark.design_page import table_cells, table_head, write_design
+    from megalopta.config.yaml_model import validated
+
+    settings = validated(DesignSettings, {}, "settings", options.overrides)
+    found = designed(options.sensor, options.dataset, settings)
+    table = Table(*table_head(found))
+    for row in found.rows:
+        table.add_row(*table_cells(found, row))
+    Console(width=120, markup=False).print(table)
+    print(write_design(options.out, found))

@@ -11,19 +11,21 @@ import signal
 import threading
 from collections.abc import Callable, Mapping
 from contextlib import suppress
+from dataclasses import fields
 from difflib import get_close_matches
 from functools import partial
 from importlib import import_module
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn, TypeAlias
+from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn, TypeAlias, TypeVar
 
 from megalopta.core.bounded import quoted
 from megalopta.core.errors import UserError
 
 if TYPE_CHECKING:
-    from megalopta.config.settings import Settings, Words
+    from megalopta.config.settings import VerbSettings, Words
 
+Chosen = TypeVar("Chosen", bound=Any)
 Run: TypeAlias = Callable[[argparse.Namespace], None]
 Option: TypeAlias = tuple[str, Mapping[str, Any]]
 """Arguments of `argparse.ArgumentParser.add_argument`."""
@@ -36,7 +38,7 @@ class Verb(NamedTuple):
     run: Run | None = None
     """None if the verb has verbs of its own"""
     options: tuple[Option, ...] = ()
-    settings: "Callable[[], Settings] | None" = None
+    settings: "Callable[[], VerbSettings] | None" = None
     often: tuple[str, ...] = ()
     """Settings that people change; the help lists these, `--help-all` all"""
     example: str = ""
@@ -49,7 +51,7 @@ VERBS: dict[str, Verb] = {}
 class Command(argparse.ArgumentParser):
     """Parser that reports an error as one sentence, without the usage."""
 
-    settings: "Callable[[], Settings] | None" = None
+    settings: "Callable[[], VerbSettings] | None" = None
     """Loads the settings of the verb."""
     often: tuple[str, ...] = ()
     """Settings that the help lists; all if empty."""
@@ -107,7 +109,7 @@ def verb(
     name: str,
     purpose: str,
     *options: Option,
-    settings: "Callable[[], Settings] | None" = None,
+    settings: "Callable[[], VerbSettings] | None" = None,
     often: tuple[str, ...] = (),
     example: str = "",
 ) -> Callable[[Run], Run]:
@@ -140,9 +142,16 @@ def option(
     return name, {"help": f"{text}{stated}", **chosen}
 
 
-def switch(name: str, text: str) -> Option:
+def switch(name: str, text: str, **how: Any) -> Option:
     """Return an option without a value."""
-    return option(name, text, action="store_true")
+    return option(name, text, action="store_true", **how)
+
+
+def chosen(options: argparse.Namespace, kind: type[Chosen]) -> Chosen:
+    """Return the dataclass whose fields are options that were given."""
+    given = {each.name: getattr(options, each.name, None) for each in fields(kind)}
+    found: Chosen = kind(**{name: value for name, value in given.items() if value is not None})
+    return found
 
 
 def out(default: str, what: str = "folder") -> Option:
@@ -162,13 +171,13 @@ def _file(text: str) -> Path:
     return Path(text)
 
 
-def settings_loader(module: str, model: str) -> "Callable[[], Settings]":
+def settings_loader(module: str, model: str) -> "Callable[[], VerbSettings]":
     """Return a loader of a model's default settings."""
 
-    def loaded() -> "Settings":
-        from megalopta.config.settings import Settings
+    def loaded() -> "VerbSettings":
+        from megalopta.config.settings import VerbSettings
 
-        return Settings(getattr(import_module(f"megalopta.{module}"), model))
+        return VerbSettings(getattr(import_module(f"megalopta.{module}"), model))
 
     return loaded
 
@@ -193,6 +202,18 @@ def finite(text: str, above: float = -math.inf) -> float:
             return value
     what = "a finite number" if above == -math.inf else f"a finite number above {above:g}"
     raise argparse.ArgumentTypeError(f"{quoted(text)!r}; give {what}")
+
+
+def within(least: float, most: float) -> Callable[[str], float]:
+    """Return a parser of numbers between two others; of whole numbers if both are whole."""
+
+    def parsed(text: str) -> float:
+        value = whole(text) if isinstance(most, int) else finite(text)
+        if not least <= value <= most:
+            raise argparse.ArgumentTypeError(f"{value:g}; give {least:g} to {most:g}")
+        return value
+
+    return parsed
 
 
 def positive(text: str) -> float:

@@ -72,9 +72,11 @@ def _make(options: Namespace) -> None:
     example="megalopta dataset expose data --sensors ideal --light-levels 0.01",
 )
 def _expose(options: Namespace) -> None:
-    from megalopta.generation.adding import expose
+    from megalopta.generation.adding import add_exposures
 
-    print(expose(options.dataset, options.overrides, options.workers, options.scheduler).root)
+    print(
+        add_exposures(options.dataset, options.overrides, options.workers, options.scheduler).root
+    )
 
 
 @verb(

@@ -9,6 +9,7 @@ from megalopta.cli.command import (
     FRAME_KINDS,
     THREADS,
     at_least,
+    chosen,
     option,
     out,
     positive,
@@ -56,11 +57,12 @@ def _report(options: Namespace) -> None:
         Path,
     ),
     option("--out", "folder (default: out/view/NAME)", Path),
-    option("--sum K", "frames to sum", at_least(1), 1),
+    option("--sum K", "frames to sum", at_least(1), 1, dest="summed"),
     switch(
         "--invert",
         "show mean detections per frame, by inverting the sensor's response: −ln(1 − p) of binary "
         "frames, dead-time correction of counts; saturated pixels are orange",
+        dest="is_inverted",
     ),
     option(
         "--bad-pixels MASK",
@@ -77,24 +79,19 @@ def _report(options: Namespace) -> None:
         f"format of the frames, one of {', '.join(FRAME_KINDS)} (default: by content, .bin: "
         "spad512)",
         choices=FRAME_KINDS,
+        dest="kind",
     ),
     switch(
-        "--rerun", "also write view.rrd for Rerun's viewer: camera, points, light, counts, flow"
+        "--rerun",
+        "also write view.rrd for Rerun's viewer: camera, points, light, counts, flow",
+        dest="with_rerun",
     ),
 )
 def _view(options: Namespace) -> None:
     from megalopta.report.view import ViewOptions, view
 
-    asked = ViewOptions(
-        summed=options.sum,
-        is_inverted=options.invert,
-        bad_pixels=options.bad_pixels,
-        fps=options.fps,
-        kind=options.format,
-        with_rerun=options.rerun,
-    )
     folder = options.out or Path("out/view") / options.thing.resolve().stem
-    for path in view(options.thing, folder, asked):
+    for path in view(options.thing, folder, chosen(options, ViewOptions)):
         print(path)
 
 

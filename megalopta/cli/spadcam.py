@@ -10,6 +10,7 @@ from megalopta.cli.command import (
     VERBS,
     Verb,
     at_least,
+    chosen,
     finite,
     option,
     out,
@@ -19,6 +20,7 @@ from megalopta.cli.command import (
     switch,
     verb,
     whole,
+    within,
 )
 from megalopta.core.errors import UserError
 from megalopta.core.progress import say
@@ -27,13 +29,6 @@ if TYPE_CHECKING:
     from megalopta.camera.emulated import Faults, Stimulus
     from megalopta.sensor import Sensor
 
-_LIMITS = {
-    "photons": (0.0, 1e15),
-    "step_s": (1e-3, 1e9),
-    "speed": (0.0, 100.0),
-    "lux": (0.0, 1e6),
-    "device_seed": (0, 2**32 - 1),
-}
 _FAULTS = {
     "noise": "probability that a bit of a byte is flipped",
     "lost": "probability that a byte is lost",
@@ -81,8 +76,8 @@ def _list(options: Namespace) -> None:
     option("--kind", "content: dark, flat, …", default="scene"),
     option("--frames", "stop after this many frames", whole),
     option("--seconds", "stop after this time (s)", finite),
-    option("--exposure", "exposure of a frame, s", finite, 0.05),
-    option("--rate", "frames per second", finite, 10.0),
+    option("--exposure", "exposure of a frame, s", finite, 0.05, dest="exposure_s"),
+    option("--rate", "frames per second", finite, 10.0, dest="frame_rate_hz"),
     option("--step-bias", "code of the DAC that biases the counters' step, 0 to 4095", whole, 2048),
     option(
         "--rows",
@@ -91,6 +86,7 @@ def _list(options: Namespace) -> None:
         (0, 16),
         nargs=2,
         metavar=("FIRST", "END"),
+        dest="row_window",
     ),
     option("--sensor", "preset or YAML file with the counters' nominal step", default="spadcam"),
 )
@@ -99,16 +95,7 @@ def _capture(options: Namespace) -> None:
     from megalopta.camera.capturing import capture, recorded_line, viewing
     from megalopta.camera.link import find_port
 
-    settings = CaptureSettings(
-        sensor=named_sensor(options.sensor),
-        kind=options.kind,
-        exposure_s=options.exposure,
-        frame_rate_hz=options.rate,
-        step_bias=options.step_bias,
-        row_window=tuple(options.rows),
-        frames=options.frames,
-        seconds=options.seconds,
-    )
+    options.sensor, options.row_window = named_sensor(options.sensor), tuple(options.row_window)
     out = options.out or Path("recordings") / f"{options.kind}-{datetime.now():%Y%m%d-%H%M%S}"
     stop = stopped_by_signals()
 
@@ -116,7 +103,9 @@ def _capture(options: Namespace) -> None:
         return options.port or find_port(options.usb_serial)
 
     with viewing() as show:
-        record = capture(find, out, settings, stop, show, wait_s=options.wait)
+        record = capture(
+            find, out, chosen(options, CaptureSettings), stop, show, wait_s=options.wait
+        )
     print(recorded_line(out, record))
 
 
@@ -162,7 +151,7 @@ def _calibrate(options: Namespace) -> None:
 
 
 def _calibrate_tables(paths: list[Path], options: Namespace) -> None:
-    from megalopta.camera.array_device import write_array_device
+    from megalopta.camera.device_files import write_array_device
     from megalopta.core.errors import refused_as
     from megalopta.verification.capture_files import read_measurement
 
@@ -286,14 +275,14 @@ def _tags(options: Namespace) -> None:
         "--photons HZ",
         "photons per second and pixel at 700 nm: one value for flat (default: 5e6), one per "
         "step for steps (default: 0 to 2e7)",
-        finite,
+        within(0.0, 1e15),
         nargs="+",
     ),
-    option("--step-s", "duration of each step of steps, s", finite, 5.0),
-    option("--speed", "speed of the plate, mm/s", finite, 5.0),
-    option("--lux", "light level of a dataset (lux)", finite),
+    option("--step-s", "duration of each step of steps, s", within(1e-3, 1e9), 5.0),
+    option("--speed", "speed of the plate, mm/s", within(0.0, 100.0), 5.0),
+    option("--lux", "light level of a dataset (lux)", within(0.0, 1e6)),
     option("--sensor", "preset or YAML file", default="spadcam"),
-    option("--device-seed", "seed of the device's fixed pattern", whole),
+    option("--device-seed", "seed of the device's fixed pattern", within(0, 2**32 - 1)),
     option("--seed", "seed of photons, noise and faults", whole, 0),
     option("--serial", "the camera's serial number", default="EMULATED"),
     option("--link", "symbolic link to the terminal", Path),
@@ -302,7 +291,6 @@ def _tags(options: Namespace) -> None:
 def _emulate(options: Namespace) -> None:
     from megalopta.camera.emulated import EmulatedCamera, EmulatedPort
 
-    _check_limits(options)
     faults = _faults(options)
     camera = EmulatedCamera(_sensor(options), _stimulus(options), options.seed, options.serial)
     port = EmulatedPort(
@@ -315,19 +303,10 @@ def _emulate(options: Namespace) -> None:
     )
 
 
-def _check_limits(options: Namespace) -> None:
-    for name, (least, most) in _LIMITS.items():
-        value = getattr(options, name)
-        for each in value if isinstance(value, list) else [value]:
-            if each is not None and not least <= each <= most:
-                raise UserError(f"--{name.replace('_', '-')}: {each:g}; give {least:g} to {most:g}")
-
-
 def _faults(options: Namespace) -> "Faults":
     from megalopta.camera.emulated import Faults
 
-    given = {name: getattr(options, name) for name in _FAULTS}
-    faults = Faults(**{name: value for name, value in given.items() if value is not None})
+    faults = chosen(options, Faults)
     faults.check()
     return faults
 

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 from megalopta.cli.command import (
     CLUSTER,
     DATASET,
+    VERBS,
+    Verb,
     at_least,
     numbers,
     option,
@@ -18,14 +20,14 @@ from megalopta.cli.command import (
     verb,
 )
 from megalopta.config import built_in_names
-from megalopta.core.errors import UserError
+from megalopta.core.errors import UserError, refused_as
 from megalopta.core.progress import say
 
 if TYPE_CHECKING:
     from pydantic import BaseModel
 
     from megalopta.config.model import Configuration
-    from megalopta.config.settings import Settings
+    from megalopta.config.settings import VerbSettings
 
 _RANKED = {
     "methods": "[BM, DIS, PM, PF]",
@@ -76,14 +78,14 @@ _FROM_CONFIGURATION = (
 )
 
 
-def settings_of_stage(stage: str, *others: "type[BaseModel]") -> "Settings":
+def settings_of_stage(stage: str, *others: "type[BaseModel]") -> "VerbSettings":
     """Return those that a stage depends on, all for what is no stage, and those of others."""
     from megalopta.config.model import Configuration, load
-    from megalopta.config.settings import Settings
+    from megalopta.config.settings import VerbSettings
     from megalopta.stages.registry import STAGES
 
     fields = STAGES[stage].fields if stage in STAGES else None
-    return Settings(Configuration, partial(load, "demo"), fields, others)
+    return VerbSettings(Configuration, partial(load, "demo"), fields, others)
 
 
 @verb(
@@ -289,7 +291,7 @@ def _make_what_is_missing(options: Namespace) -> None:
 
 
 def _run_on_many(stage: str, options: Namespace) -> None:
-    from megalopta.generation.adding import expose, measure
+    from megalopta.generation.adding import add_exposures, measure
 
     root, where = options.dataset, (options.workers, options.scheduler)
     if stage != "sense":
@@ -299,7 +301,7 @@ def _run_on_many(stage: str, options: Namespace) -> None:
             f"{root}: a dataset of many sequences, to which sense adds exposures; omit --redo"
         )
     else:
-        expose(root, options.overrides, *where)
+        add_exposures(root, options.overrides, *where)
 
 
 def _run_on_one(stage: str, options: Namespace) -> None:
@@ -311,3 +313,41 @@ def _run_on_one(stage: str, options: Namespace) -> None:
     stored = to_yaml(open_dataset_whole(options.dataset).configuration)
     changed = parse(stored, str(options.dataset), options.overrides)
     run_stage(options.dataset, changed, stage, options.redo)
+
+
+VERBS["scene"] = Verb("export a scene")
+
+
+@verb(
+    "scene export",
+    "write a frame of a scene as Mitsuba's XML, which plain Mitsuba renders alike, or as GLB",
+    option("configuration", "YAML file, name of a configuration, or dataset folder"),
+    out("out/scene", "folder of the XML and its files, or a GLB file by its name"),
+    option("--frame", "frame, counted from 0", at_least(0), 0),
+    settings=partial(settings_of_stage, "render"),
+    often=("scene.kind", "light.level", "camera.width", "camera.height", "render.bands_nm"),
+    example="megalopta scene export demo --out out/scene --frame 3",
+)
+def _export(options: Namespace) -> None:
+    from megalopta.config.model import load
+    from megalopta.core import files
+    from megalopta.render import export_scene
+    from megalopta.scenes.glb import glb_of
+    from megalopta.stages.render import build
+
+    settings = load(options.configuration, options.overrides)
+    path = settings.trajectory
+    if options.frame >= path.frames:
+        raise UserError(
+            f"--frame {options.frame}: frames are 0 to {path.frames - 1}; give one of these"
+        )
+    scene, pose, time_s = build(settings), path.poses()[options.frame], path.times_s[options.frame]
+    if options.out.suffix.lower() == ".glb":
+        with files.atomic_write(options.out) as temporary:
+            temporary.write_bytes(glb_of(scene, float(time_s)))
+        print(options.out)
+        return
+    with refused_as("scene export"):
+        print(
+            export_scene(scene, settings.camera, settings.render, pose, options.out, float(time_s))
+        )

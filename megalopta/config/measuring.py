@@ -4,14 +4,16 @@ from typing import Annotated, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field
+from pydantic import AfterValidator, Field
 
 from megalopta.core.record import Record
-from megalopta.flow.benchmark.settings import BenchmarkSettings
+from megalopta.flow.benchmark.settings import BenchmarkSettings, each_once
 from megalopta.flow.stimuli.photons import Normalization
 from megalopta.scenes import Camera
 
 Reference = Literal["self", "perfect"]
+ONCE = AfterValidator(each_once)
+"""Refuses duplicates among the values of a field"""
 
 
 class CalibrationFrames(Record, frozen=True):

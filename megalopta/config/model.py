@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 from pydantic import (
+    AfterValidator,
     Field,
     ValidationInfo,
     field_validator,
@@ -19,6 +20,7 @@ from pydantic import (
 
 from megalopta.config import built_in_names, built_in_text
 from megalopta.config.measuring import (
+    ONCE,
     CalibrationFrames,
     FlowSettings,
     LabelName,
@@ -28,7 +30,6 @@ from megalopta.config.measuring import (
 from megalopta.config.yaml_model import mapping, validated, yaml_text
 from megalopta.core.bounded import quoted
 from megalopta.core.record import Record
-from megalopta.flow.benchmark.settings import each_once
 from megalopta.flow.detectors.registry import METHODS, THESIS_METHODS
 from megalopta.render import RenderSettings
 from megalopta.scenes import AnyObject, AnyScene, Shutter
@@ -45,6 +46,22 @@ from megalopta.sensor.formats.products import ProductName
 from megalopta.sensor.spad.presets import load_sensor, with_files
 
 LightLevel = float | str
+
+
+def level_text(level: LightLevel) -> str:
+    """A light level as text, such as "starlight" or "0.05lux"."""
+    return level if isinstance(level, str) else f"{level:.12g}lux"
+
+
+def _known_once(levels: tuple[LightLevel, ...]) -> tuple[LightLevel, ...]:
+    for level in levels:
+        illuminance_of(level)
+    if len(set(map(level_text, levels))) < len(levels):
+        raise ValueError(f"{list(levels)}: duplicate level; give each once")
+    return levels
+
+
+LightLevels = Annotated[tuple[LightLevel, ...], AfterValidator(_known_once)]
 
 # Longer values, such as a recorded path, are cut in comparisons of two configurations.
 _LONGEST_VALUE = 60
@@ -95,14 +112,16 @@ class Configuration(Record, frozen=True):
     render: RenderSettings = RenderSettings()
     """Samples, depth, bands and backend."""
 
-    labels: tuple[LabelName, ...] = Field(default=(), exclude_if=lambda labels: not labels)
+    labels: Annotated[tuple[LabelName, ...], ONCE] = Field(
+        default=(), exclude_if=lambda labels: not labels
+    )
     """Label maps that `render` writes for other programs: `classes`, `instances`, `clusters` of
     leaves, `normals`, `albedo`; default: none."""
 
     tracks: TrackSettings | None = Field(default=None, exclude_if=lambda tracks: tracks is None)
     """Points that `render` follows through all frames; default: none."""
 
-    light_levels: Annotated[tuple[LightLevel, ...], Field(min_length=1)] = (
+    light_levels: Annotated[LightLevels, Field(min_length=1)] = (
         "twilight",
         "full_moon",
         "quarter_moon",
@@ -125,7 +144,7 @@ class Configuration(Record, frozen=True):
         IMAGE_SENSORS["ideal"],
     )
 
-    products: tuple[ProductName, ...] = ("counts",)
+    products: Annotated[tuple[ProductName, ...], ONCE] = ("counts",)
     """Output of `sense` for every sensor and level: `counts` (required), `events_hdf5`,
     `events_npz`, `binary_npy`, `binary_spad512`, `burst_npy`, `tiff` (docs/file-formats.md)."""
 
@@ -156,6 +175,7 @@ class Configuration(Record, frozen=True):
 
     methods: Annotated[
         tuple[str, ...],
+        ONCE,
         Field(min_length=1, description=f"Motion detectors to run, of {', '.join(METHODS)}."),
     ] = THESIS_METHODS
 
@@ -182,15 +202,6 @@ class Configuration(Record, frozen=True):
             return levels
         return tuple(_number_if_it_is_one(level) for level in levels)
 
-    @field_validator("light_levels")
-    @classmethod
-    def _levels_are_known(cls, levels: tuple[LightLevel, ...]) -> tuple[LightLevel, ...]:
-        for level in levels:
-            illuminance_of(level)
-        if len(set(map(level_text, levels))) < len(levels):
-            raise ValueError(f"{list(levels)}: duplicate level; give each once")
-        return levels
-
     @field_validator("sensors", mode="before")
     @classmethod
     def _sensors_by_preset(cls, sensors: Any, validation: ValidationInfo) -> Any:
@@ -199,17 +210,12 @@ class Configuration(Record, frozen=True):
         folder = (validation.context or {}).get("folder", Path())
         return tuple(_resolve_sensor(sensor, folder) for sensor in sensors)
 
-    @field_validator("labels")
-    @classmethod
-    def _labels_once(cls, labels: tuple[LabelName, ...]) -> tuple[LabelName, ...]:
-        return each_once(labels)
-
     @field_validator("products")
     @classmethod
     def _counts_are_made(cls, products: tuple[ProductName, ...]) -> tuple[ProductName, ...]:
         if "counts" not in products:
             raise ValueError("counts are missing, and motion detectors need them; add counts")
-        return each_once(products)
+        return products
 
     @field_validator("methods")
     @classmethod
@@ -217,7 +223,7 @@ class Configuration(Record, frozen=True):
         for method in methods:
             if method not in METHODS:
                 raise ValueError(f"{method!r} is unknown: use some of {', '.join(METHODS)}")
-        return each_once(methods)
+        return methods
 
     @model_validator(mode="after")
     def _parts_fit(self) -> "Configuration":
@@ -302,11 +308,6 @@ class Configuration(Record, frozen=True):
                     f"trajectory.frame_rate_hz {self.trajectory.frame_rate_hz:g}; use at most "
                     f"{period_s:g}"
                 )
-
-
-def level_text(level: LightLevel) -> str:
-    """A light level as text, such as "starlight" or "0.05lux"."""
-    return level if isinstance(level, str) else f"{level:.12g}lux"
 
 
 def _folder_name(name: str) -> str:

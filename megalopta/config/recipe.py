@@ -14,12 +14,12 @@ from typing import Annotated, Any, Literal, TypeAlias
 from pydantic import Field, field_validator, model_validator
 
 from megalopta.config import built_in_names
+from megalopta.config.measuring import ONCE
 from megalopta.config.yaml_model import mapping, validated, yaml_text
 from megalopta.core.bounded import quoted
 from megalopta.core.errors import UserError
 from megalopta.core.format_numbers import check_format
 from megalopta.core.record import Record
-from megalopta.flow.benchmark.settings import each_once
 from megalopta.scenes.trajectories.mount import Mount
 from megalopta.sensor import generator
 from megalopta.sensor.formats.products import ProductName
@@ -109,10 +109,10 @@ class Plan(Record, frozen=True):
     """Exposures per sensor and level, with independent noise; from the second on, the sensor's name
     ends in -r2, -r3, …"""
 
-    products: tuple[ProductName, ...] = ("counts",)
+    products: Annotated[tuple[ProductName, ...], ONCE] = ("counts",)
     """Output per exposure, as in a configuration"""
 
-    flow_files: tuple[FlowFile, ...] = ()
+    flow_files: Annotated[tuple[FlowFile, ...], ONCE] = ()
     """Formats of flow next to .flo: kitti_png, 16-bit PNG in training/flow_kitti; flo5, HDF5 in
     training/flow_flo5"""
 
@@ -149,11 +149,6 @@ class Plan(Record, frozen=True):
                 known = ", ".join(built_in_names())
                 raise ValueError(f"{index}: preset {name!r} is unknown: use one of {known}")
         return entries
-
-    @field_validator("flow_files", "products")
-    @classmethod
-    def _each_once(cls, values: tuple[Any, ...]) -> tuple[Any, ...]:
-        return each_once(values)
 
     @model_validator(mode="after")
     def _rigs_are_complete(self) -> "Plan":

@@ -16,7 +16,7 @@ Words = Literal["switch", "one", "all"]
 
 
 @dataclass(frozen=True)
-class Settings:
+class VerbSettings:
     """Settings of a verb."""
 
     model: type[BaseModel]

@@ -4,12 +4,13 @@ Output has a temporary name until it is complete and on the disk. A killed proce
 behind; `sweep` removes them, once nobody else writes there.
 """
 
+import csv
 import errno
 import json
 import os
 import re
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -51,6 +52,19 @@ def write_text(path: Path, text: str) -> None:
 def write_json(path: Path, value: Any) -> None:
     """Write JSON atomically."""
     write_text(path, json.dumps(value, indent=1, allow_nan=False) + "\n")
+
+
+def write_csv(
+    path: Path, head: Iterable[str], rows: Iterable[Iterable[Any]], digits: int = 6
+) -> None:
+    """Write a table as CSV atomically; numbers have this many digits."""
+    with atomic_write(path) as part, part.open("w", newline="", encoding="utf-8") as file:
+        lines = csv.writer(file, lineterminator="\n")
+        lines.writerow(head)
+        for row in rows:
+            lines.writerow(
+                f"{each:.{digits}g}" if isinstance(each, int | float) else each for each in row
+            )
 
 
 def remove(path: Path) -> None:

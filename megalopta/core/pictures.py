@@ -18,7 +18,7 @@ _FORMATS = ("PNG", "JPEG", "TIFF", "BMP", "PPM", "WEBP", "GIF")
 """Pillow passes some other formats, such as PostScript, to programs that run code in the file."""
 
 
-def read_picture(path: Path, mode: Literal["L", "RGB"]) -> NDArray[np.uint8]:
+def read_codes(path: Path, mode: Literal["L", "RGB"]) -> NDArray[np.uint8]:
     """Return an 8-bit picture, gray (H, W) or in color (H, W, 3).
 
     Raises DamagedFileError if it is no picture, has more than 8 bits, or claims more pixels than

@@ -256,7 +256,7 @@ def measure(
     return add_to_all(root, _Measured(stage, overrides, redo), title, workers, scheduler)
 
 
-def expose(
+def add_exposures(
     root: Path,
     wanted: Exposing | Mapping[str, str],
     workers: int | None = None,

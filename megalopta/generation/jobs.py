@@ -6,18 +6,17 @@ A job is a picklable function of its number. Its output must not depend on where
 import ctypes
 import multiprocessing
 import os
-import pickle
 import signal
 import sys
 import threading
 import time
 import traceback
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Callable, Generator, Iterable, Iterator
-from contextlib import contextmanager, suppress
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
 from dataclasses import dataclass
-from multiprocessing.connection import Connection, wait
-from queue import SimpleQueue
 
 from megalopta.core.errors import UserError, machine_problem
 
@@ -90,119 +89,70 @@ def run_jobs(
 
 DEATHS = 30
 """Deaths of workers after which a job is given up."""
-_START_FAILURES = 10
-"""Failed starts of workers before it is clear that none will ever start."""
+_VAIN_DEATHS = 10
+"""Deaths without a finished job before it is clear that none will ever be finished."""
 _PAUSE_S = 0.5
-"""Pause before a worker that did not start is started again: memory may be short."""
+"""Pause after a death before another worker starts: memory may be short."""
 _ENVIRONMENT = {
     "PYTHONSAFEPATH": "1",  # imports nothing from the working folder
     **dict.fromkeys(("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1"),
 }
 _PR_SET_PDEATHSIG = 1
-_READY = Outcome(-1)
 
 
 def by_workers(job: Job, indices: Iterable[int], count: int) -> Generator[Outcome, None, None]:
     """Run a job for every index in `count` processes of this machine, and yield the outcomes.
 
-    A worker gets the job and then numbers through a pipe from the process that started it. It
-    listens at no address, so nobody else can reach it. It ends when the pipe does, however the
-    parent ended.
-
-    Raises UserError if processes end as soon as they start.
+    Each process is an executor of its own, so that its death concerns one job, which is repeated
+    after the others. A process listens at no address, and ends with its parent. Raises UserError
+    if processes die before any job is finished.
     """
-    crew = _Crew(job, indices, count)
+    left, deaths, is_vain = deque(indices), Counter[int](), True
+    threads = max(1, (os.cpu_count() or 1) // count)
+    idle: list[ProcessPoolExecutor] = []
+    busy: dict[Future[Outcome], tuple[int, ProcessPoolExecutor]] = {}
     try:
-        yield from crew.outcomes()
-    finally:
-        for worker in (*crew.idle, *crew.busy.values()):
-            worker.end()
-
-
-class _Worker:
-    """A process, and the pipe to it."""
-
-    def __init__(self, order: bytes, threads: int) -> None:
-        self.index, self.is_ready = -1, False
-        self.pipe, theirs = multiprocessing.Pipe()
-        start = multiprocessing.get_context("spawn").Process
-        with _environment():
-            self._process = start(target=_work, args=(theirs, order, threads), daemon=True)
-            self._process.start()
-        theirs.close()
-
-    def give(self, index: int) -> None:
-        """Assign it a job; a failure to do so shows when its answer is read."""
-        self.index = index
-        with suppress(OSError):
-            self.pipe.send(index)
-
-    def end(self) -> int:
-        """End it, and return its exit code; its output is complete or absent."""
-        self._process.join(0.1)  # its own exit code says more than that of a kill
-        self._process.kill()
-        self._process.join()
-        self.pipe.close()
-        return self._process.exitcode or 0
-
-
-class _Crew:
-    """Workers, and the remaining jobs."""
-
-    def __init__(self, job: Job, indices: Iterable[int], count: int) -> None:
-        self._order, self._left, self._count = pickle.dumps(job), iter(indices), count
-        self._threads = max(1, (os.cpu_count() or 1) // count)
-        self._again: list[int] = []
-        self._deaths: Counter[int] = Counter()
-        self._failures = 0
-        self.idle: list[_Worker] = []
-        self.busy: dict[Connection, _Worker] = {}
-
-    def outcomes(self) -> Generator[Outcome, None, None]:
-        """Yield the outcome of each job. Raises UserError."""
-        while self._give_out():
-            for pipe in wait(list(self.busy)):
-                assert isinstance(pipe, Connection)
-                worker = self.busy.pop(pipe)
-                try:
-                    outcome: Outcome = pipe.recv()
-                except (OSError, EOFError):
-                    yield from self._died(worker)
-                    continue
-                if outcome == _READY:
-                    worker.is_ready, self._failures = True, 0
-                    self.busy[pipe] = worker
-                else:
-                    self.idle.append(worker)
+        while left or busy:
+            while left and len(busy) < count:
+                worker, index = idle.pop() if idle else _worker(), left.popleft()
+                with _environment():  # a process starts with its first job
+                    busy[worker.submit(attempt, job, index, threads)] = index, worker
+            for future in wait(busy, return_when=FIRST_COMPLETED).done:
+                index, worker = busy.pop(future)
+                if not isinstance(future.exception(), BrokenProcessPool):
+                    idle.append(worker)
+                    is_vain = False
+                    yield future.result()
+                elif (outcome := _died(index, deaths, is_vain)) is not None:
                     yield outcome
+                else:
+                    left.append(index)
+    finally:
+        for worker in (*idle, *(each for _, each in busy.values())):
+            _end(worker)
 
-    def _give_out(self) -> bool:
-        """Assign jobs to all idle workers; return True if any works."""
-        while len(self.busy) < self._count:
-            index = self._again.pop() if self._again else next(self._left, None)
-            if index is None:
-                break
-            worker = self.idle.pop() if self.idle else _Worker(self._order, self._threads)
-            worker.give(index)
-            self.busy[worker.pipe] = worker
-        return bool(self.busy)
 
-    def _died(self, worker: _Worker) -> Iterator[Outcome]:
-        """Reassign the job of a dead worker, unless it has caused too many deaths."""
-        code, index = worker.end(), worker.index
-        if worker.is_ready:
-            self._deaths[index] += 1
-            if self._deaths[index] >= DEATHS:
-                yield Outcome(index, f"{DEATHS} workers died of it")
-                return
-        else:
-            self._failures += code > 0  # negative: it was killed
-            if self._failures >= _START_FAILURES:
-                raise UserError(
-                    "--workers: worker processes end as soon as they start; omit --workers"
-                )
-            time.sleep(_PAUSE_S)
-        self._again.append(index)
+def _died(index: int, deaths: Counter[int], is_vain: bool) -> Outcome | None:
+    """Count the death of a worker; return the outcome of a job that has caused too many."""
+    deaths[index] += 1
+    if deaths[index] >= DEATHS:
+        return Outcome(index, f"{DEATHS} workers died of it")
+    if is_vain and deaths.total() >= _VAIN_DEATHS:
+        raise UserError("--workers: worker processes die before a job is done; omit --workers")
+    time.sleep(_PAUSE_S)
+    return None
+
+
+def _worker() -> ProcessPoolExecutor:
+    context = multiprocessing.get_context("spawn")
+    return ProcessPoolExecutor(1, mp_context=context, initializer=_begin)
+
+
+def _end(worker: ProcessPoolExecutor) -> None:
+    """End a process at once; its output is complete or absent."""
+    for process in list((worker._processes or {}).values()):
+        process.kill()
+    worker.shutdown(cancel_futures=True)
 
 
 @contextmanager
@@ -217,37 +167,18 @@ def _environment() -> Iterator[None]:
             del os.environ[name]
 
 
-def _work(pipe: Connection, order: bytes, threads: int) -> None:
-    """Run jobs until the parent process closes the pipe or ends."""
+def _begin() -> None:
+    """Prepare a worker: it ends with its parent, by nothing else, and prints nothing."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent ends it
-    _end_with_parent()
+    if sys.platform == "linux":  # at once, even while a compiler holds the GIL
+        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
     nowhere = os.open(os.devnull, os.O_WRONLY)  # libraries may print
     for stream in (sys.stdout, sys.stderr):
         os.dup2(nowhere, stream.fileno())
-    job = pickle.loads(order)  # loads a program, so after `_end_with_parent`
-    orders: SimpleQueue[int] = SimpleQueue()
-    threading.Thread(target=_listen, args=(pipe, orders), daemon=True).start()
-    answer = _READY
-    while True:
-        pipe.send(answer)
-        answer = attempt(job, orders.get(), threads)
 
 
 def _end_with_parent() -> None:
-    """Let Linux end this process at once with its parent.
-
-    Elsewhere the end of the pipe ends it, once compiled code releases the GIL: compiling a kernel
-    takes seconds.
-    """
-    parent = multiprocessing.parent_process()
-    if sys.platform == "linux":
-        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
-        if parent and parent.pid != os.getppid():  # the parent ended while this process started
-            os._exit(0)
-
-
-def _listen(pipe: Connection, orders: "SimpleQueue[int]") -> None:
-    with suppress(OSError, EOFError):
-        while True:
-            orders.put(pipe.recv())
-    os._exit(0)  # even during a job: nobody waits for it
+    if parent := multiprocessing.parent_process():
+        parent.join()
+        os._exit(0)  # even during a job: nobody waits for it

@@ -1,6 +1,5 @@
 """A figure with its caption and numbers, and its files: two of the picture, two of the numbers."""
 
-import csv
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -13,7 +12,7 @@ from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure as Canvas
 from numpy.typing import NDArray
 
-from megalopta.core.files import atomic_write, write_json
+from megalopta.core.files import atomic_write, write_csv, write_json
 from megalopta.plotting.style import house_style, new_canvas
 
 Cell: TypeAlias = float | str
@@ -115,16 +114,3 @@ def _record(figure: Figure) -> dict[str, Any]:
 
 def _json(value: Cell) -> Cell | None:
     return value if isinstance(value, str) or math.isfinite(value) else None
-
-
-def write_csv(
-    path: Path, head: Iterable[str], rows: Iterable[Iterable[Any]], digits: int = 6
-) -> None:
-    """Write a table; numbers have this many digits."""
-    with atomic_write(path) as part, part.open("w", newline="", encoding="utf-8") as file:
-        lines = csv.writer(file, lineterminator="\n")
-        lines.writerow(head)
-        for row in rows:
-            lines.writerow(
-                f"{each:.{digits}g}" if isinstance(each, int | float) else each for each in row
-            )

@@ -71,7 +71,7 @@ def folded(summary: str, inside: Markup) -> Markup:
     return Markup("<details><summary>{}</summary>\n{}</details>").format(summary, inside)
 
 
-def listed(kind: str, pairs: Iterable[tuple[str, str]]) -> Markup:
+def definitions(kind: str, pairs: Iterable[tuple[str, str]]) -> Markup:
     """Return a definition list of this class."""
     rows = (Markup("<div><dt>{}</dt><dd>{}</dd></div>").format(*each) for each in pairs)
     return Markup('<dl class="{}">{}</dl>').format(kind, Markup("").join(rows))

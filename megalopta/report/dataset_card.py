@@ -35,7 +35,7 @@ from megalopta.plotting.text import level_name, number
 from megalopta.report.film import gif_uri
 from megalopta.report.images import write_sheet
 from megalopta.report.seen import Panel, fastest_of, flow_panel, readings_panel
-from megalopta.report.sequence_panels import (
+from megalopta.report.seen_sequence import (
     depth_panel,
     exposure_readings,
     light_panel,

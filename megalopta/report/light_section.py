@@ -13,9 +13,9 @@ from megalopta.plotting.sections import (
     Section,
     block,
     card,
+    definitions,
     folded,
     heading,
-    listed,
     paragraph,
     table,
 )
@@ -147,7 +147,7 @@ def _effects(sensor: ImageSensor) -> Markup:
     names = active_effects(sensor)
     statements = [(each.replace("_", " "), getattr(sensor, each).statement) for each in names]
     summary = ", ".join(name for name, _ in statements)
-    return folded(f"Modeled, in this order: {summary}", listed("effects", statements))
+    return folded(f"Modeled, in this order: {summary}", definitions("effects", statements))
 
 
 def budget_table(

@@ -2,13 +2,14 @@
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from itertools import dropwhile, takewhile
+from itertools import chain, dropwhile, takewhile
 from pathlib import Path
+from typing import NamedTuple
 
 from markupsafe import Markup
 from PIL import Image
 
-from megalopta.benchmark.ranking_page import atlas, best_methods, order_changes
+from megalopta.benchmark.ranking_page import ATLAS, atlas, best_methods, order_changes
 from megalopta.benchmark.ranking_run import FOLDER, read_ranking
 from megalopta.config.model import Configuration, LightLevel
 from megalopta.config.yaml_model import to_yaml
@@ -21,8 +22,8 @@ from megalopta.plotting.sections import (
     Section,
     block,
     card,
+    definitions,
     folded,
-    listed,
     page_of,
     paragraph,
     table,
@@ -33,8 +34,8 @@ from megalopta.report.images import film, with_ends
 from megalopta.report.light_section import counts_film, light_section
 from megalopta.report.motion_section import flow_film, motion_section
 from megalopta.report.remarks import rendering, rendering_errors
-from megalopta.report.sequence_panels import best_flow
-from megalopta.report.source import Budget, Record, Report, by_sensor
+from megalopta.report.seen_sequence import best_flow
+from megalopta.report.source import Budget, Record, Report, by_sensor, title
 from megalopta.report.thresholds import threshold_section
 from megalopta.scenes import Light, Pictures
 from megalopta.scenes.lighting.levels import illuminance_of
@@ -49,18 +50,6 @@ OUTCOME = (
     "dark readings dominate at",
 )
 """Heads of the table of results; ranges go from the brightest light to the darkest."""
-
-
-def title(configuration: Configuration) -> str:
-    """Return the name of the sequence and its light levels."""
-    name = configuration.name.replace("_", " ").replace("-", " ")
-    if not configuration.scene.has_truth:
-        return f"{name[0].upper()}{name[1:]}, as photons"
-    levels = sorted(configuration.light_levels, key=illuminance_of, reverse=True)
-    light = f"at {level_title(levels[0])}"
-    if len(levels) > 1:
-        light = f"from {level_name(levels[0])} to {level_name(levels[-1])}"
-    return f"{name[0].upper()}{name[1:]}, {light}"
 
 
 def lead(configuration: Configuration, record: Record) -> str:
@@ -133,47 +122,54 @@ def _light(own: Sequence[Budget]) -> tuple[str, str, str]:
     )
 
 
-def _reach(records: Sequence[FlowRecord], sensor: str) -> tuple[str, str, str]:
-    """Return the method that is accurate down to the least light, this light, and its error."""
-    found = _median_errors(records, sensor)
-    if not found:
-        return UNDEFINED, UNDEFINED, UNDEFINED
-    if accurate := _least_light(records, sensor):
-        name, (level, error) = accurate
-        return name, level_name(level), percent(error)
-    error, _, name, level = min(
-        (error, -illuminance_of(level), name, level)
-        for name, errors in found.items()
-        for level, error in errors
-    )
-    return name, "none", f"{percent(error)} at {level_name(level)}"
+class _Answer(NamedTuple):
+    """Error of one method at one light level, against the true velocity."""
+
+    method: str
+    """Name, with ", corrected" on corrected readings"""
+    level: LightLevel
+    error: float
+    """Median over the blocks, relative"""
+    outliers: float
+    """Share of blocks that are off by more than 25 %"""
 
 
-def _median_errors(
-    records: Sequence[FlowRecord], sensor: str
-) -> dict[str, list[tuple[LightLevel, float]]]:
-    """Return errors relative to the true velocity, by method and level, the brightest first.
-
-    Corrected readings count as a separate method.
-    """
-    found: dict[str, list[tuple[LightLevel, float]]] = {}
+def _answers(records: Sequence[FlowRecord], sensor: str) -> dict[str, list[_Answer]]:
+    """Return the errors on a sensor by method, the brightest level first."""
+    found: dict[str, list[_Answer]] = {}
     for each in sorted(records, key=lambda each: -illuminance_of(each.level)):
         if each.sensor == sensor and each.truth:
             for ending, errors in (("", each.truth.counts), (", corrected", each.truth.corrected)):
                 if errors and errors.relative_error_median is not None:
-                    own = found.setdefault(f"{each.method}{ending}", [])
-                    own.append((each.level, errors.relative_error_median))
+                    name, share = f"{each.method}{ending}", errors.outlier_fraction or 0.0
+                    answer = _Answer(name, each.level, errors.relative_error_median, share)
+                    found.setdefault(name, []).append(answer)
     return found
 
 
-def _last(errors: Sequence[tuple[LightLevel, float]]) -> tuple[LightLevel, float] | None:
-    """Return the darkest level down to which a method is accurate, from its first accurate one.
+def _least_light(records: Sequence[FlowRecord], sensor: str) -> _Answer | None:
+    """Return the answer at the least light down to which a method is accurate.
 
     Brighter levels at which it fails, for example by saturation, are skipped.
     """
-    from_first = dropwhile(lambda each: each[1] >= ACCURATE, errors)
-    accurate = list(takewhile(lambda each: each[1] < ACCURATE, from_first))
-    return accurate[-1] if accurate else None
+    reached = []
+    for own in _answers(records, sensor).values():
+        from_first = dropwhile(lambda each: each.error >= ACCURATE, own)
+        reached += list(takewhile(lambda each: each.error < ACCURATE, from_first))[-1:]
+    return min(reached, key=lambda each: (illuminance_of(each.level), each.error), default=None)
+
+
+def _reach(records: Sequence[FlowRecord], sensor: str) -> tuple[str, str, str]:
+    """Return the method that is accurate down to the least light, this light, and its error."""
+    if found := _least_light(records, sensor):
+        return found.method, level_name(found.level), percent(found.error)
+    every = chain.from_iterable(_answers(records, sensor).values())
+    best = min(
+        every, key=lambda each: (each.error, -illuminance_of(each.level), each.method), default=None
+    )
+    if best is None:
+        return UNDEFINED, UNDEFINED, UNDEFINED
+    return best.method, "none", f"{percent(best.error)} at {level_name(best.level)}"
 
 
 _GLOSSARY = {
@@ -210,10 +206,6 @@ _RANKING = (
     "photons. {} {} This holds for this scene, path and settings. All curves, poolings and the "
     "camera’s motion are in {}/ranking.html next to this page."
 )
-_ATLAS = (
-    "Gray: no method beats the zero-motion baseline. Pale: the best method is not significant. "
-    "Blank: not measured."
-)
 _MADE = (
     "The settings below, with their seeds, reproduce everything on this page. Only the noise of "
     "rendering may differ between machines, within its statistics."
@@ -242,7 +234,7 @@ def ranking_section(report: Report) -> Section | None:
     return Section(
         "Which method is best",
         _RANKING.format(best_methods(ranking), " ".join(order_changes(ranking)), FOLDER),
-        body=block("card", atlas(ranking)) + paragraph(_ATLAS, "note"),
+        body=block("card", atlas(ranking)) + paragraph(ATLAS, "note"),
         name="ranking",
         link="Which is best",
     )
@@ -258,13 +250,13 @@ def making_section(report: Report) -> Section:
     total = time_text(sum(report.timings.values()))
     body = [
         remark,
-        listed("versions", rendering_errors(report.scene)),
+        definitions("versions", rendering_errors(report.scene)),
         block(
             "pair",
             card(f"Time spent: {total}", _bars(report), paragraph(variant, "note")),
             card(
                 "Software that wrote this report",
-                listed("versions", versions.versions().items()),
+                definitions("versions", versions.versions().items()),
             ),
         ),
         folded("All settings", Markup("<pre>{}</pre>").format(to_yaml(report.settings))),
@@ -289,7 +281,7 @@ SECTIONS: tuple[Callable[[Report], Section | None], ...] = (
     detector_section,
     threshold_section,
     ranking_section,
-    lambda _: Section("Glossary", body=listed("words", _GLOSSARY.items()), name="words"),
+    lambda _: Section("Glossary", body=definitions("words", _GLOSSARY.items()), name="words"),
     making_section,
 )
 """Sections of the page and its navigation, in order; None is skipped."""
@@ -329,7 +321,7 @@ def _opening(report: Report) -> Markup:
     """Return key numbers and results."""
     counted = list(facts(report))
     many, few = (_columns(len(counted), most) for most in (8, 4))
-    tiles = block("", listed("facts", counted), style=f"--many:{many};--few:{few}")
+    tiles = block("", definitions("facts", counted), style=f"--many:{many};--few:{few}")
     rows = outcome(report.flow, report.exposures)
     if not rows:
         return tiles
@@ -351,38 +343,13 @@ def _farthest(report: Report) -> tuple[str, str]:
     reached = {name: each for name in names if (each := _least_light(report.flow, name))}
     if not reached:
         return names[0], f"No method stays within 25 % of the {report.motion_name} at any level."
-    sensor = min(reached, key=lambda name: illuminance_of(reached[name][1][0]))
-    method, (level, error) = reached[sensor]
-    beyond = _outliers(report.flow, sensor, method, level)
+    sensor = min(reached, key=lambda name: illuminance_of(reached[name].level))
+    found = reached[sensor]
     return sensor, (
-        f"{method} on {sensor} stays within 25 % of the {report.motion_name} down to "
-        f"{level_title(level)}: the median error of its blocks is {percent(error)}, and "
-        f"{percent(beyond)} of them are off by more than 25 %."
+        f"{found.method} on {sensor} stays within 25 % of the {report.motion_name} down to "
+        f"{level_title(found.level)}: the median error of its blocks is {percent(found.error)}, "
+        f"and {percent(found.outliers)} of them are off by more than 25 %."
     )
-
-
-def _outliers(records: Sequence[FlowRecord], sensor: str, answer: str, level: LightLevel) -> float:
-    """Return the share of blocks that are off by more than 25 %."""
-    method, _, corrected = answer.partition(", ")
-    (own,) = (
-        each.truth
-        for each in records
-        if (each.sensor, each.method, each.level) == (sensor, method, level) and each.truth
-    )
-    errors = own.corrected if corrected else own.counts
-    return math.nan if errors is None else errors.outlier_fraction or 0.0
-
-
-def _least_light(
-    records: Sequence[FlowRecord], sensor: str
-) -> tuple[str, tuple[LightLevel, float]] | None:
-    """Return the method that is accurate down to the least light, this light, and its error."""
-    found = _median_errors(records, sensor)
-    last = {name: each for name, errors in found.items() if (each := _last(errors))}
-    if not last:
-        return None
-    name = min(last, key=lambda name: (illuminance_of(last[name][0]), last[name][1]))
-    return name, last[name]
 
 
 def _columns(items: int, most: int) -> int:

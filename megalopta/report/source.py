@@ -32,6 +32,7 @@ from megalopta.dataset.frames import FrameMotion, read_motion, read_radiance_fra
 from megalopta.dataset.store import Dataset
 from megalopta.flow.benchmark.sequence import BenchmarkResult
 from megalopta.flow.detectors.registry import METHODS
+from megalopta.plotting.text import level_name, level_title
 from megalopta.report.images import (
     PLAYBACK_HZ,
     Selection,
@@ -55,6 +56,18 @@ if TYPE_CHECKING:
 
 Record = Mapping[str, Any]
 _Read = TypeVar("_Read")
+
+
+def title(configuration: Configuration) -> str:
+    """Return the name of the sequence and its light levels."""
+    name = configuration.name.replace("_", " ").replace("-", " ")
+    if not configuration.scene.has_truth:
+        return f"{name[0].upper()}{name[1:]}, as photons"
+    levels = sorted(configuration.light_levels, key=illuminance_of, reverse=True)
+    light = f"at {level_title(levels[0])}"
+    if len(levels) > 1:
+        light = f"from {level_name(levels[0])} to {level_name(levels[-1])}"
+    return f"{name[0].upper()}{name[1:]}, {light}"
 
 
 _FLOW = TypeAdapter(list[FlowRecord])

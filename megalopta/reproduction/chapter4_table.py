@@ -15,7 +15,7 @@ from megalopta.flow.metrics.response_error import METRICS, Metric
 from megalopta.flow.stimuli.moving_template import MovingTemplate
 from megalopta.flow.stimuli.photons import Counts, draw_counts
 from megalopta.plotting.picture import Cell, Figure, columns_of
-from megalopta.plotting.sections import Section, block, image, listed, write_sections
+from megalopta.plotting.sections import Section, block, definitions, image, write_sections
 from megalopta.plotting.style import draw_table
 from megalopta.reproduction.chapter4_curves import (
     PHOTOGRAPHED,
@@ -191,7 +191,7 @@ def write_page(out: Path, figures: Sequence[Figure]) -> Path:
     sections = [
         Section("Table 4.1", NOTE, _HEAD, tuple(map(tuple, _lines(rows)))),
         Section("This run", "", ("", "ours", "printed"), tuple(compared)),
-        Section("Differences, and their reasons", body=listed("words", _DIFFERENT.items())),
+        Section("Differences, and their reasons", body=definitions("words", _DIFFERENT.items())),
         Section("Figures", body=block("", *pictures)),
     ]
     quick = " Quick form: fewer values, sizes and forests than in the dissertation."

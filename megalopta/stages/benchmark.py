@@ -4,8 +4,6 @@ The light of the sequence and the sums of every size and repeat are kept in
 results/SEQ/benchmark-parts until all are finished: only a few frames are in memory.
 """
 
-import csv
-import io
 from collections.abc import Callable
 from functools import cache, partial
 from pathlib import Path
@@ -59,7 +57,7 @@ def benchmark(dataset: Dataset) -> None:
         ]
     for name, result in zip(_RESULTS, results, strict=False):
         files.write_json(dataset.result(name), result.to_dict())
-    files.write_text(dataset.result("benchmark.csv"), _table(results[0]))
+    _write_table(dataset.result("benchmark.csv"), results[0])
     files.remove(dataset.result(_PARTS))
     _say_thresholds(results[0])
 
@@ -99,18 +97,14 @@ def write_photons(dataset: Dataset, path: Path) -> None:
         light[first : first + len(photons)] = photons
 
 
-def _table(result: BenchmarkResult) -> str:
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(
-        ["method", "rows", "columns", "metric", "photons_per_frame", "error", "standard_error"]
+def _write_table(path: Path, result: BenchmarkResult) -> None:
+    head = ("method", "rows", "columns", "metric", "photons_per_frame", "error", "standard_error")
+    rows = (
+        (curve.method, *curve.shape, curve.metric, *values)
+        for curve in result.curves
+        for values in zip(curve.fluxes, curve.errors, curve.standard_errors, strict=True)
     )
-    for curve in result.curves:
-        for row in zip(curve.fluxes, curve.errors, curve.standard_errors, strict=True):
-            writer.writerow(
-                [curve.method, *curve.shape, curve.metric, *(f"{value:.6g}" for value in row)]
-            )
-    return text.getvalue()
+    files.write_csv(path, head, rows)
 
 
 @cache

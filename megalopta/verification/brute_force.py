@@ -62,18 +62,6 @@ class _Device(NamedTuple):
     cumulative: Floats
 
 
-def brute_force_counts(
-    rng: np.random.Generator,
-    rate_hz: float,
-    exposure_s: float,
-    effects: AvalancheEffects | Sensor,
-    exposures: int,
-) -> Counts:
-    """Return the events (exposures,) of one isolated pixel."""
-    rates = np.full((exposures, 1, 1), rate_hz)
-    return brute_force_events(rng, rates, exposure_s, effects).ravel()
-
-
 def brute_force_events(
     rng: np.random.Generator,
     rates_hz: Floats,

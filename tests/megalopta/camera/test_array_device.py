@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from megalopta.camera.array_device import write_array_device
+from megalopta.camera.device_files import write_array_device
 from megalopta.cli.main import main
 from megalopta.sensor import expose_events, load_sensor
 from megalopta.sensor.calibrate.tag_statistics import coincidences

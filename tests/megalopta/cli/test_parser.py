@@ -2,11 +2,11 @@ import pytest
 
 from megalopta.cli.main import main, program, split_overrides
 from megalopta.config.model import Configuration
-from megalopta.config.settings import Settings
+from megalopta.config.settings import VerbSettings
 from megalopta.core.errors import UserError
 
 OWN = ("--out", "--redo")
-DEMO = Settings(Configuration).takes
+DEMO = VerbSettings(Configuration).takes
 
 
 def test_settings_are_told_from_own_options():

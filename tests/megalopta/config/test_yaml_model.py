@@ -8,7 +8,7 @@ import pytest
 from megalopta.benchmark.trial import Sweep
 from megalopta.config.measuring import FlowSettings
 from megalopta.config.model import Configuration, load, parse
-from megalopta.config.settings import Settings
+from megalopta.config.settings import VerbSettings
 from megalopta.config.yaml_model import mapping, validated
 from megalopta.core.errors import UserError
 
@@ -41,7 +41,7 @@ def test_a_path_that_leads_nowhere_is_refused(path):
 
 
 def test_help_lists_every_setting_with_a_meaning():
-    text = Settings(Configuration).help()
+    text = VerbSettings(Configuration).help()
     entries = [line for line in text.splitlines() if line.startswith("  --")]
     meanings = [line for line in text.splitlines() if line.startswith("      ")]
     assert len(entries) > 50

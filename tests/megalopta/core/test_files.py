@@ -26,7 +26,7 @@ from megalopta.core.errors import DamagedFileError, UserError
 from megalopta.core.files import atomic_write, sweep, write_json, write_text
 from megalopta.core.folders import ensure_directory, locked
 from megalopta.core.format_numbers import FORMATS, Format, check_format, written
-from megalopta.core.pictures import read_picture
+from megalopta.core.pictures import read_codes
 
 
 def test_a_failed_write_leaves_the_old_file_and_no_partial_one(tmp_path):
@@ -169,20 +169,20 @@ def test_a_picture_that_claims_too_many_pixels_is_refused(tmp_path):
     content[29:33] = struct.pack(">I", zlib.crc32(content[12:29]))
     (tmp_path / "a.png").write_bytes(content)
     with pytest.raises(DamagedFileError, match="too many pixels"):
-        read_picture(tmp_path / "a.png", "L")
+        read_codes(tmp_path / "a.png", "L")
 
 
 def test_sixteen_bits_are_refused_rather_than_clipped(tmp_path):
     Image.fromarray(np.full((2, 2), 40_000, np.uint16)).save(tmp_path / "a.png")
     with pytest.raises(DamagedFileError, match="more than 8 bits"):
-        read_picture(tmp_path / "a.png", "L")
+        read_codes(tmp_path / "a.png", "L")
 
 
 @pytest.mark.parametrize("content", [b"", b"x" * 100, b"%!PS-Adobe-3.0 EPSF-3.0\n"])
 def test_what_is_no_picture_is_refused(tmp_path, content):
     (tmp_path / "a.png").write_bytes(content)
     with pytest.raises(DamagedFileError, match="cannot be read as a picture"):
-        read_picture(tmp_path / "a.png", "RGB")
+        read_codes(tmp_path / "a.png", "RGB")
 
 
 def test_a_file_within_its_bound_is_read(tmp_path: Path) -> None:

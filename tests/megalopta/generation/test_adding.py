@@ -11,7 +11,7 @@ from megalopta.cli.main import main
 from megalopta.core.errors import UserError
 from megalopta.dataset.layout import Tree
 from megalopta.dataset.store import hashes_of
-from megalopta.generation.adding import expose, measure
+from megalopta.generation.adding import add_exposures, measure
 from megalopta.generation.making import make
 from megalopta.verification.files import check_files
 
@@ -61,7 +61,7 @@ def test_corrected_frames_of_new_exposures_are_on_record_and_others_stay(single_
     )
     make(tmp_path, plan)
     before = hashes_of(tmp_path, [tmp_path / "corrected"])
-    expose(tmp_path, {"sensors": "[spadcam]", "light_levels": "[twilight, full_moon]"})
+    add_exposures(tmp_path, {"sensors": "[spadcam]", "light_levels": "[twilight, full_moon]"})
     assert not check_files(Tree(tmp_path))
     after = hashes_of(tmp_path, [tmp_path / "corrected"])
     assert before.items() < after.items() and before

@@ -13,7 +13,7 @@ from megalopta.config.drawing import configuration_of
 from megalopta.core.errors import UserError
 from megalopta.dataset.layout import Tree
 from megalopta.dataset.record import MADE
-from megalopta.generation.adding import Exposing, expose
+from megalopta.generation.adding import Exposing, add_exposures
 from megalopta.generation.making import make
 from megalopta.generation.staging import Staged
 from megalopta.stages.registry import made_with
@@ -115,7 +115,7 @@ def test_a_sequence_is_published_whole_after_a_stop_at_any_step(
 def test_new_exposures_appear_whole_or_not_at_all(
     copy, single_plan, single_dataset, tmp_path, resumed
 ):
-    expose(copied(single_dataset, tmp_path / "whole"), NEW_LIGHT)
+    add_exposures(copied(single_dataset, tmp_path / "whole"), NEW_LIGHT)
     exposed = content(tmp_path / "whole")
 
     def resume(root):
@@ -123,9 +123,11 @@ def test_new_exposures_appear_whole_or_not_at_all(
             make(root, single_plan)
             assert not check_files(Tree(root))
             assert not (root / ".making").exists()
-        expose(root, NEW_LIGHT)
+        add_exposures(root, NEW_LIGHT)
 
-    broken_off_everywhere(copy, tmp_path, lambda root: expose(root, NEW_LIGHT), resume, exposed)
+    broken_off_everywhere(
+        copy, tmp_path, lambda root: add_exposures(root, NEW_LIGHT), resume, exposed
+    )
 
 
 @pytest.mark.parametrize("verb", ["make", "expose"])
@@ -138,7 +140,7 @@ def test_what_a_kill_after_the_last_move_leaves_is_cleared(copy, single_plan, ve
     if verb == "make":
         make(copy, single_plan)
     else:
-        expose(copy, Exposing(sensors=("spadcam",), light_levels=("twilight",)))
+        add_exposures(copy, Exposing(sensors=("spadcam",), light_levels=("twilight",)))
     assert not (copy / ".making").exists()
     assert not check_files(Tree(copy))
 
@@ -159,7 +161,7 @@ def test_a_changed_record_is_refused_and_not_blessed(copy, single_plan, change):
         changes = {"statistics": {**statistics, "mean_speed_px": 9.0}}
     changed(copy, **changes)
     before = (copy / "manifest.jsonl").read_bytes()
-    for work in (lambda: make(copy, single_plan), lambda: expose(copy, NEW_LIGHT)):
+    for work in (lambda: make(copy, single_plan), lambda: add_exposures(copy, NEW_LIGHT)):
         with pytest.raises(UserError, match=r"000000\.json differs from the manifest; restore it"):
             work()
     assert (copy / "manifest.jsonl").read_bytes() == before
@@ -168,7 +170,7 @@ def test_a_changed_record_is_refused_and_not_blessed(copy, single_plan, change):
 
 def test_exposures_that_the_manifest_does_not_know_yet_are_taken(copy, single_plan):
     before = (copy / "manifest.jsonl").read_bytes()
-    expose(copy, NEW_LIGHT)
+    add_exposures(copy, NEW_LIGHT)
     whole = content(copy)
     (copy / "manifest.jsonl").write_bytes(before)
     faults = check_files(Tree(copy))
@@ -183,7 +185,7 @@ def test_exposures_by_another_sensor_model_are_refused(copy, monkeypatch):
     with pytest.raises(
         UserError, match=r"000000 was exposed by another sensor model .*sense: model: \d+ → 99"
     ):
-        expose(copy, NEW_LIGHT)
+        add_exposures(copy, NEW_LIGHT)
     assert content(copy) == before
 
 

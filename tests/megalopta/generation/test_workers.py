@@ -43,7 +43,7 @@ def test_a_job_that_kills_every_worker_is_given_up(jobs, monkeypatch):
 
 @pytest.mark.slow
 def test_workers_that_never_start_are_told(jobs):
-    with pytest.raises(UserError, match="end as soon as they start"):
+    with pytest.raises(UserError, match="die before a job is done"):
         list(run_jobs(jobs.NeverArrives(), [7], workers=2))
 
 

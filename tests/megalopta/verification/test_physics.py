@@ -14,7 +14,8 @@ from megalopta.sensor.optics import pixels
 from megalopta.sensor.optics.lens import falloff
 from megalopta.sensor.sampling.streams import generator
 from megalopta.verification import physics as check_physics
-from megalopta.verification.comparison import (
+from megalopta.verification.physics import (
+    CASES,
     Row,
     check_case,
     false_alarm,
@@ -22,7 +23,6 @@ from megalopta.verification.comparison import (
     two_sample_z,
     worst,
 )
-from megalopta.verification.physics import CASES
 
 QUICK = ("changing-light", "counters", "ctia")
 """Groups that take a second or two; `megalopta check physics` runs all"""

@@ -9,7 +9,7 @@ from megalopta.sensor.sampling.streams import generator
 from megalopta.sensor.spad.counts import count_moments
 from megalopta.sensor.spad.model import AvalancheEffects
 from megalopta.sensor.spad.simulation import simulate_frame
-from megalopta.verification.comparison import two_sample_z
+from megalopta.verification.physics import two_sample_z
 
 TAU_S, EXPOSURE_S, RATE_HZ, EXPOSURES = 1e-6, 2e-5, 8e5, 1000
 

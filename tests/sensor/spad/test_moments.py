@@ -13,7 +13,7 @@ from megalopta.sensor.sampling.streams import generator
 from megalopta.sensor.spad import moments as own
 from megalopta.sensor.spad.model import AvalancheEffects
 from megalopta.sensor.spad.moments import pixel_moments
-from megalopta.verification.brute_force import brute_force_counts
+from megalopta.verification.brute_force import brute_force_events
 
 TAU_S = 1e-6
 AFTERPULSING = Afterpulsing(mean_carriers=0.2, delay_s=2e-6)
@@ -108,7 +108,8 @@ def test_combined_effects_have_the_moments_of_brute_force(
 ):
     effects = effects_of(kind, start, traps, gate)
     mean, variance = (each[0] for each in pixel_moments(np.array([rate]), exposure_s, effects))
-    counts = brute_force_counts(generator(4), rate, exposure_s, effects, EXPOSURES)
+    rates = np.full((EXPOSURES, 1, 1), rate)
+    counts = brute_force_events(generator(4), rates, exposure_s, effects)
     squares = (counts - counts.mean()) ** 2
     # five standard errors of brute force (false alarm 6e-7) and those stated of the interpolation
     error = 5 * counts.std() / counts.size**0.5
