@@ -36,18 +36,18 @@ from megalopta.sensor.calibrate.sums import Summed, summed, summed_bits
 from megalopta.sensor.effects.crosstalk import REACH, Crosstalk, fired_mean, neighborhoods
 
 _PIXELS = (
-    "Median over pixels, range of 90 % of them, and median half width of a pixel's 95 % CI. Events "
-    "that crosstalk and afterpulses add are part of these rates; the maps of the device file are "
-    "without those that are found below."
+    "Median over pixels, range of 90 % of them, and median half width of a pixel's 95 % CI. These "
+    "rates include events that crosstalk and afterpulses add. The maps of the device file exclude "
+    "them where crosstalk and afterpulses are found below."
 )
 _CROSSTALK = (
     "Probability that an avalanche fires a pixel, from the dark counts of hot pixels and of those "
-    "around them. The pixels of some arrays come in pairs of rows, whose light stays in the pair."
+    "around them. In some arrays rows come in pairs, and crosstalk is mostly within a pair."
 )
 _COINCIDENCES = (
-    "Pixels that fire together more often than by chance, up to two pixels away, and variance "
-    "beyond that. Without crosstalk of hot pixels, the device file has what is beyond three "
-    "standard errors here."
+    "Crosstalk from pixels up to two apart that fire together more often than by chance, and "
+    "afterpulses from the variance that it does not explain. If hot pixels show no crosstalk, the "
+    "device file gets the values that exceed three standard errors."
 )
 _EDGES: dict[str, Any] = {
     "the pixel above": (REACH - 1, REACH),
@@ -58,8 +58,8 @@ _EDGES: dict[str, Any] = {
 }  # fmt: skip
 _BAD = (
     "Dead: no counts under light; stuck: one reading in all frames; saturated: at the counter's "
-    "end in every recording; hot: surely above ten times the median dark counts; telegraph: dark "
-    "counts switch between two rates. The file bad.npy marks the first three, hot.npy and "
+    "end in every recording; hot: significantly above ten times the median dark counts; telegraph: "
+    "dark counts switch between two rates. The file bad.npy marks the first three, hot.npy and "
     "telegraph.npy the others; stuck.npy has the readings that do not change."
 )
 
@@ -260,7 +260,7 @@ def _crosstalk_section(talk: Crosstalk, pixels: int) -> Section:
     title = "Crosstalk of hot pixels"
     if not talk.is_on:
         few = f"; needs {FEWEST_PIXELS} pixels" if pixels < FEWEST_PIXELS else ""
-        return Section(title, f"Not seen{few}.")
+        return Section(title, f"None found{few}.")
     chances = neighborhoods(talk).mean(axis=1)  # of pixels in even and in odd rows
     rows = tuple(
         (name, *(f"{100 * float(each[at].mean()):.2f} %" for each in chances))

@@ -36,9 +36,9 @@ _TITLE = "EMVA 1288"
 _TEXT = (
     "Release 4, Linear; an event is one electron, a reading a count. The device's figures are "
     "computed from the calibration at 50 steps of light and an exposure of {:g} s. Saturation is "
-    "where the temporal variance is largest. With dead time the response is no line, and R and K "
-    "would be too small: they are corrected for the calibrated dead time, the device's by factors "
-    "of {:.3g} and {:.3g}, and hold for dim light. The linearity error is not corrected."
+    "where the temporal variance is largest. With dead time the response is not linear, and R and "
+    "K would be too small. They are corrected for the calibrated dead time (the device's by "
+    "factors of {:.3g} and {:.3g}), and hold for dim light. The linearity error is not corrected."
 )
 _HEAD = "symbol", "quantity", "device", "recordings"
 _ROWS: tuple[tuple[str, str, Callable[[Emva], float]], ...] = (
