@@ -51,7 +51,7 @@ _PILED = 0.5
 """Share of frames at the largest reading of all that shows it to be the counter's capacity."""
 _GRID = 4000
 _LARGEST_STEP = 50.0
-"""Largest ratio of two levels of dark counts that is told from an infinite one."""
+"""Largest ratio of two levels of dark counts that data can distinguish from an infinite one."""
 _ROUNDS = 4
 _95 = 1.959964
 
