@@ -20,7 +20,7 @@ from megalopta.core.arrays import Floats
 from megalopta.flow.color_wheel import flow_to_rgb
 from megalopta.plotting.text import number, short
 from megalopta.report.images import ColorScale, evenly_spaced, gray_scale, rgb_picture
-from megalopta.report.readings import Readings, Treatment, readings_of
+from megalopta.report.readings import ShownReadings, Treatment, readings_of
 from megalopta.sensor.formats.reading import FrameKind
 
 if TYPE_CHECKING:
@@ -51,7 +51,7 @@ class Panel:
     """Note on a special color, for a film, which has no legend"""
 
 
-def readings_panel(readings: Readings, frames: range, step: int) -> Panel:
+def readings_panel(readings: ShownReadings, frames: range, step: int) -> Panel:
     """Return readings as grays, saturated pixels in orange; some of the frames give the white."""
     sampled = [readings.frame(each) for each in evenly_spaced(frames, SAMPLED)]
     white = _white([values for values, _ in sampled], is_inverted=readings.treatment.is_inverted)

@@ -15,7 +15,7 @@ from pkgutil import iter_modules
 from typing import TypeAlias
 
 from megalopta.benchmark.runner import Results, run
-from megalopta.benchmark.trial import Sweep, Template, Trial, pixels_of
+from megalopta.benchmark.trial import Sweep, Template, Trial, template_pixels
 from megalopta.core.arrays import Floats
 from megalopta.core.errors import UserError
 from megalopta.core.folders import ensure_directory
@@ -155,7 +155,7 @@ def reproduce_sweep(name: str, sweep: Sweep, out: Path, means: Means = _THREADS)
 
 
 def _measure(trials: Sequence[Trial], out: Path, is_quick: bool, means: Means) -> Run:
-    templates = pixels_of((trial.template for trial in trials), means.cache)
+    templates = template_pixels((trial.template for trial in trials), means.cache)
     results = run(trials, templates, out / "trials", means.workers, means.scheduler)
     return Run(is_quick, results, templates, means.cache)
 
