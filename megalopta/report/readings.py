@@ -97,9 +97,11 @@ class ShownReadings:
             values /= summed
         if is_inverted and self.is_binary:
             values, is_full = _flux(values, summed)
-        if self.treatment.bad is None:
+        bad = self.treatment.bad
+        if bad is None:
             return values, is_full
-        return _filled(values, self.treatment.bad), is_full & ~_like(self.treatment.bad, is_full)
+        good = ~bad[..., np.newaxis] if is_full.ndim > bad.ndim else ~bad
+        return _filled(values, bad), is_full & good
 
     def _parts(self, number: int) -> Iterator[slice]:
         """Yield ranges of the frames that are summed, of which each fits into memory."""
@@ -199,10 +201,6 @@ def _check(readings: ShownReadings, treatment: Treatment) -> None:
             "--invert: the response of this sensor is not known; omit it, or give binary "
             "frames, a recording, or a dataset of a SPAD array"
         )
-
-
-def _like(mask: Mask, other: Mask) -> Mask:
-    return mask[..., np.newaxis] if other.ndim > mask.ndim else mask
 
 
 def _filled(values: Floats, bad: Mask) -> Floats:
