@@ -143,7 +143,11 @@ def reproduce(
     trials = [trial for recipe in recipes for trial in recipe.trials(is_quick)]
     measured = _measure(trials, out, is_quick, means)
     made = [recipe.make(measured) for recipe in recipes]
-    paths = _write_figures(made, drawn)
+    paths: list[Path] = []
+    with progress("Drawing figures", len(made), "figure") as advance:
+        for figure in made:
+            paths += write_figure(figure, drawn)
+            advance()
     return paths + [recipe.page(drawn, made) for recipe in recipes if recipe.page]
 
 
@@ -158,12 +162,3 @@ def _measure(trials: Sequence[Trial], out: Path, is_quick: bool, means: Means) -
     templates = template_pixels((trial.template for trial in trials), means.cache)
     results = run(trials, templates, out / "trials", means.workers, means.scheduler)
     return Run(is_quick, results, templates, means.cache)
-
-
-def _write_figures(figures: Sequence[Figure], out: Path) -> list[Path]:
-    paths: list[Path] = []
-    with progress("Drawing figures", len(figures), "figure") as advance:
-        for figure in figures:
-            paths += write_figure(figure, out)
-            advance()
-    return paths
