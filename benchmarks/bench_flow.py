@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
-from megalopta.benchmark.trial import Trial, measure_trial, pixels_of
+from megalopta.benchmark.trial import Trial, measure_trial, template_pixels
 from megalopta.core.arrays import Floats
 from megalopta.flow.benchmark import search
 from megalopta.flow.detectors.registry import method
@@ -102,7 +102,7 @@ def chapter(every: int = 16) -> None:
     """Measure some trials of Chapter 4, and say where their time goes, and what the floor is."""
     trials = sorted({trial for sweep in SWEEPS.values() for trial in sweep.trials}, key=_size_first)
     some = trials[::every]
-    pixels = pixels_of(each.template for each in some)
+    pixels = template_pixels(each.template for each in some)
     measure_trial(some[0], pixels[some[0].template], "benchmark")  # compiles
     drawn = 0
 

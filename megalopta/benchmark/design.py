@@ -136,7 +136,7 @@ class DesignSettings(Record, frozen=True):
         return {name: getattr(self, name) for name in names if getattr(self, name)}
 
 
-class Scene(NamedTuple):
+class DesignScene(NamedTuple):
     """Light of a view, and its motion."""
 
     radiance: Callable[[LightLevel], Floats]
@@ -267,7 +267,7 @@ def _with(sensor: Sensor, changes: Mapping[str, Any]) -> Sensor:
 class _Work:
     """Errors of a scene and settings."""
 
-    def __init__(self, scene: Scene, settings: DesignSettings) -> None:
+    def __init__(self, scene: DesignScene, settings: DesignSettings) -> None:
         self._scene, self._settings, self.times = scene, settings, settings.exposures
         self._per_degree = scene.flow_per_degree()
         self._light = lru_cache(maxsize=1)(self._light_of)
@@ -372,7 +372,7 @@ def _sensor(given: Sensor | str | Path) -> Sensor:
     return load_sensor(given) if is_file else preset(str(given))
 
 
-def leaves_scene(settings: DesignSettings, sensor: Sensor) -> Scene:
+def leaves_scene(settings: DesignSettings, sensor: Sensor) -> DesignScene:
     """Return dead leaves, as large as the view, in the bands that the sensor's curves cover."""
     curves = sensor.efficiency, sensor.lens.transmission_curve
     ends = [(each.wavelengths_nm[0], each.wavelengths_nm[-1]) for each in curves if each]
@@ -394,13 +394,13 @@ def leaves_scene(settings: DesignSettings, sensor: Sensor) -> Scene:
         spectrum = scale * LEVELS[name].spectrum()(inside).mean(axis=0)
         return np.asarray(reflectance[np.newaxis, ..., np.newaxis] * spectrum)
 
-    return Scene(radiance, bands, settings.camera)
+    return DesignScene(radiance, bands, settings.camera)
 
 
-def _of_dataset(dataset: Dataset) -> Scene:
+def _of_dataset(dataset: Dataset) -> DesignScene:
     settings, frame = dataset.configuration, read_radiance_frame(dataset, 0).astype(np.float64)
 
     def radiance(level: LightLevel) -> Floats:
         return np.asarray(frame[np.newaxis] * light_scale(settings, level))
 
-    return Scene(radiance, list(settings.render.bands_nm), settings.camera)
+    return DesignScene(radiance, list(settings.render.bands_nm), settings.camera)

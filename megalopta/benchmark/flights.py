@@ -80,7 +80,8 @@ class FlightErrors:
     def yaw(self, way: str, flux: float) -> Interval:
         """Return the RMS error of the yaw rate relative to its RMS."""
         samples = self.samples[Case(YAW, way, flux)]
-        return bootstrap(samples, lambda each: _rms(each) / self.rms_yaw_deg, _KEY)
+        rms = self.rms_yaw_deg
+        return bootstrap(samples, lambda s: np.sqrt((s**2).mean(axis=(-2, -1))) / rms, _KEY)
 
     def heading(self, way: str, flux: float) -> Interval | None:
         """Return the median angle between the true and the estimated heading (degrees)."""
@@ -126,10 +127,6 @@ def flight_errors(
     estimates = {name: partial(errors, way) for name, way in ways.items()}
     samples = measure_samples(clip.counts, estimates, fluxes, draws, after_draw)
     return FlightErrors(samples, rates[middles])
-
-
-def _rms(samples: Floats) -> Floats:
-    return np.asarray(np.sqrt((samples**2).mean(axis=(-2, -1))))
 
 
 def _ways(

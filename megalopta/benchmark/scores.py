@@ -133,14 +133,14 @@ def _answers_of(
     if not isinstance(detector, DenseDetector):
         raise UserError(f"{detector.name} gives no dense flow; give a method that does")
     pairs = ((name, each.items()) for name, each in pairs_on_disk.pictures_of(truths).items())
+
+    def between(*pair: Path) -> NDArray[Any]:
+        return detector.dense(*(read_codes(path, "L") for path in pair))
+
     return detector.name, {
-        name: {frame: (str(each[0]), partial(_between, detector, *each)) for frame, each in found}
+        name: {frame: (str(each[0]), partial(between, *each)) for frame, each in found}
         for name, found in pairs
     }
-
-
-def _between(detector: DenseDetector, *pair: Path) -> NDArray[Any]:
-    return detector.dense(*(read_codes(path, "L") for path in pair))
 
 
 def _scored(

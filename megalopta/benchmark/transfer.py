@@ -94,7 +94,11 @@ def photons_per_period(ranking: Ranking, row: RankingRow) -> float | None:
 
 def misfits(of_method: list[Curve]) -> dict[str, Interval]:
     """Return the scatter about the common curve on each axis, decades of the error."""
-    return {name: _rms(_residuals(of_method, power)) for name, power in AXES.items()}
+    squares = {name: _residuals(of_method, power) ** 2 for name, power in AXES.items()}
+    return {
+        name: bootstrap(each, lambda s: np.sqrt(np.nanmean(s, axis=(-2, -1))), "misfit")
+        for name, each in squares.items()
+    }
 
 
 def common_curve(of_method: list[Curve], power: int) -> Polynomial:
@@ -112,8 +116,3 @@ def _residuals(of_method: list[Curve], power: int) -> Floats:
     errors = np.array([np.where(each.errors > 0, each.errors, np.nan) for each in of_method])
     places = np.array([each.along(power) for each in of_method])
     return np.asarray(np.log10(errors) - common(np.log10(places)))
-
-
-def _rms(residuals: Floats) -> Interval:
-    squares = residuals**2
-    return bootstrap(squares, lambda each: np.sqrt(np.nanmean(each, axis=(-2, -1))), "misfit")

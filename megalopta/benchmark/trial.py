@@ -118,7 +118,9 @@ def template_names(templates: Sequence[Template]) -> list[str]:
     ]
 
 
-def pixels_of(templates: Iterable[Template], cache: Path | None = None) -> dict[Template, Floats]:
+def template_pixels(
+    templates: Iterable[Template], cache: Path | None = None
+) -> dict[Template, Floats]:
     """Return the pixels, (251, m), of each template. Raises UserError if one is not a panorama.
 
     Panoramas rendered by this project are in the cache, by default the user's.

@@ -13,7 +13,7 @@ from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from functools import partial
-from itertools import product
+from itertools import pairwise, product
 from pathlib import Path
 from typing import TypeAlias
 
@@ -85,7 +85,8 @@ def pairs_without_truth(
     (footage,) = opened
     if len(footage) < _PAIR_FRAMES:
         raise UserError(f"{footage.path} has one frame; give two pictures, or a video")
-    steps = {f"{paths[0].stem} {k}": _step(footage, k) for k in range(len(footage) - 1)}
+    lights: list[_Light] = [partial(_luminance, footage, k) for k in range(len(footage))]
+    steps = {f"{paths[0].stem} {k}": pair for k, pair in enumerate(pairwise(lights))}
     return evenly_spread(steps, most)
 
 
@@ -168,10 +169,6 @@ def _two(first: Footage, second: Footage) -> tuple[_Light, _Light]:
             f"{first.path} and {second.path} have {' and '.join(sizes)} px; give one size"
         )
     return partial(_luminance, first, 0), partial(_luminance, second, 0)
-
-
-def _step(footage: Footage, index: int) -> tuple[_Light, _Light]:
-    return partial(_luminance, footage, index), partial(_luminance, footage, index + 1)
 
 
 def _luminance(footage: Footage, index: int) -> Floats:

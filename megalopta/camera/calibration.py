@@ -308,7 +308,12 @@ def calibrate_codes(sources: Sequence[Source], out: Path, beam: Beam, base: str)
     Raises ValueError or UserError as `calibrating.calibrate_recordings`.
     """
     sensor = preset(base)
-    levels = [_level(source, beam, sensor) for source in sources]
+    levels = []
+    for source in sources:
+        recording, light = read_recorded(source), beam.photons_hz(source.light, sensor)
+        assert recording.codes is not None
+        exposure_s = source.exposure_s or recording.exposure_s
+        levels.append(Level(recording.codes, exposure_s, light))
     device = calibrate_device(levels, adc_of(sensor))
     write_device(out, device, sensor, beam.wavelength_nm, base)
     is_relative = beam.wavelength_nm is None
@@ -328,13 +333,6 @@ def adc_of(sensor: Sensor) -> Adc:
         raise ValueError(f"{sensor.name}: no analog counter with an ADC; choose spadcam")
     top = counter.supply_v / counter.lsb_v
     return Adc(counter.lsb_v, top, top - counter.swing_v / counter.lsb_v)
-
-
-def _level(source: Source, beam: Beam, sensor: Sensor) -> Level:
-    recorded = read_recorded(source)
-    assert recorded.codes is not None
-    light = beam.photons_hz(source.light, sensor)
-    return Level(recorded.codes, source.exposure_s or recorded.exposure_s, light)
 
 
 _KINDS: tuple[DeadTimeKind, ...] = ("paralyzable", "nonparalyzable")

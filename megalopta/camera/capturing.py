@@ -171,12 +171,9 @@ class _Capture:
             ) from problem
         return self.recorder.frames
 
-    def _frames(self) -> int:
-        return self.recorder.frames if self.recorder else 0
-
     def _is_enough(self) -> bool:
-        wanted = self._settings
-        if wanted.frames is not None and self._frames() >= wanted.frames:
+        wanted, frames = self._settings, self.recorder.frames if self.recorder else 0
+        if wanted.frames is not None and frames >= wanted.frames:
             return True
         if wanted.seconds is None or self._first_s is None:
             return False

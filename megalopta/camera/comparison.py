@@ -29,7 +29,7 @@ from megalopta.camera.motion_bench import (
     pooled,
     record,
 )
-from megalopta.camera.recording import Beam, Recorded
+from megalopta.camera.recording import Beam, RecordingFrames
 from megalopta.config.model import load
 from megalopta.core.arrays import Floats, plain_array
 from megalopta.core.bounded import ARRAY_BYTES, read_bytes
@@ -50,7 +50,7 @@ _SHIFTS_PER_FRAME = 4
 _TIE = 1e-9
 
 
-def captured_frames(recorded: Recorded, device: Sensor, light_hz: float) -> Level:
+def captured_frames(recorded: RecordingFrames, device: Sensor, light_hz: float) -> Level:
     """Return counts of a recording; from its codes, if it has any, by the device's own steps."""
     codes, exposure_s, times_s = recorded.codes, recorded.exposure_s, recorded.times_s
     if codes is None or not isinstance(device.counter, AnalogCounter):

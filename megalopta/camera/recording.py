@@ -300,7 +300,7 @@ class Beam:
 
 
 @dataclass(frozen=True, eq=False)
-class Recorded:
+class RecordingFrames:
     """Frames of a recording."""
 
     counts: NDArray[Any]
@@ -315,7 +315,7 @@ class Recorded:
     is_binary: bool = False
     """True if counts are bits."""
 
-    def at(self, frames: tuple[int, int] | None) -> "Recorded":
+    def at(self, frames: tuple[int, int] | None) -> "RecordingFrames":
         """Keep a range of the frames. Raises ValueError if there are fewer."""
         if frames is None:
             return self
@@ -331,7 +331,7 @@ def is_captured(source: Source) -> bool:
     return any((source.path / each).exists() for each in (COUNTS, RAW))
 
 
-def read_recorded(source: Source) -> Recorded:
+def read_recorded(source: Source) -> RecordingFrames:
     """Read a recording.
 
     Raises UserError if there is none, it is damaged, or its exposure is unknown.
@@ -346,14 +346,16 @@ def read_recorded(source: Source) -> Recorded:
         raise UserError(f"{source.path}: {problem}") from None
 
 
-def _captured(source: Source) -> Recorded:
+def _captured(source: Source) -> RecordingFrames:
     recording = open_recording(source.path)
     codes = np.asarray(recording.adc[:])
     times_s = recording.times_s - recording.exposure_s
-    return Recorded(recording.counts[:], codes, recording.exposure_s, recording.sensor, times_s)
+    return RecordingFrames(
+        recording.counts[:], codes, recording.exposure_s, recording.sensor, times_s
+    )
 
 
-def _of_others(source: Source) -> Recorded:
+def _of_others(source: Source) -> RecordingFrames:
     frames = read_frames(source.path, source.kind)
     exposure = source.exposure_s or frames.exposure_s
     if exposure is None:
@@ -364,4 +366,4 @@ def _of_others(source: Source) -> Recorded:
     if frames.counts.ndim != 3:
         raise ValueError(f"{source.path}: {frames.counts.ndim} dimensions; give gray frames")
     times_s = exposure * np.arange(len(frames.counts), dtype=np.float64)
-    return Recorded(frames.counts, None, exposure, None, times_s, frames.bit_depth == 1)
+    return RecordingFrames(frames.counts, None, exposure, None, times_s, frames.bit_depth == 1)

@@ -59,7 +59,10 @@ def validated(
     if not overrides:
         return record
     changed = record.model_dump(mode="json")
-    for path, value in sorted(overrides.items(), key=lambda item: _starts_afresh(item[0])):
+    # `kind` and `preset`, which reset a mapping, come before its fields
+    place = {"kind": 0, "preset": 1}
+    for path in sorted(overrides, key=lambda path: place.get(path.rpartition(".")[2], 2)):
+        value = overrides[path]
         put(changed, path, _plain_data(value, f"--{path}"))
     with refused_as("command line"):
         return checked(model, changed, {"folder": Path(), "allows_code": True})
@@ -98,11 +101,6 @@ def put(values: Any, path: str, value: Any) -> None:
 def _plain_data(text: str, source: str) -> Any:
     with refused_as(source):
         return strict_yaml.load(text)
-
-
-def _starts_afresh(path: str) -> int:
-    """Sort key of a setting: `kind` and `preset`, which reset a mapping, come before its fields."""
-    return {"kind": 0, "preset": 1}.get(path.rpartition(".")[2], 2)
 
 
 def _child(values: Any, step: str, path: str) -> Any:

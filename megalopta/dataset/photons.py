@@ -63,7 +63,10 @@ def photons_from_images(
     is_number = isinstance(asked, Real) and 0 < asked < np.inf
     if not is_number or (photons_per_pixel is None) == (lux is None):
         raise UserError("photons_from_images: give photons_per_pixel or lux, a number above 0")
-    device, bands = _sensor(sensor), RenderSettings().bands_nm
+    if isinstance(sensor, str) and sensor not in IMAGE_SENSORS:
+        raise UserError(f"sensor {sensor!r} is unknown: use one of {', '.join(IMAGE_SENSORS)}")
+    device: ImageSensor = IMAGE_SENSORS[sensor] if isinstance(sensor, str) else sensor
+    bands = RenderSettings().bands_nm
     with refused_as("photons_from_images"):
         model = ColorsAsLight(**colors)
     with _opened(images, unit) as footage:
@@ -80,12 +83,6 @@ def _mean(footage: "Footage") -> Floats:
     if not mean.any():
         raise UserError("photons_from_images: the pictures are black; give pictures with light")
     return np.asarray(mean)
-
-
-def _sensor(sensor: Any) -> ImageSensor:
-    if isinstance(sensor, str) and sensor not in IMAGE_SENSORS:
-        raise UserError(f"sensor {sensor!r} is unknown: use one of {', '.join(IMAGE_SENSORS)}")
-    return IMAGE_SENSORS[sensor] if isinstance(sensor, str) else sensor
 
 
 def _opened(images: ArrayLike | str | Path, unit: Unit | None) -> "Footage":

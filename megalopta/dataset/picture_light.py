@@ -47,8 +47,13 @@ class PictureFrames:
         self._places = times_s * rate_hz
         steps = np.diff(self._places)
         self._same = _SAME_TIME * min(1.0, float(np.median(steps)) if steps.size else 1.0)
-        self._picture: Callable[[int], Float32] = lru_cache(maxsize=_KEPT)(self._resized)
-        self._flow: Callable[[int], Floats] = lru_cache(maxsize=1)(self._estimated_flow)
+        shape = settings.camera.shape
+        self._picture: Callable[[int], Float32] = lru_cache(maxsize=_KEPT)(
+            lambda index: resized(footage.frame(index), shape)
+        )
+        self._flow: Callable[[int], Floats] = lru_cache(maxsize=1)(
+            lambda before: clean_flow(self._picture(before), self._picture(before + 1))
+        )
 
     def at(self, place: float) -> Float32:
         """Return the light at a place of the sequence."""
@@ -84,9 +89,6 @@ class PictureFrames:
                 found[before + 1] = found.get(before + 1, 0.0) + share
         return found
 
-    def _resized(self, index: int) -> Float32:
-        return resized(self.footage.frame(index), self._settings.camera.shape)
-
     def _moved(self, before: int, share: float) -> Float32:
         from megalopta.sensor.sub_frames import NextFrames
 
@@ -97,9 +99,6 @@ class PictureFrames:
         )
         moved = following.between(first[np.newaxis], 0, np.array([share]))
         return np.asarray(moved[0], np.float32)
-
-    def _estimated_flow(self, before: int) -> Floats:
-        return clean_flow(self._picture(before), self._picture(before + 1))
 
 
 def resized(picture: Float32, shape: tuple[int, int]) -> Float32:

@@ -107,10 +107,9 @@ def _record(figure: Figure) -> dict[str, Any]:
             for what, values in figure.printed.items()
         ],
         "columns": figure.columns,
-        "rows": [[_json(value) for value in row] for row in figure.rows],
+        "rows": [
+            [each if isinstance(each, str) or math.isfinite(each) else None for each in row]
+            for row in figure.rows
+        ],
         **figure.details,
     }
-
-
-def _json(value: Cell) -> Cell | None:
-    return value if isinstance(value, str) or math.isfinite(value) else None

@@ -320,7 +320,8 @@ def page(dataset: Dataset) -> str:
 def _opening(report: Report) -> Markup:
     """Return key numbers and results."""
     counted = list(facts(report))
-    many, few = (_columns(len(counted), most) for most in (8, 4))
+    # per row, for rows of nearly equal length
+    many, few = (math.ceil(len(counted) / math.ceil(len(counted) / most)) for most in (8, 4))
     tiles = block("", definitions("facts", counted), style=f"--many:{many};--few:{few}")
     rows = outcome(report.flow, report.exposures)
     if not rows:
@@ -350,11 +351,6 @@ def _farthest(report: Report) -> tuple[str, str]:
         f"{level_title(found.level)}: the median error of its blocks is {percent(found.error)}, "
         f"and {percent(found.outliers)} of them are off by more than 25 %."
     )
-
-
-def _columns(items: int, most: int) -> int:
-    """Return the items per row for rows of nearly equal length, the last of more than one."""
-    return math.ceil(items / math.ceil(items / most))
 
 
 _MOST_LEVELS = 4

@@ -63,7 +63,7 @@ class Treatment:
 
 
 @dataclass(frozen=True, eq=False)
-class Readings:
+class ShownReadings:
     """Readings of a sensor, a few frames at a time."""
 
     shape: tuple[int, ...]
@@ -78,7 +78,7 @@ class Readings:
     """Time of each frame, s, where it is known"""
     treatment: Treatment = field(default_factory=Treatment)
 
-    def treated(self, treatment: Treatment) -> "Readings":
+    def treated(self, treatment: Treatment) -> "ShownReadings":
         """Return these readings as they are to be shown. Raises UserError where they cannot be."""
         _check(self, treatment)
         return replace(self, treatment=treatment)
@@ -97,9 +97,11 @@ class Readings:
             values /= summed
         if is_inverted and self.is_binary:
             values, is_full = _flux(values, summed)
-        if self.treatment.bad is None:
+        bad = self.treatment.bad
+        if bad is None:
             return values, is_full
-        return _filled(values, self.treatment.bad), is_full & ~_like(self.treatment.bad, is_full)
+        good = ~bad[..., np.newaxis] if is_full.ndim > bad.ndim else ~bad
+        return _filled(values, bad), is_full & good
 
     def _parts(self, number: int) -> Iterator[slice]:
         """Yield ranges of the frames that are summed, of which each fits into memory."""
@@ -123,7 +125,7 @@ def is_recording(path: Path) -> bool:
     return any((path / each).exists() for each in (COUNTS, RAW))
 
 
-def readings_of(path: Path, kind: FrameKind | None = None) -> Readings:
+def readings_of(path: Path, kind: FrameKind | None = None) -> ShownReadings:
     """Return the readings of a recording, or of a file or folder of frames or events.
 
     Raises UserError where there are none, or they are damaged.
@@ -178,7 +180,7 @@ def _flux(share: Floats, frames: int) -> tuple[Floats, Mask]:
     return -np.log1p(-np.minimum(share, most)), share > most
 
 
-def _check(readings: Readings, treatment: Treatment) -> None:
+def _check(readings: ShownReadings, treatment: Treatment) -> None:
     frames, shape = readings.shape[0], readings.shape[1:3]
     if treatment.summed > frames:
         raise UserError(f"--sum {treatment.summed}: there are {frames} frames; give that or less")
@@ -201,20 +203,16 @@ def _check(readings: Readings, treatment: Treatment) -> None:
         )
 
 
-def _like(mask: Mask, other: Mask) -> Mask:
-    return mask[..., np.newaxis] if other.ndim > mask.ndim else mask
-
-
 def _filled(values: Floats, bad: Mask) -> Floats:
     planes = np.moveaxis(values, -1, 0) if values.ndim > 2 else values[np.newaxis]
     filled, _ = filled_in(planes, np.zeros_like(planes), bad)
     return np.moveaxis(filled, 0, -1) if values.ndim > 2 else filled[0]
 
 
-def _recorded(path: Path) -> Readings:
+def _recorded(path: Path) -> ShownReadings:
     recording = open_recording(path)
     counts, full = recording.counts, recording.saturated
-    return Readings(
+    return ShownReadings(
         counts.shape,
         lambda part: (counts[part], full[part]),
         sensor=recording.sensor,
@@ -222,7 +220,7 @@ def _recorded(path: Path) -> Readings:
     )
 
 
-def _of_frames(path: Path, kind: FrameKind | None) -> Readings:
+def _of_frames(path: Path, kind: FrameKind | None) -> ShownReadings:
     first = read_frames(path, kind, frames=slice(0, 1))
     shape = first.counts.shape[1:]
     if len(shape) > 2 and shape[2] != _COLOR:
@@ -238,10 +236,10 @@ def _of_frames(path: Path, kind: FrameKind | None) -> Readings:
         times_s = first.exposure_s * np.arange(first.total, dtype=np.float64)
     is_binary = first.bit_depth == 1
     unit = "detections" if is_binary else "counts"
-    return Readings((first.total, *shape), read, unit, is_binary=is_binary, times_s=times_s)
+    return ShownReadings((first.total, *shape), read, unit, is_binary=is_binary, times_s=times_s)
 
 
-def _of_events(path: Path) -> Readings:
+def _of_events(path: Path) -> ShownReadings:
     stored = read_events(path)
     events, origin = stored.events, stored.origin
 
@@ -250,7 +248,7 @@ def _of_events(path: Path) -> Readings:
         return counts, np.zeros(counts.shape, np.bool_)
 
     frames = origin.first_frame + np.arange(origin.shape[0], dtype=np.float64)
-    return Readings(origin.shape, read, "events", times_s=frames * origin.frame_period_s)
+    return ShownReadings(origin.shape, read, "events", times_s=frames * origin.frame_period_s)
 
 
 def _frames_of(events: Events, part: slice) -> Events:

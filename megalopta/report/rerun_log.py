@@ -45,18 +45,14 @@ def write_rrd(path: Path, found: Seen) -> Path:
             recording.log(_WORLD, rerun.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
         with progress("Writing for Rerun", len(frames), "frame") as advance:
             for frame in frames:
-                _set_time(recording, found, frame)
+                recording.set_time("frame", sequence=frame)
+                if found.times_s is not None:
+                    recording.set_time("time", duration=float(found.times_s[frame]))
                 for place, entity in _entities(rerun, found, frame):
                     recording.log(place, entity)
                 advance()
         recording.disconnect()
     return path
-
-
-def _set_time(recording: Any, found: Seen, frame: int) -> None:
-    recording.set_time("frame", sequence=frame)
-    if found.times_s is not None:
-        recording.set_time("time", duration=float(found.times_s[frame]))
 
 
 def _entities(rerun: Any, found: Seen, frame: int) -> Iterator[tuple[Place, Any]]:

@@ -20,7 +20,7 @@ from megalopta.core.arrays import Floats
 from megalopta.flow.color_wheel import flow_to_rgb
 from megalopta.plotting.text import number, short
 from megalopta.report.images import ColorScale, evenly_spaced, gray_scale, rgb_picture
-from megalopta.report.readings import Readings, Treatment, readings_of
+from megalopta.report.readings import ShownReadings, Treatment, readings_of
 from megalopta.sensor.formats.reading import FrameKind
 
 if TYPE_CHECKING:
@@ -51,10 +51,11 @@ class Panel:
     """Note on a special color, for a film, which has no legend"""
 
 
-def readings_panel(readings: Readings, frames: range, step: int) -> Panel:
+def readings_panel(readings: ShownReadings, frames: range, step: int) -> Panel:
     """Return readings as grays, saturated pixels in orange; some of the frames give the white."""
     sampled = [readings.frame(each) for each in evenly_spaced(frames, SAMPLED)]
-    white = _white([values for values, _ in sampled], is_inverted=readings.treatment.is_inverted)
+    bright = np.percentile(np.stack([values for values, _ in sampled]), _WHITE_PERCENTILE)
+    white = max(float(bright), 1e-6 if readings.treatment.is_inverted else 1.0)
     scale = gray_scale(white)
 
     def picture(frame: int) -> Image.Image:
@@ -85,11 +86,6 @@ def fastest_of(flows: Iterable[NDArray[np.floating]]) -> float:
     known = speed[np.isfinite(speed)]
     fastest = float(np.percentile(known, _WHITE_PERCENTILE)) if known.size else 0.0
     return float(f"{max(fastest, _SLOWEST):.1e}")
-
-
-def _white(values: list[Floats], is_inverted: bool) -> float:
-    white = float(np.percentile(np.stack(values), _WHITE_PERCENTILE))
-    return max(white, 1e-6 if is_inverted else 1.0)
 
 
 def _colored(values: Floats, scale: ColorScale) -> Image.Image:

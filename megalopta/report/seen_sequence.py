@@ -23,7 +23,7 @@ from megalopta.flow.detectors.registry import METHODS, velocity_method
 from megalopta.flow.formats import read_flo
 from megalopta.plotting.text import level_name, number
 from megalopta.report.images import evenly_spaced, map_scale, rgb_picture
-from megalopta.report.readings import Readings, Treatment
+from megalopta.report.readings import ShownReadings, Treatment
 from megalopta.report.seen import (
     SAMPLED,
     Exposed,
@@ -131,11 +131,11 @@ def light_panel(sequence: Sequence, frames: range, step: int) -> Panel:
 
 def exposure_readings(
     sequence: Sequence, exposure: str | None = None, sensor: ImageSensor | None = None
-) -> Readings:
+) -> ShownReadings:
     """Return readings of an exposure of a sequence, by default the first."""
     counts, full = (sequence.counts(exposure, each) for each in ("counts", "saturated"))
     unit = counts.unit.split()[0]
-    return Readings(counts.shape, lambda part: (counts[part], full[part]), unit, sensor)
+    return ShownReadings(counts.shape, lambda part: (counts[part], full[part]), unit, sensor)
 
 
 def motion_of(sequence: Sequence, frame: int, step: int) -> NDArray[np.floating]:

@@ -24,7 +24,7 @@ from megalopta.camera.motion_bench import (
     pooled,
     record,
 )
-from megalopta.camera.recording import Recorded, Source, read_recorded
+from megalopta.camera.recording import RecordingFrames, Source, read_recorded
 from megalopta.core.errors import UserError
 from megalopta.core.folders import ensure_directory
 from megalopta.core.progress import working
@@ -121,7 +121,7 @@ def reproduce_captured(
             yield from write_figure(figure, out)
 
 
-def _recorded(source: Source) -> Recorded:
+def _recorded(source: Source) -> RecordingFrames:
     recorded = read_recorded(source)
     frame_s = float(np.median(np.diff(recorded.times_s))) if len(recorded.times_s) > 1 else 0.1
     if not np.allclose((recorded.exposure_s, frame_s), 1 / FRAME_RATE_HZ, rtol=0.01):
@@ -132,7 +132,9 @@ def _recorded(source: Source) -> Recorded:
     return recorded
 
 
-def _sensor(sources: Sequence[Source], recorded: Sequence[Recorded], device: Path | None) -> Sensor:
+def _sensor(
+    sources: Sequence[Source], recorded: Sequence[RecordingFrames], device: Path | None
+) -> Sensor:
     """Return the sensor of the simulation: a device file, or the nominal one of all recordings."""
     first = recorded[0]
     if device is not None:

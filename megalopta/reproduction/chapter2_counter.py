@@ -92,13 +92,14 @@ def _figure(number: str, step_v: float) -> Figure:
     counter, row = _counter(sensor), transient(sensor)
     bottom = counter.supply_v - counter.swing_v
     over_events, over_time = straightness(row, bottom)
+    least = np.floor(1e5 * over_events.min()) / 1e5  # never rounded up to 1
     step, fall = f"{1e3 * step_v:g} mV", 1e3 * volts_per_event(row, bottom)
     return Figure(
         title=f"Figure {number}: analog counter in low light, steps of {step}",
         caption=_CAPTION,
         printed={
             "Fall per event over the swing": (f"{fall:.2f} mV", f"about {step}"),
-            "Least R² over events": (_floor(over_events.min()), "above 0.99"),
+            "Least R² over events": (f"{least:.5f}", "above 0.99"),
             "R² over time": (f"{over_time.min():.3f} to {over_time.max():.3f}", "above 0.99"),
         },
         draw=partial(_draw, row=row, counter=counter, step_v=step_v),
@@ -125,11 +126,6 @@ def _draw(canvas: Canvas, row: Transient, counter: AnalogCounter, step_v: float)
 def _counter(sensor: Sensor) -> AnalogCounter:
     assert isinstance(sensor.counter, AnalogCounter)
     return sensor.counter
-
-
-def _floor(share: float) -> str:
-    """Format five digits, never rounded up to 1."""
-    return f"{np.floor(1e5 * share) / 1e5:.5f}"
 
 
 _DEAD_TIMES_S = (1e-9, 1e-8, 1e-7, 1e-6)

@@ -15,7 +15,7 @@ from pkgutil import iter_modules
 from typing import TypeAlias
 
 from megalopta.benchmark.runner import Results, run
-from megalopta.benchmark.trial import Sweep, Template, Trial, pixels_of
+from megalopta.benchmark.trial import Sweep, Template, Trial, template_pixels
 from megalopta.core.arrays import Floats
 from megalopta.core.errors import UserError
 from megalopta.core.folders import ensure_directory
@@ -143,7 +143,11 @@ def reproduce(
     trials = [trial for recipe in recipes for trial in recipe.trials(is_quick)]
     measured = _measure(trials, out, is_quick, means)
     made = [recipe.make(measured) for recipe in recipes]
-    paths = _write_figures(made, drawn)
+    paths: list[Path] = []
+    with progress("Drawing figures", len(made), "figure") as advance:
+        for figure in made:
+            paths += write_figure(figure, drawn)
+            advance()
     return paths + [recipe.page(drawn, made) for recipe in recipes if recipe.page]
 
 
@@ -155,15 +159,6 @@ def reproduce_sweep(name: str, sweep: Sweep, out: Path, means: Means = _THREADS)
 
 
 def _measure(trials: Sequence[Trial], out: Path, is_quick: bool, means: Means) -> Run:
-    templates = pixels_of((trial.template for trial in trials), means.cache)
+    templates = template_pixels((trial.template for trial in trials), means.cache)
     results = run(trials, templates, out / "trials", means.workers, means.scheduler)
     return Run(is_quick, results, templates, means.cache)
-
-
-def _write_figures(figures: Sequence[Figure], out: Path) -> list[Path]:
-    paths: list[Path] = []
-    with progress("Drawing figures", len(figures), "figure") as advance:
-        for figure in figures:
-            paths += write_figure(figure, out)
-            advance()
-    return paths

@@ -63,7 +63,9 @@ def _measure(dataset: Dataset, pairs: Sequence[tuple[ImageSensor, LightLevel]]) 
                 opened = open_exposure(dataset, sensor, level)
                 corrected = open_corrected(dataset, sensor, level)
                 found = _measure_exposure(settings, opened, corrected, truths, group, advance)
-                records = [_checked({"sensor": sensor.name, "level": level, **r}) for r in found]
+                named = ({"sensor": sensor.name, "level": level, **each} for each in found)
+                checked = map(FlowRecord.model_validate, named)
+                records = [each.model_dump(mode="json", exclude_unset=True) for each in checked]
                 group.attrs.update(format_attribute())
                 group.attrs.update({"model": _model(), "records": records})
 
@@ -168,10 +170,6 @@ def _joined(pairs: Sequence[BlockTruth]) -> BlockTruth:
             for field in fields(BlockTruth)
         )
     )
-
-
-def _checked(record: Record) -> Record:
-    return FlowRecord.model_validate(record).model_dump(mode="json", exclude_unset=True)
 
 
 def responses_path(dataset: Dataset, sensor: ImageSensor, level: LightLevel) -> Path:

@@ -109,7 +109,9 @@ class SequenceMeasurement:
     def record(self) -> Record:
         """Return the errors of all frames."""
         record: Record = {"method": self._detector.name, "warm_up_frames": self._warm_up}
-        record |= {name: self._errors(sums) for name, sums in self._sums.items()}
+        for name, chunks in self._sums.items():
+            sums = np.concatenate(chunks, axis=1)[:, self._warm_up :]
+            record[name] = {metric: for_json(error_of(sums, metric)) for metric in METRICS}
         if self._truth is not None:
             record |= self._against_truth(self._truth)
         if found := self._yaw.result():
@@ -135,10 +137,6 @@ class SequenceMeasurement:
             mask = left_out[..., np.newaxis] if ideal.ndim == 4 else left_out
             ideal = np.where(mask, np.nan, ideal)
         self._sums.setdefault(reference, []).append(error_sums(self._detector, ideal, noisy))
-
-    def _errors(self, chunks: list[Floats]) -> Record:
-        sums = np.concatenate(chunks, axis=1)[:, self._warm_up :]
-        return {metric: for_json(error_of(sums, metric)) for metric in METRICS}
 
     def _against_truth(self, truth: BlockTruth) -> Record:
         left_out = np.concatenate(self._left_out)[..., None]

@@ -70,8 +70,9 @@ def write_measurements(folder: Path, tags: TimeTags, columns: int, window_s: flo
     """
     if tags.channels % columns:
         raise ValueError(f"{tags.channels} channels in rows of {columns}; give --columns")
+    rates = (events_of(tags) / tags.duration_s).reshape(-1, columns)
     written = {
-        "dark-counts.csv": _rates_text(tags, columns),
+        "dark-counts.csv": [",".join(f"{each:.5g}" for each in row) for row in rates],
         "autocorrelation.csv": _lags_text(tags),
     }
     if tags.channels > columns > 1:
@@ -79,11 +80,6 @@ def write_measurements(folder: Path, tags: TimeTags, columns: int, window_s: flo
     for name, lines in written.items():
         write_text(folder / name, "\n".join(lines) + "\n")
     return [folder / name for name in written]
-
-
-def _rates_text(tags: TimeTags, columns: int) -> list[str]:
-    rates = (events_of(tags) / tags.duration_s).reshape(-1, columns)
-    return [",".join(f"{each:.5g}" for each in row) for row in rates]
 
 
 def _lags_text(tags: TimeTags) -> list[str]:

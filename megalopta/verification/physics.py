@@ -63,7 +63,7 @@ Drawn = tuple[Sample, Sample | None]
 
 
 @dataclass(frozen=True)
-class Case:
+class PhysicsCase:
     """One row of the table."""
 
     term: str
@@ -142,7 +142,7 @@ def _table(rows: Sequence[Row]) -> Table:
     return table
 
 
-def check_case(case: Case) -> Row:
+def check_case(case: PhysicsCase) -> Row:
     """Draw the readings of a case and simulate them plainly; return the worst comparison."""
     with TemporaryDirectory() as folder:
         sensor = _measured(case, Path(folder))
@@ -172,14 +172,14 @@ def false_alarm(rows: Sequence[Row]) -> float:
     return float(2 * norm.sf(LARGEST_Z) * sum(row.comparisons for row in rows))
 
 
-def _measured(case: Case, folder: Path) -> Any:
+def _measured(case: PhysicsCase, folder: Path) -> Any:
     files = {name: str(folder / f"{name}.npy") for name in case.maps}
     for name, path in files.items():
         np.save(path, np.reshape(case.maps[name], case.layout))
     return changed(case.sensor, measured=files) if files else case.sensor
 
 
-def _light(case: Case, sensor: Any) -> Floats:
+def _light(case: PhysicsCase, sensor: Any) -> Floats:
     """Return the light on (frames, rows, columns), or of parts on (frames, S, …)."""
     parts, levels = case.rates.shape
     if case.layout:
@@ -192,7 +192,7 @@ def _light(case: Case, sensor: Any) -> Floats:
     return np.ascontiguousarray(light[:, 0] if parts == 1 else light)
 
 
-def _stated(case: Case, light: Floats, sensor: Any) -> tuple[Floats, ...]:
+def _stated(case: PhysicsCase, light: Floats, sensor: Any) -> tuple[Floats, ...]:
     """Mean and variance, (samples or 1, places), if the sensor states them exactly."""
     few = light[:1]
     if case.readout == "volts":
@@ -210,15 +210,15 @@ def _banded(light: Floats) -> Floats:
     return np.stack([0 * light, light], axis=-1)
 
 
-def _key(case: Case) -> dict[str, Any]:
+def _key(case: PhysicsCase) -> dict[str, Any]:
     return {"seed": 4, "sequence": case.term}
 
 
-def _columns(case: Case, readings: Sample) -> Sample:
+def _columns(case: PhysicsCase, readings: Sample) -> Sample:
     return readings.reshape(case.samples, -1)
 
 
-def _counts(case: Case, light: Floats, sensor: Any) -> Drawn:
+def _counts(case: PhysicsCase, light: Floats, sensor: Any) -> Drawn:
     if case.readout == "radiance":
         exposure = expose(_banded(light), _BANDS_NM, sensor, **_key(case))
     else:
@@ -226,12 +226,12 @@ def _counts(case: Case, light: Floats, sensor: Any) -> Drawn:
     return _columns(case, exposure.counts.astype(np.float64)), _columns(case, exposure.saturated)
 
 
-def _bits(case: Case, light: Floats, sensor: Any) -> Drawn:
+def _bits(case: PhysicsCase, light: Floats, sensor: Any) -> Drawn:
     packed = expose_binary(light, sensor, **_key(case))
     return _columns(case, unpack(packed, light.shape[-1]).astype(np.float64)), None
 
 
-def _times(case: Case, light: Floats, sensor: Any) -> Drawn:
+def _times(case: PhysicsCase, light: Floats, sensor: Any) -> Drawn:
     """Events in each tenth of the exposure."""
     counts = np.zeros((case.samples, bins := _FRAMES["times"], light.shape[-1]))
     events = expose_events(light, sensor, **_key(case))
@@ -240,7 +240,7 @@ def _times(case: Case, light: Floats, sensor: Any) -> Drawn:
     return _columns(case, counts), None
 
 
-def _codes(case: Case, light: Floats, sensor: Any) -> Drawn:
+def _codes(case: PhysicsCase, light: Floats, sensor: Any) -> Drawn:
     """Codes of an ADC, converted to counts by the uniform pixels' steps."""
     counter = sensor.counter
     assert isinstance(counter, AnalogCounter) and counter.adc_bits is not None
@@ -252,19 +252,19 @@ def _codes(case: Case, light: Floats, sensor: Any) -> Drawn:
     return np.clip(counts, 0, largest), None
 
 
-def _running(case: Case, light: Floats, sensor: Any) -> Drawn:
+def _running(case: PhysicsCase, light: Floats, sensor: Any) -> Drawn:
     """Counts of consecutive frames."""
     frames = np.tile(light, (_FRAMES["running"], 1, 1))
     counts = expose_rate(frames, sensor, free_running=True, **_key(case)).counts
     return _columns(case, counts.transpose(1, 0, 2)).astype(np.float64), None
 
 
-def _volts(case: Case, light: Floats, sensor: Any) -> Drawn:
+def _volts(case: PhysicsCase, light: Floats, sensor: Any) -> Drawn:
     read = expose_photocurrent(light, sensor, first_frame=_CTIA_FRAME, **_key(case))
     return _columns(case, read.volts), _columns(case, read.saturated)
 
 
-_READ: Mapping[str, Callable[[Case, Floats, Any], Drawn]] = {
+_READ: Mapping[str, Callable[[PhysicsCase, Floats, Any], Drawn]] = {
     "counts": _counts,
     "radiance": _counts,
     "bits": _bits,
@@ -275,7 +275,7 @@ _READ: Mapping[str, Callable[[Case, Floats, Any], Drawn]] = {
 }
 
 
-def _simulate(case: Case) -> tuple[Sample, Sample]:
+def _simulate(case: PhysicsCase) -> tuple[Sample, Sample]:
     """Readings and flags, (samples, places), by brute force."""
     rng, sensor = generator(1, "brute force", case.term), case.sensor
     light = np.tile(case.rates, (case.samples, 1, 1))  # (samples, S, levels)
@@ -366,15 +366,15 @@ _GROUPS = strict_yaml.load(Path(__file__).with_name("cases.yaml").read_text("utf
 _LIGHT = _GROUPS.pop("_shared")["light"]
 
 
-def _case(term: str, fields: dict[str, Any]) -> Case:
-    own = {name: fields.pop(name) for name in Case.__annotations__ if name in fields}
+def _case(term: str, fields: dict[str, Any]) -> PhysicsCase:
+    own = {name: fields.pop(name) for name in PhysicsCase.__annotations__ if name in fields}
     if fields.get("kind") == "ctia":
         sensor: Any = CtiaSensor.model_validate(fields)
     else:
         sensor = changed(IMAGE_SENSORS[fields.pop("preset", "ideal")], **fields)
-    return Case(term, sensor, **{"light": _LIGHT, **own})
+    return PhysicsCase(term, sensor, **{"light": _LIGHT, **own})
 
 
-CASES: dict[str, tuple[Case, ...]] = {
+CASES: dict[str, tuple[PhysicsCase, ...]] = {
     group: tuple(_case(*each) for each in cases.items()) for group, cases in _GROUPS.items()
 }

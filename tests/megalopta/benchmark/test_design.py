@@ -10,8 +10,8 @@ from scipy.ndimage import gaussian_filter, map_coordinates
 
 from megalopta import design
 from megalopta.benchmark.design import (
+    DesignScene,
     DesignSettings,
-    Scene,
     first_reached,
     leaves_scene,
     varied_sensor,
@@ -80,7 +80,7 @@ def test_dark_counts_are_those_asked_for_in_every_pixel():
 def test_a_turn_moves_a_pinhole_image_by_its_closed_form():
     camera = PerspectiveCamera(width=40, height=30, fov_deg=90)
     x, y = np.moveaxis((camera.pixel_centers() - [20, 15]) / 20, -1, 0)
-    found = Scene(lambda _: np.empty(0), [], camera).flow_per_degree()
+    found = DesignScene(lambda _: np.empty(0), [], camera).flow_per_degree()
     # finite turns of 1e-4 rad
     expected = -20 * np.radians(1) * np.stack([1 + x**2, x * y], axis=-1)
     assert found == pytest.approx(expected, rel=1e-3, abs=1e-4)
@@ -91,7 +91,7 @@ def test_yaw_estimated_from_drawn_counts_scatters_as_predicted():
     ones. The variance of 4000 estimates scatters by 2.2 %, and 13 % is more than five times that
     (false alarm below 1e-7)."""
     camera = PerspectiveCamera(width=48, height=36, fov_deg=60)
-    flow = Scene(lambda _: np.empty(0), [], camera).flow_per_degree()
+    flow = DesignScene(lambda _: np.empty(0), [], camera).flow_per_degree()
     waves = gaussian_filter(np.random.default_rng(5).standard_normal((36, 48)), 2)
     light = 500 * np.exp(0.5 * waves / waves.std())
     sensor = varied_sensor(changed(preset("ideal"), exposure_s=0.01), {"dark_counts_hz": 300.0})

@@ -28,10 +28,10 @@ def test_a_cluster_that_runs_already_does_jobs(scheduler, jobs, tmp_path):
 
 def test_trials_of_a_sweep_on_a_cluster_give_the_same_numbers(scheduler, tmp_path):
     from megalopta.benchmark.runner import run
-    from megalopta.benchmark.trial import Trial, pixels_of
+    from megalopta.benchmark.trial import Trial, template_pixels
 
     trials = [Trial(size=20, methods=("BM",), search={"frames": 4, "repeats": 2})]
-    templates = pixels_of(trial.template for trial in trials)
+    templates = template_pixels(trial.template for trial in trials)
     here = run(trials, templates, tmp_path / "here", 1)
     there = run(trials, templates, tmp_path / "there", scheduler=scheduler)
     assert here == there

@@ -8,7 +8,7 @@ import yaml
 import zarr
 
 from megalopta.core.errors import UserError
-from megalopta.report.readings import Readings, Treatment, read_mask, readings_of
+from megalopta.report.readings import ShownReadings, Treatment, read_mask, readings_of
 from megalopta.sensor import (
     EventOrigin,
     Exposure,
@@ -66,7 +66,7 @@ def test_long_sums_of_large_frames_are_made_a_few_at_a_time():
         shape = (asked[-1], 2048, 2048)
         return np.broadcast_to(counts, shape), np.broadcast_to(counts == 4, shape)
 
-    readings = Readings((9, 2048, 2048), read).treated(Treatment(summed=5))
+    readings = ShownReadings((9, 2048, 2048), read).treated(Treatment(summed=5))
     values, full = readings.frame(3)
     assert (values == 3 + 4 + 5 + 6 + 7).all() and full.all()
     assert sum(asked) == 5 and max(asked) == 2  # 8 million readings

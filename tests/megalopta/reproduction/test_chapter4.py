@@ -151,7 +151,7 @@ def test_chapter_4_is_written_and_measured_once(tmp_path, monkeypatch):
         return results(trials)
 
     monkeypatch.setattr(module, "run", counted)
-    monkeypatch.setattr(module, "pixels_of", pictures)
+    monkeypatch.setattr(module, "template_pixels", pictures)
     paths = reproduce(["fig-4.9", "fig-4.13", "table-4.1", "fig-4.9"], tmp_path, is_quick=True)
     assert len(asked) == 1
     assert {path.name for path in paths} == {
@@ -203,7 +203,7 @@ def test_natural_column_of_photographs_is_near_the_printed_one(tmp_path):
     sweep = PHOTOGRAPHED.model_copy(update={"values": (4, 8, 10)})
     trials = sweep.trials
     with ThreadPoolExecutor() as threads:
-        pixels = templates.pixels_of(sweep.templates)
+        pixels = templates.template_pixels(sweep.templates)
         found = run_trials(trials, pixels, tmp_path, threads)
     ratio = {
         method: min(
