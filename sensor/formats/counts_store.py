@@ -15,12 +15,11 @@ even if an array's own metadata is ahead.
 import json
 import math
 import operator
-import textwrap
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, NamedTuple, TypeVar, cast
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 import zarr
@@ -28,14 +27,14 @@ from numpy.typing import DTypeLike, NDArray
 from pydantic import TypeAdapter
 from zarr.codecs import BloscCodec
 
-from megalopta.core.errors import DamagedFileError
 from megalopta.core.files import atomic_write, write_text
 from megalopta.core.format_numbers import check_format, written
-from megalopta.sensor.formats.recorded_frames import check_new
+from megalopta.sensor.formats.recorded_frames import check_new, refused_as_damaged
 from megalopta.sensor.image_sensors import ImageSensor
 from megalopta.sensor.quantities import Expectation, Exposure
 
 FORMAT = "megalopta counts"
+_REMEDY = "write the counts again"
 FORMAT_KEY = "format_number"
 """Attribute of every Zarr group that the program writes."""
 READINGS = ("counts", "saturated")
@@ -251,7 +250,6 @@ _IMAGE_SENSOR: TypeAdapter[ImageSensor] = TypeAdapter(ImageSensor)
 _KINDS = {"counts": "uf", "saturated": "b", **dict.fromkeys(MOMENTS, "f")}
 
 Frames = slice | int | list[int]
-T = TypeVar("T")
 
 
 @dataclass(frozen=True, eq=False)
@@ -284,7 +282,11 @@ class StoredFrames:
     def __getitem__(self, frames: Frames) -> NDArray[Any]:
         """Read frames. Raises DamagedFileError."""
         chosen = np.asarray(frames) if isinstance(frames, list) else frames
-        return _told(self.path, lambda: _finite(np.asarray(self.array.oindex[chosen])))
+        with refused_as_damaged(self.path, _REMEDY):
+            frames_read = np.asarray(self.array.oindex[chosen])
+            if frames_read.dtype.kind == "f" and not np.isfinite(frames_read).all():
+                raise ValueError("not all of its numbers are finite")
+            return frames_read
 
     def mean(self, frames_at_once: int = 64) -> float:
         """Mean over all frames, reading a few at a time."""
@@ -337,7 +339,8 @@ def open_counts(path: str | Path) -> OpenedCounts:
     if attributes.get("format") != FORMAT:
         raise ValueError(f"{path}: a Zarr group without counts; give a folder of counts")
     check_format("counts", attributes, path, FORMAT_KEY)
-    return _told(path, lambda: _opened(path, group, attributes))
+    with refused_as_damaged(path, _REMEDY):
+        return _opened(path, group, attributes)
 
 
 def read_counts(path: str | Path) -> StoredCounts:
@@ -376,20 +379,3 @@ def _opened(path: Path, group: zarr.Group, attributes: dict[str, Any]) -> Opened
         path=path,
         arrays=arrays | extras,
     )
-
-
-def _finite(frames: NDArray[Any]) -> NDArray[Any]:
-    if frames.dtype.kind == "f" and not np.isfinite(frames).all():
-        raise ValueError("not all of its numbers are finite")
-    return frames
-
-
-def _told(path: Path, read: Callable[[], T]) -> T:
-    """Result of a reader; its errors become one sentence about the store."""
-    try:
-        return read()
-    except KeyError as missing:
-        raise DamagedFileError(f"{path}: lacks {missing}; write the counts again") from missing
-    except Exception as problem:
-        reason = textwrap.shorten(str(problem), 200)
-        raise DamagedFileError(f"{path}: damaged ({reason}); write the counts again") from problem

@@ -31,7 +31,7 @@ from megalopta.core.arrays import Ints
 from megalopta.core.files import atomic_write
 from megalopta.core.format_numbers import check_format, written
 from megalopta.sensor.event_stream import Events
-from megalopta.sensor.formats.recorded_frames import file_bytes, one_line
+from megalopta.sensor.formats.recorded_frames import file_bytes, refused_as_damaged
 
 Column: TypeAlias = NDArray[np.integer[Any]]
 
@@ -161,7 +161,7 @@ def events_npz_writer(path: str | Path, origin: EventOrigin) -> Iterator[Callabl
 def read_events_hdf5(path: Path) -> StoredEvents:
     """Read a file written by `write_events_hdf5`; raises as `read_events`."""
     size = file_bytes(path).size
-    with _damage_named(path), h5py.File(path, "r") as file:
+    with refused_as_damaged(path), h5py.File(path, "r") as file:
         attributes = dict(file.attrs)
         if attributes.get("format") != _FORMAT:
             raise ValueError("no events in megalopta's layout")
@@ -173,7 +173,7 @@ def read_events_hdf5(path: Path) -> StoredEvents:
 def read_events_npz(path: Path) -> StoredEvents:
     """Read a file written by `write_events_npz`; raises as `read_events`."""
     size = file_bytes(path).size
-    with _damage_named(path), zipfile.ZipFile(path) as file:
+    with refused_as_damaged(path), zipfile.ZipFile(path) as file:
         columns = {name: _array_in(file, name, each, size) for name, each in _TYPES.items()}
         starts = _array_in(file, "starts", "<i8", size)
         attributes = dict(json.loads(_array_in(file, "origin", "|u1", size).tobytes()))
@@ -220,14 +220,11 @@ def _stored(
     path: Path, attributes: Mapping[str, Any], columns: Mapping[str, Column], starts: Column
 ) -> StoredEvents:
     """Events from the arrays of a file; ValueError if these are inconsistent."""
-    try:
+    with refused_as_damaged(path):
         version = int(attributes.get("version", 0))
         check_format("events", {"version": version}, path, key="version")
         origin = _origin(attributes)
         _check_numbers(origin, columns, starts)
-    except (KeyError, TypeError, ValueError, OverflowError) as problem:
-        reason = f"lacks {problem}" if isinstance(problem, KeyError) else str(problem)
-        raise ValueError(f"{path}: damaged ({reason}); write or copy it again") from None
     local = columns["t"] - np.repeat(origin.frame_starts_ps, np.diff(starts))
     pixel = columns["y"].astype(np.uint32) * np.uint32(origin.shape[2]) + columns["x"]
     events = Events(
@@ -268,16 +265,6 @@ def _check_numbers(origin: EventOrigin, columns: Mapping[str, Column], starts: C
     backward = np.flatnonzero(np.diff(t) < 0) + 1
     if not np.isin(backward, starts).all():
         raise ValueError("times that decrease within a frame")
-
-
-@contextmanager
-def _damage_named(path: Path) -> Iterator[None]:
-    """Turn any error from reading a damaged file into a ValueError of one sentence."""
-    try:
-        yield
-    except Exception as problem:
-        reason = one_line(problem, 160)
-        raise ValueError(f"{path}: damaged, cut short or another file ({reason})") from None
 
 
 def _dataset(file: h5py.File, name: str, dtype: str) -> h5py.Dataset:

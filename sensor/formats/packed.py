@@ -24,7 +24,7 @@ from megalopta.sensor.formats.recorded_frames import (
     RecordedFrames,
     check_new,
     file_bytes,
-    one_line,
+    refused_as_damaged,
     wanted,
 )
 
@@ -175,12 +175,8 @@ def _mapped(path: Path) -> NDArray[Any]:
     """Memory-mapped array of a file; nothing is unpickled."""
     if file_bytes(path)[:6].tobytes() != b"\x93NUMPY":
         raise ValueError(f"{path}: not a .npy file; give one, or set its kind")
-    try:
+    with refused_as_damaged(path, "give plain numbers, or copy it again"):
         return np.asarray(np.load(path, mmap_mode="r", allow_pickle=False))
-    except (ValueError, OSError, EOFError, SyntaxError, TypeError, KeyError, OverflowError) as why:
-        raise ValueError(
-            f"{path}: damaged, cut short or not of plain numbers ({one_line(why)}); copy it again"
-        ) from None
 
 
 def _raw_frames(

@@ -1,6 +1,8 @@
 """Frames as returned by every reader; opening and creating files."""
 
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -9,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.core.bounded import check_file
+from megalopta.core.errors import DamagedFileError, UserError
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -58,6 +61,17 @@ def wanted(total: int, frames: slice, path: Path) -> slice:
     return slice(first, end)
 
 
-def one_line(problem: Exception, at_most: int = 120) -> str:
-    """Return an exception's message as one short line."""
-    return " ".join(str(problem).split())[:at_most]
+@contextmanager
+def refused_as_damaged(path: Path, remedy: str = "copy it again") -> Iterator[None]:
+    """Raise any error of the reading inside as DamagedFileError, unless it names the path."""
+    try:
+        yield
+    except (ImportError, MemoryError, UserError):
+        raise
+    except Exception as problem:  # a damaged file can raise any exception
+        if str(problem).startswith(str(path)):
+            raise
+        reason = "lacks " * isinstance(problem, KeyError) + " ".join(str(problem).split())[:160]
+        raise DamagedFileError(
+            f"{path}: damaged, cut short or of another kind ({reason}); {remedy}"
+        ) from None

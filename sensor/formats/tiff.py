@@ -16,7 +16,12 @@ import tifffile
 from numpy.typing import NDArray
 
 from megalopta.core.files import atomic_write
-from megalopta.sensor.formats.recorded_frames import RecordedFrames, file_bytes, one_line, wanted
+from megalopta.sensor.formats.recorded_frames import (
+    RecordedFrames,
+    file_bytes,
+    refused_as_damaged,
+    wanted,
+)
 
 _LARGEST_TIFF = 4 * 10**9
 # Largest expansion of a deflate stream: a file does not justify more memory than that.
@@ -49,24 +54,18 @@ def read_tiff(path: Path, frames: slice) -> RecordedFrames:
     """Read the first stack of a file, (T, H, W); raises as `read_frames`."""
     size = file_bytes(path).size
     logging.getLogger("tifffile").setLevel(logging.CRITICAL)  # the errors here report it
-    try:
-        with tifffile.TiffFile(path) as file:
-            stack = file.series[0]
-            pages = [page for page in stack.pages if page is not None]
-            _check(path, stack, pages, size)
-            total = len(pages) if len(pages) > 1 or stack.ndim == 2 else stack.shape[0]
-            range_ = wanted(total, frames, path)
-            if len(pages) == total:
-                images = [file_page.asarray() for file_page in pages[range_]]
-                counts = np.array(images).reshape(-1, *stack.shape[-2:])
-            else:
-                counts = stack.asarray()[range_]
-            exposure_s = _exposure_s(file)
-    except Exception as problem:  # damaged files raise errors of any type
-        if str(problem).startswith(str(path)):
-            raise
-        reason = one_line(problem)
-        raise ValueError(f"{path}: damaged, truncated or not a known TIFF ({reason})") from None
+    with refused_as_damaged(path), tifffile.TiffFile(path) as file:
+        stack = file.series[0]
+        pages = [page for page in stack.pages if page is not None]
+        _check(path, stack, pages, size)
+        total = len(pages) if len(pages) > 1 or stack.ndim == 2 else stack.shape[0]
+        range_ = wanted(total, frames, path)
+        if len(pages) == total:
+            images = [file_page.asarray() for file_page in pages[range_]]
+            counts = np.array(images).reshape(-1, *stack.shape[-2:])
+        else:
+            counts = stack.asarray()[range_]
+        exposure_s = _exposure_s(file)
     depth = 8 * counts.dtype.itemsize
     return RecordedFrames(
         counts=counts, bit_depth=depth, exposure_s=exposure_s, source="tiff", total=total

@@ -22,7 +22,7 @@ from megalopta.core.arrays import Floats, Ints
 from megalopta.core.bounded import ARRAY_BYTES, check_file, read_bytes
 from megalopta.core.errors import DamagedFileError
 from megalopta.sensor.formats.events import HDF5_SIGNATURE
-from megalopta.sensor.formats.recorded_frames import file_bytes, one_line
+from megalopta.sensor.formats.recorded_frames import file_bytes, refused_as_damaged
 
 _PTU_SIGNATURE = b"PQTTTR\0\0"
 _CONVERTERS, _PIXELS_EACH = 64, 4
@@ -60,13 +60,8 @@ def read_time_tags(path: str | Path) -> TimeTags:
         read = _photon_hdf5
     else:
         raise DamagedFileError(f"{path}: no time tags; give a .ptu or Photon-HDF5 file")
-    try:
+    with refused_as_damaged(path):
         time_s, channel, unit_s = read(path)
-    except (ImportError, MemoryError):
-        raise
-    except Exception as problem:  # a damaged file can raise any exception
-        reason = one_line(problem, 160)
-        raise DamagedFileError(f"{path}: damaged or without time tags ({reason})") from None
     return _sorted(path, time_s, channel, unit_s)
 
 

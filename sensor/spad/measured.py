@@ -61,9 +61,9 @@ class MeasuredMaps(Effect, frozen=True):
         "dark_counts": "dark_counts",
         "bias": "breakdown",
     }
+    """Effects that are on if they have a map"""
     relative: ClassVar[tuple[str, ...]] = (*AvalancheMaps._fields, "telegraph")
     """Maps of factors on the value of the effect of this name"""
-    """Effects that are on if they have a map"""
 
     dark_counts: MapFile | None = None
     """Dark count rate of every pixel (Hz) at the reference bias and temperature."""

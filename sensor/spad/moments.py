@@ -21,7 +21,7 @@ Tables are cached in the user's cache folder under the hash of effects, exposure
 read-only folder or a damaged file costs only time.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 from threading import Lock
 from typing import Any
@@ -133,12 +133,14 @@ def _factors(factors: Floats, is_on: bool) -> list[tuple[float, Floats]]:
         return [(1.0, np.ones_like(factors))]
     if high - low <= 1e-9 * high:
         return [(high, np.ones_like(factors))]
-    nodes = np.linspace(low, high, _FACTORS)
+    nodes = np.linspace(low, high, _FACTORS).tolist()
+    return list(zip(nodes, lagrange(factors, nodes), strict=True))
+
+
+def lagrange(x: Floats, nodes: Sequence[float]) -> list[Floats]:
+    """Return the weight of each node in a polynomial through the values at all of them."""
     return [
-        (
-            float(node),
-            np.prod([(factors - other) / (node - other) for other in nodes if other != node], 0),
-        )
+        np.prod([(x - other) / (node - other) for other in nodes if other != node], axis=0)
         for node in nodes
     ]
 

@@ -33,6 +33,7 @@ from megalopta.sensor.spad.counter_moments import (
 from megalopta.sensor.spad.counters import AnalogCounter, AnalogPixels
 from megalopta.sensor.spad.counts import count_moments
 from megalopta.sensor.spad.model import AvalancheEffects
+from megalopta.sensor.spad.moments import lagrange
 
 _LARGEST_LAW = 100_000
 """Probabilities of pixels treated together, to stay in the second-level cache."""
@@ -144,12 +145,7 @@ def _entries(arrivals: Floats) -> tuple[Ints, Floats]:
     """First table entry (P,) of each pixel, and its weights of the entries (6, P) (Lagrange)."""
     x = 2 * np.sqrt(arrivals) * _STEPS
     first = x.astype(np.int64) - (_POINTS // 2 - 1)
-    points = range(_POINTS)
-    weights = [
-        np.prod([(x - first - other) / (own - other) for other in points if other != own], axis=0)
-        for own in points
-    ]
-    return first, np.array(weights)
+    return first, np.array(lagrange(x - first, range(_POINTS)))
 
 
 def _block_arrivals(number: int) -> Floats:
