@@ -52,7 +52,7 @@ _FEW_PHOTONS, _CHARGE_POWER = 20.0, 0.3
 """Photons per pixel in all frames; fitted to dead leaves and forests, with the smoothness of
 `PoissonFlow`: with fewer, full smoothness loses small moving objects. With more, interpolation,
 edges and changes of motion leave more error than photons do, and the likelihood is too sure: at the
-finest scale the prior continues to grow, as fitted to the tuning scenes of the benchmark. At coarser
+finest scale the prior grows on, as fitted to the tuning scenes of the benchmark. At coarser
 ones, which keep parts that move differently apart, it does not"""
 
 _MANY_PHOTONS = 20_000.0
