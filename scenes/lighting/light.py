@@ -145,14 +145,8 @@ class Light(Record, frozen=True):
             spectra, lux = primaries(level.spectrum()), level.illuminance_lux
             picture = Environment(self.panorama, self.panorama_turn_deg, spectra, lux)
             return Lighting(flat(0.0), panorama=picture)
-        elevation = math.radians(self.disc_elevation_deg)
-        azimuth = math.radians(self.disc_azimuth_deg)
-        direction = (
-            math.cos(elevation) * math.cos(azimuth),
-            math.cos(elevation) * math.sin(azimuth),
-            math.sin(elevation),
-        )
-        facing = level.disc and level.disc.irradiance.scaled(1 / math.sin(elevation))
+        direction = _direction(self.disc_azimuth_deg, self.disc_elevation_deg)
+        facing = level.disc and level.disc.irradiance.scaled(1 / direction[2])
         sun = Sun(direction, facing) if facing else None
         parts = [each for each in level.components if not each.is_disc]
         if self.sky == "even":
@@ -163,6 +157,13 @@ class Light(Record, frozen=True):
         """Distribution of a sky light over directions."""
         shape = sky_shape(light.name, self.disc_azimuth_deg, self.disc_elevation_deg)
         return SkyPattern(light.irradiance.scaled(1 / math.pi), shape.astype(np.float32))
+
+
+def _direction(azimuth_deg: float, elevation_deg: float) -> tuple[float, float, float]:
+    """Return the unit vector toward a place in the sky."""
+    azimuth, elevation = math.radians(azimuth_deg), math.radians(elevation_deg)
+    level = math.cos(elevation)
+    return level * math.cos(azimuth), level * math.sin(azimuth), math.sin(elevation)
 
 
 def _with_disc(level: Illumination, fraction: float) -> Illumination:
@@ -269,9 +270,7 @@ def sky_shape(name: ComponentName, disc_azimuth_deg: float, disc_elevation_deg: 
     Its mean over the upper hemisphere, weighted with the cosine to the zenith, is 1. The direction
     is that of the disc of sun or moon; twilight uses only its azimuth.
     """
-    azimuth, elevation = math.radians(disc_azimuth_deg), math.radians(disc_elevation_deg)
-    level = math.cos(elevation)
-    disc = np.array([level * math.cos(azimuth), level * math.sin(azimuth), math.sin(elevation)])
+    disc = np.array(_direction(disc_azimuth_deg, disc_elevation_deg))
     upper = ROWS // 2
     directions = pattern_directions(ROWS)[:upper].reshape(-1, 3)
     values = SHAPES[name](directions, disc).reshape(upper, 2 * ROWS)
