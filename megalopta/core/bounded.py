@@ -66,13 +66,22 @@ def check_file(path: str | Path, at_most: int = ARRAY_BYTES) -> None:
 
 
 @contextmanager
-def undamaged(path: object, remedy: str) -> Iterator[None]:
-    """Raise what goes wrong while a file is read inside as UserError, with path and remedy."""
+def undamaged(path: object, remedy: str = "copy it again") -> Iterator[None]:
+    """Raise any error of the reading inside as DamagedFileError, with path and remedy.
+
+    Errors for users, missing packages and lack of memory pass.
+    """
     try:
         yield
-    except (OSError, ValueError, LookupError, TypeError, AttributeError, RuntimeError) as problem:
-        why = getattr(problem, "strerror", None) or quoted(str(problem))
-        raise UserError(f"{path} is missing or damaged ({why}); {remedy}") from None
+    except (UserError, ImportError, MemoryError):
+        raise
+    except Exception as problem:  # a damaged file can raise any exception
+        said = " ".join(str(problem).split())
+        if isinstance(problem, ValueError) and said.startswith(str(path)):
+            raise DamagedFileError(said) from None
+        lacking = "lacks " * isinstance(problem, KeyError)
+        why = getattr(problem, "strerror", None) or lacking + quoted(said)
+        raise DamagedFileError(f"{path} is missing or damaged ({why}); {remedy}") from None
 
 
 def quoted(value: object, at_most: int = QUOTED) -> str:

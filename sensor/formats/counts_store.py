@@ -27,9 +27,10 @@ from numpy.typing import DTypeLike, NDArray
 from pydantic import TypeAdapter
 from zarr.codecs import BloscCodec
 
+from megalopta.core.bounded import undamaged
 from megalopta.core.files import atomic_write, write_text
 from megalopta.core.format_numbers import check_format, written
-from megalopta.sensor.formats.recorded_frames import check_new, refused_as_damaged
+from megalopta.sensor.formats.recorded_frames import check_new
 from megalopta.sensor.image_sensors import ImageSensor
 from megalopta.sensor.quantities import Expectation, Exposure
 
@@ -282,7 +283,7 @@ class StoredFrames:
     def __getitem__(self, frames: Frames) -> NDArray[Any]:
         """Read frames. Raises DamagedFileError."""
         chosen = np.asarray(frames) if isinstance(frames, list) else frames
-        with refused_as_damaged(self.path, _REMEDY):
+        with undamaged(self.path, _REMEDY):
             frames_read = np.asarray(self.array.oindex[chosen])
             if frames_read.dtype.kind == "f" and not np.isfinite(frames_read).all():
                 raise ValueError("not all of its numbers are finite")
@@ -339,7 +340,7 @@ def open_counts(path: str | Path) -> OpenedCounts:
     if attributes.get("format") != FORMAT:
         raise ValueError(f"{path}: a Zarr group without counts; give a folder of counts")
     check_format("counts", attributes, path, FORMAT_KEY)
-    with refused_as_damaged(path, _REMEDY):
+    with undamaged(path, _REMEDY):
         return _opened(path, group, attributes)
 
 

@@ -28,10 +28,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.core.arrays import Ints
+from megalopta.core.bounded import undamaged
 from megalopta.core.files import atomic_write
 from megalopta.core.format_numbers import check_format, written
 from megalopta.sensor.event_stream import Events
-from megalopta.sensor.formats.recorded_frames import file_bytes, refused_as_damaged
+from megalopta.sensor.formats.recorded_frames import file_bytes
 
 Column: TypeAlias = NDArray[np.integer[Any]]
 
@@ -161,7 +162,7 @@ def events_npz_writer(path: str | Path, origin: EventOrigin) -> Iterator[Callabl
 def read_events_hdf5(path: Path) -> StoredEvents:
     """Read a file written by `write_events_hdf5`; raises as `read_events`."""
     size = file_bytes(path).size
-    with refused_as_damaged(path), h5py.File(path, "r") as file:
+    with undamaged(path), h5py.File(path, "r") as file:
         attributes = dict(file.attrs)
         if attributes.get("format") != _FORMAT:
             raise ValueError("no events in megalopta's layout")
@@ -173,7 +174,7 @@ def read_events_hdf5(path: Path) -> StoredEvents:
 def read_events_npz(path: Path) -> StoredEvents:
     """Read a file written by `write_events_npz`; raises as `read_events`."""
     size = file_bytes(path).size
-    with refused_as_damaged(path), zipfile.ZipFile(path) as file:
+    with undamaged(path), zipfile.ZipFile(path) as file:
         columns = {name: _array_in(file, name, each, size) for name, each in _TYPES.items()}
         starts = _array_in(file, "starts", "<i8", size)
         attributes = dict(json.loads(_array_in(file, "origin", "|u1", size).tobytes()))
@@ -220,7 +221,7 @@ def _stored(
     path: Path, attributes: Mapping[str, Any], columns: Mapping[str, Column], starts: Column
 ) -> StoredEvents:
     """Events from the arrays of a file; ValueError if these are inconsistent."""
-    with refused_as_damaged(path):
+    with undamaged(path):
         version = int(attributes.get("version", 0))
         check_format("events", {"version": version}, path, key="version")
         origin = _origin(attributes)

@@ -19,12 +19,12 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, Field
 
+from megalopta.core.bounded import undamaged
 from megalopta.core.files import atomic_write
 from megalopta.sensor.formats.recorded_frames import (
     RecordedFrames,
     check_new,
     file_bytes,
-    refused_as_damaged,
     wanted,
 )
 
@@ -175,7 +175,7 @@ def _mapped(path: Path) -> NDArray[Any]:
     """Memory-mapped array of a file; nothing is unpickled."""
     if file_bytes(path)[:6].tobytes() != b"\x93NUMPY":
         raise ValueError(f"{path}: not a .npy file; give one, or set its kind")
-    with refused_as_damaged(path, "give plain numbers, or copy it again"):
+    with undamaged(path, "give plain numbers, or copy it again"):
         return np.asarray(np.load(path, mmap_mode="r", allow_pickle=False))
 
 

@@ -1,8 +1,6 @@
 """Frames as returned by every reader; opening and creating files."""
 
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.core.bounded import check_file
-from megalopta.core.errors import DamagedFileError, UserError
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -59,19 +56,3 @@ def wanted(total: int, frames: slice, path: Path) -> slice:
     if not 0 <= first <= end <= total:
         raise ValueError(f"{path}: frames {first} to {end - 1} are requested; it has {total}")
     return slice(first, end)
-
-
-@contextmanager
-def refused_as_damaged(path: Path, remedy: str = "copy it again") -> Iterator[None]:
-    """Raise any error of the reading inside as DamagedFileError, unless it names the path."""
-    try:
-        yield
-    except (ImportError, MemoryError, UserError):
-        raise
-    except Exception as problem:  # a damaged file can raise any exception
-        if str(problem).startswith(str(path)):
-            raise
-        reason = "lacks " * isinstance(problem, KeyError) + " ".join(str(problem).split())[:160]
-        raise DamagedFileError(
-            f"{path}: damaged, cut short or of another kind ({reason}); {remedy}"
-        ) from None

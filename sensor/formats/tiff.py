@@ -15,11 +15,11 @@ import numpy as np
 import tifffile
 from numpy.typing import NDArray
 
+from megalopta.core.bounded import undamaged
 from megalopta.core.files import atomic_write
 from megalopta.sensor.formats.recorded_frames import (
     RecordedFrames,
     file_bytes,
-    refused_as_damaged,
     wanted,
 )
 
@@ -54,7 +54,7 @@ def read_tiff(path: Path, frames: slice) -> RecordedFrames:
     """Read the first stack of a file, (T, H, W); raises as `read_frames`."""
     size = file_bytes(path).size
     logging.getLogger("tifffile").setLevel(logging.CRITICAL)  # the errors here report it
-    with refused_as_damaged(path), tifffile.TiffFile(path) as file:
+    with undamaged(path), tifffile.TiffFile(path) as file:
         stack = file.series[0]
         pages = [page for page in stack.pages if page is not None]
         _check(path, stack, pages, size)

@@ -19,10 +19,10 @@ import h5py
 import numpy as np
 
 from megalopta.core.arrays import Floats, Ints
-from megalopta.core.bounded import ARRAY_BYTES, check_file, read_bytes
+from megalopta.core.bounded import ARRAY_BYTES, check_file, read_bytes, undamaged
 from megalopta.core.errors import DamagedFileError
 from megalopta.sensor.formats.events import HDF5_SIGNATURE
-from megalopta.sensor.formats.recorded_frames import file_bytes, refused_as_damaged
+from megalopta.sensor.formats.recorded_frames import file_bytes
 
 _PTU_SIGNATURE = b"PQTTTR\0\0"
 _CONVERTERS, _PIXELS_EACH = 64, 4
@@ -60,7 +60,7 @@ def read_time_tags(path: str | Path) -> TimeTags:
         read = _photon_hdf5
     else:
         raise DamagedFileError(f"{path}: no time tags; give a .ptu or Photon-HDF5 file")
-    with refused_as_damaged(path):
+    with undamaged(path):
         time_s, channel, unit_s = read(path)
     return _sorted(path, time_s, channel, unit_s)
 

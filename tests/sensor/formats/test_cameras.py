@@ -130,7 +130,7 @@ def test_damaged_tiff_is_one_sentence(tmp_path):
     whole = (tmp_path / "whole.tiff").read_bytes()
     for keep in (4, 8, 100, len(whole) // 2):
         (tmp_path / "a.tiff").write_bytes(whole[:keep])
-        with pytest.raises(ValueError, match=r"a\.tiff: "):
+        with pytest.raises(ValueError, match=r"a\.tiff(: | is )"):
             read_frames(tmp_path / "a.tiff")
     for place in range(4, 250):
         damaged = bytearray(whole)

@@ -135,7 +135,7 @@ def test_numbers_that_do_not_fit_are_refused(tmp_path):
         write_events_hdf5(tmp_path / "a.h5", draw(), ORIGIN)
         with h5py.File(tmp_path / "a.h5", "r+") as file:
             file[f"events/{name}"][index] = value
-        with pytest.raises(ValueError, match=r"a\.h5: damaged"):
+        with pytest.raises(ValueError, match=r"a\.h5 is missing or damaged"):
             read_events(tmp_path / "a.h5")
 
 

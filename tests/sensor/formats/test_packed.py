@@ -102,7 +102,7 @@ def test_transposed_image_is_refused_where_its_size_is_known(npy):
 @pytest.mark.parametrize("keep", [0, 3, 50, 100, 1000])
 def test_cut_npy_is_one_sentence(npy, keep):
     npy.write_bytes(npy.read_bytes()[:keep])
-    with pytest.raises(ValueError, match=r"a\.npy: "):
+    with pytest.raises(ValueError, match=r"a\.npy(: | is )"):
         read_frames(npy, "npy")
 
 
