@@ -1,6 +1,5 @@
 from .change import (
     changed as changed,
-    merged as merged,
 )
 from .ctia.array import (
     CtiaExposure as CtiaExposure,

@@ -37,7 +37,7 @@ from megalopta.core.arrays import Floats
 from megalopta.core.errors import refused_as
 from megalopta.core.progress import progress
 from megalopta.core.record import Record
-from megalopta.core.validation import checked
+from megalopta.core.validation import checked, merged
 from megalopta.dataset.frames import read_radiance_frame
 from megalopta.dataset.store import Dataset, open_sequence
 from megalopta.flow.detectors.blocks import BlockGrid, block_grid
@@ -46,7 +46,7 @@ from megalopta.flow.metrics.translation_bound import cramer_rao_covariance
 from megalopta.scenes.cameras.base import Camera
 from megalopta.scenes.cameras.perspective import PerspectiveCamera
 from megalopta.scenes.lighting.levels import LEVELS, illuminance_of
-from megalopta.sensor import Sensor, changed, load_sensor, merged, preset, without
+from megalopta.sensor import Sensor, changed, load_sensor, preset, without
 from megalopta.sensor.optics.pixels import detected_rate
 
 Positive = Annotated[float, Field(gt=0)]

@@ -9,7 +9,8 @@ from megalopta.config.model import Configuration
 from megalopta.config.recipe import Plan, RigCamera, Stream, choose, draw_entry, stream
 from megalopta.config.yaml_model import mapping, validated
 from megalopta.core.errors import UserError
-from megalopta.sensor import ImageSensor, generator, merged
+from megalopta.core.validation import merged
+from megalopta.sensor import ImageSensor, generator
 
 _LARGEST_SEED = 2**31
 _DRAWN = ("scenes", "lights", "cameras", "trajectories")

@@ -30,6 +30,7 @@ from megalopta.config.measuring import (
 from megalopta.config.yaml_model import mapping, validated, yaml_text
 from megalopta.core.bounded import quoted
 from megalopta.core.record import Record
+from megalopta.core.validation import merged
 from megalopta.flow.detectors.registry import METHODS, THESIS_METHODS
 from megalopta.render import RenderSettings
 from megalopta.scenes import AnyObject, AnyScene, Shutter
@@ -41,7 +42,7 @@ from megalopta.scenes.lighting.levels import illuminance_of
 from megalopta.scenes.lighting.light import Light
 from megalopta.scenes.trajectories.mount import Mount
 from megalopta.scenes.trajectories.steady import Trajectory
-from megalopta.sensor import IMAGE_SENSORS, ImageSensor, merged
+from megalopta.sensor import IMAGE_SENSORS, ImageSensor
 from megalopta.sensor.formats.products import ProductName
 from megalopta.sensor.spad.presets import load_sensor, with_files
 

@@ -125,3 +125,19 @@ def _booleans_for_others(values: Any, record: Any, place: str = "") -> Iterator[
     elif isinstance(values, list | tuple) and isinstance(record, list | tuple):
         for index, pair in enumerate(zip(values, record, strict=False)):
             yield from _booleans_for_others(*pair, f"{place}.{index}".strip("."))
+
+
+def merged(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    """Merge changes into a nested mapping.
+
+    A mapping keeps its other fields, unless its `kind` changes; with a new `preset`, only `kind`.
+    """
+    result = dict(base)
+    for name, value in changes.items():
+        old = base.get(name)
+        if isinstance(value, Mapping) and isinstance(old, Mapping):
+            kept = {"kind": old["kind"]} if "preset" in value and "kind" in old else old
+            is_same_kind = value.get("kind", old.get("kind")) == old.get("kind")
+            value = merged(kept, value) if is_same_kind else value
+        result[name] = value
+    return result

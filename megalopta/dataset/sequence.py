@@ -17,8 +17,8 @@ from megalopta.config.model import Configuration, LightLevel
 from megalopta.config.yaml_model import validated
 from megalopta.core.bounded import undamaged
 from megalopta.core.errors import UserError
+from megalopta.core.validation import merged
 from megalopta.dataset.store import Dataset, exposure_name
-from megalopta.sensor import merged
 
 if TYPE_CHECKING:
     import xarray

@@ -34,6 +34,7 @@ from megalopta.config.yaml_model import validated
 from megalopta.core import strict_yaml
 from megalopta.core.arrays import Floats
 from megalopta.core.progress import Advance, progress
+from megalopta.core.validation import merged
 from megalopta.flow.stimuli.statistics import PASSES, LogStatistics, log_statistics, unlit_share
 from megalopta.plotting.picture import Cell, Figure, columns_of, write_figure
 from megalopta.plotting.sections import Section, captioned, image, write_sections
@@ -45,7 +46,7 @@ from megalopta.report.images import data_uri, gray_counts, write_sheet
 from megalopta.scenes import preview
 from megalopta.scenes.lighting.levels import LEVELS
 from megalopta.scenes.scene import Scene
-from megalopta.sensor import expose, merged
+from megalopta.sensor import expose
 from megalopta.stages.render import build
 
 Parts = Mapping[str, Any]

@@ -25,6 +25,7 @@ from megalopta.core import strict_yaml
 from megalopta.core.bounded import quoted, read_text
 from megalopta.core.freshness import digest
 from megalopta.core.record import Record
+from megalopta.core.validation import merged
 from megalopta.scenes.forest.flora import ENTRIES, FLORA, PLANTS, Flora, woody
 from megalopta.scenes.hashed_file import unreadable
 from megalopta.scenes.spectra.reflectance import LEAVES, REFLECTANCES
@@ -76,7 +77,7 @@ class OwnSpecies(Record, frozen=True):
         if (like := given["like"]) not in ENTRIES:
             raise ValueError(f"like: no species {quoted(like)!r}; use one of {', '.join(ENTRIES)}")
         changes = {key: value for key, value in given.items() if key != "like"}
-        return _merged(ENTRIES[like], changes)
+        return merged(ENTRIES[like], changes)
 
     @field_validator("bark", "leaf")
     @classmethod
@@ -135,18 +136,6 @@ def _number(text: str) -> float:
         return float(text)
     except ValueError:
         return 0.0
-
-
-def _merged(values: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
-    """Return nested values with some changed; another `kind` starts afresh."""
-    result = dict(values)
-    for name, change in changes.items():
-        before = result.get(name)
-        if isinstance(before, Mapping) and isinstance(change, Mapping):
-            starts_afresh = change.get("kind", before.get("kind")) != before.get("kind")
-            change = dict(change) if starts_afresh else _merged(before, change)
-        result[name] = change
-    return result
 
 
 def _read(given: Any, validation: ValidationInfo) -> Any:

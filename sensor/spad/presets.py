@@ -42,8 +42,7 @@ from typing import Any, NamedTuple
 
 from megalopta.core import strict_yaml
 from megalopta.core.bounded import read_text
-from megalopta.core.validation import checked
-from megalopta.sensor.change import merged
+from megalopta.core.validation import checked, merged
 from megalopta.sensor.effects.bias import Bias
 from megalopta.sensor.effects.crosstalk import with_kernel
 from megalopta.sensor.optics.efficiency import with_curve, with_curves, with_surface

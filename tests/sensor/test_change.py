@@ -1,6 +1,7 @@
 import pytest
 
-from megalopta.sensor import DigitalCounter, changed, ctia_preset, merged, preset
+from megalopta.core.validation import merged
+from megalopta.sensor import DigitalCounter, changed, ctia_preset, preset
 
 
 def test_named_fields_change_and_the_rest_stays():

@@ -87,7 +87,9 @@ def test_frames_are_read_by_slices_without_the_rest(tmp_path, stored, monkeypatc
         opened.expectation([1, 2]).mean_reading,
         expected.expectation.mean_reading.astype(np.float32),
     )
-    with pytest.raises(ValueError, match=r"s\.zarr is missing or damaged .*; write the counts again"):
+    with pytest.raises(
+        ValueError, match=r"s\.zarr is missing or damaged .*; write the counts again"
+    ):
         opened["counts"][3:]
 
 
@@ -132,7 +134,10 @@ def test_missing_store_is_named(tmp_path):
 def test_store_that_lacks_an_array_is_refused_with_its_name(tmp_path, stored, part):
     write_counts(tmp_path / "s.zarr", stored)
     del zarr.open_group(tmp_path / "s.zarr")[part]
-    with pytest.raises(ValueError, match=rf"s\.zarr is missing or damaged \(lacks '{part}'\); write the counts again"):
+    with pytest.raises(
+        ValueError,
+        match=rf"s\.zarr is missing or damaged \(lacks '{part}'\); write the counts again",
+    ):
         read_counts(tmp_path / "s.zarr")
 
 
@@ -168,7 +173,9 @@ def tamper(path, **changes):
 def test_tampered_array_is_refused_in_one_sentence(tmp_path, stored, part, changes):
     write_counts(tmp_path / "s.zarr", stored)
     tamper(tmp_path / "s.zarr" / part / "zarr.json", **changes)
-    with pytest.raises(ValueError, match=r"s\.zarr is missing or damaged .*; write the counts again") as no:
+    with pytest.raises(
+        ValueError, match=r"s\.zarr is missing or damaged .*; write the counts again"
+    ) as no:
         read_counts(tmp_path / "s.zarr")
     assert "\n" not in str(no.value)
 
@@ -179,7 +186,9 @@ def test_truncated_description_is_refused(tmp_path, stored, part, keep):
     write_counts(tmp_path / "s.zarr", stored)
     path = tmp_path / "s.zarr" / part / "zarr.json"
     path.write_bytes(path.read_bytes()[:keep])
-    with pytest.raises(ValueError, match=r"s\.zarr(: not a Zarr group| is missing or damaged)") as no:
+    with pytest.raises(
+        ValueError, match=r"s\.zarr(: not a Zarr group| is missing or damaged)"
+    ) as no:
         read_counts(tmp_path / "s.zarr")
     assert "\n" not in str(no.value)
 
@@ -191,7 +200,9 @@ def test_damaged_chunk_and_sensor_are_refused(tmp_path, stored):
     chunk.write_bytes(chunk.read_bytes()[:9])
     zarr.open_group(tmp_path / "b.zarr").attrs["sensor"] = {"kind": "spad", "pitch_m": -1}
     for name in ("a.zarr", "b.zarr"):
-        with pytest.raises(ValueError, match=rf"{name} is missing or damaged .*; write the counts again") as no:
+        with pytest.raises(
+            ValueError, match=rf"{name} is missing or damaged .*; write the counts again"
+        ) as no:
             read_counts(tmp_path / name)
         assert "\n" not in str(no.value)
 

@@ -167,7 +167,9 @@ def test_linospad2_of_another_cycle_is_refused(tmp_path):
 @pytest.mark.parametrize("content", [b"", b"anything else", b"\x89HDF\r\n\x1a\n" + bytes(99)])
 def test_other_files_are_refused_in_a_sentence(tmp_path, content):
     (tmp_path / "file").write_bytes(content)
-    with pytest.raises(ValueError, match=r"file(: no time tags|: the file is empty| is missing or damaged)"):
+    with pytest.raises(
+        ValueError, match=r"file(: no time tags|: the file is empty| is missing or damaged)"
+    ):
         read_time_tags(tmp_path / "file")
 
 
