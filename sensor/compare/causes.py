@@ -396,7 +396,10 @@ class _Fit:
             "offset": 0.0,
             "read noise": self._read_noise(),
         }
-        return Quantity(name, *_UNITS[name]), expected[name]
+        unit, least = _UNITS[name]
+        if name == "afterpulsing":  # frames do not show the delay, which is assumed
+            unit += f" at a delay of {1e9 * self.model.delay_s:.3g} ns"
+        return Quantity(name, unit, least), expected[name]
 
     def _rate(self, *, is_dark: bool) -> float:
         """Mean dark counts, Hz, or events per unit of light."""

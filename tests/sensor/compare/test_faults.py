@@ -50,6 +50,7 @@ def test_sizes_are_those_that_were_made():
     found = compared(4, **CODES["afterpulsing"][1]).causes[0]
     # 0.05 carriers, known to about 3 %: five standard errors
     assert found.captured == pytest.approx(0.05, abs=0.0075)
+    assert "at a delay of" in str(found)
     found = compared(4, **CODES["read noise ×2"][1]).causes[0]
     # noise of 2 mV and rounding by 0.81 mV/√12 over 1 mV and that: 1.97; known to 4 %
     assert found.captured / found.expected == pytest.approx(1.97, abs=0.2)
