@@ -181,7 +181,7 @@ def test_counts_of_an_unknown_sensor_cannot_be_inverted(tmp_path):
         (lambda path: None, "no dataset, recording, or file of frames or events; give one"),
         (lambda path: path.mkdir(), "no dataset, recording, or file of frames or events; give one"),
         (lambda path: path.write_text("hello"), "of no format that is known"),
-        (lambda path: path.write_bytes(b"\x93NUMPYxxxx"), "damaged, cut short"),
+        (lambda path: path.write_bytes(b"\x93NUMPYxxxx"), "is missing or damaged"),
     ],
 )
 def test_what_holds_no_readings_is_told_in_a_sentence(tmp_path, make, said):

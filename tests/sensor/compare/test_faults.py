@@ -10,31 +10,28 @@ from .faulty import CAMERAS, FAULTS, compared, said, together
 CODES = FAULTS["codes"]
 
 
+PLACES = {
+    "dead row": "dead row 5",
+    "dead column": "dead column 9",
+    "stuck pixel": "stuck pixel (5, 6), at code 2000",
+    "telegraph noise": "telegraph noise in pixels (2, 3), (7, 11), (13, 5)",
+    "hot pixel": "hot pixel (4, 9)",
+    "stuck bit": "bit 5 of the ADC is stuck at 1",
+    "flicker 60 Hz": "flicker of 60 Hz, ±10 %",
+    "banding 60 Hz": "row banding of 60 Hz",
+    "frames twice": "200 of 400 frames repeat the one before",
+    "frames lost": "3 frames are missing in one place",
+    "light +10 % to the right": "the light is uneven, by 10 % over the array",
+    "bent output": "Captured: none of the known causes explains the difference.",
+}
+
+
 @pytest.mark.parametrize("name", CODES)
-def test_a_fault_is_named_and_nothing_else(name):
+def test_a_fault_is_named_and_located_and_nothing_else(name):
     wanted, how = CODES[name]
-    assert said(compared(2, **how)) == {wanted}
-
-
-@pytest.mark.parametrize(
-    ("name", "words"),
-    [
-        ("dead row", "dead row 5"),
-        ("dead column", "dead column 9"),
-        ("stuck pixel", "stuck pixel (5, 6), at code 2000"),
-        ("telegraph noise", "telegraph noise in pixels (2, 3), (7, 11), (13, 5)"),
-        ("hot pixel", "hot pixel (4, 9)"),
-        ("stuck bit", "bit 5 of the ADC is stuck at 1"),
-        ("flicker 60 Hz", "flicker of 60 Hz, ±9.8 %"),
-        ("banding 60 Hz", "row banding of 60 Hz"),
-        ("frames twice", "200 of 400 frames repeat the one before"),
-        ("frames lost", "3 frames are missing in one place"),
-        ("light +10 % to the right", "the light is uneven, by 10 % over the array"),
-        ("bent output", "Captured: none of the known causes explains the difference."),
-    ],
-)
-def test_a_fault_is_located(name, words):
-    assert words in compared(3, **CODES[name][1]).sentence
+    found = compared(2, **how)
+    assert said(found) == {wanted}
+    assert PLACES.get(name, "") in found.sentence
 
 
 @pytest.mark.parametrize("name", ["flicker 60 Hz", "banding 60 Hz"])
@@ -70,7 +67,7 @@ def test_explanations_that_are_as_good_are_all_stated():
 
 @pytest.mark.parametrize("kind", ["counts", "bits"])
 def test_counts_and_bits_are_compared_likewise(kind):
-    camera = CAMERAS[kind]._replace(shape=(64, 64))
+    camera = CAMERAS[kind]._replace(shape=(32, 32))
     assert not compared(2, camera).alarms
     for name in ("dead row", "mirrored columns", "efficiency"):
         wanted, how = FAULTS[kind][name]
