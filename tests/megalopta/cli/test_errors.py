@@ -13,14 +13,16 @@ import trimesh
 from megalopta.cli import main as cli
 
 
-def refused(capsys, *arguments):
-    with pytest.raises(SystemExit) as stop:
-        cli.main([str(word) for word in arguments])
-    assert stop.value.code == 2
-    told = capsys.readouterr().err
-    assert told.startswith("megalopta: ")
-    assert told.count("\n") == 1
-    return told
+@pytest.fixture
+def one_line(refused):
+    """Runs a command that is refused, and returns the only line that it says."""
+
+    def one_line(*words):
+        told = refused(*words)
+        assert told.startswith("megalopta: ") and told.count("\n") == 1
+        return told
+
+    return one_line
 
 
 @pytest.mark.parametrize(
@@ -56,10 +58,10 @@ def refused(capsys, *arguments):
     ],
 )  # fmt: skip
 def test_a_mistake_gets_one_sentence_and_makes_nothing(
-    capsys, tmp_path, monkeypatch, arguments, message
+    one_line, tmp_path, monkeypatch, arguments, message
 ):
     monkeypatch.chdir(tmp_path)
-    assert message in refused(capsys, *arguments)
+    assert message in one_line(*arguments)
     assert not list(tmp_path.iterdir())
 
 
@@ -112,13 +114,13 @@ def test_a_bad_mesh_gets_one_sentence_and_makes_nothing(
     ],
 )  # fmt: skip
 def test_what_the_machine_refuses_is_told_with_file_and_remedy(
-    capsys, monkeypatch, problem, message
+    one_line, monkeypatch, problem, message
 ):
     def fails():
         raise problem
 
     monkeypatch.setattr(cli, "program", fails)
-    assert message in refused(capsys, "info")
+    assert message in one_line("info")
 
 
 def test_a_fault_of_ours_is_not_told_as_the_users(monkeypatch):
@@ -166,7 +168,7 @@ def test_a_name_that_is_no_unicode_is_told_in_a_sentence(tmp_path):
         f"scene: {{trees: {'x' * 5000}}}",
     ],
 )
-def test_a_message_quotes_at_most_200_characters_of_a_value(capsys, tmp_path, text):
+def test_a_message_quotes_at_most_200_characters_of_a_value(one_line, tmp_path, text):
     (tmp_path / "my.yaml").write_text(text, "utf-8")
-    told = refused(capsys, "render", tmp_path / "my.yaml")
+    told = one_line("render", tmp_path / "my.yaml")
     assert max(len(list(run)) for _, run in groupby(told)) <= 200 and len(told) < 900

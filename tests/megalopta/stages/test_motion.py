@@ -154,11 +154,8 @@ def test_a_level_horizon_across_all_columns_is_no_error(moving):
         (["truth", "none"], "no dataset here"),
     ],
 )
-def test_a_check_that_cannot_be_made_is_refused(arguments, words, capsys):
-    with pytest.raises(SystemExit) as stopped:
-        cli.main(["check", *arguments])
-    assert stopped.value.code == 2
-    assert words in capsys.readouterr().err
+def test_a_check_that_cannot_be_made_is_refused(arguments, words, refused):
+    assert words in refused("check", *arguments)
 
 
 def test_sensors_see_the_frames_of_the_shutter(moving):

@@ -3,9 +3,10 @@
 from collections import Counter
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
-from .faulty import CAMERAS, FAULTS, compared, said, together
+from .faulty import CAMERAS, FAULTS, compared, of_readings, said, together
 
 CODES = FAULTS["codes"]
 
@@ -43,6 +44,20 @@ def test_lost_frames_do_not_split_a_line(name):
     assert sum("of 60 Hz" in each.text for each in found.faults) == 1
 
 
+@pytest.mark.parametrize(
+    ("words", "move"),
+    [
+        ("transposed", lambda codes, _: codes.transpose(0, 2, 1)),
+        ("rows in reverse order", lambda codes, _: codes[:, ::-1]),
+        ("turned by 90° to the left", lambda codes, _: np.rot90(codes, axes=(1, 2))),
+        ("2 of 16 rows in another order", lambda codes, _: codes[:, [1, 0, *range(2, 16)]]),
+        ("16 of 16 rows", lambda codes, _: codes[:, np.arange(16) ^ 1]),
+    ],
+)
+def test_another_order_of_pixels_is_told(words, move):
+    assert words in compared(2, spoil=of_readings(move)).sentence
+
+
 def test_sizes_are_those_that_were_made():
     found = compared(4, **CODES["afterpulsing"][1]).causes[0]
     # 0.05 carriers, known to about 3 %: five standard errors
@@ -50,6 +65,9 @@ def test_sizes_are_those_that_were_made():
     found = compared(4, **CODES["read noise ×2"][1]).causes[0]
     # noise of 2 mV and rounding by 0.81 mV/√12 over 1 mV and that: 1.97; known to 4 %
     assert found.captured / found.expected == pytest.approx(1.97, abs=0.2)
+    for name in ("step", "efficiency"):  # by 10 and 20 %
+        (cause,) = compared(2, **CODES[name][1]).causes
+        assert cause.relative == pytest.approx(0.1 * (1 + (name == "efficiency")), abs=0.06)
 
 
 def test_an_untouched_pair_raises_no_alarm():
