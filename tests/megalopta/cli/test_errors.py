@@ -35,10 +35,7 @@ def one_line(refused):
         (["dataset", "check", "x", "--truth=-1"], "--truth: '-1'; give a whole number, 0"),
         (["dataset", "view", "x", "--sequences", "0"], "--sequences: '0'; give a whole number, 1"),
         (["render", "--"], "--: not a setting"),
-        (["spadcam", "calibrate", "x", "--wavelength-nm", "nan"], "--wavelength-nm: 'nan'; give a"),
         (["spadcam", "calibrate", "x", "--beam-area-mm2=-0.0"], "'-0.0'; give a finite number"),
-        (["spadcam", "compare", "x", "--device", "y", "--margin", "inf"], "'inf'; give a finite"),
-        (["spadcam", "compare", "x", "--device", "y", "--seed=-1"], "--seed: '-1'; give a whole"),
         (["benchmark", "photons", "x", "--workers", "1" + "0" * 400], "give a whole number, 1 or"),
         (["benchmark", "photons", "x", "--allow-code"], "--allow-code is for a sweep; omit it"),
         (["benchmark", "photons", "x.yaml", "--redo"], "--redo is for a dataset; omit it"),
@@ -48,7 +45,6 @@ def one_line(refused):
         (["dataset", "x"], "dataset x: no such verb; use one of card, check, expose"),
         (["render", "--scene.trees", "9", "my.yaml"], "my.yaml: no such configuration"),
         (["render", "--light-levels", "twilight", "airglow"], "airglow: a value of --light_levels, or"),
-        (["demo", "--scene.treees", "5"], "unknown key; did you mean 'trees'?"),
         (["demo", "--camera.height", "30"], "size 40 × 213 px of frames of 30 × 160 px: choose sizes"),
         (["demo", "airglow", "--quick"], "--quick: airglow has no quick form"),
         (["check", "truth", "a", "b"], "check truth: got a b; give one folder"),
@@ -65,36 +61,23 @@ def test_a_mistake_gets_one_sentence_and_makes_nothing(
     assert not list(tmp_path.iterdir())
 
 
-TRIANGLE = b"v 0 0 0\nv 1 0 0\nv 0 1 0\n"
-CORNERS = b"f 1 2 3\n"
-BAD_MESHES = {
-    "broken": (
-        "a.glb",
-        lambda: cube(1, "glb")[:-9],
-        "a.glb cannot be read (it ends early); repair",
-    ),
-    "no texture": (
-        "a.obj",
-        lambda: b"mtllib a.mtl\n" + TRIANGLE + CORNERS,
-        "names wood.png, which",
-    ),
-    "large": ("a.obj", lambda: TRIANGLE + CORNERS * (10**7 + 1), "has 10,000,001 triangles, more"),
-    "flat": ("a.obj", lambda: TRIANGLE + b"f 1 1 2\n", "a.obj has no triangle with an area; give"),
-    "unit": ("a.stl", lambda: cube(5e3, "stl"), "extends over 5000 m at a scale of 1; give the"),
-}
+BOX = trimesh.creation.box().export(file_type="glb")
+TEXTURED = b"mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
 
 
-def cube(size, kind):
-    return trimesh.creation.box((size, size, size)).export(file_type=kind)
-
-
-@pytest.mark.parametrize(("name", "content", "message"), BAD_MESHES.values(), ids=BAD_MESHES)
+@pytest.mark.parametrize(
+    ("name", "content", "message"),
+    [
+        ("a.glb", BOX[:-9], "a.glb cannot be read (it ends early); repair"),
+        ("a.obj", TEXTURED, "names wood.png, which"),
+    ],
+)
 def test_a_bad_mesh_gets_one_sentence_and_makes_nothing(
     capsys, tmp_path, monkeypatch, name, content, message
 ):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "a.mtl").write_text("newmtl wood\nmap_Kd wood.png\n")
-    (tmp_path / name).write_bytes(content())
+    (tmp_path / name).write_bytes(content)
     with pytest.raises(SystemExit):
         cli.main(["demo", "--scene.kind", "meshes", "--scene.files", name, "--out", "out"])
     *_, told = capsys.readouterr().err.splitlines()

@@ -178,7 +178,6 @@ def test_counts_of_an_unknown_sensor_cannot_be_inverted(tmp_path):
 @pytest.mark.parametrize(
     ("make", "said"),
     [
-        (lambda path: None, "no dataset, recording, or file of frames or events; give one"),
         (lambda path: path.mkdir(), "no dataset, recording, or file of frames or events; give one"),
         (lambda path: path.write_text("hello"), "of no format that is known"),
         (lambda path: path.write_bytes(b"\x93NUMPYxxxx"), "is missing or damaged"),

@@ -69,12 +69,14 @@ def test_a_stage_makes_again_what_only_has_the_right_size(whole_copy, capsys):
 
 def test_damage_to_what_a_stage_needs_is_named(whole_copy, tmp_path, refused):
     path = scrambled(whole_copy / "radiance/grating/frame_0001.exr")
+    before = content(whole_copy)
     for words in (
         ("sense", whole_copy, "--redo"),
         ("benchmark", "sequence", whole_copy, "--out", tmp_path / "out"),
         ("check", "truth", whole_copy),
     ):
         assert f"{path} is missing or damaged" in refused(*words)
+    assert content(whole_copy) == before
 
 
 def test_a_hash_is_computed_once_while_nothing_changes(whole_copy, monkeypatch):

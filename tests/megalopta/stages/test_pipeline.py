@@ -169,15 +169,6 @@ def test_a_refused_redo_leaves_everything_as_it_was(copy, command, refused):
     assert content(copy.root) == before
 
 
-def test_a_redo_that_fails_on_a_damaged_frame_leaves_everything_as_it_was(copy):
-    path = copy.radiance(20)
-    path.write_bytes(bytes(path.stat().st_size))
-    before = content(copy.root)
-    with pytest.raises(UserError, match="frame_0021"):
-        run_stage(copy.root, copy.configuration, "sense", redo=True)
-    assert content(copy.root) == before
-
-
 @pytest.mark.slow
 def test_flow_goes_on_after_an_interruption(copy, monkeypatch):
     before = content(copy.root)
