@@ -48,9 +48,11 @@ def one_line(refused):
         (["demo", "--camera.height", "30"], "size 40 × 213 px of frames of 30 × 160 px: choose sizes"),
         (["demo", "airglow", "--quick"], "--quick: airglow has no quick form"),
         (["check", "truth", "a", "b"], "check truth: got a b; give one folder"),
+        (["check", "truth"], "check truth: no dataset"),
+        (["check", "physics", "somewhere"], "no group 'somewhere'"),
         (["reproduce", "fig-3.99"], "did you mean"),
         *(([*verb.split(), "none"], "none: no dataset here") for verb in (
-            "sense", "flow", "benchmark photons", "report")),
+            "sense", "flow", "benchmark photons", "report", "check truth")),
     ],
 )  # fmt: skip
 def test_a_mistake_gets_one_sentence_and_makes_nothing(
