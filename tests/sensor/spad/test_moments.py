@@ -1,4 +1,4 @@
-"""Mean and variance of the counts of a pixel: closed forms, brute force, and tables on disk."""
+"""Mean and variance of the counts of a pixel: closed forms, and tables on disk."""
 
 import importlib
 
@@ -8,19 +8,17 @@ from scipy.linalg import expm
 
 from megalopta.sensor.effects.afterpulsing import Afterpulsing
 from megalopta.sensor.effects.dead_time import DeadTime, moments
-from megalopta.sensor.effects.gating import Gate
 from megalopta.sensor.spad import moments as own
 from megalopta.sensor.spad.model import AvalancheEffects
 from megalopta.sensor.spad.moments import pixel_moments
 
 TAU_S = 1e-6
 AFTERPULSING = Afterpulsing(mean_carriers=0.2, delay_s=2e-6)
-NONE, UNGATED = Afterpulsing(), Gate()
 
 
-def effects_of(kind, start, afterpulsing=NONE, gate=UNGATED):
+def effects_of(kind, start, afterpulsing):
     dead_time = DeadTime(kind=kind, dead_time_s=TAU_S * (kind != "ideal"), start=start)
-    return AvalancheEffects(dead_time=dead_time, afterpulsing=afterpulsing, gate=gate)
+    return AvalancheEffects(dead_time=dead_time, afterpulsing=afterpulsing)
 
 
 def slow(*values):
