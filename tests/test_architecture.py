@@ -3,11 +3,11 @@
 import ast
 import runpy
 from collections.abc import Iterator
+from functools import cache
 from graphlib import TopologicalSorter
 from itertools import pairwise
 from pathlib import Path
 
-import pytest
 import setuptools
 
 ROOT = Path(__file__).parents[1]
@@ -45,12 +45,15 @@ def place_of(module: str) -> str:
     return module if has_rooms else room
 
 
-def imports(path: Path) -> Iterator[tuple[str, str]]:
-    """Yield the module, below megalopta, and the name of everything that a file imports of us."""
-    for node in ast.walk(ast.parse(path.read_text("utf-8"))):
-        if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] == "megalopta":
-            for alias in node.names:
-                yield str(node.module).removeprefix("megalopta").removeprefix("."), alias.name
+@cache
+def imports(path: Path) -> list[tuple[str, str]]:
+    """Module, below megalopta, and name of everything that a file imports of us."""
+    return [
+        (str(node.module).removeprefix("megalopta").removeprefix("."), alias.name)
+        for node in ast.walk(ast.parse(path.read_text("utf-8")))
+        if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] == "megalopta"
+        for alias in node.names
+    ]
 
 
 def published(package: str) -> dict[str, str]:
@@ -101,12 +104,10 @@ def test_libraries_import_nothing_of_the_program_but_its_core():
             assert first in (*FOLDERS, SHARED), f"{path}: imports megalopta.{module} {name}"
 
 
-@pytest.mark.parametrize(
-    "path", [path for path in sources() if path.name != "__main__.py"], ids=module_of
-)
-def test_private_names_stay_in_their_module(path):
-    for module, name in imports(path):
-        assert not private(name), f"{path}: {name} is private to {module}"
+def test_private_names_stay_in_their_module():
+    for path in (*sources(), *(ROOT / "tests").rglob("*.py")):
+        for module, name in imports(path) if path.name != "__main__.py" else ():
+            assert not private(name), f"{path}: {name} is private to {module}"
 
 
 def test_what_a_room_publishes_is_there():
@@ -125,10 +126,6 @@ def test_every_room_is_packaged(monkeypatch):
     runpy.run_path("setup.py")
     assert set(told["packages"]) == {f"megalopta.{package}".rstrip(".") for package in PACKAGES}
     assert told["package_dir"] == {f"megalopta.{folder}": folder for folder in FOLDERS}
-
-
-def files_of_tests() -> list[Path]:
-    return sorted((ROOT / "tests").rglob("*.py"))
 
 
 def modules_in(tree: ast.Module) -> set[str]:
@@ -161,8 +158,6 @@ def private_names_used(tree: ast.Module) -> Iterator[str]:
             yield from filter(private, str(node.value).split("."))
 
 
-@pytest.mark.parametrize("path", files_of_tests(), ids=lambda path: str(path.relative_to(ROOT)))
-def test_tests_use_no_private_names(path):
-    assert not list(private_names_used(ast.parse(path.read_text("utf-8"))))
-    for module, name in imports(path):
-        assert not private(name), f"{name} is private to {module}"
+def test_tests_use_no_private_names():
+    for path in (ROOT / "tests").rglob("*.py"):
+        assert not list(private_names_used(ast.parse(path.read_text("utf-8")))), path

@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 from filelock import FileLock
 
+from megalopta.cli import main as cli
 from megalopta.config.model import load
 from megalopta.config.recipe import Plan
 from megalopta.generation.making import make
@@ -47,6 +48,20 @@ def whole(tmp_path_factory):
 def whole_copy(whole, tmp_path):
     """A copy of it, to be changed."""
     return Path(shutil.copytree(whole, tmp_path / "data"))
+
+
+@pytest.fixture
+def refused(capsys):
+    """Runs a command that is refused with code 2, and returns what it says."""
+
+    def refused(*words):
+        capsys.readouterr()
+        with pytest.raises(SystemExit) as stopped:
+            cli.main([*map(str, words)])
+        assert stopped.value.code == 2
+        return capsys.readouterr().err
+
+    return refused
 
 
 @pytest.fixture(scope="session")

@@ -9,7 +9,7 @@ from megalopta.flow.metrics.reading_bound import blurred_by_motion, reading_slop
 from megalopta.flow.metrics.translation_bound import cramer_rao_covariance, fisher_information
 from megalopta.sensor import changed, expose_rate, preset, reading_moments
 
-SIDE, PAIRS = 32, 3000
+SIDE, PAIRS = 32, 1500
 GRID = BlockGrid((SIDE, SIDE), SIDE)
 MARGIN = 8
 
@@ -71,7 +71,7 @@ def test_estimates_from_drawn_counts_scatter_as_the_bound_says(name):
     """Weighted least squares with the true mean of every displacement, on two frames.
 
     Standard errors are 0.01 to 0.1 px, far below the 2 px of the texture: there the bound can be
-    reached. A variance from 3000 pairs scatters by 2.6 %; 14 % is more than five times that (false
+    reached. A variance from 1500 pairs scatters by 3.7 %; 20 % is more than five times that (false
     alarm below 1e-7) with 1 % for the curvature of the likelihood.
     """
     sensor, rate_hz, blur_px = SETTINGS[name]
@@ -88,7 +88,7 @@ def test_estimates_from_drawn_counts_scatter_as_the_bound_says(name):
     counts = drawn.counts.reshape(2 * PAIRS, -1).astype(float)
     first, second = estimates(counts, means, 1 / variance, lattice).reshape(2, PAIRS, 2)
     measured = np.cov((second - first).T)
-    assert np.diag(measured) == pytest.approx(np.diag(predicted), rel=0.14)
+    assert np.diag(measured) == pytest.approx(np.diag(predicted), rel=0.2)
 
 
 def test_photons_alone_have_the_fisher_information_of_poisson():

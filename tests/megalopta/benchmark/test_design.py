@@ -114,8 +114,8 @@ LIMITS = {
     "dark counts": ({"dark_counts": {"bulk_mean_hz_um2": 3e4}}, {"light_levels": (0.02,)}),
     "motion blur": ({}, {"light_levels": (0.002,), "yaw_deg_s": 2000, "error": "0.2px"}),
     "read noise": (
-        {"counter": {"kind": "analog", "step_v": 0.01, "read_noise_v": 0.5, "adc_bits": 12}},
-        {"light_levels": (0.01,)},
+        {"counter": {"kind": "analog", "step_v": 0.01, "read_noise_v": 0.1, "adc_bits": 12}},
+        {"light_levels": (0.01,), "exposure_s": (1e-4, 1e-3)},
     ),
     "saturation, or a texture of one direction": (
         {"counter": {"kind": "analog", "step_v": 0.01}},

@@ -54,13 +54,12 @@ def submit(capsys, truth, flow, *words):
     return capsys.readouterr().out
 
 
-def told(capsys, truth, flow, *words):
-    with pytest.raises(SystemExit) as end:
-        submit(capsys, truth, flow, *words)
-    assert end.value.code == 2
-    text = capsys.readouterr().err
-    assert "Traceback" not in text
-    return text
+@pytest.fixture
+def told(refused):
+    """Submits flow that is refused, and returns what is said."""
+    return lambda truth, flow, *words: refused(
+        "benchmark", "submit", flow, "--truth", truth, *words
+    )
 
 
 def test_scores_are_those_of_an_independent_script(tree, tmp_path, capsys):
@@ -150,40 +149,40 @@ def test_a_line_of_another_format_is_told(tmp_path, line, told):
         read_board(tmp_path / "board.jsonl")
 
 
-def test_frames_must_pair_strictly(tree, tmp_path, capsys):
+def test_frames_must_pair_strictly(tree, told):
     truth, submitted = tree
     some = submitted / "clean" / "scene_1" / "frame0001.flo"
     extra = some.with_name("frame0009.flo")
     shutil.copy(some, extra)
-    text = told(capsys, truth, submitted)
+    text = told(truth, submitted)
     assert "frame0009.flo matches no frame" in text
     extra.unlink()
     some.unlink()
-    text = told(capsys, truth, submitted)
+    text = told(truth, submitted)
     assert "lacks 1 of 2 frames, the first is scene_1/frame_0001" in text
 
 
-def test_mistakes_get_one_sentence(tree, tmp_path, capsys):
+def test_mistakes_get_one_sentence(tree, tmp_path, told):
     truth, submitted = tree
     path = submitted / "clean" / "scene_0" / "frame0001.flo"
     whole = path.read_bytes()
     path.write_bytes(whole[:-4])
-    assert "frame0001.flo" in told(capsys, truth, submitted)
+    assert "frame0001.flo" in told(truth, submitted)
     write_flo(path, np.zeros((30, 40, 2)))
-    text = told(capsys, truth, submitted)
+    text = told(truth, submitted)
     assert "frame0001.flo" in text and "a flow of 40 × 30 px, the truth has 80 × 60" in text
     path.write_bytes(whole)
-    assert "no such folder" in told(capsys, truth, tmp_path / "none")
-    assert "the truth lacks pictures" in told(capsys, truth, "DIS")
-    assert "gives no dense flow" in told(capsys, truth, "BM")
+    assert "no such folder" in told(truth, tmp_path / "none")
+    assert "the truth lacks pictures" in told(truth, "DIS")
+    assert "gives no dense flow" in told(truth, "BM")
     (tmp_path / "empty").mkdir()
-    assert "no true flow" in told(capsys, tmp_path / "empty", submitted)
+    assert "no true flow" in told(tmp_path / "empty", submitted)
     np.save(path.with_suffix(".npy"), np.zeros((*SHAPE, 2)))
-    assert "holds .flo and .npy: give one format" in told(capsys, truth, submitted)
+    assert "holds .flo and .npy: give one format" in told(truth, submitted)
     path.with_suffix(".npy").unlink()
     board = tmp_path / "board.jsonl"
     board.write_text("something else\n")
     assert "give a leaderboard" in told(
-        capsys, truth, submitted, "--leaderboard", board, "--out", tmp_path / "s.json"
+        truth, submitted, "--leaderboard", board, "--out", tmp_path / "s.json"
     )
     assert board.read_text() == "something else\n"

@@ -177,12 +177,6 @@ def measured(folder, *words):
     return list(csv.DictReader(out.read_text().splitlines()))
 
 
-def run(capsys, *words):
-    with pytest.raises(SystemExit) as end:
-        cli.main(["benchmark", "pairs", *map(str, words)])
-    return end.value.code, capsys.readouterr().err
-
-
 @pytest.mark.parametrize("layout", [middlebury, kitti])
 def test_folders_of_others_become_a_table_of_error_against_flux(layout, clip, tmp_path, capsys):
     layout(tmp_path / "data", clip)
@@ -200,22 +194,23 @@ def test_folders_of_others_become_a_table_of_error_against_flux(layout, clip, tm
     assert "BM" in said and "1000 photons" in said and "WAUC" in said and "…" not in said
 
 
-def test_mistakes_are_told_in_a_sentence(clip, tmp_path, capsys):
+def test_mistakes_are_told_in_a_sentence(clip, tmp_path, refused):
+    def run(*words):
+        return refused("benchmark", "pairs", *words)
+
     middlebury(tmp_path, clip)
     picture, truth = (
         tmp_path / "other-data/Venus/frame10.png",
         tmp_path / "other-gt-flow/Venus/flow10.flo",
     )
-    assert "2 paths; give a folder" in run(capsys, picture, truth)[1]
-    assert "give comma-separated numbers above 0" in run(capsys, tmp_path, "--photons", "1,-3")[1]
-    assert "NDS measures no velocity" in run(capsys, tmp_path, "--methods", "NDS")[1]
-    assert "has 2 frames; PPM needs 8" in run(capsys, tmp_path, "--methods", "PPM")[1]
+    assert "2 paths; give a folder" in run(picture, truth)
+    assert "give comma-separated numbers above 0" in run(tmp_path, "--photons", "1,-3")
+    assert "NDS measures no velocity" in run(tmp_path, "--methods", "NDS")
+    assert "has 2 frames; PPM needs 8" in run(tmp_path, "--methods", "PPM")
     small = tmp_path / "small.png"
     Image.fromarray(np.full((20, 30), 9, np.uint8)).save(small)
-    code, words = run(capsys, picture, small, truth)
-    assert code == 2
-    assert "give pictures and flow of one size" in words
-    assert "cannot be read as a picture" in run(capsys, truth, small, truth)[1]
-    assert "no such folder" in run(capsys, tmp_path / "elsewhere")[1]
-    words = run(capsys, picture, picture, tmp_path / "none.flo")[1]
+    assert "give pictures and flow of one size" in run(picture, small, truth)
+    assert "cannot be read as a picture" in run(truth, small, truth)
+    assert "no such folder" in run(tmp_path / "elsewhere")
+    words = run(picture, picture, tmp_path / "none.flo")
     assert "none.flo cannot be read (no such file or directory); give a file of true flow" in words

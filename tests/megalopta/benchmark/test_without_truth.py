@@ -132,24 +132,20 @@ def test_two_pictures_and_another_reference(folder, tmp_path, capsys):
     assert "other methods" not in capsys.readouterr().out
 
 
-def refused(capsys, *words):
-    with pytest.raises(SystemExit) as end:
-        cli.main(["benchmark", "pairs", *map(str, words)])
-    assert end.value.code == 2
-    return capsys.readouterr().err
+def test_what_has_no_pairs_is_refused(folder, film, refused):
+    def told(*words):
+        return refused("benchmark", "pairs", *words)
 
-
-def test_what_has_no_pairs_is_refused(folder, film, capsys):
     one = folder / "f0.png"
-    assert "has one frame" in refused(capsys, one, "--no-truth")
-    assert "3 paths; without truth" in refused(capsys, one, one, one, "--no-truth")
-    assert "has 6 frames; give it alone" in refused(capsys, one, film, "--no-truth")
-    assert "--reference needs --no-truth" in refused(capsys, folder, "--reference", "LK")
-    assert "NDS measures no velocity" in refused(capsys, folder, "--no-truth", "--reference", "NDS")
-    assert "without flow: --no-truth" in refused(capsys, one, one)
+    assert "has one frame" in told(one, "--no-truth")
+    assert "3 paths; without truth" in told(one, one, one, "--no-truth")
+    assert "has 6 frames; give it alone" in told(one, film, "--no-truth")
+    assert "--reference needs --no-truth" in told(folder, "--reference", "LK")
+    assert "NDS measures no velocity" in told(folder, "--no-truth", "--reference", "NDS")
+    assert "without flow: --no-truth" in told(one, one)
     small = folder / "small.png"
     Image.fromarray(np.zeros((30, 20), np.uint8)).save(small)
-    assert "have 120 × 96 and 20 × 30 px" in refused(capsys, one, small, "--no-truth")
+    assert "have 120 × 96 and 20 × 30 px" in told(one, small, "--no-truth")
 
 
 def test_pairs_without_contrast_are_left_out(folder, capsys):

@@ -10,6 +10,7 @@ import pytest
 from megalopta.camera.capturing import capture
 from megalopta.camera.link import find_port, port_lines
 from megalopta.camera.recording import open_recording
+from megalopta.cli import main as cli
 from megalopta.core.errors import UserError
 from megalopta.sensor.formats.protocol import LONGEST, Identity, Kind, Settings, encode
 
@@ -58,14 +59,15 @@ def test_what_no_camera_can_be_is_refused(acted, tmp_path, kind, field, value):
     assert not (tmp_path / "a").exists()
 
 
-def test_control_codes_of_a_serial_number_go_nowhere(acted, command, tmp_path):
+def test_control_codes_of_a_serial_number_go_nowhere(acted, tmp_path, monkeypatch, capsys):
     out = tmp_path / "a"
+    monkeypatch.setattr("signal.signal", lambda *_: None)  # the command puts in its own handlers
     answered = saying(Kind.IDENTITY, serial_number=ESCAPES, firmware="\x1b]0;x\x07")
     with acted(frames, answered) as port:
-        words = ["--port", port, "--out", out, "--frames", 5, "--rate", 200, "--exposure", 0.005]
-        with command("capture", *words) as running:
-            printed, told = running.communicate(timeout=60)
-    assert running.returncode == 0 and r"frames of \x1b[31mA\x07\x00\r\nB," in printed
+        words = f"--port {port} --out {out} --frames 5 --rate 200 --exposure 0.005"
+        cli.main(["spadcam", "capture", *words.split()])
+    printed, told = capsys.readouterr()
+    assert r"frames of \x1b[31mA\x07\x00\r\nB," in printed
     written = (out / "recording.yaml").read_text() + (out / "counts.zarr" / "zarr.json").read_text()
     for text in (printed, told, written):
         assert not any(ord(each) < 32 and each != "\n" for each in text)

@@ -4,26 +4,23 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import yaml
-import zarr
 
 from megalopta.camera.calibrating import calibrate_recordings
 from megalopta.camera.calibration import adc_of, primary, write_device
 from megalopta.camera.recording import Beam, Source, read_recorded
 from megalopta.core.errors import UserError
 from megalopta.sensor import (
-    Exposure,
-    StoredCounts,
     changed,
     expose_rate,
     load_sensor,
     preset,
-    write_counts,
 )
 from megalopta.sensor.calibrate.device import Estimate, calibrate_device
 from megalopta.sensor.calibrate.level import Level
 from megalopta.sensor.calibrate.neighbors import Kernel
 from megalopta.sensor.spad.device import draw_fixed_pattern
+
+from ..recordings import write_recording
 
 pytestmark = pytest.mark.slow
 
@@ -35,8 +32,8 @@ EFFICIENCY = 1.1e-4
 """Of the photons on a pixel at 700 nm: 0.11 % on a tenth of its area."""
 
 
-def write_recording(folder, exposure_s, light_hz, frames=100, seed=0):
-    """A recording as a capture leaves it, of codes that counts and read noise make."""
+def recorded(folder, exposure_s, light_hz, frames=100, seed=0):
+    """A recording of codes that counts and read noise make."""
     sensor = changed(SENSOR, exposure_s=exposure_s)
     pattern, counter = draw_fixed_pattern(sensor, SHAPE), sensor.counter
     rates = np.broadcast_to(light_hz * EFFICIENCY * pattern.efficiency_factor, (frames, *SHAPE))
@@ -44,27 +41,8 @@ def write_recording(folder, exposure_s, light_hz, frames=100, seed=0):
     volts = counter.supply_v - counts * pattern.counters.step_v - pattern.counters.leaked_v
     noise = np.random.default_rng(seed + round(1e6 * exposure_s)).normal(0, 1e-3, volts.shape)
     codes = np.rint((volts + noise) / counter.lsb_v).clip(0, 4095).astype(np.uint16)
-    folder.mkdir()
-    nothing = Exposure(np.zeros(codes.shape, np.uint16), np.zeros(codes.shape, bool))
-    stored = StoredCounts(sensor=sensor, seed=0, sequence="flat", exposure=nothing)
-    write_counts(folder / "counts.zarr", stored)
-    group = zarr.open_group(folder / "counts.zarr", mode="a")
-    numbers = np.arange(frames)
-    extra = {"times_s": 0.1 * numbers, "device_us": 100_000 * numbers, "sequence_number": numbers}
-    for name, values in {"adc": codes, **extra}.items():
-        group.create_array(name, data=values)
-    settings = {
-        "kind": "flat",
-        "started": "2026-01-01T00:00:00+00:00",
-        "serial_number": "1",
-        "firmware": "1.0",
-        "exposure_s": exposure_s,
-        "frame_rate_hz": 10.0,
-        "step_bias": 2048,
-        "row_window": [0, SHAPE[0]],
-    }
-    (folder / "recording.yaml").write_text(yaml.safe_dump(settings), "utf-8")
-    return Source(folder, light_hz)
+    nothing = np.zeros(codes.shape, np.uint16), np.zeros(codes.shape, bool)
+    return Source(write_recording(folder, sensor, nothing, codes), light_hz)
 
 
 @pytest.fixture(scope="module")
@@ -73,7 +51,7 @@ def calibrated(tmp_path_factory):
     folder = tmp_path_factory.mktemp("camera")
     levels = [(exposure, 0.0) for exposure in DARK_EXPOSURES_S]
     levels += [(2e-4, light) for light in LIGHTS_HZ]
-    sources = [write_recording(folder / f"{at}", *each) for at, each in enumerate(levels)]
+    sources = [recorded(folder / f"{at}", *each) for at, each in enumerate(levels)]
     sentence = calibrate_recordings(sources, folder / "device.yaml", beam=Beam(700.0))
     return folder, sources, sentence
 

@@ -1,6 +1,6 @@
 import pytest
 
-from megalopta.cli.main import main, program, split_overrides
+from megalopta.cli.main import program, split_overrides
 from megalopta.config.model import Configuration
 from megalopta.config.settings import VerbSettings
 from megalopta.core.errors import UserError
@@ -96,7 +96,6 @@ def test_no_setting_is_taken_for_a_mistyped_option():
     "words",
     ["benchmark pairs a b c", "benchmark submit a b", "spadcam compare a --device b"],
 )
-def test_a_file_to_write_is_no_folder(words, tmp_path, capsys):
-    with pytest.raises(SystemExit):
-        main([*words.split(), "--out", str(tmp_path)])
-    assert "is a folder; give the name of a file" in capsys.readouterr().err
+def test_a_file_to_write_is_no_folder(words, tmp_path, refused):
+    told = refused(*words.split(), "--out", tmp_path)
+    assert "is a folder; give the name of a file" in told

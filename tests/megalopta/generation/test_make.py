@@ -31,13 +31,6 @@ def run(*words):
     main.main([*map(str, words)])
 
 
-def refused(capsys, *words):
-    with pytest.raises(SystemExit) as ended:
-        run(*words)
-    assert ended.value.code == 2
-    return capsys.readouterr().err
-
-
 def without_books(root):
     books = {"dataset.yaml", "manifest.jsonl", "croissant.json"}
     return {
@@ -119,10 +112,10 @@ def test_new_light_on_old_frames(copy, small_dataset):
     assert without_books(copy) == before
 
 
-def test_an_exposure_of_this_name_with_other_settings_is_refused(copy, capsys):
+def test_an_exposure_of_this_name_with_other_settings_is_refused(copy, refused):
     level = megalopta.open_dataset(copy)[0].configuration.light_levels[0]
     told = refused(
-        capsys, "dataset", "expose", copy, "--sensors", "{preset: spadcam, exposure_s: 0.01}",
+        "dataset", "expose", copy, "--sensors", "{preset: spadcam, exposure_s: 0.01}",
         "--light-levels", level,
     )  # fmt: skip
     assert "give the sensor another name" in told
@@ -148,7 +141,7 @@ def test_dry_run_tells_and_makes_nothing(small_plan, tmp_path, capsys):
     assert not (tmp_path / "data").exists()
 
 
-def test_mistakes_are_told_before_anything_is_made(small_plan, tmp_path, capsys):
+def test_mistakes_are_told_before_anything_is_made(small_plan, tmp_path, refused):
     plan = tmp_path / "plan.yaml"
     for change, told in (
         ({"scenes": ["dmeo"]}, "scenes: 0: preset 'dmeo' is unknown"),
@@ -158,7 +151,7 @@ def test_mistakes_are_told_before_anything_is_made(small_plan, tmp_path, capsys)
         ({"splits": {"a b": 1}}, "cannot name a split"),
     ):
         plan.write_text(yaml.safe_dump({**small_plan.model_dump(mode="json"), **change}))
-        said = refused(capsys, "dataset", "make", plan, "--out", tmp_path / "data")
+        said = refused("dataset", "make", plan, "--out", tmp_path / "data")
         assert told in said
         assert not (tmp_path / "data").exists()
 

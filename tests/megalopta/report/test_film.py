@@ -1,7 +1,6 @@
 """Films of pictures side by side."""
 
 import io
-import sys
 
 import numpy as np
 import pytest
@@ -64,16 +63,6 @@ def test_the_mp4_plays_the_same_with_even_sides(tmp_path):
     assert not any(side % 2 for side in shown[0].shape[:2])
     np.testing.assert_allclose(shown[3][100, 100], (200, 40, 40), atol=8)
     np.testing.assert_allclose(shown[3][100, 700], 120, atol=8)
-
-
-def test_without_the_encoder_the_gif_is_written_and_the_extra_named(tmp_path, monkeypatch, capsys):
-    monkeypatch.setitem(sys.modules, "av", None)
-    assert write_film(tmp_path, moments, 5, 10) == [tmp_path / "film.gif"]
-    assert [each.name for each in tmp_path.iterdir()] == ["film.gif"]
-    assert (
-        "no film.mp4: av is not installed; pip install 'megalopta[video]'"
-        in capsys.readouterr().err
-    )
 
 
 def test_a_gif_that_would_be_large_has_fewer_frames_and_lasts_as_long():

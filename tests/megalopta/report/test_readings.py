@@ -4,25 +4,22 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import yaml
-import zarr
 
 from megalopta.core.errors import UserError
 from megalopta.report.readings import ShownReadings, Treatment, read_mask, readings_of
 from megalopta.sensor import (
     EventOrigin,
-    Exposure,
-    StoredCounts,
     changed,
     expose_events,
     expose_rate,
     preset,
     without,
-    write_counts,
     write_events_hdf5,
     write_events_npz,
 )
 from megalopta.sensor.event_stream import histogram
+
+from ..recordings import write_recording
 
 SHAPE = (12, 16)
 FLUX = np.linspace(0.1, 2.0, 16)
@@ -98,36 +95,17 @@ def test_a_bad_pixel_takes_the_mean_of_its_good_neighbors(cube, tmp_path):
     assert "2 bad pixels" in treated.treatment.description()
 
 
-def write_recording(folder, rates_hz, frames=300):
-    """A recording of even light, whose last row was not read."""
+def test_of_a_recording_what_dead_time_lost_comes_back(tmp_path):
+    """Of even light, whose last row was not read."""
+    rate_hz, frames = 12_000.0, (300, 16, 16)
     dark = without(preset("spadcam"), "dark_counts")
     sensor = changed(dark, exposure_s=0.01, dead_time={"dead_time_s": 8e-6})
-    counts = expose_rate(
-        np.broadcast_to(rates_hz, (frames, 16, 16)), sensor, seed=1, sequence="flat"
-    ).counts
-    full = np.zeros(counts.shape, bool)
+    counts = expose_rate(np.full(frames, rate_hz), sensor, seed=1, sequence="flat").counts
+    full = np.zeros(frames, bool)
     full[:, 15] = True
-    folder.mkdir()
-    stored = StoredCounts(sensor=sensor, seed=0, sequence="flat", exposure=Exposure(counts, full))
-    write_counts(folder / "counts.zarr", stored)
-    group = zarr.open_group(folder / "counts.zarr", mode="a")
-    number = np.arange(frames)
-    group.create_array("adc", data=np.ones(counts.shape, np.uint16))
-    group.create_array("times_s", data=0.02 * number + 0.01)
-    group.create_array("device_us", data=20_000 * number)
-    group.create_array("sequence_number", data=number)
-    settings = {
-        **{"kind": "flat", "started": "2026-01-01T00:00:00+00:00", "finished": True},
-        **{"serial_number": "1", "firmware": "1.0", "exposure_s": 0.01, "frame_rate_hz": 50.0},
-        **{"step_bias": 2048, "row_window": [0, 15]},
-    }
-    (folder / "recording.yaml").write_text(yaml.safe_dump(settings), "utf-8")
-    return folder
-
-
-def test_of_a_recording_what_dead_time_lost_comes_back(tmp_path):
-    rate_hz = 12_000.0
-    readings = readings_of(write_recording(tmp_path / "flat", rate_hz))
+    adc = np.ones(frames, np.uint16)
+    folder = write_recording(tmp_path / "flat", sensor, (counts, full), adc, 0.02, 15)
+    readings = readings_of(folder)
     np.testing.assert_allclose(readings.times_s[:2], [0, 0.02])
     raw, _ = readings.frame(0)
     values, full = readings.treated(Treatment(300, is_inverted=True)).frame(0)
@@ -178,10 +156,9 @@ def test_counts_of_an_unknown_sensor_cannot_be_inverted(tmp_path):
 @pytest.mark.parametrize(
     ("make", "said"),
     [
-        (lambda path: None, "no dataset, recording, or file of frames or events; give one"),
         (lambda path: path.mkdir(), "no dataset, recording, or file of frames or events; give one"),
         (lambda path: path.write_text("hello"), "of no format that is known"),
-        (lambda path: path.write_bytes(b"\x93NUMPYxxxx"), "damaged, cut short"),
+        (lambda path: path.write_bytes(b"\x93NUMPYxxxx"), "is missing or damaged"),
     ],
 )
 def test_what_holds_no_readings_is_told_in_a_sentence(tmp_path, make, said):

@@ -186,17 +186,13 @@ def test_a_large_thing_makes_a_small_page_that_says_what_it_leaves_out(tmp_path)
     assert "one of 2 × 2 pixels and 80 of 90 frames; the film has 90." in page.read_text("utf-8")
 
 
-def test_a_thing_that_is_nothing_is_told_in_a_sentence(tmp_path, capsys):
-    with pytest.raises(SystemExit) as end:
-        main.main(["view", str(tmp_path / "none")])
-    assert end.value.code == 2
-    told = capsys.readouterr().err
+def test_a_thing_that_is_nothing_is_told_in_a_sentence(tmp_path, refused):
+    told = refused("view", tmp_path / "none")
     assert told.endswith("none: no dataset, recording, or file of frames or events; give one\n")
 
 
-def test_without_the_sdk_the_extra_is_named(whole, tmp_path, monkeypatch, capsys):
+def test_without_the_sdk_the_extra_is_named(whole, tmp_path, monkeypatch, refused):
     monkeypatch.setitem(sys.modules, "rerun", None)
-    with pytest.raises(SystemExit):
-        main.main(["view", str(whole), "--out", str(tmp_path / "out"), "--rerun"])
-    assert "rerun is not installed; pip install 'megalopta[rerun]'" in capsys.readouterr().err
+    told = refused("view", whole, "--out", tmp_path / "out", "--rerun")
+    assert "rerun is not installed; pip install 'megalopta[rerun]'" in told
     assert not (tmp_path / "out").exists()

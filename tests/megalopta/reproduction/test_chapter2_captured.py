@@ -71,14 +71,12 @@ def test_a_camera_of_half_the_signal_differs_by_half():
         (["nothing@5"], "nothing: no such file; give the path of a recording"),
     ],
 )
-def test_what_cannot_be_drawn_is_told_before_anything_is_written(words, problem, tmp_path, capsys):
+def test_what_cannot_be_drawn_is_told_before_anything_is_written(words, problem, tmp_path, refused):
     from megalopta.camera.recorder import Recorder
     from megalopta.sensor.formats.protocol import Identity, Settings
 
     identity = Identity(16, 16, 12, 3300, "A", "test 1")
     Recorder(tmp_path, changed(SENSOR, exposure_s=0.05), "plate", identity, Settings(), 0.0)
     given = [word.format(tmp_path) for word in words]
-    with pytest.raises(SystemExit):
-        cli.main(["spadcam", "figures", *given, "--out", str(tmp_path / "new")])
-    assert problem in capsys.readouterr().err
+    assert problem in refused("spadcam", "figures", *given, "--out", tmp_path / "new")
     assert not (tmp_path / "new").exists()

@@ -25,17 +25,6 @@ EXAMPLE = Figure(
 )
 
 
-def test_each_figure_becomes_a_picture_a_drawing_and_its_numbers(tmp_path):
-    paths = write_figure(EXAMPLE, tmp_path / "new")
-    assert [path.suffix for path in paths] == [".png", ".svg", ".csv", ".json"]
-    assert {path.stem for path in paths} == {"example"}
-    assert paths[0].read_bytes().startswith(b"\x89PNG")
-    assert "<svg" in paths[1].read_text(encoding="utf-8")
-    assert sorted(path.name for path in (tmp_path / "new").iterdir()) == sorted(
-        path.name for path in paths
-    )
-
-
 def test_numbers_survive_both_files(tmp_path):
     *_, path, record = write_figure(EXAMPLE, tmp_path)
     assert json.loads(record.read_text("utf-8"))["rows"] == [[0.0, "a, b", 1 / 3], [1.0, "c", None]]

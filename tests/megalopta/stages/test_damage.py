@@ -39,17 +39,10 @@ def scrambled(path):
     return path
 
 
-def refusal(capsys, *words):
-    with pytest.raises(SystemExit) as stopped:
-        cli.main([str(word) for word in words])
-    assert stopped.value.code == 2
-    return capsys.readouterr().err
-
-
 @pytest.mark.parametrize("name", OF_STAGES)
-def test_the_report_names_a_damaged_file_and_what_mends_it(whole_copy, capsys, name):
+def test_the_report_names_a_damaged_file_and_what_mends_it(whole_copy, refused, name):
     path, before = scrambled(whole_copy / name), content(whole_copy)
-    told = refusal(capsys, "report", whole_copy)
+    told = refused("report", whole_copy)
     command = f"run first: megalopta {OF_STAGES[name]} {whole_copy}"
     assert f"{path} is missing or damaged; {command}" in told
     assert content(whole_copy) == before
@@ -74,14 +67,16 @@ def test_a_stage_makes_again_what_only_has_the_right_size(whole_copy, capsys):
     assert content(whole_copy) == before
 
 
-def test_damage_to_what_a_stage_needs_is_named(whole_copy, tmp_path, capsys):
+def test_damage_to_what_a_stage_needs_is_named(whole_copy, tmp_path, refused):
     path = scrambled(whole_copy / "radiance/grating/frame_0001.exr")
+    before = content(whole_copy)
     for words in (
         ("sense", whole_copy, "--redo"),
         ("benchmark", "sequence", whole_copy, "--out", tmp_path / "out"),
         ("check", "truth", whole_copy),
     ):
-        assert f"{path} is missing or damaged" in refusal(capsys, *words)
+        assert f"{path} is missing or damaged" in refused(*words)
+    assert content(whole_copy) == before
 
 
 def test_a_hash_is_computed_once_while_nothing_changes(whole_copy, monkeypatch):

@@ -5,7 +5,6 @@ import json
 import pytest
 import yaml
 
-from megalopta.cli import main as cli
 from megalopta.core.errors import UserError
 from megalopta.sensor import StoredFrames, open_counts
 
@@ -19,15 +18,11 @@ def change(root, **values):
     path.write_text(yaml.safe_dump({**record, **values}), "utf-8")
 
 
-def test_a_newer_dataset_is_refused(whole_copy, capsys):
+def test_a_newer_dataset_is_refused(whole_copy, refused):
     change(whole_copy, format=99)
     for words in (("report",), ("check", "files"), ("sense",)):
-        with pytest.raises(SystemExit):
-            cli.main([*words, str(whole_copy)])
-        told = capsys.readouterr().err
-        assert (
-            "dataset format 99 is newer than 2, the newest that this program reads; update" in told
-        )
+        told = refused(*words, whole_copy)
+        assert "format 99 is newer than 2, the newest that this program reads; update" in told
 
 
 def test_a_newer_store_is_refused(whole_copy):
@@ -42,12 +37,7 @@ def test_a_newer_store_is_refused(whole_copy):
         open_counts(whole_copy / COUNTS)
 
 
-def test_an_older_dataset_is_refused_with_the_way_to_its_data(whole_copy, capsys):
+def test_an_older_dataset_is_refused_with_the_way_to_its_data(whole_copy, refused):
     change(whole_copy, format=1)
-    with pytest.raises(SystemExit):
-        cli.main(["report", str(whole_copy)])
-    told = capsys.readouterr().err
-    assert (
-        "dataset format 1 is older than 2, the oldest that this program reads; read it with the"
-        in told
-    )
+    told = refused("report", whole_copy)
+    assert "format 1 is older than 2, the oldest that this program reads; read it with the" in told

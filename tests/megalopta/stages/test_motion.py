@@ -146,21 +146,6 @@ def test_a_level_horizon_across_all_columns_is_no_error(moving):
     assert dict(footprint_residuals(level))[name] > 5
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (["truth"], "check truth: no dataset"),
-        (["physics", "somewhere"], "no group 'somewhere'"),
-        (["truth", "none"], "no dataset here"),
-    ],
-)
-def test_a_check_that_cannot_be_made_is_refused(arguments, words, capsys):
-    with pytest.raises(SystemExit) as stopped:
-        cli.main(["check", *arguments])
-    assert stopped.value.code == 2
-    assert words in capsys.readouterr().err
-
-
 def test_sensors_see_the_frames_of_the_shutter(moving):
     blurred, bands = read_radiance(moving.exposed_radiance(1))
     sharp, _ = read_radiance(moving.radiance(1))

@@ -68,7 +68,7 @@ def test_a_file_moves_over_any_scene_and_its_change_is_another_configuration(tmp
     trimesh.creation.icosphere(1, 0.5).export(tmp_path / "bird.ply")
     motion = "{velocity_m_s: [0, 1, 0]}"
     text = (
-        "scene: {kind: forest, trees: 8, density_per_ha: 100}\n"
+        "scene: {kind: plane}\n"
         f"objects: [{{file: {tmp_path / 'bird.ply'}, motion: {motion}, position_m: [-2, 0, 1]}}]"
     )
     dataset = run_stage(tmp_path / "data", parse(text, "test", SMALL), "render")

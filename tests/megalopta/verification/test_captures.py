@@ -38,7 +38,7 @@ def test_a_simulated_map_shows_the_crosstalk_that_made_it(tmp_path):
         DarkCounts(
             bulk_mean_hz_um2=1, bulk_sigma_hz_um2=0.3, hot_fraction=0.1, hot_mean_hz_um2=100
         ),
-        (96, 128),
+        (64, 80),
         device_seed=1,
     )
     np.save(tmp_path / "map.npy", crosstalk.mean(own, Crosstalk(mean_fired_neighbors=0.04)))

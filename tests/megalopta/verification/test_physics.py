@@ -1,6 +1,7 @@
 """The checks that users run, as tests; that they notice a wrong model, and what they print."""
 
 import io
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -70,7 +71,8 @@ WRONG = [
 )
 def test_a_wrong_law_is_noticed(monkeypatch, module, name, wrong, term):
     monkeypatch.setattr(module, name, wrong)
-    assert not check_case(BY_TERM[term]).passed
+    few = replace(BY_TERM[term], samples=min(BY_TERM[term].samples, 4000))
+    assert not check_case(few).passed
 
 
 def test_laws_that_share_mean_and_variance_are_told_apart():

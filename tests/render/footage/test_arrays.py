@@ -81,11 +81,6 @@ def test_other_arrays_are_refused(tmp_path, values, said):
     assert said in str(refusal.value) and "a.npy" in str(refusal.value)
 
 
-def test_a_unit_must_be_given(tmp_path):
-    with pytest.raises(UserError, match="give the unit srgb .* linear .* or cd/m2"):
-        open_footage(saved(tmp_path, np.zeros((4, 6))))
-
-
 def test_files_that_are_damaged_or_hold_several_arrays_are_refused(tmp_path):
     path = saved(tmp_path, np.zeros((40, 60)))
     path.write_bytes(path.read_bytes()[:-100])

@@ -1,5 +1,7 @@
 """Panoramas against the pinhole, against geometry worked out here, and against themselves turned."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 from scipy.ndimage import map_coordinates
@@ -48,6 +50,11 @@ def test_uniform_radiance_is_uniform_in_every_camera(camera, backend):
     np.testing.assert_allclose(image, 2e-9, rtol=1e-5)
 
 
+@cache
+def pinhole_view():
+    return renderer_of(PINHOLE, glowing_room(), 256).radiance(ROOM.poses()[0], 2)[..., 0]
+
+
 @pytest.mark.parametrize(
     "camera",
     [
@@ -68,7 +75,7 @@ def test_uniform_radiance_is_uniform_in_every_camera(camera, backend):
 def test_a_panorama_resampled_is_the_perspective_view(camera):
     pose = ROOM.poses()[0]
     panorama = renderer_of(camera, glowing_room(), 16).radiance(pose, 1)[..., 0]
-    view = renderer_of(PINHOLE, glowing_room(), 256).radiance(pose, 2)[..., 0]
+    view = pinhole_view()
     # Each pixel of the pinhole is the mean over 4 × 4 directions inside of it.
     fine = PINHOLE.model_copy(update={"width": 4 * PINHOLE.width, "height": 4 * PINHOLE.height})
     x, y = np.moveaxis(camera.project(fine.directions()), -1, 0) - 0.5

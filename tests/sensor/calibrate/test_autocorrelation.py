@@ -19,10 +19,10 @@ EDGES_S = 1e-9 * np.concatenate(([0, 25, 50, 75], np.geomspace(100, 4000, 16)))
 
 @pytest.fixture(scope="module")
 def found():
-    """Pairs of events of 20 pixels in 2.5 s, 1e6 events."""
+    """Pairs of events of 20 pixels in 1 s, 4e5 events."""
     effects = AvalancheEffects(afterpulsing=Afterpulsing(mean_carriers=CARRIERS, delay_s=DELAY_S))
     rates = np.full((1, 20), RATE_HZ)
-    frame = simulate_frame(np.random.default_rng(1), rates, 2.5, effects)
+    frame = simulate_frame(np.random.default_rng(1), rates, 1.0, effects)
     pairs, events = np.zeros((20, EDGES_S.size - 1)), np.zeros(20)
     for pixel in range(20):
         times = np.sort(frame.times_s[frame.pixels == pixel])
@@ -33,10 +33,10 @@ def found():
 
 def test_an_exponential_gives_carriers_and_delay(found):
     fit = fit_exponential(found)
-    # a second generation, p² of all events, adds to pairs; 50000 afterpulses, 5 standard errors
+    # a second generation, p² of all events, adds to pairs; 20000 afterpulses, 5 standard errors
     expected = CARRIERS / (1 - CARRIERS)
-    assert fit.mean_carriers == pytest.approx(expected, rel=5 / np.sqrt(5e4) + CARRIERS / 10)
-    assert fit.delay_s == pytest.approx(DELAY_S, rel=0.08)
+    assert fit.mean_carriers == pytest.approx(expected, rel=5 / np.sqrt(2e4) + CARRIERS / 10)
+    assert fit.delay_s == pytest.approx(DELAY_S, rel=0.12)
 
 
 def test_a_table_holds_the_same_delays(found):

@@ -35,7 +35,7 @@ SENSORS = {
 
 @pytest.fixture(scope="module")
 def calibrations():
-    return {name: simulated_calibration(each, SHAPE, frames=1000) for name, each in SENSORS.items()}
+    return {name: simulated_calibration(each, SHAPE, frames=300) for name, each in SENSORS.items()}
 
 
 def exposed(sensor, share, curve):

@@ -22,18 +22,10 @@ def covered(estimate, truth):
 @pytest.mark.parametrize(("kind", "seconds"), [("nonparalyzable", 50e-9), ("paralyzable", 100e-9)])
 def test_dead_time_and_its_kind_are_found(kind, seconds):
     found = calibrate_counts(levels_of(camera(1, dead_time_s=seconds, kind=kind))).dead_time
-    assert found.kind == kind
+    assert found.kind == kind and found.is_kind_clear
     # five standard errors, which are 0.2 and 0.05 %
     assert found.seconds == pytest.approx(seconds, abs=5 * found.error)
     assert found.error < 0.003 * seconds
-
-
-@pytest.mark.parametrize("kind", ["nonparalyzable", "paralyzable"])
-def test_the_kind_of_dead_time_is_told_where_it_hides_a_fifth(kind):
-    found = calibrate_counts(levels_of(camera(7, kind=kind))).dead_time
-    assert found.kind == kind
-    assert found.is_kind_clear
-    assert found.seconds == pytest.approx(5e-8, abs=5 * found.error)
 
 
 def test_dead_time_next_to_crosstalk():
@@ -49,15 +41,6 @@ def test_without_dead_time_none_is_found():
     found = calibrate_counts(levels_of(camera(2, dead_time_s=0)))
     assert found.dead_time is None
     assert "record brighter light" in found.refused["dead time"]
-
-
-@pytest.mark.parametrize("options", [{}, BINARY])
-def test_intervals_hold_the_truth(options):
-    sensor = camera(3, capacity=1 if options else None, dead_time_s=0 if options else 50e-9)
-    found = calibrate_counts(levels_of(sensor, **options))
-    # of 576 pixels 95 ± 0.9 %: six standard errors allow 89.6 %
-    assert covered(found.dark_counts_hz, dark_rates(sensor)) > 0.896
-    assert covered(found.efficiency, sensitivity(3)) > 0.896
 
 
 @pytest.mark.slow

@@ -88,6 +88,25 @@ def test_dark_counts_of_a_calibration_that_is_off_by_its_error_raise_no_alarm():
     assert before.p < 1e-3 < after.p
 
 
+def counted(mean, frames, seed):
+    """A dark level of 16 × 16 alike pixels."""
+    return [Level(np.random.default_rng(seed).poisson(mean, (frames, 16, 16)), 0.1)]
+
+
+def test_small_differences_are_equivalent_though_beyond_chance():
+    model = Model(_uniform(400.0), [np.zeros((1, 16, 16))])
+    found = compare_recordings(counted(40.8, 4000, 1), counted(40.0, 4000, 2), model)
+    (dark,) = (each for each in found.differences if each.name == "dark counts")
+    assert dark.p < 1e-6 and dark.is_equivalent
+    assert not found.causes
+
+
+def test_too_few_frames_are_refused():
+    model = Model(_uniform(400.0), [np.zeros((1, 16, 16))])
+    with pytest.raises(ValueError, match="30 frames"):
+        compare_recordings(counted(40.0, 30, 1), counted(40.0, 100, 2), model)
+
+
 def _uniform(dark_counts_hz):
     """An array of the same dark counts everywhere, on 1 µm²."""
     return changed(

@@ -98,18 +98,6 @@ def test_moments_of_a_kernel_by_place_solve_their_linear_equations():
         np.testing.assert_allclose(variance(light, BY_PLACE, sent), spread_counts, rtol=1e-4)
 
 
-def test_draws_of_a_kernel_by_place_have_its_moments():
-    rng = np.random.default_rng(4)
-    light = rng.uniform(0, 9, (7, 8))
-    counts = [spread(rng, rng.poisson(light), BY_PLACE) for _ in range(4000)]
-    counts_mean, counts_variance = exact_moments(light, BY_PLACE)
-    z = (np.mean(counts, axis=0) - counts_mean) / np.sqrt(counts_variance / 4000)
-    assert np.abs(z).max() < 5.8  # of 56 pixels; false alarm 4e-7
-    ratio = np.var(counts, axis=0) / counts_variance
-    # counts of a few events have a fourth moment above that of a normal distribution
-    assert np.abs(ratio - 1).max() < 5.8 * np.sqrt(3 / 4000)
-
-
 def test_a_kernel_that_equals_the_shares_is_the_same_crosstalk():
     shares = Crosstalk(mean_fired_neighbors=0.3, **KERNELS[3])
     kernel = Crosstalk(mean_fired_neighbors=0.3, kernel=neighborhoods(shares).tolist())

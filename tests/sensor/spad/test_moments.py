@@ -1,4 +1,4 @@
-"""Mean and variance of the counts of a pixel: closed forms, brute force, and tables on disk."""
+"""Mean and variance of the counts of a pixel: closed forms, and tables on disk."""
 
 import importlib
 
@@ -8,23 +8,17 @@ from scipy.linalg import expm
 
 from megalopta.sensor.effects.afterpulsing import Afterpulsing
 from megalopta.sensor.effects.dead_time import DeadTime, moments
-from megalopta.sensor.effects.gating import Gate
-from megalopta.sensor.sampling.streams import generator
 from megalopta.sensor.spad import moments as own
 from megalopta.sensor.spad.model import AvalancheEffects
 from megalopta.sensor.spad.moments import pixel_moments
-from megalopta.verification.brute_force import brute_force_events
 
 TAU_S = 1e-6
 AFTERPULSING = Afterpulsing(mean_carriers=0.2, delay_s=2e-6)
-NONE, UNGATED = Afterpulsing(), Gate()
-GATE = Gate(period_s=7e-6, width_s=3e-6, phase_s=5e-6)
-EXPOSURES = 4_000
 
 
-def effects_of(kind, start, afterpulsing=NONE, gate=UNGATED):
+def effects_of(kind, start, afterpulsing):
     dead_time = DeadTime(kind=kind, dead_time_s=TAU_S * (kind != "ideal"), start=start)
-    return AvalancheEffects(dead_time=dead_time, afterpulsing=afterpulsing, gate=gate)
+    return AvalancheEffects(dead_time=dead_time, afterpulsing=afterpulsing)
 
 
 def slow(*values):
@@ -87,35 +81,6 @@ def test_hardly_any_carriers_leave_the_moments_of_dead_time(kind, exposure_s, st
     found = pixel_moments(rates, exposure_s, effects)
     times = 2 if kind == "paralyzable" else 1
     check(found, moments(rates, exposure_s, effects.dead_time), times)
-
-
-@pytest.mark.parametrize("start", ["live", "stationary"])
-@pytest.mark.parametrize(
-    ("kind", "rate", "exposure_s", "traps", "gate"),
-    [
-        slow("paralyzable", 3.3e6, 300e-6, AFTERPULSING, Gate()),
-        ("paralyzable", 1.3e6, 50e-6, AFTERPULSING, GATE),
-        ("nonparalyzable", 1.3e6, 50e-6, Afterpulsing(), GATE),
-        slow("paralyzable", 2e6, 20e-6, Afterpulsing(), GATE),
-        slow("paralyzable", 2e5, 20e-6, Afterpulsing(), Gate(period_s=3e-7, width_s=1e-7)),
-        slow("paralyzable", 6e6, 3.3e-6, Afterpulsing(), Gate(period_s=1.3e-6, width_s=0.9e-6)),
-        slow("nonparalyzable", 3.3e6, 400e-6, AFTERPULSING, Gate()),
-        slow("ideal", 3.3e6, 400e-6, AFTERPULSING, GATE),
-    ],
-)
-def test_combined_effects_have_the_moments_of_brute_force(
-    kind, rate, exposure_s, traps, gate, start
-):
-    effects = effects_of(kind, start, traps, gate)
-    mean, variance = (each[0] for each in pixel_moments(np.array([rate]), exposure_s, effects))
-    rates = np.full((EXPOSURES, 1, 1), rate)
-    counts = brute_force_events(generator(4), rates, exposure_s, effects)
-    squares = (counts - counts.mean()) ** 2
-    # five standard errors of brute force (false alarm 6e-7) and those stated of the interpolation
-    error = 5 * counts.std() / counts.size**0.5
-    assert counts.mean() == pytest.approx(mean, abs=error + own.MEAN_ERROR * mean)
-    error = 5 * squares.std() / counts.size**0.5
-    assert squares.mean() == pytest.approx(variance, abs=error + own.VARIANCE_ERROR * variance)
 
 
 @pytest.fixture

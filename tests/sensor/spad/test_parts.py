@@ -5,15 +5,12 @@ import pytest
 
 from megalopta.sensor import (
     Afterpulsing,
-    DeadTime,
     Gate,
     changed,
     event_moments,
-    expose_binary,
     expose_rate,
     preset,
 )
-from megalopta.sensor.sampling.bits import unpack
 
 EXPOSURE_S, TAU_S, PIXELS = 1e-4, 1e-6, (100, 100)
 IDEAL = changed(preset("ideal"), exposure_s=EXPOSURE_S)
@@ -65,17 +62,6 @@ def test_without_memory_stated_moments_are_those_of_poisson_counts():
     drawn = expose_rate(np.repeat(rate[:1], 2000, 0), sensor, seed=0, sequence="gate").counts
     z = (drawn.mean(axis=0) - expected[0]) / np.sqrt(expected[0] / 2000)
     assert np.abs(z).max() < 6  # 48 pixels: false alarm 1e-7
-
-
-def test_gated_bits_see_the_light_while_the_gate_is_open():
-    gate = Gate(period_s=EXPOSURE_S, width_s=EXPOSURE_S / 2)
-    sensor = changed(IDEAL, gate=gate.model_dump(), dead_time=DeadTime().model_dump())
-    light = np.zeros((1, 2, *PIXELS))
-    light[0, 0], light[0, 1] = 1 / EXPOSURE_S, 30 / EXPOSURE_S
-    bits = unpack(expose_binary(light, sensor, seed=1, sequence="bits"), PIXELS[1])
-    p = -np.expm1(-0.5)
-    z = (bits.mean() - p) / np.sqrt(p * (1 - p) / bits.size)
-    assert abs(z) < 5
 
 
 def test_a_trap_alone_is_stated_from_the_parts():
