@@ -48,10 +48,10 @@ class EnvironmentView:
     def __init__(
         self, environment: Environment, camera: Camera, bands_nm: Bands, samples: int
     ) -> None:
+        self._rgb = load_panorama(environment)  # first, as it may be refused
+        self._turn = math.radians(environment.turn_deg)
         self._grid = math.isqrt(samples - 1) + 1
         self._axes = camera.finer(self._grid).directions().astype(np.float32)
-        self._turn = math.radians(environment.turn_deg)
-        self._rgb = load_panorama(environment)
         self._efficacy = [luminous(spectrum) for spectrum in environment.spectra]
         self._band_means = band_means(environment.spectra, bands_nm).astype(np.float32)
 
