@@ -68,7 +68,8 @@ class Command(argparse.ArgumentParser):
         """Return the command of a verb; itself for other words. Raises UserError if unknown."""
         if not self.verbs or word.startswith("-") or word in self.verbs:
             return self.verbs.get(word, self)
-        near = get_close_matches(word, self.verbs, 1)
+        deeper = [f"{name} {word}" for name, each in self.verbs.items() if word in each.verbs]
+        near = deeper or get_close_matches(word, self.verbs, 1)
         remedy = f"did you mean {near[0]!r}?" if near else f"use one of {', '.join(self.verbs)}"
         verb = f"{self.prog} {quoted(word)}".removeprefix("megalopta ")
         raise UserError(f"{verb}: no such verb; {remedy}")

@@ -41,6 +41,7 @@ def one_line(refused):
         (["benchmark", "photons", "x.yaml", "--redo"], "--redo is for a dataset; omit it"),
         (["sweep", "x"], "sweep: renamed; use benchmark photons"),
         (["rendr", "demo"], "rendr: no such verb; did you mean 'render'?"),
+        (["capture"], "capture: no such verb; did you mean 'spadcam capture'?"),
         (["dataset", "mak", "--out", "x"], "dataset mak: no such verb; did you mean 'make'?"),
         (["dataset", "x"], "dataset x: no such verb; use one of card, check, expose"),
         (["render", "--scene.trees", "9", "my.yaml"], "my.yaml: no such configuration"),
