@@ -78,10 +78,10 @@ def undamaged(path: object, remedy: str = "copy it again") -> Iterator[None]:
     except Exception as problem:  # a damaged file can raise any exception
         said = " ".join(str(problem).split())
         if isinstance(problem, ValueError) and said.startswith(str(path)):
-            raise DamagedFileError(said) from None
+            raise DamagedFileError(said) from problem
         lacking = "lacks " * isinstance(problem, KeyError)
         why = getattr(problem, "strerror", None) or lacking + quoted(said)
-        raise DamagedFileError(f"{path} is missing or damaged ({why}); {remedy}") from None
+        raise DamagedFileError(f"{path} is missing or damaged ({why}); {remedy}") from problem
 
 
 def quoted(value: object, at_most: int = QUOTED) -> str:

@@ -17,11 +17,7 @@ from numpy.typing import NDArray
 
 from megalopta.core.bounded import undamaged
 from megalopta.core.files import atomic_write
-from megalopta.sensor.formats.recorded_frames import (
-    RecordedFrames,
-    file_bytes,
-    wanted,
-)
+from megalopta.sensor.formats.recorded_frames import RecordedFrames, file_bytes, wanted
 
 _LARGEST_TIFF = 4 * 10**9
 # Largest expansion of a deflate stream: a file does not justify more memory than that.
