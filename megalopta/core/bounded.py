@@ -66,13 +66,19 @@ def check_file(path: str | Path, at_most: int = ARRAY_BYTES) -> None:
 
 
 @contextmanager
-def undamaged(path: object, remedy: str = "copy it again") -> Iterator[None]:
+def undamaged(path: object, remedy: str | None = None) -> Iterator[None]:
     """Raise any error of the reading inside as DamagedFileError, with path and remedy.
 
-    Errors for users, missing packages and lack of memory pass.
+    Of a file that is already found to be damaged, the remedy is replaced. Other errors for users,
+    missing packages and lack of memory pass.
     """
     try:
         yield
+    except DamagedFileError as problem:
+        what, _, _ = str(problem).rpartition("; ")
+        if remedy is None or not what.startswith(str(path)):
+            raise
+        raise DamagedFileError(f"{what}; {remedy}") from problem
     except (UserError, ImportError, MemoryError):
         raise
     except Exception as problem:  # a damaged file can raise any exception
@@ -81,6 +87,7 @@ def undamaged(path: object, remedy: str = "copy it again") -> Iterator[None]:
             raise DamagedFileError(said) from problem
         lacking = "lacks " * isinstance(problem, KeyError)
         why = getattr(problem, "strerror", None) or lacking + quoted(said)
+        remedy = remedy or "copy it again"
         raise DamagedFileError(f"{path} is missing or damaged ({why}); {remedy}") from problem
 
 
