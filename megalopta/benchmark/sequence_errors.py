@@ -254,9 +254,7 @@ def endpoint_errors(sequence: RankedSequence) -> Measured:
         for name, grid in grids.items():
             truth = sequence.truth(grid, pooling)
             found = sequence.noisy(name, pooling, flux)
-            inside = (each[:, 1:-1, 1:-1] for each in found)
-            given = (np.where(np.isfinite(v).all(axis=-1, keepdims=True), v, 0) for v in inside)
-            distances = [np.linalg.norm(each - truth.velocities, axis=-1) for each in given]
+            distances = [_distances(each, truth) for each in found]
             yield from _by_group(distances, truth, Case(ERROR, name, flux, "", *pooling))
         grid = next(iter(grids.values()))
         truth = sequence.truth(grid, pooling)
@@ -334,6 +332,13 @@ def example_of(sequence: RankedSequence) -> Example:
         }
     grid = sequence.grid(next(iter(found)), finest.pixels)
     return Example(sequence.truth(grid, finest).velocities[middle], found)
+
+
+def _distances(velocities: Floats, truth: BlockTruths) -> Floats:
+    """Return the endpoint errors (pairs, rows, columns) of the inner blocks."""
+    inside = velocities[:, 1:-1, 1:-1]
+    answered = np.isfinite(inside).all(axis=-1, keepdims=True)
+    return np.asarray(np.linalg.norm(np.where(answered, inside, 0) - truth.velocities, axis=-1))
 
 
 def _by_group(errors: Sequence[Floats], truth: BlockTruths, case: Case) -> Measured:

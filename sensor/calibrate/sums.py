@@ -1,6 +1,6 @@
 """Sums over a recording of counts or bits, from which a camera is calibrated.
 
-Frames are read once: copies of all would take eight times the memory of bits.
+Frames are read one by one: a copy of all as numbers would take eight times the memory of bits.
 """
 
 from typing import Any, NamedTuple
@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.core.arrays import Floats, Mask
+from megalopta.core.arrays import Floats, Mask, mean_and_variance
 from megalopta.sensor.calibrate.neighbors import Kernel, neighbor_kernel
 from megalopta.sensor.calibrate.steadiness import Drift, drift
 from megalopta.sensor.calibrate.telegraph import LAGS, Correlation, correlation
@@ -65,25 +65,24 @@ def summed(
     n = len(readings)
     if readings.ndim != 3 or n < _FEWEST_FRAMES:
         raise ValueError(f"{n} frames; capture {_FEWEST_FRAMES} or more")
-    mean = readings.mean(axis=0, dtype=np.float64)
-    largest = readings.max(axis=0)
-    squares, at_largest = np.zeros((2, *mean.shape))
-    for each in readings:  # a copy of all would take eight times the memory of bits
-        squares += np.square(each - mean)
+    mean, variance = mean_and_variance(readings)
+    largest, at_largest = readings.max(axis=0), np.zeros(mean.shape)
+    for each in readings:
         at_largest += each == largest
     related = correlation(readings, np.ones(mean.shape, np.bool_))
+    varies = (variance > 0) & ~related.is_telegraph
     found = Summed(
         exposure_s,
         light_hz,
         is_binary,
         n,
         mean * n,
-        squares / (n - 1),
+        variance,
         largest.astype(np.float64),
         at_largest,
         drift(readings.mean(axis=(1, 2), dtype=np.float64)),
         related,
-        None if is_binary or light_hz else _kernel(readings, (squares > 0) & ~related.is_telegraph),
+        None if is_binary or light_hz else _kernel(readings, varies),
     )
     _check_steadiness(found)
     return found
