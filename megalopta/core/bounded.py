@@ -85,10 +85,22 @@ def undamaged(path: object, remedy: str | None = None) -> Iterator[None]:
         said = " ".join(str(problem).split())
         if isinstance(problem, ValueError) and said.startswith(str(path)):
             raise DamagedFileError(said) from problem
-        lacking = "lacks " * isinstance(problem, KeyError)
-        why = getattr(problem, "strerror", None) or lacking + quoted(said)
         remedy = remedy or "copy it again"
-        raise DamagedFileError(f"{path} is missing or damaged ({why}); {remedy}") from problem
+        raise DamagedFileError(
+            f"{path} is missing or damaged ({_reason(problem)}); {remedy}"
+        ) from problem
+
+
+def _reason(problem: Exception) -> str:
+    """Return why a file cannot be read, in one line."""
+    from pydantic_core import ValidationError
+
+    if isinstance(problem, ValidationError):  # its own text has several lines, of every error
+        first = problem.errors(include_url=False, include_input=False)[0]
+        return quoted(": ".join([".".join(map(str, first["loc"])), first["msg"]]).strip(": "))
+    lacking = "lacks " * isinstance(problem, KeyError)
+    said = " ".join(str(problem).split())
+    return getattr(problem, "strerror", None) or lacking + quoted(said)
 
 
 def quoted(value: object, at_most: int = QUOTED) -> str:

@@ -72,7 +72,9 @@ def read_imu(path: Path) -> ImuReadings:
     with bounded.undamaged(path, "run megalopta sense again"):
         lines = bounded.read_text(path, bounded.ARRAY_BYTES).splitlines()
         rows = np.array([[float(each) for each in line.split(",")] for line in lines[1:]])
-        times, turns, pushes = np.split(rows, (1, 4, 7), axis=1)[:3]
+        times, turns, pushes = np.split(rows, (1, 4), axis=1)
+        if pushes.shape[1] != 3:
+            raise ValueError(f"{rows.shape[1]} columns instead of 7")
     return ImuReadings(times[:, 0] * 1e-9, turns, pushes)
 
 

@@ -147,10 +147,12 @@ class _Frame(NamedTuple):
 
 
 def _frame(dataset: Dataset, index: int) -> _Frame:
-    path, again = dataset.truth(index), f"megalopta render {dataset.root} --out {dataset.root}"
-    with undamaged(path, f"remove the file and run: {again}"):
+    path, light = dataset.truth(index), dataset.radiance(index)
+    remedy = f"remove the file and run: megalopta render {dataset.root} --out {dataset.root}"
+    with undamaged(path, remedy):
         truth, view = read_truth(path), View.of(read_attributes(path))
-        radiance, _ = read_radiance(dataset.radiance(index))
+    with undamaged(light, remedy):
+        radiance, _ = read_radiance(light)
     return _Frame(truth, view, radiance.sum(axis=-1, dtype=np.float64))
 
 

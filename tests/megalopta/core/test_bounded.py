@@ -1,4 +1,5 @@
 import pytest
+from pydantic import TypeAdapter
 
 from megalopta.core.bounded import undamaged
 from megalopta.core.errors import DamagedFileError, UserError
@@ -18,3 +19,14 @@ def test_damage_inside_of_damage_gets_the_outer_remedy():
 def test_errors_for_users_pass():
     with pytest.raises(UserError, match="^choose one$"), undamaged("a.zarr", "run b"):
         raise UserError("choose one")
+
+
+def test_of_invalid_values_the_first_is_named_in_one_line():
+    wanted = TypeAdapter(list[int])
+    with (
+        pytest.raises(
+            DamagedFileError, match=r"^a\.json is missing or damaged \(1: Input [^\n]*\); "
+        ),
+        undamaged("a.json"),
+    ):
+        wanted.validate_python([1, "x", "y"])
