@@ -1,7 +1,7 @@
 """Estimators of OpenCV and scikit-image.
 
 OpenCV: Lucas–Kanade (LK), Farnebäck (FB) and dense inverse search (DIS); scikit-image: total
-variation (TV-L1) and phase correlation (PC).
+variation (TV-L1), Lucas–Kanade at each pixel (ILK) and phase correlation (PC).
 
 OpenCV is imported on first use, and runs on one thread: its parallel loops cut a frame by the
 number of threads, and some estimators propagate results within such a part, so only one thread
@@ -179,6 +179,28 @@ class TotalVariation(DenseDetector, frozen=True):
         from skimage.registration import optical_flow_tvl1
 
         down, right = optical_flow_tvl1(*pair, attachment=self.attachment, dtype=np.float64)
+        return np.stack((right, down), axis=-1)
+
+
+class DenseLucasKanade(DenseDetector, frozen=True):
+    """Lucas–Kanade around each pixel (Le Besnerais and Champagnat 2005), averaged over blocks.
+
+    The second frame is warped by the flow so far, and the shift that remains is solved in a square
+    window around each pixel, coarse to fine. A window without texture keeps the flow of the coarser
+    level, so no block lacks a velocity.
+    """
+
+    place: ClassVar[float] = 10.5
+    name: str = "ILK"
+    label: str = "Lucas–Kanade, dense"
+    window_blocks: Annotated[float, Field(gt=0)] = 1.0
+    """Side of the window in sides of a block"""
+
+    def _flow(self, grid: BlockGrid, pair: Floats) -> Floats:
+        from skimage.registration import optical_flow_ilk
+
+        radius = max(1, round(self.window_blocks * grid.block_px / 2))
+        down, right = optical_flow_ilk(*pair, radius=radius, dtype=np.float64)
         return np.stack((right, down), axis=-1)
 
 

@@ -47,6 +47,7 @@ PARAMETERS: Mapping[str, tuple[str, tuple[Any, ...]]] = MappingProxyType(
         "DIS": ("preset", ("ultrafast", "fast", "medium")),
         "FB": ("window_blocks", (0.25, 0.35, 0.5, 0.75, 1.0, 1.5)),
         "LK": ("window_blocks", (0.75, 1.0, 1.5, 2.0, 3.0, 4.0)),
+        "ILK": ("window_blocks", (0.25, 0.35, 0.5, 0.75, 1.0, 1.5)),
     }
 )
 """Main parameter of each method, and its values"""

@@ -194,7 +194,7 @@ def _cell(metric: str, found: "Interval") -> str:
     "benchmark tune",
     "tune a method for gray levels (stretch, blur, main parameter) to each number of photons, on"
     " scenes of which no results are reported",
-    option("method", "TV-L1, DIS, FB or LK; others, such as an ONNX file, have no main parameter"),
+    option("method", "TV-L1, DIS, FB, LK or ILK; others, as ONNX files, have no main parameter"),
     _PHOTONS,
     out("tuned.yaml", "file of the settings; those of other methods in it are kept"),
 )

@@ -113,7 +113,7 @@ def summed_bits(sums: NDArray[Any], bits: int, exposure_s: float, light_hz: floa
         largest=(total > 0).astype(np.float64),
         at_largest=np.where(total > 0, total, n),
         steadiness=drift(series) if len(sums) >= _FEWEST_FRAMES else Drift(0.0, 0.0),
-        correlation=Correlation(np.zeros((LAGS, *total.shape)), n),
+        correlation=Correlation(np.zeros((LAGS, *total.shape)), np.zeros(total.shape), n),
         kernel=None,
     )
     _check_steadiness(found)

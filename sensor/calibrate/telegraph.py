@@ -28,13 +28,19 @@ class Correlation(NamedTuple):
 
     shares: Floats
     """Covariance with the frames 1 to 6 later over the variance, (6, rows, columns)"""
+    skewness: Floats
+    """Skewness of the readings, (rows, columns)"""
     frames: int
 
     @property
     def is_telegraph(self) -> Mask:
         """Pixels (rows, columns) whose readings are correlated, by 1e-12 not by chance."""
-        several = self.shares.sum(axis=0) / np.sqrt(LAGS)
-        return np.asarray(np.maximum(self.shares[0], several) * np.sqrt(self.frames) > _Z)
+        many, cubed = np.sqrt(self.frames), self.skewness**2
+        next_one = _normal(self.shares[0] * many, cubed / many)
+        # 3 · (LAGS − 1): from products of three frames
+        several = self.shares.sum(axis=0) * many / np.sqrt(LAGS)
+        several = _normal(several, (cubed + 3 * (LAGS - 1)) / (np.sqrt(LAGS) * many))
+        return np.asarray(np.maximum(next_one, several) > _Z)
 
 
 def correlation(readings: NDArray[Any], good: Mask) -> Correlation:
@@ -43,12 +49,24 @@ def correlation(readings: NDArray[Any], good: Mask) -> Correlation:
     counted = good & (variance > 0) & (mean * len(readings) > _FEWEST_COUNTS)
     scale = np.where(counted, np.sqrt(variance), np.inf)
     sums, before = np.zeros((LAGS, *good.shape)), list[Floats]()
+    cubes = np.zeros(good.shape)
     for each in readings:
         z = np.clip((each - mean) / scale, -_FARTHEST, _FARTHEST)
+        cubes += z**3
         for lag, earlier in enumerate(before):
             sums[lag] += z * earlier
         before = [z, *before[: LAGS - 1]]
-    return Correlation(sums / len(readings), len(readings))
+    return Correlation(sums / len(readings), cubes / len(readings), len(readings))
+
+
+def _normal(deviation: Floats, skewness: Floats) -> Floats:
+    """Return the normal deviation that is as unlikely as one of a sum with some skewness.
+
+    Products of few events have a longer tail than the normal distribution, nearly that of a gamma
+    distribution, whose cube root is nearly normal (Wilson and Hilferty 1931).
+    """
+    half = np.maximum(skewness, 1e-6) / 2
+    return np.asarray(3 / half * (np.cbrt(1 + half * deviation) - 1) + half / 3)
 
 
 def switching(

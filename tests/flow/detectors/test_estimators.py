@@ -19,13 +19,13 @@ from megalopta.flow.detectors.registry import METHODS
 
 from ..textures import drifting_texture
 
-ESTIMATORS = ("LK", "FB", "DIS", "TV-L1", "PC")
-DENSE = ("FB", "DIS", "TV-L1")
+ESTIMATORS = ("LK", "FB", "DIS", "TV-L1", "ILK", "PC")
+DENSE = ("FB", "DIS", "TV-L1", "ILK")
 
 # Largest mean error (px) on a texture without noise. LK stops at steps of 0.01 px and sees 8 bits;
-# FB and TV-L1 interpolate linearly between pixels; DIS stops one level above the frames, so 0.03 px
-# there are 0.06 px here; PC counts in steps of 0.05 px.
-TOLERANCE_PX = {"LK": 0.02, "FB": 0.02, "DIS": 0.06, "TV-L1": 0.02, "PC": 0.051}
+# FB, TV-L1 and ILK interpolate linearly between pixels; DIS stops one level above the frames, so
+# 0.03 px there are 0.06 px here; PC counts in steps of 0.05 px.
+TOLERANCE_PX = {"LK": 0.02, "FB": 0.02, "DIS": 0.06, "TV-L1": 0.02, "ILK": 0.02, "PC": 0.051}
 
 
 @pytest.mark.parametrize("velocity", [(1.3, -0.7), (-2.4, 1.6), (0.25, 0.0)])
@@ -38,7 +38,7 @@ def test_texture_has_the_velocity_that_it_drifts_with(name, velocity):
     assert np.hypot(*(found - velocity).std(axis=(0, 1, 2))) < 0.1
 
 
-@pytest.mark.parametrize("name", ["LK", "FB", "DIS", "TV-L1"])
+@pytest.mark.parametrize("name", ["LK", *DENSE])
 def test_a_hot_pixel_spoils_its_surroundings_only(name):
     texture = 1 + 0.25 * drifting_texture((1.3, -0.7), frames=2)
     bright = texture.copy()
