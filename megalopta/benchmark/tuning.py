@@ -26,7 +26,7 @@ from megalopta.config.yaml_model import mapping, yaml_text
 from megalopta.core import files, strict_yaml
 from megalopta.core.array_store import ArrayStore
 from megalopta.core.arrays import Floats
-from megalopta.core.errors import UserError
+from megalopta.core.errors import refused_as
 from megalopta.core.freshness import code_digest, digest
 from megalopta.core.progress import progress
 from megalopta.flow.detectors.base import Frames
@@ -147,10 +147,8 @@ def write_tuned(path: Path, name: str, fluxes: Sequence[float]) -> dict[float, S
     Raises UserError if the method cannot be tuned.
     """
     kept = mapping(yaml_text(path, "file of settings"), str(path)) if path.exists() else {}
-    try:
+    with refused_as():
         key = gray_method(name).name
-    except ValueError as problem:
-        raise UserError(str(problem)) from None
     folder = path.with_name(f"{path.stem}-errors")
     with progress(f"Tuning {key}", len(fluxes), "light level") as advance:
         found = tune(name, fluxes, after_light=lambda: advance(1), folder=folder)

@@ -28,7 +28,7 @@ from megalopta.benchmark.methods import BLOCK_PX, block_detector, methods_and_ba
 from megalopta.benchmark.pairs_on_disk import Files, read_pair
 from megalopta.benchmark.table import Case, Interval, Samples, bootstrap, gathered, measure_samples
 from megalopta.core.arrays import Floats, Mask
-from megalopta.core.errors import UserError
+from megalopta.core.errors import refused_as
 from megalopta.core.files import write_csv
 from megalopta.core.progress import progress
 from megalopta.flow.detectors.base import Frames
@@ -130,12 +130,9 @@ def errors_of_pairs(
     Raises UserError if a file cannot be used, or a method does not run on two frames.
     """
     clips = [read_pair(name, files) for name, files in pairs.items()]
-    with progress("Drawing photons", len(clips), "pair") as advance:
-        try:
-            chosen = methods or methods_and_baselines(_PAIR_FRAMES)
-            return frame_errors(clips, chosen, fluxes, draws, lambda: advance(1))
-        except ValueError as problem:
-            raise UserError(str(problem)) from None
+    with progress("Drawing photons", len(clips), "pair") as advance, refused_as():
+        chosen = methods or methods_and_baselines(_PAIR_FRAMES)
+        return frame_errors(clips, chosen, fluxes, draws, lambda: advance(1))
 
 
 def write_board(path: Path, board: Board) -> None:

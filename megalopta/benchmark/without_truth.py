@@ -34,7 +34,7 @@ from megalopta.benchmark.whole_frames import (
     measures,
 )
 from megalopta.core.arrays import Floats
-from megalopta.core.errors import UserError
+from megalopta.core.errors import UserError, refused_as
 from megalopta.core.files import write_csv
 from megalopta.core.progress import progress, say
 from megalopta.flow.detectors.blocks import BlockDetector
@@ -102,17 +102,14 @@ def distances_of_pairs(
     Metrics are those of `FROM_STAND_IN` and, for three or more methods, of `FROM_OTHERS`. Raises
     UserError if pictures or methods cannot be used, or no picture has any contrast.
     """
-    with progress("Drawing photons", len(pairs), "pair") as advance:
-        try:
-            detectors = tuple(map(block_detector, methods or methods_and_baselines(_PAIR_FRAMES)))
-            standing_in = block_detector(reference)
-            found: dict[str, Samples] = {}
-            for name, lights in pairs.items():
-                if (clip := _clip(name, lights, standing_in)) is not None:
-                    found[name] = _samples(clip, detectors, fluxes, draws)
-                advance()
-        except ValueError as problem:
-            raise UserError(str(problem)) from None
+    with progress("Drawing photons", len(pairs), "pair") as advance, refused_as():
+        detectors = tuple(map(block_detector, methods or methods_and_baselines(_PAIR_FRAMES)))
+        standing_in = block_detector(reference)
+        found: dict[str, Samples] = {}
+        for name, lights in pairs.items():
+            if (clip := _clip(name, lights, standing_in)) is not None:
+                found[name] = _samples(clip, detectors, fluxes, draws)
+            advance()
     if not found:
         raise UserError(f"{', '.join(pairs)}: no contrast; give pictures with texture")
     return Board(tuple(found), detectors, tuple(fluxes), gathered(found.values()))

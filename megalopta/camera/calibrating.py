@@ -20,7 +20,7 @@ from megalopta.camera.counting import calibrate_counting
 from megalopta.camera.recording import Beam, Source, is_captured
 from megalopta.core import strict_yaml
 from megalopta.core.bounded import read_text
-from megalopta.core.errors import UserError
+from megalopta.core.errors import UserError, refused_as
 from megalopta.core.record import Record
 from megalopta.core.validation import checked
 from megalopta.sensor.formats.reading import FrameKind
@@ -101,7 +101,5 @@ def calibrate_recordings(
     if True in kinds and any(source.sums for source in sources):
         raise UserError("sums: of recordings of SPADCAM; omit it, or give a file of sums")
     calibrate = calibrate_codes if True in kinds else calibrate_counting
-    try:
+    with refused_as("calibrate"):
         return calibrate(sources, out, beam, base)
-    except ValueError as problem:
-        raise UserError(f"calibrate: {problem}") from problem

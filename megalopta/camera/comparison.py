@@ -33,7 +33,7 @@ from megalopta.camera.recording import Beam, RecordingFrames
 from megalopta.config.model import load
 from megalopta.core.arrays import Floats, plain_array
 from megalopta.core.bounded import ARRAY_BYTES, read_bytes
-from megalopta.core.errors import UserError
+from megalopta.core.errors import UserError, refused_as
 from megalopta.sensor import AnalogCounter, Sensor, changed
 from megalopta.sensor.calibrate.level import Level
 from megalopta.sensor.compare.model import Model, level_of_codes
@@ -191,20 +191,16 @@ def passages_at(speed_mm_s: float, frames: Level) -> NDArray[Any]:
         )
     times_s = frames.times_s
     numbers = None if times_s is None else np.rint((times_s - times_s[:1]) * FRAME_RATE_HZ)
-    try:
+    with refused_as(f"plate at {speed_mm_s:g} mm/s"):
         return cut_passages(frames.readings, numbers) if speed_mm_s else cut_rest(frames.readings)
-    except ValueError as problem:
-        raise UserError(f"plate at {speed_mm_s:g} mm/s: {problem}") from problem
 
 
 def light_at(speed_mm_s: float, counts: NDArray[Any], device: Sensor) -> BenchLight:
     """Estimate the light from passages of a plate. Raises UserError."""
     if speed_mm_s == 0:
         raise UserError("a plate at rest does not show the light; omit it or --own-light")
-    try:
+    with refused_as(f"plate at {speed_mm_s:g} mm/s"):
         return fitted_light(counts, device)
-    except ValueError as problem:
-        raise UserError(f"plate at {speed_mm_s:g} mm/s: {problem}") from problem
 
 
 class Cycle(NamedTuple):

@@ -23,7 +23,7 @@ from megalopta.camera.comparison import (
 )
 from megalopta.camera.recording import Beam, Source, read_recorded
 from megalopta.core.arrays import Floats
-from megalopta.core.errors import UserError
+from megalopta.core.errors import UserError, refused_as
 from megalopta.plotting.sections import Section, captioned, write_sections
 from megalopta.plotting.style import BLACK, BLUE, VERMILION
 from megalopta.plotting.svg import (
@@ -281,10 +281,8 @@ def compare_captured(sources: Sources, device: Path, out: Path, asked: CompareSe
     read, or do not match.
     """
     make = {"levels": _with_levels, "plate": _with_plate}.get(asked.scene, _with_scene)
-    try:
+    with refused_as("compare"):
         title, sentence, sections = make(sources, load_sensor(device), out, asked)
-    except ValueError as problem:
-        raise UserError(f"compare: {problem}") from problem
     write_sections(out, title, sentence, sections)
     return sentence
 

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from megalopta.camera.camera_settings import sensor_as_set
 from megalopta.core.arrays import Floats
 from megalopta.core.bounded import quoted
-from megalopta.core.errors import UserError
+from megalopta.core.errors import UserError, refused_as
 from megalopta.sensor import (
     AnalogCounter,
     Sensor,
@@ -232,7 +232,7 @@ class EmulatedCamera:
         gone = self._number % together
         numbers = np.arange(-gone, together - gone, dtype=np.float64)
         times_s = np.maximum(self._start_us + period_us * numbers, 0) * 1e-6
-        try:
+        with refused_as(f"sensor {sensor.name}, emulated"):
             samples = expose_adc(
                 self.stimulus.rates_hz(times_s, sensor),
                 sensor,
@@ -241,8 +241,6 @@ class EmulatedCamera:
                 first_frame=self._number - gone,
                 together=together,
             )[gone:]
-        except ValueError as problem:
-            raise UserError(f"sensor {sensor.name}, emulated: {problem}") from None
         samples[:, : settings.first_row] = NOT_READ
         samples[:, settings.end_row :] = NOT_READ
         return samples

@@ -16,7 +16,7 @@ from megalopta.cli.command import (
     switch,
     verb,
 )
-from megalopta.core.errors import UserError
+from megalopta.core.errors import UserError, refused_as
 from megalopta.verification import GROUPS
 
 
@@ -131,7 +131,7 @@ def _gallery(options: Namespace) -> None:
         raise UserError("gallery: --views and --statistics exclude each other; give one")
     if options.panorama and not (options.views or options.statistics):
         raise UserError("gallery: --panorama needs --views or --statistics; add one")
-    try:
+    with refused_as():  # not a panorama
         if options.views:
             print(write_views(options.out, options.panorama))
         elif options.statistics:
@@ -139,8 +139,6 @@ def _gallery(options: Namespace) -> None:
             print(*write_statistics(options.out, photographs), sep="\n")
         else:
             print(write_gallery(options.out))
-    except ValueError as problem:  # not a panorama
-        raise UserError(str(problem)) from None
 
 
 @verb(

@@ -131,14 +131,12 @@ def readings_of(path: Path, kind: FrameKind | None = None) -> ShownReadings:
     Raises UserError where there are none, or they are damaged.
     """
     _check_thing(path)
-    try:
+    with refused_as("", OSError):
         if is_recording(path):
             return _recorded(path)
         if path.is_file() and file_bytes(path)[:8].tobytes().startswith(_EVENTS):
             return _of_events(path)
         return _of_frames(path, kind)
-    except (ValueError, OSError) as problem:
-        raise UserError(str(problem)) from None
 
 
 def _check_thing(path: Path) -> None:
@@ -156,10 +154,8 @@ def _check_thing(path: Path) -> None:
 
 def read_mask(path: Path) -> Mask:
     """Return the mask of bad pixels of a .npy file, true where bad, (H, W). Raises UserError."""
-    try:
+    with refused_as():
         content = io.BytesIO(file_content(path, "--bad-pixels"))
-    except ValueError as problem:
-        raise UserError(str(problem)) from None
     try:
         mask = np.lib.format.read_array(content, allow_pickle=False)
     except Exception:  # a damaged header can raise anything

@@ -25,7 +25,7 @@ from pydantic_core import from_json
 from megalopta.config.light_scale import light_scale
 from megalopta.config.model import Configuration, LightLevel, level_text
 from megalopta.core import bounded
-from megalopta.core.errors import UserError
+from megalopta.core.errors import UserError, refused_as
 from megalopta.core.progress import say
 from megalopta.dataset.flow_record import FlowRecord
 from megalopta.dataset.frames import FrameMotion, read_motion, read_radiance_frame, read_truth_frame
@@ -167,10 +167,8 @@ def exposed(report: "Report", sensor: ImageSensor, level: LightLevel) -> Budget:
     scale, noise = light_scale(settings, level), report.scene.get("monte_carlo") or {}
     light = report.radiance * scale.astype(np.float32)
     frames = list(report.selection.frames)
-    try:
+    with refused_as(f"sensor {opened.sensor.name!r}"):  # a measured map is missing
         budget = _budget(settings, light, opened, frames, level)
-    except ValueError as problem:  # a measured map is missing
-        raise UserError(f"sensor {opened.sensor.name!r}: {problem}") from None
     if "covariance" in noise:
         rendering, shot, _ = variances(noise, settings, opened.sensor, scale)
         relative = math.sqrt(max(rendering, 0.0) / shot) if shot else math.inf

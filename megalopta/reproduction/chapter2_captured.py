@@ -25,7 +25,7 @@ from megalopta.camera.motion_bench import (
     record,
 )
 from megalopta.camera.recording import RecordingFrames, Source, read_recorded
-from megalopta.core.errors import UserError
+from megalopta.core.errors import UserError, refused_as
 from megalopta.core.folders import ensure_directory
 from megalopta.core.progress import working
 from megalopta.plotting.picture import Figure, write_figure
@@ -138,10 +138,8 @@ def _sensor(
     """Return the sensor of the simulation: a device file, or the nominal one of all recordings."""
     first = recorded[0]
     if device is not None:
-        try:
+        with refused_as("--device", OSError):
             return changed(load_sensor(device), exposure_s=first.exposure_s)
-        except (OSError, ValueError) as problem:
-            raise UserError(f"--device: {problem}") from problem
     for source, each in zip(sources, recorded, strict=True):
         if each.sensor is None or each.sensor != first.sensor:
             raise UserError(
