@@ -308,5 +308,4 @@ def _write_report(
         Section("Maps", "Gray: unknown.", charts=maps),
         *more,
     ]
-    summary = counting_summary(device, is_relative)
-    write_sections(path, f"Calibration of {name}", summary, [each for each in sections if each])
+    write_sections(path, f"Calibration of {name}", counting_summary(device, is_relative), sections)

@@ -65,9 +65,7 @@ def write_contact_sheet(root: Path, most: int, folder: Path | None = None) -> Pa
             sections.append(_section(dataset[name]))
             advance()
     summary = f"{len(names)} of {len(dataset)} sequences; each clip repeats the first frames."
-    path = (folder or root) / "index.html"
-    write_sections(path, root.resolve().name, summary, sections)
-    return path
+    return write_sections((folder or root) / "index.html", root.resolve().name, summary, sections)
 
 
 def _section(sequence: Sequence) -> Section:

@@ -91,8 +91,7 @@ def write_gallery(
             cells += [list(cells_of(name, parts, samples_per_pixel, advance))]
     out.mkdir(parents=True, exist_ok=True)
     write_sheet(out / "gallery.png", [row for each in cells for row in _rows(each)])
-    _write_page(out / "gallery.html", cells)
-    return out / "gallery.html"
+    return _write_page(out / "gallery.html", cells)
 
 
 def configured(kind: str, parts: Parts, samples_per_pixel: int | None, name: str) -> Configuration:
@@ -156,8 +155,8 @@ def _counts(
     return np.asarray(exposure.counts[0])
 
 
-def _write_page(path: Path, scenes: Sequence[Sequence[LitScene]]) -> None:
-    """Write all cells as one page, a section per scene."""
+def _write_page(path: Path, scenes: Sequence[Sequence[LitScene]]) -> Path:
+    """Write all cells as one page, a section per scene; return its path."""
     exposure_s = _DATA["_scene"]["sensors"][0]["exposure_s"]
     sections = []
     for own in scenes:
@@ -171,7 +170,7 @@ def _write_page(path: Path, scenes: Sequence[Sequence[LitScene]]) -> None:
         f"Below: counts of an ideal sensor in {1e3 * exposure_s:g} ms, from black (no photon) to "
         "white (the brightest 1 % of pixels)."
     )
-    write_sections(path, "Scenes and lights", summary, sections)
+    return write_sections(path, "Scenes and lights", summary, sections)
 
 
 def _both(cell: LitScene) -> Markup:
@@ -231,9 +230,8 @@ def write_views(
     out.mkdir(parents=True, exist_ok=True)
     write_sheet(out / "views.jpg", [pictures[at : at + 2] for at in range(0, len(pictures), 2)])
     shown = tuple(captioned(image(data_uri(each), title), title) for title, each in pictures)
-    section = Section("Views", charts=shown)
-    write_sections(out / "views.html", "Forests under natural skies", _SUMMARY, [section])
-    return out / "views.html"
+    sections = [Section("Views", charts=shown)]
+    return write_sections(out / "views.html", "Forests under natural skies", _SUMMARY, sections)
 
 
 def _pictures(

@@ -300,7 +300,7 @@ def write_report(dataset: Dataset) -> Path:
 def page(dataset: Dataset) -> str:
     """Return the report as HTML."""
     report = Report(dataset)
-    sections = [section for make in SECTIONS if (section := make(report))]
+    sections = (make(report) for make in SECTIONS)
     settings, shown = report.settings, report.selection
     return page_of(
         title(settings),
