@@ -156,12 +156,12 @@ def write_tuned(path: Path, name: str, fluxes: Sequence[float]) -> dict[float, S
     return found
 
 
-def tuning_clips(shape: tuple[int, int] = SHAPE) -> Iterator[FlowClip]:
+def tuning_clips() -> Iterator[FlowClip]:
     """Yield the tuning scenes; those at odd places have large motion."""
     from skimage import data
 
     for number, seed in enumerate(LEAVES):
-        yield leaves_clip(seed, shape, _FASTEST_PX[number % 2])
+        yield leaves_clip(seed, SHAPE, _FASTEST_PX[number % 2])
     for number, name in enumerate(PICTURES):
         codes = getattr(data, name)() / 255
         light = decode_srgb(codes)
@@ -169,7 +169,7 @@ def tuning_clips(shape: tuple[int, int] = SHAPE) -> Iterator[FlowClip]:
         sides = [(0, side) for side in gray.shape]
         texture = np.pad(gray, sides, mode="symmetric")  # tiles the plane without a seam
         rng = generator(number, "tuning", name)
-        yield layers_clip(f"tuning {name}", rng, texture, shape, _FASTEST_PX[number % 2])
+        yield layers_clip(f"tuning {name}", rng, texture, SHAPE, _FASTEST_PX[number % 2])
 
 
 @cache

@@ -17,7 +17,7 @@ from pydantic import Field
 
 from megalopta.camera.calibration import calibrate_codes
 from megalopta.camera.counting import calibrate_counting
-from megalopta.camera.recording import Beam, Source, is_captured
+from megalopta.camera.recording import Beam, Source, is_recording
 from megalopta.core import strict_yaml
 from megalopta.core.bounded import read_text
 from megalopta.core.errors import UserError, refused_as
@@ -95,7 +95,7 @@ def calibrate_recordings(
         raise UserError(f"--out {out}: give the name of a .yaml file")
     if beam.area_mm2 is not None and beam.wavelength_nm is None:
         raise UserError("--beam-area-mm2: give --wavelength-nm too, to convert watts to photons")
-    kinds = {is_captured(source) for source in sources}
+    kinds = {is_recording(source.path) for source in sources}
     if len(kinds) > 1:
         raise UserError("calibrate: recordings of SPADCAM and of others; give those of one camera")
     if True in kinds and any(source.sums for source in sources):

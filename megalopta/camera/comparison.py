@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.camera.emulated import Rendered
+from megalopta.camera.emulated import Cycle
 from megalopta.camera.motion_bench import (
     FRAME_RATE_HZ,
     PIXELS,
@@ -203,14 +203,6 @@ def light_at(speed_mm_s: float, counts: NDArray[Any], device: Sensor) -> BenchLi
         return fitted_light(counts, device)
 
 
-class Cycle(NamedTuple):
-    """Periodic sequence of detection rates."""
-
-    rates_hz: Floats
-    """(k, rows, columns)"""
-    frame_rate_hz: float
-
-
 class Aligned(NamedTuple):
     """Places of captured frames in a cycle."""
 
@@ -218,13 +210,6 @@ class Aligned(NamedTuple):
     """(n,) frame of the cycle at the start of each captured frame."""
     correlation: float
     """Correlation of captured frames with these; 0 without motion."""
-
-
-def dataset_cycle(dataset: Path, lux: float | None, device: Sensor) -> Cycle:
-    """Return frames of a rendered dataset at a light level, by default its own."""
-    open_dataset_whole(dataset)
-    rate_hz, rates = Rendered(dataset, lux).film(device)
-    return Cycle(rates, rate_hz)
 
 
 def rendered_dataset(scene: str, beside: Path) -> Path:

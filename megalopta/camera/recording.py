@@ -326,9 +326,9 @@ class RecordingFrames:
         return replace(self, counts=self.counts[part], codes=codes, times_s=self.times_s[part])
 
 
-def is_captured(source: Source) -> bool:
+def is_recording(path: Path) -> bool:
     """Return True for a recording of SPADCAM, which has codes of its ADC."""
-    return any((source.path / each).exists() for each in (COUNTS, RAW))
+    return any((path / each).exists() for each in (COUNTS, RAW))
 
 
 def read_recorded(source: Source) -> RecordingFrames:
@@ -337,7 +337,7 @@ def read_recorded(source: Source) -> RecordingFrames:
     Raises UserError if there is none, it is damaged, or its exposure is unknown.
     """
     with refused_as("", OSError):
-        recorded = _captured(source) if is_captured(source) else _of_others(source)
+        recorded = _captured(source) if is_recording(source.path) else _of_others(source)
     with refused_as(f"{source.path}"):
         return recorded.at(source.frames)
 

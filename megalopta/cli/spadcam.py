@@ -27,8 +27,7 @@ from megalopta.core.errors import UserError
 from megalopta.core.progress import say
 
 if TYPE_CHECKING:
-    from megalopta.camera.emulated import Faults, Stimulus
-    from megalopta.sensor import Sensor
+    from megalopta.camera.emulated import Stimulus
 
 _FAULTS = {
     "noise": "probability that a bit of a byte is flipped",
@@ -220,7 +219,7 @@ def _compare(options: Namespace) -> tuple[str, Path]:
 )
 def _figures(options: Namespace) -> Iterator[Path]:
     from megalopta.camera.recording import Source
-    from megalopta.reproduction.chapter2_captured import reproduce_captured
+    from megalopta.reproduction.chapter2_edge import reproduce_captured
 
     sources = [Source.parse(text) for text in options.recordings]
     return reproduce_captured(sources, options.out, options.device, own_light=options.own_light)
@@ -284,10 +283,16 @@ def _tags(options: Namespace) -> list[Path]:
     *(option(f"--{name.replace('_', '-')}", text, type=finite) for name, text in _FAULTS.items()),
 )
 def _emulate(options: Namespace) -> None:
-    from megalopta.camera.emulated import EmulatedCamera, EmulatedPort
+    from megalopta.camera.camera_settings import named_sensor
+    from megalopta.camera.emulated import EmulatedCamera, EmulatedPort, Faults
+    from megalopta.sensor import changed
 
-    faults = _faults(options)
-    camera = EmulatedCamera(_sensor(options), _stimulus(options), options.seed, options.serial)
+    faults = chosen(options, Faults)
+    faults.check()
+    sensor = named_sensor(options.sensor)
+    if options.device_seed is not None:
+        sensor = changed(sensor, device_seed=options.device_seed)
+    camera = EmulatedCamera(sensor, _stimulus(options), options.seed, options.serial)
     port = EmulatedPort(
         camera, faults, options.link, lambda path: print(options.link or path, flush=True)
     )
@@ -296,24 +301,6 @@ def _emulate(options: Namespace) -> None:
         f"emulate: stopped; {port.dropped} packets were dropped because nothing read them in"
         " time; a capture counts as missing only those between its first and last frame"
     )
-
-
-def _faults(options: Namespace) -> "Faults":
-    from megalopta.camera.emulated import Faults
-
-    faults = chosen(options, Faults)
-    faults.check()
-    return faults
-
-
-def _sensor(options: Namespace) -> "Sensor":
-    from megalopta.camera.camera_settings import named_sensor
-    from megalopta.sensor import changed
-
-    sensor = named_sensor(options.sensor)
-    if options.device_seed is None:
-        return sensor
-    return changed(sensor, device_seed=options.device_seed)
 
 
 def _stimulus(options: Namespace) -> "Stimulus":

@@ -52,9 +52,10 @@ def refused_as(what: str = "", *kinds: type[Exception]) -> Iterator[None]:
 
     Its message is "what: problem", or the problem alone.
     """
+    refused = ValueError, *kinds
     try:
         yield
-    except (ValueError, *kinds) as problem:
+    except refused as problem:
         raise UserError(f"{what}: {problem}" if what else str(problem)) from problem
 
 

@@ -33,8 +33,8 @@ from megalopta.plotting.sections import Section, block, captioned, image, write_
 from megalopta.plotting.style import BLUE, house_style
 from megalopta.plotting.text import level_name, number
 from megalopta.report.film import gif_uri
-from megalopta.report.images import write_sheet
-from megalopta.report.seen import Panel, fastest_of, flow_panel, readings_panel
+from megalopta.report.images import fastest_of, write_sheet
+from megalopta.report.seen import Panel, flow_panel, readings_panel
 from megalopta.report.seen_sequence import (
     depth_panel,
     exposure_readings,

@@ -33,9 +33,16 @@ from megalopta.report.detectors import ACCURATE, detector_section
 from megalopta.report.images import film, with_ends
 from megalopta.report.light_section import counts_film, light_section
 from megalopta.report.motion_section import flow_film, motion_section
-from megalopta.report.remarks import rendering, rendering_errors
 from megalopta.report.seen_sequence import best_flow
-from megalopta.report.source import Budget, Record, Report, by_sensor, title
+from megalopta.report.source import (
+    Budget,
+    Record,
+    Report,
+    by_sensor,
+    rendering,
+    rendering_errors,
+    title,
+)
 from megalopta.report.thresholds import threshold_section
 from megalopta.scenes import Light, Pictures
 from megalopta.scenes.lighting.levels import illuminance_of

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.camera.recording import COUNTS, RAW, open_recording
+from megalopta.camera.recording import is_recording, open_recording
 from megalopta.core.arrays import Floats, Mask
 from megalopta.core.errors import UserError, refused_as
 from megalopta.render import is_footage
@@ -118,11 +118,6 @@ class ShownReadings:
         assert isinstance(self.sensor, Sensor)
         with refused_as("--invert"):
             return response_curve(self.sensor)
-
-
-def is_recording(path: Path) -> bool:
-    """Return True if a folder holds a recording of the camera."""
-    return any((path / each).exists() for each in (COUNTS, RAW))
 
 
 def readings_of(path: Path, kind: FrameKind | None = None) -> ShownReadings:

@@ -117,14 +117,12 @@ def compare_halves(name: str, measurement: Measurement) -> Iterator[CaptureRow]:
     return _of_dark_counts(name, measurement)
 
 
-def print_captures(
-    found: Mapping[Path, Sequence[CaptureRow]], console: Console | None = None
-) -> None:
+def print_captures(found: Mapping[Path, Sequence[CaptureRow]]) -> None:
     """Print a table of all quantities, the largest misfits first."""
     table = Table(*HEAD)
     for row in sorted_rows(found):
         table.add_row(*row.texts)
-    (console or Console(width=_WIDTH)).print(table)
+    Console(width=_WIDTH).print(table)
 
 
 def sorted_rows(found: Mapping[Path, Sequence[CaptureRow]]) -> list[CaptureRow]:
