@@ -157,7 +157,11 @@ def _demo(options: Namespace) -> Path:
 
 def run_later_stage(stage: str, options: Namespace) -> None:
     """Run a stage on the dataset that the options name, of one sequence or of many."""
+    from megalopta.config.model import parse
+    from megalopta.config.yaml_model import to_yaml
     from megalopta.dataset.layout import is_of_many
+    from megalopta.stages.pipeline import run_stage
+    from megalopta.stages.redo import open_dataset_whole
 
     if is_of_many(options.dataset):
         _run_on_many(stage, options)
@@ -165,7 +169,9 @@ def run_later_stage(stage: str, options: Namespace) -> None:
     if options.workers or options.scheduler:
         given = "--workers" if options.workers else "--scheduler"
         raise UserError(f"{options.dataset}: a dataset of one sequence; omit {given}")
-    _run_on_one(stage, options)
+    stored = to_yaml(open_dataset_whole(options.dataset).configuration)
+    changed = parse(stored, str(options.dataset), options.overrides)
+    run_stage(options.dataset, changed, stage, options.redo)
 
 
 verb(
@@ -302,17 +308,6 @@ def _run_on_many(stage: str, options: Namespace) -> None:
         )
     else:
         add_exposures(root, options.overrides, *where)
-
-
-def _run_on_one(stage: str, options: Namespace) -> None:
-    from megalopta.config.model import parse
-    from megalopta.config.yaml_model import to_yaml
-    from megalopta.stages.pipeline import run_stage
-    from megalopta.stages.redo import open_dataset_whole
-
-    stored = to_yaml(open_dataset_whole(options.dataset).configuration)
-    changed = parse(stored, str(options.dataset), options.overrides)
-    run_stage(options.dataset, changed, stage, options.redo)
 
 
 VERBS["scene"] = Verb("export a scene")

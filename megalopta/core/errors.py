@@ -52,7 +52,7 @@ def refused_as(what: str = "", *kinds: type[Exception]) -> Iterator[None]:
 
     Its message is "what: problem", or the problem alone.
     """
-    refused = ValueError, *kinds
+    refused: tuple[type[Exception], ...] = ValueError, *kinds
     try:
         yield
     except refused as problem:
