@@ -86,9 +86,7 @@ def write_gallery(
 ) -> Path:
     """Render the gallery into a folder; return its page, gallery.html, next to gallery.png."""
     with progress("Rendering the gallery", len(scenes) * len(LEVELS), "view") as advance:
-        cells = []
-        for name, parts in scenes.items():
-            cells += [list(cells_of(name, parts, samples_per_pixel, advance))]
+        cells = [[*cells_of(*each, samples_per_pixel, advance)] for each in scenes.items()]
     out.mkdir(parents=True, exist_ok=True)
     write_sheet(out / "gallery.png", [row for each in cells for row in _rows(each)])
     return _write_page(out / "gallery.html", cells)
@@ -183,13 +181,12 @@ def _both(cell: LitScene) -> Markup:
 def _rows(cells: Sequence[LitScene]) -> Iterator[list[tuple[str, Image.Image]]]:
     """Yield two rows of the sheet for a scene: its views, and their counts."""
     height, width = cells[0].view.shape[:2]
-    size, row = (_WIDTH, round(_WIDTH * height / width)), []
+    size = _WIDTH, round(_WIDTH * height / width)
     yield [(each.light, Image.fromarray(each.view).resize(size)) for each in cells]
-    for each in cells:
-        counts = gray_counts(each.counts).convert("RGB").resize(size, Image.Resampling.BOX)
-        title = f"{each.scene}: {each.photons.removesuffix(' per pixel')}"
-        row.append((title, counts))
-    yield row
+    titles = (f"{each.scene}: {each.photons.removesuffix(' per pixel')}" for each in cells)
+    counts = (gray_counts(each.counts).convert("RGB") for each in cells)
+    shown = (each.resize(size, Image.Resampling.BOX) for each in counts)
+    yield list(zip(titles, shown, strict=True))
 
 
 _SUMMARY = (
