@@ -17,14 +17,13 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.core.arrays import Floats
+from megalopta.core.arrays import Floats, bilinear
 from megalopta.core.progress import say
 from megalopta.render.mitsuba_loader import mi
 from megalopta.render.noise import Image, MeasuredPass
 from megalopta.render.sensors.film import FrameExposure
 from megalopta.render.settings import Bands
 from megalopta.render.surveys import Illuminance, LightSurvey
-from megalopta.render.truth.albedo import bilinear
 from megalopta.scenes.cameras.base import Camera
 from megalopta.scenes.scene import Environment, Lighting, Scene, SkyPattern, Sun, pattern_directions
 from megalopta.scenes.spectra.color import band_means

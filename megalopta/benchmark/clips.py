@@ -84,9 +84,9 @@ def layers_clip(
     return _clip(name, scene.light(shape, TIMES), scene.flow(shape, 0), hidden)
 
 
-def leaves_clips(count: int, shape: tuple[int, int] = SHAPE) -> Iterator[FlowClip]:
+def leaves_clips(count: int) -> Iterator[FlowClip]:
     """Yield `leaves_clip` of the seeds from 0."""
-    return (leaves_clip(seed, shape) for seed in range(count))
+    return (leaves_clip(seed) for seed in range(count))
 
 
 def panorama_clips(

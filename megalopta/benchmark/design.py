@@ -217,26 +217,24 @@ def designed(
     sensor: Sensor | str | Path, dataset: str | Path | None, chosen: DesignSettings
 ) -> Design:
     """Return the same for complete settings. Raises UserError."""
+    levels = chosen.light_levels
     with refused_as("design"):
-        return _designed(_sensor(sensor), dataset, chosen)
-
-
-def _designed(sensor: Sensor, dataset: str | Path | None, chosen: DesignSettings) -> Design:
-    scene = _of_dataset(open_sequence(Path(dataset))) if dataset else leaves_scene(chosen, sensor)
-    work = _Work(scene, chosen)
-    names, values = tuple(chosen.varied), tuple(chosen.varied.values())
-    cases = [dict(zip(names, each, strict=True)) for each in product(*values)]
-    varied = [(case, varied_sensor(sensor, case)) for case in cases]  # refused before the work
-    points: list[DesignPoint] = []
-    rows = []
-    with progress("Designing", len(cases) * len(chosen.light_levels), "case") as advance:
-        for level, (case, device) in product(chosen.light_levels, varied):
-            own = [DesignPoint(case, level, t, *work.errors(device, level, t)) for t in work.times]
-            rows.append(work.row(own, device))
-            points += own
-            advance(1)
+        own = _sensor(sensor)
+        scene = _of_dataset(open_sequence(Path(dataset))) if dataset else leaves_scene(chosen, own)
+        work = _Work(scene, chosen)
+        names, values = tuple(chosen.varied), tuple(chosen.varied.values())
+        cases = [dict(zip(names, each, strict=True)) for each in product(*values)]
+        varied = [(case, varied_sensor(own, case)) for case in cases]  # refused before the work
+        points: list[DesignPoint] = []
+        rows = []
+        with progress("Designing", len(cases) * len(levels), "case") as advance:
+            for level, (case, device) in product(levels, varied):
+                found = [(t, *work.errors(device, level, t)) for t in work.times]
+                points += (new := [DesignPoint(case, level, *each) for each in found])
+                rows.append(work.row(new, device))
+                advance(1)
     described = f"first frame of {dataset}" if dataset else "dead leaves"
-    return Design(sensor, chosen, described, tuple(points), tuple(rows))
+    return Design(own, chosen, described, tuple(points), tuple(rows))
 
 
 def varied_sensor(sensor: Sensor, case: Mapping[str, float]) -> Sensor:

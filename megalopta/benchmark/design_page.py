@@ -73,10 +73,9 @@ def write_design(folder: Path, design: Design) -> Path:
         Section("Error over exposure", charts=tuple(_curves(design))),
         Section("Exposure over the other quantities", charts=tuple(_trades(design))),
     ]
-    page = folder / "design.html"
-    kept = [each for each in sections if each.rows or each.charts]
-    write_sections(page, f"Design of {design.sensor.name}", _summary(design), kept)
-    return page
+    kept = (each for each in sections if each.rows or each.charts)
+    title = f"Design of {design.sensor.name}"
+    return write_sections(folder / "design.html", title, _summary(design), kept)
 
 
 def _summary(design: Design) -> str:

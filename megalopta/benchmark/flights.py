@@ -118,14 +118,14 @@ def flight_errors(
     steps = np.diff(poses[:, :3, 3], axis=0)[middles, np.newaxis] @ poses[middles, :3, :3]
     ways = _ways(view.camera, clip.light[: half + 1], rates[:half], middles)
 
-    def errors(way: Way, counts: Frames, flux: float) -> Iterator[tuple[str, Floats]]:
-        turns, found = way(counts, flux)
-        yield YAW, turns - rates[middles]
-        if found is not None:
-            yield HEADING, angles_deg(found, steps[:, 0])
+    def errors(counts: Frames, flux: float) -> Iterator[tuple[str, str, Floats]]:
+        for name, way in ways.items():
+            turns, found = way(counts, flux)
+            yield YAW, name, turns - rates[middles]
+            if found is not None:
+                yield HEADING, name, angles_deg(found, steps[:, 0])
 
-    estimates = {name: partial(errors, way) for name, way in ways.items()}
-    samples = measure_samples(clip.counts, estimates, fluxes, draws, after_draw)
+    samples = measure_samples(clip.counts, errors, fluxes, draws, after_draw)
     return FlightErrors(samples, rates[middles])
 
 

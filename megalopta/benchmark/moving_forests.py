@@ -106,10 +106,10 @@ MOVING_VIEWS: Mapping[str, MovingView] = MappingProxyType(
 """Views by name: three densities, four kinds of motion. A dense forest would take hours."""
 
 
-def forest_flight(preset: str = "open", seed: int = 5) -> MovingView:
+def forest_flight(seed: int = 5) -> MovingView:
     """Return a flight; it turns both ways in each half."""
     return MovingView(
-        forest=Forest.model_validate({"preset": preset, "seed": seed, "trees": 60}),
+        forest=Forest.model_validate({"preset": "open", "seed": seed, "trees": 60}),
         light=Light(level="daylight", disc_fraction=0.3),
         camera=PerspectiveCamera(width=120, height=120, fov_deg=60),
         trajectory=Recorded(frames=FLIGHT_FRAMES, frame_rate_hz=_RATE_HZ, csv=_recording()),

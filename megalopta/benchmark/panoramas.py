@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from megalopta.core import files
-from megalopta.core.errors import UserError
+from megalopta.core.errors import UserError, refused_as
 from megalopta.core.folders import cache_folder, locked
 from megalopta.core.freshness import RENDER_MODEL
 from megalopta.core.progress import progress
@@ -220,10 +220,8 @@ def template_from_file(path: Path) -> NDArray[np.float64]:
     from megalopta.render import activate, choose_variant, read_picture  # Mitsuba reads it
 
     activate(choose_variant("auto"))
-    try:
+    with refused_as():
         rgb = read_picture(str(path))
-    except ValueError as problem:
-        raise UserError(str(problem)) from None
     light = rgb.astype(np.float64) @ np.array(LUMINANCE_SHARES)
     rows, columns = light.shape
     if not NARROWEST * rows <= columns <= WIDEST * rows:

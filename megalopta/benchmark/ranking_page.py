@@ -325,11 +325,10 @@ def write_ranking(folder: Path, ranking: Ranking, example: Example) -> Path:
     head = (*RankingRow.model_fields, "photons_per_px_and_period")
     files.write_csv(folder / "ranking.csv", head, rows)
     files.write_text(folder / "ranking.json", ranking.model_dump_json(indent=1) + "\n")
-    page = folder / "ranking.html"
-    written = (section(ranking, example) for section in SECTIONS)
-    sections = [each for each in written if each.rows or each.charts]
-    write_sections(page, "Flow methods on rendered sequences", best_methods(ranking), sections)
-    return page
+    made = (section(ranking, example) for section in SECTIONS)
+    sections = (each for each in made if each.rows or each.charts)
+    title = "Flow methods on rendered sequences"
+    return write_sections(folder / "ranking.html", title, best_methods(ranking), sections)
 
 
 def best_methods(ranking: Ranking) -> str:

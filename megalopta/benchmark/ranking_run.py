@@ -15,7 +15,7 @@ from megalopta.benchmark.sequence_errors import METRICS, Example, RankedSequence
 from megalopta.benchmark.velocities import LIKELIHOODS, Velocities, photons_per_lux_s
 from megalopta.config.yaml_model import validated
 from megalopta.core import bounded
-from megalopta.core.errors import UserError
+from megalopta.core.errors import UserError, refused_as
 from megalopta.core.folders import check_enclosed, locked
 from megalopta.core.format_numbers import check_format
 from megalopta.core.progress import progress
@@ -56,12 +56,10 @@ def run_ranking(
     out, chosen = Path(out), validated(RankingSettings, {}, "settings", dict(settings or {}))
     datasets = sequences_of(Path(root))
     with locked(out):
-        try:
+        with refused_as():
             ranked = velocity_methods(methods or chosen.methods)
             chosen = _with_levels(chosen.model_copy(update={"methods": tuple(ranked)}), datasets)
             ranking, example = _ranked(datasets, chosen, ranked, out / "velocities")
-        except ValueError as problem:
-            raise UserError(str(problem)) from None
         return write_ranking(out, ranking, example)
 
 

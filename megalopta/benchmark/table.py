@@ -43,27 +43,25 @@ class Case(NamedTuple):
 Samples: TypeAlias = Mapping[Case, Floats]
 """Measured values, (units, photon draws)"""
 
-Estimate: TypeAlias = Callable[[NDArray[Any], float], Iterator[tuple[str, Floats]]]
-"""Maps counts (T, H, W) and their photons to the values (units,) of each metric"""
+Measure: TypeAlias = Callable[[NDArray[Any], float], Iterator[tuple[str, str, Floats]]]
+"""Maps counts (T, H, W) and their photons to the values (units,) of each metric and method"""
 
 
 def measure_samples(
     draw: Callable[[float, int], NDArray[Any]],
-    methods: Mapping[str, Estimate],
+    measure: Measure,
     fluxes: Sequence[float],
     draws: int,
     after_draw: Callable[[], object] = lambda: None,
 ) -> Samples:
-    """Return the estimates of methods from the same photons of one source.
+    """Return what methods measure on the same photons of one source.
 
     `draw` maps photons (per frame or per pixel) and the number of a draw to counts (T, H, W).
     """
     found = defaultdict(list)
     for number, flux in product(range(draws), fluxes):
-        counts = draw(flux, number)
-        for name, estimate in methods.items():
-            for metric, values in estimate(counts, flux):
-                found[Case(metric, name, flux)].append(values)
+        for metric, method, values in measure(draw(flux, number), flux):
+            found[Case(metric, method, flux)].append(values)
         after_draw()
     return {case: np.stack(values, axis=-1) for case, values in found.items()}
 

@@ -90,12 +90,12 @@ class BlockPhotons:
         return self.bounds.known / self.needed.photons if self.needed.photons > 0 else math.inf
 
 
-def sequences(smallest_radius_px: float = 3.0, count: int = _SEQUENCES) -> Floats:
+def sequences(count: int = _SEQUENCES) -> Floats:
     """Return sequences of dead leaves, (count, FRAMES, H, W), each frame of sum 1."""
     shape = (TEMPLATE_ROWS, TEMPLATE_ROWS + FRAMES * STEP_COLUMNS)
     clean = []
     for seed in range(count):
-        texture = dead_leaves(shape, generator(seed, "leaderboard"), (smallest_radius_px, 80.0))
+        texture = dead_leaves(shape, generator(seed, "leaderboard"), (3.0, 80.0))
         clean.append(MovingTemplate(texture, STEP_COLUMNS, SIZE_PX, "area").light(0, FRAMES))
     return np.stack(clean)
 

@@ -26,7 +26,7 @@ from megalopta.config.yaml_model import mapping, yaml_text
 from megalopta.core import files, strict_yaml
 from megalopta.core.array_store import ArrayStore
 from megalopta.core.arrays import Floats
-from megalopta.core.errors import UserError
+from megalopta.core.errors import refused_as
 from megalopta.core.freshness import code_digest, digest
 from megalopta.core.progress import progress
 from megalopta.flow.detectors.base import Frames
@@ -148,10 +148,8 @@ def write_tuned(path: Path, name: str, fluxes: Sequence[float]) -> dict[float, S
     Raises UserError if the method cannot be tuned.
     """
     kept = mapping(yaml_text(path, "file of settings"), str(path)) if path.exists() else {}
-    try:
+    with refused_as():
         key = gray_method(name).name
-    except ValueError as problem:
-        raise UserError(str(problem)) from None
     folder = path.with_name(f"{path.stem}-errors")
     with progress(f"Tuning {key}", len(fluxes), "light level") as advance:
         found = tune(name, fluxes, after_light=lambda: advance(1), folder=folder)
@@ -159,12 +157,12 @@ def write_tuned(path: Path, name: str, fluxes: Sequence[float]) -> dict[float, S
     return found
 
 
-def tuning_clips(shape: tuple[int, int] = SHAPE) -> Iterator[FlowClip]:
+def tuning_clips() -> Iterator[FlowClip]:
     """Yield the tuning scenes; those at odd places have large motion."""
     from skimage import data
 
     for number, seed in enumerate(LEAVES):
-        yield leaves_clip(seed, shape, _FASTEST_PX[number % 2])
+        yield leaves_clip(seed, SHAPE, _FASTEST_PX[number % 2])
     for number, name in enumerate(PICTURES):
         codes = getattr(data, name)() / 255
         light = decode_srgb(codes)
@@ -172,7 +170,7 @@ def tuning_clips(shape: tuple[int, int] = SHAPE) -> Iterator[FlowClip]:
         sides = [(0, side) for side in gray.shape]
         texture = np.pad(gray, sides, mode="symmetric")  # tiles the plane without a seam
         rng = generator(number, "tuning", name)
-        yield layers_clip(f"tuning {name}", rng, texture, shape, _FASTEST_PX[number % 2])
+        yield layers_clip(f"tuning {name}", rng, texture, SHAPE, _FASTEST_PX[number % 2])
 
 
 @cache

@@ -14,10 +14,10 @@ scenes, if there is more than one.
 
 import math
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from itertools import product
+from itertools import chain, product
 from pathlib import Path
 from types import MappingProxyType
 
@@ -28,7 +28,7 @@ from megalopta.benchmark.methods import BLOCK_PX, block_detector, methods_and_ba
 from megalopta.benchmark.pairs_on_disk import Files, read_pair
 from megalopta.benchmark.table import Case, Interval, Samples, bootstrap, gathered, measure_samples
 from megalopta.core.arrays import Floats, Mask
-from megalopta.core.errors import UserError
+from megalopta.core.errors import refused_as
 from megalopta.core.files import write_csv
 from megalopta.core.progress import progress
 from megalopta.flow.detectors.base import Frames
@@ -111,9 +111,8 @@ def frame_errors(
         answers(each, clips[0], clips[0].counts(fluxes[0], 0, _KEY))
     parts = []
     for clip in clips:
-        estimates = {each.name: partial(_errors, each, clip) for each in detectors}
-        draw = partial(clip.counts, key=_KEY)
-        parts.append(measure_samples(draw, estimates, fluxes, draws))
+        draw, errors = partial(clip.counts, key=_KEY), partial(_errors, detectors, clip)
+        parts.append(measure_samples(draw, errors, fluxes, draws))
         after_scene()
     scenes = tuple(clip.name for clip in clips)
     return Board(scenes, detectors, tuple(fluxes), gathered(parts))
@@ -130,38 +129,44 @@ def errors_of_pairs(
     Raises UserError if a file cannot be used, or a method does not run on two frames.
     """
     clips = [read_pair(name, files) for name, files in pairs.items()]
-    with progress("Drawing photons", len(clips), "pair") as advance:
-        try:
-            chosen = methods or methods_and_baselines(_PAIR_FRAMES)
-            return frame_errors(clips, chosen, fluxes, draws, lambda: advance(1))
-        except ValueError as problem:
-            raise UserError(str(problem)) from None
+    with progress("Drawing photons", len(clips), "pair") as advance, refused_as():
+        chosen = methods or methods_and_baselines(_PAIR_FRAMES)
+        return frame_errors(clips, chosen, fluxes, draws, lambda: advance(1))
 
 
-def write_board(path: Path, board: Board) -> None:
-    """Write a row per pair, method and flux, as CSV: means over the draws of the pair."""
+def write_board(
+    path: Path, board: Board, metrics: Iterable[str] = METRICS, stand_in: str = ""
+) -> None:
+    """Write a row per pair, method and flux, as CSV: means over the draws of the pair.
+
+    Without truth, rows say what stands in for it.
+    """
+    own = ("photons_per_px", "stand_in") if stand_in else ("frames", "photons_per_px")
     rows = (
         (
-            *(pair, each.name, each.memory_frames + 1, flux),
-            *(float(board.of_scenes(metric, each, flux)[place]) for metric in METRICS),
+            *(pair, each.name),
+            *((flux, stand_in) if stand_in else (each.memory_frames + 1, flux)),
+            *(float(board.of_scenes(metric, each, flux)[place]) for metric in metrics),
         )
         for place, pair in enumerate(board.scenes)
         for each, flux in product(board.detectors, board.fluxes)
     )
-    write_csv(path, ("pair", "method", "frames", "photons_per_px", *METRICS), rows)
+    write_csv(path, ("pair", "method", *own, *metrics), rows)
 
 
 def _errors(
-    detector: BlockDetector, clip: FlowClip, counts: Frames, _: float
-) -> Iterator[tuple[str, Floats]]:
-    """Yield statistics of one method's endpoint errors in the inner blocks, px per frame."""
-    start = time.process_time()
-    found = answers(detector, clip, counts)
-    yield SECONDS, np.array([time.process_time() - start])
+    detectors: Iterable[BlockDetector], clip: FlowClip, counts: Frames, _: float
+) -> Iterator[tuple[str, str, Floats]]:
+    """Yield statistics of methods' endpoint errors in the inner blocks, px per frame."""
     truth = blocks_of(clip)
-    error_px = distances(found, truth)
-    yield from measures(error_px[np.isfinite(truth).all(axis=-1)])
-    yield from _tails(found, truth, _occluded(clip))
+    for each in detectors:
+        start = time.process_time()
+        found = answers(each, clip, counts)
+        spent = np.array([time.process_time() - start])
+        error_px = distances(found, truth)[np.isfinite(truth).all(axis=-1)]
+        tails = _tails(found, truth, _occluded(clip))
+        for metric, values in chain([(SECONDS, spent)], measures(error_px), tails):
+            yield metric, each.name, values
 
 
 def _tails(found: Floats, truth: Floats, occluded: Mask | None) -> Iterator[tuple[str, Floats]]:

@@ -9,11 +9,10 @@ far from the rest.
 Both are given like errors: of blocks of 24 × 24 px, by photons per pixel and frame.
 """
 
-from collections import defaultdict
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from functools import partial
-from itertools import pairwise, product
+from itertools import pairwise
 from pathlib import Path
 from typing import TypeAlias
 
@@ -22,7 +21,7 @@ import numpy as np
 from megalopta.benchmark.clips import FlowClip
 from megalopta.benchmark.methods import block_detector, methods_and_baselines
 from megalopta.benchmark.pairs_on_disk import evenly_spread
-from megalopta.benchmark.table import Case, Samples, gathered
+from megalopta.benchmark.table import Samples, gathered, measure_samples
 from megalopta.benchmark.whole_frames import (
     FAR,
     MEAN,
@@ -32,29 +31,24 @@ from megalopta.benchmark.whole_frames import (
     blocks_of,
     distances,
     measures,
+    write_board,
 )
 from megalopta.core.arrays import Floats
-from megalopta.core.errors import UserError
-from megalopta.core.files import write_csv
+from megalopta.core.errors import UserError, refused_as
 from megalopta.core.progress import progress, say
+from megalopta.flow.detectors.base import Frames
 from megalopta.flow.detectors.blocks import BlockDetector
 from megalopta.flow.detectors.registry import Method
 from megalopta.render import Footage, open_footage
 from megalopta.scenes.spectra.color import LUMINANCE_SHARES
 from megalopta.scenes.stimuli.pictures import Unit
 
-FROM_STAND_IN = {
-    MEDIAN: "median_px_from_stand_in",
-    MEAN: "mean_px_from_stand_in",
-    FAR: "share_beyond_3_px_from_stand_in",
-}
-"""Metrics against the stand-in, by the corresponding metric of an error."""
-FROM_OTHERS = {
-    MEDIAN: "median_px_from_others",
-    MEAN: "mean_px_from_others",
-    FAR: "share_beyond_3_px_from_others",
-}
-"""Metrics against the median of the other methods, likewise."""
+FROM_STAND_IN, FROM_OTHERS = (
+    {MEDIAN: f"median_px_{of}", MEAN: f"mean_px_{of}", FAR: f"{FAR}_{of}"}
+    for of in ("from_stand_in", "from_others")
+)
+"""Metrics against the stand-in, and against the median of the other methods, by the corresponding
+metric of an error."""
 
 _CLEAN_PHOTONS = 1000.0
 """Photons per pixel of the noise-free light that the reference sees."""
@@ -102,17 +96,18 @@ def distances_of_pairs(
     Metrics are those of `FROM_STAND_IN` and, for three or more methods, of `FROM_OTHERS`. Raises
     UserError if pictures or methods cannot be used, or no picture has any contrast.
     """
-    with progress("Drawing photons", len(pairs), "pair") as advance:
-        try:
-            detectors = tuple(map(block_detector, methods or methods_and_baselines(_PAIR_FRAMES)))
-            standing_in = block_detector(reference)
-            found: dict[str, Samples] = {}
-            for name, lights in pairs.items():
-                if (clip := _clip(name, lights, standing_in)) is not None:
-                    found[name] = _samples(clip, detectors, fluxes, draws)
-                advance()
-        except ValueError as problem:
-            raise UserError(str(problem)) from None
+    with progress("Drawing photons", len(pairs), "pair") as advance, refused_as():
+        detectors = tuple(map(block_detector, methods or methods_and_baselines(_PAIR_FRAMES)))
+        standing_in = block_detector(reference)
+        found: dict[str, Samples] = {}
+        for name, lights in pairs.items():
+            if (clip := _clip(name, lights, standing_in)) is not None:
+                draw, apart = (
+                    partial(clip.counts, key=(_KEY,)),
+                    partial(_distances, detectors, clip),
+                )
+                found[name] = measure_samples(draw, apart, fluxes, draws)
+            advance()
     if not found:
         raise UserError(f"{', '.join(pairs)}: no contrast; give pictures with texture")
     return Board(tuple(found), detectors, tuple(fluxes), gathered(found.values()))
@@ -128,35 +123,24 @@ def write_distances(path: Path, board: Board, reference: Method) -> None:
     metrics = [*FROM_STAND_IN.values(), *(FROM_OTHERS.values() if has_others(board) else ())]
     name = block_detector(reference).name
     stand_in = f"not the truth but {name} on the pictures without noise, which favors {name}"
-    rows = (
-        (
-            *(pair, each.name, flux, stand_in),
-            *(float(board.of_scenes(metric, each, flux)[place]) for metric in metrics),
-        )
-        for place, pair in enumerate(board.scenes)
-        for each, flux in product(board.detectors, board.fluxes)
-    )
-    write_csv(path, ("pair", "method", "photons_per_px", "stand_in", *metrics), rows)
+    write_board(path, board, metrics, stand_in)
 
 
-def _samples(
-    clip: FlowClip, detectors: Sequence[BlockDetector], fluxes: Sequence[float], draws: int
-) -> Samples:
-    """Return the distances of methods that see the same photons, px per frame."""
-    stand_in, found = blocks_of(clip), defaultdict(list)
+def _distances(
+    detectors: Sequence[BlockDetector], clip: FlowClip, counts: Frames, _: float
+) -> Iterator[tuple[str, str, Floats]]:
+    """Yield the distances of methods from both references, px per frame."""
+    stand_in = blocks_of(clip)
     known = np.isfinite(stand_in).all(axis=-1)
-    for number, flux in product(range(draws), fluxes):
-        counts = clip.counts(flux, number, (_KEY,))
-        given = {each.name: answers(each, clip, counts) for each in detectors}
-        for name, own in given.items():
-            references = [(FROM_STAND_IN, stand_in)]
-            others = [each for other, each in given.items() if other != name]
-            if len(others) > 1:
-                references.append((FROM_OTHERS, np.median(others, axis=0)))
-            for names, reference in references:
-                for measure, values in measures(distances(own, reference)[known]):
-                    found[Case(names[measure], name, flux)].append(values)
-    return {case: np.stack(values, axis=-1) for case, values in found.items()}
+    given = {each.name: answers(each, clip, counts) for each in detectors}
+    for name, own in given.items():
+        references = [(FROM_STAND_IN, stand_in)]
+        others = [each for other, each in given.items() if other != name]
+        if len(others) > 1:
+            references.append((FROM_OTHERS, np.median(others, axis=0)))
+        for names, reference in references:
+            for measure, values in measures(distances(own, reference)[known]):
+                yield names[measure], name, values
 
 
 def _two(first: Footage, second: Footage) -> tuple[_Light, _Light]:

@@ -17,10 +17,10 @@ from pydantic import Field
 
 from megalopta.camera.calibration import calibrate_codes
 from megalopta.camera.counting import calibrate_counting
-from megalopta.camera.recording import Beam, Source, is_captured
+from megalopta.camera.recording import Beam, Source, is_recording
 from megalopta.core import strict_yaml
 from megalopta.core.bounded import read_text
-from megalopta.core.errors import UserError
+from megalopta.core.errors import UserError, refused_as
 from megalopta.core.record import Record
 from megalopta.core.validation import checked
 from megalopta.sensor.formats.reading import FrameKind
@@ -95,13 +95,11 @@ def calibrate_recordings(
         raise UserError(f"--out {out}: give the name of a .yaml file")
     if beam.area_mm2 is not None and beam.wavelength_nm is None:
         raise UserError("--beam-area-mm2: give --wavelength-nm too, to convert watts to photons")
-    kinds = {is_captured(source) for source in sources}
+    kinds = {is_recording(source.path) for source in sources}
     if len(kinds) > 1:
         raise UserError("calibrate: recordings of SPADCAM and of others; give those of one camera")
     if True in kinds and any(source.sums for source in sources):
         raise UserError("sums: of recordings of SPADCAM; omit it, or give a file of sums")
     calibrate = calibrate_codes if True in kinds else calibrate_counting
-    try:
+    with refused_as("calibrate"):
         return calibrate(sources, out, beam, base)
-    except ValueError as problem:
-        raise UserError(f"calibrate: {problem}") from problem

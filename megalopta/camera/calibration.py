@@ -35,6 +35,9 @@ from megalopta.sensor.calibrate.saturation import DeadTimeKind, dead_time_moment
 from megalopta.sensor.effects import crosstalk
 from megalopta.sensor.effects.crosstalk import Crosstalk
 
+Quantity = tuple[str, str, Estimate, float]
+"""Name, unit, estimate of every pixel, and factor to that unit"""
+
 _95 = 1.959964
 _SLOWEST_DEAD_TIMES = 5.0
 """Assumed delay of afterpulses in dead times; frames do not show it, a shorter one hides them."""
@@ -65,13 +68,18 @@ def write_device(
         "offset": Estimate(-fall.value, -fall.high, -fall.low),  # a voltage drop as a rise
     }
     if device.efficiency is not None:
-        nominal = float(np.nanmean(device.efficiency.value))  # for light of unknown wavelength
-        if wavelength_nm is not None:
-            nominal = float(base.photon_detection_efficiency(np.array(wavelength_nm)))
+        nominal = nominal_efficiency(device.efficiency, base, wavelength_nm)
         maps["efficiency"] = primary(device.efficiency, device.kernel).scaled(1 / nominal)
     named = write_maps(folder, maps)
     save_map(folder / "hot.npy", device.hot)
     write_device_file(path, _fields(path, device, base, preset, named))
+
+
+def nominal_efficiency(found: Estimate, base: Sensor, wavelength_nm: float | None) -> float:
+    """Efficiency that a map is relative to: the base sensor's, or the mean at an unknown color."""
+    if wavelength_nm is None:
+        return float(np.nanmean(found.value))
+    return float(base.photon_detection_efficiency(np.array(wavelength_nm)))
 
 
 def _fields(
@@ -92,16 +100,25 @@ def _fields(
     if device.dead_time_s is not None and device.dead_time_kind is not None:
         seconds = float(np.nanmedian(device.dead_time_s.value))
         fields["dead_time"] = {"kind": device.dead_time_kind, "dead_time_s": seconds}
-    if (light := crosstalk_of(device.kernel)) is not None:
-        fields["crosstalk"] = light.model_dump(exclude_defaults=True)
-    if device.kernel is not None and device.kernel.are_afterpulses_seen:
-        dead_s = fields.get("dead_time", {}).get("dead_time_s", base.dead_time.dead_time_s)
-        fields["afterpulsing"] = afterpulsing_of(device.kernel, dead_s, base)
+    dead_s = fields.get("dead_time", {}).get("dead_time_s", base.dead_time.dead_time_s)
+    fields |= coincident_fields(device.kernel, dead_s, base)
     fields["measured"] = {**maps, "fit": "exact"}
     return fields
 
 
-def crosstalk_of(kernel: Kernel | None) -> Crosstalk | None:
+def coincident_fields(kernel: Kernel | None, dead_time_s: float, base: Sensor) -> dict[str, Any]:
+    """Fields of the crosstalk and of the trapped carriers that reproduce what was observed."""
+    fields: dict[str, Any] = {}
+    if (light := _crosstalk_of(kernel)) is not None:
+        fields["crosstalk"] = light.model_dump(exclude_defaults=True)
+    if kernel is not None and kernel.are_afterpulses_seen:
+        delay_s = max(base.afterpulsing.delay_s, _SLOWEST_DEAD_TIMES * dead_time_s)
+        carriers = kernel.afterpulses * float(np.exp(dead_time_s / delay_s))
+        fields["afterpulsing"] = {"mean_carriers": min(carriers, 0.95), "delay_s": delay_s}
+    return fields
+
+
+def _crosstalk_of(kernel: Kernel | None) -> Crosstalk | None:
     """Crosstalk for the sensor stage, if there is any."""
     if kernel is None or not kernel.is_seen:
         return None
@@ -114,13 +131,6 @@ def crosstalk_of(kernel: Kernel | None) -> Crosstalk | None:
     )
 
 
-def afterpulsing_of(kernel: Kernel, dead_time_s: float, base: Sensor) -> dict[str, float]:
-    """Trapped carriers that reproduce the observed afterpulses."""
-    delay_s = max(base.afterpulsing.delay_s, _SLOWEST_DEAD_TIMES * dead_time_s)
-    carriers = kernel.afterpulses * float(np.exp(dead_time_s / delay_s))
-    return {"mean_carriers": min(carriers, 0.95), "delay_s": delay_s}
-
-
 def primary(estimate: Estimate, kernel: Kernel | None) -> Estimate:
     """Return rates without events of neighbors and traps, which the simulation adds again.
 
@@ -130,7 +140,7 @@ def primary(estimate: Estimate, kernel: Kernel | None) -> Estimate:
     if kernel is not None and kernel.are_afterpulses_seen:
         fired += kernel.afterpulses * estimate.value
         error = np.hypot(error, kernel.afterpulses_error * estimate.value)
-    if (light := crosstalk_of(kernel)) is not None and kernel is not None:
+    if (light := _crosstalk_of(kernel)) is not None and kernel is not None:
         by_light = crosstalk.fired_mean(filled(estimate.value), light)
         fired += by_light
         error = np.hypot(error, by_light * kernel.total_error / light.mean_fired_neighbors)
@@ -170,15 +180,9 @@ def write_calibration_report(
 
     `standard` is the section on EMVA 1288.
     """
-    found = _quantities(device, is_relative)
-    maps = (
-        map_chart(scale * estimate.value, f"map-{at}", f"{title} ({unit})")
-        for at, (title, unit, estimate, scale) in enumerate(found)
-        if np.isfinite(estimate.value).any()
-    )
-    head = ("", "median", "from", "to", "± (95 % CI)")
+    table, maps = pixel_sections(_quantities(device, is_relative), _PIXELS, _MAPS)
     sections = [
-        Section("The pixels", _PIXELS, head, tuple(estimate_row(*each) for each in found)),
+        table,
         Section(
             "Photon transfer and saturation",
             _CURVES,
@@ -187,7 +191,7 @@ def write_calibration_report(
             tuple(_curves(device)),
         ),
         *_neighbors(device),
-        Section("Maps", _MAPS, charts=tuple(maps)),
+        maps,
         standard,
     ]
     write_sections(path, f"Calibration of {name}", calibration_summary(device), sections)
@@ -210,8 +214,8 @@ def _median(estimate: Estimate) -> float:
     return float(np.nanmedian(estimate.value)) if np.isfinite(estimate.value).any() else np.nan
 
 
-def _quantities(device: Device, is_relative: bool) -> list[tuple[str, str, Estimate, float]]:
-    """Return name, unit, estimate and factor to that unit of all estimates per pixel."""
+def _quantities(device: Device, is_relative: bool) -> list[Quantity]:
+    """Return all estimates per pixel."""
     found = [
         ("dark counts", "Hz", device.dark_counts_hz, 1.0),
         ("step", "mV", device.step_v, 1e3),
@@ -228,7 +232,21 @@ def _quantities(device: Device, is_relative: bool) -> list[tuple[str, str, Estim
     return found
 
 
-def estimate_row(title: str, unit: str, estimate: Estimate, scale: float) -> tuple[str, ...]:
+def pixel_sections(
+    found: Sequence[Quantity], about: str, about_maps: str
+) -> tuple[Section, Section]:
+    """Return the section with a table of estimates, and that with their maps."""
+    charts = (
+        map_chart(scale * estimate.value, f"map-{at}", f"{title} ({unit})")
+        for at, (title, unit, estimate, scale) in enumerate(found)
+        if np.isfinite(estimate.value).any()
+    )
+    head, rows = ("", "median", "from", "to", "± (95 % CI)"), (_row(*each) for each in found)
+    table = Section("The pixels", about, head, tuple(rows))
+    return table, Section("Maps", about_maps, charts=tuple(charts))
+
+
+def _row(title: str, unit: str, estimate: Estimate, scale: float) -> tuple[str, ...]:
     """Return median, range and half width of an estimate, in a unit of so many of its own."""
     if not np.isfinite(estimate.value).any():
         return (f"{title} ({unit})", _UNKNOWN, "", "", "")

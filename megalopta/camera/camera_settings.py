@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from megalopta.camera.recording import check_kind
 from megalopta.core.bounded import quoted
-from megalopta.core.errors import UserError
+from megalopta.core.errors import UserError, refused_as
 from megalopta.sensor import AnalogCounter, Sensor, changed, load_sensor, preset
 from megalopta.sensor.formats.protocol import COLUMNS, NOMINAL_STEP_BIAS, ROWS, Identity, Settings
 
@@ -20,10 +20,8 @@ _POSSIBLE = {
 
 def named_sensor(name: str) -> Sensor:
     """Return a preset, or the sensor of a YAML file. Raises UserError."""
-    try:
+    with refused_as("--sensor"):
         return load_sensor(name) if name.endswith((".yaml", ".yml")) else preset(name)
-    except ValueError as problem:
-        raise UserError(f"--sensor: {problem}") from None
 
 
 def sensor_as_set(sensor: Sensor, settings: Settings) -> Sensor:
@@ -38,10 +36,8 @@ def sensor_as_set(sensor: Sensor, settings: Settings) -> Sensor:
             "choose another, such as spadcam"
         )
     step_v = counter.step_v * settings.step_bias / NOMINAL_STEP_BIAS
-    try:
+    with refused_as(f"sensor {sensor.name}"):
         return changed(sensor, exposure_s=settings.exposure_us / 1e6, counter={"step_v": step_v})
-    except ValueError as problem:
-        raise UserError(f"sensor {sensor.name}: {problem}") from None
 
 
 def sensor_as_identified(sensor: Sensor, identity: Identity) -> Sensor:
@@ -56,10 +52,8 @@ def sensor_as_identified(sensor: Sensor, identity: Identity) -> Sensor:
                 "release's firmware"
             )
     adc = {"adc_bits": identity.adc_bits, "supply_v": identity.supply_mv * 1e-3}
-    try:
+    with refused_as(f"sensor {sensor.name}: does not fit the camera"):
         return changed(sensor, counter=adc)
-    except ValueError as problem:
-        raise UserError(f"sensor {sensor.name}: does not fit the camera: {problem}") from None
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.camera.emulated import Rendered
+from megalopta.camera.emulated import Cycle
 from megalopta.camera.motion_bench import (
     FRAME_RATE_HZ,
     PIXELS,
@@ -33,7 +33,7 @@ from megalopta.camera.recording import Beam, RecordingFrames
 from megalopta.config.model import load
 from megalopta.core.arrays import Floats, plain_array
 from megalopta.core.bounded import ARRAY_BYTES, read_bytes
-from megalopta.core.errors import UserError
+from megalopta.core.errors import UserError, refused_as
 from megalopta.sensor import AnalogCounter, Sensor, changed
 from megalopta.sensor.calibrate.level import Level
 from megalopta.sensor.compare.model import Model, level_of_codes
@@ -191,28 +191,16 @@ def passages_at(speed_mm_s: float, frames: Level) -> NDArray[Any]:
         )
     times_s = frames.times_s
     numbers = None if times_s is None else np.rint((times_s - times_s[:1]) * FRAME_RATE_HZ)
-    try:
+    with refused_as(f"plate at {speed_mm_s:g} mm/s"):
         return cut_passages(frames.readings, numbers) if speed_mm_s else cut_rest(frames.readings)
-    except ValueError as problem:
-        raise UserError(f"plate at {speed_mm_s:g} mm/s: {problem}") from problem
 
 
 def light_at(speed_mm_s: float, counts: NDArray[Any], device: Sensor) -> BenchLight:
     """Estimate the light from passages of a plate. Raises UserError."""
     if speed_mm_s == 0:
         raise UserError("a plate at rest does not show the light; omit it or --own-light")
-    try:
+    with refused_as(f"plate at {speed_mm_s:g} mm/s"):
         return fitted_light(counts, device)
-    except ValueError as problem:
-        raise UserError(f"plate at {speed_mm_s:g} mm/s: {problem}") from problem
-
-
-class Cycle(NamedTuple):
-    """Periodic sequence of detection rates."""
-
-    rates_hz: Floats
-    """(k, rows, columns)"""
-    frame_rate_hz: float
 
 
 class Aligned(NamedTuple):
@@ -222,13 +210,6 @@ class Aligned(NamedTuple):
     """(n,) frame of the cycle at the start of each captured frame."""
     correlation: float
     """Correlation of captured frames with these; 0 without motion."""
-
-
-def dataset_cycle(dataset: Path, lux: float | None, device: Sensor) -> Cycle:
-    """Return frames of a rendered dataset at a light level, by default its own."""
-    open_dataset_whole(dataset)
-    rate_hz, rates = Rendered(dataset, lux).film(device)
-    return Cycle(rates, rate_hz)
 
 
 def rendered_dataset(scene: str, beside: Path) -> Path:

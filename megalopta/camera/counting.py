@@ -7,23 +7,19 @@ from typing import Any
 import numpy as np
 
 from megalopta.camera.calibration import (
-    afterpulsing_of,
-    crosstalk_of,
-    estimate_row,
+    Quantity,
+    coincident_fields,
+    nominal_efficiency,
+    pixel_sections,
     primary,
 )
 from megalopta.camera.device_files import filled, save_map, write_device_file, write_maps
 from megalopta.camera.emva_page import emva_section
 from megalopta.camera.recording import Beam, Source, read_recorded
 from megalopta.plotting.sections import Section, write_sections
-from megalopta.plotting.svg import map_chart
 from megalopta.plotting.text import number
 from megalopta.sensor import Sensor, preset
-from megalopta.sensor.calibrate.counting import (
-    CountingDevice,
-    DeadTimeEstimate,
-    calibrate_counts,
-)
+from megalopta.sensor.calibrate.counting import CountingDevice, calibrate_counts
 from megalopta.sensor.calibrate.device import Estimate
 from megalopta.sensor.calibrate.emva import Step
 from megalopta.sensor.calibrate.hot_neighbors import (
@@ -148,12 +144,9 @@ def write_counting_device(
             dark = Estimate(np.where(switching.pixels, switching.low_hz, dark.value), *unknown)
         maps["dark_counts"] = dark
     if device.efficiency is not None:
-        nominal = float(np.nanmean(device.efficiency.value))
-        if wavelength_nm is not None:
-            nominal = float(base.photon_detection_efficiency(np.array(wavelength_nm)))
-        maps["efficiency"] = _without(
-            _primary(device.efficiency, device, talk).scaled(1 / nominal), device
-        )
+        nominal = nominal_efficiency(device.efficiency, base, wavelength_nm)
+        found = _primary(device.efficiency, device, talk).scaled(1 / nominal)
+        maps["efficiency"] = _without(found, device)
     fields: dict[str, Any] = {
         "preset": name,
         "name": path.stem,
@@ -175,26 +168,14 @@ def write_counting_device(
             "kernel": {"path": f"{folder.name}/crosstalk.npy"},
         }
     else:
-        fields |= _coincident(device.kernel, device.dead_time, base)
+        dead_s = fields.get("dead_time", {}).get("dead_time_s", base.dead_time.dead_time_s)
+        fields |= coincident_fields(device.kernel, dead_s, base)
     if (device.reading >= 0).any():
         save_map(folder / "stuck.npy", device.reading)
         fields["measured"]["stuck"] = f"{folder.name}/stuck.npy"
     save_map(folder / "bad.npy", device.bad)
     save_map(folder / "hot.npy", device.hot)
     write_device_file(path, fields)
-
-
-def _coincident(
-    kernel: Kernel | None, dead_time: DeadTimeEstimate | None, base: Sensor
-) -> dict[str, Any]:
-    """Fields of crosstalk and afterpulses that coincidences show."""
-    fields: dict[str, Any] = {}
-    if (light := crosstalk_of(kernel)) is not None:
-        fields["crosstalk"] = light.model_dump(exclude_defaults=True)
-    if kernel is not None and kernel.are_afterpulses_seen:
-        seconds = base.dead_time.dead_time_s if dead_time is None else dead_time.seconds
-        fields["afterpulsing"] = afterpulsing_of(kernel, seconds, base)
-    return fields
 
 
 def _switching(device: CountingDevice, folder: Path, measured: dict[str, Any]) -> dict[str, Any]:
@@ -244,10 +225,8 @@ def _reasons(device: CountingDevice) -> str:
     return "; ".join(f"{name}: {reason}" for name, reason in device.refused.items())
 
 
-def _quantities(
-    device: CountingDevice, is_relative: bool
-) -> Iterator[tuple[str, str, Estimate, float]]:
-    """Yield name, unit, estimate and factor to that unit."""
+def _quantities(device: CountingDevice, is_relative: bool) -> Iterator[Quantity]:
+    """Yield all estimates per pixel."""
     if device.dark_counts_hz is not None:
         yield "dark counts", "Hz", device.dark_counts_hz, 1.0
     if device.efficiency is not None:
@@ -285,8 +264,7 @@ def _coincidences(kernel: Kernel | None) -> Section | None:
 def _write_report(
     path: Path, device: CountingDevice, more: list[Section | None], name: str, is_relative: bool
 ) -> None:
-    quantities = list(_quantities(device, is_relative))
-    head = ("", "median", "from", "to", "± (95 % CI)")
+    table, maps = pixel_sections([*_quantities(device, is_relative)], _PIXELS, "Gray: unknown.")
     kinds = ("dead", "stuck", "saturated", "hot")
     bad = tuple((kind, str(int(getattr(device, kind).sum()))) for kind in kinds)
     switching = 0 if device.telegraph is None else int(device.telegraph.pixels.sum())
@@ -296,17 +274,12 @@ def _write_report(
         ("dead time (ns)", f"{number(1e9 * dead.seconds)} ± {number(196e7 * dead.error)}"),
         ("its kind", dead.kind + ("" if dead.is_kind_clear else ", not certain")),
     )  # fmt: skip
-    maps = tuple(
-        map_chart(scale * estimate.value, f"map-{at}", f"{title} ({unit})")
-        for at, (title, unit, estimate, scale) in enumerate(quantities)
-    )
     sections = [
-        Section("The pixels", _PIXELS, head, tuple(estimate_row(*each) for each in quantities)),
+        table,
         Section("Dead time", "", ("", "estimate"), rows) if rows else None,
         Section("Not known", f"{_reasons(device)}.") if device.refused else None,
         Section("Bad and hot pixels", _BAD, ("", "pixels"), bad),
-        Section("Maps", "Gray: unknown.", charts=maps),
+        maps,
         *more,
     ]
-    summary = counting_summary(device, is_relative)
-    write_sections(path, f"Calibration of {name}", summary, [each for each in sections if each])
+    write_sections(path, f"Calibration of {name}", counting_summary(device, is_relative), sections)

@@ -17,13 +17,13 @@ from megalopta.camera.comparison import (
     captured_frames,
     compare_levels,
     compare_scene,
-    dataset_cycle,
     plate_responses,
     rendered_dataset,
 )
+from megalopta.camera.emulated import Rendered
 from megalopta.camera.recording import Beam, Source, read_recorded
 from megalopta.core.arrays import Floats
-from megalopta.core.errors import UserError
+from megalopta.core.errors import UserError, refused_as
 from megalopta.plotting.sections import Section, captioned, write_sections
 from megalopta.plotting.style import BLACK, BLUE, VERMILION
 from megalopta.plotting.svg import (
@@ -281,10 +281,8 @@ def compare_captured(sources: Sources, device: Path, out: Path, asked: CompareSe
     read, or do not match.
     """
     make = {"levels": _with_levels, "plate": _with_plate}.get(asked.scene, _with_scene)
-    try:
+    with refused_as("compare"):
         title, sentence, sections = make(sources, load_sensor(device), out, asked)
-    except ValueError as problem:
-        raise UserError(f"compare: {problem}") from problem
     write_sections(out, title, sentence, sections)
     return sentence
 
@@ -314,7 +312,7 @@ def _with_scene(sources: Sources, sensor: Sensor, out: Path, asked: CompareSetti
         raise UserError(f"compare: {len(sources)} recordings of {dataset}; give one at a time")
     (source,) = sources
     captured = captured_frames(read_recorded(source), sensor, source.light or 1.0)
-    cycle = dataset_cycle(dataset, source.light or None, sensor)
+    cycle = Rendered(dataset, source.light or None).film(sensor)
     compared = compare_scene(captured, cycle, sensor, asked.margin, asked.seed)
     return _scene_page(dataset.name, compared)
 

@@ -18,6 +18,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +26,7 @@ from numpy.typing import NDArray
 from megalopta.camera.camera_settings import sensor_as_set
 from megalopta.core.arrays import Floats
 from megalopta.core.bounded import quoted
-from megalopta.core.errors import UserError
+from megalopta.core.errors import UserError, refused_as
 from megalopta.sensor import (
     AnalogCounter,
     Sensor,
@@ -52,16 +53,24 @@ BAND_NM = (699.99, 700.01)
 """Band of the flat light, narrow like a laser's, so that efficiency is that of one wavelength."""
 
 
+class Cycle(NamedTuple):
+    """Detection rates of frames that repeat."""
+
+    rates_hz: Floats
+    """(n, rows, columns)"""
+    frame_rate_hz: float
+
+
 class Stimulus(ABC):
     """A stimulus: frames in an endless cycle."""
 
     @abstractmethod
-    def film(self, sensor: Sensor) -> tuple[float, Floats]:
-        """Return frames per second, and their detection rates (n, 16, 16), Hz. Raises UserError."""
+    def film(self, sensor: Sensor) -> Cycle:
+        """Return the frames (n, 16, 16). Raises UserError."""
 
     def rates_hz(self, times_s: Floats, sensor: Sensor) -> Floats:
         """Detection rates (n, 16, 16), Hz, of frames that begin at these times."""
-        rate_hz, frames = self.film(sensor)
+        frames, rate_hz = self.film(sensor)
         # A frame that begins early by a rounding error is not the previous one.
         return np.asarray(frames[np.floor(times_s * rate_hz + 1e-6).astype(int) % len(frames)])
 
@@ -75,9 +84,10 @@ class Flat(Stimulus):
     step_s: float = math.inf
     """Duration of each level, s."""
 
-    def film(self, sensor: Sensor) -> tuple[float, Floats]:
-        """Return frame rate and detection rates."""
-        return 1 / self.step_s, np.array(self.photons_hz)[:, None, None] * _efficiency(sensor)
+    def film(self, sensor: Sensor) -> Cycle:
+        """Return a frame for each level."""
+        rates_hz = np.array(self.photons_hz)[:, None, None] * _efficiency(sensor)
+        return Cycle(rates_hz, 1 / self.step_s)
 
 
 @cache
@@ -97,17 +107,17 @@ class Plate(Stimulus):
 
     speed_mm_s: float
 
-    def film(self, sensor: Sensor) -> tuple[float, Floats]:
-        """Return frame rate and detection rates."""
+    def film(self, sensor: Sensor) -> Cycle:
+        """Return the frames of a passage to and fro."""
         return _passing(self.speed_mm_s, sensor)
 
 
 @cache
-def _passing(speed_mm_s: float, sensor: Sensor) -> tuple[float, Floats]:
+def _passing(speed_mm_s: float, sensor: Sensor) -> Cycle:
     from megalopta.camera.motion_bench import FRAME_RATE_HZ, passing_rates
 
     as_lit = changed(sensor, exposure_s=1 / FRAME_RATE_HZ)
-    return FRAME_RATE_HZ, passing_rates(speed_mm_s, as_lit)
+    return Cycle(passing_rates(speed_mm_s, as_lit), FRAME_RATE_HZ)
 
 
 @dataclass(frozen=True)
@@ -118,10 +128,10 @@ class Rendered(Stimulus):
     lux: float | None = None
     """Light level; default: that of the rendering."""
 
-    def film(self, sensor: Sensor) -> tuple[float, Floats]:
-        """Return frame rate and detection rates; the dataset must be readable and large enough."""
+    def film(self, sensor: Sensor) -> Cycle:
+        """Return the frames of the dataset, which must be readable and large enough."""
         frame_rate_hz, frames, bands = _rendered(self)
-        return frame_rate_hz, detection_rate(frames, bands, sensor)
+        return Cycle(detection_rate(frames, bands, sensor), frame_rate_hz)
 
 
 @cache
@@ -232,7 +242,7 @@ class EmulatedCamera:
         gone = self._number % together
         numbers = np.arange(-gone, together - gone, dtype=np.float64)
         times_s = np.maximum(self._start_us + period_us * numbers, 0) * 1e-6
-        try:
+        with refused_as(f"sensor {sensor.name}, emulated"):
             samples = expose_adc(
                 self.stimulus.rates_hz(times_s, sensor),
                 sensor,
@@ -241,8 +251,6 @@ class EmulatedCamera:
                 first_frame=self._number - gone,
                 together=together,
             )[gone:]
-        except ValueError as problem:
-            raise UserError(f"sensor {sensor.name}, emulated: {problem}") from None
         samples[:, : settings.first_row] = NOT_READ
         samples[:, settings.end_row :] = NOT_READ
         return samples

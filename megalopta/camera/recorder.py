@@ -36,7 +36,7 @@ from megalopta.camera.recording import (
 )
 from megalopta.core import strict_yaml
 from megalopta.core.bounded import check_file
-from megalopta.core.errors import UserError
+from megalopta.core.errors import UserError, refused_as
 from megalopta.core.files import atomic_write, remove, sweep, write_text
 from megalopta.core.folders import locked
 from megalopta.core.format_numbers import written
@@ -332,10 +332,8 @@ def _in_place(folder: Path, sensor: str) -> tuple[Path, RecordingSettings]:
 def _settings(folder: Path) -> RecordingSettings:
     if not (folder / SETTINGS).exists():
         raise UserError(f"{folder}: no {SETTINGS} next to {RAW}; give the folder of a recording")
-    try:
+    with refused_as():
         return read_settings(folder)
-    except ValueError as problem:
-        raise UserError(str(problem)) from None
 
 
 def _frames_held(folder: Path) -> int:

@@ -23,7 +23,7 @@ from pydantic import AfterValidator, Field
 from megalopta.core import strict_yaml
 from megalopta.core.arrays import Floats
 from megalopta.core.bounded import printable, quoted, read_text
-from megalopta.core.errors import UserError
+from megalopta.core.errors import UserError, refused_as
 from megalopta.core.format_numbers import check_format
 from megalopta.core.progress import say
 from megalopta.core.record import Record
@@ -326,9 +326,9 @@ class RecordingFrames:
         return replace(self, counts=self.counts[part], codes=codes, times_s=self.times_s[part])
 
 
-def is_captured(source: Source) -> bool:
+def is_recording(path: Path) -> bool:
     """Return True for a recording of SPADCAM, which has codes of its ADC."""
-    return any((source.path / each).exists() for each in (COUNTS, RAW))
+    return any((path / each).exists() for each in (COUNTS, RAW))
 
 
 def read_recorded(source: Source) -> RecordingFrames:
@@ -336,14 +336,10 @@ def read_recorded(source: Source) -> RecordingFrames:
 
     Raises UserError if there is none, it is damaged, or its exposure is unknown.
     """
-    try:
-        recorded = _captured(source) if is_captured(source) else _of_others(source)
-    except (ValueError, OSError) as problem:
-        raise UserError(str(problem)) from problem
-    try:
+    with refused_as("", OSError):
+        recorded = _captured(source) if is_recording(source.path) else _of_others(source)
+    with refused_as(f"{source.path}"):
         return recorded.at(source.frames)
-    except ValueError as problem:
-        raise UserError(f"{source.path}: {problem}") from None
 
 
 def _captured(source: Source) -> RecordingFrames:

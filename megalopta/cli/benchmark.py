@@ -2,7 +2,7 @@
 
 import math
 from argparse import Namespace
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -87,14 +87,12 @@ _PHOTONS = option("--photons N,N", "mean photons per pixel and frame", numbers, 
     ),
     out_file("pairs.csv", "file of the errors"),
 )
-def _pairs(options: Namespace) -> None:
-    if options.no_truth:
-        _pairs_without_truth(options)
-        return
-    for name in ("reference", "unit"):
+def _pairs(options: Namespace) -> Path:
+    for name in () if options.no_truth else ("reference", "unit"):
         if getattr(options, name):
             raise UserError(f"benchmark pairs: --{name} needs --no-truth; add that, or omit it")
-    _pairs_with_truth(options)
+    (_pairs_without_truth if options.no_truth else _pairs_with_truth)(options)
+    return Path(options.out)
 
 
 def _pairs_with_truth(options: Namespace) -> None:
@@ -119,7 +117,6 @@ def _pairs_with_truth(options: Namespace) -> None:
         " 0–10, 10–40, 40+ px, and of visible and occluded ones, if there are any:"
     )
     _print_tables(errors, METRICS)
-    print(options.out)
 
 
 def _pairs_without_truth(options: Namespace) -> None:
@@ -146,7 +143,6 @@ def _pairs_without_truth(options: Namespace) -> None:
             "agree may share an error:"
         )
         _print_tables(found, {without_truth.FROM_OTHERS[MEAN]: METRICS[MEAN]})
-    print(options.out)
 
 
 def _methods_and_draws(options: Namespace, pairs: int) -> tuple[list[str] | None, int]:
@@ -198,13 +194,13 @@ def _cell(metric: str, found: "Interval") -> str:
     _PHOTONS,
     out("tuned.yaml", "file of the settings; those of other methods in it are kept"),
 )
-def _tune(options: Namespace) -> None:
+def _tune(options: Namespace) -> Iterator[object]:
     from megalopta.benchmark.tuning import write_tuned
 
     for flux, settings in write_tuned(options.out, options.method, options.photons).items():
         chosen = ", ".join(f"{name} {value}" for name, value in settings.items())
-        print(f"{flux:g} photons: {chosen}")
-    print(options.out)
+        yield f"{flux:g} photons: {chosen}"
+    yield options.out
 
 
 def _photon_settings() -> "VerbSettings":
@@ -234,7 +230,7 @@ def _photon_settings() -> "VerbSettings":
     ),
     example="megalopta benchmark photons out/night --methods BM DIS PF",
 )
-def _photons(options: Namespace) -> None:
+def _photons(options: Namespace) -> object:
     is_sweep = options.dataset.suffix in (".yaml", ".yml") and not options.dataset.is_dir()
     unused = ("redo",) if is_sweep else _OF_SWEEPS
     for name in unused:
@@ -242,20 +238,19 @@ def _photons(options: Namespace) -> None:
             kind = "a dataset" if is_sweep else "a sweep"
             raise UserError(f"benchmark photons: --{name.replace('_', '-')} is for {kind}; omit it")
     if is_sweep:
-        _run_sweep(options)
-    else:
-        run_later_stage("benchmark", options)
+        return _run_sweep(options)
+    run_later_stage("benchmark", options)
+    return None
 
 
-def _run_sweep(options: Namespace) -> None:
+def _run_sweep(options: Namespace) -> list[Path]:
     from megalopta.benchmark.trial import load_sweep
     from megalopta.reproduction.drawing import Means, reproduce_sweep
 
     path, out = options.dataset, options.out or Path("out/sweeps")
     sweep = load_sweep(path, options.overrides, options.allow_code)
     means = Means(options.workers, options.cache, options.scheduler)
-    for written in reproduce_sweep(path.stem, sweep, out, means):
-        print(written)
+    return reproduce_sweep(path.stem, sweep, out, means)
 
 
 @verb(
@@ -266,10 +261,10 @@ def _run_sweep(options: Namespace) -> None:
     settings=settings_loader("benchmark.ranking_settings", "RankingSettings"),
     example="megalopta benchmark sequence out/night --methods BM DIS PF --fluxes 1e4 1e6",
 )
-def _sequence(options: Namespace) -> None:
+def _sequence(options: Namespace) -> Path:
     from megalopta.benchmark.ranking_run import run_ranking
 
-    print(run_ranking(options.dataset, options.out, options.overrides))
+    return run_ranking(options.dataset, options.out, options.overrides)
 
 
 @verb(
@@ -291,7 +286,7 @@ def _sequence(options: Namespace) -> None:
     option("--leaderboard FILE", "add the scores to this file and show it", Path),
     out_file("scores.json", "file of the scores"),
 )
-def _submit(options: Namespace) -> None:
+def _submit(options: Namespace) -> Iterator[Path]:
     from rich.console import Console
 
     from megalopta.benchmark.scores import (
@@ -309,11 +304,11 @@ def _submit(options: Namespace) -> None:
     files.write_text(options.out, scores.model_dump_json(indent=1) + "\n")
     console = Console(width=_WIDTH, markup=False, emoji=False)
     console.print(score_table(scores))
-    print(options.out)
+    yield options.out
     if options.leaderboard:
         entries = add_entries(options.leaderboard, scores.overall)
         console.print(board_table(entries, scores.entries[0].truth_hash))
-        print(options.leaderboard)
+        yield options.leaderboard
 
 
 @verb(
@@ -335,7 +330,7 @@ def _submit(options: Namespace) -> None:
     example="megalopta design array-12x4 --error 0.1px --light-levels full_moon starlight "
     "--f-number 1 1.4 2",
 )
-def _design(options: Namespace) -> None:
+def _design(options: Namespace) -> Path:
     from rich.console import Console
     from rich.table import Table
 
@@ -349,4 +344,4 @@ def _design(options: Namespace) -> None:
     for row in found.rows:
         table.add_row(*table_cells(found, row))
     Console(width=120, markup=False).print(table)
-    print(write_design(options.out, found))
+    return write_design(options.out, found)

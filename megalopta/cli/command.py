@@ -26,7 +26,8 @@ if TYPE_CHECKING:
     from megalopta.config.settings import VerbSettings, Words
 
 Chosen = TypeVar("Chosen", bound=Any)
-Run: TypeAlias = Callable[[argparse.Namespace], None]
+Run: TypeAlias = Callable[[argparse.Namespace], object]
+"""Action of a verb; it returns, or yields, what is printed: text and the paths of what it wrote."""
 Option: TypeAlias = tuple[str, Mapping[str, Any]]
 """Arguments of `argparse.ArgumentParser.add_argument`."""
 

@@ -40,7 +40,7 @@ VERBS["dataset"] = Verb("make, check and show a dataset of many sequences")
     ),
     example="megalopta dataset make plan.yaml --out data --workers 2",
 )
-def _make(options: Namespace) -> None:
+def _make(options: Namespace) -> Path | None:
     from megalopta.config.recipe import load_plan
     from megalopta.generation.dry_run import dry_run
     from megalopta.generation.making import make, parse_indices
@@ -51,16 +51,10 @@ def _make(options: Namespace) -> None:
     only = parse_indices(options.only, plan.sequences) if options.only else None
     if options.dry_run:
         dry_run(options.out, plan, options.workers or 1, only)
-        return
-    make(
-        options.out,
-        plan,
-        only=only,
-        workers=options.workers,
-        scheduler=options.scheduler,
-        retry=options.retry,
-    )
-    print(options.out)
+        return None
+    where = {"workers": options.workers, "scheduler": options.scheduler}
+    make(options.out, plan, only=only, retry=options.retry, **where)
+    return Path(options.out)
 
 
 @verb(
@@ -71,12 +65,11 @@ def _make(options: Namespace) -> None:
     settings=settings_loader("generation.adding", "Exposing"),
     example="megalopta dataset expose data --sensors ideal --light-levels 0.01",
 )
-def _expose(options: Namespace) -> None:
+def _expose(options: Namespace) -> Path:
     from megalopta.generation.adding import add_exposures
 
-    print(
-        add_exposures(options.dataset, options.overrides, options.workers, options.scheduler).root
-    )
+    where = options.workers, options.scheduler
+    return add_exposures(options.dataset, options.overrides, *where).root
 
 
 @verb(
@@ -95,10 +88,10 @@ def _check(options: Namespace) -> None:
 @verb(
     "dataset card", "write README.md: contents of a dataset, with statistics and pictures", DATASET
 )
-def _card(options: Namespace) -> None:
+def _card(options: Namespace) -> Path:
     from megalopta.report.dataset_card import write_card
 
-    print(write_card(options.dataset))
+    return write_card(options.dataset)
 
 
 @verb(
@@ -107,7 +100,7 @@ def _card(options: Namespace) -> None:
     DATASET,
     option("--sequences N", "sequences to show, evenly spaced", at_least(1), 24),
 )
-def _view(options: Namespace) -> None:
+def _view(options: Namespace) -> Path:
     from megalopta.report.dataset_card import write_contact_sheet
 
-    print(write_contact_sheet(options.dataset, options.sequences))
+    return write_contact_sheet(options.dataset, options.sequences)

@@ -10,7 +10,7 @@ import gc
 import os
 import sys
 from argparse import Namespace
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from difflib import get_close_matches
 from importlib import import_module
 from io import TextIOWrapper
@@ -114,7 +114,10 @@ def _run(arguments: Sequence[str]) -> None:
     own, overrides = split_overrides(arguments, {*parser.options, *command.options}, command.takes)
     options = parser.parse_args(own, Namespace(overrides=overrides))
     with working(options.verb):
-        options.run(options)
+        made = options.run(options)
+        for each in made if isinstance(made, list | tuple | Iterator) else [made]:
+            if each is not None:
+                print(each)
 
 
 RENAMED = {"sweep": "benchmark photons"}

@@ -2,6 +2,7 @@
 
 import sys
 from argparse import Namespace
+from collections.abc import Iterator
 from pathlib import Path
 
 from megalopta.cli.command import (
@@ -16,15 +17,15 @@ from megalopta.cli.command import (
     switch,
     verb,
 )
-from megalopta.core.errors import UserError
+from megalopta.core.errors import UserError, refused_as
 from megalopta.verification import GROUPS
 
 
 @verb("info", "show versions, the rendering variant and what would make it faster")
-def _info(options: Namespace) -> None:
+def _info(options: Namespace) -> str:
     from megalopta.generation.versions import describe
 
-    print(describe())
+    return describe()
 
 
 @verb(
@@ -33,17 +34,17 @@ def _info(options: Namespace) -> None:
     "and index.html",
     DATASET,
 )
-def _report(options: Namespace) -> None:
+def _report(options: Namespace) -> Iterator[Path]:
     from megalopta.dataset.layout import is_of_many
     from megalopta.dataset.store import open_sequence
     from megalopta.report.dataset_card import SHOWN, write_card, write_contact_sheet
     from megalopta.report.page import write_report
 
     if is_of_many(options.dataset):
-        print(write_card(options.dataset))
-        print(write_contact_sheet(options.dataset, SHOWN))
+        yield write_card(options.dataset)
+        yield write_contact_sheet(options.dataset, SHOWN)
     else:
-        print(write_report(open_sequence(options.dataset)))
+        yield write_report(open_sequence(options.dataset))
 
 
 @verb(
@@ -87,12 +88,11 @@ def _report(options: Namespace) -> None:
         dest="with_rerun",
     ),
 )
-def _view(options: Namespace) -> None:
+def _view(options: Namespace) -> list[Path]:
     from megalopta.report.view import ViewOptions, view
 
     folder = options.out or Path("out/view") / options.thing.resolve().stem
-    for path in view(options.thing, folder, chosen(options, ViewOptions)):
-        print(path)
+    return view(options.thing, folder, chosen(options, ViewOptions))
 
 
 @verb(
@@ -103,12 +103,11 @@ def _view(options: Namespace) -> None:
     switch("--quick", "draw Chapter 4 coarsely, in seconds"),
     *THREADS,
 )
-def _reproduce(options: Namespace) -> None:
+def _reproduce(options: Namespace) -> list[Path]:
     from megalopta.reproduction.drawing import Means, reproduce
 
     means = Means(options.workers, options.cache, options.scheduler)
-    for path in reproduce(options.figures, options.out, options.quick, means):
-        print(path)
+    return reproduce(options.figures, options.out, options.quick, means)
 
 
 @verb(
@@ -124,23 +123,19 @@ def _reproduce(options: Namespace) -> None:
     ),
     out("out/gallery"),
 )
-def _gallery(options: Namespace) -> None:
+def _gallery(options: Namespace) -> Path | list[Path]:
     from megalopta.report.gallery import write_gallery, write_statistics, write_views
 
     if options.views and options.statistics:
         raise UserError("gallery: --views and --statistics exclude each other; give one")
     if options.panorama and not (options.views or options.statistics):
         raise UserError("gallery: --panorama needs --views or --statistics; add one")
-    try:
+    with refused_as():  # not a panorama
         if options.views:
-            print(write_views(options.out, options.panorama))
-        elif options.statistics:
-            photographs = [options.panorama] if options.panorama else []
-            print(*write_statistics(options.out, photographs), sep="\n")
-        else:
-            print(write_gallery(options.out))
-    except ValueError as problem:  # not a panorama
-        raise UserError(str(problem)) from None
+            return write_views(options.out, options.panorama)
+        if options.statistics:
+            return write_statistics(options.out, [options.panorama] if options.panorama else [])
+        return write_gallery(options.out)
 
 
 @verb(
@@ -159,24 +154,22 @@ def _gallery(options: Namespace) -> None:
     ),
     option("--page FILE", "captures: file of the page with pictures", Path),
 )
-def _check(options: Namespace) -> None:
+def _check(options: Namespace) -> Path | None:
     if options.what == "captures":
-        _check_captures([Path(each) for each in options.subjects], options.page)
-        return
+        return _check_captures([Path(each) for each in options.subjects], options.page)
     if options.page:
         raise UserError(f"check {options.what}: --page is for captures; omit it")
     if not _passes(options.what, options.subjects):
         sys.exit(1)
+    return None
 
 
-def _check_captures(paths: list[Path], page: Path | None) -> None:
+def _check_captures(paths: list[Path], page: Path | None) -> Path | None:
     from megalopta.verification.captures import check_captures, print_captures, write_captures_page
 
     found = check_captures(paths)
     print_captures(found)
-    if page:
-        write_captures_page(page, found)
-        print(page)
+    return write_captures_page(page, found) if page else None
 
 
 def _passes(what: str, subjects: list[str]) -> bool:

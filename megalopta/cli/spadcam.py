@@ -1,6 +1,7 @@
 """`megalopta spadcam`: record, calibrate, compare and emulate the camera."""
 
 from argparse import Namespace
+from collections.abc import Iterator
 from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -26,8 +27,7 @@ from megalopta.core.errors import UserError
 from megalopta.core.progress import say
 
 if TYPE_CHECKING:
-    from megalopta.camera.emulated import Faults, Stimulus
-    from megalopta.sensor import Sensor
+    from megalopta.camera.emulated import Stimulus
 
 _FAULTS = {
     "noise": "probability that a bit of a byte is flipped",
@@ -59,11 +59,10 @@ VERBS["spadcam"] = Verb("record, calibrate and emulate the camera SPADCAM")
 
 
 @verb("spadcam list", "list USB serial ports, and whether they can be opened")
-def _list(options: Namespace) -> None:
+def _list(options: Namespace) -> list[str]:
     from megalopta.camera.link import port_lines
 
-    lines = list(port_lines())
-    print("\n".join(lines) or "no USB serial port; plug the camera in")
+    return list(port_lines()) or ["no USB serial port; plug the camera in"]
 
 
 @verb(
@@ -90,7 +89,7 @@ def _list(options: Namespace) -> None:
     ),
     option("--sensor", "preset or YAML file with the counters' nominal step", default="spadcam"),
 )
-def _capture(options: Namespace) -> None:
+def _capture(options: Namespace) -> str:
     from megalopta.camera.camera_settings import CaptureSettings, named_sensor
     from megalopta.camera.capturing import capture, recorded_line, viewing
     from megalopta.camera.link import find_port
@@ -106,7 +105,7 @@ def _capture(options: Namespace) -> None:
         record = capture(
             find, out, chosen(options, CaptureSettings), stop, show, wait_s=options.wait
         )
-    print(recorded_line(out, record))
+    return recorded_line(out, record)
 
 
 @verb(
@@ -121,11 +120,11 @@ def _capture(options: Namespace) -> None:
         default="spadcam",
     ),
 )
-def _recover(options: Namespace) -> None:
+def _recover(options: Namespace) -> str:
     from megalopta.camera.capturing import recorded_line
     from megalopta.camera.recorder import recover
 
-    print(recorded_line(*recover(options.raw, options.out, options.sensor)))
+    return recorded_line(*recover(options.raw, options.out, options.sensor))
 
 
 @verb(
@@ -136,21 +135,21 @@ def _recover(options: Namespace) -> None:
     out("device.yaml", "device file"),
     option("--preset", "sensor for what is not measured", default="spadcam"),
 )
-def _calibrate(options: Namespace) -> None:
+def _calibrate(options: Namespace) -> Iterator[object]:
     from megalopta.camera.calibrating import calibrate_recordings, named_sources
     from megalopta.camera.recording import Beam
 
     if all(each.endswith(".csv") for each in options.recordings):
-        _calibrate_tables([Path(each) for each in options.recordings], options)
+        yield from _calibrate_tables([Path(each) for each in options.recordings], options)
         return
     sources = named_sources(options.recordings)
     beam = Beam(options.wavelength_nm, options.beam_area_mm2)
-    print(calibrate_recordings(sources, options.out, beam=beam, base=options.preset))
-    print(options.out)
-    print(options.out.with_suffix(".html"))
+    yield calibrate_recordings(sources, options.out, beam=beam, base=options.preset)
+    yield options.out
+    yield options.out.with_suffix(".html")
 
 
-def _calibrate_tables(paths: list[Path], options: Namespace) -> None:
+def _calibrate_tables(paths: list[Path], options: Namespace) -> Iterator[object]:
     from megalopta.camera.device_files import write_array_device
     from megalopta.core.errors import refused_as
     from megalopta.verification.capture_files import read_measurement
@@ -158,8 +157,8 @@ def _calibrate_tables(paths: list[Path], options: Namespace) -> None:
     with refused_as("calibrate"):
         tables = [read_measurement(path) for path in paths]
         source = f"calibrated from {', '.join(path.name for path in paths)}"
-        print(write_array_device(options.out, tables, options.preset, source))
-    print(options.out)
+        yield write_array_device(options.out, tables, options.preset, source)
+    yield options.out
 
 
 @verb(
@@ -189,15 +188,14 @@ def _calibrate_tables(paths: list[Path], options: Namespace) -> None:
     ),
     out_file("comparison.html", "page"),
 )
-def _compare(options: Namespace) -> None:
+def _compare(options: Namespace) -> tuple[str, Path]:
     from megalopta.camera.device_comparison import CompareSettings, compare_captured
     from megalopta.camera.recording import Beam, Source
 
     sources = [Source.parse(text, options.format) for text in options.recordings]
     beam = Beam(options.wavelength_nm, options.beam_area_mm2)
     asked = CompareSettings(options.scene, beam, options.margin, options.seed, options.own_light)
-    print(compare_captured(sources, options.device, options.out, asked))
-    print(options.out)
+    return compare_captured(sources, options.device, options.out, asked), options.out
 
 
 @verb(
@@ -219,15 +217,12 @@ def _compare(options: Namespace) -> None:
     ),
     out("out/plate"),
 )
-def _figures(options: Namespace) -> None:
+def _figures(options: Namespace) -> Iterator[Path]:
     from megalopta.camera.recording import Source
-    from megalopta.reproduction.chapter2_captured import reproduce_captured
+    from megalopta.reproduction.chapter2_edge import reproduce_captured
 
     sources = [Source.parse(text) for text in options.recordings]
-    for path in reproduce_captured(
-        sources, options.out, options.device, own_light=options.own_light
-    ):
-        print(path)
+    return reproduce_captured(sources, options.out, options.device, own_light=options.own_light)
 
 
 @verb(
@@ -248,7 +243,7 @@ def _figures(options: Namespace) -> None:
     option("--window-ns", "largest time between coincident events, ns", positive, 25.0),
     out("tags"),
 )
-def _tags(options: Namespace) -> None:
+def _tags(options: Namespace) -> list[Path]:
     from megalopta.core.errors import refused_as
     from megalopta.sensor.formats.time_tags import read_linospad2, read_time_tags
     from megalopta.verification.capture_files import write_measurements
@@ -259,8 +254,7 @@ def _tags(options: Namespace) -> None:
         tags = read_time_tags(options.tags)
     columns = options.columns or tags.channels
     with refused_as("spadcam tags"):
-        for path in write_measurements(options.out, tags, columns, 1e-9 * options.window_ns):
-            print(path)
+        return write_measurements(options.out, tags, columns, 1e-9 * options.window_ns)
 
 
 @verb(
@@ -289,10 +283,16 @@ def _tags(options: Namespace) -> None:
     *(option(f"--{name.replace('_', '-')}", text, type=finite) for name, text in _FAULTS.items()),
 )
 def _emulate(options: Namespace) -> None:
-    from megalopta.camera.emulated import EmulatedCamera, EmulatedPort
+    from megalopta.camera.camera_settings import named_sensor
+    from megalopta.camera.emulated import EmulatedCamera, EmulatedPort, Faults
+    from megalopta.sensor import changed
 
-    faults = _faults(options)
-    camera = EmulatedCamera(_sensor(options), _stimulus(options), options.seed, options.serial)
+    faults = chosen(options, Faults)
+    faults.check()
+    sensor = named_sensor(options.sensor)
+    if options.device_seed is not None:
+        sensor = changed(sensor, device_seed=options.device_seed)
+    camera = EmulatedCamera(sensor, _stimulus(options), options.seed, options.serial)
     port = EmulatedPort(
         camera, faults, options.link, lambda path: print(options.link or path, flush=True)
     )
@@ -301,24 +301,6 @@ def _emulate(options: Namespace) -> None:
         f"emulate: stopped; {port.dropped} packets were dropped because nothing read them in"
         " time; a capture counts as missing only those between its first and last frame"
     )
-
-
-def _faults(options: Namespace) -> "Faults":
-    from megalopta.camera.emulated import Faults
-
-    faults = chosen(options, Faults)
-    faults.check()
-    return faults
-
-
-def _sensor(options: Namespace) -> "Sensor":
-    from megalopta.camera.camera_settings import named_sensor
-    from megalopta.sensor import changed
-
-    sensor = named_sensor(options.sensor)
-    if options.device_seed is None:
-        return sensor
-    return changed(sensor, device_seed=options.device_seed)
 
 
 def _stimulus(options: Namespace) -> "Stimulus":

@@ -104,24 +104,24 @@ def settings_of_stage(stage: str, *others: "type[BaseModel]") -> "VerbSettings":
     ),
     example="megalopta render demo --out out/night --light.level full_moon --scene.trees 300",
 )
-def _render(options: Namespace) -> None:
+def _render(options: Namespace) -> str | None:
     from megalopta.dataset.layout import is_of_many
 
     if options.configuration and is_of_many(Path(options.configuration)):
         _make_what_is_missing(options)
-        return
+        return None
     if options.dry_run:
         from megalopta.generation.dry_run import dry_run_of_frames
 
         if not (settings := _configuration(options)).scene.has_truth:
             raise UserError("--dry-run: pictures are not rendered, only copied; omit it")
-        print(dry_run_of_frames(options.out, settings))
-        return
+        return dry_run_of_frames(options.out, settings)
     from megalopta.stages.pipeline import run_stage
     from megalopta.stages.redo import finish_move
 
     finish_move(options.out)  # which may be the configuration, too
     run_stage(options.out, _configuration(options), "render", options.redo)
+    return None
 
 
 @verb(
@@ -136,7 +136,7 @@ def _render(options: Namespace) -> None:
     ),
     example="megalopta demo --quick --out out/quick",
 )
-def _demo(options: Namespace) -> None:
+def _demo(options: Namespace) -> Path:
     if options.quick:
         if options.configuration not in (None, "demo"):
             raise UserError(f"--quick: {options.configuration} has no quick form; omit one of them")
@@ -152,12 +152,16 @@ def _demo(options: Namespace) -> None:
     if any(METHODS[name].gives == "velocity" for name in dataset.configuration.methods):
         ranked = _RANKED | (_QUICKLY_RANKED if options.quick else {})
         run_ranking(dataset.root, dataset.root / FOLDER, ranked)
-    print(write_report(dataset))
+    return write_report(dataset)
 
 
 def run_later_stage(stage: str, options: Namespace) -> None:
     """Run a stage on the dataset that the options name, of one sequence or of many."""
+    from megalopta.config.model import parse
+    from megalopta.config.yaml_model import to_yaml
     from megalopta.dataset.layout import is_of_many
+    from megalopta.stages.pipeline import run_stage
+    from megalopta.stages.redo import open_dataset_whole
 
     if is_of_many(options.dataset):
         _run_on_many(stage, options)
@@ -165,7 +169,9 @@ def run_later_stage(stage: str, options: Namespace) -> None:
     if options.workers or options.scheduler:
         given = "--workers" if options.workers else "--scheduler"
         raise UserError(f"{options.dataset}: a dataset of one sequence; omit {given}")
-    _run_on_one(stage, options)
+    stored = to_yaml(open_dataset_whole(options.dataset).configuration)
+    changed = parse(stored, str(options.dataset), options.overrides)
+    run_stage(options.dataset, changed, stage, options.redo)
 
 
 verb(
@@ -228,7 +234,7 @@ _OF_PICTURES = (
     ),
     example="megalopta sense clip.mp4 --photons 2    # then: megalopta view out/clip",
 )
-def _sense(options: Namespace) -> None:
+def _sense(options: Namespace) -> Path | None:
     from megalopta.render import is_footage
 
     fields = (how.get("dest", name[2:]) for name, how in _OF_PICTURES)
@@ -241,11 +247,11 @@ def _sense(options: Namespace) -> None:
             raise UserError(f"--{name}: for pictures, and {options.input} is a dataset; omit it")
         options.dataset = options.input
         run_later_stage("sense", options)
-        return
-    _sense_pictures(options, given)
+        return None
+    return _sense_pictures(options, given)
 
 
-def _sense_pictures(options: Namespace, given: Mapping[str, Any]) -> None:
+def _sense_pictures(options: Namespace, given: Mapping[str, Any]) -> Path:
     if options.workers or options.scheduler:
         raise UserError(f"{options.input}: pictures are one sequence; omit --workers")
     from megalopta.stages.importing import PictureOptions, pictures_configuration, usual_folder
@@ -258,7 +264,7 @@ def _sense_pictures(options: Namespace, given: Mapping[str, Any]) -> None:
     for stage in ("render", "sense"):
         run_stage(root, settings, stage, options.redo)
     say(f"see them with: megalopta view {root}")
-    print(root)
+    return Path(root)
 
 
 def _configuration(options: Namespace) -> "Configuration":
@@ -304,17 +310,6 @@ def _run_on_many(stage: str, options: Namespace) -> None:
         add_exposures(root, options.overrides, *where)
 
 
-def _run_on_one(stage: str, options: Namespace) -> None:
-    from megalopta.config.model import parse
-    from megalopta.config.yaml_model import to_yaml
-    from megalopta.stages.pipeline import run_stage
-    from megalopta.stages.redo import open_dataset_whole
-
-    stored = to_yaml(open_dataset_whole(options.dataset).configuration)
-    changed = parse(stored, str(options.dataset), options.overrides)
-    run_stage(options.dataset, changed, stage, options.redo)
-
-
 VERBS["scene"] = Verb("export a scene")
 
 
@@ -328,7 +323,7 @@ VERBS["scene"] = Verb("export a scene")
     often=("scene.kind", "light.level", "camera.width", "camera.height", "render.bands_nm"),
     example="megalopta scene export demo --out out/scene --frame 3",
 )
-def _export(options: Namespace) -> None:
+def _export(options: Namespace) -> Path:
     from megalopta.config.model import load
     from megalopta.core import files
     from megalopta.render import export_scene
@@ -345,9 +340,7 @@ def _export(options: Namespace) -> None:
     if options.out.suffix.lower() == ".glb":
         with files.atomic_write(options.out) as temporary:
             temporary.write_bytes(glb_of(scene, float(time_s)))
-        print(options.out)
-        return
+        return Path(options.out)
+    how, at_s = (settings.camera, settings.render, pose), float(time_s)
     with refused_as("scene export"):
-        print(
-            export_scene(scene, settings.camera, settings.render, pose, options.out, float(time_s))
-        )
+        return export_scene(scene, *how, options.out, at_s)

@@ -1,4 +1,4 @@
-"""Array types by content, arrays from files, and spread. Every folder may import this module."""
+"""Types of arrays, arrays from files, spread, look-up. Every folder may import this module."""
 
 import io
 from typing import Any
@@ -32,3 +32,20 @@ def mean_and_variance(frames: NDArray[Any]) -> tuple[Floats, Floats]:
     for each in frames:
         squares += np.square(each - mean)
     return mean, squares / (len(frames) - 1)
+
+
+def bilinear(picture: NDArray[Any], x: NDArray[Any], y: NDArray[Any]) -> NDArray[Any]:
+    """Values (..., C) of a picture (H, W) or (H, W, C), which repeats, at columns and rows (...).
+
+    0 is the center of the first pixel.
+    """
+    image = picture.reshape(*picture.shape[:2], -1)
+    rows, columns = image.shape[:2]
+    left, top = np.floor(x).astype(np.int64), np.floor(y).astype(np.int64)
+    right, down = (x - left)[..., None], (y - top)[..., None]
+    across = left % columns, (left + 1) % columns
+    upper, lower = (
+        (1 - right) * image[row, across[0]] + right * image[row, across[1]]
+        for row in (top % rows, (top + 1) % rows)
+    )
+    return np.asarray((1 - down) * upper + down * lower)

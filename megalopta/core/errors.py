@@ -47,12 +47,16 @@ class DamagedFileError(UserError, ValueError):
 
 
 @contextmanager
-def refused_as(what: str) -> Iterator[None]:
-    """Raise a ValueError of the work inside as UserError, "what: problem"."""
+def refused_as(what: str = "", *kinds: type[Exception]) -> Iterator[None]:
+    """Raise a ValueError of the work inside, or another of these kinds, as UserError.
+
+    Its message is "what: problem", or the problem alone.
+    """
+    refused: tuple[type[Exception], ...] = ValueError, *kinds
     try:
         yield
-    except ValueError as problem:
-        raise UserError(f"{what}: {problem}") from None
+    except refused as problem:
+        raise UserError(f"{what}: {problem}" if what else str(problem)) from problem
 
 
 def machine_problem(error: OSError) -> str | None:

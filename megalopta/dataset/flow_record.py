@@ -1,5 +1,7 @@
 """Content of flow.json: errors of one method on one sensor at one light level."""
 
+import math
+
 from pydantic import BaseModel, FiniteFloat, NonNegativeInt
 
 Number = FiniteFloat | None
@@ -93,3 +95,9 @@ class FlowRecord(_Record, frozen=True):
     truth_splits: SplitErrors | None = None
     rotation: RotationErrors | None = None
     """Errors of direction detectors, if the camera turns"""
+
+    @property
+    def median_error(self) -> float:
+        """Median error of blocks relative to the true velocity; infinite if unknown."""
+        error = self.truth.counts.relative_error_median if self.truth else None
+        return math.inf if error is None else error

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined, Template
-from markupsafe import Markup, escape
+from markupsafe import Markup
 
 from megalopta.core.files import write_text
 
@@ -97,20 +97,22 @@ def _cell(tag: str, text: str, scope: str = "") -> Markup:
 
 
 def write_sections(
-    path: Path, title: str, summary: str, sections: Sequence[Section], **parts: Any
-) -> None:
-    """Write a page atomically.
+    path: Path, title: str, summary: str, sections: Iterable[Section | None], **parts: Any
+) -> Path:
+    """Write a page atomically; return its path.
 
     Further parts are `header`, HTML below the summary, `footer`, and the `film` with a slider
     (`megalopta.report.source.Report.film`).
     """
     write_text(path, page_of(title, summary, sections, **parts))
+    return path
 
 
-def page_of(title: str, summary: str, sections: Sequence[Section], **parts: Any) -> str:
-    """Return a page as HTML; text that is not marked as safe is escaped."""
+def page_of(title: str, summary: str, sections: Iterable[Section | None], **parts: Any) -> str:
+    """Return a page as HTML; text that is not marked as safe is escaped, None skipped."""
     values = {"header": "", "footer": "", "film": None, **parts}
-    return _template().render(title=title, summary=escape(summary), sections=sections, **values)
+    shown = [each for each in sections if each]
+    return _template().render(title=title, summary=summary, sections=shown, **values)
 
 
 @cache

@@ -141,10 +141,10 @@ def draw_interval(
     axes.errorbar(x, middle, (middle - low, high - middle), **style)
 
 
-def draw_key(axes: Axes, entries: Iterable[tuple[str, str, str]], color: str = BLACK) -> None:
+def draw_key(axes: Axes, entries: Iterable[tuple[str, str, str]]) -> None:
     """Add entries to a legend without drawn lines: marker, face color and text of each."""
     for marker, face, text in entries:
-        axes.plot([], [], marker, color=color, markerfacecolor=face, label=text)
+        axes.plot([], [], marker, color=BLACK, markerfacecolor=face, label=text)
 
 
 def legend_alone(axes: Axes, labeled: Axes, **style: Any) -> None:

@@ -16,6 +16,7 @@ from matplotlib.ticker import FuncFormatter, NullLocator, ScalarFormatter
 
 from megalopta.core.arrays import Floats
 from megalopta.plotting.style import BLACK, GRAY, RULE, house_style
+from megalopta.plotting.text import short
 
 _THEMED = {BLACK: "currentColor", RULE: "var(--rule)"}
 _POINTS_PER_INCH = 72
@@ -27,6 +28,9 @@ _LEAST_PX_PER_PT = 0.75
 _MAP, _BAR = (0.1, 0.13, 0.68, 0.78), (0.8, 0.17, 0.025, 0.7)
 """Left, bottom, width and height in the picture; constants are faster than a layout."""
 
+NUMBERS = FuncFormatter(lambda value, _: short(value))
+"""Labels of a logarithmic axis"""
+
 in_style = house_style({"svg.fonttype": "none", "axes.grid": False})
 """Decorator: draw in the page's style, lines and markers included."""
 
@@ -34,6 +38,16 @@ in_style = house_style({"svg.fonttype": "none", "axes.grid": False})
 def themed(color: str) -> str:
     """Return a style-sheet color for a color of the house style."""
     return _THEMED.get(color, color)
+
+
+def drawable(values: Floats) -> Floats:
+    """Return the values that a logarithmic axis can show, with gaps elsewhere."""
+    return np.where(values > 0, values, np.nan)
+
+
+def verbatim(text: str) -> str:
+    """Escape text for matplotlib, dollar signs included."""
+    return text.replace("$", r"\$")
 
 
 def new_axes(width_pt: float, height_pt: float) -> tuple[Figure, Axes]:

@@ -33,8 +33,8 @@ from megalopta.plotting.sections import Section, block, captioned, image, write_
 from megalopta.plotting.style import BLUE, house_style
 from megalopta.plotting.text import level_name, number
 from megalopta.report.film import gif_uri
-from megalopta.report.images import write_sheet
-from megalopta.report.seen import Panel, fastest_of, flow_panel, readings_panel
+from megalopta.report.images import fastest_of, write_sheet
+from megalopta.report.seen import Panel, flow_panel, readings_panel
 from megalopta.report.seen_sequence import (
     depth_panel,
     exposure_readings,
@@ -65,9 +65,7 @@ def write_contact_sheet(root: Path, most: int, folder: Path | None = None) -> Pa
             sections.append(_section(dataset[name]))
             advance()
     summary = f"{len(names)} of {len(dataset)} sequences; each clip repeats the first frames."
-    path = (folder or root) / "index.html"
-    write_sections(path, root.resolve().name, summary, sections)
-    return path
+    return write_sections((folder or root) / "index.html", root.resolve().name, summary, sections)
 
 
 def _section(sequence: Sequence) -> Section:

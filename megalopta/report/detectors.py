@@ -42,8 +42,7 @@ from megalopta.plotting.text import (
 )
 from megalopta.report.images import ColorScale, data_uri, gray_scale, map_scale, still, wheel
 from megalopta.report.motion_section import mixed_share
-from megalopta.report.remarks import absent, key, rendering
-from megalopta.report.source import Report
+from megalopta.report.source import Report, absent, key, rendering
 from megalopta.sensor import ImageSensor, StoredFrames
 from megalopta.stages.correction import open_corrected
 from megalopta.stages.flow import responses_path
@@ -131,7 +130,7 @@ def split_table(records: Sequence[FlowRecord]) -> Markup:
     measured = [each for each in records if each.truth_splits]
     if not measured:
         return Markup("")
-    best, _ = _key(min(measured, key=_median_error))
+    best, _ = _key(min(measured, key=lambda each: each.median_error))
     splits = {
         each.method: dict(each.truth_splits)
         for each in measured
@@ -160,12 +159,6 @@ def rotation_table(records: Sequence[FlowRecord]) -> Markup:
 
 def _key(record: FlowRecord) -> tuple[str, str]:
     return f"{record.sensor}, {level_name(record.level)}", record.method
-
-
-def _median_error(record: FlowRecord) -> float:
-    """Return the median error of blocks relative to the true velocity."""
-    error = record.truth.counts.relative_error_median if record.truth else None
-    return math.inf if error is None else error
 
 
 def _yaw(rotation: RotationErrors) -> str:

@@ -86,13 +86,10 @@ def write_gallery(
 ) -> Path:
     """Render the gallery into a folder; return its page, gallery.html, next to gallery.png."""
     with progress("Rendering the gallery", len(scenes) * len(LEVELS), "view") as advance:
-        cells = []
-        for name, parts in scenes.items():
-            cells += [list(cells_of(name, parts, samples_per_pixel, advance))]
+        cells = [[*cells_of(*each, samples_per_pixel, advance)] for each in scenes.items()]
     out.mkdir(parents=True, exist_ok=True)
     write_sheet(out / "gallery.png", [row for each in cells for row in _rows(each)])
-    _write_page(out / "gallery.html", cells)
-    return out / "gallery.html"
+    return _write_page(out / "gallery.html", cells)
 
 
 def configured(kind: str, parts: Parts, samples_per_pixel: int | None, name: str) -> Configuration:
@@ -156,8 +153,8 @@ def _counts(
     return np.asarray(exposure.counts[0])
 
 
-def _write_page(path: Path, scenes: Sequence[Sequence[LitScene]]) -> None:
-    """Write all cells as one page, a section per scene."""
+def _write_page(path: Path, scenes: Sequence[Sequence[LitScene]]) -> Path:
+    """Write all cells as one page, a section per scene; return its path."""
     exposure_s = _DATA["_scene"]["sensors"][0]["exposure_s"]
     sections = []
     for own in scenes:
@@ -171,7 +168,7 @@ def _write_page(path: Path, scenes: Sequence[Sequence[LitScene]]) -> None:
         f"Below: counts of an ideal sensor in {1e3 * exposure_s:g} ms, from black (no photon) to "
         "white (the brightest 1 % of pixels)."
     )
-    write_sections(path, "Scenes and lights", summary, sections)
+    return write_sections(path, "Scenes and lights", summary, sections)
 
 
 def _both(cell: LitScene) -> Markup:
@@ -184,13 +181,12 @@ def _both(cell: LitScene) -> Markup:
 def _rows(cells: Sequence[LitScene]) -> Iterator[list[tuple[str, Image.Image]]]:
     """Yield two rows of the sheet for a scene: its views, and their counts."""
     height, width = cells[0].view.shape[:2]
-    size, row = (_WIDTH, round(_WIDTH * height / width)), []
+    size = _WIDTH, round(_WIDTH * height / width)
     yield [(each.light, Image.fromarray(each.view).resize(size)) for each in cells]
-    for each in cells:
-        counts = gray_counts(each.counts).convert("RGB").resize(size, Image.Resampling.BOX)
-        title = f"{each.scene}: {each.photons.removesuffix(' per pixel')}"
-        row.append((title, counts))
-    yield row
+    titles = (f"{each.scene}: {each.photons.removesuffix(' per pixel')}" for each in cells)
+    counts = (gray_counts(each.counts).convert("RGB") for each in cells)
+    shown = (each.resize(size, Image.Resampling.BOX) for each in counts)
+    yield list(zip(titles, shown, strict=True))
 
 
 _SUMMARY = (
@@ -231,9 +227,8 @@ def write_views(
     out.mkdir(parents=True, exist_ok=True)
     write_sheet(out / "views.jpg", [pictures[at : at + 2] for at in range(0, len(pictures), 2)])
     shown = tuple(captioned(image(data_uri(each), title), title) for title, each in pictures)
-    section = Section("Views", charts=shown)
-    write_sections(out / "views.html", "Forests under natural skies", _SUMMARY, [section])
-    return out / "views.html"
+    sections = [Section("Views", charts=shown)]
+    return write_sections(out / "views.html", "Forests under natural skies", _SUMMARY, sections)
 
 
 def _pictures(

@@ -7,7 +7,7 @@ import base64
 import colorsys
 import io
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
@@ -216,8 +216,17 @@ Item = TypeVar("Item")
 
 PLAYBACK_HZ = (2.0, 30.0)
 """Frame rates at which a film can be followed (Hz)."""
+_FASTEST_PERCENT, _SLOWEST = 99.0, 1e-3
 _MOST_PIXELS_SHOWN = 8_000_000
 """Limit of all films of a page"""
+
+
+def fastest_of(flows: Iterable[NDArray[np.floating]]) -> float:
+    """Return the speed that has the full color, two digits: all but a hundredth are slower."""
+    speed = np.concatenate([np.hypot(*np.moveaxis(each, -1, 0)).ravel() for each in flows])
+    known = speed[np.isfinite(speed)]
+    fastest = float(np.percentile(known, _FASTEST_PERCENT)) if known.size else 0.0
+    return float(f"{max(fastest, _SLOWEST):.1e}")
 
 
 @dataclass(frozen=True)

@@ -20,11 +20,19 @@ from megalopta.plotting.sections import (
     table,
 )
 from megalopta.plotting.style import BLACK, DASHES, MARKERS
-from megalopta.plotting.svg import CHART_PT, in_style, logarithmic, new_axes, to_svg
+from megalopta.plotting.svg import (
+    CHART_PT,
+    NUMBERS,
+    drawable,
+    in_style,
+    logarithmic,
+    new_axes,
+    to_svg,
+    verbatim,
+)
 from megalopta.plotting.text import level_name, level_title, number, percent, short
 from megalopta.report.images import film, gray_scale
-from megalopta.report.remarks import NUMBERS, absent, drawable, verbatim
-from megalopta.report.source import Budget, Report, by_sensor
+from megalopta.report.source import Budget, Report, absent, by_sensor
 from megalopta.sensor import CtiaSensor, ImageSensor
 from megalopta.sensor.spad.counters import LARGEST_CAPACITY
 from megalopta.sensor.spad.model import active_effects

@@ -33,9 +33,16 @@ from megalopta.report.detectors import ACCURATE, detector_section
 from megalopta.report.images import film, with_ends
 from megalopta.report.light_section import counts_film, light_section
 from megalopta.report.motion_section import flow_film, motion_section
-from megalopta.report.remarks import rendering, rendering_errors
 from megalopta.report.seen_sequence import best_flow
-from megalopta.report.source import Budget, Record, Report, by_sensor, title
+from megalopta.report.source import (
+    Budget,
+    Record,
+    Report,
+    by_sensor,
+    rendering,
+    rendering_errors,
+    title,
+)
 from megalopta.report.thresholds import threshold_section
 from megalopta.scenes import Light, Pictures
 from megalopta.scenes.lighting.levels import illuminance_of
@@ -300,7 +307,7 @@ def write_report(dataset: Dataset) -> Path:
 def page(dataset: Dataset) -> str:
     """Return the report as HTML."""
     report = Report(dataset)
-    sections = [section for make in SECTIONS if (section := make(report))]
+    sections = (make(report) for make in SECTIONS)
     settings, shown = report.settings, report.selection
     return page_of(
         title(settings),

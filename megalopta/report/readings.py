@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.camera.recording import COUNTS, RAW, open_recording
+from megalopta.camera.recording import is_recording, open_recording
 from megalopta.core.arrays import Floats, Mask
 from megalopta.core.errors import UserError, refused_as
 from megalopta.render import is_footage
@@ -120,25 +120,18 @@ class ShownReadings:
             return response_curve(self.sensor)
 
 
-def is_recording(path: Path) -> bool:
-    """Return True if a folder holds a recording of the camera."""
-    return any((path / each).exists() for each in (COUNTS, RAW))
-
-
 def readings_of(path: Path, kind: FrameKind | None = None) -> ShownReadings:
     """Return the readings of a recording, or of a file or folder of frames or events.
 
     Raises UserError where there are none, or they are damaged.
     """
     _check_thing(path)
-    try:
+    with refused_as("", OSError):
         if is_recording(path):
             return _recorded(path)
         if path.is_file() and file_bytes(path)[:8].tobytes().startswith(_EVENTS):
             return _of_events(path)
         return _of_frames(path, kind)
-    except (ValueError, OSError) as problem:
-        raise UserError(str(problem)) from None
 
 
 def _check_thing(path: Path) -> None:
@@ -156,10 +149,8 @@ def _check_thing(path: Path) -> None:
 
 def read_mask(path: Path) -> Mask:
     """Return the mask of bad pixels of a .npy file, true where bad, (H, W). Raises UserError."""
-    try:
+    with refused_as():
         content = io.BytesIO(file_content(path, "--bad-pixels"))
-    except ValueError as problem:
-        raise UserError(str(problem)) from None
     try:
         mask = np.lib.format.read_array(content, allow_pickle=False)
     except Exception:  # a damaged header can raise anything

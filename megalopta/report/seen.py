@@ -5,7 +5,7 @@ omitted.
 """
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
@@ -32,7 +32,6 @@ SAMPLED = 8
 """Frames, spread evenly, that scales of colors are taken from"""
 _WHITE_PERCENTILE = 99.0
 _GAMMA = 2.2
-_SLOWEST = 1e-3
 kept = lru_cache(maxsize=MOST_FRAMES)
 """Page and film draw the same pictures once, where there are no more."""
 
@@ -78,14 +77,6 @@ def flow_panel(name: str, flow: Callable[[int], NDArray[np.floating]], fastest: 
     """Return flow (h, w, 2) of frames as colors; the speed `fastest` has the full one."""
     caption = f"hue is direction (red to the right), full color {number(fastest)} px per frame"
     return Panel(name, caption, kept(lambda frame: rgb_picture(flow_to_rgb(flow(frame), fastest))))
-
-
-def fastest_of(flows: Iterable[NDArray[np.floating]]) -> float:
-    """Return the speed that has the full color, two digits: all but a hundredth are slower."""
-    speed = np.concatenate([np.hypot(*np.moveaxis(each, -1, 0)).ravel() for each in flows])
-    known = speed[np.isfinite(speed)]
-    fastest = float(np.percentile(known, _WHITE_PERCENTILE)) if known.size else 0.0
-    return float(f"{max(fastest, _SLOWEST):.1e}")
 
 
 def _colored(values: Floats, scale: ColorScale) -> Image.Image:

@@ -22,14 +22,13 @@ from megalopta.flow.detectors.blocks import BlockGrid
 from megalopta.flow.detectors.registry import METHODS, velocity_method
 from megalopta.flow.formats import read_flo
 from megalopta.plotting.text import level_name, number
-from megalopta.report.images import evenly_spaced, map_scale, rgb_picture
+from megalopta.report.images import evenly_spaced, fastest_of, map_scale, rgb_picture
 from megalopta.report.readings import ShownReadings, Treatment
 from megalopta.report.seen import (
     SAMPLED,
     Exposed,
     Panel,
     Seen,
-    fastest_of,
     flow_panel,
     kept,
     readings_panel,
@@ -207,10 +206,5 @@ def _best_method(records: Iterable[FlowRecord]) -> str | None:
 
     None if no method gives velocities.
     """
-
-    def error(record: FlowRecord) -> float:
-        found = record.truth.counts.relative_error_median if record.truth else None
-        return np.inf if found is None else found
-
     able = [each for each in records if METHODS[each.method].gives == "velocity"]
-    return min(able, key=error).method if able else None
+    return min(able, key=lambda each: each.median_error).method if able else None

@@ -11,13 +11,14 @@ stored frames.
 """
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
+from markupsafe import Markup
 from numpy.typing import NDArray
 from pydantic import TypeAdapter
 from pydantic_core import from_json
@@ -25,18 +26,22 @@ from pydantic_core import from_json
 from megalopta.config.light_scale import light_scale
 from megalopta.config.model import Configuration, LightLevel, level_text
 from megalopta.core import bounded
-from megalopta.core.errors import UserError
+from megalopta.core.errors import UserError, refused_as
 from megalopta.core.progress import say
 from megalopta.dataset.flow_record import FlowRecord
 from megalopta.dataset.frames import FrameMotion, read_motion, read_radiance_frame, read_truth_frame
 from megalopta.dataset.store import Dataset
 from megalopta.flow.benchmark.sequence import BenchmarkResult
 from megalopta.flow.detectors.registry import METHODS
-from megalopta.plotting.text import level_name, level_title
+from megalopta.plotting.sections import paragraph
+from megalopta.plotting.style import GLYPHS, method_style
+from megalopta.plotting.svg import themed
+from megalopta.plotting.text import level_name, level_title, number, percent
 from megalopta.report.images import (
     PLAYBACK_HZ,
     Selection,
     data_uri,
+    fastest_of,
     film_strip,
     frame_label,
     rgb_picture,
@@ -167,10 +172,8 @@ def exposed(report: "Report", sensor: ImageSensor, level: LightLevel) -> Budget:
     scale, noise = light_scale(settings, level), report.scene.get("monte_carlo") or {}
     light = report.radiance * scale.astype(np.float32)
     frames = list(report.selection.frames)
-    try:
+    with refused_as(f"sensor {opened.sensor.name!r}"):  # a measured map is missing
         budget = _budget(settings, light, opened, frames, level)
-    except ValueError as problem:  # a measured map is missing
-        raise UserError(f"sensor {opened.sensor.name!r}: {problem}") from None
     if "covariance" in noise:
         rendering, shot, _ = variances(noise, settings, opened.sensor, scale)
         relative = math.sqrt(max(rendering, 0.0) / shot) if shot else math.inf
@@ -215,9 +218,8 @@ def _budget(
     )
 
 
-_FASTEST_PERCENT = 99.0
-_SMALLEST_SPEED = 1e-3
 _RED_END_NM = 700.0
+_CAUTION = 0.1
 
 
 def finished_stages(ledger: Ledger) -> list[str]:
@@ -323,8 +325,7 @@ class Report:
     @cached_property
     def fastest(self) -> float:
         """Speed (px per frame) at the rim of the color wheel, two digits."""
-        fastest = np.percentile(self.speed, _FASTEST_PERCENT) if self.speed.size else 0.0
-        return float(f"{max(float(fastest), _SMALLEST_SPEED):.1e}")
+        return fastest_of(motion.flow for motion in self.motions)
 
     @property
     def objects_seen(self) -> int:
@@ -349,9 +350,8 @@ class Report:
         note = "The light in photopic colors."
         if min(self.settings.render.bands_nm)[0] >= _RED_END_NM:
             note = "The light, mean of its bands in gray; it is invisible."
-        times = trajectory.times_s
         return {
-            "labels": [frame_label(each, times) for each in frames],
+            "labels": [frame_label(each, trajectory.times_s) for each in frames],
             "start": frames.index(self.frame),
             "playback_hz": min(max(shown_hz, slowest), fastest),
             "choices": (),
@@ -359,3 +359,63 @@ class Report:
             "radiance": data_uri(film_strip(previews)),
             "note": note,
         }
+
+
+def absent(report: Report, stage: str, what: str) -> Markup:
+    """Return the command to run for a missing stage."""
+    root = report.dataset.root
+    return paragraph(
+        Markup(
+            "{} Run <code>megalopta {} {}</code> and then <code>megalopta report {}</code>."
+        ).format(what, stage, root, root),
+        "absent",
+    )
+
+
+def rendering(record: Record, consequence: str) -> Markup:
+    """Return the noise of the rendering, from a scene record; empty if unknown.
+
+    More than a tenth of a pixel's light (median over pixels) is a warning. The render stage
+    measures it, on pixels without sky if there are any.
+    """
+    noise = record.get("monte_carlo")
+    if not noise or not noise["median_relative"]:
+        return Markup("")
+    relative = noise["median_relative"]
+    caution = Markup("<b>Caution: noisy rendering.</b> ") if relative > _CAUTION else ""
+    photons = number(noise["equivalent_photons_per_pixel"])
+    text = Markup(
+        "{}The rendering is as noisy as {} photons per pixel ({} of a pixel’s light, median over "
+        "pixels). {}"
+    )
+    kind = "warn" if relative > _CAUTION else "note"
+    return paragraph(text.format(caution, photons, percent(relative), consequence), kind)
+
+
+def rendering_errors(record: Record) -> Iterator[tuple[str, str]]:
+    """Yield errors of the rendered light, by name."""
+    noise = record.get("monte_carlo") or {}
+    if noise.get("median_relative"):
+        yield "error (RMS) over the mean light", percent(noise["rms_over_mean"])
+    if surface := noise.get("surface"):
+        yield "the same, of pixels without sky", percent(surface["rms"])
+        yield "relative error of 95 % of the pixels", f"{percent(surface['p95'])} or less"
+        yield "share of the gradient energy due to it", percent(surface["gradient"])
+        yield "fixed error of baked light (RMS)", percent(surface["standing"])
+        share = percent(surface["standing_gradient"])
+        yield "share of the gradient energy due to the fixed error", share
+    if sky := noise.get("sky"):
+        yield "error of the sky (RMS) over its light", percent(sky["rms"])
+    if shares := record.get("light_left_out"):
+        yield "truncation bias of path depth, worst band", percent(max(shares))
+
+
+def key(report: Report) -> Markup:
+    """Return the markers of all methods in their colors, with their names."""
+    line = Markup('<li><span style="color:{}" aria-hidden="true">{}</span> <b>{}</b> {}</li>')
+    lines = []
+    for name in report.settings.methods:
+        style = method_style(name)
+        color, glyph = themed(style["color"]), GLYPHS[style["marker"]]
+        lines.append(line.format(color, glyph, name, METHODS[name].label))
+    return Markup('<ul class="key">{}</ul>').format(Markup("").join(lines))

@@ -16,11 +16,19 @@ from megalopta.flow.benchmark.sequence import BenchmarkResult
 from megalopta.flow.metrics.photon_threshold import ErrorCurve, Threshold
 from megalopta.plotting.sections import Section, block, card, heading, paragraph
 from megalopta.plotting.style import BLACK, DASHES, RULE, method_style, write_at
-from megalopta.plotting.svg import CHART_PT, in_style, logarithmic, new_axes, to_svg
+from megalopta.plotting.svg import (
+    CHART_PT,
+    NUMBERS,
+    drawable,
+    in_style,
+    logarithmic,
+    new_axes,
+    to_svg,
+    verbatim,
+)
 from megalopta.plotting.text import UNDEFINED, level_name, percent, short
 from megalopta.report.detectors import ACCURATE, crossed
-from megalopta.report.remarks import NUMBERS, absent, drawable, key, rendering, verbatim
-from megalopta.report.source import Budget, Report, by_sensor
+from megalopta.report.source import Budget, Report, absent, by_sensor, key, rendering
 
 Shape = tuple[int, int]
 Style = dict[str, Any]

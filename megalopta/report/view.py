@@ -167,7 +167,7 @@ def _page(found: Seen, path: Path, fps: float | None) -> Path:
     playback_hz = _rate(found, len(chosen.frames), fps)
     treated = found.treatment.description() if found.exposed else ""
     said = found.summary, treated, _speed(found, chosen, playback_hz)
-    write_sections(
+    return write_sections(
         path,
         found.title,
         " ".join(filter(None, said)),
@@ -175,7 +175,6 @@ def _page(found: Seen, path: Path, fps: float | None) -> Path:
         film=_transport(found, chosen, playback_hz),
         footer=_omitted(found, chosen),
     )
-    return path
 
 
 def _panels(found: Seen, chosen: Selection, advance: Advance) -> Iterator[Markup]:

@@ -196,8 +196,7 @@ def write_page(out: Path, figures: Sequence[Figure]) -> Path:
     ]
     quick = " Quick form: fewer values, sizes and forests than in the dissertation."
     summary = _SUMMARY + (quick if table.details.get("quick") else "")
-    write_sections(out / "chapter-4.html", _TITLE, summary, sections)
-    return out / "chapter-4.html"
+    return write_sections(out / "chapter-4.html", _TITLE, summary, sections)
 
 
 SIZES = (60, 240)

@@ -4,7 +4,6 @@ Unlike on the leaderboard of isolated blocks, methods see everything around a bl
 from place to place, and it has edges.
 """
 
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from itertools import product
@@ -128,10 +127,9 @@ def _rows(kind: str, board: Board) -> list[Mapping[str, Cell]]:
     return rows
 
 
-def _median(board: Board, detector: BlockDetector, flux: float) -> tuple[float, float, float]:
-    """Return the mean over scenes of the median over blocks, and its interval."""
-    value, low, high = board.over_scenes(MEDIAN, detector, flux)
-    return value, math.nan if low is None else low, math.nan if high is None else high
+def _median(board: Board, detector: BlockDetector, flux: float) -> list[float]:
+    """Return the mean over scenes of the median over blocks, and its interval; NaN if unknown."""
+    return list(np.array(board.over_scenes(MEDIAN, detector, flux), float).tolist())
 
 
 def _best(kind: str, board: Board) -> Iterator[dict[str, Cell]]:
@@ -216,11 +214,10 @@ def camera_motion(run: Run) -> Figure:
 def _motion_row(board: FlightErrors, way: str, flux: float) -> Mapping[str, Cell]:
     yaw, heading = board.yaw(way, flux), board.heading(way, flux) or (None,) * 3
     names = (
-        "photons_per_px",
-        *("yaw_error", "yaw_low", "yaw_high"),
+        *("photons_per_px", "yaw_error", "yaw_low", "yaw_high"),
         *("heading_error_deg", "heading_low_deg", "heading_high_deg"),
     )
-    numbers = (math.nan if each is None else each for each in (flux, *yaw, *heading))
+    numbers = np.array((flux, *yaw, *heading), float).tolist()
     return {"way": way, **dict(zip(names, numbers, strict=True))}
 
 

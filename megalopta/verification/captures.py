@@ -117,14 +117,12 @@ def compare_halves(name: str, measurement: Measurement) -> Iterator[CaptureRow]:
     return _of_dark_counts(name, measurement)
 
 
-def print_captures(
-    found: Mapping[Path, Sequence[CaptureRow]], console: Console | None = None
-) -> None:
+def print_captures(found: Mapping[Path, Sequence[CaptureRow]]) -> None:
     """Print a table of all quantities, the largest misfits first."""
     table = Table(*HEAD)
     for row in sorted_rows(found):
         table.add_row(*row.texts)
-    (console or Console(width=_WIDTH)).print(table)
+    Console(width=_WIDTH).print(table)
 
 
 def sorted_rows(found: Mapping[Path, Sequence[CaptureRow]]) -> list[CaptureRow]:
@@ -259,8 +257,8 @@ _TEXT = (
 _MISFITS = 12
 
 
-def write_captures_page(path: Path, found: Mapping[Path, Sequence[CaptureRow]]) -> None:
-    """Write the page of compared measurements."""
+def write_captures_page(path: Path, found: Mapping[Path, Sequence[CaptureRow]]) -> Path:
+    """Write the page of compared measurements; return its path."""
     worst = tuple(row.texts for row in sorted_rows(found)[:_MISFITS])
     sections = [Section("The largest misfits", _TEXT, HEAD, worst)]
     for at, (file, rows) in enumerate(found.items()):
@@ -271,7 +269,7 @@ def write_captures_page(path: Path, found: Mapping[Path, Sequence[CaptureRow]]) 
         f"{len(found)} measurements of real arrays, next to the sensor's model fitted to one half "
         "of each and compared with the other half."
     )
-    write_sections(path, "Real arrays and the model", summary, sections)
+    return write_sections(path, "Real arrays and the model", summary, sections)
 
 
 def _charts(path: Path, name: str) -> Iterator[Markup]:

@@ -60,12 +60,12 @@ class FileFault(NamedTuple):
 Faults = Iterator[FileFault]
 
 
-def run_check_files(root: Path, truths: int = 0, console: Console | None = None) -> bool:
+def run_check_files(root: Path, truths: int = 0) -> bool:
     """Check a dataset, with the truth of `truths` sequences; print faults, return True if none.
 
     Raises UserError if there is no dataset.
     """
-    console, tree = console or Console(), Tree(root)
+    console, tree = Console(), Tree(root)
     faults = check_files(tree, truths)
     for fault in faults:
         console.print(

@@ -64,7 +64,7 @@ def compare(shipped: Path, radiance: NDArray[np.float32], noise: RenderNoise) ->
     )
 
 
-def run_check_panoramas(out: Path | None = None, console: Console | None = None) -> bool:
+def run_check_panoramas(out: Path | None = None) -> bool:
     """Render the shipped panoramas, print differences; return True if noise explains them.
 
     Renderings go to the folder `out`, in the form of shipped files.
@@ -80,7 +80,7 @@ def run_check_panoramas(out: Path | None = None, console: Console | None = None)
             if out:
                 write_template(out / f"{name}.exr", recipe, radiance, noise)
             passed &= _add_row(table, name, recipe.sha256, radiance, noise)
-    (console or Console()).print(table)
+    Console().print(table)
     return passed
 
 

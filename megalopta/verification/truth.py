@@ -64,12 +64,11 @@ class Residual:
         return self.median < self.limit
 
 
-def run_check_truth(dataset: Dataset, console: Console | None = None) -> bool:
+def run_check_truth(dataset: Dataset) -> bool:
     """Check all frames of a dataset and print the table; return True if all passed."""
     dataset.require_truth()
     Ledger(dataset).require("render")
-    console = console or Console()
-    rows = check_truth(dataset)
+    console, rows = Console(), check_truth(dataset)
     console.print(
         "at rest and sky: from depth and poses; moving: from position and motion; pixel mean: "
         "whole pixels against their centers; shares: likewise, in standard errors; outlines: share "

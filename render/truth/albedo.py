@@ -4,12 +4,10 @@ Textures are interpolated between texels as the renderer does. Transmitted light
 """
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from megalopta.core.arrays import Floats
+from megalopta.core.arrays import Floats, bilinear
 from megalopta.render.loading.meshes import MergedMesh
 from megalopta.render.settings import Bands
 from megalopta.render.truth.geometry import Geometry, Surface
@@ -56,20 +54,3 @@ def albedo_of(
 def _spectra(material: Material) -> list[Spectrum]:
     of_texture = material.texture.spectra if material.texture else ()
     return [material.reflectance, *(reflectance for reflectance, _ in of_texture)]
-
-
-def bilinear(picture: NDArray[Any], x: NDArray[Any], y: NDArray[Any]) -> NDArray[Any]:
-    """Values (..., C) of a picture (H, W) or (H, W, C), which repeats, at columns and rows (...).
-
-    0 is the center of the first pixel.
-    """
-    image = picture.reshape(*picture.shape[:2], -1)
-    rows, columns = image.shape[:2]
-    left, top = np.floor(x).astype(np.int64), np.floor(y).astype(np.int64)
-    right, down = (x - left)[..., None], (y - top)[..., None]
-    across = left % columns, (left + 1) % columns
-    upper, lower = (
-        (1 - right) * image[row, across[0]] + right * image[row, across[1]]
-        for row in (top % rows, (top + 1) % rows)
-    )
-    return np.asarray((1 - down) * upper + down * lower)

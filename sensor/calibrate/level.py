@@ -22,15 +22,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.core.arrays import Floats, Ints, Mask
-from megalopta.sensor.calibrate.steadiness import drift
+from megalopta.sensor.calibrate.steadiness import check_steadiness, drift
 
 _DEVIATIONS_ABOVE_BOTTOM = 6.0
 _DEEPEST = 0.95
 """Fraction of the swing that is used; offsets move the bottom too."""
 _FEWEST_FRAMES = 50
 _FEWEST_DARK_EXPOSURES = 3
-_DRIFT_Z = 6.0
-_SMALLEST_DRIFT = 0.005
 _DARKEST_Z = 6.0
 
 
@@ -184,7 +182,9 @@ def check_levels(levels: Sequence[Level], adc: Adc) -> None:
             raise ValueError(
                 f"{level}: {len(level.readings)} frames; capture {_FEWEST_FRAMES} or more"
             )
-        _check_steadiness(level)
+        series = level.readings.mean(axis=(1, 2), dtype=np.float64)
+        pixel = float(np.sqrt(level.readings.var(axis=0, dtype=np.float64).mean()))
+        check_steadiness(level, drift(series), pixel)
     dark = sorted({level.exposure_s for level in levels if level.is_dark})
     if len(dark) < _FEWEST_DARK_EXPOSURES:
         raise ValueError(
@@ -194,18 +194,6 @@ def check_levels(levels: Sequence[Level], adc: Adc) -> None:
     if all(np.median(level.readings) <= adc.bottom for level in levels):
         raise ValueError("all levels are saturated; expose for less or lower the light")
     _check_light(levels, adc)
-
-
-def _check_steadiness(level: Level) -> None:
-    totals = level.readings.mean(axis=(1, 2), dtype=np.float64)
-    change, error = drift(totals)
-    pixel = float(np.sqrt(level.readings.var(axis=0, dtype=np.float64).mean()))
-    if abs(change) > _DRIFT_Z * error and abs(change) > max(_SMALLEST_DRIFT * pixel, 0.05):
-        raise ValueError(
-            f"{level}: drifts; the second half differs from the first by {change:.3g} codes, "
-            f"{abs(change) / max(error, 1e-12):.0f} standard errors; let light and temperature "
-            "settle and capture again"
-        )
 
 
 def _check_light(levels: Sequence[Level], adc: Adc) -> None:

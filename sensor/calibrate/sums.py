@@ -10,13 +10,12 @@ from numpy.typing import NDArray
 
 from megalopta.core.arrays import Floats, Mask, mean_and_variance
 from megalopta.sensor.calibrate.neighbors import Kernel, neighbor_kernel
-from megalopta.sensor.calibrate.steadiness import Drift, drift
+from megalopta.sensor.calibrate.steadiness import Drift, check_steadiness, drift
 from megalopta.sensor.calibrate.telegraph import LAGS, Correlation, correlation
 
 _FEWEST_FRAMES = 50
 _MOST_COUNTS = 2**25
 """Counts of a recording that are looked at for coincidences, 256 MiB of numbers."""
-_DRIFT_Z, _SMALLEST_DRIFT = 6.0, 0.005
 
 
 class Summed(NamedTuple):
@@ -84,7 +83,7 @@ def summed(
         related,
         None if is_binary or light_hz else _kernel(readings, varies),
     )
-    _check_steadiness(found)
+    check_steadiness(found, found.steadiness, float(np.sqrt(found.variance.mean())))
     return found
 
 
@@ -116,7 +115,7 @@ def summed_bits(sums: NDArray[Any], bits: int, exposure_s: float, light_hz: floa
         correlation=Correlation(np.zeros((LAGS, *total.shape)), np.zeros(total.shape), n),
         kernel=None,
     )
-    _check_steadiness(found)
+    check_steadiness(found, found.steadiness, float(np.sqrt(found.variance.mean())))
     return found
 
 
@@ -127,15 +126,3 @@ def _kernel(readings: NDArray[Any], good: Mask) -> Kernel | None:
         return neighbor_kernel(readings[:frames], good)
     except ValueError:
         return None
-
-
-def _check_steadiness(level: Summed) -> None:
-    size = abs(level.steadiness.change)
-    pixel = float(np.sqrt(level.variance.mean()))
-    if abs(level.steadiness.z) > _DRIFT_Z and size > _SMALLEST_DRIFT * pixel:
-        share = 100 * level.steadiness.change / max(float(level.mean.mean()), 1e-300)
-        raise ValueError(
-            f"{level}: drifts; the second half differs from the first by {share:+.2g} %, "
-            f"{abs(level.steadiness.z):.0f} standard errors; let light and temperature settle and "
-            "capture again"
-        )

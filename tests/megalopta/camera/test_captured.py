@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from megalopta.camera.comparison import Cycle, align
+from megalopta.camera.comparison import align
 from megalopta.camera.device_comparison import CompareSettings, compare_captured
-from megalopta.camera.emulated import Rendered
+from megalopta.camera.emulated import Cycle, Rendered
 from megalopta.camera.recording import Source, read_recorded
 from megalopta.config.model import load
 from megalopta.core.errors import UserError

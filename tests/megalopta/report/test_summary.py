@@ -7,8 +7,7 @@ import pytest
 from megalopta.config.model import Configuration
 from megalopta.dataset.flow_record import FlowRecord
 from megalopta.report.page import OUTCOME, lead, outcome
-from megalopta.report.remarks import rendering, rendering_errors
-from megalopta.report.source import Budget, title
+from megalopta.report.source import Budget, rendering, rendering_errors, title
 from megalopta.sensor import PRESETS
 
 BUDGET = Budget(

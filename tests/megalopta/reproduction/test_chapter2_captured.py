@@ -9,7 +9,7 @@ from megalopta.camera.emulated import EmulatedCamera, EmulatedPort, Faults, Plat
 from megalopta.camera.motion_bench import cut_passages, record
 from megalopta.camera.recording import open_recording
 from megalopta.cli import main as cli
-from megalopta.reproduction.chapter2_captured import captured_figures
+from megalopta.reproduction.chapter2_edge import captured_figures
 from megalopta.sensor import changed, preset
 
 pytestmark = pytest.mark.slow
