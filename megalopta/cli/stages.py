@@ -305,13 +305,13 @@ def _run_on_many(stage: str, options: Namespace) -> None:
 
 
 def _run_on_one(stage: str, options: Namespace) -> None:
-    from megalopta.config.model import parse
-    from megalopta.config.yaml_model import to_yaml
+    from megalopta.config.model import Configuration
+    from megalopta.config.yaml_model import validated
     from megalopta.stages.pipeline import run_stage
     from megalopta.stages.redo import open_dataset_whole
 
-    stored = to_yaml(open_dataset_whole(options.dataset).configuration)
-    changed = parse(stored, str(options.dataset), options.overrides)
+    stored = open_dataset_whole(options.dataset).configuration.model_dump(mode="json")
+    changed = validated(Configuration, stored, str(options.dataset), options.overrides)
     run_stage(options.dataset, changed, stage, options.redo)
 
 

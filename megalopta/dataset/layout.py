@@ -30,7 +30,7 @@ from megalopta.config.recipe import Plan
 from megalopta.core import bounded, files
 from megalopta.core.errors import UserError
 from megalopta.core.folders import check_enclosed
-from megalopta.dataset.record import SequenceRecord, read_lone_record, read_record, stored_settings
+from megalopta.dataset.record import SequenceRecord, read_record, stored_settings
 from megalopta.dataset.store import Dataset, file_hash, open_sequence, read_header, write_header
 
 MANIFEST = "manifest.jsonl"
@@ -79,29 +79,25 @@ class Tree:
         )
 
     def record(self, name: str) -> SequenceRecord:
-        """Read the record of a sequence, empty for a new dataset of one. Raises UserError."""
-        return (
-            read_lone_record(self.lone) if self.lone else read_record(self.record_path(name), name)
-        )
+        """Read the record of one of many sequences. Raises UserError."""
+        return read_record(self.record_path(name), name)
 
     def all_records(self) -> Iterator[SequenceRecord]:
         """Read the records in order."""
         return map(self.record, self.names())
 
     def dataset(self, record: SequenceRecord) -> Dataset:
-        """One sequence, as the stages use it. Raises UserError for invalid settings."""
-        if self.lone:
-            settings = self.lone.configuration
-        else:
-            settings = stored_settings(record, self.record_path(record.sequence))
-        return Dataset(self.root, settings, record.files)
+        """One of many sequences. Raises UserError for invalid settings."""
+        settings = stored_settings(record, self.record_path(record.sequence))
+        return Dataset(self.root, settings, record)
 
-    def opened(self, name: str) -> tuple[SequenceRecord, Dataset]:
-        """Record and paths of a sequence, if the manifest knows the record. Raises UserError."""
+    def opened(self, name: str) -> Dataset:
+        """A sequence; one of many if the manifest knows its record. Raises UserError."""
+        if self.lone:
+            return self.lone
         record = self.record(name)
-        if not self.lone:
-            self.check_record(name, self._manifest)
-        return record, self.dataset(record)
+        self.check_record(name, self._manifest)
+        return self.dataset(record)
 
     def check_record(self, name: str, manifest: Mapping[str, str]) -> None:
         """Refuse, with UserError, a record that the program did not write."""

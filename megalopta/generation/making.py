@@ -15,11 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.config.drawing import check_plan, configuration_of, sequence_name, split_of
-from megalopta.config.model import Configuration, differences
+from megalopta.config.model import differences
 from megalopta.config.recipe import FlowFile, Plan
 from megalopta.core.errors import UserError
 from megalopta.core.format_numbers import written
-from megalopta.core.progress import progress, say
+from megalopta.core.progress import say
 from megalopta.dataset.frames import read_radiance_frame, read_truth_frame
 from megalopta.dataset.layout import Tree
 from megalopta.dataset.record import MADE, ExposureStatistics, SequenceRecord, SequenceStatistics
@@ -113,10 +113,7 @@ def _make_all(
         return
     _check_same_machinery(tree)
     job = partial(make_sequence, tree.root, plan)
-    with (
-        progress("Making sequences", len(todo), "sequence") as advance,
-        closing(run_jobs(job, todo, workers, scheduler)) as outcomes,
-    ):
+    with closing(run_jobs("Making sequences", job, todo, workers, scheduler)) as outcomes:
         for outcome in outcomes:
             if outcome.ends_all:
                 raise UserError(f"sequence {sequence_name(outcome.index)}: {outcome.problem}")
@@ -125,7 +122,6 @@ def _make_all(
                 failures[outcome.index] = outcome.problem
                 say(f"sequence {sequence_name(outcome.index)} failed: {outcome.problem}")
                 tree.write_failures(failures)
-            advance()
 
 
 def whole_plan(tree: Tree, plan: Plan) -> Plan:
@@ -157,10 +153,16 @@ def whole_plan(tree: Tree, plan: Plan) -> Plan:
 def _check_same_machinery(tree: Tree) -> None:
     """Refuse to add sequences by other models, libraries or variants than the existing ones."""
     for record in _some_records(tree):
-        if changes := other_machinery(record, tree.dataset(record).configuration):
+        here = made_with(MADE, tree.dataset(record).configuration)
+        changes = (
+            f"{stage}: {change}"
+            for stage in MADE
+            if (change := provenance_changes(record.stages[stage].made_with, here[stage]))
+        )
+        if what := "; ".join(changes):
             raise UserError(
                 f"{tree.root}: sequence {record.sequence} was made by other software "
-                f"({changes}); continue with that, choose another folder, or remove "
+                f"({what}); continue with that, choose another folder, or remove "
                 f"{tree.records} to regenerate all"
             )
 
@@ -175,16 +177,6 @@ def make_sequence(root: Path, plan: Plan, index: int) -> None:
     tree, name = Tree(root), sequence_name(index)
     made = partial(_made, plan, index)
     Staged.of(tree, name).bring_in(configuration_of(plan, index), MADE, made)
-
-
-def other_machinery(record: SequenceRecord, configuration: Configuration, *stages: str) -> str:
-    """Return the differences in software from that of a finished sequence; empty if none."""
-    here = made_with(MADE, configuration)
-    found = {
-        stage: provenance_changes(record.stages[stage].made_with, here[stage])
-        for stage in stages or MADE
-    }
-    return "; ".join(f"{stage}: {change}" for stage, change in found.items() if change)
 
 
 def _made(plan: Plan, index: int, dataset: Dataset) -> SequenceRecord:

@@ -169,7 +169,7 @@ def _faults_of_many(tree: Tree, truths: int) -> Faults:
                 record = tree.record(name)
                 known.update(tree.root / path for path in record.files)
                 machinery[name] = _machinery(record)
-                yield from _sequence_faults(tree, record, name in chosen, again)
+                yield from _sequence_faults(tree.dataset(record), name in chosen, again)
             except UserError as problem:
                 yield FileFault(tree.record_path(name), "is damaged", str(problem))
             advance()
@@ -222,10 +222,9 @@ def _index_faults(tree: Tree, names: list[str], again: str) -> Faults:
         yield FileFault(tree.root / "splits", "are unreliable", str(problem))
 
 
-def _sequence_faults(tree: Tree, record: SequenceRecord, with_truth: bool, again: str) -> Faults:
-    dataset = tree.dataset(record)
-    remedy = f"remove {tree.record_path(record.sequence)} and {again}"
-    stages = record.stages.values()
+def _sequence_faults(dataset: Dataset, with_truth: bool, again: str) -> Faults:
+    assert dataset.record
+    remedy, stages = f"remove {dataset.record_path} and {again}", dataset.record.stages.values()
     faults = [each for entry in stages for each in _file_faults(dataset, entry, lambda _: remedy)]
     yield from faults if faults or not with_truth else _truth_faults(dataset)
 
