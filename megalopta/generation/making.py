@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,11 +36,17 @@ from megalopta.stages.sense import open_exposure
 
 _COMPARED = 50
 """Finished sequences whose configuration is compared with the plan's."""
-_WRITERS: Mapping[FlowFile, tuple[str, str, Callable[[Path, NDArray[Any]], None]]] = {
-    "kitti_png": ("training/flow_kitti", "png", write_kitti_png),
-    "flo5": ("training/flow_flo5", "flo5", write_flo5),
+_Place: TypeAlias = tuple[str, str]
+_Layout: TypeAlias = tuple[_Place, Callable[[Path], Any], _Place, Callable[[Path, Any], None]]
+_FLOW, _DISPARITY = ("training/flow", "flo"), ("training/disparities", "png")
+_LAYOUTS: Mapping[FlowFile, tuple[_Layout, ...]] = {
+    "kitti_png": (
+        (_FLOW, read_flo, ("training/flow_kitti", "png"), write_kitti_png),
+        (_DISPARITY, read_disparity, ("training/disparities_kitti", "png"), write_kitti_disparity),
+    ),
+    "flo5": ((_FLOW, read_flo, ("training/flow_flo5", "flo5"), write_flo5),),
 }
-_KITTI_DISPARITY = "training/disparities_kitti"
+"""Files in other layouts: folder, suffix and reader of the source; folder, suffix and writer"""
 
 
 def make(
@@ -184,13 +190,7 @@ def _made(plan: Plan, index: int, dataset: Dataset) -> SequenceRecord:
     for stage in MADE:
         run_stage(data, configuration, stage)
     stages = Ledger(dataset).record.stages
-    extra = hashes_of(
-        data,
-        [
-            *write_flow_files(dataset, plan.flow_files),
-            *(write_kitti_disparities(dataset) if "kitti_png" in plan.flow_files else ()),
-        ],
-    )
+    extra = hashes_of(data, write_flow_files(dataset, plan.flow_files))
     rendered = stages["render"]
     more = rendered.model_copy(update={"files": {**(rendered.files or {}), **extra}})
     return SequenceRecord(
@@ -206,26 +206,18 @@ def _made(plan: Plan, index: int, dataset: Dataset) -> SequenceRecord:
 
 
 def write_flow_files(dataset: Dataset, kinds: Sequence[FlowFile]) -> list[Path]:
-    """Write the forward flow in other layouts too; return their folders."""
-    for index in range(dataset.configuration.trajectory.frames - 1) if kinds else ():
-        flow = read_flo(dataset.frame("training/flow", index, "flo"))
-        for folder, suffix, write in map(_WRITERS.__getitem__, kinds):
-            path = dataset.frame(folder, index, suffix)
-            if not path.exists():
-                write(path, flow)
-    return [dataset.root / _WRITERS[kind][0] / dataset.sequence for kind in kinds]
+    """Write forward flow, and the disparity of a stereo pair, in other layouts too.
 
-
-def write_kitti_disparities(dataset: Dataset) -> list[Path]:
-    """Write the disparity of a stereo pair in KITTI's layout too; return its folder."""
-    if not dataset.configuration.stereo_with:
-        return []
-    for index in range(dataset.configuration.trajectory.frames):
-        path = dataset.frame(_KITTI_DISPARITY, index, "png")
-        if not path.exists():
-            stored = dataset.frame("training/disparities", index, "png")
-            write_kitti_disparity(path, read_disparity(stored))
-    return [dataset.root / _KITTI_DISPARITY / dataset.sequence]
+    Return the folders.
+    """
+    layouts = [each for kind in kinds for each in _LAYOUTS[kind]]
+    for (folder, suffix), read, (other, ending), write in layouts:
+        for index in range(dataset.configuration.trajectory.frames):
+            path = dataset.frame(other, index, ending)
+            source = dataset.frame(folder, index, suffix)
+            if source.exists() and not path.exists():
+                write(path, read(source))
+    return [dataset.root / folder / dataset.sequence for *_, (folder, _), _ in layouts]
 
 
 _FRAMES_LOOKED_AT = 8
