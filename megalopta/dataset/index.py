@@ -211,7 +211,7 @@ def write_index(tree: Tree, plan: Plan) -> None:
         temporary = open_files.enter_context(files.atomic_write(tree.root / MANIFEST))
         manifest = open_files.enter_context(temporary.open("w", encoding="utf-8"))
         tables = TableWriter(tree.root / "index", open_files)
-        for record in tree.all_records():
+        for record in map(tree.record, tree.names()):
             if record.split not in names:
                 raise DamagedFileError(
                     f"{tree.record_path(record.sequence)} is damaged (split {record.split!r} is "

@@ -21,7 +21,7 @@ predecessor.
 
 import json
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -81,10 +81,6 @@ class Tree:
     def record(self, name: str) -> SequenceRecord:
         """Read the record of one of many sequences. Raises UserError."""
         return read_record(self.record_path(name), name)
-
-    def all_records(self) -> Iterator[SequenceRecord]:
-        """Read the records in order."""
-        return map(self.record, self.names())
 
     def dataset(self, record: SequenceRecord) -> Dataset:
         """One of many sequences. Raises UserError for invalid settings."""

@@ -398,10 +398,8 @@ class Sequence:
         from megalopta.sensor import open_counts
 
         path = self.dataset.root / "counts" / self.name / f"{name}.zarr"
-        try:
+        with undamaged(path):
             return open_counts(self.dataset.store(path))
-        except (OSError, ValueError) as problem:
-            raise UserError(str(problem)) from None
 
     def _lazy(self, stored: "StoredFrames", quantity: str) -> LazyFrames:
         def read(numbers: list[int]) -> NDArray[Any]:
