@@ -20,7 +20,7 @@ from megalopta.core.folders import check_enclosed, locked
 from megalopta.core.format_numbers import check_format
 from megalopta.core.progress import progress
 from megalopta.dataset.layout import Tree
-from megalopta.dataset.store import Dataset, open_sequence
+from megalopta.dataset.store import Dataset
 from megalopta.flow.detectors.registry import Method
 from megalopta.stages.ledger import Ledger
 
@@ -67,14 +67,12 @@ def sequences_of(root: Path) -> list[Dataset]:
     """Open the rendered sequences of a folder. Raises UserError."""
     tree = Tree(root)
     check_enclosed(root)
-    if not tree.lone:
-        datasets = [tree.opened(name)[1] for name in tree.names()]
-        if not datasets:
-            raise UserError(f"{root}: no finished sequence; run megalopta dataset make")
-        return list(datasets)
-    dataset = open_sequence(root)
-    Ledger(dataset).require("render")
-    return [dataset]
+    if tree.lone:
+        Ledger(tree.lone).require("render")
+    datasets = [tree.opened(name) for name in tree.names()]
+    if not datasets:
+        raise UserError(f"{root}: no finished sequence; run megalopta dataset make")
+    return datasets
 
 
 def _with_levels(settings: RankingSettings, datasets: Sequence[Dataset]) -> RankingSettings:

@@ -157,8 +157,8 @@ def _demo(options: Namespace) -> Path:
 
 def run_later_stage(stage: str, options: Namespace) -> None:
     """Run a stage on the dataset that the options name, of one sequence or of many."""
-    from megalopta.config.model import parse
-    from megalopta.config.yaml_model import to_yaml
+    from megalopta.config.model import Configuration
+    from megalopta.config.yaml_model import validated
     from megalopta.dataset.layout import is_of_many
     from megalopta.stages.pipeline import run_stage
     from megalopta.stages.redo import open_dataset_whole
@@ -169,8 +169,8 @@ def run_later_stage(stage: str, options: Namespace) -> None:
     if options.workers or options.scheduler:
         given = "--workers" if options.workers else "--scheduler"
         raise UserError(f"{options.dataset}: a dataset of one sequence; omit {given}")
-    stored = to_yaml(open_dataset_whole(options.dataset).configuration)
-    changed = parse(stored, str(options.dataset), options.overrides)
+    stored = open_dataset_whole(options.dataset).configuration.model_dump(mode="json")
+    changed = validated(Configuration, stored, str(options.dataset), options.overrides)
     run_stage(options.dataset, changed, stage, options.redo)
 
 

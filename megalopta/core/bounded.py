@@ -69,25 +69,22 @@ def check_file(path: str | Path, at_most: int = ARRAY_BYTES) -> None:
 def undamaged(path: object, remedy: str | None = None) -> Iterator[None]:
     """Raise any error of the reading inside as DamagedFileError, with path and remedy.
 
-    Of a file that is already found to be damaged, the remedy is replaced. Other errors for users,
-    missing packages and lack of memory pass.
+    An error that begins with the path keeps its words, but for the remedy; damage of a part is
+    named after the path. Other errors for users, missing packages and lack of memory pass.
     """
     try:
         yield
-    except DamagedFileError as problem:
-        what, _, _ = str(problem).rpartition("; ")
-        if remedy is None or not what.startswith(str(path)):
-            raise
-        raise DamagedFileError(f"{what}; {remedy}") from problem
-    except (UserError, ImportError, MemoryError):
-        raise
     except Exception as problem:  # a damaged file can raise any exception
         said = " ".join(str(problem).split())
-        if isinstance(problem, ValueError) and said.startswith(str(path)):
-            raise DamagedFileError(said) from problem
-        remedy = remedy or "copy it again"
+        if isinstance(problem, DamagedFileError) and str(path) not in said:
+            raise DamagedFileError(f"{path}: {said}") from problem
+        if said.startswith(str(path)) and isinstance(problem, ValueError | OSError):
+            what = said.rpartition("; ")[0] or said
+            raise DamagedFileError(f"{what}; {remedy}" if remedy else said) from problem
+        if isinstance(problem, UserError | ImportError | MemoryError):
+            raise
         raise DamagedFileError(
-            f"{path} is missing or damaged ({_reason(problem)}); {remedy}"
+            f"{path} is missing or damaged ({_reason(problem)}); {remedy or 'copy it again'}"
         ) from problem
 
 
@@ -100,7 +97,8 @@ def _reason(problem: Exception) -> str:
         return quoted(": ".join([".".join(map(str, first["loc"])), first["msg"]]).strip(": "))
     lacking = "lacks " * isinstance(problem, KeyError)
     said = " ".join(str(problem).split())
-    return getattr(problem, "strerror", None) or lacking + quoted(said)
+    told = getattr(problem, "strerror", None) or lacking + quoted(said)
+    return told or type(problem).__name__
 
 
 def quoted(value: object, at_most: int = QUOTED) -> str:

@@ -1,7 +1,6 @@
 """Read a dataset's frames, a chunk at a time."""
 
 from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, cast
 
@@ -10,7 +9,7 @@ import zarr
 from numpy.typing import NDArray
 
 from megalopta.config.model import Configuration
-from megalopta.core.errors import UserError
+from megalopta.core.bounded import undamaged
 from megalopta.dataset.picture_light import clean_flow, light_of
 from megalopta.dataset.store import Dataset
 from megalopta.render import read_radiance, read_truth
@@ -93,7 +92,7 @@ def read_truth_frame(dataset: Dataset, index: int) -> "Truth":
     """Ground truth of one frame that sensors see. Raises UserError, for pictures always."""
     dataset.require_truth()
     path = dataset.exposed_truth(index)
-    with _remedy(dataset):
+    with undamaged(path, _again(dataset)):
         truth = read_truth(path)
         camera = dataset.configuration.camera
         if truth.depth.shape != (camera.height, camera.width):
@@ -106,7 +105,7 @@ def read_radiance_frame(dataset: Dataset, index: int) -> NDArray[np.float32]:
     if not dataset.configuration.scene.has_truth:
         return light_of(dataset).at(index)
     path = dataset.exposed_radiance(index)
-    with _remedy(dataset):
+    with undamaged(path, _again(dataset)):
         radiance, bands = read_radiance(path)
         camera, expected = dataset.configuration.camera, dataset.configuration.render.bands_nm
         if bands != expected or radiance.shape[:2] != (camera.height, camera.width):
@@ -114,10 +113,5 @@ def read_radiance_frame(dataset: Dataset, index: int) -> NDArray[np.float32]:
     return radiance
 
 
-@contextmanager
-def _remedy(dataset: Dataset) -> Iterator[None]:
-    try:
-        yield
-    except (OSError, ValueError) as problem:
-        again = f"megalopta render {dataset.home} --out {dataset.home}"
-        raise UserError(f"{problem}; remove the file and run: {again}") from None
+def _again(dataset: Dataset) -> str:
+    return f"remove the file and run: megalopta render {dataset.home} --out {dataset.home}"

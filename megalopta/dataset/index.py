@@ -147,7 +147,7 @@ def table_path(root: Path, name: str) -> Path:
     Raises UserError if the table or the description is missing, damaged or modified.
     """
     described, path = root / "croissant.json", root / "index" / f"{name}.parquet"
-    again = f"run: megalopta dataset make {root} --out {root}"
+    again = f"run: {Tree(root).make_again}"
     with bounded.undamaged(described, again):
         parts = bounded.read_json(described)["distribution"]
         hashes = {part.get("contentUrl"): part.get("sha256") for part in parts}
@@ -211,7 +211,7 @@ def write_index(tree: Tree, plan: Plan) -> None:
         temporary = open_files.enter_context(files.atomic_write(tree.root / MANIFEST))
         manifest = open_files.enter_context(temporary.open("w", encoding="utf-8"))
         tables = TableWriter(tree.root / "index", open_files)
-        for record in tree.all_records():
+        for record in map(tree.record, tree.names()):
             if record.split not in names:
                 raise DamagedFileError(
                     f"{tree.record_path(record.sequence)} is damaged (split {record.split!r} is "
@@ -252,16 +252,10 @@ def _link_into_split(root: Path, split: str, record: SequenceRecord) -> None:
 
 def read_lists(root: Path, known: Collection[str]) -> dict[str, tuple[str, ...]]:
     """Return the names of the sequences of every split; unknown ones are refused."""
-    found, known = {}, set(known)
+    found, known, again = {}, set(known), f"rewrite it: {Tree(root).make_again}"
     for path in sorted((root / "splits").glob("*.txt")):
-        with bounded.undamaged(path, _remedy(root)):
+        with bounded.undamaged(path, again):
             found[path.stem] = tuple(bounded.read_text(path).split())
         if strangers := [name for name in found[path.stem] if name not in known]:
-            raise UserError(
-                f"{path}: no sequence {bounded.quoted(strangers[0], 60)!r}; {_remedy(root)}"
-            )
+            raise UserError(f"{path}: no sequence {bounded.quoted(strangers[0], 60)!r}; {again}")
     return found
-
-
-def _remedy(root: Path) -> str:
-    return f"rewrite it: megalopta dataset make {root} --out {root}"

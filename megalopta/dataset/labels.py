@@ -98,7 +98,9 @@ def write_tracks(path: Path, settings: TrackSettings, found: Sequence["Tracks"])
 
 def read_tracks(path: Path) -> PointTracks:
     """Read tracks. Raises UserError if there are none, or the file is damaged."""
-    try:
+    if not path.exists():
+        raise UserError(f"{path}: no tracks; render with `tracks: {{}}`")
+    with bounded.undamaged(path, "render again"):
         bounded.check_file(path)
         with zipfile.ZipFile(path) as file:
             members = [file.getinfo(f"{name}.npy") for name in PointTracks._fields]
@@ -106,7 +108,3 @@ def read_tracks(path: Path) -> PointTracks:
                 raise ValueError("it is compressed")
             contents = [BytesIO(file.read(each)) for each in members]
         return PointTracks(*(np.lib.format.read_array(each) for each in contents))
-    except FileNotFoundError:
-        raise UserError(f"{path}: no tracks; render with `tracks: {{}}`") from None
-    except Exception as problem:  # a damaged file can raise any exception
-        raise UserError(f"{path} is damaged ({type(problem).__name__}); render again") from None

@@ -21,7 +21,7 @@ predecessor.
 
 import json
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -30,7 +30,7 @@ from megalopta.config.recipe import Plan
 from megalopta.core import bounded, files
 from megalopta.core.errors import UserError
 from megalopta.core.folders import check_enclosed
-from megalopta.dataset.record import SequenceRecord, read_lone_record, read_record, stored_settings
+from megalopta.dataset.record import SequenceRecord, read_record, stored_settings
 from megalopta.dataset.store import Dataset, file_hash, open_sequence, read_header, write_header
 
 MANIFEST = "manifest.jsonl"
@@ -79,41 +79,63 @@ class Tree:
         )
 
     def record(self, name: str) -> SequenceRecord:
-        """Read the record of a sequence, empty for a new dataset of one. Raises UserError."""
-        return (
-            read_lone_record(self.lone) if self.lone else read_record(self.record_path(name), name)
-        )
-
-    def all_records(self) -> Iterator[SequenceRecord]:
-        """Read the records in order."""
-        return map(self.record, self.names())
+        """Read the record of one of many sequences. Raises UserError."""
+        return read_record(self.record_path(name), name)
 
     def dataset(self, record: SequenceRecord) -> Dataset:
-        """One sequence, as the stages use it. Raises UserError for invalid settings."""
-        if self.lone:
-            settings = self.lone.configuration
-        else:
-            settings = stored_settings(record, self.record_path(record.sequence))
-        return Dataset(self.root, settings, record.files)
+        """One of many sequences. Raises UserError for invalid settings."""
+        settings = stored_settings(record, self.record_path(record.sequence))
+        return Dataset(self.root, settings, record)
 
-    def opened(self, name: str) -> tuple[SequenceRecord, Dataset]:
-        """Record and paths of a sequence, if the manifest knows the record. Raises UserError."""
+    def opened(self, name: str) -> Dataset:
+        """A sequence; one of many if the manifest knows its record. Raises UserError."""
+        if self.lone:
+            return self.lone
         record = self.record(name)
-        if not self.lone:
-            self.check_record(name, self._manifest)
-        return record, self.dataset(record)
+        self.check_record(name, self._manifest)
+        return self.dataset(record)
+
+    @property
+    def make_again(self) -> str:
+        """Command that completes and repairs the dataset."""
+        return f"megalopta dataset make {self.root} --out {self.root}"
+
+    def read_manifest(self) -> dict[str, str]:
+        """Return the hash of every record by sequence name. Raises UserError."""
+        path = self.root / MANIFEST
+        if not os.path.lexists(path):
+            return {}
+        with bounded.undamaged(
+            path, f"restore it, or remove it to accept the present records; run {self.make_again}"
+        ):
+            lines = map(bounded.from_json, bounded.read_text(path).splitlines())
+            return {str(line["sequence"]): str(line["record"]) for line in lines}
+
+    def is_known(self, name: str, manifest: Mapping[str, str]) -> bool:
+        """True if the manifest has the record of a sequence with its present hash."""
+        path = self.record_path(name)
+        bounded.check_file(path, bounded.TEXT_BYTES)
+        return manifest.get(name) == file_hash(path)
+
+    def is_as_written(self, name: str, manifest: Mapping[str, str]) -> bool:
+        """True if the program wrote the record of a sequence. Raises UserError."""
+        return (
+            name not in manifest
+            or self.is_known(name, manifest)
+            or self.record(name).replaced == manifest[name]
+        )
 
     def check_record(self, name: str, manifest: Mapping[str, str]) -> None:
         """Refuse, with UserError, a record that the program did not write."""
-        if not is_record_as_written(path := self.record_path(name), manifest):
+        if not self.is_as_written(name, manifest):
             raise UserError(
-                f"{path} differs from the manifest; restore it, or remove it and run "
-                f"megalopta dataset make {self.root} --out {self.root}"
+                f"{self.record_path(name)} differs from the manifest; restore it, or remove it "
+                f"and run {self.make_again}"
             )
 
     @cached_property
     def _manifest(self) -> Mapping[str, str]:
-        return read_manifest(self.root)
+        return self.read_manifest()
 
     def plan(self) -> Plan:
         """Read the plan. Raises UserError."""
@@ -152,31 +174,3 @@ class Tree:
 def is_of_many(root: Path) -> bool:
     """True if a folder holds a dataset of many sequences, begun or finished. Raises UserError."""
     return os.path.lexists(root / "dataset.yaml") and "plan" in read_header(root)
-
-
-def read_manifest(root: Path) -> dict[str, str]:
-    """Return the hash of every record by sequence name. Raises UserError."""
-    path, again = root / MANIFEST, f"run megalopta dataset make {root} --out {root}"
-    if not os.path.lexists(path):
-        return {}
-    with bounded.undamaged(
-        path, f"restore it, or remove it to accept the present records; {again}"
-    ):
-        lines = map(bounded.from_json, bounded.read_text(path).splitlines())
-        return {str(line["sequence"]): str(line["record"]) for line in lines}
-
-
-def is_record_known(path: Path, manifest: Mapping[str, str]) -> bool:
-    """True if the manifest has the record at a path with its present hash."""
-    return manifest.get(path.stem) == _hash(path)
-
-
-def is_record_as_written(path: Path, manifest: Mapping[str, str]) -> bool:
-    """True if the record at a path is unmodified. Raises UserError."""
-    known = manifest.get(path.stem)
-    return known in (None, _hash(path)) or read_record(path, path.stem).replaced == known
-
-
-def _hash(path: Path) -> str:
-    bounded.check_file(path, bounded.TEXT_BYTES)
-    return file_hash(path)

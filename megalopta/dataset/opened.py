@@ -15,7 +15,6 @@ from megalopta.core.errors import UserError
 from megalopta.dataset.index import read_lists
 from megalopta.dataset.layout import Tree
 from megalopta.dataset.sequence import LazyFrames, Sequence
-from megalopta.dataset.store import exposure_name
 from megalopta.flow.formats import read_flo
 
 _KEPT = 64
@@ -120,7 +119,7 @@ class OpenedDataset:
         if not self._tree.lone:
             self._tree.plan()
         self.names = tuple(self._tree.names())
-        self._open = lru_cache(maxsize=_KEPT)(self._opened)
+        self._open = lru_cache(maxsize=_KEPT)(lambda name: Sequence(self._tree.opened(name)))
 
     def __repr__(self) -> str:
         """Describe the dataset."""
@@ -181,14 +180,6 @@ class OpenedDataset:
 
     def _pairs(self, split: str | None, *how: Any) -> FlowPairs:
         return FlowPairs(list(self) if split is None else self.of_split(split), *how)
-
-    def _opened(self, name: str) -> Sequence:
-        record, dataset = self._tree.opened(name)
-        units = {each.name: each.unit for each in record.exposures}
-        if self._tree.lone:
-            pairs = dataset.configuration.exposures
-            units = {exposure_name(*pair): pair[0].unit for pair in pairs}
-        return Sequence(dataset, record.split, units)
 
 
 def open_dataset(root: str | Path) -> OpenedDataset:

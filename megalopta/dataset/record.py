@@ -1,7 +1,6 @@
 """Record of a sequence: software of each stage, and the hash of every file."""
 
 import json
-import os
 import re
 from pathlib import Path
 from typing import Any
@@ -12,10 +11,9 @@ from megalopta.config.drawing import sequence_name
 from megalopta.config.model import Configuration
 from megalopta.core import bounded
 from megalopta.core.errors import DamagedFileError, UserError
-from megalopta.core.format_numbers import check_format, written
+from megalopta.core.format_numbers import check_format
 from megalopta.core.freshness import digest
 from megalopta.core.validation import checked
-from megalopta.dataset.store import Dataset
 
 MADE = ("render", "sense")
 """Stages of every sequence of a plan."""
@@ -159,17 +157,6 @@ def read_record(path: Path, name: str, is_lone: bool = False) -> SequenceRecord:
     except ValueError as problem:
         raise _damaged(path, bounded.quoted(str(problem)), remedy) from None
     return record
-
-
-def read_lone_record(dataset: Dataset) -> SequenceRecord:
-    """Return the record of a dataset of one; an empty one if nothing was begun.
-
-    Raises UserError if it is damaged.
-    """
-    path, name = dataset.record_path, dataset.sequence
-    if not os.path.lexists(path):
-        return SequenceRecord(format=written("sequence"), sequence=name)
-    return read_record(path, name, is_lone=True)
 
 
 def is_output(path: str, sequence: str) -> bool:

@@ -96,14 +96,13 @@ class Sequence:
         Paths of its files.
     """
 
-    def __init__(self, dataset: Dataset, split: str, exposures: Mapping[str, str]) -> None:
-        """`exposures` maps the name of each stored exposure to the unit of its readings."""
-        self.dataset, self.split, self._units = dataset, split, exposures
-        self.name = dataset.sequence
+    def __init__(self, dataset: Dataset) -> None:
+        self.dataset, self.name = dataset, dataset.sequence
+        self.split = dataset.record.split if dataset.record else "all"
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle without open files and caches."""
-        return Sequence, (self.dataset, self.split, self._units)
+        return Sequence, (self.dataset,)
 
     def __repr__(self) -> str:
         """Describe the sequence."""
@@ -173,7 +172,7 @@ class Sequence:
     @property
     def exposures(self) -> tuple[str, ...]:
         """Names of the stored exposures, such as "spadcam-starlight"."""
-        return tuple(self._units)
+        return self.dataset.exposures
 
     def counts(self, exposure: str | None = None, quantity: str = "counts") -> LazyFrames:
         """Readings of a sensor (T, H, W); by default of the first exposure.
@@ -389,7 +388,7 @@ class Sequence:
 
     def _exposure(self, wanted: str | None) -> str:
         name = self.exposures[0] if wanted is None else wanted
-        if name not in self._units:
+        if name not in self.exposures:
             raise UserError(
                 f"{self.name}: no exposure {name!r}; there are {', '.join(self.exposures)}"
             )
@@ -399,10 +398,8 @@ class Sequence:
         from megalopta.sensor import open_counts
 
         path = self.dataset.root / "counts" / self.name / f"{name}.zarr"
-        try:
+        with undamaged(path):
             return open_counts(self.dataset.store(path))
-        except (OSError, ValueError) as problem:
-            raise UserError(str(problem)) from None
 
     def _lazy(self, stored: "StoredFrames", quantity: str) -> LazyFrames:
         def read(numbers: list[int]) -> NDArray[Any]:

@@ -21,7 +21,7 @@ import os
 import stat
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +33,7 @@ from megalopta.core.errors import UserError
 from megalopta.core.folders import LOCK_NAME, check_enclosed
 from megalopta.core.format_numbers import check_format, written
 from megalopta.dataset.publishing import PLAN
+from megalopta.dataset.record import SequenceRecord
 from megalopta.sensor import ImageSensor
 
 LICENSE = "CC0-1.0"
@@ -56,9 +57,14 @@ class Dataset:
     root: Path
     configuration: Configuration
     """Configuration of its content"""
-    files: Mapping[str, tuple[int, str]] = field(default_factory=dict, repr=False, compare=False)
-    """Bytes and hash of the files to compare, by their paths in the dataset"""
+    record: SequenceRecord | None = field(default=None, repr=False, compare=False)
+    """Record of one of many sequences, whose files are compared"""
     _compared: set[str] = field(default_factory=set, init=False, repr=False, compare=False)
+
+    @cached_property
+    def files(self) -> Mapping[str, tuple[int, str]]:
+        """Bytes and hash of the files to compare, by their paths in the dataset."""
+        return self.record.files if self.record else {}
 
     @property
     def home(self) -> Path:
@@ -119,6 +125,13 @@ class Dataset:
             return dict(bounded.read_json(self.compared(self.scene_record)))
         except (OSError, ValueError):
             return {}
+
+    @property
+    def exposures(self) -> tuple[str, ...]:
+        """Names of the stored exposures, such as "spadcam-starlight"."""
+        if self.record:
+            return tuple(each.name for each in self.record.exposures)
+        return tuple(exposure_name(*pair) for pair in self.configuration.exposures)
 
     def counts(self, sensor: ImageSensor, level: LightLevel) -> Path:
         """Counts of one sensor at one light level."""

@@ -4,9 +4,9 @@ Output is made outside the tree, as sequences are, from links to existing files;
 names it when it is complete.
 """
 
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, TypeAlias
@@ -14,18 +14,18 @@ from typing import Annotated, Any, ClassVar, TypeAlias
 from pydantic import Field
 
 from megalopta.config.drawing import repeated, sequence_name
-from megalopta.config.model import Configuration, differences, parse
-from megalopta.config.yaml_model import to_yaml, validated
+from megalopta.config.model import Configuration, differences
+from megalopta.config.yaml_model import validated
 from megalopta.core import files
 from megalopta.core.errors import UserError
 from megalopta.core.format_numbers import written
-from megalopta.core.progress import progress, say
+from megalopta.core.progress import say
 from megalopta.core.record import Record
 from megalopta.dataset.layout import Tree
 from megalopta.dataset.publishing import link
 from megalopta.dataset.record import KINDS, SequenceRecord
 from megalopta.dataset.store import Dataset, file_hash, hashes_of
-from megalopta.generation.jobs import Job, run_jobs
+from megalopta.generation.jobs import run_jobs
 from megalopta.generation.making import exposure_statistics
 from megalopta.generation.staging import Staged, at_work
 from megalopta.sensor.formats.products import ProductName, product_stem
@@ -44,35 +44,34 @@ class _Measured:
     redo: bool
     kinds: ClassVar = tuple(kind for kind in KINDS if kind != "results")
 
-    def settings(self, tree: Tree, record: SequenceRecord) -> Configuration:
+    def settings(self, made: Dataset) -> Configuration:
         """Return its settings. Raises UserError."""
-        stored = to_yaml(tree.dataset(record).configuration)
-        return parse(stored, str(tree.record_path(record.sequence)), self.overrides)
+        stored = made.configuration.model_dump(mode="json")
+        return validated(Configuration, stored, str(made.record_path), self.overrides)
 
-    def check(self, tree: Tree, record: SequenceRecord) -> str | None:
+    def check(self, made: Dataset, record: SequenceRecord) -> str | None:
         """Refuse a sequence that it cannot be added to; return a message, if any."""
-        settings, made = self.settings(tree, record), tree.dataset(record).configuration
-        for earlier in STAGES[self.stage].needs:
-            before, now = (stage_configuration(each, earlier) for each in (made, settings))
+        settings, stage = self.settings(made), self.stage
+        for earlier in STAGES[stage].needs:
+            before, now = (stage_configuration(s, earlier) for s in (made.configuration, settings))
             if changes := differences(before, now):
                 raise UserError(
-                    f"{tree.root}: {changes[0]} would change {earlier!r} output; {self.stage} "
-                    f"takes only its own settings: {', '.join(STAGES[self.stage].fields)}"
+                    f"{made.root}: {changes[0]} would change {earlier!r} output; {stage} "
+                    f"takes only its own settings: {', '.join(STAGES[stage].fields)}"
                 )
-        there = record.stages.get(self.stage)
-        if there and there.settings != stage_hash(settings, self.stage) and not self.redo:
+        there = record.stages.get(stage)
+        if there and there.settings != stage_hash(settings, stage) and not self.redo:
             raise UserError(
-                f"{tree.root}: sequence {record.sequence} holds {self.stage} output of other "
+                f"{made.root}: sequence {made.sequence} holds {stage} output of other "
                 "settings; add --redo to replace it"
             )
-        check_stage(self.stage, settings, tree.staging)
-        is_outdated = Ledger(Dataset(tree.root, settings)).is_outdated(self.stage)
-        note = f"{self.stage}: made by another version of the program; recomputing"
+        is_outdated = Ledger(replace(made, configuration=settings)).is_outdated(stage)
+        note = f"{stage}: made by another version of the program; recomputing"
         return note if is_outdated and not self.redo else None
 
-    def is_there(self, tree: Tree, record: SequenceRecord) -> bool:
+    def is_there(self, made: Dataset) -> bool:
         """True if a sequence already has it."""
-        ledger = Ledger(Dataset(tree.root, self.settings(tree, record)))
+        ledger = Ledger(replace(made, configuration=self.settings(made)))
         is_current = ledger.is_finished(self.stage) and not ledger.is_outdated(self.stage)
         return is_current and not self.redo
 
@@ -106,15 +105,15 @@ class _Exposed:
     stage: ClassVar = "sense"
     kinds: ClassVar = ("radiance", "radiance_shutter")
 
-    def settings(self, tree: Tree, record: SequenceRecord) -> Configuration:
+    def settings(self, made: Dataset) -> Configuration:
         values = {
-            **record.configuration,
+            **made.configuration.model_dump(mode="json"),
             **self.wanted.model_dump(mode="json", exclude={"repeats"}),
             "imu": None,  # it is there
         }
         return repeated(validated(Configuration, values, "dataset expose"), self.wanted.repeats)
 
-    def check(self, tree: Tree, record: SequenceRecord) -> None:
+    def check(self, made: Dataset, record: SequenceRecord) -> None:
         """Refuse a sequence that another sensor model exposed before.
 
         Libraries may differ, as after a download of a dataset: new exposures are independent of the
@@ -124,30 +123,27 @@ class _Exposed:
         known = record.stages["sense"].made_with.get("model", model)
         if known != model:
             raise UserError(
-                f"{tree.root}: sequence {record.sequence} was exposed by another sensor model "
+                f"{made.root}: sequence {made.sequence} was exposed by another sensor model "
                 f"(sense: model: {known} → {model}); use the program that made it, or regenerate "
                 "the dataset in another folder"
             )
-        tree.dataset(record)  # refuses damaged settings
-        check_stage(self.stage, self.settings(tree, record), tree.staging)
 
-    def is_there(self, tree: Tree, record: SequenceRecord) -> bool:
+    def is_there(self, made: Dataset) -> bool:
         """Raise UserError for a name that other settings use."""
-        there, settings, known = tree.dataset(record), self.settings(tree, record), _known(record)
-        missing = []
-        for sensor, level in settings.exposures:
-            path = there.counts(sensor, level)
-            if path.stem not in known:
-                missing.append(path.stem)
-            elif open_exposure(there, sensor, level).sensor != sensor:
+        is_missing = False
+        for sensor, level in self.settings(made).exposures:
+            path = made.counts(sensor, level)
+            if path.stem not in made.exposures:
+                is_missing = True
+            elif open_exposure(made, sensor, level).sensor != sensor:
                 raise UserError(
                     f"{path.stem} exists with other settings; give the sensor another name, "
                     f"such as {{preset: spadcam, name: fast, exposure_s: 0.01}}"
                 )
-        return not missing
+        return not is_missing
 
     def entered(self, record: SequenceRecord, dataset: Dataset) -> SequenceRecord:
-        known = _known(record)
+        known = {each.name for each in record.exposures}
         made = [each for each in exposure_statistics(dataset) if each.name not in known]
         folders = [dataset.root / kind / record.sequence for kind in ("counts", "corrected")]
         for path in sorted(path for folder in folders for path in folder.glob("*")):
@@ -160,10 +156,6 @@ class _Exposed:
         exposures = (*record.exposures, *made)
         statistics = record.statistics.model_copy(update={"exposures": exposures})
         return record.model_copy(update={"statistics": statistics, "stages": stages})
-
-
-def _known(record: SequenceRecord) -> set[str]:
-    return {each.name for each in record.exposures}
 
 
 Addition: TypeAlias = _Measured | _Exposed
@@ -183,12 +175,18 @@ def add_to_all(
     """
     tree = Tree(root.absolute())
     with at_work(tree, tree.plan(), keep_added=True) as problems:
-        records = map(tree.record, tree.names())
-        checked = [(record.index, addition.check(tree, record)) for record in records]
-        for note in sorted({each for _, each in checked if each}):
+        indices, notes = [], set()
+        for record in map(tree.record, tree.names()):
+            made = tree.dataset(record)
+            notes.add(addition.check(made, record))
+            check_stage(addition.stage, addition.settings(made), tree.staging)
+            indices.append(record.index)
+        for note in sorted(filter(None, notes)):
             say(note)
         job = partial(add_to_sequence, tree.root, addition)
-        problems += _problems(job, [index for index, _ in checked], title, workers, scheduler)
+        with closing(run_jobs(title, job, indices, workers, scheduler)) as outcomes:
+            if failed := next((each for each in outcomes if each.problem), None):
+                problems.append(f"sequence {sequence_name(failed.index)}: {failed.problem}")
     if problems:
         raise UserError(problems[0])
     return tree
@@ -198,45 +196,23 @@ def add_to_sequence(root: Path, addition: Addition, index: int) -> None:
     """Add missing output to one sequence."""
     tree, name = Tree(root), sequence_name(index)
     record = tree.record(name)
-    if not addition.is_there(tree, record):
-        settings, made = addition.settings(tree, record), partial(_added, tree, record, addition)
-        Staged.of(tree, name, is_added=True).bring_in(settings, [addition.stage], made)
+    made = tree.dataset(record)
+    if not addition.is_there(made):
+        settings, work = addition.settings(made), partial(_added, addition, made, record)
+        Staged.of(tree, name, is_added=True).bring_in(settings, [addition.stage], work)
 
 
 def _added(
-    tree: Tree, record: SequenceRecord, addition: Addition, dataset: Dataset
+    addition: Addition, made: Dataset, record: SequenceRecord, dataset: Dataset
 ) -> SequenceRecord:
-    _link(tree, record, dataset, addition.kinds)
+    """Run a stage next to links to existing output, which is compared with the record."""
+    for folder in (f"{kind}/{record.sequence}" for kind in addition.kinds):
+        made.compare_all(f"{folder}/")
+        if (made.root / folder).is_dir() and not (dataset.root / folder).is_symlink():
+            link(made.root, dataset.root, folder)
     STAGES[addition.stage].work(dataset)
-    before = {
-        "format": written("sequence"),
-        "replaced": file_hash(tree.record_path(record.sequence)),
-    }
+    before = {"format": written("sequence"), "replaced": file_hash(made.record_path)}
     return addition.entered(record, dataset).model_copy(update=before)
-
-
-def _problems(
-    job: Job, indices: Collection[int], title: str, workers: int | None, scheduler: str | None
-) -> list[str]:
-    """Return the first problem, if any; after it nothing is begun."""
-    with (
-        progress(title, len(indices), "sequence") as advance,
-        closing(run_jobs(job, indices, workers, scheduler)) as outcomes,
-    ):
-        for outcome in outcomes:
-            if outcome.problem:
-                return [f"sequence {sequence_name(outcome.index)}: {outcome.problem}"]
-            advance()
-    return []
-
-
-def _link(tree: Tree, record: SequenceRecord, dataset: Dataset, kinds: Collection[str]) -> None:
-    """Link existing output to where it is read, after comparing it with the record."""
-    whole, name = tree.dataset(record), record.sequence
-    for folder in (f"{kind}/{name}" for kind in kinds):
-        whole.compare_all(f"{folder}/")
-        if (tree.root / folder).is_dir() and not (dataset.root / folder).is_symlink():
-            link(tree.root, dataset.root, folder)
 
 
 def measure(

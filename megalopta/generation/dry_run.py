@@ -276,18 +276,16 @@ def _told(
 
 
 def costs_of(drawn: Sequence[Configuration], finish: Finish) -> list[Foreseen]:
-    """Return the cost of each of some sequences, by probes of a few."""
+    """Return the costs of some sequences, by group, from probes of a few."""
     groups: dict[_Group, list[Configuration]] = defaultdict(list)
     for each in drawn:
         groups[_group(each)].append(each)
     probes = _measured(groups, finish)
-    costs: list[Foreseen] = []
-    compiled: set[_Group] = set()
-    for each in drawn:
-        group = _group(each)
-        costs.append(foresee(Scale.of(each), probes[group], group not in compiled))
-        compiled.add(group)
-    return costs
+    return [
+        foresee(Scale.of(each), probes[group], is_first=not number)
+        for group, members in groups.items()
+        for number, each in enumerate(members)
+    ]
 
 
 def finish_of_plan(plan: Plan, dataset: Dataset) -> None:

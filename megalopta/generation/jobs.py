@@ -12,13 +12,14 @@ import threading
 import time
 import traceback
 from collections import Counter, deque
-from collections.abc import Callable, Generator, Iterable, Iterator
+from collections.abc import Callable, Collection, Generator, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 
 from megalopta.core.errors import UserError, machine_problem
+from megalopta.core.progress import progress
 
 Job = Callable[[int], object]
 
@@ -68,15 +69,31 @@ def _use_threads(threads: int) -> None:
 
 
 def run_jobs(
-    job: Job, indices: Iterable[int], workers: int | None = None, scheduler: str | None = None
+    title: str,
+    job: Job,
+    indices: Collection[int],
+    workers: int | None = None,
+    scheduler: str | None = None,
 ) -> Generator[Outcome, None, None]:
-    """Run a job for every index, in any order, and yield the outcomes.
+    """Run a job for every index of a sequence, in any order; yield the outcomes, show progress.
 
     `workers` are processes of this machine; a dead one is replaced, and its job restarted.
     `scheduler` is the address of a Dask cluster to use instead, such as tcp://host:8786, whose
     workers see the same files. Without both, jobs run in this process. Raises UserError if
     processes cannot be started, or the cluster does not answer or has other versions.
     """
+    with (
+        progress(title, len(indices), "sequence") as advance,
+        closing(_outcomes(job, indices, workers, scheduler)) as outcomes,
+    ):
+        for outcome in outcomes:
+            yield outcome
+            advance()
+
+
+def _outcomes(
+    job: Job, indices: Iterable[int], workers: int | None, scheduler: str | None
+) -> Generator[Outcome, None, None]:
     if scheduler is not None:
         from megalopta.generation.cluster import by_cluster
 

@@ -9,17 +9,17 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.config.drawing import check_plan, configuration_of, sequence_name, split_of
-from megalopta.config.model import Configuration, differences
+from megalopta.config.model import differences
 from megalopta.config.recipe import FlowFile, Plan
 from megalopta.core.errors import UserError
 from megalopta.core.format_numbers import written
-from megalopta.core.progress import progress, say
+from megalopta.core.progress import say
 from megalopta.dataset.frames import read_radiance_frame, read_truth_frame
 from megalopta.dataset.layout import Tree
 from megalopta.dataset.record import MADE, ExposureStatistics, SequenceRecord, SequenceStatistics
@@ -36,11 +36,17 @@ from megalopta.stages.sense import open_exposure
 
 _COMPARED = 50
 """Finished sequences whose configuration is compared with the plan's."""
-_WRITERS: Mapping[FlowFile, tuple[str, str, Callable[[Path, NDArray[Any]], None]]] = {
-    "kitti_png": ("training/flow_kitti", "png", write_kitti_png),
-    "flo5": ("training/flow_flo5", "flo5", write_flo5),
+_Place: TypeAlias = tuple[str, str]
+_Layout: TypeAlias = tuple[_Place, Callable[[Path], Any], _Place, Callable[[Path, Any], None]]
+_FLOW, _DISPARITY = ("training/flow", "flo"), ("training/disparities", "png")
+_LAYOUTS: Mapping[FlowFile, tuple[_Layout, ...]] = {
+    "kitti_png": (
+        (_FLOW, read_flo, ("training/flow_kitti", "png"), write_kitti_png),
+        (_DISPARITY, read_disparity, ("training/disparities_kitti", "png"), write_kitti_disparity),
+    ),
+    "flo5": ((_FLOW, read_flo, ("training/flow_flo5", "flo5"), write_flo5),),
 }
-_KITTI_DISPARITY = "training/disparities_kitti"
+"""Files in other layouts: folder, suffix and reader of the source; folder, suffix and writer"""
 
 
 def make(
@@ -113,10 +119,7 @@ def _make_all(
         return
     _check_same_machinery(tree)
     job = partial(make_sequence, tree.root, plan)
-    with (
-        progress("Making sequences", len(todo), "sequence") as advance,
-        closing(run_jobs(job, todo, workers, scheduler)) as outcomes,
-    ):
+    with closing(run_jobs("Making sequences", job, todo, workers, scheduler)) as outcomes:
         for outcome in outcomes:
             if outcome.ends_all:
                 raise UserError(f"sequence {sequence_name(outcome.index)}: {outcome.problem}")
@@ -125,7 +128,6 @@ def _make_all(
                 failures[outcome.index] = outcome.problem
                 say(f"sequence {sequence_name(outcome.index)} failed: {outcome.problem}")
                 tree.write_failures(failures)
-            advance()
 
 
 def whole_plan(tree: Tree, plan: Plan) -> Plan:
@@ -157,10 +159,16 @@ def whole_plan(tree: Tree, plan: Plan) -> Plan:
 def _check_same_machinery(tree: Tree) -> None:
     """Refuse to add sequences by other models, libraries or variants than the existing ones."""
     for record in _some_records(tree):
-        if changes := other_machinery(record, tree.dataset(record).configuration):
+        here = made_with(MADE, tree.dataset(record).configuration)
+        changes = (
+            f"{stage}: {change}"
+            for stage in MADE
+            if (change := provenance_changes(record.stages[stage].made_with, here[stage]))
+        )
+        if what := "; ".join(changes):
             raise UserError(
                 f"{tree.root}: sequence {record.sequence} was made by other software "
-                f"({changes}); continue with that, choose another folder, or remove "
+                f"({what}); continue with that, choose another folder, or remove "
                 f"{tree.records} to regenerate all"
             )
 
@@ -177,28 +185,12 @@ def make_sequence(root: Path, plan: Plan, index: int) -> None:
     Staged.of(tree, name).bring_in(configuration_of(plan, index), MADE, made)
 
 
-def other_machinery(record: SequenceRecord, configuration: Configuration, *stages: str) -> str:
-    """Return the differences in software from that of a finished sequence; empty if none."""
-    here = made_with(MADE, configuration)
-    found = {
-        stage: provenance_changes(record.stages[stage].made_with, here[stage])
-        for stage in stages or MADE
-    }
-    return "; ".join(f"{stage}: {change}" for stage, change in found.items() if change)
-
-
 def _made(plan: Plan, index: int, dataset: Dataset) -> SequenceRecord:
     data, configuration = dataset.root, dataset.configuration
     for stage in MADE:
         run_stage(data, configuration, stage)
     stages = Ledger(dataset).record.stages
-    extra = hashes_of(
-        data,
-        [
-            *write_flow_files(dataset, plan.flow_files),
-            *(write_kitti_disparities(dataset) if "kitti_png" in plan.flow_files else ()),
-        ],
-    )
+    extra = hashes_of(data, write_flow_files(dataset, plan.flow_files))
     rendered = stages["render"]
     more = rendered.model_copy(update={"files": {**(rendered.files or {}), **extra}})
     return SequenceRecord(
@@ -214,26 +206,18 @@ def _made(plan: Plan, index: int, dataset: Dataset) -> SequenceRecord:
 
 
 def write_flow_files(dataset: Dataset, kinds: Sequence[FlowFile]) -> list[Path]:
-    """Write the forward flow in other layouts too; return their folders."""
-    for index in range(dataset.configuration.trajectory.frames - 1) if kinds else ():
-        flow = read_flo(dataset.frame("training/flow", index, "flo"))
-        for folder, suffix, write in map(_WRITERS.__getitem__, kinds):
-            path = dataset.frame(folder, index, suffix)
-            if not path.exists():
-                write(path, flow)
-    return [dataset.root / _WRITERS[kind][0] / dataset.sequence for kind in kinds]
+    """Write forward flow, and the disparity of a stereo pair, in other layouts too.
 
-
-def write_kitti_disparities(dataset: Dataset) -> list[Path]:
-    """Write the disparity of a stereo pair in KITTI's layout too; return its folder."""
-    if not dataset.configuration.stereo_with:
-        return []
-    for index in range(dataset.configuration.trajectory.frames):
-        path = dataset.frame(_KITTI_DISPARITY, index, "png")
-        if not path.exists():
-            stored = dataset.frame("training/disparities", index, "png")
-            write_kitti_disparity(path, read_disparity(stored))
-    return [dataset.root / _KITTI_DISPARITY / dataset.sequence]
+    Return the folders.
+    """
+    layouts = [each for kind in kinds for each in _LAYOUTS[kind]]
+    for (folder, suffix), read, (other, ending), write in layouts:
+        for index in range(dataset.configuration.trajectory.frames):
+            path = dataset.frame(other, index, ending)
+            source = dataset.frame(folder, index, suffix)
+            if source.exists() and not path.exists():
+                write(path, read(source))
+    return [dataset.root / folder / dataset.sequence for *_, (folder, _), _ in layouts]
 
 
 _FRAMES_LOOKED_AT = 8

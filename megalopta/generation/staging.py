@@ -18,7 +18,7 @@ from megalopta.core.errors import UserError
 from megalopta.core.folders import locked
 from megalopta.core.progress import silent
 from megalopta.dataset.index import write_index
-from megalopta.dataset.layout import Tree, is_record_known, read_manifest
+from megalopta.dataset.layout import Tree
 from megalopta.dataset.publishing import Staging
 from megalopta.dataset.record import KINDS, SequenceRecord, is_output, read_record
 from megalopta.dataset.store import Dataset, file_hash
@@ -112,8 +112,8 @@ def at_work(tree: Tree, plan: Plan, keep_added: bool = False) -> Iterator[list[s
 def _settle(tree: Tree, plan: Plan) -> None:
     """Settle interrupted work, until the manifest knows all records of a tree."""
     tree.sweep()
-    manifest, names = read_manifest(tree.root), tree.names()
-    unknown = [name for name in names if not is_record_known(tree.record_path(name), manifest)]
+    manifest, names = tree.read_manifest(), tree.names()
+    unknown = [name for name in names if not tree.is_known(name, manifest)]
     for name in unknown:
         tree.check_record(name, manifest)
     if manifest and (unknown or manifest.keys() - set(names)):

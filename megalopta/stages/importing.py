@@ -38,6 +38,7 @@ _METHODS = ["BM", "LK", "DIS"]
 _LEAST_SIZE = 3
 """Smallest side in the photon benchmark, px"""
 _SOURCE = "source"
+_OF_SCENE = "unit", "between", "picture_rate_hz", "reflectance"
 _DIGITS = 4
 """Digits of a light level, which names files"""
 
@@ -138,13 +139,8 @@ def _fields(path: Path, footage: Footage, asked: PictureOptions) -> dict[str, An
     if not is_level and asked.spectrum not in (None, *SPECTRA):
         names = ", ".join((*SPECTRA, *LEVELS))
         raise UserError(f"--spectrum {asked.spectrum}: unknown; give one of {names}")
-    scene = {
-        "unit": asked.unit,
-        "between": asked.between,
-        "picture_rate_hz": asked.picture_rate_hz,
-        "reflectance": asked.reflectance,
-        "spectrum": "light" if is_level else asked.spectrum,
-    }
+    scene = {name: getattr(asked, name) for name in _OF_SCENE}
+    scene["spectrum"] = "light" if is_level else asked.spectrum
     given = {name: value for name, value in scene.items() if value is not None}
     return {
         "name": re.sub(r"[^A-Za-z0-9]+", "-", path.stem).strip("-")[:60] or "pictures",

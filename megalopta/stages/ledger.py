@@ -10,9 +10,10 @@ from megalopta import __version__
 from megalopta.config.model import Configuration
 from megalopta.core import bounded, files
 from megalopta.core.errors import UserError
+from megalopta.core.format_numbers import written
 from megalopta.core.freshness import digest
 from megalopta.core.progress import step
-from megalopta.dataset.record import StageRecord, read_lone_record
+from megalopta.dataset.record import SequenceRecord, StageRecord, read_record
 from megalopta.dataset.store import Dataset, file_difference, hashes_of
 from megalopta.stages.registry import (
     STAGES,
@@ -31,7 +32,7 @@ class Ledger:
 
     def __init__(self, dataset: Dataset) -> None:
         self.dataset, self.root = dataset, dataset.root
-        self.record = read_lone_record(dataset)
+        self.record = dataset.record or self._read()
         for stage, entry in self.record.stages.items():
             self._check_entry(stage, entry)
 
@@ -124,6 +125,13 @@ class Ledger:
             self._write_timings({name: t for name, t in self.timings().items() if name != stage})
             for path in (*self.outputs(stage), self.root / "report.html"):
                 files.remove(path)
+
+    def _read(self) -> SequenceRecord:
+        """Read the record of a dataset of one; return an empty one if nothing was begun."""
+        path, name = self.dataset.record_path, self.dataset.sequence
+        if not os.path.lexists(path):
+            return SequenceRecord(format=written("sequence"), sequence=name)
+        return read_record(path, name, is_lone=True)
 
     def _begun(self, stage: str) -> StageRecord | None:
         entry = self.record.stages.get(stage)

@@ -25,14 +25,7 @@ from megalopta.core.errors import UserError
 from megalopta.core.folders import LOCK_NAME
 from megalopta.core.progress import progress, silent
 from megalopta.dataset.index import TABLES, read_lists, table_path
-from megalopta.dataset.layout import (
-    BOOKS,
-    MANIFEST,
-    Tree,
-    is_record_as_written,
-    is_record_known,
-    read_manifest,
-)
+from megalopta.dataset.layout import BOOKS, MANIFEST, Tree
 from megalopta.dataset.record import MADE, SequenceRecord, StageRecord
 from megalopta.dataset.store import Dataset, file_difference, files_in, whole_of
 from megalopta.generation.staging import staged_sequences
@@ -156,7 +149,7 @@ def _unknown(root: Path, known: set[Path], *folders: str) -> Faults:
 
 
 def _faults_of_many(tree: Tree, truths: int) -> Faults:
-    names, again = tree.names(), f"run: megalopta dataset make {tree.root} --out {tree.root}"
+    names, again = tree.names(), f"run: {tree.make_again}"
     yield from _unmade(tree, names, again)
     yield from _manifest_faults(tree, names, again)
     yield from _index_faults(tree, names, again)
@@ -169,7 +162,7 @@ def _faults_of_many(tree: Tree, truths: int) -> Faults:
                 record = tree.record(name)
                 known.update(tree.root / path for path in record.files)
                 machinery[name] = _machinery(record)
-                yield from _sequence_faults(tree, record, name in chosen, again)
+                yield from _sequence_faults(tree.dataset(record), name in chosen, again)
             except UserError as problem:
                 yield FileFault(tree.record_path(name), "is damaged", str(problem))
             advance()
@@ -190,17 +183,18 @@ def _unmade(tree: Tree, names: list[str], again: str) -> Faults:
 def _manifest_faults(tree: Tree, names: list[str], again: str) -> Faults:
     path = tree.root / MANIFEST
     try:
-        hashes = read_manifest(tree.root)
+        hashes = tree.read_manifest()
     except UserError as problem:
         yield FileFault(path, "is damaged", str(problem))
         return
     if sorted(hashes) != names:
         yield FileFault(path, f"lists {len(hashes)} sequences, but there are {len(names)}", again)
-    for record in map(tree.record_path, set(names) & hashes.keys()):
+    for name in set(names) & hashes.keys():
+        record = tree.record_path(name)
         with suppress(UserError):  # reported where the record is read
-            if not is_record_as_written(record, hashes):
+            if not tree.is_as_written(name, hashes):
                 yield FileFault(record, "differs from the manifest", f"remove it and {again}")
-            elif not is_record_known(record, hashes):
+            elif not tree.is_known(name, hashes):
                 yield FileFault(record, "has more output than the index knows", again)
 
 
@@ -222,10 +216,9 @@ def _index_faults(tree: Tree, names: list[str], again: str) -> Faults:
         yield FileFault(tree.root / "splits", "are unreliable", str(problem))
 
 
-def _sequence_faults(tree: Tree, record: SequenceRecord, with_truth: bool, again: str) -> Faults:
-    dataset = tree.dataset(record)
-    remedy = f"remove {tree.record_path(record.sequence)} and {again}"
-    stages = record.stages.values()
+def _sequence_faults(dataset: Dataset, with_truth: bool, again: str) -> Faults:
+    assert dataset.record
+    remedy, stages = f"remove {dataset.record_path} and {again}", dataset.record.stages.values()
     faults = [each for entry in stages for each in _file_faults(dataset, entry, lambda _: remedy)]
     yield from faults if faults or not with_truth else _truth_faults(dataset)
 

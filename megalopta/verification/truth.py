@@ -1,12 +1,12 @@
 """`megalopta check truth`: a dataset's flow against a second derivation, and against its images.
 
-Flow is rederived from stored depth, poses and motions by plain formulas (`rederive`), in both
-directions. A bending object differs from its motion by the straight edges of its triangles, which
-only shows in the largest percent. Then the next image is warped back along the stored flow, and the
-remaining shift between it and this image is estimated by least squares on the gradient (Lucas and
-Kanade, 1981), over the whole image. Aliasing and moving shadows leave one or two tenths of a pixel;
-a wrong sign or a grid off by half a pixel leaves more than the limit. Noise of the rendering leaves
-more in small images, so three standard errors of the shift are subtracted.
+Flow is rederived from stored depth, poses and motions (`reprojection`), in both directions. A
+bending object differs from its motion by the straight edges of its triangles, which only shows in
+the largest percent. Then the next image is warped back along the stored flow, and the remaining
+shift between it and this image is estimated by least squares on the gradient (Lucas and Kanade,
+1981), over the whole image. Aliasing and moving shadows leave one or two tenths of a pixel; a wrong
+sign or a grid off by half a pixel leaves more than the limit. Noise of the rendering leaves more in
+small images, so three standard errors of the shift are subtracted.
 
 The truth of whole pixels is compared with that of their centers. A center is a place like any other
 of its pixel. Where one object fills the pixel, its flow belongs to the distribution with the given
@@ -149,7 +149,8 @@ def _frame(dataset: Dataset, index: int) -> _Frame:
     path, light = dataset.truth(index), dataset.radiance(index)
     remedy = f"remove the file and run: megalopta render {dataset.root} --out {dataset.root}"
     with undamaged(path, remedy):
-        truth, view = read_truth(path), View.of(read_attributes(path))
+        truth = read_truth(path)
+        view = View.of(dataset.configuration.camera, read_attributes(path))
     with undamaged(light, remedy):
         radiance, _ = read_radiance(light)
     return _Frame(truth, view, radiance.sum(axis=-1, dtype=np.float64))

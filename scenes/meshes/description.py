@@ -14,12 +14,12 @@ import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
 
 from megalopta.assets_gen import Surface
-from megalopta.core.bounded import printable, quoted
+from megalopta.core.bounded import printable, quoted, undamaged
 from megalopta.scenes.base import SceneDescription
 from megalopta.scenes.cameras.base import Camera
 from megalopta.scenes.lighting.light import Light
 from megalopta.scenes.material import Material
-from megalopta.scenes.meshes.damage import refused_as_damaged
+from megalopta.scenes.meshes.mesh_file import REPAIR
 from megalopta.scenes.meshes.mitsuba_xml import check_lights
 from megalopta.scenes.meshes.model import PlacedMesh
 from megalopta.scenes.meshes.pictures import check_texels
@@ -115,7 +115,7 @@ class Meshes(SceneDescription, frozen=True):
         for each in self.files:
             models.append(each.pieces(each.animate))
             if self.lights == "file" and each.file.suffix == ".xml":
-                with refused_as_damaged(each.file.path):
+                with undamaged(each.file.path, REPAIR):
                     check_lights(each.file.contents())
             check_texels((piece.paint.picture for found in models for piece in found), "the scene")
         check_names(self.materials, [piece for pieces in models for piece in pieces])

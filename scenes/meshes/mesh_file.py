@@ -10,14 +10,15 @@ from pathlib import Path, PurePosixPath
 
 from pydantic import model_validator
 
-from megalopta.core.bounded import quoted, read_bytes
+from megalopta.core.bounded import quoted, read_bytes, undamaged
 from megalopta.core.errors import DamagedFileError
 from megalopta.scenes.hashed_file import Hashed, unreadable
 from megalopta.scenes.meshes import gltf_file, mitsuba_xml, wavefront
-from megalopta.scenes.meshes.damage import refused_as_damaged
 
 MESH_BYTES = 2 * 10**9
 """Most bytes of a mesh file and all that it names."""
+REPAIR = "repair it, or export it again"
+"""Remedy of a damaged file."""
 SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl", ".xml")
 """Suffixes of supported files."""
 
@@ -88,7 +89,7 @@ def _contents(path: str) -> Contents:
 def _names_in(path: str, name: str, contents: Contents) -> Iterable[str]:
     """Names of the files that a file, or one that it names, names."""
     kind = PurePosixPath(name).suffix.lower()
-    with refused_as_damaged(path):
+    with undamaged(path, REPAIR):
         if path.lower().endswith(".xml"):  # which alone names surfaces and pictures
             return mitsuba_xml.names_in(contents) if kind == ".xml" else ()
         if kind in (".glb", ".gltf"):

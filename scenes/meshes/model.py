@@ -8,13 +8,13 @@ from pydantic import Field
 from scipy.spatial.transform import Rotation
 
 from megalopta.core.arrays import Floats
+from megalopta.core.bounded import undamaged
 from megalopta.core.errors import DamagedFileError
 from megalopta.core.progress import say
 from megalopta.core.record import Record
 from megalopta.scenes.meshes import gltf, mitsuba_xml, polygons, wavefront
 from megalopta.scenes.meshes.counting import triangles_in
-from megalopta.scenes.meshes.damage import refused_as_damaged
-from megalopta.scenes.meshes.mesh_file import Contents, MeshFile
+from megalopta.scenes.meshes.mesh_file import REPAIR, Contents, MeshFile
 from megalopta.scenes.meshes.pieces import Piece
 from megalopta.scenes.motion import Vector
 
@@ -74,7 +74,7 @@ class PlacedMesh(Record, frozen=True):
         """
         contents = self.file.contents()
         self._counted(contents)
-        with refused_as_damaged(self.file.path):
+        with undamaged(self.file.path, REPAIR), np.errstate(all="ignore"):
             found = (
                 gltf.pieces_of(contents, animated)
                 if animated
@@ -97,7 +97,7 @@ class PlacedMesh(Record, frozen=True):
         return axes
 
     def _counted(self, contents: Contents) -> int:
-        with refused_as_damaged(self.file.path):
+        with undamaged(self.file.path, REPAIR), np.errstate(all="ignore"):
             count = triangles_in(contents)
         self._check_count(count)
         return count

@@ -30,3 +30,19 @@ def test_of_invalid_values_the_first_is_named_in_one_line():
         undamaged("a.json"),
     ):
         wanted.validate_python([1, "x", "y"])
+
+
+def test_damage_of_a_part_is_named_after_the_file_and_keeps_its_remedy():
+    with (
+        pytest.raises(DamagedFileError, match=r"^a\.glb: material 'x' is empty; fill it$"),
+        undamaged("a.glb", "export it again"),
+    ):
+        raise DamagedFileError("material 'x' is empty; fill it")
+
+
+def test_words_about_the_file_are_kept_and_get_the_remedy():
+    with (
+        pytest.raises(DamagedFileError, match=r"^a\.exr: no such file; render again$"),
+        undamaged("a.exr", "render again"),
+    ):
+        raise FileNotFoundError("a.exr: no such file")

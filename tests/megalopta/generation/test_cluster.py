@@ -21,7 +21,7 @@ def scheduler():
 
 
 def test_a_cluster_that_runs_already_does_jobs(scheduler, jobs, tmp_path):
-    outcomes = list(run_jobs(jobs.Job(tmp_path), range(3), scheduler=scheduler))
+    outcomes = list(run_jobs("Jobs", jobs.Job(tmp_path), range(3), scheduler=scheduler))
     assert sorted(each.index for each in outcomes) == [0, 1, 2]
     assert not any(each.problem for each in outcomes)
 
@@ -49,4 +49,4 @@ def test_a_worker_that_comes_later_and_is_otherwise_does_nothing(jobs, tmp_path)
 @pytest.mark.slow
 def test_an_address_where_nobody_answers_is_told():
     with pytest.raises(UserError, match="no Dask scheduler answers there"):
-        list(run_jobs(print, [1], scheduler="tcp://127.0.0.1:9"))
+        list(run_jobs("Jobs", print, [1], scheduler="tcp://127.0.0.1:9"))

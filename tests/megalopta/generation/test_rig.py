@@ -117,7 +117,7 @@ def test_other_paths_and_odd_pairs_are_refused(rig, tmp_path):
     with pytest.raises(UserError, match="no lines along which to shift"):
         parse("camera: {kind: equirectangular}", "test", {"stereo_with": "{position_m: [1, 0, 0]}"})
     other = parse("name: other", "test")
-    stranger = type(rig[0])(type(rig[0].dataset)(tmp_path, other), "all", {})
+    stranger = type(rig[0])(type(rig[0].dataset)(tmp_path, other))
     with pytest.raises(UserError, match="another scene or path"):
         rig[0].flow_to(stranger, 0)
 

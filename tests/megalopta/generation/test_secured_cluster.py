@@ -19,7 +19,7 @@ from megalopta.generation.jobs import run_jobs
 from megalopta.core.errors import UserError
 
 try:
-    print([each.problem for each in run_jobs(abs, range(2), scheduler=sys.argv[1])])
+    print([each.problem for each in run_jobs("Jobs", abs, range(2), scheduler=sys.argv[1])])
 except UserError as refusal:
     print(refusal)
 """

@@ -17,7 +17,7 @@ from jobs_of_tests import Job, Slow
 from megalopta.generation.jobs import run_jobs
 
 job = {"Job": Job, "Slow": Slow}[sys.argv[1]](Path(sys.argv[2]))
-print([each.index for each in run_jobs(job, range(2), workers=2)])
+print([each.index for each in run_jobs("Jobs", job, range(2), workers=2)])
 """
 
 
@@ -26,7 +26,9 @@ def is_worker(process):
 
 
 def test_workers_that_die_are_replaced_and_their_job_is_done(jobs, tmp_path):
-    outcomes = {each.index: each for each in run_jobs(jobs.Job(tmp_path), range(6), workers=2)}
+    outcomes = {
+        each.index: each for each in run_jobs("Jobs", jobs.Job(tmp_path), range(6), workers=2)
+    }
     assert {index: each.problem for index, each in outcomes.items()} == {
         **dict.fromkeys(range(6)),
         3: "three is too many",
@@ -37,14 +39,14 @@ def test_workers_that_die_are_replaced_and_their_job_is_done(jobs, tmp_path):
 
 def test_a_job_that_kills_every_worker_is_given_up(jobs, monkeypatch):
     monkeypatch.setattr("megalopta.generation.jobs.DEATHS", 2)
-    (outcome,) = run_jobs(jobs.die, [7], workers=1)
+    (outcome,) = run_jobs("Jobs", jobs.die, [7], workers=1)
     assert outcome.problem == "2 workers died of it"
 
 
 @pytest.mark.slow
 def test_workers_that_never_start_are_told(jobs):
     with pytest.raises(UserError, match="die before a job is done"):
-        list(run_jobs(jobs.NeverArrives(), [7], workers=2))
+        list(run_jobs("Jobs", jobs.NeverArrives(), [7], workers=2))
 
 
 def test_workers_listen_nowhere_and_end_with_a_parent_that_was_killed(jobs, tmp_path):
@@ -57,7 +59,7 @@ def test_workers_listen_nowhere_and_end_with_a_parent_that_was_killed(jobs, tmp_
 
 
 def test_workers_end_when_no_more_outcomes_are_wanted(jobs, tmp_path):
-    outcomes = run_jobs(jobs.EndsOnce(tmp_path), range(2), workers=2)
+    outcomes = run_jobs("Jobs", jobs.EndsOnce(tmp_path), range(2), workers=2)
     next(outcomes)
     outcomes.close()
     assert not [each for each in psutil.Process().children() if is_worker(each)]
