@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from pydantic import ValidationError
+from pydantic import TypeAdapter, ValidationError
 
-from megalopta.scenes import OpenCVCamera
+from megalopta.scenes import AnyCamera, OpenCVCamera
 
 from .by_opencv import opencv_points, undistortion_map
 
@@ -117,3 +117,9 @@ def test_the_steepest_tangent_is_the_largest_in_a_level_view(lens):
 def test_a_lens_without_an_inverse_is_refused(given, reason):
     with pytest.raises(ValidationError, match=reason):
         camera_of(given)
+
+
+@EVERY_LENS
+def test_a_camera_is_read_from_its_record(lens):
+    camera = camera_of(lens)
+    assert TypeAdapter(AnyCamera).validate_json(camera.model_dump_json()) == camera
