@@ -1,7 +1,6 @@
 """Another package's detector and sensor, found by its entry points."""
 
 import json
-import os
 import subprocess
 import sys
 from pathlib import Path
@@ -9,6 +8,8 @@ from pathlib import Path
 import pytest
 
 from megalopta.flow import METHODS
+
+from .installing import environment_with
 
 PACKAGE = Path(__file__).parent / "plugin_detector"
 ENTRY_POINTS = """
@@ -26,21 +27,11 @@ twice = whole_frame:NAMESAKE
 @pytest.fixture(scope="module")
 def with_plug_in(tmp_path_factory):
     """Run Python code in a process in which the package is installed."""
-    site = tmp_path_factory.mktemp("site")
-    info = site / "plugin_detector-1.0.dist-info"
-    info.mkdir()
-    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: plugin-detector\nVersion: 1.0\n")
-    (info / "entry_points.txt").write_text(ENTRY_POINTS)
+    environment = environment_with(PACKAGE, ENTRY_POINTS, tmp_path_factory.mktemp("site"))
 
     def run(code):
-        path = os.pathsep.join([str(site), str(PACKAGE)])
-        return subprocess.run(
-            [sys.executable, "-c", code],
-            env={**os.environ, "PYTHONPATH": path},
-            capture_output=True,
-            text=True,
-            check=True,
-        )
+        command = [sys.executable, "-c", code]
+        return subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
 
     return run
 

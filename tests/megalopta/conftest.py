@@ -1,5 +1,4 @@
 import os
-import re
 import shutil
 from pathlib import Path
 
@@ -12,18 +11,7 @@ from megalopta.config.recipe import Plan
 from megalopta.generation.making import make
 from megalopta.stages.pipeline import run_all
 
-TINY = {
-    "camera.width": "48",
-    "camera.height": "40",
-    "trajectory.frames": "24",
-    "render.samples_per_pixel": "1",
-    "render.bands_nm": "[[450, 550], [550, 650]]",
-    "benchmark.sizes": "[40]",
-    "benchmark.flux_min": "1e4",
-    "benchmark.flux_max": "1e8",
-    "benchmark.fluxes_per_decade": "1",
-    "benchmark.repeats": "2",
-}
+from .small import TINY, copied, small
 
 
 @pytest.fixture(scope="session")
@@ -35,12 +23,8 @@ def tiny():
 @pytest.fixture(scope="session")
 def whole(tmp_path_factory):
     """Folder of a dataset with every stage done, a grating of four frames; not to be changed."""
-    settings = {
-        **TINY,
-        **{"camera.width": "32", "camera.height": "24", "benchmark.sizes": "[24]"},
-        **{"trajectory.frames": "4", "scene.cycles_per_frame": "4", "methods": "[BM, LK]"},
-        **{"sensors": "[spadcam]", "light_levels": "[starlight]"},
-    }
+    settings = TINY | small(32, 24, 4, sensors="spadcam", levels="starlight")
+    settings |= {"benchmark.sizes": "[24]", "scene.cycles_per_frame": "4", "methods": "[BM, LK]"}
     return run_all(tmp_path_factory.mktemp("whole") / "data", load("grating", settings)).root
 
 
@@ -52,31 +36,18 @@ def whole_copy(whole, tmp_path):
 
 @pytest.fixture
 def refused(capsys):
-    """Runs a command that is refused with code 2, and returns what it says."""
+    """Runs a command that is refused with code 2 and prints nothing; returns what it says."""
 
     def refused(*words):
         capsys.readouterr()
         with pytest.raises(SystemExit) as stopped:
             cli.main([*map(str, words)])
         assert stopped.value.code == 2
-        return capsys.readouterr().err
+        printed, said = capsys.readouterr()
+        assert printed == ""
+        return said
 
     return refused
-
-
-@pytest.fixture(scope="session")
-def check_words():
-    """Refuses a figure without the dissertation's number, or with a caption of over 3 sentences."""
-
-    def check(figure):
-        number = re.fullmatch(r"(fig|table)-(\d+\.\d+)", figure.name)
-        if number:
-            kind = {"fig": "Figure", "table": "Table"}[number[1]]
-            assert figure.title.startswith(f"{kind} {number[2]}: ")
-        sentences = re.findall(r"(?<!Eq)[.?!](?= [A-Z(]|$)", figure.caption)
-        assert 1 <= len(sentences) <= 3
-
-    return check
 
 
 SMALL = {
@@ -147,3 +118,13 @@ def single_plan(small_plan):
 def single_dataset(single_plan, tmp_path_factory):
     """Folder of the plan of one sequence, made once for all processes; not to be changed."""
     return made_once("single", single_plan, tmp_path_factory)
+
+
+@pytest.fixture
+def single_copy(single_dataset, tmp_path):
+    return copied(single_dataset, tmp_path / "data")
+
+
+@pytest.fixture
+def small_copy(small_dataset, tmp_path):
+    return copied(small_dataset, tmp_path / "data")

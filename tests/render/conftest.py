@@ -4,15 +4,20 @@ import trimesh
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
+from megalopta.render import RenderSettings, RunningMean, SceneRenderer, mi
+from megalopta.render.sensors.film import film_and_sampler
+from megalopta.render.sensors.optics import plugin, sensor_transform
 from megalopta.render.variant import choose_variant
+from megalopta.scenes import Trajectory
 from megalopta.scenes.material import Emission, Material
-from megalopta.scenes.scene import Asset, Placement, Scene
+from megalopta.scenes.scene import Asset, Lighting, Placement, Scene
 from megalopta.scenes.spectra.spectrum import flat
 
 vectorized = pytest.mark.skipif(
     choose_variant().name.startswith("scalar"), reason="needs a vectorized variant"
 )
 GRAY = Material(flat(0.5))
+EVEN = Lighting(flat(1e-9))
 
 
 def quad(corners: NDArray[np.float64]) -> trimesh.Trimesh:
@@ -55,11 +60,24 @@ def scene_of(lighting, *things, **more) -> Scene:
     )
 
 
+def renderer_of(camera, *things, poses=None, lighting=EVEN, more=None, **settings):
+    """Renderer of a scene of things in even light; of one sample and one band unless told."""
+    given = {"samples_per_pixel": 1, "bands_nm": ((500, 600),), **settings}
+    scene = scene_of(lighting, *things, **(more or {}))
+    return SceneRenderer(scene, camera, RenderSettings(**given), poses)
+
+
 def square(height=0.0, half_width=1000.0) -> trimesh.Trimesh:
     """A level square that faces up, 2 km wide unless told."""
     corners = half_width * np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0.0]])
     corners[:, 2] = height
     return quad(corners)
+
+
+def down(height=2.0):
+    """Poses of a camera straight above the origin, or below it, that looks there."""
+    above = {"position_m": (0, 0, height), "look_at_m": (0, 0, 0), "up": (1, 0, 0)}
+    return Trajectory(frames=2, **above).poses()
 
 
 @pytest.fixture
@@ -87,3 +105,21 @@ def glowing_room() -> Scene:
     noise = gaussian_filter(np.random.default_rng(2).normal(size=(512, 512)), 14, mode="wrap")
     pattern = np.maximum(1 + noise / (4 * noise.std()), 0).astype(np.float32)
     return scene_of(None, (walls, Material(flat(0.0), None, Emission(1e-6, pattern))))
+
+
+def plainly(scene, camera, pose, settings):
+    """Radiance by seed of a scene loaded by plain Mitsuba."""
+    to_world = mi.ScalarTransform4f(sensor_transform(pose).tolist())
+    size, samples = (camera.width, camera.height), settings.samples_per_pixel
+    parts = film_and_sampler(size, settings.bands_nm, "independent", samples)
+    sensor = mi.load_dict({**plugin(camera), "to_world": to_world, **parts})
+    integrator = mi.load_dict({"type": "path", "max_depth": settings.max_depth})
+    return lambda seed: mi.render(scene, sensor=sensor, integrator=integrator, seed=seed)
+
+
+def surface_error(passes):
+    """Stated error of surfaces from measured passes."""
+    mean = RunningMean()
+    for each in passes:
+        mean.add(each.radiance)
+    return mean.noise(1, passes[0]).surface

@@ -18,6 +18,8 @@ from megalopta.render import RenderSettings, SceneRenderer, mi
 from megalopta.scenes import Light, Meshes, PerspectiveCamera, Trajectory
 from megalopta.scenes.meshes.mesh_file import SUFFIXES
 
+from .truth.oracle import triangle_hit
+
 CAMERA = PerspectiveCamera(width=24, height=18, fov_deg=50)
 LARGEST = 5_000_000
 Y_UP = np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0.0]])
@@ -94,25 +96,6 @@ def triangles_of(scene, time_s):
     return np.concatenate(found), np.concatenate(moving)
 
 
-def cast(start, ways, triangles):
-    """Distances (n,) along ways (n, 3) to triangles, the triangles (n,), and weights (n, 2)."""
-    a, u, v = triangles[:, 0], *(triangles[:, n] - triangles[:, 0] for n in (1, 2))
-    q = np.cross(start - a, u)
-    found = []
-    for way in ways:
-        p = np.cross(way, v)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            size = np.einsum("ij,ij->i", p, u)
-            first = np.einsum("ij,ij->i", p, start - a) / size
-            second = q @ way / size
-            along = np.einsum("ij,ij->i", q, v) / size
-            hit = (first >= 0) & (second >= 0) & (first + second <= 1) & (along > 1e-9)
-        best = np.where(hit, along, np.inf).argmin()
-        found.append((along[best] if hit.any() else np.inf, best, first[best], second[best]))
-    distance, best, first, second = np.array(found).T
-    return distance, best.astype(int), np.stack([first, second], axis=1)
-
-
 def test_flow_and_depth_agree_with_a_ray_caster(path):
     scene, _ = opened(path)
     before, _ = triangles_of(scene, 0.0)
@@ -122,7 +105,7 @@ def test_flow_and_depth_agree_with_a_ray_caster(path):
     renderer = SceneRenderer(scene, CAMERA, RenderSettings(samples_per_pixel=1))
     truth = renderer.truth(poses, 0, times)
     axes = CAMERA.directions().reshape(-1, 3)
-    distance, best, weights = cast(poses[0, :3, 3], axes @ poses[0, :3, :3].T, before)
+    distance, best, weights = triangle_hit(poses[0, :3, 3], axes @ poses[0, :3, :3].T, before)
     hit, depth = np.isfinite(distance), truth.depth.ravel()
     # Where a ray passes within rounding of an edge, either side may be hit.
     same = np.isclose(distance * axes[:, 2], depth, rtol=1e-5)
@@ -134,7 +117,7 @@ def test_flow_and_depth_agree_with_a_ray_caster(path):
     flow = truth.flow_forward.reshape(-1, 2) + CAMERA.pixel_centers().reshape(-1, 2)
     assert np.abs(flow - place)[same & hit].max() < 1e-4
     ways = points - poses[1, :3, 3]
-    nearest = cast(poses[1, :3, 3], np.where(hit[:, None], ways, 1.0), after)[0]
+    nearest = triangle_hit(poses[1, :3, 3], np.where(hit[:, None], ways, 1.0), after)[0]
     normals = [
         np.cross(each[:, 1] - each[:, 0], each[:, 2] - each[:, 0]) for each in (before, after)
     ]
@@ -173,5 +156,5 @@ def nearest_of_mitsuba(path, triangles):
     rays = mi.Ray3f(*(mi.Point3f(*each.T.tolist()) for each in (start, ways @ Y_UP)))
     expected = np.array(scene.ray_intersect_preliminary(rays, coherent=False).t)
     # Round shapes have facets here, up to 1.1e-3 of their radius below them.
-    close = np.isclose(cast(pose[:3, 3], ways, triangles)[0], expected, rtol=3e-3)
+    close = np.isclose(triangle_hit(pose[:3, 3], ways, triangles)[0], expected, rtol=3e-3)
     assert close.mean() > 0.97

@@ -14,21 +14,20 @@ from megalopta.scenes.material import Material
 from megalopta.scenes.scene import Lighting, Sun
 from megalopta.scenes.spectra.spectrum import flat, luminous
 
-from .conftest import quad, scene_of
+from .conftest import quad, renderer_of, scene_of
 
 # Elements of 10 nm over V(λ).
 
 
-def survey(scene, *positions):
-    settings = RenderSettings(bands_nm=((500, 600),), max_depth=3)
-    renderer = SceneRenderer(scene, PerspectiveCamera(width=4, height=4), settings)
-    return renderer.light_survey(np.array(positions, np.float64))
+def survey(lighting, place, *things):
+    camera = PerspectiveCamera(width=4, height=4)
+    renderer = renderer_of(camera, *things, lighting=lighting, max_depth=3)
+    return renderer.light_survey(np.array([place], np.float64))
 
 
 @pytest.mark.parametrize("level", LEVELS)
 def test_unshaded_ground_gets_the_illuminance_of_every_named_level(level, ground):
-    lighting = Light(level=level).lighting()
-    measured = survey(scene_of(lighting, ground), (0, 0, 1.5))
+    measured = survey(Light(level=level).lighting(), (0, 0, 1.5), ground)
     lux = LEVELS[level].illuminance_lux
     # Required: 2 %. 4096 paths with four wavelengths each leave 0.05 % (σ).
     assert measured.unshaded.lux == pytest.approx(lux, rel=4e-3)
@@ -39,7 +38,7 @@ def test_unshaded_ground_gets_the_illuminance_of_every_named_level(level, ground
 def test_a_black_wall_takes_half_the_sky(ground):
     wall = quad(np.array([[0, -1e4, 0], [0, 1e4, 0], [0, 1e4, 1e4], [0, -1e4, 1e4]]))
     sky = Light(level="twilight").lighting()
-    measured = survey(scene_of(sky, ground, (wall, Material(flat(0.0)))), (0.1, 0, 1.5))
+    measured = survey(sky, (0.1, 0, 1.5), ground, (wall, Material(flat(0.0))))
     # What the 10 km leave open is below 1e-4; half of 4096 paths: σ of 0.008.
     assert measured.ground[0].lux == pytest.approx(0.5, abs=0.045)
     assert measured.ground[0].standard_error_lux == pytest.approx(0.5 / 64, rel=0.1)
@@ -52,11 +51,11 @@ def test_edge_of_a_shadow_is_as_soft_as_the_disc_of_the_sun_makes_it(ground):
         np.array([[-50, -50, height], [0, -50, height], [0, 50, height], [-50, 50, height]])
     )
     overhead = Lighting(flat(0.0), Sun((0.0, 0.0, 1.0), flat(1.0)))
-    scene = scene_of(overhead, ground, (roof, Material(flat(0.0))))
     camera = PerspectiveCamera(width=32, height=32, fov_deg=math.degrees(2 * math.atan(0.08 / 5)))
-    settings = RenderSettings(bands_nm=((500, 600),), samples_per_pixel=256, max_depth=2)
     look_down = Trajectory(frames=2, position_m=(0, 0, 5), look_at_m=(0, 0, 0), up=(0, 1, 0))
-    image = SceneRenderer(scene, camera, settings).radiance(look_down.poses()[0], seed=0)[..., 0]
+    given = {"lighting": overhead, "samples_per_pixel": 256, "max_depth": 2}
+    renderer = renderer_of(camera, ground, (roof, Material(flat(0.0))), **given)
+    image = renderer.radiance(look_down.poses()[0], seed=0)[..., 0]
     profile = image.mean(axis=0, dtype=np.float64) * math.pi / 0.5
     # Share of a disc of radius 1 beyond a chord at −x: its segment's area over π.
     x = ((np.arange(32) + 0.5) / 16 - 1) * 0.08 / (height * math.tan(math.radians(0.265)))
@@ -67,7 +66,7 @@ def test_edge_of_a_shadow_is_as_soft_as_the_disc_of_the_sun_makes_it(ground):
 
 
 def test_a_scene_without_light_from_outside_has_nothing_to_measure(ground):
-    assert survey(scene_of(None, ground), (0, 0, 1.5)) is None
+    assert survey(None, (0, 0, 1.5), ground) is None
 
 
 @pytest.mark.slow

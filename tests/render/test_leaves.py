@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 import trimesh
 
-from megalopta.render import RenderSettings, RunningMean, SceneRenderer
+from megalopta.render import RenderSettings, SceneRenderer
 from megalopta.scenes import PerspectiveCamera, Trajectory
 from megalopta.scenes.material import Material, Texture
 from megalopta.scenes.scene import Lighting, Sun
 from megalopta.scenes.spectra.spectrum import Spectrum, flat
 
-from .conftest import band_means, scene_of, square, vectorized
+from .conftest import band_means, down, scene_of, square, surface_error, vectorized
 
 INTEGRATORS = ["path", pytest.param("baked", marks=[vectorized, pytest.mark.slow])]
 BANDS = ((400.0, 500.0), (500.0, 600.0), (600.0, 700.0))
@@ -20,8 +20,7 @@ GREEN = Spectrum((400.0, 550.0, 700.0), (0.05, 0.3, 0.1)), Spectrum((400.0, 700.
 LIGHT = Spectrum((400.0, 700.0), (1e-9, 3e-9))
 TOWARD_SUN = (math.sin(1.0), 0.0, math.cos(1.0))
 LEVEL = 1e-9
-DOWN = Trajectory(frames=2, position_m=(0, 0, 9), look_at_m=(0, 0, 0), up=(1, 0, 0)).poses()
-UP = Trajectory(frames=2, position_m=(0, 0, -9), look_at_m=(0, 0, 0), up=(1, 0, 0)).poses()
+DOWN, UP = down(9), down(-9)
 
 
 def sheet(height, half_width=1e4):
@@ -122,10 +121,7 @@ def test_leaves_that_absorb_nothing_vanish_in_baked_light_within_its_stated_erro
     more = {"width": 32, "samples": 64, "max_depth": 300, "bands_nm": BANDS[:1]}
     renderer = renderer_of(scene, LOOKING, "baked", **more)
     passes = [renderer.measured(LOOKING[0], seed) for seed in (0, 1)]
-    both = RunningMean()
-    for each in passes:
-        both.add(each.radiance)
-    surface = both.noise(1, passes[0]).surface
+    surface = surface_error(passes)
     off = passes[0].radiance[passes[0].sky == 0].sum(axis=-1) / LEVEL - 1
     true = math.sqrt(np.mean(off**2))
     assert true < 1.25 * surface.rms < 0.1

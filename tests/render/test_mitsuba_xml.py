@@ -5,10 +5,10 @@ import pytest
 from PIL import Image
 
 from megalopta.render import RenderSettings, SceneRenderer, mi
-from megalopta.render.sensors.film import film_and_sampler
-from megalopta.render.sensors.optics import plugin, sensor_transform
 from megalopta.scenes import Light, Meshes, PerspectiveCamera, Trajectory, build_scene
 from megalopta.scenes.spectra.color import BLUE, GREEN, RED, band_means
+
+from .conftest import plainly
 
 RNG = np.random.default_rng(3)
 PLY_HEADER = """ply
@@ -196,15 +196,10 @@ def test_a_room_lit_by_its_own_lamp_is_as_bright_as_in_plain_mitsuba(tmp_path):
     renderer = SceneRenderer(build_scene(description, Light(), camera, inside), camera, settings)
     ours = renderer.radiance(inside.poses()[0], seed=1).astype(np.float64)
     mi.set_variant("scalar_spectral")
-    scene = mi.load_file(str(path))
-    to_world = mi.ScalarTransform4f(sensor_transform(inside.poses()[0]).tolist())
-    parts = film_and_sampler((camera.width, camera.height), BANDS, "independent", 64)
-    sensor = mi.load_dict({**plugin(camera), "to_world": to_world, **parts})
-    integrator = mi.load_dict({"type": "path", "max_depth": 8})
-    plain = np.array(mi.render(scene, sensor=sensor, integrator=integrator, seed=2), np.float64)
+    plain = np.array(plainly(mi.load_file(str(path)), camera, inside.poses()[0], settings)(2))
     # Errors of pixels are independent, of some 5 % at 64 samples; with 432 pixels and two
     # renderings, five deviations of the mean are below 2 %.
-    np.testing.assert_allclose(ours.mean((0, 1)), plain.mean((0, 1)), rtol=0.02)
+    np.testing.assert_allclose(ours.mean((0, 1)), plain.mean((0, 1), dtype=float), rtol=0.02)
 
 
 def test_lamps_that_are_missing_or_unknown_in_a_band_are_refused(tmp_path):

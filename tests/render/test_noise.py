@@ -1,15 +1,16 @@
 import numpy as np
 import pytest
 
-from megalopta.render import RenderSettings, SceneRenderer
+from megalopta.render import RenderSettings
 from megalopta.render.noise import MeasuredPass, RenderNoise, RunningMean, render_once, render_until
-from megalopta.scenes import Light, PerspectiveCamera, Trajectory
+from megalopta.scenes import Light, PerspectiveCamera
 
-from .conftest import scene_of
+from .conftest import down, renderer_of
 
 MEAN = np.array([3.0, 1.0])
 COVARIANCE = np.array([[0.04, -0.006], [-0.006, 0.01]])
 SIGMA = np.sqrt(COVARIANCE.sum())
+BANDS = RenderSettings().bands_nm
 
 
 def gaussian_pass(number):
@@ -182,11 +183,10 @@ def test_the_gradient_of_what_stands_is_known_from_pairs_of_neighbors():
 
 @pytest.mark.parametrize("sampler", ["independent", "multijitter"])
 def test_estimated_noise_is_the_true_distance_to_a_converged_rendering(ground, sampler):
-    scene = scene_of(Light(level="full_moon", disc_fraction=0.3).lighting(), ground)
+    lighting, pose = Light(level="full_moon", disc_fraction=0.3).lighting(), down()[0]
     camera = PerspectiveCamera(width=64, height=64, fov_deg=40)
-    settings = RenderSettings(samples_per_pixel=16, sampler=sampler, max_depth=2)
-    pose = Trajectory(frames=2, position_m=(0, 0, 2), look_at_m=(0, 0, 0), up=(1, 0, 0)).poses()[0]
-    renderer = SceneRenderer(scene, camera, settings)
+    given = {"samples_per_pixel": 16, "sampler": sampler, "max_depth": 2, "bands_nm": BANDS}
+    renderer = renderer_of(camera, ground, lighting=lighting, **given)
     image, noise = render_once(
         lambda number: renderer.radiance(pose, number),
         lambda number: renderer.measured(pose, number),

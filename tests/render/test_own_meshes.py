@@ -22,12 +22,12 @@ from megalopta.scenes.spectra.color import BLUE, GREEN, RED, reflectance_of_colo
 from megalopta.scenes.spectra.spectrum import Spectrum, flat
 
 from ..scenes.meshes.files import Gltf
-from .conftest import band_means, scene_of, square, vectorized
-from .truth.oracle import Pinhole
+from .conftest import band_means, down, scene_of, square, vectorized
+from .truth.oracle import Pinhole, triangle_hit
 
 BANDS = ((400.0, 480.0), (480.0, 560.0), (560.0, 640.0), (640.0, 720.0), (720.0, 800.0))
 LIGHT = Spectrum((400.0, 800.0), (1e-9, 3e-9))
-DOWN = Trajectory(frames=2, position_m=(0, 0, 9), look_at_m=(0, 0, 0), up=(1, 0, 0)).poses()
+DOWN = down(9)
 KINDS = [
     ("path", "scalar"),
     pytest.param("path", "auto", marks=vectorized),
@@ -94,31 +94,6 @@ def test_light_between_colored_surfaces_is_that_of_their_reflectance(integrator,
     np.testing.assert_allclose(found, expected, rtol=0.05)
 
 
-def hits(origin, directions, triangles):
-    """Nearest distances (N,) along directions to triangles (F, 3, 3), and their numbers.
-
-    Möller and Trumbore (1997), in float64, without any tree.
-    """
-    a, b, c = np.moveaxis(triangles, 1, 0)
-    first, second = b - a, c - a
-    best, which = np.full(len(directions), np.inf), np.full(len(directions), -1)
-    for number, direction in enumerate(directions):
-        p = np.cross(direction, second)
-        det = (first * p).sum(axis=1)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            t = origin - a
-            u = (t * p).sum(axis=1) / det
-            q = np.cross(t, first)
-            v = q @ direction / det
-            distance = (second * q).sum(axis=1) / det
-        inside = (u >= 0) & (v >= 0) & (u + v <= 1) & (distance > 0) & np.isfinite(distance)
-        if inside.any():
-            distance = np.where(inside, distance, np.inf)
-            which[number] = distance.argmin()
-            best[number] = distance[which[number]]
-    return best, which
-
-
 VIEW = Trajectory(
     frames=3,
     position_m=(-6.0, 1.0, 2.5),
@@ -127,6 +102,29 @@ VIEW = Trajectory(
     velocity_m_s=(2.0, -3.0, 0.5),
 )
 CAMERA = PerspectiveCamera(width=48, height=36, fov_deg=60)
+PINHOLE = Pinhole(CAMERA, VIEW)
+
+
+def truth_of(scene):
+    settings = RenderSettings(samples_per_pixel=1, bands_nm=((500, 600),))
+    return SceneRenderer(scene, CAMERA, settings).truth(VIEW.poses(), 1, VIEW.times_s)
+
+
+def cast(triangles):
+    """What rays of the second frame meet: distances (H, W), points (H, W, 3), triangles, weights."""
+    position, directions = PINHOLE.rays(1)
+    distance, which, weights = triangle_hit(position, directions.reshape(-1, 3), triangles)
+    distance, which = (each.reshape(CAMERA.height, CAMERA.width) for each in (distance, which))
+    points = position + np.where(which >= 0, distance, 1.0)[..., None] * directions
+    return distance, points, which, weights.reshape(*which.shape, 2)
+
+
+def assert_depth_and_flow(truth, distance, seen, points_in):
+    """That of points (H, W, 3) in the other frames."""
+    np.testing.assert_allclose(truth.depth[seen], distance[seen], rtol=2e-6)
+    for flow, other in ((truth.flow_forward, 2), (truth.flow_backward, 0)):
+        error = flow - PINHOLE.displacement(other, points_in(other))
+        assert np.abs(error[seen]).max() < 1e-4
 
 
 @pytest.fixture
@@ -157,24 +155,15 @@ def yard(tmp_path):
 def test_truth_of_an_own_scene_is_that_of_an_independent_ray_caster(yard):
     path, triangles, names = yard
     scene = build_scene(Meshes(files=path), Light(), CAMERA, VIEW)
-    settings = RenderSettings(samples_per_pixel=1, bands_nm=((500, 600),))
-    renderer = SceneRenderer(scene, CAMERA, settings)
-    truth = renderer.truth(VIEW.poses(), 1, VIEW.times_s)
-    pinhole = Pinhole(CAMERA, VIEW)
-    position, directions = pinhole.rays(1)
-    distance, which = hits(position, directions.reshape(-1, 3), triangles)
-    distance = distance.reshape(CAMERA.height, CAMERA.width)
-    seen = np.isfinite(distance)
+    truth = truth_of(scene)
+    distance, points, which, _ = cast(triangles)
+    seen = which >= 0
     assert 0.5 < seen.mean() < 1
     # Rays that graze an edge may pass it on the other side in float32: none of these does.
     np.testing.assert_array_equal(np.isfinite(truth.depth), seen)
-    np.testing.assert_allclose(truth.depth[seen], distance[seen], rtol=2e-6)
-    kinds = np.array(["", *scene.kinds])[truth.kind_id].ravel()
-    assert (kinds[seen.ravel()] == names[which[seen.ravel()]]).all() and len(set(kinds)) > 6
-    points = position + np.where(seen, distance, 1.0)[..., None] * directions
-    for flow, other in ((truth.flow_forward, 2), (truth.flow_backward, 0)):
-        error = flow - pinhole.displacement(other, points)
-        assert np.abs(error[seen]).max() < 1e-4
+    kinds = np.array(["", *scene.kinds])[truth.kind_id]
+    assert (kinds[seen] == names[which[seen]]).all() and len({*kinds.flat}) > 6
+    assert_depth_and_flow(truth, distance, seen, lambda _: points)
 
 
 SPIN, AXIS, VELOCITY = 90.0, np.array([1.0, 2.0, -0.5]), np.array([-1.5, 2.0, 0.8])
@@ -206,25 +195,19 @@ def test_truth_of_a_moving_file_is_that_of_an_independent_ray_caster(yard):
     still = Meshes(files={"file": path, "position_m": tuple(AWAY)})
     scene = build_scene(still, Light(), CAMERA, VIEW, [bird])
     assert scene.placements[-1].kind == "bird" and scene.is_moving
-    settings = RenderSettings(samples_per_pixel=1, bands_nm=((500, 600),))
-    truth = SceneRenderer(scene, CAMERA, settings).truth(VIEW.poses(), 1, VIEW.times_s)
-    times, pinhole = VIEW.times_s, Pinhole(CAMERA, VIEW)
-    position, directions = pinhole.rays(1)
-    every = np.concatenate([moved(placed, times[1]), triangles + AWAY])
-    distance, which = hits(position, directions.reshape(-1, 3), every)
-    distance, which = (each.reshape(CAMERA.height, CAMERA.width) for each in (distance, which))
+    truth, times = truth_of(scene), VIEW.times_s
+    distance, points, which, _ = cast(np.concatenate([moved(placed, times[1]), triangles + AWAY]))
     seen, is_bird = which >= 0, (which >= 0) & (which < len(placed))
     assert is_bird.sum() > 100 and (seen & ~is_bird).sum() > 100
     np.testing.assert_array_equal(truth.object_id == len(scene.placements), is_bird)
-    np.testing.assert_allclose(truth.depth[seen], distance[seen], rtol=2e-6)
-    points = position + np.where(seen, distance, 1.0)[..., None] * directions
-    for flow, other in ((truth.flow_forward, 2), (truth.flow_backward, 0)):
-        shift = moved(np.zeros(3), times[1])
-        turn = moved(np.eye(3), times[1]) - shift
-        as_placed = (points - shift) @ turn.T  # the inverse of a rotation
-        there = np.where(is_bird[..., None], moved(as_placed, times[other]), points)
-        error = flow - pinhole.displacement(other, there)
-        assert np.abs(error[seen]).max() < 1e-4
+    shift = moved(np.zeros(3), times[1])
+    as_placed = (points - shift) @ (moved(np.eye(3), times[1]) - shift).T  # a rotation's inverse
+    assert_depth_and_flow(
+        truth,
+        distance,
+        seen,
+        lambda other: np.where(is_bird[..., None], moved(as_placed, times[other]), points),
+    )
 
 
 KEYS_S = np.array([0.0, 0.05, 0.3], np.float32)
@@ -275,26 +258,15 @@ def test_truth_of_an_animated_file_is_that_of_an_independent_ray_caster(tmp_path
     described = Meshes(files=given)
     scene = build_scene(described, Light(), CAMERA, VIEW)
     assert described.is_moving and scene.is_moving
-    settings = RenderSettings(samples_per_pixel=1, bands_nm=((500, 600),))
-    truth = SceneRenderer(scene, CAMERA, settings).truth(VIEW.poses(), 1, VIEW.times_s)
-    times, pinhole = VIEW.times_s, Pinhole(CAMERA, VIEW)
-    position, directions = pinhole.rays(1)
-    here = mill_at(blade, times[1])
-    distance, which = hits(position, directions.reshape(-1, 3), here)
-    distance, which = (each.reshape(CAMERA.height, CAMERA.width) for each in (distance, which))
+    truth, times = truth_of(scene), VIEW.times_s
+    distance, _, which, weights = cast(mill_at(blade, times[1]))
     seen = which >= 0
     assert seen.sum() > 100
     np.testing.assert_array_equal(np.array(["", *scene.kinds])[truth.kind_id] == "blade", seen)
-    np.testing.assert_allclose(truth.depth[seen], distance[seen], rtol=2e-6)
-    # The same place of the same triangle, at another time.
-    points = (position + np.where(seen, distance, 1.0)[..., None] * directions)[seen]
-    corner = here[which[seen]]
-    sides = np.stack([corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]], axis=2)
-    shares = np.linalg.pinv(sides) @ (points - corner[:, 0])[..., None]
-    for flow, other in ((truth.flow_forward, 2), (truth.flow_backward, 0)):
-        corner = mill_at(blade, times[other])[which[seen]]
-        sides = np.stack([corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]], axis=2)
-        there = np.zeros((*seen.shape, 3))
-        there[seen] = corner[:, 0] + (sides @ shares)[..., 0]
-        error = flow - pinhole.displacement(other, there)
-        assert np.abs(error[seen]).max() < 1e-4
+
+    def same_place(other):
+        """Of the same triangle, at another time."""
+        a, b, c = np.moveaxis(mill_at(blade, times[other])[which], -2, 0)
+        return a + weights[..., :1] * (b - a) + weights[..., 1:] * (c - a)
+
+    assert_depth_and_flow(truth, distance, seen, same_place)

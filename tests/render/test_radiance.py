@@ -11,17 +11,15 @@ from megalopta.render.sensors.film import pass_seed
 from megalopta.render.settings import bake_seed
 from megalopta.scenes import Light, PerspectiveCamera, Scene, Trajectory
 from megalopta.scenes.material import Material
-from megalopta.scenes.scene import Lighting, Sun
+from megalopta.scenes.scene import Lighting
 from megalopta.scenes.spectra.reflectance import reflectance_of
 from megalopta.scenes.spectra.spectrum import Spectrum, flat
 
-from .conftest import band_means, scene_of
+from .conftest import band_means, down, renderer_of, scene_of
 
 BANDS = ((400.0, 450.0), (450.0, 500.0), (500.0, 600.0), (600.0, 700.0), (900.0, 1000.0))
 SLOPED = Spectrum((300.0, 500.0, 700.0, 1100.0), (1e-9, 2e-9, 4e-9, 4e-9))
-LOOKING_DOWN = Trajectory(
-    frames=2, position_m=(0, 0, 2), look_at_m=(0, 0, 0), up=(1, 0, 0)
-).poses()[0]
+LOOKING_DOWN = down()[0]
 
 
 def mean_radiance(scene, samples=64, width=160, bands=BANDS, integrator="auto"):
@@ -72,20 +70,10 @@ def test_diffuse_plane_returns_reflectance_times_irradiance_of_all_lights_over_p
     np.testing.assert_allclose(found, expected, rtol=5e-3)
 
 
-def test_diffuse_plane_under_the_sun_follows_the_cosine_law(ground):
-    direction = (math.sin(1.0), 0.0, math.cos(1.0))
-    light = Lighting(flat(0.0), Sun(direction, flat(3e-6)))
-    scene = scene_of(light, (ground, Material(flat(0.4))))
-    expected = 0.4 * 3e-6 * math.cos(1.0) / math.pi
-    np.testing.assert_allclose(mean_radiance(scene), expected, rtol=5e-3)
-
-
 def test_same_seed_gives_same_bytes_and_another_seed_other_noise(ground):
     ball = trimesh.creation.icosphere(subdivisions=1), Material(flat(0.3))
-    scene = scene_of(Lighting(SLOPED), ground, ball)
-    renderer = SceneRenderer(
-        scene, PerspectiveCamera(width=16, height=16), RenderSettings(samples_per_pixel=4)
-    )
+    camera = PerspectiveCamera(width=16, height=16)
+    renderer = renderer_of(camera, ground, ball, lighting=Lighting(SLOPED), samples_per_pixel=4)
     first, again, other = (renderer.radiance(LOOKING_DOWN, seed) for seed in (5, 5, 6))
     assert first.tobytes() == again.tobytes()
     assert first.tobytes() != other.tobytes()
@@ -128,15 +116,15 @@ LEVEL = 2e-9
 LOOKING = Trajectory(frames=2, position_m=(-4, 0.5, 1.0), look_at_m=(0, 0, 0)).poses()[0]
 
 
-def furnace(mesh, reflectance, max_depth, bands=((500.0, 600.0),), samples=256, seed=1):
-    scene = scene_of(Lighting(flat(LEVEL)), (mesh, Material(reflectance)))
-    settings = RenderSettings(bands_nm=bands, samples_per_pixel=samples, max_depth=max_depth)
-    camera = PerspectiveCamera(width=64, height=64, fov_deg=30)
-    return SceneRenderer(scene, camera, settings).radiance(LOOKING, seed)
+def furnace(mesh, max_depth, samples=256):
+    """A white mesh in an even light."""
+    camera, white = PerspectiveCamera(width=64, height=64, fov_deg=30), Material(flat(1.0))
+    given = {"lighting": Lighting(flat(LEVEL)), "samples_per_pixel": samples}
+    return renderer_of(camera, (mesh, white), max_depth=max_depth, **given).radiance(LOOKING, 1)
 
 
 def test_white_sphere_vanishes_in_its_environment():
-    image = furnace(trimesh.creation.icosphere(subdivisions=4), flat(1.0), 2)
+    image = furnace(trimesh.creation.icosphere(subdivisions=4), 2)
     assert image.mean(dtype=np.float64) == pytest.approx(LEVEL, rel=1e-3)  # required: 0.1 %
     np.testing.assert_allclose(image[..., 0], LEVEL, rtol=0.1)  # nor is its outline seen
 
@@ -146,7 +134,7 @@ def test_white_open_box_vanishes_in_its_environment():
     box = trimesh.creation.box((2, 2, 2))
     box.update_faces(box.face_normals[:, 0] > -0.5)  # open toward the camera
     # A path stays inside with a chance below 0.8 a bounce: 64 bounces leave less than 1e-6.
-    image = furnace(box, flat(1.0), 65, samples=4096)
+    image = furnace(box, 65, samples=4096)
     assert image.mean(dtype=np.float64) == pytest.approx(LEVEL, rel=1e-3)
 
 
@@ -155,18 +143,15 @@ REFLECTANCES = 0.2, 0.8
 DOWN = Trajectory(frames=2, look_at_m=(0.01, 0, -50), up=(1, 0, 0)).poses()[0]
 
 
-def renderer(max_depth, scene_part=0.625):
+def of_walls(max_depth, scene_part=0.625):
     """Of walls that are a part of a sphere, dim in one band and bright in the other."""
     sphere = trimesh.creation.icosphere(subdivisions=4, radius=200.0)
     highest = np.sort(sphere.triangles_center[:, 2])[round(scene_part * len(sphere.faces)) - 1]
     sphere.update_faces(sphere.triangles_center[:, 2] <= highest)
     wall = Spectrum((400.0, 650.0, 750.0, 1000.0), np.repeat(REFLECTANCES, 2).tolist())
-    scene = scene_of(Lighting(flat(1.0)), (sphere, Material(wall)))
     camera = PerspectiveCamera(width=48, height=48, fov_deg=60)
-    settings = RenderSettings(
-        bands_nm=LONGER_PATHS_BANDS, samples_per_pixel=64, max_depth=max_depth
-    )
-    return SceneRenderer(scene, camera, settings)
+    given = {"bands_nm": LONGER_PATHS_BANDS, "samples_per_pixel": 64, "max_depth": max_depth}
+    return renderer_of(camera, (sphere, Material(wall)), lighting=Lighting(flat(1.0)), **given)
 
 
 @pytest.mark.parametrize("max_depth", [2, 3, 5])
@@ -176,12 +161,12 @@ def test_share_is_the_rest_of_a_geometric_series(max_depth):
     kept = 0.625 * np.array(REFLECTANCES)
     # Of 35 000 paths one in 2 to 16 goes on in the bright band: up to 3 % (σ), four of them.
     expected = kept ** (max_depth - 1)
-    found = renderer(max_depth).light_left_out(DOWN)
+    found = of_walls(max_depth).light_left_out(DOWN)
     np.testing.assert_allclose(found, expected, rtol=0.12, atol=1e-3)
 
 
 def test_nothing_is_left_out_where_there_is_nothing_to_hit():
-    scene = Scene({}, {}, (), Lighting(flat(1.0)))
-    camera = PerspectiveCamera(width=16, height=16)
-    empty = SceneRenderer(scene, camera, RenderSettings(bands_nm=LONGER_PATHS_BANDS, max_depth=2))
+    empty = renderer_of(
+        PerspectiveCamera(width=16, height=16), bands_nm=LONGER_PATHS_BANDS, max_depth=2
+    )
     np.testing.assert_array_equal(empty.light_left_out(DOWN), 0.0)

@@ -1,13 +1,14 @@
 """Scenes of other packages, which are installed here by a folder of metadata alone."""
 
 import json
-import os
 import subprocess
 import sys
 import tomllib
 from pathlib import Path
 
 import pytest
+
+from ..installing import environment_with
 
 PACKAGE = Path(__file__).parents[1] / "plugin_package"
 TINY = """
@@ -28,14 +29,9 @@ def megalopta(tmp_path):
     offered = tomllib.loads((PACKAGE / "pyproject.toml").read_text())["project"]["entry-points"]
 
     def run(*arguments, more=""):
-        site = tmp_path / "site"
-        info = site / "others_scenes-0.1.dist-info"
-        info.mkdir(parents=True, exist_ok=True)
-        (info / "METADATA").write_text("Metadata-Version: 2.1\nName: others-scenes\nVersion: 0.1\n")
         entries = offered["megalopta.scenes"].items()
         lines = ["[megalopta.scenes]", *(f"{name} = {value}" for name, value in entries), more]
-        (info / "entry_points.txt").write_text("\n".join(lines))
-        environment = os.environ | {"PYTHONPATH": os.pathsep.join((str(site), str(PACKAGE)))}
+        environment = environment_with(PACKAGE, "\n".join(lines), tmp_path / "site")
         command = [sys.executable, "-m", "megalopta", *map(str, arguments)]
         return subprocess.run(
             command, capture_output=True, text=True, env=environment, cwd=tmp_path, timeout=300

@@ -20,14 +20,10 @@ from megalopta.dataset.store import open_sequence
 from megalopta.flow.detectors.registry import METHODS
 from megalopta.stages.pipeline import run_stage
 
+from ..small import counting, small
+
 pytestmark = pytest.mark.slow
 
-SETTINGS = {
-    "camera.width": "60",
-    "camera.height": "60",
-    "trajectory.frames": "8",
-    "render.samples_per_pixel": "4",
-}
 WORDS = "--methods BM DIS --fluxes 1e3 1e8 --repeats 1 --camera-pairs 1".split()
 
 FEW = {
@@ -43,8 +39,7 @@ FEW = {
 @pytest.fixture(scope="module")
 def grating(tmp_path_factory):
     root = tmp_path_factory.mktemp("ranking") / "grating"
-    run_stage(root, load("grating", SETTINGS), "render")
-    return root
+    return run_stage(root, load("grating", small(60, 60, 8, samples=4)), "render").root
 
 
 @pytest.fixture(scope="module")
@@ -116,8 +111,7 @@ def test_a_broken_run_goes_on_and_gives_the_same(grating, tmp_path, monkeypatch)
     assert len(kept) > 2
     kept[0].unlink()
     kept[1].write_bytes(kept[1].read_bytes()[:50])
-    written, write = [], ArrayStore.write
-    monkeypatch.setattr(ArrayStore, "write", lambda *each: written.append(each) or write(*each))
+    monkeypatch.setattr(ArrayStore, "write", counting(ArrayStore.write, written := []))
     run_ranking(grating, tmp_path, few)
     assert {each: each.read_bytes() for each in tmp_path.glob("ranking.*")} == before
     assert len(written) == 2

@@ -11,6 +11,8 @@ from megalopta.benchmark.runner import run_trials, trial_work
 from megalopta.benchmark.trial import GratingTemplate, Sweep, Trial
 from megalopta.flow.benchmark.settings import SearchSettings
 
+from ..small import counting
+
 FAST = SearchSettings(flux_min=1e4, flux_max=1e7, bits=(2,), metrics=("literal",), phases=2)
 TRIALS = Sweep(trial=Trial(search=FAST, methods=("BM", "NDS", "IM")), values=(3, 4, 5)).trials
 TEMPLATES = {GratingTemplate(): GratingTemplate().pixels()}
@@ -44,24 +46,15 @@ def test_results_do_not_depend_on_workers(tmp_path, workers, executor, more):
 
 def test_a_killed_run_goes_on_where_it_stopped(tmp_path, monkeypatch):
     complete = run(tmp_path / "whole")
-    measured = []
-
-    def dies_at_the_third(trial, *arguments):
-        if len(measured) == 2:
-            raise KeyboardInterrupt
-        measured.append(trial)
-        return real(trial, *arguments)
-
-    real = engine.measure_trial
-    monkeypatch.setattr(engine, "measure_trial", dies_at_the_third)
+    measured, real = [], engine.measure_trial
+    monkeypatch.setattr(engine, "measure_trial", counting(real, measured, 3))
     with pytest.raises(KeyboardInterrupt):
         run(tmp_path / "killed")
     assert len(files(tmp_path / "killed")) == 2
-    monkeypatch.setattr(
-        engine, "measure_trial", lambda trial, *rest: measured.append(trial) or real(trial, *rest)
-    )
+    measured.pop()  # the third was not done
+    monkeypatch.setattr(engine, "measure_trial", counting(real, measured))
     assert run(tmp_path / "killed") == complete
-    assert len(measured) == len(set(measured)) == 3
+    assert len(measured) == len({trial for trial, *_ in measured}) == 3
 
 
 @pytest.mark.parametrize("change", ["trial", "pixels", "code"])

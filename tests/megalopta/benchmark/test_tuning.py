@@ -17,6 +17,8 @@ from megalopta.cli import main as cli
 from megalopta.core import strict_yaml
 from megalopta.flow import METHODS, optical_flow
 
+from ..small import counting
+
 
 @pytest.fixture(scope="module")
 def clip():
@@ -111,12 +113,7 @@ def test_a_killed_run_goes_on_from_the_errors_that_it_had(clip, tmp_path, monkey
         process.wait()
     assert len(list(errors.glob("*.npz"))) == 5 and not out.exists()
     whole = tuning.tune("LK", (100.0,), [clip])
-    measured = []
-
-    def counted(*arguments):
-        measured.append(arguments)
-        return frame_errors(*arguments)
-
+    counted = counting(frame_errors, measured := [])
     monkeypatch.setattr("megalopta.benchmark.whole_frames.frame_errors", counted)
     monkeypatch.setattr(tuning, "tuning_clips", lambda: [clip])
     assert tuning.write_tuned(out, "LK", (100.0,)) == whole

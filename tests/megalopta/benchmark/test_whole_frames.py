@@ -15,9 +15,10 @@ from megalopta.benchmark.whole_frames import FAR, MEAN, MEDIAN, METRICS, SECONDS
 from megalopta.cli import main as cli
 from megalopta.flow.detectors.gray_detector import detector_from
 from megalopta.flow.formats import write_flo, write_kitti_png
-from megalopta.plotting.style import house_style, new_canvas
 from megalopta.reproduction import comparison_frames as whole_frames
 from megalopta.reproduction.drawing import Run
+
+from ..figures import canvas_of
 
 BASIC = MEDIAN, MEAN, FAR
 
@@ -30,14 +31,18 @@ def clip():
     return FlowClip("rolled", light / light.mean(), np.broadcast_to((2.0, 1.0), (96, 120, 2)))
 
 
+def always(*flow):
+    """A method that says the same of all pictures."""
+
+    def same(first, second):
+        return np.full((*first.shape, 2), flow)
+
+    same.__name__ = str(flow)  # by which methods are told apart
+    return detector_from(same)
+
+
 def test_the_truth_has_no_error_and_standstill_that_of_the_motion(clip):
-    def truth(first, second):
-        return np.broadcast_to((2.0, 1.0), (*first.shape, 2))
-
-    def still(first, second):
-        return np.zeros((*first.shape, 2))
-
-    methods = [*map(detector_from, (truth, still, lambda a, _: still(a, a) + np.nan))]
+    methods = [always(2.0, 1.0), always(0.0, 0.0), always(np.nan, np.nan)]
     board = frame_errors([clip], methods, (3.0, 10.0), draws=2)
     assert board.scenes == ("rolled",)
     motion = np.hypot(2, 1)
@@ -74,12 +79,8 @@ def test_errors_are_told_apart_where_something_is_hidden_and_by_speed(clip):
     """Six inner blocks: the left two move by 60 px; a ninth of the lowest of them is hidden."""
     flow, hidden = clip.flow.copy(), np.zeros((96, 120), np.bool_)
     flow[:, :48], hidden[48:56, 24:32] = (60.0, 0.0), True
-
-    def as_if_all_moved_slowly(first, second):
-        return np.full((*first.shape, 2), (2.0, 1.0))
-
     moved = replace(clip, flow=flow, hidden=hidden)
-    board = frame_errors([moved], [detector_from(as_if_all_moved_slowly)], (3.0,))
+    board = frame_errors([moved], [always(2.0, 1.0)], (3.0,))
     (detector,) = board.detectors
     off = np.hypot(58, 1)
     for name, error in {
@@ -127,15 +128,11 @@ def test_shipped_scenes_move_as_their_flow_says():
         assert np.quantile(np.abs(moved - first)[8:-8, 8:-8], 0.9) < 0.1 * first.std(), scene.name
 
 
-def test_figure_is_drawn_with_an_interval_for_each_number(clip, monkeypatch, check_words):
+def test_figure_is_drawn_with_an_interval_for_each_number(clip, monkeypatch):
     monkeypatch.setattr(whole_frames, "leaves_clips", lambda count: [clip] * count)
     monkeypatch.setattr(whole_frames, "panorama_clips", lambda _, headings: [clip] * 4)
     figure = whole_frames.whole_frames(Run(is_quick=True), ["BM", "PPM"])
-    with house_style():
-        canvas = new_canvas(figure.title, figure.caption, figure.height_in)
-        figure.draw(canvas)
-        canvas.draw_without_rendering()
-    check_words(figure)
+    canvas_of(figure)
     assert len(figure.rows) == 2 * 2 * 3
     ends = (figure.numbers[name] for name in ("low_px", "median_epe_px", "high_px"))
     assert all(low <= median <= high for low, median, high in zip(*ends, strict=True))

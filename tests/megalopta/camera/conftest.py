@@ -6,7 +6,6 @@ import select
 import subprocess
 import sys
 import threading
-import time
 import tty
 from contextlib import contextmanager, suppress
 from functools import partial
@@ -19,6 +18,8 @@ from megalopta.camera.camera_settings import CaptureSettings, sensor_as_set
 from megalopta.camera.emulated import EmulatedCamera, EmulatedPort, Flat
 from megalopta.sensor import expose_adc, preset
 from megalopta.sensor.formats.protocol import Kind, Parser, Settings, encode
+
+from ..process_group import wait_for
 
 SENSOR = preset("spadcam")
 STIMULUS = Flat((5e6,))
@@ -103,14 +104,6 @@ def running(*words):
             process.kill()
 
 
-def wait_for(condition, seconds=60):
-    """Wait until something is so."""
-    end = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < end
-        time.sleep(0.02)
-
-
 def expected_adc(settings: Settings, number: int, plugged_in: int = 0):
     """What the emulated camera reads in a frame, by the sensor model alone."""
     sensor = sensor_as_set(SENSOR, settings)
@@ -128,21 +121,6 @@ def emulated(tmp_path):
     return partial(emulating, tmp_path / "cam")
 
 
-@pytest.fixture
-def expected():
-    return expected_adc
-
-
-@pytest.fixture
-def until():
-    return wait_for
-
-
-@pytest.fixture
-def acted():
-    return acting
-
-
-@pytest.fixture
-def command():
-    return running
+def said_of(told):
+    """Lines that a command says, without those of its progress."""
+    return [line for line in told.splitlines() if "at work for" not in line]

@@ -14,7 +14,7 @@ from megalopta.cli import main as cli
 from megalopta.core.errors import UserError
 from megalopta.sensor.formats.protocol import LONGEST, Identity, Kind, Settings, encode
 
-from .conftest import wanted
+from .conftest import acting, wanted
 
 ESCAPES = "\x1b[31mA\x07\x00\r\nB"
 
@@ -52,18 +52,18 @@ def saying(kind, **fields):
         (Kind.IDENTITY, "supply_mv", 0),
     ],
 )
-def test_what_no_camera_can_be_is_refused(acted, tmp_path, kind, field, value):
+def test_what_no_camera_can_be_is_refused(tmp_path, kind, field, value):
     refused = pytest.raises(UserError, match=f"the camera reports {field} {value}.*; flash")
-    with acted(frames, saying(kind, **{field: value})) as port, refused:
+    with acting(frames, saying(kind, **{field: value})) as port, refused:
         capture(lambda: port, tmp_path / "a", wanted(frames=5), threading.Event())
     assert not (tmp_path / "a").exists()
 
 
-def test_control_codes_of_a_serial_number_go_nowhere(acted, tmp_path, monkeypatch, capsys):
+def test_control_codes_of_a_serial_number_go_nowhere(tmp_path, monkeypatch, capsys):
     out = tmp_path / "a"
     monkeypatch.setattr("signal.signal", lambda *_: None)  # the command puts in its own handlers
     answered = saying(Kind.IDENTITY, serial_number=ESCAPES, firmware="\x1b]0;x\x07")
-    with acted(frames, answered) as port:
+    with acting(frames, answered) as port:
         words = f"--port {port} --out {out} --frames 5 --rate 200 --exposure 0.005"
         cli.main(["spadcam", "capture", *words.split()])
     printed, told = capsys.readouterr()
@@ -123,8 +123,8 @@ def test_settings_that_cannot_be_are_refused(fields, told, tmp_path):
         capture(lambda: "/none", tmp_path / "a", wanted(), threading.Event(), wait_s=float("inf"))
 
 
-def test_control_codes_of_a_recording_are_escaped(acted, tmp_path):
-    with acted(frames) as port:
+def test_control_codes_of_a_recording_are_escaped(tmp_path):
+    with acting(frames) as port:
         capture(lambda: port, tmp_path / "a", wanted(frames=5), threading.Event())
     path = tmp_path / "a" / "recording.yaml"
     path.write_text(path.read_text().replace("kind: flat", 'kind: "\\e[2J\\x07"'))
@@ -180,20 +180,18 @@ def impatient(monkeypatch):
         (half_packets, {}, r"\d+ bytes came"),
     ],
 )
-def test_a_capture_without_a_frame_ends_and_leaves_nothing(
-    acted, impatient, tmp_path, then, limit, told
-):
+def test_a_capture_without_a_frame_ends_and_leaves_nothing(impatient, tmp_path, then, limit, told):
     refused = pytest.raises(UserError, match=rf"no new frame in 0\.5 s, {told} instead; unplug")
-    with acted(then) as port, refused:
+    with acting(then) as port, refused:
         capture(lambda: port, tmp_path / "a", wanted(**limit), threading.Event())
     assert not (tmp_path / "a").exists()
 
 
 @pytest.mark.parametrize("what", [nothing, garbage, the_same_frame])
-def test_a_capture_that_frames_leave_ends_and_keeps_them(acted, impatient, tmp_path, what):
+def test_a_capture_that_frames_leave_ends_and_keeps_them(impatient, tmp_path, what):
     out = tmp_path / "a"
     with (
-        acted(frames_then(what)) as port,
+        acting(frames_then(what)) as port,
         pytest.raises(UserError, match="no new frame") as refused,
     ):
         capture(lambda: port, out, wanted(frames=100), threading.Event())
@@ -203,11 +201,11 @@ def test_a_capture_that_frames_leave_ends_and_keeps_them(acted, impatient, tmp_p
     assert len(recording) >= 19 and recording.settings.finished
 
 
-def test_raw_bytes_are_bounded(acted, tmp_path, monkeypatch):
+def test_raw_bytes_are_bounded(tmp_path, monkeypatch):
     monkeypatch.setattr("megalopta.camera.link.MOST_ELSE", 200_000)
     out = tmp_path / "a"
     with (
-        acted(frames_then(garbage)) as port,
+        acting(frames_then(garbage)) as port,
         pytest.raises(UserError, match="bytes came instead of frames"),
     ):
         capture(lambda: port, out, wanted(), threading.Event())

@@ -18,7 +18,7 @@ from megalopta.core.errors import UserError
 from megalopta.sensor import changed, expose_rate, preset
 from megalopta.sensor.formats.protocol import Kind, Packet, Parser, Settings, command, samples_of
 
-from .conftest import wanted
+from .conftest import expected_adc, wanted
 
 FAST = Settings(exposure_us=5000, frame_rate_mhz=200_000)
 
@@ -32,18 +32,14 @@ def frames_in(data):
     return [packet for packet in Parser().feed(data) if packet.kind == Kind.FRAME]
 
 
-def raw_frames(path):
-    return frames_in((path / "raw.bin").read_bytes())
-
-
-def test_what_arrives_is_what_the_sensor_model_reads(emulated, expected, tmp_path):
+def test_what_arrives_is_what_the_sensor_model_reads(emulated, tmp_path):
     with emulated() as camera:
         recording = recorded(camera, tmp_path / "a", wanted(frames=60))
     assert len(recording) == 60 and recording.settings.finished
     assert (recording.settings.gaps, recording.settings.damaged_packets) == (0, 0)
     np.testing.assert_array_equal(np.diff(recording.sequence_number), 1)
     for place, number in enumerate(recording.sequence_number):
-        np.testing.assert_array_equal(recording.adc[place], expected(FAST, int(number)))
+        np.testing.assert_array_equal(recording.adc[place], expected_adc(FAST, int(number)))
     nominal = changed(preset("spadcam"), exposure_s=0.005, counter={"calibrated": False})
     rate = Flat((5e6,)).rates_hz(np.zeros(1), nominal)
     # Frames of 64 ms share a stream, named by the first of them.
@@ -54,7 +50,7 @@ def test_what_arrives_is_what_the_sensor_model_reads(emulated, expected, tmp_pat
     np.testing.assert_allclose(np.diff(recording.times_s), 0.005, rtol=2e-3)
 
 
-def test_bias_and_rows_reach_the_camera(emulated, expected, tmp_path):
+def test_bias_and_rows_reach_the_camera(emulated, tmp_path):
     settings = FAST._replace(step_bias=3000, first_row=4, end_row=6)
     with emulated() as camera:
         recording = recorded(
@@ -65,10 +61,10 @@ def test_bias_and_rows_reach_the_camera(emulated, expected, tmp_path):
     assert (adc[:4] == 0xFFFF).all() and (adc[6:] == 0xFFFF).all()
     assert recording.saturated[0][:4].all() and not recording.counts[0][:4].any()
     number = int(recording.sequence_number[0])
-    np.testing.assert_array_equal(adc[4:6], expected(settings, number)[4:6])
+    np.testing.assert_array_equal(adc[4:6], expected_adc(settings, number)[4:6])
 
 
-def test_damage_on_the_line_costs_frames_but_none_is_wrong(emulated, expected, tmp_path):
+def test_damage_on_the_line_costs_frames_but_none_is_wrong(emulated, tmp_path):
     with emulated(Faults(noise=3e-4, lost=1e-4)) as camera:
         recording = recorded(camera, tmp_path / "a", wanted(frames=100))
     settings = recording.settings
@@ -76,8 +72,10 @@ def test_damage_on_the_line_costs_frames_but_none_is_wrong(emulated, expected, t
     span = int(recording.sequence_number[-1]) - int(recording.sequence_number[0]) + 1
     assert settings.missing_frames == span - 100
     for place, number in enumerate(recording.sequence_number):
-        np.testing.assert_array_equal(recording.adc[place], expected(FAST, int(number)))
-    logged = {packet.sequence: packet for packet in raw_frames(tmp_path / "a")}
+        np.testing.assert_array_equal(recording.adc[place], expected_adc(FAST, int(number)))
+    logged = {
+        packet.sequence: packet for packet in frames_in((tmp_path / "a" / "raw.bin").read_bytes())
+    }
     for place, number in enumerate(recording.sequence_number):
         np.testing.assert_array_equal(recording.adc[place], samples_of(logged[int(number)]))
 

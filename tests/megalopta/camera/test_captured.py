@@ -14,33 +14,18 @@ from megalopta.sensor.calibrate.level import Level
 from megalopta.sensor.formats.tiff import tiff_writer
 from megalopta.stages.pipeline import run_stage
 
+from ..small import small
+
 pytestmark = pytest.mark.slow
 
 LUX = 3e-4
-
-
-def device(folder, **fields):
-    """File of a small camera of 1-bit or other counters."""
-    path = folder / "device.yaml"
-    lines = ["preset: ideal", "name: other", *(f"{name}: {text}" for name, text in fields.items())]
-    path.write_text("\n".join(lines), "utf-8")
-    return path
 
 
 @pytest.fixture(scope="module")
 def forest(tmp_path_factory):
     """A rendered dataset of a few small frames."""
     out = tmp_path_factory.mktemp("scene") / "grating"
-    words = {"camera.width": "32", "camera.height": "32", "trajectory.frames": "6"}
-    run_stage(out, load("grating", words | {"render.samples_per_pixel": "4"}), "render")
-    return out
-
-
-def seen(dataset, sensor, frames, first, brighter=1.0):
-    """Counts of frames that begin anywhere in the dataset, at its rate."""
-    rate_hz = load("grating", {}).trajectory.frame_rate_hz
-    rates = Rendered(dataset, LUX).rates_hz((first + np.arange(frames)) / rate_hz, sensor)
-    return expose_rate(brighter * rates, sensor, seed=4, sequence="seen").counts, rate_hz
+    return run_stage(out, load("grating", small(32, 32, 6, samples=4)), "render").root
 
 
 @pytest.mark.parametrize(
@@ -49,9 +34,12 @@ def seen(dataset, sensor, frames, first, brighter=1.0):
 )
 def test_a_rendered_scene_is_compared_frame_by_frame(forest, tmp_path, brighter, words):
     rate_hz = load("grating", {}).trajectory.frame_rate_hz
-    path = device(tmp_path, exposure_s=1 / rate_hz)
+    path = tmp_path / "device.yaml"
+    path.write_text(f"preset: ideal\nname: other\nexposure_s: {1 / rate_hz}\n")
     sensor = load_sensor(path)
-    counts, _ = seen(forest, sensor, 240, first=3.4, brighter=brighter)
+    # frames that begin anywhere in the dataset, at its rate
+    rates = brighter * Rendered(forest, LUX).rates_hz((3.4 + np.arange(240)) / rate_hz, sensor)
+    counts = expose_rate(rates, sensor, seed=4, sequence="seen").counts
     with tiff_writer(tmp_path / "seen.tif", counts.nbytes, 1 / rate_hz) as write:
         write(counts.astype(np.uint16))
     page = tmp_path / "page.html"

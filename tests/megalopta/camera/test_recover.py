@@ -24,7 +24,8 @@ from megalopta.core.errors import UserError
 from megalopta.sensor import open_counts
 from megalopta.sensor.formats.protocol import Kind, Parser, encode, samples_of
 
-from .conftest import RUN, emulating, wanted
+from ..process_group import wait_for
+from .conftest import RUN, acting, emulating, running, wanted
 
 EXACT = ("counts", "saturated", "adc", "device_us", "sequence_number")
 
@@ -159,26 +160,26 @@ def assert_nothing_lost(out):
 
 
 @pytest.mark.slow
-def test_killed_at_any_moment_no_whole_packet_is_lost(acted, command, until, tmp_path):
+def test_killed_at_any_moment_no_whole_packet_is_lost(tmp_path):
     """15 kills; what was killed before the camera was set has recorded nothing."""
     rng, found = random.Random(0), 0
     for number in range(15):
         out = tmp_path / f"{number}"
-        with acted(frames) as port, command("capture", *on(port, out)) as running:
-            until((out / "raw.bin").exists)
+        with acting(frames) as port, running("capture", *on(port, out)) as process:
+            wait_for((out / "raw.bin").exists)
             time.sleep(rng.choice([0.05, 0.5, 2, 5]) * rng.random())
-            running.kill()
-            assert running.wait(60) == -signal.SIGKILL
+            process.kill()
+            assert process.wait(60) == -signal.SIGKILL
         if valid_frames(out / "raw.bin") and (out / "recording.yaml").exists():
             found += assert_nothing_lost(out).frames > 0
     assert found >= 8
 
 
-def test_without_room_the_command_that_reads_back_is_named_and_works(acted, tmp_path):
+def test_without_room_the_command_that_reads_back_is_named_and_works(tmp_path):
     """No file may grow beyond 100 kB, as on a full disk."""
     out = tmp_path / "a b"
     line = [sys.executable, "-c", RUN, "spadcam", "capture"]
-    with acted(frames) as port:
+    with acting(frames) as port:
         ended = subprocess.run(
             [*line, *map(str, on(port, out))],
             capture_output=True,

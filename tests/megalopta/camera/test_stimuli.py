@@ -10,6 +10,8 @@ from megalopta.render import read_radiance
 from megalopta.sensor import detection_rate, preset
 from megalopta.stages.pipeline import run_stage
 
+from ..small import small
+
 SENSOR = preset("spadcam")
 
 
@@ -39,9 +41,7 @@ def test_the_plate_is_that_of_the_motion_bench():
 @pytest.fixture(scope="module")
 def dataset(tmp_path_factory):
     out = tmp_path_factory.mktemp("dataset") / "grating"
-    words = {"camera.width": "40", "camera.height": "34", "trajectory.frames": "3"}
-    run_stage(out, load("grating", words | {"render.samples_per_pixel": "4"}), "render")
-    return out
+    return run_stage(out, load("grating", small(40, 34, 3, samples=4)), "render").root
 
 
 def test_a_dataset_is_seen_through_its_middle(dataset):

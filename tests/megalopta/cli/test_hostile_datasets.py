@@ -14,6 +14,8 @@ import yaml
 
 from megalopta.dataset.store import file_hash
 
+from ..harm import link, pipe, replaced, text
+
 READING = {
     "benchmark sequence": ("--out", "{out}"),
     "check files": (),
@@ -30,33 +32,6 @@ def home(tmp_path):
     (folder / ".bashrc").write_text("precious")
     (folder / "docs" / "thesis.tex").write_text("precious")
     return folder
-
-
-def replaced(path, make):
-    """Put something else in the place of a file or folder."""
-    if path.is_dir() and not path.is_symlink():
-        shutil.rmtree(path)
-    path.unlink(missing_ok=True)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    make(path)
-
-
-def link(name, target):
-    def put(root, home):
-        replaced(root / name, lambda path: path.symlink_to(target.format(home=home)))
-
-    return put
-
-
-def pipe(name):
-    return lambda root, _: replaced(root / name, os.mkfifo)
-
-
-def text(name, content):
-    def put(root, home):
-        replaced(root / name, lambda path: path.write_text(content.format(home=home), "utf-8"))
-
-    return put
 
 
 def sparse(name):

@@ -7,9 +7,6 @@ is a failure. Nothing is rendered, so that hundreds run with the fast tests.
 import os
 import re
 import socket
-import struct
-import zlib
-from itertools import pairwise
 
 import h5py
 import numpy as np
@@ -27,6 +24,8 @@ from megalopta.flow.formats import read_flow, write_flo, write_flo5, write_kitti
 from megalopta.sensor import PRESETS
 from megalopta.sensor.formats.reading import read_events, read_frames
 
+from ..harm import BOMB, claiming
+
 LONGEST = 1000
 """Most characters that are told of a mistake"""
 
@@ -39,10 +38,6 @@ ODD_VALUES = (
     "☃\u202e", "..", "/dev/zero", "/dev/urandom", "0x10", "1:2:3", "yes", [], {}, [[]], [None], {"kind": "x"},
     {"uniform": [2, 1]}, {"one_of": []}, {"path": "/dev/zero"}, "[/b]", "a\0b", "\udcff", "000731",
 )  # fmt: skip
-NAMES = "abcdefghij"
-BOMB = "a: &a [x, x, x, x, x, x, x, x, x]\n" + "".join(
-    f"{name}: &{name} [{', '.join([f'*{before}'] * 9)}]\n" for before, name in pairwise(NAMES)
-)
 ODD_TEXTS = (
     b"", b"\0", b"\xff\xfe\x00", b"[" * 100_000, b"{" * 5000, b"&a [*a]", b"&a x: *a", b"a: b: c",
     b"? [1, 2]\n: 3", b"!!python/object/apply:os.system [echo]", b"!!set {a}", b"!!binary aGk=",
@@ -153,20 +148,14 @@ def device(rng, here):
     return ["render", "grating", f"--sensors=[{path}]", "--trajectory.frames", "1"]
 
 
-def _claims(content, width, height):
-    """A PNG that claims another size."""
-    changed = bytearray(content)
-    changed[16:24] = struct.pack(">II", width, height)
-    changed[29:33] = struct.pack(">I", zlib.crc32(changed[12:29]))
-    return bytes(changed)
-
-
 def _picture(path, rng):
     Image.fromarray(np.full((8, 8, 3), 90, np.uint8)).save(path)
     content = path.read_bytes()
     path.unlink()
     if rng.random() < 0.3:
-        path.write_bytes(_claims(content, *one_of(rng, ((60_000, 60_000), (2**31 - 1, 1), (0, 8)))))
+        path.write_bytes(
+            claiming(content, *one_of(rng, ((60_000, 60_000), (2**31 - 1, 1), (0, 8))))
+        )
         return path
     return put_odd(path, rng, content)
 
@@ -195,7 +184,7 @@ def _flow(path, rng):
     content = path.read_bytes()
     path.unlink()
     if path.suffix == ".png" and rng.random() < 0.4:
-        path.write_bytes(_claims(content, *one_of(rng, ((60_000, 60_000), (2**31 - 1, 1)))))
+        path.write_bytes(claiming(content, *one_of(rng, ((60_000, 60_000), (2**31 - 1, 1)))))
         return path
     return put_odd(path, rng, content)
 

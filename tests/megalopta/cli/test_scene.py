@@ -6,18 +6,9 @@ import trimesh
 from megalopta.cli import main as cli
 
 SMALL = (
-    *("--scene.kind", "grating", "--trajectory.velocity-m-s", "[0, 0, 0]"),
-    *(
-        "--trajectory.look-at-m",
-        "[9, 0, 1.5]",
-        "--trajectory.frames",
-        "2",
-        "--camera.width",
-        "32",
-        "--camera.height",
-        "24",
-    ),
-)
+    "--scene.kind grating --trajectory.velocity-m-s [0,0,0] --trajectory.look-at-m [9,0,1.5] "
+    "--trajectory.frames 2 --camera.width 32 --camera.height 24"
+).split()
 
 
 def test_a_frame_is_exported_and_its_file_named(tmp_path, capsys):

@@ -2,10 +2,8 @@
 
 import errno
 import re
-import struct
 import subprocess
 import sys
-import zlib
 from pathlib import Path
 
 import numpy as np
@@ -27,6 +25,8 @@ from megalopta.core.files import atomic_write, sweep, write_json, write_text
 from megalopta.core.folders import ensure_directory, locked
 from megalopta.core.format_numbers import FORMATS, Format, check_format, written
 from megalopta.core.pictures import read_codes
+
+from ..harm import claiming
 
 
 def test_a_failed_write_leaves_the_old_file_and_no_partial_one(tmp_path):
@@ -164,10 +164,8 @@ def test_borders_of_parts_count():
 
 def test_a_picture_that_claims_too_many_pixels_is_refused(tmp_path):
     Image.new("L", (2, 2)).save(tmp_path / "a.png")
-    content = bytearray((tmp_path / "a.png").read_bytes())
-    content[16:24] = struct.pack(">II", 60_000, 60_000)
-    content[29:33] = struct.pack(">I", zlib.crc32(content[12:29]))
-    (tmp_path / "a.png").write_bytes(content)
+    claim = claiming((tmp_path / "a.png").read_bytes(), 60_000, 60_000)
+    (tmp_path / "a.png").write_bytes(claim)
     with pytest.raises(DamagedFileError, match="too many pixels"):
         read_codes(tmp_path / "a.png", "L")
 

@@ -6,10 +6,7 @@ import pytest
 
 from megalopta.core import strict_yaml
 
-BOMB = "a: &a [x, x, x, x, x, x, x, x, x]\n" + "".join(
-    f"{name}: &{name} [{', '.join([f'*{before}'] * 9)}]\n"
-    for before, name in zip("abcdefgh", "bcdefghi", strict=True)
-)
+from ..harm import BOMB
 
 
 @pytest.mark.parametrize(

@@ -23,8 +23,7 @@ from megalopta.stages.ledger import Ledger
 from megalopta.stages.pipeline import run_all
 from megalopta.verification.files import check_files
 
-from ..conftest import TINY
-from ..stages.test_pipeline import content
+from ..small import TINY, content
 
 pytestmark = pytest.mark.slow
 

@@ -1,7 +1,6 @@
 """A dataset made by the command line: foreseen, extended, alone, refused, mended, and in new light."""
 
 import json
-import shutil
 from functools import partial
 
 import numpy as np
@@ -21,14 +20,14 @@ from megalopta.sensor import open_counts
 from megalopta.verification.files import check_files
 
 
-@pytest.fixture
-def copy(small_dataset, tmp_path):
-    shutil.copytree(small_dataset, tmp_path / "data", symlinks=True)
-    return tmp_path / "data"
-
-
 def run(*words):
     main.main([*map(str, words)])
+
+
+def written(folder, plan, changes=()):
+    path = folder / "plan.yaml"
+    path.write_text(yaml.safe_dump(plan.model_dump(mode="json") | dict(changes)))
+    return path
 
 
 def without_books(root):
@@ -43,8 +42,7 @@ def without_books(root):
 
 
 def test_one_sequence_alone_is_that_of_the_whole(small_plan, small_dataset, tmp_path, capsys):
-    plan = tmp_path / "plan.yaml"
-    plan.write_text(yaml.safe_dump(small_plan.model_dump(mode="json")))
+    plan = written(tmp_path, small_plan)
     run("dataset", "make", plan, "--out", tmp_path / "alone", "--only", "1", "--sequences", "1000")
     alone, whole = without_books(tmp_path / "alone"), without_books(small_dataset)
     assert len(alone) > 50
@@ -54,50 +52,59 @@ def test_one_sequence_alone_is_that_of_the_whole(small_plan, small_dataset, tmp_
     assert ["999 sequences of the plan are missing" in each.what for each in faults] == [True]
 
 
-def test_more_sequences_leave_what_is_there(copy, small_plan):
-    before = without_books(copy)
-    make(copy, small_plan.model_copy(update={"sequences": 4}))
-    after = without_books(copy)
+def test_more_sequences_leave_what_is_there(small_copy, small_plan):
+    before = without_books(small_copy)
+    make(small_copy, small_plan.model_copy(update={"sequences": 4}))
+    after = without_books(small_copy)
     assert {name: after[name] for name in before} == before
-    assert Tree(copy).names() == [f"00000{n}" for n in range(4)]
-    assert not check_files(Tree(copy), truths=4)
+    assert Tree(small_copy).names() == [f"00000{n}" for n in range(4)]
+    assert not check_files(Tree(small_copy), truths=4)
 
 
-def test_another_plan_is_refused_with_the_difference(copy, small_plan):
+def test_another_plan_is_refused_with_the_difference(small_copy, small_plan):
     for changes, told in (
         ({"seed": 4}, "seed: 3 → 4"),
         ({"lights": ("daylight",)}, "lights"),
         ({"repeats": 2}, "repeats: 1 → 2"),
     ):
         with pytest.raises(UserError, match=told):
-            make(copy, small_plan.model_copy(update=changes))
+            make(small_copy, small_plan.model_copy(update=changes))
 
 
 @pytest.mark.slow
-def test_a_sequence_that_fails_is_listed_and_retried_alone(copy, small_plan):
+def test_a_sequence_that_fails_is_listed_and_retried_alone(small_copy, small_plan):
     # a plan that was checked hardly fails: something is put into the way of one sequence
-    blocked = copy / ".making" / "000003"
+    blocked = small_copy / ".making" / "000003"
     blocked.parent.mkdir()
     blocked.touch()
     more = small_plan.model_copy(update={"sequences": 5})
     with pytest.raises(UserError, match="1 sequences failed, such as 000003: .*--retry"):
-        make(copy, more)
-    (line,) = (copy / "failed.jsonl").read_text().splitlines()
+        make(small_copy, more)
+    (line,) = (small_copy / "failed.jsonl").read_text().splitlines()
     assert json.loads(line)["index"] == 3
-    assert any("lists failed sequences" in fault.what for fault in check_files(Tree(copy)))
+    assert any("lists failed sequences" in fault.what for fault in check_files(Tree(small_copy)))
     blocked.unlink()
-    make(copy, more, retry=True)
-    assert not (copy / "failed.jsonl").exists()
-    assert not check_files(Tree(copy))
+    make(small_copy, more, retry=True)
+    assert not (small_copy / "failed.jsonl").exists()
+    assert not check_files(Tree(small_copy))
 
 
 @pytest.mark.slow
-def test_new_light_on_old_frames(copy, small_dataset):
-    words = ("dataset", "expose", copy, "--sensors", "ideal", "--light-levels", "0.5", "starlight")
+def test_new_light_on_old_frames(small_copy, small_dataset):
+    words = (
+        "dataset",
+        "expose",
+        small_copy,
+        "--sensors",
+        "ideal",
+        "--light-levels",
+        "0.5",
+        "starlight",
+    )
     run(*words, "--repeats", "2")
-    added = set(without_books(copy)) - set(without_books(small_dataset))
+    added = set(without_books(small_copy)) - set(without_books(small_dataset))
     assert {name.split("/")[0] for name in added} == {"counts"}
-    sequence = megalopta.open_dataset(copy)[2]
+    sequence = megalopta.open_dataset(small_copy)[2]
     assert sequence.exposures[2:] == (
         *("ideal-0.5lux", "ideal-starlight", "ideal-r2-0.5lux", "ideal-r2-starlight"),
     )
@@ -106,16 +113,16 @@ def test_new_light_on_old_frames(copy, small_dataset):
     # independent Poisson noise: correlation of 2304 pixels below 6 / sqrt(2304), P < 1e-6
     noise = [(each - mean).ravel() / np.sqrt(mean.ravel() + 1e-9) for each in (first, second)]
     assert abs(np.corrcoef(*noise)[0, 1]) < 6 / np.sqrt(len(noise[0]))
-    assert not check_files(Tree(copy))
-    before = without_books(copy)
+    assert not check_files(Tree(small_copy))
+    before = without_books(small_copy)
     run(*words, "--repeats", "2")
-    assert without_books(copy) == before
+    assert without_books(small_copy) == before
 
 
-def test_an_exposure_of_this_name_with_other_settings_is_refused(copy, refused):
-    level = megalopta.open_dataset(copy)[0].configuration.light_levels[0]
+def test_an_exposure_of_this_name_with_other_settings_is_refused(small_copy, refused):
+    level = megalopta.open_dataset(small_copy)[0].configuration.light_levels[0]
     told = refused(
-        "dataset", "expose", copy, "--sensors", "{preset: spadcam, exposure_s: 0.01}",
+        "dataset", "expose", small_copy, "--sensors", "{preset: spadcam, exposure_s: 0.01}",
         "--light-levels", level,
     )  # fmt: skip
     assert "give the sensor another name" in told
@@ -132,8 +139,7 @@ def test_repeats_of_a_plan_are_of_one_device(small_plan, tmp_path):
 
 @pytest.mark.slow
 def test_dry_run_tells_and_makes_nothing(small_plan, tmp_path, capsys):
-    plan = tmp_path / "plan.yaml"
-    plan.write_text(yaml.safe_dump(small_plan.model_dump(mode="json")))
+    plan = written(tmp_path, small_plan)
     run("dataset", "make", plan, "--out", tmp_path / "data", "--dry-run", "--sequences", "50")
     told = capsys.readouterr().out
     assert "50 sequences, 150 frames, about" in told
@@ -142,7 +148,6 @@ def test_dry_run_tells_and_makes_nothing(small_plan, tmp_path, capsys):
 
 
 def test_mistakes_are_told_before_anything_is_made(small_plan, tmp_path, refused):
-    plan = tmp_path / "plan.yaml"
     for change, told in (
         ({"scenes": ["dmeo"]}, "scenes: 0: preset 'dmeo' is unknown"),
         ({"every": {"camera": {"width": {"uniform": [5, 1]}}}}, "give the lower number first"),
@@ -150,7 +155,7 @@ def test_mistakes_are_told_before_anything_is_made(small_plan, tmp_path, refused
         ({"lights": ["moon"]}, "light.level"),
         ({"splits": {"a b": 1}}, "cannot name a split"),
     ):
-        plan.write_text(yaml.safe_dump({**small_plan.model_dump(mode="json"), **change}))
+        plan = written(tmp_path, small_plan, change)
         said = refused("dataset", "make", plan, "--out", tmp_path / "data")
         assert told in said
         assert not (tmp_path / "data").exists()

@@ -4,6 +4,7 @@ import cv2
 import numpy as np
 import pytest
 import trimesh
+import yaml
 from scipy.spatial.transform import Rotation
 
 import megalopta
@@ -21,32 +22,27 @@ TURN_DEG = (0.0, 70.0, 10.0)
 SIZE = {"width": 40, "height": 30}
 
 
+HUT = """
+sequences: 6
+scenes: [{{preset: grating, scene: {{kind: meshes, files: ["{folder}/hut.glb"], ground: 0.2}}}}]
+cameras: [{size}]
+trajectories:
+- {{kind: steady, up: [0, 0.1, 1], position_m: [-3, 0, 1], look_at_m: [0, 0.2, 0.8], frames: 2,
+    velocity_m_s: [0, 1, 0], rotation_deg_s: 20}}
+every: {{render: {{samples_per_pixel: 1}}, scene: {{reflectance: {{uniform: [0.3, 0.6]}}}}}}
+rig:
+- {{}}
+- {{position_m: [{baseline_m}, 0, 0]}}
+- {{position_m: [0, 0.1, -0.2], rotation_deg: {turn_deg}}}
+sensors: [ideal]
+flow_files: [kitti_png]
+"""
+
+
 def plan_of(folder):
     trimesh.Scene({"hut": trimesh.creation.box((1, 1, 2))}).export(folder / "hut.glb")
-    path = {"position_m": [-3, 0, 1], "look_at_m": [0, 0.2, 0.8], "frames": 2}
-    path |= {"velocity_m_s": [0, 1, 0], "rotation_deg_s": 20}
-    return Plan(
-        sequences=6,
-        scenes=(
-            {
-                "preset": "grating",
-                "scene": {"kind": "meshes", "files": [str(folder / "hut.glb")], "ground": 0.2},
-            },
-        ),
-        cameras=(SIZE,),
-        trajectories=({"kind": "steady", "up": [0, 0.1, 1], **path},),
-        every={
-            "render": {"samples_per_pixel": 1},
-            "scene": {"reflectance": {"uniform": [0.3, 0.6]}},
-        },
-        rig=(
-            {},
-            {"position_m": (BASELINE_M, 0, 0)},
-            {"position_m": (0, 0.1, -0.2), "rotation_deg": TURN_DEG},
-        ),
-        sensors=("ideal",),
-        flow_files=("kitti_png",),
-    )
+    given = {"size": SIZE, "baseline_m": BASELINE_M, "turn_deg": [*TURN_DEG]}
+    return Plan.model_validate(yaml.safe_load(HUT.format(folder=folder, **given)))
 
 
 @pytest.fixture(scope="module")
@@ -122,34 +118,31 @@ def test_other_paths_and_odd_pairs_are_refused(rig, tmp_path):
         rig[0].flow_to(stranger, 0)
 
 
+MIXED = """
+sequences: 4
+scenes: [{preset: demo, scene: {kind: forest, trees: 6, density_per_ha: 60}}]
+cameras: [{width: 40, height: 30}]
+trajectories: [{frames: 2, velocity_m_s: [1, 0.5, 0]}]
+every: {render: {samples_per_pixel: 1}}
+rig:
+- {}
+- {position_m: [0.1, 0, 0], sensors: [ideal]}
+- position_m: [0.2, 0, 0]
+  camera: {width: 64, height: 20, fov_deg: 30}
+  shutter: {readout_s: 0.05, readout_from: left}
+- position_m: [0.3, 0, 0]
+  camera: {kind: opencv, width: 24, height: 24, fisheye: [0.01, 0, 0, 0],
+           fx_px: 18, fy_px: 18, cx_px: 12, cy_px: 12}
+  render: {bands_nm: [[900, 1300], [1300, 1700]]}
+  sensors: [ctia_ingaas_quiet]
+light_levels: [full_moon]
+"""
+
+
 @pytest.fixture(scope="module")
 def mixed(tmp_path_factory):
     folder = tmp_path_factory.mktemp("mixed")
-    fisheye = {"kind": "opencv", "width": 24, "height": 24, "fisheye": [0.01, 0, 0, 0]}
-    fisheye |= {"fx_px": 18, "fy_px": 18, "cx_px": 12, "cy_px": 12}
-    plan = Plan(
-        sequences=4,
-        scenes=({"preset": "demo", "scene": {"kind": "forest", "trees": 6, "density_per_ha": 60}},),
-        cameras=(SIZE,),
-        trajectories=({"frames": 2, "velocity_m_s": [1, 0.5, 0]},),
-        every={"render": {"samples_per_pixel": 1}},
-        rig=(
-            {},
-            {"position_m": (0.1, 0, 0), "sensors": ("ideal",)},
-            {
-                "position_m": (0.2, 0, 0),
-                "camera": {"width": 64, "height": 20, "fov_deg": 30},
-                "shutter": {"readout_s": 0.05, "readout_from": "left"},
-            },
-            {
-                "position_m": (0.3, 0, 0),
-                "camera": fisheye,
-                "render": {"bands_nm": [[900, 1300], [1300, 1700]]},
-                "sensors": ("ctia_ingaas_quiet",),
-            },
-        ),
-        light_levels=("full_moon",),
-    )
+    plan = Plan.model_validate(yaml.safe_load(MIXED))
     make(folder / "data", plan)
     return megalopta.open_dataset(folder / "data")
 

@@ -19,6 +19,8 @@ from megalopta.generation.staging import Staged
 from megalopta.stages.registry import made_with
 from megalopta.verification.files import check_files
 
+from ..small import content, copied
+
 NEW_LIGHT = Exposing(sensors=("ideal",), light_levels=("full_moon",))
 STEPS = ("rename", "replace", "unlink", "rmdir", "mkdir", "symlink", "fsync")
 """Of the file system, at each of which a run is broken off"""
@@ -49,20 +51,6 @@ def stopped_at(step):
         with suppress(Stopped):
             yield outcome
             outcome.is_over = True
-
-
-def copied(root, target):
-    """Copy with hard links: the program replaces files, and changes none."""
-    return shutil.copytree(root, target, symlinks=True, copy_function=os.link)
-
-
-@pytest.fixture
-def copy(single_dataset, tmp_path):
-    return copied(single_dataset, tmp_path / "data")
-
-
-def content(root):
-    return {path.relative_to(root): path.read_bytes() for path in root.rglob("*") if path.is_file()}
 
 
 def staged_again(root, plan):
@@ -98,11 +86,11 @@ def broken_off_everywhere(begun, tmp_path, work, resume, whole):
 
 @pytest.mark.slow
 def test_a_sequence_is_published_whole_after_a_stop_at_any_step(
-    copy, single_plan, single_dataset, tmp_path
+    single_copy, single_plan, single_dataset, tmp_path
 ):
-    staged_again(copy, single_plan)
+    staged_again(single_copy, single_plan)
     broken_off_everywhere(
-        copy,
+        single_copy,
         tmp_path,
         lambda root: make(root, single_plan),
         lambda root: make(root, single_plan),
@@ -113,7 +101,7 @@ def test_a_sequence_is_published_whole_after_a_stop_at_any_step(
 @pytest.mark.slow
 @pytest.mark.parametrize("resumed", ["expose", "make"])
 def test_new_exposures_appear_whole_or_not_at_all(
-    copy, single_plan, single_dataset, tmp_path, resumed
+    single_copy, single_plan, single_dataset, tmp_path, resumed
 ):
     add_exposures(copied(single_dataset, tmp_path / "whole"), NEW_LIGHT)
     exposed = content(tmp_path / "whole")
@@ -126,23 +114,23 @@ def test_new_exposures_appear_whole_or_not_at_all(
         add_exposures(root, NEW_LIGHT)
 
     broken_off_everywhere(
-        copy, tmp_path, lambda root: add_exposures(root, NEW_LIGHT), resume, exposed
+        single_copy, tmp_path, lambda root: add_exposures(root, NEW_LIGHT), resume, exposed
     )
 
 
 @pytest.mark.parametrize("verb", ["make", "expose"])
-def test_what_a_kill_after_the_last_move_leaves_is_cleared(copy, single_plan, verb):
-    left = copy / ".making" / "000000" / "data" / "radiance"
+def test_what_a_kill_after_the_last_move_leaves_is_cleared(single_copy, single_plan, verb):
+    left = single_copy / ".making" / "000000" / "data" / "radiance"
     left.mkdir(parents=True)
     (left.parents[1] / ".lock").touch()
-    (faults,) = check_files(Tree(copy))
+    (faults,) = check_files(Tree(single_copy))
     assert "dataset make" in faults.remedy
     if verb == "make":
-        make(copy, single_plan)
+        make(single_copy, single_plan)
     else:
-        add_exposures(copy, Exposing(sensors=("spadcam",), light_levels=("twilight",)))
-    assert not (copy / ".making").exists()
-    assert not check_files(Tree(copy))
+        add_exposures(single_copy, Exposing(sensors=("spadcam",), light_levels=("twilight",)))
+    assert not (single_copy / ".making").exists()
+    assert not check_files(Tree(single_copy))
 
 
 def changed(root, name="000000", **changes):
@@ -154,44 +142,49 @@ def changed(root, name="000000", **changes):
 
 
 @pytest.mark.parametrize("change", ["speed", "split"])
-def test_a_changed_record_is_refused_and_not_blessed(copy, single_plan, change):
-    statistics = json.loads((copy / "sequences/000000.json").read_text())["statistics"]
+def test_a_changed_record_is_refused_and_not_blessed(single_copy, single_plan, change):
+    statistics = json.loads((single_copy / "sequences/000000.json").read_text())["statistics"]
     changes = {"split": "test"}
     if change == "speed":
         changes = {"statistics": {**statistics, "mean_speed_px": 9.0}}
-    changed(copy, **changes)
-    before = (copy / "manifest.jsonl").read_bytes()
-    for work in (lambda: make(copy, single_plan), lambda: add_exposures(copy, NEW_LIGHT)):
+    changed(single_copy, **changes)
+    before = (single_copy / "manifest.jsonl").read_bytes()
+    for work in (
+        lambda: make(single_copy, single_plan),
+        lambda: add_exposures(single_copy, NEW_LIGHT),
+    ):
         with pytest.raises(UserError, match=r"000000\.json differs from the manifest; restore it"):
             work()
-    assert (copy / "manifest.jsonl").read_bytes() == before
-    assert any("differs from the manifest" in fault.what for fault in check_files(Tree(copy)))
+    assert (single_copy / "manifest.jsonl").read_bytes() == before
+    assert any(
+        "differs from the manifest" in fault.what for fault in check_files(Tree(single_copy))
+    )
 
 
-def test_exposures_that_the_manifest_does_not_know_yet_are_taken(copy, single_plan):
-    before = (copy / "manifest.jsonl").read_bytes()
-    add_exposures(copy, NEW_LIGHT)
-    whole = content(copy)
-    (copy / "manifest.jsonl").write_bytes(before)
-    faults = check_files(Tree(copy))
+def test_exposures_that_the_manifest_does_not_know_yet_are_taken(single_copy, single_plan):
+    before = (single_copy / "manifest.jsonl").read_bytes()
+    add_exposures(single_copy, NEW_LIGHT)
+    whole = content(single_copy)
+    (single_copy / "manifest.jsonl").write_bytes(before)
+    faults = check_files(Tree(single_copy))
     assert ["more output than" in fault.what for fault in faults] == [True]
-    make(copy, single_plan)
-    assert content(copy) == whole
+    make(single_copy, single_plan)
+    assert content(single_copy) == whole
 
 
-def test_exposures_by_another_sensor_model_are_refused(copy, monkeypatch):
-    before = content(copy)
+def test_exposures_by_another_sensor_model_are_refused(single_copy, monkeypatch):
+    before = content(single_copy)
     monkeypatch.setattr("megalopta.stages.sense.SENSOR_MODEL", 99)
     with pytest.raises(
         UserError, match=r"000000 was exposed by another sensor model .*sense: model: \d+ → 99"
     ):
-        add_exposures(copy, NEW_LIGHT)
-    assert content(copy) == before
+        add_exposures(single_copy, NEW_LIGHT)
+    assert content(single_copy) == before
 
 
 @pytest.mark.parametrize("model", ["render.RENDER_MODEL", "render.TRUTH_MODEL"])
-def test_more_sequences_of_another_model_are_refused(copy, single_plan, monkeypatch, model):
+def test_more_sequences_of_another_model_are_refused(single_copy, single_plan, monkeypatch, model):
     monkeypatch.setattr(f"megalopta.stages.{model}", 99)
-    make(copy, single_plan)  # nothing is missing, and nothing is mixed
+    make(single_copy, single_plan)  # nothing is missing, and nothing is mixed
     with pytest.raises(UserError, match=r"000000 was made by other software .*render: model: .*99"):
-        make(copy, single_plan.model_copy(update={"sequences": 2}))
+        make(single_copy, single_plan.model_copy(update={"sequences": 2}))

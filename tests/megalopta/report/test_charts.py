@@ -10,33 +10,18 @@ from megalopta.plotting.style import BLACK, RULE, method_style
 from megalopta.plotting.svg import themed
 from megalopta.report.light_section import signal_chart
 from megalopta.report.motion_section import speed_chart
-from megalopta.report.source import Budget
 from megalopta.report.thresholds import error_chart, threshold_chart
-from megalopta.sensor import PRESETS
+
+from .budgets import budget
 
 FLUXES = np.geomspace(1e3, 1e9, 7)
 
 
-def budget(sensor, level, lux, photons_per_frame, ratio=1.0):
-    return Budget(
-        sensor=PRESETS[sensor],
-        level=level,
-        illuminance_lux=lux,
-        photons=1.0,
-        detected=1.0,
-        dark=0.0,
-        expected=1.0,
-        signal_to_noise=(0.5 * ratio, ratio, 2 * ratio),
-        saturated_fraction=0.0,
-        photons_per_frame=photons_per_frame,
-    )
-
-
 BUDGETS = [
-    budget("spadcam", "twilight", 1.0, 1e4),
-    budget("spadcam", "starlight", 1e-3, 10.0, 0.01),
-    budget("ideal", "twilight", 1.0, 1e8, 100.0),
-    budget("ideal", "starlight", 1e-3, 0.0, 0.0),
+    budget("spadcam", "twilight", 1.0, photons_per_frame=1e4),
+    budget("spadcam", "starlight", 1e-3, 0.01, photons_per_frame=10.0),
+    budget("ideal", "twilight", 1.0, 100.0, photons_per_frame=1e8),
+    budget("ideal", "starlight", 1e-3, 0.0),
 ]
 
 
@@ -56,10 +41,7 @@ def crossing(flux):
 
 
 def test_a_chart_of_pixels_without_any_signal_is_still_a_chart():
-    dark = [
-        budget("ideal", "twilight", 1.0, 0.0, 0.0),
-        budget("ideal", "starlight", 1e-3, 0.0, 0.0),
-    ]
+    dark = [budget("ideal", "twilight", 1.0, 0.0), budget("ideal", "starlight", 1e-3, 0.0)]
     assert "illuminance (lux)" in texts(signal_chart(dark, ["ideal"]))
 
 

@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from megalopta.config.model import Configuration
+from megalopta.config.model import Configuration, parse
+from megalopta.config.yaml_model import to_yaml
 from megalopta.core.errors import UserError
 from megalopta.dataset.store import Dataset
 from megalopta.report.page import write_report
@@ -24,32 +25,30 @@ pytestmark = pytest.mark.slow
 
 SECTIONS = ("light", "motion", "detectors", "photons", "words", "made")
 SENSOR = "spad_cam-1"
-CONFIGURATION = Configuration.model_validate(
-    {
-        "name": "small_grating",
-        "scene": {"kind": "grating", "cycles_per_frame": 3},
-        "camera": {"width": 36, "height": 30, "fov_deg": 72},
-        "trajectory": {"frames": 24, "rotation_deg_s": 15},
-        "render": {"samples_per_pixel": 4, "max_depth": 2},
-        "light_levels": [0.5, "full_moon"],
-        "sensors": [{"preset": "spadcam", "name": SENSOR}, "ideal"],
-        "benchmark": {"sizes": [20, 30], "fluxes_per_decade": 1, "repeats": 2, "flux_max": 1e8},
-    }
+CONFIGURATION = parse(
+    f"""
+    name: small_grating
+    scene: {{kind: grating, cycles_per_frame: 3}}
+    camera: {{width: 36, height: 30, fov_deg: 72}}
+    trajectory: {{frames: 24, rotation_deg_s: 15}}
+    render: {{samples_per_pixel: 4, max_depth: 2}}
+    light_levels: [0.5, full_moon]
+    sensors: [{{preset: spadcam, name: {SENSOR}}}, ideal]
+    benchmark: {{sizes: [20, 30], fluxes_per_decade: 1, repeats: 2, flux_max: 1e8}}
+    """,
+    "test",
 )
-
-LEAN = Configuration.model_validate(
+LEAN = parse(
+    to_yaml(CONFIGURATION),
+    "test",
     {
-        **CONFIGURATION.model_dump(mode="json"),
-        "light_levels": [0.5],
-        "sensors": [{"preset": "spadcam", "name": SENSOR}],
-        "methods": ["BM", "IIA", "EMD"],
-        "benchmark": {
-            **CONFIGURATION.benchmark.model_dump(mode="json"),
-            "sizes": [20],
-            "metrics": ["literal"],
-            "bits": [2],
-        },
-    }
+        "light_levels": "[0.5]",
+        "sensors": f"{{preset: spadcam, name: {SENSOR}}}",
+        "methods": "[BM, IIA, EMD]",
+        "benchmark.sizes": "[20]",
+        "benchmark.metrics": "[literal]",
+        "benchmark.bits": "[2]",
+    },
 )
 """What has few charts, which take longest, for one thing that a page says."""
 

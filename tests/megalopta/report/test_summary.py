@@ -7,21 +7,11 @@ import pytest
 from megalopta.config.model import Configuration
 from megalopta.dataset.flow_record import FlowRecord
 from megalopta.report.page import OUTCOME, lead, outcome
-from megalopta.report.source import Budget, rendering, rendering_errors, title
-from megalopta.sensor import PRESETS
+from megalopta.report.source import rendering, rendering_errors, title
 
-BUDGET = Budget(
-    sensor=PRESETS["spadcam"],
-    level="twilight",
-    illuminance_lux=1.0,
-    photons=3e4,
-    detected=14.0,
-    dark=64.0,
-    expected=78.0,
-    signal_to_noise=(0.1, 0.48, 2.0),
-    saturated_fraction=0.0,
-    photons_per_frame=2e5,
-)
+from .budgets import budget
+
+BUDGET = budget("spadcam", "twilight", 1.0, detected=14.0, dark=64.0)
 
 
 def configured(**values):

@@ -14,25 +14,20 @@ from megalopta.cli import main
 from megalopta.config.model import load
 from megalopta.core.errors import UserError
 from megalopta.report.view import ViewOptions, view
-from megalopta.stages.pipeline import run_stage
 
 from ..accessibility import needs_axe, violations
+from ..small import made, small
 
-SMALL = {
-    **{"camera.width": "32", "camera.height": "24", "trajectory.frames": "4"},
-    **{"render.samples_per_pixel": "1", "render.bands_nm": "[[450, 550], [550, 650]]"},
-    **{"scene.cycles_per_frame": "4", "sensors": "[spadcam, ideal]", "methods": "[BM]"},
-    "light_levels": "[starlight, 10]",
+SMALL = small(32, 24, 4, sensors="spadcam, ideal", levels="starlight, 10") | {
+    "render.bands_nm": "[[450, 550], [550, 650]]",
+    "scene.cycles_per_frame": "4",
 }
 
 
 @pytest.fixture(scope="module")
 def exposed(tmp_path_factory):
     """A dataset of two sensors at two light levels, in which no motion was looked for yet."""
-    root, settings = tmp_path_factory.mktemp("exposed") / "data", load("grating", SMALL)
-    run_stage(root, settings, "render")
-    run_stage(root, settings, "sense")
-    return root
+    return made(tmp_path_factory.mktemp("exposed") / "data", load("grating", SMALL)).root
 
 
 @pytest.fixture(scope="module")

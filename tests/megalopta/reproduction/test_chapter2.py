@@ -22,13 +22,26 @@ from megalopta.reproduction.chapter2_pixel_row import (
 from megalopta.sensor.spad.device import draw_fixed_pattern
 from megalopta.sensor.spad.presets import TABLE_2_1
 
+from ..figures import canvas_of, check_words, made
+
 BOTTOM_V = 0.1
 STEPS = pytest.mark.parametrize("step_v", [10e-3, 30e-3])
 
 
-@pytest.mark.parametrize("name", ["fig-2.7", "fig-2.8"])
-def test_figure_is_drawn_with_its_numbers(drawn, name):
-    drawn(name)
+# 2.16 is 2.15 of another detector; 2.18 and 2.19 take all speeds
+SLOW = [
+    pytest.param(f"fig-2.{number}", marks=pytest.mark.slow)
+    for number in (9, 10, 11, 12, 16, 18, 19)
+]
+
+
+@pytest.mark.parametrize("name", [*(f"fig-2.{number}" for number in (7, 8, 14, 15, 17)), *SLOW])
+def test_figure_is_drawn_with_its_numbers(name):
+    figure = made(name)
+    canvas_of(figure)
+    if int(name.removeprefix("fig-2.")) >= 14:  # edges, with and without the noise of the device
+        for noise in ("poisson_noise_only_", "spadcam_"):
+            assert any(column.startswith(noise) for column in figure.columns)
 
 
 @STEPS
@@ -56,20 +69,14 @@ def test_arrivals_by_chance_bend_the_output_over_time_as_a_random_walk():
         assert 1 - over_time.mean() == pytest.approx(0.8 * step_v / 3.2, rel=0.8)
 
 
-def test_counts_end_at_one_per_dead_time_and_with_paralysis_at_that_over_e(made):
+def test_counts_end_at_one_per_dead_time_and_with_paralysis_at_that_over_e():
     curves = made("fig-2.2").numbers
     # at 1e10 photons per second and 1e-7 s the ceiling is reached to a thousandth
     assert curves["nonparalyzable_100_ns_hz"][-1] == pytest.approx(1e7, rel=2e-3)
     assert curves["paralyzable_100_ns_hz"].max() == pytest.approx(1e7 / np.e, rel=2e-3)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["fig-2.9", "fig-2.10", "fig-2.11", "fig-2.12"])
-def test_figure_is_drawn_with_its_numbers_of_chapter2_pixel_row(drawn, name):
-    drawn(name)
-
-
-def test_quiet_pixels_of_the_table_are_those_drawn(made):
+def test_quiet_pixels_of_the_table_are_those_drawn():
     figure = made("fig-2.9")
     rates = np.array(figure.rows)[np.isclose([row[0] for row in figure.rows], 13.58), 1:].ravel()
     ours, _ = figure.printed["Pixels below 1.5 Hz/µm²"]
@@ -97,17 +104,6 @@ def test_best_ratio_is_at_a_lower_bias_than_the_best_efficiency():
     assert np.mean(best < most) > 0.8
 
 
-# 2.16 is 2.15 of another detector; 2.18 and 2.19 take all speeds
-LONG = [pytest.param(f"fig-2.{number}", marks=pytest.mark.slow) for number in (16, 18, 19)]
-
-
-@pytest.mark.parametrize("name", ["fig-2.14", "fig-2.15", "fig-2.17", *LONG])
-def test_figure_is_drawn_with_its_numbers_of_chapter2_edge(drawn, name):
-    figure = drawn(name)
-    for noise in ("poisson_noise_only_", "spadcam_"):
-        assert any(column.startswith(noise) for column in figure.columns)
-
-
 @pytest.mark.slow
 def test_mean_signal_to_noise_of_nds_is_near_the_printed_one():
     # Printed for one row of one device, without definition: 15.7 dB. 2 dB are the spread of rows
@@ -127,13 +123,13 @@ def test_the_theoretical_curve_agrees_in_shape_with_the_edges_above_linear_speed
     np.testing.assert_allclose((curve / curve.max())[fast], (ideal / ideal.max())[fast], atol=0.1)
 
 
-def test_table_is_drawn_with_a_line_for_each_device(made, tmp_path, check_words):
+def test_table_is_drawn_with_a_line_for_each_device(tmp_path):
     table = made("table-2.1")
     check_words(table)
     assert write_figure(table, tmp_path)[2].read_text("utf-8").count("\n") == len(TABLE_2_1) + 1
 
 
-def test_table_agrees_with_its_printed_densities(made):
+def test_table_agrees_with_its_printed_densities():
     rows = {row[0]: row for row in made("table-2.1").rows}
     assert list(rows) == list(TABLE_2_1)
     for row in rows.values():

@@ -1,16 +1,15 @@
 """The motion bench through the emulated camera's line, beside the one simulated directly."""
 
-import signal
-import threading
-
 import pytest
 
-from megalopta.camera.emulated import EmulatedCamera, EmulatedPort, Faults, Plate
+from megalopta.camera.emulated import Faults, Plate
 from megalopta.camera.motion_bench import cut_passages, record
 from megalopta.camera.recording import open_recording
 from megalopta.cli import main as cli
 from megalopta.reproduction.chapter2_edge import captured_figures
 from megalopta.sensor import changed, preset
+
+from ..camera.conftest import emulating
 
 pytestmark = pytest.mark.slow
 
@@ -19,29 +18,17 @@ NAMES = [f"fig-2.{number}" for number in range(14, 20)]
 
 
 @pytest.fixture
-def recording(tmp_path, request):
+def recording(tmp_path, request, monkeypatch):
     """A recording of the plate at so many mm/s, from a camera whose clock runs 20 times as fast."""
-    link, stop = tmp_path / "cam", threading.Event()
-    ready = threading.Event()
-    camera = EmulatedCamera(SENSOR, Plate(request.param), seed=3)
-    port = EmulatedPort(camera, Faults(drift_ppm=19e6), link, lambda path: ready.set())
-    thread = threading.Thread(target=port.run, args=(stop,), daemon=True)
-    thread.start()
-    handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
-    try:
-        assert ready.wait(60)
-        words = ["--rate", "10", "--exposure", "0.1", "--frames", "600", "--out"]
-        out = str(tmp_path / "plate")
-        cli.main(["spadcam", "capture", "--port", str(link), "--kind", "plate", *words, out])
-    finally:
-        for number, handler in handlers.items():  # the command has put in its own
-            signal.signal(number, handler)
-        stop.set()
-        thread.join(10)
+    monkeypatch.setattr("signal.signal", lambda *_: None)  # the command puts in its own handlers
+    link, out = tmp_path / "cam", tmp_path / "plate"
+    with emulating(link, Faults(drift_ppm=19e6), stimulus=Plate(request.param), seed=3):
+        words = f"--port {link} --kind plate --rate 10 --exposure 0.1 --frames 600 --out {out}"
+        cli.main(["spadcam", "capture", *words.split()])
     return out
 
 
-@pytest.mark.slow  # capturing is tested by spadcam/test_capture.py, the figures below
+# capturing is tested by camera/test_capture.py, the figures below
 @pytest.mark.parametrize("recording", [10.0], indirect=True)
 def test_a_captured_bench_is_the_simulated_one_but_for_chance(recording):
     captured = open_recording(recording)
@@ -58,9 +45,8 @@ def test_a_camera_of_half_the_signal_differs_by_half():
     for figure, share in ((nds, 0.5), (ndm, 0.25)):
         numbers = dict(zip(figure.columns, figure.rows[0], strict=True))
         # halves are rounded down
-        assert numbers["captured_mean"] / numbers["simulated_mean"] == pytest.approx(
-            share, abs=0.05
-        )
+        ratio = numbers["captured_mean"] / numbers["simulated_mean"]
+        assert ratio == pytest.approx(share, abs=0.05)
 
 
 @pytest.mark.parametrize(

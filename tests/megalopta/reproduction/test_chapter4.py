@@ -27,6 +27,8 @@ from megalopta.reproduction.chapter4_table import PRINTED, least
 from megalopta.reproduction.drawing import Run, find, reproduce
 from megalopta.reproduction.sweep_figure import mean_threshold, sweep_curve
 
+from ..figures import canvas_of, check_words, made
+
 
 def crossing(flux):
     return Threshold("crossing", 0.25, 1e3, 1e12, flux, 0.9 * flux, 1.1 * flux)
@@ -175,7 +177,7 @@ def test_chapter_4_is_written_and_measured_once(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     "name", [*SWEEPS, "table-4.1", "denominators", "natural-information", "normalizations"]
 )
-def test_words_name_the_figure_and_are_few(name, check_words):
+def test_words_name_the_figure_and_are_few(name):
     check_words(drawn(name, True, textured))
 
 
@@ -239,7 +241,7 @@ def test_information_of_a_grating_meets_the_closed_form():
     assert information_per_photon(template) == pytest.approx(expected, rel=0.025)
 
 
-def test_grating_is_the_product_of_two_turned_sines_at_the_pixels_that_pooling_keeps(made):
+def test_grating_is_the_product_of_two_turned_sines_at_the_pixels_that_pooling_keeps():
     figure = made("fig-4.2")
     row, column, brightness = np.array(figure.rows)[:, :3].T
     # floor((i + 1/2)·251/60) + 1/2, in frames of 251 pixels.
@@ -251,17 +253,18 @@ def test_grating_is_the_product_of_two_turned_sines_at_the_pixels_that_pooling_k
 
 @pytest.fixture
 def forests(monkeypatch):
-    made = {
+    grown = {
         name: np.random.default_rng(recipe.forest.seed).gamma(2, 0.5, (120, 400))
         for name, recipe in NATURAL_PANORAMAS.items()
     }
-    monkeypatch.setattr(chapter4_scenes, "natural_templates", lambda cache=None: made)
-    return made
+    monkeypatch.setattr(chapter4_scenes, "natural_templates", lambda cache=None: grown)
+    return grown
 
 
 @pytest.mark.slow
-def test_forests_are_drawn_with_their_statistics(drawn, forests):
-    figure = drawn("fig-4.3")
+def test_forests_are_drawn_with_their_statistics(forests):
+    figure = made("fig-4.3")
+    canvas_of(figure)
     rows = {
         name: dict(zip(figure.columns[1:], values, strict=True)) for name, *values in figure.rows
     }

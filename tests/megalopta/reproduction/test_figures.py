@@ -1,41 +1,27 @@
-from functools import cache
-
 import numpy as np
 import pytest
 
-from megalopta.plotting.style import house_style, new_canvas
 from megalopta.reproduction.chapter3_pixel import bias_error
-from megalopta.reproduction.drawing import Run, find, names
+from megalopta.reproduction.drawing import names
 from megalopta.sensor.ctia.model import PHOTODIODES
 from megalopta.sensor.ctia.photodiode import Photodiode, reverse_current
 
-
-@cache
-def figure(name):
-    (recipe,) = find(name)
-    return recipe.make(Run())
+from ..figures import canvas_of, made
 
 
 def column(name, index):
-    return np.array([row[index] for row in figure(name).rows])
+    return np.array([row[index] for row in made(name).rows])
 
 
 @pytest.mark.parametrize("name", names("chapter-3"))
-def test_figure_draws_labeled_axes_that_are_not_empty(name, check_words):
-    one = figure(name)
-    assert one.name == name
-    check_words(one)
-    with house_style():
-        canvas = new_canvas(one.title, one.caption, one.height_in)
-        one.draw(canvas)
-        canvas.draw_without_rendering()
-    for axes in canvas.axes:
+def test_figure_draws_labeled_axes_that_are_not_empty(name):
+    for axes in canvas_of(made(name)).axes:
         assert axes.lines or axes.texts
         assert name.startswith("table") or (axes.get_xlabel() and axes.get_ylabel())
 
 
 def test_motion_of_the_input_is_the_swing_over_the_gain_as_printed():
-    printed = figure("fig-3.2").printed
+    printed = made("fig-3.2").printed
     # 3.3 V over 100 and over 100 000
     assert printed["Motion of the input at 40 dB"] == ("33 mV", "33 mV")
     assert printed["Motion of the input at 100 dB"] == ("33 µV", "33 µV")

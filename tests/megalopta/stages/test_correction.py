@@ -7,16 +7,11 @@ import megalopta
 from megalopta.config.model import load
 from megalopta.core.errors import UserError
 from megalopta.sensor.calibrate.correction import correct, simulated_calibration
-from megalopta.stages.pipeline import run_stage
 
-SETTINGS = {
-    "camera.width": "24",
-    "camera.height": "20",
-    "trajectory.frames": "3",
-    "render.samples_per_pixel": "1",
+from ..small import made, small
+
+SETTINGS = small(24, 20, 3, sensors="spadcam, ctia_si", levels="twilight") | {
     "render.bands_nm": "[[700, 800], [800, 900]]",
-    "sensors": "[spadcam, ctia_si]",
-    "light_levels": "[twilight]",
     "correct": "true",
     "calibration.frames": "100",
 }
@@ -24,10 +19,8 @@ SETTINGS = {
 
 @pytest.fixture(scope="module")
 def sequence(tmp_path_factory):
-    root, configuration = tmp_path_factory.mktemp("corrected") / "data", load("grating", SETTINGS)
-    for stage in ("render", "sense"):
-        run_stage(root, configuration, stage)
-    return megalopta.open_dataset(root)[0]
+    dataset = made(tmp_path_factory.mktemp("corrected") / "data", load("grating", SETTINGS))
+    return megalopta.open_dataset(dataset.root)[0]
 
 
 def test_what_is_stored_is_the_readings_corrected_with_one_calibration(sequence):

@@ -10,18 +10,16 @@ from megalopta.sensor import DacBias, FloatingGateBias
 from megalopta.stages.pipeline import run_all
 from megalopta.stages.sense import STAGE, open_exposure
 
+from ..small import small
+
 pytestmark = pytest.mark.slow
 
-SMALL = {
+SMALL = small(24, 20, 12) | {
     "name": "night",
-    "camera.width": "24",
-    "camera.height": "20",
-    "trajectory.frames": "12",
     "scene.trees": "6",
     "scene.density_per_ha": "60",
     "scene.undergrowth": "0",
     "scene.detail": "0.1",
-    "render.samples_per_pixel": "1",
     "methods": "[NDS, BM]",
     "benchmark.sizes": "[20]",
     "benchmark.fluxes_per_decade": "1",

@@ -11,7 +11,7 @@ from megalopta.dataset.store import open_sequence
 from megalopta.stages.ledger import Ledger
 from megalopta.stages.pipeline import run_stage
 
-from .test_pipeline import content
+from ..small import content
 
 COUNTS = "counts/grating/spadcam-starlight.zarr"
 RESPONSES = "results/grating/responses/spadcam-starlight.zarr"

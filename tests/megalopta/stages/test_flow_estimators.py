@@ -6,36 +6,27 @@ import pytest
 
 from megalopta.config.model import load
 from megalopta.flow.detectors.registry import METHODS
-from megalopta.stages.pipeline import run_stage
 
-from ..conftest import TINY
+from ..small import TINY, made, small
 
 pytestmark = pytest.mark.slow
 
 # TV-L1 takes as long as all others; tests/flow/detectors/test_estimators.py has it
 QUICK = [name for name in METHODS if name != "TV-L1"]
 
-CAMERA = {
-    "camera.width": "60",
-    "camera.height": "60",
+DOTS = TINY | small(60, 60, 30, samples=16, sensors="ideal", levels="twilight")
+DOTS |= {
     "trajectory.rotation_deg_s": "-6",
-    "trajectory.frames": "30",
     "scene.pattern": "dots",
     "scene.cycles_per_frame": "7",
-    "render.samples_per_pixel": "16",
-    "sensors": "[ideal]",
-    "light_levels": "[twilight]",
     "methods": f"[{', '.join(QUICK)}]",
 }
 
 
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory):
-    configuration = load("grating", {**TINY, **CAMERA})
     root = tmp_path_factory.mktemp("estimators") / "data"
-    for stage in ("render", "sense", "flow"):
-        dataset = run_stage(root, configuration, stage)
-    return dataset
+    return made(root, load("grating", DOTS), "render", "sense", "flow")
 
 
 @pytest.fixture(scope="module")

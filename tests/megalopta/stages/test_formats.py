@@ -18,11 +18,17 @@ def change(root, **values):
     path.write_text(yaml.safe_dump({**record, **values}), "utf-8")
 
 
-def test_a_newer_dataset_is_refused(whole_copy, refused):
-    change(whole_copy, format=99)
+@pytest.mark.parametrize(
+    ("number", "told"),
+    [
+        (99, "newer than 2, the newest that this program reads; update"),
+        (1, "older than 2, the oldest that this program reads; read it with the"),
+    ],
+)
+def test_another_dataset_is_refused_with_the_way_to_its_data(whole_copy, refused, number, told):
+    change(whole_copy, format=number)
     for words in (("report",), ("check", "files"), ("sense",)):
-        told = refused(*words, whole_copy)
-        assert "format 99 is newer than 2, the newest that this program reads; update" in told
+        assert f"format {number} is {told}" in refused(*words, whole_copy)
 
 
 def test_a_newer_store_is_refused(whole_copy):
@@ -35,9 +41,3 @@ def test_a_newer_store_is_refused(whole_copy):
             StoredFrames.open(path.parent, array)
     with pytest.raises(UserError, match="counts format 99 is newer than 1"):
         open_counts(whole_copy / COUNTS)
-
-
-def test_an_older_dataset_is_refused_with_the_way_to_its_data(whole_copy, refused):
-    change(whole_copy, format=1)
-    told = refused("report", whole_copy)
-    assert "format 1 is older than 2, the oldest that this program reads; read it with the" in told

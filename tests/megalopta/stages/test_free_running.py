@@ -10,10 +10,13 @@ from megalopta.cli import main
 from megalopta.config.model import load
 from megalopta.dataset.frames import FRAMES_AT_ONCE
 from megalopta.dataset.store import open_sequence
+from megalopta.render import read_truth
+from megalopta.sensor import sub_frames
 from megalopta.sensor.event_stream import histogram
 from megalopta.sensor.formats.reading import read_events, read_frames
-from megalopta.stages.pipeline import run_stage
 from megalopta.stages.sense import open_exposure, sense
+
+from ..small import made, small
 
 SHAPE, PERIOD_S, DEAD_S, LEVEL, BITS = (20, 24), 0.1, 0.03, 1e-5, 10
 FRAMES = FRAMES_AT_ONCE + 2
@@ -22,14 +25,9 @@ DEVICE = (
     f"{{preset: ideal, exposure_s: {PERIOD_S}, dead_time: "
     f"{{kind: nonparalyzable, dead_time_s: {DEAD_S}}}}}"
 )
-SMALL = {
-    "camera.width": str(SHAPE[1]),
-    "camera.height": str(SHAPE[0]),
-    "trajectory.frames": str(FRAMES),
-    "render.samples_per_pixel": "4",
+SMALL = small(*SHAPE[::-1], FRAMES, samples=4, sensors=DEVICE, levels=LEVEL) | {
     "render.bands_nm": "[[450, 550], [550, 650]]",
-    "sensors": f"[{DEVICE}]",
-    "light_levels": f"[{LEVEL}]",
+    "products": "[counts, events_npz]",
 }
 OPTIONS = (
     "--free-running", "--sub-frames", "2", "--burst-hz", str(BITS / PERIOD_S), "--redo",
@@ -39,11 +37,7 @@ OPTIONS = (
 
 @pytest.fixture(scope="module")
 def reset(tmp_path_factory):
-    root = tmp_path_factory.mktemp("reset") / "data"
-    settings = load("grating", SMALL | {"products": "[counts, events_npz]"})
-    for stage in ("render", "sense"):
-        run_stage(root, settings, stage)
-    return root
+    return made(tmp_path_factory.mktemp("reset") / "data", load("grating", SMALL)).root
 
 
 @pytest.fixture(scope="module")
@@ -105,6 +99,18 @@ def test_stated_means_are_those_of_settled_pixels(running):
     z = (counts[1:] - stated[1:]).sum() / np.sqrt(variance[1:].sum())
     assert abs(z) < 5 + 0.02 * stated[1:].sum() / np.sqrt(variance[1:].sum())
     assert stated.mean() < counts[0].mean()  # which began live
+
+
+def test_light_in_an_exposure_moves_with_the_true_flow(reset, running):
+    """As `sub_frames` moves it, which tests/sensor compares with a closed form."""
+    still, moved = (np.asarray(stored(root)["photons"][:], float) for root in (reset, running))
+    truths = [read_truth(open_sequence(reset).truth(index)) for index in range(FRAMES - 1)]
+    flow, hidden = (
+        [getattr(each, f"{name}_forward") for each in truths] for name in ("flow", "occluded")
+    )
+    expected = sub_frames(still, np.array(flow), 2, np.array(hidden)).mean(axis=1)
+    np.testing.assert_allclose(moved[:-1], expected, rtol=1e-5)
+    assert np.abs(still[:-1] / expected - 1).mean() > 0.05
 
 
 def test_the_store_says_how_it_was_made(reset, running):

@@ -9,7 +9,8 @@ import megalopta
 from megalopta.config.model import parse
 from megalopta.core.errors import UserError
 from megalopta.dataset.inertial import read_imu
-from megalopta.stages.pipeline import run_stage
+
+from ..small import made
 
 TURN_DEG = (0, 90, 0)
 SETTINGS = f"""
@@ -28,10 +29,8 @@ imu:
 
 @pytest.fixture(scope="module")
 def flown(tmp_path_factory):
-    root, settings = tmp_path_factory.mktemp("imu") / "data", parse(SETTINGS, "test")
-    for stage in ("render", "sense"):
-        run_stage(root, settings, stage)
-    return megalopta.open_dataset(root)[0]
+    dataset = made(tmp_path_factory.mktemp("imu") / "data", parse(SETTINGS, "test"))
+    return megalopta.open_dataset(dataset.root)[0]
 
 
 def columns(path):

@@ -6,14 +6,12 @@ from megalopta.config.model import load
 from megalopta.render import choose_variant
 from megalopta.stages.pipeline import run_stage
 
-SETTINGS = {
+from ..small import small
+
+SETTINGS = small(24, 24, 3, samples=9) | {
     "scene.trees": "8",
     "scene.density_per_ha": "80",
     "scene.undergrowth": "0",
-    "camera.width": "24",
-    "camera.height": "24",
-    "trajectory.frames": "3",
-    "render.samples_per_pixel": "9",
     "render.max_depth": "3",
     "render.integrator": "baked",
     "render.bake_error": "0.1",

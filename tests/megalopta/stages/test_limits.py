@@ -10,7 +10,7 @@ from megalopta.core.errors import UserError
 from megalopta.stages.limits import needed_bytes, refuse_absurd, size
 from megalopta.stages.pipeline import run_all
 
-from ..conftest import TINY
+from ..small import TINY
 
 
 @pytest.mark.parametrize(

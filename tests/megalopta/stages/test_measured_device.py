@@ -16,8 +16,7 @@ from megalopta.dataset.store import open_sequence
 from megalopta.sensor import read_counts
 from megalopta.stages.pipeline import run_stage
 
-from ..conftest import TINY
-from .test_pipeline import content
+from ..small import TINY, content
 
 EXAMPLE = Path(__file__).parents[3] / "docs/example_device"
 SHAPE = (40, 48)

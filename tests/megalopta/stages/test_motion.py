@@ -13,8 +13,9 @@ from megalopta.dataset.store import open_sequence
 from megalopta.render import read_attributes, read_radiance, read_truth, write_truth
 from megalopta.sensor import expectation, read_counts
 from megalopta.stages.ledger import Ledger
-from megalopta.stages.pipeline import run_stage
 from megalopta.verification.truth import check_truth, footprint_residuals
+
+from ..small import made, small
 
 OBJECTS = (
     "[{name: crate, position_m: [3, 0.3, 1.5], motion: {velocity_m_s: [0, -2, 0.4], "
@@ -22,24 +23,15 @@ OBJECTS = (
     "{name: bird, shape: ball, position_m: [4, -1, 1.6], motion: {kind: spline, "
     "times_s: [0, 0.1, 0.4], ways_m: [[0, 0, 0], [0.1, 0.2, 0], [0, 1, 0]]}}]"
 )
-SMALL = {
-    "camera.width": "64",
-    "camera.height": "48",
-    "trajectory.frames": "3",
-    "render.samples_per_pixel": "16",
-    "render.bands_nm": "[[450, 550]]",
-    "sensors": "[ideal]",
-    "light_levels": "[twilight]",
-}
+SMALL = small(64, 48, 3, samples=16, sensors="ideal", levels="twilight")
+SMALL |= {"render.bands_nm": "[[450, 550]]"}
 
 
 @pytest.fixture(scope="session")
 def moving(tmp_path_factory):
     """A grating with a crate and a bird before it, exposed for half of each frame."""
     settings = load("grating", {**SMALL, "objects": OBJECTS, "shutter.exposure_s": "0.05"})
-    root = tmp_path_factory.mktemp("moving") / "data"
-    run_stage(root, settings, "render")
-    return run_stage(root, settings, "sense")
+    return made(tmp_path_factory.mktemp("moving") / "data", settings)
 
 
 @pytest.fixture(scope="session")
@@ -49,7 +41,7 @@ def rolling(tmp_path_factory):
     settings = load(
         "grating", {**changes, **SMALL, "camera.width": "160", "shutter.readout_s": "0.08"}
     )
-    return run_stage(tmp_path_factory.mktemp("rolling") / "data", settings, "render")
+    return made(tmp_path_factory.mktemp("rolling") / "data", settings, "render")
 
 
 def test_flow_is_derived_again_for_what_rests_and_what_moves(moving):

@@ -15,18 +15,11 @@ from megalopta.render import read_truth
 from megalopta.stages.pipeline import run_stage
 
 from ...scenes.meshes.files import Gltf
+from ..small import small
 
 WAY = np.float32([[0, 0, 0], [0, 2, 0]])
-SMALL = {
-    "trajectory.frames": "2",
-    "trajectory.position_m": "[-4, 0, 1]",
-    "trajectory.look_at_m": "[0, 0, 0]",
-    "camera.width": "16",
-    "camera.height": "12",
-    "render.samples_per_pixel": "1",
-    "sensors": "[ideal]",
-    "light_levels": "[starlight]",
-}
+SMALL = small(16, 12, 2, sensors="ideal", levels="starlight")
+SMALL |= {"trajectory.position_m": "[-4, 0, 1]", "trajectory.look_at_m": "[0, 0, 0]"}
 
 
 def settings(folder, size):

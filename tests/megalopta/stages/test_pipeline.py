@@ -28,6 +28,8 @@ from megalopta.stages.pipeline import run_all, run_stage
 from megalopta.stages.registry import STAGES as ORDER
 from megalopta.verification.files import check_files, run_check_files
 
+from ..small import content, counting
+
 
 @pytest.fixture(scope="session")
 def finished(tiny, tmp_path_factory):
@@ -39,15 +41,6 @@ def finished(tiny, tmp_path_factory):
 def copy(finished, tmp_path):
     shutil.copytree(finished.root, tmp_path / "data")
     return open_sequence(tmp_path / "data")
-
-
-def content(root):
-    """Every file's bytes but for the time it took."""
-    return {
-        str(path.relative_to(root)): hashlib.sha256(path.read_bytes()).hexdigest()
-        for path in sorted(root.rglob("*"))
-        if path.is_file() and path.name != "timings.json"
-    }
 
 
 def test_the_tree_is_sintels_with_one_flow_less_than_frames(finished):
@@ -176,12 +169,12 @@ def test_flow_goes_on_after_an_interruption(copy, monkeypatch):
     for _ in range(2):  # in the second exposure that it comes to
         methods = len(copy.configuration.methods)
         monkeypatch.setattr(
-            stage_flow, "SequenceMeasurement", _counting(SequenceMeasurement, [], methods + 1)
+            stage_flow, "SequenceMeasurement", counting(SequenceMeasurement, [], methods + 1)
         )
         with pytest.raises(KeyboardInterrupt):
             run_stage(copy.root, copy.configuration, "flow")
     monkeypatch.setattr(
-        stage_flow, "SequenceMeasurement", _counting(SequenceMeasurement, calls := [])
+        stage_flow, "SequenceMeasurement", counting(SequenceMeasurement, calls := [])
     )
     run_stage(copy.root, copy.configuration, "flow")
     assert len(calls) == methods * 2  # two of four exposures were there
@@ -193,29 +186,17 @@ def test_bench_goes_on_after_an_interruption(copy, monkeypatch):
     before = content(copy.root)
     Ledger(copy).forget("benchmark")
     repeats = copy.configuration.benchmark.repeats
-    monkeypatch.setattr(benchmark, "draw_counts", _counting(draw_counts, drawn := []))
+    monkeypatch.setattr(benchmark, "draw_counts", counting(draw_counts, drawn := []))
     run_stage(copy.root, copy.configuration, "benchmark")
     a_repeat = len(drawn) // repeats
     Ledger(copy).forget("benchmark")
-    monkeypatch.setattr(benchmark, "draw_counts", _counting(draw_counts, [], a_repeat + 1))
+    monkeypatch.setattr(benchmark, "draw_counts", counting(draw_counts, [], a_repeat + 1))
     with pytest.raises(KeyboardInterrupt):
         run_stage(copy.root, copy.configuration, "benchmark")
-    monkeypatch.setattr(benchmark, "draw_counts", _counting(draw_counts, drawn := []))
+    monkeypatch.setattr(benchmark, "draw_counts", counting(draw_counts, drawn := []))
     run_stage(copy.root, copy.configuration, "benchmark")
     assert len(drawn) == a_repeat * (repeats - 1)
     assert content(copy.root) == before
-
-
-def _counting(function, calls, interrupted_at=None):
-    """The function, which notes its calls and ends with Ctrl-C at one of them."""
-
-    def counted(*arguments, **named):
-        calls.append(arguments)
-        if len(calls) == interrupted_at:
-            raise KeyboardInterrupt
-        return function(*arguments, **named)
-
-    return counted
 
 
 def test_frames_of_another_renderer_are_refused_until_they_are_to_be_made_again(copy, monkeypatch):
@@ -240,12 +221,6 @@ def test_damage_is_named_with_its_remedy(copy, capsys):
     assert f"{path}: differs from its record; remove {path.parents[4]} and run" in text
     assert "litter.txt: belongs to no sequence" in text
     assert "3 faults" in text
-
-
-def test_damaged_bookkeeping_is_named(copy):
-    copy.record_path.write_text("{half")
-    with pytest.raises(UserError, match=r"grating\.json is damaged"):
-        run_stage(copy.root, copy.configuration, "benchmark")
 
 
 def test_noise_of_the_rendering_is_measured(finished):

@@ -10,8 +10,9 @@ from megalopta.sensor.formats.products import check_product
 from megalopta.sensor.formats.reading import read_frames
 from megalopta.sensor.shot import Shot
 from megalopta.stages.ledger import Ledger
-from megalopta.stages.pipeline import run_stage
 from megalopta.stages.sense import open_exposure
+
+from ..small import made
 
 pytestmark = pytest.mark.slow
 
@@ -27,10 +28,7 @@ def settings(tiny, **changes):
 
 @pytest.fixture(scope="module")
 def sensed(tiny, tmp_path_factory):
-    root = tmp_path_factory.mktemp("products") / "data"
-    for stage in ("render", "sense"):
-        dataset = run_stage(root, settings(tiny), stage)
-    return dataset
+    return made(tmp_path_factory.mktemp("products") / "data", settings(tiny))
 
 
 @pytest.fixture

@@ -16,17 +16,12 @@ from megalopta.scenes.scene import Asset, Placement, Scene
 from megalopta.scenes.spectra.spectrum import flat
 from megalopta.stages.pipeline import run_stage
 
-from ..conftest import TINY
+from ..small import TINY, small
 
-SMALL = {
-    "camera.width": "24",
-    "camera.height": "24",
-    "trajectory.frames": "3",
+SMALL = small(24, 24, 3, samples=4, sensors="ideal", levels="twilight") | {
     "render.bands_nm": "[[450, 550], [550, 650]]",
-    "sensors": "[ideal]",
-    "light_levels": "[twilight]",
+    "render.max_depth": "2",
 }
-FEW = {"render.samples_per_pixel": "4", "render.max_depth": "2"}
 
 
 @pytest.fixture
@@ -91,13 +86,13 @@ def test_a_panorama_whose_file_changed_is_another_configuration(sky, tmp_path):
 
 def test_a_target_out_of_reach_is_told(yard, tmp_path, capsys):
     changes = {"render.target_error": "1e-4", "render.max_passes": "2"}
-    run_stage(tmp_path / "data", load("demo", {**SMALL, **FEW, **changes}), "render")
+    run_stage(tmp_path / "data", load("demo", SMALL | changes), "render")
     told = " ".join(capsys.readouterr().err.split())
     assert "3 of 3 frames did not meet target_error 0.0001 in 2 passes" in told
 
 
 def test_light_and_noise_are_told_and_warned_of(yard, tmp_path, capsys):
-    settings = load("demo", {**SMALL, **FEW, "light_levels": "[1000]"})
+    settings = load("demo", SMALL | {"light_levels": "[1000]"})
     run_stage(tmp_path / "data", settings, "render")
     told = " ".join(capsys.readouterr().err.split())
     assert "render: 1 lux requested, 1 measured in the open and 1 on the ground" in told
@@ -112,7 +107,7 @@ def test_light_that_takes_too_many_hits_is_recorded_and_told(instead, tmp_path, 
     hollow = trimesh.creation.icosphere(subdivisions=3, radius=50.0)
     hollow.update_faces(hollow.triangles_center[:, 2] < 12.5)  # five eighths of a sphere
     instead(hollow)
-    dataset = run_stage(tmp_path / "data", load("demo", {**SMALL, **FEW}), "render")
+    dataset = run_stage(tmp_path / "data", load("demo", SMALL), "render")
     told = " ".join(capsys.readouterr().err.split())
     assert "takes more hits than render.max_depth 2 allows and is missing" in told
     shares = json.loads(dataset.scene_record.read_text())["light_left_out"]
@@ -120,15 +115,10 @@ def test_light_that_takes_too_many_hits_is_recorded_and_told(instead, tmp_path, 
     assert shares == pytest.approx([0.5 * 0.625] * 2, rel=0.2)
 
 
-PANORAMA = {
+PANORAMA = small(96, 40, 6, sensors="ideal", levels="full_moon") | {
     "camera.kind": "cylindrical",
-    "camera.width": "96",
-    "camera.height": "40",
     "scene.cycles_per_frame": "6",
-    "trajectory.frames": "6",
     "trajectory.rotation_deg_s": "75",  # two columns a frame at 10 frames per second
-    "sensors": "[ideal]",
-    "light_levels": "[full_moon]",
 }
 
 

@@ -18,7 +18,7 @@ from megalopta.stages.redo import open_dataset_whole
 from megalopta.stages.registry import STAGES, provenance, provenance_changes
 from megalopta.stages.render import FrameWriter
 
-from .test_pipeline import content
+from ..small import content, counting
 
 
 @pytest.fixture
@@ -147,23 +147,11 @@ def test_a_move_that_stops_anywhere_is_finished_to_the_same_bytes(broken, tmp_pa
     while (broken / ".redo").exists():
         steps += 1
         with monkeypatch.context() as patched:
-            patched.setattr(Path, "rename", _stopping(Path.rename, steps))
+            patched.setattr(Path, "rename", counting(Path.rename, [], steps))
             with contextlib.suppress(KeyboardInterrupt):
                 open_dataset_whole(broken)
     assert steps > 3
     assert content(broken) == content(once)
-
-
-def _stopping(function, calls):
-    """The function, which ends with Ctrl-C instead of being called so many times."""
-    left = iter(range(calls - 1))
-
-    def called(*arguments):
-        if next(left, None) is None:
-            raise KeyboardInterrupt
-        return function(*arguments)
-
-    return called
 
 
 def test_what_was_not_recorded_is_not_compared(tiny):

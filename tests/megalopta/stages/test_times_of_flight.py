@@ -5,29 +5,20 @@ import pytest
 
 from megalopta import open_dataset
 from megalopta.config.model import load
-from megalopta.stages.pipeline import run_stage
 
-from ..conftest import TINY
+from ..small import TINY, made, small
 
 SENSOR = (
     "{preset: ideal, name: flight, exposure_s: 0.001, jitter: {sigma_s: 8.0e-11}, tcspc: "
     "{bins: 1000, period_s: 1.0e-7, pulse_sigma_s: 5.0e-11, from_camera: true}}"
 )
-OWN = {
-    **TINY,
-    "camera.width": "16",
-    "camera.height": "16",
-    "trajectory.frames": "2",
-    "sensors": f"[{SENSOR}]",
-    "light_levels": "[full_moon]",
-    "products": "[counts, histograms_npy]",
-}
+OWN = TINY | small(16, 16, 2, sensors=SENSOR, levels="full_moon")
+OWN |= {"products": "[counts, histograms_npy]"}
 
 
 @pytest.mark.slow
 def test_the_mean_time_of_a_pixel_is_that_of_light_to_its_surface_and_back(tmp_path):
-    for stage in ("render", "sense"):
-        run_stage(tmp_path / "lit", load("grating", OWN), stage)
+    made(tmp_path / "lit", load("grating", OWN))
     counts = np.load(tmp_path / "lit/counts/grating/flight-full_moon.histograms.npy")
     sequence = open_dataset(tmp_path / "lit")[0]
     camera = sequence.configuration.camera

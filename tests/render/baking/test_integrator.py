@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from megalopta.render import RenderSettings, RunningMean, SceneRenderer
+from megalopta.render import RenderSettings, SceneRenderer
 from megalopta.render.baking import light as bake
 from megalopta.render.baking.choice import (
     Scatter,
@@ -23,7 +23,7 @@ from megalopta.scenes.motion import Drift, RigidMotion
 from megalopta.scenes.scene import Lighting, Sun
 from megalopta.scenes.spectra.spectrum import Spectrum, flat
 
-from ..conftest import band_means, quad, scene_of, square, vectorized
+from ..conftest import band_means, down, quad, scene_of, square, surface_error, vectorized
 
 CAMERA = PerspectiveCamera(width=24, height=24, fov_deg=40)
 # Five bands need two groups of Mitsuba's four wavelengths.
@@ -31,7 +31,7 @@ BANDS = ((400.0, 450.0), (450.0, 500.0), (500.0, 600.0), (600.0, 700.0), (900.0,
 SKY = Spectrum((300.0, 500.0, 700.0, 1100.0), (1e-9, 2e-9, 4e-9, 4e-9))
 LEAF = Spectrum((400.0, 550.0, 700.0, 750.0), (0.05, 0.12, 0.06, 0.5))
 SUN_DIRECTION = (math.sin(1.0), 0.0, math.cos(1.0))
-DOWN = Trajectory(frames=2, position_m=(0, 0, 2), look_at_m=(0, 0, 0), up=(1, 0, 0)).poses()
+DOWN = down()
 UP = Trajectory(frames=2, position_m=(0, 0, 0.5), look_at_m=(0, 0, 1), up=(1, 0, 0)).poses()
 
 
@@ -134,6 +134,20 @@ def thicket(lighting, *more):
 ORBIT = Trajectory(frames=4, position_m=(4, 0, 1.5), look_at_m=(0, 0, 1), rotation_deg_s=10).poses()
 
 
+def compared(tracer, light, seeds, time=0.0):
+    """Frames (seeds, H, W) of both, and squares (H, W) of what stands.
+
+    That is the mean difference, less the noise of both that is left in it. The same seed sends the
+    same primary rays, so edges are sampled alike in both.
+    """
+    paths, quick = (
+        np.array([each.radiance(ORBIT[1], seed, time).sum(axis=-1) for seed in range(seeds)], float)
+        for each in (tracer, light)
+    )
+    noise = (quick - paths).var(axis=0, ddof=1) / seeds
+    return paths, quick, (quick - paths).mean(axis=0) ** 2 - noise
+
+
 @vectorized
 @pytest.mark.parametrize(
     "sun",
@@ -148,29 +162,19 @@ def test_frames_lie_within_their_stated_error_of_the_path_tracer(sun):
     tracer = renderer_of(scene, ORBIT, integrator="path", **common)
     light = renderer_of(scene, ORBIT, bake_error=0.05, **common)
     assert light.integrator == "baked"
-    # The same seed sends the same primary rays, so edges are sampled alike in both.
-    paths, quick = (
-        np.array([each.radiance(ORBIT[1], seed).sum(axis=-1) for seed in range(16)], float)
-        for each in (tracer, light)
-    )
+    paths, quick, squares = compared(tracer, light, 16)
     passes = [light.measured(ORBIT[1], seed) for seed in (0, 1)]
-    both = RunningMean()
-    for each in passes:
-        both.add(each.radiance)
-    surface = both.noise(1, passes[0]).surface
+    surface = surface_error(passes)
     part = passes[0].sky == 0
     level = paths.mean(axis=0)[part].mean()
-    # What stands: the mean difference, less the noise of both that is left in it.
-    differences = quick - paths
-    noise = differences.var(axis=0, ddof=1) / len(differences)
-    squares = (differences.mean(axis=0) ** 2 - noise)[part]
+    squares = squares[part]
     flicker = quick.var(axis=0, ddof=1)[part].mean()
     true = math.sqrt(flicker + squares.mean()) / level
     assert surface.rms == pytest.approx(true, rel=0.2)
     # Flicker is known well; what stands has the pixels' own differences as its error.
     error = squares.std() / math.sqrt(squares.size)
     assert math.sqrt(max(squares.mean() - 5 * error, 0)) / level < 1.25 * surface.standing
-    assert differences.mean(axis=0)[part].mean() / level == pytest.approx(0, abs=0.02)
+    assert (quick - paths).mean(axis=0)[part].mean() / level == pytest.approx(0, abs=0.02)
 
 
 @pytest.mark.slow
@@ -275,13 +279,8 @@ def test_stored_light_gives_the_same_frames_without_another_bake(tmp_path, monke
 
 def least_standing(tracer, light, part, time=0.0):
     """Standing error of a part of the image, relative to its light, less five standard errors."""
-    paths, quick = (
-        np.array([each.radiance(ORBIT[1], seed, time)[..., 0] for seed in range(6)], float)
-        for each in (tracer, light)
-    )
-    differences = quick - paths
-    noise = differences.var(axis=0, ddof=1) / len(differences)
-    squares = (differences.mean(axis=0) ** 2 - noise)[part]
+    paths, _, squares = compared(tracer, light, 6, time)
+    squares = squares[part]
     error = 5 * squares.std() / math.sqrt(squares.size)
     return math.sqrt(max(squares.mean() - error, 0)) / paths.mean(axis=0)[part].mean()
 

@@ -20,7 +20,7 @@ from megalopta.scenes.material import Emission, Material, Texture
 from megalopta.scenes.scene import Lighting
 from megalopta.scenes.spectra.spectrum import Spectrum, flat
 
-from ..conftest import scene_of, square, vectorized
+from ..conftest import down, scene_of, square, vectorized
 
 CAMERA = PerspectiveCamera(width=64, height=64, fov_deg=60)
 THING = Scene({"thing": Material(flat(0.5))}, {}, ())
@@ -191,8 +191,7 @@ def key(material):
     scene = scene_of(Lighting(flat(1e-9)), (square(), material))
     bare = scene_of(Lighting(flat(1e-9)), (square(), Material(flat(0.4))))
     camera = PerspectiveCamera(width=4, height=4)
-    poses = Trajectory(frames=2, position_m=(0, 0, 2), look_at_m=(0, 0, 0), up=(1, 0, 0)).poses()
-    return key_of(scene, merge(bare), RenderSettings(), camera, poses, 0)
+    return key_of(scene, merge(bare), RenderSettings(), camera, down(), 0)
 
 
 @pytest.mark.parametrize(

@@ -60,3 +60,7 @@ def film(tmp_path):
 def gray(code, bits=8, shape=(48, 64)):
     """Planes of one gray."""
     return np.full(shape, code), 1 << (bits - 1), 1 << (bits - 1)
+
+
+def assert_mean_of_frame(footage, rtol=1e-12):
+    np.testing.assert_allclose(footage.mean(0), footage.frame(0).mean((0, 1), dtype=float), rtol)

@@ -10,7 +10,7 @@ import pytest
 from megalopta.core.errors import UserError
 from megalopta.render import open_footage
 
-from .conftest import gray
+from .conftest import assert_mean_of_frame, gray
 
 BT709 = {"color_trc": 1, "colorspace": 1, "color_primaries": 1, "color_range": 1}
 
@@ -57,7 +57,7 @@ def test_light_of_a_gray_of_10_bits_by_closed_form(film, number):
         frame = footage.frame(0)
         assert footage.transfer == name and footage.unit == "srgb"
         np.testing.assert_allclose(frame, light((700 - 64) / 876), rtol=2e-4)
-        np.testing.assert_allclose(footage.mean(0), frame.mean((0, 1), dtype=float), rtol=1e-6)
+        assert_mean_of_frame(footage, 1e-6)
 
 
 def test_known_points_of_the_curves_of_hdr():
@@ -117,9 +117,7 @@ def test_primaries_of_bt2020_become_those_of_bt709(film):
     expected = np.maximum(np.array(matrix) @ np.clip([red, green, blue], 0, 1), 0)
     with open_footage(path) as footage:
         np.testing.assert_allclose(footage.frame(0)[5, 5], expected, atol=3e-4)
-        np.testing.assert_allclose(
-            footage.mean(0), footage.frame(0).mean((0, 1), dtype=float), rtol=1e-6
-        )
+        assert_mean_of_frame(footage, 1e-6)
         assert any("BT.2020" in note for note in footage.notes)
 
 

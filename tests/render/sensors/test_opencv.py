@@ -1,17 +1,13 @@
 """Ground truth in distorted images against OpenCV's own projection of the points seen."""
 
-import cv2
 import numpy as np
 import pytest
 
-from megalopta.render.scene_renderer import SceneRenderer
-from megalopta.render.settings import RenderSettings
 from megalopta.scenes.cameras.opencv import OpenCVCamera
-from megalopta.scenes.scene import Lighting
-from megalopta.scenes.spectra.spectrum import flat
 from megalopta.scenes.trajectories.steady import Trajectory
 
-from ..conftest import quad, scene_of
+from ...scenes.cameras.by_opencv import opencv_points
+from ..conftest import quad, renderer_of
 
 SIZE = {"width": 80, "height": 60, "fx_px": 60.0, "fy_px": 58.0, "cx_px": 36.3, "cy_px": 31.8}
 CAMERAS = {
@@ -31,19 +27,13 @@ BOARD = quad(np.array([[3.0, -0.6, 0.3], [3.0, 0.7, 0.3], [3.2, 0.7, 1.6], [3.2,
 
 def seen_by_opencv(camera, points, pose):
     """Image coordinates (n, 2) of points (n, 3), with pixel centers at half integers."""
-    matrix = np.array([[camera.fx_px, 0, camera.cx_px], [0, camera.fy_px, camera.cy_px], [0, 0, 1]])
-    local = ((points - pose[:3, 3]) @ pose[:3, :3])[:, None]
-    lens = np.array(camera.fisheye or camera.distortion)
-    project = cv2.fisheye.projectPoints if camera.fisheye else cv2.projectPoints
-    return project(local, np.zeros(3), np.zeros(3), matrix, lens)[0][:, 0] + 0.5
+    return opencv_points(camera, (points - pose[:3, 3]) @ pose[:3, :3]) + 0.5
 
 
 @pytest.mark.parametrize("camera", CAMERAS.values(), ids=CAMERAS)
 def test_flow_ids_and_occlusion_are_those_of_opencv_projections(camera, ground):
-    scene = scene_of(Lighting(flat(1e-9)), ground, BOARD)
-    renderer = SceneRenderer(scene, camera, RenderSettings(bands_nm=((500, 600),)))
     poses, centers = PATH.poses(), camera.pixel_centers()
-    truth = renderer.truth(poses, 0)
+    truth = renderer_of(camera, ground, BOARD).truth(poses, 0)
     is_ground, is_board = truth.object_id == 1, truth.object_id == 2
     assert is_ground.sum() > 1000
     assert is_board.sum() > 100

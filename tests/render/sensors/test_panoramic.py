@@ -18,20 +18,13 @@ from megalopta.scenes.spectra.spectrum import flat
 from megalopta.scenes.trajectories.steady import Trajectory
 
 from ..conftest import glowing_room, scene_of, sphere_cap
-from ..truth.oracle import eye, plane_hit, sphere_hit
+from ..truth.oracle import BOTH, eye, plane_hit, sphere_hit
 
 SPHERE = EquirectangularCamera(width=144, height=72)
 CYLINDER = CylindricalCamera(width=144, height=60, lower_deg=-50, upper_deg=45)
 SECTOR = CylindricalCamera(width=100, height=60, fov_deg=150, lower_deg=-50, upper_deg=30)
 PINHOLE = PerspectiveCamera(width=48, height=36, fov_deg=60)
 ROOM = Trajectory(frames=3, position_m=(0.3, -0.2, 0.4), look_at_m=(3, 1, 0.9))
-MOVING = Trajectory(
-    frames=3,
-    position_m=(0.5, -1.0, 2.0),
-    look_at_m=(8.0, 2.0, 0.0),
-    rotation_deg_s=25.0,
-    velocity_m_s=(2.0, -1.0, 0.7),
-)
 
 
 def renderer_of(camera, scene, samples=16, **settings):
@@ -114,11 +107,11 @@ def test_turning_by_whole_columns_rolls_the_panorama_without_a_seam(camera):
 
 @pytest.mark.parametrize("camera", [SPHERE, CYLINDER], ids=["sphere", "cylinder"])
 def test_turning_by_whole_columns_is_an_integer_flow_everywhere(camera):
-    turning = MOVING.model_copy(
+    turning = BOTH.model_copy(
         update={
             "velocity_m_s": (0.0, 0.0, 0.0),
             "look_at_m": (8.0, 2.0, 2.0),
-            "rotation_deg_s": 5 * 360 / camera.width * MOVING.frame_rate_hz,
+            "rotation_deg_s": 5 * 360 / camera.width * BOTH.frame_rate_hz,
         }
     )
     truth = renderer_of(camera, glowing_room(), 1).truth(turning.poses(), 1)
@@ -180,13 +173,13 @@ def test_flow_of_a_panorama_is_analytic_within_1e_4_px(camera, surface, ground):
     if surface == "plane":
         mesh, distance = ground, plane_hit
     else:
-        mesh = sphere_cap(center, 2.0, np.asarray(MOVING.position_m))
+        mesh = sphere_cap(center, 2.0, np.asarray(BOTH.position_m))
         distance = sphere_hit(center, 2.0)
-    truth = renderer_of(camera, scene_of(Lighting(flat(1e-9)), mesh), 1).truth(MOVING.poses(), 1)
+    truth = renderer_of(camera, scene_of(Lighting(flat(1e-9)), mesh), 1).truth(BOTH.poses(), 1)
     seen = truth.object_id == 1
     assert seen.sum() > 100
     for flow, other in ((truth.flow_forward, 2), (truth.flow_backward, 0)):
-        expected, elevation = analytic_flow(camera, MOVING, 1, other, distance)
+        expected, elevation = analytic_flow(camera, BOTH, 1, other, distance)
         error = np.abs(flow - expected)
         error[..., 0] *= np.cos(elevation)  # columns crowd at the poles
         assert error[seen].max() < 1e-4

@@ -3,6 +3,17 @@
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from megalopta.scenes import Trajectory
+
+BOTH = Trajectory(
+    frames=3,
+    position_m=(0.5, -1.0, 2.0),
+    look_at_m=(8.0, 2.0, 0.0),
+    rotation_deg_s=25.0,
+    velocity_m_s=(2.0, -1.0, 0.7),
+)
+"""A path that turns and moves."""
+
 
 def eyes(path, times):
     """Camera position (n, 3), in steps of float32 as documented, and axes (n, 3, 3) as rows."""
@@ -73,3 +84,26 @@ def box_hit(half, center, turn, position, directions):
         sides = (np.array([-half, half])[:, None, None] - start) / along
     near, far = sides.min(axis=0).max(axis=-1), sides.max(axis=0).min(axis=-1)
     return np.where((near <= far) & (near > 0), near, np.inf)
+
+
+def triangle_hit(start, ways, triangles):
+    """Distances (n,) along ways (n, 3) to triangles, the triangles (n,), and weights (n, 2).
+
+    Möller and Trumbore (1997), in float64, without any tree; infinite for none, and then -1.
+    """
+    a, u, v = triangles[:, 0], *(triangles[:, n] - triangles[:, 0] for n in (1, 2))
+    q = np.cross(start - a, u)
+    found = []
+    for way in ways:
+        p = np.cross(way, v)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            size = np.einsum("ij,ij->i", p, u)
+            first = np.einsum("ij,ij->i", p, start - a) / size
+            second = q @ way / size
+            along = np.einsum("ij,ij->i", q, v) / size
+            hit = (first >= 0) & (second >= 0) & (first + second <= 1) & (along > 1e-9)
+        best = np.where(hit, along, np.inf).argmin()
+        met = along[best], best, first[best], second[best]
+        found.append(met if hit.any() else (np.inf, -1, 0.0, 0.0))
+    distance, best, first, second = np.array(found).T
+    return distance, best.astype(int), np.stack([first, second], axis=1)

@@ -4,13 +4,10 @@ import numpy as np
 import pytest
 import trimesh
 
-from megalopta.render import RenderSettings, SceneRenderer
 from megalopta.scenes import PerspectiveCamera, Trajectory
 from megalopta.scenes.motion import Drift, RigidMotion
-from megalopta.scenes.scene import Lighting
-from megalopta.scenes.spectra.spectrum import flat
 
-from ..conftest import GRAY, quad, scene_of
+from ..conftest import GRAY, quad, renderer_of
 
 CAMERA = PerspectiveCamera(width=40, height=30, fov_deg=60)
 SLIDE = Trajectory(
@@ -21,14 +18,6 @@ SLIDE = Trajectory(
     velocity_m_s=(0.0, 0.31, 0.12),
 )
 WALL = quad(np.array([[10, -99, -99], [10, 99, -99], [10, 99, 99], [10, -99, 99.0]]))
-
-
-def renderer_of(*things, camera=CAMERA, rays=16):
-    """Things are (mesh, motion)."""
-    scene = scene_of(Lighting(flat(1e-9)), *((mesh, GRAY, motion) for mesh, motion in things))
-
-    settings = RenderSettings(samples_per_pixel=1, bands_nm=((500, 600),), truth_rays=rays)
-    return SceneRenderer(scene, camera, settings)
 
 
 def below_line(height, slope):
@@ -68,7 +57,7 @@ def edge_of(height, slope):
 @pytest.mark.parametrize("rays", [16, 64])
 @pytest.mark.parametrize(("height", "slope"), [(14.3, 0.07), (3.21, 0.61), (29.0, -0.83)])
 def test_purity_mean_flow_and_spread_are_exact_at_an_edge(rays, height, slope):
-    renderer = renderer_of((WALL, None), (edge_of(height, slope), None), rays=rays)
+    renderer = renderer_of(CAMERA, WALL, edge_of(height, slope), truth_rays=rays)
     truth = renderer.truth(SLIDE.poses(), 0)
     found, share = truth.footprint, below_line(height, slope)
     assert ((share > 0) & (share < 0.05)).any()
@@ -91,7 +80,7 @@ def test_a_thin_branch_within_a_pixel_has_its_exact_share():
     focal = CAMERA.focal_length_px
     strip = np.array([[5, -0.15, -9], [5, 0.15, -9], [5, 0.15, 9], [5, -0.15, 9]])
     strip[:, 1] = strip[:, 1] * 2 * 5 / focal + strip[:, 2] * 0.11
-    truth = renderer_of((WALL, None), (quad(strip), None)).truth(SLIDE.poses(), 0)
+    truth = renderer_of(CAMERA, WALL, quad(strip)).truth(SLIDE.poses(), 0)
     found = truth.footprint
     branch = np.where(truth.object_id == 2, found.purity, 1 - found.purity)
     np.testing.assert_allclose(branch.sum(axis=1), 0.6, atol=0.08)
@@ -100,7 +89,7 @@ def test_a_thin_branch_within_a_pixel_has_its_exact_share():
 
 def test_sky_and_edges_to_the_sky(ground):
     level = Trajectory(frames=2, position_m=(0, 0, 2.0), look_at_m=(1, 0, 2.037))
-    truth = renderer_of((ground, None)).truth(level.poses(), 0)
+    truth = renderer_of(CAMERA, ground).truth(level.poses(), 0)
     found = truth.footprint
     horizon = CAMERA.height / 2 + 0.037 * CAMERA.focal_length_px  # less 2 m in a kilometer
     row = int(horizon)
@@ -116,7 +105,7 @@ def test_part_of_a_pixel_is_hidden_behind_an_edge():
     # A sheet from y = -0.4 on, upright: what it hides next is a strip of the wall.
     sheet = quad(np.array([[5, -9, -99], [5, -0.4, -99], [5, -0.4, 99], [5, -9, 99.0]]))
     aside = SLIDE.model_copy(update={"velocity_m_s": (0.0, -0.31, 0.0)})
-    truth = renderer_of((WALL, None), (sheet, None)).truth(aside.poses(), 0)
+    truth = renderer_of(CAMERA, WALL, sheet).truth(aside.poses(), 0)
     hidden = truth.footprint.forward.hidden
     focal, center = CAMERA.focal_length_px, CAMERA.width / 2
     # Seen from 0.31 m farther right the edge stands before y = -0.49 of the wall, now -0.8.
@@ -140,11 +129,11 @@ def test_no_point_is_visible_through_its_own_leaf(is_moving):
     if is_moving:
         # Half a turn in the frame that follows, and back.
         motion = RigidMotion((5.0, 0.0, 0.0), Drift(spin_deg_s=180, spin_axis=(0, 0, 1)))
-        renderer = renderer_of((leaf, motion))
+        renderer = renderer_of(CAMERA, (leaf, GRAY, motion))
     else:
         poses[1, :2, :3] *= -1  # half a turn about the vertical
         poses[1, :3, 3] = 10, 0, 0
-        renderer = renderer_of((leaf, None))
+        renderer = renderer_of(CAMERA, leaf)
     truth = renderer.truth(poses, 0, [0.0, 1.0, 2.0])
     on_leaf = truth.object_id == 1
     assert on_leaf.sum() > 50

@@ -5,16 +5,15 @@ import pytest
 import trimesh
 from trimesh.visual import TextureVisuals
 
-from megalopta.render import RenderSettings, SceneRenderer, dr, mi
+from megalopta.render import dr, mi
 from megalopta.render.loading.materials import bsdf
 from megalopta.scenes import EquirectangularCamera, PerspectiveCamera, Trajectory
 from megalopta.scenes.material import ColorTexture, Emission, Material, Texture
 from megalopta.scenes.motion import Drift, RigidMotion
-from megalopta.scenes.scene import Lighting
 from megalopta.scenes.spectra.color import BLUE, GREEN, RED
 from megalopta.scenes.spectra.spectrum import Spectrum, flat
 
-from ..conftest import quad, scene_of
+from ..conftest import quad, renderer_of
 
 RNG = np.random.default_rng(8)
 CAMERA = PerspectiveCamera(width=48, height=36, fov_deg=60)
@@ -45,15 +44,10 @@ def wall(at_x=0.0, half_width=3.0):
     return mesh
 
 
-def renderer_of(*things, camera=CAMERA, bands=NARROW):
-    settings = RenderSettings(samples_per_pixel=1, bands_nm=bands)
-    return SceneRenderer(scene_of(Lighting(flat(1e-9)), *things), camera, settings)
-
-
 @pytest.mark.parametrize("name", MATERIALS)
 def test_albedo_is_that_of_mitsuba_s_surface(name):
     material = MATERIALS[name]
-    found = renderer_of((wall(), material)).albedo(PATH.poses()[0])
+    found = renderer_of(CAMERA, (wall(), material), bands_nm=NARROW).albedo(PATH.poses()[0])
     # The same pixels through the plug-in: light along the normal is reflected as ρ/π.
     origin, rotation = PATH.poses()[0][:3, 3], PATH.poses()[0][:3, :3]
     ways = CAMERA.directions().reshape(-1, 3) @ rotation.T
@@ -80,9 +74,8 @@ def test_albedo_is_that_of_mitsuba_s_surface(name):
 
 def test_albedo_is_the_mean_over_a_band_and_lamps_have_none():
     lamp = Material(flat(0.5), emission=Emission(1.0))
-    bands = ((400, 500), (600, 800))
     things = (wall(), Material(RISING)), (wall(-1, 0.5), lamp)
-    found = renderer_of(*things, bands=bands).albedo(PATH.poses()[0])
+    found = renderer_of(CAMERA, *things, bands_nm=((400, 500), (600, 800))).albedo(PATH.poses()[0])
     np.testing.assert_allclose(found[2, 24], [0.175, 0.55], rtol=1e-6)
     assert not found[18, 24].any()
 
@@ -91,7 +84,7 @@ def test_tracks_agree_with_the_flow_between_any_two_frames():
     # A small ball flies past before a wall.
     ball = trimesh.creation.icosphere(subdivisions=3, radius=0.4).apply_translation([-1, 1, 1])
     motion = RigidMotion((-1, 1, 1), Drift(velocity_m_s=(0, -4, 0), spin_deg_s=90))
-    renderer = renderer_of(wall(), (ball, Material(flat(0.3)), motion))
+    renderer = renderer_of(CAMERA, wall(), (ball, Material(flat(0.3)), motion))
     poses, times = PATH.poses(), PATH.times_s
     image = CAMERA.pixel_centers().reshape(-1, 2)
     tracks = renderer.tracks(poses, 1, image, times)
@@ -109,7 +102,7 @@ def test_tracks_agree_with_the_flow_between_any_two_frames():
 
 def test_tracks_between_pixels_are_projections_of_points_on_the_wall():
     image = RNG.uniform([10, 8], [38, 28], (50, 2))
-    tracks = renderer_of(wall(half_width=50)).tracks(PATH.poses(), 0, image)
+    tracks = renderer_of(CAMERA, wall(half_width=50)).tracks(PATH.poses(), 0, image)
     way = CAMERA.toward(image) @ PATH.poses()[0][:3, :3].T
     origin = PATH.poses()[0][:3, 3]
     points = origin + way * (-origin[0] / way[:, :1])
@@ -121,7 +114,7 @@ def test_tracks_between_pixels_are_projections_of_points_on_the_wall():
 def test_tracks_cross_the_seam_of_a_panorama():
     camera = EquirectangularCamera(width=64, height=16)
     path = PATH.model_copy(update={"velocity_m_s": (0, 0, 0), "rotation_deg_s": 900})
-    tracks = renderer_of(camera=camera).tracks(path.poses(), 0, np.array([[1.5, 8.5], [40.5, 8.5]]))
+    tracks = renderer_of(camera).tracks(path.poses(), 0, np.array([[1.5, 8.5], [40.5, 8.5]]))
     expected = (np.array([[1.5], [40.5]]) + 64 * np.arange(4) / 4) % 64
     np.testing.assert_allclose(tracks.points[..., 0], expected, atol=1e-5)
     assert not tracks.occluded.any()
@@ -133,7 +126,7 @@ def test_leaf_clusters_are_those_of_the_triangles_seen():
     moving.metadata["clusters"] = np.array([5, 5])
     motion = RigidMotion((-1.0, 0.0, 1.0), Drift(velocity_m_s=(0.0, 0.5, 0.0)))
     things = (wall(2.0, 9.0), leaves, (moving, LEAF, motion))
-    renderer, poses, times = renderer_of(*things), PATH.poses(), PATH.times_s
+    renderer, poses, times = renderer_of(CAMERA, *things), PATH.poses(), PATH.times_s
     truth = renderer.truth(poses, 2, times)
     x, y, z = np.moveaxis(truth.position, -1, 0)
     on_wall = np.where(y > z - 1, 3, 7)

@@ -9,36 +9,28 @@ import pytest
 import trimesh
 from scipy.spatial.transform import Rotation
 
-from megalopta.render import RenderSettings, SceneRenderer
-from megalopta.scenes import PerspectiveCamera, Trajectory
+from megalopta.scenes import PerspectiveCamera
 from megalopta.scenes.forest.sway import Sway
 from megalopta.scenes.motion import Drift, RigidMotion, Tour
-from megalopta.scenes.scene import Lighting
-from megalopta.scenes.spectra.spectrum import flat
 
-from ..conftest import GRAY, scene_of, sphere_cap, square
-from .oracle import Pinhole, box_hit, eye, plane_hit, sphere_hit
+from ..conftest import GRAY, renderer_of, sphere_cap, square
+from .oracle import BOTH, Pinhole, box_hit, eye, plane_hit, sphere_hit
 
 CAMERA = PerspectiveCamera(width=120, height=90, fov_deg=70)
-SETTINGS = RenderSettings(samples_per_pixel=1, bands_nm=((500, 600),))
 FAR = np.array([1000.0, -400.0, 30.0])
 TIMES = np.array([0.0, 0.1, 0.2])
 
 
 def path_at(offset):
-    return Trajectory(
-        frames=3,
-        position_m=tuple(np.array([0.5, -1.0, 2.0]) + offset),
-        look_at_m=tuple(np.array([8.0, 2.0, 0.5]) + offset),
-        rotation_deg_s=25.0,
-        velocity_m_s=(2.0, -1.0, 0.7),
-    )
+    places = {"position_m": BOTH.position_m, "look_at_m": (8.0, 2.0, 0.5)}
+    moved = {name: tuple(np.add(place, offset)) for name, place in places.items()}
+    return BOTH.model_copy(update=moved)
 
 
-def scene(path, *things):
+def renderer_on(path, *things):
     """Things are (mesh, motion)."""
     gray = ((mesh, GRAY, motion) for mesh, motion in things)
-    return scene_of(Lighting(flat(1e-9)), *gray, origin_m=path.origin_m)
+    return renderer_of(CAMERA, *gray, more={"origin_m": path.origin_m})
 
 
 def at(position, distance, directions):
@@ -72,8 +64,7 @@ def test_plane_sphere_and_moving_box_are_analytic_within_1e_4_px(offset):
     box = trimesh.creation.box(2 * half)
     box.apply_translation(box_center)
     motion = RigidMotion(tuple(box_center), Drift(velocity_m_s=tuple(VELOCITY), **SPIN))
-    things = scene(path, (ground, None), (cap, None), (box, motion))
-    renderer = SceneRenderer(things, CAMERA, SETTINGS)
+    renderer = renderer_on(path, (ground, None), (cap, None), (box, motion))
     truth = renderer.truth(path.poses(), 1, TIMES)
 
     position, directions = oracle.rays(1)
@@ -112,8 +103,7 @@ def test_no_flag_of_occlusion_by_a_moving_box_is_wrong(offset):
     box = trimesh.creation.box(2 * half)
     box.apply_translation(center)
     motion = RigidMotion(tuple(center), Drift(velocity_m_s=tuple(3 * VELOCITY), **SPIN))
-    renderer = SceneRenderer(scene(path, (ground, None), (box, motion)), CAMERA, SETTINGS)
-    truth = renderer.truth(path.poses(), 1, TIMES)
+    truth = renderer_on(path, (ground, None), (box, motion)).truth(path.poses(), 1, TIMES)
     position, directions = oracle.rays(1)
     points = at(position, ground_hit(position, directions, offset[2]), directions)
     for flags, other in ((truth.occluded_forward, 2), (truth.occluded_backward, 0)):
@@ -127,7 +117,7 @@ def test_no_flag_of_occlusion_by_a_moving_box_is_wrong(offset):
 
 def test_flow_between_frames_far_apart_is_analytic_and_agrees_with_neighbors():
     path, oracle = path_at(np.zeros(3)), Pinhole(CAMERA, path_at(np.zeros(3)))
-    renderer = SceneRenderer(scene(path, (square(), None)), CAMERA, SETTINGS)
+    renderer = renderer_on(path, (square(), None))
     poses = path.poses()
     flow = renderer.flow(poses, 0, 2)
     position, directions = oracle.rays(0)
@@ -153,8 +143,7 @@ def swaying_pole():
 def test_flow_of_a_swaying_tree_is_that_of_its_bending():
     path = path_at(np.zeros(3))
     pole, sway = swaying_pole()
-    renderer = SceneRenderer(scene(path, (pole, sway)), CAMERA, SETTINGS)
-    truth = renderer.truth(path.poses(), 1, TIMES)
+    truth = renderer_on(path, (pole, sway)).truth(path.poses(), 1, TIMES)
     seen = truth.object_id == 1
     assert seen.sum() > 200
 
@@ -195,6 +184,6 @@ def test_a_motion_can_be_undone_and_points_can_have_times_of_their_own(motion):
 
 def test_times_are_asked_for_where_things_move():
     path = path_at(np.zeros(3))
-    renderer = SceneRenderer(scene(path, swaying_pole()), CAMERA, SETTINGS)
+    renderer = renderer_on(path, swaying_pole())
     with pytest.raises(ValueError, match="times_s is missing: objects move"):
         renderer.truth(path.poses(), 1)

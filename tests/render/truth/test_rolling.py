@@ -10,25 +10,17 @@ import pytest
 import trimesh
 from scipy.spatial.transform import Rotation
 
-from megalopta.render import RenderSettings, SceneRenderer
-from megalopta.scenes import PerspectiveCamera, Shutter, Trajectory
+from megalopta.scenes import PerspectiveCamera, Shutter
 from megalopta.scenes.material import Material
 from megalopta.scenes.motion import Drift, RigidMotion
-from megalopta.scenes.scene import Lighting
 from megalopta.scenes.spectra.spectrum import flat
 
-from ..conftest import scene_of, square
-from .oracle import eyes
+from ..conftest import renderer_of, square
+from .oracle import BOTH, eyes
 
 CAMERA = PerspectiveCamera(width=64, height=48, fov_deg=70)
 FOCAL = 32 / np.tan(np.radians(35))
-PATH = Trajectory(
-    frames=3,
-    position_m=(0.5, -1.0, 2.0),
-    look_at_m=(8.0, 2.0, 0.5),
-    rotation_deg_s=25.0,
-    velocity_m_s=(2.0, -1.0, 0.7),
-)
+PATH = BOTH.model_copy(update={"look_at_m": (8.0, 2.0, 0.5)})
 ACROSS = {"top": 1, "left": 0}
 CENTER, HALF = np.array([5.5, 0.6, 1.2]), np.array([0.6, 0.4, 0.8])
 VELOCITY, AXIS, SPIN = np.array([-1.5, 2.0, 0.8]), np.array([1.0, 2.0, -0.5]), 90.0
@@ -80,10 +72,8 @@ def renderer():
     box.apply_translation(CENTER)
     course = Drift(velocity_m_s=tuple(VELOCITY), spin_deg_s=SPIN, spin_axis=tuple(AXIS))
     moving = box, Material(flat(0.0)), RigidMotion(tuple(CENTER), course)
-    scene = scene_of(Lighting(flat(1e-9)), square(), moving, origin_m=PATH.origin_m)
-
-    settings = RenderSettings(samples_per_pixel=16, bands_nm=((500, 600),), max_depth=2)
-    return SceneRenderer(scene, CAMERA, settings)
+    given = {"samples_per_pixel": 16, "max_depth": 2, "more": {"origin_m": PATH.origin_m}}
+    return renderer_of(CAMERA, square(), moving, **given)
 
 
 @pytest.fixture(scope="module", params=ACROSS)
@@ -182,8 +172,7 @@ def test_whole_pixels_agree_with_their_centers_and_with_the_light(renderer, trut
 
 @pytest.mark.parametrize(("side", "opposite"), [("bottom", "top"), ("right", "left")])
 def test_a_shutter_from_the_other_side_sees_what_this_one_sees_in_reversed_time(side, opposite):
-    scene = scene_of(Lighting(flat(1e-9)), square(), trimesh.creation.box((1, 1, 4)))
-    renderer = SceneRenderer(scene, CAMERA, RenderSettings(samples_per_pixel=1))
+    renderer = renderer_of(CAMERA, square(), trimesh.creation.box((1, 1, 4)))
     mine = Shutter(readout_s=0.08, exposure_s=0.01, readout_from=side)
     reverse = {"velocity_m_s": (-2.0, 1.0, -0.7), "rotation_deg_s": -25.0}
     backward = PATH.model_copy(update=reverse)

@@ -4,35 +4,21 @@ import numpy as np
 import pytest
 import trimesh
 
-from megalopta.render import RenderSettings, SceneRenderer, choose_variant, mi, out_of_view
+from megalopta.render import choose_variant, mi, out_of_view
 from megalopta.render.truth.rays import nearest_hits
 from megalopta.scenes import PerspectiveCamera, Trajectory
-from megalopta.scenes.scene import Lighting
-from megalopta.scenes.spectra.spectrum import flat
 
-from ..conftest import quad, scene_of
-from .oracle import Pinhole, plane_hit
+from ..conftest import quad, renderer_of
+from .oracle import BOTH, Pinhole, plane_hit
 
 CAMERA = PerspectiveCamera(width=96, height=72, fov_deg=70)
-SETTINGS = RenderSettings(samples_per_pixel=1, bands_nm=((500, 600),))
-BOTH = Trajectory(
-    frames=3,
-    position_m=(0.5, -1.0, 2.0),
-    look_at_m=(8.0, 2.0, 0.0),
-    rotation_deg_s=25.0,
-    velocity_m_s=(2.0, -1.0, 0.7),
-)
 TURNING = BOTH.model_copy(update={"velocity_m_s": (0.0, 0.0, 0.0)})
 MOVING = BOTH.model_copy(update={"rotation_deg_s": 0.0})
 
 
-def renderer_of(*meshes):
-    return SceneRenderer(scene_of(Lighting(flat(1e-9)), *meshes), CAMERA, SETTINGS)
-
-
 @pytest.mark.parametrize("trajectory", [BOTH, TURNING, MOVING], ids=["both", "turn", "move"])
 def test_flow_over_a_plane_is_analytic_within_1e_4_px(trajectory, ground):
-    truth = renderer_of(ground).truth(trajectory.poses(), 1)
+    truth = renderer_of(CAMERA, ground).truth(trajectory.poses(), 1)
     seen = truth.object_id == 1
     assert seen.mean() > 0.5
     for flow, other in ((truth.flow_forward, 2), (truth.flow_backward, 0)):
@@ -41,7 +27,7 @@ def test_flow_over_a_plane_is_analytic_within_1e_4_px(trajectory, ground):
 
 
 def test_sky_moves_by_rotation_alone():
-    truth = renderer_of(quad(np.array([[0, 0, -9], [1, 0, -9], [1, 1, -9], [0, 1, -9.0]])))
+    truth = renderer_of(CAMERA, quad(np.array([[0, 0, -9], [1, 0, -9], [1, 1, -9], [0, 1, -9.0]])))
     flow = truth.truth(BOTH.poses(), 1).flow_forward
     far = Pinhole(CAMERA, TURNING).flow(1, 2, lambda _, rays: np.ones(rays.shape[:2]))
     # The reference turns about a camera that stays; both are exact, float32 storage remains.
@@ -49,7 +35,7 @@ def test_sky_moves_by_rotation_alone():
 
 
 def test_depth_of_a_plane_is_along_the_optical_axis(ground):
-    truth = renderer_of(ground).truth(BOTH.poses(), 0)
+    truth = renderer_of(CAMERA, ground).truth(BOTH.poses(), 0)
     origin, directions = Pinhole(CAMERA, BOTH).rays(0)  # directions have unit depth
     expected = plane_hit(origin, directions)
     seen = truth.object_id == 1
@@ -61,7 +47,7 @@ def test_normals_are_geometric_and_face_the_camera():
     box = trimesh.creation.box((1, 1, 1))
     box.invert()  # normals inward: the truth must turn them round
     box.apply_translation([6, 1, 1])
-    truth = renderer_of(box).truth(BOTH.poses(), 0)
+    truth = renderer_of(CAMERA, box).truth(BOTH.poses(), 0)
     seen = truth.object_id == 1
     _, directions = Pinhole(CAMERA, BOTH).rays(0)
     normals = truth.normal[seen]
@@ -84,7 +70,7 @@ def test_occlusion_is_exact_behind_a_rectangle():
     rectangle = quad(
         np.array([[5, low[0], low[1]], [5, high[0], low[1]], [5, *high], [5, low[0], high[1]]])
     )
-    truth = renderer_of(wall, rectangle).truth(slide.poses(), 0)
+    truth = renderer_of(CAMERA, wall, rectangle).truth(slide.poses(), 0)
     origin, directions = Pinhole(CAMERA, slide).rays(0)
     on_wall = truth.object_id == 1
     points = origin + 10 * directions / directions[..., :1]
@@ -104,13 +90,13 @@ def test_points_behind_the_other_camera_have_no_flow(ground):
         look_at_m=(5, 0, 0),
         velocity_m_s=(8.0, 0, 0),
     )
-    truth = renderer_of(ground).truth(leap.poses(), 0)
+    truth = renderer_of(CAMERA, ground).truth(leap.poses(), 0)
     assert np.isnan(truth.flow_forward[-1]).all()
     assert out_of_view(truth.flow_forward)[-1].all()
 
 
 def test_first_and_last_frame_have_no_flow_beyond_the_sequence(ground):
-    renderer, poses = renderer_of(ground), BOTH.poses()
+    renderer, poses = renderer_of(CAMERA, ground), BOTH.poses()
     assert np.isnan(renderer.truth(poses, 0).flow_backward).all()
     assert np.isnan(renderer.truth(poses, 2).flow_forward).all()
 

@@ -6,6 +6,17 @@ import pytest
 from megalopta.scenes.lighting.levels import LEVELS, illuminance_of
 from megalopta.scenes.spectra.spectrum import luminous
 
+from ..published import (
+    ARCSEC2_SR,
+    BANDS,
+    FULL_MOON,
+    FULL_MOON_NM,
+    SKY,
+    SUN,
+    in_bands,
+    quarter_moon,
+)
+
 LUX = {
     "daylight": 1e5,
     "twilight": 1.0,
@@ -16,19 +27,10 @@ LUX = {
     "moonless_forest_floor": math.pi * 1e-4,  # 1e-4 cd/m² of white: Kelber et al. 2006
     "overcast_night": 1e-4,
 }
-BANDS = ((400, 700), (700, 900), (900, 1100), (1100, 1400), (1400, 1700))
-
-# W/m² and lux: ASTM G173-03 (direct) and SPCTRL2 (sky) at all of their wavelengths
-SUN, SUN_LUX = np.array((374.8, 191.2, 113.9, 82.69, 53.03)), 97.13e3
-SKY, SKY_LUX = np.array((56.54, 10.7, 4.119, 2.173, 0.9256)), 12.67e3
-# Kieffer and Stone (2005), by the middle of a band's light; over the mean that the eye sees
+SUN_LUX, SKY_LUX = 97.13e3, 12.67e3
+# By the middle of a band's light; over the mean that the eye sees
 MIDDLES = np.array((545, 795, 1010, 1225, 1570))
-FULL = np.interp(
-    MIDDLES,
-    (441.6, 549.1, 665.1, 865.3, 1059.5, 1243.2, 1538.7, 1633.6),
-    (0.81, 1.00, 1.23, 1.38, 1.52, 1.62, 1.90, 1.92),
-)
-QUARTER = 1 + 1.39 * (MIDDLES - 550) / 1000
+FULL, QUARTER = np.interp(MIDDLES, FULL_MOON_NM, FULL_MOON), quarter_moon(MIDDLES)
 
 # Patat et al. (2006), the zenith with the sun 6.4° below the horizon, at B, V, R and I over V, with
 # the zero points of Bessell et al.
@@ -37,9 +39,7 @@ TWILIT_ZENITH = np.array((6.32, 3.631, 2.177, 1.126)) / 3.631 * 10 ** (-0.4 * (M
 
 
 def irradiance(level):
-    spectrum = LEVELS[level].spectrum()
-    grids = [np.linspace(*band, 3001) for band in BANDS]
-    return np.array([np.trapezoid(spectrum(grid), grid) for grid in grids])
+    return in_bands(LEVELS[level].spectrum())
 
 
 def published(light, lux, reflectance=1.0):
@@ -56,8 +56,7 @@ def night(level):
         ((798, 798), 19.7, 1.126e-8),
         ((1510, 1790), 14.4, 1.133e-9),
     )
-    arcsec2_sr = math.radians(1 / 3600) ** 2
-    sky = [zero / 1000 * 10 ** (-0.4 * each) / arcsec2_sr for _, each, zero in photometry]
+    sky = [zero / 1000 * 10 ** (-0.4 * each) / ARCSEC2_SR for _, each, zero in photometry]
     spectrum = LEVELS[level].spectrum()
     seen = [spectrum(np.linspace(*band, 2801)).mean() / math.pi for band, _, _ in photometry]
     return np.array(sky), np.array(seen)
@@ -96,7 +95,7 @@ def test_starry_sky_is_the_dark_one_and_what_else_there_is_of_starlight():
     sky, seen = night("starlight")
     # 201 S10 at V for all of the sky, of which 75 are in the dark one; less what the air takes, and
     # a fifth that the named illuminance leaves out
-    s10 = 3.631e-11 * 10 ** (-0.4 * 27.78) / math.radians(1 / 3600) ** 2
+    s10 = 3.631e-11 * 10 ** (-0.4 * 27.78) / ARCSEC2_SR
     more = (201 * 0.87 * 0.8 - 75) * s10 * np.array((0.9, 1.0, 1.0, 0.8, 0.25))
     np.testing.assert_allclose(seen, sky + more, rtol=0.05)
 

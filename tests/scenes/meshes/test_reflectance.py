@@ -35,12 +35,9 @@ def test_what_is_no_curve_is_refused(tmp_path, text, reason):
         READ(str(path))
 
 
-@pytest.mark.parametrize(
-    ("given", "reason"),
-    [("leef", "is no"), (1.5, "is no"), (-1, "is no"), (None, "is no")],
-)
-def test_other_reflectances_are_refused(given, reason):
-    with pytest.raises(ValidationError, match=reason):
+@pytest.mark.parametrize("given", ["leef", 1.5, -1, None])
+def test_other_reflectances_are_refused(given):
+    with pytest.raises(ValidationError, match="is no"):
         READ(given)
 
 

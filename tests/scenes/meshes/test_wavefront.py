@@ -101,17 +101,19 @@ def test_libraries_and_pictures_are_named_from_the_folder_of_the_file():
         names_in("x.mtl", b"newmtl a\nmap_Kd -s 1 1 1 b.png\n")
 
 
+MISSING = "vertices, coordinates or normals that are not there"
+
+
 @pytest.mark.parametrize(
-    "face", ["f 1 2 99", "f 1 2 -9", "f 0 1 2", "f 1/7 2/1 3/1", "f 1//9 2//1 3//1"]
+    ("face", "told"),
+    [
+        *((face, MISSING) for face in ("f 1 2 99", "f 1 2 -9", "f 0 1 2")),
+        *((face, MISSING) for face in ("f 1/7 2/1 3/1", "f 1//9 2//1 3//1")),
+        *((face, "invalid literal") for face in ("f a b c", "f 1 2.5 3")),
+    ],
 )
-def test_corners_that_are_not_there_are_refused(face):
-    with pytest.raises(ValueError, match="vertices, coordinates or normals that are not there"):
-        read(f"{CORNERS}{face}\n")
-
-
-@pytest.mark.parametrize("face", ["f a b c", "f 1 2.5 3"])
-def test_corners_that_are_no_numbers_are_refused(face):
-    with pytest.raises(ValueError, match="invalid literal"):
+def test_corners_that_are_not_there_or_no_numbers_are_refused(face, told):
+    with pytest.raises(ValueError, match=told):
         read(f"{CORNERS}{face}\n")
 
 

@@ -23,7 +23,9 @@ from megalopta.scenes.spectra.outdoors import (
 )
 from megalopta.scenes.spectra.spectrum import luminous
 
-ARCSEC2_SR = (np.pi / 180 / 3600) ** 2
+from .. import published
+from ..published import ARCSEC2_SR, in_bands
+
 PHOTON_J_M = 1.98644586e-25
 
 
@@ -60,16 +62,13 @@ def test_airglow_and_faint_starlight_are_the_zenith():
 
 
 def test_disc_reddens_as_the_full_moon_of_kieffer_and_stone():
-    # their figure of the disc at a phase of 7°, over its value at 550 nm, with libration
-    wavelengths_nm = np.array([441.6, 549.1, 665.1, 865.3, 1059.5, 1243.2, 1538.7, 1633.6])
-    published = np.array([0.81, 1.00, 1.23, 1.38, 1.52, 1.62, 1.90, 1.92])
-    np.testing.assert_allclose(FULL_MOON(wavelengths_nm), published, rtol=0.013)
+    np.testing.assert_allclose(FULL_MOON(published.FULL_MOON_NM), published.FULL_MOON, rtol=0.013)
 
 
 def test_quarter_moon_is_redder():
-    # 1.39 of its value at 550 nm per µm, the best line to 2 µm; the curve is off it by up to 12 %
+    # the curve is off the best line by up to 12 %
     grid = np.linspace(450, 1650, 100)
-    np.testing.assert_allclose(QUARTER_MOON(grid), 1 + 1.39 * (grid - 550) / 1000, rtol=0.12)
+    np.testing.assert_allclose(QUARTER_MOON(grid), published.quarter_moon(grid), rtol=0.12)
 
 
 def two_streams(single_scattering_albedo, thickness, asymmetry, layers=3000):
@@ -123,26 +122,18 @@ def test_stars_and_airglow_make_a_moonless_night_of_a_millilux():
     assert lux == pytest.approx(1e-3, rel=0.15)
 
 
-BANDS = ((400, 700), (700, 900), (900, 1100), (1100, 1400), (1400, 1700))
-
-
-def in_bands(spectrum):
-    grids = [np.linspace(*band, 3001) for band in BANDS]
-    return np.array([np.trapezoid(spectrum(grid), grid) for grid in grids])
-
-
 @pytest.mark.parametrize(
-    ("spectrum", "published"),
+    ("spectrum", "in_source"),
     [
         # W/m²: sums over the 2002 lines of ASTM G173-03, and over the 122 wavelengths of SPCTRL2
         (ABOVE_ATMOSPHERE, (530.0, 228.8, 148.5, 137.7, 81.48)),
-        (SUN, (374.8, 191.2, 113.9, 82.69, 53.03)),
-        (CLEAR_SKY, (56.54, 10.7, 4.119, 2.173, 0.9256)),
+        (SUN, published.SUN),
+        (CLEAR_SKY, published.SKY),
     ],
 )
-def test_table_keeps_the_light_of_its_source_in_bands(spectrum, published):
+def test_table_keeps_the_light_of_its_source_in_bands(spectrum, in_source):
     # means over 20 nm, three digits; the sky's 1.4 µm band is coarse in the source, too
-    np.testing.assert_allclose(in_bands(spectrum), published, rtol=0.02)
+    np.testing.assert_allclose(in_bands(spectrum), in_source, rtol=0.02)
 
 
 def test_direct_and_scattered_light_are_the_standards_hemispherical_light():

@@ -41,19 +41,6 @@ def test_a_sliding_camera_sees_the_board_shift_by_focal_length_times_way_over_di
     np.testing.assert_allclose(row(plane, frame=2), row(shifted), atol=0.01)
 
 
-def test_truth_on_a_plane_is_its_homography():
-    trajectory = Trajectory(frames=2, velocity_m_s=(0.5, -1.0, 0.4), rotation_deg_s=30)
-    plane = Plane(pattern="dots", distance_m=3.0)
-    renderer = SceneRenderer(plane.build(LIGHT, CAMERA, trajectory), CAMERA, SETTINGS)
-    poses = trajectory.poses()
-    truth = renderer.truth(poses, 0)
-    rays = CAMERA.directions()
-    points = rays / rays[..., 2:] * plane.distance_m
-    step = np.linalg.inv(poses[1]) @ poses[0]
-    expected = CAMERA.displacement(points @ step[:3, :3].T + step[:3, 3])
-    assert truth.flow_forward == pytest.approx(expected, abs=1e-4)
-
-
 @pytest.mark.parametrize(
     "trajectory",
     [
