@@ -308,8 +308,9 @@ def _relative(
     """Median over blocks of σ/mean, and its 95th percentile.
 
     A variance from two passes scatters so much that the median of its root over pixels of different
-    σ is 13 % too low in a forest. Neighbors have nearly the same σ, so blocks estimate it well. Under
-    dark skies few of their pixels have most of the noise: of 4 × 4 pixels it is up to 30 % too low.
+    σ is 13 % too low in a forest. Neighbors have nearly the same σ, so blocks estimate it well.
+    Under dark skies few of their pixels have most of the noise; with blocks of 4 × 4 pixels the
+    median is up to 30 % too low.
     """
     masked = (np.where(part, each, 0.0) for each in (flicker, squares, light, np.ones_like(light)))
     moving, still, lights, pixels = (_block_sums(each) for each in masked)

@@ -33,14 +33,19 @@ class Correlation(NamedTuple):
     frames: int
 
     @property
-    def is_telegraph(self) -> Mask:
-        """Pixels (rows, columns) whose readings are correlated, by 1e-12 not by chance."""
+    def deviation(self) -> Floats:
+        """Deviation from no correlation (rows, columns), as that of a normal variable."""
         many, cubed = np.sqrt(self.frames), self.skewness**2
         next_one = _normal(self.shares[0] * many, cubed / many)
         # 3 · (LAGS − 1): from products of three frames
         several = self.shares.sum(axis=0) * many / np.sqrt(LAGS)
         several = _normal(several, (cubed + 3 * (LAGS - 1)) / (np.sqrt(LAGS) * many))
-        return np.asarray(np.maximum(next_one, several) > _Z)
+        return np.asarray(np.maximum(next_one, several))
+
+    @property
+    def is_telegraph(self) -> Mask:
+        """Pixels (rows, columns) whose readings are correlated, by 1e-12 not by chance."""
+        return np.asarray(self.deviation > _Z)
 
 
 def correlation(readings: NDArray[Any], good: Mask) -> Correlation:
