@@ -318,12 +318,12 @@ def accuracy(preset: str, level: str) -> None:
 
 
 def median_of_blocks(error2: np.ndarray, light: np.ndarray, part: np.ndarray) -> float:
-    """Median over blocks of 8 x 8 px of the error of their pixels in a part, over their light."""
+    """Median over blocks of 4 x 4 px of the error of their pixels in a part, over their light."""
 
     def sums(values: np.ndarray) -> np.ndarray:
-        rows, columns = (side // 8 for side in values.shape)
-        inside = np.where(part, values, 0.0)[: 8 * rows, : 8 * columns]
-        return inside.reshape(rows, 8, columns, 8).sum(axis=(1, 3))
+        rows, columns = (side // 4 for side in values.shape)
+        inside = np.where(part, values, 0.0)[: 4 * rows, : 4 * columns]
+        return inside.reshape(rows, 4, columns, 4).sum(axis=(1, 3))
 
     pixels, total, lights = sums(np.ones_like(light)), sums(error2), sums(light)
     lit = lights > 0

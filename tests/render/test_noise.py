@@ -120,8 +120,8 @@ def test_surfaces_and_sky_are_each_measured_against_their_own_mean():
     # An even picture: what neighbors differ by is noise alone.
     assert noise.surface.gradient == pytest.approx(1, rel=0.03)
     assert noise.surface.standing_gradient == 0
-    # All blocks have the same σ, which a block knows to 9 % (σ).
-    assert noise.surface.p95 == pytest.approx(sigma * (1 + 1.64 * 0.09), rel=0.05)
+    # All blocks have the same σ, which a block knows to 18 % (σ).
+    assert noise.surface.p95 == pytest.approx(sigma * (1 + 1.64 * 0.18), rel=0.05)
 
 
 def test_an_error_that_stands_is_part_of_the_whole_and_told_apart():
