@@ -3,7 +3,7 @@
 `sensors: [DEVICE.yaml]` loads the device file.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -100,18 +100,23 @@ def _fields(
     if device.dead_time_s is not None and device.dead_time_kind is not None:
         seconds = float(np.nanmedian(device.dead_time_s.value))
         fields["dead_time"] = {"kind": device.dead_time_kind, "dead_time_s": seconds}
-    dead_s = fields.get("dead_time", {}).get("dead_time_s", base.dead_time.dead_time_s)
-    fields |= coincident_fields(device.kernel, dead_s, base)
+    fields |= coincident_fields(device.kernel, fields, base)
     fields["measured"] = {**maps, "fit": "exact"}
     return fields
 
 
-def coincident_fields(kernel: Kernel | None, dead_time_s: float, base: Sensor) -> dict[str, Any]:
-    """Fields of the crosstalk and of the trapped carriers that reproduce what was observed."""
+def coincident_fields(
+    kernel: Kernel | None, known: Mapping[str, Any], base: Sensor
+) -> dict[str, Any]:
+    """Fields of the crosstalk and of the trapped carriers that reproduce what was observed.
+
+    The dead time is that of the known fields, or the base sensor's.
+    """
     fields: dict[str, Any] = {}
     if (light := _crosstalk_of(kernel)) is not None:
         fields["crosstalk"] = light.model_dump(exclude_defaults=True)
     if kernel is not None and kernel.are_afterpulses_seen:
+        dead_time_s = known.get("dead_time", {}).get("dead_time_s", base.dead_time.dead_time_s)
         delay_s = max(base.afterpulsing.delay_s, _SLOWEST_DEAD_TIMES * dead_time_s)
         carriers = kernel.afterpulses * float(np.exp(dead_time_s / delay_s))
         fields["afterpulsing"] = {"mean_carriers": min(carriers, 0.95), "delay_s": delay_s}

@@ -168,8 +168,7 @@ def write_counting_device(
             "kernel": {"path": f"{folder.name}/crosstalk.npy"},
         }
     else:
-        dead_s = fields.get("dead_time", {}).get("dead_time_s", base.dead_time.dead_time_s)
-        fields |= coincident_fields(device.kernel, dead_s, base)
+        fields |= coincident_fields(device.kernel, fields, base)
     if (device.reading >= 0).any():
         save_map(folder / "stuck.npy", device.reading)
         fields["measured"]["stuck"] = f"{folder.name}/stuck.npy"

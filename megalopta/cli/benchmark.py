@@ -88,10 +88,13 @@ _PHOTONS = option("--photons N,N", "mean photons per pixel and frame", numbers, 
     out_file("pairs.csv", "file of the errors"),
 )
 def _pairs(options: Namespace) -> Path:
-    for name in () if options.no_truth else ("reference", "unit"):
+    if options.no_truth:
+        _pairs_without_truth(options)
+        return Path(options.out)
+    for name in ("reference", "unit"):
         if getattr(options, name):
             raise UserError(f"benchmark pairs: --{name} needs --no-truth; add that, or omit it")
-    (_pairs_without_truth if options.no_truth else _pairs_with_truth)(options)
+    _pairs_with_truth(options)
     return Path(options.out)
 
 

@@ -210,13 +210,15 @@ def write_flow_files(dataset: Dataset, kinds: Sequence[FlowFile]) -> list[Path]:
 
     Return the folders.
     """
-    layouts = [each for kind in kinds for each in _LAYOUTS[kind]]
-    for (folder, suffix), read, (other, ending), write in layouts:
-        for index in range(dataset.configuration.trajectory.frames):
-            path = dataset.frame(other, index, ending)
-            source = dataset.frame(folder, index, suffix)
-            if source.exists() and not path.exists():
-                write(path, read(source))
+    settings = dataset.configuration
+    frames = settings.trajectory.frames
+    files = {_FLOW: frames - 1, _DISPARITY: frames if settings.stereo_with else 0}
+    layouts = [each for kind in kinds for each in _LAYOUTS[kind] if files[each[0]]]
+    for source, read, (folder, suffix), write in layouts:
+        for index in range(files[source]):
+            path = dataset.frame(folder, index, suffix)
+            if not path.exists():
+                write(path, read(dataset.frame(source[0], index, source[1])))
     return [dataset.root / folder / dataset.sequence for *_, (folder, _), _ in layouts]
 
 

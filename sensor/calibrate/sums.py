@@ -83,8 +83,7 @@ def summed(
         related,
         None if is_binary or light_hz else _kernel(readings, varies),
     )
-    check_steadiness(found, found.steadiness, float(np.sqrt(found.variance.mean())))
-    return found
+    return _steady(found)
 
 
 def summed_bits(sums: NDArray[Any], bits: int, exposure_s: float, light_hz: float) -> Summed:
@@ -115,8 +114,7 @@ def summed_bits(sums: NDArray[Any], bits: int, exposure_s: float, light_hz: floa
         correlation=Correlation(np.zeros((LAGS, *total.shape)), np.zeros(total.shape), n),
         kernel=None,
     )
-    check_steadiness(found, found.steadiness, float(np.sqrt(found.variance.mean())))
-    return found
+    return _steady(found)
 
 
 def _kernel(readings: NDArray[Any], good: Mask) -> Kernel | None:
@@ -126,3 +124,8 @@ def _kernel(readings: NDArray[Any], good: Mask) -> Kernel | None:
         return neighbor_kernel(readings[:frames], good)
     except ValueError:
         return None
+
+
+def _steady(found: Summed) -> Summed:
+    check_steadiness(found, found.steadiness, float(np.sqrt(found.variance.mean())))
+    return found
