@@ -359,9 +359,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("what", nargs="*", default=["parts", "costs", "accuracy", "scale"])
     parser.add_argument("--width", type=int, default=320)
+    parser.add_argument("--presets", nargs="+", default=PRESETS)
+    parser.add_argument("--lights", nargs="+", default=LIGHTS)
     given = parser.parse_args()
-    for preset in PRESETS:
-        for level in LIGHTS:
+    for preset in given.presets:
+        for level in given.lights:
             if "parts" in given.what:
                 parts(preset, level)
             if "costs" in given.what:

@@ -71,8 +71,10 @@ def path_tracing_reason(
     if any(scene.materials[name].emission for name in materials):
         return "a glowing object moves, and with it its light on all others"
     glowing = any(material.emission for material in scene.materials.values())
-    if settings.integrator == "auto" and (glowing or scene.lighting is None):
-        return "surfaces are lit by other surfaces, or not at all"
+    if settings.integrator == "auto" and glowing:
+        return "surfaces glow; 'auto' bakes only the light of sun and sky"
+    if settings.integrator == "auto" and scene.lighting is None:
+        return "no sun or sky lights the scene"
     if poses is None:
         return "the camera's path is unknown"
     if settings.integrator == "auto" and not may_pay(settings, len(poses), pixels):
