@@ -93,7 +93,7 @@ def _panels(sequence: Sequence) -> Iterator[Panel]:
     readings = readings_panel(exposure_readings(sequence), frames, 1)
     yield replace(readings, caption=f"{sequence.exposures[0]}: {readings.caption}")
     flow = partial(motion_of, sequence, step=1)
-    yield flow_panel("flow", flow, fastest_of(map(flow, frames)))
+    yield flow_panel("motion", "flow", flow, fastest_of(map(flow, frames)))
     if sequence.configuration.scene.has_truth:
         yield depth_panel(sequence, frames, 1)
 

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from markupsafe import Markup
@@ -40,6 +40,8 @@ kept = lru_cache(maxsize=MOST_FRAMES)
 class Panel:
     """Pictures of one quantity, drawn when they are asked for."""
 
+    kind: Literal["light", "readings", "flow", "motion", "depth"]
+    """Flow is estimated from readings; motion is the true one, or its stand-in."""
     name: str
     caption: str
     """Meaning of its colors"""
@@ -48,6 +50,9 @@ class Panel:
     legend: Markup = field(default=Markup(""))
     note: str = ""
     """Note on a special color, for a film, which has no legend"""
+    sensor: str = ""
+    level: str = ""
+    """Sensor and light level of readings, and of the flow from them; empty of a file"""
 
 
 def readings_panel(readings: ShownReadings, frames: range, step: int) -> Panel:
@@ -65,6 +70,7 @@ def readings_panel(readings: ShownReadings, frames: range, step: int) -> Panel:
     is_full = any(full.any() for _, full in sampled)
     unit = "detections" if readings.treatment.is_inverted else readings.unit
     return Panel(
+        "readings",
         unit,
         f"black 0, white {number(white)} {unit}",
         kept(picture),
@@ -73,10 +79,16 @@ def readings_panel(readings: ShownReadings, frames: range, step: int) -> Panel:
     )
 
 
-def flow_panel(name: str, flow: Callable[[int], NDArray[np.floating]], fastest: float) -> Panel:
+def flow_panel(
+    kind: Literal["flow", "motion"],
+    name: str,
+    flow: Callable[[int], NDArray[np.floating]],
+    fastest: float,
+) -> Panel:
     """Return flow (h, w, 2) of frames as colors; the speed `fastest` has the full one."""
     caption = f"hue is direction (red to the right), full color {number(fastest)} px per frame"
-    return Panel(name, caption, kept(lambda frame: rgb_picture(flow_to_rgb(flow(frame), fastest))))
+    picture = kept(lambda frame: rgb_picture(flow_to_rgb(flow(frame), fastest)))
+    return Panel(kind, name, caption, picture)
 
 
 def _colored(values: Floats, scale: ColorScale) -> Image.Image:
@@ -85,16 +97,6 @@ def _colored(values: Floats, scale: ColorScale) -> Image.Image:
 
 
 LONGEST_SIDE_PX = 320
-
-
-@dataclass(frozen=True, eq=False)
-class Exposed:
-    """Readings of one sensor at one light level, and the motion estimated from them."""
-
-    readings: Panel
-    flow: Panel | None = None
-    sensor: str = ""
-    level: str = ""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -111,14 +113,15 @@ class Seen:
     times_s: Floats | None
     """Start of each frame, if known"""
     treatment: Treatment
-    light: Panel | None = None
-    exposed: tuple[Exposed, ...] = ()
-    """The darkest light of a sensor first"""
-    motion: Panel | None = None
-    """The true motion, or its stand-in"""
+    panels: tuple[Panel, ...]
+    """By kind: light, readings, flow, motion; the darkest light of a sensor first"""
     rim: float | None = None
     """Speed of the full color, px per frame, if there is flow"""
     sequence: "Sequence | None" = None
+
+    def of(self, *kinds: str) -> list[Panel]:
+        """Return the panels of these kinds."""
+        return [each for each in self.panels if each.kind in kinds]
 
     @property
     def rate_hz(self) -> float | None:
@@ -147,7 +150,7 @@ def seen_readings(thing: Path, treatment: Treatment, kind: FrameKind | None = No
         step=step,
         times_s=readings.times_s,
         treatment=treatment,
-        exposed=(Exposed(readings_panel(readings, frames, step)),),
+        panels=(readings_panel(readings, frames, step),),
     )
 
 

@@ -1,6 +1,7 @@
 """View of a dataset of one sequence: panels of its light, readings, motion and depth."""
 
 from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -26,7 +27,6 @@ from megalopta.report.images import evenly_spaced, fastest_of, map_scale, rgb_pi
 from megalopta.report.readings import ShownReadings, Treatment
 from megalopta.report.seen import (
     SAMPLED,
-    Exposed,
     Panel,
     Seen,
     flow_panel,
@@ -61,6 +61,7 @@ def seen_sequence(root: Path, treatment: Treatment) -> Seen:
     frames = range(0, max(end, 1), treatment.summed)
     motion = partial(motion_of, sequence, step=step)
     rim = fastest_of(map(motion, evenly_spaced(frames, SAMPLED))) if len(sequence) > 1 else None
+    exposed = list(_exposures(sequence, treatment, frames, rim))
     return Seen(
         title=title(sequence.configuration),
         summary=f"{len(sequence)} frames of {width} × {height} pixels.{caveat}",
@@ -69,9 +70,12 @@ def seen_sequence(root: Path, treatment: Treatment) -> Seen:
         step=step,
         times_s=sequence.times_s,
         treatment=treatment,
-        light=light_panel(sequence, frames, step),
-        exposed=tuple(_exposures(sequence, treatment, frames, rim)),
-        motion=flow_panel(name, motion, rim) if rim else None,
+        panels=(
+            light_panel(sequence, frames, step),
+            *(readings for readings, _ in exposed),
+            *(flow for _, flow in exposed if flow),
+            *([flow_panel("motion", name, motion, rim)] if rim else []),
+        ),
         rim=rim,
         sequence=sequence,
     )
@@ -79,7 +83,7 @@ def seen_sequence(root: Path, treatment: Treatment) -> Seen:
 
 def _exposures(
     sequence: Sequence, treatment: Treatment, frames: range, rim: float | None
-) -> Iterator[Exposed]:
+) -> Iterator[tuple[Panel, Panel | None]]:
     """Yield readings of all sensors, the darkest light first, with the best flow from them."""
     dataset, finished = sequence.dataset, finished_stages(Ledger(sequence.dataset))
     pairs = sequence.configuration.exposures if "sense" in finished else ()
@@ -89,8 +93,9 @@ def _exposures(
         readings = exposure_readings(sequence, exposure_name(sensor, level), sensor)
         drawn = readings_panel(readings.treated(treatment), frames, step)
         found = best_flow(dataset, records, sensor, level, step)
-        flow = flow_panel(f"flow by {found[0]}", found[1], rim) if found and rim else None
-        yield Exposed(drawn, flow, sensor.name, _level(sequence, level))
+        flow = flow_panel("flow", f"flow by {found[0]}", found[1], rim) if found and rim else None
+        place = {"sensor": sensor.name, "level": _level(sequence, level)}
+        yield replace(drawn, **place), flow and replace(flow, **place)
 
 
 def _level(sequence: Sequence, level: LightLevel) -> str:
@@ -125,7 +130,7 @@ def light_panel(sequence: Sequence, frames: range, step: int) -> Panel:
     def picture(frame: int) -> Image.Image:
         return rgb_picture(encode_srgb(curve(linear(frame))))
 
-    return Panel("light", caption, kept(picture), Markup(f", {caption}"))
+    return Panel("light", "light", caption, kept(picture), Markup(f", {caption}"))
 
 
 def exposure_readings(
@@ -198,7 +203,7 @@ def depth_panel(sequence: Sequence, frames: range, step: int) -> Panel:
     far = max(far, near * 1.01)
     scale = map_scale("viridis_r", near, far, logarithmic=True)
     caption = f"yellow {number(near)} m to violet {number(far)} m, the sky gray"
-    return Panel("depth", caption, lambda frame: scale.picture(depth(frame)))
+    return Panel("depth", "depth", caption, lambda frame: scale.picture(depth(frame)))
 
 
 def _best_method(records: Iterable[FlowRecord]) -> str | None:
