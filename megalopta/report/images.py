@@ -250,7 +250,7 @@ def selection(
     return Selection(evenly_spaced(frames, max(min(most_frames, fitting), 1)), step)
 
 
-def evenly_spaced(frames: range, most: int) -> tuple[int, ...]:
+def evenly_spaced(frames: Sequence[int], most: int) -> tuple[int, ...]:
     """Return at most `most` of the frames, evenly spaced, starting with the first."""
     count = min(len(frames), most)
     return tuple(frames[index * len(frames) // count] for index in range(count))

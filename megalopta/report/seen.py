@@ -5,7 +5,7 @@ omitted.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence as Listed
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
@@ -19,7 +19,7 @@ from PIL import Image
 from megalopta.core.arrays import Floats
 from megalopta.flow.color_wheel import flow_to_rgb
 from megalopta.plotting.text import number, short
-from megalopta.report.images import ColorScale, evenly_spaced, gray_scale, rgb_picture
+from megalopta.report.images import ColorScale, evenly_spaced, film, gray_scale, rgb_picture
 from megalopta.report.readings import ShownReadings, Treatment, readings_of
 from megalopta.sensor.formats.reading import FrameKind
 
@@ -30,7 +30,8 @@ MOST_FRAMES = 80
 """Of a page"""
 SAMPLED = 8
 """Frames, spread evenly, that scales of colors are taken from"""
-_WHITE_PERCENTILE = 99.0
+WHITE_PERCENTILE = 99.0
+"""Of readings: all above are white, too."""
 _GAMMA = 2.2
 kept = lru_cache(maxsize=MOST_FRAMES)
 """Page and film draw the same pictures once, where there are no more."""
@@ -55,10 +56,15 @@ class Panel:
     """Sensor and light level of readings, and of the flow from them; empty of a file"""
 
 
-def readings_panel(readings: ShownReadings, frames: range, step: int) -> Panel:
+def readings_panel(
+    readings: ShownReadings,
+    frames: Listed[int],
+    step: int,
+    white_percentile: float = WHITE_PERCENTILE,
+) -> Panel:
     """Return readings as grays, saturated pixels in orange; some of the frames give the white."""
     sampled = [readings.frame(each) for each in evenly_spaced(frames, SAMPLED)]
-    bright = np.percentile(np.stack([values for values, _ in sampled]), _WHITE_PERCENTILE)
+    bright = np.percentile(np.stack([values for values, _ in sampled]), white_percentile)
     white = max(float(bright), 1e-6 if readings.treatment.is_inverted else 1.0)
     scale = gray_scale(white)
 
@@ -89,6 +95,13 @@ def flow_panel(
     caption = f"hue is direction (red to the right), full color {number(fastest)} px per frame"
     picture = kept(lambda frame: rgb_picture(flow_to_rgb(flow(frame), fastest)))
     return Panel(kind, name, caption, picture)
+
+
+def film_of(panel: Panel, frames: Iterable[int], title: str = "") -> Markup:
+    """Return frames of a panel as a film of a page; by default its title is the panel's name."""
+    pictures = [panel.picture(each) for each in frames]
+    what = f"{panel.name}, {panel.sensor}, {panel.level}" if title else panel.name
+    return film(pictures, title or panel.name, f"{what}: {panel.caption}", panel.legend)
 
 
 def _colored(values: Floats, scale: ColorScale) -> Image.Image:

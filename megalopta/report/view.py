@@ -18,7 +18,6 @@ from megalopta.report.images import (
     PLAYBACK_HZ,
     Selection,
     evenly_spaced,
-    film,
     frame_label,
     selection,
     wheel,
@@ -26,7 +25,14 @@ from megalopta.report.images import (
 )
 from megalopta.report.readings import Treatment, read_mask
 from megalopta.report.rerun_log import write_rrd
-from megalopta.report.seen import LONGEST_SIDE_PX, MOST_FRAMES, Panel, Seen, seen_readings
+from megalopta.report.seen import (
+    LONGEST_SIDE_PX,
+    MOST_FRAMES,
+    Panel,
+    Seen,
+    film_of,
+    seen_readings,
+)
 from megalopta.sensor.formats.reading import FrameKind
 
 _FILM_FRAMES = 300
@@ -178,8 +184,7 @@ def _page(found: Seen, path: Path, fps: float | None) -> Path:
 
 def _drawn(found: Seen, panel: Panel, chosen: Selection, advance: Advance) -> Markup:
     """Return a panel as a film; of readings and flow, shown only where they are chosen."""
-    pictures = [panel.picture(each) for each in chosen.frames]
-    inside = film(pictures, panel.name, f"{panel.name}: {panel.caption}", panel.legend)
+    inside = film_of(panel, chosen.frames)
     advance()
     if panel.kind in ("light", "motion"):
         return block("", inside)
