@@ -31,7 +31,6 @@ from megalopta.plotting.svg import (
 )
 from megalopta.plotting.text import level_title, number, percent
 from megalopta.report.images import film
-from megalopta.report.seen import film_of
 from megalopta.report.source import Budget, Report, absent, by_sensor
 from megalopta.sensor import CtiaSensor, ImageSensor
 from megalopta.sensor.spad.counters import LARGEST_CAPACITY
@@ -176,7 +175,7 @@ def budget_table(
 def counts_film(report: Report, exposure: Budget) -> Markup:
     """Return the readings of an exposure as a film, with their scale."""
     panel = report.shown.readings(exposure.sensor, exposure.level)
-    return film_of(panel, report.selection.frames, panel.level)
+    return report.shown.film(panel, panel.level)
 
 
 @in_style

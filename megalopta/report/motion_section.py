@@ -17,7 +17,6 @@ from megalopta.report.images import (
     rgb_picture,
     wheel,
 )
-from megalopta.report.seen import film_of
 from megalopta.report.source import Report
 
 _SPEED_BINS = 48
@@ -34,7 +33,7 @@ def motion_section(report: Report) -> Section:
     if not report.has_truth:
         return _stand_in(report)
     hidden = np.mean([truth.occluded_forward.mean() for truth in report.truths])
-    depth = film_of(report.shown.depth, report.selection.frames)
+    depth = report.shown.film(report.shown.depth)
     films = (flow_film(report), depth, _hidden(report), _purity(report), _objects(report))
     guide = paragraph(_GUIDE.format(report.settings.camera.depth_meaning), "note")
     chart = card("Image speed", speed_chart(report.speed, report.median_speed))
@@ -73,30 +72,29 @@ def mixed_share(report: Report) -> str:
 
 def flow_film(report: Report) -> Markup:
     """Return the reference motion as a film."""
-    return film_of(report.shown.motion(report.motion_name), report.selection.frames)
+    return report.shown.film(report.shown.motion(report.motion_name))
 
 
 def _hidden(report: Report) -> Markup:
     """Return the scene in dim gray, with the pixels to be occluded in orange."""
-    step, images = report.selection.step, []
-    for frame, truth in zip(report.selection.frames, report.truths, strict=True):
+    images = []
+    for frame, truth in zip(report.shown.frames, report.truths, strict=True):
         gray = np.asarray(report.shown.light.picture(frame)).mean(axis=-1) * _BACKDROP_GRAY
         picture = np.repeat(gray[..., np.newaxis], 3, axis=-1).astype(np.uint8)
-        picture[truth.occluded_forward[::step, ::step]] = ORANGE
+        picture[report.shown.pixels(truth.occluded_forward)] = ORANGE
         images.append(rgb_picture(picture))
     return film(images, "occluded in the next frame", "Occluded pixels in orange")
 
 
 def _purity(report: Report) -> Markup:
-    purity = report.selection.pixels(np.stack([truth.footprint.purity for truth in report.truths]))
     scale = map_scale("viridis", 0.0, 1.0)
     caption = "Share of each pixel filled by the object at its center"
-    return film([scale.picture(each) for each in purity], "purity", caption, scale.legend("0", "1"))
+    shares = (report.shown.pixels(truth.footprint.purity) for truth in report.truths)
+    return film([*map(scale.picture, shares)], "purity", caption, scale.legend("0", "1"))
 
 
 def _objects(report: Report) -> Markup:
-    step = report.selection.step
-    images = [id_picture(truth.object_id[::step, ::step]) for truth in report.truths]
+    images = [id_picture(report.shown.pixels(each.object_id)) for each in report.truths]
     return film(images, "objects", "Each object in its own color, the sky dark")
 
 

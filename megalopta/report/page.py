@@ -39,7 +39,6 @@ from megalopta.report.detectors import ACCURATE, detector_section
 from megalopta.report.images import film, with_ends
 from megalopta.report.light_section import counts_film, light_section
 from megalopta.report.motion_section import flow_film, motion_section
-from megalopta.report.seen import film_of
 from megalopta.report.source import (
     Budget,
     Record,
@@ -313,7 +312,7 @@ def page(dataset: Dataset) -> str:
     """Return the report as HTML."""
     report = Report(dataset)
     sections = (make(report) for make in SECTIONS)
-    settings, shown = report.settings, report.selection
+    settings, shown = report.settings, report.shown
     return page_of(
         title(settings),
         lead(settings, report.scene),
@@ -379,7 +378,7 @@ def strip(report: Report, sensor: str) -> Markup:
     brightest_first = sorted(own, key=lambda each: -each.illuminance_lux)
     brightest = brightest_first[0]
     found = report.shown.found_flow(brightest.sensor, brightest.level)
-    flow = found and film_of(found, report.selection.frames, f"{found.name} at {found.level}")
+    flow = found and report.shown.film(found, f"{found.name} at {found.level}")
     return block(
         "strip",
         film(None, "light", "The scene's light, tone-mapped"),

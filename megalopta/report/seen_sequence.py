@@ -36,6 +36,7 @@ from megalopta.report.seen import (
     WHITE_PERCENTILE,
     Panel,
     Seen,
+    film_of,
     flow_panel,
     kept,
     readings_panel,
@@ -158,7 +159,7 @@ class ShownSequence:
         white = settings.scene.white(settings.light)
 
         def linear(frame: int) -> Floats:
-            return linear_srgb(self._pixels(self.sequence.radiance[frame]), bands, white)
+            return linear_srgb(self.pixels(self.sequence.radiance[frame]), bands, white)
 
         curve = ToneCurve.of(map(linear, self._sampled))
         caption = "as the eye would see it in bright light"
@@ -190,7 +191,7 @@ class ShownSequence:
         grid = velocity_method(method).grid(self.sequence.shape)
 
         def flow(frame: int) -> Floats:
-            return self._pixels(_found_flow(stored, grid, frame))
+            return self.pixels(_found_flow(stored, grid, frame))
 
         panel = flow_panel("flow", f"flow by {method}", flow, self.rim)
         return replace(panel, sensor=sensor.name, level=self._level(level))
@@ -204,7 +205,7 @@ class ShownSequence:
         """Depth in logarithmic colors, the sky gray."""
 
         def depth(frame: int) -> NDArray[np.floating]:
-            values = self._pixels(self.sequence.depth[frame]).astype(np.float64)
+            values = self.pixels(self.sequence.depth[frame]).astype(np.float64)
             return np.where(np.isinf(values), np.nan, values)
 
         seen = np.concatenate([depth(each).ravel() for each in self._sampled])
@@ -216,8 +217,13 @@ class ShownSequence:
         legend = scale.legend(number(near), f"{number(far)} m", "sky" * (known.size < seen.size))
         return Panel("depth", "depth", caption, lambda frame: scale.picture(depth(frame)), legend)
 
-    def _pixels(self, image: NDArray[Any]) -> NDArray[Any]:
+    def pixels(self, image: NDArray[Any]) -> NDArray[Any]:
+        """Return the shown pixels of an image (H, W, ...)."""
         return image[:: self.step, :: self.step]
+
+    def film(self, panel: Panel, title: str = "") -> Markup:
+        """Return the frames of a panel as a film of a page (`film_of`)."""
+        return film_of(panel, self.frames, title)
 
     def _motion_of(self, frame: int) -> NDArray[np.floating]:
         """Return the motion from a frame to the next (h, w, 2), px, NaN where undefined.
@@ -233,7 +239,7 @@ class ShownSequence:
             return self.step * clean_flow(first, second)
         path = sequence.dataset.frame("training/flow", frame, "flo")
         with undamaged(path, "regenerate the sequence"):
-            return self._pixels(read_flo(path))
+            return self.pixels(read_flo(path))
 
     def _level(self, level: LightLevel) -> str:
         """Return the name of a level; for pictures, with the photons of the first sensor."""

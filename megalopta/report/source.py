@@ -114,7 +114,7 @@ def exposed(report: "Report", sensor: ImageSensor, level: LightLevel) -> Budget:
     opened, settings = open_exposure(report.dataset, sensor, level), report.settings
     scale, noise = light_scale(settings, level), report.scene.get("monte_carlo") or {}
     light = report.radiance * scale.astype(np.float32)
-    frames = list(report.selection.frames)
+    frames = list(report.shown.frames)
     with refused_as(f"sensor {opened.sensor.name!r}"):  # a measured map is missing
         budget = _budget(settings, light, opened, frames, level)
     if "covariance" not in noise:
@@ -191,32 +191,26 @@ class Report:
             ]
 
     @cached_property
-    def selection(self) -> Selection:
-        """Frames and pixels shown, as sensors see them."""
-        return select(self.settings)
-
-    @cached_property
     def shown(self) -> ShownSequence:
-        """Panels of the frames shown."""
-        frames, step = self.selection.frames, self.selection.step
-        sequence = Sequence(self.dataset)
-        return ShownSequence(sequence, frames, step, white_percentile=_WHITE_PERCENTILE)
+        """Frames and pixels shown, as sensors see them."""
+        sequence, chosen = Sequence(self.dataset), select(self.settings)
+        return ShownSequence(sequence, *chosen, white_percentile=_WHITE_PERCENTILE)
 
     @cached_property
     def radiance(self) -> NDArray[np.float32]:
         """Light of the frames shown (n, H, W, B)."""
-        frames = self.selection.frames
+        frames = self.shown.frames
         return np.stack([read_radiance_frame(self.dataset, index) for index in frames])
 
     @cached_property
     def truths(self) -> "list[Truth]":
         """Ground truth of the frames shown."""
-        return [read_truth_frame(self.dataset, index) for index in self.selection.frames]
+        return [read_truth_frame(self.dataset, index) for index in self.shown.frames]
 
     @cached_property
     def motions(self) -> list[FrameMotion]:
         """Motion to the next frame; for pictures, a stand-in for the true one."""
-        return [read_motion(self.dataset, index) for index in self.selection.frames]
+        return [read_motion(self.dataset, index) for index in self.shown.frames]
 
     @property
     def has_truth(self) -> bool:
@@ -263,13 +257,13 @@ class Report:
         """Frame of the stills: shown, in the second half, and with settled responses."""
         warm_up = max((record.warm_up_frames for record in self.flow), default=0)
         wanted = max(self.settings.trajectory.frames // 2, warm_up)
-        frames = self.selection.frames
+        frames = self.shown.frames
         return next((frame for frame in frames if frame >= wanted), frames[-1])
 
     def film(self) -> dict[str, Any]:
         """Return the settings of the page's films, which follow one slider."""
         trajectory, camera = self.settings.trajectory, self.settings.camera
-        frames = self.selection.frames
+        frames = self.shown.frames
         slowest, fastest = PLAYBACK_HZ
         shown_hz = trajectory.frame_rate_hz * len(frames) / trajectory.frames
         note = "The light in photopic colors."
