@@ -31,7 +31,7 @@ MOST_FRAMES = 80
 SAMPLED = 8
 """Frames, spread evenly, that scales of colors are taken from"""
 WHITE_PERCENTILE = 99.0
-"""Of readings: all above are white, too."""
+"""Percentile of readings above which all are white"""
 _GAMMA = 2.2
 kept = lru_cache(maxsize=MOST_FRAMES)
 """Page and film draw the same pictures once, where there are no more."""
