@@ -50,7 +50,7 @@ from megalopta.stages.flow import responses_path
 from megalopta.stages.ledger import Ledger
 from megalopta.stages.registry import STAGES
 
-Read = TypeVar("Read")
+_Read = TypeVar("_Read")
 _FLOW = TypeAdapter(list[FlowRecord])
 _CAVEAT = " Their true motion is unknown; the flow of the clean pictures is a stand-in for it."
 
@@ -134,7 +134,7 @@ class ShownSequence:
             return []
         dataset, settings = self.sequence.dataset, self.sequence.configuration
         path, remedy = dataset.result("flow.json"), f"run: megalopta flow {dataset.root} --redo"
-        found = read_json(path, _FLOW.validate_python, remedy)
+        found = checked_json(path, _FLOW.validate_python, remedy)
         records = {(each.sensor, each.level, each.method): each for each in found}
         expected = list(product(settings.sensors, settings.light_levels, settings.methods))
         for sensor, level, method in expected:
@@ -252,7 +252,7 @@ class ShownSequence:
         return f"{name}, {number(per_lux * illuminance_of(level))} photons"
 
 
-def read_json(path: Path, check: Callable[[Any], Read], remedy: str) -> Read:
+def checked_json(path: Path, check: Callable[[Any], _Read], remedy: str) -> _Read:
     """Return the content of a JSON file once it is checked. Raises UserError if it is damaged."""
     with undamaged(path, remedy):
         return check(from_json(bounded.read_bytes(path)))

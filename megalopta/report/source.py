@@ -40,7 +40,7 @@ from megalopta.report.images import (
     frame_label,
     selection,
 )
-from megalopta.report.seen_sequence import ShownSequence, read_json
+from megalopta.report.seen_sequence import ShownSequence, checked_json
 from megalopta.scenes.lighting.levels import illuminance_of
 from megalopta.sensor import ImageSensor, OpenedCounts, detected_photons, expectation
 from megalopta.stages.ledger import Ledger
@@ -174,7 +174,7 @@ class Report:
         ledger = Ledger(dataset)
         ledger.require("render")
         again = f"run: megalopta render {dataset.root} --out {dataset.root} --redo"
-        self.scene: Record = read_json(dataset.scene_record, dict, again)
+        self.scene: Record = checked_json(dataset.scene_record, dict, again)
         self.finished = self.shown.finished
         timings = ledger.timings()
         self.timings = {stage: timings[stage] for stage in STAGES if stage in timings}
@@ -187,7 +187,8 @@ class Report:
             names = ("benchmark.json", *(["benchmark-other.json"] if both else []))
             again = f"run: megalopta benchmark photons {dataset.root} --redo"
             self.benchmarks = [
-                read_json(dataset.result(name), BenchmarkResult.from_dict, again) for name in names
+                checked_json(dataset.result(name), BenchmarkResult.from_dict, again)
+                for name in names
             ]
 
     @cached_property
