@@ -292,7 +292,7 @@ def _true_blocks(report: Report) -> Markup:
     detector = next((each for each in detectors if isinstance(each, BlockDetector)), None)
     if detector is None:
         return Markup("")
-    motion = report.motions[report.shown.frames.index(report.frame)]
+    motion = report.shown.motions[report.frame]
     grid = detector.grid(report.settings.camera.shape)
     flow = block_flow(motion.flow[np.newaxis], grid, motion.hidden[np.newaxis])[0]
     source = data_uri(Image.fromarray(flow_to_rgb(flow, report.fastest)))

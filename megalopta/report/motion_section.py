@@ -66,7 +66,7 @@ def _stand_in(report: Report) -> Section:
 def mixed_share(report: Report) -> str:
     """Return the share of mixed pixels, as defined by the flow stage."""
     least = report.settings.flow.least_purity
-    shares = [(motion.purity < least).mean() for motion in report.motions]
+    shares = [(motion.purity < least).mean() for motion in report.shown.motions.values()]
     return percent(float(np.mean(shares)))
 
 

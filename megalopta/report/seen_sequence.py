@@ -101,16 +101,16 @@ class ShownSequence:
     Eight of the frames set the scales of colors. Raises UserError on use of what is damaged.
     """
 
+    white_percentile = WHITE_PERCENTILE
+
     def __init__(
         self,
         sequence: Sequence,
         frames: Listed[int],
         step: int,
         treatment: Treatment | None = None,
-        white_percentile: float = WHITE_PERCENTILE,
     ) -> None:
         self.sequence, self.frames, self.step = sequence, frames, step
-        self._white_percentile = white_percentile
         self._treatment, self._sampled = treatment or Treatment(), evenly_spaced(frames, SAMPLED)
 
     @cached_property
@@ -150,7 +150,7 @@ class ShownSequence:
     def rim(self) -> float | None:
         """Speed of the full color, px per frame; None without a second frame."""
         has_motion = len(self.sequence) > 1
-        return fastest_of(map(self._motion_of, self._sampled)) if has_motion else None
+        return fastest_of(map(self.motion_of, self._sampled)) if has_motion else None
 
     @cached_property
     def light(self) -> Panel:
@@ -175,7 +175,7 @@ class ShownSequence:
         counts, full = (self.sequence.counts(name, each) for each in ("counts", "saturated"))
         unit = counts.unit.split()[0]
         found = ShownReadings(counts.shape, lambda part: (counts[part], full[part]), unit, sensor)
-        treated, white = found.treated(self._treatment), self._white_percentile
+        treated, white = found.treated(self._treatment), self.white_percentile
         panel = readings_panel(treated, self.frames, self.step, white)
         return replace(panel, sensor=sensor.name, level=self._level(level))
 
@@ -198,7 +198,7 @@ class ShownSequence:
 
     def motion(self, name: str) -> Panel:
         """Return the motion to the next frame; of pictures, the flow of the clean ones."""
-        return flow_panel("motion", name, self._motion_of, self.rim or 0.0)
+        return flow_panel("motion", name, self.motion_of, self.rim or 0.0)
 
     @property
     def depth(self) -> Panel:
@@ -225,7 +225,7 @@ class ShownSequence:
         """Return the frames of a panel as a film of a page (`film_of`)."""
         return film_of(panel, self.frames, title)
 
-    def _motion_of(self, frame: int) -> NDArray[np.floating]:
+    def motion_of(self, frame: int) -> NDArray[np.floating]:
         """Return the motion from a frame to the next (h, w, 2), px, NaN where undefined.
 
         Of pictures, whose true motion is unknown, it is the flow between the noise-free pictures,

@@ -58,8 +58,6 @@ _LONGEST_SIDE_PX = 160
 _MOST_FRAMES = 40
 _MOST_PIXELS_READ = 4_000_000
 _OTHER_FILMS = 6
-_WHITE_PERCENTILE = 90.0
-"""As in the preview of the radiance: the brightest tenth may be pure white."""
 
 
 def select(configuration: Configuration) -> Selection:
@@ -162,6 +160,22 @@ _RED_END_NM = 700.0
 _CAUTION = 0.1
 
 
+class ReportedSequence(ShownSequence):
+    """Panels of the report: readings as bright as the light, the motion that errors refer to."""
+
+    white_percentile = 90.0
+    """As in the preview of the radiance: the brightest tenth may be pure white."""
+
+    @cached_property
+    def motions(self) -> dict[int, FrameMotion]:
+        """Motion of each frame to the next; for pictures, a stand-in for the true one."""
+        return {frame: read_motion(self.sequence.dataset, frame) for frame in self.frames}
+
+    def motion_of(self, frame: int) -> NDArray[np.floating]:
+        """Return the motion of a frame shown (h, w, 2), px, NaN where undefined."""
+        return self.pixels(self.motions[frame].flow)
+
+
 class Report:
     """A dataset as seen by the report; everything is read once, on first use.
 
@@ -192,10 +206,9 @@ class Report:
             ]
 
     @cached_property
-    def shown(self) -> ShownSequence:
+    def shown(self) -> ReportedSequence:
         """Frames and pixels shown, as sensors see them."""
-        sequence, chosen = Sequence(self.dataset), select(self.settings)
-        return ShownSequence(sequence, *chosen, white_percentile=_WHITE_PERCENTILE)
+        return ReportedSequence(Sequence(self.dataset), *select(self.settings))
 
     @cached_property
     def radiance(self) -> NDArray[np.float32]:
@@ -207,11 +220,6 @@ class Report:
     def truths(self) -> "list[Truth]":
         """Ground truth of the frames shown."""
         return [read_truth_frame(self.dataset, index) for index in self.shown.frames]
-
-    @cached_property
-    def motions(self) -> list[FrameMotion]:
-        """Motion to the next frame; for pictures, a stand-in for the true one."""
-        return [read_motion(self.dataset, index) for index in self.shown.frames]
 
     @property
     def has_truth(self) -> bool:
@@ -234,7 +242,7 @@ class Report:
     @cached_property
     def speed(self) -> NDArray[np.floating]:
         """Speed (px per frame) of all pixels of the frames shown where it is defined."""
-        flow = np.stack([motion.flow for motion in self.motions])
+        flow = np.stack([motion.flow for motion in self.shown.motions.values()])
         speed = np.linalg.norm(flow, axis=-1)
         return np.asarray(speed[np.isfinite(speed)])
 
