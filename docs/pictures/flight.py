@@ -22,17 +22,18 @@ WIDTH_PX, LETTERS_PX, FRAME_MS = 1040, 15, 200
 
 def moment(seen: Seen, index: int) -> Moment:
     """Return the panels of a frame, at a light level that falls from frame to frame."""
-    brightest_first = seen.exposed[::-1]
-    exposed = brightest_first[index * len(brightest_first) // len(seen.frames)]
-    assert exposed.flow and seen.light and seen.motion
+    brightest_first = seen.of("readings")[::-1]
+    readings = brightest_first[index * len(brightest_first) // len(seen.frames)]
+    (light,), (motion,) = seen.of("light"), seen.of("motion")
+    (flow,) = (each for each in seen.of("flow") if each.level == readings.level)
     panels = [
-        ("light, as a well-lit eye would see it", seen.light),
-        (f"photons: {exposed.readings.caption}", exposed.readings),
-        ("motion found in the photons (PF)", exposed.flow),
-        ("true motion", seen.motion),
+        ("light, as a well-lit eye would see it", light),
+        (f"photons: {readings.caption}", readings),
+        ("motion found in the photons (PF)", flow),
+        ("true motion", motion),
     ]
     frame = seen.frames[index]
-    return Moment(exposed.level, [(label, panel.picture(frame)) for label, panel in panels])
+    return Moment(readings.level, [(label, panel.picture(frame)) for label, panel in panels])
 
 
 def draw() -> None:

@@ -15,8 +15,9 @@ import numpy as np
 from pydantic import FiniteFloat, NonNegativeInt, PositiveFloat, PositiveInt
 from scipy.stats import false_discovery_control
 
+from megalopta.benchmark.block_truths import Opposed, opposed
 from megalopta.benchmark.ranking_settings import Pooling, RankingSettings
-from megalopta.benchmark.sequence_errors import ERROR, STILL, Opposed, opposed
+from megalopta.benchmark.sequence_errors import ERROR, STILL
 from megalopta.benchmark.table import Case, Sums, interval, ratio, units
 from megalopta.core.format_numbers import written
 from megalopta.core.record import Record

@@ -12,10 +12,11 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from megalopta.benchmark import sequence_errors as metrics, transfer
+from megalopta.benchmark import block_truths as blocks, sequence_errors as metrics, transfer
+from megalopta.benchmark.block_truths import RANGES, cell_name, opposed
 from megalopta.benchmark.ranking import RankChange, Ranking, RankingRow, changes
 from megalopta.benchmark.ranking_settings import Pooling, photons_at
-from megalopta.benchmark.sequence_errors import BOUND, RANGES, STILL, Example, opposed
+from megalopta.benchmark.sequence_errors import BOUND, STILL, Example
 from megalopta.benchmark.table import FEWEST_SEQUENCES, Case, Interval
 from megalopta.config.model import LightLevel, level_text
 from megalopta.core import files
@@ -116,13 +117,13 @@ def atlas(ranking: Ranking) -> Markup:
     for row, speed in enumerate(reversed(RANGES)):
         for column, parallax in enumerate(RANGES):
             axes = panels[row, column]
-            shown |= _panel(axes, ranking, metrics.cell_name(speed, parallax))
+            shown |= _panel(axes, ranking, cell_name(speed, parallax))
             if row == 0:
-                axes.set_title(f"parallax {_range(metrics.PARALLAX_PX, column)}")
+                axes.set_title(f"parallax {_range(blocks.PARALLAX_PX, column)}")
             if row == 2:
                 axes.set_xlabel("exposure (s)")
             if column == 0:
-                axes.set_ylabel(f"speed {_range(metrics.SPEEDS_PX, 2 - row)}\n\nilluminance (lux)")
+                axes.set_ylabel(f"speed {_range(blocks.SPEEDS_PX, 2 - row)}\n\nilluminance (lux)")
     patches = [Patch(color=tuple(_tint(name, 0.75)), label=name) for name in shown]
     figure.legend(handles=patches, loc="outside lower center", ncols=6)
     return to_svg(figure, "atlas", "The best method over illuminance, exposure, speed and parallax")
@@ -265,7 +266,7 @@ _MEASURED = (
     "all blocks, and bands are their 95 % CI. Speed is low below {:g} px and high above {:g} px. "
     "Parallax is the motion that remains without the camera's rotation: low below {:g} px, high "
     "above {:g} px. Distance is low below {:g} m and high above {:g} m."
-).format(*metrics.SPEEDS_PX, *metrics.PARALLAX_PX, *metrics.DISTANCES_M)
+).format(*blocks.SPEEDS_PX, *blocks.PARALLAX_PX, *blocks.DISTANCES_M)
 _CHANGES = (
     "The picture shows ratios of two methods' mean errors with 95 % CI. Methods change places if "
     "the ratio is above 1 in one group of blocks and below 1 in the other. The table lists "

@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 
 from megalopta.benchmark.methods import Methods, directional_methods, velocity_methods
+from megalopta.benchmark.ranked_sequence import LIKELIHOODS, RankedSequence, photons_per_lux_s
 from megalopta.benchmark.ranking import Ranking, group_blocks, ranking_rows
 from megalopta.benchmark.ranking_page import write_ranking
 from megalopta.benchmark.ranking_settings import NO_POOLING, Pooling, RankingSettings, photons_at
-from megalopta.benchmark.sequence_errors import METRICS, Example, RankedSequence, example_of
-from megalopta.benchmark.velocities import LIKELIHOODS, Velocities, photons_per_lux_s
+from megalopta.benchmark.sequence_errors import METRICS, Example, example_of
 from megalopta.config.yaml_model import validated
 from megalopta.core import bounded
 from megalopta.core.errors import UserError, refused_as
@@ -93,10 +93,10 @@ def _ranked(
     examples: list[Example] = []
     with progress("Ranking methods", work, "clip") as advance:
         for dataset in datasets:
-            velocities = Velocities(dataset, settings, folder / dataset.sequence, advance)
-            sequence = RankedSequence(dataset, settings, methods, velocities)
+            own = folder / dataset.sequence
+            sequence = RankedSequence(dataset, settings, methods, own, advance)
             parts.append(dict(each for metric in METRICS for each in metric(sequence)))
-            lights.append(velocities.photons_per_lux_s)
+            lights.append(sequence.photons_per_lux_s)
             examples = examples or [example_of(sequence)]
     blocks = group_blocks(parts, settings)
     ranking = Ranking(

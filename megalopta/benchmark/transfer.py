@@ -21,9 +21,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.polynomial import Polynomial
 
+from megalopta.benchmark.block_truths import RANGES
 from megalopta.benchmark.ranking import Ranking, RankingRow
 from megalopta.benchmark.ranking_settings import Pooling
-from megalopta.benchmark.sequence_errors import ERROR, RANGES, STILL, TEXTURE
+from megalopta.benchmark.sequence_errors import ERROR, STILL, TEXTURE
 from megalopta.benchmark.table import Case, Interval, bootstrap
 from megalopta.core.arrays import Floats
 

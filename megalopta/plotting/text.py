@@ -2,7 +2,7 @@
 
 import math
 
-from megalopta.config.model import LightLevel
+from megalopta.config.model import Configuration, LightLevel
 from megalopta.flow.metrics.photon_threshold import format_flux
 from megalopta.scenes.lighting.levels import illuminance_of
 
@@ -70,6 +70,18 @@ def level_title(level: LightLevel) -> str:
     """Name and illuminance of a light level: "full moon, 0.25 lux"."""
     illuminance = f", {lux(illuminance_of(level))}" if isinstance(level, str) else ""
     return f"{level_name(level)}{illuminance}"
+
+
+def title(configuration: Configuration) -> str:
+    """Return the name of the sequence and its light levels."""
+    name = configuration.name.replace("_", " ").replace("-", " ")
+    if not configuration.scene.has_truth:
+        return f"{name[0].upper()}{name[1:]}, as photons"
+    levels = sorted(configuration.light_levels, key=illuminance_of, reverse=True)
+    light = f"at {level_title(levels[0])}"
+    if len(levels) > 1:
+        light = f"from {level_name(levels[0])} to {level_name(levels[-1])}"
+    return f"{name[0].upper()}{name[1:]}, {light}"
 
 
 def lux(illuminance_lux: float) -> str:

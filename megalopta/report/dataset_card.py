@@ -5,7 +5,6 @@ import re
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -33,14 +32,9 @@ from megalopta.plotting.sections import Section, block, captioned, image, write_
 from megalopta.plotting.style import BLUE, house_style
 from megalopta.plotting.text import level_name, number
 from megalopta.report.film import gif_uri
-from megalopta.report.images import fastest_of, write_sheet
-from megalopta.report.seen import Panel, flow_panel, readings_panel
-from megalopta.report.seen_sequence import (
-    depth_panel,
-    exposure_readings,
-    light_panel,
-    motion_of,
-)
+from megalopta.report.images import write_sheet
+from megalopta.report.seen import Panel
+from megalopta.report.seen_sequence import ShownSequence
 from megalopta.stages.limits import size
 
 SHOWN = 24
@@ -88,14 +82,13 @@ def _section(sequence: Sequence) -> Section:
 
 def _panels(sequence: Sequence) -> Iterator[Panel]:
     """Yield panels of the first frames of a sequence."""
-    frames = _first_frames(sequence)
-    yield light_panel(sequence, frames, 1)
-    readings = readings_panel(exposure_readings(sequence), frames, 1)
+    shown, settings = ShownSequence(sequence, _first_frames(sequence), 1), sequence.configuration
+    yield shown.light
+    readings = shown.readings(*settings.exposures[0])
     yield replace(readings, caption=f"{sequence.exposures[0]}: {readings.caption}")
-    flow = partial(motion_of, sequence, step=1)
-    yield flow_panel("flow", flow, fastest_of(map(flow, frames)))
-    if sequence.configuration.scene.has_truth:
-        yield depth_panel(sequence, frames, 1)
+    yield shown.motion("flow")
+    if settings.scene.has_truth:
+        yield shown.depth
 
 
 def _first_frames(sequence: Sequence) -> range:

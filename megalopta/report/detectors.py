@@ -292,7 +292,7 @@ def _true_blocks(report: Report) -> Markup:
     detector = next((each for each in detectors if isinstance(each, BlockDetector)), None)
     if detector is None:
         return Markup("")
-    motion = report.motions[report.selection.frames.index(report.frame)]
+    motion = report.shown.motions[report.frame]
     grid = detector.grid(report.settings.camera.shape)
     flow = block_flow(motion.flow[np.newaxis], grid, motion.hidden[np.newaxis])[0]
     source = data_uri(Image.fromarray(flow_to_rgb(flow, report.fastest)))
@@ -330,7 +330,7 @@ def _pair(report: Report, sensor: ImageSensor, level: LightLevel, method: Detect
         smallest, nothing, legend = _PALE * report.fastest, "no motion found", Markup("")
     else:
         scale = _response_scale(answers[0])
-        images = [scale.picture(report.selection.pixels(each)) for each in answers]
+        images = [scale.picture(report.shown.pixels(each)) for each in answers]
         smallest, nothing = 0.0, "no response"
         legend = scale.legend(number(scale.low), number(scale.high))
     kinds = "noise-free", f"from {sensor.unit}"
@@ -382,11 +382,11 @@ def _forms(report: Report, sensor: ImageSensor, level: LightLevel) -> Markup:
         "corrected": open_corrected(report.dataset, sensor, level),
         "perfect": opened["photons"],
     }
-    full = report.selection.pixels(opened["saturated"][[frame]][0])
+    full = report.shown.pixels(opened["saturated"][[frame]][0])
     shown = []
     for name, frames in forms.items():
         if frames is not None:
-            pixels = report.selection.pixels(frames[[frame]][0].astype(np.float64))
+            pixels = report.shown.pixels(frames[[frame]][0].astype(np.float64))
             white = max(float(np.percentile(pixels, _BRIGHT_PERCENTILE)), 1e-12)
             drawn = gray_scale(white).picture(pixels, full if name == "raw" else None)
             alt = f"Frame of {sensor.name} at {level_name(level)}, {name}"

@@ -10,7 +10,7 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from markupsafe import Markup
@@ -229,16 +229,11 @@ def fastest_of(flows: Iterable[NDArray[np.floating]]) -> float:
     return float(f"{max(fastest, _SLOWEST):.1e}")
 
 
-@dataclass(frozen=True)
-class Selection:
+class Selection(NamedTuple):
     """Frames shown, by number from 0, and step of the pixels shown."""
 
     frames: tuple[int, ...]
     step: int
-
-    def pixels(self, images: NDArray[Any]) -> NDArray[Any]:
-        """Return the shown pixels of images (..., H, W)."""
-        return images[..., :: self.step, :: self.step]
 
 
 def selection(
@@ -250,7 +245,7 @@ def selection(
     return Selection(evenly_spaced(frames, max(min(most_frames, fitting), 1)), step)
 
 
-def evenly_spaced(frames: range, most: int) -> tuple[int, ...]:
+def evenly_spaced(frames: Sequence[int], most: int) -> tuple[int, ...]:
     """Return at most `most` of the frames, evenly spaced, starting with the first."""
     count = min(len(frames), most)
     return tuple(frames[index * len(frames) // count] for index in range(count))

@@ -1,6 +1,5 @@
 """Section "From light to counts": sensors, photon budget, and counts as pictures."""
 
-import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import cycle
@@ -30,15 +29,13 @@ from megalopta.plotting.svg import (
     to_svg,
     verbatim,
 )
-from megalopta.plotting.text import level_name, level_title, number, percent, short
-from megalopta.report.images import film, gray_scale
+from megalopta.plotting.text import level_title, number, percent
+from megalopta.report.images import film
 from megalopta.report.source import Budget, Report, absent, by_sensor
 from megalopta.sensor import CtiaSensor, ImageSensor
 from megalopta.sensor.spad.counters import LARGEST_CAPACITY
 from megalopta.sensor.spad.model import active_effects
 
-_WHITE_PERCENTILE = 90.0
-"""As in the preview of the radiance: the brightest tenth may be pure white."""
 _GUIDE = (
     "In one exposure per frame, a pixel counts single photons or integrates their electrons. A "
     "reading with mean N scatters by about √N; an integrating pixel adds dark current, reset and "
@@ -82,7 +79,7 @@ def light_section(report: Report) -> Section:
     chart = signal_chart(shown, [sensor.name for sensor in sensors])
     body = Markup("\n").join(
         [
-            *(_card(sensor, shown) for sensor in sensors),
+            *(_card(report, sensor) for sensor in sensors),
             paragraph(_COLUMNS, "note"),
             block(
                 "card pair",
@@ -108,15 +105,15 @@ def _shutter(settings: Configuration) -> str:
     )
 
 
-def _card(sensor: ImageSensor, exposures: Sequence[Budget]) -> Markup:
-    shown = by_sensor(exposures)[sensor.name]
-    films = [film(None, "radiance", "The scene's light, tone-mapped"), *map(counts_film, shown)]
+def _card(report: Report, sensor: ImageSensor) -> Markup:
+    shown = by_sensor(report.exposures)[sensor.name]
+    films = (counts_film(report, each) for each in shown)
     about = " · ".join(f"{name} {value}" for name, value in properties(sensor))
     return card(
         sensor.name,
         paragraph(f"{about}.", "note"),
         _effects(sensor),
-        block("strip", *films),
+        block("strip", film(None, "radiance", "The scene's light, tone-mapped"), *films),
         table(f"Photon budget of {sensor.name}", *budget_table(sensor, shown)),
     )
 
@@ -175,16 +172,10 @@ def budget_table(
     return list(columns), list(zip(*columns.values(), strict=True))
 
 
-def counts_film(exposure: Budget) -> Markup:
+def counts_film(report: Report, exposure: Budget) -> Markup:
     """Return the readings of an exposure as a film, with their scale."""
-    level, sensor = exposure.level, exposure.sensor
-    counts, full = exposure.counts.astype(np.float64), exposure.saturated
-    white = max(math.ceil(np.percentile(counts, _WHITE_PERCENTILE)), 1)
-    scale = gray_scale(white)
-    legend = scale.legend("0", f"≥ {short(white)} {sensor.unit}", "saturated" if full.any() else "")
-    name = level_name(level)
-    alt = f"{sensor.unit.capitalize()} of {sensor.name} at {name}"
-    return film([*map(scale.picture, counts, full)], name, alt, legend)
+    panel = report.shown.readings(exposure.sensor, exposure.level)
+    return report.shown.film(panel, panel.level)
 
 
 @in_style

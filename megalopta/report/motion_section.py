@@ -4,7 +4,6 @@ import numpy as np
 from markupsafe import Markup
 from numpy.typing import NDArray
 
-from megalopta.flow.color_wheel import flow_to_rgb
 from megalopta.plotting.sections import Section, block, card, paragraph
 from megalopta.plotting.style import BLACK, BLUE
 from megalopta.plotting.svg import CHART_PT, in_style, new_axes, to_svg
@@ -34,7 +33,8 @@ def motion_section(report: Report) -> Section:
     if not report.has_truth:
         return _stand_in(report)
     hidden = np.mean([truth.occluded_forward.mean() for truth in report.truths])
-    films = (flow_film(report), _depth(report), _hidden(report), _purity(report), _objects(report))
+    depth = report.shown.film(report.shown.depth)
+    films = (flow_film(report), depth, _hidden(report), _purity(report), _objects(report))
     guide = paragraph(_GUIDE.format(report.settings.camera.depth_meaning), "note")
     chart = card("Image speed", speed_chart(report.speed, report.median_speed))
     return Section(
@@ -66,54 +66,35 @@ def _stand_in(report: Report) -> Section:
 def mixed_share(report: Report) -> str:
     """Return the share of mixed pixels, as defined by the flow stage."""
     least = report.settings.flow.least_purity
-    shares = [(motion.purity < least).mean() for motion in report.motions]
+    shares = [(motion.purity < least).mean() for motion in report.shown.motions.values()]
     return percent(float(np.mean(shares)))
 
 
 def flow_film(report: Report) -> Markup:
     """Return the reference motion as a film."""
-    step = report.selection.step
-    images = [
-        rgb_picture(flow_to_rgb(motion.flow[::step, ::step], report.fastest))
-        for motion in report.motions
-    ]
-    what = report.motion_name
-    return film(images, what, f"{what.capitalize()} to the next frame, colors as on the wheel")
-
-
-def _depth(report: Report) -> Markup:
-    depth = report.selection.pixels(np.stack([truth.depth for truth in report.truths]))
-    depth = np.where(np.isfinite(depth), depth, np.nan)
-    near, far = 1.0, 10.0
-    if not np.isnan(depth).all():
-        near, far = (float(each) for each in np.nanpercentile(depth, (0.5, 99.5)))
-        far = max(far, 1.01 * near)
-    scale = map_scale("viridis_r", near, far, logarithmic=True)
-    legend = scale.legend(f"{near:.2g}", f"{far:.2g} m", "sky" if np.isnan(depth).any() else "")
-    return film([scale.picture(each) for each in depth], "depth", "Depth of the scene", legend)
+    return report.shown.film(report.shown.motion(report.motion_name))
 
 
 def _hidden(report: Report) -> Markup:
     """Return the scene in dim gray, with the pixels to be occluded in orange."""
-    step, images = report.selection.step, []
-    for preview, truth in zip(report.previews, report.truths, strict=True):
-        gray = preview[::step, ::step].mean(axis=-1) * _BACKDROP_GRAY
+    images = []
+    for frame, truth in zip(report.shown.frames, report.truths, strict=True):
+        gray = np.asarray(report.shown.light.picture(frame)).mean(axis=-1) * _BACKDROP_GRAY
         picture = np.repeat(gray[..., np.newaxis], 3, axis=-1).astype(np.uint8)
-        picture[truth.occluded_forward[::step, ::step]] = ORANGE
+        picture[report.shown.pixels(truth.occluded_forward)] = ORANGE
         images.append(rgb_picture(picture))
     return film(images, "occluded in the next frame", "Occluded pixels in orange")
 
 
 def _purity(report: Report) -> Markup:
-    purity = report.selection.pixels(np.stack([truth.footprint.purity for truth in report.truths]))
     scale = map_scale("viridis", 0.0, 1.0)
     caption = "Share of each pixel filled by the object at its center"
-    return film([scale.picture(each) for each in purity], "purity", caption, scale.legend("0", "1"))
+    shares = (report.shown.pixels(truth.footprint.purity) for truth in report.truths)
+    return film([*map(scale.picture, shares)], "purity", caption, scale.legend("0", "1"))
 
 
 def _objects(report: Report) -> Markup:
-    step = report.selection.step
-    images = [id_picture(truth.object_id[::step, ::step]) for truth in report.truths]
+    images = [id_picture(report.shown.pixels(each.object_id)) for each in report.truths]
     return film(images, "objects", "Each object in its own color, the sky dark")
 
 

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 from markupsafe import Markup
-from PIL import Image
 
 from megalopta.benchmark.ranking_page import ATLAS, atlas, best_methods, order_changes
 from megalopta.benchmark.ranking_run import FOLDER, read_ranking
@@ -16,7 +15,6 @@ from megalopta.config.yaml_model import to_yaml
 from megalopta.core.files import write_text
 from megalopta.dataset.flow_record import FlowRecord
 from megalopta.dataset.store import Dataset
-from megalopta.flow.color_wheel import flow_to_rgb
 from megalopta.generation import versions
 from megalopta.plotting.sections import (
     Section,
@@ -28,12 +26,19 @@ from megalopta.plotting.sections import (
     paragraph,
     table,
 )
-from megalopta.plotting.text import UNDEFINED, level_name, level_title, number, percent, time_text
+from megalopta.plotting.text import (
+    UNDEFINED,
+    level_name,
+    level_title,
+    number,
+    percent,
+    time_text,
+    title,
+)
 from megalopta.report.detectors import ACCURATE, detector_section
 from megalopta.report.images import film, with_ends
 from megalopta.report.light_section import counts_film, light_section
 from megalopta.report.motion_section import flow_film, motion_section
-from megalopta.report.seen_sequence import best_flow
 from megalopta.report.source import (
     Budget,
     Record,
@@ -41,7 +46,6 @@ from megalopta.report.source import (
     by_sensor,
     rendering,
     rendering_errors,
-    title,
 )
 from megalopta.report.thresholds import threshold_section
 from megalopta.scenes import Light, Pictures
@@ -308,7 +312,7 @@ def page(dataset: Dataset) -> str:
     """Return the report as HTML."""
     report = Report(dataset)
     sections = (make(report) for make in SECTIONS)
-    settings, shown = report.settings, report.selection
+    settings, shown = report.settings, report.shown
     return page_of(
         title(settings),
         lead(settings, report.scene),
@@ -364,25 +368,21 @@ _MOST_LEVELS = 4
 
 
 def strip(report: Report, sensor: str) -> Markup:
-    """Return the strip of one sensor; nothing without readings."""
+    """Return the strip of one sensor; nothing without readings.
+
+    It has its light levels, and the flow of the best method in the brightest if one ran.
+    """
     own = by_sensor(report.exposures).get(sensor, [])
     if not own:
         return Markup("")
     brightest_first = sorted(own, key=lambda each: -each.illuminance_lux)
-    films = [
+    brightest = brightest_first[0]
+    found = report.shown.found_flow(brightest.sensor, brightest.level)
+    flow = found and report.shown.film(found, f"{found.name} at {found.level}")
+    return block(
+        "strip",
         film(None, "light", "The scene's light, tone-mapped"),
-        *map(counts_film, with_ends(brightest_first, _MOST_LEVELS)),
-    ]
-    return block("strip", *films, *_found(report, brightest_first[0]), flow_film(report))
-
-
-def _found(report: Report, budget: Budget) -> list[Markup]:
-    """Return the flow of the best method on the brightest readings; nothing if none ran."""
-    shown, level = report.selection, budget.level
-    found = best_flow(report.dataset, report.flow, budget.sensor, level, shown.step)
-    if found is None:
-        return []
-    method, flow = found
-    images = [Image.fromarray(flow_to_rgb(flow(each), report.fastest)) for each in shown.frames]
-    name = f"{method} at {level_name(level)}"
-    return [film(images, name, f"Flow by {name}, colors as on the wheel")]
+        *(counts_film(report, each) for each in with_ends(brightest_first, _MOST_LEVELS)),
+        flow or Markup(""),
+        flow_film(report),
+    )

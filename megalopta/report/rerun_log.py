@@ -57,27 +57,22 @@ def write_rrd(path: Path, found: Seen) -> Path:
 
 def _entities(rerun: Any, found: Seen, frame: int) -> Iterator[tuple[Place, Any]]:
     """Yield the entities of a frame with their places."""
-    for place, panel in _pictures(found):
-        yield place, _image(rerun, panel.picture(frame))
+    for panel in found.panels:
+        yield _place(panel), _image(rerun, panel.picture(frame))
     if found.sequence:
         pose = found.sequence.poses[frame]
         yield _CAMERA, rerun.Transform3D(translation=pose[:3, 3], mat3x3=pose[:3, :3])
         yield from _pinhole(rerun, found.sequence, found.step)
-        if found.light and found.sequence.configuration.scene.has_truth:
-            light = np.asarray(found.light.picture(frame).convert("RGB"))
+        if found.sequence.configuration.scene.has_truth:
+            (panel,) = found.of("light")
+            light = np.asarray(panel.picture(frame).convert("RGB"))
             yield [*_WORLD, "points"], _points(rerun, found.sequence, frame, found.step, light)
 
 
-def _pictures(found: Seen) -> Iterator[tuple[Place, Panel]]:
-    if found.light:
-        yield [*_CAMERA, "light"], found.light
-    for each in found.exposed:
-        of = ["_".join(part.split()) for part in (each.sensor, each.level) if part]
-        yield ["readings", *of], each.readings
-        if each.flow:
-            yield ["found_flow", *of], each.flow
-    if found.motion:
-        yield ["_".join(found.motion.name.split())], found.motion
+def _place(panel: Panel) -> Place:
+    first = {"light": [*_CAMERA, "light"], "readings": ["readings"], "flow": ["found_flow"]}
+    names = *first.get(panel.kind, [panel.name]), panel.sensor, panel.level
+    return ["_".join(name.split()) for name in names if name]
 
 
 def _image(rerun: Any, picture: Image.Image) -> Any:

@@ -5,11 +5,11 @@ omitted.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence as Listed
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from markupsafe import Markup
@@ -19,7 +19,7 @@ from PIL import Image
 from megalopta.core.arrays import Floats
 from megalopta.flow.color_wheel import flow_to_rgb
 from megalopta.plotting.text import number, short
-from megalopta.report.images import ColorScale, evenly_spaced, gray_scale, rgb_picture
+from megalopta.report.images import ColorScale, evenly_spaced, film, gray_scale, rgb_picture
 from megalopta.report.readings import ShownReadings, Treatment, readings_of
 from megalopta.sensor.formats.reading import FrameKind
 
@@ -30,7 +30,8 @@ MOST_FRAMES = 80
 """Of a page"""
 SAMPLED = 8
 """Frames, spread evenly, that scales of colors are taken from"""
-_WHITE_PERCENTILE = 99.0
+WHITE_PERCENTILE = 99.0
+"""Percentile of readings above which all are white"""
 _GAMMA = 2.2
 kept = lru_cache(maxsize=MOST_FRAMES)
 """Page and film draw the same pictures once, where there are no more."""
@@ -40,6 +41,8 @@ kept = lru_cache(maxsize=MOST_FRAMES)
 class Panel:
     """Pictures of one quantity, drawn when they are asked for."""
 
+    kind: Literal["light", "readings", "flow", "motion", "depth"]
+    """Flow is estimated from readings; motion is the true one, or its stand-in."""
     name: str
     caption: str
     """Meaning of its colors"""
@@ -48,12 +51,20 @@ class Panel:
     legend: Markup = field(default=Markup(""))
     note: str = ""
     """Note on a special color, for a film, which has no legend"""
+    sensor: str = ""
+    level: str = ""
+    """Sensor and light level of readings, and of the flow from them; empty of a file"""
 
 
-def readings_panel(readings: ShownReadings, frames: range, step: int) -> Panel:
+def readings_panel(
+    readings: ShownReadings,
+    frames: Listed[int],
+    step: int,
+    white_percentile: float = WHITE_PERCENTILE,
+) -> Panel:
     """Return readings as grays, saturated pixels in orange; some of the frames give the white."""
     sampled = [readings.frame(each) for each in evenly_spaced(frames, SAMPLED)]
-    bright = np.percentile(np.stack([values for values, _ in sampled]), _WHITE_PERCENTILE)
+    bright = np.percentile(np.stack([values for values, _ in sampled]), white_percentile)
     white = max(float(bright), 1e-6 if readings.treatment.is_inverted else 1.0)
     scale = gray_scale(white)
 
@@ -65,6 +76,7 @@ def readings_panel(readings: ShownReadings, frames: range, step: int) -> Panel:
     is_full = any(full.any() for _, full in sampled)
     unit = "detections" if readings.treatment.is_inverted else readings.unit
     return Panel(
+        "readings",
         unit,
         f"black 0, white {number(white)} {unit}",
         kept(picture),
@@ -73,10 +85,23 @@ def readings_panel(readings: ShownReadings, frames: range, step: int) -> Panel:
     )
 
 
-def flow_panel(name: str, flow: Callable[[int], NDArray[np.floating]], fastest: float) -> Panel:
+def flow_panel(
+    kind: Literal["flow", "motion"],
+    name: str,
+    flow: Callable[[int], NDArray[np.floating]],
+    fastest: float,
+) -> Panel:
     """Return flow (h, w, 2) of frames as colors; the speed `fastest` has the full one."""
     caption = f"hue is direction (red to the right), full color {number(fastest)} px per frame"
-    return Panel(name, caption, kept(lambda frame: rgb_picture(flow_to_rgb(flow(frame), fastest))))
+    picture = kept(lambda frame: rgb_picture(flow_to_rgb(flow(frame), fastest)))
+    return Panel(kind, name, caption, picture)
+
+
+def film_of(panel: Panel, frames: Iterable[int], title: str = "") -> Markup:
+    """Return frames of a panel as a film of a page; by default its title is the panel's name."""
+    pictures = [panel.picture(each) for each in frames]
+    what = f"{panel.name}, {panel.sensor}, {panel.level}" if title else panel.name
+    return film(pictures, title or panel.name, f"{what}: {panel.caption}", panel.legend)
 
 
 def _colored(values: Floats, scale: ColorScale) -> Image.Image:
@@ -85,16 +110,6 @@ def _colored(values: Floats, scale: ColorScale) -> Image.Image:
 
 
 LONGEST_SIDE_PX = 320
-
-
-@dataclass(frozen=True, eq=False)
-class Exposed:
-    """Readings of one sensor at one light level, and the motion estimated from them."""
-
-    readings: Panel
-    flow: Panel | None = None
-    sensor: str = ""
-    level: str = ""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -111,14 +126,15 @@ class Seen:
     times_s: Floats | None
     """Start of each frame, if known"""
     treatment: Treatment
-    light: Panel | None = None
-    exposed: tuple[Exposed, ...] = ()
-    """The darkest light of a sensor first"""
-    motion: Panel | None = None
-    """The true motion, or its stand-in"""
+    panels: tuple[Panel, ...]
+    """By kind: light, readings, flow, motion; the darkest light of a sensor first"""
     rim: float | None = None
     """Speed of the full color, px per frame, if there is flow"""
     sequence: "Sequence | None" = None
+
+    def of(self, *kinds: str) -> list[Panel]:
+        """Return the panels of these kinds."""
+        return [each for each in self.panels if each.kind in kinds]
 
     @property
     def rate_hz(self) -> float | None:
@@ -147,7 +163,7 @@ def seen_readings(thing: Path, treatment: Treatment, kind: FrameKind | None = No
         step=step,
         times_s=readings.times_s,
         treatment=treatment,
-        exposed=(Exposed(readings_panel(readings, frames, step)),),
+        panels=(readings_panel(readings, frames, step),),
     )
 
 

@@ -1,47 +1,57 @@
-"""View of a dataset of one sequence: panels of its light, readings, motion and depth."""
+"""Panels of a sequence of a dataset: its light, readings, motion and depth; and the view of one."""
 
-from collections.abc import Callable, Iterable, Iterator
-from functools import partial
+from collections.abc import Callable, Iterable, Iterator, Sequence as Listed
+from dataclasses import replace
+from functools import cached_property
+from itertools import product
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any, TypeVar
 
 import numpy as np
 from markupsafe import Markup
 from numpy.typing import NDArray
 from PIL import Image
+from pydantic import TypeAdapter
+from pydantic_core import from_json
 
-from megalopta.config.model import LightLevel
+from megalopta.config.model import LightLevel, level_text
+from megalopta.core import bounded
 from megalopta.core.arrays import Floats
 from megalopta.core.bounded import undamaged
+from megalopta.core.errors import UserError
+from megalopta.core.progress import say
 from megalopta.dataset.flow_record import FlowRecord
 from megalopta.dataset.opened import open_dataset
 from megalopta.dataset.picture_light import clean_flow, light_of, photons_per_lux, resized
 from megalopta.dataset.sequence import Sequence
-from megalopta.dataset.store import Dataset, exposure_name
+from megalopta.dataset.store import exposure_name
 from megalopta.flow.detectors.blocks import BlockGrid
 from megalopta.flow.detectors.registry import METHODS, velocity_method
 from megalopta.flow.formats import read_flo
-from megalopta.plotting.text import level_name, number
+from megalopta.plotting.text import level_name, number, title
 from megalopta.report.images import evenly_spaced, fastest_of, map_scale, rgb_picture
 from megalopta.report.readings import ShownReadings, Treatment
 from megalopta.report.seen import (
     SAMPLED,
-    Exposed,
+    WHITE_PERCENTILE,
     Panel,
     Seen,
+    film_of,
     flow_panel,
     kept,
     readings_panel,
     step_of,
 )
-from megalopta.report.source import finished_stages, read_records, title
 from megalopta.scenes import Pictures, ToneCurve
 from megalopta.scenes.lighting.levels import illuminance_of
 from megalopta.scenes.spectra.color import encode_srgb, linear_srgb
 from megalopta.sensor import ImageSensor, StoredFrames
 from megalopta.stages.flow import responses_path
 from megalopta.stages.ledger import Ledger
+from megalopta.stages.registry import STAGES
 
+_Read = TypeVar("_Read")
+_FLOW = TypeAdapter(list[FlowRecord])
 _CAVEAT = " Their true motion is unknown; the flow of the clean pictures is a stand-in for it."
 
 
@@ -51,128 +61,201 @@ def seen_sequence(root: Path, treatment: Treatment) -> Seen:
     Raises UserError if it is damaged, not rendered yet, or does not allow the treatment.
     """
     sequence = open_dataset(root)[0]
-    name, caveat = "flow of the clean pictures", _CAVEAT
     if sequence.configuration.scene.has_truth:
         Ledger(sequence.dataset).require("render")
-        name, caveat = "true flow", ""
     # the last frame has no next frame, and so no motion
     end = min(len(sequence) - 1, len(sequence) - treatment.summed + 1)
-    (height, width), step = sequence.shape, step_of(sequence.shape)
-    frames = range(0, max(end, 1), treatment.summed)
-    motion = partial(motion_of, sequence, step=step)
-    rim = fastest_of(map(motion, evenly_spaced(frames, SAMPLED))) if len(sequence) > 1 else None
+    frames, (height, width) = range(0, max(end, 1), treatment.summed), sequence.shape
+    shown = ShownSequence(sequence, frames, step_of(sequence.shape), treatment)
+    caveat = "" if sequence.configuration.scene.has_truth else _CAVEAT
     return Seen(
         title=title(sequence.configuration),
         summary=f"{len(sequence)} frames of {width} × {height} pixels.{caveat}",
         shape=sequence.shape,
         frames=frames,
-        step=step,
+        step=shown.step,
         times_s=sequence.times_s,
         treatment=treatment,
-        light=light_panel(sequence, frames, step),
-        exposed=tuple(_exposures(sequence, treatment, frames, rim)),
-        motion=flow_panel(name, motion, rim) if rim else None,
-        rim=rim,
+        panels=tuple(_panels(shown)),
+        rim=shown.rim,
         sequence=sequence,
     )
 
 
-def _exposures(
-    sequence: Sequence, treatment: Treatment, frames: range, rim: float | None
-) -> Iterator[Exposed]:
-    """Yield readings of all sensors, the darkest light first, with the best flow from them."""
-    dataset, finished = sequence.dataset, finished_stages(Ledger(sequence.dataset))
-    pairs = sequence.configuration.exposures if "sense" in finished else ()
-    records = read_records(dataset) if "flow" in finished else []
-    step = step_of(sequence.shape)
-    for sensor, level in sorted(pairs, key=lambda pair: illuminance_of(pair[1])):
-        readings = exposure_readings(sequence, exposure_name(sensor, level), sensor)
-        drawn = readings_panel(readings.treated(treatment), frames, step)
-        found = best_flow(dataset, records, sensor, level, step)
-        flow = flow_panel(f"flow by {found[0]}", found[1], rim) if found and rim else None
-        yield Exposed(drawn, flow, sensor.name, _level(sequence, level))
+def _panels(shown: "ShownSequence") -> Iterator[Panel]:
+    """Yield the panels of all finished stages, the darkest light of a sensor first."""
+    settings = shown.sequence.configuration
+    exposures = settings.exposures if "sense" in shown.finished else ()
+    pairs = sorted(exposures, key=lambda pair: illuminance_of(pair[1]))
+    name = "true flow" if settings.scene.has_truth else "flow of the clean pictures"
+    yield shown.light
+    yield from (shown.readings(*pair) for pair in pairs)
+    yield from filter(None, (shown.found_flow(*pair) for pair in pairs))
+    if shown.rim:
+        yield shown.motion(name)
 
 
-def _level(sequence: Sequence, level: LightLevel) -> str:
-    """Return the name of a level; for pictures, with the photons of the first sensor."""
-    settings = sequence.configuration
-    if not isinstance(settings.scene, Pictures):
-        return level_name(level)
-    mean, bands = sequence.dataset.read_scene_record()["pictures"]["mean"], settings.render.bands_nm
-    sensor = settings.sensors[0]
-    per_lux = photons_per_lux(settings.scene, settings.light, bands, sensor, mean)
-    return f"{level_name(level)}, {number(per_lux * illuminance_of(level))} photons"
+class ShownSequence:
+    """Finished stages of a sequence, and panels of some frames, every `step`-th pixel of a line.
 
-
-FlowOf: TypeAlias = Callable[[int], NDArray[Any]]
-"""Flow (h, w, 2) of a frame, px"""
-
-
-def light_panel(sequence: Sequence, frames: range, step: int) -> Panel:
-    """Return the light that sensors see, every `step`-th pixel of a line.
-
-    Some of the frames set the exposure.
+    Eight of the frames set the scales of colors. Raises UserError on use of what is damaged.
     """
-    settings, bands = sequence.configuration, sequence.bands_nm
-    white = settings.scene.white(settings.light)
 
-    def linear(frame: int) -> Floats:
-        return linear_srgb(sequence.radiance[frame][::step, ::step], bands, white)
+    white_percentile = WHITE_PERCENTILE
 
-    curve = ToneCurve.of(map(linear, evenly_spaced(frames, SAMPLED)))
-    caption = "as the eye would see it in bright light"
+    def __init__(
+        self,
+        sequence: Sequence,
+        frames: Listed[int],
+        step: int,
+        treatment: Treatment | None = None,
+    ) -> None:
+        self.sequence, self.frames, self.step = sequence, frames, step
+        self._treatment, self._sampled = treatment or Treatment(), evenly_spaced(frames, SAMPLED)
 
-    def picture(frame: int) -> Image.Image:
-        return rgb_picture(encode_srgb(curve(linear(frame))))
+    @cached_property
+    def finished(self) -> list[str]:
+        """Finished stages; unfinished output, which is not shown, is reported."""
+        ledger = Ledger(self.sequence.dataset)
+        finished = ledger.finished()
+        for stage in STAGES:
+            if stage not in finished and ledger.has(stage):
+                what = f"{ledger.dataset.home}: stage {stage!r}"
+                say(f"{what} is not finished with this configuration, and not shown")
+        return finished
 
-    return Panel("light", caption, kept(picture), Markup(f", {caption}"))
+    @cached_property
+    def records(self) -> list[FlowRecord]:
+        """Errors of every method on every exposure, in the dataset's order; none without flow.
+
+        Raises UserError if flow.json is damaged or incomplete.
+        """
+        if "flow" not in self.finished:
+            return []
+        dataset, settings = self.sequence.dataset, self.sequence.configuration
+        path, remedy = dataset.result("flow.json"), f"run: megalopta flow {dataset.root} --redo"
+        found = checked_json(path, _FLOW.validate_python, remedy)
+        records = {(each.sensor, each.level, each.method): each for each in found}
+        expected = list(product(settings.sensors, settings.light_levels, settings.methods))
+        for sensor, level, method in expected:
+            own = records.get((sensor.name, level, method))
+            if not own or (METHODS[method].gives == "velocity" and not own.truth):
+                raise UserError(
+                    f"{path} lacks the errors of {method} on {sensor.name} at {level_text(level)}; "
+                    f"{remedy}"
+                )
+        return [records[sensor.name, level, method] for sensor, level, method in expected]
+
+    @cached_property
+    def rim(self) -> float | None:
+        """Speed of the full color, px per frame; None without a second frame."""
+        has_motion = len(self.sequence) > 1
+        return fastest_of(map(self.motion_of, self._sampled)) if has_motion else None
+
+    @cached_property
+    def light(self) -> Panel:
+        """Light that sensors see."""
+        settings, bands = self.sequence.configuration, self.sequence.bands_nm
+        white = settings.scene.white(settings.light)
+
+        def linear(frame: int) -> Floats:
+            return linear_srgb(self.pixels(self.sequence.radiance[frame]), bands, white)
+
+        curve = ToneCurve.of(map(linear, self._sampled))
+        caption = "as the eye would see it in bright light"
+
+        def picture(frame: int) -> Image.Image:
+            return rgb_picture(encode_srgb(curve(linear(frame))))
+
+        return Panel("light", "light", caption, kept(picture), Markup(f", {caption}"))
+
+    def readings(self, sensor: ImageSensor, level: LightLevel) -> Panel:
+        """Return the readings of a sensor. Raises UserError if they cannot be treated as asked."""
+        name = exposure_name(sensor, level)
+        counts, full = (self.sequence.counts(name, each) for each in ("counts", "saturated"))
+        unit = counts.unit.split()[0]
+        found = ShownReadings(counts.shape, lambda part: (counts[part], full[part]), unit, sensor)
+        treated, white = found.treated(self._treatment), self.white_percentile
+        panel = readings_panel(treated, self.frames, self.step, white)
+        return replace(panel, sensor=sensor.name, level=self._level(level))
+
+    def found_flow(self, sensor: ImageSensor, level: LightLevel) -> Panel | None:
+        """Return the flow by the best method on an exposure; None if no velocity method ran."""
+        own = [each for each in self.records if (each.sensor, each.level) == (sensor.name, level)]
+        method = _best_method(own)
+        if method is None or self.rim is None:
+            return None
+        path = responses_path(self.sequence.dataset, sensor, level)
+        with undamaged(path, "run flow again"):
+            stored = StoredFrames.open(path, method)
+        grid = velocity_method(method).grid(self.sequence.shape)
+
+        def flow(frame: int) -> Floats:
+            return self.pixels(_found_flow(stored, grid, frame))
+
+        panel = flow_panel("flow", f"flow by {method}", flow, self.rim)
+        return replace(panel, sensor=sensor.name, level=self._level(level))
+
+    def motion(self, name: str) -> Panel:
+        """Return the motion to the next frame; of pictures, the flow of the clean ones."""
+        return flow_panel("motion", name, self.motion_of, self.rim or 0.0)
+
+    @property
+    def depth(self) -> Panel:
+        """Depth in logarithmic colors, the sky gray."""
+
+        def depth(frame: int) -> NDArray[np.floating]:
+            values = self.pixels(self.sequence.depth[frame]).astype(np.float64)
+            return np.where(np.isinf(values), np.nan, values)
+
+        seen = np.concatenate([depth(each).ravel() for each in self._sampled])
+        known = seen[~np.isnan(seen)]
+        near, far = np.percentile(known, [1, 99]).tolist() if known.size else (1.0, 2.0)
+        far = max(far, near * 1.01)
+        scale = map_scale("viridis_r", near, far, logarithmic=True)
+        caption = f"yellow {number(near)} m to violet {number(far)} m, the sky gray"
+        legend = scale.legend(number(near), f"{number(far)} m", "sky" * (known.size < seen.size))
+        return Panel("depth", "depth", caption, lambda frame: scale.picture(depth(frame)), legend)
+
+    def pixels(self, image: NDArray[Any]) -> NDArray[Any]:
+        """Return the shown pixels of an image (H, W, ...)."""
+        return image[:: self.step, :: self.step]
+
+    def film(self, panel: Panel, title: str = "") -> Markup:
+        """Return the frames of a panel as a film of a page (`film_of`)."""
+        return film_of(panel, self.frames, title)
+
+    def motion_of(self, frame: int) -> NDArray[np.floating]:
+        """Return the motion from a frame to the next (h, w, 2), px, NaN where undefined.
+
+        Of pictures, whose true motion is unknown, it is the flow between the noise-free pictures,
+        reduced by `step`.
+        """
+        sequence = self.sequence
+        if not sequence.configuration.scene.has_truth:
+            frames, (rows, columns) = light_of(sequence.dataset).frames, sequence.shape
+            small = -(-rows // self.step), -(-columns // self.step)
+            first, second = (resized(frames.at(each), small) for each in (frame, frame + 1))
+            return self.step * clean_flow(first, second)
+        path = sequence.dataset.frame("training/flow", frame, "flo")
+        with undamaged(path, "regenerate the sequence"):
+            return self.pixels(read_flo(path))
+
+    def _level(self, level: LightLevel) -> str:
+        """Return the name of a level; for pictures, with the photons of the first sensor."""
+        settings, name = self.sequence.configuration, level_name(level)
+        if not isinstance(settings.scene, Pictures):
+            return name
+        mean = self.sequence.dataset.read_scene_record()["pictures"]["mean"]
+        bands, sensor = settings.render.bands_nm, settings.sensors[0]
+        per_lux = photons_per_lux(settings.scene, settings.light, bands, sensor, mean)
+        return f"{name}, {number(per_lux * illuminance_of(level))} photons"
 
 
-def exposure_readings(
-    sequence: Sequence, exposure: str | None = None, sensor: ImageSensor | None = None
-) -> ShownReadings:
-    """Return readings of an exposure of a sequence, by default the first."""
-    counts, full = (sequence.counts(exposure, each) for each in ("counts", "saturated"))
-    unit = counts.unit.split()[0]
-    return ShownReadings(counts.shape, lambda part: (counts[part], full[part]), unit, sensor)
-
-
-def motion_of(sequence: Sequence, frame: int, step: int) -> NDArray[np.floating]:
-    """Return the motion from a frame to the next, px, NaN where undefined.
-
-    (h, w, 2), of every `step`-th pixel of a line: the true motion; for pictures, whose true motion
-    is unknown, the flow between the noise-free pictures, reduced by `step`.
-    """
-    if not sequence.configuration.scene.has_truth:
-        frames, (rows, columns) = light_of(sequence.dataset).frames, sequence.shape
-        small = -(-rows // step), -(-columns // step)
-        first, second = (resized(frames.at(each), small) for each in (frame, frame + 1))
-        return step * clean_flow(first, second)
-    path = sequence.dataset.frame("training/flow", frame, "flo")
-    with undamaged(path, "regenerate the sequence"):
-        return read_flo(path)[::step, ::step]
-
-
-def best_flow(
-    dataset: Dataset,
-    records: Iterable[FlowRecord],
-    sensor: ImageSensor,
-    level: LightLevel,
-    step: int,
-) -> tuple[str, FlowOf] | None:
-    """Return the best method on an exposure and its flow, of every `step`-th pixel of a line.
-
-    None if no velocity method ran. Raises UserError if its responses cannot be read.
-    """
-    own = [each for each in records if (each.sensor, each.level) == (sensor.name, level)]
-    method = _best_method(own)
-    if method is None:
-        return None
-    path = responses_path(dataset, sensor, level)
-    with undamaged(path, "run flow again"):
-        stored = StoredFrames.open(path, method)
-    grid = velocity_method(method).grid(dataset.configuration.camera.shape)
-    return method, lambda frame: _found_flow(stored, grid, frame)[::step, ::step]
+def checked_json(path: Path, check: Callable[[Any], _Read], remedy: str) -> _Read:
+    """Return the content of a JSON file once it is checked. Raises UserError if it is damaged."""
+    with undamaged(path, remedy):
+        return check(from_json(bounded.read_bytes(path)))
 
 
 def _found_flow(found: StoredFrames, grid: BlockGrid, frame: int) -> Floats:
@@ -183,22 +266,6 @@ def _found_flow(found: StoredFrames, grid: BlockGrid, frame: int) -> Floats:
     bottom, right = grid.top + grid.rows * size, grid.left + grid.columns * size
     flow[grid.top : bottom, grid.left : right] = blocks.repeat(size, axis=0).repeat(size, axis=1)
     return flow
-
-
-def depth_panel(sequence: Sequence, frames: range, step: int) -> Panel:
-    """Return depth in logarithmic colors, the sky gray."""
-
-    def depth(frame: int) -> NDArray[np.floating]:
-        values = sequence.depth[frame][::step, ::step].astype(np.float64)
-        return np.where(np.isinf(values), np.nan, values)
-
-    known = np.concatenate([depth(each).ravel() for each in evenly_spaced(frames, SAMPLED)])
-    known = known[~np.isnan(known)]
-    near, far = np.percentile(known, [1, 99]).tolist() if known.size else (1.0, 2.0)
-    far = max(far, near * 1.01)
-    scale = map_scale("viridis_r", near, far, logarithmic=True)
-    caption = f"yellow {number(near)} m to violet {number(far)} m, the sky gray"
-    return Panel("depth", caption, lambda frame: scale.picture(depth(frame)))
 
 
 def _best_method(records: Iterable[FlowRecord]) -> str | None:

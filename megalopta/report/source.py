@@ -11,45 +11,37 @@ stored frames.
 """
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
 from functools import cached_property
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from markupsafe import Markup
 from numpy.typing import NDArray
-from pydantic import TypeAdapter
-from pydantic_core import from_json
 
 from megalopta.config.light_scale import light_scale
-from megalopta.config.model import Configuration, LightLevel, level_text
-from megalopta.core import bounded
-from megalopta.core.errors import UserError, refused_as
-from megalopta.core.progress import say
-from megalopta.dataset.flow_record import FlowRecord
+from megalopta.config.model import Configuration, LightLevel
+from megalopta.core.errors import refused_as
 from megalopta.dataset.frames import FrameMotion, read_motion, read_radiance_frame, read_truth_frame
+from megalopta.dataset.sequence import Sequence
 from megalopta.dataset.store import Dataset
 from megalopta.flow.benchmark.sequence import BenchmarkResult
 from megalopta.flow.detectors.registry import METHODS
 from megalopta.plotting.sections import paragraph
 from megalopta.plotting.style import GLYPHS, method_style
 from megalopta.plotting.svg import themed
-from megalopta.plotting.text import level_name, level_title, number, percent
+from megalopta.plotting.text import number, percent
 from megalopta.report.images import (
     PLAYBACK_HZ,
     Selection,
     data_uri,
-    fastest_of,
     film_strip,
     frame_label,
-    rgb_picture,
     selection,
 )
-from megalopta.scenes import ToneCurve, preview
+from megalopta.report.seen_sequence import ShownSequence, checked_json
 from megalopta.scenes.lighting.levels import illuminance_of
-from megalopta.scenes.spectra.color import linear_srgb
 from megalopta.sensor import ImageSensor, OpenedCounts, detected_photons, expectation
 from megalopta.stages.ledger import Ledger
 from megalopta.stages.noise_warning import variances
@@ -60,54 +52,6 @@ if TYPE_CHECKING:
     from megalopta.render import Truth
 
 Record = Mapping[str, Any]
-_Read = TypeVar("_Read")
-
-
-def title(configuration: Configuration) -> str:
-    """Return the name of the sequence and its light levels."""
-    name = configuration.name.replace("_", " ").replace("-", " ")
-    if not configuration.scene.has_truth:
-        return f"{name[0].upper()}{name[1:]}, as photons"
-    levels = sorted(configuration.light_levels, key=illuminance_of, reverse=True)
-    light = f"at {level_title(levels[0])}"
-    if len(levels) > 1:
-        light = f"from {level_name(levels[0])} to {level_name(levels[-1])}"
-    return f"{name[0].upper()}{name[1:]}, {light}"
-
-
-_FLOW = TypeAdapter(list[FlowRecord])
-
-
-def read_records(dataset: Dataset) -> list[FlowRecord]:
-    """Errors of every method on every sensor at every light level, in the dataset's order.
-
-    Raises UserError if flow.json is damaged or incomplete.
-    """
-    path, remedy = dataset.result("flow.json"), f"run: megalopta flow {dataset.root} --redo"
-    records = {
-        (each.sensor, each.level, each.method): each
-        for each in _read(path, _FLOW.validate_python, remedy)
-    }
-    settings = dataset.configuration
-    expected = [
-        (sensor.name, level, method)
-        for sensor in settings.sensors
-        for level in settings.light_levels
-        for method in settings.methods
-    ]
-    for key in expected:
-        found = records.get(key)
-        if not found or (METHODS[key[2]].gives == "velocity" and not found.truth):
-            sensor, level, method = key
-            raise UserError(
-                f"{path} lacks the errors of {method} on {sensor} at {level_text(level)}; {remedy}"
-            )
-    return [records[key] for key in expected]
-
-
-def _read(path: Path, check: Callable[[Any], _Read], remedy: str) -> _Read:
-    with bounded.undamaged(path, remedy):
-        return check(from_json(bounded.read_bytes(path)))
 
 
 _LONGEST_SIDE_PX = 160
@@ -153,9 +97,6 @@ class Budget:
     """Detected photons summed over the frame"""
     rendering_noise: float = math.nan
     """Rendering noise of a pixel over its shot noise (standard deviations); NaN if not measured"""
-    counts: NDArray[Any] = field(default_factory=lambda: np.zeros((0, 1, 1)))
-    saturated: NDArray[Any] = field(default_factory=lambda: np.zeros((0, 1, 1), np.bool_))
-    """(n, h, w): readings shown, and their saturated pixels"""
 
 
 def by_sensor(budgets: Iterable[Budget]) -> dict[str, list[Budget]]:
@@ -167,21 +108,18 @@ def by_sensor(budgets: Iterable[Budget]) -> dict[str, list[Budget]]:
 
 
 def exposed(report: "Report", sensor: ImageSensor, level: LightLevel) -> Budget:
-    """Return budget and pictures of a sensor at a level."""
+    """Return the budget of a sensor at a level."""
     opened, settings = open_exposure(report.dataset, sensor, level), report.settings
     scale, noise = light_scale(settings, level), report.scene.get("monte_carlo") or {}
     light = report.radiance * scale.astype(np.float32)
-    frames = list(report.selection.frames)
+    frames = list(report.shown.frames)
     with refused_as(f"sensor {opened.sensor.name!r}"):  # a measured map is missing
         budget = _budget(settings, light, opened, frames, level)
-    if "covariance" in noise:
-        rendering, shot, _ = variances(noise, settings, opened.sensor, scale)
-        relative = math.sqrt(max(rendering, 0.0) / shot) if shot else math.inf
-        budget = replace(budget, rendering_noise=relative)
-    counts, saturated = (
-        report.selection.pixels(opened[name][frames]) for name in ("counts", "saturated")
-    )
-    return replace(budget, counts=counts, saturated=saturated)
+    if "covariance" not in noise:
+        return budget
+    rendering, shot, _ = variances(noise, settings, opened.sensor, scale)
+    relative = math.sqrt(max(rendering, 0.0) / shot) if shot else math.inf
+    return replace(budget, rendering_noise=relative)
 
 
 def _budget(
@@ -222,17 +160,20 @@ _RED_END_NM = 700.0
 _CAUTION = 0.1
 
 
-def finished_stages(ledger: Ledger) -> list[str]:
-    """Return the finished stages, and report unfinished output, which is not shown.
+class ReportedSequence(ShownSequence):
+    """Panels of the report: readings as bright as the light, the motion that errors refer to."""
 
-    Raises UserError if one of them is damaged.
-    """
-    finished = ledger.finished()
-    for stage in STAGES:
-        if stage not in finished and ledger.has(stage):
-            home = ledger.dataset.home
-            say(f"{home}: stage {stage!r} is not finished with this configuration, and not shown")
-    return finished
+    white_percentile = 90.0
+    """As in the preview of the radiance: the brightest tenth may be pure white."""
+
+    @cached_property
+    def motions(self) -> dict[int, FrameMotion]:
+        """Motion of each frame to the next; for pictures, a stand-in for the true one."""
+        return {frame: read_motion(self.sequence.dataset, frame) for frame in self.frames}
+
+    def motion_of(self, frame: int) -> NDArray[np.floating]:
+        """Return the motion of a frame shown (h, w, 2), px, NaN where undefined."""
+        return self.pixels(self.motions[frame].flow)
 
 
 class Report:
@@ -247,12 +188,12 @@ class Report:
         ledger = Ledger(dataset)
         ledger.require("render")
         again = f"run: megalopta render {dataset.root} --out {dataset.root} --redo"
-        self.scene: Record = _read(dataset.scene_record, dict, again)
-        self.finished = finished_stages(ledger)
+        self.scene: Record = checked_json(dataset.scene_record, dict, again)
+        self.finished = self.shown.finished
         timings = ledger.timings()
         self.timings = {stage: timings[stage] for stage in STAGES if stage in timings}
         # before pictures take seconds to draw
-        self.flow: list[FlowRecord] = read_records(dataset) if "flow" in self.finished else []
+        self.flow = self.shown.records
         self.benchmarks: list[BenchmarkResult] = []
         """Results as configured, and with the other normalization if it was measured"""
         if "benchmark" in self.finished:
@@ -260,37 +201,25 @@ class Report:
             names = ("benchmark.json", *(["benchmark-other.json"] if both else []))
             again = f"run: megalopta benchmark photons {dataset.root} --redo"
             self.benchmarks = [
-                _read(dataset.result(name), BenchmarkResult.from_dict, again) for name in names
+                checked_json(dataset.result(name), BenchmarkResult.from_dict, again)
+                for name in names
             ]
 
     @cached_property
-    def selection(self) -> Selection:
+    def shown(self) -> ReportedSequence:
         """Frames and pixels shown, as sensors see them."""
-        return select(self.settings)
+        return ReportedSequence(Sequence(self.dataset), *select(self.settings))
 
     @cached_property
     def radiance(self) -> NDArray[np.float32]:
         """Light of the frames shown (n, H, W, B)."""
-        frames = self.selection.frames
+        frames = self.shown.frames
         return np.stack([read_radiance_frame(self.dataset, index) for index in frames])
-
-    @cached_property
-    def previews(self) -> list[NDArray[np.uint8]]:
-        """Light of the frames shown, as pictures."""
-        settings, bands = self.settings, self.settings.render.bands_nm
-        white = settings.scene.white(settings.light)
-        curve = ToneCurve.of(linear_srgb(each, bands, white) for each in self.radiance)
-        return [preview(each, bands, white, curve) for each in self.radiance]
 
     @cached_property
     def truths(self) -> "list[Truth]":
         """Ground truth of the frames shown."""
-        return [read_truth_frame(self.dataset, index) for index in self.selection.frames]
-
-    @cached_property
-    def motions(self) -> list[FrameMotion]:
-        """Motion to the next frame; for pictures, a stand-in for the true one."""
-        return [read_motion(self.dataset, index) for index in self.selection.frames]
+        return [read_truth_frame(self.dataset, index) for index in self.shown.frames]
 
     @property
     def has_truth(self) -> bool:
@@ -304,7 +233,7 @@ class Report:
 
     @cached_property
     def exposures(self) -> list[Budget]:
-        """Budget and pictures of every sensor at every level; empty if nothing was exposed."""
+        """Budget of every sensor at every level; empty if nothing was exposed."""
         found = self.settings.exposures if "sense" in self.finished else ()
         if found:
             require_expectation(self.dataset)
@@ -313,7 +242,7 @@ class Report:
     @cached_property
     def speed(self) -> NDArray[np.floating]:
         """Speed (px per frame) of all pixels of the frames shown where it is defined."""
-        flow = np.stack([motion.flow for motion in self.motions])
+        flow = np.stack([motion.flow for motion in self.shown.motions.values()])
         speed = np.linalg.norm(flow, axis=-1)
         return np.asarray(speed[np.isfinite(speed)])
 
@@ -322,10 +251,10 @@ class Report:
         """Median speed; 0 if no motion is known."""
         return float(np.median(self.speed)) if self.speed.size else 0.0
 
-    @cached_property
+    @property
     def fastest(self) -> float:
         """Speed (px per frame) at the rim of the color wheel, two digits."""
-        return fastest_of(motion.flow for motion in self.motions)
+        return self.shown.rim or 0.0
 
     @property
     def objects_seen(self) -> int:
@@ -337,16 +266,15 @@ class Report:
         """Frame of the stills: shown, in the second half, and with settled responses."""
         warm_up = max((record.warm_up_frames for record in self.flow), default=0)
         wanted = max(self.settings.trajectory.frames // 2, warm_up)
-        frames = self.selection.frames
+        frames = self.shown.frames
         return next((frame for frame in frames if frame >= wanted), frames[-1])
 
     def film(self) -> dict[str, Any]:
         """Return the settings of the page's films, which follow one slider."""
         trajectory, camera = self.settings.trajectory, self.settings.camera
-        frames, step = self.selection.frames, self.selection.step
+        frames = self.shown.frames
         slowest, fastest = PLAYBACK_HZ
         shown_hz = trajectory.frame_rate_hz * len(frames) / trajectory.frames
-        previews = [rgb_picture(each[::step, ::step]) for each in self.previews]
         note = "The light in photopic colors."
         if min(self.settings.render.bands_nm)[0] >= _RED_END_NM:
             note = "The light, mean of its bands in gray; it is invisible."
@@ -356,7 +284,7 @@ class Report:
             "playback_hz": min(max(shown_hz, slowest), fastest),
             "choices": (),
             "aspect": f"{camera.width}/{camera.height}",
-            "radiance": data_uri(film_strip(previews)),
+            "radiance": data_uri(film_strip([self.shown.light.picture(each) for each in frames])),
             "note": note,
         }
 

@@ -112,23 +112,19 @@ def _needs(report: Report, benchmark: BenchmarkResult) -> Iterator[Markup]:
     if 2 not in benchmark.settings.bits:
         return
     charts = [
-        card(f"N_2b, {_size(shape)} pixels", _needs_chart(curves, shape, report.exposures))
+        card(f"N_2b, {_size(shape)} pixels", threshold_chart(_met(curves), report.exposures, shape))
         for shape, curves in _by_shape(benchmark).items()
     ]
     yield block("pair", *charts)
     yield paragraph(_SUPPLY.format(100 * benchmark.settings.confidence), "note")
 
 
-def _needs_chart(curves: Sequence[ErrorCurve], shape: Shape, budgets: Sequence[Budget]) -> Markup:
-    thresholds: dict[str, dict[str, Threshold]] = {}
+def _met(curves: Sequence[ErrorCurve]) -> Needs:
+    found: dict[str, dict[str, Threshold]] = {}
     for curve in curves:
         if threshold := curve.thresholds.get(2):
-            thresholds.setdefault(curve.method, {})[curve.metric] = threshold
-    text = (
-        f"Photons per frame that each detector needs at {_size(shape)} pixels, and what the "
-        "sensors detect"
-    )
-    return threshold_chart(thresholds, budgets, f"thresholds-{shape[0]}", text)
+            found.setdefault(curve.method, {})[curve.metric] = threshold
+    return found
 
 
 def _curves(report: Report, benchmark: BenchmarkResult) -> Iterator[Markup]:
@@ -201,12 +197,11 @@ def error_chart(curves: Sequence[ErrorCurve], name: str, level: float, descripti
 
 
 @in_style
-def threshold_chart(
-    methods: Needs, budgets: Sequence[Budget], chart: str, description: str
-) -> Markup:
+def threshold_chart(methods: Needs, budgets: Sequence[Budget], shape: Shape) -> Markup:
     """Draw photons that each method needs, and photons that each sensor detects at each level.
 
-    Filled markers are the first metric, open ones the others.
+    `shape` is that of the frames that methods see. Filled markers are the first metric, open ones
+    the others.
     """
     supplies = by_sensor(budgets)
     first = 1.5 * len(supplies)
@@ -228,7 +223,8 @@ def threshold_chart(
     axes.set_xlabel("photons per frame")
     if supplies:
         axes.axhline(first - 0.65, color=RULE, linewidth=0.8)
-    return to_svg(figure, chart, description)
+    needed = f"Photons per frame that each detector needs at {_size(shape)} pixels"
+    return to_svg(figure, f"thresholds-{shape[0]}", f"{needed}, and what the sensors detect")
 
 
 def _draw_supply(

@@ -18,7 +18,6 @@ from megalopta.report.images import (
     PLAYBACK_HZ,
     Selection,
     evenly_spaced,
-    film,
     frame_label,
     selection,
     wheel,
@@ -26,7 +25,14 @@ from megalopta.report.images import (
 )
 from megalopta.report.readings import Treatment, read_mask
 from megalopta.report.rerun_log import write_rrd
-from megalopta.report.seen import LONGEST_SIDE_PX, MOST_FRAMES, Exposed, Panel, Seen, seen_readings
+from megalopta.report.seen import (
+    LONGEST_SIDE_PX,
+    MOST_FRAMES,
+    Panel,
+    Seen,
+    film_of,
+    seen_readings,
+)
 from megalopta.sensor.formats.reading import FrameKind
 
 _FILM_FRAMES = 300
@@ -133,13 +139,14 @@ def _in_film(found: Seen) -> tuple[list[tuple[str, Panel]], list[str]]:
     """
     sensors, levels = _choices(found)
     varied = "level" if len(levels) > 1 else "sensor"
-    own = [each for each in found.exposed if varied == "sensor" or each.sensor == sensors[0]][::-1]
+    own = [e for e in found.of("readings") if varied == "sensor" or e.sensor == sensors[0]][::-1]
     chosen = with_ends(own, _MOST_EXPOSURES)
-    shown = [(found.light, ""), *((each.readings, getattr(each, varied)) for each in chosen)]
-    shown += [*((each.flow, getattr(each, varied)) for each in chosen[:1]), (found.motion, "")]
-    panels = [(f"{each.name}, {of}".rstrip(", "), each) for each, of in shown if each]
+    best = [(each.sensor, each.level) for each in chosen[:1]]
+    flow = [each for each in found.of("flow") if (each.sensor, each.level) in best]
+    shown = [*found.of("light"), *chosen, *flow, *found.of("motion")]
+    panels = [(f"{each.name}, {getattr(each, varied)}".rstrip(", "), each) for each in shown]
     constant = (sensors if varied == "level" else levels)[:1]
-    notes = dict.fromkeys([*constant, *(each.note for _, each in panels)])
+    notes = dict.fromkeys([*constant, *(each.note for each in shown)])
     return panels, [note for note in notes if note]
 
 
@@ -152,20 +159,18 @@ def _rate(found: Seen, shown: int, fps: float | None) -> float:
 
 
 def _page(found: Seen, path: Path, fps: float | None) -> Path:
-    films = len(found.exposed) + sum(2 for each in (found.light, found.motion) if each)
+    films = len(found.of("readings")) + 2 * len(found.of("light", "motion"))
     most = min(MOST_FRAMES, _STRIP_PX * found.step // found.shape[0])
     chosen = selection(found.frames, found.shape, films, LONGEST_SIDE_PX, most)
-    both = [*(each.readings for each in found.exposed), *(each.flow for each in found.exposed)]
-    panels = [each for each in (found.light, *both, found.motion) if each]
-    with progress("Drawing the page", len(panels), "panel") as advance:
-        shown = list(_panels(found, chosen, advance))
+    with progress("Drawing the page", len(found.panels), "panel") as advance:
+        shown = [_drawn(found, panel, chosen, advance) for panel in found.panels]
     legend = wheel(COLORS.format(found.rim)) if found.rim else Markup("")
     section = Section(
-        "Side by side" if len(panels) > 1 else "What was read",
+        "Side by side" if len(shown) > 1 else "What was read",
         body=block("panels", *shown) + legend,
     )
     playback_hz = _rate(found, len(chosen.frames), fps)
-    treated = found.treatment.description() if found.exposed else ""
+    treated = found.treatment.description() if found.of("readings") else ""
     said = found.summary, treated, _speed(found, chosen, playback_hz)
     return write_sections(
         path,
@@ -177,26 +182,14 @@ def _page(found: Seen, path: Path, fps: float | None) -> Path:
     )
 
 
-def _panels(found: Seen, chosen: Selection, advance: Advance) -> Iterator[Markup]:
-    def drawn(panel: Panel) -> Markup:
-        pictures = [panel.picture(each) for each in chosen.frames]
-        advance()
-        return film(pictures, panel.name, f"{panel.name}: {panel.caption}", panel.legend)
-
-    if found.light:
-        yield block("", drawn(found.light))
-    for kind in ("readings", "flow"):
-        for each in found.exposed:
-            if panel := getattr(each, kind):
-                yield _of_choice(found, each, drawn(panel))
-    if found.motion:
-        yield block("", drawn(found.motion))
-
-
-def _of_choice(found: Seen, each: Exposed, inside: Markup) -> Markup:
-    """Return what is shown only where its sensor and light are chosen."""
+def _drawn(found: Seen, panel: Panel, chosen: Selection, advance: Advance) -> Markup:
+    """Return a panel as a film; of readings and flow, shown only where they are chosen."""
+    inside = film_of(panel, chosen.frames)
+    advance()
+    if panel.kind in ("light", "motion"):
+        return block("", inside)
     sensors, levels = _choices(found)
-    places = sensors.index(each.sensor), levels.index(each.level)
+    places = sensors.index(panel.sensor), levels.index(panel.level)
     is_first = places == (0, len(levels) - 1)
     return Markup('<div class="chosen" data-sensor="{}" data-level="{}"{}>{}</div>').format(
         *places, "" if is_first else Markup(" hidden"), inside
@@ -205,8 +198,9 @@ def _of_choice(found: Seen, each: Exposed, inside: Markup) -> Markup:
 
 def _choices(found: Seen) -> tuple[list[str], list[str]]:
     """Return names of sensors, and of light levels from the darkest on."""
-    sensors = dict.fromkeys(each.sensor for each in found.exposed)
-    return list(sensors), list(dict.fromkeys(each.level for each in found.exposed))
+    readings = found.of("readings")
+    sensors = dict.fromkeys(each.sensor for each in readings)
+    return list(sensors), list(dict.fromkeys(each.level for each in readings))
 
 
 def _transport(found: Seen, chosen: Selection, playback_hz: float) -> dict[str, Any]:

@@ -6,11 +6,12 @@ import json
 import numpy as np
 import pytest
 
+from megalopta.benchmark.block_truths import SequenceTruth
 from megalopta.benchmark.ranking import RATIO, Ranking
 from megalopta.benchmark.ranking_page import order_changes
 from megalopta.benchmark.ranking_run import read_ranking, run_ranking
 from megalopta.benchmark.ranking_settings import NO_POOLING
-from megalopta.benchmark.sequence_errors import BOUND, STILL, TEXTURE, SequenceTruth
+from megalopta.benchmark.sequence_errors import BOUND, STILL, TEXTURE
 from megalopta.benchmark.transfer import AXES, curves, misfits
 from megalopta.cli import main as cli
 from megalopta.config.model import load

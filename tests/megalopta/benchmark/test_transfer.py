@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from megalopta.benchmark.ranked_sequence import RankedSequence
 from megalopta.benchmark.ranking_settings import Pooling
 from megalopta.benchmark.transfer import AXES, Curve, common_curve, misfits
-from megalopta.benchmark.velocities import Velocities
 from megalopta.flow.detectors.blocks import block_grid
 
 PERIOD_PX, CONTRAST = 16, 0.6
@@ -18,10 +18,10 @@ def test_the_texture_scale_of_a_grating_has_a_closed_form(pooled, tmp_path):
     phase = 2 * np.pi * (np.arange(96) + 0.5) / PERIOD_PX
     pooled_contrast = CONTRAST * np.sinc(pooled / PERIOD_PX) / np.sinc(1 / PERIOD_PX)
     grating = np.tile(1 + CONTRAST * np.sin(phase), (2, 96, 1))
-    velocities = Velocities(None, None, tmp_path)
-    velocities.__dict__["_light"] = grating
+    sequence = RankedSequence(None, None, {}, tmp_path, print)
+    sequence.__dict__["_light"] = grating
     grid = block_grid((96 // pooled, 96 // pooled), PERIOD_PX // pooled)
-    found = velocities.texture_px(grid, Pooling(pooled, 1))
+    found = sequence.texture_px(grid, Pooling(pooled, 1))
     slope = (2 * np.pi / PERIOD_PX) ** 2 * (1 - np.sqrt(1 - pooled_contrast**2))
     # the spline through 8 samples of a period errs by some 1e-3 of its slope
     np.testing.assert_allclose(found, np.sqrt(2 / slope), rtol=5e-3)

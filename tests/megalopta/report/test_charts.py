@@ -80,14 +80,14 @@ def test_undefined_and_zero_errors_leave_gaps():
 
 def test_needs_name_every_method_sensor_and_light():
     methods = {"BM": {"literal": crossing(1e6), "ratio": crossing(1e5)}}
-    words = texts(threshold_chart(methods, BUDGETS, "need", "needs"))
+    words = texts(threshold_chart(methods, BUDGETS, (60, 60)))
     assert {"BM", "spadcam", "ideal", "twilight", "starlight", "photons per frame"} <= {*words}
 
 
 def test_a_need_beyond_the_measured_range_is_written_out():
     kinds = {"EMD": "above", "IM": "undefined", "BM": "below"}
     methods = {name: {"literal": Threshold(kind, 0.25, 1e3, 1e9)} for name, kind in kinds.items()}
-    words = texts(threshold_chart(methods, [], "need", "needs"))
+    words = texts(threshold_chart(methods, [], (60, 60)))
     assert {"literal: > 1e9", "literal: undefined", "literal: < 1000"} <= {*words}
 
 

@@ -195,7 +195,7 @@ def test_what_is_shown_has_a_next_frame_and_stays_small(frames, width, height):
     assert selection.frames[0] == 0
     assert selection.frames[-1] <= frames - 2
     assert list(selection.frames) == sorted(set(selection.frames))
-    shown = selection.pixels(np.zeros((height, width)))
+    shown = np.zeros((height, width))[:: selection.step, :: selection.step]
     assert max(shown.shape) <= 160
     films = len(configuration.sensors) * len(configuration.light_levels)
     assert shown.size * len(selection.frames) * films <= 8e6

@@ -6,8 +6,9 @@ import pytest
 
 from megalopta.config.model import Configuration
 from megalopta.dataset.flow_record import FlowRecord
+from megalopta.plotting.text import title
 from megalopta.report.page import OUTCOME, lead, outcome
-from megalopta.report.source import rendering, rendering_errors, title
+from megalopta.report.source import rendering, rendering_errors
 
 from .budgets import budget
 

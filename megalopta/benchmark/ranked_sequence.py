@@ -1,4 +1,4 @@
-"""Velocities by methods from the photons of a sequence, each kept as soon as it is computed.
+"""A rendered sequence and the velocities of methods on its photons, each kept once computed.
 
 Photons are drawn on perfect pixels from the rendered light, with one scale for all frames; all
 methods see the same draws. The weights of a yaw rate are learned from the light itself, at the same
@@ -6,7 +6,7 @@ number of photons but without noise.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from functools import cache, cached_property
+from functools import cache, cached_property, partial
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NamedTuple
@@ -14,7 +14,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.benchmark.methods import identity
+from megalopta.benchmark.block_truths import SequenceTruth
+from megalopta.benchmark.methods import Methods, identity
 from megalopta.benchmark.ranking_settings import Pooling, RankingSettings
 from megalopta.core.array_store import ArrayStore
 from megalopta.core.arrays import Floats
@@ -49,8 +50,8 @@ class Drawn(NamedTuple):
     """None: light without noise"""
 
 
-class Velocities:
-    """Velocities of one sequence, computed once and kept in a folder.
+class RankedSequence:
+    """A sequence, its ground truth, and velocities of methods, which are kept in a folder.
 
     `advance` is called after each new method and draw.
     """
@@ -59,15 +60,29 @@ class Velocities:
         self,
         dataset: Dataset,
         settings: RankingSettings,
+        methods: Methods,
         folder: Path,
-        advance: Callable[[int], object] = lambda _: None,
+        advance: Callable[[int], object],
     ) -> None:
-        self._dataset, self._settings, self._advance = dataset, settings, advance
-        self._folder = folder
+        self.dataset, self.settings, self.methods = dataset, settings, methods
+        self._folder, self._advance = folder, advance
         self._pooled: dict[Pooling, Floats] = {}
         self._asked: set[str] = set()
+        traced = cache(partial(SequenceTruth, dataset))
+        self.truth = cache(lambda grid, pooling: traced(grid).at(pooling))
+        """The `BlockTruths` of the blocks of a grid between pooled frames"""
 
-    def of(self, method: Detector, drawn: Drawn) -> Floats:
+    def grid(self, name: str, pixels: int) -> BlockGrid:
+        """Return the blocks of a method on pooled frames; ValueError if these are too small."""
+        shape = Pooling(pixels, 1).shape(self.dataset.configuration.camera.shape)
+        return self.methods[name].grid(shape)
+
+    def noisy(self, name: str, pooling: Pooling, flux: float) -> list[Floats]:
+        """Return the velocities by a method in each photon draw."""
+        draws = (Drawn(pooling, flux, repeat) for repeat in range(self.settings.repeats))
+        return [self.velocities(self.methods[name], drawn) for drawn in draws]
+
+    def velocities(self, method: Detector, drawn: Drawn) -> Floats:
         """Velocities (pairs, rows, columns, 2) of all blocks, px of the full image per frame.
 
         For a method without velocities, its responses (T, H, W).
@@ -76,7 +91,7 @@ class Velocities:
 
     def likely_motions(self, drawn: Drawn, name: str, pairs: Sequence[int]) -> Floats:
         """Most likely rotations (°) and headings of the camera around each pair, (pairs, 6)."""
-        camera = self._dataset.configuration.camera
+        camera = self.dataset.configuration.camera
 
         def measured() -> Floats:
             counts = self._frames_of(drawn, self._means(drawn))
@@ -88,7 +103,7 @@ class Velocities:
     @property
     def photons_per_lux_s(self) -> float:
         """Photons of a mean frame on perfect pixels, for each lux and second."""
-        return photons_per_lux_s(self._dataset, self._light)
+        return photons_per_lux_s(self.dataset, self._light)
 
     def bound(self, grid: BlockGrid, pooling: Pooling, flux: float) -> Floats:
         """Least mean endpoint error that the photons of a pair allow in each inner block.
@@ -115,7 +130,7 @@ class Velocities:
 
     def _kept(self, drawn: Drawn, name: str, measure: Callable[[], Floats]) -> Floats:
         """Return a measurement of a draw, kept or new."""
-        what = digest(self._frames, name, repr(drawn), repr(self._settings.seed))
+        what = digest(self._frames, name, repr(drawn), repr(self.settings.seed))
         store = ArrayStore(self._folder / _model(), what, _MOST_BYTES)
         kept = store.read(["found"])
         if kept is None:
@@ -134,7 +149,7 @@ class Velocities:
         """Counts (T, H, W) of a draw, or their means."""
         if drawn.repeat is None:
             return means
-        return draw_counts(means, self._settings.seed, self._dataset.sequence, *map(str, drawn))
+        return draw_counts(means, self.settings.seed, self.dataset.sequence, *map(str, drawn))
 
     def _means(self, drawn: Drawn) -> Floats:
         return self._light_at(drawn.pooling) * (drawn.flux * drawn.pooling.frames)
@@ -148,13 +163,13 @@ class Velocities:
 
     @cached_property
     def _light(self) -> Floats:
-        return _light(self._dataset)
+        return _light(self.dataset)
 
     @cached_property
     def _frames(self) -> str:
         """Hash of the frames: others have other velocities."""
-        count = self._dataset.configuration.trajectory.frames
-        return digest(*(file_hash(self._dataset.exposed_radiance(index)) for index in range(count)))
+        count = self.dataset.configuration.trajectory.frames
+        return digest(*(file_hash(self.dataset.exposed_radiance(index)) for index in range(count)))
 
 
 def photons_per_lux_s(dataset: Dataset, light: Floats | None = None) -> float:
