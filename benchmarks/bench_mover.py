@@ -7,9 +7,9 @@ frame. Each window has 3, 10, 30 or 100 photons per pixel. For each the errors i
 stated are printed, the largest of three axes of rotation and the heading, and at the end the shares
 of windows within one, two and three.
 
-    python -m benchmarks.bench_mover [WINDOWS]
+    python -m benchmarks.bench_mover [WINDOWS [FIRST]]
 
-Takes 2 to 3 CPU-s a window, 500 by default.
+Takes 2 to 3 CPU-s a window; 500 from window 0 on by default.
 """
 
 import sys
@@ -56,10 +56,11 @@ def window(number: int) -> Floats:
 
 if __name__ == "__main__":
     count = int(sys.argv[1]) if len(sys.argv) > 1 else 500
+    first = int(sys.argv[2]) if len(sys.argv) > 2 else 0
     found = np.empty((count, 4))
-    for number in range(count):
-        found[number] = window(number)
-        figures = "  ".join(f"{each:8.3f}" for each in found[number])
+    for number in range(first, first + count):
+        found[number - first] = errors = window(number)
+        figures = "  ".join(f"{each:8.3f}" for each in errors)
         print(f"{number:4}  {FLUXES[number % len(FLUXES)]:4g}  {figures}", flush=True)
     print("photons, windows: errors in degrees (medians), % within one, two, three stated errors")
     for place, flux in enumerate(FLUXES):
