@@ -25,7 +25,7 @@ from megalopta.core import bounded, files, strict_yaml
 from megalopta.core.errors import DamagedFileError, UserError
 from megalopta.dataset.layout import MANIFEST, Tree
 from megalopta.dataset.record import SequenceRecord
-from megalopta.dataset.store import file_hash
+from megalopta.dataset.store import file_hash, frame_file
 
 _SAMPLE = "sample"
 """Split of the first few sequences."""
@@ -80,8 +80,9 @@ class TableWriter:
 def _frames(record: SequenceRecord) -> Iterator[dict[str, Any]]:
     rate = record.configuration["trajectory"]["frame_rate_hz"]
     for index, pose in enumerate(record.poses):
-        file = f"frame_{index + 1:04d}"
-        paths = {name: path.format(record.sequence, file) for name, path in _DATA["paths"].items()}
+        paths = {
+            name: frame_file(kind, record.sequence, index) for name, kind in _DATA["kinds"].items()
+        }
         yield {
             "frame": index + 1,
             "time_s": index / rate,

@@ -74,14 +74,14 @@ class FlowPairs:
 
     def _flow(self, sequence: Sequence, first: int) -> NDArray[np.float32]:
         if self._step == 1:  # the small file is read ten times faster
-            return read_flo(sequence.dataset.frame("training/flow", first, "flo"))
+            return read_flo(sequence.dataset.frame("training/flow", first))
         return sequence.flow(first, first + self._step)
 
     def _occluded(self, sequence: Sequence, first: int) -> NDArray[np.bool_]:
         if self._step == 1:
             from PIL import Image
 
-            with Image.open(sequence.dataset.frame("training/occlusions", first, "png")) as image:
+            with Image.open(sequence.dataset.frame("training/occlusions", first)) as image:
                 return np.asarray(image) > 0
         return sequence.occlusion(first, first + self._step)
 

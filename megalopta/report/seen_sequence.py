@@ -148,7 +148,7 @@ def motion_of(sequence: Sequence, frame: int, step: int) -> NDArray[np.floating]
         small = -(-rows // step), -(-columns // step)
         first, second = (resized(frames.at(each), small) for each in (frame, frame + 1))
         return step * clean_flow(first, second)
-    path = sequence.dataset.frame("training/flow", frame, "flo")
+    path = sequence.dataset.frame("training/flow", frame)
     with undamaged(path, "regenerate the sequence"):
         return read_flo(path)[::step, ::step]
 
