@@ -238,14 +238,13 @@ def write_index(tree: Tree, plan: Plan) -> None:
 
 def _link_into_split(root: Path, split: str, record: SequenceRecord) -> None:
     """Link the Sintel folders of a sequence into a split; skipped where links are not supported."""
-    kinds = {Path(path).parts[1] for path in record.files if path.startswith("training/")}
-    for kind in sorted(kinds):
-        link = root / "splits" / split / "Sintel" / "training" / kind / record.sequence
+    for folder in sorted(each for each in record.folders if each.startswith("training/")):
+        link = root / "splits" / split / "Sintel" / folder
         if link.is_symlink():
             continue
         link.parent.mkdir(parents=True, exist_ok=True)
         try:
-            link.symlink_to(Path("../../../../..") / "training" / kind / record.sequence)
+            link.symlink_to(Path("../../../../..") / folder)
         except OSError as problem:
             if problem.errno not in _NO_LINKS:
                 raise

@@ -39,6 +39,8 @@ from megalopta.sensor import ImageSensor
 LICENSE = "CC0-1.0"
 REDO_FOLDER = ".redo"
 """Folder of redone output while the old one stays."""
+STAGING_FOLDER = ".making"
+"""Folder of the unfinished output of many sequences, in SEQ/data."""
 _PICTURES = (
     *("clean", "final", "occlusions", "invalid", "flow_kitti"),
     *("disparities", "occlusions_stereo", "disparities_kitti"),
@@ -83,7 +85,9 @@ class Dataset:
 
     @property
     def home(self) -> Path:
-        """Folder known to the user; redone output is in a folder inside it."""
+        """Folder known to the user; redone and unfinished output is in folders inside it."""
+        if self.root.parent.parent.name == STAGING_FOLDER:
+            return self.root.parents[2]
         return self.root.parent if self.root.name == REDO_FOLDER else self.root
 
     def require_truth(self) -> None:
@@ -205,8 +209,8 @@ class Dataset:
             return
         if what := file_difference(self.root / name, *self.files[name], is_hashed=is_hashed):
             raise UserError(
-                f"{self.root / name} {what}; find other damage with: "
-                f"megalopta dataset check {self.root}"
+                f"{self.home / name} {what}; find other damage with: "
+                f"megalopta dataset check {self.home}"
             )
         if is_hashed:
             self._compared.add(name)

@@ -23,7 +23,7 @@ from megalopta.core.progress import say
 from megalopta.core.record import Record
 from megalopta.dataset.layout import Tree
 from megalopta.dataset.publishing import link
-from megalopta.dataset.record import KINDS, SequenceRecord
+from megalopta.dataset.record import SequenceRecord
 from megalopta.dataset.store import Dataset, file_hash, hashes_of
 from megalopta.generation.jobs import run_jobs
 from megalopta.generation.making import exposure_statistics
@@ -42,7 +42,6 @@ class _Measured:
     stage: str
     overrides: Mapping[str, str]
     redo: bool
-    kinds: ClassVar = tuple(kind for kind in KINDS if kind != "results")
 
     def wanted(self, made: Dataset) -> Dataset:
         """Return a sequence with the settings of the measurement. Raises UserError."""
@@ -104,7 +103,6 @@ class _Exposed:
 
     exposing: Exposing
     stage: ClassVar = "sense"
-    kinds: ClassVar = ("radiance", "radiance_shutter")
 
     def wanted(self, made: Dataset) -> Dataset:
         values = {
@@ -161,7 +159,7 @@ class _Exposed:
 
 
 Addition: TypeAlias = _Measured | _Exposed
-"""Output of a stage to add to every sequence, made from folders of some kinds; picklable."""
+"""Output of a stage to add to every sequence; picklable."""
 
 
 def add_to_all(
@@ -209,12 +207,16 @@ def add_to_sequence(root: Path, addition: Addition, index: int) -> None:
 def _added(
     addition: Addition, made: Dataset, record: SequenceRecord, dataset: Dataset
 ) -> SequenceRecord:
-    """Run a stage next to links to existing output, which is compared with the record."""
-    for folder in (f"{kind}/{record.sequence}" for kind in addition.kinds):
-        made.compare_all(f"{folder}/")
-        if (made.root / folder).is_dir() and not (dataset.root / folder).is_symlink():
+    """Run a stage next to links to the output that it needs, which is compared with the record."""
+    stage = STAGES[addition.stage]
+    needed = record.model_copy(update={"stages": {n: record.stages[n] for n in stage.needs}})
+    for folder in needed.folders:  # no stage reads those in training/
+        if not (folder.startswith("training/") or (dataset.root / folder).is_symlink()):
             link(made.root, dataset.root, folder)
-    STAGES[addition.stage].work(dataset)
+    linked = replace(dataset, record=needed)
+    for kind in ("counts", "corrected"):  # frames are compared as a stage reads them
+        linked.compare_all(f"{kind}/{record.sequence}/")
+    stage.work(linked)
     before = {"format": written("sequence"), "replaced": file_hash(made.record_path)}
     return addition.entered(record, dataset).model_copy(update=before)
 
