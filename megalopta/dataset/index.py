@@ -25,7 +25,7 @@ from megalopta.core import bounded, files, strict_yaml
 from megalopta.core.errors import DamagedFileError, UserError
 from megalopta.dataset.layout import MANIFEST, Tree
 from megalopta.dataset.record import SequenceRecord
-from megalopta.dataset.store import file_hash
+from megalopta.dataset.store import file_hash, frame_file
 
 _SAMPLE = "sample"
 """Split of the first few sequences."""
@@ -80,8 +80,9 @@ class TableWriter:
 def _frames(record: SequenceRecord) -> Iterator[dict[str, Any]]:
     rate = record.configuration["trajectory"]["frame_rate_hz"]
     for index, pose in enumerate(record.poses):
-        file = f"frame_{index + 1:04d}"
-        paths = {name: path.format(record.sequence, file) for name, path in _DATA["paths"].items()}
+        paths = {
+            name: frame_file(kind, record.sequence, index) for name, kind in _DATA["kinds"].items()
+        }
         yield {
             "frame": index + 1,
             "time_s": index / rate,
@@ -237,14 +238,13 @@ def write_index(tree: Tree, plan: Plan) -> None:
 
 def _link_into_split(root: Path, split: str, record: SequenceRecord) -> None:
     """Link the Sintel folders of a sequence into a split; skipped where links are not supported."""
-    kinds = {Path(path).parts[1] for path in record.files if path.startswith("training/")}
-    for kind in sorted(kinds):
-        link = root / "splits" / split / "Sintel" / "training" / kind / record.sequence
+    for folder in sorted(each for each in record.folders if each.startswith("training/")):
+        link = root / "splits" / split / "Sintel" / folder
         if link.is_symlink():
             continue
         link.parent.mkdir(parents=True, exist_ok=True)
         try:
-            link.symlink_to(Path("../../../../..") / "training" / kind / record.sequence)
+            link.symlink_to(Path("../../../../..") / folder)
         except OSError as problem:
             if problem.errno not in _NO_LINKS:
                 raise

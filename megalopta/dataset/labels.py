@@ -20,10 +20,11 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.config.measuring import LabelName, TrackSettings
+from megalopta.config.measuring import TrackSettings
 from megalopta.core import bounded, files
 from megalopta.core.errors import UserError
 from megalopta.core.pictures import write_codes
+from megalopta.dataset.store import Dataset
 
 if TYPE_CHECKING:
     from megalopta.render import Tracks, Truth
@@ -45,28 +46,20 @@ class PointTracks(NamedTuple):
 
 
 def write_labels(
-    root: Path,
-    sequence: str,
-    index: int,
-    truth: "Truth",
-    names: Sequence[LabelName],
-    leaf_clusters: NDArray[np.uint32] | None = None,
+    dataset: Dataset, index: int, truth: "Truth", leaf_clusters: NDArray[np.uint32] | None
 ) -> None:
     """Write the label maps of a frame that follow from its truth, and its leaf clusters (H, W)."""
-
-    def place(kind: LabelName) -> Path:
-        return root / kind / sequence / f"frame_{index + 1:04d}.png"
-
-    if "classes" in names:
-        write_codes(place("classes"), truth.kind_id.astype(np.uint16))
-    if "instances" in names:
-        write_codes(place("instances"), _in_colors(truth.object_id))
+    wanted = dataset.configuration.labels
+    if "classes" in wanted:
+        write_codes(dataset.frame("training/classes", index), truth.kind_id.astype(np.uint16))
+    if "instances" in wanted:
+        write_codes(dataset.frame("training/instances", index), _in_colors(truth.object_id))
     if leaf_clusters is not None:
-        write_codes(place("clusters"), _in_colors(leaf_clusters))
-    if "normals" in names:
+        write_codes(dataset.frame("training/clusters", index), _in_colors(leaf_clusters))
+    if "normals" in wanted:
         share = np.rint((truth.normal.astype(np.float64) + 1) / 2 * _LARGEST)
         share = np.where(np.isnan(share), 0, share)
-        write_codes(place("normals"), share.astype(np.uint16))
+        write_codes(dataset.frame("training/normals", index), share.astype(np.uint16))
 
 
 def _in_colors(number: NDArray[np.uint32]) -> NDArray[np.uint8]:
@@ -75,9 +68,10 @@ def _in_colors(number: NDArray[np.uint32]) -> NDArray[np.uint8]:
     return (code & 255).astype(np.uint8)
 
 
-def write_class_names(root: Path, sequence: str, kinds: Sequence[str]) -> None:
+def write_class_names(dataset: Dataset, kinds: Sequence[str]) -> None:
     """Write the names of the classes, that of the sky first."""
-    files.write_json(root / "classes" / sequence / "names.json", ["sky", *kinds])
+    path = dataset.frame("training/classes", 0).with_name("names.json")
+    files.write_json(path, ["sky", *kinds])
 
 
 def write_tracks(path: Path, settings: TrackSettings, found: Sequence["Tracks"]) -> None:

@@ -31,7 +31,14 @@ from megalopta.core import bounded, files
 from megalopta.core.errors import UserError
 from megalopta.core.folders import check_enclosed
 from megalopta.dataset.record import SequenceRecord, read_record, stored_settings
-from megalopta.dataset.store import Dataset, file_hash, open_sequence, read_header, write_header
+from megalopta.dataset.store import (
+    STAGING_FOLDER,
+    Dataset,
+    file_hash,
+    open_sequence,
+    read_header,
+    write_header,
+)
 
 MANIFEST = "manifest.jsonl"
 BOOKS = ("index", "splits", "sequences", "card")
@@ -52,7 +59,7 @@ class Tree:
     @property
     def staging(self) -> Path:
         """Folder of unfinished sequences."""
-        return self.root / ".making"
+        return self.root / STAGING_FOLDER
 
     @property
     def failures(self) -> Path:

@@ -56,14 +56,14 @@ class FlowPairs:
 
     def _pair(self, sequence: Sequence, first: int) -> Pair:
         frames = self._frames(sequence)
-        flow = self._flow(sequence, first)
+        flow, occluded = self._motion(sequence, first)
         valid = np.asarray(~np.isnan(flow).any(axis=-1))
         return {
             "first": _planes(frames[first]),
             "second": _planes(frames[first + self._step]),
             "flow": np.moveaxis(np.where(valid[..., np.newaxis], flow, 0), -1, 0),
             "valid": valid,
-            "occluded": self._occluded(sequence, first),
+            "occluded": occluded,
             "sequence": sequence.name,
             "frame": first,
         }
@@ -72,18 +72,18 @@ class FlowPairs:
         is_light = self._exposure == "radiance"
         return sequence.radiance if is_light else sequence.counts(self._exposure)
 
-    def _flow(self, sequence: Sequence, first: int) -> NDArray[np.float32]:
-        if self._step == 1:  # the small file is read ten times faster
-            return read_flo(sequence.dataset.frame("training/flow", first, "flo"))
-        return sequence.flow(first, first + self._step)
+    def _motion(
+        self, sequence: Sequence, first: int
+    ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+        """Flow and occlusion between the frames that sensors see."""
+        second, frame = first + self._step, sequence.dataset.frame
+        if self._step > 1 or sequence.configuration.shutter.readout_s:
+            return sequence.flow(first, second), sequence.occlusion(first, second)
+        from PIL import Image
 
-    def _occluded(self, sequence: Sequence, first: int) -> NDArray[np.bool_]:
-        if self._step == 1:
-            from PIL import Image
-
-            with Image.open(sequence.dataset.frame("training/occlusions", first, "png")) as image:
-                return np.asarray(image) > 0
-        return sequence.occlusion(first, first + self._step)
+        # These small files are read ten times faster than the truth.
+        with Image.open(frame("training/occlusions", first)) as image:
+            return read_flo(frame("training/flow", first)), np.asarray(image) > 0
 
 
 def _planes(frame: NDArray[Any]) -> NDArray[np.float32]:

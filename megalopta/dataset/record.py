@@ -118,6 +118,12 @@ class SequenceRecord(BaseModel, frozen=True, use_attribute_docstrings=True):
         return {path: each for hashes in written for path, each in hashes.items()}
 
     @property
+    def folders(self) -> list[str]:
+        """Folders that hold these files and no others, such as "training/flow/000003"."""
+        end = f"/{self.sequence}"
+        return list(dict.fromkeys(path.partition(f"{end}/")[0] + end for path in self.files))
+
+    @property
     def exposures(self) -> tuple[ExposureStatistics, ...]:
         """Statistics of its exposures, if measured."""
         return self.statistics.exposures if self.statistics else ()

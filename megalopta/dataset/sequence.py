@@ -283,9 +283,7 @@ class Sequence:
         if self.configuration.stereo_with is None:
             raise UserError(f"{self.name}: no second camera side by side, and thus no disparity")
         frame = self.dataset.frame
-        return self._by_frame(
-            lambda n: read_disparity(frame("training/disparities", n, "png")), "px"
-        )
+        return self._by_frame(lambda n: read_disparity(frame("training/disparities", n)), "px")
 
     @property
     def imu(self) -> "ImuReadings":
@@ -335,7 +333,7 @@ class Sequence:
         """
         from megalopta.render import read_radiance
 
-        place = partial(self.dataset.frame, "training/albedo", suffix="exr")
+        place = partial(self.dataset.frame, "training/albedo")
         return self._by_frame(
             lambda index: read_radiance(place(index))[0], "1", band=len(self.bands_nm)
         )

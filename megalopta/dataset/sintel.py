@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from megalopta.core.files import atomic_write
+from megalopta.dataset.store import Dataset
 from megalopta.flow.formats import write_flo
 
 if TYPE_CHECKING:
@@ -49,7 +50,7 @@ def write_camera(path: Path, intrinsics: NDArray[np.float64], pose: NDArray[np.f
         file.write(np.ascontiguousarray(extrinsics, "<f8").tobytes())
 
 
-def write_flow(root: Path, sequence: str, index: int, truth: "Truth", wraps: bool) -> None:
+def write_flow(dataset: Dataset, index: int, truth: "Truth") -> None:
     """Write forward flow (.flo) of a frame, with masks of unmatched and undefined pixels.
 
     Unmatched ("occlusions") means hidden in the next frame or out of view; a panorama has no left
@@ -57,12 +58,12 @@ def write_flow(root: Path, sequence: str, index: int, truth: "Truth", wraps: boo
     """
     from megalopta.render import out_of_view
 
-    name = f"frame_{index + 1:04d}"
-    undefined = np.asarray(np.isnan(truth.flow_forward).any(axis=-1))
-    unmatched: NDArray[np.bool_] = truth.occluded_forward | out_of_view(truth.flow_forward, wraps)
-    write_flo(root / "flow" / sequence / f"{name}.flo", truth.flow_forward)
-    write_png(root / "occlusions" / sequence / f"{name}.png", mask_of(unmatched))
-    write_png(root / "invalid" / sequence / f"{name}.png", mask_of(undefined))
+    flow, wraps = truth.flow_forward, dataset.configuration.camera.wraps
+    undefined = np.asarray(np.isnan(flow).any(axis=-1))
+    unmatched: NDArray[np.bool_] = truth.occluded_forward | out_of_view(flow, wraps)
+    write_flo(dataset.frame("training/flow", index), flow)
+    write_png(dataset.frame("training/occlusions", index), mask_of(unmatched))
+    write_png(dataset.frame("training/invalid", index), mask_of(undefined))
 
 
 def mask_of(flags: NDArray[np.bool_]) -> NDArray[np.uint8]:

@@ -17,6 +17,7 @@ from PIL import Image
 
 from megalopta.core.pictures import write_codes
 from megalopta.dataset.sintel import mask_of, write_png
+from megalopta.dataset.store import Dataset
 
 if TYPE_CHECKING:
     from megalopta.render import Flow
@@ -26,19 +27,18 @@ _UNKNOWN = 255
 _KITTI_PER_PX, _KITTI_CODES = 256, 2**16
 
 
-def write_disparity(root: Path, sequence: str, index: int, flow: "Flow", baseline_m: float) -> None:
+def write_disparity(dataset: Dataset, index: int, flow: "Flow", baseline_m: float) -> None:
     """Write the disparity of a frame, and a mask of pixels hidden from the other camera.
 
     The flow leads to the other camera, at a baseline (m, positive to the right). The mask also has
     pixels out of the other camera's view, and those of unknown disparity.
     """
-    name = f"frame_{index + 1:04d}.png"
     # A point at infinity has a disparity of 0, to rounding.
     disparity = np.maximum(-np.sign(baseline_m) * flow.displacement[..., 0], 0)
     codes = sintel_codes(disparity)
-    write_png(root / "disparities" / sequence / name, codes)
+    write_png(dataset.frame("training/disparities", index), codes)
     unmatched = flow.occluded | flow.out_of_view | (codes == _UNKNOWN).all(axis=-1)
-    write_png(root / "occlusions_stereo" / sequence / name, mask_of(unmatched))
+    write_png(dataset.frame("training/occlusions_stereo", index), mask_of(unmatched))
 
 
 def sintel_codes(disparity: NDArray[np.floating]) -> NDArray[np.uint8]:

@@ -39,6 +39,23 @@ from megalopta.sensor import ImageSensor
 LICENSE = "CC0-1.0"
 REDO_FOLDER = ".redo"
 """Folder of redone output while the old one stays."""
+STAGING_FOLDER = ".making"
+"""Folder of the unfinished output of many sequences, in SEQ/data."""
+_PICTURES = (
+    *("clean", "final", "occlusions", "invalid", "flow_kitti"),
+    *("disparities", "occlusions_stereo", "disparities_kitti"),
+    *("classes", "instances", "clusters", "normals"),
+)
+SUFFIXES: Mapping[str, str] = {
+    **dict.fromkeys(("radiance", "truth", "radiance_shutter", "truth_shutter"), "exr"),
+    **{f"training/{name}": "png" for name in _PICTURES},
+    "training/flow": "flo",
+    "training/flow_flo5": "flo5",
+    "training/depth": "dpt",
+    "training/camdata_left": "cam",
+    "training/albedo": "exr",
+}
+"""Suffix of the files of frames, by their folder"""
 _HEADER_BYTES = 2**20
 """Most bytes of dataset.yaml: larger YAML takes seconds to parse."""
 _KEPT_HASHES = 2**17
@@ -68,7 +85,9 @@ class Dataset:
 
     @property
     def home(self) -> Path:
-        """Folder known to the user; redone output is in a folder inside it."""
+        """Folder known to the user; redone and unfinished output is in folders inside it."""
+        if self.root.parent.parent.name == STAGING_FOLDER:
+            return self.root.parents[2]
         return self.root.parent if self.root.name == REDO_FOLDER else self.root
 
     def require_truth(self) -> None:
@@ -89,30 +108,30 @@ class Dataset:
         """Name of the sequence."""
         return self.configuration.name
 
-    def frame(self, kind: str, index: int, suffix: str) -> Path:
-        """Path of one frame's file, such as frame("radiance", 0, "exr"); files count from 1.
+    def frame(self, kind: str, index: int) -> Path:
+        """Path of one frame's file, such as frame("radiance", 0).
 
         Raises UserError if it is compared and was modified; as do all below.
         """
-        return self.compared(self.root / kind / self.sequence / f"frame_{index + 1:04d}.{suffix}")
+        return self.compared(self.root / frame_file(kind, self.sequence, index))
 
     def radiance(self, index: int) -> Path:
         """Spectral radiance of a frame."""
-        return self.frame("radiance", index, "exr")
+        return self.frame("radiance", index)
 
     def truth(self, index: int) -> Path:
         """Ground truth of a frame."""
-        return self.frame("truth", index, "exr")
+        return self.frame("truth", index)
 
     def exposed_radiance(self, index: int) -> Path:
         """Spectral radiance of a frame through the shutter, as sensors see it."""
         is_instant = self.configuration.shutter.is_instant
-        return self.frame("radiance" if is_instant else "radiance_shutter", index, "exr")
+        return self.frame("radiance" if is_instant else "radiance_shutter", index)
 
     def exposed_truth(self, index: int) -> Path:
         """Ground truth of the frame that sensors see; with motion blur, at its middle."""
         is_rolling = self.configuration.shutter.readout_s > 0
-        return self.frame("truth_shutter" if is_rolling else "truth", index, "exr")
+        return self.frame("truth_shutter" if is_rolling else "truth", index)
 
     @property
     def scene_record(self) -> Path:
@@ -190,11 +209,16 @@ class Dataset:
             return
         if what := file_difference(self.root / name, *self.files[name], is_hashed=is_hashed):
             raise UserError(
-                f"{self.root / name} {what}; find other damage with: "
-                f"megalopta dataset check {self.root}"
+                f"{self.home / name} {what}; find other damage with: "
+                f"megalopta dataset check {self.home}"
             )
         if is_hashed:
             self._compared.add(name)
+
+
+def frame_file(kind: str, sequence: str, index: int) -> str:
+    """Return the path of a frame's file in a dataset; files count from 1."""
+    return f"{kind}/{sequence}/frame_{index + 1:04d}.{SUFFIXES[kind]}"
 
 
 def open_sequence(root: Path) -> Dataset:

@@ -23,13 +23,13 @@ from megalopta.core.progress import say
 from megalopta.core.record import Record
 from megalopta.dataset.layout import Tree
 from megalopta.dataset.publishing import link
-from megalopta.dataset.record import KINDS, SequenceRecord
+from megalopta.dataset.record import SequenceRecord
 from megalopta.dataset.store import Dataset, file_hash, hashes_of
 from megalopta.generation.jobs import run_jobs
 from megalopta.generation.making import exposure_statistics
 from megalopta.generation.staging import Staged, at_work
 from megalopta.sensor.formats.products import ProductName, product_stem
-from megalopta.stages.ledger import Ledger, stage_hash, stage_record
+from megalopta.stages.ledger import Ledger, stage_record
 from megalopta.stages.pipeline import check_stage
 from megalopta.stages.registry import STAGES, stage_configuration
 from megalopta.stages.sense import open_exposure
@@ -42,36 +42,36 @@ class _Measured:
     stage: str
     overrides: Mapping[str, str]
     redo: bool
-    kinds: ClassVar = tuple(kind for kind in KINDS if kind != "results")
 
-    def settings(self, made: Dataset) -> Configuration:
-        """Return its settings. Raises UserError."""
+    def wanted(self, made: Dataset) -> Dataset:
+        """Return a sequence with the settings of the measurement. Raises UserError."""
         stored = made.configuration.model_dump(mode="json")
-        return validated(Configuration, stored, str(made.record_path), self.overrides)
+        settings = validated(Configuration, stored, str(made.record_path), self.overrides)
+        return replace(made, configuration=settings)
 
-    def check(self, made: Dataset, record: SequenceRecord) -> str | None:
+    def check(self, made: Dataset, wanted: Dataset) -> str | None:
         """Refuse a sequence that it cannot be added to; return a message, if any."""
-        settings, stage = self.settings(made), self.stage
+        stage, ledger = self.stage, Ledger(wanted)
         for earlier in STAGES[stage].needs:
-            before, now = (stage_configuration(s, earlier) for s in (made.configuration, settings))
+            before, now = (
+                stage_configuration(each.configuration, earlier) for each in (made, wanted)
+            )
             if changes := differences(before, now):
                 raise UserError(
                     f"{made.root}: {changes[0]} would change {earlier!r} output; {stage} "
                     f"takes only its own settings: {', '.join(STAGES[stage].fields)}"
                 )
-        there = record.stages.get(stage)
-        if there and there.settings != stage_hash(settings, stage) and not self.redo:
+        if stage in ledger.record.stages and not ledger.entry(stage) and not self.redo:
             raise UserError(
                 f"{made.root}: sequence {made.sequence} holds {stage} output of other "
                 "settings; add --redo to replace it"
             )
-        is_outdated = Ledger(replace(made, configuration=settings)).is_outdated(stage)
         note = f"{stage}: made by another version of the program; recomputing"
-        return note if is_outdated and not self.redo else None
+        return note if ledger.is_outdated(stage) and not self.redo else None
 
-    def is_there(self, made: Dataset) -> bool:
+    def is_there(self, wanted: Dataset) -> bool:
         """True if a sequence already has it."""
-        ledger = Ledger(replace(made, configuration=self.settings(made)))
+        ledger = Ledger(wanted)
         is_current = ledger.is_finished(self.stage) and not ledger.is_outdated(self.stage)
         return is_current and not self.redo
 
@@ -101,26 +101,26 @@ class Exposing(Record, frozen=True):
 class _Exposed:
     """Exposures by other sensors, times and levels, without rendering."""
 
-    wanted: Exposing
+    exposing: Exposing
     stage: ClassVar = "sense"
-    kinds: ClassVar = ("radiance", "radiance_shutter")
 
-    def settings(self, made: Dataset) -> Configuration:
+    def wanted(self, made: Dataset) -> Dataset:
         values = {
             **made.configuration.model_dump(mode="json"),
-            **self.wanted.model_dump(mode="json", exclude={"repeats"}),
+            **self.exposing.model_dump(mode="json", exclude={"repeats"}),
             "imu": None,  # it is there
         }
-        return repeated(validated(Configuration, values, "dataset expose"), self.wanted.repeats)
+        settings = validated(Configuration, values, "dataset expose")
+        return replace(made, configuration=repeated(settings, self.exposing.repeats))
 
-    def check(self, made: Dataset, record: SequenceRecord) -> None:
+    def check(self, made: Dataset, wanted: Dataset) -> None:
         """Refuse a sequence that another sensor model exposed before.
 
         Libraries may differ, as after a download of a dataset: new exposures are independent of the
         old ones.
         """
         model = STAGES["sense"].model()
-        known = record.stages["sense"].made_with.get("model", model)
+        known = Ledger(made).record.stages["sense"].made_with.get("model", model)
         if known != model:
             raise UserError(
                 f"{made.root}: sequence {made.sequence} was exposed by another sensor model "
@@ -128,14 +128,14 @@ class _Exposed:
                 "the dataset in another folder"
             )
 
-    def is_there(self, made: Dataset) -> bool:
+    def is_there(self, wanted: Dataset) -> bool:
         """Raise UserError for a name that other settings use."""
         is_missing = False
-        for sensor, level in self.settings(made).exposures:
-            path = made.counts(sensor, level)
-            if path.stem not in made.exposures:
+        for sensor, level in wanted.configuration.exposures:
+            path = wanted.counts(sensor, level)
+            if path.stem not in wanted.exposures:
                 is_missing = True
-            elif open_exposure(made, sensor, level).sensor != sensor:
+            elif open_exposure(wanted, sensor, level).sensor != sensor:
                 raise UserError(
                     f"{path.stem} exists with other settings; give the sensor another name, "
                     f"such as {{preset: spadcam, name: fast, exposure_s: 0.01}}"
@@ -159,7 +159,7 @@ class _Exposed:
 
 
 Addition: TypeAlias = _Measured | _Exposed
-"""Output of a stage to add to every sequence, made from folders of some kinds; picklable."""
+"""Output of a stage to add to every sequence; picklable."""
 
 
 def add_to_all(
@@ -178,8 +178,9 @@ def add_to_all(
         indices, notes = [], set()
         for record in map(tree.record, tree.names()):
             made = tree.dataset(record)
-            notes.add(addition.check(made, record))
-            check_stage(addition.stage, addition.settings(made), tree.staging)
+            wanted = addition.wanted(made)
+            notes.add(addition.check(made, wanted))
+            check_stage(addition.stage, wanted.configuration, tree.staging)
             indices.append(record.index)
         for note in sorted(filter(None, notes)):
             say(note)
@@ -197,20 +198,25 @@ def add_to_sequence(root: Path, addition: Addition, index: int) -> None:
     tree, name = Tree(root), sequence_name(index)
     record = tree.record(name)
     made = tree.dataset(record)
-    if not addition.is_there(made):
-        settings, work = addition.settings(made), partial(_added, addition, made, record)
-        Staged.of(tree, name, is_added=True).bring_in(settings, [addition.stage], work)
+    wanted = addition.wanted(made)
+    if not addition.is_there(wanted):
+        work = partial(_added, addition, made, record)
+        Staged.of(tree, name, is_added=True).bring_in(wanted.configuration, [addition.stage], work)
 
 
 def _added(
     addition: Addition, made: Dataset, record: SequenceRecord, dataset: Dataset
 ) -> SequenceRecord:
-    """Run a stage next to links to existing output, which is compared with the record."""
-    for folder in (f"{kind}/{record.sequence}" for kind in addition.kinds):
-        made.compare_all(f"{folder}/")
-        if (made.root / folder).is_dir() and not (dataset.root / folder).is_symlink():
+    """Run a stage next to links to the output that it needs, which is compared with the record."""
+    stage = STAGES[addition.stage]
+    needed = record.model_copy(update={"stages": {n: record.stages[n] for n in stage.needs}})
+    for folder in needed.folders:  # no stage reads those in training/
+        if not (folder.startswith("training/") or (dataset.root / folder).is_symlink()):
             link(made.root, dataset.root, folder)
-    STAGES[addition.stage].work(dataset)
+    linked = replace(dataset, record=needed)
+    for kind in ("counts", "corrected"):  # frames are compared as a stage reads them
+        linked.compare_all(f"{kind}/{record.sequence}/")
+    stage.work(linked)
     before = {"format": written("sequence"), "replaced": file_hash(made.record_path)}
     return addition.entered(record, dataset).model_copy(update=before)
 

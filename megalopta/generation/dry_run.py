@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import NamedTuple, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,8 +50,8 @@ _ONCE = "counting the rays that baked light takes", "baking light"
 _SETUP = "building the scene", "loading the scene"
 
 _Group: TypeAlias = tuple[object, ...]
-Time = NDArray[np.float64]
-"""Wall-clock time and processor time (s), (2,)."""
+Cost = NDArray[np.float64]
+"""Wall-clock time and processor time (s), and bytes on disk, (3,)."""
 Finish = Callable[[Dataset], None]
 """Work after the rendering of a dataset's frames, such as sensors."""
 
@@ -95,24 +95,16 @@ class Probe:
     """Cost of a short piece of a sequence."""
 
     scale: Scale
-    setup: Time
+    setup: Cost
     """Building and loading the scene; shared plants are grown before."""
-    compiling: Time
+    compiling: Cost
     """Additional time of the first frame; compiled code is kept."""
-    once: Time
+    once: Cost
     """Baking light."""
-    radiance: Time
+    radiance: Cost
     """Radiance of one pass of a frame."""
-    rest: Time
+    rest: Cost
     """Rest of a frame: truth, files, sensors."""
-    frame_bytes: float
-
-
-class Foreseen(NamedTuple):
-    """Cost of sequences: wall-clock and processor time (s), and bytes on disk."""
-
-    time: Time
-    bytes: float
 
 
 def probe(settings: Configuration, things: int, finish: Finish, shares_plants: bool) -> Probe:
@@ -142,20 +134,19 @@ def _probe(dataset: Dataset, first: Mapping[str, Spent], steps: Mapping[str, Spe
     passes = 2 if scale.frames == 1 and scale.passes == 2 else 1
     radiance = _time(steps, "rendering radiance") / passes
     beyond = _time(first, "rendering radiance") - 2 * radiance
-    rest = _time(steps, "frame") - passes * radiance + _time(steps, "files") / scale.frames
-    bytes_ = sum(path.stat().st_size for path in files_in([dataset.root]))
+    files = _time(steps, "files")
+    files[2] = sum(path.stat().st_size for path in files_in([dataset.root]))
     return Probe(
         scale,
         setup=_time(first, *_SETUP) - once,
         compiling=np.maximum(beyond, 0),
         once=once,
         radiance=radiance,
-        rest=rest,
-        frame_bytes=bytes_ / scale.frames,
+        rest=_time(steps, "frame") - passes * radiance + files / scale.frames,
     )
 
 
-def foresee(scale: Scale, like: Probe, is_first: bool = True) -> Foreseen:
+def foresee(scale: Scale, like: Probe, is_first: bool = True) -> Cost:
     """Return the cost of a sequence, in proportion to a probe of its group.
 
     The first of a group also compiles the measurement of light on the ground, canopy and truncation
@@ -163,14 +154,13 @@ def foresee(scale: Scale, like: Probe, is_first: bool = True) -> Foreseen:
     """
     pixels = scale.pixels / like.scale.pixels
     samples = scale.passes * scale.samples + scale.closing
-    total = (
+    return np.asarray(
         like.setup * (scale.triangles / like.scale.triangles)
         + like.once * pixels
         + like.radiance * (samples / like.scale.samples)
         + like.rest * (scale.frames * pixels)
         + like.compiling * (is_first and scale.closing > 0)
     )
-    return Foreseen(total, scale.frames * pixels * like.frame_bytes)
 
 
 def _small(settings: Configuration, things: int) -> Configuration:
@@ -220,10 +210,10 @@ def _pixels(settings: Configuration) -> float:
     return min(_MOST_PIXELS, paths / (settings.render.samples_per_pixel * passes))
 
 
-def _time(steps: Mapping[str, Spent], *names: str) -> Time:
+def _time(steps: Mapping[str, Spent], *names: str) -> Cost:
     found = [steps[name] for name in names if name in steps]
     return np.array(
-        [sum(each.seconds for each in found), sum(each.cpu_seconds for each in found)], float
+        [sum(each.seconds for each in found), sum(each.cpu_seconds for each in found), 0.0]
     )
 
 
@@ -264,9 +254,7 @@ def _told(
     drawn: Sequence[Configuration], finish: Finish, share: float = 1.0, workers: int = 1
 ) -> str:
     """Return size and time of sequences, a share of all, as text."""
-    costs = costs_of(drawn, finish)
-    seconds, cpu_seconds = share * np.sum([each.time for each in costs], axis=0)
-    bytes_ = share * sum(each.bytes for each in costs)
+    seconds, cpu_seconds, bytes_ = (share * np.sum(costs_of(drawn, finish), axis=0)).tolist()
     text = f"about {size(bytes_)}, about {duration(seconds / workers)}"
     if workers > 1:
         text += f" with {workers} workers"
@@ -275,7 +263,7 @@ def _told(
     return text + (", at most: light is baked only if that takes less work" if is_most else "")
 
 
-def costs_of(drawn: Sequence[Configuration], finish: Finish) -> list[Foreseen]:
+def costs_of(drawn: Sequence[Configuration], finish: Finish) -> list[Cost]:
     """Return the costs of some sequences, by group, from probes of a few."""
     groups: dict[_Group, list[Configuration]] = defaultdict(list)
     for each in drawn:

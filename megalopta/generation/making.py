@@ -5,7 +5,7 @@ continues inside it.
 """
 
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import closing
 from functools import partial
 from pathlib import Path
@@ -36,17 +36,14 @@ from megalopta.stages.sense import open_exposure
 
 _COMPARED = 50
 """Finished sequences whose configuration is compared with the plan's."""
-_Place: TypeAlias = tuple[str, str]
-_Layout: TypeAlias = tuple[_Place, Callable[[Path], Any], _Place, Callable[[Path, Any], None]]
-_FLOW, _DISPARITY = ("training/flow", "flo"), ("training/disparities", "png")
-_LAYOUTS: Mapping[FlowFile, tuple[_Layout, ...]] = {
-    "kitti_png": (
-        (_FLOW, read_flo, ("training/flow_kitti", "png"), write_kitti_png),
-        (_DISPARITY, read_disparity, ("training/disparities_kitti", "png"), write_kitti_disparity),
-    ),
-    "flo5": ((_FLOW, read_flo, ("training/flow_flo5", "flo5"), write_flo5),),
-}
-"""Files in other layouts: folder, suffix and reader of the source; folder, suffix and writer"""
+_FLOW, _DISPARITY = "training/flow", "training/disparities"
+_Layout: TypeAlias = tuple[FlowFile, str, Callable[[Path], Any], str, Callable[[Path, Any], None]]
+_LAYOUTS: tuple[_Layout, ...] = (
+    ("kitti_png", _FLOW, read_flo, "training/flow_kitti", write_kitti_png),
+    ("flo5", _FLOW, read_flo, "training/flow_flo5", write_flo5),
+    ("kitti_png", _DISPARITY, read_disparity, f"{_DISPARITY}_kitti", write_kitti_disparity),
+)
+"""Files in other layouts: folder and reader of the source, folder and writer"""
 
 
 def make(
@@ -213,13 +210,13 @@ def write_flow_files(dataset: Dataset, kinds: Sequence[FlowFile]) -> list[Path]:
     settings = dataset.configuration
     frames = settings.trajectory.frames
     files = {_FLOW: frames - 1, _DISPARITY: frames if settings.stereo_with else 0}
-    layouts = [each for kind in kinds for each in _LAYOUTS[kind] if files[each[0]]]
-    for source, read, (folder, suffix), write in layouts:
+    layouts = [each for each in _LAYOUTS if each[0] in kinds and files[each[1]]]
+    for _, source, read, folder, write in layouts:
         for index in range(files[source]):
-            path = dataset.frame(folder, index, suffix)
+            path = dataset.frame(folder, index)
             if not path.exists():
-                write(path, read(dataset.frame(source[0], index, source[1])))
-    return [dataset.root / folder / dataset.sequence for *_, (folder, _), _ in layouts]
+                write(path, read(dataset.frame(source, index)))
+    return [dataset.root / folder / dataset.sequence for *_, folder, _ in layouts]
 
 
 _FRAMES_LOOKED_AT = 8

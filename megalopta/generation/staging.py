@@ -89,8 +89,7 @@ class Staged(Staging):
                 each for folder in made if not folder.is_symlink() for each in folder.glob("*")
             ]
             return sorted(path.relative_to(self.data).as_posix() for path in parts)
-        end = f"/{self.sequence}"
-        return list(dict.fromkeys(path.partition(f"{end}/")[0] + end for path in record.files))
+        return record.folders
 
 
 @contextmanager

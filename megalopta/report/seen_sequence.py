@@ -237,7 +237,7 @@ class ShownSequence:
             small = -(-rows // self.step), -(-columns // self.step)
             first, second = (resized(frames.at(each), small) for each in (frame, frame + 1))
             return self.step * clean_flow(first, second)
-        path = sequence.dataset.frame("training/flow", frame, "flo")
+        path = sequence.dataset.frame("training/flow", frame)
         with undamaged(path, "regenerate the sequence"):
             return self.pixels(read_flo(path))
 

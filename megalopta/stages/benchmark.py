@@ -39,7 +39,7 @@ def benchmark(dataset: Dataset) -> None:
     With the other normalization, if requested, it writes benchmark-other.json.
     """
     settings = dataset.configuration
-    parts = dataset.result(_PARTS) / _model()
+    parts = dataset.result(_PARTS)
     light = _kept_light(dataset, parts / "light.zarr")
     measurements = settings.benchmark.measurements
     total = work_units(light.shape, settings.benchmark) * len(measurements)

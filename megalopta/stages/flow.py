@@ -45,7 +45,7 @@ def measure_flow(dataset: Dataset) -> None:
     """
     require_expectation(dataset)
     pairs = dataset.configuration.exposures
-    missing = [pair for pair in pairs if not _is_there(responses_path(dataset, *pair))]
+    missing = [pair for pair in pairs if not responses_path(dataset, *pair).exists()]
     if missing:
         _measure(dataset, missing)
     records = [each for pair in pairs for each in _stored_records(responses_path(dataset, *pair))]
@@ -175,17 +175,6 @@ def _joined(pairs: Sequence[BlockTruth]) -> BlockTruth:
 def responses_path(dataset: Dataset, sensor: ImageSensor, level: LightLevel) -> Path:
     """Zarr group with arrays METHOD (from counts) and METHOD-ideal (from their mean)."""
     return dataset.result("responses") / f"{exposure_name(sensor, level)}.zarr"
-
-
-def _is_there(path: Path) -> bool:
-    """True if responses exist; those of other code, left by a killed process, are removed."""
-    try:
-        is_current = zarr.open_group(path, mode="r").attrs.get("model") == _model()
-    except (OSError, ValueError, KeyError):  # missing or damaged
-        is_current = False
-    if not is_current:
-        files.remove(path)
-    return is_current
 
 
 def _stored_records(path: Path) -> list[Record]:

@@ -105,7 +105,12 @@ class Ledger:
         self._write_timings({**self.timings(), stage: round(total, 3)})
 
     def begin(self, stage: str) -> None:
-        """Record what a stage is run with, so that it continues with the same."""
+        """Record what a stage is run with, so that it continues with the same.
+
+        Quickly derived output that was begun by other code is removed.
+        """
+        if STAGES[stage].is_derived and self.mixture(stage):
+            self.forget(stage)
         if not self._begun(stage) or not self.has(stage):
             self._enter(stage, stage_record(self.dataset, stage, None))
 

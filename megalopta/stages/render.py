@@ -18,7 +18,7 @@ from megalopta.core.freshness import BAKE_MODEL, RENDER_MODEL, TRUTH_MODEL
 from megalopta.core.progress import progress, say, step
 from megalopta.dataset import labels, sintel, stereo
 from megalopta.dataset.rendering_noise import ATTRIBUTE, noise_record
-from megalopta.dataset.store import Dataset
+from megalopta.dataset.store import SUFFIXES, Dataset
 from megalopta.plotting.text import three_digits
 from megalopta.render import (
     MEASURED_EVERY,
@@ -80,15 +80,15 @@ def render(dataset: Dataset) -> None:
 
 
 def _frame_files(dataset: Dataset, index: int) -> list[Path]:
-    kinds = [("depth", "dpt")]
-    if dataset.configuration.camera.intrinsics is not None:
-        kinds += [("camdata_left", "cam")]
-    if index + 1 < dataset.configuration.trajectory.frames:
-        kinds += [("flow", "flo"), ("occlusions", "png"), ("invalid", "png")]
-    kinds += [(name, "exr" if name == "albedo" else "png") for name in dataset.configuration.labels]
-    if dataset.configuration.stereo_with:
-        kinds += [("disparities", "png"), ("occlusions_stereo", "png")]
-    training = [dataset.frame(f"training/{kind}", index, suffix) for kind, suffix in kinds]
+    settings = dataset.configuration
+    kinds = ["depth", *settings.labels]
+    if settings.camera.intrinsics is not None:
+        kinds += ["camdata_left"]
+    if index + 1 < settings.trajectory.frames:
+        kinds += ["flow", "occlusions", "invalid"]
+    if settings.stereo_with:
+        kinds += ["disparities", "occlusions_stereo"]
+    training = [dataset.frame(f"training/{kind}", index) for kind in kinds]
     of_shutter = dataset.exposed_radiance(index), dataset.exposed_truth(index)
     return [dataset.radiance(index), dataset.truth(index), *of_shutter, *training]
 
@@ -189,12 +189,11 @@ class FrameWriter:
             attributes[ATTRIBUTE] = noise.to_json()
         write_radiance(dataset.radiance(index), radiance, settings.render.bands_nm, attributes)
         if index + 1 < len(self._poses):
-            root, wraps = dataset.root / "training", settings.camera.wraps
-            sintel.write_flow(root, dataset.sequence, index, truth, wraps)
-        sintel.write_depth(dataset.frame("training/depth", index, "dpt"), truth.depth)
+            sintel.write_flow(dataset, index, truth)
+        sintel.write_depth(dataset.frame("training/depth", index), truth.depth)
         intrinsics = settings.camera.intrinsics
         if intrinsics is not None:
-            camera_path = dataset.frame("training/camdata_left", index, "cam")
+            camera_path = dataset.frame("training/camdata_left", index)
             sintel.write_camera(camera_path, intrinsics, pose)
         clusters = None
         if "clusters" in settings.labels:
@@ -209,19 +208,18 @@ class FrameWriter:
         self, index: int, truth: "Truth", clusters: NDArray[np.uint32] | None
     ) -> None:
         """Write the label maps of one frame that are asked for."""
-        dataset, wanted = self._dataset, self._settings.labels
-        root, sequence = dataset.root / "training", dataset.sequence
-        labels.write_labels(root, sequence, index, truth, wanted, clusters)
-        if "albedo" in wanted:
+        dataset = self._dataset
+        labels.write_labels(dataset, index, truth, clusters)
+        if "albedo" in self._settings.labels:
             albedo = self._renderer.albedo(self._poses[index], float(self._times_s[index]))
-            file = dataset.frame("training/albedo", index, "exr")
+            file = dataset.frame("training/albedo", index)
             write_radiance(file, albedo, self._settings.render.bands_nm, _REFLECTANCE)
 
     def write_sequence_labels(self) -> None:
         """Write names of classes and tracks of points, which belong to all frames."""
         dataset, wanted = self._dataset, self._settings.tracks
         if "classes" in self._settings.labels:
-            labels.write_class_names(dataset.root / "training", dataset.sequence, self._kinds)
+            labels.write_class_names(dataset, self._kinds)
         if wanted:
             image = wanted.points(self._settings.camera)
             with step("following points"):
@@ -239,8 +237,7 @@ class FrameWriter:
             there = settings.trajectory.mounted(settings.stereo_with).pose_at([time])
             both = np.concatenate([self._poses[index : index + 1], there])
             flow = self._renderer.flow(both, 0, 1, [time, time])
-            root, sequence = self._dataset.root / "training", self._dataset.sequence
-            stereo.write_disparity(root, sequence, index, flow, baseline)
+            stereo.write_disparity(self._dataset, index, flow, baseline)
 
     def _write_exposed(self, index: int, attributes: Mapping[str, str]) -> None:
         """Render one frame with the shutter; its seeds are independent of the sharp frame's."""
@@ -377,18 +374,12 @@ def write_previews(dataset: Dataset) -> None:
     curve = ToneCurve.of(linear_srgb(*each, white) for each in read)
     for index in frames:
         image = preview(*read_radiance(dataset.radiance(index)), white, curve)
-        sintel.write_png(dataset.frame("training/clean", index, "png"), image)
+        sintel.write_png(dataset.frame("training/clean", index), image)
 
 
 def _outputs(dataset: Dataset) -> list[Path]:
-    kinds = (
-        *("clean", "flow", "occlusions", "invalid", "depth", "camdata_left"),
-        *("flow_kitti", "flow_flo5"),  # if a plan asks for them
-        *("disparities", "occlusions_stereo", "disparities_kitti"),  # of a rig
-        *("classes", "instances", "normals", "albedo", "tracks"),  # on request
-    )
-    exr = ("radiance", "truth", "radiance_shutter", "truth_shutter")
-    folders = [*(f"training/{kind}" for kind in kinds), *exr, "pictures"]
+    of_frames = SUFFIXES.keys() - {"training/final"}
+    folders = sorted({*of_frames, "training/tracks", "pictures"})
     return [dataset.root / folder / dataset.sequence for folder in folders]
 
 

@@ -271,7 +271,7 @@ def _write_final_images(dataset: Dataset) -> None:
     for index in range(len(counts)):
         gray = encode_srgb(curve(np.maximum(counts[index], 0)))
         image = np.repeat(gray[..., None], 3, axis=-1)
-        sintel.write_png(dataset.frame("training/final", index, "png"), image)
+        sintel.write_png(dataset.frame("training/final", index), image)
 
 
 def burst_frames(settings: Configuration) -> int:

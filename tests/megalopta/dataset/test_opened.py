@@ -50,12 +50,12 @@ def test_arrays_are_lazy_and_have_units(opened):
 def test_flow_between_neighbors_is_the_stored_one(opened):
     for sequence in opened:
         files = sequence.dataset
-        flow = cv2.readOpticalFlow(str(files.frame("training/flow", 1, "flo")))
+        flow = cv2.readOpticalFlow(str(files.frame("training/flow", 1)))
         known = np.abs(flow) < 1e9
         np.testing.assert_array_equal(sequence.flow(1)[known], flow[known])
         backward = read_truth(files.truth(1)).flow_backward
         np.testing.assert_array_equal(sequence.flow(1, 0), backward)
-        mask = cv2.imread(str(files.frame("training/occlusions", 1, "png")), 0)
+        mask = cv2.imread(str(files.frame("training/occlusions", 1)), 0)
         np.testing.assert_array_equal(sequence.occlusion(1), mask > 0)
 
 

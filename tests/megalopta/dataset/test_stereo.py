@@ -6,7 +6,9 @@ import cv2
 import numpy as np
 import pytest
 
+from megalopta.config.model import load
 from megalopta.dataset.stereo import read_disparity, write_disparity, write_kitti_disparity
+from megalopta.dataset.store import Dataset
 
 
 @pytest.fixture
@@ -19,13 +21,14 @@ def flow():
 
 
 def test_disparities_beyond_the_range_of_sintel_are_unknown_and_masked(flow, tmp_path):
-    write_disparity(tmp_path, "a", 0, flow, 0.1)
-    stored = read_disparity(tmp_path / "disparities/a/frame_0001.png")
+    write_disparity(Dataset(tmp_path, load("demo", {"name": "a"})), 0, flow, 0.1)
+    stored = read_disparity(tmp_path / "training/disparities/a/frame_0001.png")
     unknown = np.isnan(stored)
     assert unknown.tolist() == [[False] * 4, [False, True, True, True]]
     expected = -flow.displacement[..., 0]
     np.testing.assert_allclose(stored[~unknown], expected[~unknown], rtol=0, atol=2**-15)
-    mask = cv2.imread(str(tmp_path / "occlusions_stereo/a/frame_0001.png"), cv2.IMREAD_UNCHANGED)
+    path = tmp_path / "training/occlusions_stereo/a/frame_0001.png"
+    mask = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
     np.testing.assert_array_equal(mask > 0, unknown)
 
 

@@ -63,6 +63,16 @@ def test_corrected_frames_of_new_exposures_are_on_record_and_others_stay(single_
     assert sequence.corrected("spadcam-full_moon")[0].shape == sequence.shape
 
 
+def test_what_new_exposures_of_moving_light_read_is_compared(single_plan, tmp_path):
+    make(tmp_path, single_plan.model_copy(update={"every": {**single_plan.every, "sub_frames": 2}}))
+    add_exposures(tmp_path, {"sensors": "[ideal]", "light_levels": "[full_moon]"})
+    assert not check_files(Tree(tmp_path))
+    (path,) = tmp_path.glob("truth/000000/frame_0002.exr")
+    path.write_bytes(bytes(path.stat().st_size))
+    with pytest.raises(UserError, match=rf"{path} differs from its record; .* check {tmp_path}$"):
+        add_exposures(tmp_path, {"sensors": "[ideal]", "light_levels": "[starlight]"})
+
+
 def test_damaged_results_are_made_again(small_copy):
     expected = responses(measure(small_copy, "flow", METHODS).root)
     path = small_copy / "results/000000/flow.json"

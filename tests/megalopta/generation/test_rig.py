@@ -65,7 +65,7 @@ def test_disparity_is_focal_length_times_baseline_over_depth(rig):
 
 def test_points_hidden_from_the_right_camera_are_farther_than_what_it_sees(rig):
     left, right = rig[0], rig[1]
-    mask = left.dataset.frame("training/occlusions_stereo", 0, "png")
+    mask = left.dataset.frame("training/occlusions_stereo", 0)
     hidden = cv2.imread(str(mask), cv2.IMREAD_UNCHANGED) > 0
     x = np.arange(SIZE["width"]) + 0.5 - left.disparity[0]
     outside = x <= 0
@@ -82,7 +82,7 @@ def test_points_hidden_from_the_right_camera_are_farther_than_what_it_sees(rig):
 
 
 def test_kitti_s_layout_has_256_steps_a_pixel_and_no_unknown(rig):
-    path = rig[0].dataset.frame("training/disparities_kitti", 0, "png")
+    path = rig[0].dataset.frame("training/disparities_kitti", 0)
     stored = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
     assert stored.dtype == np.uint16
     assert stored.min() == 1  # the sky
@@ -163,6 +163,8 @@ def test_cameras_of_a_rig_have_their_own_lens_size_bands_shutter_and_sensor(mixe
     # At the first frame its columns look from up to 0.025 s along the path at 1.1 m/s.
     rolling = read_truth(mixed[2].dataset.exposed_truth(0)).position
     assert np.nanmax(np.abs(rolling - read_truth(mixed[2].dataset.truth(0)).position)) > 0.01
+    flow, known = mixed.pairs()[2]["flow"], np.moveaxis(mixed[2].flow(0), -1, 0)
+    np.testing.assert_array_equal(flow, np.nan_to_num(known))  # of the shutter
     # Only the first two have the same lens.
     assert [each.configuration.stereo_with is None for each in mixed] == [False, False, True, True]
 

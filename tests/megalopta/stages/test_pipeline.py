@@ -54,19 +54,19 @@ def test_the_tree_is_sintels_with_one_flow_less_than_frames(finished):
 
 def test_flow_files_hold_the_truth_of_the_exr(finished):
     truth = read_truth(finished.truth(3)).flow_forward
-    stored = read_flo(finished.frame("training/flow", 3, "flo"))
+    stored = read_flo(finished.frame("training/flow", 3))
     np.testing.assert_array_equal(stored, truth)
     assert (truth[..., 0] > 0).all()  # the camera turns left
 
 
 def test_depth_and_camera_files_follow_sintels_layout(finished):
-    raw = finished.frame("training/depth", 0, "dpt").read_bytes()
+    raw = finished.frame("training/depth", 0).read_bytes()
     assert np.frombuffer(raw[:4], "<f4")[0] == np.float32(202021.25)
     width, height = np.frombuffer(raw[4:12], "<i4")
     depth = np.frombuffer(raw[12:], "<f4").reshape(height, width)
     exact = read_truth(finished.truth(0)).depth
     np.testing.assert_array_equal(depth, np.where(np.isinf(exact), 1e10, exact).astype("<f4"))
-    raw = finished.frame("training/camdata_left", 0, "cam").read_bytes()
+    raw = finished.frame("training/camdata_left", 0).read_bytes()
     intrinsics = np.frombuffer(raw[4:76], "<f8").reshape(3, 3)
     extrinsics = np.frombuffer(raw[76:], "<f8").reshape(3, 4)
     pose = finished.configuration.trajectory.poses()[0]

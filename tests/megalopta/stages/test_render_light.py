@@ -133,8 +133,8 @@ def test_a_turning_panorama_moves_by_whole_columns_everywhere(finished):
     np.testing.assert_allclose(truth.flow_forward[..., 0], 2, atol=1e-5)
     np.testing.assert_allclose(truth.flow_forward[..., 1], 0, atol=1e-5)
     # Nothing leaves an image without left and right edge.
-    mask = finished.frame("training/occlusions", 4, "png").read_bytes()
-    assert mask == finished.frame("training/invalid", 4, "png").read_bytes()
+    mask = finished.frame("training/occlusions", 4).read_bytes()
+    assert mask == finished.frame("training/invalid", 4).read_bytes()
 
 
 def test_camera_and_pose_stand_in_the_truth_and_no_pinhole_file_pretends(finished):

@@ -91,6 +91,22 @@ def test_counts_of_two_sensor_models_or_libraries_are_not_mixed(whole_copy, monk
     assert dataset.record_path.read_text("utf-8") == before
 
 
+@pytest.mark.parametrize(
+    ("stage", "part"),
+    [("flow", "responses/spadcam-starlight.zarr"), ("benchmark", "benchmark-parts/light.zarr")],
+)
+def test_results_begun_by_other_code_are_begun_again(whole_copy, monkeypatch, stage, part):
+    before, dataset = content(whole_copy), open_sequence(whole_copy)
+    other = dataclasses.replace(registry.STAGES[stage], model=lambda: "of other code")
+    Ledger(dataset).forget(stage)
+    with monkeypatch.context() as patched:
+        patched.setitem(registry.STAGES, stage, other)
+        Ledger(dataset).begin(stage)
+    dataset.result(part).mkdir(parents=True)
+    run_stage(whole_copy, dataset.configuration, stage)
+    assert content(whole_copy) == before
+
+
 def run(*words):
     cli.main([str(word) for word in words])
 
