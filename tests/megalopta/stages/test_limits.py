@@ -83,7 +83,11 @@ INFRARED = {"sensors": "[ctia_si]", "render.bands_nm": "[[700, 800], [800, 900]]
         ),
     ],
 )
-def test_what_cannot_be_done_is_refused_before_anything_is_begun(tmp_path, changes, message):
+def test_what_cannot_be_done_is_refused_before_anything_is_begun(
+    tmp_path, monkeypatch, changes, message
+):
+    roomy = shutil.disk_usage(tmp_path)._replace(free=10**12)  # on a machine of any disk
+    monkeypatch.setattr(shutil, "disk_usage", lambda path: roomy)
     with pytest.raises(UserError, match=message):
         run_all(tmp_path / "out", load("grating", {**TINY, **changes}))
     assert not list(tmp_path.iterdir())
