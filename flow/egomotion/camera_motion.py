@@ -15,6 +15,7 @@ translation the rotation is found, and the heading is meaningless. Equations, er
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from itertools import chain
 from operator import itemgetter
 from typing import NamedTuple
 
@@ -23,6 +24,7 @@ from scipy.ndimage import map_coordinates
 from scipy.sparse import coo_array
 from scipy.sparse.linalg import splu
 from scipy.spatial.transform import Rotation
+from skimage.filters import threshold_otsu
 
 from megalopta.core.arrays import Floats, Mask
 from megalopta.flow import likelihood, likely_flow
@@ -38,8 +40,8 @@ _FIRST_STEPS, _STEPS = 3, 6
 _GOING_ON = 2
 _FITS, _LEAST_LEFT_PX = 8, 0.05
 _LONGEST_STEP_PX = 1.0
-_STRIP, _ACROSS, _DOWN = 0.4, (0.0, 0.15, 0.3, 0.45, 0.6), (0.0, 0.3, 0.6)
-"""Width of omitted strips, and where they begin, in widths and heights of the frame"""
+_PART, _ACROSS, _DOWN = 0.4, (0.0, 0.15, 0.3, 0.45, 0.6), (0.0, 0.3, 0.6)
+"""Share of the view in an omitted part, and where strips begin, in widths and heights of it"""
 _RIDGE = 1e-2
 _DAMPING = 1e-6
 _SMALL = 1e-5
@@ -63,7 +65,7 @@ class _Motion(NamedTuple):
 
 @dataclass(frozen=True)
 class CameraMotionError:
-    """Standard errors of a camera's motion, a moving part of the view included."""
+    """Standard errors of a camera's motion."""
 
     rotation_deg: Floats
     """Standard error of the rotation vector (3,), degrees per frame, about each axis"""
@@ -90,15 +92,17 @@ def camera_motion_with_error(
     """Return the motion as `likely_camera_motion`, and its standard errors, from counts (T, H, W).
 
     What moves by itself may look like a near part of a scene at rest, which no misfit tells. So the
-    motion is also found without each of eight strips of the view, of 40 % of its width or height.
-    The largest change is part of the error, with the inverse of the information. Takes some eight
-    times as long. Raises as `likely_camera_motion`.
+    motion is also found without each of ten parts of the view: eight strips of 40 % of its width or
+    height, the nearest 40 % of its pixels, and the nearer of two groups of distances. The largest
+    change is part of the error, with the inverse of the information. Takes some ten times as long.
+    Raises as `likely_camera_motion`.
     """
     _check(counts, camera)
     search = _Search.of(counts, camera)
     best = search.best()
     motion, variance = best.seen, _variance(best)
-    others = [replace(search, used=used).best().seen for used in _without_strips(counts.shape[1:])]
+    parts = chain(_strips(counts.shape[1:]), _near_parts(best.motion, counts.shape[1:]))
+    others = [replace(search, used=~part).best().seen for part in parts]
     turns = [(each.rotation_deg - motion.rotation_deg) ** 2 for each in others]
     angles = angles_deg(np.array([each.heading for each in others]), motion.heading)
     error = CameraMotionError(
@@ -124,16 +128,28 @@ def _check(counts: Frames, camera: Camera) -> None:
         raise ValueError("frames have no contrast; give textured frames")
 
 
-def _without_strips(shape: tuple[int, ...]) -> Iterator[Mask]:
-    """Yield the pixels (H, W) outside each of some strips, which overlap."""
+def _strips(shape: tuple[int, ...]) -> Iterator[Mask]:
+    """Yield the pixels (H, W) of each of some strips, which overlap."""
     height, width = shape
     for starts, side, axis in ((_ACROSS, width, 1), (_DOWN, height, 0)):
         for start in starts:
-            used = np.ones(shape, np.bool_)
             strip = [slice(None), slice(None)]
-            strip[axis] = slice(round(start * side), round((start + _STRIP) * side))
-            used[tuple(strip)] = False
-            yield used
+            strip[axis] = slice(round(start * side), round((start + _PART) * side))
+            part = np.zeros(shape, np.bool_)
+            part[tuple(strip)] = True
+            yield part
+
+
+def _near_parts(motion: "_Motion", shape: tuple[int, ...]) -> Iterator[Mask]:
+    """Yield the nearest pixels (H, W) under a motion, and those of the nearer group (Otsu)."""
+    near = _dense(motion.nearness, shape)
+    for limit in (np.quantile(near, 1 - _PART), threshold_otsu(near)):
+        yield near > limit
+
+
+def _dense(nearness: Floats, shape: tuple[int, ...]) -> Floats:
+    """Return the inverse depth at pixels (H, W), given that at nodes."""
+    return likelihood.finer(nearness[np.newaxis], shape, likelihood.NODE_PX)[0]
 
 
 def _variance(found: "_Found") -> Floats:
@@ -255,9 +271,7 @@ class _Search:
     def _step(self, motion: _Motion) -> _Found:
         """Return the cost of a motion, and a better motion."""
         heading, nearness = motion.heading, motion.nearness
-        near = likelihood.finer(
-            nearness[np.newaxis], self.level.roots.shape[1:], likelihood.NODE_PX
-        )[0]
+        near = _dense(nearness, self.level.roots.shape[1:])
         # rotation of the camera by ω and α
         patterns = np.stack((self.times, self.times * (self.times - 1) / 2))
         turns = patterns.T @ np.stack((motion.turn, motion.change))
