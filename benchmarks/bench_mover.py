@@ -3,16 +3,17 @@
 Windows of eight frames, 48 × 40 px, of a floor and one or three walls at random distances. The
 camera turns by up to 0.6° about each axis and moves by 6 cm per frame in a random direction near
 the horizontal. A trunk 1.5 m ahead, 27 % as wide as the view, moves sideways by 3 to 10 cm per
-frame. Each window has 3, 10, 30 or 100 photons per pixel. For each the errors in units of those
-stated are printed, the largest of three axes of rotation and the heading, and at the end the shares
-of windows within one, two and three.
+frame; with `--trunk rest` it stands still, with `none` there is none. Each window has 3, 10, 30 or
+100 photons per pixel. For each window the errors of rotation (largest of three axes) and heading
+are printed, in degrees and over the stated ones; at the end their medians, and the shares of
+windows within one, two and three stated errors.
 
-    python -m benchmarks.bench_mover [WINDOWS [FIRST]]
+    python -m benchmarks.bench_mover
 
-Takes 2 to 3 CPU-s a window; 500 from window 0 on by default.
+Takes 2 to 3 CPU-s a window.
 """
 
-import sys
+import argparse
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -36,8 +37,8 @@ def planes(rng: np.random.Generator) -> list:
     return ahead + sides * int(rng.integers(2))
 
 
-def window(number: int) -> Floats:
-    """Errors of rotation (largest of its axes) and heading: degrees, and over the stated ones."""
+def window(number: int, trunk: str) -> Floats:
+    """True and stated errors of rotation (largest of its axes) and heading; their ratios."""
     rng = np.random.default_rng(number)
     turn_deg = rng.uniform(-0.6, 0.6, 3)
     angle, up = rng.uniform(0, 2 * np.pi), rng.uniform(-0.3, 0.3)
@@ -45,26 +46,34 @@ def window(number: int) -> Floats:
     walls, sideways_m = planes(rng), rng.choice((-1, 1)) * rng.uniform(0.03, 0.1)
     poses = [(t * step_m, Rotation.from_rotvec(t * np.radians(turn_deg))) for t in TIMES]
     light = np.stack([view(CAMERA, *pose, walls) for pose in poses])
-    light = beside_a_trunk(CAMERA, light, turn_deg, step_m, sideways_m)
+    if trunk != "none":
+        is_moving = trunk == "moving"
+        light = beside_a_trunk(CAMERA, light, turn_deg, step_m, sideways_m * is_moving)
     counts = rng.poisson(FLUXES[number % len(FLUXES)] * light)
     motion, stated = camera_motion_with_error(counts, CAMERA)
     turns = np.abs(motion.rotation_deg - turn_deg)
     heading = float(angles_deg(motion.heading[np.newaxis], step_m / STEP_M)[0])
     relative = max(turns / stated.rotation_deg), heading / stated.heading_deg
-    return np.array([turns.max(), heading, *relative])
+    stated_deg = max(stated.rotation_deg), min(stated.heading_deg, 180.0)
+    return np.array([turns.max(), heading, *stated_deg, *relative])
 
 
 if __name__ == "__main__":
-    count = int(sys.argv[1]) if len(sys.argv) > 1 else 500
-    first = int(sys.argv[2]) if len(sys.argv) > 2 else 0
-    found = np.empty((count, 4))
-    for number in range(first, first + count):
-        found[number - first] = errors = window(number)
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--windows", type=int, default=500)
+    parser.add_argument("--first", type=int, default=0)
+    parser.add_argument("--trunk", choices=("moving", "rest", "none"), default="moving")
+    asked = parser.parse_args()
+    found = np.empty((asked.windows, 6))
+    for place in range(asked.windows):
+        number = asked.first + place
+        found[place] = errors = window(number, asked.trunk)
         figures = "  ".join(f"{each:8.3f}" for each in errors)
         print(f"{number:4}  {FLUXES[number % len(FLUXES)]:4g}  {figures}", flush=True)
-    print("photons, windows: errors in degrees (medians), % within one, two, three stated errors")
-    for place, flux in enumerate(FLUXES):
-        some = found[place :: len(FLUXES)]
-        within = [100 * (some[:, 2:].max(axis=1) < limit).mean() for limit in (1, 2, 3)]
-        middle = np.median(some[:, :2], axis=0)
-        print(f"{flux:4g}  {len(some)}: {middle.round(2)}  {np.round(within, 1)}")
+    print("photons, windows: true and stated errors in degrees (medians of rotation and heading)")
+    print("% of windows within one, two, three stated errors")
+    for flux in range(len(FLUXES)):
+        some = found[(np.arange(asked.first, asked.first + asked.windows) % len(FLUXES)) == flux]
+        within = [100 * (some[:, 4:].max(axis=1) < limit).mean() for limit in (1, 2, 3)]
+        middle = np.median(some[:, :4], axis=0)
+        print(f"{FLUXES[flux]:4g}  {len(some)}: {middle.round(2)}  {np.round(within, 1)}")

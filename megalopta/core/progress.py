@@ -26,6 +26,8 @@ _silences: list[object] = []
 """Work that prints nothing."""
 _steps: list[str] = []
 """Steps in progress, the outermost first; the innermost is shown."""
+_shares: list[Callable[[], str]] = []
+"""Progress of silent work, the outermost first; whoever speaks for it shows the innermost."""
 _stages: list[str] = []
 """Stage in progress, as the beginning of a line, of work with several."""
 _status_stands = threading.Event()
@@ -103,22 +105,24 @@ def times_of_steps() -> Iterator[dict[str, Spent]]:
 
 @contextmanager
 def progress(description: str, total: int, unit: str) -> Iterator[Advance]:
-    """Show the share of `total` steps that the yielded function counted; at the end, the time."""
-    if _silences:
-        yield lambda steps=1: None
-        return
+    """Show the share of `total` steps that the yielded function counted; at the end, the time.
+
+    The progress of silent work is shown with the step that it is part of.
+    """
     done, start = 0, time.monotonic()
 
     def count(steps: int = 1) -> None:
         nonlocal done
         done += steps
 
-    with speaking(
-        lambda: (
-            f"{description}: {progress_line(done, total, unit, time.monotonic() - start)}{_step()}"
-        ),
-        is_of_steps=False,
-    ):
+    def share() -> str:
+        return progress_line(done, total, unit, time.monotonic() - start)
+
+    if _silences:
+        with _held(_shares, share):
+            yield count
+        return
+    with speaking(lambda: f"{description}: {share()}{_step()}", is_of_steps=False):
         yield count
     elapsed = time.monotonic() - start
     print(f"{description}: {total} {unit}s in {elapsed:.1f} s", file=sys.stderr)
@@ -162,8 +166,9 @@ def _stage() -> str:
 
 
 def _step() -> str:
-    """Current step, to append to a line."""
-    return "".join(f"; {name}" for name in _steps[-1:])  # another thread may remove the last
+    """Current step, and the progress of silent work in it, to append to a line."""
+    name = "".join(f"; {each}" for each in _steps[-1:])  # another thread may remove the last
+    return name + "".join(f", {share()}" for share in _shares[-1:])
 
 
 def _clear_status() -> None:

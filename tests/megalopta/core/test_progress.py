@@ -82,6 +82,17 @@ def test_a_step_of_silent_work_is_named_by_who_speaks_for_it(capsys):
     assert "Making: 0 % of 1 sequences · 0:00 so far; baking" in capsys.readouterr().err
 
 
+def test_progress_of_silent_work_is_shown_with_its_step(capsys):
+    with progress.progress("Making", 1, "sequence"), progress.silent(), progress.step("baking"):
+        with progress.progress("Computing light", 4, "part") as advance:
+            advance()
+            time.sleep(0.2)
+        inner = capsys.readouterr().err
+        time.sleep(0.2)
+    assert "Making: 0 % of 1 sequences · 0:00 so far; baking, 25 % of 4 parts · 0:0" in inner
+    assert "Making: 0 % of 1 sequences · 0:00 so far; baking\n" in capsys.readouterr().err
+
+
 def test_a_terminal_shows_the_step_and_clears_it(capsys, monkeypatch):
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
     monkeypatch.setattr(progress, "STATUS_S", 0.05)
