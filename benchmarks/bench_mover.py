@@ -16,17 +16,15 @@ Takes 2 to 3 CPU-s a window.
 import argparse
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from megalopta.core.arrays import Floats
 from megalopta.flow.egomotion.camera_motion import camera_motion_with_error
 from megalopta.flow.metrics.endpoint_error import angles_deg
 from megalopta.scenes import PerspectiveCamera
-from tests.flow.egomotion.corner import beside_a_trunk, view
+from tests.flow.egomotion.corner import beside_a_trunk, flight
 
 CAMERA = PerspectiveCamera(width=48, height=40, fov_deg=60)
 FLUXES = 3.0, 10.0, 30.0, 100.0
-TIMES = np.arange(8) - 3
 STEP_M = 0.06
 
 
@@ -44,8 +42,7 @@ def window(number: int, trunk: str) -> Floats:
     angle, up = rng.uniform(0, 2 * np.pi), rng.uniform(-0.3, 0.3)
     step_m = STEP_M * np.array([np.cos(angle), up, np.sin(angle)]) / np.hypot(1, up)
     walls, sideways_m = planes(rng), rng.choice((-1, 1)) * rng.uniform(0.03, 0.1)
-    poses = [(t * step_m, Rotation.from_rotvec(t * np.radians(turn_deg))) for t in TIMES]
-    light = np.stack([view(CAMERA, *pose, walls) for pose in poses])
+    light = flight(CAMERA, turn_deg, step_m, planes=walls)
     if trunk != "none":
         is_moving = trunk == "moving"
         light = beside_a_trunk(CAMERA, light, turn_deg, step_m, sideways_m * is_moving)

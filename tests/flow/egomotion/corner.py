@@ -41,7 +41,7 @@ def view(camera, position, rotation, planes=CORNER):
     return light.clip(0.05).reshape(camera.height, camera.width)
 
 
-def flight(camera, turn_deg, step_m, frames=8, change_deg=(0, 0, 0)):
+def flight(camera, turn_deg, step_m, frames=8, change_deg=(0, 0, 0), planes=CORNER):
     """Frames (T, H, W) of a way straight ahead, the one before the middle at the origin.
 
     The turn from frame s to the next is `turn_deg` + s·`change_deg`.
@@ -49,7 +49,9 @@ def flight(camera, turn_deg, step_m, frames=8, change_deg=(0, 0, 0)):
     step, turn, change = np.asarray(step_m), np.radians(turn_deg), np.radians(change_deg)
     return np.stack(
         [
-            view(camera, t * step, Rotation.from_rotvec(t * turn + t * (t - 1) / 2 * change))
+            view(
+                camera, t * step, Rotation.from_rotvec(t * turn + t * (t - 1) / 2 * change), planes
+            )
             for t in np.arange(frames) - (frames // 2 - 1)
         ]
     )

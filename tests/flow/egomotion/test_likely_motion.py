@@ -6,9 +6,13 @@ import pytest
 from megalopta.flow.egomotion.camera_motion import camera_motion_with_error, likely_camera_motion
 from megalopta.scenes import EquirectangularCamera, PerspectiveCamera
 
-from .corner import beside_a_trunk, flight
+from .corner import CORNER, beside_a_trunk, flight
 
 CAMERA = PerspectiveCamera(width=96, height=80, fov_deg=60)
+
+
+FARTHER = ((0.4, 0.0, 1.0), 7.1)
+"""The wall ahead, farther than in the corner"""
 
 
 def counts(light, photons, seed=0):
@@ -88,6 +92,17 @@ def test_a_trunk_that_moves_is_within_the_stated_error(sideways_m):
     assert (off_deg < 3 * error.rotation_deg).all() and heading_deg < 3 * error.heading_deg
     is_misled = max(off_deg) > 0.2 or heading_deg > 10
     assert is_misled == bool(sideways_m)
+
+
+def test_a_trunk_that_crosses_every_strip_is_within_the_stated_error():
+    """From estimates without strips alone, a heading 120° off is stated to 10°."""
+    turn_deg, step_m = (0.5, 0.5, -0.6), (-0.05, 0.0, -0.03)
+    camera, walls = PerspectiveCamera(width=48, height=40, fov_deg=60), (CORNER[0], FARTHER)
+    light = flight(camera, turn_deg, step_m, planes=walls)
+    drawn = counts(beside_a_trunk(camera, light, turn_deg, step_m, -0.09), 100)
+    motion, error = camera_motion_with_error(drawn, camera)
+    assert 60 < angle_deg(motion.heading, np.array(step_m)) < 3 * error.heading_deg
+    assert (np.abs(motion.rotation_deg - turn_deg) < 3 * error.rotation_deg).all()
 
 
 @pytest.mark.parametrize(
