@@ -124,8 +124,8 @@ def _check(counts: Frames, camera: Camera) -> None:
         )
     if not (np.isfinite(counts).all() and counts.min() >= 0):
         raise ValueError("frames hold negative or non-finite values: give counts, 0 or more")
-    if not np.ptp(counts):
-        raise ValueError("frames have no contrast; give textured frames")
+    if not np.ptp(counts) or likelihood.has_dark_frame(counts):
+        raise ValueError("frames, or one of them, have no contrast; give textured frames")
 
 
 def _strips(shape: tuple[int, ...]) -> Iterator[Mask]:
