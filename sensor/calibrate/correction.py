@@ -41,6 +41,7 @@ _BEYOND = 2.0
 _WEIGHTS = np.array([[0.5, 1.0, 0.5], [1.0, 0.0, 1.0], [0.5, 1.0, 0.5]])
 _FRAMES_AT_ONCE = 16
 _NEARLY_FULL = 0.95
+_SURE = 3.0
 _DEADEST = 0.2
 """Fraction of the median response below which a pixel counts as dead."""
 
@@ -140,12 +141,13 @@ def _ambiguous_from(arrivals: Floats, mean: Floats, variance: Floats, sensor: Se
     return float(np.min(mean[after] - 3 * np.sqrt(variance[after])))
 
 
-def hot_pixels(dark: Floats, times: float) -> Mask:
+def hot_pixels(dark: Floats, variance: Floats, times: float) -> Mask:
     """Mask of pixels (rows, columns) with more dark counts than `times` the median.
 
-    Raises ValueError if half of them or more would be hot.
+    By three standard errors: of pixels with hardly any count, those with one are not hot. Raises
+    ValueError if half of them or more would be hot.
     """
-    hot = dark > times * max(float(np.median(dark)), 0.0)
+    hot = dark - _SURE * np.sqrt(variance) > times * max(float(np.median(dark)), 0.0)
     if dark.size and 2 * int(hot.sum()) >= dark.size:
         raise ValueError(
             f"hot_times: {times:g} times the median of the dark counts marks {hot.mean():.0%} of "
@@ -218,7 +220,7 @@ def calibrate(
         Photons per exposure that a pixel of nominal efficiency detects in the flat frames. Default:
         gains are relative to the mean of the good pixels.
     hot_times : float
-        Pixels with more dark counts than this many times the median are hot.
+        Pixels with surely more dark counts than this many times the median are hot.
     """
     kinds = {"dark": dark_frames, "flat": flat_frames}
     shapes = {name: np.shape(frames) for name, frames in kinds.items()}
@@ -305,7 +307,7 @@ def _of_means(
     curve: ResponseCurve, dark: _Mean, flat: _Mean, flat_detections: float | None, hot_times: float
 ) -> Calibration:
     light = flat.arrivals - dark.arrivals
-    bad = hot_pixels(dark.arrivals, hot_times)
+    bad = hot_pixels(dark.arrivals, dark.variance, hot_times)
     bad |= flat.readings >= _NEARLY_FULL * curve.largest
     bad |= light < _DEADEST * np.median(light)
     if bad.all() or not np.median(light) > 0:
