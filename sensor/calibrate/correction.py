@@ -1,7 +1,7 @@
 """Corrected frames: linearize, subtract dark, divide by flat, fill in unusable pixels.
 
 Dark frames are taken without light, flat frames under uniform light; both may be captured or
-simulated, and more frames reduce the error. All frames are linearized before they are averaged.
+simulated, and more frames reduce the error. Their light is steady, so their means are linearized.
 
 **The response curve** is the reading of a pixel over its arrivals. It is that of the device model:
 dead time of either kind, afterpulses, crosstalk under uniform light, gate, and the counter with its
@@ -62,8 +62,8 @@ class ResponseCurve:
         """Largest reading that determines the arrivals."""
         return float(self.mean[-1])
 
-    def arrivals_of(self, readings: Floats) -> tuple[Floats, Floats]:
-        """Return arrivals and their variance, from readings of any shape.
+    def arrivals_of(self, readings: Floats, frames: int = 1) -> tuple[Floats, Floats]:
+        """Return arrivals and their variance, from readings of any shape, or means over frames.
 
         Readings below the dark reading give negative arrivals, so that means are unbiased. Readings
         above `largest` give the last arrivals of the curve.
@@ -71,10 +71,10 @@ class ResponseCurve:
         inverse = PchipInterpolator(self.mean, self.arrivals)
         bent = np.clip(readings, self.mean[0], self.mean[-1])
         spread = np.gradient(self.arrivals, self.mean) ** 2 * self.variance
-        arrivals = inverse(bent) - self._excess(self.arrivals, bent)
+        arrivals = inverse(bent) - self._excess(self.arrivals, bent) / frames
         arrivals += np.minimum(readings - self.mean[0], 0) * inverse(self.mean[0], 1)
-        variance = np.interp(bent, self.mean, spread) - self._excess(spread, bent)
-        return np.asarray(arrivals), np.maximum(variance, 0)
+        variance = np.interp(bent, self.mean, spread) - self._excess(spread, bent) / frames
+        return np.asarray(arrivals), np.maximum(variance, 0) / frames
 
     def _excess(self, values: Floats, readings: Floats) -> Floats:
         """Bias of a function of the reading, averaged over the noise."""
@@ -88,6 +88,10 @@ def response_curve(sensor: Sensor) -> ResponseCurve:
 
     Raises ValueError if no reading determines the arrivals.
     """
+    if sensor.counter.capacity == 1:
+        raise ValueError(
+            f"sensor {sensor.name!r}: one event saturates its counter; nothing can be corrected"
+        )
     plain = _without_pattern(sensor)
     # neighbors matter only with crosstalk
     side = 9 if plain.crosstalk.is_on else 1
@@ -291,16 +295,15 @@ class _Mean(NamedTuple):
 
 
 def _mean(chunks: Iterable[NDArray[Any]], curve: ResponseCurve) -> _Mean:
-    frames, sums, squares, readings = 0, np.zeros(()), np.zeros(()), np.zeros(())
+    frames, sums, squares = 0, np.zeros(()), np.zeros(())
     for chunk in chunks:
-        arrivals, _ = curve.arrivals_of(chunk)
         frames += len(chunk)
-        sums = sums + arrivals.sum(axis=0)
-        squares = squares + np.square(arrivals).sum(axis=0)
-        readings = readings + chunk.sum(axis=0, dtype=np.float64)
-    mean = sums / frames
-    spread = np.maximum(squares / frames - mean**2, 0) / (frames - 1)
-    return _Mean(mean, spread, readings / frames)
+        sums = sums + chunk.sum(axis=0, dtype=np.float64)
+        squares = squares + np.square(chunk, dtype=np.float64).sum(axis=0)
+    readings = sums / frames
+    spread = np.maximum(squares / frames - readings**2, 0) / (frames - 1)
+    slope = np.interp(readings, curve.mean, np.gradient(curve.arrivals, curve.mean))
+    return _Mean(curve.arrivals_of(readings, frames)[0], slope**2 * spread, readings)
 
 
 def _of_means(
