@@ -149,7 +149,7 @@ def _near_parts(motion: "_Motion", shape: tuple[int, ...]) -> Iterator[Mask]:
 
 def _dense(nearness: Floats, shape: tuple[int, ...]) -> Floats:
     """Return the inverse depth at pixels (H, W), given that at nodes."""
-    return likelihood.finer(nearness[np.newaxis], shape, likelihood.NODE_PX)[0]
+    return np.asarray(likelihood.finer(nearness[np.newaxis], shape, likelihood.NODE_PX)[0])
 
 
 def _variance(found: "_Found") -> Floats:

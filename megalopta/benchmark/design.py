@@ -364,8 +364,9 @@ def _noiseless(sensor: Sensor) -> Sensor:
 
 
 def _sensor(given: Sensor | str | Path) -> Sensor:
-    found = given
-    if not isinstance(found, Sensor):
+    if isinstance(given, Sensor):
+        found = given
+    else:
         is_file = str(given).endswith((".yaml", ".yml"))
         found = load_sensor(given) if is_file else preset(str(given))
     if found.filters.is_on:  # whose mosaic would count as texture that moves

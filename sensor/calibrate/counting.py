@@ -461,7 +461,7 @@ def _narrower(rate: Floats, frames: Floats, times: Floats) -> Floats:
     number = np.maximum(frames.sum(axis=0), 1)
     mean = (frames * p).sum(axis=0) / number
     one, several = number * mean * (1 - mean), (frames * p * (1 - p)).sum(axis=0)
-    return np.sqrt(np.divide(several, one, out=np.ones_like(one), where=one > 0))
+    return np.asarray(np.sqrt(np.divide(several, one, out=np.ones_like(one), where=one > 0)))
 
 
 def _line(light: Floats, rate: Floats, weight: Floats) -> tuple[Floats, Floats]:
