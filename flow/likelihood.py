@@ -122,6 +122,11 @@ def root_noise(smooth: Callable[[Floats], NDArray[Any]]) -> float:
     return float((smooth(impulse) ** 2).sum() / 4)
 
 
+def has_dark_frame(counts: NDArray[Any]) -> bool:
+    """Return whether one of frames (n, H, W) has no photon, so that nothing aligns it."""
+    return not counts.any(axis=(1, 2)).all()
+
+
 def without_defects(counts: NDArray[Any]) -> Floats:
     """Return frames (n, H, W) with the median of their surroundings at hot and dead pixels.
 
@@ -210,9 +215,8 @@ def aligned_frames(level: Level, places: Iterable[Floats]) -> tuple[Floats, Mask
         for along, side in zip(moved, shape, strict=True):
             inside &= (along > -0.5) & (along < side - 0.5)
     mean = aligned.mean(axis=0) * inside
-    power = (mean**2).sum()
-    if power:
-        aligned *= (power / (aligned * mean).sum(axis=(1, 2)))[:, np.newaxis, np.newaxis]
+    power, shared = (mean**2).sum(), (aligned * mean).sum(axis=(1, 2))
+    aligned *= np.divide(power, shared, out=np.ones_like(shared), where=shared > 0)[:, None, None]
     return aligned, inside
 
 

@@ -24,6 +24,7 @@ from megalopta.flow.likelihood import (
     evidence,
     finer,
     halved,
+    has_dark_frame,
     level_of,
     levels,
     place_of_pixels,
@@ -61,14 +62,15 @@ longer shot noise, so the evidence does not grow"""
 
 
 def likelihood_flow(counts: NDArray[Any], smoothness: float) -> Floats:
-    """Return the flow (H, W, 2), px per frame, of the frame before the middle; NaN in the dark.
+    """Return the flow (H, W, 2), px per frame, of the frame before the middle.
 
     `counts` (n, H, W): frames of one steady motion, two or more; `smoothness`: penalty in
     log-likelihood per pixel and unit of the flow's gradient, of 20 photons per pixel in all frames.
+    NaN if a frame has no photon.
 
     Raises ValueError for a single frame.
     """
-    if not counts.any():
+    if has_dark_frame(counts):
         return np.full((*counts.shape[1:], 2), np.nan)
     nodes, _ = _most_likely_flow(counts, smoothness)
     return _at_pixels(nodes, counts)
@@ -78,9 +80,9 @@ def refined_flow(counts: NDArray[Any], flow: Floats, smoothness: float) -> Float
     """Return a flow (H, W, 2) after one Newton step on frames (n, H, W) binned by 2 × 2 px.
 
     Sides have four pixels or more. Smoothness as in `likelihood_flow`, without its growth in bright
-    light; NaN in the dark.
+    light; NaN if a frame has no photon.
     """
-    if not counts.any():
+    if has_dark_frame(counts):
         return np.full_like(flow, np.nan)
     bins = 2
     level = level_of(halved(counts.astype(np.float64)), bins)
@@ -97,10 +99,9 @@ def flow_and_covariance(counts: NDArray[Any], smoothness: float) -> tuple[Floats
 
     The inverse of the information of evidence and prior at nodes, interpolated; the prior's is
     multiplied by a factor that depends on the light. Where frames do not agree, as where something
-    is hidden, evidence is reduced and the covariance large. NaN in the dark. Raises as
-    `likelihood_flow`.
+    is hidden, evidence is reduced and the covariance large. NaN, and raises, as `likelihood_flow`.
     """
-    if not counts.any():
+    if has_dark_frame(counts):
         return likelihood_flow(counts, smoothness), np.full((*counts.shape[1:], 2, 2), np.nan)
     charge, times = charge_of(counts, smoothness), times_from_reference(len(counts))
     nodes, level = _most_likely_flow(counts, smoothness)

@@ -273,4 +273,6 @@ def summed_frames(method: BlockDetector, frames: int = 8) -> SummedFrames:
         label=f"{method.label}, sums of {half} frames",
         method=method,
         frames=frames,
+        block_px=method.block_px,
+        fewest_blocks=method.fewest_blocks,
     )

@@ -57,7 +57,7 @@ class BurstAlignment(PooledFrames, frozen=True):
             for time, other in zip(times, sums, strict=True)
             if time
         )
-        seen = block_sums(sums[middle], grid).reshape(-1, 1) > 0
+        seen = block_sums(sums[middle] - sums.min(), grid).reshape(-1, 1) > 0
         return np.where(seen, slope / (times @ times), np.nan)
 
     def _shifts(self, reference: Floats, other: Floats, grid: BlockGrid) -> Floats:

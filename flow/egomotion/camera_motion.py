@@ -124,8 +124,8 @@ def _check(counts: Frames, camera: Camera) -> None:
         )
     if not (np.isfinite(counts).all() and counts.min() >= 0):
         raise ValueError("frames hold negative or non-finite values: give counts, 0 or more")
-    if not np.ptp(counts):
-        raise ValueError("frames have no contrast; give textured frames")
+    if not np.ptp(counts) or likelihood.has_dark_frame(counts):
+        raise ValueError("frames, or one of them, have no contrast; give textured frames")
 
 
 def _strips(shape: tuple[int, ...]) -> Iterator[Mask]:
@@ -150,7 +150,7 @@ def _layers(motion: "_Motion", shape: tuple[int, ...]) -> Iterator[Mask]:
 
 def _dense(nearness: Floats, shape: tuple[int, ...]) -> Floats:
     """Return the inverse depth at pixels (H, W), given that at nodes."""
-    return likelihood.finer(nearness[np.newaxis], shape, likelihood.NODE_PX)[0]
+    return np.asarray(likelihood.finer(nearness[np.newaxis], shape, likelihood.NODE_PX)[0])
 
 
 def _variance(found: "_Found") -> Floats:

@@ -365,9 +365,13 @@ def _noiseless(sensor: Sensor) -> Sensor:
 
 def _sensor(given: Sensor | str | Path) -> Sensor:
     if isinstance(given, Sensor):
-        return given
-    is_file = str(given).endswith((".yaml", ".yml"))
-    return load_sensor(given) if is_file else preset(str(given))
+        found = given
+    else:
+        is_file = str(given).endswith((".yaml", ".yml"))
+        found = load_sensor(given) if is_file else preset(str(given))
+    if found.filters.is_on:  # whose mosaic would count as texture that moves
+        raise ValueError(f"sensor {found.name!r} has color filters; give one without a mosaic")
+    return found
 
 
 def leaves_scene(settings: DesignSettings, sensor: Sensor) -> DesignScene:

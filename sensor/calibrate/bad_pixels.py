@@ -1,4 +1,4 @@
-"""Pixels that do not count light: dead, or stuck at one reading."""
+"""Pixels that do not count light, dead or stuck at one reading, or count most without it, hot."""
 
 from collections.abc import Sequence
 
@@ -25,3 +25,14 @@ def constant_pixels(recordings: Sequence[NDArray[np.generic]]) -> Mask:
     """Mark pixels (rows, columns) with one reading in all frames (n, rows, columns) of each."""
     first = recordings[0][0]
     return np.asarray(np.logical_and.reduce([(each == first).all(axis=0) for each in recordings]))
+
+
+def hot_pixels(low: Floats, dark: Floats, high: Floats, times: float) -> Mask:
+    """Mark pixels with surely more dark counts than `times` the median, by 95 % CI (low, high).
+
+    NaN: unknown. Where most pixels have no count, the median is 0, though the array has dark
+    counts: instead of it, the mean of pixels that may have no more than it.
+    """
+    ordinary = dark[dark <= np.nanmedian(high)]
+    typical = max(float(np.nanmedian(dark)), float(ordinary.mean()) if ordinary.size else 0.0)
+    return np.asarray(low > times * typical)

@@ -1,7 +1,7 @@
 """Corrected frames: linearize, subtract dark, divide by flat, fill in unusable pixels.
 
 Dark frames are taken without light, flat frames under uniform light; both may be captured or
-simulated, and more frames reduce the error. All frames are linearized before they are averaged.
+simulated, and more frames reduce the error. Their light is steady, so their means are linearized.
 
 **The response curve** is the reading of a pixel over its arrivals. It is that of the device model:
 dead time of either kind, afterpulses, crosstalk under uniform light, gate, and the counter with its
@@ -41,6 +41,7 @@ _BEYOND = 2.0
 _WEIGHTS = np.array([[0.5, 1.0, 0.5], [1.0, 0.0, 1.0], [0.5, 1.0, 0.5]])
 _FRAMES_AT_ONCE = 16
 _NEARLY_FULL = 0.95
+_SURE = 3.0
 _DEADEST = 0.2
 """Fraction of the median response below which a pixel counts as dead."""
 
@@ -61,8 +62,8 @@ class ResponseCurve:
         """Largest reading that determines the arrivals."""
         return float(self.mean[-1])
 
-    def arrivals_of(self, readings: Floats) -> tuple[Floats, Floats]:
-        """Return arrivals and their variance, from readings of any shape.
+    def arrivals_of(self, readings: Floats, frames: int = 1) -> tuple[Floats, Floats]:
+        """Return arrivals and their variance, from readings of any shape, or means over frames.
 
         Readings below the dark reading give negative arrivals, so that means are unbiased. Readings
         above `largest` give the last arrivals of the curve.
@@ -70,10 +71,10 @@ class ResponseCurve:
         inverse = PchipInterpolator(self.mean, self.arrivals)
         bent = np.clip(readings, self.mean[0], self.mean[-1])
         spread = np.gradient(self.arrivals, self.mean) ** 2 * self.variance
-        arrivals = inverse(bent) - self._excess(self.arrivals, bent)
+        arrivals = inverse(bent) - self._excess(self.arrivals, bent) / frames
         arrivals += np.minimum(readings - self.mean[0], 0) * inverse(self.mean[0], 1)
-        variance = np.interp(bent, self.mean, spread) - self._excess(spread, bent)
-        return np.asarray(arrivals), np.maximum(variance, 0)
+        variance = np.interp(bent, self.mean, spread) - self._excess(spread, bent) / frames
+        return np.asarray(arrivals), np.maximum(variance, 0) / frames
 
     def _excess(self, values: Floats, readings: Floats) -> Floats:
         """Bias of a function of the reading, averaged over the noise."""
@@ -87,6 +88,10 @@ def response_curve(sensor: Sensor) -> ResponseCurve:
 
     Raises ValueError if no reading determines the arrivals.
     """
+    if sensor.counter.capacity == 1:
+        raise ValueError(
+            f"sensor {sensor.name!r}: one event saturates its counter; nothing can be corrected"
+        )
     plain = _without_pattern(sensor)
     # neighbors matter only with crosstalk
     side = 9 if plain.crosstalk.is_on else 1
@@ -140,12 +145,13 @@ def _ambiguous_from(arrivals: Floats, mean: Floats, variance: Floats, sensor: Se
     return float(np.min(mean[after] - 3 * np.sqrt(variance[after])))
 
 
-def hot_pixels(dark: Floats, times: float) -> Mask:
+def hot_pixels(dark: Floats, variance: Floats, times: float) -> Mask:
     """Mask of pixels (rows, columns) with more dark counts than `times` the median.
 
-    Raises ValueError if half of them or more would be hot.
+    By three standard errors: of pixels with hardly any count, those with one are not hot. Raises
+    ValueError if half of them or more would be hot.
     """
-    hot = dark > times * max(float(np.median(dark)), 0.0)
+    hot = dark - _SURE * np.sqrt(variance) > times * max(float(np.median(dark)), 0.0)
     if dark.size and 2 * int(hot.sum()) >= dark.size:
         raise ValueError(
             f"hot_times: {times:g} times the median of the dark counts marks {hot.mean():.0%} of "
@@ -218,7 +224,7 @@ def calibrate(
         Photons per exposure that a pixel of nominal efficiency detects in the flat frames. Default:
         gains are relative to the mean of the good pixels.
     hot_times : float
-        Pixels with more dark counts than this many times the median are hot.
+        Pixels with surely more dark counts than this many times the median are hot.
     """
     kinds = {"dark": dark_frames, "flat": flat_frames}
     shapes = {name: np.shape(frames) for name, frames in kinds.items()}
@@ -289,23 +295,22 @@ class _Mean(NamedTuple):
 
 
 def _mean(chunks: Iterable[NDArray[Any]], curve: ResponseCurve) -> _Mean:
-    frames, sums, squares, readings = 0, np.zeros(()), np.zeros(()), np.zeros(())
+    frames, sums, squares = 0, np.zeros(()), np.zeros(())
     for chunk in chunks:
-        arrivals, _ = curve.arrivals_of(chunk)
         frames += len(chunk)
-        sums = sums + arrivals.sum(axis=0)
-        squares = squares + np.square(arrivals).sum(axis=0)
-        readings = readings + chunk.sum(axis=0, dtype=np.float64)
-    mean = sums / frames
-    spread = np.maximum(squares / frames - mean**2, 0) / (frames - 1)
-    return _Mean(mean, spread, readings / frames)
+        sums = sums + chunk.sum(axis=0, dtype=np.float64)
+        squares = squares + np.square(chunk, dtype=np.float64).sum(axis=0)
+    readings = sums / frames
+    spread = np.maximum(squares / frames - readings**2, 0) / (frames - 1)
+    slope = np.interp(readings, curve.mean, np.gradient(curve.arrivals, curve.mean))
+    return _Mean(curve.arrivals_of(readings, frames)[0], slope**2 * spread, readings)
 
 
 def _of_means(
     curve: ResponseCurve, dark: _Mean, flat: _Mean, flat_detections: float | None, hot_times: float
 ) -> Calibration:
     light = flat.arrivals - dark.arrivals
-    bad = hot_pixels(dark.arrivals, hot_times)
+    bad = hot_pixels(dark.arrivals, dark.variance, hot_times)
     bad |= flat.readings >= _NEARLY_FULL * curve.largest
     bad |= light < _DEADEST * np.median(light)
     if bad.all() or not np.median(light) > 0:

@@ -28,7 +28,7 @@ import numpy as np
 from scipy.stats import beta
 
 from megalopta.core.arrays import Floats, Mask
-from megalopta.sensor.calibrate.bad_pixels import dead_pixels
+from megalopta.sensor.calibrate.bad_pixels import dead_pixels, hot_pixels
 from megalopta.sensor.calibrate.device import Estimate, garwood_interval
 from megalopta.sensor.calibrate.neighbors import Kernel, mean_kernel
 from megalopta.sensor.calibrate.saturation import (
@@ -135,7 +135,7 @@ def calibrate_counts(
     dark = fits.dark_counts(refused)
     hot = np.zeros(fits.shape, np.bool_)
     if dark is not None:
-        hot = np.asarray(dark.low > hot_times * float(np.nanmedian(dark.value)))
+        hot = hot_pixels(dark.low, dark.value, dark.high, hot_times)
         hot |= np.isnan(dark.value)  # saturated in the dark
     return CountingDevice(
         dark_counts_hz=dark,
@@ -460,8 +460,8 @@ def _narrower(rate: Floats, frames: Floats, times: Floats) -> Floats:
     p = -np.expm1(-rate * times[:, None, None])
     number = np.maximum(frames.sum(axis=0), 1)
     mean = (frames * p).sum(axis=0) / number
-    one = number * mean * (1 - mean)
-    return np.asarray(np.sqrt((frames * p * (1 - p)).sum(axis=0) / np.where(one > 0, one, 1)))
+    one, several = number * mean * (1 - mean), (frames * p * (1 - p)).sum(axis=0)
+    return np.asarray(np.sqrt(np.divide(several, one, out=np.ones_like(one), where=one > 0)))
 
 
 def _line(light: Floats, rate: Floats, weight: Floats) -> tuple[Floats, Floats]:

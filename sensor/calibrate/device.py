@@ -8,6 +8,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from megalopta.core.arrays import Floats, Mask
+from megalopta.sensor.calibrate.bad_pixels import hot_pixels
 from megalopta.sensor.calibrate.comb import HIDDEN_AT, CombFit, Curve, comb_period, fit_comb
 from megalopta.sensor.calibrate.level import (
     Adc,
@@ -139,7 +140,7 @@ class _Recorded(NamedTuple):
         return MeanCounts(mean, falls.frames, falls.exposure_s, falls.light_hz, noise)
 
     def hot(self, dark: Estimate) -> Mask:
-        return np.asarray(dark.low > self.hot_times * float(np.nanmedian(dark.value)))
+        return hot_pixels(dark.low, dark.value, dark.high, self.hot_times)
 
 
 def calibrate_device(levels: Sequence[Level], adc: Adc, *, hot_times: float = 10.0) -> Device:

@@ -87,8 +87,12 @@ def first_photon_shares(
     ends = tcspc.period_s * np.arange(fine + 1) / fine
     delay_s = tcspc.delay_s % tcspc.period_s
     pulse = _wrapped(ends - delay_s, tcspc.pulse_sigma_s, tcspc.decay_s, tcspc.period_s)
-    response = np.fft.rfft(_response(ends, tcspc.period_s, jitter)) if jitter.is_on else None
-    is_blurred = jitter.is_on or tcspc.pulse_sigma_s + tcspc.decay_s > 0
+    is_instant = tcspc.pulse_sigma_s + tcspc.decay_s == 0
+    # after the middle of the part of a bin that has all of an instant
+    late_s = delay_s - (np.argmax(pulse) + 0.5) * ends[1] if is_instant else 0.0
+    offsets_s = (late_s, 0.0) if jitter.is_on else ()
+    responses = [_response(ends - each, tcspc.period_s, jitter) for each in offsets_s]
+    is_blurred = jitter.is_on or not is_instant
     arrivals = np.stack(np.broadcast_arrays(pulsed, constant), axis=-1)
     shares = np.empty((arrivals[..., 0].size, tcspc.bins))
     at_once = max(1, _VALUES_AT_ONCE // fine)
@@ -100,10 +104,18 @@ def first_photon_shares(
             own = _moved(pulse, later_s.reshape(-1, 1)[some] / tcspc.period_s * fine, is_blurred)
         mass = of_pulse * own + steady / fine
         first = -np.exp(mass - np.cumsum(mass, axis=-1)) * np.expm1(-mass)
-        if response is not None:
-            first = np.fft.irfft(np.fft.rfft(first) * response, fine)
+        if responses:
+            first = _blurred(first, of_pulse * own, mass, responses)
         shares[some] = first.reshape(len(first), tcspc.bins, parts).sum(axis=-1).clip(0)
     return shares.reshape(*arrivals.shape[:-1], tcspc.bins)
+
+
+def _blurred(first: Floats, of_pulse: Floats, mass: Floats, responses: list[Floats]) -> Floats:
+    """First photons (pixels, parts), those of the pulse and all others with their own response."""
+    share = np.divide(of_pulse, mass, out=np.zeros_like(mass), where=mass > 0)
+    kinds = zip((share * first, (1 - share) * first), responses, strict=True)
+    spectrum = sum(np.fft.rfft(each) * np.fft.rfft(response) for each, response in kinds)
+    return np.asarray(np.fft.irfft(spectrum, first.shape[-1]))
 
 
 def _moved(pulse: Floats, by: Floats, is_mixed: bool) -> Floats:
@@ -126,7 +138,7 @@ def _parts(tcspc: Tcspc, jitter: Jitter) -> int:
 
 def _response(ends: Floats, period_s: float, jitter: Jitter) -> Floats:
     """Shares of time stamps by how many parts of a bin they are late, around the period."""
-    middle = ends - ends[1] / 2
+    middle = ends - (ends[1] - ends[0]) / 2
     late = jitter.tail_share if jitter.tail_s > 0 else 0.0
     prompt = _wrapped(middle, jitter.sigma_s, 0.0, period_s)
     tail = _wrapped(middle, jitter.sigma_s, jitter.tail_s, period_s) if late else prompt

@@ -84,6 +84,11 @@ def test_both_sums_hold_half_of_the_frames_each():
         np.testing.assert_allclose(found[index], method.respond(sums)[0] / half)
 
 
+def test_sums_have_the_blocks_of_their_method():
+    method = detector_from(seen).model_copy(update={"block_px": 16, "fewest_blocks": 1})
+    assert summed_frames(method).grid((30, 48)) == method.grid((30, 48))
+
+
 def test_stretch_is_anscombes_root():
     counts = np.random.default_rng(0).poisson(4.0, (2, 30, 30)).astype(np.uint16)
     stretched = detector_from(seen).model_copy(update={"stretch": "anscombe"})

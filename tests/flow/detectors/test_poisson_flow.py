@@ -125,6 +125,16 @@ def test_darkness_has_neither_flow_nor_covariance():
     assert np.isnan(covariance).all()
 
 
+@pytest.mark.parametrize("dark", [0, 1])
+def test_a_dark_frame_next_to_a_bright_one_has_no_flow(dark):
+    counts = draw(light(shape=(40, 40)), 10)
+    counts[dark] = 0
+    flow, covariance = PoissonFlow().dense_with_covariance(*counts)
+    assert np.isnan(flow).all()
+    assert np.isnan(covariance).all()
+    assert np.isnan(FastPoissonFlow().dense(*counts)).all()
+
+
 @pytest.mark.parametrize("flux", [1, 3])
 def test_fast_flow_is_nearer_to_the_truth_in_dim_light_than_its_start(flux):
     """The medians of 12 288 pixels; of ten other draws the ratio is 0.31 to 0.67."""

@@ -265,3 +265,12 @@ def test_fractions_of_a_pixel_are_told_on_smooth_texture():
     newest = BurstAlignment(block_px=16).respond(frames)[-1, 1:-1, 1:-1]
     # a parabola through absolute differences is off by less than 0.1 px over four frames
     np.testing.assert_allclose(newest.mean(axis=(0, 1)), (0.6, -0.3), atol=0.03)
+
+
+def test_burst_alignment_does_not_depend_on_the_zero_of_gray_levels():
+    frames = np.round(100 * drifting_texture((0.6, -0.3), 8, (96, 96), blur_px=2.0))
+    frames[:, :32] = frames.min()  # without texture, nothing to see
+    found = BurstAlignment(block_px=16).respond(frames - frames.min())
+    assert np.isnan(found[-1, 0]).all()
+    assert np.isfinite(found[-1, 3:]).all()
+    np.testing.assert_array_equal(BurstAlignment(block_px=16).respond(frames), found)

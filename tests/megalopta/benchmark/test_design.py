@@ -152,6 +152,7 @@ def test_the_least_exposure_is_found_between_those_tried():
         ("ideal", {"exposure_s": (1.0,)}, "longer than a frame"),
         ("spadcam", {"pde": (0.2,)}, "fill factor"),
         ("ideal", {"block_px": 100}, "block_px"),
+        (changed(preset("ideal"), filters={"mosaic": ("W",)}), {}, "color filters"),
     ],
 )
 def test_what_cannot_be_designed_is_refused_in_one_sentence(sensor, settings, words):

@@ -109,9 +109,33 @@ def test_dim_and_bright_readings_of_a_paralyzable_pixel_are_ambiguous_near_its_p
 def test_hot_pixels_are_those_beyond_the_median():
     dark = np.ones((4, 5))
     dark[1, 2] = 30
-    assert np.argwhere(hot_pixels(dark, 10)).tolist() == [[1, 2]]
+    exact = np.zeros_like(dark)
+    assert np.argwhere(hot_pixels(dark, exact, 10)).tolist() == [[1, 2]]
     with pytest.raises(ValueError, match="hot_times"):
-        hot_pixels(np.array([[1.0, 9.0, 9.0, 9.0]]), 0.5)
+        hot_pixels(np.array([[1.0, 9.0, 9.0, 9.0]]), np.zeros((1, 4)), 0.5)
+
+
+@pytest.mark.parametrize("capacity", [3, 15])
+def test_gains_of_small_counters_are_those_of_equal_pixels(capacity):
+    """At half of the largest reading, 14 and 0.9 % of the readings are cut off. |z| < 6: 2e-9."""
+    found = simulated_calibration(
+        changed(preset("ideal"), counter=DigitalCounter(capacity=capacity)), (64, 64)
+    )
+    assert not found.bad.any()
+    assert abs(found.gain.mean() - 1) < 6 * np.sqrt(found.gain_variance.mean() / 64**2)
+
+
+def test_bits_are_not_corrected():
+    with pytest.raises(ValueError, match="one event saturates"):
+        simulated_calibration(changed(preset("ideal"), counter=DigitalCounter(capacity=1)), SHAPE)
+
+
+def test_pixels_with_a_few_dark_counts_more_than_none_are_not_hot():
+    """0.6 counts in all frames; 10 would be hot, which one in 10¹⁰ pixels has."""
+    sensor = changed(preset("richardson-130nm"), exposure_s=1e-4)
+    dark = simulated_calibration(sensor, (64, 64)).dark
+    assert np.median(dark) == 0 < dark.mean()
+    assert not simulated_calibration(sensor, (64, 64)).bad.any()
 
 
 def test_a_hole_is_the_mean_of_its_neighbors_with_their_variance():

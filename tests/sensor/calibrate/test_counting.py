@@ -111,6 +111,24 @@ def test_bad_and_hot_pixels_are_told_apart():
     np.testing.assert_array_equal(found.hot[hot], True)
 
 
+@pytest.mark.parametrize("is_binary", [False, True])
+def test_a_pixel_without_a_count_may_have_a_rate(is_binary):
+    """A rate whose frames are all 0 with a chance of 2.5 %: r·n·T = −ln 0.025."""
+    dark = summed(np.zeros((400, 4, 4), np.uint16), 1e-4, 0.0, is_binary=is_binary)
+    found = calibrate_counts([dark]).dark_counts_hz
+    np.testing.assert_array_equal(found.low, 0)
+    np.testing.assert_allclose(found.high, -np.log(0.025) / (400 * 1e-4), rtol=1e-6)
+
+
+@pytest.mark.parametrize("is_binary", [False, True])
+def test_a_few_counts_in_a_dark_array_make_no_pixel_hot(is_binary):
+    """Medians of 0 counts; the likeliest false alarm, 8 counts of mean 0.5, is below 1e-7."""
+    frames = np.random.default_rng(0).poisson(0.5 / 400, (400, 64, 64)).clip(0, 1)
+    frames[::8, 5, 7] = 1
+    dark = summed(frames.astype(np.uint16), 1e-4, 0.0, is_binary=is_binary)
+    assert np.argwhere(calibrate_counts([dark]).hot).tolist() == [[5, 7]]
+
+
 def test_telegraph_noise_is_found_and_its_levels_estimated():
     trap = {"share": 0.01, "step": 10.0, "fastest_s": 0.04, "slowest_s": 0.04}
     sensor = camera(11)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from scipy.stats import chi2
+from scipy.stats import chi2, norm
 
 from megalopta.sensor import (
     Jitter,
@@ -172,3 +172,14 @@ def test_decays_and_pulses_that_are_nearly_zero_are_zero():
     either = (law(pulse_sigma_s=1e-9, decay_s=1e-9 * each) for each in (0.99e-5, 1.01e-5))
     np.testing.assert_allclose(*either, rtol=1e-5, atol=1e-5)  # both forms agree
     np.testing.assert_allclose(law(pulse_sigma_s=1e-320), law(pulse_sigma_s=0), rtol=1e-9)
+
+
+@pytest.mark.parametrize("delay_s", [0.0, 2e-9, 7.03e-9])
+def test_jitter_of_an_instant_is_around_it(delay_s):
+    instant = {"pulse_sigma_s": 0.0, "decay_s": 0.0, "delay_s": delay_s}
+    sensor = changed(TCSPC, tcspc=instant, jitter={"sigma_s": 0.2e-9, "tail_share": 0.0})
+    found = mean_histograms(rate_of(1e-6, sensor), sensor)[0, 0, 0]
+    edges = np.linspace(0, 20e-9, 101)
+    around = norm.cdf(edges[:, None], delay_s + 20e-9 * np.arange(-1, 2), 0.2e-9).sum(axis=1)
+    # all of it but what a mean of 1e-6 photons hides
+    np.testing.assert_allclose(found / found.sum(), np.diff(around), atol=2e-6)
