@@ -385,11 +385,13 @@ class Sequence:
         return lru_cache(maxsize=8)(self._open)
 
     def _exposure(self, wanted: str | None) -> str:
-        name = self.exposures[0] if wanted is None else wanted
-        if name not in self.exposures:
-            raise UserError(
-                f"{self.name}: no exposure {name!r}; there are {', '.join(self.exposures)}"
-            )
+        there = self.exposures
+        if not there:
+            home = self.dataset.home
+            raise UserError(f"{self.name}: no counts yet; run: megalopta sense {home}")
+        name = there[0] if wanted is None else wanted
+        if name not in there:
+            raise UserError(f"{self.name}: no exposure {name!r}; there are {', '.join(there)}")
         return name
 
     def _open(self, name: str) -> "OpenedCounts":

@@ -150,7 +150,8 @@ class Dataset:
         """Names of the stored exposures, such as "spadcam-starlight"."""
         if self.record:
             return tuple(each.name for each in self.record.exposures)
-        return tuple(exposure_name(*pair) for pair in self.configuration.exposures)
+        wanted = self.configuration.exposures
+        return tuple(exposure_name(*pair) for pair in wanted if self.counts(*pair).exists())
 
     def counts(self, sensor: ImageSensor, level: LightLevel) -> Path:
         """Counts of one sensor at one light level."""

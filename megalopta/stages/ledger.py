@@ -42,7 +42,7 @@ class Ledger:
 
     def has(self, stage: str) -> bool:
         """True if any output of a stage exists, finished or not."""
-        return any(path.exists() for path in self.outputs(stage))
+        return any(map(files.holds_files, self.outputs(stage)))
 
     def is_finished(self, stage: str) -> bool:
         """True if a stage was finished with this configuration and its files exist."""

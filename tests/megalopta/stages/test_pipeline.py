@@ -13,11 +13,13 @@ from megalopta.config.light_scale import light_scale
 from megalopta.config.model import load
 from megalopta.core.errors import UserError
 from megalopta.dataset.layout import Tree
+from megalopta.dataset.opened import open_dataset
 from megalopta.dataset.store import open_sequence
 from megalopta.flow.benchmark import sequence as benchmark
 from megalopta.flow.formats import read_flo
 from megalopta.flow.stimuli.photons import draw_counts
 from megalopta.render import read_radiance, read_truth
+from megalopta.report.dataset_card import write_contact_sheet
 from megalopta.scenes.lighting.levels import LEVELS
 from megalopta.scenes.spectra.spectrum import Spectrum, luminous
 from megalopta.sensor import expectation, read_counts
@@ -160,6 +162,26 @@ def test_a_refused_redo_leaves_everything_as_it_was(copy, command, refused):
     told = refused(*(word.format(root=copy.root) for word in command), "--redo")
     assert len(told.strip().splitlines()) in (1, 2)  # "building", and why not
     assert content(copy.root) == before
+
+
+def test_light_that_is_too_bright_for_events_leaves_no_trace(tiny, tmp_path):
+    dataset = run_stage(tmp_path / "data", tiny, "render")
+    before = content(dataset.root)
+    bright = {"products": ("counts", "events_npz"), "light_levels": (1e6,)}
+    with pytest.raises(UserError, match="events in a frame"):
+        run_stage(dataset.root, tiny.model_copy(update=bright), "sense")
+    assert content(dataset.root) == before
+    assert not Ledger(dataset).has("sense")
+
+
+def test_a_rendered_dataset_is_read_and_shown_before_it_is_sensed(tiny, tmp_path):
+    run_stage(tmp_path / "data", tiny, "render")
+    sequence = open_dataset(tmp_path / "data")[0]
+    assert sequence.exposures == ()
+    with pytest.raises(UserError, match="no counts yet; run: megalopta sense"):
+        sequence.counts()
+    page = write_contact_sheet(tmp_path / "data", 1).read_text("utf-8")
+    assert page.count("data:image/gif") == 3  # light, flow and depth
 
 
 @pytest.mark.slow
