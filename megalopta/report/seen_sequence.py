@@ -237,6 +237,8 @@ class ShownSequence:
             small = -(-rows // self.step), -(-columns // self.step)
             first, second = (resized(frames.at(each), small) for each in (frame, frame + 1))
             return self.step * clean_flow(first, second)
+        if sequence.configuration.shutter.readout_s:  # the small files have that of whole frames
+            return self.pixels(sequence.flow(frame))
         path = sequence.dataset.frame("training/flow", frame)
         with undamaged(path, "regenerate the sequence"):
             return self.pixels(read_flo(path))
