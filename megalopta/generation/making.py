@@ -37,7 +37,8 @@ from megalopta.stages.sense import open_exposure
 _COMPARED = 50
 """Finished sequences whose configuration is compared with the plan's."""
 _FLOW, _DISPARITY = "training/flow", "training/disparities"
-_READERS: dict[str, Callable[[Path], Any]] = {_FLOW: read_flo, _DISPARITY: read_disparity}
+READERS: dict[str, Callable[[Path], Any]] = {_FLOW: read_flo, _DISPARITY: read_disparity}
+"""Readers of the files that are written in other layouts, too, by folder"""
 _Layout: TypeAlias = tuple[FlowFile, str, str, Callable[[Path, Any], None]]
 _LAYOUTS: tuple[_Layout, ...] = (
     ("kitti_png", _FLOW, "training/flow_kitti", write_kitti_png),
@@ -217,7 +218,7 @@ def write_flow_files(dataset: Dataset, kinds: Sequence[FlowFile]) -> list[Path]:
         for index in range(count):
             places = [(dataset.frame(folder, index), write) for folder, write in writers]
             if missing := [each for each in places if not each[0].exists()]:
-                found = _READERS[source](dataset.frame(source, index))
+                found = READERS[source](dataset.frame(source, index))
                 for path, write in missing:
                     write(path, found)
     return [dataset.root / folder / dataset.sequence for *_, folder, _ in layouts]

@@ -72,7 +72,7 @@ def test_a_flow_is_read_once_for_all_its_layouts(single_copy, monkeypatch):
     read = []
     for layout in ("flow_kitti", "flow_flo5"):
         shutil.rmtree(single_copy / "training" / layout)
-    monkeypatch.setitem(making._READERS, "training/flow", counting(read_flo, read))
+    monkeypatch.setitem(making.READERS, "training/flow", counting(read_flo, read))
     write_flow_files(dataset, ("kitti_png", "flo5"))
     assert len(read) == len(dataset.configuration.trajectory.times_s) - 1
     assert not check_files(Tree(single_copy))
