@@ -273,9 +273,10 @@ def test_named_levels_bring_their_color_and_their_illuminance():
 
 def test_a_stage_needs_the_ones_before_it(tiny, tmp_path):
     with pytest.raises(
-        UserError, match="stage 'render' is not finished .*run first: megalopta render"
+        UserError,
+        match=r"'render' is not finished .*run first: megalopta render '.*/my data' --out",
     ):
-        run_stage(tmp_path / "new", tiny, "sense")
+        run_stage(tmp_path / "my data", tiny, "sense")
 
 
 def test_a_folder_of_something_else_is_left_alone(tiny, tmp_path):
