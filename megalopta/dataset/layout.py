@@ -148,8 +148,14 @@ class Tree:
         """Read the plan. Raises UserError."""
         path = self.root / "dataset.yaml"
         check_enclosed(self.root)
+        header = read_header(self.root)
+        if "configuration" in header:
+            raise UserError(
+                f"{self.root}: a dataset of one sequence, not of many; give one of `megalopta "
+                "dataset make`"
+            )
         with bounded.undamaged(path, "give a dataset of `megalopta dataset make`"):
-            return Plan.model_validate(read_header(self.root)["plan"])
+            return Plan.model_validate(header["plan"])
 
     def write_plan(self, plan: Plan) -> None:
         """Write dataset.yaml."""

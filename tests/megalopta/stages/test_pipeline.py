@@ -19,7 +19,7 @@ from megalopta.flow.benchmark import sequence as benchmark
 from megalopta.flow.formats import read_flo
 from megalopta.flow.stimuli.photons import draw_counts
 from megalopta.render import read_radiance, read_truth
-from megalopta.report.dataset_card import write_contact_sheet
+from megalopta.report.dataset_card import write_card, write_contact_sheet
 from megalopta.scenes.lighting.levels import LEVELS
 from megalopta.scenes.spectra.spectrum import Spectrum, luminous
 from megalopta.sensor import expectation, read_counts
@@ -180,6 +180,8 @@ def test_a_rendered_dataset_is_read_and_shown_before_it_is_sensed(tiny, tmp_path
     assert sequence.exposures == ()
     with pytest.raises(UserError, match="no counts yet; run: megalopta sense"):
         sequence.counts()
+    with pytest.raises(UserError, match="a dataset of one sequence, not of many"):
+        write_card(tmp_path / "data")
     page = write_contact_sheet(tmp_path / "data", 1).read_text("utf-8")
     assert page.count("data:image/gif") == 3  # light, flow and depth
 
