@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from megalopta.config.drawing import repeated_name
+from megalopta.config.measuring import LabelName
 from megalopta.config.model import Configuration, LightLevel
 from megalopta.config.yaml_model import validated
 from megalopta.core.bounded import undamaged
@@ -329,10 +330,11 @@ class Sequence:
     def albedo(self) -> LazyFrames:
         """Diffuse reflectance (T, H, W, B), means over the bands; the sky's is 0.
 
-        The configuration has `albedo` among its `labels`.
+        The configuration has `albedo` among its `labels`; otherwise raises UserError.
         """
         from megalopta.render import read_radiance
 
+        self._require_label("albedo")
         place = partial(self.dataset.frame, "training/albedo")
         return self._by_frame(
             lambda index: read_radiance(place(index))[0], "1", band=len(self.bands_nm)
@@ -342,10 +344,11 @@ class Sequence:
     def leaf_clusters(self) -> LazyFrames:
         """Number of the twig (T, H, W), within its plant from 1, that bears the leaf; else 0.
 
-        The configuration has `clusters` among its `labels`.
+        The configuration has `clusters` among its `labels`; otherwise raises UserError.
         """
         from megalopta.render.exr import read_leaf_clusters
 
+        self._require_label("clusters")
         place = self.dataset.truth
         return self._by_frame(lambda index: read_leaf_clusters(place(index)), "1", np.uint32)
 
@@ -373,6 +376,10 @@ class Sequence:
         """Frames (H, W, more axes by name), each read by its number."""
         shape, names = (len(self), *self.shape, *more.values()), ("frame", "row", "column", *more)
         return LazyFrames(shape, np.dtype(dtype), unit, names, frame_by_frame(read))
+
+    def _require_label(self, name: LabelName) -> None:
+        if name not in self.configuration.labels:
+            raise UserError(f"{self.name}: no {name}; render with `labels: [{name}]`")
 
     @cached_property
     def _truth(self) -> "TruthReader":

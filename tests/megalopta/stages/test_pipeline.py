@@ -182,6 +182,9 @@ def test_a_rendered_dataset_is_read_and_shown_before_it_is_sensed(tiny, tmp_path
         sequence.counts()
     with pytest.raises(UserError, match="a dataset of one sequence, not of many"):
         write_card(tmp_path / "data")
+    for name in ("imu", "tracks", "albedo", "leaf_clusters"):
+        with pytest.raises(UserError, match=r"no .*; (render|sense) with `"):
+            getattr(sequence, name)
     page = write_contact_sheet(tmp_path / "data", 1).read_text("utf-8")
     assert page.count("data:image/gif") == 3  # light, flow and depth
 
