@@ -1,8 +1,8 @@
 """Methods that benchmarks measure: those that give velocities of blocks, and their baselines.
 
-Baselines: gray methods with settings for each light (`tuning`), or on variance-stabilized counts
-with one blur for all; and two-frame methods on the sums of the first and the second half of eight
-frames.
+Baselines: gray methods with settings for each light (`tuned_method`), or on variance-stabilized
+counts with one blur for all; and two-frame methods on the sums of the first and the second half of
+eight frames.
 """
 
 import inspect
@@ -11,7 +11,7 @@ from functools import cache
 from pathlib import Path
 from types import MappingProxyType
 
-from megalopta.benchmark.tuning import PARAMETERS, gray_method, tuned
+from megalopta.benchmark.tuned_method import PARAMETERS, gray_method, tuned
 from megalopta.core.freshness import digest
 from megalopta.flow.detectors import registry
 from megalopta.flow.detectors.base import Detector

@@ -10,29 +10,26 @@ benchmark shows (grass, galaxies, coins, a retina), both in layers, whose disks 
 in half of them and by up to 12 px in the others.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from functools import cache, partial
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import partial
 from itertools import product
 from pathlib import Path
-from types import MappingProxyType
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
-from pydantic import SerializeAsAny
 
 from megalopta.assets_gen import generator
 from megalopta.benchmark.clips import FlowClip, layers_clip, leaves_clip
+from megalopta.benchmark.methods import identity
+from megalopta.benchmark.tuned_method import ERROR, PARAMETERS, Settings, gray_method
+from megalopta.benchmark.whole_frames import MEAN, frame_errors
 from megalopta.config.yaml_model import mapping, yaml_text
 from megalopta.core import files, strict_yaml
 from megalopta.core.array_store import ArrayStore
-from megalopta.core.arrays import Floats
 from megalopta.core.errors import refused_as
 from megalopta.core.freshness import code_digest, digest
 from megalopta.core.progress import progress
-from megalopta.flow.detectors.base import Frames
-from megalopta.flow.detectors.blocks import BlockDetector, BlockGrid
 from megalopta.flow.detectors.gray_detector import GrayDetector
-from megalopta.flow.detectors.registry import method
 from megalopta.scenes.spectra.color import LUMINANCE_SHARES, decode_srgb
 
 SHAPE = (168, 168)
@@ -41,81 +38,14 @@ LEAVES = (1000, 1001, 1002, 1003)
 PICTURES = ("grass", "hubble_deep_field", "coins", "retina")
 _FASTEST_PX = (4.0, 12.0)
 
-PARAMETERS: Mapping[str, tuple[str, tuple[Any, ...]]] = MappingProxyType(
-    {
-        "TV-L1": ("attachment", (3.0, 5.0, 8.0, 12.0, 18.0)),
-        "DIS": ("preset", ("ultrafast", "fast", "medium")),
-        "FB": ("window_blocks", (0.25, 0.35, 0.5, 0.75, 1.0, 1.5)),
-        "LK": ("window_blocks", (0.75, 1.0, 1.5, 2.0, 3.0, 4.0)),
-        "ILK": ("window_blocks", (0.25, 0.35, 0.5, 0.75, 1.0, 1.5)),
-    }
-)
-"""Main parameter of each method, and its values"""
 _BLURS_PX = (0.0, 0.5, 0.7, 1.0, 1.5, 2.0, 3.0)
 NOISE = tuple(
     {"stretch": stretch, "blur_px": blur}
     for stretch, blur in product(("none", "anscombe"), _BLURS_PX)
 )
 """Stretches and blurs"""
-
-Settings = Mapping[str, Any]
-_TABLE = Path(__file__).with_name("tuned.yaml")
 _MOST_BYTES = 10**7
 """Size limit of the kept errors"""
-_ERROR = "error_px"
-"""Name of the error on the tuning scenes, next to the settings"""
-
-
-class TunedMethod(BlockDetector, frozen=True):
-    """A gray method with the settings chosen for the light nearest to that of its frames."""
-
-    takes_counts: ClassVar[bool] = True
-
-    method: SerializeAsAny[GrayDetector]
-    settings: tuple[tuple[float, tuple[tuple[str, Any], ...]], ...]
-    """Photons per pixel, and names and values of the settings there"""
-
-    def grid(self, shape: tuple[int, int]) -> BlockGrid:
-        """Return the blocks of the method in a frame (H, W)."""
-        return self._inner(1.0).grid(shape)
-
-    def dense(self, *frames: Frames) -> Floats:
-        """Return the flow as the method does, with the settings for the light."""
-        return self._inner(float(self.checked(frames).mean())).dense(*frames)
-
-    def velocities(self, grid: BlockGrid, window: list[Frames]) -> Floats:
-        """Return the velocities of the method, with the settings for the light."""
-        return self._inner(float(np.mean(window))).velocities(grid, window)
-
-    def _inner(self, photons: float) -> GrayDetector:
-        distance = [abs(np.log(max(photons, 1e-9) / each)) for each, _ in self.settings]
-        chosen = dict(self.settings[int(np.argmin(distance))][1])
-        blocks = {"block_px": self.block_px, "fewest_blocks": self.fewest_blocks}
-        return self.method.model_copy(update={**chosen, **blocks})
-
-
-def tuned(name: str) -> TunedMethod:
-    """Return a gray method with its tuned settings, as `NAME tuned`.
-
-    Those of `PARAMETERS` come with the program. Of others they are in `tuned.yaml`, next to an ONNX
-    file or in the working folder. Raises ValueError if there is no such method, or no settings.
-    """
-    gray = gray_method(name)
-    rows = tuned_settings().get(gray.name) or _own(Path(name), gray)
-    kept = tuple(
-        (float(photons), tuple((key, value) for key, value in row.items() if key != _ERROR))
-        for photons, row in rows.items()
-    )
-    label = f"{gray.label}, tuned to the light"
-    return TunedMethod(name=f"{gray.name} tuned", label=label, method=gray, settings=kept)
-
-
-def gray_method(name: str) -> GrayDetector:
-    """Return a method that takes gray levels. Raises ValueError for any other."""
-    found = method(name)
-    if not isinstance(found, GrayDetector):
-        raise ValueError(f"{found.name} takes no gray levels: give DIS, an ONNX file or the like")
-    return found
 
 
 def tune(
@@ -136,7 +66,7 @@ def tune(
     error, found = _kept_errors(gray, clips, folder), {}
     for flux in sorted(fluxes, reverse=True):
         best, least = _least(partial(error, flux), best, choices)
-        found[flux] = {**best, _ERROR: round(least, 4)}
+        found[flux] = {**best, ERROR: round(least, 4)}
         after_light()
     return dict(sorted(found.items()))
 
@@ -173,55 +103,26 @@ def tuning_clips() -> Iterator[FlowClip]:
         yield layers_clip(f"tuning {name}", rng, texture, SHAPE, _FASTEST_PX[number % 2])
 
 
-@cache
-def tuned_settings() -> Mapping[str, Mapping[float, Settings]]:
-    """Return the settings of `tuned.yaml` by method and photons per pixel, with their errors."""
-    return MappingProxyType(strict_yaml.load(_TABLE.read_text("utf-8")))
-
-
-def _own(path: Path, method: GrayDetector) -> Mapping[Any, Settings]:
-    """Return the settings of a method in `tuned.yaml` next to its file; raise ValueError."""
-    table = path.with_name(_TABLE.name)
-    remedy = f"run: megalopta benchmark tune {path} --out {table}"
-    if not table.exists():
-        raise ValueError(f"{table}: no such file of settings; {remedy}")
-    rows = mapping(yaml_text(table, "file of settings"), str(table))
-    try:
-        found = {
-            float(photons): {key: row[key] for key in NOISE[0]}
-            for photons, row in rows[method.name].items()
-        }
-        for row in found.values():
-            type(method).model_validate(dict(method) | row)
-    except (AttributeError, KeyError, TypeError, ValueError):
-        raise ValueError(f"{table} has no settings for {method.name}; {remedy}") from None
-    return found
-
-
 def _kept_errors(
     method: GrayDetector, clips: Sequence[FlowClip], folder: Path | None
 ) -> Callable[[float, Settings], float]:
     """Return a function of flux and settings, the error of which is kept in a folder."""
-    from megalopta.benchmark.methods import identity
-
     code = code_digest("megalopta.flow", "megalopta.sensor.sampling", __package__)
     scenes = digest(code, *(each.tobytes() for clip in clips for each in (clip.light, clip.flow)))
 
     def error(flux: float, settings: Settings) -> float:
         detector = method.model_copy(update=settings)
         store = ArrayStore(folder, digest(scenes, identity(detector), repr(flux)), _MOST_BYTES)
-        kept = store.read([_ERROR])
+        kept = store.read([ERROR])
         if kept is None:
-            store.write(kept := {_ERROR: np.array(_error(clips, detector, flux))})
-        return float(kept[_ERROR])
+            store.write(kept := {ERROR: np.array(_error(clips, detector, flux))})
+        return float(kept[ERROR])
 
     return error
 
 
 def _error(clips: Sequence[FlowClip], detector: GrayDetector, flux: float) -> float:
     """Return the geometric mean over scenes of the mean error over blocks, px."""
-    from megalopta.benchmark.whole_frames import MEAN, frame_errors
-
     board = frame_errors(clips, [detector], (flux,))
     return float(np.exp(np.log(board.of_scenes(MEAN, board.detectors[0], flux)).mean()))
 

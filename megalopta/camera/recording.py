@@ -10,7 +10,6 @@ it is named RECORDING or RECORDING@LIGHT; another camera's file of counts
 several lights, is RECORDING#0-100@LIGHT.
 """
 
-import shlex
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -23,7 +22,7 @@ from pydantic import AfterValidator, Field
 from megalopta.core import strict_yaml
 from megalopta.core.arrays import Floats
 from megalopta.core.bounded import printable, quoted, read_text
-from megalopta.core.errors import UserError, refused_as
+from megalopta.core.errors import UserError, command, refused_as
 from megalopta.core.format_numbers import check_format
 from megalopta.core.progress import say
 from megalopta.core.record import Record
@@ -164,7 +163,7 @@ def check_kind(kind: str) -> None:
 
 def recover_command(path: Path) -> str:
     """Return the command that recovers raw.bin."""
-    return f"megalopta spadcam recover {shlex.quote(str(path))}"
+    return command("spadcam", "recover", path)
 
 
 def read_settings(folder: Path) -> RecordingSettings:

@@ -29,6 +29,7 @@ from megalopta.config.measuring import (
 )
 from megalopta.config.yaml_model import mapping, validated, yaml_text
 from megalopta.core.bounded import quoted
+from megalopta.core.errors import UserError, command
 from megalopta.core.record import Record
 from megalopta.core.validation import merged
 from megalopta.flow.detectors.registry import METHODS, THESIS_METHODS
@@ -370,6 +371,13 @@ def parse(
     values = mapping(text, source)
     if "configuration" in values:  # a dataset.yaml
         values = values["configuration"]
+    if "plan" in values:
+        raise UserError(f"{source}: a dataset of many sequences; give the configuration of one")
+    if "scenes" in values:
+        raise UserError(
+            f"{source}: a plan of many sequences; make them with: "
+            f"{command('dataset', 'make', source)}"
+        )
     return validated(Configuration, values, source, overrides, folder)
 
 

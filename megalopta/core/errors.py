@@ -2,6 +2,7 @@
 
 import errno
 import os
+import shlex
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -36,6 +37,11 @@ _EXTRAS = {
     "rerun": "rerun",
 }
 """Extra that installs a package."""
+
+
+def command(*words: object) -> str:
+    """Return a command of this program as a shell reads it, whatever its paths hold."""
+    return shlex.join(["megalopta", *map(str, words)])
 
 
 class UserError(Exception):

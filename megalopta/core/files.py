@@ -11,7 +11,7 @@ import os
 import re
 import shutil
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 from uuid import uuid4
@@ -40,7 +40,8 @@ def atomic_write(path: Path) -> Iterator[Path]:
             raise OSError(problem.errno, problem.strerror or str(problem), str(path)) from problem
         raise
     finally:
-        remove(temporary)
+        with suppress(OSError):  # threads of an interrupted writer may still add; swept later
+            remove(temporary)
 
 
 def write_text(path: Path, text: str) -> None:
@@ -73,6 +74,11 @@ def remove(path: Path) -> None:
         shutil.rmtree(path)
     else:
         path.unlink(missing_ok=True)
+
+
+def holds_files(path: Path) -> bool:
+    """True for a file, and for a folder with anything in it."""
+    return any(path.iterdir()) if path.is_dir() else path.exists()
 
 
 def sweep(folder: Path) -> None:

@@ -20,6 +20,7 @@ from scipy.spatial.transform import Rotation
 
 from megalopta.config.model import Configuration
 from megalopta.core import bounded, files, strict_yaml
+from megalopta.core.errors import UserError
 from megalopta.scenes.imu import Imu, Readings
 from megalopta.sensor import generator
 
@@ -68,7 +69,9 @@ def write_imu(folder: Path, settings: Configuration, imu: Imu) -> None:
 
 
 def read_imu(path: Path) -> ImuReadings:
-    """Read EuRoC's data.csv of an IMU. Raises UserError if it is damaged."""
+    """Read EuRoC's data.csv of an IMU. Raises UserError if there is none, or it is damaged."""
+    if not path.exists():
+        raise UserError(f"{path}: no IMU; sense with `imu: {{}}`")
     with bounded.undamaged(path, "run megalopta sense again"):
         lines = bounded.read_text(path, bounded.ARRAY_BYTES).splitlines()
         rows = np.array([[float(each) for each in line.split(",")] for line in lines[1:]])

@@ -28,7 +28,7 @@ from pathlib import Path
 
 from megalopta.config.recipe import Plan
 from megalopta.core import bounded, files
-from megalopta.core.errors import UserError
+from megalopta.core.errors import UserError, command
 from megalopta.core.folders import check_enclosed
 from megalopta.dataset.record import SequenceRecord, read_record, stored_settings
 from megalopta.dataset.store import (
@@ -105,7 +105,7 @@ class Tree:
     @property
     def make_again(self) -> str:
         """Command that completes and repairs the dataset."""
-        return f"megalopta dataset make {self.root} --out {self.root}"
+        return command("dataset", "make", self.root, "--out", self.root)
 
     def read_manifest(self) -> dict[str, str]:
         """Return the hash of every record by sequence name. Raises UserError."""
@@ -148,8 +148,14 @@ class Tree:
         """Read the plan. Raises UserError."""
         path = self.root / "dataset.yaml"
         check_enclosed(self.root)
+        header = read_header(self.root)
+        if "configuration" in header:
+            raise UserError(
+                f"{self.root}: a dataset of one sequence, not of many; give one of `megalopta "
+                "dataset make`"
+            )
         with bounded.undamaged(path, "give a dataset of `megalopta dataset make`"):
-            return Plan.model_validate(read_header(self.root)["plan"])
+            return Plan.model_validate(header["plan"])
 
     def write_plan(self, plan: Plan) -> None:
         """Write dataset.yaml."""

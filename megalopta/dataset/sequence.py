@@ -13,10 +13,11 @@ import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from megalopta.config.drawing import repeated_name
+from megalopta.config.measuring import LabelName
 from megalopta.config.model import Configuration, LightLevel
 from megalopta.config.yaml_model import validated
 from megalopta.core.bounded import undamaged
-from megalopta.core.errors import UserError
+from megalopta.core.errors import UserError, command
 from megalopta.core.validation import merged
 from megalopta.dataset.store import Dataset, exposure_name
 
@@ -192,7 +193,7 @@ class Sequence:
 
         name = f"{self._exposure(exposure)}.zarr"
         path = self.dataset.root / "corrected" / self.name / name
-        again = f"megalopta sense {self.dataset.home} --correct --redo"
+        again = command("sense", self.dataset.home, "--correct", "--redo")
         with undamaged(path, f"make corrected frames with: {again}"):
             return self._lazy(StoredFrames.open(self.dataset.store(path), quantity), quantity)
 
@@ -329,10 +330,11 @@ class Sequence:
     def albedo(self) -> LazyFrames:
         """Diffuse reflectance (T, H, W, B), means over the bands; the sky's is 0.
 
-        The configuration has `albedo` among its `labels`.
+        The configuration has `albedo` among its `labels`; otherwise raises UserError.
         """
         from megalopta.render import read_radiance
 
+        self._require_label("albedo")
         place = partial(self.dataset.frame, "training/albedo")
         return self._by_frame(
             lambda index: read_radiance(place(index))[0], "1", band=len(self.bands_nm)
@@ -342,10 +344,11 @@ class Sequence:
     def leaf_clusters(self) -> LazyFrames:
         """Number of the twig (T, H, W), within its plant from 1, that bears the leaf; else 0.
 
-        The configuration has `clusters` among its `labels`.
+        The configuration has `clusters` among its `labels`; otherwise raises UserError.
         """
         from megalopta.render.exr import read_leaf_clusters
 
+        self._require_label("clusters")
         place = self.dataset.truth
         return self._by_frame(lambda index: read_leaf_clusters(place(index)), "1", np.uint32)
 
@@ -374,6 +377,10 @@ class Sequence:
         shape, names = (len(self), *self.shape, *more.values()), ("frame", "row", "column", *more)
         return LazyFrames(shape, np.dtype(dtype), unit, names, frame_by_frame(read))
 
+    def _require_label(self, name: LabelName) -> None:
+        if name not in self.configuration.labels:
+            raise UserError(f"{self.name}: no {name}; render with `labels: [{name}]`")
+
     @cached_property
     def _truth(self) -> "TruthReader":
         from megalopta.dataset.reprojection import TruthReader
@@ -385,11 +392,13 @@ class Sequence:
         return lru_cache(maxsize=8)(self._open)
 
     def _exposure(self, wanted: str | None) -> str:
-        name = self.exposures[0] if wanted is None else wanted
-        if name not in self.exposures:
-            raise UserError(
-                f"{self.name}: no exposure {name!r}; there are {', '.join(self.exposures)}"
-            )
+        there = self.exposures
+        if not there:
+            again = command("sense", self.dataset.home)
+            raise UserError(f"{self.name}: no counts yet; run: {again}")
+        name = there[0] if wanted is None else wanted
+        if name not in there:
+            raise UserError(f"{self.name}: no exposure {name!r}; there are {', '.join(there)}")
         return name
 
     def _open(self, name: str) -> "OpenedCounts":

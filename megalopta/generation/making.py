@@ -37,13 +37,15 @@ from megalopta.stages.sense import open_exposure
 _COMPARED = 50
 """Finished sequences whose configuration is compared with the plan's."""
 _FLOW, _DISPARITY = "training/flow", "training/disparities"
-_Layout: TypeAlias = tuple[FlowFile, str, Callable[[Path], Any], str, Callable[[Path, Any], None]]
+READERS: dict[str, Callable[[Path], Any]] = {_FLOW: read_flo, _DISPARITY: read_disparity}
+"""Readers of the files that are written in other layouts, too, by folder"""
+_Layout: TypeAlias = tuple[FlowFile, str, str, Callable[[Path, Any], None]]
 _LAYOUTS: tuple[_Layout, ...] = (
-    ("kitti_png", _FLOW, read_flo, "training/flow_kitti", write_kitti_png),
-    ("flo5", _FLOW, read_flo, "training/flow_flo5", write_flo5),
-    ("kitti_png", _DISPARITY, read_disparity, f"{_DISPARITY}_kitti", write_kitti_disparity),
+    ("kitti_png", _FLOW, "training/flow_kitti", write_kitti_png),
+    ("flo5", _FLOW, "training/flow_flo5", write_flo5),
+    ("kitti_png", _DISPARITY, f"{_DISPARITY}_kitti", write_kitti_disparity),
 )
-"""Files in other layouts: folder and reader of the source, folder and writer"""
+"""Files in other layouts: folder of the source, folder and writer"""
 
 
 def make(
@@ -211,11 +213,14 @@ def write_flow_files(dataset: Dataset, kinds: Sequence[FlowFile]) -> list[Path]:
     frames = settings.trajectory.frames
     files = {_FLOW: frames - 1, _DISPARITY: frames if settings.stereo_with else 0}
     layouts = [each for each in _LAYOUTS if each[0] in kinds and files[each[1]]]
-    for _, source, read, folder, write in layouts:
-        for index in range(files[source]):
-            path = dataset.frame(folder, index)
-            if not path.exists():
-                write(path, read(dataset.frame(source, index)))
+    for source, count in files.items():
+        writers = [(folder, write) for _, of, folder, write in layouts if of == source]
+        for index in range(count):
+            places = [(dataset.frame(folder, index), write) for folder, write in writers]
+            if missing := [each for each in places if not each[0].exists()]:
+                found = READERS[source](dataset.frame(source, index))
+                for path, write in missing:
+                    write(path, found)
     return [dataset.root / folder / dataset.sequence for *_, folder, _ in layouts]
 
 

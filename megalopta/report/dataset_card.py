@@ -27,7 +27,7 @@ from megalopta.dataset.index import table_path
 from megalopta.dataset.layout import Tree
 from megalopta.dataset.opened import open_dataset
 from megalopta.dataset.sequence import Sequence
-from megalopta.dataset.store import LICENSE
+from megalopta.dataset.store import LICENSE, exposure_name
 from megalopta.plotting.sections import Section, block, captioned, image, write_sections
 from megalopta.plotting.style import BLUE, house_style
 from megalopta.plotting.text import level_name, number
@@ -84,8 +84,9 @@ def _panels(sequence: Sequence) -> Iterator[Panel]:
     """Yield panels of the first frames of a sequence."""
     shown, settings = ShownSequence(sequence, _first_frames(sequence), 1), sequence.configuration
     yield shown.light
-    readings = shown.readings(*settings.exposures[0])
-    yield replace(readings, caption=f"{sequence.exposures[0]}: {readings.caption}")
+    if (name := exposure_name(*settings.exposures[0])) in sequence.exposures:
+        readings = shown.readings(*settings.exposures[0])
+        yield replace(readings, caption=f"{name}: {readings.caption}")
     yield shown.motion("flow")
     if settings.scene.has_truth:
         yield shown.depth

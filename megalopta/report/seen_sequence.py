@@ -18,7 +18,7 @@ from megalopta.config.model import LightLevel, level_text
 from megalopta.core import bounded
 from megalopta.core.arrays import Floats
 from megalopta.core.bounded import undamaged
-from megalopta.core.errors import UserError
+from megalopta.core.errors import UserError, command
 from megalopta.core.progress import say
 from megalopta.dataset.flow_record import FlowRecord
 from megalopta.dataset.opened import open_dataset
@@ -133,7 +133,8 @@ class ShownSequence:
         if "flow" not in self.finished:
             return []
         dataset, settings = self.sequence.dataset, self.sequence.configuration
-        path, remedy = dataset.result("flow.json"), f"run: megalopta flow {dataset.root} --redo"
+        path = dataset.result("flow.json")
+        remedy = f"run: {command('flow', dataset.root, '--redo')}"
         found = checked_json(path, _FLOW.validate_python, remedy)
         records = {(each.sensor, each.level, each.method): each for each in found}
         expected = list(product(settings.sensors, settings.light_levels, settings.methods))
@@ -237,6 +238,8 @@ class ShownSequence:
             small = -(-rows // self.step), -(-columns // self.step)
             first, second = (resized(frames.at(each), small) for each in (frame, frame + 1))
             return self.step * clean_flow(first, second)
+        if sequence.configuration.shutter.readout_s:  # the small files have that of whole frames
+            return self.pixels(sequence.flow(frame))
         path = sequence.dataset.frame("training/flow", frame)
         with undamaged(path, "regenerate the sequence"):
             return self.pixels(read_flo(path))

@@ -9,7 +9,7 @@ from pathlib import Path
 from megalopta import __version__
 from megalopta.config.model import Configuration
 from megalopta.core import bounded, files
-from megalopta.core.errors import UserError
+from megalopta.core.errors import UserError, command
 from megalopta.core.format_numbers import written
 from megalopta.core.freshness import digest
 from megalopta.core.progress import step
@@ -42,7 +42,7 @@ class Ledger:
 
     def has(self, stage: str) -> bool:
         """True if any output of a stage exists, finished or not."""
-        return any(path.exists() for path in self.outputs(stage))
+        return any(map(files.holds_files, self.outputs(stage)))
 
     def is_finished(self, stage: str) -> bool:
         """True if a stage was finished with this configuration and its files exist."""
@@ -84,13 +84,13 @@ class Ledger:
         home, damaged = self.dataset.home, self.damaged(stage)
         if self.entry(stage) and not damaged:
             return
-        target = f"{home} --out {home}" if stage == "render" else home
+        target = (home, "--out", home) if stage == "render" else (home,)
         what = (
             f"{damaged[0]} is missing or damaged"
             if damaged
             else f"{home}: stage {stage!r} is not finished with this configuration"
         )
-        raise UserError(f"{what}; run first: megalopta {STAGES[stage].command} {target}")
+        raise UserError(f"{what}; run first: {command(*STAGES[stage].command.split(), *target)}")
 
     def timings(self) -> dict[str, float]:
         """Seconds spent on each stage, including interrupted runs."""

@@ -89,7 +89,7 @@ def _recorded(dataset: Dataset, names: Sequence[str]) -> Iterator[None]:
         yield
     except Exception:
         outputs = (path for name in names for path in STAGES[name].outputs(dataset))
-        if not any(path.exists() for path in outputs):
+        if not any(map(files.holds_files, outputs)):
             if before is None:
                 files.remove(path)
                 files.remove(dataset.root / "timings.json")

@@ -6,6 +6,7 @@ truth of a few sequences with a second derivation.
 """
 
 import json
+import shlex
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
@@ -21,7 +22,7 @@ from megalopta.benchmark.ranking_run import FOLDER
 from megalopta.config.drawing import sequence_name
 from megalopta.core import files
 from megalopta.core.bounded import printable
-from megalopta.core.errors import UserError
+from megalopta.core.errors import UserError, command
 from megalopta.core.folders import LOCK_NAME
 from megalopta.core.progress import progress, silent
 from megalopta.dataset.index import TABLES, read_lists, table_path
@@ -117,9 +118,9 @@ def _lone_faults(dataset: Dataset) -> Faults:
 
 
 def _mend(root: Path, stage: str, whole: Path) -> str:
-    out = f" --out {root}" if stage == "render" else ""
-    remove = f"remove {whole} and " if whole.exists() else ""
-    return f"{remove}run: megalopta {STAGES[stage].command} {root}{out}"
+    out = ("--out", root) if stage == "render" else ()
+    remove = f"remove {shlex.quote(str(whole))} and " if whole.exists() else ""
+    return f"{remove}run: {command(*STAGES[stage].command.split(), root, *out)}"
 
 
 def _file_faults(

@@ -5,6 +5,7 @@ all: of the file alone, that of its content.
 """
 
 import hashlib
+import os
 from collections.abc import Iterable, Mapping
 from pathlib import Path, PurePosixPath
 
@@ -78,6 +79,8 @@ def _contents(path: str) -> Contents:
     while waiting:
         name = waiting.pop()
         if name not in found:
+            if name.lower().endswith(".mtl") and not os.path.lexists(Path(path).parent / name):
+                continue  # its materials are names
             found[name] = _beside(path, name, left)
             left -= len(found[name])
         if waiting and path.lower().endswith(".xml"):

@@ -8,7 +8,7 @@ from pydantic import Field
 from scipy.spatial.transform import Rotation
 
 from megalopta.core.arrays import Floats
-from megalopta.core.bounded import undamaged
+from megalopta.core.bounded import quoted, undamaged
 from megalopta.core.errors import DamagedFileError
 from megalopta.core.progress import say
 from megalopta.core.record import Record
@@ -84,6 +84,7 @@ class PlacedMesh(Record, frozen=True):
             pieces = [piece for piece in (each.sound() for each in read) if len(piece.faces)]
         self._check(pieces)
         self._say_ignored(pieces)
+        self._say_not_described(pieces)
         return pieces
 
     @property
@@ -150,6 +151,15 @@ class PlacedMesh(Record, frozen=True):
             say(
                 f"scene: {self.file.path}: materials are rendered as opaque, diffuse surfaces "
                 f"without light of their own; it has {found}"
+            )
+
+    def _say_not_described(self, pieces: list[Piece]) -> None:
+        names = {piece.material for piece in pieces if not piece.paint.is_described}
+        if names:
+            say(
+                f"scene: {self.file.path}: no .mtl file next to it describes "
+                f"{quoted(', '.join(sorted(names)), 400)}; such surfaces have no color, unless "
+                "`materials` gives their reflectance"
             )
 
 

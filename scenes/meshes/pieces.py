@@ -34,6 +34,8 @@ class Paint:
     """Surface that is not diffuse, in place of all colors."""
     refused: str = ""
     """Description of a surface that is not rendered, unless its reflectance is given."""
+    is_described: bool = True
+    """False of a material that the file only names, as where its .mtl file is missing."""
 
 
 @dataclass(frozen=True)

@@ -146,7 +146,7 @@ class Surfacing:
             ends = (of.wavelengths_nm[0], of.wavelengths_nm[-1]) if len(of.values) > 1 else None
             name = self._numbered(piece.material, of)
             return self._part(name, Material(of, known_nm=ends), _bare(piece))
-        if paint.name is None and colors is None:
+        if colors is None and (paint.name is None or not paint.is_described):
             return self._part("no color", Material(flat(self.colorless)), _bare(piece))
         shade = np.ones(3) if colors is None else colors.reshape(-1, 3)[0]
         color = np.array(paint.color) * shade

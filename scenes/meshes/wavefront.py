@@ -1,11 +1,12 @@
 """Meshes of a Wavefront OBJ file, with the materials of its MTL files.
 
-Objects are those of `o`, or of `g` where there is none. trimesh reads OBJ, too, but passes over
-materials and pictures that are missing, and over objects without a name.
+Objects are those of `o`, or of `g` where there is none. Without its MTL file a material is a name.
+trimesh reads OBJ, too, but passes over pictures that are missing, and over objects without a name.
 """
 
 import re
 import warnings
+from codecs import BOM_UTF8
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from pathlib import PurePosixPath
@@ -30,13 +31,14 @@ Corners = Ints
 
 def names_in(name: str, content: bytes) -> list[str]:
     """Names of the files that an OBJ or MTL file names, from the folder of the OBJ file."""
-    named = (found[1].decode("utf-8", "replace") for found in _NAMING.finditer(content))
+    lines = content.removeprefix(BOM_UTF8)
+    named = (found[1].decode("utf-8", "replace") for found in _NAMING.finditer(lines))
     return [_beside(name, each.strip()) for each in named]
 
 
 def _lines(content: bytes) -> Iterator[tuple[str, str]]:
     """Yield first word, in lower case, and rest of each line."""
-    for line in content.decode("utf-8", "replace").replace("\\\n", " ").splitlines():
+    for line in content.decode("utf-8-sig", "replace").replace("\\\n", " ").splitlines():
         key, *rest = line.split(None, 1)[:2] or [""]
         yield key.lower(), rest[0].strip() if rest else ""
 
@@ -57,13 +59,15 @@ def pieces_of(contents: Mapping[str, bytes], with_materials: bool = True) -> Ite
     paints = {
         paint.name: paint
         for library in (file.libraries if with_materials else ())
-        for paint in _paints(_beside(name, library), contents, pictures)
+        if (file_name := _beside(name, library)) in contents
+        for paint in _paints(file_name, contents, pictures)
     }
     numbers: dict[str, int] = {}
     for (label, material), faces in file.faces.items():
         number = numbers.setdefault(label, len(numbers))
         named = label or PurePosixPath(name).stem
-        yield _piece(file, (number, named), _corners(faces), paints.get(material, Paint()))
+        paint = paints.get(material) or Paint(material, is_described=material is None)
+        yield _piece(file, (number, named), _corners(faces), paint)
 
 
 class _ObjFile:
@@ -77,6 +81,8 @@ class _ObjFile:
         names_objects = "o" if _OBJECT.search(content) else "g"
         label, material = "", None
         for key, rest in _lines(content):
+            if "#" in rest and (key in lists or key == "f"):
+                rest = rest.partition("#")[0]
             if key in lists:
                 lists[key].append(rest)
             elif key == "f":

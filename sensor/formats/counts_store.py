@@ -309,7 +309,9 @@ class OpenedCounts(Origin):
     def __getitem__(self, name: str) -> StoredFrames:
         """Return one array. Raises ValueError if it was not stored."""
         if name not in self.arrays:
-            raise ValueError(f"{self.path}: holds no {name}; expose with expectation=True")
+            names = f"give one of {', '.join(self.arrays)}"
+            remedy = "expose with expectation=True" if name in MOMENTS else names
+            raise ValueError(f"{self.path}: holds no {name}; {remedy}")
         return self.arrays[name]
 
     def expectation(self, frames: Frames = slice(None)) -> Expectation:

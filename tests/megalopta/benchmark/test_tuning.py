@@ -9,7 +9,7 @@ from itertools import product
 import numpy as np
 import pytest
 
-from megalopta.benchmark import tuning
+from megalopta.benchmark import tuned_method, tuning
 from megalopta.benchmark.clips import FlowClip, leaves_clip
 from megalopta.benchmark.methods import block_detector
 from megalopta.benchmark.whole_frames import MEAN, frame_errors
@@ -28,7 +28,7 @@ def clip():
 def test_the_routine_finds_what_trying_all_settings_finds(clip):
     """DIS has few enough; that a single clip has one minimum was seen, not proven."""
     ((flux, found),) = tuning.tune("DIS", (10.0,), [clip]).items()
-    parameter, values = tuning.PARAMETERS["DIS"]
+    parameter, values = tuned_method.PARAMETERS["DIS"]
     errors = []
     for noise, value in product(tuning.NOISE, values):
         detector = METHODS["DIS"].model_copy(update={**noise, parameter: value})
@@ -38,15 +38,15 @@ def test_the_routine_finds_what_trying_all_settings_finds(clip):
     assert min(errors) < np.median(errors)
 
 
-@pytest.mark.parametrize("name", tuning.PARAMETERS)
+@pytest.mark.parametrize("name", tuned_method.PARAMETERS)
 def test_a_tuned_method_has_the_settings_for_the_nearest_light(name, clip):
-    parameter, _ = tuning.PARAMETERS[name]
+    parameter, _ = tuned_method.PARAMETERS[name]
     for flux, nearest in ((0.4, 1.0), (12.0, 10.0), (1e5, 1000.0)):
         first, second = clip.counts(flux, 0)[3:5]
-        row = tuning.tuned_settings()[name][nearest]
+        row = tuned_method.tuned_settings()[name][nearest]
         settings = {key: row[key] for key in ("stretch", "blur_px", parameter)}
         np.testing.assert_array_equal(
-            optical_flow(first, second, tuning.tuned(name)),
+            optical_flow(first, second, tuned_method.tuned(name)),
             optical_flow(first, second, name, **settings),
         )
 
@@ -55,7 +55,7 @@ def test_boards_name_tuned_methods_as_such_and_measure_their_blocks(clip):
     board = frame_errors([clip], ["FB tuned"], (10.0,))
     (detector,) = board.detectors
     assert detector == block_detector("FB tuned") and detector.name == "FB tuned"
-    row = tuning.tuned_settings()["FB"][10.0]
+    row = tuned_method.tuned_settings()["FB"][10.0]
     settings = {key: value for key, value in row.items() if key != "error_px"}
     plain = frame_errors([clip], [METHODS["FB"].model_copy(update=settings)], (10.0,))
     found, expected = (each.of_scenes(MEAN, each.detectors[0], 10.0) for each in (board, plain))
@@ -82,10 +82,10 @@ def test_the_command_keeps_other_methods_of_the_file(clip, tmp_path, capsys, mon
 ENDLESS = """
 import sys, time
 from pathlib import Path
-from megalopta.benchmark import tuning, whole_frames
+from megalopta.benchmark import tuning
 from megalopta.benchmark.clips import leaves_clip
 
-measure, count = whole_frames.frame_errors, 0
+measure, count = tuning.frame_errors, 0
 
 def hanging(*arguments):
     global count
@@ -94,7 +94,7 @@ def hanging(*arguments):
         time.sleep(600)
     return measure(*arguments)
 
-whole_frames.frame_errors = hanging
+tuning.frame_errors = hanging
 tuning.tuning_clips = lambda: [leaves_clip(7, (96, 120))]
 tuning.write_tuned(Path(sys.argv[1]), "LK", (100.0,))
 """
@@ -114,7 +114,7 @@ def test_a_killed_run_goes_on_from_the_errors_that_it_had(clip, tmp_path, monkey
     assert len(list(errors.glob("*.npz"))) == 5 and not out.exists()
     whole = tuning.tune("LK", (100.0,), [clip])
     counted = counting(frame_errors, measured := [])
-    monkeypatch.setattr("megalopta.benchmark.whole_frames.frame_errors", counted)
+    monkeypatch.setattr("megalopta.benchmark.tuning.frame_errors", counted)
     monkeypatch.setattr(tuning, "tuning_clips", lambda: [clip])
     assert tuning.write_tuned(out, "LK", (100.0,)) == whole
     assert len(measured) == len(list(errors.glob("*.npz"))) - 5

@@ -6,6 +6,7 @@ import yaml
 
 from megalopta.config import built_in_names
 from megalopta.config.model import differences, load, parse
+from megalopta.config.recipe import load_plan
 from megalopta.config.yaml_model import to_yaml
 from megalopta.core.errors import UserError
 from megalopta.scenes.forest.description import Forest
@@ -16,6 +17,19 @@ from megalopta.scenes.haze import Haze
 def test_built_in_configurations_survive_yaml(name):
     configuration = load(name)
     assert parse(to_yaml(configuration), "again") == configuration
+
+
+def test_plans_and_configurations_are_told_apart(tmp_path):
+    plan, single = tmp_path / "my plan.yaml", tmp_path / "single.yaml"
+    plan.write_text("sequences: 2\nscenes: [{preset: grating}]\n")
+    single.write_text("scene: {kind: grating}\n")
+    with pytest.raises(UserError, match="make them with: megalopta dataset make '.*/my plan.yaml'"):
+        load(str(plan))
+    (tmp_path / "dataset.yaml").write_text("format: 1\nplan: {sequences: 2}\n")
+    with pytest.raises(UserError, match="a dataset of many sequences; give"):
+        load(str(tmp_path))
+    with pytest.raises(UserError, match="make it with: megalopta render .*/single.yaml, or give"):
+        load_plan(single)
 
 
 def test_overrides_reach_nested_fields_and_list_items():

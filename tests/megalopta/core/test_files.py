@@ -39,6 +39,19 @@ def test_a_failed_write_leaves_the_old_file_and_no_partial_one(tmp_path):
     assert [entry.name for entry in path.parent.iterdir()] == ["a.txt"]
 
 
+def test_ctrl_c_stays_ctrl_c_while_threads_still_write(tmp_path, monkeypatch):
+    def refilled(path):
+        raise OSError(errno.ENOTEMPTY, "Directory not empty", str(path))
+
+    monkeypatch.setattr("shutil.rmtree", refilled)
+    with pytest.raises(KeyboardInterrupt), atomic_write(tmp_path / "a.zarr") as temporary:
+        temporary.mkdir()
+        raise KeyboardInterrupt
+    monkeypatch.undo()
+    sweep(tmp_path)
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_json_refuses_what_json_cannot_hold(tmp_path):
     with pytest.raises(ValueError, match="JSON"):
         write_json(tmp_path / "a.json", {"a": float("nan")})

@@ -1,6 +1,8 @@
 """A dataset made by the command line: foreseen, extended, alone, refused, mended, and in new light."""
 
 import json
+import shutil
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -14,10 +16,14 @@ from megalopta.config.recipe import Plan
 from megalopta.core.errors import UserError
 from megalopta.dataset.layout import Tree
 from megalopta.dataset.store import files_in
+from megalopta.flow.formats import read_flo
+from megalopta.generation import making
 from megalopta.generation.dry_run import costs_of, finish_of_plan
-from megalopta.generation.making import make, parse_indices
+from megalopta.generation.making import make, parse_indices, write_flow_files
 from megalopta.sensor import open_counts
 from megalopta.verification.files import check_files
+
+from ..small import counting
 
 
 def run(*words):
@@ -59,6 +65,17 @@ def test_more_sequences_leave_what_is_there(small_copy, small_plan):
     assert {name: after[name] for name in before} == before
     assert Tree(small_copy).names() == [f"00000{n}" for n in range(4)]
     assert not check_files(Tree(small_copy), truths=4)
+
+
+def test_a_flow_is_read_once_for_all_its_layouts(single_copy, monkeypatch):
+    dataset = replace(megalopta.open_dataset(single_copy)[0].dataset, record=None)
+    read = []
+    for layout in ("flow_kitti", "flow_flo5"):
+        shutil.rmtree(single_copy / "training" / layout)
+    monkeypatch.setitem(making.READERS, "training/flow", counting(read_flo, read))
+    write_flow_files(dataset, ("kitti_png", "flo5"))
+    assert len(read) == len(dataset.configuration.trajectory.times_s) - 1
+    assert not check_files(Tree(single_copy))
 
 
 def test_another_plan_is_refused_with_the_difference(small_copy, small_plan):

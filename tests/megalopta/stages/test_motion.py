@@ -9,8 +9,11 @@ import pytest
 from megalopta.cli import main as cli
 from megalopta.config.model import load
 from megalopta.dataset.frames import read_radiance_frames, read_truth_frames
+from megalopta.dataset.sequence import Sequence
 from megalopta.dataset.store import open_sequence
+from megalopta.flow.formats import write_flo
 from megalopta.render import read_attributes, read_radiance, read_truth, write_truth
+from megalopta.report.seen_sequence import ShownSequence
 from megalopta.sensor import expectation, read_counts
 from megalopta.stages.ledger import Ledger
 from megalopta.verification.truth import check_truth, footprint_residuals
@@ -149,6 +152,14 @@ def test_sensors_see_the_frames_of_the_shutter(moving):
     stated = expectation(blurred[None], bands, stored.sensor)
     ratio = stored.exposure.expectation.mean_events[1] / stated.mean_events[0]
     np.testing.assert_allclose(ratio, ratio.mean(), rtol=1e-5)
+
+
+def test_of_a_rolling_shutter_the_motion_of_what_sensors_see_is_shown(rolling, tmp_path):
+    shutil.copytree(rolling.root, tmp_path / "data")
+    copy = Sequence(open_sequence(tmp_path / "data"))
+    flow = read_truth(copy.dataset.exposed_truth(0)).flow_forward
+    write_flo(copy.dataset.frame("training/flow", 0), np.zeros_like(flow))  # of whole frames
+    np.testing.assert_array_equal(ShownSequence(copy, range(2), 1).motion_of(0), flow)
 
 
 def test_blur_has_the_truth_of_its_middle_and_rows_have_their_own(moving, rolling):

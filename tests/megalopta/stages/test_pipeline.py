@@ -13,11 +13,13 @@ from megalopta.config.light_scale import light_scale
 from megalopta.config.model import load
 from megalopta.core.errors import UserError
 from megalopta.dataset.layout import Tree
+from megalopta.dataset.opened import open_dataset
 from megalopta.dataset.store import open_sequence
 from megalopta.flow.benchmark import sequence as benchmark
 from megalopta.flow.formats import read_flo
 from megalopta.flow.stimuli.photons import draw_counts
 from megalopta.render import read_radiance, read_truth
+from megalopta.report.dataset_card import write_card, write_contact_sheet
 from megalopta.scenes.lighting.levels import LEVELS
 from megalopta.scenes.spectra.spectrum import Spectrum, luminous
 from megalopta.sensor import expectation, read_counts
@@ -162,6 +164,31 @@ def test_a_refused_redo_leaves_everything_as_it_was(copy, command, refused):
     assert content(copy.root) == before
 
 
+def test_light_that_is_too_bright_for_events_leaves_no_trace(tiny, tmp_path):
+    dataset = run_stage(tmp_path / "data", tiny, "render")
+    before = content(dataset.root)
+    bright = {"products": ("counts", "events_npz"), "light_levels": (1e6,)}
+    with pytest.raises(UserError, match="events in a frame"):
+        run_stage(dataset.root, tiny.model_copy(update=bright), "sense")
+    assert content(dataset.root) == before
+    assert not Ledger(dataset).has("sense")
+
+
+def test_a_rendered_dataset_is_read_and_shown_before_it_is_sensed(tiny, tmp_path):
+    run_stage(tmp_path / "data", tiny, "render")
+    sequence = open_dataset(tmp_path / "data")[0]
+    assert sequence.exposures == ()
+    with pytest.raises(UserError, match="no counts yet; run: megalopta sense"):
+        sequence.counts()
+    with pytest.raises(UserError, match="a dataset of one sequence, not of many"):
+        write_card(tmp_path / "data")
+    for name in ("imu", "tracks", "albedo", "leaf_clusters"):
+        with pytest.raises(UserError, match=r"no .*; (render|sense) with `"):
+            getattr(sequence, name)
+    page = write_contact_sheet(tmp_path / "data", 1).read_text("utf-8")
+    assert page.count("data:image/gif") == 3  # light, flow and depth
+
+
 @pytest.mark.slow
 def test_flow_goes_on_after_an_interruption(copy, monkeypatch):
     before = content(copy.root)
@@ -251,9 +278,10 @@ def test_named_levels_bring_their_color_and_their_illuminance():
 
 def test_a_stage_needs_the_ones_before_it(tiny, tmp_path):
     with pytest.raises(
-        UserError, match="stage 'render' is not finished .*run first: megalopta render"
+        UserError,
+        match=r"'render' is not finished .*run first: megalopta render '.*/my data' --out",
     ):
-        run_stage(tmp_path / "new", tiny, "sense")
+        run_stage(tmp_path / "my data", tiny, "sense")
 
 
 def test_a_folder_of_something_else_is_left_alone(tiny, tmp_path):

@@ -69,6 +69,24 @@ def test_materials_are_those_of_the_library():
     assert np.ptp(tin.color) == 0 and tin.ignored == ("transparency", "emission")
 
 
+def test_without_its_library_a_material_is_a_name_without_color():
+    brick, tin = (piece.paint for piece in read(YARD))
+    assert [brick.name, tin.name] == ["brick", "tin"]
+    assert not brick.is_described and not tin.is_described
+    (plain,) = read(f"{CORNERS}f 1 2 3\n")
+    assert plain.paint.name is None and plain.paint.is_described
+
+
+def test_marks_of_byte_order_and_comments_on_lines_are_passed_over():
+    marked = b"\xef\xbb\xbfmtllib colors.mtl\n"
+    assert names_in("a.obj", marked) == ["colors.mtl"]
+    text = f"{CORNERS}usemtl tin #2\nf 1 2 3 # first\nf 1 2 4\n"
+    library = b"\xef\xbb\xbfnewmtl tin #2\nKd 0 0 1\n"
+    (piece,) = pieces_of({"a.obj": marked + text.encode(), "colors.mtl": library})
+    assert len(piece.faces) == 2
+    assert piece.paint.name == "tin #2" and piece.paint.color == (0, 0, 1)
+
+
 def test_coordinates_and_normals_are_used_where_all_corners_have_them():
     text = CORNERS + "vt 0.25 0.5\nvt 1 0\nvn 0 0 1\ng wall\nf 1/1/1 2/2/1 3/1/1\n"
     (piece,) = read(text)

@@ -103,6 +103,8 @@ def test_counts_without_expectation_are_stored_as_such(tmp_path, stored):
     plain = Exposure(stored.exposure.counts, stored.exposure.saturated)
     write_counts(tmp_path / "s.zarr", replace(stored, exposure=plain))
     assert read_counts(tmp_path / "s.zarr").exposure.expectation is None
+    with pytest.raises(ValueError, match="holds no mean; give one of counts, saturated"):
+        open_counts(tmp_path / "s.zarr")["mean"]
     with pytest.raises(ValueError, match="holds no photons; expose with expectation=True"):
         open_counts(tmp_path / "s.zarr")["photons"]
 
