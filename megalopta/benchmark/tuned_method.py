@@ -12,7 +12,7 @@ from pydantic import SerializeAsAny
 from megalopta.config.yaml_model import mapping, yaml_text
 from megalopta.core import strict_yaml
 from megalopta.core.arrays import Floats
-from megalopta.core.errors import command
+from megalopta.core.errors import shell_command
 from megalopta.flow.detectors.base import Frames
 from megalopta.flow.detectors.blocks import BlockDetector, BlockGrid
 from megalopta.flow.detectors.gray_detector import GrayDetector
@@ -97,7 +97,7 @@ def tuned_settings() -> Mapping[str, Mapping[float, Settings]]:
 def _own(path: Path, method: GrayDetector) -> Mapping[Any, Settings]:
     """Return the settings of a method in `tuned.yaml` next to its file; raise ValueError."""
     table = path.with_name(_TABLE.name)
-    remedy = f"run: {command('benchmark', 'tune', path, '--out', table)}"
+    remedy = f"run: {shell_command('benchmark', 'tune', path, '--out', table)}"
     if not table.exists():
         raise ValueError(f"{table}: no such file of settings; {remedy}")
     rows = mapping(yaml_text(table, "file of settings"), str(table))

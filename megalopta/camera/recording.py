@@ -22,7 +22,7 @@ from pydantic import AfterValidator, Field
 from megalopta.core import strict_yaml
 from megalopta.core.arrays import Floats
 from megalopta.core.bounded import printable, quoted, read_text
-from megalopta.core.errors import UserError, command, refused_as
+from megalopta.core.errors import UserError, refused_as, shell_command
 from megalopta.core.format_numbers import check_format
 from megalopta.core.progress import say
 from megalopta.core.record import Record
@@ -163,7 +163,7 @@ def check_kind(kind: str) -> None:
 
 def recover_command(path: Path) -> str:
     """Return the command that recovers raw.bin."""
-    return command("spadcam", "recover", path)
+    return shell_command("spadcam", "recover", path)
 
 
 def read_settings(folder: Path) -> RecordingSettings:

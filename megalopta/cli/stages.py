@@ -20,7 +20,7 @@ from megalopta.cli.command import (
     verb,
 )
 from megalopta.config import built_in_names
-from megalopta.core.errors import UserError, command, refused_as
+from megalopta.core.errors import UserError, refused_as, shell_command
 from megalopta.core.progress import say
 
 if TYPE_CHECKING:
@@ -263,7 +263,7 @@ def _sense_pictures(options: Namespace, given: Mapping[str, Any]) -> Path:
     check_stage("sense", settings, root)  # before the pictures are copied
     for stage in ("render", "sense"):
         run_stage(root, settings, stage, options.redo)
-    say(f"see them with: {command('view', root)}")
+    say(f"see them with: {shell_command('view', root)}")
     return Path(root)
 
 

@@ -29,7 +29,7 @@ from megalopta.config.measuring import (
 )
 from megalopta.config.yaml_model import mapping, validated, yaml_text
 from megalopta.core.bounded import quoted
-from megalopta.core.errors import UserError, command
+from megalopta.core.errors import UserError, shell_command
 from megalopta.core.record import Record
 from megalopta.core.validation import merged
 from megalopta.flow.detectors.registry import METHODS, THESIS_METHODS
@@ -376,7 +376,7 @@ def parse(
     if "scenes" in values:
         raise UserError(
             f"{source}: a plan of many sequences; make them with: "
-            f"{command('dataset', 'make', source)}"
+            f"{shell_command('dataset', 'make', source)}"
         )
     return validated(Configuration, values, source, overrides, folder)
 

@@ -17,7 +17,7 @@ from megalopta.config import built_in_names
 from megalopta.config.measuring import ONCE
 from megalopta.config.yaml_model import mapping, validated, yaml_text
 from megalopta.core.bounded import quoted
-from megalopta.core.errors import UserError, command
+from megalopta.core.errors import UserError, shell_command
 from megalopta.core.format_numbers import check_format
 from megalopta.core.record import Record
 from megalopta.scenes.trajectories.mount import Mount
@@ -193,8 +193,8 @@ def load_plan(path: Path, overrides: Mapping[str, str] | None = None) -> Plan:
         values = values["plan"]
     if "scene" in values:
         raise UserError(
-            f"{path}: the configuration of one sequence; make it with: {command('render', path)}, "
-            "or give a plan with `scenes`"
+            f"{path}: the configuration of one sequence; make it with: "
+            f"{shell_command('render', path)}, or give a plan with `scenes`"
         )
     return validated(Plan, values, str(path), overrides, path.parent)
 

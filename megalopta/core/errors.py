@@ -39,7 +39,7 @@ _EXTRAS = {
 """Extra that installs a package."""
 
 
-def command(*words: object) -> str:
+def shell_command(*words: object) -> str:
     """Return a command of this program as a shell reads it, whatever its paths hold."""
     return shlex.join(["megalopta", *map(str, words)])
 

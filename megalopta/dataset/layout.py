@@ -28,7 +28,7 @@ from pathlib import Path
 
 from megalopta.config.recipe import Plan
 from megalopta.core import bounded, files
-from megalopta.core.errors import UserError, command
+from megalopta.core.errors import UserError, shell_command
 from megalopta.core.folders import check_enclosed
 from megalopta.dataset.record import SequenceRecord, read_record, stored_settings
 from megalopta.dataset.store import (
@@ -105,7 +105,7 @@ class Tree:
     @property
     def make_again(self) -> str:
         """Command that completes and repairs the dataset."""
-        return command("dataset", "make", self.root, "--out", self.root)
+        return shell_command("dataset", "make", self.root, "--out", self.root)
 
     def read_manifest(self) -> dict[str, str]:
         """Return the hash of every record by sequence name. Raises UserError."""

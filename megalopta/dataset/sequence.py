@@ -17,7 +17,7 @@ from megalopta.config.measuring import LabelName
 from megalopta.config.model import Configuration, LightLevel
 from megalopta.config.yaml_model import validated
 from megalopta.core.bounded import undamaged
-from megalopta.core.errors import UserError, command
+from megalopta.core.errors import UserError, shell_command
 from megalopta.core.validation import merged
 from megalopta.dataset.store import Dataset, exposure_name
 
@@ -193,7 +193,7 @@ class Sequence:
 
         name = f"{self._exposure(exposure)}.zarr"
         path = self.dataset.root / "corrected" / self.name / name
-        again = command("sense", self.dataset.home, "--correct", "--redo")
+        again = shell_command("sense", self.dataset.home, "--correct", "--redo")
         with undamaged(path, f"make corrected frames with: {again}"):
             return self._lazy(StoredFrames.open(self.dataset.store(path), quantity), quantity)
 
@@ -394,7 +394,7 @@ class Sequence:
     def _exposure(self, wanted: str | None) -> str:
         there = self.exposures
         if not there:
-            again = command("sense", self.dataset.home)
+            again = shell_command("sense", self.dataset.home)
             raise UserError(f"{self.name}: no counts yet; run: {again}")
         name = there[0] if wanted is None else wanted
         if name not in there:

@@ -29,7 +29,7 @@ from megalopta import __version__
 from megalopta.config.model import Configuration, LightLevel, level_text
 from megalopta.config.yaml_model import validated
 from megalopta.core import bounded, files, strict_yaml
-from megalopta.core.errors import UserError, command
+from megalopta.core.errors import UserError, shell_command
 from megalopta.core.folders import LOCK_NAME, check_enclosed
 from megalopta.core.format_numbers import check_format, written
 from megalopta.dataset.publishing import PLAN
@@ -211,7 +211,7 @@ class Dataset:
         if what := file_difference(self.root / name, *self.files[name], is_hashed=is_hashed):
             raise UserError(
                 f"{self.home / name} {what}; find other damage with: "
-                f"{command('dataset', 'check', self.home)}"
+                f"{shell_command('dataset', 'check', self.home)}"
             )
         if is_hashed:
             self._compared.add(name)
@@ -234,7 +234,7 @@ def open_sequence(root: Path) -> Dataset:
     if os.path.lexists(root / REDO_FOLDER / PLAN):
         raise UserError(
             f"{root}: the program stopped while it replaced old output; to "
-            f"finish, run: {command('render', root, '--out', root)}"
+            f"finish, run: {shell_command('render', root, '--out', root)}"
         )
     return dataset
 

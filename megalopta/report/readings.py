@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from megalopta.camera.recording import is_recording, open_recording
 from megalopta.core.arrays import Floats, Mask
-from megalopta.core.errors import UserError, command, refused_as
+from megalopta.core.errors import UserError, refused_as, shell_command
 from megalopta.render import is_footage
 from megalopta.sensor import ImageSensor, Sensor, file_content, read_events, read_frames
 from megalopta.sensor.calibrate.correction import ResponseCurve, filled_in, response_curve
@@ -140,7 +140,7 @@ def _check_thing(path: Path) -> None:
     if path.exists() and is_footage(path):
         raise UserError(
             f"{path}: pictures, no readings; make photons of them first: "
-            f"{command('sense', path, '--photons', '2')}"
+            f"{shell_command('sense', path, '--photons', '2')}"
         )
     if not path.is_file():
         raise UserError(f"{path}: no dataset, recording, or file of frames or events; give one")

@@ -18,7 +18,7 @@ from megalopta.config.model import LightLevel, level_text
 from megalopta.core import bounded
 from megalopta.core.arrays import Floats
 from megalopta.core.bounded import undamaged
-from megalopta.core.errors import UserError, command
+from megalopta.core.errors import UserError, shell_command
 from megalopta.core.progress import say
 from megalopta.dataset.flow_record import FlowRecord
 from megalopta.dataset.opened import open_dataset
@@ -134,7 +134,7 @@ class ShownSequence:
             return []
         dataset, settings = self.sequence.dataset, self.sequence.configuration
         path = dataset.result("flow.json")
-        remedy = f"run: {command('flow', dataset.root, '--redo')}"
+        remedy = f"run: {shell_command('flow', dataset.root, '--redo')}"
         found = checked_json(path, _FLOW.validate_python, remedy)
         records = {(each.sensor, each.level, each.method): each for each in found}
         expected = list(product(settings.sensors, settings.light_levels, settings.methods))

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from megalopta.config.light_scale import light_scale
 from megalopta.config.model import Configuration, LightLevel
-from megalopta.core.errors import command, refused_as
+from megalopta.core.errors import refused_as, shell_command
 from megalopta.dataset.frames import FrameMotion, read_motion, read_radiance_frame, read_truth_frame
 from megalopta.dataset.sequence import Sequence
 from megalopta.dataset.store import Dataset
@@ -187,7 +187,7 @@ class Report:
         self.units = sorted({sensor.unit for sensor in self.settings.sensors})
         ledger = Ledger(dataset)
         ledger.require("render")
-        again = f"run: {command('render', dataset.root, '--out', dataset.root, '--redo')}"
+        again = f"run: {shell_command('render', dataset.root, '--out', dataset.root, '--redo')}"
         self.scene: Record = checked_json(dataset.scene_record, dict, again)
         self.finished = self.shown.finished
         timings = ledger.timings()
@@ -199,7 +199,7 @@ class Report:
         if "benchmark" in self.finished:
             both = self.settings.benchmark.both_normalizations
             names = ("benchmark.json", *(["benchmark-other.json"] if both else []))
-            again = f"run: {command('benchmark', 'photons', dataset.root, '--redo')}"
+            again = f"run: {shell_command('benchmark', 'photons', dataset.root, '--redo')}"
             self.benchmarks = [
                 checked_json(dataset.result(name), BenchmarkResult.from_dict, again)
                 for name in names
@@ -294,7 +294,7 @@ def absent(report: Report, stage: str, what: str) -> Markup:
     root = report.dataset.root
     return paragraph(
         Markup("{} Run <code>{}</code> and then <code>{}</code>.").format(
-            what, command(*stage.split(), root), command("report", root)
+            what, shell_command(*stage.split(), root), shell_command("report", root)
         ),
         "absent",
     )

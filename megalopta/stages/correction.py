@@ -14,7 +14,7 @@ import zarr
 from megalopta.config.model import LightLevel
 from megalopta.core import files
 from megalopta.core.bounded import undamaged
-from megalopta.core.errors import command, refused_as
+from megalopta.core.errors import refused_as, shell_command
 from megalopta.core.progress import progress
 from megalopta.dataset.frames import frames_at_once, write_frames
 from megalopta.dataset.store import Dataset, exposure_name
@@ -50,7 +50,7 @@ def open_corrected(dataset: Dataset, sensor: ImageSensor, level: LightLevel) -> 
     path = corrected_path(dataset, sensor, level)
     if not (dataset.configuration.correct and isinstance(sensor, Sensor)):
         return None
-    with undamaged(path, f"run: {command('sense', dataset.home, '--redo')}"):
+    with undamaged(path, f"run: {shell_command('sense', dataset.home, '--redo')}"):
         return StoredFrames.open(path, "detections")
 
 

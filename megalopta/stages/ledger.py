@@ -9,7 +9,7 @@ from pathlib import Path
 from megalopta import __version__
 from megalopta.config.model import Configuration
 from megalopta.core import bounded, files
-from megalopta.core.errors import UserError, command
+from megalopta.core.errors import UserError, shell_command
 from megalopta.core.format_numbers import written
 from megalopta.core.freshness import digest
 from megalopta.core.progress import step
@@ -90,7 +90,9 @@ class Ledger:
             if damaged
             else f"{home}: stage {stage!r} is not finished with this configuration"
         )
-        raise UserError(f"{what}; run first: {command(*STAGES[stage].command.split(), *target)}")
+        raise UserError(
+            f"{what}; run first: {shell_command(*STAGES[stage].command.split(), *target)}"
+        )
 
     def timings(self) -> dict[str, float]:
         """Seconds spent on each stage, including interrupted runs."""

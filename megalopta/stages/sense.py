@@ -22,7 +22,7 @@ from megalopta.config.light_scale import light_scale
 from megalopta.config.model import Configuration, LightLevel, level_text
 from megalopta.core.arrays import Floats
 from megalopta.core.bounded import undamaged
-from megalopta.core.errors import UserError, command, refused_as
+from megalopta.core.errors import UserError, refused_as, shell_command
 from megalopta.core.freshness import SENSOR_MODEL
 from megalopta.core.progress import progress, say
 from megalopta.dataset import sintel
@@ -249,7 +249,7 @@ def _warn_of_noise(dataset: Dataset) -> None:
 def open_exposure(dataset: Dataset, sensor: ImageSensor, level: LightLevel) -> OpenedCounts:
     """Open the readings of a sensor at a light level. Raises UserError if they cannot be read."""
     path = dataset.counts(sensor, level)
-    with undamaged(path, f"run: {command('sense', dataset.home, '--redo')}"):
+    with undamaged(path, f"run: {shell_command('sense', dataset.home, '--redo')}"):
         return open_counts(path)
 
 
@@ -258,7 +258,7 @@ def require_expectation(dataset: Dataset) -> None:
     if not dataset.configuration.expectation:
         raise UserError(
             f"{dataset.home}: its readings have no stored mean and variance; add "
-            f"them with: {command('sense', dataset.home, '--expectation', 'true', '--redo')}"
+            f"them with: {shell_command('sense', dataset.home, '--expectation', 'true', '--redo')}"
         )
 
 

@@ -22,7 +22,7 @@ from megalopta.benchmark.ranking_run import FOLDER
 from megalopta.config.drawing import sequence_name
 from megalopta.core import files
 from megalopta.core.bounded import printable
-from megalopta.core.errors import UserError, command
+from megalopta.core.errors import UserError, shell_command
 from megalopta.core.folders import LOCK_NAME
 from megalopta.core.progress import progress, silent
 from megalopta.dataset.index import TABLES, read_lists, table_path
@@ -120,7 +120,7 @@ def _lone_faults(dataset: Dataset) -> Faults:
 def _mend(root: Path, stage: str, whole: Path) -> str:
     out = ("--out", root) if stage == "render" else ()
     remove = f"remove {shlex.quote(str(whole))} and " if whole.exists() else ""
-    return f"{remove}run: {command(*STAGES[stage].command.split(), root, *out)}"
+    return f"{remove}run: {shell_command(*STAGES[stage].command.split(), root, *out)}"
 
 
 def _file_faults(

@@ -145,7 +145,7 @@ def _ambiguous_from(arrivals: Floats, mean: Floats, variance: Floats, sensor: Se
     return float(np.min(mean[after] - 3 * np.sqrt(variance[after])))
 
 
-def hot_pixels(dark: Floats, variance: Floats, times: float) -> Mask:
+def hot_by_arrivals(dark: Floats, variance: Floats, times: float) -> Mask:
     """Mask of pixels (rows, columns) with more dark counts than `times` the median.
 
     By three standard errors: of pixels with hardly any count, those with one are not hot. Raises
@@ -310,7 +310,7 @@ def _of_means(
     curve: ResponseCurve, dark: _Mean, flat: _Mean, flat_detections: float | None, hot_times: float
 ) -> Calibration:
     light = flat.arrivals - dark.arrivals
-    bad = hot_pixels(dark.arrivals, dark.variance, hot_times)
+    bad = hot_by_arrivals(dark.arrivals, dark.variance, hot_times)
     bad |= flat.readings >= _NEARLY_FULL * curve.largest
     bad |= light < _DEADEST * np.median(light)
     if bad.all() or not np.median(light) > 0:

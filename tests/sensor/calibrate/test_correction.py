@@ -12,7 +12,7 @@ from megalopta.sensor.calibrate.correction import (
     calibrate,
     correct,
     filled_in,
-    hot_pixels,
+    hot_by_arrivals,
     response_curve,
     simulated_calibration,
 )
@@ -110,9 +110,9 @@ def test_hot_pixels_are_those_beyond_the_median():
     dark = np.ones((4, 5))
     dark[1, 2] = 30
     exact = np.zeros_like(dark)
-    assert np.argwhere(hot_pixels(dark, exact, 10)).tolist() == [[1, 2]]
+    assert np.argwhere(hot_by_arrivals(dark, exact, 10)).tolist() == [[1, 2]]
     with pytest.raises(ValueError, match="hot_times"):
-        hot_pixels(np.array([[1.0, 9.0, 9.0, 9.0]]), np.zeros((1, 4)), 0.5)
+        hot_by_arrivals(np.array([[1.0, 9.0, 9.0, 9.0]]), np.zeros((1, 4)), 0.5)
 
 
 @pytest.mark.parametrize("capacity", [3, 15])
