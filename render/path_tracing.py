@@ -54,7 +54,12 @@ class LightPaths:
         dr.eval()
         first: Any = mi.Ray3f(origin, rays.d)
         first.wavelengths = rays.wavelengths
-        found = self._traced(scene, sampler, first, active)
+        try:
+            found = self._traced(scene, sampler, first, active)
+        except RuntimeError as problem:  # Dr.Jit's, also for Ctrl-C in the loop
+            if isinstance(problem.__cause__, KeyboardInterrupt):
+                raise KeyboardInterrupt from problem
+            raise
         dr.eval(found)
         return found
 

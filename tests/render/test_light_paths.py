@@ -5,7 +5,15 @@ import gc
 import numpy as np
 import pytest
 
-from megalopta.render import RenderSettings, SceneRenderer, activate, choose_variant, dr, mi
+from megalopta.render import (
+    RenderSettings,
+    SceneRenderer,
+    activate,
+    choose_variant,
+    dr,
+    mi,
+    path_tracing,
+)
 from megalopta.render.path_tracing import ROULETTE_DEPTH, PathIntegrator
 from megalopta.render.sensors.film import Film
 from megalopta.scenes import Forest, Light, PerspectiveCamera, Trajectory, build_scene
@@ -30,6 +38,16 @@ def forest():
 def renderer(scene, width, height, **settings):
     camera = PerspectiveCamera(width=width, height=height)
     return SceneRenderer(scene, camera, SETTINGS.model_copy(update=settings))
+
+
+def test_ctrl_c_in_the_loop_is_no_error_of_the_library(forest, monkeypatch):
+    def interrupted(*arguments):
+        raise KeyboardInterrupt
+
+    rendering = renderer(forest, 4, 4)
+    monkeypatch.setattr(path_tracing, "_shining", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        rendering.radiance(PATH.poses()[0], seed=1)
 
 
 def test_frames_are_those_of_mitsubas_path_tracer_to_the_last_bit(forest):
