@@ -5,15 +5,8 @@ import gc
 import numpy as np
 import pytest
 
-from megalopta.render import (
-    RenderSettings,
-    SceneRenderer,
-    activate,
-    choose_variant,
-    dr,
-    mi,
-    path_tracing,
-)
+from megalopta.render import RenderSettings, SceneRenderer, activate, choose_variant, dr, mi
+from megalopta.render.loading.layers import Layers
 from megalopta.render.path_tracing import ROULETTE_DEPTH, PathIntegrator
 from megalopta.render.sensors.film import Film
 from megalopta.scenes import Forest, Light, PerspectiveCamera, Trajectory, build_scene
@@ -41,13 +34,14 @@ def renderer(scene, width, height, **settings):
 
 
 def test_ctrl_c_in_the_loop_is_no_error_of_the_library(forest, monkeypatch):
-    def interrupted(*arguments):
+    def interrupted(*arguments, **more):
         raise KeyboardInterrupt
 
-    rendering = renderer(forest, 4, 4)
-    monkeypatch.setattr(path_tracing, "_shining", interrupted)
+    scene = mi.load_dict({"type": "scene", "light": {"type": "constant"}})
+    sensor = mi.load_dict({"type": "perspective", "film": {"type": "hdrfilm"}})
+    monkeypatch.setattr(Layers, "ray_intersect_preliminary", interrupted)
     with pytest.raises(KeyboardInterrupt):
-        rendering.radiance(PATH.poses()[0], seed=1)
+        PathIntegrator(4).render(scene, sensor, seed=1, spp=1)
 
 
 def test_frames_are_those_of_mitsubas_path_tracer_to_the_last_bit(forest):
