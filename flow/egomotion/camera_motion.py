@@ -112,6 +112,11 @@ def camera_motion_with_error(
     return motion, error
 
 
+def tell_motion(counts: Frames) -> bool:
+    """Return whether frames (T, H, W) have contrast, and each of them counts."""
+    return bool(np.ptp(counts)) and not likelihood.has_dark_frame(counts)
+
+
 def _check(counts: Frames, camera: Camera) -> None:
     if counts.shape[1:] != (camera.height, camera.width) or len(counts) < 2:
         raise ValueError(
@@ -124,7 +129,7 @@ def _check(counts: Frames, camera: Camera) -> None:
         )
     if not (np.isfinite(counts).all() and counts.min() >= 0):
         raise ValueError("frames hold negative or non-finite values: give counts, 0 or more")
-    if not np.ptp(counts) or likelihood.has_dark_frame(counts):
+    if not tell_motion(counts):
         raise ValueError("frames, or one of them, have no contrast; give textured frames")
 
 

@@ -24,8 +24,7 @@ from megalopta.dataset.frames import read_radiance_frames
 from megalopta.dataset.store import Dataset, file_hash
 from megalopta.flow.detectors.base import Detector
 from megalopta.flow.detectors.blocks import BlockGrid
-from megalopta.flow.egomotion.camera_motion import likely_camera_motion
-from megalopta.flow.likelihood import has_dark_frame
+from megalopta.flow.egomotion.camera_motion import likely_camera_motion, tell_motion
 from megalopta.flow.metrics.translation_bound import cramer_rao_covariance, fisher_information
 from megalopta.flow.stimuli.photons import draw_counts
 from megalopta.scenes.cameras.base import Camera
@@ -193,7 +192,7 @@ def _likely_motion(
     """Return the most likely rotation and heading, (6,), from frames around a pair, or NaN."""
     start = pair - (frames // 2 - 1)
     window = counts[max(start, 0) : start + frames]
-    if len(window) < frames or not np.ptp(window) or has_dark_frame(window):
+    if len(window) < frames or not tell_motion(window):
         return (np.nan,) * 6
     found = likely_camera_motion(window, camera)
     return *found.rotation_deg, *found.heading

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from megalopta.config.model import Configuration
 from megalopta.core.bounded import undamaged
-from megalopta.core.errors import shell_command
 from megalopta.dataset.picture_light import clean_flow, light_of
 from megalopta.dataset.store import Dataset
 from megalopta.render import read_radiance, read_truth
@@ -115,6 +114,4 @@ def read_radiance_frame(dataset: Dataset, index: int) -> NDArray[np.float32]:
 
 
 def _again(dataset: Dataset) -> str:
-    return (
-        f"remove the file and run: {shell_command('render', dataset.home, '--out', dataset.home)}"
-    )
+    return f"remove the file and run: {dataset.render_again}"

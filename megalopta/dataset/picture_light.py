@@ -18,7 +18,7 @@ from megalopta.config.model import Configuration
 from megalopta.core import files
 from megalopta.core.arrays import Floats
 from megalopta.core.bounded import undamaged
-from megalopta.core.errors import refused_as, shell_command
+from megalopta.core.errors import refused_as
 from megalopta.dataset.store import Dataset
 from megalopta.scenes import Light, Pictures
 from megalopta.scenes.spectra.color import LUMINANCE_SHARES, Bands, encode_srgb
@@ -204,7 +204,7 @@ def _opened(asked: _Asked) -> PictureLight:
 
     dataset, settings = asked.dataset, asked.dataset.configuration
     folder = picture_folder(dataset)
-    with undamaged(folder, f"run: {shell_command('render', dataset.home, '--out', dataset.home)}"):
+    with undamaged(folder, f"run: {dataset.render_again}"):
         dataset.compare_all(f"{folder.relative_to(dataset.root).as_posix()}/")
         mean = np.array(dataset.read_scene_record()["pictures"]["mean"], np.float64).reshape(3)
         (source,) = (each for each in folder.iterdir() if not files.is_temporary(each))

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from pydantic import TypeAdapter
 
 from megalopta.core import bounded
-from megalopta.core.errors import UserError, shell_command
+from megalopta.core.errors import UserError
 from megalopta.dataset.frames import read_truth_frame
 from megalopta.dataset.store import Dataset
 from megalopta.render import Truth, out_of_view, read_attributes
@@ -100,8 +100,8 @@ def _motion_from(record: Mapping[str, Any]) -> Motion:
 
 def motions_of(dataset: Dataset) -> dict[int, Motion]:
     """Motion of each moving object, by number. Raises UserError."""
-    path, again = dataset.scene_record, shell_command("render", dataset.root, "--out", dataset.root)
-    with bounded.undamaged(path, f"remove it and run: {again}"):
+    path = dataset.scene_record
+    with bounded.undamaged(path, f"remove it and run: {dataset.render_again}"):
         motions = bounded.read_json(path)["motions"]
         return {int(number): _motion_from(each) for number, each in motions.items()}
 

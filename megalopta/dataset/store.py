@@ -90,6 +90,11 @@ class Dataset:
             return self.root.parents[2]
         return self.root.parent if self.root.name == REDO_FOLDER else self.root
 
+    @property
+    def render_again(self) -> str:
+        """Command that completes and repairs the rendering."""
+        return shell_command("render", self.home, "--out", self.home)
+
     def require_truth(self) -> None:
         """Refuse, with UserError, a dataset of pictures, whose motion and depth are unknown."""
         if not self.configuration.scene.has_truth:
@@ -234,7 +239,7 @@ def open_sequence(root: Path) -> Dataset:
     if os.path.lexists(root / REDO_FOLDER / PLAN):
         raise UserError(
             f"{root}: the program stopped while it replaced old output; to "
-            f"finish, run: {shell_command('render', root, '--out', root)}"
+            f"finish, run: {dataset.render_again}"
         )
     return dataset
 

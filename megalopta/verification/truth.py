@@ -30,7 +30,6 @@ from scipy.ndimage import gaussian_filter, map_coordinates
 
 from megalopta.core.arrays import Floats
 from megalopta.core.bounded import undamaged
-from megalopta.core.errors import shell_command
 from megalopta.core.progress import progress
 from megalopta.dataset.reprojection import View, motions_of, rederived_flow
 from megalopta.dataset.store import Dataset
@@ -148,9 +147,7 @@ class _Frame(NamedTuple):
 
 def _frame(dataset: Dataset, index: int) -> _Frame:
     path, light = dataset.truth(index), dataset.radiance(index)
-    remedy = (
-        f"remove the file and run: {shell_command('render', dataset.root, '--out', dataset.root)}"
-    )
+    remedy = f"remove the file and run: {dataset.render_again}"
     with undamaged(path, remedy):
         truth = read_truth(path)
         view = View.of(dataset.configuration.camera, read_attributes(path))

@@ -90,8 +90,11 @@ def first_photon_shares(
     is_instant = tcspc.pulse_sigma_s + tcspc.decay_s == 0
     # after the middle of the part of a bin that has all of an instant
     late_s = delay_s - (np.argmax(pulse) + 0.5) * ends[1] if is_instant else 0.0
-    offsets_s = (late_s, 0.0) if jitter.is_on else ()
-    responses = [_response(ends - each, tcspc.period_s, jitter) for each in offsets_s]
+    offsets_s = (late_s, 0.0) if is_instant else (0.0,)
+    responses = [
+        np.fft.rfft(_response(ends - each, tcspc.period_s, jitter))
+        for each in (offsets_s if jitter.is_on else ())
+    ]
     is_blurred = jitter.is_on or not is_instant
     arrivals = np.stack(np.broadcast_arrays(pulsed, constant), axis=-1)
     shares = np.empty((arrivals[..., 0].size, tcspc.bins))
@@ -110,11 +113,16 @@ def first_photon_shares(
     return shares.reshape(*arrivals.shape[:-1], tcspc.bins)
 
 
-def _blurred(first: Floats, of_pulse: Floats, mass: Floats, responses: list[Floats]) -> Floats:
-    """First photons (pixels, parts), those of the pulse and all others with their own response."""
-    share = np.divide(of_pulse, mass, out=np.zeros_like(mass), where=mass > 0)
-    kinds = zip((share * first, (1 - share) * first), responses, strict=True)
-    spectrum = sum(np.fft.rfft(each) * np.fft.rfft(response) for each, response in kinds)
+def _blurred(
+    first: Floats, of_pulse: Floats, mass: Floats, responses: list[NDArray[np.complex128]]
+) -> Floats:
+    """First photons (pixels, parts), late by one response, or by that of the pulse and another."""
+    kinds = [first]
+    if len(responses) > 1:
+        share = np.divide(of_pulse, mass, out=np.zeros_like(mass), where=mass > 0)
+        kinds = [share * first, (1 - share) * first]
+    pairs = zip(kinds, responses, strict=True)
+    spectrum = sum(np.fft.rfft(each) * response for each, response in pairs)
     return np.asarray(np.fft.irfft(spectrum, first.shape[-1]))
 
 
