@@ -104,6 +104,13 @@ def times_of_steps() -> Iterator[dict[str, Spent]]:
 
 
 @contextmanager
+def elsewhere(share: Callable[[], str]) -> Iterator[None]:
+    """Show the progress of work that goes on in other processes, as `share` returns it."""
+    with _held(_shares, share):
+        yield
+
+
+@contextmanager
 def progress(description: str, total: int, unit: str) -> Iterator[Advance]:
     """Show the share of `total` steps that the yielded function counted; at the end, the time.
 
@@ -122,7 +129,7 @@ def progress(description: str, total: int, unit: str) -> Iterator[Advance]:
         with _held(_shares, share):
             yield count
         return
-    with speaking(lambda: f"{description}: {share()}{_step()}", is_of_steps=False):
+    with speaking(lambda: f"{description}: {share()}{_now()}", is_of_steps=False):
         yield count
     elapsed = time.monotonic() - start
     print(f"{description}: {total} {unit}s in {elapsed:.1f} s", file=sys.stderr)
@@ -133,7 +140,7 @@ def working(description: str) -> Iterator[None]:
     """Show that work continues, and which step, while nothing inside shows progress."""
     start = time.monotonic()
     with speaking(
-        lambda: f"{description}: at work for {duration(time.monotonic() - start)}{_step()}"
+        lambda: f"{description}: at work for {duration(time.monotonic() - start)}{_now()}"
     ):
         yield
 
@@ -165,10 +172,15 @@ def _stage() -> str:
     return "".join(_stages[-1:])
 
 
-def _step() -> str:
-    """Current step, and the progress of silent work in it, to append to a line."""
-    name = "".join(f"; {each}" for each in _steps[-1:])  # another thread may remove the last
-    return name + "".join(f", {share()}" for share in _shares[-1:])
+def current_step() -> str:
+    """Return the current step and the progress of silent work in it; empty without any."""
+    # another thread may remove the last
+    return ", ".join((*_steps[-1:], *(share() for share in _shares[-1:])))
+
+
+def _now() -> str:
+    """Current step, to append to a line."""
+    return f"; {now}" if (now := current_step()) else ""
 
 
 def _clear_status() -> None:

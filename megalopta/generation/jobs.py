@@ -17,9 +17,13 @@ from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wai
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from megalopta.core.errors import UserError, machine_problem
-from megalopta.core.progress import progress
+from megalopta.core.progress import STATUS_S, current_step, elsewhere, progress
+
+if TYPE_CHECKING:
+    from ctypes import Array, c_char
 
 Job = Callable[[int], object]
 
@@ -115,6 +119,7 @@ _ENVIRONMENT = {
     **dict.fromkeys(("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1"),
 }
 _PR_SET_PDEATHSIG = 1
+_STEP_BYTES = 200
 
 
 def by_workers(job: Job, indices: Iterable[int], count: int) -> Generator[Outcome, None, None]:
@@ -126,27 +131,31 @@ def by_workers(job: Job, indices: Iterable[int], count: int) -> Generator[Outcom
     """
     left, deaths, is_vain = deque(indices), Counter[int](), True
     threads = max(1, (os.cpu_count() or 1) // count)
-    idle: list[ProcessPoolExecutor] = []
-    busy: dict[Future[Outcome], tuple[int, ProcessPoolExecutor]] = {}
+    idle: list[_Worker] = []
+    busy: dict[Future[Outcome], tuple[int, _Worker]] = {}
+
+    def steps() -> str:
+        return "; ".join(f"sequence {index}: {worker.step}" for index, worker in list(busy.values()))
+
     try:
-        while left or busy:
-            while left and len(busy) < count:
-                worker, index = idle.pop() if idle else _worker(), left.popleft()
-                with _environment():  # a process starts with its first job
-                    busy[worker.submit(attempt, job, index, threads)] = index, worker
-            for future in wait(busy, return_when=FIRST_COMPLETED).done:
-                index, worker = busy.pop(future)
-                if not isinstance(future.exception(), BrokenProcessPool):
-                    idle.append(worker)
-                    is_vain = False
-                    yield future.result()
-                elif (outcome := _died(index, deaths, is_vain)) is not None:
-                    yield outcome
-                else:
-                    left.append(index)
+        with elsewhere(steps):
+            while left or busy:
+                while left and len(busy) < count:
+                    worker, index = idle.pop() if idle else _Worker(), left.popleft()
+                    busy[worker.submit(job, index, threads)] = index, worker
+                for future in wait(busy, return_when=FIRST_COMPLETED).done:
+                    index, worker = busy.pop(future)
+                    if not isinstance(future.exception(), BrokenProcessPool):
+                        idle.append(worker)
+                        is_vain = False
+                        yield future.result()
+                    elif (outcome := _died(index, deaths, is_vain)) is not None:
+                        yield outcome
+                    else:
+                        left.append(index)
     finally:
         for worker in (*idle, *(each for _, each in busy.values())):
-            _end(worker)
+            worker.end()
 
 
 def _died(index: int, deaths: Counter[int], is_vain: bool) -> Outcome | None:
@@ -160,16 +169,32 @@ def _died(index: int, deaths: Counter[int], is_vain: bool) -> Outcome | None:
     return None
 
 
-def _worker() -> ProcessPoolExecutor:
-    context = multiprocessing.get_context("spawn")
-    return ProcessPoolExecutor(1, mp_context=context, initializer=_begin)
+class _Worker:
+    """A process of this machine, which starts with its first job."""
 
+    def __init__(self) -> None:
+        context = multiprocessing.get_context("spawn")
+        # without a lock: a process that dies while it holds one would stop its readers
+        self._step = context.RawArray(ctypes.c_char, _STEP_BYTES)
+        self._executor = ProcessPoolExecutor(
+            1, mp_context=context, initializer=_begin, initargs=(self._step,)
+        )
 
-def _end(worker: ProcessPoolExecutor) -> None:
-    """End a process at once; its output is complete or absent."""
-    for process in list((worker._processes or {}).values()):
-        process.kill()
-    worker.shutdown(cancel_futures=True)
+    @property
+    def step(self) -> str:
+        """Current step."""
+        return self._step.value.decode(errors="ignore") or "at work"
+
+    def submit(self, job: Job, index: int, threads: int) -> Future[Outcome]:
+        """Begin a job."""
+        with _environment():
+            return self._executor.submit(attempt, job, index, threads)
+
+    def end(self) -> None:
+        """End at once; output is complete or absent."""
+        for process in list((self._executor._processes or {}).values()):
+            process.kill()
+        self._executor.shutdown(cancel_futures=True)
 
 
 @contextmanager
@@ -184,18 +209,24 @@ def _environment() -> Iterator[None]:
             del os.environ[name]
 
 
-def _begin() -> None:
-    """Prepare a worker: it ends with its parent, by nothing else, and prints nothing."""
+def _begin(step: "Array[c_char]") -> None:
+    """Prepare a worker: it ends with its parent, by nothing else, and prints nothing.
+
+    `step` is where it says what it does.
+    """
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent ends it
     if sys.platform == "linux":  # at once, even while a compiler holds the GIL
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
-    threading.Thread(target=_end_with_parent, daemon=True).start()
+    threading.Thread(target=_report_while_needed, args=(step,), daemon=True).start()
     nowhere = os.open(os.devnull, os.O_WRONLY)  # libraries may print
     for stream in (sys.stdout, sys.stderr):
         os.dup2(nowhere, stream.fileno())
 
 
-def _end_with_parent() -> None:
-    if parent := multiprocessing.parent_process():
-        parent.join()
-        os._exit(0)  # even during a job: nobody waits for it
+def _report_while_needed(step: "Array[c_char]") -> None:
+    """Say the current step every second; end with the parent, even during a job."""
+    parent = multiprocessing.parent_process()
+    while parent and parent.is_alive():
+        step.value = current_step().encode()[: _STEP_BYTES - 1]
+        parent.join(STATUS_S)
+    os._exit(0)

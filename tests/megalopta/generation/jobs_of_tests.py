@@ -5,6 +5,7 @@ import signal
 import time
 
 from megalopta.core.errors import UserError
+from megalopta.core.progress import progress, silent, step
 
 
 class Job:
@@ -42,6 +43,13 @@ class EndsOnce(Slow):
     def __call__(self, index):
         if index > 0:
             super().__call__(index)
+
+
+def half(index):
+    """Say for three seconds that half of it is done."""
+    with silent(), step("baking"), progress("Light", 2, "part") as advance:
+        advance()
+        time.sleep(3)
 
 
 def die(index):

@@ -1,10 +1,12 @@
 """Jobs by processes of this machine: replaced when they die, unreachable, gone with their parent."""
 
+import re
 import sys
 
 import psutil
 import pytest
 
+from megalopta.core import progress
 from megalopta.core.errors import UserError
 from megalopta.generation.jobs import run_jobs
 
@@ -63,6 +65,13 @@ def test_workers_end_when_no_more_outcomes_are_wanted(jobs, tmp_path):
     next(outcomes)
     outcomes.close()
     assert not [each for each in psutil.Process().children() if is_worker(each)]
+
+
+def test_progress_tells_the_step_of_a_worker(jobs, monkeypatch, capsys):
+    monkeypatch.setattr(progress, "INTERVAL_S", 0.1)
+    list(run_jobs("Jobs", jobs.half, [7], workers=1))
+    line = r"Jobs: 0 % of 1 sequences · .*; sequence 7: baking, 50 % of 2 parts · 0:0\d left"
+    assert any(re.fullmatch(line, each) for each in capsys.readouterr().err.splitlines())
 
 
 def test_a_worker_imports_nothing_from_the_working_folder(jobs, tmp_path):
