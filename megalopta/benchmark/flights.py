@@ -19,9 +19,10 @@ from megalopta.benchmark.table import (
     Case,
     Interval,
     Samples,
-    bootstrap,
     gathered,
     measure_samples,
+    median_of,
+    root_mean_square,
 )
 from megalopta.core.arrays import Floats
 from megalopta.flow.detectors.base import Detector, Frames
@@ -79,16 +80,12 @@ class FlightErrors:
 
     def yaw(self, way: str, flux: float) -> Interval:
         """Return the RMS error of the yaw rate relative to its RMS."""
-        samples = self.samples[Case(YAW, way, flux)]
-        rms = self.rms_yaw_deg
-        return bootstrap(samples, lambda s: np.sqrt((s**2).mean(axis=(-2, -1))) / rms, _KEY)
+        return root_mean_square(self.samples[Case(YAW, way, flux)] / self.rms_yaw_deg)
 
     def heading(self, way: str, flux: float) -> Interval | None:
         """Return the median angle between the true and the estimated heading (degrees)."""
         samples = self.samples.get(Case(HEADING, way, flux))
-        if samples is None:
-            return None
-        return bootstrap(samples, lambda each: np.median(each, axis=(-2, -1)), _KEY)
+        return None if samples is None else median_of(samples, _KEY)
 
 
 def together(flights: Sequence[FlightErrors]) -> FlightErrors:

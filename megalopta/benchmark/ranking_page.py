@@ -292,8 +292,8 @@ _TRANSFER = (
     "Mean error of a method divided by the mean motion, with a curve for each speed of the blocks "
     "and each exposure (pooled frames). A motion period is the time in which the image moves by "
     "its texture scale. Gray: the cubic that fits all curves. Misfit: RMS scatter about it in "
-    "decades of the error, with its 95 % CI by a bootstrap over the curves. The third axis is that "
-    "of the Poisson bound of two frames."
+    "decades of the error, with its 95 % CI over the curves. The third axis is that of the Poisson "
+    "bound of two frames."
 )
 _LEVELS = (
     "Best method without pooling on perfect pixels, and photons per frame, by exposure time. Light "
@@ -407,7 +407,8 @@ def _transfer(ranking: Ranking, _: Example) -> Section:
 
 
 def _misfit(found: Interval) -> str:
-    return f"{found.value:.2f} ({found.low:.2f} to {found.high:.2f})"
+    ends = "" if found.low is None else f" ({found.low:.2f} to {found.high:.2f})"
+    return f"{found.value:.2f}{ends}"
 
 
 def _levels(ranking: Ranking, _: Example) -> Section:

@@ -6,13 +6,14 @@ frames.
 The logarithm of a mean, or of the ratio of two means over the same blocks, has the standard error
 of the jackknife over units (Efron and Tibshirani 1993, chapter 11), and Student's quantiles. Units
 hold different numbers of blocks: their effective number (Kish 1965), less one, is the number of
-degrees of freedom. A ratio of two methods does not depend on how hard the units were. Other
-statistics, such as medians, have the percentiles of a bootstrap over units.
+degrees of freedom. A ratio of two methods does not depend on how hard the units were. A median has
+the percentiles of a bootstrap over units.
 
 Pixels and frames of a sequence show the same scene, so the unit is a sequence. With too few
 sequences it is a segment of one, and results hold for these sequences alone.
 """
 
+import math
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from itertools import product
@@ -119,6 +120,25 @@ def interval(sums: Sums) -> Interval | None:
     return _around(_mean(sums), *spread) if spread else Interval(_mean(sums))
 
 
+def sums_of(samples: Floats) -> Sums:
+    """Return the sums over the draws of samples (units, draws); NaN is unknown."""
+    known = np.isfinite(samples)
+    return Sums(np.where(known, samples, 0).sum(axis=-1), known.sum(axis=-1))
+
+
+def mean_of(samples: Floats) -> Interval:
+    """Return the mean of samples (units, draws) and its interval over units; NaN is unknown."""
+    return interval(sums_of(samples)) or Interval(math.nan)
+
+
+def root_mean_square(samples: Floats) -> Interval:
+    """Return the root of the mean of squares, otherwise as `mean_of`."""
+    value, low, high = mean_of(np.square(samples))
+    if low is None or high is None:
+        return Interval(value**0.5)
+    return Interval(value**0.5, low**0.5, high**0.5)
+
+
 def ratio(one: Sums, other: Sums) -> tuple[Interval, float] | None:
     """Return the ratio of two means over the same blocks, and its two-sided p-value against 1.
 
@@ -153,17 +173,16 @@ def _around(value: float, error: float, freedom: float) -> Interval:
     return Interval(value, value / factor, value * factor)
 
 
-def bootstrap(samples: Floats, statistic: Callable[[Floats], Floats], key: str) -> Interval:
-    """Return a statistic of samples with its 95 % interval by a bootstrap over units.
+def median_of(samples: Floats, key: str) -> Interval:
+    """Return the median of samples (units, draws), with its interval by a bootstrap over units.
 
-    The statistic maps samples (..., units, draws) to (...,). Photon draws of one unit share a
-    scene, and are resampled together. The key seeds the random numbers.
+    Draws of one unit share a scene, and are resampled together. The key seeds the random numbers.
     """
-    value, count = float(statistic(samples)), len(samples)
+    value, count = float(np.median(samples)), len(samples)
     if count == 1:  # one unit says nothing about the spread of units
         return Interval(value)
     chosen = generator(0, key).integers(count, size=(_REPLICATES, count))
-    low, high = np.percentile(statistic(samples[chosen]), (2.5, 97.5))
+    low, high = np.percentile(np.median(samples[chosen], axis=(-2, -1)), (2.5, 97.5))
     return Interval(value, float(low), float(high))
 
 

@@ -9,8 +9,7 @@ Axes are n·φ^k: k = 0 is the photons of a pixel, k = −1 those per motion per
 bound the relative error is proportional to (n·φ²)^(−1/2), so k = 2 joins curves of methods that use
 all information of two frames, whatever their texture; see `translation_bound`. The common curve is
 a cubic of logarithms by least squares, of lower degree for fewer lights. The misfit is the RMS
-scatter about it, in decades of the error; its interval is a bootstrap over the curves, about the
-same common curve.
+scatter about it, in decades of the error, with its interval over the curves (`table`).
 """
 
 from collections.abc import Mapping
@@ -25,7 +24,7 @@ from megalopta.benchmark.block_truths import RANGES
 from megalopta.benchmark.ranking import Ranking, RankingRow
 from megalopta.benchmark.ranking_settings import Pooling
 from megalopta.benchmark.sequence_errors import ERROR, STILL, TEXTURE
-from megalopta.benchmark.table import Case, Interval, bootstrap
+from megalopta.benchmark.table import Case, Interval, root_mean_square
 from megalopta.core.arrays import Floats
 
 AXES: Mapping[str, int] = MappingProxyType(
@@ -95,11 +94,7 @@ def photons_per_period(ranking: Ranking, row: RankingRow) -> float | None:
 
 def misfits(of_method: list[Curve]) -> dict[str, Interval]:
     """Return the scatter about the common curve on each axis, decades of the error."""
-    squares = {name: _residuals(of_method, power) ** 2 for name, power in AXES.items()}
-    return {
-        name: bootstrap(each, lambda s: np.sqrt(np.nanmean(s, axis=(-2, -1))), "misfit")
-        for name, each in squares.items()
-    }
+    return {name: root_mean_square(_residuals(of_method, power)) for name, power in AXES.items()}
 
 
 def common_curve(of_method: list[Curve], power: int) -> Polynomial:

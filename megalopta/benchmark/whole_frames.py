@@ -8,8 +8,8 @@ A method that is far off in a third of the blocks may have the least median and 
 next to the median there are the mean, the shares of blocks off by more than 1, 3 and 5 px, Fl and
 WAUC (`flow.metrics.endpoint_error`, with blocks for pixels), and means by speed and by occlusion,
 with the processor time that the method took. A block is occluded where a tenth of it is hidden in
-the next frame. A method's value is the mean over draws and scenes; its interval is a bootstrap over
-scenes, if there is more than one.
+the next frame. A method's value is the mean over draws and scenes, with its interval over scenes
+(`table`), if there is more than one.
 """
 
 import math
@@ -26,7 +26,16 @@ import numpy as np
 from megalopta.benchmark.clips import FlowClip, middle
 from megalopta.benchmark.methods import BLOCK_PX, block_detector, methods_and_baselines
 from megalopta.benchmark.pairs_on_disk import Files, read_pair
-from megalopta.benchmark.table import Case, Interval, Samples, bootstrap, gathered, measure_samples
+from megalopta.benchmark.table import (
+    Case,
+    Interval,
+    Samples,
+    gathered,
+    mean_of,
+    measure_samples,
+    ratio,
+    sums_of,
+)
 from megalopta.core.arrays import Floats, Mask
 from megalopta.core.errors import refused_as
 from megalopta.core.files import write_csv
@@ -87,11 +96,15 @@ class Board:
 
     def over_scenes(self, metric: str, detector: BlockDetector, flux: float) -> Interval:
         """Return the mean over scenes that have the metric, NaN without any, with its interval."""
-        samples = self.samples[Case(metric, detector.name, flux)]
-        there = samples[np.isfinite(samples).all(axis=-1)]
-        if not len(there):
-            return Interval(math.nan)
-        return bootstrap(there, lambda each: each.mean(axis=(-2, -1)), "whole frames interval")
+        return mean_of(self.samples[Case(metric, detector.name, flux)])
+
+    def is_worse(
+        self, metric: str, detector: BlockDetector, than: BlockDetector, flux: float
+    ) -> bool:
+        """Return whether a method's mean over scenes is surely larger than another's."""
+        cases = (Case(metric, each.name, flux) for each in (detector, than))
+        found = ratio(*(sums_of(self.samples[case]) for case in cases))
+        return found is not None and (found[0].low or 0) > 1
 
 
 def frame_errors(

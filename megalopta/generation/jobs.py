@@ -135,7 +135,9 @@ def by_workers(job: Job, indices: Iterable[int], count: int) -> Generator[Outcom
     busy: dict[Future[Outcome], tuple[int, _Worker]] = {}
 
     def steps() -> str:
-        return "; ".join(f"sequence {index}: {worker.step}" for index, worker in list(busy.values()))
+        return "; ".join(
+            f"sequence {index}: {worker.step}" for index, worker in list(busy.values())
+        )
 
     try:
         with elsewhere(steps):

@@ -49,7 +49,7 @@ _FRAMES, _PAIR = 8, 2
 _CAPTION = (
     "Methods see whole frames of {} px, of {} scenes; curves are means over scenes of the median "
     f"endpoint error of blocks of {BLOCK_PX} × {BLOCK_PX} px against their true mean velocity, "
-    "with 95 % CI by bootstrap over scenes. A median says nothing about the worse half: the "
+    "with 95 % CI over scenes. A median says nothing about the worse half: the "
     "CSV and JSON files have means, shares of outliers and more. "
     "On dead leaves the velocity is affine and differs in three disks; forests "
     "are panoramas seen by a rotating camera{}; tuned: with settings for each light, from other "
@@ -133,14 +133,13 @@ def _median(board: Board, detector: BlockDetector, flux: float) -> list[float]:
 
 
 def _best(kind: str, board: Board) -> Iterator[dict[str, Cell]]:
-    """Yield the method of least mean median at each flux, and those whose intervals reach it."""
+    """Yield the method of least mean median at each flux, and those that are not surely worse."""
     for frames, some in _by_frames(board).items():
         for flux in board.fluxes if some else ():
-            found = {each.name: _median(board, each, flux) for each in some}
-            best, *others = sorted(found, key=lambda name: found[name][0])
-            level = ", ".join(name for name in others if found[name][1] <= found[best][2])
+            best, *others = sorted(some, key=lambda each: _median(board, each, flux)[0])
+            level = [e.name for e in others if not board.is_worse(MEDIAN, e, best, flux)]
             what: dict[str, Cell] = {"scenes": kind, "frames": frames, "photons_per_px": flux}
-            yield what | {"method": best, "level_with": level}
+            yield what | {"method": best.name, "level_with": ", ".join(level)}
 
 
 def _by_frames(board: Board) -> dict[str, list[BlockDetector]]:
@@ -171,7 +170,7 @@ _YAW, _HEADING_DEG = 0.05, 5.0
 _MOTION_CAPTION = (
     "RMS error of the yaw rate relative to its RMS ({:.2f}° per frame), and median error of the "
     "heading, in {} windows of eight frames of {} flights, {} photon draws each ({} × {} px, "
-    "flicker of a pixel by rendering {:.0f} %); whiskers: 95 % CI by bootstrap over windows. "
+    "flicker of a pixel by rendering {:.0f} %); whiskers: 95 % CI over windows. "
     "Summed: responses with weights learned from a flight's noise-free first half, averaged over "
     "seven pairs; fitted: the motion that best fits the flow of blocks; likelihood: the motion of "
     "maximum likelihood of the counts. Only sums learn from these forests. Only the camera moves: "

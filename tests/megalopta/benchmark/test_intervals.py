@@ -5,7 +5,16 @@ import pytest
 from scipy import stats
 
 from megalopta.benchmark.ranking import lowest
-from megalopta.benchmark.table import STRETCHES, Sums, bootstrap, interval, ratio, units
+from megalopta.benchmark.table import (
+    STRETCHES,
+    Sums,
+    interval,
+    mean_of,
+    median_of,
+    ratio,
+    root_mean_square,
+    units,
+)
 
 RUNS = 400
 
@@ -84,22 +93,37 @@ def test_a_unit_is_a_sequence_and_of_few_sequences_a_stretch():
     assert of_few.blocks.sum() == 2 * STRETCHES + 3
 
 
-def mean(samples):
-    return samples.mean(axis=(-2, -1))
+@pytest.mark.parametrize("count", [3, 8])
+def test_95_of_100_intervals_of_a_mean_of_few_scenes_hold_it(count):
+    """Of errors that differ between scenes by a factor of 1.35 (5 σ)."""
+    samples = np.random.default_rng(0).lognormal(0, 0.3, (RUNS, count, 1))
+    held = sum(low <= np.exp(0.3**2 / 2) <= high for _, low, high in map(mean_of, samples))
+    assert held > RUNS * 0.95 - 5 * np.sqrt(RUNS * 0.95 * 0.05)
 
 
-def test_bootstrap_of_a_mean_is_as_wide_as_its_standard_error():
-    """Of a normal mean, to the scatter of a bootstrap of 2000."""
+def test_a_mean_is_over_what_is_known():
+    samples = np.array([[1.0, 2.0], [np.nan, 4.0], [np.nan, np.nan]])
+    assert mean_of(samples) == interval(Sums(np.array([3.0, 4.0]), np.array([2.0, 1.0])))
+    assert np.isnan(mean_of(samples[2:]).value)
+
+
+def test_a_root_mean_square_has_the_roots_of_the_ends():
+    samples = np.random.default_rng(0).normal(size=(40, 2))
+    np.testing.assert_allclose(np.square(root_mean_square(samples)), mean_of(samples**2))
+    assert root_mean_square(samples[:1]) == (np.sqrt((samples[0] ** 2).mean()), None, None)
+
+
+def test_the_interval_of_a_median_is_as_wide_as_its_standard_error():
+    """Of a normal median, which is √(π/2) times as uncertain as a mean, to the scatter of both."""
     samples = np.random.default_rng(0).normal(1.0, 0.1, (400, 1))
-    found = bootstrap(samples, mean, "key")
-    assert found.value == samples.mean()
-    assert found.high - found.low == pytest.approx(2 * 1.96 * 0.1 / 20, rel=0.15)
+    found = median_of(samples, "key")
+    assert found.value == np.median(samples)
+    error = np.sqrt(np.pi / 2) * 0.1 / 20
+    assert found.high - found.low == pytest.approx(2 * 1.96 * error, rel=0.3)
     assert found.low < found.value < found.high
 
 
-def test_draws_of_one_unit_do_not_narrow_a_bootstrap_and_one_unit_has_none():
+def test_draws_of_one_unit_do_not_narrow_a_median_and_one_unit_has_no_interval():
     samples = np.random.default_rng(0).normal(size=(40, 1))
-    np.testing.assert_allclose(
-        bootstrap(samples, mean, "key"), bootstrap(np.tile(samples, 5), mean, "key")
-    )
-    assert bootstrap(samples[:1], mean, "key")[1:] == (None, None)
+    np.testing.assert_allclose(median_of(samples, "key"), median_of(np.tile(samples, 5), "key"))
+    assert median_of(samples[:1], "key")[1:] == (None, None)
