@@ -48,7 +48,7 @@ def main() -> None:
         bytes_ = sum(each.stat().st_size for each in (root / "made").rglob("*") if each.is_file())
     amount, unit = re.search(r"about (\S+) (MB|GB)", told).groups()  # type: ignore[union-attr]
     size = float(amount) * UNITS[unit]
-    amount, unit = re.search(r"\((\S+) (\S+) of processors\)", told).groups()  # type: ignore[union-attr]
+    amount, unit = re.search(r"\((\S+) (\S+) of processor time\)", told).groups()  # type: ignore[union-attr]
     seconds = float(amount) * UNITS[unit]
     print(f"  dry run: {spent_s:.0f} CPU-s (required: {SPENT_REQUIRED_S:.0f})")
     for name, told_, made, needed in (

@@ -26,6 +26,7 @@ from megalopta.config.recipe import Plan
 from megalopta.core.errors import UserError
 from megalopta.core.progress import Spent, duration, say, silent, step, times_of_steps
 from megalopta.dataset.store import Dataset, files_in
+from megalopta.generation.jobs import threads_of, use_threads
 from megalopta.generation.making import write_flow_files
 from megalopta.render import MEASURED_EVERY
 from megalopta.render.baking.choice import may_pay
@@ -220,8 +221,10 @@ def _time(steps: Mapping[str, Spent], *names: str) -> Cost:
 def dry_run(root: Path, plan: Plan, workers: int = 1, only: Sequence[int] | None = None) -> None:
     """Print the estimated cost of a plan, without making anything.
 
-    The time is that of this machine, with as many parallel sequences as there are workers.
+    The time is that of this machine, with as many parallel sequences as there are workers, each
+    with its share of the cores.
     """
+    use_threads(threads_of(workers))
     indices = list(only) if only is not None else range(plan.sequences)
     some = indices[:: max(1, len(indices) // _DRAWN)]
     drawn = [configuration_of(plan, index) for index in some]

@@ -46,7 +46,7 @@ def attempt(job: Job, index: int, threads: int | None = None) -> Outcome:
     with _one_at_a_time:  # one renderer per process
         try:
             if threads:
-                _use_threads(threads)
+                use_threads(threads)
             job(index)
         except UserError as problem:
             return Outcome(index, str(problem))
@@ -65,7 +65,13 @@ def brief(problem: Exception) -> str:
     return f"{type(problem).__name__}: {' '.join(str(problem).split())[:500]}{place}"
 
 
-def _use_threads(threads: int) -> None:
+def threads_of(workers: int) -> int:
+    """Return the number of threads of each of some workers on this machine."""
+    return max(1, (os.cpu_count() or 1) // workers)
+
+
+def use_threads(threads: int) -> None:
+    """Set the renderer's number of threads."""
     from megalopta.render import dr
 
     if dr.thread_count() != threads:
@@ -130,7 +136,7 @@ def by_workers(job: Job, indices: Iterable[int], count: int) -> Generator[Outcom
     if processes die before any job is finished.
     """
     left, deaths, is_vain = deque(indices), Counter[int](), True
-    threads = max(1, (os.cpu_count() or 1) // count)
+    threads = threads_of(count)
     idle: list[_Worker] = []
     busy: dict[Future[Outcome], tuple[int, _Worker]] = {}
 

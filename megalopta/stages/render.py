@@ -105,16 +105,23 @@ def build(settings: Configuration) -> Scene:
         )
 
 
-def _load(scene: Scene, settings: Configuration, poses: NDArray[np.float64]) -> "SceneRenderer":
+def _load(
+    scene: Scene, settings: Configuration, poses: NDArray[np.float64], kept_light: Path | None
+) -> "SceneRenderer":
     from megalopta.render import SceneRenderer
 
-    kept, camera = cache_folder() / "light", settings.camera
     with refused_as("render"):
-        return SceneRenderer(scene, camera, settings.render, poses, settings.seed, kept)
+        return SceneRenderer(
+            scene, settings.camera, settings.render, poses, settings.seed, kept_light
+        )
 
 
 class FrameWriter:
-    """Renders frames of a dataset's sequence to their files."""
+    """Renders frames of a dataset's sequence to their files.
+
+    `whole` is the sequence of which the dataset's frames are the first, to measure its cost. Then
+    baked light kept on disk is not used.
+    """
 
     def __init__(self, dataset: Dataset, whole: Configuration | None = None) -> None:
         self._dataset = dataset
@@ -124,7 +131,8 @@ class FrameWriter:
         self._poses = settings.trajectory.poses()
         self._times_s = settings.trajectory.times_s
         with step("loading the scene"):
-            self._renderer = _load(scene, settings, _all_poses(settings))
+            kept_light = None if whole else cache_folder() / "light"
+            self._renderer = _load(scene, settings, _all_poses(settings), kept_light)
         self._kinds, self._origin_m = scene.kinds, scene.origin_m
         if "classes" in settings.labels and len(self._kinds) > labels.MOST_CLASSES:
             raise UserError(

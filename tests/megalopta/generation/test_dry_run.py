@@ -46,3 +46,13 @@ def test_a_probe_renders_a_strip_of_few_frames_and_leaves_nothing(tmp_path, monk
     assert found.radiance[0] > 0
     assert found.rest[2] > 64 * 8 * 72
     assert not list(tmp_path.iterdir())
+
+
+def test_a_probe_bakes_light_that_is_on_disk_already(tmp_path, monkeypatch):
+    """The next probe would find its light there, and foresee no time for it."""
+    monkeypatch.setattr("megalopta.stages.render.cache_folder", lambda: tmp_path)
+    few = {"scene.trees": "5", "scene.undergrowth": "0", "render.integrator": "baked"}
+    sizes = {"camera.width": "16", "camera.height": "16", "render.samples_per_pixel": "1"}
+    found = probe(load("demo", few | sizes), 5, lambda _dataset: None, True)
+    assert found.once[0] > 0
+    assert not list(tmp_path.iterdir())
