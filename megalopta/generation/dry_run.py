@@ -3,8 +3,9 @@
 Sequences that run the same code are a group. One of each group is measured, with few trees: a strip
 of each image is rendered and exposed, as wide as the image, so that its pixels are those of the
 whole, with as many rows as take a second or two. All others are scaled: building by the expected
-triangles, radiance by the samples, all else by the pixels and frames. Requested baked light is
-baked for the strip; where `auto` may bake, paths are traced, and the time is an upper bound.
+triangles, radiance by the samples, all else by the pixels and frames. To count the rays of baked
+light takes nearly as long for a strip, so it is part of building. Where `auto` may bake, the probe
+does, and the time is an upper bound: light is baked only if that takes less work.
 """
 
 import math
@@ -47,7 +48,7 @@ _MOST_PIXELS, _FEWEST_ROWS = 8192, 8
 _PATHS, _DIRECT_PATHS, _BAKED_PIXELS = 60_000, 200_000, 256
 """Size of a strip: light paths with bounces, light paths of self-luminous scenes, baked pixels"""
 _CLOSING = 200_000
-_ONCE = "counting the rays that baked light takes", "baking light"
+_ONCE = "baking light"
 _SETUP = "building the scene", "loading the scene"
 
 _Group: TypeAlias = tuple[object, ...]
@@ -97,7 +98,7 @@ class Probe:
 
     scale: Scale
     setup: Cost
-    """Building and loading the scene; shared plants are grown before."""
+    """Building and loading the scene, counting the rays of baked light; plants are grown before."""
     compiling: Cost
     """Additional time of the first frame; compiled code is kept."""
     once: Cost
@@ -131,7 +132,7 @@ def probe(settings: Configuration, things: int, finish: Finish, shares_plants: b
 
 def _probe(dataset: Dataset, first: Mapping[str, Spent], steps: Mapping[str, Spent]) -> Probe:
     """Combine the first frame, including setup, and a second, warm one."""
-    scale, once = Scale.of(dataset.configuration), _time(first, *_ONCE)
+    scale, once = Scale.of(dataset.configuration), _time(first, _ONCE)
     passes = 2 if scale.frames == 1 and scale.passes == 2 else 1
     radiance = _time(steps, "rendering radiance") / passes
     beyond = _time(first, "rendering radiance") - 2 * radiance
