@@ -258,7 +258,7 @@ def photons_for_half(is_good: Callable[[float], Mask], fluxes: Sequence[float]) 
         at = np.array([fluxes[index] for index in sorted(tried)])
         good = np.array([tried[index] for index in sorted(tried)])
         share, unsure = good.mean(axis=1), _uncertainty(good)
-        ends = (float(_half(at, share + each)) for each in (0, unsure, -unsure))
+        ends = (float(_half(at, each)) for each in (share, share + unsure, share - unsure))
         needed, lowest = MedianPhotons(*ends), min(tried)
         if needed.low > 0 or lowest == 0 or np.isinf(unsure).any():
             return needed
