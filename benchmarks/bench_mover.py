@@ -71,6 +71,8 @@ if __name__ == "__main__":
     print("% of windows within one, two, three stated errors")
     for flux in range(len(FLUXES)):
         some = found[(np.arange(asked.first, asked.first + asked.windows) % len(FLUXES)) == flux]
+        if not len(some):
+            continue
         within = [100 * (some[:, 4:].max(axis=1) < limit).mean() for limit in (1, 2, 3)]
         middle = np.median(some[:, :4], axis=0)
         print(f"{FLUXES[flux]:4g}  {len(some)}: {middle.round(2)}  {np.round(within, 1)}")

@@ -25,6 +25,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.optimize import brentq
+from scipy.special import gammaincinv, stdtrit
 
 from megalopta.core.arrays import Floats, Mask
 from megalopta.flow.detectors.base import Frames
@@ -36,7 +37,7 @@ _SINGULAR = 1e-9
 """Share of J_xx·J_yy below which the determinant is rounding: gradients of one direction only."""
 
 _LOG_FLUXES = math.log(1e-6), math.log(1e15)
-_REPLICATES = 1000
+_CONFIDENCE = 0.95
 
 
 def fisher_information(means: Floats, grid: BlockGrid) -> Floats:
@@ -182,7 +183,7 @@ def unknown_texture_photons(
 
 
 class MedianPhotons(NamedTuple):
-    """Photons per frame that a method needs, and their 95 % interval."""
+    """Photons per frame that a method needs, and their 95 % interval; 0 to infinity if unknown."""
 
     photons: float
     low: float
@@ -225,20 +226,19 @@ def is_within(velocities: Floats, truth: tuple[float, float], level: float) -> M
     return np.asarray(error < level * np.hypot(*truth))
 
 
-def photons_for_half(
-    is_good: Callable[[float], Mask], fluxes: Sequence[float], rng: np.random.Generator
-) -> MedianPhotons:
+def photons_for_half(is_good: Callable[[float], Mask], fluxes: Sequence[float]) -> MedianPhotons:
     """Return the flux at which half of the blocks are good: the median error is at its level.
 
     The crossing is bracketed by bisection, so few of the fluxes are tried. Between them the share
     of good blocks, which also grows smoothly where a method answers in whole pixels and its median
     error falls in steps, is interpolated linearly over log flux: about its half a share is
-    straight. The interval is that of a bootstrap over groups, the same at all fluxes tried.
+    straight. The interval has the fluxes at which the share, by its standard error over groups and
+    Student's quantiles, may be a half.
 
     `is_good`: flux to one truth value per block, (groups, ...); the same blocks at each flux.
     Groups are independent of each other, the blocks of one need not be. `fluxes`: growing; two or
-    more. `rng`: for the interval. Returns infinite when no more than half are good at the largest
-    flux; 0 when more than half are at the smallest.
+    more. Returns infinite when no more than half are good at the largest flux; 0 when more than
+    half are at the smallest.
     """
     tried: dict[int, Floats] = {}
 
@@ -254,17 +254,24 @@ def photons_for_half(
             low, high = (low, middle) if more_than_half(middle) else (middle, high)
     if low not in tried:
         more_than_half(low)
-    groups = len(tried[low])
-    drawn = rng.multinomial(groups, np.full(groups, 1 / groups), _REPLICATES)
     while True:
         at = np.array([fluxes[index] for index in sorted(tried)])
         good = np.array([tried[index] for index in sorted(tried)])
-        replicates = _half(at, drawn @ good.T / groups)
-        ends = np.quantile(replicates, (0.025, 0.975), method="inverted_cdf")
-        lowest = min(tried)
-        if ends[0] > 0 or lowest == 0:
-            return MedianPhotons(float(_half(at, good.mean(axis=1))), *map(float, ends))
+        share, unsure = good.mean(axis=1), _uncertainty(good)
+        ends = (float(_half(at, each)) for each in (share, share + unsure, share - unsure))
+        needed, lowest = MedianPhotons(*ends), min(tried)
+        if needed.low > 0 or lowest == 0 or np.isinf(unsure).any():
+            return needed
         more_than_half(lowest - 1)  # the interval reaches below the fluxes tried
+
+
+def _uncertainty(shares: Floats) -> Floats:
+    """Return half of the interval of the mean over groups of shares (n, groups), (n,)."""
+    groups = shares.shape[1]
+    if groups < 2:
+        return np.full(len(shares), np.inf)
+    steps = stdtrit(groups - 1, (1 + _CONFIDENCE) / 2)
+    return np.asarray(steps * shares.std(axis=1, ddof=1) / math.sqrt(groups))
 
 
 def _half(fluxes: Floats, shares: Floats) -> Floats:
@@ -286,8 +293,13 @@ def variance_efficiency(velocities: Floats, covariances: Floats) -> float:
 
     `velocities` (draws, ..., 2): of the same blocks, from independent draws of photons;
     `covariances` (..., 2, 2): least covariances of the blocks. Returns median over the blocks whose
-    bound is finite.
+    bound is finite. A variance of few draws is more often too small than too large: each is taken
+    relative to the median that normal errors would give it.
     """
-    variance = velocities.var(axis=0, ddof=1).sum(axis=-1)
-    bound = np.trace(covariances, axis1=-2, axis2=-1)
-    return float(np.median((bound / variance)[np.isfinite(bound)]))
+    finite = np.isfinite(covariances).all(axis=(-2, -1))
+    least, variance = covariances[finite], velocities.var(axis=0, ddof=1).sum(axis=-1)[finite]
+    bound = np.trace(least, axis1=-2, axis2=-1)
+    # of a sum of two variances that differ (Satterthwaite 1946)
+    freedom = (len(velocities) - 1) * bound**2 / np.square(least).sum(axis=(-2, -1))
+    typical = 2 * gammaincinv(freedom / 2, 0.5) / freedom
+    return float(np.median(bound * typical / variance))

@@ -112,8 +112,9 @@ def ranking_rows(
             means[case] = units(there)
             continue
         values = np.concatenate([each.totals for each in there])
-        if (known := values[~np.isnan(values)]).size:
-            yield _row(case, value=float(np.median(known)))
+        known = values[~np.isnan(values)]
+        if known.size and np.isfinite(middle := np.median(known)):  # blocks without light have none
+            yield _row(case, value=float(middle))
     for case, sums in means.items():
         if (mean := interval(sums)) is not None:
             yield _row(case, **mean._asdict())

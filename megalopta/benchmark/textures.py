@@ -140,7 +140,7 @@ def ranked(clean: Floats, methods: Iterable[Method]) -> list[BlockPhotons]:
             found = [confined_velocities(detector, each, GRID, MARGIN_PX) for each in counts(flux)]
             return is_within(np.stack(found), (SPEED_PX, 0.0), LEVEL)
 
-        needed = photons_for_half(is_good, FLUXES, generator(0, "leaderboard interval"))
+        needed = photons_for_half(is_good, FLUXES)
         time_ms = milliseconds_per_frame(detector, counts(_TIMING_FLUX)[0])
         frames = detector.memory_frames + 1
         return BlockPhotons(detector, needed, frames, bounds_of[frames], time_ms)

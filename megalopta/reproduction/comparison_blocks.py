@@ -93,7 +93,7 @@ def leaderboard(_: Run) -> Figure:
             f"In {len(clean)} sequences of dead leaves of 240 × 240 px, which drift by "
             f"{SPEED_PX:.2f} px per frame, each method sees one block of {_BLOCK} with a margin of "
             f"{MARGIN_PX} px and nothing else; on whole frames and photographs, which are not "
-            "measured here, the order differs. Beside each bar (whiskers: 95 % CI by bootstrap; "
+            "measured here, the order differs. Beside each bar (whiskers: 95 % CI over textures; "
             f"hatched: never below 25 % up to {format_flux(FLUXES[-1])} photons): photons per "
             "frame, the share of them at the bound of as many frames with known texture (green: "
             "only its power spectrum is known), and CPU time per frame. "

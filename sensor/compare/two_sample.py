@@ -260,11 +260,11 @@ def difference(
     parts = [each.var(ddof=1) / each.size for each in samples]
     error = float(np.sqrt(sum(parts) + unsure**2))
     squares = (p**2 / (each.size - 1) for p, each in zip(parts, samples, strict=True))
-    freedom = sum(parts) ** 2 / max(sum(squares), 1e-300)
+    freedom = max(sum(parts) ** 2 / max(sum(squares), 1e-300), 1)
     scale = max(abs(means[1]), quantity.least, 1e-300)
     apart = means[0] - means[1]
     p = float(2 * t.sf(abs(apart) / error, freedom)) if error > 0 else float(apart == 0)
-    wide, narrow = (float(t.ppf(level, max(freedom, 1))) * error / scale for level in (0.975, 0.95))
+    wide, narrow = (float(t.ppf(level, freedom)) * error / scale for level in (0.975, 0.95))
     relative = apart / scale
     interval = relative, relative - wide, relative + wide
     is_equivalent = abs(relative) + narrow < margin

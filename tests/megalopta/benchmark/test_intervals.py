@@ -123,7 +123,8 @@ def test_the_interval_of_a_median_is_as_wide_as_its_standard_error():
     assert found.low < found.value < found.high
 
 
-def test_draws_of_one_unit_do_not_narrow_a_median_and_one_unit_has_no_interval():
+def test_draws_of_one_unit_do_not_narrow_a_median_and_few_units_have_no_interval():
     samples = np.random.default_rng(0).normal(size=(40, 1))
     np.testing.assert_allclose(median_of(samples, "key"), median_of(np.tile(samples, 5), "key"))
-    assert median_of(samples[:1], "key")[1:] == (None, None)
+    assert median_of(samples[:5], "key")[1:] == (None, None)
+    assert None not in median_of(samples[:6], "key")

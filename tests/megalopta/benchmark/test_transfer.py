@@ -4,7 +4,10 @@ import numpy as np
 import pytest
 
 from megalopta.benchmark.ranked_sequence import RankedSequence
-from megalopta.benchmark.ranking_settings import Pooling
+from megalopta.benchmark.ranking import ranking_rows
+from megalopta.benchmark.ranking_settings import Pooling, RankingSettings
+from megalopta.benchmark.sequence_errors import TEXTURE
+from megalopta.benchmark.table import Case, Sums
 from megalopta.benchmark.transfer import AXES, Curve, common_curve, misfits
 from megalopta.flow.detectors.blocks import block_grid
 
@@ -25,6 +28,16 @@ def test_the_texture_scale_of_a_grating_has_a_closed_form(pooled, tmp_path):
     slope = (2 * np.pi / PERIOD_PX) ** 2 * (1 - np.sqrt(1 - pooled_contrast**2))
     # the spline through 8 samples of a period errs by some 1e-3 of its slope
     np.testing.assert_allclose(found, np.sqrt(2 / slope), rtol=5e-3)
+
+
+def test_a_group_that_is_mostly_without_light_has_no_texture_scale():
+    scales = {"dark": [np.inf, np.inf, 3.0], "lit": [np.inf, 2.0, 3.0]}
+    parts = {
+        Case(TEXTURE, "light", 1e3, group): Sums(np.array(each), np.ones(3))
+        for group, each in scales.items()
+    }
+    found = ranking_rows([parts], RankingSettings(methods=("BM",)), {})
+    assert [(row.group, row.value) for row in found] == [("lit", 3.0)]
 
 
 def curves(power):

@@ -70,6 +70,12 @@ def test_what_a_calibration_does_not_know_widens_the_interval():
     assert difference(Quantity("rate"), one, other, margin=0.05).p < 1e-12
 
 
+def test_blocks_that_do_not_scatter_at_all_have_a_p_value():
+    none = np.zeros(20)  # of a dark array without dark counts
+    found = difference(Quantity("dark counts", "Hz", 1.0), none, none, margin=0.05, unsure=0.01)
+    assert found.p == 1
+
+
 def test_dark_counts_of_a_calibration_that_is_off_by_its_error_raise_no_alarm():
     rng = np.random.default_rng(7)
     frames, shape, off = 1000, (8, 8), 0.4
