@@ -109,7 +109,7 @@ class ShownReadings:
 
     def _detections(self, counts: NDArray[Any], full: Mask) -> tuple[Floats, Mask]:
         """Return what would have been counted if nothing were lost; beyond the curve it is full."""
-        detections, _ = self._curve.arrivals_of(counts.astype(np.float64))
+        detections = self._curve.arrivals_of(counts.astype(np.float64))
         return detections, full | (counts > self._curve.largest)
 
     @cached_property
