@@ -142,8 +142,15 @@ def _check_thing(path: Path) -> None:
             f"{path}: pictures, no readings; make photons of them first: "
             f"{shell_command('sense', path, '--photons', '2')}"
         )
+    if path.exists() and (whole := next(filter(_is_whole, path.resolve().parents), None)):
+        raise UserError(f"{path}: a part of {whole}; run: {shell_command('view', whole)}")
     if not path.is_file():
         raise UserError(f"{path}: no dataset, recording, or file of frames or events; give one")
+
+
+def _is_whole(folder: Path) -> bool:
+    """Return true of a dataset or a recording, with the stores in it."""
+    return (folder / "dataset.yaml").exists() or is_recording(folder)
 
 
 def read_mask(path: Path) -> Mask:
