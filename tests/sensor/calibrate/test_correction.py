@@ -139,6 +139,22 @@ def test_gains_of_small_counters_are_those_of_equal_pixels(capacity):
     assert abs(found.gain.mean() - 1) < 6 * np.sqrt(found.gain_variance.mean() / 64**2)
 
 
+@pytest.mark.parametrize(
+    ("capacity", "share", "darker"),
+    [(15, 0.3, 0.002), (15, 0.5, 0.026), (15, 0.7, 0.1), (63, 0.7, 0.006), (63, 0.8, 0.028)],
+)
+def test_frames_near_capacity_are_as_much_too_dark_as_documented(capacity, share, darker):
+    """docs/how-to/correct.md; |z| < 5 over all pixels and frames."""
+    sensor = changed(preset("ideal"), counter=DigitalCounter(capacity=capacity))
+    calibration = simulated_calibration(sensor, SHAPE, frames=1000)
+    mean = share * capacity
+    rate = np.full((FRAMES, *SHAPE), mean / sensor.exposure_s)
+    exposure = expose_rate(rate, sensor, seed=1, sequence="even")
+    found = correct(exposure.counts, exposure.saturated, calibration).detections.mean() / mean
+    error = np.sqrt((1 / FRAMES + 2 / 1000) / (mean * np.prod(SHAPE)))
+    assert found == pytest.approx(1 - darker, abs=0.002 + 5 * error)
+
+
 def test_bits_are_not_corrected():
     with pytest.raises(ValueError, match="one event saturates"):
         simulated_calibration(changed(preset("ideal"), counter=DigitalCounter(capacity=1)), SHAPE)
