@@ -310,7 +310,9 @@ def _stimulus(options: Namespace) -> "Stimulus":
         case "dark":
             return Flat()
         case "flat":
-            return Flat(tuple(options.photons or (5e6,))[:1])
+            if options.photons and len(options.photons) > 1:
+                raise UserError("--photons: several values; give one for flat, or --stimulus steps")
+            return Flat(tuple(options.photons or (5e6,)))
         case "steps":
             levels = options.photons or (0, 1e6, 2e6, 5e6, 1e7, 2e7)
             return Flat(tuple(map(float, levels)), options.step_s)

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from megalopta.core.arrays import Floats
 from megalopta.core.errors import UserError, refused_as
+from megalopta.core.validation import checked
 from megalopta.dataset.picture_light import photons_per_lux
 from megalopta.render.settings import RenderSettings
 from megalopta.scenes import Light
@@ -57,7 +58,8 @@ def photons_from_images(
     Raises
     ------
     UserError
-        When pictures cannot be read, or nothing says how bright they are.
+        When pictures cannot be read, nothing says how bright they are, or the sensor cannot expose
+        them.
     """
     asked = lux if photons_per_pixel is None else photons_per_pixel
     is_number = isinstance(asked, Real) and 0 < asked < np.inf
@@ -67,15 +69,15 @@ def photons_from_images(
         raise UserError(f"sensor {sensor!r} is unknown: use one of {', '.join(IMAGE_SENSORS)}")
     device: ImageSensor = IMAGE_SENSORS[sensor] if isinstance(sensor, str) else sensor
     bands = RenderSettings().bands_nm
-    with refused_as("photons_from_images"):
-        model = ColorsAsLight(**colors)
-    with _opened(images, unit) as footage:
+    with refused_as("photons_from_images"), _opened(images, unit) as footage:
+        model = checked(ColorsAsLight, colors)
         mean = _mean(footage)
         per_lux = photons_per_lux(model, Light(), bands, device, mean)
         asked_lux = asked if photons_per_pixel is None else photons_per_pixel / per_lux
-        of_unit = model.radiance_of_unit(Light(illuminance_lux=asked_lux), bands, mean)
+        lit = checked(Light, {"illuminance_lux": asked_lux})
+        of_unit = model.radiance_of_unit(lit, bands, mean)
         light = np.stack([footage.frame(index) @ of_unit for index in range(len(footage))])
-    return expose(light, bands, device, seed=seed, sequence="pictures", expectation=True)
+        return expose(light, bands, device, seed=seed, sequence="pictures", expectation=True)
 
 
 def _mean(footage: "Footage") -> Floats:

@@ -193,8 +193,9 @@ class Sequence:
 
         name = f"{self._exposure(exposure)}.zarr"
         path = self.dataset.root / "corrected" / self.name / name
-        again = shell_command("sense", self.dataset.home, "--correct", "--redo")
-        with undamaged(path, f"make corrected frames with: {again}"):
+        with undamaged(
+            path, "sense with --correct, or with `correct: true` below `every` of a plan"
+        ):
             return self._lazy(StoredFrames.open(self.dataset.store(path), quantity), quantity)
 
     def expose(

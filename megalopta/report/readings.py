@@ -109,7 +109,7 @@ class ShownReadings:
 
     def _detections(self, counts: NDArray[Any], full: Mask) -> tuple[Floats, Mask]:
         """Return what would have been counted if nothing were lost; beyond the curve it is full."""
-        detections, _ = self._curve.arrivals_of(counts.astype(np.float64))
+        detections = self._curve.arrivals_of(counts.astype(np.float64))
         return detections, full | (counts > self._curve.largest)
 
     @cached_property
@@ -142,8 +142,15 @@ def _check_thing(path: Path) -> None:
             f"{path}: pictures, no readings; make photons of them first: "
             f"{shell_command('sense', path, '--photons', '2')}"
         )
+    if path.exists() and (whole := next(filter(_is_whole, path.resolve().parents), None)):
+        raise UserError(f"{path}: a part of {whole}; run: {shell_command('view', whole)}")
     if not path.is_file():
         raise UserError(f"{path}: no dataset, recording, or file of frames or events; give one")
+
+
+def _is_whole(folder: Path) -> bool:
+    """Return true of a dataset or a recording, with the stores in it."""
+    return (folder / "dataset.yaml").exists() or is_recording(folder)
 
 
 def read_mask(path: Path) -> Mask:

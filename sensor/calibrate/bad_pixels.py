@@ -31,8 +31,9 @@ def hot_pixels(low: Floats, dark: Floats, high: Floats, times: float) -> Mask:
     """Mark pixels with surely more dark counts than `times` the median, by 95 % CI (low, high).
 
     NaN: unknown. Where most pixels have no count, the median is 0, though the array has dark
-    counts: instead of it, the mean of pixels that may have no more than it.
+    counts: instead of it, the mean of pixels that may have no more than it. Noise of the readings
+    can make both negative: instead of them, 0.
     """
     ordinary = dark[dark <= np.nanmedian(high)]
-    typical = max(float(np.nanmedian(dark)), float(ordinary.mean()) if ordinary.size else 0.0)
+    typical = max(0.0, float(np.nanmedian(dark)), float(ordinary.mean()) if ordinary.size else 0.0)
     return np.asarray(low > times * typical)

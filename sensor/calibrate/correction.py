@@ -23,6 +23,7 @@ from scipy.interpolate import PchipInterpolator
 from scipy.ndimage import convolve
 
 from megalopta.core.arrays import Floats, Mask
+from megalopta.sensor.calibrate.bad_pixels import hot_pixels
 from megalopta.sensor.change import changed
 from megalopta.sensor.effects.dead_time import MOST_ARRIVALS
 from megalopta.sensor.expectations import reading_moments
@@ -62,19 +63,24 @@ class ResponseCurve:
         """Largest reading that determines the arrivals."""
         return float(self.mean[-1])
 
-    def arrivals_of(self, readings: Floats, frames: int = 1) -> tuple[Floats, Floats]:
-        """Return arrivals and their variance, from readings of any shape, or means over frames.
+    def arrivals_of(self, readings: Floats, frames: int = 1) -> Floats:
+        """Return the arrivals of readings of any shape, or of means over frames.
 
         Readings below the dark reading give negative arrivals, so that means are unbiased. Readings
-        above `largest` give the last arrivals of the curve.
+        above `largest` give those of `largest`.
         """
         inverse = PchipInterpolator(self.mean, self.arrivals)
         bent = np.clip(readings, self.mean[0], self.mean[-1])
-        spread = np.gradient(self.arrivals, self.mean) ** 2 * self.variance
         arrivals = inverse(bent) - self._excess(self.arrivals, bent) / frames
         arrivals += np.minimum(readings - self.mean[0], 0) * inverse(self.mean[0], 1)
-        variance = np.interp(bent, self.mean, spread) - self._excess(spread, bent) / frames
-        return np.asarray(arrivals), np.maximum(variance, 0) / frames
+        return np.asarray(arrivals)
+
+    def variance_of(self, readings: Floats) -> Floats:
+        """Return the variance of the arrivals of single readings, of any shape."""
+        bent = np.clip(readings, self.mean[0], self.mean[-1])
+        spread = np.gradient(self.arrivals, self.mean) ** 2 * self.variance
+        variance = np.interp(bent, self.mean, spread) - self._excess(spread, bent)
+        return np.asarray(np.maximum(variance, 0))
 
     def _excess(self, values: Floats, readings: Floats) -> Floats:
         """Bias of a function of the reading, averaged over the noise."""
@@ -143,21 +149,6 @@ def _ambiguous_from(arrivals: Floats, mean: Floats, variance: Floats, sensor: Se
     if not after.any():
         return np.inf
     return float(np.min(mean[after] - 3 * np.sqrt(variance[after])))
-
-
-def hot_by_arrivals(dark: Floats, variance: Floats, times: float) -> Mask:
-    """Mask of pixels (rows, columns) with more dark counts than `times` the median.
-
-    By three standard errors: of pixels with hardly any count, those with one are not hot. Raises
-    ValueError if half of them or more would be hot.
-    """
-    hot = dark - _SURE * np.sqrt(variance) > times * max(float(np.median(dark)), 0.0)
-    if dark.size and 2 * int(hot.sum()) >= dark.size:
-        raise ValueError(
-            f"hot_times: {times:g} times the median of the dark counts marks {hot.mean():.0%} of "
-            "the pixels; give more"
-        )
-    return np.asarray(hot)
 
 
 def filled_in(values: Floats, variance: Floats, bad: Mask) -> tuple[Floats, Floats]:
@@ -262,7 +253,7 @@ def simulated_calibration(
         As for `calibrate`.
     """
     curve = response_curve(sensor)
-    detections = float(curve.arrivals_of(np.array([curve.largest / 2]))[0][0])
+    detections = float(curve.arrivals_of(np.array([curve.largest / 2]))[0])
     even = np.full(shape, detections / sensor.exposure_s)
     even *= draw_fixed_pattern(sensor, shape).efficiency_factor
     dark, flat = (
@@ -292,6 +283,7 @@ class _Mean(NamedTuple):
     """Variance of that mean"""
     readings: Floats
     """Mean over frames"""
+    frames: int
 
 
 def _mean(chunks: Iterable[NDArray[Any]], curve: ResponseCurve) -> _Mean:
@@ -303,14 +295,14 @@ def _mean(chunks: Iterable[NDArray[Any]], curve: ResponseCurve) -> _Mean:
     readings = sums / frames
     spread = np.maximum(squares / frames - readings**2, 0) / (frames - 1)
     slope = np.interp(readings, curve.mean, np.gradient(curve.arrivals, curve.mean))
-    return _Mean(curve.arrivals_of(readings, frames)[0], slope**2 * spread, readings)
+    return _Mean(curve.arrivals_of(readings, frames), slope**2 * spread, readings, frames)
 
 
 def _of_means(
     curve: ResponseCurve, dark: _Mean, flat: _Mean, flat_detections: float | None, hot_times: float
 ) -> Calibration:
     light = flat.arrivals - dark.arrivals
-    bad = hot_by_arrivals(dark.arrivals, dark.variance, hot_times)
+    bad = _hot(dark, hot_times)
     bad |= flat.readings >= _NEARLY_FULL * curve.largest
     bad |= light < _DEADEST * np.median(light)
     if bad.all() or not np.median(light) > 0:
@@ -322,6 +314,18 @@ def _of_means(
     gain = np.where(bad, 1.0, light / even)
     gain_variance = (flat.variance + dark.variance) / even**2
     return Calibration(curve, dark.arrivals, dark.variance, gain, gain_variance, bad)
+
+
+def _hot(dark: _Mean, times: float) -> Mask:
+    """Mark hot pixels, by three standard errors; of no count, the error is that of one."""
+    error = _SURE * np.sqrt(np.maximum(dark.variance, 1 / dark.frames**2))
+    hot = hot_pixels(dark.arrivals - error, dark.arrivals, dark.arrivals + error, times)
+    if 2 * int(hot.sum()) >= hot.size:
+        raise ValueError(
+            f"hot_times: {times:g} times the median of the dark counts marks {hot.mean():.0%} of "
+            "the pixels; give more"
+        )
+    return hot
 
 
 @dataclass(frozen=True, eq=False)
@@ -360,11 +364,12 @@ def correct(counts: ArrayLike, saturated: ArrayLike, calibration: Calibration) -
     if full.shape != readings.shape:
         raise ValueError(f"saturated: shape {full.shape}; give {readings.shape}, as the counts")
     curve, gain = calibration.curve, calibration.gain
-    arrivals, noise = curve.arrivals_of(readings)
-    light = arrivals - calibration.dark
+    light = curve.arrivals_of(readings) - calibration.dark
     detections = light / gain
     variance = (
-        noise + calibration.dark_variance + detections**2 * calibration.gain_variance
+        curve.variance_of(readings)
+        + calibration.dark_variance
+        + detections**2 * calibration.gain_variance
     ) / gain**2
     filled = full | (readings > curve.largest) | calibration.bad
     detections, variance = filled_in(detections, variance, filled)

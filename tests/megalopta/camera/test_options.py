@@ -51,6 +51,7 @@ def test_odd_values_are_refused_in_one_sentence(verb, action, tmp_path, monkeypa
         ("--serial \udcff", "\\udcff: not UTF-8; "),
         ("--serial 12345678901234567", "--serial: '12345678901234567'; give 1 to 16"),
         ("--photons 1 -1", "--photons: -1; give 0 to"),
+        ("--stimulus flat --photons 1 2", "--photons: several values; give one for flat, or"),
         ("--step-s 0", "--step-s: 0; give 0.001 to"),
         ("--lux nan", "argument --lux: 'nan'; give a finite number"),
         ("--noise 2", "--noise: 2; give 0, or 0 to 1"),

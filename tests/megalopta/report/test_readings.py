@@ -167,6 +167,15 @@ def test_what_holds_no_readings_is_told_in_a_sentence(tmp_path, make, said):
         readings_of(tmp_path / "thing")
 
 
+@pytest.mark.parametrize("mark", ["dataset.yaml", "raw.bin"])
+def test_of_a_store_the_dataset_or_recording_is_named(tmp_path, mark):
+    store = tmp_path / "night" / "counts" / "ideal.zarr"
+    store.mkdir(parents=True)
+    (tmp_path / "night" / mark).touch()
+    with pytest.raises(UserError, match=r"ideal\.zarr: a part of .*night; run: .* view .*night$"):
+        readings_of(store)
+
+
 def test_of_pictures_the_verb_that_makes_photons_is_named(tmp_path):
     (tmp_path / "my clip.mp4").write_bytes(b"anything")
     with pytest.raises(UserError, match=r"sense '.*my clip\.mp4' --photons 2"):

@@ -41,7 +41,7 @@ def test_what_is_stored_is_the_readings_corrected_with_one_calibration(sequence)
 
 
 def test_what_has_no_corrected_frames_is_told(sequence):
-    with pytest.raises(UserError, match="make corrected frames with"):
+    with pytest.raises(UserError, match="sense with --correct, or with `correct: true` below"):
         sequence.corrected(sequence.exposures[1])
-    with pytest.raises(UserError, match=r"make corrected frames with"):
+    with pytest.raises(UserError, match="sense with --correct"):
         sequence.corrected(quantity="dark")

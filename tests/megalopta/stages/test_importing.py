@@ -105,6 +105,12 @@ def test_one_call_from_python_counts_the_same_light(here):
         megalopta.photons_from_images(texture / 255, 2)
     with pytest.raises(UserError, match="photons_per_pixel or lux"):
         megalopta.photons_from_images(texture)
+    with pytest.raises(UserError, match="ages: reflectance: input should be less than or equal"):
+        megalopta.photons_from_images(texture, 2, reflectance=2)
+    with pytest.raises(UserError, match="ages: illuminance_lux: input should be less than or"):
+        megalopta.photons_from_images(texture, 1e30)
+    with pytest.raises(UserError, match="outside the efficiency curve"):
+        megalopta.photons_from_images(texture, 2, "ctia_si")
 
 
 def test_the_dataset_goes_on_without_the_file_and_says_what_it_lacks(here, refused):

@@ -12,7 +12,6 @@ from megalopta.sensor.calibrate.correction import (
     calibrate,
     correct,
     filled_in,
-    hot_by_arrivals,
     response_curve,
     simulated_calibration,
 )
@@ -40,7 +39,7 @@ def calibrations():
 
 def exposed(sensor, share, curve):
     """Frames of a ramp of which the brightest column reads a share of the largest reading."""
-    brightest = float(curve.arrivals_of(np.array([share * curve.largest]))[0][0])
+    brightest = float(curve.arrivals_of(np.array([share * curve.largest]))[0])
     scene = np.broadcast_to(brightest * np.linspace(0.2, 1, SHAPE[1]), SHAPE)
     factor = draw_fixed_pattern(sensor, SHAPE).efficiency_factor
     rate = np.broadcast_to(scene * factor / sensor.exposure_s, (FRAMES, *SHAPE))
@@ -106,13 +105,28 @@ def test_dim_and_bright_readings_of_a_paralyzable_pixel_are_ambiguous_near_its_p
     assert not correct(readings / 10, full, calibration).ambiguous.any()
 
 
+def counted(dark):
+    """100 dark frames with these counts in all of them, and as many flat ones."""
+    frames = np.diff(np.arange(101)[:, None, None] * dark // 100, axis=0)
+    return frames, np.random.default_rng(0).poisson(50, frames.shape)
+
+
 def test_hot_pixels_are_those_beyond_the_median():
-    dark = np.ones((4, 5))
-    dark[1, 2] = 30
-    exact = np.zeros_like(dark)
-    assert np.argwhere(hot_by_arrivals(dark, exact, 10)).tolist() == [[1, 2]]
+    dark = np.full((4, 5), 100.0)
+    dark[1, 2] = 3000
+    assert np.argwhere(calibrate(*counted(dark), preset("ideal")).bad).tolist() == [[1, 2]]
     with pytest.raises(ValueError, match="hot_times"):
-        hot_by_arrivals(np.array([[1.0, 9.0, 9.0, 9.0]]), np.zeros((1, 4)), 0.5)
+        calibrate(*counted(np.array([[1.0, 90, 90, 90]])), preset("ideal"), hot_times=0.5)
+
+
+def test_where_most_pixels_have_no_count_hot_ones_are_those_beyond_the_mean():
+    """The median is 0, and the mean of the pixels with hardly a count 0.3."""
+    dark = np.zeros((10, 10))
+    dark[:3], dark[5, 5] = 1, 20
+    for times, hot in ((10, True), (100, False)):
+        found = calibrate(*counted(dark), preset("ideal"), hot_times=times)
+        assert found.bad[5, 5] == hot
+        assert found.bad.sum() == hot
 
 
 @pytest.mark.parametrize("capacity", [3, 15])
@@ -123,6 +137,22 @@ def test_gains_of_small_counters_are_those_of_equal_pixels(capacity):
     )
     assert not found.bad.any()
     assert abs(found.gain.mean() - 1) < 6 * np.sqrt(found.gain_variance.mean() / 64**2)
+
+
+@pytest.mark.parametrize(
+    ("capacity", "share", "darker"),
+    [(15, 0.3, 0.002), (15, 0.5, 0.026), (15, 0.7, 0.1), (63, 0.7, 0.006), (63, 0.8, 0.028)],
+)
+def test_frames_near_capacity_are_as_much_too_dark_as_documented(capacity, share, darker):
+    """docs/how-to/correct.md; |z| < 5 over all pixels and frames."""
+    sensor = changed(preset("ideal"), counter=DigitalCounter(capacity=capacity))
+    calibration = simulated_calibration(sensor, SHAPE, frames=1000)
+    mean = share * capacity
+    rate = np.full((FRAMES, *SHAPE), mean / sensor.exposure_s)
+    exposure = expose_rate(rate, sensor, seed=1, sequence="even")
+    found = correct(exposure.counts, exposure.saturated, calibration).detections.mean() / mean
+    error = np.sqrt((1 / FRAMES + 2 / 1000) / (mean * np.prod(SHAPE)))
+    assert found == pytest.approx(1 - darker, abs=0.002 + 5 * error)
 
 
 def test_bits_are_not_corrected():
