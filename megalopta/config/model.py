@@ -301,6 +301,16 @@ class Configuration(Record, frozen=True):
         own = self.trajectory.mount or Mount()
         return own.baseline_m(self.stereo_with) if self.stereo_with else None
 
+    def check_exposures(self) -> None:
+        """Refuse sensors that expose for longer than a frame. Raises ValueError."""
+        rate_hz = self.trajectory.frame_rate_hz
+        for sensor in self.sensors:
+            if sensor.exposure_s * rate_hz > 1 + 1e-9:
+                raise ValueError(
+                    f"sensor {sensor.name!r}: exposure_s {sensor.exposure_s:g} is longer than a "
+                    f"frame at trajectory.frame_rate_hz {rate_hz:g}; use at most {1 / rate_hz:g}"
+                )
+
     def _check_shutter(self, period_s: float) -> None:
         shutter = self.shutter
         for name in ("exposure_s", "readout_s"):

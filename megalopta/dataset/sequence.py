@@ -17,7 +17,7 @@ from megalopta.config.measuring import LabelName
 from megalopta.config.model import Configuration, LightLevel
 from megalopta.config.yaml_model import validated
 from megalopta.core.bounded import undamaged
-from megalopta.core.errors import UserError, shell_command
+from megalopta.core.errors import UserError, refused_as, shell_command
 from megalopta.core.validation import merged
 from megalopta.dataset.store import Dataset, exposure_name
 
@@ -209,7 +209,7 @@ class Sequence:
     ) -> LazyFrames:
         """Readings of any sensor in this light (T, H, W), drawn on access.
 
-        Raises UserError if there is no such sensor or level.
+        Raises UserError if there is no such sensor or level, or an exposure is longer than a frame.
 
         Parameters
         ----------
@@ -231,6 +231,8 @@ class Sequence:
         settings = self.configuration
         chosen = level if level is not None else settings.light.resolved().illuminance_lux
         exposed = _exposed(settings, sensor, changes, chosen)
+        with refused_as("expose"):
+            exposed.check_exposures()
         device = repeated_name(exposed.sensors[0], repeat)
         if not gain > 0:
             raise UserError(f"gain {gain!r}: give a number above 0")

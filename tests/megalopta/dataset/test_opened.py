@@ -89,6 +89,8 @@ def test_new_light_has_independent_noise_and_the_same_mean(opened):
     assert brighter == pytest.approx(4, rel=0.05)
     with pytest.raises(UserError, match="preset 'eye' is unknown"):
         sequence.expose("eye")
+    with pytest.raises(UserError, match="exposure_s 9 is longer than a frame"):
+        sequence.expose("ideal", exposure_s=9)
 
 
 def test_the_stored_exposure_is_drawn_again(opened):
