@@ -231,8 +231,6 @@ class Sequence:
         settings = self.configuration
         chosen = level if level is not None else settings.light.resolved().illuminance_lux
         exposed = _exposed(settings, sensor, changes, chosen)
-        with refused_as("expose"):
-            exposed.check_exposures()
         device = repeated_name(exposed.sensors[0], repeat)
         if not gain > 0:
             raise UserError(f"gain {gain!r}: give a number above 0")
@@ -430,7 +428,10 @@ def _exposed(
     fields = {"preset": sensor} if isinstance(sensor, str) else dict(sensor)
     values = settings.model_dump(mode="json", exclude={"sensors", "light_levels"})
     values |= {"sensors": [merged(fields, changes)], "light_levels": [level]}
-    return validated(Configuration, values, "expose")
+    exposed = validated(Configuration, values, "expose")
+    with refused_as("expose"):
+        exposed.check_exposures()
+    return exposed
 
 
 def _labeled(sequence: Sequence, exposures: Iterable[str]) -> "xarray.Dataset":

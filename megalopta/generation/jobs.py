@@ -12,11 +12,12 @@ import threading
 import time
 import traceback
 from collections import Counter, deque
-from collections.abc import Callable, Collection, Generator, Iterable, Iterator
+from collections.abc import Callable, Collection, Generator, Iterable, Iterator, Mapping
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import closing, contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
 from megalopta.core.errors import UserError, machine_problem
@@ -139,31 +140,27 @@ def by_workers(job: Job, indices: Iterable[int], count: int) -> Generator[Outcom
     threads = threads_of(count)
     idle: list[_Worker] = []
     busy: dict[Future[Outcome], tuple[int, _Worker]] = {}
+    with ExitStack() as workers, elsewhere(partial(_steps, busy)):
+        while left or busy:
+            while left and len(busy) < count:
+                worker = idle.pop() if idle else workers.enter_context(closing(_Worker()))
+                index = left.popleft()
+                busy[worker.submit(job, index, threads)] = index, worker
+            for future in wait(busy, return_when=FIRST_COMPLETED).done:
+                index, worker = busy.pop(future)
+                if not isinstance(future.exception(), BrokenProcessPool):
+                    idle.append(worker)
+                    is_vain = False
+                    yield future.result()
+                elif (outcome := _died(index, deaths, is_vain)) is not None:
+                    yield outcome
+                else:
+                    left.append(index)
 
-    def steps() -> str:
-        return "; ".join(
-            f"sequence {index}: {worker.step}" for index, worker in list(busy.values())
-        )
 
-    try:
-        with elsewhere(steps):
-            while left or busy:
-                while left and len(busy) < count:
-                    worker, index = idle.pop() if idle else _Worker(), left.popleft()
-                    busy[worker.submit(job, index, threads)] = index, worker
-                for future in wait(busy, return_when=FIRST_COMPLETED).done:
-                    index, worker = busy.pop(future)
-                    if not isinstance(future.exception(), BrokenProcessPool):
-                        idle.append(worker)
-                        is_vain = False
-                        yield future.result()
-                    elif (outcome := _died(index, deaths, is_vain)) is not None:
-                        yield outcome
-                    else:
-                        left.append(index)
-    finally:
-        for worker in (*idle, *(each for _, each in busy.values())):
-            worker.end()
+def _steps(busy: "Mapping[Future[Outcome], tuple[int, _Worker]]") -> str:
+    """Current step of every busy worker."""
+    return "; ".join(f"sequence {index}: {each.step}" for index, each in list(busy.values()))
 
 
 def _died(index: int, deaths: Counter[int], is_vain: bool) -> Outcome | None:
@@ -198,8 +195,8 @@ class _Worker:
         with _environment():
             return self._executor.submit(attempt, job, index, threads)
 
-    def end(self) -> None:
-        """End at once; output is complete or absent."""
+    def close(self) -> None:
+        """End the process at once; output is complete or absent."""
         for process in list((self._executor._processes or {}).values()):
             process.kill()
         self._executor.shutdown(cancel_futures=True)
