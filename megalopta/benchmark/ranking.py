@@ -18,7 +18,7 @@ from scipy.stats import false_discovery_control
 from megalopta.benchmark.block_truths import Opposed, opposed
 from megalopta.benchmark.ranking_settings import Pooling, RankingSettings
 from megalopta.benchmark.sequence_errors import ERROR, STILL
-from megalopta.benchmark.table import Case, Sums, interval, ratio, units
+from megalopta.benchmark.table import Case, Sums, interval, is_larger, ratio, units
 from megalopta.core.format_numbers import written
 from megalopta.core.record import Record
 
@@ -175,8 +175,7 @@ def lowest(sums: Mapping[str, Sums]) -> tuple[str, bool] | None:
     if not means:
         return None
     first = min(means, key=lambda name: means[name])
-    ratios = [ratio(sums[name], sums[first]) for name in means if name != first]
-    return first, all(found is not None and (found[0].low or 0) > 1 for found in ratios)
+    return first, all(is_larger(sums[name], sums[first]) for name in means if name != first)
 
 
 def _orders(

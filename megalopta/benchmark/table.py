@@ -156,6 +156,12 @@ def ratio(one: Sums, other: Sums) -> tuple[Interval, float] | None:
     return _around(found, *spread), float(2 * student.sf(steps, freedom))
 
 
+def is_larger(one: Sums, other: Sums) -> bool:
+    """Return whether the mean of one surely exceeds that of the other over the same blocks."""
+    found = ratio(one, other)
+    return found is not None and (found[0].low or 0) > 1
+
+
 def _spread(left_out: Floats, blocks: Floats) -> tuple[float, float] | None:
     """Return standard error and degrees of freedom of a logarithm.
 

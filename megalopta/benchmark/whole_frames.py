@@ -31,9 +31,9 @@ from megalopta.benchmark.table import (
     Interval,
     Samples,
     gathered,
+    is_larger,
     mean_of,
     measure_samples,
-    ratio,
     sums_of,
 )
 from megalopta.core.arrays import Floats, Mask
@@ -103,8 +103,7 @@ class Board:
     ) -> bool:
         """Return whether a method's mean over scenes is surely larger than another's."""
         cases = (Case(metric, each.name, flux) for each in (detector, than))
-        found = ratio(*(sums_of(self.samples[case]) for case in cases))
-        return found is not None and (found[0].low or 0) > 1
+        return is_larger(*(sums_of(self.samples[case]) for case in cases))
 
 
 def frame_errors(

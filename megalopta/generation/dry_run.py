@@ -98,7 +98,7 @@ class Probe:
 
     scale: Scale
     setup: Cost
-    """Building and loading the scene, counting the rays of baked light; plants are grown before."""
+    """Building and loading the scene, and counting rays; shared plants are grown before."""
     compiling: Cost
     """Additional time of the first frame; compiled code is kept."""
     once: Cost

@@ -18,13 +18,9 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING
 
 from megalopta.core.errors import UserError, machine_problem
 from megalopta.core.progress import STATUS_S, current_step, elsewhere, progress
-
-if TYPE_CHECKING:
-    from ctypes import Array, c_char
 
 Job = Callable[[int], object]
 
@@ -214,7 +210,7 @@ def _environment() -> Iterator[None]:
             del os.environ[name]
 
 
-def _begin(step: "Array[c_char]") -> None:
+def _begin(step: "ctypes.Array[ctypes.c_char]") -> None:
     """Prepare a worker: it ends with its parent, by nothing else, and prints nothing.
 
     `step` is where it says what it does.
@@ -228,7 +224,7 @@ def _begin(step: "Array[c_char]") -> None:
         os.dup2(nowhere, stream.fileno())
 
 
-def _report_while_needed(step: "Array[c_char]") -> None:
+def _report_while_needed(step: "ctypes.Array[ctypes.c_char]") -> None:
     """Say the current step every second; end with the parent, even during a job."""
     parent = multiprocessing.parent_process()
     while parent and parent.is_alive():
