@@ -46,10 +46,10 @@ class EndsOnce(Slow):
 
 
 def half(index):
-    """Say for three seconds that half of it is done."""
+    """Say for two seconds that half of it is done."""
     with silent(), step("baking"), progress("Light", 2, "part") as advance:
         advance()
-        time.sleep(3)
+        time.sleep(2)
 
 
 def die(index):

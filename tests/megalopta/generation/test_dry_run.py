@@ -48,6 +48,7 @@ def test_a_probe_renders_a_strip_of_few_frames_and_leaves_nothing(tmp_path, monk
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.slow
 def test_a_probe_bakes_light_that_is_on_disk_already(tmp_path, monkeypatch):
     """The next probe would find its light there, and foresee no time for it."""
     monkeypatch.setattr("megalopta.stages.render.cache_folder", lambda: tmp_path)
