@@ -141,7 +141,7 @@ def test_gains_of_small_counters_are_those_of_equal_pixels(capacity):
 
 @pytest.mark.parametrize(
     ("capacity", "share", "darker"),
-    [(15, 0.3, 0.002), (15, 0.7, 0.1), (63, 0.8, 0.028)],
+    [(15, 0.3, 0.002), (15, 0.5, 0.026), (15, 0.7, 0.1), (63, 0.7, 0.006), (63, 0.8, 0.028)],
 )
 def test_frames_near_capacity_are_as_much_too_dark_as_documented(capacity, share, darker):
     """docs/how-to/correct.md; |z| < 5 over all pixels and frames."""
