@@ -4,9 +4,10 @@ A file may name a device, a pipe or something endless: only regular files are re
 """
 
 import json
+import math
 import os
 import stat
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,8 @@ TEXT_BYTES = 64 * 1024**2
 """Largest text file that is read, such as YAML, JSON or CSV."""
 ARRAY_BYTES = 4 * 1024**3
 """Largest array or picture that is read."""
+DECODED_GB = 2.0
+"""Memory that the content of a file may take, unless MEGALOPTA_DECODED_GB says more."""
 QUOTED = 200
 """Most characters of a value in a message."""
 SENTENCE = 800
@@ -63,6 +66,32 @@ def from_json(text: str) -> Any:
 def check_file(path: str | Path, at_most: int = ARRAY_BYTES) -> None:
     """Refuse, before a library opens it, an irregular or too large file; errors as above."""
     _check(path, Path(path).stat(), at_most)
+
+
+def check_decoded(path: object, shape: Iterable[int], bytes_each: float) -> None:
+    """Refuse, before a reader decodes it, what takes more memory than the budget.
+
+    `shape` is the shape that the file states, of what is in memory at once; `bytes_each` are the
+    bytes of a value there, copies of the reader included. A few bytes on disk can state any shape.
+    Raises UserError.
+    """
+    shape = tuple(shape)
+    decoded_gb = math.prod(shape) * bytes_each / 1e9
+    budget_gb = float(os.environ.get("MEGALOPTA_DECODED_GB", DECODED_GB))
+    if decoded_gb > budget_gb or min(shape, default=0) < 0:
+        raise UserError(
+            f"{path} takes {decoded_gb:.3g} GB of memory ({' × '.join(map(str, shape))} values), "
+            f"more than {budget_gb:g} GB; set MEGALOPTA_DECODED_GB to read it nevertheless"
+        )
+
+
+def check_count(path: object, things: str, count: int, at_most: int) -> None:
+    """Refuse a file that holds more things, such as nodes, than any reader is meant for.
+
+    Raises UserError.
+    """
+    if not 0 <= count <= at_most:
+        raise UserError(f"{path} holds {count} {things}; at most {at_most} are read")
 
 
 @contextmanager

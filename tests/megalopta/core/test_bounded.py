@@ -1,7 +1,7 @@
 import pytest
 from pydantic import TypeAdapter
 
-from megalopta.core.bounded import undamaged
+from megalopta.core.bounded import check_count, check_decoded, undamaged
 from megalopta.core.errors import DamagedFileError, UserError
 
 
@@ -46,3 +46,17 @@ def test_words_about_the_file_are_kept_and_get_the_remedy():
         undamaged("a.exr", "render again"),
     ):
         raise FileNotFoundError("a.exr: no such file")
+
+
+def test_content_beyond_the_budget_is_refused_with_its_size_and_the_setting(monkeypatch):
+    check_decoded("a.png", (1000, 1000, 3), 8)
+    with pytest.raises(UserError, match=r"^a\.png takes 24 GB .*MEGALOPTA_DECODED_GB"):
+        check_decoded("a.png", (10**9, 3), 8)
+    monkeypatch.setenv("MEGALOPTA_DECODED_GB", "25")
+    check_decoded("a.png", (10**9, 3), 8)
+
+
+def test_more_things_than_a_reader_is_meant_for_are_refused():
+    check_count("a.glb", "nodes", 10, 10)
+    with pytest.raises(UserError, match=r"^a\.glb holds 11 nodes; at most 10 are read$"):
+        check_count("a.glb", "nodes", 11, 10)
