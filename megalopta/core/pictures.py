@@ -1,5 +1,6 @@
 """Read pictures as arrays, write arrays as PNG. Every folder may import this module."""
 
+import re
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -10,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from megalopta.core.bounded import check_file
+from megalopta.core.bounded import ARRAY_BYTES, check_file, read_bytes
 from megalopta.core.errors import DamagedFileError
 from megalopta.core.files import atomic_write
 
@@ -66,6 +67,32 @@ def readable(path: object) -> Iterator[None]:
         raise DamagedFileError(f"{path} claims too many pixels; give a smaller picture") from None
     except Exception:  # a damaged file can raise any exception
         raise DamagedFileError(f"{path} cannot be read as a picture; give a PNG") from None
+
+
+_PFM_HEADER = re.compile(rb"P([Ff])\s+(\d{1,6})\s+(\d{1,6})\s+(-?[0-9.eE+-]{1,20})\s")
+
+
+def read_pfm(path: Path) -> NDArray[np.float32]:
+    """Return a portable float map, (H, W) or (H, W, 3), from the top.
+
+    Its scale states the order of bytes by its sign, and a factor of the values. Raises ValueError
+    if it is damaged.
+    """
+    content = read_bytes(path, ARRAY_BYTES)
+    header = _PFM_HEADER.match(content)
+    scale = float(header[4]) if header else 0.0
+    if header is None or not 0 < abs(scale) < np.inf:
+        raise ValueError(f"{path} is not a .pfm file (PF or Pf, width, height, scale)")
+    width, height, channels = int(header[2]), int(header[3]), 3 if header[1] == b"F" else 1
+    size, expected = len(content) - header.end(), 4 * channels * width * height
+    if size != expected:
+        raise ValueError(
+            f"{path} has {size} bytes of values, {width} × {height} px need {expected}: the file is"
+            " damaged"
+        )
+    values = np.frombuffer(content, "<f4" if scale < 0 else ">f4", offset=header.end())
+    rows = values.reshape(height, width, channels)[::-1] * np.float32(abs(scale))
+    return rows[..., 0] if channels == 1 else rows
 
 
 def write_codes(path: Path, image: NDArray[np.uint8] | NDArray[np.uint16]) -> None:

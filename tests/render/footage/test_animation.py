@@ -74,7 +74,7 @@ def test_an_animation_has_no_other_unit_and_stands_alone(tmp_path):
     path = write(tmp_path / "a.gif")
     with pytest.raises(UserError, match="omit the unit linear"):
         open_footage(path, "linear")
-    with pytest.raises(UserError, match="is animated; give it alone"):
+    with pytest.raises(UserError, match="holds 4 pictures; give it alone"):
         open_footage(tmp_path)
 
 

@@ -227,7 +227,6 @@ def test_pages_and_colors_of_prints_are_refused(tmp_path, codes):
     tifffile.imwrite(
         tmp_path / "stack.tif", np.zeros((5, 8, 8), np.uint16), photometric="minisblack"
     )
-    assert "has 5 pages" in refused(tmp_path / "stack.tif")
     Image.fromarray(codes).convert("CMYK").save(tmp_path / "print.jpg")
     assert "CMYK" in refused(tmp_path / "print.jpg")
 
