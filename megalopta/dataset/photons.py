@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from megalopta.core.arrays import Floats
 from megalopta.core.errors import UserError, refused_as
+from megalopta.core.progress import say
 from megalopta.core.validation import checked
 from megalopta.dataset.picture_light import photons_per_lux
 from megalopta.render.settings import RenderSettings
@@ -68,14 +69,17 @@ def photons_from_images(
     if isinstance(sensor, str) and sensor not in IMAGE_SENSORS:
         raise UserError(f"sensor {sensor!r} is unknown: use one of {', '.join(IMAGE_SENSORS)}")
     device: ImageSensor = IMAGE_SENSORS[sensor] if isinstance(sensor, str) else sensor
-    bands = RenderSettings().bands_nm
     with refused_as("photons_from_images"), _opened(images, unit) as footage:
         model = checked(ColorsAsLight, colors)
         mean = _mean(footage)
-        per_lux = photons_per_lux(model, Light(), bands, device, mean)
+        bands = footage.bands_nm or RenderSettings().bands_nm
+        dim = model.radiance_of_unit(Light(), bands, mean, footage.bands_nm)
+        per_lux = photons_per_lux(dim, Light(), bands, device, mean)
         asked_lux = asked if photons_per_pixel is None else photons_per_pixel / per_lux
         lit = checked(Light, {"illuminance_lux": asked_lux})
-        of_unit = model.radiance_of_unit(lit, bands, mean)
+        of_unit = model.radiance_of_unit(lit, bands, mean, footage.bands_nm)
+        for note in footage.notes:
+            say(note)
         light = np.stack([footage.frame(index) @ of_unit for index in range(len(footage))])
         return expose(light, bands, device, seed=seed, sequence="pictures", expectation=True)
 

@@ -251,7 +251,8 @@ class ShownSequence:
             return name
         mean = self.sequence.dataset.read_scene_record()["pictures"]["mean"]
         bands, sensor = settings.render.bands_nm, settings.sensors[0]
-        per_lux = photons_per_lux(settings.scene, settings.light, bands, sensor, mean)
+        of_unit = light_of(self.sequence.dataset).radiance_of_unit
+        per_lux = photons_per_lux(of_unit, settings.light, bands, sensor, mean)
         return f"{name}, {number(per_lux * illuminance_of(level))} photons"
 
 

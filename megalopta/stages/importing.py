@@ -25,7 +25,7 @@ from megalopta.dataset.store import Dataset, open_sequence
 from megalopta.render import Footage, open_footage
 from megalopta.scenes import Pictures
 from megalopta.scenes.lighting.levels import LEVELS, illuminance_of
-from megalopta.scenes.spectra.color import LUMINANCE_SHARES
+from megalopta.scenes.spectra.color import Bands
 from megalopta.scenes.spectra.spectrum import SPECTRA
 from megalopta.scenes.stimuli.pictures import Unit
 
@@ -68,15 +68,12 @@ class PictureOptions:
 class Measured:
     """Measured light of the pictures that a sequence shows."""
 
-    mean: tuple[float, float, float]
-    """Mean of linear red, green and blue over all frames"""
+    mean: tuple[float, ...]
+    """Mean of linear red, green and blue over all frames, or of each channel of spectra"""
     saturated: float
     """Share of pixels at the largest code of any color"""
-
-    @property
-    def luminance(self) -> float:
-        """Mean luminance, in the unit of the linear values."""
-        return float(np.dot(self.mean, LUMINANCE_SHARES))
+    luminance: float
+    """Mean luminance, in the unit of the linear values; of spectra cd/m²"""
 
 
 def pictures_configuration(
@@ -87,30 +84,31 @@ def pictures_configuration(
     A dataset of the same pictures in `out` is not measured again. Raises UserError.
     """
     with open_footage(path, asked.unit) as footage:
-        _check_brightness(path, asked, footage.unit, overrides)
+        _check_brightness(path, asked, footage.is_absolute, overrides)
         fields = _fields(path, footage, asked)
         settings = _short_exposures(validated(Configuration, fields, str(path), overrides))
         _say_still(settings, footage)
         found = _recorded(out or usual_folder(settings), settings) or measured(settings, footage)
-    if asked.unit == "cd/m2":
+    if footage.is_absolute:
         lux = _lux(settings, found.luminance)
         light = settings.light.model_copy(update={"illuminance_lux": lux})
         settings = settings.model_copy(update={"light": light})
     if "light_levels" in overrides:
         return settings
     with refused_as(str(path)):
-        levels = [float(f"{lux:.{_DIGITS}g}") for lux in _levels(settings, asked, found)]
+        exact = _levels(settings, asked, found, footage.bands_nm)
+        levels = [float(f"{lux:.{_DIGITS}g}") for lux in exact]
         for level in levels:
             illuminance_of(level)
     return settings.model_copy(update={"light_levels": tuple(dict.fromkeys(levels))})
 
 
 def _check_brightness(
-    path: Path, asked: PictureOptions, unit: Unit, overrides: Mapping[str, str]
+    path: Path, asked: PictureOptions, is_absolute: bool, overrides: Mapping[str, str]
 ) -> None:
     given = [f"--{name}" for name in ("photons", "lux", "luminance") if getattr(asked, name)]
     given += ["--light-levels"] if "light_levels" in overrides else []
-    if len(given) == 1 or (unit == "cd/m2" and not given):
+    if len(given) == 1 or (is_absolute and not given):
         return
     what = " and ".join(given) or "pictures do not say how bright it was"
     raise UserError(
@@ -148,6 +146,7 @@ def _fields(path: Path, footage: Footage, asked: PictureOptions) -> dict[str, An
         "light": {"level": asked.spectrum if is_level else "daylight"},
         "camera": {"width": width, "height": height},
         "trajectory": _timing(footage, asked),
+        "render": {"bands_nm": footage.bands_nm} if footage.bands_nm else {},
         "sensors": ["ideal"],
         "light_levels": [1.0],
         "methods": _METHODS,
@@ -177,10 +176,17 @@ def _short_exposures(settings: Configuration) -> Configuration:
     return settings.model_copy(update={"sensors": tuple(sensors)})
 
 
-def _levels(settings: Configuration, asked: PictureOptions, found: Measured) -> list[float]:
+def _levels(
+    settings: Configuration,
+    asked: PictureOptions,
+    found: Measured,
+    of_channels_nm: Bands | None,
+) -> list[float]:
     """Light levels, lux."""
     if asked.photons:
-        parts = _scene(settings), settings.light, settings.render.bands_nm
+        light, bands_nm = settings.light, settings.render.bands_nm
+        of_unit = _scene(settings).radiance_of_unit(light, bands_nm, found.mean, of_channels_nm)
+        parts = of_unit, light, bands_nm
         per_lux = photons_per_lux(*parts, settings.sensors[0], found.mean)
         for sensor in settings.sensors[1:]:
             share = photons_per_lux(*parts, sensor, found.mean) / per_lux
@@ -211,8 +217,8 @@ def _recorded(root: Path, settings: Configuration) -> Measured | None:
     try:
         dataset = open_sequence(root)
         record = dataset.read_scene_record()["pictures"]
-        red, green, blue = map(float, record["mean"])
-        found = Measured((red, green, blue), float(record["saturated"]))
+        mean = tuple(map(float, record["mean"]))
+        found = Measured(mean, float(record["saturated"]), float(record["luminance"]))
     except (UserError, KeyError, TypeError, ValueError):  # there is none, or it is made again
         return None
     is_same = _shown(dataset.configuration) == _shown(settings)
@@ -237,17 +243,17 @@ _measured: dict[str, Measured] = {}
 
 def _measure(weights: Mapping[int, float], footage: Footage) -> Measured:
     """Average over pictures, each so many times."""
-    mean, saturated = np.zeros(3), 0.0
+    mean, saturated = np.zeros(len(footage.luminance_shares)), 0.0
     with progress(f"Reading {footage.path.name}", len(weights), "picture") as advance:
         for index in sorted(weights):
             mean += weights[index] * footage.mean(index)
             saturated += weights[index] * footage.saturated(index)
             advance()
-    if not mean.any():
-        raise UserError(f"{footage.path} is black; give pictures with light in them")
     total = sum(weights.values())
-    red, green, blue = (mean / total).tolist()
-    return Measured((red, green, blue), saturated / total)
+    mean, luminance = mean / total, float(mean @ footage.luminance_shares) / total
+    if not luminance > 0:
+        raise UserError(f"{footage.path} is black; give pictures with visible light in them")
+    return Measured(tuple(mean.tolist()), saturated / total, luminance)
 
 
 def import_pictures(dataset: Dataset) -> None:
@@ -288,9 +294,13 @@ def _say(dataset: Dataset, record: Mapping[str, Any]) -> None:
     say(
         f"pictures: {settings.trajectory.frames} frames of {camera.width} × {camera.height} px at "
         f"{settings.trajectory.frame_rate_hz:.6g} Hz from {record['pictures']} pictures; "
-        f"{record['transfer']} codes become light, white has the spectrum of "
-        f"{_scene(settings).white_name(settings.light)}, and the mean reflectance is "
-        f"{100 * _scene(settings).reflectance:g} %"
+        + (
+            "their spectra are used as they are"
+            if record["transfer"] == "spectral radiance"
+            else f"{record['transfer']} codes become light, white has the spectrum of "
+            f"{_scene(settings).white_name(settings.light)}, and the mean reflectance is "
+            f"{100 * _scene(settings).reflectance:g} %"
+        )
     )
     if record["pictures"] == 1:
         say("pictures: it is one picture, which stands still")

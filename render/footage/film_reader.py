@@ -64,7 +64,7 @@ class FilmReader:
     def notes(self) -> Iterator[str]:
         """Yield notes on the frames for the user."""
         if (streams := len(self._container.streams.video)) > 1:
-            yield f"{self._path} holds {streams} pictures or films; number {self._stream.index} is read"
+            yield f"{self._path} holds {streams} films or pictures; one is read"
         if self._stream.sample_aspect_ratio:
             yield from not_square(self._path, float(self._stream.sample_aspect_ratio))
         if self._parted:

@@ -15,7 +15,7 @@ from megalopta.core.arrays import Floats
 from megalopta.core.bounded import quoted
 from megalopta.core.errors import DamagedFileError
 from megalopta.render.footage.transfer import light_of, to_bt709
-from megalopta.scenes.spectra.spectrum import Spectrum
+from megalopta.scenes.spectra.color import LUMINANCE_SHARES, Bands, luminances
 from megalopta.scenes.stimuli.pictures import Unit as Unit
 
 MOST_PIXELS = 2**28
@@ -45,8 +45,8 @@ class Header(NamedTuple):
     """x and y of red, green, blue and white, if they are not those of BT.709"""
     unit: Unit | None = None
     """Unit of light"""
-    spectra: tuple[Spectrum, ...] | None = None
-    """Spectrum of each channel with the value 1, W·m⁻²·sr⁻¹·nm⁻¹; None: red, green and blue"""
+    bands_nm: Bands | None = None
+    """Edges of each channel of spectral radiance, W·m⁻²·sr⁻¹·nm⁻¹; None: red, green and blue"""
     notes: tuple[str, ...] = ()
 
 
@@ -101,8 +101,8 @@ class Footage(ABC):
     """Time of every frame, the first 0; None if the file does not state it."""
     notes: tuple[str, ...] = ()
     """Notes for the user on assumptions, changes and statements without effect."""
-    spectra: tuple[Spectrum, ...] | None = None
-    """Spectrum of each channel with the value 1, W·m⁻²·sr⁻¹·nm⁻¹; None: red, green and blue."""
+    bands_nm: Bands | None = None
+    """Edges of each channel of spectral radiance, W·m⁻²·sr⁻¹·nm⁻¹; None: red, green and blue."""
     last_s: float | None = None
     """Duration of the last frame; None if the file does not state it."""
     _kept: tuple[int, NDArray[Any]] | None = field(default=None, init=False, repr=False)
@@ -117,6 +117,16 @@ class Footage(ABC):
     def unit(self) -> Unit:
         """Unit of the values in the file."""
         return self.coding.unit
+
+    @property
+    def is_absolute(self) -> bool:
+        """True if values state how bright it was: luminance or spectral radiance."""
+        return self.unit == "cd/m2" or self.bands_nm is not None
+
+    @property
+    def luminance_shares(self) -> Floats:
+        """Luminance of each channel with the value 1, (3,); of spectra in cd/m², (B,)."""
+        return np.array(LUMINANCE_SHARES) if self.bands_nm is None else luminances(self.bands_nm)
 
     @abstractmethod
     def __len__(self) -> int:

@@ -32,7 +32,7 @@ from megalopta.render.footage.frames import (
     unused,
 )
 from megalopta.render.footage.transfer import XYZ_XY, to_xyz
-from megalopta.scenes.spectra.spectrum import Spectrum
+from megalopta.scenes.spectra.color import Bands
 
 _BT709_XY = (0.640, 0.330, 0.300, 0.600, 0.150, 0.060, 0.3127, 0.3290)
 _SILENT = (
@@ -89,9 +89,9 @@ def exr_header(path: Path) -> Header:
             f"{quoted(', '.join(picture.others), 400)}"
         )
     notes += not_square(path, float(stated["pixelAspectRatio"]))
-    chromaticities, spectra = None, None
+    chromaticities, bands_nm = None, None
     if picture.wavelengths_nm:
-        spectra, units = _spectra(path, picture), str(stated.get("emissiveUnits", "no unit"))
+        bands_nm, units = _bands_nm(path, picture), str(stated.get("emissiveUnits", "no unit"))
         if units != RADIANCE_UNIT:
             notes.append(f"{path} states {units}; its values are taken as {RADIANCE_UNIT}")
     elif "chromaticities" in stated:
@@ -109,9 +109,9 @@ def exr_header(path: Path) -> Header:
             if name not in _SILENT and not is_usual.get(name)
         },
     )
-    unit = "cd/m2" if white_cd_m2 is not None and spectra is None else None
+    unit = "cd/m2" if white_cd_m2 is not None and bands_nm is None else None
     return Header(
-        shape, "light", 1, None, None, (0, 1), chromaticities, unit, spectra, tuple(notes)
+        shape, "light", 1, None, None, (0, 1), chromaticities, unit, bands_nm, tuple(notes)
     )
 
 
@@ -215,11 +215,8 @@ def _wavelength_nm(match: re.Match[str]) -> float:
     return _LIGHT_NM_HZ / number if match[4] == "Hz" else 1e9 * number
 
 
-def _spectra(path: Path, picture: _Picture) -> tuple[Spectrum, ...]:
-    """Return the spectrum of each channel with the value 1, W·m⁻²·sr⁻¹·nm⁻¹.
-
-    Between the edges that a file of ours states, else between the middles to the next channels.
-    """
+def _bands_nm(path: Path, picture: _Picture) -> Bands:
+    """Return the edges of spectral channels: as a file of ours states, else midway to the next."""
     units = picture.attributes.get("emissiveUnits")
     centers = np.array(picture.wavelengths_nm)
     if units not in (None, *_UNITS) or len(centers) < 2 or not (np.diff(centers) > 0).all():
@@ -229,15 +226,11 @@ def _spectra(path: Path, picture: _Picture) -> tuple[Spectrum, ...]:
         )
     if "bandEdgesNm" in picture.attributes:
         stated = str(picture.attributes["bandEdgesNm"]).split()
-        bands = sorted((tuple(map(float, band.split("-"))) for band in stated), key=sum)
-    else:
-        steps = np.diff(centers)
-        lower, upper = np.append(steps[:1], steps) / 2, np.append(steps, steps[-1:]) / 2
-        bands = list(zip(centers - lower, centers + upper, strict=True))
-    return tuple(
-        Spectrum.of([lower - 1e-3, lower, upper, upper + 1e-3], [0.0, 1.0, 1.0, 0.0])
-        for lower, upper in bands
-    )
+        return tuple(sorted((tuple(map(float, band.split("-"))) for band in stated), key=sum))
+    steps = np.diff(centers)
+    lower = centers - np.append(steps[0], steps) / 2
+    upper = centers + np.append(steps, steps[-1]) / 2
+    return tuple(zip(lower.round(6).tolist(), upper.round(6).tolist(), strict=True))
 
 
 _RESOLUTION = re.compile(rb"\n\n([-+][XY]) (\d{1,9}) ([-+][XY]) (\d{1,9})\n")

@@ -181,7 +181,7 @@ def _pictures(
         pages=header.frames,
         times_s=None if header.times_s is None else np.array(header.times_s),
         notes=(*header.notes, *([HDR_NOTES[coding.name]] if coding.name in HDR_NOTES else [])),
-        spectra=header.spectra,
+        bands_nm=header.bands_nm,
     )
 
 
@@ -193,6 +193,10 @@ def coding_stated(path: Path, unit: Unit | None, header: Header) -> Coding:
         raise UserError(
             f"{path} holds {what}, whose unit can be {' or '.join(units)}, not {unit}; omit it"
         )
+    if header.bands_nm is not None:
+        if unit is not None:
+            raise UserError(f"{path} states spectral radiance; omit the unit {unit}")
+        return Coding("spectral radiance", "linear")
     matrix = None if header.chromaticities is None else to_bt709(header.chromaticities)
     if header.depth == "light":
         unit = unit or header.unit or "linear"
@@ -269,7 +273,7 @@ def pillow_header(path: Path) -> Header:
         if image.mode in ("CMYK", "LAB"):
             raise DamagedFileError(f"{path} has the colors {image.mode} of prints; save it in sRGB")
         values = image.tile[0].args if getattr(image, "tile", []) else ""
-        is_deep = image.mode[0] in "IF" or ";16" in str(values)
+        is_deep = image.mode[0] in "IF" or (image.format == "PNG" and ";16" in str(values))
         largest = values[1] if image.format == "PPM" and isinstance(values, tuple) else 255
         if image.format != "PNG" and (is_deep or largest > 255):
             raise DamagedFileError(f"{path} has more than 8 bits; save it as PNG or TIFF")

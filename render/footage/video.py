@@ -33,7 +33,10 @@ _BT709_MATRIX, _BT601_MATRIX, _BT2020_MATRIX = 1, 5, 9
 _MATRICES = {1: 1, 4: 4, 5: 5, 6: 5, 7: 7, 9: 9}
 """libswscale's number of a color matrix, by that in the file (ITU-T H.273)."""
 _BT2020_PRIMARIES = 9
-_TOLD = ("STEREO3D", "SPHERICAL", "MASTERING_DISPLAY_METADATA", "CONTENT_LIGHT_LEVEL", "ICC_PROFILE")
+_TOLD = (
+    *("STEREO3D", "SPHERICAL", "MASTERING_DISPLAY_METADATA", "CONTENT_LIGHT_LEVEL"),
+    "ICC_PROFILE",
+)
 """Data of a frame on place and light without effect."""
 _HD_ROWS = 720
 """Rows from which a video without a stated matrix uses that of BT.709, not of BT.601."""

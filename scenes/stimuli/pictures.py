@@ -20,7 +20,14 @@ from megalopta.scenes.cameras.base import Camera
 from megalopta.scenes.hashed_file import HashedFile
 from megalopta.scenes.lighting.light import Light
 from megalopta.scenes.scene import Scene
-from megalopta.scenes.spectra.color import LUMINANCE_SHARES, Bands, band_means, primaries
+from megalopta.scenes.spectra.color import (
+    LUMINANCE_SHARES,
+    Bands,
+    band_means,
+    luminances,
+    primaries,
+    rebinned,
+)
 from megalopta.scenes.spectra.spectrum import SPECTRA, Spectrum, SpectrumName, luminous
 from megalopta.scenes.trajectories.base import Path
 
@@ -57,13 +64,23 @@ class ColorsAsLight(Record, frozen=True):
         """Name of the spectrum of white."""
         return (light.level if self.spectrum == "light" else self.spectrum).replace("_", " ")
 
-    def radiance_of_unit(self, light: Light, bands_nm: Bands, mean_rgb: ArrayLike) -> Floats:
-        """Band means (3, B) of red, green and blue with a value of 1, W·m⁻²·sr⁻¹·nm⁻¹.
+    def radiance_of_unit(
+        self,
+        light: Light,
+        bands_nm: Bands,
+        mean: ArrayLike,
+        of_channels_nm: Bands | None = None,
+    ) -> Floats:
+        """Band means (channels, B) of each channel with a value of 1, W·m⁻²·sr⁻¹·nm⁻¹.
 
-        `mean_rgb` (3,) is the mean over all frames, which reflects `reflectance` of the light.
+        Channels are red, green and blue, or bands of spectral radiance. `mean` (channels,) is the
+        mean over all frames, which reflects `reflectance` of the light.
         """
-        of_white = band_means(primaries(self.white(light)), bands_nm) / math.pi
-        return of_white * self.reflectance / float(np.dot(mean_rgb, LUMINANCE_SHARES))
+        if of_channels_nm is None:
+            of_white = band_means(primaries(self.white(light)), bands_nm) / math.pi
+            return of_white * self.reflectance / float(np.dot(mean, LUMINANCE_SHARES))
+        lux = math.pi * float(np.dot(mean, luminances(of_channels_nm))) / self.reflectance
+        return rebinned(of_channels_nm, bands_nm) * (light.resolved().illuminance_lux / lux)
 
 
 class Pictures(ColorsAsLight, SceneDescription, frozen=True):
