@@ -17,6 +17,7 @@ from megalopta.cli.command import (
     option,
     out,
     out_file,
+    positive,
     settings_loader,
     switch,
     verb,
@@ -39,6 +40,12 @@ _OF_SWEEPS = ("allow_code", "out", "cache")
 VERBS["benchmark"] = Verb("measure how well methods estimate motion, and how much light they need")
 
 
+_PNG_SCALE = option(
+    "--png-scale CODES",
+    "codes of a pixel in flow as PNG, which cannot state it: 64 in KITTI, 128 in DSEC",
+    positive,
+    64.0,
+)
 _PHOTONS = option("--photons N,N", "mean photons per pixel and frame", numbers, _FLUXES)
 
 
@@ -47,9 +54,9 @@ _PHOTONS = option("--photons N,N", "mean photons per pixel and frame", numbers, 
     "rank flow methods over photon levels on photographs, with or without true flow",
     option(
         "paths PATH",
-        "two pictures and their flow (.flo or another format); or a folder in the layout"
-        " of Middlebury, Sintel, KITTI or a dataset; with --no-truth: two pictures, a folder"
-        " of pictures, or a video",
+        "two pictures and their flow (.flo or another format); or a folder in the layout of"
+        " Middlebury, Sintel, KITTI, Spring, FlyingChairs or a dataset; with --no-truth: two"
+        " pictures, a folder of pictures, or a video",
         Path,
         nargs="+",
     ),
@@ -59,6 +66,7 @@ _PHOTONS = option("--photons N,N", "mean photons per pixel and frame", numbers, 
         " (default: all two-frame methods)",
     ),
     _PHOTONS,
+    _PNG_SCALE,
     option(
         "--pairs N",
         "largest number of pairs from a folder or video, evenly spaced",
@@ -104,10 +112,10 @@ def _pairs_with_truth(options: Namespace) -> None:
     from megalopta.benchmark.whole_frames import METRICS, errors_of_pairs, write_board
 
     if len(options.paths) == 1:
-        pairs = evenly_spread(pairs_below(options.paths[0]), options.pairs)
+        pairs = evenly_spread(pairs_below(options.paths[0], options.png_scale), options.pairs)
     elif len(options.paths) == 3:
         *pictures, truth = options.paths
-        pairs = {pictures[0].stem: (*pictures, TrueFlow(truth))}
+        pairs = {pictures[0].stem: (*pictures, TrueFlow(truth, png_scale=options.png_scale))}
     else:
         raise UserError(
             f"benchmark pairs: {len(options.paths)} paths; give a folder, or two pictures and"
@@ -281,10 +289,12 @@ def _sequence(options: Namespace) -> Path:
     ),
     option(
         "--truth",
-        "folder of the true flow: a dataset, or one of Sintel, KITTI or Middlebury",
+        "folder of the true flow: a dataset, or one of Sintel, KITTI, Middlebury, Spring or "
+        "FlyingChairs",
         Path,
         required=True,
     ),
+    _PNG_SCALE,
     option("--program", "name of the program that wrote it (default: its folder's name)"),
     option("--leaderboard FILE", "add the scores to this file and show it", Path),
     out_file("scores.json", "file of the scores"),
@@ -303,7 +313,7 @@ def _submit(options: Namespace) -> Iterator[Path]:
 
     if options.leaderboard:
         read_board(options.leaderboard)  # refuses a damaged one before the work
-    scores = score_submission(options.flow, options.truth, options.program)
+    scores = score_submission(options.flow, options.truth, options.program, options.png_scale)
     files.write_text(options.out, scores.model_dump_json(indent=1) + "\n")
     console = Console(width=_WIDTH, markup=False, emoji=False)
     console.print(score_table(scores))

@@ -209,7 +209,7 @@ def test_mistakes_are_told_in_a_sentence(clip, tmp_path, refused):
     small = tmp_path / "small.png"
     Image.fromarray(np.full((20, 30), 9, np.uint8)).save(small)
     assert "give pictures and flow of one size" in run(picture, small, truth)
-    assert "cannot be read as a picture" in run(truth, small, truth)
+    assert "not a supported picture" in run(truth, small, truth)
     assert "no such folder" in run(tmp_path / "elsewhere")
     words = run(picture, picture, tmp_path / "none.flo")
     assert "none.flo cannot be read (no such file or directory); give a file of true flow" in words

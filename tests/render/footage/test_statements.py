@@ -339,7 +339,7 @@ def test_a_transparent_color_of_a_png(tmp_path):
     assert not frames.any() and "over black" in note
 
 
-@pytest.mark.parametrize("suffix", ["jpg", "webp", "tif", "png"])
+@pytest.mark.parametrize("suffix", ["jpg", "webp", "png"])
 def test_exposure_and_position_of_photographs_are_told(tmp_path, suffix):
     exif = Image.Exif()
     exif[0x0112] = 1
@@ -347,8 +347,7 @@ def test_exposure_and_position_of_photographs_are_told(tmp_path, suffix):
     exif.get_ifd(0x8825)[1] = "N"
     Image.new("RGB", (8, 8), "gray").save(tmp_path / f"a.{suffix}", exif=exif)
     _, note = seen(tmp_path / f"a.{suffix}")
-    assert "Exposure" in note or "Exif" in note
-    assert "GPS" in note
+    assert "ExposureTime" in note and "GPS" in note
 
 
 @pytest.mark.parametrize("suffix", ["jpg", "png", "bmp", "tif"])
@@ -507,7 +506,7 @@ def test_exposures_of_a_folder_differ(tmp_path):
 def test_pixels_of_a_film_that_are_not_square_and_other_films_are_told(tmp_path):
     path = tmp_path / "a.mkv"
     with av.open(path, "w") as container:
-        streams = [container.add_stream("ffv1", rate=25) for _ in range(2)]
+        streams = [container.add_stream("libx264", rate=25) for _ in range(2)]
         for stream in streams:
             stream.width, stream.height, stream.pix_fmt = 64, 48, "yuv420p"
             stream.codec_context.sample_aspect_ratio = Fraction(4, 3)
