@@ -41,6 +41,7 @@ from megalopta.scenes.forest.description import Forest
 from megalopta.scenes.imu import Imu
 from megalopta.scenes.lighting.levels import illuminance_of
 from megalopta.scenes.lighting.light import Light
+from megalopta.scenes.spectra.spectrum import check_known
 from megalopta.scenes.trajectories.mount import Mount
 from megalopta.scenes.trajectories.steady import Trajectory
 from megalopta.sensor import IMAGE_SENSORS, ImageSensor
@@ -231,6 +232,9 @@ class Configuration(Record, frozen=True):
     def _parts_fit(self) -> "Configuration":
         if self.trajectory.frames < 2:
             raise ValueError("trajectory.frames 1: motion needs at least 2 frames")
+        if self.scene.has_truth:  # pictures may hold spectra of their own
+            white, name = self.scene.white(self.light), f"light {self.light.level!r}"
+            check_known(name, white.range_nm, self.render.bands_nm, "")
         names = [_folder_name(sensor.name) for sensor in self.sensors]
         if len(set(names)) < len(names):
             raise ValueError(f"sensors {names}: give each sensor a name of its own")

@@ -183,9 +183,9 @@ def _levels(
     of_channels_nm: Bands | None,
 ) -> list[float]:
     """Light levels, lux."""
+    light, bands_nm = settings.light, settings.render.bands_nm
+    of_unit = _scene(settings).radiance_of_unit(light, bands_nm, found.mean, of_channels_nm)
     if asked.photons:
-        light, bands_nm = settings.light, settings.render.bands_nm
-        of_unit = _scene(settings).radiance_of_unit(light, bands_nm, found.mean, of_channels_nm)
         parts = of_unit, light, bands_nm
         per_lux = photons_per_lux(*parts, settings.sensors[0], found.mean)
         for sensor in settings.sensors[1:]:

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 from typing import Literal, get_args
 
 from megalopta.scenes.spectra import outdoors
-from megalopta.scenes.spectra.spectrum import Spectrum, luminous, total
+from megalopta.scenes.spectra.spectrum import Spectrum, common_range, luminous, total
 
 ComponentName = Literal[
     "sun", "daylit sky", "moon", "moonlit sky", "twilight", "airglow", "starlight", "clouds"
@@ -85,7 +85,8 @@ def overcast(components: tuple[Component, ...]) -> Component:
     """Light through a closed layer of cloud, with the total illuminance of its components."""
     light = total([each.irradiance for each in components])
     wavelengths = sorted({*light.wavelengths_nm, *outdoors.OVERCAST.wavelengths_nm})
-    color = Spectrum.of(wavelengths, light(wavelengths) * outdoors.OVERCAST(wavelengths))
+    values = light(wavelengths) * outdoors.OVERCAST(wavelengths)
+    color = Spectrum.of(wavelengths, values, common_range([light, outdoors.OVERCAST]))
     return Component("clouds", color).giving(luminous(light))
 
 

@@ -129,7 +129,8 @@ def primaries(light: Spectrum) -> tuple[Spectrum, Spectrum, Spectrum]:
     red_edge = brentq(lambda edge: luminance_below(edge) - 1 + red_share, 400.0, 700.0)
     not_blue, red = (expit((_GRID_NM - edge) / _STEP_WIDTH_NM) for edge in (blue_edge, red_edge))
     shares = red, not_blue - red, 1 - not_blue
-    first, second, third = (Spectrum.of(_GRID_NM, values * share) for share in shares)
+    known_nm = light.range_nm
+    first, second, third = (Spectrum.of(_GRID_NM, values * share, known_nm) for share in shares)
     return first, second, third
 
 

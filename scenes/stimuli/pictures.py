@@ -28,7 +28,13 @@ from megalopta.scenes.spectra.color import (
     primaries,
     rebinned,
 )
-from megalopta.scenes.spectra.spectrum import SPECTRA, Spectrum, SpectrumName, luminous
+from megalopta.scenes.spectra.spectrum import (
+    SPECTRA,
+    Spectrum,
+    SpectrumName,
+    check_known,
+    luminous,
+)
 from megalopta.scenes.trajectories.base import Path
 
 Unit = Literal["srgb", "linear", "cd/m2"]
@@ -77,6 +83,8 @@ class ColorsAsLight(Record, frozen=True):
         mean over all frames, which reflects `reflectance` of the light.
         """
         if of_channels_nm is None:
+            name, remedy = f"white {self.white_name(light)!r}", "choose another `spectrum`, or "
+            check_known(name, self.white(light).range_nm, bands_nm, remedy)
             of_white = band_means(primaries(self.white(light)), bands_nm) / math.pi
             return of_white * self.reflectance / float(np.dot(mean, LUMINANCE_SHARES))
         lux = math.pi * float(np.dot(mean, luminances(of_channels_nm))) / self.reflectance
