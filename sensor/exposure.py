@@ -62,7 +62,7 @@ _FEW_PIXELS = 2**15
 def expose(
     radiance: ArrayLike,
     bands_nm: ArrayLike,
-    sensor: ImageSensor,
+    sensor: ImageSensor | str,
     *,
     seed: int,
     sequence: str | int,
@@ -82,6 +82,8 @@ def expose(
         Band means, W·m⁻²·sr⁻¹·nm⁻¹.
     bands_nm : (B, 2) array
         Lower and upper edge of each band, nm.
+    sensor
+        A sensor, or a preset's name.
     sequence : str or int
         Name of the draws; a frame's readings are a function of seed, sequence and frame number.
     first_frame : int
@@ -91,6 +93,9 @@ def expose(
     expectation : bool
         True to compute mean and variance too, which about doubles the cost.
     """
+    from megalopta.sensor.image_sensors import sensor_named  # which imports this module
+
+    sensor = sensor_named(sensor)
     named: dict[str, Any] = {
         "seed": seed,
         "sequence": sequence,

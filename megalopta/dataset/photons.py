@@ -15,7 +15,8 @@ from megalopta.dataset.picture_light import photons_per_lux
 from megalopta.render.settings import RenderSettings
 from megalopta.scenes import Light
 from megalopta.scenes.stimuli.pictures import ColorsAsLight, Unit
-from megalopta.sensor import IMAGE_SENSORS, Exposure, ImageSensor, expose
+from megalopta.sensor import Exposure, expose
+from megalopta.sensor.image_sensors import sensor_named
 
 if TYPE_CHECKING:
     from megalopta.render import Footage
@@ -66,10 +67,8 @@ def photons_from_images(
     is_number = isinstance(asked, Real) and 0 < asked < np.inf
     if not is_number or (photons_per_pixel is None) == (lux is None):
         raise UserError("photons_from_images: give photons_per_pixel or lux, a number above 0")
-    if isinstance(sensor, str) and sensor not in IMAGE_SENSORS:
-        raise UserError(f"sensor {sensor!r} is unknown: use one of {', '.join(IMAGE_SENSORS)}")
-    device: ImageSensor = IMAGE_SENSORS[sensor] if isinstance(sensor, str) else sensor
     with refused_as("photons_from_images"), _opened(images, unit) as footage:
+        device = sensor_named(sensor)
         model = checked(ColorsAsLight, colors)
         mean = _mean(footage)
         bands = footage.bands_nm or RenderSettings().bands_nm

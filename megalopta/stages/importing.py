@@ -87,7 +87,7 @@ def pictures_configuration(
         _check_brightness(path, asked, footage.is_absolute, overrides)
         fields = _fields(path, footage, asked)
         settings = _short_exposures(validated(Configuration, fields, str(path), overrides))
-        _say_still(settings, footage)
+        _say_times(settings, footage)
         found = _recorded(out or usual_folder(settings), settings) or measured(settings, footage)
     if footage.is_absolute:
         lux = _lux(settings, found.luminance)
@@ -118,11 +118,14 @@ def _check_brightness(
     )
 
 
-def _say_still(settings: Configuration, footage: Footage) -> None:
-    """Say for how long the last picture is held."""
+def _say_times(settings: Configuration, footage: Footage) -> None:
+    """Say which pictures no frame shows, and for how long the last one is held."""
     rate_hz = settings.trajectory.frame_rate_hz
     scene = _scene(settings)
     end_s = float(picture_times(footage, scene.picture_rate_hz or rate_hz)[-1])
+    shown = PictureFrames(footage, settings).weights()
+    if missed := max(shown) + 1 - len(shown):
+        say(f"pictures: {missed} lie between two frames and are not shown; raise --frame-rate")
     held_s = settings.trajectory.duration_s - end_s
     if len(footage) > 1 and held_s * rate_hz >= 1:
         say(f"pictures: they end after {end_s:.3g} s; the last is held for {held_s:.3g} s")
@@ -160,7 +163,8 @@ def _timing(footage: Footage, asked: PictureOptions) -> dict[str, Any]:
     times_s = picture_times(footage, asked.picture_rate_hz or asked.frame_rate_hz or _USUAL_HZ)
     end_s = float(times_s[-1])
     rate_hz = asked.frame_rate_hz or ((count - 1) / end_s if end_s else _USUAL_HZ)
-    frames = math.floor(end_s * rate_hz + 0.1) + 1 if count > 1 else STILL_FRAMES
+    last_s = footage.last_s or 1 / rate_hz
+    frames = math.floor((end_s + last_s) * rate_hz + 0.1) if count > 1 else STILL_FRAMES
     return {"frames": asked.frames or max(frames, 2), "frame_rate_hz": rate_hz}
 
 
