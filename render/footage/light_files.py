@@ -74,9 +74,9 @@ def exr_header(path: Path) -> Header:
     (first_x, first_y), (last_x, last_y) = np.asarray(stated["displayWindow"]).tolist()
     shape = last_y - first_y + 1, last_x - first_x + 1
     check_size(path, shape)
-    check_decoded(
-        path, (bottom - top + 1, right - left + 1, sum(len(h["channels"]) for h in headers)), 4
-    )
+    planes = sum(len(header["channels"]) for header in headers)  # OpenEXR decodes all of them
+    check_decoded(path, (bottom - top + 1, right - left + 1, planes), 4)
+    check_decoded(path, (*shape, len(picture.names)), 4)
     if (left, top, right, bottom) != (first_x, first_y, last_x, last_y):
         notes.append(
             f"{path} places {right - left + 1} × {bottom - top + 1} px at "
@@ -140,26 +140,22 @@ def exr_light(path: Path, _: int = 0) -> tuple[NDArray[Any], bool]:
         shares = to_xyz(np.ravel(given).tolist())[1]
         planes = [red, (y - shares[0] * red - shares[2] * blue) / shares[1], blue]
     light = planes[0] if len(planes) == 1 else np.stack(planes, axis=-1)
-    light = light * np.float32(stated.get("whiteLuminance", 1))
+    if not picture.wavelengths_nm:
+        light = light * np.float32(stated.get("whiteLuminance", 1))
     return _placed(path, light, window, np.asarray(stated["displayWindow"])), is_transparent
 
 
 def _placed(
     path: Path, light: NDArray[Any], data: NDArray[Any], display: NDArray[Any]
 ) -> NDArray[Any]:
-    """Return light of a data window on a display window, each of first and last column and row."""
-    if (data == display).all():
-        return light
-    left, top = np.maximum(data[0], display[0])
-    right, bottom = np.minimum(data[1], display[1]) + 1
-    if left >= right or top >= bottom:
+    """Return light of a data window on a display window; each is (2, 2), first and last (x, y)."""
+    outside = ((display - data) * [[1], [-1]]).clip(0)[:, ::-1]  # rows, columns to cut at both ends
+    lacking = ((data - display) * [[1], [-1]]).clip(0)[:, ::-1]
+    ends = np.array(light.shape[:2]) - outside[1]
+    cut = light[outside[0, 0] : max(ends[0], 0), outside[0, 1] : max(ends[1], 0)]
+    if not cut.size:
         raise DamagedFileError(f"{path} has no pixel within its displayWindow; save it again")
-    columns, rows = display[1] - display[0] + 1
-    placed = np.zeros((rows, columns, *light.shape[2:]), np.float32)
-    (x, y), (from_x, from_y) = (left, top) - display[0], (left, top) - data[0]
-    height, width = bottom - top, right - left
-    placed[y : y + height, x : x + width] = light[from_y : from_y + height, from_x : from_x + width]
-    return placed
+    return np.pad(cut, [*lacking.T.tolist(), *[(0, 0)] * (light.ndim - 2)])
 
 
 def _chosen(path: Path, headers: Sequence[Mapping[str, Any]]) -> _Picture:
