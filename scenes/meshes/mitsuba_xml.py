@@ -5,6 +5,7 @@ shine on request. What else would change the picture is refused by name, cameras
 the file have no effect.
 """
 
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import PurePosixPath
@@ -115,8 +116,7 @@ class _Reader:
         if self._document.parts(shape, "medium"):
             paint = replace(paint, finish=None, refused="the boundary of a medium")
         if self._document.parts(shape, "emitter"):
-            glow = self._surfaces.glow(shape)
-            paint = replace(paint, radiance=glow, ignored=() if glow else ("emission",))
+            paint = self._surfaces.shining(paint, shape)
         is_flat, is_flipped = (
             value_of(shape, "boolean", f"{name}_normals") == "true" for name in ("face", "flip")
         )
@@ -150,7 +150,9 @@ def _basic(kind: str, shape: Element) -> Piece:
         for each in shape
         if each.tag in ("point", "vector")
     }
-    radius = float(value_of(shape, "float", "radius") or 1)
+    radius, label = float(value_of(shape, "float", "radius") or 1), shape.get("id") or kind
+    if not 0 < radius < math.inf:
+        raise ValueError(f"shape {quoted(label)!r} has radius {radius:g}, which is not above 0")
     match kind:
         case "rectangle":
             made = basic_shapes.rectangle()
@@ -162,6 +164,8 @@ def _basic(kind: str, shape: Element) -> Piece:
             made = basic_shapes.sphere(points.get("center", np.zeros(3)), radius)
         case "cylinder":
             start, end = points.get("p0", np.zeros(3)), points.get("p1", np.array([0, 0, 1.0]))
+            if not 0 < np.linalg.norm(end - start) < math.inf:
+                raise ValueError(f"shape {quoted(label)!r} has p0 {start} and p1 {end}: no length")
             made = basic_shapes.cylinder(start, end, radius)
         case _:
             raise DamagedFileError(

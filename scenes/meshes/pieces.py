@@ -11,6 +11,10 @@ from megalopta.scenes.finish import Finish
 from megalopta.scenes.meshes.animation import NodeMotion
 from megalopta.scenes.spectra.spectrum import Spectrum
 
+_FARTHEST = 1e12
+"""Largest coordinate of a map, as of a camera."""
+_FLATTEST = 1e12
+"""Largest ratio of a map's scales."""
 Color = tuple[float, float, float]
 """Red, green and blue in linear sRGB, 0 to 1."""
 
@@ -30,6 +34,8 @@ class Paint:
     """Reflectance in place of a color."""
     radiance: Spectrum | None = None
     """Radiance that it emits, W·m⁻²·sr⁻¹·nm⁻¹, where lights of files count."""
+    dark: str = ""
+    """Description of a lamp whose radiance is not read."""
     finish: Finish | None = None
     """Surface that is not diffuse, in place of all colors."""
     refused: str = ""
@@ -98,6 +104,19 @@ class Piece:
         if normals is not None:
             normals = _on_the_side(normals, _vertex_sums(faces, facing, len(self.vertices)))
         return replace(self, faces=faces, colors=colors, normals=normals)
+
+
+def check_map(matrix: Floats, where: str, may_flatten: bool = False) -> None:
+    """Refuse a map (4, 4) of a file that takes shapes to no place, or off space.
+
+    Raises ValueError that begins with `where`.
+    """
+    if not (np.abs(matrix) <= _FARTHEST).all():
+        raise ValueError(f"{where} is not finite, or beyond {_FARTHEST:g}")
+    if (matrix[3] != [0, 0, 0, 1]).any():
+        raise ValueError(f"{where} is a perspective map")
+    if not may_flatten and np.linalg.cond(matrix[:3, :3]) > _FLATTEST:
+        raise ValueError(f"{where} leaves no volume")
 
 
 def _cofactors(linear: Floats) -> Floats:
