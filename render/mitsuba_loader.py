@@ -9,6 +9,8 @@ Each Mitsuba class exists once per variant. Plug-ins are written as plain classe
 
 import os
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import cache
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -41,6 +43,18 @@ def activate(variant: Variant) -> None:
     """Make Mitsuba use the variant from here on."""
     if mi.variant() != variant.name:
         mi.set_variant(variant.name)
+
+
+@contextmanager
+def activated(variant: Variant) -> Iterator[None]:
+    """Make Mitsuba use the variant inside, and the former one again after it."""
+    former = mi.variant()
+    activate(variant)
+    try:
+        yield
+    finally:
+        if former:
+            mi.set_variant(former)
 
 
 def is_scalar() -> bool:

@@ -94,15 +94,18 @@ def _frame_files(dataset: Dataset, index: int) -> list[Path]:
 
 
 def build(settings: Configuration) -> Scene:
-    """Build the scene of a configuration. Raises UserError."""
+    """Build the scene of a configuration, and tell what of it has no effect. Raises UserError."""
     with refused_as("scene"):
-        return build_scene(
+        scene = build_scene(
             settings.scene,
             settings.light,
             settings.scene_camera or settings.camera,
             settings.trajectory,
             settings.objects,
         )
+    for note in scene.notes:
+        say(f"scene: {note}")
+    return scene
 
 
 def _load(
@@ -133,7 +136,7 @@ class FrameWriter:
         with step("loading the scene"):
             kept_light = None if whole else cache_folder() / "light"
             self._renderer = _load(scene, settings, _all_poses(settings), kept_light)
-        self._kinds, self._origin_m = scene.kinds, scene.origin_m
+        self._kinds, self._origin_m, self._notes = scene.kinds, scene.origin_m, scene.notes
         if "classes" in settings.labels and len(self._kinds) > labels.MOST_CLASSES:
             raise UserError(
                 f"labels: {len(self._kinds)} kinds of objects, and `classes` holds "
@@ -163,6 +166,7 @@ class FrameWriter:
             "variant": self.variant.name,
             "integrator": self.integrator,
             "kinds": list(self._kinds),
+            "notes": list(self._notes),
             "motions": self._motions,
             "illuminance": self._illuminance(),
             "canopy": str(self._renderer.canopy(self._poses, ring)) if ring else None,

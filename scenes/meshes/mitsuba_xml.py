@@ -6,7 +6,7 @@ the file have no effect.
 """
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import replace
 from pathlib import PurePosixPath
 
@@ -17,7 +17,7 @@ from megalopta.core.bounded import quoted
 from megalopta.core.errors import DamagedFileError
 from megalopta.scenes.meshes import basic_shapes, polygons, wavefront
 from megalopta.scenes.meshes.mitsuba_surfaces import Surfaces, content_of
-from megalopta.scenes.meshes.pieces import Piece
+from megalopta.scenes.meshes.pieces import Piece, Unused
 from megalopta.scenes.meshes.xml_document import (
     Document,
     Element,
@@ -30,6 +30,8 @@ from megalopta.scenes.meshes.xml_document import (
 _MOST_TRIANGLES = 10**7
 _MOST_INSTANCES = 10**5
 _FILES = ("obj", "ply")
+_UNUSED = "emitter", "film", "integrator", "medium", "phase", "sensor", "volume"
+"""Parts of scenes that have no effect"""
 _OF_SHAPES = ("bsdf", "emitter", "medium", "sensor", "shape", "transform")
 _VALUES = ("boolean", "float", "integer", "point", "string", "vector")
 """Parts of shapes that are read, refused by their material, or change nothing that is seen"""
@@ -60,6 +62,20 @@ def pieces_of(contents: Mapping[str, bytes]) -> Iterator[Piece]:
             if total > _MOST_TRIANGLES:
                 raise ValueError(f"it has more than {_MOST_TRIANGLES:.0e} triangles")
             yield piece.moved(pose)
+
+
+def unused(contents: Mapping[str, bytes], used: Collection[str] = ()) -> Iterator[Unused]:
+    """Yield what has no effect, if "lights" are used or not. Raises any exception."""
+    document = Document(contents)
+    for each in document.root:
+        is_lamp = each.tag == "emitter" and each.get("type") == "area"  # of shapes that name it
+        if each.tag in _UNUSED and not is_lamp:
+            yield f"{each.tag}s", each.get("type", "")
+    for shape in document.root.iter("shape"):
+        if document.parts(shape, "emitter") and "lights" not in used:
+            yield "lamps, as lights are 'own'", shape.get("id") or shape.get("type", "")
+        if document.parts(shape, "sensor"):
+            yield "sensors", shape.get("id") or shape.get("type", "")
 
 
 def check_lights(contents: Mapping[str, bytes]) -> None:

@@ -1,5 +1,7 @@
 """Meshes of a file in one form, whatever the format: pieces of one object and one material."""
 
+import re
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,10 +13,14 @@ from megalopta.scenes.finish import Finish
 from megalopta.scenes.meshes.animation import NodeMotion
 from megalopta.scenes.spectra.spectrum import Spectrum
 
+_HEADER_BYTES = 4096
+_UNIT = re.compile(rb"(?i)\bunits?\s*[=:]\s*\W?([a-z]{1,20})")
 _FARTHEST = 1e12
 """Largest coordinate of a map, as of a camera."""
 _FLATTEST = 1e12
 """Largest ratio of a map's scales."""
+Unused = tuple[str, str]
+"""What a file holds that has no effect, and the name of what has it, perhaps empty."""
 Color = tuple[float, float, float]
 """Red, green and blue in linear sRGB, 0 to 1."""
 
@@ -28,8 +34,6 @@ class Paint:
     color: Color = (1.0, 1.0, 1.0)
     picture: NDArray[np.float32] | None = None
     """(H, W, 3): colors in linear sRGB that multiply the color; row 0 is v = 0."""
-    ignored: tuple[str, ...] = ()
-    """Other properties of the material: transparency, metal, emission."""
     spectrum: Spectrum | None = None
     """Reflectance in place of a color."""
     radiance: Spectrum | None = None
@@ -104,6 +108,13 @@ class Piece:
         if normals is not None:
             normals = _on_the_side(normals, _vertex_sums(faces, facing, len(self.vertices)))
         return replace(self, faces=faces, colors=colors, normals=normals)
+
+
+def stated_unit(content: bytes) -> Iterator[Unused]:
+    """Yield the unit that a comment at the beginning of a file states, as exporters write it."""
+    found = _UNIT.search(content[:_HEADER_BYTES])
+    if found:
+        yield "a unit in a comment, for which `scale` stands", found[1].decode()
 
 
 def check_map(matrix: Floats, where: str, may_flatten: bool = False) -> None:

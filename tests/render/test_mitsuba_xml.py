@@ -205,7 +205,9 @@ def test_a_room_lit_by_its_own_lamp_is_as_bright_as_in_plain_mitsuba(tmp_path):
 def test_lamps_that_are_missing_or_unknown_in_a_band_are_refused(tmp_path):
     path = tmp_path / "room.xml"
     path.write_text(ROOM.replace('type="area"', 'type="spot"'))
-    with pytest.raises(ValueError, match="object 'lamp' is a lamp of type spot, which is not read; remove it"):
+    with pytest.raises(
+        ValueError, match="object 'lamp' is a lamp of type spot, which is not read; remove it"
+    ):
         build_scene(Meshes(files=(str(path),), lights="file"), Light(), CAMERA, PATH)
     path.write_text(ROOM.replace("400:0.3, 720:0.7", "0.5"))
     scene = build_scene(Meshes(files=(str(path),), lights="file"), Light(), CAMERA, PATH)

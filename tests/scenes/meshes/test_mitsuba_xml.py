@@ -375,3 +375,13 @@ def test_shapes_and_places_that_cannot_be_are_refused_with_element_and_value(wri
     path = write(f'<shape id="it" {shape}</shape>')
     with pytest.raises(ValueError, match=rf"scene\.xml.*{reason}"):
         scene_of(path)
+
+
+def test_what_else_a_scene_holds_is_told(write):
+    lamp = square('<emitter type="area"/>')
+    path = write(
+        f'<sensor type="perspective"/><integrator type="path"/><emitter type="point"/>{lamp}'
+    )
+    (told,) = scene_of(path).notes
+    for what in "sensors (perspective)", "integrators (path)", "emitters (point)", "'own' (table)":
+        assert what in told
