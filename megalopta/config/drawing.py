@@ -5,7 +5,7 @@ from itertools import product
 from typing import Any
 
 from megalopta.config import built_in_text
-from megalopta.config.model import Configuration
+from megalopta.config.model import Configuration, fitted
 from megalopta.config.recipe import Plan, RigCamera, Stream, choose, draw_entry, stream
 from megalopta.config.yaml_model import mapping, validated
 from megalopta.core.errors import UserError
@@ -73,7 +73,7 @@ def configuration_at(plan: Plan, index: int, at: Stream) -> Configuration:
     values["light_levels"] = draw_entry(plan.light_levels, at, "light_levels")
     values["sensors"] = draw_entry(own.sensors or plan.sensors, at, "sensors")
     values["products"] = list(plan.products)
-    made = validated(Configuration, values, f"sequence {index} (scene {preset})")
+    made = fitted(validated(Configuration, values, f"sequence {index} (scene {preset})"))
     if not made.scene.has_truth:
         raise UserError(
             f"sequence {index} (scene {preset}): a plan renders its scenes; make a dataset of "

@@ -29,19 +29,22 @@ from megalopta.config.measuring import (
 )
 from megalopta.config.yaml_model import mapping, validated, yaml_text
 from megalopta.core.bounded import quoted
-from megalopta.core.errors import UserError, shell_command
+from megalopta.core.errors import UserError, refused_as, shell_command
 from megalopta.core.record import Record
 from megalopta.core.validation import merged
 from megalopta.flow.detectors.registry import METHODS, THESIS_METHODS
 from megalopta.render import RenderSettings
 from megalopta.scenes import AnyObject, AnyScene, Shutter
-from megalopta.scenes.build import AnyCamera, CameraPath
+from megalopta.scenes.build import AnyCamera, CameraPath, build_scene
 from megalopta.scenes.cameras.perspective import PerspectiveCamera
+from megalopta.scenes.extent import bounds_of
 from megalopta.scenes.forest.description import Forest
 from megalopta.scenes.imu import Imu
 from megalopta.scenes.lighting.levels import illuminance_of
 from megalopta.scenes.lighting.light import Light
+from megalopta.scenes.trajectories.fit import Fit
 from megalopta.scenes.trajectories.mount import Mount
+from megalopta.scenes.trajectories.orbit import Orbit
 from megalopta.scenes.trajectories.steady import Trajectory
 from megalopta.sensor import IMAGE_SENSORS, ImageSensor
 from megalopta.sensor.formats.products import ProductName
@@ -229,8 +232,6 @@ class Configuration(Record, frozen=True):
 
     @model_validator(mode="after")
     def _parts_fit(self) -> "Configuration":
-        if self.trajectory.frames < 2:
-            raise ValueError("trajectory.frames 1: motion needs at least 2 frames")
         names = [_folder_name(sensor.name) for sensor in self.sensors]
         if len(set(names)) < len(names):
             raise ValueError(f"sensors {names}: give each sensor a name of its own")
@@ -388,7 +389,28 @@ def parse(
             f"{source}: a plan of many sequences; make them with: "
             f"{shell_command('dataset', 'make', source)}"
         )
-    return validated(Configuration, values, source, overrides, folder)
+    return fitted(validated(Configuration, values, source, overrides, folder))
+
+
+def fitted(settings: Configuration) -> Configuration:
+    """Replace a path of kind `fit` by the circle around the scene that it stands for.
+
+    Raises UserError if the scene cannot be built, or is made for its camera.
+    """
+    path = settings.trajectory
+    if not isinstance(path, Fit):
+        return settings
+    if settings.scene.is_made_for_camera:
+        raise UserError(
+            f"trajectory.kind 'fit': a scene of kind {settings.scene.kind!r} is made for its "
+            "camera; use another path"
+        )
+    with refused_as("scene"):
+        anywhere = Orbit(frames=path.frames, frame_rate_hz=path.frame_rate_hz)
+        camera, objects = settings.camera, settings.objects
+        scene = build_scene(settings.scene, settings.light, camera, anywhere, objects)
+    orbit = path.around(bounds_of(scene), camera)
+    return settings.model_copy(update={"trajectory": orbit})
 
 
 def differences(old: Mapping[str, Any], new: Mapping[str, Any]) -> list[str]:

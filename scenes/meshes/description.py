@@ -8,7 +8,7 @@ material.
 
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import PurePath
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
@@ -62,6 +62,8 @@ class Meshes(SceneDescription, frozen=True):
     """Your own scene, from files of meshes."""
 
     kind: Literal["meshes"] = "meshes"
+
+    is_made_for_camera: ClassVar[bool] = False
 
     files: Annotated[
         tuple[Annotated[SceneFile, BeforeValidator(_by_path)], ...],
