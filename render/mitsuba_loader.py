@@ -36,7 +36,10 @@ if "drjit" not in sys.modules:
 import drjit as dr  # noqa: E402
 import mitsuba as mi  # noqa: E402
 
-__all__ = ["PlugIn", "activate", "dr", "is_scalar", "mi", "plug_in", "registered"]
+# Warnings, such as that samplers round up, are in the settings' help; errors are raised anyway.
+mi.set_log_level(mi.LogLevel.Error)
+
+__all__ = ["PlugIn", "activate", "activated", "dr", "is_scalar", "mi", "plug_in", "registered"]
 
 
 def activate(variant: Variant) -> None:

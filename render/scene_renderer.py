@@ -135,11 +135,12 @@ class SceneRenderer:
             bounds = bounds_of(scene)
             low, high = (", ".join(f"{x:.4g}" for x in corner) for corner in bounds)
             orbit = Fit().around(bounds, self.camera)
+            center = " ".join(f"{x:g}" for x in orbit.center_m)
             raise ValueError(
-                f"the camera sees no surface in any frame; surfaces extend from ({low}) to ({high}) "
-                "m, and this path sees all of them: --trajectory.kind orbit --trajectory.center_m "
-                f"{' '.join(f'{x:g}' for x in orbit.center_m)} --trajectory.radius_m "
-                f"{orbit.radius_m:g} --trajectory.height_m {orbit.height_m:g}"
+                "the camera sees no surface in any frame; surfaces extend from "
+                f"({low}) to ({high}) m, and this path sees all of them: --trajectory.kind orbit "
+                f"--trajectory.center_m {center} --trajectory.radius_m {orbit.radius_m:g} "
+                f"--trajectory.height_m {orbit.height_m:g}"
             )
 
     def radiance(self, pose: Floats, seed: int, time_s: float = 0.0) -> NDArray[np.float32]:

@@ -56,6 +56,9 @@ def configuration_at(plan: Plan, index: int, at: Stream) -> Configuration:
     fields = dict(scene) if isinstance(scene, Mapping) else {"preset": scene}
     preset = fields.pop("preset")
     values = mapping(built_in_text(preset), "preset")
+    kind = values["scene"]["kind"]
+    if fields.get("scene", {}).get("kind", kind) != kind:
+        values.get("render", {}).pop("max_depth", None)  # which suits the preset's own scene
     values = merged(values, fields)
     for name, field in (("lights", "light"), ("cameras", "camera"), ("trajectories", "trajectory")):
         if getattr(plan, name):

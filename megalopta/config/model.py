@@ -114,7 +114,7 @@ class Configuration(Record, frozen=True):
     shutter: Shutter = Shutter()
     """Motion blur and rolling shutter of the sensors' frames."""
 
-    render: RenderSettings = RenderSettings()
+    render: RenderSettings = Field(RenderSettings(), validate_default=True)
     """Samples, depth, bands and backend."""
 
     labels: Annotated[tuple[LabelName, ...], ONCE] = Field(
@@ -198,6 +198,15 @@ class Configuration(Record, frozen=True):
     @classmethod
     def _name_is_a_folder(cls, name: str) -> str:
         return _folder_name(name)
+
+    @field_validator("render")
+    @classmethod
+    def _depth_suits_the_scene(
+        cls, render: RenderSettings, validation: ValidationInfo
+    ) -> RenderSettings:
+        scene = validation.data.get("scene")
+        is_told = scene is None or "max_depth" in render.model_fields_set
+        return render if is_told else render.model_copy(update={"max_depth": scene.max_depth})
 
     @field_validator("light_levels", mode="before")
     @classmethod
@@ -389,7 +398,12 @@ def parse(
             f"{source}: a plan of many sequences; make them with: "
             f"{shell_command('dataset', 'make', source)}"
         )
-    return fitted(validated(Configuration, values, source, overrides, folder))
+    settings = validated(Configuration, values, source, overrides, folder)
+    is_another_scene = settings.scene.kind != values.get("scene", {}).get("kind", "forest")
+    if is_another_scene and not {"render", "render.max_depth"} & (overrides or {}).keys():
+        render = settings.render.model_copy(update={"max_depth": settings.scene.max_depth})
+        settings = settings.model_copy(update={"render": render})
+    return fitted(settings)
 
 
 def fitted(settings: Configuration) -> Configuration:

@@ -64,6 +64,7 @@ class Meshes(SceneDescription, frozen=True):
     kind: Literal["meshes"] = "meshes"
 
     is_made_for_camera: ClassVar[bool] = False
+    max_depth: ClassVar[int] = 64  # a closed white room of albedo 0.8 lacks 3 % of its light at 16
 
     files: Annotated[
         tuple[Annotated[SceneFile, BeforeValidator(_by_path)], ...],

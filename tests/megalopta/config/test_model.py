@@ -147,7 +147,6 @@ def test_missing_map_and_missing_device_are_named(measured):
         ("light_levels: [starlight, starlight]", "duplicate level"),
         ("methods: [XX]", "'XX' is unknown: use some of BM"),
         ("methods: [BM, BM]", "methods: BM is named twice"),
-        ("trajectory: {frames: 1}", "at least 2 frames"),
         ("sensors: [ideal, ideal]", "name of its own"),
         ("scene: {trees: 5}", "scene: missing key 'kind'; add it"),
         ("scene: {kind: desert}", "scene: kind 'desert' is unknown; use 'forest', 'grating'"),
