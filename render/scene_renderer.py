@@ -61,7 +61,8 @@ def _path_tracer(
 class SceneRenderer:
     """Loaded scene and camera, to be moved along poses.
 
-    Raises ValueError if a panorama cannot be read, or a band is beyond what is known of a material.
+    Raises ValueError if a panorama cannot be read, a band is beyond what is known of a material, or
+    none of the poses sees a surface.
 
     Parameters
     ----------
@@ -72,6 +73,8 @@ class SceneRenderer:
         Seed of the sequence, for data shared by its frames.
     light_folder : pathlib.Path, optional
         Cache folder for baked light, for later renderings of the same.
+    times_s : (T,), optional
+        Times of the poses, s.
 
     Attributes
     ----------
@@ -89,6 +92,7 @@ class SceneRenderer:
         poses: Floats | None = None,
         seed: int = 0,
         light_folder: Files | None = None,
+        times_s: Floats | None = None,
     ) -> None:
         self.camera = camera
         self.variant: Variant = choose_variant(settings.backend)
@@ -103,7 +107,7 @@ class SceneRenderer:
         self._meshes, self._bands_nm = meshes, settings.bands_nm
         self._tracer = TruthTracer(scene, geometry, camera, settings.truth_rays)
         if poses is not None:
-            self._refuse_empty_view(poses)
+            self._refuse_empty_view(poses, times_s)
         pixels = camera.width * camera.height
         reason = path_tracing_reason(scene, self.variant.name, poses, settings, pixels)
         self._view: SurfaceView | EnvironmentView
@@ -124,13 +128,14 @@ class SceneRenderer:
         self.integrator = f"path ({reason})" if reason else "baked"
         self.samples_per_pixel = self._view.samples_per_pixel
 
-    def _refuse_empty_view(self, poses: Floats) -> None:
+    def _refuse_empty_view(self, poses: Floats, times_s: Floats | None) -> None:
         """Raise ValueError with a path that sees the scene if none of the poses sees a surface."""
         scene = self._scene
-        if not scene.placements or scene.haze or scene.is_moving:
+        if not scene.placements or scene.haze or (scene.is_moving and times_s is None):
             return  # all that is seen is a panorama or haze, or may come into view
+        times = np.zeros(len(poses)) if times_s is None else times_s
         some = np.unique(np.linspace(0, len(poses) - 1, _LOOKS).astype(int))
-        views = (Instant(0.0, pose) for pose in self._local(poses[some]))
+        views = map(Instant, times[some].tolist(), self._local(poses[some]))
         if all(self._tracer.see(view).is_sky.all() for view in views):
             bounds = bounds_of(scene)
             low, high = (", ".join(f"{x:.4g}" for x in corner) for corner in bounds)

@@ -109,13 +109,14 @@ def build(settings: Configuration) -> Scene:
 
 
 def _load(
-    scene: Scene, settings: Configuration, poses: NDArray[np.float64], kept_light: Path | None
+    scene: Scene, settings: Configuration, times_s: NDArray[np.float64], kept_light: Path | None
 ) -> "SceneRenderer":
     from megalopta.render import SceneRenderer
 
+    camera, poses = settings.camera, settings.trajectory.pose_at(times_s)
     with refused_as("render"):
         return SceneRenderer(
-            scene, settings.camera, settings.render, poses, settings.seed, kept_light
+            scene, camera, settings.render, poses, settings.seed, kept_light, times_s
         )
 
 
@@ -135,7 +136,7 @@ class FrameWriter:
         self._times_s = settings.trajectory.times_s
         with step("loading the scene"):
             kept_light = None if whole else cache_folder() / "light"
-            self._renderer = _load(scene, settings, _all_poses(settings), kept_light)
+            self._renderer = _load(scene, settings, _all_times(settings), kept_light)
         self._kinds, self._origin_m, self._notes = scene.kinds, scene.origin_m, scene.notes
         if "classes" in settings.labels and len(self._kinds) > labels.MOST_CLASSES:
             raise UserError(
@@ -314,13 +315,13 @@ class FrameWriter:
         return render_until(render_pass, measure_pass, settings.target_error, settings.max_passes)
 
 
-def _all_poses(settings: Configuration) -> NDArray[np.float64]:
-    """Poses that frames look from; with a shutter, also those at the ends of exposures."""
-    path, shutter = settings.trajectory, settings.shutter
+def _all_times(settings: Configuration) -> NDArray[np.float64]:
+    """Times that frames look at, s; with a shutter, also those at the ends of exposures."""
+    times_s, shutter = settings.trajectory.times_s, settings.shutter
     if shutter.is_instant:
-        return path.poses()
+        return times_s
     reach = (shutter.exposure_s + shutter.readout_s) / 2
-    return path.pose_at((path.times_s[:, None] + reach * np.array([-1, 0, 1])).ravel())
+    return np.asarray(times_s[:, None] + reach * np.array([-1, 0, 1])).ravel()
 
 
 def _say_illuminance(light: Mapping[str, Any] | None) -> None:

@@ -117,3 +117,10 @@ def test_the_variant_is_as_it_was_also_after_an_error(tmp_path, fails):
     with pytest.raises(OSError) if fails else nullcontext():
         export_scene(scene, CAMERA, SETTINGS, PATH.poses()[0], tmp_path)
     assert mi.variant() == before
+
+
+def test_warnings_of_mitsuba_do_not_reach_the_terminal(capfd):
+    for variant in "scalar_spectral", choose_variant().name:
+        mi.set_variant(variant)
+        assert mi.load_dict({"type": "multijitter", "sample_count": 37}).sample_count() == 42
+    assert capfd.readouterr() == ("", "")
