@@ -30,7 +30,6 @@ from megalopta.scenes.meshes.pieces import Paint, Piece, Unused, check_map
 
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
 _REPEAT = 10497
-_FIRST_SETS = {"TEXCOORD_0", "COLOR_0"}
 Picture = NDArray[np.float32]
 
 
@@ -75,42 +74,44 @@ def pieces_of(contents: Mapping[str, bytes], animated: bool = False) -> Iterator
 def unused(contents: Mapping[str, bytes], used: Collection[str] = ()) -> Iterator[Unused]:
     """Yield what has no effect, if "animation" is used or not. Raises any exception."""
     header, _ = parts_of(next(iter(contents.values())))
-    nodes = header.get("nodes", ())
-    yield from (("extensions", name) for name in header.get("extensionsUsed", ()) if name not in
-                EFFECTIVE)  # fmt: skip
-    coordinates = {None: 0}
-    for number, material in enumerate(header.get("materials", ())):
-        name = str(material.get("name") or f"material {number}")
-        yield from ((what, name) for what in _ignored(material))
-        coordinates[number] = _coordinates(color_of(material)[1] or {})
-    for number, mesh in enumerate(header.get("meshes", ())):
-        name = str(mesh.get("name") or f"mesh {number}")
+    poses, shown, playing = _poses(header), header.get("scene", 0), "animation" in used
+    cameras, scenes, animations, materials, meshes, nodes = (
+        [
+            (str(entry.get("name") or f"{kind} {number}"), entry)
+            for number, entry in enumerate(
+                header.get("meshes" if kind == "mesh" else f"{kind}s", ())
+            )
+        ]
+        for kind in ("camera", "scene", "animation", "material", "mesh", "node")
+    )
+    extensions = header.get("extensionsUsed", ())
+    yield from (("extensions", name) for name in extensions if name not in EFFECTIVE)
+    yield from (("cameras", name) for name, _ in cameras)
+    yield from (("other scenes", name) for n, (name, _) in enumerate(scenes) if n != shown)
+    yield from (("animations", name) for name, _ in animations[playing:])
+    yield from ((what, name) for name, material in materials for what in _ignored(material))
+    for name, mesh in meshes:
         for part in mesh["primitives"]:
+            texture = color_of(materials[part["material"]][1])[1] if "material" in part else None
+            own = {"TEXCOORD_0", f"TEXCOORD_{_coordinates(texture or {})}"}
+            own |= set() if texture else {"COLOR_0"}
+            sets = {each for each in part["attributes"] if each.startswith(("TEXCOORD", "COLOR"))}
+            yield from ((f"the set {each}", name) for each in sorted(sets - own))
             if part.get("mode", _TRIANGLES) < _TRIANGLES:
                 yield "points and lines", name
-            own = f"TEXCOORD_{coordinates[part.get('material')]}"
-            sets = {each for each in part["attributes"] if each.startswith(("TEXCOORD", "COLOR"))}
-            yield from ((f"the set {each}", name) for each in sorted(sets - _FIRST_SETS - {own}))
-    for number, pose in _poses(header).items():
-        if "mesh" in nodes[number] and not np.linalg.det(pose[:3, :3]):
-            yield "nodes without size", str(nodes[number].get("name") or f"node {number}")
+    for number, (name, node) in enumerate(nodes):
+        if "mesh" in node and number not in poses:
+            yield "nodes outside the scene", name
+        elif "mesh" in node and not np.linalg.det(poses[number][:3, :3]):
+            yield "nodes without size", name
     for sampler in header.get("samplers", ()):
         if {sampler.get("wrapS", _REPEAT), sampler.get("wrapT", _REPEAT)} != {_REPEAT}:
             yield "pictures' clamping and mirroring", ""
-    yield from (("cameras", str(each.get("name", ""))) for each in header.get("cameras", ()))
-    scenes = list(enumerate(header.get("scenes", ())))
-    others = (each for number, each in scenes if number != header.get("scene", 0))
-    yield from (("other scenes", str(each.get("name", ""))) for each in others)
-    moving, *more = [*header.get("animations", ()), {}]
-    if "animation" not in used:
-        moving, more = {}, [moving, *more]
-    names = (str(each.get("name") or number) for number, each in enumerate(more[:-1]))
-    yield from (("animations", name) for name in names)
     joints = {joint for skin in header.get("skins", ()) for joint in skin["joints"]}
-    for channel in moving.get("channels", ()):
-        target = channel["target"]
-        if target["path"] not in PARTS or target.get("node") in joints or "node" not in target:
-            yield "an animation's joints of skins, morph weights and extensions", target["path"]
+    for _, animation in animations[:playing]:
+        for target in (channel["target"] for channel in animation["channels"]):
+            if target["path"] not in PARTS or target.get("node", -1) in {-1, *joints}:
+                yield "an animation's joints of skins, morph weights, extensions", target["path"]
 
 
 def _parts(file: GltfFile, number: int, looks: Sequence[_Look]) -> Iterator[tuple[Json, Piece]]:

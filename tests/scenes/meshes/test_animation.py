@@ -228,4 +228,4 @@ def test_an_animation_of_another_duration_and_what_of_it_has_no_effect_is_told(
     path = Trajectory(frames=frames, frame_rate_hz=10)
     notes = " ".join(description.build(Light(), PerspectiveCamera(), path).notes)
     assert ("has keys from 0 to 2.5 s" in notes) == told
-    assert "morph weights and extensions (weights)" in notes
+    assert "morph weights, extensions (weights)" in notes

@@ -189,6 +189,10 @@ def notes(model, *used):
         ({"animations": [{"name": "walk", "channels": []}]}, "animations (walk)"),
         ({"samplers": [{"wrapS": 33071}]}, "pictures' clamping and mirroring"),
         ({"nodes": [{"mesh": 0}, {"mesh": 0, "scale": [0, 1, 1]}]}, "nodes without size (node 1)"),
+        (
+            {"nodes": [{"mesh": 0}, {"mesh": 0}], "scenes": [{"nodes": [0]}]},
+            "nodes outside the scene (node 1)",
+        ),
     ],
 )
 def test_what_of_a_gltf_file_has_no_effect_is_told(write, header, told):
