@@ -40,7 +40,8 @@ class RenderSettings(Record, frozen=True):
     max_depth: Annotated[int, Field(ge=1, le=1000)] = 16
     """Longest path in surface hits plus one: 2 is direct light, 3 adds one reflection, and so on.
     16 omits up to 0.1 % of a forest's light in the near infrared, less in the visible, and costs no
-    more than 8; the scene record states the omitted share. In haze a scattering counts as a hit,
+    more than 8. By default scenes of meshes have 64: of a closed room of albedo 0.8, 16 omit 3 %.
+    The scene record states the omitted share. In haze a scattering counts as a hit,
     and 64 more are allowed: enough down to a visibility of 20 m."""
 
     bands_nm: Annotated[tuple[tuple[float, float], ...], Field(min_length=1)] = (

@@ -161,6 +161,8 @@ class Scene:
     """Environment seen alone, without noise; one that lights objects belongs to the lighting."""
     haze: Haze | None = None
     """Haze that fills a box around all objects and the camera; None: clear air."""
+    notes: tuple[str, ...] = ()
+    """Sentences on what its files hold that has no effect."""
 
     def __post_init__(self) -> None:
         """Reject dangling names, objects before a panorama and haze around nothing."""

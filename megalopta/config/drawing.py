@@ -5,7 +5,7 @@ from itertools import product
 from typing import Any
 
 from megalopta.config import built_in_text
-from megalopta.config.model import Configuration
+from megalopta.config.model import Configuration, fitted
 from megalopta.config.recipe import Plan, RigCamera, Stream, choose, draw_entry, stream
 from megalopta.config.yaml_model import mapping, validated
 from megalopta.core.errors import UserError
@@ -56,6 +56,9 @@ def configuration_at(plan: Plan, index: int, at: Stream) -> Configuration:
     fields = dict(scene) if isinstance(scene, Mapping) else {"preset": scene}
     preset = fields.pop("preset")
     values = mapping(built_in_text(preset), "preset")
+    kind = values["scene"]["kind"]
+    if fields.get("scene", {}).get("kind", kind) != kind:
+        values.get("render", {}).pop("max_depth", None)  # which suits the preset's own scene
     values = merged(values, fields)
     for name, field in (("lights", "light"), ("cameras", "camera"), ("trajectories", "trajectory")):
         if getattr(plan, name):
@@ -73,7 +76,7 @@ def configuration_at(plan: Plan, index: int, at: Stream) -> Configuration:
     values["light_levels"] = draw_entry(plan.light_levels, at, "light_levels")
     values["sensors"] = draw_entry(own.sensors or plan.sensors, at, "sensors")
     values["products"] = list(plan.products)
-    made = validated(Configuration, values, f"sequence {index} (scene {preset})")
+    made = fitted(validated(Configuration, values, f"sequence {index} (scene {preset})"))
     if not made.scene.has_truth:
         raise UserError(
             f"sequence {index} (scene {preset}): a plan renders its scenes; make a dataset of "

@@ -29,20 +29,23 @@ from megalopta.config.measuring import (
 )
 from megalopta.config.yaml_model import mapping, validated, yaml_text
 from megalopta.core.bounded import quoted
-from megalopta.core.errors import UserError, shell_command
+from megalopta.core.errors import UserError, refused_as, shell_command
 from megalopta.core.record import Record
 from megalopta.core.validation import merged
 from megalopta.flow.detectors.registry import METHODS, THESIS_METHODS
 from megalopta.render import RenderSettings
 from megalopta.scenes import AnyObject, AnyScene, Shutter
-from megalopta.scenes.build import AnyCamera, CameraPath
+from megalopta.scenes.build import AnyCamera, CameraPath, build_scene
 from megalopta.scenes.cameras.perspective import PerspectiveCamera
+from megalopta.scenes.extent import bounds_of
 from megalopta.scenes.forest.description import Forest
 from megalopta.scenes.imu import Imu
 from megalopta.scenes.lighting.levels import illuminance_of
 from megalopta.scenes.lighting.light import Light
 from megalopta.scenes.spectra.spectrum import check_known
+from megalopta.scenes.trajectories.fit import Fit
 from megalopta.scenes.trajectories.mount import Mount
+from megalopta.scenes.trajectories.orbit import Orbit
 from megalopta.scenes.trajectories.steady import Trajectory
 from megalopta.sensor import IMAGE_SENSORS, ImageSensor
 from megalopta.sensor.formats.products import ProductName
@@ -112,7 +115,7 @@ class Configuration(Record, frozen=True):
     shutter: Shutter = Shutter()
     """Motion blur and rolling shutter of the sensors' frames."""
 
-    render: RenderSettings = RenderSettings()
+    render: RenderSettings = Field(RenderSettings(), validate_default=True)
     """Samples, depth, bands and backend."""
 
     labels: Annotated[tuple[LabelName, ...], ONCE] = Field(
@@ -197,6 +200,15 @@ class Configuration(Record, frozen=True):
     def _name_is_a_folder(cls, name: str) -> str:
         return _folder_name(name)
 
+    @field_validator("render")
+    @classmethod
+    def _depth_suits_the_scene(
+        cls, render: RenderSettings, validation: ValidationInfo
+    ) -> RenderSettings:
+        scene = validation.data.get("scene")
+        is_told = scene is None or "max_depth" in render.model_fields_set
+        return render if is_told else render.model_copy(update={"max_depth": scene.max_depth})
+
     @field_validator("light_levels", mode="before")
     @classmethod
     def _lux_are_numbers(cls, levels: Any) -> Any:
@@ -230,8 +242,6 @@ class Configuration(Record, frozen=True):
 
     @model_validator(mode="after")
     def _parts_fit(self) -> "Configuration":
-        if self.trajectory.frames < 2:
-            raise ValueError("trajectory.frames 1: motion needs at least 2 frames")
         if self.scene.has_truth:  # pictures may hold spectra of their own
             white, name = self.scene.white(self.light), f"light {self.light.level!r}"
             check_known(name, white.range_nm, self.render.bands_nm, "")
@@ -392,7 +402,33 @@ def parse(
             f"{source}: a plan of many sequences; make them with: "
             f"{shell_command('dataset', 'make', source)}"
         )
-    return validated(Configuration, values, source, overrides, folder)
+    settings = validated(Configuration, values, source, overrides, folder)
+    is_another_scene = settings.scene.kind != values.get("scene", {}).get("kind", "forest")
+    if is_another_scene and not {"render", "render.max_depth"} & (overrides or {}).keys():
+        render = settings.render.model_copy(update={"max_depth": settings.scene.max_depth})
+        settings = settings.model_copy(update={"render": render})
+    return fitted(settings)
+
+
+def fitted(settings: Configuration) -> Configuration:
+    """Replace a path of kind `fit` by the circle around the scene that it stands for.
+
+    Raises UserError if the scene cannot be built, or is made for its camera.
+    """
+    path = settings.trajectory
+    if not isinstance(path, Fit):
+        return settings
+    if settings.scene.is_made_for_camera:
+        raise UserError(
+            f"trajectory.kind 'fit': a scene of kind {settings.scene.kind!r} is made for its "
+            "camera; use another path"
+        )
+    with refused_as("scene"):
+        anywhere = Orbit(frames=path.frames, frame_rate_hz=path.frame_rate_hz)
+        camera, objects = settings.camera, settings.objects
+        scene = build_scene(settings.scene, settings.light, camera, anywhere, objects)
+    orbit = path.around(bounds_of(scene), camera)
+    return settings.model_copy(update={"trajectory": orbit})
 
 
 def differences(old: Mapping[str, Any], new: Mapping[str, Any]) -> list[str]:

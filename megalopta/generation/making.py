@@ -234,7 +234,8 @@ _FRAMES_LOOKED_AT = 8
 
 def sequence_statistics(dataset: Dataset) -> SequenceStatistics:
     """Measure flow, depth and texture in a few evenly spaced frames, and all readings."""
-    last = dataset.configuration.trajectory.frames - 2  # among frames with a forward flow
+    # among frames with a forward flow, unless there is only one
+    last = max(dataset.configuration.trajectory.frames - 2, 0)
     frames = np.unique(np.linspace(0, last, min(_FRAMES_LOOKED_AT, last + 1)).astype(int)).tolist()
     speeds, unmatched, depths, sky, textures = [], [], [], [], []
     for index in frames:

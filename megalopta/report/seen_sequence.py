@@ -199,7 +199,7 @@ class ShownSequence:
 
     def motion(self, name: str) -> Panel:
         """Return the motion to the next frame; of pictures, the flow of the clean ones."""
-        return flow_panel("motion", name, self.motion_of, self.rim or 0.0)
+        return flow_panel("motion", name, self.motion_of, self.rim or 1.0)
 
     @property
     def depth(self) -> Panel:
@@ -233,6 +233,8 @@ class ShownSequence:
         reduced by `step`.
         """
         sequence = self.sequence
+        if frame + 1 == len(sequence):
+            return np.full((*self.pixels(np.empty(sequence.shape)).shape, 2), np.nan)
         if not sequence.configuration.scene.has_truth:
             frames, (rows, columns) = light_of(sequence.dataset).frames, sequence.shape
             small = -(-rows // self.step), -(-columns // self.step)

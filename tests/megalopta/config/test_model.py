@@ -5,7 +5,8 @@ import pytest
 import yaml
 
 from megalopta.config import built_in_names
-from megalopta.config.model import differences, load, parse
+from megalopta.config.drawing import configuration_of
+from megalopta.config.model import Configuration, differences, load, parse
 from megalopta.config.recipe import load_plan
 from megalopta.config.yaml_model import to_yaml
 from megalopta.core.errors import UserError
@@ -147,7 +148,6 @@ def test_missing_map_and_missing_device_are_named(measured):
         ("light_levels: [starlight, starlight]", "duplicate level"),
         ("methods: [XX]", "'XX' is unknown: use some of BM"),
         ("methods: [BM, BM]", "methods: BM is named twice"),
-        ("trajectory: {frames: 1}", "at least 2 frames"),
         ("sensors: [ideal, ideal]", "name of its own"),
         ("scene: {trees: 5}", "scene: missing key 'kind'; add it"),
         ("scene: {kind: desert}", "scene: kind 'desert' is unknown; use 'forest', 'grating'"),
@@ -186,3 +186,22 @@ def test_differences_name_every_changed_leaf():
     new = yaml.safe_load("a: {b: 2, c: [1, 3]}\nd: [{e: 1}, {e: 2}]")
     assert differences(old, new) == ["a.b: 1 → 2", "a.c: [1, 2] → [1, 3]", "d.1.e: absent → 2"]
     assert differences(old, old) == []
+
+
+def test_paths_of_light_are_as_long_as_the_kind_of_scene_needs(tmp_path):
+    (tmp_path / "a.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 0 1\nf 1 2 3\n")
+    meshes = {"scene.kind": "meshes", "scene.files": str(tmp_path / "a.obj")}
+    text = f"scene: {{kind: meshes, files: {tmp_path / 'a.obj'}}}\n"
+    plan = tmp_path / "plan.yaml"
+    plan.write_text(
+        f"scenes: [{{preset: demo, scene: {{kind: meshes, files: {tmp_path / 'a.obj'}}}}}]"
+    )
+    assert [
+        load("demo").render.max_depth,
+        load("demo", meshes).render.max_depth,
+        load("demo", meshes | {"render.max_depth": "7"}).render.max_depth,
+        parse(text, "test", {"camera.width": "9"}).render.max_depth,
+        parse(f"{text}render: {{max_depth: 5}}", "test", {"camera.width": "9"}).render.max_depth,
+        configuration_of(load_plan(plan), 0).render.max_depth,
+        Configuration().render.max_depth,
+    ] == [4, 64, 7, 64, 5, 64, 16]
