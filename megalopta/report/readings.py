@@ -4,7 +4,6 @@ Frames come from a dataset, a recording, or a file of frames or events of any ca
 when they are asked for.
 """
 
-import io
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
@@ -16,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.camera.recording import is_recording, open_recording
-from megalopta.core.arrays import Floats, Mask
+from megalopta.core.arrays import Floats, Mask, plain_array
 from megalopta.core.errors import UserError, refused_as, shell_command
 from megalopta.render import is_footage
 from megalopta.sensor import ImageSensor, Sensor, file_content, read_events, read_frames
@@ -156,16 +155,12 @@ def _is_whole(folder: Path) -> bool:
 def read_mask(path: Path) -> Mask:
     """Return the mask of bad pixels of a .npy file, true where bad, (H, W). Raises UserError."""
     with refused_as():
-        content = io.BytesIO(file_content(path, "--bad-pixels"))
-    try:
-        mask = np.lib.format.read_array(content, allow_pickle=False)
-    except Exception:  # a damaged header can raise anything
-        raise UserError(f"--bad-pixels: {path} is no array of .npy; give one") from None
-    if mask.dtype != np.bool_ or mask.ndim != 2 or mask.all():
+        mask = plain_array(file_content(path, "--bad-pixels"), "b")
+    if mask is None or mask.ndim != 2 or mask.all():
         raise UserError(
             f"--bad-pixels: {path} is no mask; give bool (rows, columns), true where a pixel is bad"
         )
-    return np.asarray(mask)
+    return mask
 
 
 def _flux(share: Floats, frames: int) -> tuple[Floats, Mask]:

@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 import pyarrow.parquet as pq
-import zarr
 from rich.console import Console
 
 from megalopta.benchmark.ranking_run import FOLDER
@@ -25,6 +24,7 @@ from megalopta.core.bounded import printable
 from megalopta.core.errors import UserError, shell_command
 from megalopta.core.folders import LOCK_NAME
 from megalopta.core.progress import progress, silent
+from megalopta.core.zarr_store import open_store
 from megalopta.dataset.index import TABLES, read_lists, table_path
 from megalopta.dataset.layout import BOOKS, MANIFEST, Tree
 from megalopta.dataset.record import MADE, SequenceRecord, StageRecord
@@ -94,9 +94,9 @@ def wrong_shape(dataset: Dataset, path: Path) -> str | None:
         if path.suffix == ".exr" and (found := read_size(path)) != size:
             return f"has {found[1]} × {found[0]} px instead of {size[1]} × {size[0]}"
         if path.name == "zarr.json" and path.parent.parent.name == dataset.sequence:
-            counts = zarr.open_group(path.parent, mode="r").get("counts")
+            counts = open_store(path.parent).arrays.get("counts")
             wanted = (dataset.configuration.trajectory.frames, *size)
-            if isinstance(counts, zarr.Array) and counts.shape != wanted:
+            if counts is not None and counts.shape != wanted:
                 return f"has counts of shape {tuple(counts.shape)} instead of {wanted}"
     except Exception as problem:  # a forged file can raise any exception
         return f"cannot be read ({problem or type(problem).__name__})"
