@@ -19,8 +19,10 @@ from megalopta.benchmark.clips import FlowClip
 from megalopta.core.arrays import Floats, Mask
 from megalopta.core.errors import UserError
 from megalopta.core.pictures import read_codes
+from megalopta.dataset.layout import Tree
 from megalopta.flow.formats import FLOW_SUFFIXES, read_flow
 from megalopta.scenes.spectra.color import LUMINANCE_SHARES, decode_srgb
+from megalopta.stages.ledger import Ledger
 
 _NUMBERED = re.compile(r"frame_?(\d{1,9})")
 
@@ -55,8 +57,9 @@ Pair = TypeVar("Pair")
 def true_flows(root: Path) -> Truths:
     """Find the true flow below a folder: a dataset of megalopta or Sintel, KITTI, or flow files.
 
-    Raises UserError if there is none.
+    Raises UserError if there is none, or a dataset's files differ from its record.
     """
+    _compare_with_record(root)
     found: dict[FrameName, TrueFlow] = {}
     for folder in sorted(path for path in [root, *root.glob("*")] if path.is_dir()):
         if (folder / "flow_occ").is_dir():
@@ -76,6 +79,19 @@ def true_flows(root: Path) -> Truths:
             " (flow/SEQUENCE/frame_0001.flo), KITTI (flow_occ/000000_10.png) or Middlebury"
         )
     return found
+
+
+def _compare_with_record(root: Path) -> None:
+    """Compare the files below `training` of the dataset around a folder, if there is one."""
+    above = (root.resolve(), *root.resolve().parents)
+    for home in (folder for folder in above if (folder / "dataset.yaml").is_file()):
+        tree = Tree(home)
+        if tree.lone:
+            Ledger(tree.lone).finished()
+        elif lost := tree.read_manifest().keys() - set(tree.names()):
+            raise UserError(f"{tree.record_path(min(lost))} is missing; run: {tree.make_again}")
+        for name in [] if tree.lone else tree.names():
+            tree.opened(name).compare_all("training/")
 
 
 def submitted_flows(root: Path, truths: Truths) -> Mapping[str, Mapping[FrameName, Path]]:

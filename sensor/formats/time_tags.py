@@ -157,7 +157,9 @@ def _photon_hdf5(path: Path) -> TimeTags:
     times, numbers, unit_s = [], [], 0.0
     with opened_hdf5(path) as file:
         groups = _groups(file)
-        stamps = [dataset_in(file, f"{name}/timestamps", "iu", 1, _DECODED_BYTES) for name in groups]
+        stamps = [
+            dataset_in(file, f"{name}/timestamps", "iu", 1, _DECODED_BYTES) for name in groups
+        ]
         check_decoded(path, (sum(each.size for each in stamps),), _DECODED_BYTES)
         for group, each in zip(groups, stamps, strict=True):
             unit_s = _number_in(file, f"{group}/timestamps_specs/timestamps_unit")

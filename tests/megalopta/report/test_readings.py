@@ -38,7 +38,7 @@ def bits():
 @pytest.fixture(scope="module")
 def cube(bits, tmp_path_factory):
     """The same as a file of packed bits."""
-    path = tmp_path_factory.mktemp("cube") / "cube.npy"
+    path = tmp_path_factory.mktemp("cube") / "cube.binary.npy"
     np.save(path, np.packbits(bits, axis=-1))
     return path
 
