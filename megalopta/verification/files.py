@@ -24,7 +24,7 @@ from megalopta.core.bounded import printable, read_json
 from megalopta.core.errors import UserError, shell_command
 from megalopta.core.folders import LOCK_NAME
 from megalopta.core.progress import progress, silent
-from megalopta.core.zarr_store import open_store
+from megalopta.core.zarr_store import METADATA, open_store
 from megalopta.dataset.index import (
     TABLES,
     croissant,
@@ -94,14 +94,15 @@ def _checked(tree: Tree, truths: int) -> str:
 
 
 def wrong_shape(dataset: Dataset, path: Path) -> str | None:
-    """Return what is wrong with the shape of a file; None if correct or without shape."""
+    """Return what is wrong with the shape of a file, or with the store that it describes."""
     camera = dataset.configuration.camera
     size = (camera.height, camera.width)
     try:
         if path.suffix == ".exr" and (found := read_size(path)) != size:
             return f"has {found[1]} × {found[0]} px instead of {size[1]} × {size[0]}"
-        if path.name == "zarr.json" and path.parent.parent.name == dataset.sequence:
-            counts = open_store(path.parent).arrays.get("counts")
+        whole = whole_of(path, dataset.root)
+        if path.name.startswith(".z") or (path.name == METADATA and path.parent == whole):
+            counts = open_store(whole).arrays.get("counts")
             wanted = (dataset.configuration.trajectory.frames, *size)
             if counts is not None and counts.shape != wanted:
                 return f"has counts of shape {tuple(counts.shape)} instead of {wanted}"

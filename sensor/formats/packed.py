@@ -138,8 +138,8 @@ def read_binary_npy(
     if is_packed is None:
         if array.max() > 1:
             raise ValueError(
-                f"{path}: numbers of 8 bits may be eight pixels each, or counts; give the kind "
-                "packed_npy or npy, or save counts as uint16"
+                f"{path}: numbers of 8 bits may be eight pixels each, or counts; state "
+                "the format, packed_npy or npy, or save counts as uint16"
             )
         part = part.astype(np.bool_)
     if not is_packed:

@@ -161,7 +161,7 @@ def test_a_cube_of_packed_bits_is_shown_by_one_command(tmp_path, capsys):
     bits = np.random.default_rng(0).random((40, 16, 24)) < 0.3
     np.save(tmp_path / "burst.npy", np.packbits(bits, axis=-1))
     words = [
-        "--kind",
+        "--format",
         "packed_npy",
         "--out",
         str(tmp_path / "out"),

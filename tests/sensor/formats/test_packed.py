@@ -145,7 +145,7 @@ def test_npy_of_8_bits_is_read_as_it_says_and_never_guessed(tmp_path, most, how,
     numbers = np.random.default_rng(0).integers(0, most + 1, (4, 6, 16), np.uint8)
     np.save(tmp_path / "a.npy", numbers)
     if shape is None:
-        with pytest.raises(ValueError, match="give the kind packed_npy or npy"):
+        with pytest.raises(ValueError, match="state the format, packed_npy or npy"):
             read_frames(tmp_path / "a.npy", **how)
         return
     found = read_frames(tmp_path / "a.npy", **how)
